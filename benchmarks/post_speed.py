@@ -2,8 +2,9 @@
 
     python benchmarks/post_speed.py [--grains 100000] [--frames 100] [--keep DIR]
 
-The run is written through the store, as a real one is: a periodic layer of discs on a lattice between two rough walls, sheared,
-with heat, with six neighbors per grain of which five carry a force. Every command runs in a process of its own; memory is its peak.
+The run is written through the store, as a real one is: a periodic layer of discs on a lattice
+between two rough walls, sheared, with heat, with six neighbors per grain of which five carry a
+force. Every command runs in a process of its own; memory is its peak.
 """
 
 from __future__ import annotations
@@ -18,7 +19,17 @@ from pathlib import Path
 
 import numpy as np
 
-from multicor_cli.model import HEAT_BOOK_NAMES, ContactLaws, Grains, Model, ShapeKind, State, Thermal, Walls, WallShapes
+from multicor_cli.model import (
+    HEAT_BOOK_NAMES,
+    ContactLaws,
+    Grains,
+    Model,
+    ShapeKind,
+    State,
+    Thermal,
+    Walls,
+    WallShapes,
+)
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.store import RunDirectory, Snapshot
 
@@ -31,10 +42,21 @@ MEMORY_LIMIT = 1.0  # GB
 
 COMMANDS: list[tuple[list[str], float]] = [
     (["profile", "--frames", ":", "--of", of], 20.0)
-    for of in ("velocity", "heat", "solid-fraction", "granular-temperature", "coordination", "stress", "kinetic-stress")
+    for of in (
+        "velocity",
+        "heat",
+        "solid-fraction",
+        "granular-temperature",
+        "coordination",
+        "stress",
+        "kinetic-stress",
+    )
 ] + [
     (["theta-eta", "--wall", "top"], 10.0),
-    *((["map", "--of", of, "--plot", f"{of}.png"], 15.0) for of in ("temperature", "fluctuation", "stress")),
+    *(
+        (["map", "--of", of, "--plot", f"{of}.png"], 15.0)
+        for of in ("temperature", "fluctuation", "stress")
+    ),
     (["forces", "--plot", "forces.png"], 10.0),
     (["forces", "--distribution", "--frames", ":", "--plot", "distribution.png"], 10.0),
     (["forces", "--angles", "--frames", ":", "--plot", "angles.png"], 10.0),
@@ -60,7 +82,9 @@ def make_model(columns: int, rows: int) -> Model:
     radius, zeros = np.full(n, RADIUS), np.zeros(n, np.int32)
     mass = 1000.0 * np.pi * radius**2
     height = 4.0 * RADIUS + (rows - 1) * np.sqrt(3.0) * RADIUS
-    glued = np.array([[2.0 * RADIUS * (k + 0.5), y, RADIUS, 0.0] for y in (0.0, height) for k in range(columns)])
+    glued = np.array(
+        [[2.0 * RADIUS * (k + 0.5), y, RADIUS, 0.0] for y in (0.0, height) for k in range(columns)]
+    )
     return Model(
         grains=Grains(radius, mass, 0.5 * mass * radius**2, zeros, zeros),
         shapes=WallShapes(
@@ -69,9 +93,20 @@ def make_model(columns: int, rows: int) -> Model:
             glued,
             np.zeros(2 * columns, np.int32),
         ),
-        walls=Walls(("bottom", "top"), np.full(2, np.nan), np.full(2, np.nan), np.zeros(2, np.bool_), np.ones(2)),
+        walls=Walls(
+            ("bottom", "top"),
+            np.full(2, np.nan),
+            np.full(2, np.nan),
+            np.zeros(2, np.bool_),
+            np.ones(2),
+        ),
         laws=ContactLaws(
-            np.full((1, 1), 0.5), np.zeros((1, 1)), np.full((1, 1), -1, np.int32), np.zeros(1, np.int32), np.zeros(0), np.zeros(0)
+            np.full((1, 1), 0.5),
+            np.zeros((1, 1)),
+            np.full((1, 1), -1, np.int32),
+            np.zeros(1, np.int32),
+            np.zeros(0),
+            np.zeros(0),
         ),
         materials=("steel",),
         groups=("grains",),
@@ -83,7 +118,9 @@ def make_model(columns: int, rows: int) -> Model:
 
 
 def contact_pairs(columns: int, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Neighbors of the lattice in x and in the row above, and the walls: i, j and normal from j to i."""
+    """Neighbors of the lattice in x and in the row above, and the walls: i, j and normal from j to
+    i.
+    """
     n = columns * rows
     k = np.arange(n)
     row, column = k // columns, k % columns
@@ -92,7 +129,11 @@ def contact_pairs(columns: int, rows: int) -> tuple[np.ndarray, np.ndarray, np.n
     up = [(row + 1) * columns + (column + row % 2 - 1 + side) % columns for side in (0, 1)]
     inner = row < rows - 1
     half, root = 0.5, np.sqrt(0.75)
-    first = [(k, right, (-1.0, 0.0)), (k[inner], up[0][inner], (half, -root)), (k[inner], up[1][inner], (-half, -root))]
+    first = [
+        (k, right, (-1.0, 0.0)),
+        (k[inner], up[0][inner], (half, -root)),
+        (k[inner], up[1][inner], (-half, -root)),
+    ]
     parts = []
     for i, j, normal in first:
         sign = np.where(i < j, 1.0, -1.0)
@@ -135,7 +176,9 @@ def write_run(path: Path, grains: int, frames: int) -> None:
             state.generated += 1e-6 * rng.random(n)
             force = rng.exponential(1.0, (c, 2)) * [1.0, 0.2] * (rng.random((c, 1)) < 5.0 / 6.0)
             slip = np.zeros(c)
-            contacts = ContactTable(i, j, normal, slip, force * state.last_dt, slip, force[:, 1] > 0.3, slip, slip)
+            contacts = ContactTable(
+                i, j, normal, slip, force * state.last_dt, slip, force[:, 1] > 0.3, slip, slip
+            )
             writer.frame(Snapshot(state, model, contacts if frame else None))
             if frame % 10 == 9 or frame == frames - 1:
                 run.checkpoint(state, writer)
@@ -154,11 +197,19 @@ def _advance(state: State) -> None:
 
 def measure(arguments: list[str], run: Path, where: Path) -> tuple[float, float, float, str]:
     """Wall time [s], processor time [s], peak memory [GB] and what went wrong of one command."""
-    words = [str(run) if word == "DIR" else str(where / word) if word.endswith(".png") else word for word in arguments]
+    words = [
+        str(run) if word == "DIR" else str(where / word) if word.endswith(".png") else word
+        for word in arguments
+    ]
     command = [sys.executable, "-m", "multicor_cli", "post", words[0], str(run), *words[1:]]
     began = time.perf_counter()
     with (where / "stderr").open("w+") as errors:
-        process = subprocess.Popen(command, env={**os.environ, "PYTHONPATH": str(ROOT)}, stdout=subprocess.DEVNULL, stderr=errors)
+        process = subprocess.Popen(
+            command,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            stdout=subprocess.DEVNULL,
+            stderr=errors,
+        )
         _, status, usage = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
         took = time.perf_counter() - began
@@ -168,7 +219,9 @@ def measure(arguments: list[str], run: Path, where: Path) -> tuple[float, float,
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--grains", type=int, default=100_000)
     parser.add_argument("--frames", type=int, default=100)
     parser.add_argument("--keep", type=Path, help="where the run is or is to be kept")
@@ -181,7 +234,10 @@ def main() -> int:
             began = time.perf_counter()
             write_run(run, options.grains, options.frames)
             size = (run / "results.h5").stat().st_size / 1e9
-            print(f"wrote {options.grains} grains x {options.frames} frames, {size:.2f} GB, {time.perf_counter() - began:.0f} s")
+            print(
+                f"wrote {options.grains} grains x {options.frames} frames, {size:.2f} GB, "
+                f"{time.perf_counter() - began:.0f} s"
+            )
         print(f"{'command':<60} {'time':>8} {'limit':>8} {'processor':>9} {'memory':>9}")
         for arguments, limit in COMMANDS:
             name = " ".join(arguments)
@@ -191,7 +247,10 @@ def main() -> int:
             is_over = took > limit or memory > MEMORY_LIMIT or message
             too_slow += bool(is_over)
             print(
-                f"{name:<60} {took:6.1f} s {limit:6.0f} s {worked:7.1f} s {memory:6.2f} GB{'  over' if is_over else ''} {message}",
+                (
+                    f"{name:<60} {took:6.1f} s {limit:6.0f} s {worked:7.1f} s {memory:6.2f} "
+                    f"GB{'  over' if is_over else ''} {message}"
+                ),
                 flush=True,
             )
     return 1 if too_slow else 0

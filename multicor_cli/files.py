@@ -1,6 +1,8 @@
-"""Reading files that may be anything: only regular ones, never waited for, and no more of each than its kind may have.
+"""Reading files that may be anything: only regular ones, never waited for, and no more of each than
+its kind may have.
 
-What is under a name is looked at on the open descriptor, so that nothing can change in between. Uses the standard library only.
+What is under a name is looked at on the open descriptor, so that nothing can change in between.
+Uses the standard library only.
 """
 
 from __future__ import annotations
@@ -16,7 +18,8 @@ from pathlib import Path
 from multicor_cli.text import format_bytes
 
 LARGEST_RECORD = 64 << 20
-"""Longer scenarios of runs are not read [bytes]: none that was accepted is nearly as long when it is resolved."""
+"""Longer scenarios of runs are not read [bytes]: none that was accepted is nearly as long when it
+is resolved."""
 
 _KINDS = (
     (stat.S_ISDIR, "a directory"),
@@ -28,7 +31,9 @@ _KINDS = (
 
 
 class Unfit(OSError):
-    """Something is there and is not read: it is no regular file, or has more bytes than a file of its kind may have."""
+    """Something is there and is not read: it is no regular file, or has more bytes than a file of
+    its kind may have.
+    """
 
 
 def open_regular(path: Path | str, most: int | None = None) -> io.BufferedReader:
@@ -36,7 +41,8 @@ def open_regular(path: Path | str, most: int | None = None) -> io.BufferedReader
 
     Args:
         path: The file.
-        most: Largest number of bytes; reading fails where it turns out to have more, whatever its size was said to be.
+        most: Largest number of bytes; reading fails where it turns out to have more, whatever its
+            size was said to be.
 
     Raises:
         Unfit: It is something else, or larger; ``strerror`` says what.
@@ -49,13 +55,21 @@ def open_regular(path: Path | str, most: int | None = None) -> io.BufferedReader
         raise OSError(errno.EINVAL, "no file can have this name", str(path)) from None
     except OSError as error:
         if error.errno == errno.ENXIO:
-            raise Unfit(errno.ENXIO, "it is a socket or a device, not a regular file", str(path)) from None
+            raise Unfit(
+                errno.ENXIO, "it is a socket or a device, not a regular file", str(path)
+            ) from None
         raise
     try:
         status = os.fstat(descriptor)
         if not stat.S_ISREG(status.st_mode):
-            what = next((name for is_kind, name in _KINDS if is_kind(status.st_mode)), "something else")
-            raise Unfit(errno.EISDIR if stat.S_ISDIR(status.st_mode) else 0, f"it is {what}, not a regular file", str(path))
+            what = next(
+                (name for is_kind, name in _KINDS if is_kind(status.st_mode)), "something else"
+            )
+            raise Unfit(
+                errno.EISDIR if stat.S_ISDIR(status.st_mode) else 0,
+                f"it is {what}, not a regular file",
+                str(path),
+            )
         if most is not None and status.st_size > most:
             raise _too_large(path, most, status.st_size)
     except BaseException:
@@ -72,14 +86,18 @@ def read_regular(path: Path | str, most: int) -> bytes:
 
 @contextlib.contextmanager
 def regular_path(path: Path | str, most: int | None = None) -> Iterator[str]:
-    """A name by which a library that opens files itself gets the very file that was looked at; raises as `open_regular`."""
+    """A name by which a library that opens files itself gets the very file that was looked at;
+    raises as `open_regular`.
+    """
     with open_regular(path, most) as file:
         name = f"/proc/self/fd/{file.fileno()}"
         yield name if Path(name).exists() else os.fspath(path)
 
 
 class _Bounded(io.RawIOBase):
-    """An open file that is not read beyond its limit: some files grow, and those of the kernel say that they have no bytes."""
+    """An open file that is not read beyond its limit: some files grow, and those of the kernel say
+    that they have no bytes.
+    """
 
     def __init__(self, descriptor: int, path: Path | str, most: int | None) -> None:
         self._descriptor, self._path, self._most = descriptor, path, most
@@ -106,4 +124,8 @@ class _Bounded(io.RawIOBase):
 
 def _too_large(path: Path | str, most: int, size: int | None) -> Unfit:
     has = "" if size is None else f" ({format_bytes(size)})"
-    return Unfit(errno.EFBIG, f"it is larger than {format_bytes(most)}{has}, the most that is read of such a file", str(path))
+    return Unfit(
+        errno.EFBIG,
+        f"it is larger than {format_bytes(most)}{has}, the most that is read of such a file",
+        str(path),
+    )

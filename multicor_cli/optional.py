@@ -1,4 +1,6 @@
-"""Libraries that come with an extra of the package: whatever needs one gets it here, or one message that says what to install."""
+"""Libraries that come with an extra of the package: whatever needs one gets it here, or one message
+that says what to install.
+"""
 
 from __future__ import annotations
 
@@ -52,6 +54,8 @@ def library(module: str) -> Any:
     try:
         return import_module(module)
     except ImportError as error:
-        is_missing = isinstance(error, ModuleNotFoundError) and (error.name or "").partition(".")[0] == top
+        is_missing = (
+            isinstance(error, ModuleNotFoundError) and (error.name or "").partition(".")[0] == top
+        )
         why = "which is not installed" if is_missing else f"which cannot be loaded ({error})"
         raise MissingLibrary(f"{wanted.use} need {wanted.name}, {why}: {wanted.remedy}") from error

@@ -1,4 +1,5 @@
-"""Text for people; text from outside is made safe to print, since control characters could command a terminal.
+"""Text for people; text from outside is made safe to print, since control characters could command
+a terminal.
 
 Uses the standard library only.
 """
@@ -14,11 +15,15 @@ from collections.abc import Iterable
 
 def printable(text: str) -> str:
     """Any text with control characters escaped, except line breaks and tabs."""
-    return "".join(c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode() for c in text)
+    return "".join(
+        c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode() for c in text
+    )
 
 
 def one_line(text: str) -> str:
-    """Any text on one line, one printed character for each of its own: what cannot be printed becomes ``�``."""
+    """Any text on one line, one printed character for each of its own: what cannot be printed
+    becomes ``�``.
+    """
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
 
 
@@ -30,7 +35,9 @@ _LONG_WORD = re.compile(rf"\S{{{LONGEST_WORD + 1},}}")
 
 
 def shortened(text: str, most: int = LONGEST_WORD) -> str:
-    """A text with the middle left out if it has more than ``most`` characters: what is left says how many there were."""
+    """A text with the middle left out if it has more than ``most`` characters: what is left says
+    how many there were.
+    """
     if len(text) <= most:
         return text
     mark = f"…({len(text):,} characters)…"
@@ -39,7 +46,9 @@ def shortened(text: str, most: int = LONGEST_WORD) -> str:
 
 
 def brief(message: str) -> str:
-    """A message that quotes what others have named, whatever its length: long words and then long lines are shortened."""
+    """A message that quotes what others have named, whatever its length: long words and then long
+    lines are shortened.
+    """
     lines = (_LONG_WORD.sub(lambda word: shortened(word[0]), line) for line in message.split("\n"))
     return "\n".join(shortened(line, _LONGEST_LINE) for line in lines)
 
@@ -62,13 +71,18 @@ _OWN_LINE = re.compile(r"\n(?=- | {4})")
 
 
 def unwrapped(docstring: str) -> str:
-    """The text of a docstring, whatever the width that its source is wrapped to: each paragraph is one line.
+    """The text of a docstring, whatever the width that its source is wrapped to: each paragraph is
+    one line.
 
-    Items of lists (``- ``) and lines that are indented by four spaces, as examples are, stay lines of their own.
+    Items of lists (``- ``) and lines that are indented by four spaces, as examples are, stay lines
+    of their own.
     """
     paragraphs = re.split(r"\n\s*\n", inspect.cleandoc(docstring))
     lines = (_OWN_LINE.split(paragraph) for paragraph in paragraphs)
-    return "\n\n".join("\n".join(line if line.startswith("    ") else " ".join(line.split()) for line in each) for each in lines)
+    return "\n\n".join(
+        "\n".join(line if line.startswith("    ") else " ".join(line.split()) for line in each)
+        for each in lines
+    )
 
 
 _POWER = re.compile(r"(?<=[a-z])[23]")
@@ -84,13 +98,17 @@ def unit_sign(unit: str) -> str:
 
 
 def with_error(mean: float, error: float) -> str:
-    """A mean with its standard error, two digits of it: ``0.1024 ± 0.0023``; without an error (nan) four digits of the mean."""
+    """A mean with its standard error, two digits of it: ``0.1024 ± 0.0023``; without an error (nan)
+    four digits of the mean.
+    """
     if not (math.isfinite(error) and error > 0.0):
         return f"{mean:.4g}".replace("-", "−")
     exponent = math.floor(math.log10(max(abs(mean), error)))
     power = exponent if not -4 < exponent < 5 else 0
     decimals = max(0, 1 - math.floor(math.log10(error)) + power)
-    found = f"{mean / 10.0**power:.{decimals}f} ± {error / 10.0**power:.{decimals}f}".replace("-", "−")
+    found = f"{mean / 10.0**power:.{decimals}f} ± {error / 10.0**power:.{decimals}f}".replace(
+        "-", "−"
+    )
     return f"({found})·10{str(power).translate(_RAISED)}" if power else found
 
 
@@ -100,7 +118,9 @@ def with_unit_signs(text: str) -> str:
 
 
 def choices(word: str, known: Iterable[str]) -> str:
-    """What there is instead of a word that is not known, the most similar first: for the end of a message."""
+    """What there is instead of a word that is not known, the most similar first: for the end of a
+    message.
+    """
     names = list(known)
     if not names:
         return "there are none"

@@ -18,21 +18,39 @@ from scenes import write_small
 
 import multicor_cli as multicor
 
-PLACES = {"digests": -3, "unit/project/test_types.py": -2, "unit/store": -1, "unit": 1, "verification": 2}
-"""Folders that come before others, or after: one process compiles the kernels with the first, for all, while another does without
-kernels what comes next. Folders of many short tests are last, so that no process is left with a long one at the end."""
+PLACES = {
+    "digests": -3,
+    "unit/project/test_types.py": -2,
+    "unit/store": -1,
+    "unit": 1,
+    "verification": 2,
+}
+"""Folders that come before others, or after: one process compiles the kernels with the first, for
+all, while another does without kernels what comes next. Folders of many short tests are last, so
+that no process is left with a long one at the end."""
 
 MEMORY = Path("/dev/shm")
-"""Where files of tests lie if there is room, and programs may be: they outlive no power cut, and ``fsync`` costs nothing. Another
-place is chosen with ``PYTEST_DEBUG_TEMPROOT``."""
+"""Where files of tests lie if there is room, and programs may be: they outlive no power cut, and
+``fsync`` costs nothing. Another place is chosen with ``PYTEST_DEBUG_TEMPROOT``."""
 
-if MEMORY.is_dir() and shutil.disk_usage(MEMORY).free > 4 << 30 and not os.statvfs(MEMORY).f_flag & os.ST_NOEXEC:
+if (
+    MEMORY.is_dir()
+    and shutil.disk_usage(MEMORY).free > 4 << 30
+    and not os.statvfs(MEMORY).f_flag & os.ST_NOEXEC
+):
     os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(MEMORY))
 
 
 def _place(item: pytest.Item) -> int:
     path = item.path.relative_to(Path(__file__).parent)
-    return next((PLACES[folder] for folder in map(Path.as_posix, (path, *path.parents)) if folder in PLACES), 0)
+    return next(
+        (
+            PLACES[folder]
+            for folder in map(Path.as_posix, (path, *path.parents))
+            if folder in PLACES
+        ),
+        0,
+    )
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -53,10 +71,14 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def run(tmp_path: Path) -> Iterator[Callable[..., multicor.Run]]:
-    """``run(scenario, name)`` carries a scenario out in this process, and opens its directory until the test is over."""
+    """``run(scenario, name)`` carries a scenario out in this process, and opens its directory until
+    the test is over.
+    """
     with ExitStack() as opened:
 
-        def run_and_open(scenario: multicor.Scenario, name: str = "run", **options: Any) -> multicor.Run:
+        def run_and_open(
+            scenario: multicor.Scenario, name: str = "run", **options: Any
+        ) -> multicor.Run:
             multicor.run(scenario, tmp_path / name, **{"threads": 1, **options})
             return opened.enter_context(multicor.open_run(tmp_path / name))
 
@@ -75,9 +97,14 @@ def heated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def typed(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[..., CompletedProcess[str]]:
     """``typed("post map RUN")`` is a command as typed in an empty folder, which ends with ``code``.
 
-    RUN and HEATED are the runs of the fixtures `finished` and `heated`, SMALL is the scenario of the first.
+    RUN and HEATED are the runs of the fixtures `finished` and `heated`, SMALL is the scenario of
+    the first.
     """
-    places = {"RUN": ("finished", ""), "HEATED": ("heated", ""), "SMALL": ("finished", "../small.toml")}
+    places = {
+        "RUN": ("finished", ""),
+        "HEATED": ("heated", ""),
+        "SMALL": ("finished", "../small.toml"),
+    }
 
     def typed(line: str, code: int = 0) -> CompletedProcess[str]:
         for word, (fixture, below) in places.items():

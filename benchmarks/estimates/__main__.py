@@ -1,4 +1,6 @@
-"""What `multicor validate` predicts for the shipped scenarios, and what they took: ``python benchmarks/estimates [NAME…]``."""
+"""What `multicor validate` predicts for the shipped scenarios, and what they took:
+``python benchmarks/estimates [NAME…]``.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +14,25 @@ from typing import Any
 
 ROOT = Path(__file__).parents[2]
 LEFT_OUT = {"million"}
-COLUMNS = "scenario", "steps at most", "done", "said [s]", "took [s]", "said/took", "frames", "said [MB]", "took [MB]", "a frame"
+COLUMNS = (
+    "scenario",
+    "steps at most",
+    "done",
+    "said [s]",
+    "took [s]",
+    "said/took",
+    "frames",
+    "said [MB]",
+    "took [MB]",
+    "a frame",
+)
 
 
 def main() -> None:
     """Run the scenarios and print a table."""
-    known = sorted(path.stem for path in (ROOT / "configs").glob("*.toml") if path.stem not in LEFT_OUT)
+    known = sorted(
+        path.stem for path in (ROOT / "configs").glob("*.toml") if path.stem not in LEFT_OUT
+    )
     parser = argparse.ArgumentParser(prog="python benchmarks/estimates", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help="scenarios [all but the million]")
     names = parser.parse_args().names or known
@@ -39,13 +54,20 @@ def _row(name: str, folder: Path) -> list[str]:
     seconds, megabytes = said["wall_seconds"], 1e-6 * said["disk_bytes"]
     per_frame = (said["disk_bytes"] / said["frames"]) / (size / found["frame_count"])
     return [
-        name, str(said["steps"]), str(found["step"]), f"{seconds:.1f}", f"{took:.1f}", f"{seconds / took:.2f}",
+        name, str(said["steps"]), str(found["step"]), f"{seconds:.1f}", f"{took:.1f}",
+        f"{seconds / took:.2f}",
         str(found["frame_count"]), f"{megabytes:.1f}", f"{1e-6 * size:.1f}", f"{per_frame:.2f}",
     ]  # fmt: skip
 
 
 def _multicor(*arguments: str) -> str:
-    done = subprocess.run([sys.executable, "-m", "multicor_cli", *arguments], cwd=ROOT, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-m", "multicor_cli", *arguments],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     if done.returncode != 0:
         sys.exit(f"multicor {' '.join(arguments)}: {done.stderr.strip()}")
     return done.stdout

@@ -32,7 +32,10 @@ def _sample(options: argparse.Namespace) -> None:
 
 def _count(options: argparse.Namespace) -> None:
     """Sweeps and unconverged steps of whole runs."""
-    print("| run | seed | solves | mean sweeps | median | largest | > 1,000 | unconverged |\n|---|---|---|---|---|---|---|---|")
+    print(
+        "| run | seed | solves | mean sweeps | median | largest | > 1,000 | unconverged |\n"
+        "|---|---|---|---|---|---|---|---|"
+    )
     for name in options.names or ["falling-bed"]:
         for seed in options.seeds:
             heard = Heard()
@@ -50,21 +53,34 @@ def _count(options: argparse.Namespace) -> None:
                 continue
             sweeps = np.array([outcome.sweeps for outcome in heard.outcomes])
             missed = sum(not outcome.converged for outcome in heard.outcomes)
-            numbers = f"{sweeps.mean():.0f} | {np.median(sweeps):.0f} | {sweeps.max():.0f} | {(sweeps > 1000.0).sum()} | {missed}"
+            numbers = (
+                f"{sweeps.mean():.0f} | {np.median(sweeps):.0f} | {sweeps.max():.0f} | "
+                f"{(sweeps > 1000.0).sum()} | {missed}"
+            )
             print(f"| {name} | {seed} | {len(sweeps)} | {numbers} |", flush=True)
 
 
 def _cold(options: argparse.Namespace) -> None:
-    """The last step of the bed of configs/heated-bed.toml before it is frozen, from impulses of zero."""
+    """The last step of the bed of configs/heated-bed.toml before it is frozen, from impulses of
+    zero.
+    """
     for seed in options.seeds:
-        heard, overrides = Heard(), [f"scenario.seed={seed}", "loading.2.duration=60.0", *options.set]
+        heard, overrides = (
+            Heard(),
+            [f"scenario.seed={seed}", "loading.2.duration=60.0", *options.set],
+        )
         heard.wanted = lambda number: number >= 1150
         run_scenario((_CONFIGS / "heated-bed.toml").read_text(), heard, overrides)
         problem = cold(heard.problems[-1])
         for bound in (2e-3, 3e-3, 5e-3):
-            outcome = solve_system(problem.copy(), problem.scale, Settings(tolerance_energy=bound), ThreadChoice())
+            outcome = solve_system(
+                problem.copy(), problem.scale, Settings(tolerance_energy=bound), ThreadChoice()
+            )
             print(
-                f"seed {seed}, G {bound:g}: {outcome.sweeps:.0f} sweeps, converged {outcome.converged}, rms {outcome.rms:.1e}",
+                (
+                    f"seed {seed}, G {bound:g}: {outcome.sweeps:.0f} sweeps, converged "
+                    f"{outcome.converged}, rms {outcome.rms:.1e}"
+                ),
                 flush=True,
             )
 
@@ -77,7 +93,9 @@ def _ends(options: argparse.Namespace) -> None:
             for tolerances, overrides in (("default", []), ("a fifth", TIGHT)):
                 with tempfile.TemporaryDirectory() as folder:
                     config = _CONFIGS / f"{name.removeprefix('configs/')}.toml"
-                    measures, missed = end_of(config, seed, overrides + options.set, Path(folder) / "run")
+                    measures, missed = end_of(
+                        config, seed, overrides + options.set, Path(folder) / "run"
+                    )
                 told = ", ".join(f"{what} {value:.5g}" for what, value in measures.items())
                 print(f"| {name} | {seed} | {tolerances} | {told} | {missed} |", flush=True)
 
@@ -85,22 +103,32 @@ def _ends(options: argparse.Namespace) -> None:
 def main() -> int:
     """Print one of the tables; returns the exit code."""
     parser = argparse.ArgumentParser(
-        prog="python benchmarks/hard_steps", description="Which criteria and which loop leave no step hard."
+        prog="python benchmarks/hard_steps",
+        description="Which criteria and which loop leave no step hard.",
     )
     parser.add_argument(
         "table",
         choices=("sample", "count", "cold", "ends"),
-        help="criteria compared; sweeps of whole runs; a deep bed from zero impulses; where runs end",
+        help=(
+            "criteria compared; sweeps of whole runs; a deep bed from zero impulses; where runs end"
+        ),
     )
     parser.add_argument(
         "--names",
         nargs="+",
         default=[],
-        help="count: falling-bed (default), scenes of multicor bench, configs/NAME; ends: configs/NAME",
+        help=(
+            "count: falling-bed (default), scenes of multicor bench, configs/NAME; ends: "
+            "configs/NAME"
+        ),
     )
-    parser.add_argument("--grains", type=int, default=1000, help="count: number of grains of scenes")
+    parser.add_argument(
+        "--grains", type=int, default=1000, help="count: number of grains of scenes"
+    )
     parser.add_argument("--seeds", type=int, nargs="+", default=[1], help="seeds")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="overrides of the scenario")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", help="overrides of the scenario"
+    )
     options = parser.parse_args()
     {"sample": _sample, "count": _count, "cold": _cold, "ends": _ends}[options.table](options)
     return 0

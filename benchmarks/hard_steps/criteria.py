@@ -1,4 +1,6 @@
-"""Criteria compared on the same iterates: along the path of the program's own loop, each would have ended it somewhere."""
+"""Criteria compared on the same iterates: along the path of the program's own loop, each would have
+ended it somewhere.
+"""
 
 from __future__ import annotations
 
@@ -33,8 +35,9 @@ CRITERIA = [("rms and maximum alone", "absolute", np.inf)] + [
 
 @dataclass(frozen=True)
 class Row:
-    """A criterion: its name, steps that missed it, mean and largest sweeps; where it would have ended, the median distance
-    and the mean error of the mean vertical velocity, over u_ref."""
+    """A criterion: its name, steps that missed it, mean and largest sweeps; where it would have
+    ended, the median distance and the mean error of the mean vertical velocity, over u_ref.
+    """
 
     name: str
     failed: int
@@ -47,13 +50,17 @@ class Row:
 def reference(problem: Problem, sweeps: int) -> Floats:
     """Velocities of a solution to rms 10⁻⁶ and G = 10⁻⁵, or as far as ``sweeps`` lead."""
     system = problem.copy()
-    tight = Settings(tolerance_rms=1e-6, tolerance_max=5e-5, tolerance_energy=1e-5, max_sweeps=sweeps)
+    tight = Settings(
+        tolerance_rms=1e-6, tolerance_max=5e-5, tolerance_energy=1e-5, max_sweeps=sweeps
+    )
     solve_system(system, problem.scale, tight, ThreadChoice())
     return system.velocity
 
 
 def trace(problem: Problem, truth: Floats, limit: int) -> Floats:
-    """`COLUMNS` over their scales at every fourth sweep until all criteria are met or ``limit`` is reached. Light contacts only."""
+    """`COLUMNS` over their scales at every fourth sweep until all criteria are met or ``limit`` is
+    reached. Light contacts only.
+    """
     s, scale = problem.copy(), problem.scale
     m = loops.start_momentum(s)
     memory = loops.start_loop(s.contacts)
@@ -79,7 +86,9 @@ def trace(problem: Problem, truth: Floats, limit: int) -> Floats:
     return np.array(rows).reshape(-1, len(COLUMNS))
 
 
-def measure(s: System, weight: Floats, truth: Floats, scale: ResidualScale) -> tuple[list[float], float]:
+def measure(
+    s: System, weight: Floats, truth: Floats, scale: ResidualScale
+) -> tuple[list[float], float]:
     """`COLUMNS` but the first, and the number of active contacts."""
     rows, v = flatten(s), s.velocity
     (i, j), (nx, ny, w, bias, mu), (p_n, p_t) = rows.pair.T, rows.frame.T, rows.impulse.T
@@ -107,7 +116,9 @@ def measure(s: System, weight: Floats, truth: Floats, scale: ResidualScale) -> t
 def compare(problems: Sequence[Problem], sweeps: int, limit: int) -> list[Row]:
     """All criteria on the same problems; references take at most ``sweeps``, a solve ``limit``."""
     histories = [trace(problem, reference(problem, sweeps), limit) for problem in problems]
-    return [_row(name, COLUMNS.index(form), bound, histories, limit) for name, form, bound in CRITERIA]
+    return [
+        _row(name, COLUMNS.index(form), bound, histories, limit) for name, form, bound in CRITERIA
+    ]
 
 
 def _row(name: str, column: int, bound: float, histories: list[Floats], limit: int) -> Row:
@@ -120,15 +131,32 @@ def _row(name: str, column: int, bound: float, histories: list[Floats], limit: i
         if len(history):
             ends.append(history[where[0] if where.size else -1, -2:])
     distances, vertical = np.array(ends).T
-    return Row(name, failed, float(np.mean(costs)), float(np.max(costs)), float(np.median(distances)), float(vertical.mean()))
+    return Row(
+        name,
+        failed,
+        float(np.mean(costs)),
+        float(np.max(costs)),
+        float(np.median(distances)),
+        float(vertical.mean()),
+    )
 
 
 def as_text(rows: Sequence[Row]) -> str:
     """A Markdown table."""
     lines = [
-        "| energy criterion | failed | mean sweeps | largest | median distance | mean vertical error |",
+        (
+            "| energy criterion | failed | mean sweeps | largest | median distance | mean "
+            "vertical error |"
+        ),
         "|---|---|---|---|---|---|",
     ]
     return "\n".join(
-        lines + [f"| {r.name} | {r.failed} | {r.mean:.0f} | {r.largest:.0f} | {r.distance:.4f} | {r.vertical:.5f} |" for r in rows]
+        lines
+        + [
+            (
+                f"| {r.name} | {r.failed} | {r.mean:.0f} | {r.largest:.0f} | {r.distance:.4f} | "
+                f"{r.vertical:.5f} |"
+            )
+            for r in rows
+        ]
     )

@@ -1,4 +1,6 @@
-"""Where runs end, with the default tolerances and with tight ones: weight, heat, run-out, piles and angles."""
+"""Where runs end, with the default tolerances and with tight ones: weight, heat, run-out, piles and
+angles.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ Measures = dict[str, float]
 
 
 def _bed(run: Run) -> Measures:
-    """What floor and side walls carry over the weight, in the second half of the rest: mean, and the window that is worst."""
+    """What floor and side walls carry over the weight, in the second half of the rest: mean, and
+    the window that is worst.
+    """
     mass, series = run.model.grains.mass, run.series
     resting = np.flatnonzero(series["stage"] == REST)
     carried = np.abs(series["wall_force"][resting[resting.size // 2 :], :, 1].sum(axis=1))
@@ -47,7 +51,11 @@ def _center(run: Run, frame: int) -> tuple[float, float]:
 def _collapse(run: Run) -> Measures:
     x, y = _center(run, -1)
     reach = float(np.percentile(run.frames[-1].position[:, 0], 98.0))
-    return {"98 % of the grains within [mm]": 1e3 * reach, "center of mass, x [mm]": 1e3 * x, "y [mm]": 1e3 * y}
+    return {
+        "98 % of the grains within [mm]": 1e3 * reach,
+        "center of mass, x [mm]": 1e3 * x,
+        "y [mm]": 1e3 * y,
+    }
 
 
 def _hopper(run: Run) -> Measures:
@@ -63,7 +71,11 @@ def _drum(run: Run) -> Measures:
     """Angle of the center of mass from the vertical through the axis, second half of the frames."""
     axis = run.frames[-1].wall_position[0, :2]
     centers = np.array([_center(run, k) for k in range(len(run.frames) // 2, len(run.frames))])
-    return {"angle [°]": float(np.degrees(np.arctan2(centers[:, 0] - axis[0], axis[1] - centers[:, 1])).mean())}
+    return {
+        "angle [°]": float(
+            np.degrees(np.arctan2(centers[:, 0] - axis[0], axis[1] - centers[:, 1])).mean()
+        )
+    }
 
 
 MEASURES: dict[str, Callable[[Run], Measures]] = {
@@ -75,7 +87,11 @@ MEASURES: dict[str, Callable[[Run], Measures]] = {
 
 
 def end_of(config: Path, seed: int, overrides: list[str], directory: Path) -> tuple[Measures, int]:
-    """Run a shipped scenario into ``directory``; returns what is measured at its end and the number of unconverged steps."""
-    outcome = multicor_cli.run(config, directory, overrides=[f"scenario.seed={seed}", *overrides], threads=1)
+    """Run a shipped scenario into ``directory``; returns what is measured at its end and the number
+    of unconverged steps.
+    """
+    outcome = multicor_cli.run(
+        config, directory, overrides=[f"scenario.seed={seed}", *overrides], threads=1
+    )
     with multicor_cli.open_run(directory) as run:
         return MEASURES[config.stem](run), outcome.unconverged_steps

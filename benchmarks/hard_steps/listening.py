@@ -1,4 +1,6 @@
-"""Listens to the solver of an engine: what every solve costs, and copies of chosen problems before they are solved."""
+"""Listens to the solver of an engine: what every solve costs, and copies of chosen problems before
+they are solved.
+"""
 
 from __future__ import annotations
 
@@ -68,8 +70,15 @@ class _NoRecorder:
 
 
 def copied(system: System) -> System:
-    """A copy of what sweeps change, which begins at cache lines as it does in a run; the rest is shared."""
-    return system._replace(**{name: aligned_copy(getattr(system, name)) for name in ("velocity", "impulse", "general_impulse")})
+    """A copy of what sweeps change, which begins at cache lines as it does in a run; the rest is
+    shared.
+    """
+    return system._replace(
+        **{
+            name: aligned_copy(getattr(system, name))
+            for name in ("velocity", "impulse", "general_impulse")
+        }
+    )
 
 
 @contextmanager
@@ -91,8 +100,12 @@ def listening(heard: Heard) -> Iterator[None]:
         names["solve_system"] = solve
 
 
-def run_scenario(text: str, heard: Heard, overrides: list[str], path: Path = Path("hard-steps.toml")) -> Any:
-    """Run a scenario to its end on one thread without writing anything; returns its state. What it names lies beside ``path``."""
+def run_scenario(
+    text: str, heard: Heard, overrides: list[str], path: Path = Path("hard-steps.toml")
+) -> Any:
+    """Run a scenario to its end on one thread without writing anything; returns its state. What it
+    names lies beside ``path``.
+    """
     scenario = parse_scenario(text, path, overrides)
     model, state = build(scenario)
     engine = make_engine(scenario, model, state, 1)
@@ -109,7 +122,9 @@ def run_scene(name: str, grains: int, seed: int, heard: Heard) -> None:
 
 
 def falling_bed(seed: int) -> str:
-    """1,008 discs that fall from a lattice until 0.09 s and collapse until 0.25 s: the former bed of ``multicor bench``."""
+    """1,008 discs that fall from a lattice until 0.09 s and collapse until 0.25 s: the former bed
+    of ``multicor bench``.
+    """
     return f"""\
 [scenario]
 name = "falling-bed"

@@ -12,7 +12,10 @@ def main() -> int:
     """Run the comparison; returns the exit code."""
     parser = argparse.ArgumentParser(
         prog="python benchmarks/heated_bed",
-        description="Study 4.2: a deposited bed heated from below, compared with a perfect lattice; time and error of the heating.",
+        description=(
+            "Study 4.2: a deposited bed heated from below, compared with a perfect lattice; time "
+            "and error of the heating."
+        ),
     )
     parser.add_argument(
         "--run",
@@ -25,10 +28,17 @@ def main() -> int:
         "--air",
         type=Path,
         metavar="DIR",
-        help="run of its variant in air; made if missing [default: the bed of --run heated again in air]",
+        help=(
+            "run of its variant in air; made if missing [default: the bed of --run heated again "
+            "in air]"
+        ),
     )
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
-    parser.add_argument("--plot", type=Path, metavar="DIR", help="write the figure into this folder")
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object instead of tables"
+    )
+    parser.add_argument(
+        "--plot", type=Path, metavar="DIR", help="write the figure into this folder"
+    )
     options = parser.parse_args()
     return _compare(options.run, options.air, is_json=options.json, folder=options.plot)
 
@@ -41,7 +51,9 @@ def _compare(run: Path, air: Path | None, *, is_json: bool, folder: Path | None)
 
     try:
         bed, mechanics = read_bed(finish_run(run))
-        results, beds = make_results(bed, mechanics, None if air is None else finish_run(air, (AIR,)))
+        results, beds = make_results(
+            bed, mechanics, None if air is None else finish_run(air, (AIR,))
+        )
     except (StoreError, ValueError) as error:
         print(error, file=sys.stderr)
         return 1

@@ -66,7 +66,9 @@ class _Frames:
 
 
 def compare_beds(bed: Bed, vacuum: Floats, air: Floats) -> Beds:
-    """The four profiles; ``vacuum`` and ``air`` are temperatures of the grains [K], shape ``(n,)``."""
+    """The four profiles; ``vacuum`` and ``air`` are temperatures of the grains [K], shape
+    ``(n,)``.
+    """
     return Beds(
         profile_of(bed, vacuum),
         profile_of(bed, air),
@@ -83,12 +85,16 @@ def profile_of(bed: Bed, temperature: Floats) -> ThetaTable:
         _Frame(bed.state.position[:, :2], values, walls, bed.state.wall_position)
         for values in (np.full(temperature.size, bed.reference), temperature)
     ]
-    source: Any = SimpleNamespace(model=model, frames=_Frames(*frames, np.array([0.0, bed.duration]), np.zeros(2, np.int64)))
+    source: Any = SimpleNamespace(
+        model=model, frames=_Frames(*frames, np.array([0.0, bed.duration]), np.zeros(2, np.int64))
+    )
     return theta_eta(source)
 
 
 def tabulate(beds: Beds) -> list[ProfileRow]:
-    """θ at the η of `ETA`: of the lattice between rows, of the deposited bed between bins, linear."""
+    """θ at the η of `ETA`: of the lattice between rows, of the deposited bed between bins,
+    linear.
+    """
     eta = np.array(ETA)
     columns = [
         eta,

@@ -1,4 +1,6 @@
-"""The deposited bed: running its scenario, or reading a run of it, up to the moment at which it is frozen."""
+"""The deposited bed: running its scenario, or reading a run of it, up to the moment at which it is
+frozen.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,8 @@ from multicor_cli.store import Run
 CONFIG = Path(__file__).parents[2] / "configs" / "heated-bed.toml"
 AIR = "heat.gas={conductivity=0.026, model='parallel'}"
 AIR_CONDUCTIVITY = 0.026
-_DEPTH = (0.1, 0.9)  # the solid fraction is taken between these parts of the height, away from floor and surface
+# The solid fraction is taken between these parts of the height, away from floor and surface
+_DEPTH = (0.1, 0.9)
 
 
 @dataclass(frozen=True)
@@ -65,7 +68,8 @@ class Mechanics:
     Attributes:
         grains: Number of grains.
         height: How far the grains reach [m].
-        solid_fraction: Area of the grains over that of the plane, between 0.1 and 0.9 of the height.
+        solid_fraction: Area of the grains over that of the plane, between 0.1 and 0.9 of the
+            height.
         coordination: Mean number of contacts of a grain that carry a force.
         rattlers: Share of grains with fewer than two such contacts.
         floor_load: Vertical force on the floor over the weight, mean over the last steps before.
@@ -129,7 +133,8 @@ def _bed(directory: Path, scenario: Scenario, model: Model, state: State) -> Bed
     conditions = wall_heat(scenario, model.walls.names)[number].started([0.0] * (number + 1))
     return Bed(
         model, state, settings, air, conditions, float(stage["duration"]), float(stage["dt"]),
-        float(document["heat"]["temperature"]), float(stage["thermal"]["floor"]["temperature"]), _sphere(document),
+        float(document["heat"]["temperature"]), float(stage["thermal"]["floor"]["temperature"]),
+        _sphere(document),
         state.temperature(model.thermal),
     )  # fmt: skip
 
@@ -137,7 +142,11 @@ def _bed(directory: Path, scenario: Scenario, model: Model, state: State) -> Bed
 def _sphere(document: dict[str, Any]) -> Sphere:
     (material,), (group,) = document["materials"].values(), document["particles"]
     names = ("density", "heat_capacity", "conductivity", "young", "poisson")
-    return Sphere(group["sizes"]["radii"][0], *(float(material[name]) for name in names), -float(document["domain"]["gravity"][1]))
+    return Sphere(
+        group["sizes"]["radii"][0],
+        *(float(material[name]) for name in names),
+        -float(document["domain"]["gravity"][1]),
+    )
 
 
 def _mechanics(run: Run) -> Mechanics:
@@ -147,7 +156,10 @@ def _mechanics(run: Run) -> Mechanics:
     weight = float(grains.mass.sum()) * -float(run.model.gravity[1])
     down = -run.series["wall_force"][row, :, 1] / weight  # forces of the grains on the walls
     floor = run.wall_names.index("floor")
-    low, high = (float(edge) for edge in ((position[:, 1] - grains.radius).min(), (position[:, 1] + grains.radius).max()))
+    low, high = (
+        float(edge)
+        for edge in ((position[:, 1] - grains.radius).min(), (position[:, 1] + grains.radius).max())
+    )
     network = force_network(run, frozen)
     return Mechanics(
         grains=grains.radius.size,

@@ -33,7 +33,9 @@ def draw_beds(axes: Any, beds: Beds) -> None:
     pairs = (("vacuum", beds.vacuum, beds.lattice_vacuum), ("air", beds.air, beds.lattice_air))
     for (name, table, lattice), color in zip(pairs, COLORS, strict=False):
         _draw_bed(axes, table, color, f"deposited, {name}")
-        axes.plot(lattice.eta, lattice.theta, "--", color=color, linewidth=1.0, label=f"lattice, {name}")
+        axes.plot(
+            lattice.eta, lattice.theta, "--", color=color, linewidth=1.0, label=f"lattice, {name}"
+        )
     axes.set_xlim(0.0, _SHOWN)
     axes.set_ylim(0.0, 1.0)
     axes.set_xlabel(r"distance from the floor $\eta = y/H$ [–]")
@@ -44,7 +46,16 @@ def draw_beds(axes: Any, beds: Beds) -> None:
 def _draw_bed(axes: Any, table: ThetaTable, color: str, label: str) -> None:
     """Grains as faint points, and the means of the bins with their spread."""
     near = np.isfinite(table.mean) & (table.center < _SHOWN)
-    axes.plot(table.eta, table.theta, ".", color=color, markersize=1.2, markeredgewidth=0.0, alpha=0.25, rasterized=True)
+    axes.plot(
+        table.eta,
+        table.theta,
+        ".",
+        color=color,
+        markersize=1.2,
+        markeredgewidth=0.0,
+        alpha=0.25,
+        rasterized=True,
+    )
     axes.errorbar(
         table.center[near],
         table.mean[near],

@@ -1,4 +1,6 @@
-"""Heating the same frozen bed again and again: with another gas, tolerance or integrator, and with a clock."""
+"""Heating the same frozen bed again and again: with another gas, tolerance or integrator, and with
+a clock.
+"""
 
 from __future__ import annotations
 
@@ -78,7 +80,9 @@ def heat_bed(bed: Bed, settings: HeatSettings) -> Heated:
     seconds = time.perf_counter() - started
     books = dict(zip(HEAT_BOOK_NAMES, state.heat_books.tolist(), strict=True))
     ratio = (books["solid_gas_min"], books["solid_gas_max"])
-    return Heated(state.temperature(thermal), round(books["sub_steps"]), books["closure"], ratio, seconds)
+    return Heated(
+        state.temperature(thermal), round(books["sub_steps"]), books["closure"], ratio, seconds
+    )
 
 
 def _cold(bed: Bed) -> State:
@@ -91,7 +95,9 @@ def _cold(bed: Bed) -> State:
 
 
 def compare_integrators(bed: Bed) -> list[Accuracy]:
-    """Error and time of tolerances and integrators against the implicit one at a very small tolerance."""
+    """Error and time of tolerances and integrators against the implicit one at a very small
+    tolerance.
+    """
     reference = heat_bed(bed, replace(bed.settings, integrator="implicit", tolerance=REFERENCE))
     rows = []
     for integrator, tolerance in itertools.product(("implicit", "explicit"), TOLERANCES):

@@ -36,9 +36,13 @@ class Results:
 
 
 def make_results(bed: Bed, mechanics: Mechanics, air_run: Path | None) -> tuple[Results, Beds]:
-    """Run the benchmark on a bed; ``air_run`` is a finished run in air, None heats the bed of the vacuum run again."""
+    """Run the benchmark on a bed; ``air_run`` is a finished run in air, None heats the bed of the
+    vacuum run again.
+    """
     again, in_air = heat_bed(bed, bed.settings), heat_bed(bed, bed.air)
-    beds = compare_beds(bed, bed.temperature, in_air.temperature if air_run is None else read_temperatures(air_run))
+    beds = compare_beds(
+        bed, bed.temperature, in_air.temperature if air_run is None else read_temperatures(air_run)
+    )
     difference = np.abs(again.temperature - bed.temperature).max() / (bed.hot - bed.reference)
     results = Results(
         mechanics,
@@ -65,29 +69,40 @@ def _mechanics(results: Results) -> str:
     bed = results.mechanics
     low, high = results.gas_ratio
     return (
-        f"{bed.grains} grains, height {bed.height:.4f} m, solid fraction {bed.solid_fraction:.4f}, coordination "
-        f"{bed.coordination:.3f}, rattlers {100 * bed.rattlers:.2f} %\n"
-        f"floor {bed.floor_load:.5f} + side walls {bed.side_load:.5f} = {bed.load:.6f} of the weight before freezing\n"
-        f"λ_s s/(λ_f a) of the contacts in air: {low:.3f} to {high:.2f}\n"
-        f"the heating done again here: θ within {results.repeated:.1e} of the run; first law to {results.closure:.1e}"
+        f"{bed.grains} grains, height {bed.height:.4f} m, solid fraction "
+        f"{bed.solid_fraction:.4f}, coordination {bed.coordination:.3f}, rattlers "
+        f"{100 * bed.rattlers:.2f} %\n"
+        f"floor {bed.floor_load:.5f} + side walls {bed.side_load:.5f} = {bed.load:.6f} of the "
+        f"weight before freezing\nλ_s s/(λ_f a) of the contacts in air: {low:.3f} to {high:.2f}\n"
+        f"the heating done again here: θ within {results.repeated:.1e} of the run; first law to "
+        f"{results.closure:.1e}"
     )
 
 
 def _profile(rows: list[ProfileRow]) -> str:
     lines = [
-        "θ = (T − T₀)/(T_wall − T₀) after half an hour; ± standard deviation among the grains of a bin one diameter wide",
+        (
+            "θ = (T − T₀)/(T_wall − T₀) after half an hour; ± standard deviation among the grains "
+            "of a bin one diameter wide"
+        ),
         "     η   lattice vacuum      bed vacuum     lattice air         bed air",
     ]
     for row in rows:
-        vacuum, air = f"{row.vacuum:.4f} ± {row.vacuum_spread:.4f}", f"{row.air:.4f} ± {row.air_spread:.4f}"
-        lines.append(f"{row.eta:6.3f} {row.lattice_vacuum:16.4f} {vacuum:>15} {row.lattice_air:15.4f} {air:>15}")
+        vacuum, air = (
+            f"{row.vacuum:.4f} ± {row.vacuum_spread:.4f}",
+            f"{row.air:.4f} ± {row.air_spread:.4f}",
+        )
+        lines.append(
+            f"{row.eta:6.3f} {row.lattice_vacuum:16.4f} {vacuum:>15} {row.lattice_air:15.4f} "
+            f"{air:>15}"
+        )
     return "\n".join(lines)
 
 
 def _accuracy(results: Results) -> str:
     title = (
-        f"The heating alone, compiled, {REPEATS} times; errors of θ of the grains against implicit {REFERENCE:g} "
-        f"(budget: {BUDGET_SECONDS:g} s at {BUDGET_ERROR:g})"
+        f"The heating alone, compiled, {REPEATS} times; errors of θ of the grains against "
+        f"implicit {REFERENCE:g} (budget: {BUDGET_SECONDS:g} s at {BUDGET_ERROR:g})"
     )
     heading = "  integrator   tolerance   sub-steps   median s   least s   largest error       rms"
     return "\n".join([title, heading, *(_accuracy_line(row) for row in results.accuracy)])
@@ -96,6 +111,6 @@ def _accuracy(results: Results) -> str:
 def _accuracy_line(row: Accuracy) -> str:
     mark = "  <- default" if row.is_default else ""
     return (
-        f"  {row.integrator:10s} {row.tolerance:11g} {row.sub_steps:11d} {row.seconds:10.3f} {row.fastest:9.3f}"
-        f" {row.error:15.1e} {row.rms:9.1e}{mark}"
+        f"  {row.integrator:10s} {row.tolerance:11g} {row.sub_steps:11d} {row.seconds:10.3f} "
+        f"{row.fastest:9.3f} {row.error:15.1e} {row.rms:9.1e}{mark}"
     )

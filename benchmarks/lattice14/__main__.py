@@ -12,11 +12,22 @@ def main() -> int:
     """Run the comparison; returns the exit code."""
     parser = argparse.ArgumentParser(
         prog="python benchmarks/lattice14",
-        description="Study 4.1: grains with one temperature each, compared with finite elements that resolve their inside.",
+        description=(
+            "Study 4.1: grains with one temperature each, compared with finite elements that "
+            "resolve their inside."
+        ),
     )
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
-    parser.add_argument("--plot", type=Path, metavar="DIR", help="write the figures into this folder")
-    parser.add_argument("--store", action="store_true", help="write finite_elements.csv, the curve that the tests use, and stop")
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object instead of tables"
+    )
+    parser.add_argument(
+        "--plot", type=Path, metavar="DIR", help="write the figures into this folder"
+    )
+    parser.add_argument(
+        "--store",
+        action="store_true",
+        help="write finite_elements.csv, the curve that the tests use, and stop",
+    )
     options = parser.parse_args()
     try:
         import skfem  # noqa: F401

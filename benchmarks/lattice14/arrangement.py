@@ -1,7 +1,8 @@
-"""The 14 grains: where they are, who touches whom, and the exact solution with one temperature per grain.
+"""The 14 grains: where they are, who touches whom, and the exact solution with one temperature per
+grain.
 
-Lengths are in radii, temperatures in θ = (T − T_cold)/(T_hot − T_cold), times in s = t H/C (H: conductance of a contact, C: heat
-capacity of a grain) unless a name says otherwise.
+Lengths are in radii, temperatures in θ = (T − T_cold)/(T_hot − T_cold), times in s = t H/C (H:
+conductance of a contact, C: heat capacity of a grain) unless a name says otherwise.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 ROWS = (2, 3, 4, 5)
-"""Grains per row, from the top. The paper does not state it; this page's README says why this one."""
+"""Grains per row, from the top. The paper does not state it; this page's README says why this
+one."""
 
 WATCHED = (0, 4, 13)
 """Indices of the paper's grains 1, 5 and 14."""
@@ -32,7 +34,8 @@ class Contact:
     Attributes:
         i: The one with the smaller index.
         j: The other.
-        direction: Direction from ``i`` to ``j`` in units of 60°; from ``j`` to ``i`` it is ``direction + 3`` modulo 6.
+        direction: Direction from ``i`` to ``j`` in units of 60°; from ``j`` to ``i`` it is
+            ``direction + 3`` modulo 6.
     """
 
     i: int
@@ -41,8 +44,16 @@ class Contact:
 
 
 def place_rows(rows: tuple[int, ...] = ROWS) -> Floats:
-    """Centers of touching grains of radius 1 in rows, each row half a diameter beside its neighbor; shape ``(sum(rows), 2)``."""
-    return np.array([(2.0 * k - count, -np.sqrt(3.0) * row) for row, count in enumerate(rows) for k in range(count)])
+    """Centers of touching grains of radius 1 in rows, each row half a diameter beside its neighbor;
+    shape ``(sum(rows), 2)``.
+    """
+    return np.array(
+        [
+            (2.0 * k - count, -np.sqrt(3.0) * row)
+            for row, count in enumerate(rows)
+            for k in range(count)
+        ]
+    )
 
 
 def find_contacts(centers: Floats) -> list[Contact]:
@@ -64,7 +75,8 @@ def start_values(count: int) -> Floats:
 
 
 def solve_lumped(contacts: list[Contact], count: int, times: Floats) -> Floats:
-    """Exact θ of grains with one temperature each: dθ_i/ds = Σ_j (θ_j − θ_i), by the eigenvectors of the network.
+    """Exact θ of grains with one temperature each: dθ_i/ds = Σ_j (θ_j − θ_i), by the eigenvectors
+    of the network.
 
     Args:
         contacts: Who touches whom.

@@ -1,4 +1,6 @@
-"""The shipped scenario `configs/lattice14.toml` in numbers, read without the program that is checked against it."""
+"""The shipped scenario `configs/lattice14.toml` in numbers, read without the program that is
+checked against it.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,8 @@ class Case:
 
 
 def read_case(path: Path = CONFIG) -> Case:
-    """The case of a scenario file with one material, one group of discs and a prescribed contact force.
+    """The case of a scenario file with one material, one group of discs and a prescribed contact
+    force.
 
     Hertz: a_c = (3 F a*/(4 E*))^⅓ with a* = a/2 and 1/E* = 2 (1 − ν²)/E; H = 2 λ a_c.
 
@@ -47,9 +50,15 @@ def read_case(path: Path = CONFIG) -> Case:
         KeyError: If the scenario has not these tables.
     """
     scenario = tomllib.loads(path.read_text(encoding="utf-8"))
-    (material,), (group,), (stage,) = scenario["materials"].values(), scenario["particles"], scenario["loading"]
+    (material,), (group,), (stage,) = (
+        scenario["materials"].values(),
+        scenario["particles"],
+        scenario["loading"],
+    )
     modulus = material["young"] / (2.0 * (1.0 - material["poisson"] ** 2))
-    spot = (3.0 * scenario["heat"]["force"]["prescribed"] * 0.5 * RADIUS / (4.0 * modulus)) ** (1.0 / 3.0)
+    spot = (3.0 * scenario["heat"]["force"]["prescribed"] * 0.5 * RADIUS / (4.0 * modulus)) ** (
+        1.0 / 3.0
+    )
     conductance = 2.0 * material["conductivity"] * spot
     volume = np.pi * RADIUS**2 * group["thickness"]
     return Case(

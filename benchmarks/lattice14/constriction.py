@@ -1,7 +1,7 @@
 """What the inside of a disc adds to the resistance of its contacts.
 
-A disc that gains heat q through one arc and loses it evenly over its area has, for q uniform over the arc and b ≪ a, the mean
-temperature of the arc above that of the disc
+A disc that gains heat q through one arc and loses it evenly over its area has, for q uniform over
+the arc and b ≪ a, the mean temperature of the arc above that of the disc
 
     R_0 q,   R_0 = [ln(a/b) + 13/8 − ln 2]/(π λ h),
 
@@ -9,12 +9,14 @@ and that of an arc at the angle φ
 
     R_φ q,   R_φ = [1/8 − ln(2 sin(φ/2))]/(π λ h)
 
-(the Neumann function −ln(|x − e|/a) + r²/(4a²) − 1/8 over π λ h, averaged over the arc; e: the arc, x: a point of the disc at the
-distance r from its center). A contact of interface conductance H = Bi λ h between two discs then conducts
+(the Neumann function −ln(|x − e|/a) + r²/(4a²) − 1/8 over π λ h, averaged over the arc; e: the arc,
+x: a point of the disc at the distance r from its center). A contact of interface conductance H = Bi
+λ h between two discs then conducts
 
     H_eff = H/(1 + 2 Bi λ h R_0)
 
-from mean to mean temperature. R_0 grows with the logarithm of a/b: in two dimensions a conductance cannot be named without b.
+from mean to mean temperature. R_0 grows with the logarithm of a/b: in two dimensions a conductance
+cannot be named without b.
 """
 
 from __future__ import annotations
@@ -60,9 +62,12 @@ def _solve_floating(matrix: sparse.csr_array, load: Floats) -> Floats:
     return np.concatenate([[0.0], np.asarray(spsolve(free, load[1:]))])
 
 
-def solve_network(contacts: list[Contact], count: int, biot: float, half_width: float, times: Floats) -> Floats:
-    """θ of grains with one temperature each whose contacts feel each other: the flows through all arcs of a disc shift each arc's
-    temperature by R_0 and R_φ, as if the inside were in a steady state at every moment.
+def solve_network(
+    contacts: list[Contact], count: int, biot: float, half_width: float, times: Floats
+) -> Floats:
+    """θ of grains with one temperature each whose contacts feel each other: the flows through all
+    arcs of a disc shift each arc's temperature by R_0 and R_φ, as if the inside were in a steady
+    state at every moment.
 
     Args:
         contacts: Who touches whom.
@@ -83,7 +88,9 @@ def solve_network(contacts: list[Contact], count: int, biot: float, half_width: 
             for grain in {contact.i, contact.j} & {other.i, other.j}:
                 sign = _sign(contact, grain) * _sign(other, grain)
                 turn = abs(_direction(contact, grain) - _direction(other, grain)) * np.pi / 3.0
-                resistance[k, m] += sign * (own_resistance(half_width) if turn == 0.0 else mutual_resistance(turn))
+                resistance[k, m] += sign * (
+                    own_resistance(half_width) if turn == 0.0 else mutual_resistance(turn)
+                )
     network = difference.T @ np.linalg.solve(resistance, difference) / biot
     rates, modes = np.linalg.eigh(0.5 * (network + network.T))
     return np.asarray((np.exp(-np.outer(times, rates)) * (modes.T @ start_values(count))) @ modes.T)

@@ -1,7 +1,9 @@
-"""Mesh of one disc of radius 1 with six contact arcs, refined towards their ends, where the heat flow is singular.
+"""Mesh of one disc of radius 1 with six contact arcs, refined towards their ends, where the heat
+flow is singular.
 
-A twelfth of the disc, between a contact direction and 30° beside it, is refined and then mirrored and turned, so that the mesh has
-exactly the symmetry of the lattice: the nodes of two arcs that face each other coincide.
+A twelfth of the disc, between a contact direction and 30° beside it, is refined and then mirrored
+and turned, so that the mesh has exactly the symmetry of the lattice: the nodes of two arcs that
+face each other coincide.
 """
 
 from __future__ import annotations
@@ -21,8 +23,10 @@ class MeshChoice:
     """How fine a disc is resolved.
 
     Attributes:
-        arc_level: The half-width of an arc is 60°/2^arc_level, so that arc ends are nodes at every refinement.
-        grading: Largest edge of a triangle over its distance from the next arc end, before ``halvings``.
+        arc_level: The half-width of an arc is 60°/2^arc_level, so that arc ends are nodes at every
+            refinement.
+        grading: Largest edge of a triangle over its distance from the next arc end, before
+            ``halvings``.
         finest: Edge at which refinement towards the arc end stops, over the half-width of the arc.
         halvings: Uniform refinements on top, each of which halves every edge.
     """
@@ -39,7 +43,9 @@ class MeshChoice:
 
 
 def build_disc(choice: MeshChoice) -> MeshTri2:
-    """Mesh of curved triangles (quadratic, with the edges of the rim on the circle) of a disc with six arcs."""
+    """Mesh of curved triangles (quadratic, with the edges of the rim on the circle) of a disc with
+    six arcs.
+    """
     sector = _refine_sector(choice)
     points, triangles = _mirror_and_turn(sector)
     return _bend_rim(MeshTri(points, triangles))
@@ -47,7 +53,9 @@ def build_disc(choice: MeshChoice) -> MeshTri2:
 
 def _refine_sector(choice: MeshChoice) -> MeshTri:
     corner = [np.cos(_SECTOR), np.sin(_SECTOR)]
-    mesh = MeshTri(np.array([[0.0, 1.0, corner[0]], [0.0, 0.0, corner[1]]]), np.array([[0], [1], [2]]))
+    mesh = MeshTri(
+        np.array([[0.0, 1.0, corner[0]], [0.0, 0.0, corner[1]]]), np.array([[0], [1], [2]])
+    )
     end = np.array([np.cos(choice.half_width), np.sin(choice.half_width)])
     while (coarse := _too_coarse(mesh, end, choice)).size:
         mesh = _onto_circle(mesh.refined(coarse))
@@ -57,7 +65,9 @@ def _refine_sector(choice: MeshChoice) -> MeshTri:
 
 
 def _too_coarse(mesh: MeshTri, end: Floats, choice: MeshChoice) -> np.ndarray:
-    """Indices of the triangles larger than their distance from the arc end allows, or with a rim edge across the arc end."""
+    """Indices of the triangles larger than their distance from the arc end allows, or with a rim
+    edge across the arc end.
+    """
     corners = mesh.p[:, mesh.t]  # (2, 3, triangles)
     edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=0).max(axis=0)
     distance = np.linalg.norm(corners - end[:, None, None], axis=0).min(axis=0)
@@ -92,7 +102,10 @@ def _mirror_and_turn(sector: MeshTri) -> tuple[Floats, np.ndarray]:
     turns = np.exp(1j * np.pi / 3.0 * np.arange(6))
     points = np.concatenate([nodes * turn for turn in turns for nodes, _ in halves])
     count = len(whole)
-    triangles = np.concatenate([half[1] + count * (2 * k + side) for k in range(6) for side, half in enumerate(halves)], axis=1)
+    triangles = np.concatenate(
+        [half[1] + count * (2 * k + side) for k in range(6) for side, half in enumerate(halves)],
+        axis=1,
+    )
     cells = np.round(np.stack([points.real, points.imag]) / _SAME).astype(np.int64)
     _, first, number = np.unique(cells, axis=1, return_index=True, return_inverse=True)
     return np.stack([points.real[first], points.imag[first]]), number.reshape(-1)[triangles]

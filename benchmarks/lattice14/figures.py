@@ -1,4 +1,6 @@
-"""The figures: temperatures in time, differences against Bi, and a map of the temperature inside the discs."""
+"""The figures: temperatures in time, differences against Bi, and a map of the temperature inside
+the discs.
+"""
 
 from __future__ import annotations
 
@@ -68,7 +70,9 @@ def _draw_curves(axes: Any, biot: float, *, is_first: bool) -> None:
     if is_first:
         axes.plot([], [], "-", color="gray", label="finite elements")
         axes.plot([], [], "--", color="gray", linewidth=0.8, label="one temperature, $H$")
-        axes.plot([], [], ":", color="black", linewidth=0.9, label="one temperature, $H_\\mathrm{eff}$")
+        axes.plot(
+            [], [], ":", color="black", linewidth=0.9, label="one temperature, $H_\\mathrm{eff}$"
+        )
         axes.set_ylabel("temperature [°C]")
         axes.legend(loc="upper right", fontsize=6)
 
@@ -86,7 +90,13 @@ def _draw_differences(axes: Any, sweep: list[Comparison]) -> None:
         "osd^",
         strict=False,
     ):
-        axes.loglog(biot, [100.0 * getattr(row, name) for row in sweep], marker + "-", color=color, label=label)
+        axes.loglog(
+            biot,
+            [100.0 * getattr(row, name) for row in sweep],
+            marker + "-",
+            color=color,
+            label=label,
+        )
     axes.axhline(1.0, color="gray", linewidth=0.6, linestyle=":")
     axes.set_xlabel("$\\mathrm{Bi} = H/(\\lambda h)$ [–]")
     axes.set_ylabel("largest difference [% of 80 K]")
@@ -102,12 +112,22 @@ def _draw_map(figure: Any, axes: Any) -> None:
     for center, field in zip(centers, fields, strict=True):
         x, y = disc.nodes + center[:, None]
         shading = axes.tripcolor(
-            x, y, _halved_triangles(disc), field, shading="gouraud", cmap="inferno", vmin=low, vmax=high, rasterized=True
+            x,
+            y,
+            _halved_triangles(disc),
+            field,
+            shading="gouraud",
+            cmap="inferno",
+            vmin=low,
+            vmax=high,
+            rasterized=True,
         )
         axes.add_patch(_circle(center))
     for grain in WATCHED:
         label = {"boxstyle": "circle,pad=0.2", "facecolor": "white", "edgecolor": "none"}
-        axes.annotate(str(grain + 1), centers[grain], ha="center", va="center", fontsize=6, bbox=label)
+        axes.annotate(
+            str(grain + 1), centers[grain], ha="center", va="center", fontsize=6, bbox=label
+        )
     axes.set_aspect("equal")
     axes.set_axis_off()
     axes.set_title(f"Bi = {_MAP_BIOT:g}, $t\\,H/C$ = {_MAP_TIME:g}", fontsize=8)
@@ -115,7 +135,9 @@ def _draw_map(figure: Any, axes: Any) -> None:
 
 
 def _halved_triangles(disc: Disc) -> NDArray[np.int64]:
-    """Triangles between the corners and the midpoints of edges of the quadratic elements, shape ``(4·elements, 3)``."""
+    """Triangles between the corners and the midpoints of edges of the quadratic elements, shape
+    ``(4·elements, 3)``.
+    """
     a, b, c, ab, bc, ac = disc.basis.element_dofs
     parts = [(a, ab, ac), (ab, b, bc), (ac, bc, c), (ab, bc, ac)]
     return np.concatenate([np.stack(part, axis=1) for part in parts])

@@ -1,8 +1,10 @@
-"""Heat conduction resolved inside touching discs: finite elements in space, an L-stable method of second order in time.
+"""Heat conduction resolved inside touching discs: finite elements in space, an L-stable method of
+second order in time.
 
-With lengths in radii a and τ = α t/a² (α = λ/(ρ c_p)), each disc obeys ∂θ/∂τ = ∇²θ. Its rim is insulated but for the contact arcs,
-of half-width b, where it faces its neighbor across an interface of uniform conductance per area: −∂θ_i/∂n = Bi/(2b) (θ_i − θ_j),
-point by point. The whole arc then conducts H (mean θ_i − mean θ_j) exactly, where H = Bi λ h is the conductance of the contact of
+With lengths in radii a and τ = α t/a² (α = λ/(ρ c_p)), each disc obeys ∂θ/∂τ = ∇²θ. Its rim is
+insulated but for the contact arcs, of half-width b, where it faces its neighbor across an interface
+of uniform conductance per area: −∂θ_i/∂n = Bi/(2b) (θ_i − θ_j), point by point. The whole arc then
+conducts H (mean θ_i − mean θ_j) exactly, where H = Bi λ h is the conductance of the contact of
 discs of thickness h. s = t H/C = τ Bi/π.
 """
 
@@ -84,7 +86,11 @@ def make_disc(choice: MeshChoice) -> Disc:
     ends = mesh.p[:, mesh.facets[:, facets]].mean(axis=1)  # (2, facets): middle of each edge
     arcs, arc_mass = [], []
     for direction in range(6):
-        rim = FacetBasis(mesh, ElementTriP2(), facets=facets[np.abs(_angles(ends, direction)) < choice.half_width])
+        rim = FacetBasis(
+            mesh,
+            ElementTriP2(),
+            facets=facets[np.abs(_angles(ends, direction)) < choice.half_width],
+        )
         dofs = np.unique(rim.get_dofs(rim.find).flatten())
         dofs = dofs[np.argsort(_angles(basis.doflocs[:, dofs], direction))]
         arcs.append(dofs)
@@ -102,7 +108,9 @@ def make_disc(choice: MeshChoice) -> Disc:
 
 def _angles(points: Floats, direction: int) -> Floats:
     """Angles of points against a contact direction, shape ``(m,)``."""
-    return np.asarray(np.angle((points[0] + 1j * points[1]) * np.exp(-1j * np.pi / 3.0 * direction)))
+    return np.asarray(
+        np.angle((points[0] + 1j * points[1]) * np.exp(-1j * np.pi / 3.0 * direction))
+    )
 
 
 def couple(disc: Disc, contacts: list[Contact], count: int, biot: float) -> tuple[Sparse, Sparse]:
@@ -122,7 +130,9 @@ def couple(disc: Disc, contacts: list[Contact], count: int, biot: float) -> tupl
     size = count * disc.size
     each = sparse.eye_array(count)
     interfaces = sparse.csr_array((values, (rows, columns)), shape=(size, size))
-    return sparse.csr_array(sparse.kron(each, disc.mass)), sparse.csr_array(sparse.kron(each, disc.stiffness) + interfaces)
+    return sparse.csr_array(sparse.kron(each, disc.mass)), sparse.csr_array(
+        sparse.kron(each, disc.stiffness) + interfaces
+    )
 
 
 def _interface(disc: Disc, contact: Contact, biot: float) -> tuple[np.ndarray, np.ndarray, Floats]:
@@ -131,9 +141,17 @@ def _interface(disc: Disc, contact: Contact, biot: float) -> tuple[np.ndarray, n
     angles_here = _angles(disc.nodes[:, disc.arcs[here]], here)
     angles_there = -_angles(disc.nodes[:, disc.arcs[there]], there)[::-1]
     if not np.allclose(angles_here, angles_there, atol=_SAME):
-        raise ValueError("the nodes of two arcs that face each other do not coincide: the mesh is not symmetric")
-    dofs = np.concatenate([contact.i * disc.size + disc.arcs[here], contact.j * disc.size + disc.arcs[there][::-1]])
-    block = biot / (2.0 * disc.half_width) * np.kron(np.array([[1.0, -1.0], [-1.0, 1.0]]), disc.arc_mass[here])
+        raise ValueError(
+            "the nodes of two arcs that face each other do not coincide: the mesh is not symmetric"
+        )
+    dofs = np.concatenate(
+        [contact.i * disc.size + disc.arcs[here], contact.j * disc.size + disc.arcs[there][::-1]]
+    )
+    block = (
+        biot
+        / (2.0 * disc.half_width)
+        * np.kron(np.array([[1.0, -1.0], [-1.0, 1.0]]), disc.arc_mass[here])
+    )
     rows, columns = np.meshgrid(dofs, dofs, indexing="ij")
     return rows.ravel(), columns.ravel(), block.ravel()
 
@@ -146,10 +164,15 @@ def time_steps(refinement: int = 1) -> list[tuple[float, int]]:
     """Blocks of equal steps (length in s, count), each step divided by ``refinement``."""
     ends = [0.0] + [end for end, _ in BLOCKS]
     counts = [count * refinement for _, count in BLOCKS]
-    return [((high - low) / count, count) for low, high, count in zip(ends[:-1], ends[1:], counts, strict=True)]
+    return [
+        ((high - low) / count, count)
+        for low, high, count in zip(ends[:-1], ends[1:], counts, strict=True)
+    ]
 
 
-def march(mass: Sparse, conduction: Sparse, start: Floats, rate: float, blocks: list[tuple[float, int]]) -> Iterator[Floats]:
+def march(
+    mass: Sparse, conduction: Sparse, start: Floats, rate: float, blocks: list[tuple[float, int]]
+) -> Iterator[Floats]:
     """Solve M dθ/ds = −rate K θ with SDIRK2; yields θ at the start and after each step.
 
     Args:
@@ -196,7 +219,9 @@ class History:
     size: int
 
 
-def solve_discs(disc: Disc, contacts: list[Contact], count: int, biot: float, refinement: int = 1) -> History:
+def solve_discs(
+    disc: Disc, contacts: list[Contact], count: int, biot: float, refinement: int = 1
+) -> History:
     """Temperatures of ``count`` discs of which the first starts at θ = 1, until s = 6.
 
     Args:
@@ -217,7 +242,9 @@ def solve_discs(disc: Disc, contacts: list[Contact], count: int, biot: float, re
         means.append(mean)
         spreads.append(np.ptp(inside))
         deviations.append(np.sqrt(max(inside @ (disc.mass @ inside), 0.0) / np.pi))
-    times = np.concatenate([[0.0], np.cumsum(np.concatenate([np.full(count, step) for step, count in blocks]))])
+    times = np.concatenate(
+        [[0.0], np.cumsum(np.concatenate([np.full(count, step) for step, count in blocks]))]
+    )
     mean = np.array(means)
     drift = float(np.abs(mean.sum(axis=1) - mean[0].sum()).max())
     return History(times, mean, np.array(spreads), np.array(deviations), drift, len(start))

@@ -106,17 +106,23 @@ def as_json(results: Results) -> dict[str, Any]:
 
 def as_text(results: Results) -> str:
     """The results as tables."""
-    parts = [_head(results), _curves(results.curves), _sweep(results), _arcs(results.arcs), _convergence(results.convergence)]
+    parts = [
+        _head(results),
+        _curves(results.curves),
+        _sweep(results),
+        _arcs(results.arcs),
+        _convergence(results.convergence),
+    ]
     return "\n\n".join(parts)
 
 
 def _head(results: Results) -> str:
     case, contacts = results.case, len(find_contacts(place_rows()))
     return (
-        f"14 discs in rows {'-'.join(map(str, ROWS))}, {contacts} contacts, arcs of half-width b = {results.half_width:.4f} a, "
-        f"{results.unknowns} unknowns\n"
-        f"shipped scenario: H = {case.conductance:.4e} W/K, C = {case.capacity:.4e} J/K, C/H = {case.time_unit:.2f} s, "
-        f"Bi = H/(λh) = {case.biot:.4f} (H/(λa) = {case.spot_biot:.4f})"
+        f"14 discs in rows {'-'.join(map(str, ROWS))}, {contacts} contacts, arcs of half-width b "
+        f"= {results.half_width:.4f} a, {results.unknowns} unknowns\n"
+        f"shipped scenario: H = {case.conductance:.4e} W/K, C = {case.capacity:.4e} J/K, C/H = "
+        f"{case.time_unit:.2f} s, Bi = H/(λh) = {case.biot:.4f} (H/(λa) = {case.spot_biot:.4f})"
     )
 
 
@@ -126,15 +132,29 @@ def _curves(curves: Curves) -> str:
         "   t H/C | finite elements             | one temperature per grain, same H",
     ]
     for time, resolved, lumped in zip(curves.times, curves.resolved, curves.lumped, strict=True):
-        lines.append(f"{time:8.2f} | " + " ".join(f"{v:9.4f}" for v in resolved) + " | " + " ".join(f"{v:9.4f}" for v in lumped))
+        lines.append(
+            f"{time:8.2f} | "
+            + " ".join(f"{v:9.4f}" for v in resolved)
+            + " | "
+            + " ".join(f"{v:9.4f}" for v in lumped)
+        )
     return "\n".join(lines)
 
 
 def _sweep(results: Results) -> str:
     lines = [
-        "Largest difference of the mean temperatures of grains 1, 5, 14 over t ≤ 6 C/H, % of 80 K, between the finite elements and",
-        "grains with one temperature: with the same H; with H_eff; with R_0 and R_φ between all contacts of a grain; with H_fit",
-        "      Bi   same H     (K)  H_eff/H measured |  H_eff   mutual    H_fit (H_fit/H) | inside grain 1: max-min   rms   drift",
+        (
+            "Largest difference of the mean temperatures of grains 1, 5, 14 over t ≤ 6 C/H, % of "
+            "80 K, between the finite elements and"
+        ),
+        (
+            "grains with one temperature: with the same H; with H_eff; with R_0 and R_φ between "
+            "all contacts of a grain; with H_fit"
+        ),
+        (
+            "      Bi   same H     (K)  H_eff/H measured |  H_eff   mutual    H_fit (H_fit/H) | "
+            "inside grain 1: max-min   rms   drift"
+        ),
     ]
     lines += [_sweep_line(row) for row in [*results.sweep, results.shipped]]
     lines[-1] += "  <- shipped"
@@ -143,15 +163,19 @@ def _sweep(results: Results) -> str:
 
 def _sweep_line(row: Comparison) -> str:
     return (
-        f"{row.biot:8.4f} {100 * row.interface:8.3f} {kelvin(row.interface):7.3f} {row.share:8.4f} {row.share_measured:8.4f} |"
-        f" {100 * row.effective:6.3f} {100 * row.network:8.3f} {100 * row.fitted:8.3f} ({row.share_fitted:.4f}) |"
-        f" {100 * row.spread:20.2f} {100 * row.deviation:9.3f}   {row.drift:.0e}"
+        f"{row.biot:8.4f} {100 * row.interface:8.3f} {kelvin(row.interface):7.3f} "
+        f"{row.share:8.4f} {row.share_measured:8.4f} | {100 * row.effective:6.3f} "
+        f"{100 * row.network:8.3f} {100 * row.fitted:8.3f} ({row.share_fitted:.4f}) | "
+        f"{100 * row.spread:20.2f} {100 * row.deviation:9.3f}   {row.drift:.0e}"
     )
 
 
 def _arcs(rows: list[ArcRow]) -> str:
     lines = [
-        f"Half-width of the arcs, Bi = {ARC_BIOT}: own resistance λ h R_0, and differences in % of 80 K",
+        (
+            f"Half-width of the arcs, Bi = {ARC_BIOT}: own resistance λ h R_0, and differences in "
+            "% of 80 K"
+        ),
         "     b/a  R_0 mesh  closed form   same H    H_eff",
     ]
     lines += [_arc_line(row) for row in rows]
@@ -165,7 +189,9 @@ def _arc_line(row: ArcRow) -> str:
 
 _TITLES = {
     "time": "time steps: T of grains 1, 5, 14 at t = 0.5 C/H, Bi = 0.1 [°C]",
-    "mesh": "mesh: T of the hot and of a cold one of three touching discs at t = 0.5 C/H, Bi = 0.1 [°C]",
+    "mesh": (
+        "mesh: T of the hot and of a cold one of three touching discs at t = 0.5 C/H, Bi = 0.1 [°C]"
+    ),
     "resistance": "mesh: λ h R_0 of one disc",
 }
 

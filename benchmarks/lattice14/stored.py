@@ -19,7 +19,9 @@ _MESH = MeshChoice(halvings=1)  # four times as many triangles as in the sweep
 
 
 def stored_curve(mesh: MeshChoice = _MESH) -> tuple[Case, Floats]:
-    """Columns t [s] and mean temperatures of grains 1, 5 and 14 [°C] of the shipped scenario, shape ``(rows, 4)``."""
+    """Columns t [s] and mean temperatures of grains 1, 5 and 14 [°C] of the shipped scenario, shape
+    ``(rows, 4)``.
+    """
     case = read_case()
     history = solve_lattice(case.biot, mesh)
     times = np.arange(round(case.duration / INTERVAL) + 1) * INTERVAL
@@ -35,7 +37,10 @@ def write_curve(path: Path = PATH) -> None:
     """
     case, rows = stored_curve()
     head = [
-        "# Mean temperatures of grains 1, 5 and 14 of configs/lattice14.toml with the heat conduction inside the discs resolved by",
+        (
+            "# Mean temperatures of grains 1, 5 and 14 of configs/lattice14.toml with the heat "
+            "conduction inside the discs resolved by"
+        ),
         "# finite elements: python benchmarks/lattice14 --store",
         f"# conductance of the interface of each contact [W/K]: {case.conductance:.9e}",
         f"# heat capacity of a grain [J/K]: {case.capacity:.9e}",

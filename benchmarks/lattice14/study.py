@@ -7,8 +7,24 @@ from functools import cache
 from typing import Literal
 
 import numpy as np
-from arrangement import COLD, HOT, ROWS, WATCHED, Floats, find_contacts, place_rows, solve_lumped, to_celsius
-from constriction import effective_share, measured_resistance, measured_share, own_resistance, solve_network
+from arrangement import (
+    COLD,
+    HOT,
+    ROWS,
+    WATCHED,
+    Floats,
+    find_contacts,
+    place_rows,
+    solve_lumped,
+    to_celsius,
+)
+from constriction import (
+    effective_share,
+    measured_resistance,
+    measured_share,
+    own_resistance,
+    solve_network,
+)
 from disc_mesh import MeshChoice
 from finite_elements import Disc, History, make_disc, solve_discs
 from scipy.optimize import minimize_scalar
@@ -27,7 +43,8 @@ disc_of = cache(make_disc)
 
 @dataclass(frozen=True)
 class Comparison:
-    """One Biot number. Differences are the largest over s ≤ 6 and grains 1, 5 and 14, as shares of 80 K.
+    """One Biot number. Differences are the largest over s ≤ 6 and grains 1, 5 and 14, as shares of
+    80 K.
 
     Attributes:
         biot: Bi = H/(λ h), H the conductance of the interface.
@@ -35,7 +52,8 @@ class Comparison:
         share: H_eff/H of the closed form.
         share_measured: H_eff/H of two meshed discs.
         effective: Against one temperature per grain with H_eff.
-        network: Against one temperature per grain with the own and mutual resistances R_0, R_φ of its contacts.
+        network: Against one temperature per grain with the own and mutual resistances R_0, R_φ of
+            its contacts.
         share_fitted: H_fit/H, the conductance with the smallest difference.
         fitted: That difference.
         spread: Largest minus smallest temperature inside grain 1, at its largest.
@@ -94,10 +112,14 @@ class ConvergenceRow:
     order: float | None
 
 
-def solve_lattice(biot: float, mesh: MeshChoice | None = None, refinement: int = TIME_REFINEMENT) -> History:
+def solve_lattice(
+    biot: float, mesh: MeshChoice | None = None, refinement: int = TIME_REFINEMENT
+) -> History:
     """Finite-element temperatures of the 14 discs."""
     centers = place_rows()
-    return solve_discs(disc_of(mesh or MeshChoice()), find_contacts(centers), len(centers), biot, refinement)
+    return solve_discs(
+        disc_of(mesh or MeshChoice()), find_contacts(centers), len(centers), biot, refinement
+    )
 
 
 def lumped_lattice(times: Floats) -> Floats:
@@ -170,20 +192,28 @@ def refine_time() -> list[ConvergenceRow]:
 
 
 def refine_mesh() -> list[ConvergenceRow]:
-    """Temperatures of three discs that touch each other, at s = 0.5 and Bi = 0.1, on finer and finer meshes."""
+    """Temperatures of three discs that touch each other, at s = 0.5 and Bi = 0.1, on finer and
+    finer meshes.
+    """
     centers = place_rows(_TRIANGLE)
     runs = []
     for halvings in range(3):
         disc = disc_of(MeshChoice(halvings=halvings))
-        run = solve_discs(disc, find_contacts(centers), len(centers), _CONVERGENCE_BIOT, TIME_REFINEMENT)
+        run = solve_discs(
+            disc, find_contacts(centers), len(centers), _CONVERGENCE_BIOT, TIME_REFINEMENT
+        )
         runs.append((2**halvings, run.size, _probe(run, (0, 1))))
     return _rows("mesh", runs)
 
 
 def refine_resistance() -> list[ConvergenceRow]:
     """Resistance λ h R_0 of one disc on finer and finer meshes."""
-    discs: list[tuple[int, Disc]] = [(2**halvings, disc_of(MeshChoice(halvings=halvings))) for halvings in range(3)]
-    return _rows("resistance", [(factor, disc.size, (measured_resistance(disc),)) for factor, disc in discs])
+    discs: list[tuple[int, Disc]] = [
+        (2**halvings, disc_of(MeshChoice(halvings=halvings))) for halvings in range(3)
+    ]
+    return _rows(
+        "resistance", [(factor, disc.size, (measured_resistance(disc),)) for factor, disc in discs]
+    )
 
 
 def _probe(history: History, grains: tuple[int, ...]) -> tuple[float, ...]:
@@ -191,7 +221,9 @@ def _probe(history: History, grains: tuple[int, ...]) -> tuple[float, ...]:
     return tuple(float(value) for value in to_celsius(history.mean[k, list(grains)]))
 
 
-def _rows(kind: Literal["time", "mesh", "resistance"], runs: list[tuple[int, int, tuple[float, ...]]]) -> list[ConvergenceRow]:
+def _rows(
+    kind: Literal["time", "mesh", "resistance"], runs: list[tuple[int, int, tuple[float, ...]]]
+) -> list[ConvergenceRow]:
     """Rows with the order seen in the first value: log₂ of the ratio of two successive changes."""
     rows = []
     for k, (factor, unknowns, values) in enumerate(runs):

@@ -11,14 +11,20 @@ def main() -> int:
     """Make the figures and the page; returns the exit code."""
     parser = argparse.ArgumentParser(
         prog="python benchmarks/paper",
-        description="Run the three studies of the paper, draw its figures with our data, set each beside what the paper states.",
+        description=(
+            "Run the three studies of the paper, draw its figures with our data, set each beside "
+            "what the paper states."
+        ),
     )
     parser.add_argument(
         "--runs",
         type=Path,
         metavar="DIR",
         default=Path("runs"),
-        help="folder of the runs, each in DIR/NAME; finished ones are taken, the others are run there [%(default)s]",
+        help=(
+            "folder of the runs, each in DIR/NAME; finished ones are taken, the others are run "
+            "there [%(default)s]"
+        ),
     )
     parser.add_argument(
         "-o",
@@ -42,7 +48,15 @@ def _make(runs: Path, folder: Path) -> int:
 
     try:
         page = make_page(runs, folder)
-    except (StoreError, ScenarioError, PostError, PlotError, OSError, RuntimeError, ValueError) as error:
+    except (
+        StoreError,
+        ScenarioError,
+        PostError,
+        PlotError,
+        OSError,
+        RuntimeError,
+        ValueError,
+    ) as error:
         print(error, file=sys.stderr)
         return 1
     print(f"wrote {page}")

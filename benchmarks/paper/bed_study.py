@@ -13,14 +13,17 @@ from multicor_cli.plots import draw_theta_eta
 from multicor_cli.plots.style import COLUMN
 from multicor_cli.post import ThetaTable
 
-sys.path.append(str(Path(__file__).parents[1] / "heated_bed"))  # the benchmark of this study has the lattice and the bed in air
+# The benchmark of this study has the lattice and the bed in air
+sys.path.append(str(Path(__file__).parents[1] / "heated_bed"))
 
 _AGREES = 0.03  # η above which the paper reports agreement
 _COLD = 0.1
 
 
 def bed_entries(path: Path) -> list[Entry]:
-    """Figure 7 from a finished run of ``configs/heated-bed.toml``; the bed is heated once more in air."""
+    """Figure 7 from a finished run of ``configs/heated-bed.toml``; the bed is heated once more in
+    air.
+    """
     from comparison import compare_beds, tabulate
     from deposited import read_bed
     from figure import draw_beds
@@ -40,35 +43,41 @@ def bed_entries(path: Path) -> list[Entry]:
         for row in tabulate(beds)
     ]
     bed_panel = Panel(
-        "figure-07-bed", "The deposited bed in vacuum.", on_axes(_SIZE, lambda axes: draw_theta_eta(axes, beds.vacuum))
+        "figure-07-bed",
+        "The deposited bed in vacuum.",
+        on_axes(_SIZE, lambda axes: draw_theta_eta(axes, beds.vacuum)),
     )
     both = Panel(
         "figure-07-air",
         "In vacuum and in air, beside a perfect lattice (dashes).",
         on_axes(_SIZE, lambda axes: draw_beds(axes, beds)),
     )
+    covered = mechanics.grains * np.pi * (2.0 * bed.sphere.radius) ** 2 / (0.45 * 0.31)
     return [
         Entry(
             "7",
             "Temperature θ against height η in the heated bed",
             [
                 (
-                    "15,548 grains of stainless steel in 0.45 m × 0.31 m, floor at 50 °C, start at 25 °C, other sides "
-                    "insulated, after 30 minutes."
+                    "15,548 grains of stainless steel in 0.45 m × 0.31 m, floor at 50 °C, start "
+                    "at 25 °C, other sides insulated, after 30 minutes."
                 ),
                 (
-                    "θ(η) agrees with the experiment above η = 0.03; the front oscillates as stress chains converge and "
-                    "diverge along the height."
+                    "θ(η) agrees with the experiment above η = 0.03; the front oscillates as "
+                    "stress chains converge and diverge along the height."
                 ),
-                "Conduction through the gas is left out, because λ<sub>s</sub> s/(λ<sub>f</sub> a) ≫ 1.",
+                (
+                    "Conduction through the gas is left out, because λ<sub>s</sub> "
+                    "s/(λ<sub>f</sub> a) ≫ 1."
+                ),
             ],
             [
                 (
-                    f"A <em>radius</em> of 3 mm cannot be: {mechanics.grains:,} such grains would cover "
-                    f"{mechanics.grains * np.pi * (2.0 * bed.sphere.radius) ** 2 / (0.45 * 0.31):.2f} times the bed; 3 mm is "
-                    "the diameter. "
-                    "Not stated: c<sub>p</sub>, how the bed was deposited, the gas pressure in the experiment. "
-                    "Chosen: 500 J/(kg K), a rain of grains, no restitution."
+                    f"A <em>radius</em> of 3 mm cannot be: {mechanics.grains:,} such grains would "
+                    f"cover {covered:.2f} "
+                    "times the bed; 3 mm is the diameter. Not stated: c<sub>p</sub>, how the bed "
+                    "was deposited, the gas pressure in the experiment. Chosen: 500 J/(kg K), a "
+                    "rain of grains, no restitution."
                 )
             ],
             [bed_panel, both],
@@ -91,25 +100,24 @@ def _differs(beds: Any, mechanics: Any, ratio: tuple[float, float]) -> list[str]
     near, far = (_at(beds.vacuum, eta) for eta in (_AGREES, _COLD))
     return [
         (
-            f"Agreement above η = {_AGREES:g} tests little: in vacuum θ has fallen to {near:.2f} there, and to {far:.3f} "
-            f"at η = {_COLD:g}; "
-            "all that happens in half an hour happens next to the floor."
+            f"Agreement above η = {_AGREES:g} tests little: in vacuum θ has fallen to {near:.2f} "
+            f"there, and to {far:.3f} at η = {_COLD:g}; all that happens in half an hour happens "
+            "next to the floor."
         ),
         (
-            f"λ<sub>s</sub> s/(λ<sub>f</sub> a) is not ≫ 1: in air it is {ratio[0]:.2g} to {ratio[1]:.2g} in this bed, "
-            f"and air raises θ({_COLD:g}) from {far:.3f} to {_at(beds.air, _COLD):.2f}. "
-            "The curve should be compared with experiments in vacuum."
+            f"λ<sub>s</sub> s/(λ<sub>f</sub> a) is not ≫ 1: in air it is {ratio[0]:.2g} to "
+            f"{ratio[1]:.2g} in this bed, and air raises θ({_COLD:g}) from {far:.3f} to "
+            f"{_at(beds.air, _COLD):.2f}. The curve should be compared with experiments in vacuum."
         ),
         (
-            f"At one height the temperatures differ by up to ±{np.nanmax(beds.vacuum.spread):.2f} (standard deviation): "
-            "they follow the force "
-            "chains, as the paper says."
+            f"At one height the temperatures differ by up to ±{np.nanmax(beds.vacuum.spread):.2f} "
+            "(standard deviation): they follow the force chains, as the paper says."
         ),
         (
             f"Against an exact solution for a perfect lattice θ({_AGREES:g}) is {near:.3f}, not "
             f"{float(beds.lattice_vacuum.at(np.array(_AGREES))):.3f}: "
-            f"{mechanics.coordination:.2f} contacts of a grain carry a force ({percent(mechanics.rattlers)} rattlers; solid "
-            "fraction "
+            f"{mechanics.coordination:.2f} contacts of a grain carry a force "
+            f"({percent(mechanics.rattlers)} rattlers; solid fraction "
             f"{mechanics.solid_fraction:.3f}), in the lattice 4. Nothing was tuned."
         ),
     ]

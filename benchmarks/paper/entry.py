@@ -61,7 +61,9 @@ class Entry:
 
 
 def on_axes(size: tuple[float, float], draw: Callable[[Any], None]) -> Draw:
-    """A picture in the house style with one pair of axes of this size [inch], filled by ``draw``."""
+    """A picture in the house style with one pair of axes of this size [inch], filled by
+    ``draw``.
+    """
 
     def write(path: Path) -> None:
         with house_style():

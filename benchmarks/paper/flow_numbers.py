@@ -1,4 +1,6 @@
-"""What the page states of a run of plane shear, in numbers; profiles are averages over the later half of the shearing."""
+"""What the page states of a run of plane shear, in numbers; profiles are averages over the later
+half of the shearing.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.post import ForceNetwork, ProfileTable, Selection, force_network, grain_map, profile
+from multicor_cli.post import (
+    ForceNetwork,
+    ProfileTable,
+    Selection,
+    force_network,
+    grain_map,
+    profile,
+)
 from multicor_cli.store import Run
 
 Floats = NDArray[np.float64]
@@ -24,7 +33,8 @@ LEVELS = (0.1, 0.5, 0.9)
 
 _APART = (2.25, 2.75)  # distance of the pairs whose fluctuations are correlated, in mean diameters
 _BLOCKS = 6  # of consecutive frames, whose scatter gives the error
-_PICTURES = 60  # frames at most from which fluctuations are taken: single ones differ, more add little
+# Frames at most from which fluctuations are taken: single ones differ, more add little
+_PICTURES = 60
 
 
 @dataclass(frozen=True)
@@ -83,7 +93,10 @@ def measure(run: Run) -> Flow:
     """The numbers of a finished run of plane shear with heat."""
     stage = np.asarray(run.frames.stage)
     first = int(np.flatnonzero(stage == stage[-1])[0])
-    tables = {name: profile(run, name, bins=BINS, exclude_walls=0.0) for name in ("velocity", "spin", "heat", "temperature")}
+    tables = {
+        name: profile(run, name, bins=BINS, exclude_walls=0.0)
+        for name in ("velocity", "spin", "heat", "temperature")
+    }
     start, end = force_network(run, first), force_network(run)
     speed = tables["velocity"]
     return Flow(
@@ -109,13 +122,22 @@ def _alike(first: Floats, second: Floats) -> float:
 def _books(run: Run) -> dict[str, float]:
     stage = np.asarray(run.series["stage"])
     before = int(np.flatnonzero(stage < stage[-1])[-1])
-    names = ("heat_friction", "heat_impact", "heat_to_walls", "friction_loss", "friction_sliding", "impact_loss")
+    names = (
+        "heat_friction",
+        "heat_impact",
+        "heat_to_walls",
+        "friction_loss",
+        "friction_sliding",
+        "impact_loss",
+    )
     return {name: float(run.series[name][-1] - run.series[name][before]) for name in names}
 
 
 def _rises(run: Run, first: int) -> dict[float, float]:
     radius = run.model.grains.radius
-    rise = np.asarray(run.frames[-1].temperature, np.float64) - np.asarray(run.frames[first].temperature, np.float64)
+    rise = np.asarray(run.frames[-1].temperature, np.float64) - np.asarray(
+        run.frames[first].temperature, np.float64
+    )
     return {2.0 * float(size): float(rise[radius == size].mean()) for size in np.unique(radius)}
 
 
@@ -139,17 +161,25 @@ def _numbers(run: Run, first: int, speed: ProfileTable, end: ForceNetwork) -> di
         "duration": float(run.frames.time[-1] - run.frames.time[first]),
         "strain": float(run.series["strain"][-1]) if "strain" in run.series else np.nan,
         "mean_rise": float(
-            np.nanmax(profile(run, "temperature", Selection(frames=slice(-1, None)), BINS, exclude_walls=0.0).value)
+            np.nanmax(
+                profile(
+                    run, "temperature", Selection(frames=slice(-1, None)), BINS, exclude_walls=0.0
+                ).value
+            )
         ),
     }
 
 
 def _inertial_time(run: Run) -> float:
-    """√(m/P) [s]: mean mass of a grain, and force per length on the upper wall in the later half of the shearing."""
+    """√(m/P) [s]: mean mass of a grain, and force per length on the upper wall in the later half of
+    the shearing.
+    """
     time, stage = np.asarray(run.series["time"]), np.asarray(run.series["stage"])
     last = stage == stage[-1]
     later = last & (time >= 0.5 * (time[last][0] + time[-1]))
-    force = float(np.asarray(run.series["wall_force"])[later, run.wall_names.index("top"), 1].mean())
+    force = float(
+        np.asarray(run.series["wall_force"])[later, run.wall_names.index("top"), 1].mean()
+    )
     return float(np.sqrt(run.model.grains.mass.mean() * run.period / abs(force)))
 
 
@@ -165,9 +195,13 @@ def _chosen(run: Run) -> NDArray[np.int64]:
 
 
 def _fluctuations(run: Run, speed: ProfileTable) -> tuple[float, float, float]:
-    """In the sheared layer: rms fluctuation [m/s]; correlation of its vertical part between distant grains, and its error."""
+    """In the sheared layer: rms fluctuation [m/s]; correlation of its vertical part between distant
+    grains, and its error.
+    """
     sums = np.array([_layer_sums(run, int(index), speed.height) for index in _chosen(run)])
-    blocks = np.array([_correlation(rows.sum(axis=0)) for rows in np.array_split(sums, min(_BLOCKS, len(sums)))])
+    blocks = np.array(
+        [_correlation(rows.sum(axis=0)) for rows in np.array_split(sums, min(_BLOCKS, len(sums)))]
+    )
     error = float(blocks.std(ddof=1) / np.sqrt(blocks.size)) if blocks.size > 1 else np.nan
     total = sums.sum(axis=0)
     return float(np.sqrt(total[0] / total[2])), _correlation(total), error
@@ -178,7 +212,9 @@ def _correlation(sums: Floats) -> float:
 
 
 def _layer_sums(run: Run, index: int, height: float) -> tuple[float, ...]:
-    """Of grains in the sheared layer: squares, vertical squares, number; of pairs: products of the vertical parts, number."""
+    """Of grains in the sheared layer: squares, vertical squares, number; of pairs: products of the
+    vertical parts, number.
+    """
     table = grain_map(run, "fluctuation", index)
     assert table.vector is not None
     y = table.scene.center[:, 1] - _floor(run, index)
@@ -187,7 +223,9 @@ def _layer_sums(run: Run, index: int, height: float) -> tuple[float, ...]:
     vector = vector - vector.mean(axis=0)  # the layer as a whole rises and sinks with the wall
     apart = center[:, np.newaxis] - center
     apart[..., 0] -= run.period * np.round(apart[..., 0] / run.period)
-    distance = np.hypot(apart[..., 0], apart[..., 1]) / (2.0 * float(run.model.grains.radius.mean()))
+    distance = np.hypot(apart[..., 0], apart[..., 1]) / (
+        2.0 * float(run.model.grains.radius.mean())
+    )
     near = np.triu((distance > _APART[0]) & (distance < _APART[1]))
     upwards = vector[:, 1]
     return (
@@ -205,7 +243,9 @@ def _floor(run: Run, index: int) -> float:
 
 
 def _conduction(run: Run, network: ForceNetwork) -> float:
-    """Diffusivity 3/2 H d²/C of a lattice with the mean conductance H of the contacts between grains [m²/s]."""
+    """Diffusivity 3/2 H d²/C of a lattice with the mean conductance H of the contacts between
+    grains [m²/s].
+    """
     (material,) = tomllib.loads(run.scenario_resolved)["materials"].values()
     radius, between = run.model.grains.radius, ~network.is_wall
     i, j, force = network.i[between], network.j[between], network.force[between, 0]
@@ -218,9 +258,13 @@ def _conduction(run: Run, network: ForceNetwork) -> float:
 
 
 def _mixing(run: Run, speed: ProfileTable) -> float:
-    """Diffusivity of the grains across the flow, from their vertical displacements over the later half of the shearing [m²/s]."""
+    """Diffusivity of the grains across the flow, from their vertical displacements over the later
+    half of the shearing [m²/s].
+    """
     chosen = Selection().indices(run.frames)
-    before, after = (np.asarray(run.frames[int(k)].position, np.float64)[:, 1] for k in (chosen[0], chosen[-1]))
+    before, after = (
+        np.asarray(run.frames[int(k)].position, np.float64)[:, 1] for k in (chosen[0], chosen[-1])
+    )
     y = before - _floor(run, int(chosen[0]))
     middle = (y > MIDDLE[0] * speed.height) & (y < MIDDLE[1] * speed.height)
     lapse = float(run.frames.time[int(chosen[-1])] - run.frames.time[int(chosen[0])])

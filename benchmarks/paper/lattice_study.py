@@ -28,14 +28,21 @@ def lattice_entries(path: Path) -> list[Entry]:
     """Figures 5 and 6 from a finished run of ``configs/lattice14.toml``."""
     with open_run(path) as run:
         times = np.asarray(run.frames.time, np.float64)
-        celsius = np.array([np.asarray(frame.temperature, np.float64) for frame in run.frames]) - _KELVIN
+        celsius = (
+            np.array([np.asarray(frame.temperature, np.float64) for frame in run.frames]) - _KELVIN
+        )
         resolved = _read_curve(times)
         index = round(_MAP_SHARE * (times.size - 1))
-        return [_figure_5(times, celsius, resolved, index), _figure_6(grain_map(run, "temperature", index), celsius)]
+        return [
+            _figure_5(times, celsius, resolved, index),
+            _figure_6(grain_map(run, "temperature", index), celsius),
+        ]
 
 
 def _read_curve(times: Floats) -> Floats:
-    """Temperatures of the watched grains by finite elements at these times [°C], shape ``(m, 3)``."""
+    """Temperatures of the watched grains by finite elements at these times [°C], shape
+    ``(m, 3)``.
+    """
     lines = [line for line in _CURVE.read_text(encoding="utf-8").splitlines() if line[:1].isdigit()]
     table = np.array([[float(cell) for cell in line.split(",")] for line in lines])
     return np.column_stack([np.interp(times, table[:, 0], column) for column in table.T[1:]])
@@ -56,29 +63,40 @@ def _figure_5(times: Floats, celsius: Floats, resolved: Floats, index: int) -> E
     ]
     differs = [
         (
-            f"The largest difference from the finite elements is {percent(share.max())} of the initial difference of "
-            f"{np.ptp(celsius[0]):.0f} K. Nearly all of it is the constriction of the heat towards the contacts: the "
-            "conductance of Hertz "
-            "holds for the whole way between two grains, and the finite elements resolve the part inside the grains once more."
+            f"The largest difference from the finite elements is {percent(share.max())} of the "
+            f"initial difference of {np.ptp(celsius[0]):.0f} K. Nearly all of it is the "
+            "constriction of the heat towards the contacts: the conductance of Hertz holds for "
+            "the whole way between two grains, and the finite elements resolve the part inside "
+            "the grains once more."
         ),
-        "Its curves cannot be laid over ours: the time scale C/H needs λ, c<sub>p</sub> and the load, which are not stated.",
+        (
+            "Its curves cannot be laid over ours: the time scale C/H needs λ, c<sub>p</sub> and "
+            "the load, which are not stated."
+        ),
     ]
-    head = ("", f"one temperature, t = {times[index]:g} s [°C]", "finite elements [°C]", "largest difference, of the start's", "at")
+    head = (
+        "",
+        f"one temperature, t = {times[index]:g} s [°C]",
+        "finite elements [°C]",
+        "largest difference, of the start's",
+        "at",
+    )
     return Entry(
         "5",
         "Temperatures of grains 1, 5 and 14",
         [
             (
-                "Fourteen equal grains of radius 1 mm in a triangular arrangement, grain 1 at 100 °C, the others at 20 °C: "
-                "the temperatures of "
-                "grains 1, 5 and 14, one temperature per grain, are compared with finite elements."
+                "Fourteen equal grains of radius 1 mm in a triangular arrangement, grain 1 at 100 "
+                "°C, the others at 20 °C: the temperatures of grains 1, 5 and 14, one temperature "
+                "per grain, are compared with finite elements."
             )
         ],
         [
             (
-                "The rows (14 is not a triangular number), the load, λ and c<sub>p</sub>. Chosen: rows of 2, 3, 4, 5; 1 N in every "
-                "contact, because the forces "
-                "of rigid grains in such a lattice are not unique; the steel of study 4.2; c<sub>p</sub> = 500 J/(kg K)."
+                "The rows (14 is not a triangular number), the load, λ and c<sub>p</sub>. Chosen: "
+                "rows of 2, 3, 4, 5; 1 N in every contact, because the forces of rigid grains in "
+                "such a lattice are not unique; the steel of study 4.2; c<sub>p</sub> = 500 J/(kg "
+                "K)."
             )
         ],
         [
@@ -125,5 +143,10 @@ def _figure_6(table: Any, celsius: Floats) -> Entry:
         [Panel("figure-06", f"t = {table.time:g} s, about C/H.", lambda path: plot(table, path))],
         ("", "ours"),
         rows,
-        ["Nothing in what the paper states contradicts this map; its numbers depend on the same open choices as figure 5."],
+        [
+            (
+                "Nothing in what the paper states contradicts this map; its numbers depend on the "
+                "same open choices as figure 5."
+            )
+        ],
     )

@@ -20,7 +20,8 @@ class Study:
     Attributes:
         name: Name of its scenario, and of its folder.
         path: The run.
-        is_shipped: Whether its scenario, with all defaults filled in, gives the same as the one shipped now.
+        is_shipped: Whether its scenario, with all defaults filled in, gives the same as the one
+            shipped now.
     """
 
     name: str
@@ -44,7 +45,11 @@ def finish_study(name: str, runs: Path) -> Study:
             message = f"{path}: the run was stopped; the same command continues it"
             raise RuntimeError(message)
     with open_run(path) as run:
-        return Study(name, path, not find_differences(run.scenario_resolved, load_scenario(config).resolved_toml()))
+        return Study(
+            name,
+            path,
+            not find_differences(run.scenario_resolved, load_scenario(config).resolved_toml()),
+        )
 
 
 def _is_finished(path: Path) -> bool:

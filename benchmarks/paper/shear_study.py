@@ -27,13 +27,17 @@ class _Regime(NamedTuple):
 
 
 def shear_entries(slow: Path, fast: Path) -> list[Entry]:
-    """Figures 9 to 13 from finished runs of ``configs/shear.toml`` and ``configs/shear-dynamic.toml``."""
+    """Figures 9 to 13 from finished runs of ``configs/shear.toml`` and
+    ``configs/shear-dynamic.toml``.
+    """
     with open_run(slow) as first, open_run(fast) as second:
         regimes = [
             _Regime(name, label, run, measure(run))
             for name, label, run in (("slow", "quasi-static", first), ("fast", "dynamic", second))
         ]
-        return [make(regimes) for make in (_figure_9, _figure_10, _figure_11, _figure_12, _figure_13)]
+        return [
+            make(regimes) for make in (_figure_9, _figure_10, _figure_11, _figure_12, _figure_13)
+        ]
 
 
 def _table(regimes: list[_Regime], lines: list[tuple[str, Callable[[Flow], str]]]) -> Rows:
@@ -54,14 +58,28 @@ def _map_panel(regime: _Regime, number: str, of: str) -> Panel:
     return Panel(f"figure-{number}-{of}-{regime.name}", caption, lambda path: plot(table, path))
 
 
-def _profiles(regimes: list[_Regime], number: str, of: str, *, bins: int | None = None, is_normalized: bool = False) -> list[Panel]:
-    return [_profile_panel(regime, number, of, bins, is_normalized=is_normalized) for regime in regimes]
+def _profiles(
+    regimes: list[_Regime],
+    number: str,
+    of: str,
+    *,
+    bins: int | None = None,
+    is_normalized: bool = False,
+) -> list[Panel]:
+    return [
+        _profile_panel(regime, number, of, bins, is_normalized=is_normalized) for regime in regimes
+    ]
 
 
-def _profile_panel(regime: _Regime, number: str, of: str, bins: int | None, *, is_normalized: bool) -> Panel:
+def _profile_panel(
+    regime: _Regime, number: str, of: str, bins: int | None, *, is_normalized: bool
+) -> Panel:
     table: Any = profile(regime.run, of, bins=bins, exclude_walls=0.0)
     table = table.normalized() if is_normalized else table
-    caption = f"{regime.label}: {table.field.label}, mean over t = {table.times[0]:.3g} to {table.times[1]:.3g} s."
+    caption = (
+        f"{regime.label}: {table.field.label}, mean over t = {table.times[0]:.3g} to "
+        f"{table.times[1]:.3g} s."
+    )
     return Panel(f"figure-{number}-{of}-{regime.name}", caption, lambda path: plot(table, path))
 
 
@@ -70,12 +88,24 @@ def _figure_9(regimes: list[_Regime]) -> Entry:
     rows = _table(
         regimes,
         [
-            ("inertial number (V/H) √(m/P), P on the upper wall", lambda f: f"{f.numbers['inertial']:.2g}"),
-            (f"with the shear rate of the sheared layer, {LAYER[0]}–{LAYER[1]} H", lambda f: f"{f.numbers['layer_inertial']:.2g}"),
+            (
+                "inertial number (V/H) √(m/P), P on the upper wall",
+                lambda f: f"{f.numbers['inertial']:.2g}",
+            ),
+            (
+                f"with the shear rate of the sheared layer, {LAYER[0]}–{LAYER[1]} H",
+                lambda f: f"{f.numbers['layer_inertial']:.2g}",
+            ),
             ("strain at the end", lambda f: f"{f.numbers['strain']:.3g}"),
             ("fluctuations there, δv/(γ̇ d)", lambda f: f"{f.numbers['swirl']:.2g}"),
-            ("correlation of vertical fluctuations there, 2.5 d apart", lambda f: _together(f.numbers)),
-            ("solid fraction, 0.1–0.9 H: at the start", lambda f: f"{f.numbers['solid_start']:.3f}"),
+            (
+                "correlation of vertical fluctuations there, 2.5 d apart",
+                lambda f: _together(f.numbers),
+            ),
+            (
+                "solid fraction, 0.1–0.9 H: at the start",
+                lambda f: f"{f.numbers['solid_start']:.3f}",
+            ),
             ("later", lambda f: f"{f.numbers['solid']:.3f}"),
         ],
     )
@@ -83,9 +113,10 @@ def _figure_9(regimes: list[_Regime]) -> Entry:
         _vortices(slow, fast),
         (
             f"In the dynamic regime the solid fraction ({fast['solid']:.3f}) is "
-            f"{versus(fast['solid_start'], fast['solid'])} than at the start "
-            f"of the shearing ({fast['solid_start']:.3f}) and {versus(slow['solid'], fast['solid'])} than in the slow flow "
-            f"({slow['solid']:.3f}); the paper has it close to its maximum. A flow dilates as its inertial number grows."
+            f"{versus(fast['solid_start'], fast['solid'])} than at the start of the shearing "
+            f"({fast['solid_start']:.3f}) and {versus(slow['solid'], fast['solid'])} than in the "
+            f"slow flow ({slow['solid']:.3f}); the paper has it close to its maximum. A flow "
+            "dilates as its inertial number grows."
         ),
     ]
     return Entry(
@@ -93,14 +124,20 @@ def _figure_9(regimes: list[_Regime]) -> Entry:
         "Velocities and vortices",
         [
             (
-                "Grains of 1, 2, 3 mm, μ = 0.5, periodic, 40 grains long, compacted under gravity, between rough walls, the "
-                "upper one moved at V "
-                "under a load F; a quasi-static and a dynamic regime."
+                "Grains of 1, 2, 3 mm, μ = 0.5, periodic, 40 grains long, compacted under "
+                "gravity, between rough walls, the upper one moved at V under a load F; a "
+                "quasi-static and a dynamic regime."
             ),
             "The velocity field shows vortices.",
             "In the dynamic regime the solid fraction is close to its maximum.",
         ],
-        [_SCALES + " Chosen: 1,600 spheres of the steel of 4.2; 1, 2, 3 mm as diameters in equal numbers; e = 0; walls at 25 °C."],
+        [
+            _SCALES
+            + (
+                " Chosen: 1,600 spheres of the steel of 4.2; 1, 2, 3 mm as diameters in equal "
+                "numbers; e = 0; walls at 25 °C."
+            )
+        ],
         [*_maps(regimes, "09", "fluctuation"), *_maps(regimes, "09", "velocity")],
         _head(regimes),
         rows,
@@ -114,12 +151,16 @@ def _together(numbers: dict[str, float]) -> str:
 
 def _vortices(slow: dict[str, float], fast: dict[str, float]) -> str:
     text = (
-        "Grains move together over several diameters: the correlation of vertical fluctuations 2.5 diameters apart is "
-        f"{_together(slow)} in the slow flow and {_together(fast)} in the fast one. "
+        "Grains move together over several diameters: the correlation of vertical fluctuations "
+        f"2.5 diameters apart is {_together(slow)} in the slow flow and {_together(fast)} in the "
+        "fast one. "
     )
     error = np.hypot(slow["together_error"], fast["together_error"])
     if abs(slow["together"] - fast["together"]) < 2.0 * error:
-        return text + "In one run of each the two regimes cannot be told apart by it; the pictures show single frames."
+        return text + (
+            "In one run of each the two regimes cannot be told apart by it; the pictures show "
+            "single frames."
+        )
     return text + f"It is {versus(slow['together'], fast['together'])} in the fast flow."
 
 
@@ -143,7 +184,14 @@ def _figure_10(regimes: list[_Regime]) -> Entry:
     ]
     head = ("", *(f"{regime.label}, {when}" for regime in regimes for when in ("start", "flow")))
     rows: Rows = [
-        (label, *(text(network.summary[name]) for r in regimes for network in (r.flow.start, r.flow.end)))
+        (
+            label,
+            *(
+                text(network.summary[name])
+                for r in regimes
+                for network in (r.flow.start, r.flow.end)
+            ),
+        )
         for name, label, text in fields
     ]
     slow, fast = (regime.flow.end for regime in regimes)
@@ -157,11 +205,11 @@ def _figure_10(regimes: list[_Regime]) -> Entry:
         rows,
         [
             (
-                f"In the flow the fast regime has {fast.coordination:.1f} contacts per grain and the slow one "
-                f"{slow.coordination:.1f}, with "
-                f"{percent(fast.rattler_share)} and {percent(slow.rattler_share)} rattlers. In the fast flow the force of a "
-                "contact is an impulse "
-                "over a time step: what the picture shows are the impacts of one step."
+                f"In the flow the fast regime has {fast.coordination:.1f} contacts per grain and "
+                f"the slow one {slow.coordination:.1f}, with {percent(fast.rattler_share)} and "
+                f"{percent(slow.rattler_share)} rattlers. In the fast flow the force of a contact "
+                "is an impulse over a time step: what the picture shows are the impacts of one "
+                "step."
             )
         ],
     )
@@ -169,9 +217,15 @@ def _figure_10(regimes: list[_Regime]) -> Entry:
 
 def _figure_11(regimes: list[_Regime]) -> Entry:
     heights = [regime.flow.heights for regime in regimes]
-    rows: Rows = [(f"y/H where v/V = {level:g}", *(f"{height[k]:.2f}" for height in heights)) for k, level in enumerate(LEVELS)]
+    rows: Rows = [
+        (f"y/H where v/V = {level:g}", *(f"{height[k]:.2f}" for height in heights))
+        for k, level in enumerate(LEVELS)
+    ]
     parts = [
-        f"in the {regime.label} regime the upper {percent(1.0 - height[0])} of the height is faster than {LEVELS[0]:g} V"
+        (
+            f"in the {regime.label} regime the upper {percent(1.0 - height[0])} of the height is "
+            f"faster than {LEVELS[0]:g} V"
+        )
         for regime, height in zip(regimes, heights, strict=True)
     ]
     return Entry(
@@ -184,9 +238,9 @@ def _figure_11(regimes: list[_Regime]) -> Entry:
         rows,
         [
             (
-                f"Without V and H in the paper only the shape can be compared: {', and '.join(parts)}. The flow localizes "
-                "at the upper wall, "
-                "because gravity makes the pressure grow downwards."
+                "Without V and H in the paper only the shape can be compared: "
+                f"{', and '.join(parts)}. The flow localizes at the upper wall, because gravity "
+                "makes the pressure grow downwards."
             )
         ],
     )
@@ -195,19 +249,30 @@ def _figure_11(regimes: list[_Regime]) -> Entry:
 def _figure_12(regimes: list[_Regime]) -> Entry:
     sizes = list(regimes[0].flow.rises)
     rows: Rows = [
-        (f"mean rise of grains of {1e3 * size:g} mm at the end", *(_kelvin(regime.flow.rises[size]) for regime in regimes))
+        (
+            f"mean rise of grains of {1e3 * size:g} mm at the end",
+            *(_kelvin(regime.flow.rises[size]) for regime in regimes),
+        )
         for size in sizes
     ]
     rows += _table(
         regimes,
         [
-            ("hottest layer, its mean rise at the end", lambda f: _kelvin(f.numbers["mean_rise"] - f.temperature.wall_values[0])),
-            ("height of the hottest layer (mean over the later half)", lambda f: f"{f.peak(f.temperature):.2f} H"),
+            (
+                "hottest layer, its mean rise at the end",
+                lambda f: _kelvin(f.numbers["mean_rise"] - f.temperature.wall_values[0]),
+            ),
+            (
+                "height of the hottest layer (mean over the later half)",
+                lambda f: f"{f.peak(f.temperature):.2f} H",
+            ),
         ],
     )
     parts = [
-        f"{regime.label}, {regime.flow.rises[sizes[0]] / regime.flow.rises[sizes[-1]]:.1f} times as much as those of "
-        f"{1e3 * sizes[-1]:g} mm"
+        (
+            f"{regime.label}, {regime.flow.rises[sizes[0]] / regime.flow.rises[sizes[-1]]:.1f} "
+            f"times as much as those of {1e3 * sizes[-1]:g} mm"
+        )
         for regime in regimes
     ]
     return Entry(
@@ -220,11 +285,10 @@ def _figure_12(regimes: list[_Regime]) -> Entry:
         rows,
         [
             (
-                f"Small grains are hottest: those of {1e3 * sizes[0]:g} mm have warmed, {'; '.join(parts)}. A contact shares "
-                "its heat equally "
-                f"(one material), and a small grain has 1/{(sizes[-1] / sizes[0]) ** 3:.0f} of the heat capacity of a large "
-                "one. The map shows single "
-                "small grains, not a smooth field."
+                f"Small grains are hottest: those of {1e3 * sizes[0]:g} mm have warmed, "
+                f"{'; '.join(parts)}. A contact shares its heat equally (one material), and a "
+                f"small grain has 1/{(sizes[-1] / sizes[0]) ** 3:.0f} of the heat capacity of a "
+                "large one. The map shows single small grains, not a smooth field."
             )
         ],
     )
@@ -247,15 +311,26 @@ def _figure_13(regimes: list[_Regime]) -> Entry:
                 "paper's heat of friction over the work of friction",
                 lambda f: f"{f.books['friction_sliding'] / f.books['friction_loss']:.2f}",
             ),
-            ("paper's heat (sliding, no impacts) over all that is lost", lambda f: f"{_counted(f):.2f}"),
+            (
+                "paper's heat (sliding, no impacts) over all that is lost",
+                lambda f: f"{_counted(f):.2f}",
+            ),
             (
                 "largest heat rate, spin, temperature at y/H",
-                lambda f: ", ".join(f"{f.peak(table):.2f}" for table in (f.heat, f.spin, f.temperature)),
+                lambda f: ", ".join(
+                    f"{f.peak(table):.2f}" for table in (f.heat, f.spin, f.temperature)
+                ),
             ),
-            ("correlation of heat with γ̇, with −spin", lambda f: "{:.2f}, {:.2f}".format(*f.likeness)),
+            (
+                "correlation of heat with γ̇, with −spin",
+                lambda f: "{:.2f}, {:.2f}".format(*f.likeness),
+            ),
             (f"−spin/γ̇ above 0.7 H (bins of H/{BINS}): least, mean, most", _spin_text),
             ("duration of the shearing", lambda f: f"{f.numbers['duration']:.2g} s"),
-            ("time for conduction across the cell, h²/(π²D)", lambda f: f"{f.numbers['conduction']:.1g} s"),
+            (
+                "time for conduction across the cell, h²/(π²D)",
+                lambda f: f"{f.numbers['conduction']:.1g} s",
+            ),
             ("time for mixing across the cell", lambda f: f"{f.numbers['mixing']:.1g} s"),
         ],
     )
@@ -285,7 +360,9 @@ def _heat(flow: Flow) -> float:
 
 
 def _counted(flow: Flow) -> float:
-    return flow.books["friction_sliding"] / (flow.books["friction_loss"] + flow.books["impact_loss"])
+    return flow.books["friction_sliding"] / (
+        flow.books["friction_loss"] + flow.books["impact_loss"]
+    )
 
 
 def _spin_text(flow: Flow) -> str:
@@ -295,30 +372,34 @@ def _spin_text(flow: Flow) -> str:
 
 def _differs_13(flows: list[Flow]) -> list[str]:
     slow, fast = flows
-    shortest = min(min(flow.numbers["conduction"], flow.numbers["mixing"]) / flow.numbers["duration"] for flow in flows)
+    shortest = min(
+        min(flow.numbers["conduction"], flow.numbers["mixing"]) / flow.numbers["duration"]
+        for flow in flows
+    )
     return [
         (
-            f"No parabola: the temperature is largest at {slow.peak(slow.temperature):.2f} H in the slow flow and at "
-            f"{fast.peak(fast.temperature):.2f} H in the fast one. Neither conduction nor mixing has carried heat across "
-            "the cell: the shorter of "
-            f"their times is at least {shortest:.0f} times the duration of the shearing. So the temperature is the source, "
-            "added up: hottest "
-            "where the shear is. Hottest in the middle needs walls that take the heat for hours, or a flow localized in "
-            "the middle; under "
-            "gravity it localizes at the upper wall, where the pressure is least."
+            f"No parabola: the temperature is largest at {slow.peak(slow.temperature):.2f} H in "
+            f"the slow flow and at {fast.peak(fast.temperature):.2f} H in the fast one. Neither "
+            "conduction nor mixing has carried heat across the cell: the shorter of their times "
+            f"is at least {shortest:.0f} times the duration of the shearing. So the temperature "
+            "is the source, added up: hottest where the shear is. Hottest in the middle needs "
+            "walls that take the heat for hours, or a flow localized in the middle; under gravity "
+            "it localizes at the upper wall, where the pressure is least."
         ),
         (
-            f"Heat and spin do look alike (correlation {slow.likeness[1]:.2f} and {fast.likeness[1]:.2f}), because both "
-            "follow the shear rate: "
-            "the source is μ*Pγ̇, the spin −γ̇/2. That is no evidence for a profile of temperature, and neither is a "
+            f"Heat and spin do look alike (correlation {slow.likeness[1]:.2f} and "
+            f"{fast.likeness[1]:.2f}), because both follow the shear rate: the source is μ*Pγ̇, "
+            "the spin −γ̇/2. That is no evidence for a profile of temperature, and neither is a "
             "granular temperature."
         ),
         (
             "Friction at the end of the step misses "
-            f"{percent(1.0 - slow.books['friction_sliding'] / slow.books['friction_loss'])} of the work of "
-            f"friction in slow flow and {percent(1.0 - fast.books['friction_sliding'] / fast.books['friction_loss'])} in "
-            "fast flow; friction "
-            f"alone leaves out the impacts, {percent(slow.books['heat_impact'] / _heat(slow))} and "
-            f"{percent(fast.books['heat_impact'] / _heat(fast))} of the heat. Ours counts both, to round-off."
+            f"{percent(1.0 - slow.books['friction_sliding'] / slow.books['friction_loss'])} of "
+            "the work of friction in slow flow and "
+            f"{percent(1.0 - fast.books['friction_sliding'] / fast.books['friction_loss'])} in "
+            "fast flow; friction alone leaves out the impacts, "
+            f"{percent(slow.books['heat_impact'] / _heat(slow))} and "
+            f"{percent(fast.books['heat_impact'] / _heat(fast))} of the heat. Ours counts both, "
+            "to round-off."
         ),
     ]

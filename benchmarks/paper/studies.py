@@ -16,7 +16,8 @@ _NAMES = ("lattice14", "heated-bed", "shear", "shear-dynamic")
 
 
 def make_page(runs: Path, folder: Path) -> Path:
-    """Run what is missing, write every figure and the page into a folder; returns the path of the page.
+    """Run what is missing, write every figure and the page into a folder; returns the path of the
+    page.
 
     Raises:
         StoreError, ScenarioError, RuntimeError: See `finish_study`.

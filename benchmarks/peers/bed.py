@@ -1,4 +1,6 @@
-"""A bed that falls and comes to rest: time per simulated second and to rest, and what the bed is like."""
+"""A bed that falls and comes to rest: time per simulated second and to rest, and what the bed is
+like.
+"""
 
 from __future__ import annotations
 
@@ -85,7 +87,12 @@ class BedColumn:
 
     def to_rest(self, bed: Bed) -> list[float]:
         """Time until the bed is at rest in each round [s]; nan where it did not come to rest."""
-        return [float(run.seconds[: k + 1].sum()) if (k := rest_frame(bed, run)) is not None else math.nan for run in self.runs]
+        return [
+            float(run.seconds[: k + 1].sum())
+            if (k := rest_frame(bed, run)) is not None
+            else math.nan
+            for run in self.runs
+        ]
 
 
 def compare_bed(
@@ -100,7 +107,9 @@ def compare_bed(
     say("compiling")
     drop_ours(start, bed, settings, wanted.dt, wanted.dt, 2)
     columns = [BedColumn(f"multicor Δt = {wanted.dt:g} s, rms {wanted.tolerance:g}", between, [])]
-    run_one: list[Callable[[], BedFrames]] = [lambda: drop_ours(start, bed, settings, wanted.dt, between, wanted.frames)]
+    run_one: list[Callable[[], BedFrames]] = [
+        lambda: drop_ours(start, bed, settings, wanted.dt, between, wanted.frames)
+    ]
     notes = []
     for kappa in wanted.kappas:
         contact = soft_contact(kappa * bed.pressure, bed.friction, bed.mass, RESTITUTION)
@@ -108,7 +117,9 @@ def compare_bed(
         for peer in peers:
             place = folder / f"bed-{peer.name}-{kappa:g}"
             place.mkdir(parents=True, exist_ok=True)
-            columns.append(BedColumn(f"{peer.name} κ = {kappa:.0e}".replace("e+0", "e"), between, []))
+            columns.append(
+                BedColumn(f"{peer.name} κ = {kappa:.0e}".replace("e+0", "e"), between, [])
+            )
             run_one.append(peer.prepare_bed(bed, contact, between, frames, place))
             if kappa > _STIFF:
                 short = f"only the first {frames * between:.3g} s, in which the grains still fall"
@@ -125,10 +136,14 @@ def bed_of(start: Start) -> Bed:
     radius, period = start.model.grains.radius, start.model.period
     layers = float((math.pi * radius**2).sum()) / (0.82 * period * DIAMETER)
     gravity = float(np.hypot(*start.model.gravity))
-    return Bed(start.state.position[:, :2].copy(), radius, DENSITY, FRICTION, period, gravity, layers)
+    return Bed(
+        start.state.position[:, :2].copy(), radius, DENSITY, FRICTION, period, gravity, layers
+    )
 
 
-def drop_ours(start: Start, bed: Bed, settings: Any, dt: float, between: float, frames: int) -> BedFrames:
+def drop_ours(
+    start: Start, bed: Bed, settings: Any, dt: float, between: float, frames: int
+) -> BedFrames:
     """Let the grains fall in the program; the steps alone are timed."""
     engine = start.engine(settings)
     steps = math.ceil(between / dt * (1.0 - 1e-9))
@@ -144,7 +159,9 @@ def drop_ours(start: Start, bed: Bed, settings: Any, dt: float, between: float, 
         velocities.append(engine.state.velocity[:, :2].copy())
         forces.append(-engine.state.window_wall_impulse[0, 1] / (between * weight))
         engine.state.window_wall_impulse[:] = 0.0
-    return BedFrames(np.array(seconds), np.array(places), np.array(velocities), np.array(forces), steps, dt)
+    return BedFrames(
+        np.array(seconds), np.array(places), np.array(velocities), np.array(forces), steps, dt
+    )
 
 
 def kinetic_of(bed: Bed, run: BedFrames) -> list[float]:
@@ -166,10 +183,13 @@ def describe(bed: Bed, column: BedColumn) -> BedState:
     rest = rest_frame(bed, run)
     last = run.position[-1]
     surface = float(np.sort(last[:, 1])[-max(1, round(bed.period / bed.diameter)) :].mean())
-    solid = fraction_between(last[:, 1], bed.radius, 5.0 * bed.diameter, surface - 5.0 * bed.diameter, bed.period)
+    solid = fraction_between(
+        last[:, 1], bed.radius, 5.0 * bed.diameter, surface - 5.0 * bed.diameter, bed.period
+    )
     overlaps = [_largest_overlap(bed, position) for position in run.position]
     return BedState(
-        math.nan if rest is None else (rest + 1) * column.between, solid, float(run.floor_force[-1]), max(overlaps), overlaps[-1],
+        math.nan if rest is None else (rest + 1) * column.between, solid,
+        float(run.floor_force[-1]), max(overlaps), overlaps[-1],
         kinetic_of(bed, run)[-1],
     )  # fmt: skip
 
@@ -184,11 +204,14 @@ def _largest_overlap(bed: Bed, position: Any) -> float:
 def as_text(bed: Bed, columns: list[BedColumn], notes: list[str]) -> str:
     """The result as a table with notes."""
     headings = (
-        "code", "s per simulated s", "ratio", "s to rest", "ratio", "steps", "Δt [s]", "rest at [s]", "ν", "floor/weight",
+        "code", "s per simulated s", "ratio", "s to rest", "ratio", "steps", "Δt [s]", ("rest at "
+            "[s]"), "ν", "floor/weight",
         "max overlap", "at the end", "kinetic",
     )  # fmt: skip
     rows = [_row(bed, columns[0], column) for column in columns]
-    return "\n".join([f"{len(bed.radius)} grains, {bed.layers:.0f} layers", "", draw(headings, rows), "", *notes])
+    return "\n".join(
+        [f"{len(bed.radius)} grains, {bed.layers:.0f} layers", "", draw(headings, rows), "", *notes]
+    )
 
 
 def _row(bed: Bed, ours: BedColumn, column: BedColumn) -> list[str]:
@@ -222,7 +245,10 @@ def as_json(bed: Bed, columns: list[BedColumn], notes: list[str]) -> dict[str, A
     """The result as JSON types."""
     codes = []
     for column in columns:
-        state = {key: value if math.isfinite(value) else None for key, value in asdict(describe(bed, column)).items()}
+        state = {
+            key: value if math.isfinite(value) else None
+            for key, value in asdict(describe(bed, column)).items()
+        }
         codes.append(
             {
                 "name": column.name,

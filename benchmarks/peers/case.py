@@ -18,7 +18,8 @@ TANGENTIAL_SHARE = 0.5
 
 @dataclass(frozen=True)
 class SoftContact:
-    """The contact of the soft codes: a spring and a damper along the normal, the same and a slider along the tangent.
+    """The contact of the soft codes: a spring and a damper along the normal, the same and a slider
+    along the tangent.
 
     Attributes:
         stiffness: k_n [N/m].
@@ -35,8 +36,11 @@ class SoftContact:
     collision: float
 
 
-def soft_contact(stiffness: float, friction: float, mass: Floats, restitution: float) -> SoftContact:
-    """A linear contact with k_t = 2/7 k_n whose damper gives the restitution to grains of the mean mass.
+def soft_contact(
+    stiffness: float, friction: float, mass: Floats, restitution: float
+) -> SoftContact:
+    """A linear contact with k_t = 2/7 k_n whose damper gives the restitution to grains of the mean
+    mass.
 
     Args:
         stiffness: k_n [N/m].
@@ -67,7 +71,8 @@ class Glued:
 
 @dataclass(frozen=True)
 class Layer:
-    """A sheared layer without gravity, periodic in x, between two rough walls; spheres with their centers in a plane.
+    """A sheared layer without gravity, periodic in x, between two rough walls; spheres with their
+    centers in a plane.
 
     Attributes:
         position: Centers of the flowing grains [m], shape ``(n, 2)``.
@@ -83,7 +88,8 @@ class Layer:
         wall_mass: Mass of the upper wall [kg].
         load: Force that presses the upper wall down [N].
         wall_damping: Constant of the damper on the upper wall's motion along y [N s/m].
-        height: Distance of the centers of the walls at the start [m]; strain is speed × time over it.
+        height: Distance of the centers of the walls at the start [m]; strain is speed × time over
+            it.
     """
 
     position: Floats
@@ -158,7 +164,8 @@ class Frames:
     Attributes:
         position: Centers of flowing grains, lower wall, upper wall [m], shape ``(f, n + k, 2)``.
         velocity: v_x of the flowing grains [m/s], shape ``(f, n)``.
-        wall_force: Mean force of the grains on the upper wall since the frame before [N], shape ``(f, 2)``.
+        wall_force: Mean force of the grains on the upper wall since the frame before [N], shape
+            ``(f, 2)``.
     """
 
     position: Floats
@@ -217,7 +224,8 @@ class BedFrames:
         seconds: Time of the program between a frame and the one before [s], shape ``(f,)``.
         position: Centers [m], shape ``(f, n, 2)``.
         velocity: v_x, v_y [m/s], shape ``(f, n, 2)``.
-        floor_force: Mean force on the floor since the frame before, over the weight, shape ``(f,)``.
+        floor_force: Mean force on the floor since the frame before, over the weight, shape
+            ``(f,)``.
         steps: Steps between two frames.
         dt: Time step [s].
     """

@@ -1,4 +1,6 @@
-"""What LAMMPS and LIGGGHTS have in common: files of grains, scripts, and what comes back from them."""
+"""What LAMMPS and LIGGGHTS have in common: files of grains, scripts, and what comes back from
+them.
+"""
 
 from __future__ import annotations
 
@@ -97,7 +99,9 @@ def choose(trials: dict[Tuning, float]) -> Tuning:
     first = next(iter(trials))
     best = {"style": first.style, "skin": first.skin, "grid": first.grid}
     for key in best:
-        alike = [t for t in trials if all(getattr(t, k) == getattr(first, k) for k in best if k != key)]
+        alike = [
+            t for t in trials if all(getattr(t, k) == getattr(first, k) for k in best if k != key)
+        ]
         best[key] = getattr(min(alike, key=trials.__getitem__), key)
     return Tuning(**best)  # type: ignore[arg-type]
 
@@ -125,10 +129,18 @@ def write_bodies(path: Path, bodies: Bodies, *, is_heated: bool = False) -> None
         "",
     ]
     heat = " 0.0" if is_heated else ""
-    rows = zip(bodies.radius.tolist(), bodies.density.tolist(), bodies.position.tolist(), strict=True)
-    lines += [f"{k} 1 {2.0 * a!r} {rho!r} {p[0]!r} {p[1]!r} 0.0{heat}" for k, (a, rho, p) in enumerate(rows, 1)]
+    rows = zip(
+        bodies.radius.tolist(), bodies.density.tolist(), bodies.position.tolist(), strict=True
+    )
+    lines += [
+        f"{k} 1 {2.0 * a!r} {rho!r} {p[0]!r} {p[1]!r} 0.0{heat}"
+        for k, (a, rho, p) in enumerate(rows, 1)
+    ]
     lines += ["", "Velocities", ""]
-    lines += [f"{k} {v[0]!r} {v[1]!r} 0.0 0.0 0.0 {v[2]!r}" for k, v in enumerate(bodies.velocity.tolist(), 1)]
+    lines += [
+        f"{k} {v[0]!r} {v[1]!r} 0.0 0.0 0.0 {v[2]!r}"
+        for k, v in enumerate(bodies.velocity.tolist(), 1)
+    ]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
@@ -136,13 +148,17 @@ def begin_lines(dialect: Dialect, contact: SoftContact, tuning: Tuning, radius: 
     """Lines from the start of a script to its contacts and neighbor lists."""
     x, y = tuning.grid
     return [
-        "units si", *dialect.begin, "atom_modify map array sort 1000 0", "boundary p f f", "newton off",
+        "units si", *dialect.begin, "atom_modify map array sort 1000 0", "boundary p f f",
+        ("newton "
+            "off"),
         f"processors {x} {y} 1", "read_data grains.data", *dialect.pair(tuning.style, contact),
         f"neighbor {tuning.skin * radius!r} bin", "neigh_modify delay 0 every 1 check yes",
     ]  # fmt: skip
 
 
-def run_script(dialect: Dialect, program: str, lines: list[str], folder: Path, cores: int) -> list[Loop]:
+def run_script(
+    dialect: Dialect, program: str, lines: list[str], folder: Path, cores: int
+) -> list[Loop]:
     """Run a script in a folder that holds its grains; returns its ``run`` commands.
 
     Raises:
@@ -151,7 +167,9 @@ def run_script(dialect: Dialect, program: str, lines: list[str], folder: Path, c
     (folder / "in.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
     log = folder / "log.txt"
     try:
-        run_program([program, "-in", "in.txt", "-log", "log.txt", "-screen", "none"], folder, cores=cores)
+        run_program(
+            [program, "-in", "in.txt", "-log", "log.txt", "-screen", "none"], folder, cores=cores
+        )
     except PeerError as error:
         said = log.read_text(encoding="utf-8", errors="replace") if log.exists() else ""
         message = f"{error}\n{said[-500:]}"
@@ -169,13 +187,17 @@ def parse_loops(log: str) -> list[Loop]:
 
 
 def read_dump(path: Path, columns: int) -> Floats:
-    """Frames of a text dump sorted by id, shape ``(frames, n, columns)``; the id itself is left out."""
+    """Frames of a text dump sorted by id, shape ``(frames, n, columns)``; the id itself is left
+    out.
+    """
     frames, lines = [], path.read_text(encoding="utf-8").splitlines()
     at = 0
     while at < len(lines):
         count = int(lines[at + 3])
         start = at + 9
-        table = np.array(" ".join(lines[start : start + count]).split(), np.float64).reshape(count, -1)
+        table = np.array(" ".join(lines[start : start + count]).split(), np.float64).reshape(
+            count, -1
+        )
         frames.append(table[np.argsort(table[:, 0]), 1 : 1 + columns])
         at = start + count
     return np.array(frames)

@@ -15,10 +15,14 @@ def write_bed(path: Path, bed: Bed) -> None:
     n = len(bed.radius)
     top = float(bed.position[:, 1].max()) + 4.0 * bed.diameter
     low, high = (0.0, -bed.diameter), (bed.period, top)
-    write_bodies(path, Bodies(bed.position, np.zeros((n, 3)), bed.radius, np.full(n, bed.density), low, high))
+    write_bodies(
+        path, Bodies(bed.position, np.zeros((n, 3)), bed.radius, np.full(n, bed.density), low, high)
+    )
 
 
-def bed_lines(dialect: Dialect, bed: Bed, contact: SoftContact, tuning: Tuning, dt: float) -> list[str]:
+def bed_lines(
+    dialect: Dialect, bed: Bed, contact: SoftContact, tuning: Tuning, dt: float
+) -> list[str]:
     """The script up to its first ``run``."""
     return [
         *begin_lines(dialect, contact, tuning, float(bed.radius.max())),
@@ -30,7 +34,8 @@ def bed_lines(dialect: Dialect, bed: Bed, contact: SoftContact, tuning: Tuning, 
 
 
 def drop_bed(
-    dialect: Dialect, program: str, cores: int, bed: Bed, contact: SoftContact, tuning: Tuning, substeps: float, between: float,
+    dialect: Dialect, program: str, cores: int, bed: Bed, contact: SoftContact, tuning: Tuning,
+    substeps: float, between: float,
     frames: int, folder: Path,
 ) -> BedFrames:  # fmt: skip
     """Let the grains fall.
@@ -51,11 +56,21 @@ def drop_bed(
     dt = between / steps
     write_bed(folder / "grains.data", bed)
     lines = bed_lines(dialect, bed, contact, tuning, dt)
-    lines += [f"dump seen all custom {steps} seen.txt id x y vx vy", f"dump_modify seen first no {dialect.dump_format(4)}"]
+    lines += [
+        f"dump seen all custom {steps} seen.txt id x y vx vy",
+        f"dump_modify seen first no {dialect.dump_format(4)}",
+    ]
     loops = run_script(dialect, program, [*lines, *[f"run {steps}"] * frames], folder, cores)
     seen = read_dump(folder / "seen.txt", 4)[-frames:]
     seconds = np.array([loop.seconds for loop in loops])
-    return BedFrames(seconds, seen[:, :, :2], seen[:, :, 2:], _floor_force(bed, seen[:, :, 3], between), steps, dt)
+    return BedFrames(
+        seconds,
+        seen[:, :, :2],
+        seen[:, :, 2:],
+        _floor_force(bed, seen[:, :, 3], between),
+        steps,
+        dt,
+    )
 
 
 def _floor_force(bed: Bed, rise: Floats, between: float) -> Floats:

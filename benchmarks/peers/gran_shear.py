@@ -8,7 +8,18 @@ from pathlib import Path
 
 import numpy as np
 from case import FlowPlan, Frames, Layer, SoftContact, sphere_mass
-from gran import Bodies, Dialect, Tuning, begin_lines, candidates, choose, read_averages, read_dump, run_script, write_bodies
+from gran import (
+    Bodies,
+    Dialect,
+    Tuning,
+    begin_lines,
+    candidates,
+    choose,
+    read_averages,
+    read_dump,
+    run_script,
+    write_bodies,
+)
 
 _TRIAL_STEPS = 4_000
 _SAMPLED_EVERY = 10  # steps between two samples of the force on the wall
@@ -53,14 +64,25 @@ class GranShear:
         trials = {}
         for tuning in candidates(self.dialect, self.cores):
             write_layer(folder / "grains.data", layer)
-            lines = [*layer_lines(self.dialect, layer, contact, tuning, dt), f"run {_TRIAL_STEPS}", f"run {_TRIAL_STEPS}"]
-            trials[tuning] = run_script(self.dialect, self.program, lines, folder, self.cores)[-1].seconds
+            lines = [
+                *layer_lines(self.dialect, layer, contact, tuning, dt),
+                f"run {_TRIAL_STEPS}",
+                f"run {_TRIAL_STEPS}",
+            ]
+            trials[tuning] = run_script(self.dialect, self.program, lines, folder, self.cores)[
+                -1
+            ].seconds
         return choose(trials)
 
-    def flow(self, layer: Layer, contact: SoftContact, tuning: Tuning, plan: FlowPlan, folder: Path) -> GranRun:
+    def flow(
+        self, layer: Layer, contact: SoftContact, tuning: Tuning, plan: FlowPlan, folder: Path
+    ) -> GranRun:
         """Let the layer flow, then measure it."""
         duration = layer.duration(plan.between)
-        every = math.ceil(duration * self.substeps / contact.collision / _SAMPLED_EVERY) * _SAMPLED_EVERY
+        every = (
+            math.ceil(duration * self.substeps / contact.collision / _SAMPLED_EVERY)
+            * _SAMPLED_EVERY
+        )
         dt = duration / every
         write_layer(folder / "grains.data", layer)
         lines = layer_lines(self.dialect, layer, contact, tuning, dt)
@@ -76,7 +98,9 @@ def write_layer(path: Path, layer: Layer) -> None:
     top = len(layer.top.radius)
     count = len(layer.radius) + len(layer.bottom.radius)
     share = layer.wall_mass / top
-    density = np.concatenate([np.full(count, layer.density), share / sphere_mass(layer.top.radius, 1.0)])
+    density = np.concatenate(
+        [np.full(count, layer.density), share / sphere_mass(layer.top.radius, 1.0)]
+    )
     velocity = np.zeros((count + top, 3))
     velocity[: len(layer.radius)] = layer.velocity
     velocity[count:, 0], velocity[count:, 1] = layer.speed, layer.rise
@@ -84,19 +108,33 @@ def write_layer(path: Path, layer: Layer) -> None:
     position[:, 0] = np.mod(position[:, 0], layer.period)
     low, high = float(position[:, 1].min()), float(position[:, 1].max())
     room = 0.1 * (high - low)
-    write_bodies(path, Bodies(position, velocity, layer.all_radius, density, (0.0, low - room), (layer.period, high + room)))
+    write_bodies(
+        path,
+        Bodies(
+            position,
+            velocity,
+            layer.all_radius,
+            density,
+            (0.0, low - room),
+            (layer.period, high + room),
+        ),
+    )
 
 
-def layer_lines(dialect: Dialect, layer: Layer, contact: SoftContact, tuning: Tuning, dt: float) -> list[str]:
+def layer_lines(
+    dialect: Dialect, layer: Layer, contact: SoftContact, tuning: Tuning, dt: float
+) -> list[str]:
     """The script up to its first ``run``.
 
-    The upper wall moves as one: the forces along y on its grains are averaged, the load's share is added, and those along x are
-    dropped. Its damper is ``fix viscous``, which also acts along x, where its force is known: `read_frames` takes it out.
+    The upper wall moves as one: the forces along y on its grains are averaged, the load's share is
+    added, and those along x are dropped. Its damper is ``fix viscous``, which also acts along x,
+    where its force is known: `read_frames` takes it out.
     """
     n, k, top = len(layer.radius), len(layer.bottom.radius), len(layer.top.radius)
     return [
         *begin_lines(dialect, contact, tuning, float(layer.radius.max())),
-        f"group flow id 1:{n}", f"group bottom id {n + 1}:{n + k}", f"group top id {n + k + 1}:{n + k + top}",
+        f"group flow id 1:{n}", f"group bottom id {n + 1}:{n + k}", ("group top id "
+            f"{n + k + 1}:{n + k + top}"),
         "neigh_modify exclude group bottom bottom", "neigh_modify exclude group top top",
         f"timestep {dt!r}",
         "fix move flow nve/sphere", "fix carry top nve", "fix hold bottom freeze",
@@ -111,7 +149,10 @@ def _output_lines(dialect: Dialect, every: int) -> list[str]:
     return [
         f"dump seen all custom {every} seen.txt id x y vx",
         f"dump_modify seen first no {dialect.dump_format(3)}",
-        f"fix force all ave/time {_SAMPLED_EVERY} {every // _SAMPLED_EVERY} {every} f_drive[1] f_load[2] file force.txt",
+        (
+            f"fix force all ave/time {_SAMPLED_EVERY} {every // _SAMPLED_EVERY} {every} "
+            "f_drive[1] f_load[2] file force.txt"
+        ),
     ]
 
 

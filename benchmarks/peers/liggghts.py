@@ -15,7 +15,10 @@ def _pair(style: str, c: SoftContact) -> list[str]:
         "gammat": TANGENTIAL_SHARE * c.damping,
         "coefficientFriction": c.friction,
     }
-    properties = [f"fix {name} all property/global {name} peratomtypepair 1 {value!r}" for name, value in values.items()]
+    properties = [
+        f"fix {name} all property/global {name} peratomtypepair 1 {value!r}"
+        for name, value in values.items()
+    ]
     return [*properties, f"pair_style gran model {style} tangential history", "pair_coeff * *"]
 
 

@@ -1,4 +1,6 @@
-"""The same estimators for all codes: friction of the wall, solid fraction of the bulk, overlaps, shear rate of the bulk."""
+"""The same estimators for all codes: friction of the wall, solid fraction of the bulk, overlaps,
+shear rate of the bulk.
+"""
 
 from __future__ import annotations
 
@@ -47,9 +49,19 @@ class Accuracy:
 def measure_flow(layer: Layer, rounds: Sequence[Frames]) -> Accuracy:
     """Measure flows of one layer, begun from different states, together."""
     force = np.concatenate([frames.wall_force for frames in rounds])
-    solid = np.concatenate([[bulk_fraction(layer, p) for p in frames.position] for frames in rounds])
-    slopes = [bulk_rate(layer, p, v) for frames in rounds for p, v in zip(frames.position, frames.velocity, strict=True)]
-    overlaps = [overlaps_of(p, layer.all_radius, layer.period, len(layer.radius)) for f in rounds for p in f.position]
+    solid = np.concatenate(
+        [[bulk_fraction(layer, p) for p in frames.position] for frames in rounds]
+    )
+    slopes = [
+        bulk_rate(layer, p, v)
+        for frames in rounds
+        for p, v in zip(frames.position, frames.velocity, strict=True)
+    ]
+    overlaps = [
+        overlaps_of(p, layer.all_radius, layer.period, len(layer.radius))
+        for f in rounds
+        for p in f.position
+    ]
     touching = np.concatenate(overlaps)
     return Accuracy(
         ratio_of_blocks(-force[:, 0], force[:, 1]),
@@ -83,7 +95,9 @@ def bulk_fraction(layer: Layer, position: Floats) -> float:
 
 
 def fraction_between(y: Floats, radius: Floats, low: float, high: float, period: float) -> float:
-    """Area of discs over the area between two heights [m]; discs at the edges count with the part inside."""
+    """Area of discs over the area between two heights [m]; discs at the edges count with the part
+    inside.
+    """
     inside = _area_below(high - y, radius) - _area_below(low - y, radius)
     return float(inside.sum() / (period * (high - low)))
 
@@ -97,7 +111,9 @@ def bulk_rate(layer: Layer, position: Floats, velocity: Floats) -> float:
 
 
 def overlaps_of(position: Floats, radius: Floats, period: float, movable: int) -> Floats:
-    """Overlaps over the smaller radius of the pairs that overlap; pairs of two glued grains do not count."""
+    """Overlaps over the smaller radius of the pairs that overlap; pairs of two glued grains do not
+    count.
+    """
     pair, gap = near_pairs(position, radius, period, 0.0)
     counts = (pair[:, 0] < movable) | (pair[:, 1] < movable)
     smaller = np.minimum(radius[pair[:, 0]], radius[pair[:, 1]])
@@ -105,13 +121,21 @@ def overlaps_of(position: Floats, radius: Floats, period: float, movable: int) -
     return np.asarray(overlap[counts & (overlap > 0.0)])
 
 
-def near_pairs(position: Floats, radius: Floats, period: float, reach: float) -> tuple[Ints, Floats]:
-    """Pairs of discs whose gap is at most ``reach`` [m], in a domain periodic in x, and their gaps [m]."""
+def near_pairs(
+    position: Floats, radius: Floats, period: float, reach: float
+) -> tuple[Ints, Floats]:
+    """Pairs of discs whose gap is at most ``reach`` [m], in a domain periodic in x, and their gaps
+    [m].
+    """
     place = np.column_stack([np.mod(position[:, 0], period), position[:, 1]])
     place[place[:, 0] >= period, 0] = 0.0
     place[:, 1] -= place[:, 1].min()
     tree = cKDTree(place, boxsize=(period, 4.0 * place[:, 1].max() + 4.0 * period))
-    pair = tree.query_pairs(2.0 * float(radius.max()) + reach, output_type="ndarray").astype(np.int64).reshape(-1, 2)
+    pair = (
+        tree.query_pairs(2.0 * float(radius.max()) + reach, output_type="ndarray")
+        .astype(np.int64)
+        .reshape(-1, 2)
+    )
     delta = place[pair[:, 0]] - place[pair[:, 1]]
     delta[:, 0] -= period * np.rint(delta[:, 0] / period)
     gap = np.hypot(delta[:, 0], delta[:, 1]) - radius[pair[:, 0]] - radius[pair[:, 1]]
@@ -123,7 +147,9 @@ def _bulk(layer: Layer, position: Floats) -> tuple[float, float]:
     """Lower and upper edge of what counts as bulk [m]."""
     n, k = len(layer.radius), len(layer.bottom.radius)
     skipped = SKIPPED * 2.0 * float(layer.radius.mean())
-    return float(position[n : n + k, 1].mean()) + skipped, float(position[n + k :, 1].mean()) - skipped
+    return float(position[n : n + k, 1].mean()) + skipped, float(
+        position[n + k :, 1].mean()
+    ) - skipped
 
 
 def _area_below(level: Floats, radius: Floats) -> Floats:

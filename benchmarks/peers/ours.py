@@ -125,7 +125,9 @@ def glued(model: Model, state: State, wall: int) -> Glued:
     """The grains of a rough wall where they are."""
     shapes = model.shapes
     mine = (shapes.wall == wall) & (shapes.kind == ShapeKind.DISC)
-    return Glued(shapes.geometry[mine, :2] + state.wall_position[wall, :2], shapes.geometry[mine, 2])
+    return Glued(
+        shapes.geometry[mine, :2] + state.wall_position[wall, :2], shapes.geometry[mine, 2]
+    )
 
 
 def flow(start: Start, layer: Layer, settings: Settings, dt_tau: float, plan: FlowPlan) -> OurRun:
@@ -152,8 +154,10 @@ def flow(start: Start, layer: Layer, settings: Settings, dt_tau: float, plan: Fl
         seen.append(_look(engine.state, start.model, every * dt))
     places, velocities, forces = (np.array(part) for part in zip(*seen, strict=True))
     return OurRun(
-        seconds, len(reports), dt, Frames(places, velocities, forces), _mean(r.sweeps for r in reports),
-        _mean(r.rms for r in reports), max(r.overlap for r in reports), sum(not r.converged for r in reports),
+        seconds, len(reports), dt, Frames(places, velocities, forces),
+        _mean(r.sweeps for r in reports),
+        _mean(r.rms for r in reports), max(r.overlap for r in reports),
+        sum(not r.converged for r in reports),
     )  # fmt: skip
 
 

@@ -1,4 +1,6 @@
-"""The other codes that move grains: which there are, which of them are installed, and what each can do."""
+"""The other codes that move grains: which there are, which of them are installed, and what each can
+do.
+"""
 
 from __future__ import annotations
 
@@ -58,12 +60,17 @@ class GranPeer:
         """See `SoftPeer`."""
         study = GranShear(self.dialect, self.program, self.cores, self.substeps)
         tuning = study.tune(layer, contact, folder)
-        note = f"{tuning.style}, skin {tuning.skin:g} radii, Δt = 1/{self.substeps:g} of the shortest collision"
+        note = (
+            f"{tuning.style}, skin {tuning.skin:g} radii, Δt = 1/{self.substeps:g} of the "
+            "shortest collision"
+        )
         if self.cores > 1:
             note += f", grid {tuning.grid[0]} × {tuning.grid[1]}"
         return lambda start: study.flow(start, contact, tuning, plan, folder), note
 
-    def prepare_bed(self, bed: Bed, contact: SoftContact, between: float, frames: int, folder: Path) -> Callable[[], BedFrames]:
+    def prepare_bed(
+        self, bed: Bed, contact: SoftContact, between: float, frames: int, folder: Path
+    ) -> Callable[[], BedFrames]:
         """What lets the bed fall; arguments as `gran_bed.drop_bed`."""
         tuning = Tuning(self.dialect.styles[0], 0.2, (self.cores, 1))
         d, p, c, s = self.dialect, self.program, self.cores, self.substeps
@@ -107,12 +114,18 @@ def find_siconos(python: str) -> str | None:
     interpreter = shutil.which(python)
     if interpreter is None:
         return None
-    done = subprocess.run([interpreter, "-c", "import siconos.numerics, scipy"], capture_output=True, check=False)
+    done = subprocess.run(
+        [interpreter, "-c", "import siconos.numerics, scipy"], capture_output=True, check=False
+    )
     return interpreter if done.returncode == 0 else None
 
 
 def siconos_version(python: str) -> str:
-    """Version of the Debian package where there is one (the module does not know its own), else the interpreter."""
+    """Version of the Debian package where there is one (the module does not know its own), else the
+    interpreter.
+    """
     query = shutil.which("dpkg-query")
-    known = "" if query is None else first_line([query, "-W", "-f", "${Version}", "python3-siconos"])
+    known = (
+        "" if query is None else first_line([query, "-W", "-f", "${Version}", "python3-siconos"])
+    )
     return f"package {known}" if known else f"of {python}"

@@ -1,4 +1,6 @@
-"""Contact problems of the benchmark's scenes, solved by Siconos and by the program to the same error."""
+"""Contact problems of the benchmark's scenes, solved by Siconos and by the program to the same
+error.
+"""
 
 from __future__ import annotations
 
@@ -78,7 +80,9 @@ def take_problem(scene: str, grains: int) -> SceneProblem:
 
 
 def as_matrix(problem: ContactProblem) -> MatrixProblem:
-    """The problem with its matrix W = H M⁻¹ Hᵀ; the scale is the rms closing velocity of the contacts that close."""
+    """The problem with its matrix W = H M⁻¹ Hᵀ; the scale is the rms closing velocity of the
+    contacts that close.
+    """
     count, bodies = len(problem.pair), len(problem.velocity)
     (nx, ny), lever = problem.normal.T, problem.levers()
     one = np.ones(count)
@@ -88,15 +92,24 @@ def as_matrix(problem: ContactProblem) -> MatrixProblem:
     column = 3 * np.repeat(problem.pair.astype(np.int64), 3, axis=1) + np.tile([0, 1, 2], 2)
     columns = np.broadcast_to(column[:, None, :], values.shape)
     pointers = np.arange(0, 12 * count + 1, 6)
-    rows = sparse.csr_matrix((values.ravel(), columns.ravel(), pointers), shape=(2 * count, 3 * bodies))
+    rows = sparse.csr_matrix(
+        (values.ravel(), columns.ravel(), pointers), shape=(2 * count, 3 * bodies)
+    )
     matrix = sparse.csr_matrix(rows @ sparse.diags(problem.inverse_mass.ravel()) @ rows.T)
     free = free_velocity(problem) + np.stack([problem.bias, 0.0 * one], axis=1)
     closing = free[free[:, 0] < 0.0, 0]
-    return MatrixProblem(matrix, free.ravel(), problem.friction, float(np.sqrt((closing**2).mean())))
+    return MatrixProblem(
+        matrix, free.ravel(), problem.friction, float(np.sqrt((closing**2).mean()))
+    )
 
 
 def race(
-    scenes: list[tuple[str, int]], python: str | None, rounds: int, limit: float, folder: Path, say: Callable[[str], None]
+    scenes: list[tuple[str, int]],
+    python: str | None,
+    rounds: int,
+    limit: float,
+    folder: Path,
+    say: Callable[[str], None],
 ) -> list[Race]:
     """Solve the problems of scenes, cold and warm, in rounds that alternate between the solvers.
 
@@ -117,20 +130,28 @@ def race(
             start = found.start if is_warm else np.zeros_like(found.start)
             one = Race(name, is_warm, len(found.problem.pair), [], [])
             for round_ in range(rounds):
-                say(f"{name}, {one.contacts} contacts, {'warm' if is_warm else 'cold'}, round {round_ + 1}")
+                say(
+                    f"{name}, {one.contacts} contacts, {'warm' if is_warm else 'cold'}, round "
+                    f"{round_ + 1}"
+                )
                 one.ours.append(solve_ours(found.problem, matrix, start, limit))
                 if python is not None and not one.failure:
                     try:
                         one.theirs.append(solve_theirs(matrix, start, python, limit, folder))
-                    except PeerError as error:  # it is killed for memory, or crashes, where problems are large
+                    # it is killed for memory, or crashes, where problems are large
+                    except PeerError as error:
                         one.failure = str(error).splitlines()[0]
                         say(one.failure)
             races.append(one)
     return races
 
 
-def solve_ours(problem: ContactProblem, matrix: MatrixProblem, start: Floats, limit: float) -> list[Snapshot]:
-    """Solve it again and again with ever smaller tolerances, from the start each time; the time is that of the whole call."""
+def solve_ours(
+    problem: ContactProblem, matrix: MatrixProblem, start: Floats, limit: float
+) -> list[Snapshot]:
+    """Solve it again and again with ever smaller tolerances, from the start each time; the time is
+    that of the whole call.
+    """
     moments = [Snapshot(0.0, 0.0, natural_error(matrix, start))]
     solve_contacts(problem, loosened(1e3), start=start)  # compiles
     spent = 0.0
@@ -141,16 +162,28 @@ def solve_ours(problem: ContactProblem, matrix: MatrixProblem, start: Floats, li
         seconds = time.perf_counter() - begin
         moments.append(Snapshot(seconds, solution.sweeps, natural_error(matrix, solution.impulse)))
         spent += seconds
-        if moments[-1].error <= TARGETS[-1] or max(seconds, spent / _REPEATED) > limit or not solution.converged:
+        if (
+            moments[-1].error <= TARGETS[-1]
+            or max(seconds, spent / _REPEATED) > limit
+            or not solution.converged
+        ):
             break
     return moments
 
 
-def solve_theirs(matrix: MatrixProblem, start: Floats, python: str, limit: float, folder: Path) -> list[Snapshot]:
+def solve_theirs(
+    matrix: MatrixProblem, start: Floats, python: str, limit: float, folder: Path
+) -> list[Snapshot]:
     """Solve it with Siconos; the time is that of its driver, without making its matrix."""
-    save_problem(str(folder / "problem.npz"), matrix, start=start.ravel(), target=TARGETS[-1], limit=limit)
+    save_problem(
+        str(folder / "problem.npz"), matrix, start=start.ravel(), target=TARGETS[-1], limit=limit
+    )
     worker = Path(__file__).resolve().parent / "siconos_worker.py"
-    run_program([python, str(worker), "problem.npz", "solution.npz"], folder, environment={"PYTHONPATH": str(worker.parent)})
+    run_program(
+        [python, str(worker), "problem.npz", "solution.npz"],
+        folder,
+        environment={"PYTHONPATH": str(worker.parent)},
+    )
     with np.load(folder / "solution.npz") as stored:
         rows = zip(stored["seconds"], stored["iterations"], stored["errors"], strict=True)
         return [Snapshot(float(s), float(i), float(e)) for s, i, e in rows]
@@ -169,7 +202,17 @@ def per_contact(moments: list[Snapshot], contacts: int) -> float:
 
 def as_text(races: list[Race]) -> str:
     """The result as a table."""
-    headings = ("problem", "contacts", "start", "error", "ours [s]", "sweeps", "siconos [s]", "sweeps", "ratio")
+    headings = (
+        "problem",
+        "contacts",
+        "start",
+        "error",
+        "ours [s]",
+        "sweeps",
+        "siconos [s]",
+        "sweeps",
+        "ratio",
+    )
     rows = [_row(one, target) for one in races for target in TARGETS]
     return "\n".join([draw(headings, rows), "", *_notes(races)])
 
@@ -177,7 +220,8 @@ def as_text(races: list[Race]) -> str:
 def _row(one: Race, target: float) -> list[str]:
     ours, theirs = _reached(one.ours, target), _reached(one.theirs, target)
     return [
-        one.scene, f"{one.contacts}", "warm" if one.is_warm else "cold", f"{target:.0e}", *_cells(one.ours, ours),
+        one.scene, f"{one.contacts}", "warm" if one.is_warm else "cold", f"{target:.0e}",
+        *_cells(one.ours, ours),
         *(["failed", ""] if one.failure else _cells(one.theirs, theirs)), _ratio(one, ours, theirs),
     ]  # fmt: skip
 
@@ -185,9 +229,15 @@ def _row(one: Race, target: float) -> list[str]:
 def _ratio(one: Race, ours: list[Snapshot], theirs: list[Snapshot]) -> str:
     """Siconos over ours; a lower bound where it has not arrived within its time."""
     if theirs:
-        ratios = [b.seconds / a.seconds for a, b in zip(ours, theirs, strict=False) if a.seconds > 0.0]
+        ratios = [
+            b.seconds / a.seconds for a, b in zip(ours, theirs, strict=False) if a.seconds > 0.0
+        ]
         return spread(ratios) if ratios else ""
-    bounds = [max(m.seconds for m in b) / a.seconds for a, b in zip(ours, one.theirs, strict=False) if a.seconds > 0.0]
+    bounds = [
+        max(m.seconds for m in b) / a.seconds
+        for a, b in zip(ours, one.theirs, strict=False)
+        if a.seconds > 0.0
+    ]
     return f"> {min(bounds):.3g}" if bounds else ""
 
 
@@ -207,14 +257,25 @@ def _cells(rounds: list[list[Snapshot]], reached: list[Snapshot]) -> list[str]:
 
 
 def _notes(races: list[Race]) -> list[str]:
-    lines = ["error: rms over the contacts of the natural map, over the rms closing velocity; the same function for both answers"]
+    lines = [
+        (
+            "error: rms over the contacts of the natural map, over the rms closing velocity; the "
+            "same function for both answers"
+        )
+    ]
     for one in races:
         if one.failure:
             lines.append(f"{one.scene}, {one.contacts} contacts: siconos: {one.failure}")
         if not one.is_warm:
-            mine, other = ([1e9 * per_contact(moments, one.contacts) for moments in r] for r in (one.ours, one.theirs))
+            mine, other = (
+                [1e9 * per_contact(moments, one.contacts) for moments in r]
+                for r in (one.ours, one.theirs)
+            )
             siconos = f", siconos {spread(other)}" if other else ""
-            lines.append(f"{one.scene}, {one.contacts} contacts: ns per contact and sweep: ours {spread(mine)}{siconos}")
+            lines.append(
+                f"{one.scene}, {one.contacts} contacts: ns per contact and sweep: ours "
+                f"{spread(mine)}{siconos}"
+            )
     return lines
 
 

@@ -21,7 +21,13 @@ def find_program(name: str) -> str | None:
     return shutil.which(name)
 
 
-def run_program(command: Sequence[str], folder: Path, *, cores: int = 1, environment: dict[str, str] | None = None) -> str:
+def run_program(
+    command: Sequence[str],
+    folder: Path,
+    *,
+    cores: int = 1,
+    environment: dict[str, str] | None = None,
+) -> str:
     """Run a program in a folder and return what it printed.
 
     Args:
@@ -40,7 +46,14 @@ def run_program(command: Sequence[str], folder: Path, *, cores: int = 1, environ
         if "Open MPI" in _version(mpi):
             launcher[1:1] = ["--allow-run-as-root", "--bind-to", "core"]
     variables = {**os.environ, "OMP_NUM_THREADS": "1", **(environment or {})}
-    done = subprocess.run([*launcher, *command], cwd=folder, env=variables, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [*launcher, *command],
+        cwd=folder,
+        env=variables,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     if done.returncode:
         tail = "\n".join((done.stdout + done.stderr).strip().splitlines()[-_TAIL:])
         message = f"{command[0]} failed with exit code {done.returncode}:\n{tail}"
@@ -51,7 +64,9 @@ def run_program(command: Sequence[str], folder: Path, *, cores: int = 1, environ
 def printed_by(command: Sequence[str]) -> str:
     """What a command prints, whatever its exit code."""
     with tempfile.TemporaryDirectory() as folder:  # some write a log wherever they are
-        return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False).stdout
+        return subprocess.run(
+            command, cwd=folder, capture_output=True, text=True, check=False
+        ).stdout
 
 
 def first_line(command: Sequence[str]) -> str:

@@ -1,4 +1,6 @@
-"""The contact problem in matrix form, and one error for the answers of all solvers. Needs numpy and scipy alone."""
+"""The contact problem in matrix form, and one error for the answers of all solvers. Needs numpy and
+scipy alone.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,8 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class MatrixProblem:
-    """Find p with u = W p + q, 0 ≤ p_n ⟂ u_n ≥ 0, and Coulomb's law for p_t; ``c`` contacts, normal before tangential.
+    """Find p with u = W p + q, 0 ≤ p_n ⟂ u_n ≥ 0, and Coulomb's law for p_t; ``c`` contacts, normal
+    before tangential.
 
     Attributes:
         matrix: W [1/kg], shape ``(2 c, 2 c)``.
@@ -29,7 +32,8 @@ class MatrixProblem:
 
 
 def natural_error(problem: MatrixProblem, impulse: Floats) -> float:
-    """rms over the contacts of W_nn |p − proj_K(p − (u + μ|u_t| n)/W_nn)|, over the scale; 0 for a solution only.
+    """rms over the contacts of W_nn |p − proj_K(p − (u + μ|u_t| n)/W_nn)|, over the scale; 0 for a
+    solution only.
 
     Args:
         problem: The problem.
@@ -39,7 +43,9 @@ def natural_error(problem: MatrixProblem, impulse: Floats) -> float:
     u = (problem.matrix @ p.ravel() + problem.free).reshape(-1, 2)
     diagonal = problem.matrix.diagonal()[::2]
     mu = problem.friction
-    projected = _project(p[:, 0] - (u[:, 0] + mu * np.abs(u[:, 1])) / diagonal, p[:, 1] - u[:, 1] / diagonal, mu)
+    projected = _project(
+        p[:, 0] - (u[:, 0] + mu * np.abs(u[:, 1])) / diagonal, p[:, 1] - u[:, 1] / diagonal, mu
+    )
     change = diagonal[:, None] * (p - projected)
     return float(np.sqrt((change**2).sum(axis=1).mean()) / problem.scale)
 
@@ -55,7 +61,9 @@ def _project(n: Floats, t: Floats, mu: Floats) -> Floats:
     return np.column_stack([normal, tangent])
 
 
-def save_problem(path: str, problem: MatrixProblem, start: Floats, target: float, limit: float) -> None:
+def save_problem(
+    path: str, problem: MatrixProblem, start: Floats, target: float, limit: float
+) -> None:
     """Write a problem as ``.npz``.
 
     Args:
@@ -67,7 +75,12 @@ def save_problem(path: str, problem: MatrixProblem, start: Floats, target: float
     """
     w = problem.matrix
     parts = {"data": w.data, "indices": w.indices, "indptr": w.indptr}
-    others = {"scale": np.array(problem.scale), "start": start, "target": np.array(target), "limit": np.array(limit)}
+    others = {
+        "scale": np.array(problem.scale),
+        "start": start,
+        "target": np.array(target),
+        "limit": np.array(limit),
+    }
     arrays = {**parts, **others, "free": problem.free, "friction": problem.friction}
     np.savez(path, allow_pickle=False, **arrays)
 
@@ -76,5 +89,7 @@ def load_problem(path: str) -> MatrixProblem:
     """Read what `save_problem` has written."""
     with np.load(path) as stored:
         size = stored["free"].size
-        matrix = sparse.csr_matrix((stored["data"], stored["indices"], stored["indptr"]), shape=(size, size))
+        matrix = sparse.csr_matrix(
+            (stored["data"], stored["indices"], stored["indptr"]), shape=(size, size)
+        )
         return MatrixProblem(matrix, stored["free"], stored["friction"], float(stored["scale"]))

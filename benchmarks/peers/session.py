@@ -28,7 +28,9 @@ class Session:
         """
         self._options, self._folder = options, folder
         self._names = [name for name in options.peers.split(",") if name]
-        self._peers, self._missing = find_peers(self._names, options.lammps, options.cores, options.substeps)
+        self._peers, self._missing = find_peers(
+            self._names, options.lammps, options.cores, options.substeps
+        )
         self._yade = find_yade(options.cores, options.substeps) if "yade" in self._names else None
         if "yade" in self._names and self._yade is None:
             self._missing.append(("yade", "yade"))
@@ -41,12 +43,24 @@ class Session:
         there = [f"{peer.name}: {peer.version()}" for peer in self._soft_peers()]
         if self._siconos is not None:
             there.append(f"siconos: {siconos_version(self._siconos)}")
-        missing = [f"{name} is not installed (apt install {package}) and is left out" for name, package in self._missing]
-        return [f"{platform.machine()}, {platform.platform()}, {self._options.cores} core(s)", *there, *missing]
+        missing = [
+            f"{name} is not installed (apt install {package}) and is left out"
+            for name, package in self._missing
+        ]
+        return [
+            f"{platform.machine()}, {platform.platform()}, {self._options.cores} core(s)",
+            *there,
+            *missing,
+        ]
 
     def compare(self, case: str) -> tuple[str, dict[str, Any]]:
         """Run one comparison."""
-        return {"shear": self._shear, "bed": self._bed, "heat": self._heat, "problems": self._problems}[case]()
+        return {
+            "shear": self._shear,
+            "bed": self._bed,
+            "heat": self._heat,
+            "problems": self._problems,
+        }[case]()
 
     def _say(self, text: str) -> None:
         print(text, file=sys.stderr, flush=True)
@@ -108,12 +122,26 @@ class Session:
         o = self._options
         sizes = [o.grains] if o.grains else ([500] if o.quick else [1_000, 10_000, 50_000])
         # The collapse is no tile that can be repeated: a large one costs minutes to prepare.
-        scenes = [(name, n) for n in sizes for name in ("bed", "shear", "collapse") if name != "collapse" or n <= _LARGEST_COLLAPSE]
-        races = race(scenes, self._siconos, 1 if o.quick else o.rounds, 2.0 if o.quick else _LIMIT, self._folder, self._say)
+        scenes = [
+            (name, n)
+            for n in sizes
+            for name in ("bed", "shear", "collapse")
+            if name != "collapse" or n <= _LARGEST_COLLAPSE
+        ]
+        races = race(
+            scenes,
+            self._siconos,
+            1 if o.quick else o.rounds,
+            2.0 if o.quick else _LIMIT,
+            self._folder,
+            self._say,
+        )
         return as_text(races), as_json(races)
 
 
 def _plan(settle: float, strain: float) -> FlowPlan:
     """Both strains in whole intervals between frames; short ones have five."""
     between = min(_BETWEEN, strain / 5.0)
-    return FlowPlan(round(settle / between) * between, max(1, round(strain / between)) * between, between)
+    return FlowPlan(
+        round(settle / between) * between, max(1, round(strain / between)) * between, between
+    )

@@ -1,4 +1,6 @@
-"""Plane shear: time per unit strain of each code, in rounds that alternate between them, and how well each does it."""
+"""Plane shear: time per unit strain of each code, in rounds that alternate between them, and how
+well each does it.
+"""
 
 from __future__ import annotations
 
@@ -115,7 +117,9 @@ class ShearResult:
     notes: list[str]
 
 
-def compare_shear(wanted: Wanted, peers: Sequence[SoftPeer], folder: Path, say: Callable[[str], None]) -> ShearResult:
+def compare_shear(
+    wanted: Wanted, peers: Sequence[SoftPeer], folder: Path, say: Callable[[str], None]
+) -> ShearResult:
     """Run the comparison.
 
     Args:
@@ -130,7 +134,8 @@ def compare_shear(wanted: Wanted, peers: Sequence[SoftPeer], folder: Path, say: 
     layer = start.layer()
     dt_tau = automatic_step(layer) if wanted.dt_tau is None else wanted.dt_tau
     settings = loosened(wanted.tolerance)
-    flow(start, layer, settings, dt_tau, FlowPlan(0.0, wanted.plan.between, wanted.plan.between))  # compiles what is left
+    # Compiles what is left
+    flow(start, layer, settings, dt_tau, FlowPlan(0.0, wanted.plan.between, wanted.plan.between))
     ours = Column(f"multicor Δt = {dt_tau:.2g} τ, rms {wanted.tolerance:g}", wanted.plan)
     theirs, notes = _tuned(wanted, peers, layer, folder, say)
     for round_ in range(wanted.rounds):
@@ -139,18 +144,29 @@ def compare_shear(wanted: Wanted, peers: Sequence[SoftPeer], folder: Path, say: 
         now = start.layer()
         for column, run in [(ours, None), *theirs]:
             say(f"round {round_ + 1}: {column.name}")
-            column.runs.append(flow(start, now, settings, dt_tau, wanted.plan) if run is None else run(now))
+            column.runs.append(
+                flow(start, now, settings, dt_tau, wanted.plan) if run is None else run(now)
+            )
     columns = [ours, *(column for column, _ in theirs)]
     reference = None
     if wanted.reference > 0.0:
         say("our reference: Δt = 0.05 τ, default tolerances")
-        reference = Column("multicor Δt = 0.05 τ, rms 0.001", FlowPlan(wanted.plan.settle, wanted.reference, wanted.plan.between))
+        reference = Column(
+            "multicor Δt = 0.05 τ, rms 0.001",
+            FlowPlan(wanted.plan.settle, wanted.reference, wanted.plan.between),
+        )
         reference.runs.append(flow(start, layer, loosened(1e-3), 0.05, reference.plan))
-    return ShearResult(layer, columns, [_accuracy(layer, column) for column in columns], reference, notes)
+    return ShearResult(
+        layer, columns, [_accuracy(layer, column) for column in columns], reference, notes
+    )
 
 
 def _tuned(
-    wanted: Wanted, peers: Sequence[SoftPeer], layer: Layer, folder: Path, say: Callable[[str], None]
+    wanted: Wanted,
+    peers: Sequence[SoftPeer],
+    layer: Layer,
+    folder: Path,
+    say: Callable[[str], None],
 ) -> tuple[list[tuple[Column, Callable[[Layer], FlowRun]]], list[str]]:
     """One column for each code and stiffness, with what runs it; and how each was tuned."""
     columns: list[tuple[Column, Callable[[Layer], FlowRun]]] = []
@@ -175,32 +191,48 @@ def _accuracy(layer: Layer, column: Column) -> Accuracy:
 def as_text(result: ShearResult) -> str:
     """The result as a table with notes."""
     layer, ours = result.layer, result.columns[0]
-    rows = [_row(layer, ours, column, accuracy) for column, accuracy in zip(result.columns, result.accuracy, strict=True)]
+    rows = [
+        _row(layer, ours, column, accuracy)
+        for column, accuracy in zip(result.columns, result.accuracy, strict=True)
+    ]
     if result.reference is not None:
-        rows.append(_row(layer, ours, result.reference, _accuracy(layer, result.reference), is_timed=False))
+        rows.append(
+            _row(layer, ours, result.reference, _accuracy(layer, result.reference), is_timed=False)
+        )
     headings = (
-        "code", "s per strain", "ratio", "strain", "steps", "Δt/τ", "μ*", "ν", "I in the bulk", "max overlap", "mean overlap",
+        "code", "s per strain", "ratio", "strain", "steps", "Δt/τ", "μ*", "ν", "I in the bulk",
+        ("max "
+            "overlap"), ("mean "
+            "overlap"),
     )  # fmt: skip
     head = (
-        f"{len(layer.radius)} grains, {layer.height / (2.0 * float(layer.radius.mean())):.1f} diameters high, "
-        f"I = {layer.inertial:.4f} (walls), τ = {1e3 * layer.tau:.3f} ms"
+        f"{len(layer.radius)} grains, {layer.height / (2.0 * float(layer.radius.mean())):.1f} "
+        f"diameters high, I = {layer.inertial:.4f} (walls), τ = {1e3 * layer.tau:.3f} ms"
     )
     return "\n".join([head, "", draw(headings, rows), "", *_our_notes(ours), *result.notes])
 
 
-def _row(layer: Layer, ours: Column, column: Column, accuracy: Accuracy, *, is_timed: bool = True) -> list[str]:
-    ratios = [b / a for a, b in zip(ours.per_strain, column.per_strain, strict=True)] if is_timed else []
+def _row(
+    layer: Layer, ours: Column, column: Column, accuracy: Accuracy, *, is_timed: bool = True
+) -> list[str]:
+    ratios = (
+        [b / a for a, b in zip(ours.per_strain, column.per_strain, strict=True)] if is_timed else []
+    )
     return [
         column.name, spread(column.per_strain), spread(ratios) if ratios else "",
         f"{len(column.runs)} × {column.plan.frames * column.plan.between:g}",
-        f"{column.runs[0].steps}", f"{column.runs[0].dt / layer.tau:.2g}", estimate(accuracy.friction, 4),
-        estimate(accuracy.solid, 4), estimate(accuracy.inertial, 4), f"{accuracy.max_overlap:.1e}", f"{accuracy.mean_overlap:.1e}",
+        f"{column.runs[0].steps}", f"{column.runs[0].dt / layer.tau:.2g}",
+        estimate(accuracy.friction, 4),
+        estimate(accuracy.solid, 4), estimate(accuracy.inertial, 4), f"{accuracy.max_overlap:.1e}",
+        f"{accuracy.mean_overlap:.1e}",
     ]  # fmt: skip
 
 
 def _our_notes(ours: Column) -> list[str]:
     runs = [run for run in ours.runs if isinstance(run, OurRun)]
-    sweeps, residual = (median([getattr(run, key) for run in runs]) for key in ("sweeps", "residual"))
+    sweeps, residual = (
+        median([getattr(run, key) for run in runs]) for key in ("sweeps", "residual")
+    )
     overlap, missed = max(run.overlap for run in runs), sum(run.unconverged for run in runs)
     solved = f"multicor: {sweeps:.0f} sweeps a step, rms residual {residual:.1e}"
     return [f"{solved}, largest overlap after any step {overlap:.1e}, {missed} steps unconverged"]
@@ -213,7 +245,8 @@ def as_json(result: ShearResult) -> dict[str, Any]:
         "inertial": result.layer.inertial,
         "tau": result.layer.tau,
         "codes": [
-            _json_column(column, accuracy) for column, accuracy in zip(result.columns, result.accuracy, strict=True)
+            _json_column(column, accuracy) for column,
+            accuracy in zip(result.columns, result.accuracy, strict=True)
         ],
         "reference": None
         if result.reference is None
@@ -225,7 +258,13 @@ def as_json(result: ShearResult) -> dict[str, Any]:
 def _json_column(column: Column, accuracy: Accuracy) -> dict[str, Any]:
     numbers = {key: _finite(value) for key, value in asdict(accuracy).items()}
     steps, dt = column.runs[0].steps, column.runs[0].dt
-    return {"name": column.name, "seconds_per_strain": column.per_strain, "steps": steps, "dt": dt, **numbers}
+    return {
+        "name": column.name,
+        "seconds_per_strain": column.per_strain,
+        "steps": steps,
+        "dt": dt,
+        **numbers,
+    }
 
 
 def _finite(value: Any) -> Any:

@@ -13,7 +13,11 @@ def draw(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     table = [list(headings), *(list(row) for row in rows)]
     widths = [max(len(row[k]) for row in table) for k in range(len(headings))]
     lines = [
-        "  ".join(c.ljust(w) if k == 0 else c.rjust(w) for k, (c, w) in enumerate(zip(row, widths, strict=True))) for row in table
+        "  ".join(
+            c.ljust(w) if k == 0 else c.rjust(w)
+            for k, (c, w) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in table
     ]
     lines.insert(1, "  ".join("-" * w for w in widths))
     return "\n".join(line.rstrip() for line in lines)
@@ -31,7 +35,11 @@ def spread(values: Sequence[float], form: str = ".3g") -> str:
     """The median, and least and largest in brackets."""
     ordered = sorted(values)
     middle = median(ordered)
-    return f"{middle:{form}}" if len(ordered) < 2 else f"{middle:{form}} [{ordered[0]:{form}}, {ordered[-1]:{form}}]"
+    return (
+        f"{middle:{form}}"
+        if len(ordered) < 2
+        else f"{middle:{form}} [{ordered[0]:{form}}, {ordered[-1]:{form}}]"
+    )
 
 
 def median(values: Sequence[float]) -> float:

@@ -1,7 +1,8 @@
-"""The sheared layer in YADE; YADE runs this script: ``yade -n -x -j CORES yade_worker.py IN.npz OUT.npz``.
+"""The sheared layer in YADE; YADE runs this script:
+``yade -n -x -j CORES yade_worker.py IN.npz OUT.npz``.
 
-IN is written by `yade_shear.write_layer`. OUT holds ``seconds`` of the measured steps, and ``position``, ``velocity`` and
-``wall_force`` of the frames.
+IN is written by `yade_shear.write_layer`. OUT holds ``seconds`` of the measured steps, and
+``position``, ``velocity`` and ``wall_force`` of the frames.
 """
 
 from __future__ import annotations
@@ -42,7 +43,9 @@ def build(data: Any) -> None:
     angle = math.atan(float(data["friction"]))
     n, unit = int(data["flowing"]), float(data["radius"].max())
     materials = {}
-    for k, (place, speed, radius, density) in enumerate(zip(*(data[key] for key in _COLUMNS), strict=True)):
+    for k, (place, speed, radius, density) in enumerate(
+        zip(*(data[key] for key in _COLUMNS), strict=True)
+    ):
         if density not in materials:
             made = ViscElMat(density=float(density), frictionAngle=angle, **stiffness)
             materials[density] = O.materials.append(made)
@@ -55,8 +58,14 @@ def build(data: Any) -> None:
         body.state.angVel = (0.0, 0.0, float(speed[2]))
     O.engines = [
         ForceResetter(),
-        InsertionSortCollider([Bo1_Sphere_Aabb()], verletDist=float(data["skin"]), avoidSelfInteractionMask=_NO_PAIR),
-        InteractionLoop([Ig2_Sphere_Sphere_ScGeom()], [Ip2_ViscElMat_ViscElMat_ViscElPhys()], [Law2_ScGeom_ViscElPhys_Basic()]),
+        InsertionSortCollider(
+            [Bo1_Sphere_Aabb()], verletDist=float(data["skin"]), avoidSelfInteractionMask=_NO_PAIR
+        ),
+        InteractionLoop(
+            [Ig2_Sphere_Sphere_ScGeom()],
+            [Ip2_ViscElMat_ViscElMat_ViscElPhys()],
+            [Law2_ScGeom_ViscElPhys_Basic()],
+        ),
         PyRunner(command="lid.move()", iterPeriod=1),
         NewtonIntegrator(damping=0.0, gravity=(0.0, 0.0, 0.0)),
     ]
@@ -70,7 +79,9 @@ class Lid:
         """Take hold of its grains."""
         self.ids = range(int(data["flowing"]) + int(data["fixed"]), len(data["radius"]))
         self.states = [O.bodies[k].state for k in self.ids]
-        self.mass, self.load, self.damping = (float(data[key]) for key in ("wall_mass", "load", "wall_damping"))
+        self.mass, self.load, self.damping = (
+            float(data[key]) for key in ("wall_mass", "load", "wall_damping")
+        )
         self.speed, self.rise = float(data["speed"]), float(data["rise"])
         self.sum = Vector3(0.0, 0.0, 0.0)
 
@@ -100,7 +111,9 @@ data = np.load(sys.argv[1])
 build(data)
 lid = Lid(data)
 check(data)
-every, settle, frames, flowing = (int(data[key]) for key in ("every", "settle", "frames", "flowing"))
+every, settle, frames, flowing = (
+    int(data[key]) for key in ("every", "settle", "frames", "flowing")
+)
 if settle:
     O.run(settle, wait=True)
 seconds, places, speeds, forces = 0.0, [], [], []

@@ -21,16 +21,33 @@ def draw(data: dict[str, Any], path: Path) -> None:
     for color, name in zip(_COLORS, scenes, strict=False):
         for count in threads:
             rows = [
-                r for r in data["scenes"] if (r["scene"], r["threads"]) == (name, count) and not r["faults"] and r["per_contact"]
+                r
+                for r in data["scenes"]
+                if (r["scene"], r["threads"]) == (name, count)
+                and not r["faults"]
+                and r["per_contact"]
             ]
             line = "-" if count == threads[0] else "--"
             sizes = [row["grains"] for row in rows]
             label = f"{name}, {count} thread{'s' if count > 1 else ''}"
-            left.semilogx(sizes, [1e9 * row["per_contact"] for row in rows], line, marker="o", color=color, label=label)
+            left.semilogx(
+                sizes,
+                [1e9 * row["per_contact"] for row in rows],
+                line,
+                marker="o",
+                color=color,
+                label=label,
+            )
             if count == threads[0]:
-                large = [row for row in rows if row["grains"] > 50_000]  # below, the kernels take more than the grains
+                # below, the kernels take more than the grains
+                large = [row for row in rows if row["grains"] > 50_000]
                 right.semilogx(
-                    [r["grains"] for r in large], [r["memory"] for r in large], line, marker="o", color=color, label=name
+                    [r["grains"] for r in large],
+                    [r["memory"] for r in large],
+                    line,
+                    marker="o",
+                    color=color,
+                    label=name,
                 )
     left.set_ylabel("time per contact and sweep [ns]")
     right.set_ylabel("memory per grain [B]")

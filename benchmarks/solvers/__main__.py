@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
 _QUICK = ("gs", "engine", "restart-1.5", "cpg", "apgd", "newton")
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # of the linear algebra: everything here is compared on one thread
+# of the linear algebra: everything here is compared on one thread
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
@@ -24,27 +25,62 @@ def _parser() -> argparse.ArgumentParser:
 
     parser = argparse.ArgumentParser(
         prog="python benchmarks/solvers",
-        description="Which solver needs the least time for the error asked: methods on the same contact problems, on one thread.",
-        epilog="methods: " + "; ".join(f"{method.name}: {method.about}" for method in METHODS.values()),
+        description=(
+            "Which solver needs the least time for the error asked: methods on the same contact "
+            "problems, on one thread."
+        ),
+        epilog="methods: "
+        + "; ".join(f"{method.name}: {method.about}" for method in METHODS.values()),
     )
     words: dict[str, Any] = {"nargs": "+", "metavar": "NAME"}
-    parser.add_argument("--problems", default=list(SOURCES), help=f"of {', '.join(SOURCES)} [all], or folders of runs", **words)
-    parser.add_argument("--grains", nargs="+", type=int, metavar="N", default=[1000], help="sizes of the scenes [%(default)s]")
-    parser.add_argument("--methods", default=[], help="methods, see below [all]", **words)
-    parser.add_argument("--rounds", type=int, default=3, help="timed runs of each method, alternating [%(default)s]")
     parser.add_argument(
-        "--steps", type=int, default=20, help="consecutive steps of each scene; 1: single problems only [%(default)s]"
+        "--problems",
+        default=list(SOURCES),
+        help=f"of {', '.join(SOURCES)} [all], or folders of runs",
+        **words,
     )
-    parser.add_argument("--cap", type=int, default=5000, help="largest number of iterations [%(default)s]")
-    parser.add_argument("--accurate", action="store_true", help="also to rms 1e-8: engine and newton")
+    parser.add_argument(
+        "--grains",
+        nargs="+",
+        type=int,
+        metavar="N",
+        default=[1000],
+        help="sizes of the scenes [%(default)s]",
+    )
+    parser.add_argument("--methods", default=[], help="methods, see below [all]", **words)
+    parser.add_argument(
+        "--rounds", type=int, default=3, help="timed runs of each method, alternating [%(default)s]"
+    )
+    parser.add_argument(
+        "--steps",
+        type=int,
+        default=20,
+        help="consecutive steps of each scene; 1: single problems only [%(default)s]",
+    )
+    parser.add_argument(
+        "--cap", type=int, default=5000, help="largest number of iterations [%(default)s]"
+    )
+    parser.add_argument(
+        "--accurate", action="store_true", help="also to rms 1e-8: engine and newton"
+    )
     parser.add_argument("--starts", action="store_true", help="also compare warm starts")
     parser.add_argument("--seed", type=int, default=1, help="seed of the scenes [%(default)s]")
     parser.add_argument(
-        "--work", type=Path, default=Path("runs/solver-problems"), metavar="DIR", help="kept problems [%(default)s]"
+        "--work",
+        type=Path,
+        default=Path("runs/solver-problems"),
+        metavar="DIR",
+        help="kept problems [%(default)s]",
     )
-    parser.add_argument("--quick", action="store_true", help="a small check: column and shear, few steps, few methods")
+    parser.add_argument(
+        "--quick",
+        action="store_true",
+        help="a small check: column and shear, few steps, few methods",
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write everything as JSON")
-    parser.add_argument("--plot", type=Path, metavar="FILE.png", help="draw residual and distance against time")
+    parser.add_argument(
+        "--plot", type=Path, metavar="FILE.png", help="draw residual and distance against time"
+    )
     return parser
 
 
@@ -92,7 +128,8 @@ def _plan(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Plan:
         parser.error("--rounds, --steps, --cap and --grains must be at least 1")
     methods = [METHODS[name] for name in names or METHODS]
     return Plan(
-        sources, grains, methods, rounds, steps, options.cap, options.accurate, options.starts, options.seed, options.work
+        sources, grains, methods, rounds, steps, options.cap, options.accurate, options.starts,
+        options.seed, options.work
     )  # fmt: skip
 
 

@@ -1,4 +1,6 @@
-"""Runs methods on one problem: the errors after each iteration (not timed), and the time of an iteration (nothing else done)."""
+"""Runs methods on one problem: the errors after each iteration (not timed), and the time of an
+iteration (nothing else done).
+"""
 
 from __future__ import annotations
 
@@ -29,17 +31,22 @@ class Curve:
 
     Attributes:
         method: Name of the method.
-        history: Row 0 is the start, the others the iterates: rms and maximum over u_ref, energy over its scale, distance over
-            u_ref, sweep-equivalents, time [s], shape ``(n + 1, 6)``.
+        history: Row 0 is the start, the others the iterates: rms and maximum over u_ref, energy
+            over its scale, distance over u_ref, sweep-equivalents, time [s], shape ``(n + 1, 6)``.
     """
 
     method: str
     history: Floats
 
     def first(self, rms: float) -> tuple[float, float, float] | None:
-        """Sweep-equivalents, time [s] and distance where rms, and the other two residuals in proportion, are first reached."""
+        """Sweep-equivalents, time [s] and distance where rms, and the other two residuals in
+        proportion, are first reached.
+        """
         h, factor = self.history, rms / DEFAULT.tolerance_rms
-        bounds = np.array([DEFAULT.tolerance_rms, DEFAULT.tolerance_max, DEFAULT.tolerance_energy]) * factor
+        bounds = (
+            np.array([DEFAULT.tolerance_rms, DEFAULT.tolerance_max, DEFAULT.tolerance_energy])
+            * factor
+        )
         reached = (h[:, [RMS, MAXIMUM, ENERGY]] <= bounds).all(axis=1)
         if not reached.any():
             return None
@@ -47,14 +54,22 @@ class Curve:
         return float(h[row, WORK]), float(h[row, TIME]), float(h[row, DISTANCE])
 
     def near(self, distance: float) -> float | None:
-        """Time [s] from which the distance stays below a bound, to the end of the run; None if it does not."""
+        """Time [s] from which the distance stays below a bound, to the end of the run; None if it
+        does not.
+        """
         beyond = np.flatnonzero(self.history[:, DISTANCE] > distance)
         row = int(beyond[-1]) + 1 if beyond.size else 0
         return float(self.history[row, TIME]) if row < len(self.history) else None
 
 
 def compare(
-    problem: Problem, reference: Reference, methods: Sequence[Method], *, target: float, cap: int, rounds: int
+    problem: Problem,
+    reference: Reference,
+    methods: Sequence[Method],
+    *,
+    target: float,
+    cap: int,
+    rounds: int,
 ) -> list[Curve]:
     """Curves of some methods on a problem; timed runs of the methods alternate.
 
@@ -70,7 +85,9 @@ def compare(
     seconds: dict[str, list[Floats]] = {method.name: [] for method in methods}
     for _ in range(rounds):
         for method in methods:
-            seconds[method.name].append(_times(problem, reference, method, target, cap, len(traces[method.name]) - 1))
+            seconds[method.name].append(
+                _times(problem, reference, method, target, cap, len(traces[method.name]) - 1)
+            )
     curves = []
     for method in methods:
         history = traces[method.name]
@@ -80,12 +97,16 @@ def compare(
 
 
 def tolerances(problem: Problem, rms: float) -> Floats:
-    """Tolerances of rms and maximum [m/s] and energy [J] in the proportions of the default settings."""
+    """Tolerances of rms and maximum [m/s] and energy [J] in the proportions of the default
+    settings.
+    """
     default = np.array([DEFAULT.tolerance_rms, DEFAULT.tolerance_max, DEFAULT.tolerance_energy])
     return np.asarray(default * (rms / DEFAULT.tolerance_rms) * problem.units()[:3])
 
 
-def trace(problem: Problem, reference: Reference, method: Method, target: float, cap: int) -> Floats:
+def trace(
+    problem: Problem, reference: Reference, method: Method, target: float, cap: int
+) -> Floats:
     """History of a method on a problem, without times unless it takes them itself."""
     start, log = (reference.log(rows, tolerances(problem, target)) for rows in (1, cap))
     record(problem.system, start, 0, 0.0)
@@ -95,8 +116,12 @@ def trace(problem: Problem, reference: Reference, method: Method, target: float,
     return history
 
 
-def _times(problem: Problem, reference: Reference, method: Method, target: float, cap: int, count: int) -> Floats:
-    """Times after each of ``count`` iterations in one run [s], shape ``(count,)`` (fewer if roundings differ)."""
+def _times(
+    problem: Problem, reference: Reference, method: Method, target: float, cap: int, count: int
+) -> Floats:
+    """Times after each of ``count`` iterations in one run [s], shape ``(count,)`` (fewer if
+    roundings differ).
+    """
     if method.times_itself:
         log = reference.log(max(1, count), tolerances(problem, target))
         return log.rows[: method(problem.copy(), cap, log), TIME]
@@ -119,8 +144,12 @@ def _time(problem: Problem, reference: Reference, method: Method, count: int) ->
 
 
 def _same_length(rows: list[Floats], length: int) -> Floats:
-    """Times of rounds, the last time repeated where a round took fewer iterations (its roundings differed)."""
-    return np.array([np.pad(row[:length], (0, max(0, length - len(row))), mode="edge") for row in rows])
+    """Times of rounds, the last time repeated where a round took fewer iterations (its roundings
+    differed).
+    """
+    return np.array(
+        [np.pad(row[:length], (0, max(0, length - len(row))), mode="edge") for row in rows]
+    )
 
 
 def middle(values: Sequence[float]) -> float:

@@ -1,6 +1,7 @@
 """The contact problems: what the engine solved in consecutive steps of a scene, kept in files.
 
-They are recorded where the engine hands a problem to its solver, so they are the problems of real runs with their real warm starts.
+They are recorded where the engine hands a problem to its solver, so they are the problems of real
+runs with their real warm starts.
 """
 
 from __future__ import annotations
@@ -41,7 +42,8 @@ class Problem:
 
     Attributes:
         name: Scene, size and start.
-        system: In the order of the sweep, with the impulses to start from. Not to be changed: take `copy`.
+        system: In the order of the sweep, with the impulses to start from. Not to be changed: take
+            `copy`.
         scale: What residuals are measured against.
     """
 
@@ -72,8 +74,12 @@ class Problem:
         return Problem(name, self.system, self.scale)
 
     def units(self) -> Floats:
-        """What rms, maximum, energy and distance of a history are measured in [m/s, m/s, J, m/s]."""
-        return np.array([self.scale.rms, self.scale.velocity, self.scale.energy, self.scale.velocity])
+        """What rms, maximum, energy and distance of a history are measured in [m/s, m/s, J,
+        m/s].
+        """
+        return np.array(
+            [self.scale.rms, self.scale.velocity, self.scale.energy, self.scale.velocity]
+        )
 
 
 def copy_system(system: System) -> System:
@@ -89,26 +95,37 @@ def _copy(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def column(count: int = 116) -> Problem:
-    """A column of equal discs on a floor, at rest, under gravity: cold start of a problem whose solution is known."""
+    """A column of equal discs on a floor, at rest, under gravity: cold start of a problem whose
+    solution is known.
+    """
     velocity = np.zeros((count + 1, 4))
     velocity[:count, Y], velocity[:count, INVERSE_MASS] = -9.81e-3, 1.0
     order = np.arange(count)
     pair = np.column_stack([order, np.where(order > 0, order - 1, count)]).astype(np.int32)
     frame = np.zeros((count, 5))
     frame[:, NY], frame[:, MU] = 1.0, 0.5
-    frame[:, MASS] = 1.0 / (velocity[pair[:, FIRST], INVERSE_MASS] + velocity[pair[:, SECOND], INVERSE_MASS])
+    frame[:, MASS] = 1.0 / (
+        velocity[pair[:, FIRST], INVERSE_MASS] + velocity[pair[:, SECOND], INVERSE_MASS]
+    )
     diagonal = batch(OneByOne(pair, frame, np.zeros((count, 2))), velocity)
     system = System(
-        diagonal.velocity, np.zeros((count + 1, 3)), diagonal.slot, diagonal.pair, diagonal.frame, diagonal.impulse,
+        diagonal.velocity, np.zeros((count + 1, 3)), diagonal.slot, diagonal.pair, diagonal.frame,
+        diagonal.impulse,
         diagonal.tile_start, np.array([0, 1]), np.empty((0, 2), np.int32), np.empty((0, 8)),
         np.empty((0, 2, 2)), np.empty((0, 2)), 2.0, count,
     )  # fmt: skip
-    return Problem(f"column of {count}, cold", system, ResidualScale(9.81e-3, 9.81e-3, 0.5 * count * 9.81e-3**2))
+    return Problem(
+        f"column of {count}, cold",
+        system,
+        ResidualScale(9.81e-3, 9.81e-3, 0.5 * count * 9.81e-3**2),
+    )
 
 
 @contextmanager
 def _listening(heard: list[tuple[System, ResidualScale]]) -> Iterator[None]:
-    """While this lasts, every problem that an engine hands to its solver is copied before it is solved."""
+    """While this lasts, every problem that an engine hands to its solver is copied before it is
+    solved.
+    """
     names = vars(engine_module)
     assemble: Callable[..., Any] = names["assemble"]
     solve: Callable[..., Any] = names["solve_system"]
@@ -131,7 +148,9 @@ def _listening(heard: list[tuple[System, ResidualScale]]) -> Iterator[None]:
 
 
 def _by_grain(system: System, place: Ints) -> System:
-    """A copy of a system whose first rows are the grains in their own order: so they have the same names in every step."""
+    """A copy of a system whose first rows are the grains in their own order: so they have the same
+    names in every step.
+    """
     n = place.size
     velocity, inverse = system.velocity.copy(), system.inverse.copy()
     velocity[:n], inverse[:n] = velocity[place], inverse[place]
@@ -142,7 +161,9 @@ def _by_grain(system: System, place: Ints) -> System:
     return copied._replace(inverse=inverse, pair=pair, general_pair=name[system.general_pair])
 
 
-def _record_scene(name: str, grains: int, seed: int, steps: int) -> list[tuple[System, ResidualScale]]:
+def _record_scene(
+    name: str, grains: int, seed: int, steps: int
+) -> list[tuple[System, ResidualScale]]:
     prepared = prepare(SCENES[name], grains, seed=seed)
     prepared.take(SCENES[name].warm_steps)
     heard: list[tuple[System, ResidualScale]] = []
@@ -152,10 +173,16 @@ def _record_scene(name: str, grains: int, seed: int, steps: int) -> list[tuple[S
 
 
 def _record_deposited(grains: int, seed: int) -> list[tuple[System, ResidualScale]]:
-    """The first step of a bed whose grains were dropped one by one, each rolling to rest: nothing is known of its forces."""
+    """The first step of a bed whose grains were dropped one by one, each rolling to rest: nothing
+    is known of its forces.
+    """
     scene = SCENES["bed"]
     copies = max(1, round(grains / scene.tile))
-    scenario = parse_scenario(scene.text(scene.tile, seed, copies), "deposited.toml", ['particles.0.packing={kind="deposited"}'])
+    scenario = parse_scenario(
+        scene.text(scene.tile, seed, copies),
+        "deposited.toml",
+        ['particles.0.packing={kind="deposited"}'],
+    )
     engine = Engine(*build(scenario), threads=1)
     heard: list[tuple[System, ResidualScale]] = []
     with _listening(heard):
@@ -164,7 +191,9 @@ def _record_deposited(grains: int, seed: int) -> list[tuple[System, ResidualScal
 
 
 def _record_run(directory: Path) -> list[tuple[System, ResidualScale]]:
-    """The step that a run would take next with its walls held: that after its last step, if its grains no longer move."""
+    """The step that a run would take next with its walls held: that after its last step, if its
+    grains no longer move.
+    """
     with open_run(directory) as run:
         model, state = run.model, run.state()
     if state is None or state.last_dt <= 0.0:
@@ -176,8 +205,8 @@ def _record_run(directory: Path) -> list[tuple[System, ResidualScale]]:
 
 
 SOURCES = ("column", *(name for name, scene in SCENES.items() if not scene.is_frozen), "deposited")
-"""Where problems are taken from: the column (of one size), scenes of ``multicor bench``, a bed that has just been placed.
-The folder of a run is a source too."""
+"""Where problems are taken from: the column (of one size), scenes of ``multicor bench``, a bed that
+has just been placed. The folder of a run is a source too."""
 
 
 def is_run(source: str) -> bool:
@@ -186,22 +215,30 @@ def is_run(source: str) -> bool:
 
 
 def consecutive(source: str, grains: int, seed: int, steps: int, folder: Path) -> list[Problem]:
-    """Problems of consecutive steps of a scene, from the file if it is there, made and kept otherwise.
+    """Problems of consecutive steps of a scene, from the file if it is there, made and kept
+    otherwise.
 
     Args:
-        source: One of `SOURCES` but "column", or the folder of a run (one step with its walls held; nothing is kept).
+        source: One of `SOURCES` but "column", or the folder of a run (one step with its walls held;
+            nothing is kept).
         grains: Number of grains.
         seed: Seed of the scene.
         steps: Number of steps; a step that needed a second solve gives one problem more.
         folder: Where problems are kept.
     """
     if is_run(source):
-        return [Problem(Path(source).name, system, scale) for system, scale in _record_run(Path(source))]
+        return [
+            Problem(Path(source).name, system, scale) for system, scale in _record_run(Path(source))
+        ]
     name = f"{source}-{grains}"
     path = folder / f"{name}-seed{seed}-{steps}-{_digest()}.npz"
     if path.exists():
         return _load(path, name)
-    heard = _record_deposited(grains, seed) if source == "deposited" else _record_scene(source, grains, seed, steps)
+    heard = (
+        _record_deposited(grains, seed)
+        if source == "deposited"
+        else _record_scene(source, grains, seed, steps)
+    )
     folder.mkdir(parents=True, exist_ok=True)
     problems = [Problem(name, system, scale) for system, scale in heard]
     _save(path, problems)
@@ -209,7 +246,9 @@ def consecutive(source: str, grains: int, seed: int, steps: int, folder: Path) -
 
 
 def _digest() -> str:
-    """Changes with the scenes, the kernels and the form of the files, so that old files are not taken for new ones."""
+    """Changes with the scenes, the kernels and the form of the files, so that old files are not
+    taken for new ones.
+    """
     text = "".join(scene.text(100, 1, 1) for scene in SCENES.values()) + cache_name()
     return hashlib.sha256(f"{_FORMAT}{text}".encode()).hexdigest()[:8]
 
@@ -217,8 +256,11 @@ def _digest() -> str:
 def _save(path: Path, problems: list[Problem]) -> None:
     arrays: dict[str, Any] = {"count": len(problems)}
     for number, problem in enumerate(problems):
-        arrays[f"{number}.scale"] = np.array([problem.scale.rms, problem.scale.velocity, problem.scale.energy])
-        kept = [field for field in System._fields if field != "couples"]  # no scene has rolling resistance
+        arrays[f"{number}.scale"] = np.array(
+            [problem.scale.rms, problem.scale.velocity, problem.scale.energy]
+        )
+        # no scene has rolling resistance
+        kept = [field for field in System._fields if field != "couples"]
         arrays |= {f"{number}.{field}": getattr(problem.system, field) for field in kept}
     part = path.with_suffix(".part.npz")
     np.savez(part, **arrays)
@@ -230,7 +272,10 @@ def _load(path: Path, name: str) -> list[Problem]:
         problems = []
         for number in range(int(data["count"])):
             fields: dict[str, Any] = {field: _copy(data[f"{number}.{field}"]) for field in _ARRAYS}
-            fields["spin_factor"], fields["contacts"] = float(data[f"{number}.spin_factor"]), int(data[f"{number}.contacts"])
+            fields["spin_factor"], fields["contacts"] = (
+                float(data[f"{number}.spin_factor"]),
+                int(data[f"{number}.contacts"]),
+            )
             scale = ResidualScale(*(float(value) for value in data[f"{number}.scale"]))
             problems.append(Problem(name, System(**fields), scale))
     return problems

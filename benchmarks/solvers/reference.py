@@ -1,4 +1,6 @@
-"""Distances to a solution: the residual is what a method can see, the error of the velocities is what it leaves."""
+"""Distances to a solution: the residual is what a method can see, the error of the velocities is
+what it leaves.
+"""
 
 from __future__ import annotations
 
@@ -42,12 +44,16 @@ class Reference:
 
 
 def solve_closely(problem: Problem) -> Reference:
-    """Solve a problem to `RMS` in stages, or as far as 10⁹ relaxed contacts lead (2,000 sweeps at least, 200,000 at most)."""
+    """Solve a problem to `RMS` in stages, or as far as 10⁹ relaxed contacts lead (2,000 sweeps at
+    least, 200,000 at most).
+    """
     system, reached = problem.copy(), np.inf
     left = int(min(max(_RELAXATIONS / problem.contacts, _FEWEST), _MOST))
     best = system.velocity.copy()
     for rms in _STAGES:
-        settings = Settings(tolerance_rms=rms, tolerance_max=np.inf, tolerance_energy=np.inf, max_sweeps=left)
+        settings = Settings(
+            tolerance_rms=rms, tolerance_max=np.inf, tolerance_energy=np.inf, max_sweeps=left
+        )
         outcome = solve_system(system, problem.scale, settings, ThreadChoice())
         left -= int(outcome.sweeps)
         if outcome.rms < reached:
@@ -58,7 +64,9 @@ def solve_closely(problem: Problem) -> Reference:
 
 
 def mass_shares(system: System) -> Floats:
-    """Mass of each velocity over the mass of all bodies that can move, shape ``(b, 4)``; walls count where they can move."""
+    """Mass of each velocity over the mass of all bodies that can move, shape ``(b, 4)``; walls
+    count where they can move.
+    """
     weight = start_momentum(system).weight
     return np.asarray(weight / max(float(weight[:, :2].max(axis=1).sum()), np.finfo(float).tiny))
 

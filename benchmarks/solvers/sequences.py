@@ -1,4 +1,6 @@
-"""Runs methods over consecutive steps of a scene: the mean cost of a step at the default tolerances, and how often they fail."""
+"""Runs methods over consecutive steps of a scene: the mean cost of a step at the default
+tolerances, and how often they fail.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,8 @@ _TIMED = 5
 """Problems of a sequence on which iterations are timed, evenly spread."""
 
 _FURTHER = 0.1
-"""Methods go on to this times the default tolerances, to see when they come and stay near the reference."""
+"""Methods go on to this times the default tolerances, to see when they come and stay near the
+reference."""
 
 NEAR = (3e-2, 1e-2)
 """Distances over u_ref whose times are looked for."""
@@ -40,8 +43,8 @@ class Cost:
         seconds: Mean time of a step [s].
         distance: Mean distance to the reference at the end of a step, over u_ref.
         failures: Steps that did not reach the tolerances.
-        near: Median times from which the distance stays below each of `NEAR` [s], where that is measured; infinite if most
-            steps never come near.
+        near: Median times from which the distance stays below each of `NEAR` [s], where that is
+            measured; infinite if most steps never come near.
     """
 
     method: str
@@ -56,12 +59,19 @@ class Cost:
 
 
 def measure_sequence(
-    problems: Sequence[Problem], references: Sequence[Reference], methods: Sequence[Method], *, cap: int, rounds: int
+    problems: Sequence[Problem],
+    references: Sequence[Reference],
+    methods: Sequence[Method],
+    *,
+    cap: int,
+    rounds: int,
 ) -> list[Cost]:
-    """Costs of methods on the same problems, which were recorded with the warm starts of the program's own solver.
+    """Costs of methods on the same problems, which were recorded with the warm starts of the
+    program's own solver.
 
-    A step ends with the first iterate that meets the default tolerances; looking for it is left out of the time. What that costs
-    the program is in the row "program", its own solver with its own checks.
+    A step ends with the first iterate that meets the default tolerances; looking for it is left out
+    of the time. What that costs the program is in the row "program", its own solver with its own
+    checks.
 
     Args:
         problems: Problems of consecutive steps.
@@ -77,11 +87,22 @@ def measure_sequence(
     for problem, reference in timed:
         for _ in range(rounds):
             for method in compiled:
-                speeds[method.name].append(iteration_time(problem, reference, method, 100) / problem.contacts)
-    return costs + [_measure(problems, references, method, cap, middle(speeds.get(method.name, []))) for method in methods]
+                speeds[method.name].append(
+                    iteration_time(problem, reference, method, 100) / problem.contacts
+                )
+    return costs + [
+        _measure(problems, references, method, cap, middle(speeds.get(method.name, [])))
+        for method in methods
+    ]
 
 
-def _measure(problems: Sequence[Problem], references: Sequence[Reference], method: Method, cap: int, speed: float) -> Cost:
+def _measure(
+    problems: Sequence[Problem],
+    references: Sequence[Reference],
+    method: Method,
+    cap: int,
+    speed: float,
+) -> Cost:
     """Cost of one method; ``speed`` is the time of an iteration per contact [s]."""
     ends, near, failures = [], [], 0
     for problem, reference in zip(problems, references, strict=True):
@@ -94,10 +115,19 @@ def _measure(problems: Sequence[Problem], references: Sequence[Reference], metho
         ends.append(end or (history[-1, WORK], history[-1, TIME], history[-1, DISTANCE]))
         near.append([np.inf if (moment := curve.near(bound)) is None else moment for bound in NEAR])
     work, seconds, distances = np.array(ends).T
-    return _summary(method.name, work, float(seconds.mean()), distances, failures, np.median(near, axis=0).tolist())
+    return _summary(
+        method.name,
+        work,
+        float(seconds.mean()),
+        distances,
+        failures,
+        np.median(near, axis=0).tolist(),
+    )
 
 
-def _measure_program(problems: Sequence[Problem], references: Sequence[Reference], cap: int, rounds: int) -> Cost:
+def _measure_program(
+    problems: Sequence[Problem], references: Sequence[Reference], cap: int, rounds: int
+) -> Cost:
     """The solver as the program calls it, with its checks of the residual, on one thread."""
     settings = Settings(max_sweeps=cap)
     seconds = np.empty((rounds, len(problems)))
@@ -109,12 +139,19 @@ def _measure_program(problems: Sequence[Problem], references: Sequence[Reference
             started = time.perf_counter()
             outcomes.append(solve_system(system, problem.scale, settings, ThreadChoice()))
             seconds[turn, number] = time.perf_counter() - started
-            distances[number] = distance(system.velocity, reference.velocity, reference.weight) / problem.scale.velocity
+            distances[number] = (
+                distance(system.velocity, reference.velocity, reference.weight)
+                / problem.scale.velocity
+            )
     work = np.array([outcome.sweeps for outcome in outcomes])
     failures = sum(not outcome.converged for outcome in outcomes)
-    return _summary("program", work, float(np.median(seconds, axis=0).mean()), distances, failures, [])
+    return _summary(
+        "program", work, float(np.median(seconds, axis=0).mean()), distances, failures, []
+    )
 
 
-def _summary(name: str, work: Floats, seconds: float, distances: Floats, failures: int, near: Sequence[float]) -> Cost:
+def _summary(
+    name: str, work: Floats, seconds: float, distances: Floats, failures: int, near: Sequence[float]
+) -> Cost:
     spread = float(work.mean()), float(np.median(work)), float(np.percentile(work, 90.0))
     return Cost(name, len(work), *spread, seconds, float(distances.mean()), failures, tuple(near))

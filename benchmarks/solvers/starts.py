@@ -18,17 +18,26 @@ from multicor_cli.model.columns import INVERSE_MASS, MU, NORMAL, TANGENTIAL
 from multicor_cli.model.model import Floats
 
 Start = Callable[[Problem, Problem | None], Floats]
-"""Impulses of the diagonal contacts to start from, as in `System`: of a problem with its warm start, and of the step before."""
+"""Impulses of the diagonal contacts to start from, as in `System`: of a problem with its warm
+start, and of the step before."""
 
 
 def measure_starts(
-    problems: Sequence[Problem], references: Sequence[Reference], *, cap: int, rounds: int, method: str
+    problems: Sequence[Problem],
+    references: Sequence[Reference],
+    *,
+    cap: int,
+    rounds: int,
+    method: str,
 ) -> list[Cost]:
-    """Costs of a method on the same problems from different starts; the general contacts start from the last step throughout."""
+    """Costs of a method on the same problems from different starts; the general contacts start from
+    the last step throughout.
+    """
     costs = []
     for name, start in STARTS.items():
         changed = [
-            _started(problem, start(problem, problems[number - 1] if number else None)) for number, problem in enumerate(problems)
+            _started(problem, start(problem, problems[number - 1] if number else None))
+            for number, problem in enumerate(problems)
         ]
         cost = measure_sequence(changed, references, [METHODS[method]], cap=cap, rounds=rounds)[1]
         costs.append(replace(cost, method=name))
@@ -36,7 +45,9 @@ def measure_starts(
 
 
 def _started(problem: Problem, impulse: Floats) -> Problem:
-    """The problem with other impulses of the diagonal contacts, and the velocities that go with them."""
+    """The problem with other impulses of the diagonal contacts, and the velocities that go with
+    them.
+    """
     system = problem.copy()
     none = np.zeros_like(system.general_impulse)
     add_impulses(system._replace(impulse=impulse - system.impulse, general_impulse=none))
@@ -50,12 +61,15 @@ def _keys(system: System) -> NDArray[np.int64]:
 
 
 def _matched(now: System, before: System) -> Floats:
-    """Warm start of the step before for the present contacts, which are those between the same grains; nan where there is none."""
+    """Warm start of the step before for the present contacts, which are those between the same
+    grains; nan where there is none.
+    """
     keys, old_keys = _keys(now), _keys(before)
     order = np.argsort(old_keys)
     place = np.minimum(np.searchsorted(old_keys[order], keys), max(0, len(order) - 1))
     found = order[place]
-    is_grain = (now.velocity[now.pair // 4, INVERSE_MASS] > 0.0).all(axis=1)  # walls are numbered anew in each step
+    # Walls are numbered anew in each step
+    is_grain = (now.velocity[now.pair // 4, INVERSE_MASS] > 0.0).all(axis=1)
     is_same = is_grain & (old_keys[found] == keys).reshape(-1, LANES)
     last = before.impulse[found // LANES, :, found % LANES].reshape(-1, LANES, 2).transpose(0, 2, 1)
     return np.where(is_same[:, None], last, np.nan)
@@ -67,7 +81,9 @@ def _extrapolate(factor: float) -> Start:
         if before is None:
             return impulse
         last = _matched(problem.system, before.system)
-        moved = np.where(np.isnan(last) | (impulse <= 0.0), impulse, impulse + factor * (impulse - last))
+        moved = np.where(
+            np.isnan(last) | (impulse <= 0.0), impulse, impulse + factor * (impulse - last)
+        )
         normal = np.maximum(moved[:, NORMAL], 0.0)
         bound = problem.system.frame[:, MU] * normal
         return np.stack([normal, np.clip(moved[:, TANGENTIAL], -bound, bound)], axis=1)

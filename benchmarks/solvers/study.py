@@ -19,7 +19,8 @@ from multicor_cli.engine.contact.system import by_slot
 from multicor_cli.model.columns import NORMAL
 
 LEVELS = (1e-2, 1e-3, 1e-4)
-"""Residuals for which tables give the cost: rms over u_ref, and maximum and energy in the proportions of the default tolerances."""
+"""Residuals for which tables give the cost: rms over u_ref, and maximum and energy in the
+proportions of the default tolerances."""
 
 HIGH = 1e-8
 """The same for high accuracy."""
@@ -65,9 +66,11 @@ class Single:
         name: Name of the problem.
         contacts: Number of contacts.
         curves: One for each method.
-        exact: Largest error of an impulse over the largest impulse by method, where the solution is known; else empty.
+        exact: Largest error of an impulse over the largest impulse by method, where the solution is
+            known; else empty.
         reference: rms over u_ref of the solution that distances are measured to.
-        apart: Distance over u_ref of the solution that was found from the other start; None if there is one start only.
+        apart: Distance over u_ref of the solution that was found from the other start; None if
+            there is one start only.
     """
 
     name: str
@@ -111,9 +114,13 @@ def _single_as_dict(single: Single, levels: Sequence[float]) -> dict[str, Any]:
     for curve in single.curves:
         reached = {f"{level:g}": curve.first(level) for level in levels}
         columns = ("rms", "maximum", "energy", "distance", "sweeps", "seconds")
-        methods[curve.method] = {"reached": reached, **{name: curve.history[:, k].tolist() for k, name in enumerate(columns)}}
+        methods[curve.method] = {
+            "reached": reached,
+            **{name: curve.history[:, k].tolist() for k, name in enumerate(columns)},
+        }
     return {
-        "problem": single.name, "contacts": single.contacts, "reference_rms": single.reference, "apart": single.apart,
+        "problem": single.name, "contacts": single.contacts, "reference_rms": single.reference,
+        "apart": single.apart,
         "exact_error": single.exact, "methods": methods,
     }  # fmt: skip
 
@@ -123,7 +130,11 @@ def run_study(plan: Plan, say: Callable[[str], None]) -> Results:
     results = Results([], [], [])
     for source, grains in _tasks(plan):
         say(f"problems of {source}" + (f", {grains} grains" if grains else ""))
-        steps = [column()] if source == "column" else consecutive(source, grains, plan.seed, plan.steps, plan.folder)
+        steps = (
+            [column()]
+            if source == "column"
+            else consecutive(source, grains, plan.seed, plan.steps, plan.folder)
+        )
         _run_singles(_variants(source, steps), plan, results, say)
         if plan.steps > 1 and len(steps) > 1:
             say(f"  {len(steps)} steps in sequence")
@@ -134,12 +145,18 @@ def run_study(plan: Plan, say: Callable[[str], None]) -> Results:
 def _tasks(plan: Plan) -> list[tuple[str, int]]:
     tasks: list[tuple[str, int]] = []
     for source in plan.sources:
-        tasks += [(source, 0)] if source == "column" or is_run(source) else [(source, grains) for grains in plan.grains]
+        tasks += (
+            [(source, 0)]
+            if source == "column" or is_run(source)
+            else [(source, grains) for grains in plan.grains]
+        )
     return tasks
 
 
 def _variants(source: str, steps: list[Problem]) -> list[Problem]:
-    """The problems that are looked at one by one: that in the middle of the steps, cold and warm."""
+    """The problems that are looked at one by one: that in the middle of the steps, cold and
+    warm.
+    """
     one = steps[len(steps) // 2]
     if source == "column":
         return [one]
@@ -148,29 +165,46 @@ def _variants(source: str, steps: list[Problem]) -> list[Problem]:
     return [one.cold(), one.named(f"{one.name}, warm")]
 
 
-def _run_singles(problems: Sequence[Problem], plan: Plan, results: Results, say: Callable[[str], None]) -> None:
+def _run_singles(
+    problems: Sequence[Problem], plan: Plan, results: Results, say: Callable[[str], None]
+) -> None:
     """Run one problem from its starts, and add what comes out to the results."""
     references = [solve_closely(problem) for problem in problems]
     apart = separation(problems[0], *references) if len(references) == 2 else None
     for problem, reference in zip(problems, references, strict=True):
         say(f"  {problem.name}: {problem.contacts} contacts, reference at rms {reference.rms:.1e}")
-        results.singles.append(_run_single(problem, reference, apart, plan, LEVELS[-1], plan.methods))
+        results.singles.append(
+            _run_single(problem, reference, apart, plan, LEVELS[-1], plan.methods)
+        )
         if plan.is_accurate:
             accurate = [METHODS[name] for name in ("engine", "newton")]
             results.high.append(_run_single(problem, reference, apart, plan, HIGH, accurate))
 
 
 def _run_single(
-    problem: Problem, reference: Reference, apart: float | None, plan: Plan, target: float, methods: Sequence[Method]
+    problem: Problem,
+    reference: Reference,
+    apart: float | None,
+    plan: Plan,
+    target: float,
+    methods: Sequence[Method],
 ) -> Single:
     curves = compare(problem, reference, methods, target=target, cap=plan.cap, rounds=plan.rounds)
     is_known = problem.name.startswith("column")
-    exact = {method.name: exact_error(problem, reference, method, target, plan.cap) for method in methods if is_known}
+    exact = {
+        method.name: exact_error(problem, reference, method, target, plan.cap)
+        for method in methods
+        if is_known
+    }
     return Single(problem.name, problem.contacts, curves, exact, reference.rms, apart)
 
 
-def exact_error(problem: Problem, reference: Reference, method: Method, target: float, cap: int) -> float:
-    """Largest error of p_n over p_n at the bottom of the column after a method has met the target: p_n is the weight above."""
+def exact_error(
+    problem: Problem, reference: Reference, method: Method, target: float, cap: int
+) -> float:
+    """Largest error of p_n over p_n at the bottom of the column after a method has met the target:
+    p_n is the weight above.
+    """
     count = problem.contacts
     exact = problem.scale.velocity * np.arange(count, 0, -1)
     system = problem.copy()
@@ -182,6 +216,12 @@ def exact_error(problem: Problem, reference: Reference, method: Method, target: 
 def _run_sequence(steps: list[Problem], plan: Plan) -> Series:
     references = [solve_closely(problem) for problem in steps]
     costs = measure_sequence(steps, references, plan.methods, cap=plan.cap, rounds=plan.rounds)
-    starts = measure_starts(steps, references, cap=plan.cap, rounds=plan.rounds, method="engine") if plan.has_starts else []
+    starts = (
+        measure_starts(steps, references, cap=plan.cap, rounds=plan.rounds, method="engine")
+        if plan.has_starts
+        else []
+    )
     worst = max(reference.rms for reference in references)
-    return Series(steps[0].name, float(np.mean([problem.contacts for problem in steps])), worst, costs, starts)
+    return Series(
+        steps[0].name, float(np.mean([problem.contacts for problem in steps])), worst, costs, starts
+    )

@@ -1,7 +1,7 @@
 """What studies cost beside the runs themselves.
 
-    python benchmarks/studies short [CASES]   # short runs on two workers, beside the same runs one by one and two by two
-    python benchmarks/studies idle [CASES …]  # cases that do nothing: what client, scheduler and directory cost
+    python benchmarks/studies short [CASES]   # short runs on two workers, and one by one
+    python benchmarks/studies idle [CASES …]  # cases that do nothing: what the rest costs
 """  # fmt: skip
 
 from __future__ import annotations
@@ -47,7 +47,9 @@ workers = 2
 def main() -> None:
     """Run one of the measurements."""
     parser = argparse.ArgumentParser(
-        prog="python benchmarks/studies", description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+        prog="python benchmarks/studies",
+        description=__doc__,
+        formatter_class=argparse.RawTextHelpFormatter,
     )
     commands = parser.add_subparsers(required=True)
     short = commands.add_parser("short", help="short runs on two workers")
@@ -61,12 +63,19 @@ def main() -> None:
 
 
 def measure_short(cases: int) -> None:
-    """Wall time of a study over half the time of its runs alone, and over that of the same runs two at a time by hand."""
+    """Wall time of a study over half the time of its runs alone, and over that of the same runs two
+    at a time by hand.
+    """
     with tempfile.TemporaryDirectory(prefix="studies-") as folder:
         base = Path(folder)
-        text = STUDY.format(scenario=ROOT / "configs" / "shear-gravity-free.toml", seeds="", strain=0.3, count=cases)
+        text = STUDY.format(
+            scenario=ROOT / "configs" / "shear-gravity-free.toml", seeds="", strain=0.3, count=cases
+        )
         (base / "s.toml").write_text(text)
-        values = [case["values"] for case in _multicor(base, "study", "status", "s.toml", "--json")["cases"]]
+        values = [
+            case["values"]
+            for case in _multicor(base, "study", "status", "s.toml", "--json")["cases"]
+        ]
         _alone(base, values[0], "warm")  # compiles
         before = [_alone(base, row, f"before-{k}") for k, row in enumerate(_some(values))]
         both_before = _two_by_two(base, values, "pairs-before")
@@ -78,7 +87,10 @@ def measure_short(cases: int) -> None:
         alone, pairs = statistics.mean(before + after), statistics.mean([both_before, both_after])
     print(f"cases                                     {cases}")
     print(f"a run alone, mean of {len(before + after)} [s]               {alone:.2f}")
-    print(f"a run of two at a time by hand [s]        {pairs:.2f} of both cores: {2.0 * pairs / alone:.2f} of a run alone each")
+    print(
+        f"a run of two at a time by hand [s]        {pairs:.2f} of both cores: "
+        f"{2.0 * pairs / alone:.2f} of a run alone each"
+    )
     print(f"the study [s]                             {took:.1f}")
     print(f"over half the runs alone                  {took / (0.5 * cases * alone):.3f}")
     print(f"over the runs two at a time by hand       {took / (cases * pairs):.3f}")
@@ -109,10 +121,20 @@ def _two_by_two(base: Path, values: list[dict[str, Any]], name: str) -> float:
 
 def measure_idle(counts: list[int]) -> None:
     """Time and memory of everything but the runs, each number of cases in a process of its own."""
-    print("cases | check [s] | first pass [s] | a case [ms] | nothing left [s] | status [s] | table [s] | client [MB]", flush=True)
+    print(
+        (
+            "cases | check [s] | first pass [s] | a case [ms] | nothing left [s] | status [s] | "
+            "table [s] | client [MB]"
+        ),
+        flush=True,
+    )
     for count in counts:
         done = subprocess.run(
-            [sys.executable, __file__, "idle-one", str(count)], env=_environment(), capture_output=True, text=True, check=False
+            [sys.executable, __file__, "idle-one", str(count)],
+            env=_environment(),
+            capture_output=True,
+            text=True,
+            check=False,
         )
         print(done.stdout.strip() or done.stderr, flush=True)
 
@@ -126,7 +148,12 @@ def idle_one(count: int) -> None:
     computing.run_case = do_nothing  # everything else is as it is
     with tempfile.TemporaryDirectory(prefix="studies-") as folder:
         (Path(folder) / "s.toml").write_text(
-            STUDY.format(scenario=ROOT / "configs" / "shear-gravity-free.toml", seeds="", strain=0.3, count=count)
+            STUDY.format(
+                scenario=ROOT / "configs" / "shear-gravity-free.toml",
+                seeds="",
+                strain=0.3,
+                count=count,
+            )
         )
         os.chdir(folder)
         session = StudySession.open("s.toml")
@@ -140,8 +167,8 @@ def idle_one(count: int) -> None:
         assert table[1].count("finished") == count
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
     print(
-        f"{count} | {check[0]:.1f} | {first[0]:.1f} | {1e3 * first[0] / count:.1f} | {again[0]:.1f} | {status[0]:.2f} "
-        f"| {table[0]:.2f} | {memory:.0f}"
+        f"{count} | {check[0]:.1f} | {first[0]:.1f} | {1e3 * first[0] / count:.1f} | "
+        f"{again[0]:.1f} | {status[0]:.2f} | {table[0]:.2f} | {memory:.0f}"
     )
 
 
@@ -171,7 +198,9 @@ def _environment() -> dict[str, str]:
 
 def _multicor(base: Path, *arguments: str, is_json: bool = True) -> Any:
     words = [sys.executable, "-m", "multicor_cli", *arguments]
-    done = subprocess.run(words, cwd=base, env=_environment(), capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        words, cwd=base, env=_environment(), capture_output=True, text=True, check=False
+    )
     if done.returncode != 0:
         sys.exit(f"multicor {' '.join(arguments)}: {done.stderr.strip()}")
     return json.loads(done.stdout) if is_json else None

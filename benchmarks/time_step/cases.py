@@ -66,7 +66,8 @@ class Case:
     def name(self) -> str:
         """Name of the folder of the run."""
         friction = "" if self.friction == MU else f"-mu{self.friction:g}"
-        return f"I{self.inertial:g}-dt{self.step:g}-tol{self.tolerance:g}-strain{self.strain:g}-seed{self.seed}{friction}"
+        numerics = f"dt{self.step:g}-tol{self.tolerance:g}-strain{self.strain:g}"
+        return f"I{self.inertial:g}-{numerics}-seed{self.seed}{friction}"
 
     def overrides(self) -> list[str]:
         """What is changed in the shipped scenario."""
@@ -88,9 +89,19 @@ class Case:
         ]
 
 
-def all_cases(inertial: list[float], seeds: list[int], strain: float, friction: float = MU, trades: bool = False) -> Iterator[Case]:
-    """All cases: the time step is varied at one tolerance, and the tolerance at one time step; or both together (`TRADES`)."""
-    choices = [(step, TOLERANCE) for step in STEPS] + [(STEP, tolerance) for tolerance in TOLERANCES if tolerance != TOLERANCE]
+def all_cases(
+    inertial: list[float],
+    seeds: list[int],
+    strain: float,
+    friction: float = MU,
+    trades: bool = False,
+) -> Iterator[Case]:
+    """All cases: the time step is varied at one tolerance, and the tolerance at one time step; or
+    both together (`TRADES`).
+    """
+    choices = [(step, TOLERANCE) for step in STEPS] + [
+        (STEP, tolerance) for tolerance in TOLERANCES if tolerance != TOLERANCE
+    ]
     for number in inertial:
         for step, tolerance in TRADES if trades else choices:
             for seed in seeds:

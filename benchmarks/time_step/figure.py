@@ -18,7 +18,9 @@ def draw_figure(rows: Sequence[Row], folder: Path) -> Path:
     path = folder / "time_step.png"
     with figure_file(path, 2.0 * COLUMN, 1.5 * COLUMN) as figure:
         panels = figure.subplots(2, 2, sharex="col")
-        for color, inertial in zip(COLORS, sorted({row.inertial for row in rows}, reverse=True), strict=False):
+        for color, inertial in zip(
+            COLORS, sorted({row.inertial for row in rows}, reverse=True), strict=False
+        ):
             of_flow = [row for row in rows if row.inertial == inertial]
             steps = sorted((r for r in of_flow if r.tolerance == TOLERANCE), key=lambda r: r.step)
             tolerances = sorted((r for r in of_flow if r.step == STEP), key=lambda r: r.tolerance)
@@ -31,15 +33,21 @@ def draw_figure(rows: Sequence[Row], folder: Path) -> Path:
     return path
 
 
-def _draw(axes: Any, x: Sequence[float], rows: Sequence[Row], reference: Row, name: str, color: str) -> None:
+def _draw(
+    axes: Any, x: Sequence[float], rows: Sequence[Row], reference: Row, name: str, color: str
+) -> None:
     changes = [getattr(row, name) - getattr(reference, name) for row in rows]
     errors = [getattr(row, f"{name}_error") for row in rows]
     label = f"I = {reference.inertial:g}"
-    axes.errorbar(x, changes, errors, fmt="o-", color=color, markersize=3.0, linewidth=1.0, label=label)
+    axes.errorbar(
+        x, changes, errors, fmt="o-", color=color, markersize=3.0, linewidth=1.0, label=label
+    )
 
 
 def _label(panels: Any) -> None:
-    for row, (what, bound) in enumerate(((r"change of $\mu^*$ [–]", FRICTION), (r"change of $\nu$ [–]", SOLID))):
+    for row, (what, bound) in enumerate(
+        ((r"change of $\mu^*$ [–]", FRICTION), (r"change of $\nu$ [–]", SOLID))
+    ):
         panels[row, 0].set_ylabel(what)
         for axes in panels[row]:
             axes.axhspan(-bound, bound, color="0.9", zorder=0)

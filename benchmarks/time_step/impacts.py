@@ -1,9 +1,11 @@
-"""What a time step does to impacts: groups of two, three and seven discs, far from each other, with steps of several lengths.
+"""What a time step does to impacts: groups of two, three and seven discs, far from each other, with
+steps of several lengths.
 
     python benchmarks/time_step/impacts.py
 
-Every group starts anew, so that nothing but the order of the error in Δt is at work. The kinetic energy that is left and the spread
-of the groups are compared with those of a much smaller step. Speeds and diameters are about 1: Δt is the distance per step over d.
+Every group starts anew, so that nothing but the order of the error in Δt is at work. The kinetic
+energy that is left and the spread of the groups are compared with those of a much smaller step.
+Speeds and diameters are about 1: Δt is the distance per step over d.
 """
 
 from __future__ import annotations
@@ -31,15 +33,21 @@ def _direction(angle: float) -> Floats:
 
 
 def _pair(rng: np.random.Generator) -> Group:
-    """One disc flies at one that rests, with any offset and any phase within the step in which they meet."""
+    """One disc flies at one that rests, with any offset and any phase within the step in which they
+    meet.
+    """
     offset, angle = rng.uniform(-1.0, 1.0), rng.uniform(0.0, 2.0 * np.pi)
     along, across = _direction(angle), _direction(angle + 0.5 * np.pi)
     distance = np.sqrt(1.0 - offset * offset) + rng.uniform(0.0, 0.4)
-    return np.array([np.zeros(2), offset * across - distance * along]), np.array([np.zeros(3), [*along, 0.0]])
+    return np.array([np.zeros(2), offset * across - distance * along]), np.array(
+        [np.zeros(3), [*along, 0.0]]
+    )
 
 
 def _triple(rng: np.random.Generator) -> Group:
-    """A pair, and a third disc near the one that rests, which moves at half the speed in any direction."""
+    """A pair, and a third disc near the one that rests, which moves at half the speed in any
+    direction.
+    """
     positions, velocities = _pair(rng)
     third = positions[1]
     while np.hypot(*(third - positions[1])) <= 1.0:
@@ -71,7 +79,8 @@ def _model(count: int, friction: float) -> Model:
     grains = Grains(radius, np.ones(count), 0.5 * radius**2, kinds, kinds)
     no_number = np.zeros(0, np.int32)
     laws = ContactLaws(
-        np.full((1, 1), friction), np.zeros((1, 1)), np.full((1, 1), -1, np.int32), np.zeros(1, np.int32), none, none
+        np.full((1, 1), friction), np.zeros((1, 1)), np.full((1, 1), -1, np.int32),
+        np.zeros(1, np.int32), none, none
     )  # fmt: skip
     shapes = WallShapes(no_number, no_number, np.zeros((0, 4)), no_number)
     walls = Walls((), none, none, np.zeros(0, np.bool_), none)
@@ -79,14 +88,18 @@ def _model(count: int, friction: float) -> Model:
 
 
 def watch(kind: str, friction: float, dt: float, seed: int = 1) -> tuple[float, float]:
-    """Kinetic energy at the end over that at the start, and the rms distance of the discs from the centers of their groups."""
+    """Kinetic energy at the end over that at the start, and the rms distance of the discs from the
+    centers of their groups.
+    """
     draw, duration = KINDS[kind]
     rng = np.random.default_rng(seed)
     groups = [draw(rng) for _ in range(GROUPS)]
     size = len(groups[0][0])
     corners = [np.array([g % COLUMNS, g // COLUMNS]) * APART for g in range(GROUPS)]
     model = _model(GROUPS * size, friction)
-    state = State.at_rest(model, np.vstack([corner + group[0] for corner, group in zip(corners, groups, strict=True)]))
+    state = State.at_rest(
+        model, np.vstack([corner + group[0] for corner, group in zip(corners, groups, strict=True)])
+    )
     state.velocity[:] = np.vstack([group[1] for group in groups])
     engine = Engine(model, state, threads=1)
     engine.begin(Orders(settings=TIGHT))
@@ -94,17 +107,26 @@ def watch(kind: str, friction: float, dt: float, seed: int = 1) -> tuple[float, 
     for k in range(round(duration / dt)):
         engine.step(dt, k * dt)
     at = state.position[:, :2].reshape(GROUPS, size, 2)
-    return _kinetic(model, state) / before, float(np.sqrt(((at - at.mean(axis=1, keepdims=True)) ** 2).sum(axis=2).mean()))
+    return _kinetic(model, state) / before, float(
+        np.sqrt(((at - at.mean(axis=1, keepdims=True)) ** 2).sum(axis=2).mean())
+    )
 
 
 def _kinetic(model: Model, state: State) -> float:
     vx, vy, spin = state.velocity.T
-    return float((0.5 * model.grains.mass * (vx * vx + vy * vy) + 0.5 * model.grains.inertia * spin * spin).sum())
+    return float(
+        (
+            0.5 * model.grains.mass * (vx * vx + vy * vy) + 0.5 * model.grains.inertia * spin * spin
+        ).sum()
+    )
 
 
 def main() -> None:
     """Print the table."""
-    print(f"{'discs':>7} {'μ':>4} {'energy':>7} {'spread':>7}   change of either with the step, at Δt =")
+    print(
+        f"{'discs':>7} {'μ':>4} {'energy':>7} {'spread':>7}   change of either with the step, at "
+        "Δt ="
+    )
     print(" " * 31 + " ".join(f"{dt:^17g}" for dt in STEPS))
     for kind in KINDS:
         for friction in FRICTIONS:
@@ -113,7 +135,10 @@ def main() -> None:
             for dt in STEPS:
                 new_energy, new_spread = watch(kind, friction, dt)
                 cells.append(f"{new_energy - energy:+8.4f} {new_spread - spread:+8.4f}")
-            print(f"{kind:>7} {friction:4g} {energy:7.4f} {spread:7.4f}   " + " ".join(cells), flush=True)
+            print(
+                f"{kind:>7} {friction:4g} {energy:7.4f} {spread:7.4f}   " + " ".join(cells),
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

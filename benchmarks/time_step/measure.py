@@ -1,4 +1,6 @@
-"""What a run of the study shows: friction, solid fraction, profiles, overlap, and what it has cost."""
+"""What a run of the study shows: friction, solid fraction, profiles, overlap, and what it has
+cost.
+"""
 
 from __future__ import annotations
 
@@ -28,8 +30,9 @@ class Measured:
         solid: Solid fraction of the bulk, and its error.
         velocity: Profile of v_x over the wall's speed, shape ``(BINS,)``.
         density: Profile of the solid fraction, shape ``(BINS,)``.
-        early: Mean gap of the contacts, weighted with their impulses, over the mean diameter: how far from each other grains are
-            that act on each other, because a contact that closes within a step takes part in all of it.
+        early: Mean gap of the contacts, weighted with their impulses, over the mean diameter: how
+            far from each other grains are that act on each other, because a contact that closes
+            within a step takes part in all of it.
         overlap: Largest overlap over the smaller radius.
         slide: Distance per step at the speed of shear across one grain, γ̇ Δt.
         sweeps: Sweep-equivalents per step.
@@ -58,7 +61,9 @@ def measure(path: Path, case: Case) -> Measured:
         steady = Selection(start=began)
         table = rheology(run, steady, margin=MARGIN)
         mean, error = table.mean, table.error
-        velocity = profile(run, "velocity", steady, BINS, exclude_walls=0.0).value / SPEEDS[case.inertial]
+        velocity = (
+            profile(run, "velocity", steady, BINS, exclude_walls=0.0).value / SPEEDS[case.inertial]
+        )
         density = profile(run, "solid-fraction", steady, BINS, exclude_walls=0.0).value
         early = _early(run, began)
         info = run_info(path)

@@ -23,7 +23,9 @@ from multicor_cli.scenario import Scenario, parse_scenario
 
 @contextmanager
 def nudging(seed: int | None) -> Iterator[None]:
-    """While this lasts, packings are nudged with this seed; None leaves the environment as it is."""
+    """While this lasts, packings are nudged with this seed; None leaves the environment as it
+    is.
+    """
     before = os.environ.get(VARIABLE)
     if seed is not None:
         os.environ[VARIABLE] = str(seed)
@@ -73,7 +75,9 @@ class Driven:
             state.stage, state.stage_step, state.stage_start = number, 0, state.time
             starts.append(state.time)
             begin_stage(self.engine, stage, starts)
-            self.engine.resume(replace(self.engine.orders, settings=replace(stage.settings, method=self.method)))
+            self.engine.resume(
+                replace(self.engine.orders, settings=replace(stage.settings, method=self.method))
+            )
             for _ in range(stage.step_limit or 0):
                 self.step()
                 after_step(self)
@@ -93,14 +97,20 @@ class Driven:
         return self.plan.stages[self.state.stage].dt
 
     def branch(self, method: Method, factor: float = 1.0) -> Driven:
-        """The same state, to be continued in the present stage by another method, with tolerances times a factor."""
-        state = State.from_dict({name: np.array(value) for name, value in self.state.as_dict().items()})
+        """The same state, to be continued in the present stage by another method, with tolerances
+        times a factor.
+        """
+        state = State.from_dict(
+            {name: np.array(value) for name, value in self.state.as_dict().items()}
+        )
         stage = self.plan.stages[state.stage]
         engine = make_engine(self.scenario, self.model, state, 1)
         names = ("tolerance_rms", "tolerance_max", "tolerance_energy")
         tolerances = {name: factor * getattr(stage.settings, name) for name in names}
         orders = stage.orders([0.0] * state.stage + [state.stage_start])
-        engine.resume(replace(orders, settings=replace(stage.settings, method=method, **tolerances)))
+        engine.resume(
+            replace(orders, settings=replace(stage.settings, method=method, **tolerances))
+        )
         return Driven(self.scenario, self.model, engine, self.plan, method)
 
 
@@ -109,4 +119,6 @@ def begin(text: str, method: Method = "accelerated", nudge: int | None = None) -
     scenario = parse_scenario(text, Path("uniqueness.toml"), [])
     with nudging(nudge):
         model, state = build(scenario)
-    return Driven(scenario, model, make_engine(scenario, model, state, 1), make_plan(scenario, model), method)
+    return Driven(
+        scenario, model, make_engine(scenario, model, state, 1), make_plan(scenario, model), method
+    )

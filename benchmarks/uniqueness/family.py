@@ -1,8 +1,10 @@
-"""Where a solution is one of a whole family: changes of the impulses that keep every contact in its state.
+"""Where a solution is one of a whole family: changes of the impulses that keep every contact in its
+state.
 
-Sticking contacts must not move, sliding ones must not part. Where these conditions are more than the motions they exclude, a
-combination of impulses is left undetermined. Without friction it would be a stress of the network in itself, which moves nothing.
-But a sliding contact passes on μ times what its normal impulse changes by, and that moves grains.
+Sticking contacts must not move, sliding ones must not part. Where these conditions are more than
+the motions they exclude, a combination of impulses is left undetermined. Without friction it would
+be a stress of the network in itself, which moves nothing. But a sliding contact passes on μ times
+what its normal impulse changes by, and that moves grains.
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ _SINGULAR = 1e-12  # of the largest singular value
 def undetermined(problem: ContactProblem, impulse: Floats) -> list[Floats]:
     """Changes of the impulses ``(c, 2)`` under which, while small, a solution remains one.
 
-    Each is scaled so that the velocity at some contact changes by the largest approach velocity, and left out if it moves nothing.
+    Each is scaled so that the velocity at some contact changes by the largest approach velocity,
+    and left out if it moves nothing.
     """
     allowed, forbidden = _moves(problem, impulse)
     matrix = matrix_of(problem)
@@ -30,7 +33,9 @@ def undetermined(problem: ContactProblem, impulse: Floats) -> list[Floats]:
     scale = approach_velocity(problem)
     found = []
     for change in changes:
-        moved = contact_velocity(problem, pushed(problem, change)) - contact_velocity(problem, problem.velocity)
+        moved = contact_velocity(problem, pushed(problem, change)) - contact_velocity(
+            problem, problem.velocity
+        )
         size = float(np.abs(moved).max())
         if size > 1e-6 * float(np.abs(matrix).max() * np.abs(change).max()):
             found.append(change * (scale / size))
@@ -38,7 +43,9 @@ def undetermined(problem: ContactProblem, impulse: Floats) -> list[Floats]:
 
 
 def _moves(problem: ContactProblem, impulse: Floats) -> tuple[Floats, list[int]]:
-    """Impulses that may change, by column, and components n, t of the velocities that must not, by index."""
+    """Impulses that may change, by column, and components n, t of the velocities that must not, by
+    index.
+    """
     unit = problem.inverse_mass[problem.pair, 0].sum(axis=1) / approach_velocity(problem)
     normal, tangential = impulse.T
     is_loaded = normal * unit > _LOADED

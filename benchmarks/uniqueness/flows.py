@@ -1,4 +1,6 @@
-"""Plane shear and a collapse, each packing with plain sweeps, with accelerated ones, and with these from a nudged start."""
+"""Plane shear and a collapse, each packing with plain sweeps, with accelerated ones, and with these
+from a nudged start.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +26,9 @@ CONTRASTS = {
     "method": (("plain", "plain, nudged"), ("accelerated", "nudged")),
     "nudge": (("nudged", "plain, nudged"), ("accelerated", "plain")),
 }
-"""What is compared, seed by seed: the mean of the first two ways less that of the others. Each contrast has two runs of either side
-of the other: if the method does no more than the nudge, both scatter alike around 0."""
+"""What is compared, seed by seed: the mean of the first two ways less that of the others. Each
+contrast has two runs of either side of the other: if the method does no more than the nudge, both
+scatter alike around 0."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,8 @@ class Flow:
         name: Name in the tables.
         text: Scenario of a seed.
         measure: Carries it out and returns its numbers by name.
-        packings: How many for each seed that is asked for: what scatters much and costs little takes more.
+        packings: How many for each seed that is asked for: what scatters much and costs little
+            takes more.
     """
 
     name: str
@@ -69,25 +73,43 @@ class Comparison:
 
     def shift(self, quantity: str, contrast: str) -> Shift:
         """Differences of a contrast."""
-        first, second = (np.mean([self.values[quantity][way] for way in ways], axis=0) for ways in CONTRASTS[contrast])
+        first, second = (
+            np.mean([self.values[quantity][way] for way in ways], axis=0)
+            for ways in CONTRASTS[contrast]
+        )
         return shift(first, second)
 
 
-def shear_flow(count: int, inertial: float, transient: float, strain: float, tolerance: float) -> Flow:
-    """Plane shear at a nominal inertial number; strains of the part that is left out and of the part that counts."""
+def shear_flow(
+    count: int, inertial: float, transient: float, strain: float, tolerance: float
+) -> Flow:
+    """Plane shear at a nominal inertial number; strains of the part that is left out and of the
+    part that counts.
+    """
     steady = transient / RATES[inertial]
 
     def measure(driven: Driven) -> dict[str, float]:
         return _measure_shear(driven, steady, RATES[inertial])
 
     name = f"shear, I = {inertial:g}, tolerance {tolerance:g}"
-    return Flow(name, lambda seed: shear(count, seed, inertial, transient + strain, tolerance), measure)
+    return Flow(
+        name, lambda seed: shear(count, seed, inertial, transient + strain, tolerance), measure
+    )
 
 
-def collapse_flow(count: int, settle: float, spread: float, tolerance: float, packings: int = 1) -> Flow:
-    """Collapse of a column, from the fall into the gate to rest on the floor; ``packings`` as in `Flow`."""
+def collapse_flow(
+    count: int, settle: float, spread: float, tolerance: float, packings: int = 1
+) -> Flow:
+    """Collapse of a column, from the fall into the gate to rest on the floor; ``packings`` as in
+    `Flow`.
+    """
     name = f"collapse, tolerance {tolerance:g}"
-    return Flow(name, lambda seed: collapse(count, seed, settle, spread, tolerance), _measure_collapse, packings)
+    return Flow(
+        name,
+        lambda seed: collapse(count, seed, settle, spread, tolerance),
+        _measure_collapse,
+        packings,
+    )
 
 
 def _measure_shear(driven: Driven, steady: float, rate: float) -> dict[str, float]:
@@ -123,8 +145,10 @@ def _measure_collapse(driven: Driven) -> dict[str, float]:
     x, y = driven.state.position[:, 0], driven.state.position[:, 1] + driven.model.grains.radius
     at_wall = x < 4.0 * DIAMETER
     return {
-        "run-out (95 % of x)": float(np.quantile(x, 0.95)) / width, "mean x": float(x.mean()) / width,
-        "height at the wall": float(y[at_wall].max()) / width, "mean y": float(driven.state.position[:, 1].mean()) / width,
+        "run-out (95 % of x)": float(np.quantile(x, 0.95)) / width,
+        "mean x": float(x.mean()) / width,
+        "height at the wall": float(y[at_wall].max()) / width,
+        "mean y": float(driven.state.position[:, 1].mean()) / width,
     }  # fmt: skip
 
 

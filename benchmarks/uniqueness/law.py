@@ -1,6 +1,8 @@
-"""Is it a solution? Signorini's and Coulomb's laws and the balance of momentum, from the arrays of a problem alone.
+"""Is it a solution? Signorini's and Coulomb's laws and the balance of momentum, from the arrays of
+a problem alone.
 
-Plain numpy, and nothing of the program's own residuals: what the solver thinks of its result does not enter.
+Plain numpy, and nothing of the program's own residuals: what the solver thinks of its result does
+not enter.
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ from multicor_cli.model.model import Floats
 
 @dataclass(frozen=True)
 class Violations:
-    """Largest violation of each condition over all contacts (bodies), over the largest approach velocity.
+    """Largest violation of each condition over all contacts (bodies), over the largest approach
+    velocity.
 
     Impulses are turned into velocities by the inverse masses of the two bodies.
 
@@ -25,8 +28,10 @@ class Violations:
         pull: Negative normal impulse.
         both: Smaller of normal impulse and normal velocity: one of them has to be 0.
         cone: Tangential impulse beyond μ p_n.
-        slip: Smaller of slip and what the tangential impulse lacks to the cone: one of them has to be 0.
-        driving: Smaller of slip and tangential impulse where both have the same direction: friction has to oppose slip.
+        slip: Smaller of slip and what the tangential impulse lacks to the cone: one of them has to
+            be 0.
+        driving: Smaller of slip and tangential impulse where both have the same direction: friction
+            has to oppose slip.
     """
 
     momentum: float
@@ -44,11 +49,18 @@ class Violations:
 
 
 def contact_velocity(problem: ContactProblem, velocity: Floats) -> Floats:
-    """u_n and u_t of body i relative to the surface of body j at the contacts [m/s], shape ``(c, 2)``."""
+    """u_n and u_t of body i relative to the surface of body j at the contacts [m/s], shape
+    ``(c, 2)``.
+    """
     at_contact = [_velocity_of_side(problem, velocity, side) for side in (0, 1)]
     relative = at_contact[0] - at_contact[1]
     nx, ny = problem.normal.T
-    return np.column_stack([relative[:, 0] * nx + relative[:, 1] * ny, relative[:, 1] * nx - relative[:, 0] * ny - problem.slide])
+    return np.column_stack(
+        [
+            relative[:, 0] * nx + relative[:, 1] * ny,
+            relative[:, 1] * nx - relative[:, 0] * ny - problem.slide,
+        ]
+    )
 
 
 def _velocity_of_side(problem: ContactProblem, velocity: Floats, side: int) -> Floats:
@@ -57,7 +69,9 @@ def _velocity_of_side(problem: ContactProblem, velocity: Floats, side: int) -> F
 
 
 def approach_velocity(problem: ContactProblem) -> float:
-    """Largest velocity at which the free motion would break a contact's law [m/s]: the scale of all differences."""
+    """Largest velocity at which the free motion would break a contact's law [m/s]: the scale of all
+    differences.
+    """
     return float(-(contact_velocity(problem, problem.velocity)[:, 0] + problem.bias).min())
 
 
@@ -76,14 +90,19 @@ def pushed(problem: ContactProblem, impulse: Floats) -> Floats:
 def violations(problem: ContactProblem, impulse: Floats, velocity: Floats) -> Violations:
     """How far impulses ``(c, 2)`` and velocities ``(b, 3)`` are from solving a problem."""
     scale = approach_velocity(problem)
-    unexplained = np.abs(velocity - pushed(problem, impulse)) * [1.0, 1.0, float(np.abs(problem.lever).max())]
+    unexplained = np.abs(velocity - pushed(problem, impulse)) * [
+        1.0,
+        1.0,
+        float(np.abs(problem.lever).max()),
+    ]
     u = contact_velocity(problem, velocity)
     u_n, u_t = u[:, 0] + problem.bias, u[:, 1]
     unit = problem.inverse_mass[problem.pair, 0].sum(axis=1)
     p_n, p_t = impulse[:, 0] * unit, impulse[:, 1] * unit
     room = problem.friction * p_n - np.abs(p_t)
     largest = [
-        unexplained, np.maximum(-u_n, 0.0), np.maximum(-p_n, 0.0), np.minimum(np.abs(p_n), np.abs(u_n)),
+        unexplained, np.maximum(-u_n, 0.0), np.maximum(-p_n, 0.0),
+        np.minimum(np.abs(p_n), np.abs(u_n)),
         np.maximum(-room, 0.0), np.minimum(np.abs(u_t), np.maximum(room, 0.0)),
         np.where(p_t * u_t > 0.0, np.minimum(np.abs(u_t), np.abs(p_t)), 0.0),
     ]  # fmt: skip

@@ -1,4 +1,6 @@
-"""One contact problem, solved from several starts, in several orders of the contacts, by plain and by accelerated sweeps."""
+"""One contact problem, solved from several starts, in several orders of the contacts, by plain and
+by accelerated sweeps.
+"""
 
 from __future__ import annotations
 
@@ -17,10 +19,12 @@ from multicor_cli.model.model import Floats, Ints
 
 METHODS: tuple[Method, ...] = ("gauss-seidel", "accelerated")
 WORST = 1e-8
-"""Largest violation of the laws, over the largest approach velocity, of what is called a solution."""
+"""Largest violation of the laws, over the largest approach velocity, of what is called a
+solution."""
 
 DISTINCT = 1e-4
-"""Velocities at a contact that differ by more, over the largest approach velocity, are of different solutions."""
+"""Velocities at a contact that differ by more, over the largest approach velocity, are of different
+solutions."""
 
 CHANGED = 1e-2
 """The same, of what is counted as a contact that differs."""
@@ -64,7 +68,9 @@ class Solve:
 
 @dataclass(frozen=True)
 class Difference:
-    """Two solutions: contacts that differ, and by how much over the largest approach velocity; contacts loaded in one only."""
+    """Two solutions: contacts that differ, and by how much over the largest approach velocity;
+    contacts loaded in one only.
+    """
 
     contacts: int
     largest: float
@@ -82,11 +88,13 @@ class Row:
         solves: Number of solves.
         solved: Of these, how many found a solution.
         distinct: Number of different velocities among these.
-        methods: Plain against accelerated from zero, in the order of the problem; None if one of them found none.
+        methods: Plain against accelerated from zero, in the order of the problem; None if one of
+            them found none.
         widest: The two solutions that differ most; None if fewer than two were found.
         worst: Largest violation of the laws in all solutions.
         forces: Largest rms difference of the impulses of two solutions, over their rms.
-        straight: Largest violation of the laws half-way between the widest two: if none, all between them are solutions.
+        straight: Largest violation of the laws half-way between the widest two: if none, all
+            between them are solutions.
         plain: The solution by plain sweeps from zero, if there is one.
         pair: The widest two, to be recorded.
     """
@@ -123,7 +131,13 @@ def take(count: int, seed: int, times: list[float]) -> Iterator[Taken]:
 
 def settings_for(method: Method, cap: int) -> Settings:
     """Tight tolerances: the program's own residuals over its own scales."""
-    return Settings(method=method, tolerance_rms=1e-12, tolerance_max=1e-10, tolerance_energy=1e-9, max_sweeps=cap)
+    return Settings(
+        method=method,
+        tolerance_rms=1e-12,
+        tolerance_max=1e-10,
+        tolerance_energy=1e-9,
+        max_sweeps=cap,
+    )
 
 
 def starts_of(problem: ContactProblem, warm: Floats, count: int) -> dict[str, Floats]:
@@ -133,7 +147,9 @@ def starts_of(problem: ContactProblem, warm: Floats, count: int) -> dict[str, Fl
     for number in range(1, count + 1):
         lot = np.random.Generator(np.random.Philox(number))
         normal = size * lot.random(len(warm))
-        starts[f"lot {number}"] = np.column_stack([normal, problem.friction * normal * lot.uniform(-1.0, 1.0, len(warm))])
+        starts[f"lot {number}"] = np.column_stack(
+            [normal, problem.friction * normal * lot.uniform(-1.0, 1.0, len(warm))]
+        )
     return starts
 
 
@@ -143,34 +159,50 @@ def solve_all(problem: ContactProblem, warm: Floats, cap: int, lots: int) -> lis
     for method in METHODS:
         settings = settings_for(method, cap)
         for name, start in starts_of(problem, warm, lots).items():
-            solves.append(_solve(problem, settings, f"{method}, {name}", start, np.arange(len(warm))))
+            solves.append(
+                _solve(problem, settings, f"{method}, {name}", start, np.arange(len(warm)))
+            )
         for number in range(1, lots + 1):
             order = np.random.Generator(np.random.Philox(100 + number)).permutation(len(warm))
-            solves.append(_solve(problem, settings, f"{method}, order {number}", np.zeros_like(warm), order))
+            solves.append(
+                _solve(problem, settings, f"{method}, order {number}", np.zeros_like(warm), order)
+            )
     return solves
 
 
-def _solve(problem: ContactProblem, settings: Settings, label: str, start: Floats, order: Ints) -> Solve:
+def _solve(
+    problem: ContactProblem, settings: Settings, label: str, start: Floats, order: Ints
+) -> Solve:
     names = ("pair", "normal", "lever", "bias", "friction")
-    ordered = replace(problem, **{name: np.ascontiguousarray(getattr(problem, name)[order]) for name in names})
+    ordered = replace(
+        problem, **{name: np.ascontiguousarray(getattr(problem, name)[order]) for name in names}
+    )
     found = solve_contacts(ordered, settings, start=start[order])
     impulse = np.empty_like(start)
     impulse[order] = found.impulse
     return as_solve(problem, impulse, found.velocity, label, converged=found.converged)
 
 
-def as_solve(problem: ContactProblem, impulse: Floats, velocity: Floats, label: str, *, converged: bool) -> Solve:
+def as_solve(
+    problem: ContactProblem, impulse: Floats, velocity: Floats, label: str, *, converged: bool
+) -> Solve:
     """Check impulses and velocities, wherever they come from."""
     contact = contact_velocity(problem, velocity) / approach_velocity(problem)
-    return Solve(label, converged, impulse, velocity, contact, violations(problem, impulse, velocity).worst)
+    return Solve(
+        label, converged, impulse, velocity, contact, violations(problem, impulse, velocity).worst
+    )
 
 
 def difference(one: Solve, other: Solve) -> Difference:
-    """How two solutions differ; a contact is let go if its impulse, and not only its last digits, is there in one only."""
+    """How two solutions differ; a contact is let go if its impulse, and not only its last digits,
+    is there in one only.
+    """
     apart = np.linalg.norm(one.contact - other.contact, axis=1)
     least = 1e-6 * max(float(one.impulse[:, 0].max()), float(other.impulse[:, 0].max()))
     loaded = one.impulse[:, 0] > least, other.impulse[:, 0] > least
-    return Difference(int((apart > CHANGED).sum()), float(apart.max()), int((loaded[0] != loaded[1]).sum()))
+    return Difference(
+        int((apart > CHANGED).sum()), float(apart.max()), int((loaded[0] != loaded[1]).sum())
+    )
 
 
 def distinct(solutions: list[Solve]) -> list[Solve]:
@@ -195,7 +227,9 @@ def study(taken: Taken, cap: int, lots: int) -> Row:
     kinds = distinct(solutions)
     by_name = {solve.label: solve for solve in solutions}
     plain, fast = (by_name.get(f"{method}, zero") for method in METHODS)
-    pairs = [(a, b) for k, a in enumerate(kinds) for b in kinds[:k]] or [(a, b) for a in solutions[:1] for b in solutions[1:2]]
+    pairs = [(a, b) for k, a in enumerate(kinds) for b in kinds[:k]] or [
+        (a, b) for a in solutions[:1] for b in solutions[1:2]
+    ]
     widest = max(pairs, key=lambda pair: difference(*pair).largest, default=None)
     return Row(
         taken.seed,

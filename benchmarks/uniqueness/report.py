@@ -30,19 +30,32 @@ def _table(head: list[str], rows: list[list[str]]) -> str:
 def _problems(problems: list[Problem]) -> str:
     sizes = sorted({problem.grains for problem in problems})
     several = [problem for problem in problems if problem.row.distinct > 1]
-    tables = [_table(_SIZE_HEAD, [_size([p for p in problems if p.grains == size], size) for size in sizes])]
+    tables = [
+        _table(
+            _SIZE_HEAD, [_size([p for p in problems if p.grains == size], size) for size in sizes]
+        )
+    ]
     if several:
-        tables.append("Problems with several solutions:\n" + _table(_PROBLEM_HEAD, [_problem(problem) for problem in several]))
+        tables.append(
+            "Problems with several solutions:\n"
+            + _table(_PROBLEM_HEAD, [_problem(problem) for problem in several])
+        )
     compared = [problem.siconos.largest for problem in problems if problem.siconos is not None]
     if compared:
         tables.append(
-            f"Siconos against plain sweeps, both from zero: {len(compared)} problems, apart by at most {max(compared):.1e}."
+            f"Siconos against plain sweeps, both from zero: {len(compared)} problems, apart by at "
+            f"most {max(compared):.1e}."
         )
-    return "One problem, solved from several starts and in several orders of the contacts\n\n" + "\n\n".join(tables)
+    return (
+        "One problem, solved from several starts and in several orders of the contacts\n\n"
+        + "\n\n".join(tables)
+    )
 
 
 _SIZE_HEAD = [
-    "grains", "problems", "with several solutions", "solves", "that found one", "worst violation", "without friction: several",
+    "grains", "problems", "with several solutions", "solves", "that found one", "worst violation",
+    ("without "
+        "friction: several"),
     "solves", "that found one", "velocities apart", "forces apart",
 ]  # fmt: skip
 
@@ -51,8 +64,10 @@ def _size(problems: list[Problem], size: int) -> list[str]:
     rows, controls = [p.row for p in problems], [p.control for p in problems]
     solves = sum(row.solves for row in rows)
     return [
-        f"{size}", f"{len(rows)}", f"{sum(row.distinct > 1 for row in rows)}", f"{solves}", f"{sum(row.solved for row in rows)}",
-        f"{_largest([row.worst for row in rows]):.0e}", f"{sum(c.distinct > 1 for c in controls)}", f"{solves}",
+        f"{size}", f"{len(rows)}", f"{sum(row.distinct > 1 for row in rows)}", f"{solves}",
+        f"{sum(row.solved for row in rows)}",
+        f"{_largest([row.worst for row in rows]):.0e}", f"{sum(c.distinct > 1 for c in controls)}",
+        f"{solves}",
         f"{sum(c.solved for c in controls)}", f"{_largest([c.velocities for c in controls]):.0e}",
         f"{_largest([c.forces for c in controls]):.0e}",
     ]  # fmt: skip
@@ -63,7 +78,8 @@ def _largest(values: list[float]) -> float:
 
 
 _PROBLEM_HEAD = [
-    "grains", "seed", "time [s]", "contacts", "solved", "velocities", "plain and accelerated: contacts > 1 %", "largest",
+    "grains", "seed", "time [s]", "contacts", "solved", "velocities", ("plain and accelerated: "
+        "contacts > 1 %"), "largest",
     "widest pair: contacts > 1 %", "largest", "loaded in one only", "half-way", "forces apart",
 ]  # fmt: skip
 
@@ -71,9 +87,14 @@ _PROBLEM_HEAD = [
 def _problem(problem: Problem) -> list[str]:
     row, methods, widest = problem.row, problem.row.methods, problem.row.widest
     of_methods = ["", ""] if methods is None else [f"{methods.contacts}", f"{methods.largest:.1e}"]
-    of_widest = ["", "", ""] if widest is None else [f"{widest.contacts}", f"{widest.largest:.3f}", f"{widest.let_go}"]
+    of_widest = (
+        ["", "", ""]
+        if widest is None
+        else [f"{widest.contacts}", f"{widest.largest:.3f}", f"{widest.let_go}"]
+    )
     return [
-        f"{problem.grains}", f"{row.seed}", f"{row.time:.3f}", f"{row.contacts}", f"{row.solved} of {row.solves}",
+        f"{problem.grains}", f"{row.seed}", f"{row.time:.3f}", f"{row.contacts}", (f"{row.solved} "
+            f"of {row.solves}"),
         f"{row.distinct}", *of_methods, *of_widest, f"{row.straight:.0e}", f"{row.forces:.2f}",
     ]  # fmt: skip
 
@@ -88,27 +109,46 @@ def _flow(one: Comparison) -> str:
         row = [quantity, *(f"{mean.mean:.4f} ± {mean.error:.4f}" for mean in means)]
         for name in CONTRASTS:
             s = one.shift(quantity, name)
-            row += [f"{s.mean:+.4f} ± {s.error:.4f}", f"{s.errors:+.1f}", f"{s.scatter:.4f}", f"{s.chance:.2f}"]
+            row += [
+                f"{s.mean:+.4f} ± {s.error:.4f}",
+                f"{s.errors:+.1f}",
+                f"{s.scatter:.4f}",
+                f"{s.chance:.2f}",
+            ]
         rows.append(row)
     missed = ", ".join(f"{way} {one.unconverged[way]} of {one.steps[way]}" for way in WAYS)
-    return f"{one.flow}: {one.seeds} packings\n\n{_table(head, rows)}\n\nsteps that missed the tolerances: {missed}"
+    return (
+        f"{one.flow}: {one.seeds} packings\n\n{_table(head, rows)}\n\n"
+        f"steps that missed the tolerances: {missed}"
+    )
 
 
 _REST_HEAD = [
-    "way", "missed", "sweeps", "moved [d]", "rms [d]", "second half [d]", "weight carried − 1", "worst step", "height [d]",
-    "contacts", "force", "spread", "participation", "forces: last two steps", "against first way", "means over steps",
+    "way", "missed", "sweeps", "moved [d]", "rms [d]", "second half [d]", "weight carried − 1",
+    ("worst "
+        "step"), ("height "
+        "[d]"),
+    "contacts", "force", "spread", "participation", "forces: last two steps", "against first way",
+    ("means "
+        "over steps"),
 ]  # fmt: skip
 
 
 def _rest(one: AtRest) -> str:
     rows = [
         [
-            row.way, f"{row.unconverged}", f"{row.sweeps:.0f}", f"{row.moved:.1e}", f"{row.moved_rms:.1e}", f"{row.moved_late:.1e}",
+            row.way, f"{row.unconverged}", f"{row.sweeps:.0f}", f"{row.moved:.1e}",
+            f"{row.moved_rms:.1e}", f"{row.moved_late:.1e}",
             f"{row.floor:+.1e}",
-            f"{row.floor_worst:.1e}", f"{row.height:+.1e}", f"{row.contacts}", f"{row.force:.3f}", f"{row.spread:.3f}",
-            f"{row.participation:.3f}", f"{row.changed:.1e}", f"{row.differ:.3f}", f"{row.differ_mean:.3f}",
+            f"{row.floor_worst:.1e}", f"{row.height:+.1e}", f"{row.contacts}", f"{row.force:.3f}",
+            f"{row.spread:.3f}",
+            f"{row.participation:.3f}", f"{row.changed:.1e}", f"{row.differ:.3f}",
+            f"{row.differ_mean:.3f}",
         ]
         for row in one.rows
     ]  # fmt: skip
     steps = one.rows[0].steps
-    return f"{one.scene}: {one.grains} grains at rest (fastest: {one.speed:.1e} m/s), {steps} steps\n\n{_table(_REST_HEAD, rows)}"
+    return (
+        f"{one.scene}: {one.grains} grains at rest (fastest: {one.speed:.1e} m/s), {steps} steps\n"
+        f"\n{_table(_REST_HEAD, rows)}"
+    )

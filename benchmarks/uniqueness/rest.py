@@ -1,4 +1,6 @@
-"""A bed and a pile at rest, continued by one method or the other, from the last impulses, from none and from some by lot."""
+"""A bed and a pile at rest, continued by one method or the other, from the last impulses, from none
+and from some by lot.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,8 @@ WAYS: dict[str, tuple[Method, str, float]] = {
     "accelerated, from zero, 1/100": ("accelerated", "zero", 0.01),
     "accelerated, from lots, 1/100": ("accelerated", "lot", 0.01),
 }
-"""Method, what each step starts from, and by what the default tolerances are multiplied. The first is how the program does it."""
+"""Method, what each step starts from, and by what the default tolerances are multiplied. The first
+is how the program does it."""
 
 Key = tuple[int, int]
 
@@ -70,7 +73,9 @@ class Kept:
 
 @dataclass(frozen=True)
 class AtRest:
-    """One scene: how it came to rest, and what the ways made of it; forces of the first ways for the figure."""
+    """One scene: how it came to rest, and what the ways made of it; forces of the first ways for
+    the figure.
+    """
 
     scene: str
     grains: int
@@ -103,7 +108,9 @@ class _Ledger:
 
 
 def apart(one: dict[Key, Floats], other: dict[Key, Floats]) -> float:
-    """rms difference of the impulses of two sets of contacts over their rms; a contact that is missing carries none."""
+    """rms difference of the impulses of two sets of contacts over their rms; a contact that is
+    missing carries none.
+    """
     keys = list(one.keys() | other.keys())
     nothing = np.zeros(2)
     a, b = (np.array([contacts.get(key, nothing) for key in keys]) for contacts in (one, other))
@@ -123,7 +130,10 @@ def compare(scene: str, resting: Driven, steps: int, say: Callable[[str], None])
         ledgers[way] = _continue(resting.branch(method, factor), start, steps)
     first = next(iter(ledgers.values()))
     rows = [_kept(way, ledger, first) for way, ledger in ledgers.items()]
-    forces = {way: {key: (float(p[0]), float(p[1])) for key, p in ledger.last.items()} for way, ledger in ledgers.items()}
+    forces = {
+        way: {key: (float(p[0]), float(p[1])) for key, p in ledger.last.items()}
+        for way, ledger in ledgers.items()
+    }
     speed = float(np.abs(resting.state.velocity[:, :2]).max())
     return AtRest(scene, resting.model.grain_count, speed, rows, forces)
 
@@ -140,7 +150,9 @@ def _continue(driven: Driven, start: str, steps: int) -> _Ledger:
             impulse[:] = 0.0
         elif start == "lot":
             normal = 2.0 * impulse[:, 0].mean() * lot.random(len(impulse))
-            impulse[:] = np.column_stack([normal, 0.3 * normal * lot.uniform(-1.0, 1.0, len(impulse))])
+            impulse[:] = np.column_stack(
+                [normal, 0.3 * normal * lot.uniform(-1.0, 1.0, len(impulse))]
+            )
         driven.step()
         ledger.note()
     return ledger
@@ -157,12 +169,16 @@ def _kept(way: str, ledger: _Ledger, first: _Ledger) -> Kept:
     weight = 9.81 * float(model.grains.mass.sum()) * driven.dt
     carried = np.array(ledger.upward) / weight - 1.0
     normal = np.array([impulse[0] for impulse in ledger.last.values()])
-    top = [float((p[:, 1] + model.grains.radius).max()) for p in (driven.state.position, ledger.start)]
+    top = [
+        float((p[:, 1] + model.grains.radius).max()) for p in (driven.state.position, ledger.start)
+    ]
     return Kept(
         way, driven.steps, driven.unconverged, driven.sweeps / driven.steps,
         float(moved.max()), float(np.sqrt((moved**2).mean())), float(late.max()),
-        float(carried.mean()), float(np.abs(carried).max()), (top[0] - top[1]) / model.mean_diameter, normal.size,
+        float(carried.mean()), float(np.abs(carried).max()),
+        (top[0] - top[1]) / model.mean_diameter, normal.size,
         float(normal.mean() / (weight / model.grain_count)), float(normal.std() / normal.mean()),
-        float(normal.sum() ** 2 / (normal.size * (normal**2).sum())), apart(ledger.last, ledger.before),
+        float(normal.sum() ** 2 / (normal.size * (normal**2).sum())),
+        apart(ledger.last, ledger.before),
         apart(ledger.last, first.last), apart(ledger.total, first.total),
     )  # fmt: skip

@@ -1,4 +1,6 @@
-"""Do two ways of running the same packings differ? Differences by seed, their standard error, and an exact test of signs."""
+"""Do two ways of running the same packings differ? Differences by seed, their standard error, and
+an exact test of signs.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,8 @@ class Shift:
         mean: Mean difference.
         error: Its standard error; nan of one seed.
         scatter: rms of the differences: how far apart two runs of one packing are.
-        chance: Share of all choices of signs that give a mean at least as large: small if the mean is not by chance.
+        chance: Share of all choices of signs that give a mean at least as large: small if the mean
+            is not by chance.
     """
 
     mean: float

@@ -20,7 +20,13 @@ from multicor_cli.model.model import Floats
 def find_python() -> str | None:
     """An interpreter that can import Siconos, or None."""
     for name in (os.environ.get("SICONOS_PYTHON"), "/usr/bin/python3", shutil.which("python3")):
-        if name and subprocess.run([name, "-c", "import siconos.numerics"], capture_output=True, check=False).returncode == 0:
+        if (
+            name
+            and subprocess.run(
+                [name, "-c", "import siconos.numerics"], capture_output=True, check=False
+            ).returncode
+            == 0
+        ):
             return name
     return None
 
@@ -37,8 +43,12 @@ def matrix_of(problem: ContactProblem) -> Floats:
     return columns
 
 
-def solve_theirs(problem: ContactProblem, python: str, sweeps: int, seconds: float = 300.0) -> Solve | None:
-    """Plain sweeps of Siconos from zero, so many of them or to 10⁻¹⁵; None if they take longer than some seconds."""
+def solve_theirs(
+    problem: ContactProblem, python: str, sweeps: int, seconds: float = 300.0
+) -> Solve | None:
+    """Plain sweeps of Siconos from zero, so many of them or to 10⁻¹⁵; None if they take longer than
+    some seconds.
+    """
     free = contact_velocity(problem, problem.velocity)
     free[:, 0] += problem.bias
     with tempfile.TemporaryDirectory() as folder:
@@ -47,7 +57,13 @@ def solve_theirs(problem: ContactProblem, python: str, sweeps: int, seconds: flo
         worker = Path(__file__).parent / "siconos_worker.py"
         try:
             command = [python, str(worker), str(source), str(target)]
-            subprocess.run(command, check=True, timeout=seconds, capture_output=True, env={**os.environ, "PYTHONPATH": ""})
+            subprocess.run(
+                command,
+                check=True,
+                timeout=seconds,
+                capture_output=True,
+                env={**os.environ, "PYTHONPATH": ""},
+            )
         except subprocess.TimeoutExpired:
             return None
         with np.load(target) as stored:

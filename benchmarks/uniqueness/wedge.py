@@ -1,9 +1,10 @@
 """Two solutions by hand: a disc between two walls that open like a wedge, and moves out of it.
 
-The walls touch the disc at (−s, ±c), s = 7/25, c = 24/25; their normals point to the disc. It moves along x at the speed 1, away
-from both. That it goes on, with no impulse, is a solution. That it stops is another: impulses p_n at both contacts and p_t = κ p_n
-against the motion stop it if 2 p_n (κ c − s) = 1, which the cone allows for s/c < κ ≤ μ. Everything is a fraction, so both are
-checked without rounding.
+The walls touch the disc at (−s, ±c), s = 7/25, c = 24/25; their normals point to the disc. It moves
+along x at the speed 1, away from both. That it goes on, with no impulse, is a solution. That it
+stops is another: impulses p_n at both contacts and p_t = κ p_n against the motion stop it if 2 p_n
+(κ c − s) = 1, which the cone allows for s/c < κ ≤ μ. Everything is a fraction, so both are checked
+without rounding.
 """
 
 from __future__ import annotations
@@ -59,4 +60,6 @@ def as_problem(friction: Fraction = FRICTION) -> ContactProblem:
     inverse = np.array([[1.0, 1.0, 2.0], [0.0, 0.0, 0.0]])
     velocity = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     pair = np.array([[0, 1], [0, 1]], np.int32)
-    return ContactProblem(inverse, velocity, pair, normal, lever, np.zeros(2), np.full(2, float(friction)))
+    return ContactProblem(
+        inverse, velocity, pair, normal, lever, np.zeros(2), np.full(2, float(friction))
+    )

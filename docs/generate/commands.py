@@ -15,11 +15,19 @@ FOLDER = "reference/commands"
 
 
 def command_pages() -> dict[str, str]:
-    """The pages, as Markdown by their paths in the documentation: one for a command or a group of commands."""
+    """The pages, as Markdown by their paths in the documentation: one for a command or a group of
+    commands.
+    """
     root = typer.main.get_command(app)
     commands: dict[str, Any] = root.commands  # type: ignore[attr-defined]
-    rows = [f"| [`multicor {name}`]({name}.md) | {_short(command)} |" for name, command in commands.items()]
-    about = "Results go to stdout, everything else to stderr. `multicor COMMAND --help` says what stands here."
+    rows = [
+        f"| [`multicor {name}`]({name}.md) | {_short(command)} |"
+        for name, command in commands.items()
+    ]
+    about = (
+        "Results go to stdout, everything else to stderr. `multicor COMMAND --help` says what "
+        "stands here."
+    )
     codes = [f"| {int(code)} | {code.meaning} |" for code in ExitCode]
     head = ["# Commands", "", about, "", "| command | what it does |", "|---|---|", *rows, ""]
     index = [*head, "## Exit codes", "", "| code | meaning |", "|---|---|", *codes, ""]
@@ -42,8 +50,14 @@ def _page(name: str, command: Any) -> str:
 
 def _described(path: str, command: Any) -> list[str]:
     arguments = [param for param in command.params if param.param_type_name == "argument"]
-    options = [param for param in command.params if param.param_type_name == "option" and param.name != "help" and not param.hidden]
-    usage = " ".join([path, *(_usage(param) for param in arguments), "[OPTIONS]" if options else ""]).strip()
+    options = [
+        param
+        for param in command.params
+        if param.param_type_name == "option" and param.name != "help" and not param.hidden
+    ]
+    usage = " ".join(
+        [path, *(_usage(param) for param in arguments), "[OPTIONS]" if options else ""]
+    ).strip()
     lines = [_prose(command.help), "", "```sh", usage, "```", ""]
     if arguments:
         lines += [
@@ -67,14 +81,25 @@ def _option(param: Any) -> str:
     value = "" if param.is_flag else f" `{param.metavar or _kind(param)}`"
     default = param.show_default if isinstance(param.show_default, str) else param.default
     is_shown = not callable(default) and default not in (None, (), [], "", False)
-    return f"| {names}{value.replace('|', '&#124;')} | {_cell(filled(param.help or ''))} | {f'`{default}`' if is_shown else ''} |"
+    return (
+        f"| {names}{value.replace('|', '&#124;')} | {_cell(filled(param.help or ''))} | "
+        f"{f'`{default}`' if is_shown else ''} |"
+    )
 
 
 def _kind(param: Any) -> str:
     """What an option takes: its choices, or the name of its type."""
     annotation = param.type_descriptor.annotation
-    choices = [member.value for member in annotation] if isinstance(annotation, type(Enum)) else get_args(annotation)
-    return "|".join(map(str, choices)) if choices and not isinstance(choices[0], type) else annotation.__name__.upper()
+    choices = (
+        [member.value for member in annotation]
+        if isinstance(annotation, type(Enum))
+        else get_args(annotation)
+    )
+    return (
+        "|".join(map(str, choices))
+        if choices and not isinstance(choices[0], type)
+        else annotation.__name__.upper()
+    )
 
 
 def _short(command: Any) -> str:
@@ -82,7 +107,13 @@ def _short(command: Any) -> str:
 
 
 def _cell(text: str | None) -> str:
-    return " ".join((text or "").split()).replace("|", "\\|").replace("<", "\\<").replace("*", "\\*").replace("[", "\\[")
+    return (
+        " ".join((text or "").split())
+        .replace("|", "\\|")
+        .replace("<", "\\<")
+        .replace("*", "\\*")
+        .replace("[", "\\[")
+    )
 
 
 def _prose(text: str | None) -> str:

@@ -1,4 +1,6 @@
-"""Pictures of the cookbook: ``python docs/generate/cookbook.py [PAGE …]`` carries out what its pages say (15 minutes)."""
+"""Pictures of the cookbook: ``python docs/generate/cookbook.py [PAGE …]`` carries out what its
+pages say (15 minutes).
+"""
 
 from __future__ import annotations
 

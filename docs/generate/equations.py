@@ -1,4 +1,6 @@
-"""Equations of the pages: TeX as it is written, MathML as browsers set it, without scripts and without anything from elsewhere."""
+"""Equations of the pages: TeX as it is written, MathML as browsers set it, without scripts and
+without anything from elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -22,10 +24,14 @@ _EQUATION = re.compile(
 _MATH = re.compile(r"<math.*?</math>", re.DOTALL)
 _ANNOTATION = re.compile(r"<annotation.*?</annotation>", re.DOTALL)
 _BESIDE = re.compile(r'[^\s<>]*<math display="inline"(?:(?!</math>).)*</math>[^\s<>]*', re.DOTALL)
-"""An equation in a line, with what stands beside it without a space: browsers would break the line there."""
+"""An equation in a line, with what stands beside it without a space: browsers would break the line
+there."""
 _OPERATOR = r'<mrow><mi mathvariant="normal">\w+</mi><mo>&#8289;</mo></mrow>'
-_NAMED = re.compile(rf"(</m[a-z]+>)?(<(msu[bp])>{_OPERATOR}<m[in]>[^<]+</m[in]></\3>|(?<!<msu[bp]>){_OPERATOR})(<m(?!o|space))?")
-"""The name of a function as Pandoc writes it, with its power or index, between the end of what is before and the next element."""
+_NAMED = re.compile(
+    rf"(</m[a-z]+>)?(<(msu[bp])>{_OPERATOR}<m[in]>[^<]+</m[in]></\3>|(?<!<msu[bp]>){_OPERATOR})(<m(?!o|space))?"
+)
+"""The name of a function as Pandoc writes it, with its power or index, between the end of what is
+before and the next element."""
 _ACCENT = re.compile(r'<mo accent="true">(.)</mo>')
 _ACCENTS = str.maketrans("\u0307\u0303\u0302", "\u02d9\u02dc\u02c6")
 """Accents that stand by themselves, for combining ones, which have no width to be centered by."""
@@ -47,18 +53,29 @@ def set_equations(content: str) -> str:
     for equation, math in zip(equations, _mathml(tuple(map(_markdown, equations))), strict=True):
         pieces += [content[end : equation.start()], math]
         end = equation.end()
-    return _BESIDE.sub(lambda found: f'<span class="unbroken">{found[0]}</span>', "".join([*pieces, content[end:]]))
+    return _BESIDE.sub(
+        lambda found: f'<span class="unbroken">{found[0]}</span>', "".join([*pieces, content[end:]])
+    )
 
 
 def math_font(contents: Iterable[str]) -> bytes:
-    """A WOFF font with what the equations of pages need of STIX Two Math (SIL Open Font License; it comes with `ziamath`)."""
-    text = {character for content in contents for math in _MATH.findall(content) for character in html.unescape(math)}
+    """A WOFF font with what the equations of pages need of STIX Two Math (SIL Open Font License; it
+    comes with `ziamath`).
+    """
+    text = {
+        character
+        for content in contents
+        for math in _MATH.findall(content)
+        for character in html.unescape(math)
+    }
     package = find_spec("ziamath")
     assert package is not None
     assert package.origin is not None
     font = TTFont(Path(package.origin).parent / "fonts" / "STIXTwoMath-Regular.ttf")
     subsetter = subset.Subsetter(subset.Options(layout_features=["*"]))
-    subsetter.populate(text="".join(sorted(text)), unicodes=[*range(0x20, 0x7F), ord("√"), *_ITALICS])
+    subsetter.populate(
+        text="".join(sorted(text)), unicodes=[*range(0x20, 0x7F), ord("√"), *_ITALICS]
+    )
     subsetter.subset(font)
     font.flavor = "woff"
     written = io.BytesIO()
@@ -67,7 +84,9 @@ def math_font(contents: Iterable[str]) -> bytes:
 
 
 def _for_browsers(math: str) -> str:
-    """Thin spaces beside sin and the like, which browsers do not set, and accents that are centered and do not stretch."""
+    """Thin spaces beside sin and the like, which browsers do not set, and accents that are centered
+    and do not stretch.
+    """
 
     def spaced(named: re.Match[str]) -> str:
         before, name, after = named[1] or "", named[2], named[4] or ""
@@ -75,7 +94,10 @@ def _for_browsers(math: str) -> str:
         return f"{before}{_THIN if apart else ''}{name}{_THIN if after else ''}{after}"
 
     math = _NAMED.sub(spaced, math)
-    return _ACCENT.sub(lambda accent: f'<mo accent="true" stretchy="false">{accent[1].translate(_ACCENTS)}</mo>', math)
+    return _ACCENT.sub(
+        lambda accent: f'<mo accent="true" stretchy="false">{accent[1].translate(_ACCENTS)}</mo>',
+        math,
+    )
 
 
 def _markdown(equation: re.Match[str]) -> str:
@@ -87,10 +109,17 @@ def _markdown(equation: re.Match[str]) -> str:
 @cache
 def _mathml(equations: tuple[str, ...]) -> list[str]:
     """Equations in Markdown as MathML, by Pandoc."""
-    made = pypandoc.convert_text("\n\n".join(equations), "html", format="markdown", extra_args=["--mathml", "--wrap=none"])
+    made = pypandoc.convert_text(
+        "\n\n".join(equations), "html", format="markdown", extra_args=["--mathml", "--wrap=none"]
+    )
     paragraphs = made.strip().split("</p>")[:-1]
     for equation, paragraph in zip(equations, paragraphs, strict=True):
         if "<math" not in paragraph:
             raise ValueError(f"no equation that Pandoc can set: {equation}")
-    found = [_for_browsers(_ANNOTATION.sub("", _MATH.findall(paragraph)[0])) for paragraph in paragraphs]
-    return [f'<div class="equation">{math}</div>' if 'display="block"' in math else math for math in found]
+    found = [
+        _for_browsers(_ANNOTATION.sub("", _MATH.findall(paragraph)[0])) for paragraph in paragraphs
+    ]
+    return [
+        f'<div class="equation">{math}</div>' if 'display="block"' in math else math
+        for math in found
+    ]

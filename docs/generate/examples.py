@@ -1,4 +1,6 @@
-"""Where each key of a scenario is used: in scenarios that load, so that no example on a page is wrong."""
+"""Where each key of a scenario is used: in scenarios that load, so that no example on a page is
+wrong.
+"""
 
 from __future__ import annotations
 
@@ -34,14 +36,20 @@ class Example:
 
 @cache
 def examples() -> dict[tuple[str, str], Example]:
-    """For each model and key the first scenario that uses it in a line, shipped ones before those that only show keys."""
+    """For each model and key the first scenario that uses it in a line, shipped ones before those
+    that only show keys.
+    """
     found: dict[tuple[str, str], Example] = {}
     for folder in FOLDERS:
         for path in sorted((ROOT / folder).glob("*.toml")):
             file = path.relative_to(ROOT).as_posix()
-            for model, key, value in _uses(load_scenario(path).model, tomllib.loads(path.read_text(encoding="utf-8"))):
+            for model, key, value in _uses(
+                load_scenario(path).model, tomllib.loads(path.read_text(encoding="utf-8"))
+            ):
                 example, known = Example(_written(key, value), file), found.get((model, key))
-                if known is None or (known.text.endswith(_LEFT_OUT) and not example.text.endswith(_LEFT_OUT)):
+                if known is None or (
+                    known.text.endswith(_LEFT_OUT) and not example.text.endswith(_LEFT_OUT)
+                ):
                     found[model, key] = example
     return found
 
@@ -51,7 +59,8 @@ def _uses(node: Any, written: Any) -> Iterator[tuple[str, str, Any]]:
 
     Args:
         node: What has been loaded.
-        written: What the document says there: the value of keys that name files, of which loading leaves the contents only.
+        written: What the document says there: the value of keys that name files, of which loading
+            leaves the contents only.
     """
     if isinstance(node, Table):
         for name in (name for name in type(node).model_fields if name in node.model_fields_set):
@@ -65,7 +74,10 @@ def _uses(node: Any, written: Any) -> Iterator[tuple[str, str, Any]]:
             yield from _uses(value, written.get(key) if isinstance(written, dict) else None)
     elif isinstance(node, list | tuple):
         for place, value in enumerate(node):
-            yield from _uses(value, written[place] if isinstance(written, list) and place < len(written) else None)
+            yield from _uses(
+                value,
+                written[place] if isinstance(written, list) and place < len(written) else None,
+            )
 
 
 def _written(key: str, value: Any) -> str:
@@ -75,9 +87,14 @@ def _written(key: str, value: Any) -> str:
 
 
 def shortened(value: Any) -> Any:
-    """A value with what the document gives of tables, and with six digits of numbers, which may come from expressions."""
+    """A value with what the document gives of tables, and with six digits of numbers, which may
+    come from expressions.
+    """
     if isinstance(value, Table):
-        value = {type(value).model_fields[name].alias or name: getattr(value, name) for name in _given(value)}
+        value = {
+            type(value).model_fields[name].alias or name: getattr(value, name)
+            for name in _given(value)
+        }
     if isinstance(value, dict):
         return {key: shortened(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
@@ -87,4 +104,8 @@ def shortened(value: Any) -> Any:
 
 def _given(table: Table) -> list[str]:
     """Keys that the document gives, in the order of the model, and that loading has kept."""
-    return [name for name in type(table).model_fields if name in table.model_fields_set and getattr(table, name) is not None]
+    return [
+        name
+        for name in type(table).model_fields
+        if name in table.model_fields_set and getattr(table, name) is not None
+    ]

@@ -1,4 +1,5 @@
-"""Pictures of the page about figures: ``python docs/generate/figures.py [RUNS]`` carries out its commands (five minutes).
+"""Pictures of the page about figures: ``python docs/generate/figures.py [RUNS]`` carries out its
+commands (five minutes).
 
 With RUNS, a directory that has the runs of the page already, only the figures are drawn.
 """

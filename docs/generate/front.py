@@ -1,4 +1,5 @@
-"""The picture on the first page: ``python docs/generate/front.py`` runs a sheared layer on a hot floor and draws it (a minute).
+"""The picture on the first page: ``python docs/generate/front.py`` runs a sheared layer on a hot
+floor and draws it (a minute).
 
 Grains are colored by temperature; lines between them are as wide as the normal force is large.
 """
@@ -100,10 +101,21 @@ def main() -> None:
             heat, network = post.grain_map(run, "temperature"), post.force_network(run)
     figure, axes = plt.subplots(figsize=(8.0, 3.6))
     figure.subplots_adjust(0.0, 0.0, 1.0, 1.0)
-    draw_discs(axes, heat.scene, value=heat.value, cmap="inferno", norm=plt.Normalize(285.0, 393.15), edgecolors="none")
+    draw_discs(
+        axes,
+        heat.scene,
+        value=heat.value,
+        cmap="inferno",
+        norm=plt.Normalize(285.0, 393.15),
+        edgecolors="none",
+    )
     lines, which = segments(network)
     force = np.abs(network.force[:, 0])
-    axes.add_collection(LineCollection(list(lines), linewidths=0.9 * (force / force.mean())[which], colors="white", alpha=0.75))
+    axes.add_collection(
+        LineCollection(
+            list(lines), linewidths=0.9 * (force / force.mean())[which], colors="white", alpha=0.75
+        )
+    )
     draw_walls(axes, heat.scene)
     axes.set_axis_off()
     TARGET.parent.mkdir(exist_ok=True)

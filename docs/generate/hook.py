@@ -1,4 +1,6 @@
-"""What MkDocs does beyond its own: pages made from the program, and pages and files of the repository outside ``docs``."""
+"""What MkDocs does beyond its own: pages made from the program, and pages and files of the
+repository outside ``docs``.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,11 @@ _FENCE = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
 
 def on_files(files: Files, config: Any) -> Files:
     """Add the pages that are made, and what pages link to outside ``docs``."""
-    for path, content in {**key_pages(), **command_pages(), **notebook_pages(ROOT / "docs")}.items():
+    for path, content in {
+        **key_pages(),
+        **command_pages(),
+        **notebook_pages(ROOT / "docs"),
+    }.items():
         files.append(File.generated(config, path, content=content))
     for path in _outside():
         files.append(File.generated(config, f"{OUTSIDE}/{path}", abs_src_path=str(ROOT / path)))
@@ -37,7 +43,9 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Let links lead to where their files stand on the site; a folder is no page, so its name is left."""
+    """Let links lead to where their files stand on the site; a folder is no page, so its name is
+    left.
+    """
     place = _in_repository(page.file.src_uri)
     markdown = markdown.replace(MARK, budgets()) if MARK in markdown else markdown
 
@@ -47,7 +55,8 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
             target = target.removeprefix("docs/").replace(".ipynb", ".md")  # see `notebook_pages`
         else:
             target = f"{OUTSIDE}/{target}"
-        return f"{link[1]}{posixpath.relpath(target, posixpath.dirname(page.file.src_uri) or '.')}{link[3] or ''})"
+        target = posixpath.relpath(target, posixpath.dirname(page.file.src_uri) or ".")
+        return f"{link[1]}{target}{link[3] or ''})"
 
     return _outside_fences(_without_folders(markdown, place), lambda text: _LINK.sub(moved, text))
 
@@ -72,7 +81,9 @@ def _without_folders(markdown: str, place: str) -> str:
         target = ROOT / posixpath.join(posixpath.dirname(place), link[2])
         return link[1] if target.is_dir() else link[0]
 
-    return _outside_fences(markdown, lambda text: re.sub(r"\[([^\]]*)\]\(([^)\s:#]+)\)", plain, text))
+    return _outside_fences(
+        markdown, lambda text: re.sub(r"\[([^\]]*)\]\(([^)\s:#]+)\)", plain, text)
+    )
 
 
 def _outside_fences(markdown: str, change: Callable[[str], str]) -> str:

@@ -22,8 +22,10 @@ SHARED = "functions"
 _SIGNALS = ("RampSignal", "SineSignal", "SineWave", "TableSignal")
 _UNIT = re.compile(r"\[((?:1|K|k?g|m|s|N|Pa|J|W|rad|Ω|degrees)[² ³/().mskKNrad]*)\]")
 _TITLES = {
-    "scenario": "[scenario]", "variables": "[variables]", "domain": "[domain]", "materials": "[materials.NAME]",
-    "contacts": "[[contacts]]", "start": "[start]", "particles": "[[particles]]", "walls": "[[walls]]", "outlets": "[[outlets]]",
+    "scenario": "[scenario]", "variables": "[variables]", "domain": "[domain]",
+    "materials": "[materials.NAME]",
+    "contacts": "[[contacts]]", "start": "[start]", "particles": "[[particles]]",
+    "walls": "[[walls]]", "outlets": "[[outlets]]",
     "loading": "[[loading]]", "heat": "[heat]", "solver": "[solver]", "output": "[output]",
 }  # fmt: skip
 
@@ -39,10 +41,17 @@ def key_pages() -> dict[str, str]:
     pages = {f"{FOLDER}/index.md": _index(tables, schema)}
     for table, node in tables.items():
         models = [model for model, home in homes.items() if home == table]
-        pages[f"{FOLDER}/{table}.md"] = _page(_TITLES[table], node["description"], table, models, schema["$defs"], homes, shown)
-    text = "what moves a wall, heats it or turns gravity is a number, or a function of the time since the start of the stage"
+        pages[f"{FOLDER}/{table}.md"] = _page(
+            _TITLES[table], node["description"], table, models, schema["$defs"], homes, shown
+        )
+    text = (
+        "what moves a wall, heats it or turns gravity is a number, or a function of the time "
+        "since the start of the stage"
+    )
     models = [model for model, home in homes.items() if home == SHARED]
-    pages[f"{FOLDER}/{SHARED}.md"] = _page("Functions of time", text, SHARED, models, schema["$defs"], homes, shown)
+    pages[f"{FOLDER}/{SHARED}.md"] = _page(
+        "Functions of time", text, SHARED, models, schema["$defs"], homes, shown
+    )
     return pages
 
 
@@ -73,20 +82,24 @@ def _references(node: Any) -> Iterator[str]:
 def _index(tables: dict[str, Node], schema: Node) -> str:
     required = {*schema["required"], "particles"}
     rows = [
-        f"| [`{_TITLES[table]}`]({table}.md) | {_text(node['description'])} | {'yes' if table in required else ''} |"
+        (
+            f"| [`{_TITLES[table]}`]({table}.md) | {_text(node['description'])} | "
+            f"{'yes' if table in required else ''} |"
+        )
         for table, node in tables.items()
     ]
     return f"""# Keys of a scenario
 
-A scenario is a TOML file of these tables. All numbers are SI, angles are in radians unless a key says degrees, indices count from
-0. Wherever a number stands, so can an [expression](../scenario-language.md), and often a [function of time]({SHARED}.md).
+A scenario is a TOML file of these tables. All numbers are SI, angles are in radians unless a key
+says degrees, indices count from 0. Wherever a number stands, so can an
+[expression](../scenario-language.md), and often a [function of time]({SHARED}.md).
 
 | table | what it is about | required |
 |---|---|---|
 {chr(10).join(rows)}
 
-`[[particles]]` may be left out with `[start]`. `multicor validate FILE` reports every problem at once with its line; `multicor
-schema` prints all this as a JSON Schema for your editor.
+`[[particles]]` may be left out with `[start]`. `multicor validate FILE` reports every problem at
+once with its line; `multicor schema` prints all this as a JSON Schema for your editor.
 """
 
 
@@ -99,7 +112,12 @@ def _page(
     homes: dict[str, str],
     shown: dict[tuple[str, str], Example],
 ) -> str:
-    lines = [f"# {f'`{title}`' if title.startswith('[') else title}", "", _sentence(_text(about)), ""]
+    lines = [
+        f"# {f'`{title}`' if title.startswith('[') else title}",
+        "",
+        _sentence(_text(about)),
+        "",
+    ]
     if len(models) > 1:
         lines += [*_overview(models, definitions), ""]
     for place, model in enumerate(models):
@@ -111,7 +129,16 @@ def _page(
         if len(models) == 1 and len(node["properties"]) > 1:
             lines += [f"Keys: {_links(model, node)}.", ""]
         for key, value in node["properties"].items():
-            lines += _key(model, key, value, key in node.get("required", ()), homes, table, definitions, shown.get((model, key)))
+            lines += _key(
+                model,
+                key,
+                value,
+                key in node.get("required", ()),
+                homes,
+                table,
+                definitions,
+                shown.get((model, key)),
+            )
     return "\n".join(lines)
 
 
@@ -133,7 +160,9 @@ def _anchor(model: str, key: str) -> str:
 
 
 def _about(node: Node, own: bool) -> str:
-    """The docstring of a model; of the table of the page what its first line adds to the page's title is known."""
+    """The docstring of a model; of the table of the page what its first line adds to the page's
+    title is known.
+    """
     paragraphs = node["description"].replace("``", "`").split("\n\n")
     return "\n\n".join(paragraphs[1:] if own else paragraphs)
 
@@ -176,7 +205,9 @@ def _key(
 
 def _type(value: Node, homes: dict[str, str], table: str, definitions: dict[str, Node]) -> str:
     choices = value.get("oneOf") or value.get("anyOf") or [value]
-    return " or ".join(dict.fromkeys(_one_type(choice, homes, table, definitions) for choice in choices))
+    return " or ".join(
+        dict.fromkeys(_one_type(choice, homes, table, definitions) for choice in choices)
+    )
 
 
 def _one_type(value: Node, homes: dict[str, str], table: str, definitions: dict[str, Node]) -> str:
@@ -186,8 +217,14 @@ def _one_type(value: Node, homes: dict[str, str], table: str, definitions: dict[
         anchor = re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
         kind = definitions[model]["properties"].get("kind", {}).get("const")
         page = "" if homes[model] == table else f"{homes[model]}.md"
-        is_table = homes[model] in _TITLES and _TITLES[homes[model]] in definitions[model]["description"]
-        return f"[{kind or heading}]({page}#{anchor})" if not is_table else f"[{heading}]({homes[model]}.md)"
+        is_table = (
+            homes[model] in _TITLES and _TITLES[homes[model]] in definitions[model]["description"]
+        )
+        return (
+            f"[{kind or heading}]({page}#{anchor})"
+            if not is_table
+            else f"[{heading}]({homes[model]}.md)"
+        )
     if "enum" in value:
         return " or ".join(f'`"{word}"`' for word in value["enum"])
     if "const" in value:
@@ -198,8 +235,14 @@ def _one_type(value: Node, homes: dict[str, str], table: str, definitions: dict[
     if kind == "array":
         return f"array{_length(value)} of {_elements(value, homes, table, definitions)}"
     if kind == "object":
-        inner = next(iter(value.get("patternProperties", {}).values()), None) or value.get("additionalProperties")
-        return "table of " + _type(inner, homes, table, definitions) + " by name" if isinstance(inner, dict) else "table"
+        inner = next(iter(value.get("patternProperties", {}).values()), None) or value.get(
+            "additionalProperties"
+        )
+        return (
+            "table of " + _type(inner, homes, table, definitions) + " by name"
+            if isinstance(inner, dict)
+            else "table"
+        )
     if kind is None:
         return "table"
     names = {"integer": "whole number", "boolean": "true or false"}
@@ -212,12 +255,22 @@ def _elements(value: Node, homes: dict[str, str], table: str, definitions: dict[
 
 
 def _length(value: Node) -> str:
-    return f" of {value['minItems']}" if value.get("minItems") == value.get("maxItems") and "minItems" in value else ""
+    return (
+        f" of {value['minItems']}"
+        if value.get("minItems") == value.get("maxItems") and "minItems" in value
+        else ""
+    )
 
 
 def _range(value: Node) -> str:
     """Bounds of a number, or of those in an array or among the choices."""
-    for node in [value, *value.get("oneOf", []), *value.get("anyOf", []), *value.get("prefixItems", []), value.get("items", {})]:
+    for node in [
+        value,
+        *value.get("oneOf", []),
+        *value.get("anyOf", []),
+        *value.get("prefixItems", []),
+        value.get("items", {}),
+    ]:
         low = node.get("minimum", node.get("exclusiveMinimum"))
         high = node.get("maximum", node.get("exclusiveMaximum"))
         if low is not None and high is not None:
@@ -231,7 +284,8 @@ def _text(description: str) -> str:
     """A description as Markdown: code stays code, and what looks like markup is none."""
     parts = description.replace("``", "`").split("`")
     return "`".join(
-        part if is_code else re.sub(r"([<>*|\[\]])", r"\\\1", part) for is_code, part in zip(cycle((False, True)), parts)
+        part if is_code else re.sub(r"([<>*|\[\]])", r"\\\1", part)
+        for is_code, part in zip(cycle((False, True)), parts)
     )
 
 

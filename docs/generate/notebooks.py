@@ -1,4 +1,6 @@
-"""Notebooks as pages: they are carried out when the site is built, and their pages show what came out."""
+"""Notebooks as pages: they are carried out when the site is built, and their pages show what came
+out.
+"""
 
 from __future__ import annotations
 
@@ -38,8 +40,11 @@ def _carried_out(text: str) -> tuple[str, dict[str, bytes]]:
             nbformat.reads(text, as_version=4),
             timeout=300,
             resources={"metadata": {"path": folder}},
-            extra_arguments=["--log-level=ERROR"],  # it warns of what does not matter on one machine, and a build has no warnings
+            # it warns of what does not matter on one machine, and a build has no warnings
+            extra_arguments=["--log-level=ERROR"],
         )
-        notebook = client.execute(env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))})
+        notebook = client.execute(
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
+        )
     body, resources = MarkdownExporter().from_notebook_node(notebook)
     return body, resources["outputs"]

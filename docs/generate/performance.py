@@ -1,7 +1,7 @@
 """Table and figure of the page about performance, from the recorded tables of ``benchmarks``.
 
-The site takes the table at every build; ``python docs/generate/performance.py`` draws the figure, which a test compares with the
-tables by the digest of their numbers that it carries.
+The site takes the table at every build; ``python docs/generate/performance.py`` draws the figure,
+which a test compares with the tables by the digest of their numbers that it carries.
 """
 
 from __future__ import annotations
@@ -51,7 +51,11 @@ def figure() -> str:
 
 def digest() -> str:
     """Digest of the numbers that the figure shows."""
-    shown = _table("scaling", "scene"), _table("peers", "code"), _table("solvers", "method", "shear")
+    shown = (
+        _table("scaling", "scene"),
+        _table("peers", "code"),
+        _table("solvers", "method", "shear"),
+    )
     return hashlib.blake2b(json.dumps(shown).encode(), digest_size=16).hexdigest()
 
 
@@ -63,7 +67,15 @@ def _draw_scaling(axes: Any) -> None:
     for (scene, threads), sizes in found.items():
         color, line = COLORS[0 if scene == "bed" else 1], "-" if threads == "1" else "--"
         label = f"{scene}, {threads} thread{'s' if threads != '1' else ''}"
-        axes.semilogx(list(sizes), list(sizes.values()), line, marker="o", markersize=3.0, color=color, label=label)
+        axes.semilogx(
+            list(sizes),
+            list(sizes.values()),
+            line,
+            marker="o",
+            markersize=3.0,
+            color=color,
+            label=label,
+        )
     axes.set_xlabel("grains")
     axes.set_ylabel("time per contact and sweep [ns]")
     axes.set_ylim(0.0, 14.0)
@@ -72,9 +84,23 @@ def _draw_scaling(axes: Any) -> None:
 
 def _draw_peers(axes: Any) -> None:
     for color, peer in zip(COLORS, ("LIGGGHTS", "LAMMPS"), strict=False):
-        rows = [row for row in _table("peers", "code") if row["code"].startswith(peer) and "κ" in row["code"]]
-        stiffness = [10.0 ** int(re.findall(r"10([⁰¹²³⁴⁵⁶⁷⁸⁹]+)", row["code"])[0].translate(_RAISED)) for row in rows]
-        axes.loglog(stiffness, [_number(row["ratio"]) for row in rows], "o-", color=color, markersize=3.0, label=peer)
+        rows = [
+            row
+            for row in _table("peers", "code")
+            if row["code"].startswith(peer) and "κ" in row["code"]
+        ]
+        stiffness = [
+            10.0 ** int(re.findall(r"10([⁰¹²³⁴⁵⁶⁷⁸⁹]+)", row["code"])[0].translate(_RAISED))
+            for row in rows
+        ]
+        axes.loglog(
+            stiffness,
+            [_number(row["ratio"]) for row in rows],
+            "o-",
+            color=color,
+            markersize=3.0,
+            label=peer,
+        )
     axes.axhline(1.0, color="0.4", linewidth=0.7)
     axes.text(1.2e4, 1.1, "multicor, rigid", fontsize=7.0, color="0.3")
     axes.set_xlabel(r"stiffness of the soft grains $\kappa = k_n/P$ [–]")
@@ -120,7 +146,10 @@ def _cells(line: str) -> list[str]:
 
 def _number(cell: str) -> float:
     """The first number of a cell."""
-    found = re.search(r"[\d.]+(e[+-]?\d+)?", cell.replace(",", "") if re.match(r"[\d,]+$", cell) else cell.replace("*", ""))
+    found = re.search(
+        r"[\d.]+(e[+-]?\d+)?",
+        cell.replace(",", "") if re.match(r"[\d,]+$", cell) else cell.replace("*", ""),
+    )
     assert found is not None, cell
     return float(found[0])
 

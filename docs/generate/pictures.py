@@ -1,4 +1,6 @@
-"""How the pictures of the documentation are made: commands of a page are carried out, and what they drew is made small."""
+"""How the pictures of the documentation are made: commands of a page are carried out, and what they
+drew is made small.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,9 @@ DOCS = Path(__file__).resolve().parents[1]
 
 
 def carry_out(commands: str, folder: Path) -> None:
-    """Carry out commands of a page in a folder, with this program and the scenarios of the repository."""
+    """Carry out commands of a page in a folder, with this program and the scenarios of the
+    repository.
+    """
     (folder / "configs").symlink_to(DOCS.parent / "configs")
     program = f'multicor() {{ "{sys.executable}" -m multicor_cli "$@"; }}\n'
     subprocess.run(["bash", "-ec", program + commands], cwd=folder, check=True)

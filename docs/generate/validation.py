@@ -1,4 +1,5 @@
-"""The page of what validation prints, and the figures of what it found: ``python docs/generate/validation.py LONG.xml SHORT.xml``.
+"""The page of what validation prints, and the figures of what it found:
+``python docs/generate/validation.py LONG.xml SHORT.xml``.
 
 The files come from a quarter of an hour of tests, the long ones and those against closed forms::
 
@@ -27,18 +28,25 @@ PAGE = ROOT / "docs" / "explanation" / "recorded-validation.md"
 _SHORT = "tests.verification"
 _HEAD = """# Validation, as recorded
 
-What `python -m pytest -m validation` printed on {date} (multicor {version}, {processor}): {passed} tests passed, {failed} failed.
-{short} further tests against closed forms and independent computations (`tests/verification`), which are part of every
-run of the tests, passed, too.
-`python docs/generate/validation.py` made this page and the figures of [validation](validation.md) of it. Runs give the same
-bits everywhere; what is asked of the numbers stands in the tests.
+What `python -m pytest -m validation` printed on {date} (multicor {version}, {processor}): {passed}
+tests passed, {failed} failed. {short} further tests against closed forms and independent
+computations (`tests/verification`), which are part of every run of the tests, passed, too.
+`python docs/generate/validation.py` made this page and the figures of [validation](validation.md)
+of it. Runs give the same bits everywhere; what is asked of the numbers stands in the tests.
 """
 
 
 def main() -> None:
     """Write the page."""
-    suites = [suite for file in sys.argv[1:] for suite in ET.parse(file).getroot().findall("testsuite")]
-    everything = [case for suite in suites for case in suite.findall("testcase") if case.find("skipped") is None]
+    suites = [
+        suite for file in sys.argv[1:] for suite in ET.parse(file).getroot().findall("testsuite")
+    ]
+    everything = [
+        case
+        for suite in suites
+        for case in suite.findall("testcase")
+        if case.find("skipped") is None
+    ]
     draw_figures(_numbers(everything), ROOT / "docs" / "pictures")
     cases = [case for case in everything if not case.attrib["classname"].startswith(_SHORT)]
     short = [case for case in everything if case not in cases]
@@ -46,7 +54,8 @@ def main() -> None:
     failed = [case for case in cases if not _has_passed(case)]
     parts = [
         _HEAD.format(
-            date=suites[0].attrib["timestamp"][:10], version=multicor_cli.__version__, processor=processor(),
+            date=suites[0].attrib["timestamp"][:10], version=multicor_cli.__version__,
+            processor=processor(),
             passed=len(cases) - len(failed), failed=len(failed), short=len(short),
         )
     ]  # fmt: skip
@@ -56,7 +65,11 @@ def main() -> None:
     for module, members in by_module.items():
         path = Path(*module.split(".")).with_suffix(".py")
         tree = ast.parse((ROOT / path).read_text(encoding="utf-8"))
-        about = {node.name: ast.get_docstring(node) for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+        about = {
+            node.name: ast.get_docstring(node)
+            for node in ast.walk(tree)
+            if isinstance(node, ast.FunctionDef)
+        }
         parts.append(f"## {_first(ast.get_docstring(tree))}\n\n`{path}`\n")
         parts += [_case(case, about.get(case.attrib["name"].partition("[")[0])) for case in members]
     PAGE.write_text("\n".join(parts), encoding="utf-8")
@@ -83,7 +96,11 @@ def _case(case: ET.Element, docstring: str | None) -> str:
     if docstring:
         lines[0] += f" {_first(docstring)}"
     out = case.find("system-out")
-    printed = [line.rstrip() for line in ((out.text or "") if out is not None else "").splitlines() if line.strip(" -")]
+    printed = [
+        line.rstrip()
+        for line in ((out.text or "") if out is not None else "").splitlines()
+        if line.strip(" -")
+    ]
     if printed and "Captured Out" in printed[0]:
         printed = printed[1:]
     if printed:

@@ -1,4 +1,6 @@
-"""Figures of the page about validation, from the numbers that the tests have kept (see `validation.py`)."""
+"""Figures of the page about validation, from the numbers that the tests have kept (see
+`validation.py`).
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,13 @@ SOFT_DISCS = (
 """I, μ* and ν of soft discs with μ = 0.4: the table of theory §15.4."""
 
 _POINTS: dict[str, Any] = {"linestyle": "none", "markeredgewidth": 0.0, "markersize": 3.5}
-_OPEN: dict[str, Any] = {"linestyle": "none", "markerfacecolor": "none", "color": "0.2", "markersize": 5.0, "markeredgewidth": 0.8}
+_OPEN: dict[str, Any] = {
+    "linestyle": "none",
+    "markerfacecolor": "none",
+    "color": "0.2",
+    "markersize": 5.0,
+    "markeredgewidth": 0.8,
+}
 
 
 def draw_figures(numbers: Numbers, folder: Path) -> None:
@@ -43,15 +51,27 @@ def _closed_forms(panels: Any, numbers: Numbers) -> None:
     names = "heat, Euler", "heat, SSPRK", "heat, TR-BDF2", "loaded wall"
     for color, name, found in zip(COLORS, names, (*heat, wall), strict=False):
         steps, error = np.array(found["steps"]), np.array(found["error"])
-        orders.loglog(steps, error, "o", color=color, label=f"{name}: order {found['order']}", **_POINTS)
-        orders.loglog(steps, error[-1] * (steps[-1] / steps) ** found["order"], color=color, linewidth=0.7)
+        orders.loglog(
+            steps, error, "o", color=color, label=f"{name}: order {found['order']}", **_POINTS
+        )
+        orders.loglog(
+            steps, error[-1] * (steps[-1] / steps) ** found["order"], color=color, linewidth=0.7
+        )
     orders.set_xlabel("number of time steps")
     orders.set_ylabel("relative error [–]")
     orders.set_ylim(top=0.3)
     orders.legend(loc="upper right")
     for color, name, found in zip(COLORS, ("vacuum", "air"), numbers["test_profile"], strict=False):
-        bed.plot(found["eta"], found["theta"], color=color, linewidth=0.9, label=f"computed, {name}")
-        bed.plot(found["exact_eta"], found["exact_theta"], "s", label="exact" if name == "air" else None, **_OPEN)
+        bed.plot(
+            found["eta"], found["theta"], color=color, linewidth=0.9, label=f"computed, {name}"
+        )
+        bed.plot(
+            found["exact_eta"],
+            found["exact_theta"],
+            "s",
+            label="exact" if name == "air" else None,
+            **_OPEN,
+        )
     bed.set_xlim(0.0, 0.2)
     bed.set_ylim(0.0, 1.0)
     bed.set_xlabel(r"height $\eta = y/H$ [–]")
@@ -60,7 +80,14 @@ def _closed_forms(panels: Any, numbers: Numbers) -> None:
     for color, found in zip(COLORS, numbers["test_isothermal_walls"], strict=False):
         scale = max(found["expected"])
         label = rf"flow, $\lambda = {found['conductivity']:.0f}$"
-        layer.plot(np.array(found["rise"]) / scale, found["height"], "o", color=color, label=label, **_POINTS)
+        layer.plot(
+            np.array(found["rise"]) / scale,
+            found["height"],
+            "o",
+            color=color,
+            label=label,
+            **_POINTS,
+        )
         layer.plot(np.array(found["expected"]) / scale, found["height"], color=color, linewidth=0.8)
     layer.plot([], [], color="0.4", linewidth=0.8, label="conduction at rest")
     layer.set_xlim(0.0, 1.1)
@@ -72,18 +99,43 @@ def _closed_forms(panels: Any, numbers: Numbers) -> None:
 
 def _shear(panels: Any, numbers: Numbers) -> None:
     flows, biaxial = numbers["test_rheology"], numbers["test_stresses_and_the_critical_state"][0]
-    columns = (("friction", r"friction $\mu^*$ [–]", 1), ("solid_fraction", r"solid fraction $\nu$ [–]", 2))
+    columns = (
+        ("friction", r"friction $\mu^*$ [–]", 1),
+        ("solid_fraction", r"solid fraction $\nu$ [–]", 2),
+    )
     curve = np.geomspace(8e-4, 0.25, 100)
     fits = {"friction": 0.2567 + 0.775 * curve**0.768, "solid_fraction": 0.8135 - 0.307 * curve}
     for panel, (name, label, row) in zip(panels, columns, strict=True):
-        panel.semilogx(curve, fits[name], color="0.6", linewidth=0.8, label="fit through the soft discs")
-        panel.semilogx(SOFT_DISCS[0], SOFT_DISCS[row], "s", label="soft discs, another program", **_OPEN)
+        panel.semilogx(
+            curve, fits[name], color="0.6", linewidth=0.8, label="fit through the soft discs"
+        )
+        panel.semilogx(
+            SOFT_DISCS[0], SOFT_DISCS[row], "s", label="soft discs, another program", **_OPEN
+        )
         for k, flow in enumerate(flows):
-            style = {**_POINTS, "color": COLORS[0], "label": "plane shear, seed by seed" if k == 0 else None}
-            panel.errorbar(flow["inertial_number"], flow[name], yerr=flow[f"{name}_error"], fmt="o", elinewidth=0.7, **style)
+            style = {
+                **_POINTS,
+                "color": COLORS[0],
+                "label": "plane shear, seed by seed" if k == 0 else None,
+            }
+            panel.errorbar(
+                flow["inertial_number"],
+                flow[name],
+                yerr=flow[f"{name}_error"],
+                fmt="o",
+                elinewidth=0.7,
+                **style,
+            )
         error = biaxial[f"{name}_error"]
         style = {**_POINTS, "color": COLORS[1], "label": "biaxial test, four seeds"}
-        panel.errorbar([biaxial["inertial_number"]], [biaxial[name]], yerr=error, fmt="D", elinewidth=0.7, **style)
+        panel.errorbar(
+            [biaxial["inertial_number"]],
+            [biaxial[name]],
+            yerr=error,
+            fmt="D",
+            elinewidth=0.7,
+            **style,
+        )
         panel.set_xlabel("inertial number $I$ [–]")
         panel.set_ylabel(label)
     panels[0].legend(loc="upper left")
@@ -92,7 +144,14 @@ def _shear(panels: Any, numbers: Numbers) -> None:
 def _cookbook(panels: Any, numbers: Numbers) -> None:
     chute, opening, silo = panels
     for color, angle, found in zip(COLORS, (24, 20), numbers["test_steady_flow"], strict=False):
-        chute.plot(found["velocity"], 1e3 * np.array(found["height"]), "o", color=color, label=f"{angle}°", **_POINTS)
+        chute.plot(
+            found["velocity"],
+            1e3 * np.array(found["height"]),
+            "o",
+            color=color,
+            label=f"{angle}°",
+            **_POINTS,
+        )
         chute.plot(found["bagnold"], 1e3 * np.array(found["height"]), color=color, linewidth=0.8)
     chute.plot([], [], color="0.4", linewidth=0.8, label="Bagnold")
     chute.set_xlabel("velocity down the chute [m/s]")
@@ -101,9 +160,13 @@ def _cookbook(panels: Any, numbers: Numbers) -> None:
     flow = numbers["test_the_flow_rate_follows_beverloo"][0]
     size, rate = np.array(flow["opening"]), np.array(flow["rate"])
     for seed, rates in enumerate(rate):
-        opening.plot(size, rates ** (2.0 / 3.0), "o", color=COLORS[seed], label=f"seed {seed + 1}", **_POINTS)
+        opening.plot(
+            size, rates ** (2.0 / 3.0), "o", color=COLORS[seed], label=f"seed {seed + 1}", **_POINTS
+        )
     line = np.array([2.0, 13.0])
-    opening.plot(line, flow["start"] + flow["slope"] * line, color="0.4", linewidth=0.8, label="Beverloo")
+    opening.plot(
+        line, flow["start"] + flow["slope"] * line, color="0.4", linewidth=0.8, label="Beverloo"
+    )
     opening.set_xlabel("opening over diameter $D/d$ [–]")
     opening.set_ylabel("(grains per second)$^{2/3}$")
     opening.set_xlim(0.0, 13.0)
@@ -112,12 +175,23 @@ def _cookbook(panels: Any, numbers: Numbers) -> None:
     stress = numbers["test_the_stress_saturates_as_janssen_says"][0]
     silo.plot(stress["depth"], stress["stress"], "o", color=COLORS[0], label="computed", **_POINTS)
     silo.plot(stress["depth"], stress["janssen"], color="0.4", linewidth=0.8, label="Janssen")
-    silo.plot(stress["depth"], stress["weight"], color="0.4", linewidth=0.8, linestyle="--", label="all weight above")
+    silo.plot(
+        stress["depth"],
+        stress["weight"],
+        color="0.4",
+        linewidth=0.8,
+        linestyle="--",
+        label="all weight above",
+    )
     silo.set_xlabel("depth over width [–]")
     silo.set_ylabel(r"stress $\sigma_{yy}$ [N/m]")
     silo.set_ylim(0.0, 1.5 * max(stress["stress"]))
     silo.legend(loc="lower right")
 
 
-FIGURES = {"validation-closed-forms": (3, _closed_forms), "validation-shear": (2, _shear), "validation-cookbook": (3, _cookbook)}
+FIGURES = {
+    "validation-closed-forms": (3, _closed_forms),
+    "validation-shear": (2, _shear),
+    "validation-cookbook": (3, _cookbook),
+}
 """Number of panels and what draws them, by the names of the files."""

@@ -1,12 +1,14 @@
-"""Carries out in ParaView what ``docs/how-to/looking-at-results.md`` says; made ``docs/pictures/paraview.png``.
+"""Carries out in ParaView what ``docs/how-to/looking-at-results.md`` says; made
+``docs/pictures/paraview.png``.
 
 In a directory where the tutorial's ``runs/floor`` is (``docs/tutorial/heat.md``)::
 
     paraview --script=…/docs/generate/with_paraview.py
 
-with ParaView 5.12 or later. For the picture its window filled a virtual screen (``Xvfb :7 -screen 0 1400x860x24`` and a window
-manager that maximizes windows and gives them no frame), the panels on the left were made wider, ``gaussian`` was typed into the
-search field, and ``DISPLAY=:7 import -window root paraview.png`` of ImageMagick took it.
+with ParaView 5.12 or later. For the picture its window filled a virtual screen (``Xvfb :7 -screen 0
+1400x860x24`` and a window manager that maximizes windows and gives them no frame), the panels on
+the left were made wider, ``gaussian`` was typed into the search field, and
+``DISPLAY=:7 import -window root paraview.png`` of ImageMagick took it.
 """
 
 from paraview.simple import (

@@ -1,7 +1,9 @@
-"""Exponentials, logarithms, powers and cube roots in + − × ÷ alone; errors in units in the last place (ulp) are those of the tests.
+"""Exponentials, logarithms, powers and cube roots in + − × ÷ alone; errors in units in the last
+place (ulp) are those of the tests.
 
-Arguments are reduced exactly (fraction and exponent, ln 2 in two parts) until the Taylor series converge within a dozen terms. A
-result that must be more accurate than a number can hold, as the logarithm inside a power, is a pair: a number and what it lacks.
+Arguments are reduced exactly (fraction and exponent, ln 2 in two parts) until the Taylor series
+converge within a dozen terms. A result that must be more accurate than a number can hold, as the
+logarithm inside a power, is a pair: a number and what it lacks.
 """
 
 from __future__ import annotations
@@ -123,7 +125,9 @@ def log_pair(x: float) -> tuple[float, float]:
 
 
 def power(x: float, y: float) -> float:
-    """x^y for x ≥ 0, to 1 ulp where |y ln x| < 30, to 3 ulp anywhere; nan for negative x. 0⁰ = 1."""
+    """x^y for x ≥ 0, to 1 ulp where |y ln x| < 30, to 3 ulp anywhere; nan for negative x. 0⁰ =
+    1.
+    """
     if y == 0.0:
         return 1.0
     if not x > 0.0 or x == math.inf:

@@ -1,6 +1,8 @@
-"""Sums of arrays in a stated order: halves are added to each other until few values are left, and these one after the other.
+"""Sums of arrays in a stated order: halves are added to each other until few values are left, and
+these one after the other.
 
-Rounding errors grow with the logarithm of the number of values, and nothing depends on how a library's sum is vectorized.
+Rounding errors grow with the logarithm of the number of values, and nothing depends on how a
+library's sum is vectorized.
 """
 
 from __future__ import annotations
@@ -46,7 +48,9 @@ def _folded(values: Floats) -> Floats:
     while count > FEW:
         half = count // 2
         # The first fold makes an array of its own, the others stay in it.
-        folded = np.add(rest[:half], rest[half : 2 * half], out=None if rest is values else rest[:half])
+        folded = np.add(
+            rest[:half], rest[half : 2 * half], out=None if rest is values else rest[:half]
+        )
         if count % 2:
             folded[0] += rest[count - 1]
         count, rest = half, folded

@@ -1,10 +1,13 @@
-"""Trigonometric functions in + − × ÷ √ alone; errors in units in the last place (ulp) are those of the tests."""
+"""Trigonometric functions in + − × ÷ √ alone; errors in units in the last place (ulp) are those of
+the tests.
+"""
 
 from __future__ import annotations
 
 import math
 
-# π/2 in three parts; the first two have 33 bits, so that their multiples up to 2²⁰ are exact (Cody and Waite).
+# π/2 in three parts; the first two have 33 bits, so that their multiples up to 2²⁰ are exact (Cody
+# and Waite).
 _QUARTER_HIGH = 1.5707963267341256
 _QUARTER_MIDDLE = 6.077100506303966e-11
 _QUARTER_LOW = 2.0222662487959506e-21
@@ -15,7 +18,9 @@ _FARTHEST = 2.0**51
 
 
 def sin(x: float) -> float:
-    """Sin x, to 1 ulp up to |x| = 10⁶; beyond, as if x were off by two of its ulps. nan from 2⁵¹ quarter turns on."""
+    """Sin x, to 1 ulp up to |x| = 10⁶; beyond, as if x were off by two of its ulps. nan from 2⁵¹
+    quarter turns on.
+    """
     quarter, r, lost = _reduced(x)
     value = _sin_near(r, lost) if quarter % 2 == 0 else _cos_near(r, lost)
     return value if quarter < 2 else -value
@@ -71,7 +76,9 @@ def _cos_near(r: float, lost: float) -> float:
 
 
 def atan2(y: float, x: float) -> float:
-    """Angle of the point (x, y) from the x axis in [−π, π], to 3 ulp. The signs of zeros count as in IEEE 754."""
+    """Angle of the point (x, y) from the x axis in [−π, π], to 3 ulp. The signs of zeros count as
+    in IEEE 754.
+    """
     if x != x or y != y:
         return math.nan
     across, along = abs(y), abs(x)
@@ -87,7 +94,9 @@ def atan2(y: float, x: float) -> float:
 
 
 def _atan_of_ratio(a: float, b: float) -> float:
-    """Arctangent of 0 ≤ a/b < 1: that of the nearest quarter c, and the series of what is left, |w| ≤ ⅛."""
+    """Arctangent of 0 ≤ a/b < 1: that of the nearest quarter c, and the series of what is left, |w|
+    ≤ ⅛.
+    """
     t = a / b
     if t < 0.125:
         return t - _atan_deficit(t)
@@ -131,5 +140,7 @@ def acos(x: float) -> float:
 
 
 def hypot(x: float, y: float) -> float:
-    """Length of (x, y), to 2 ulp, where the squares neither overflow nor vanish (10⁻¹⁵⁰ to 10¹⁵⁰)."""
+    """Length of (x, y), to 2 ulp, where the squares neither overflow nor vanish (10⁻¹⁵⁰ to
+    10¹⁵⁰).
+    """
     return math.sqrt(x * x + y * y)

@@ -77,7 +77,9 @@ class PreparedScene:
             if between is not None and number % 4 == 0:
                 between()
         after = self.engine.timers
-        return Round(seconds, solves, shares, {name: after[name] - before[name] for name in after}, reports)
+        return Round(
+            seconds, solves, shares, {name: after[name] - before[name] for name in after}, reports
+        )
 
     def _solve_time(self) -> float:
         return dict(self.engine.timers).get("solve", 0.0)
@@ -102,7 +104,9 @@ def prepare(scene: BenchScene, grains: int, *, seed: int = 1, threads: int = 1) 
         PhysicsError: From a step.
     """
     count, copies = (scene.tile, max(1, round(grains / scene.tile))) if scene.tile else (grains, 1)
-    narrow, wide = (parse_scenario(scene.text(count, seed, k), Path(f"{scene.name}.toml")) for k in (1, copies))
+    narrow, wide = (
+        parse_scenario(scene.text(count, seed, k), Path(f"{scene.name}.toml")) for k in (1, copies)
+    )
     model, state = build(narrow)
     plan = make_plan(wide, model)
     starts = [0.0]
@@ -110,7 +114,9 @@ def prepare(scene: BenchScene, grains: int, *, seed: int = 1, threads: int = 1) 
         starts = _run_to_last(scene, narrow, model, state)
     # the books begin with the part that is measured
     if copies > 1 or len(plan.stages) > 1:
-        model, state = repeat_scene(model, state, copies) if scene.tile else (model, _fresh(model, state))
+        model, state = (
+            repeat_scene(model, state, copies) if scene.tile else (model, _fresh(model, state))
+        )
     engine = make_engine(wide, model, state, threads)
     begin_stage(engine, plan.stages[-1], starts)
     return PreparedScene(scene, model, engine, plan.stages[-1])
@@ -142,19 +148,30 @@ class _NoRecorder:
 def _fresh(model: Model, state: State) -> State:
     """The same places, velocities and contacts at step 0, with new books."""
     result = State.at_rest(model, state.position)
-    for name in ("velocity", "wall_position", "wall_velocity", "contact_i", "contact_j", "contact_impulse", "heat"):
+    for name in (
+        "velocity",
+        "wall_position",
+        "wall_velocity",
+        "contact_i",
+        "contact_j",
+        "contact_impulse",
+        "heat",
+    ):
         setattr(result, name, np.array(getattr(state, name)))
     result.last_dt = state.last_dt
     return result
 
 
-# ---- Rest: when the kinetic energy says so, and for long enough. A number of steps would say nothing
+# ---- Rest: when the kinetic energy says so, and for long enough. A number of steps would say
+#      nothing
 
 QUIET = 1e-7
-"""Kinetic energy at rest over Σ m g d: what would lift every grain by 10⁻⁷ diameters. The tolerance of the solver leaves 10⁻⁸."""
+"""Kinetic energy at rest over Σ m g d: what would lift every grain by 10⁻⁷ diameters. The tolerance
+of the solver leaves 10⁻⁸."""
 
 REST_FOR = 4.0
-"""For how long it must stay so, over √(d/g): a grain without support would fall eight diameters in this time."""
+"""For how long it must stay so, over √(d/g): a grain without support would fall eight diameters in
+this time."""
 
 
 class NoRestError(Exception):
@@ -180,7 +197,9 @@ class Rest:
         """Rest of the grains of a model under its gravity, in steps of ``dt`` [s]."""
         diameter, gravity = model.mean_diameter, hypot(*model.gravity.tolist())
         weight = total(model.grains.mass) * gravity
-        return cls(QUIET * weight * diameter, math.ceil(REST_FOR * math.sqrt(diameter / gravity) / dt))
+        return cls(
+            QUIET * weight * diameter, math.ceil(REST_FOR * math.sqrt(diameter / gravity) / dt)
+        )
 
     @property
     def is_reached(self) -> bool:
@@ -192,12 +211,14 @@ class Rest:
         self.quiet = self.quiet + 1 if state.books[KINETIC] <= self.allowed else 0
 
     def check(self, name: str, state: State) -> None:
-        """Raise `NoRestError`, with the name of the scene and its kinetic energy, if rest was not reached."""
+        """Raise `NoRestError`, with the name of the scene and its kinetic energy, if rest was not
+        reached.
+        """
         if self.is_reached:
             return
         raise NoRestError(
-            f"the {name} did not come to rest within {state.time:.3g} s: kinetic energy {state.books[KINETIC]:.2e} J, "
-            f"allowed {self.allowed:.2e} J for {self.steps} steps"
+            f"the {name} did not come to rest within {state.time:.3g} s: kinetic energy "
+            f"{state.books[KINETIC]:.2e} J, allowed {self.allowed:.2e} J for {self.steps} steps"
         )
 
 
@@ -208,18 +229,22 @@ class _Settling(StagePlan):
     rest: Rest = field(kw_only=True)
 
     def has_ended(self, state: State) -> bool:
-        """Whether the stage is over after the step that led to ``state``; asked once after each step."""
+        """Whether the stage is over after the step that led to ``state``; asked once after each
+        step.
+        """
         self.rest.note(state)
         return self.rest.is_reached or super().has_ended(state)
 
 
-# ---- A periodic scene side by side, with everything that moves in it: the copies go on as the original would
+# ---- A periodic scene side by side, with everything that moves in it: the copies go on as the
+#      original would
 
 
 def repeat_scene(model: Model, state: State, copies: int) -> tuple[Model, State]:
     """A model and a state of ``copies`` periods, at step 0 with the warm start of the last step.
 
-    Loads on walls, and their masses where a wall has one, are not repeated: the caller's scenario knows them.
+    Loads on walls, and their masses where a wall has one, are not repeated: the caller's scenario
+    knows them.
 
     Args:
         model: A periodic model, whose walls are level planes and rough walls.
@@ -237,9 +262,13 @@ def repeat_scene(model: Model, state: State, copies: int) -> tuple[Model, State]
         model,
         grains=Grains(*(np.tile(getattr(grains, each.name), copies) for each in fields(grains))),
         shapes=_repeat_shapes(model, shape_copies),
-        walls=replace(model.walls, mass=model.walls.mass * copies, length=model.walls.length * copies),
+        walls=replace(
+            model.walls, mass=model.walls.mass * copies, length=model.walls.length * copies
+        ),
         period=model.period * copies,
-        thermal=None if thermal is None else Thermal(*(np.tile(getattr(thermal, each.name), copies) for each in fields(thermal))),
+        thermal=None
+        if thermal is None
+        else Thermal(*(np.tile(getattr(thermal, each.name), copies) for each in fields(thermal))),
     )
     return wide, _repeat_state(model, wide, state, shape_copies, copies)
 
@@ -252,17 +281,26 @@ def _repeat_shapes(model: Model, shape_copies: NDArray[np.int64]) -> WallShapes:
     geometry[:, 0] += shift
     has_end = np.repeat(TAIL[shapes.kind] == Tail.POINT, shape_copies)
     geometry[has_end, 2] += shift[has_end]
-    kind, wall, material = (np.repeat(values, shape_copies) for values in (shapes.kind, shapes.wall, shapes.material))
+    kind, wall, material = (
+        np.repeat(values, shape_copies) for values in (shapes.kind, shapes.wall, shapes.material)
+    )
     return WallShapes(kind, wall, geometry, material)
 
 
-def _repeat_state(model: Model, wide: Model, state: State, shape_copies: NDArray[np.int64], copies: int) -> State:
+def _repeat_state(
+    model: Model, wide: Model, state: State, shape_copies: NDArray[np.int64], copies: int
+) -> State:
     position = np.tile(state.position, (copies, 1))
     position[:, 0] += np.repeat(np.arange(copies), model.grain_count) * model.period
     result = State.at_rest(wide, position)
     result.velocity[:] = np.tile(state.velocity, (copies, 1))
-    result.wall_position, result.wall_velocity = state.wall_position.copy(), state.wall_velocity.copy()
-    result.contact_i, result.contact_j, result.contact_impulse = _repeat_contacts(model, state, shape_copies, copies)
+    result.wall_position, result.wall_velocity = (
+        state.wall_position.copy(),
+        state.wall_velocity.copy(),
+    )
+    result.contact_i, result.contact_j, result.contact_impulse = _repeat_contacts(
+        model, state, shape_copies, copies
+    )
     result.last_dt = state.last_dt
     if wide.thermal is not None:
         result.heat = np.tile(state.heat, copies)
@@ -270,21 +308,35 @@ def _repeat_state(model: Model, wide: Model, state: State, shape_copies: NDArray
     return result
 
 
-def _repeat_contacts(model: Model, state: State, shape_copies: NDArray[np.int64], copies: int) -> tuple[Ints, Ints, Floats]:
-    """Contacts of all copies, sorted; those across the ends of the period join neighboring copies."""
+def _repeat_contacts(
+    model: Model, state: State, shape_copies: NDArray[np.int64], copies: int
+) -> tuple[Ints, Ints, Floats]:
+    """Contacts of all copies, sorted; those across the ends of the period join neighboring
+    copies.
+    """
     n, period = model.grain_count, model.period
     i, j = state.contact_i.astype(np.int64), state.contact_j.astype(np.int64)
     is_wall = j >= n
     shape = np.where(is_wall, j - n, 0)
-    x = np.concatenate([state.position[:, 0], model.shapes.geometry[:, 0] + state.wall_position[model.shapes.wall, 0]])
+    x = np.concatenate(
+        [
+            state.position[:, 0],
+            model.shapes.geometry[:, 0] + state.wall_position[model.shapes.wall, 0],
+        ]
+    )
     across = np.rint((x[i] - x[j]) / period).astype(np.int64)
     first_copy = np.concatenate([[0], np.cumsum(shape_copies)])[:-1]
     rows = []
     for copy in range(copies):
         other = (copy + across) % copies
-        wall_shape = n * copies + first_copy[shape] + np.where(shape_copies[shape] > 1, other, 0) if shape_copies.size else j
+        wall_shape = (
+            n * copies + first_copy[shape] + np.where(shape_copies[shape] > 1, other, 0)
+            if shape_copies.size
+            else j
+        )
         a, b = i + copy * n, np.where(is_wall, wall_shape, j + other * n)
-        rows.append(np.column_stack([np.minimum(a, b), np.maximum(a, b)]))  # exchanging the two keeps p_n and p_t
+        # Exchanging the two keeps p_n and p_t
+        rows.append(np.column_stack([np.minimum(a, b), np.maximum(a, b)]))
     pairs = np.concatenate(rows)
     order = np.lexsort((pairs[:, 1], pairs[:, 0]))
     impulse = np.tile(state.contact_impulse, (copies, 1))[order]

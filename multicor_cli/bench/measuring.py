@@ -1,4 +1,6 @@
-"""Measures one scene: what a step costs, in seconds and beside the yardsticks. Runs in a process of its own."""
+"""Measures one scene: what a step costs, in seconds and beside the yardsticks. Runs in a process of
+its own.
+"""
 
 from __future__ import annotations
 
@@ -45,19 +47,24 @@ class Result:
         candidates: Contacts of a step, loaded or not, on average.
         loaded: Contacts that carry an impulse, on average.
         sweeps: Sweep-equivalents of a step, on average.
-        median_sweeps: The same, median over the steps: single hard steps, which come at random, do not change it.
-        cold_sweeps: Those of a step without a warm start, median; None where the grains do not rest.
+        median_sweeps: The same, median over the steps: single hard steps, which come at random, do
+            not change it.
+        cold_sweeps: Those of a step without a warm start, median; None where the grains do not
+            rest.
         missed: Steps that did not converge.
         residual: Largest rms residual of a step over its scale.
         step: Time of a step [s].
         phases: Time in each phase of a step [s].
         grain_steps: n × steps per second [1/s].
-        per_contact: Time of the solve per contact and sweep-equivalent, residual checks and momentum included: lower quartile over
-            the steps; where the grains rest, of those without a warm start. None where nothing moves [s].
+        per_contact: Time of the solve per contact and sweep-equivalent, residual checks and
+            momentum included: lower quartile over the steps; where the grains rest, of those
+            without a warm start. None where nothing moves [s].
         reference: Time of a step of the yardstick for everything but the solve, lower quartile [s].
-        other_ratio: Everything but the solve of a step over that, lower quartiles over steps taken by turns.
+        other_ratio: Everything but the solve of a step over that, lower quartiles over steps taken
+            by turns.
         sweep: A single sweep beside that in C; None where nothing moves.
-        memory: Peak memory of the process over n before the yardsticks, interpreter and libraries left out [B].
+        memory: Peak memory of the process over n before the yardsticks, interpreter and libraries
+            left out [B].
         faults: What is wrong with the physics; times mean nothing if there is anything.
     """
 
@@ -90,7 +97,9 @@ class Result:
 
     @property
     def other_share(self) -> float | None:
-        """Part of everything but the solve in a step with `BUDGET_SWEEPS` sweeps; None where nothing moves."""
+        """Part of everything but the solve in a step with `BUDGET_SWEEPS` sweeps; None where
+        nothing moves.
+        """
         if self.per_contact is None:
             return None
         solve = BUDGET_SWEEPS * self.candidates * self.per_contact
@@ -105,7 +114,9 @@ class Result:
 
 
 def measure(task: Task) -> Result:
-    """Prepare a scene and measure it. If its physics fails on the way, that is the only fault of the result."""
+    """Prepare a scene and measure it. If its physics fails on the way, that is the only fault of
+    the result.
+    """
     idle = _peak_memory()
     scene = SCENES[task.scene]
     references: list[float] = []  # times of the yardstick among the steps of the rounds [s]
@@ -114,11 +125,16 @@ def measure(task: Task) -> Result:
         warm = prepared.take(scene.warm_steps)
         memory = (_peak_memory() - idle) / prepared.model.grain_count
         yardstick = ReferenceStep(prepared.model.grain_count)
-        rounds = [prepared.take(scene.steps, lambda: references.append(yardstick.seconds())) for _ in range(task.rounds)]
+        rounds = [
+            prepared.take(scene.steps, lambda: references.append(yardstick.seconds()))
+            for _ in range(task.rounds)
+        ]
         is_cold = scene.rests and not scene.is_frozen
         cold_rounds = [prepared.take_cold() for _ in range(_COLD * task.rounds if is_cold else 0)]
     except (NoRestError, PhysicsError) as error:
-        return Result(task.scene, task.grains, task.threads, scene.steps, task.rounds, faults=[str(error)])
+        return Result(
+            task.scene, task.grains, task.threads, scene.steps, task.rounds, faults=[str(error)]
+        )
     faults = find_faults(prepared, [warm, *rounds, *cold_rounds])
     sweep = None
     if not scene.is_frozen:
@@ -143,7 +159,10 @@ def measure(task: Task) -> Result:
         missed=sum(not report.converged for report in reports),
         residual=max(report.rms for report in reports),
         step=step,
-        phases={name: statistics.median(round_.phases[name] for round_ in rounds) / scene.steps for name in rounds[0].phases},
+        phases={
+            name: statistics.median(round_.phases[name] for round_ in rounds) / scene.steps
+            for name in rounds[0].phases
+        },
         grain_steps=prepared.model.grain_count / step,
         per_contact=None if scene.is_frozen else _per_contact(cold_rounds or rounds),
         reference=_quartile(references),
@@ -157,11 +176,17 @@ def measure(task: Task) -> Result:
 def other_time(rounds: list[Round]) -> float:
     """Time per step outside the solve, corrected for time lost to other programs [s].
 
-    The loss is known only per step, not where in the step it occurred. If the solve takes less than half of a step, the time
-    outside it is scaled by the share of CPU that the step had; otherwise only the quarter of the steps with the least loss is used,
-    or all steps with hardly any.
+    The loss is known only per step, not where in the step it occurred. If the solve takes less than
+    half of a step, the time outside it is scaled by the share of CPU that the step had; otherwise
+    only the quarter of the steps with the least loss is used, or all steps with hardly any.
     """
-    steps = np.array([row for round_ in rounds for row in zip(round_.seconds, round_.solves, round_.shares, strict=True)])
+    steps = np.array(
+        [
+            row
+            for round_ in rounds
+            for row in zip(round_.seconds, round_.solves, round_.shares, strict=True)
+        ]
+    )
     seconds, solves, shares = steps.T
     if 2.0 * float(np.median(solves / seconds)) < 1.0:
         return _quartile(list((seconds - solves) * shares))
@@ -169,7 +194,9 @@ def other_time(rounds: list[Round]) -> float:
 
 
 def _per_contact(rounds: list[Round]) -> float | None:
-    """Time of the solve per contact and sweep-equivalent [s], its share of the waiting taken out; None where nothing moves."""
+    """Time of the solve per contact and sweep-equivalent [s], its share of the waiting taken out;
+    None where nothing moves.
+    """
     each = [
         solve * share / (report.sweeps * report.candidates)
         for round_ in rounds
@@ -180,7 +207,9 @@ def _per_contact(rounds: list[Round]) -> float | None:
 
 
 def _quartile(seconds: list[float]) -> float:
-    """Lower quartile: half of the steps may have waited for other programs, and it is what the work itself takes."""
+    """Lower quartile: half of the steps may have waited for other programs, and it is what the work
+    itself takes.
+    """
     return float(np.percentile(seconds, 25.0))
 
 
@@ -197,9 +226,10 @@ CLOSURE, OVERLAP, WEIGHT, MISSED = 1e-10, 1e-3, 0.01, 0.01
 def find_faults(prepared: PreparedScene, rounds: list[Round]) -> list[str]:
     """What is wrong after the measured steps; empty if nothing is.
 
-    Energy books closed to `CLOSURE`, heat books too; overlaps below `OVERLAP` of the smaller radius; at most `MISSED` of the steps
-    not converged (one in a thousand is not in the fast shear flow: whether it is among those measured is chance); the floor of a
-    bed carries its weight to `WEIGHT`; temperatures between those that walls and grains had at the start.
+    Energy books closed to `CLOSURE`, heat books too; overlaps below `OVERLAP` of the smaller
+    radius; at most `MISSED` of the steps not converged (one in a thousand is not in the fast shear
+    flow: whether it is among those measured is chance); the floor of a bed carries its weight to
+    `WEIGHT`; temperatures between those that walls and grains had at the start.
     """
     state, model, faults = prepared.state, prepared.model, []
     closure = state.books[BOOK_NAMES.index("closure")]
@@ -222,7 +252,12 @@ def find_faults(prepared: PreparedScene, rounds: list[Round]) -> list[str]:
         if not closure <= CLOSURE:
             faults.append(f"the heat books are open by {closure:.1e}")
         temperature = state.temperature(model.thermal)
-        known = np.concatenate([model.thermal.initial_temperature, state.wall_temperature[np.isfinite(state.wall_temperature)]])
+        known = np.concatenate(
+            [
+                model.thermal.initial_temperature,
+                state.wall_temperature[np.isfinite(state.wall_temperature)],
+            ]
+        )
         if not known.min() - 1e-6 <= temperature.min() <= temperature.max() <= known.max() + 1e-6:
             faults.append(f"temperatures from {temperature.min():g} to {temperature.max():g} K")
         if not state.heat_books[HEAT_BOOK_NAMES.index("stored")] > 0.0:

@@ -13,12 +13,20 @@ from multicor_cli.bench.measuring import Result
 from multicor_cli.files import read_regular
 from multicor_cli.store.atomic import commit_result
 
-MARGINS = {"sweeps": 1.25, "cold_sweeps": 1.9, "sweep_over_c": 1.8, "solve_over_c": 1.8, "other_over_reference": 2.5}
-"""By how much a number may exceed the recorded one. For sweeps that is three times the scatter between seeds (cold
-ones: what is left below a factor of two), for times what processors may differ by; `benchmarks/README.md` has all."""
+MARGINS = {
+    "sweeps": 1.25,
+    "cold_sweeps": 1.9,
+    "sweep_over_c": 1.8,
+    "solve_over_c": 1.8,
+    "other_over_reference": 2.5,
+}
+"""By how much a number may exceed the recorded one. For sweeps that is three times the scatter
+between seeds (cold ones: what is left below a factor of two), for times what processors may differ
+by; `benchmarks/README.md` has all."""
 
 LOOK = 3.0
-"""Sweep-equivalents between two looks at the residual: counts of sweeps that differ by no more are the same."""
+"""Sweep-equivalents between two looks at the residual: counts of sweeps that differ by no more are
+the same."""
 
 _ENOUGH = 30.0
 """Sweeps of a step from which on the solve is mostly sweeps, and its time comparable with them."""
@@ -34,10 +42,12 @@ class RecordError(Exception):
 
 
 def ratios(result: Result) -> dict[str, float]:
-    """What of a result does not depend on how fast the machine is, nor on the bits of one trajectory; only what could be measured.
+    """What of a result does not depend on how fast the machine is, nor on the bits of one
+    trajectory; only what could be measured.
 
-    Median ``sweeps`` of a step, and ``cold_sweeps`` without a warm start; a sweep over that in C; the solve per contact and
-    sweep-equivalent over the sweep in C; everything but the solve over its yardstick.
+    Median ``sweeps`` of a step, and ``cold_sweeps`` without a warm start; a sweep over that in C;
+    the solve per contact and sweep-equivalent over the sweep in C; everything but the solve over
+    its yardstick.
     """
     measured = {"other_over_reference": result.other_ratio}
     sweep, each, cold = result.sweep, result.per_contact, result.cold_sweeps
@@ -57,7 +67,8 @@ def _name_of(result: Result) -> str:
 
 
 def write_record(path: Path, results: Iterable[Result]) -> None:
-    """Record the ratios of results: medians where a scene was measured with several seeds; those of others in the file are kept.
+    """Record the ratios of results: medians where a scene was measured with several seeds; those of
+    others in the file are kept.
 
     Raises:
         RecordError: If the file holds something else.
@@ -69,17 +80,29 @@ def write_record(path: Path, results: Iterable[Result]) -> None:
         if not result.faults:
             by_seed.setdefault(_name_of(result), []).append(ratios(result))
     for name, several in by_seed.items():
-        known[name] = {key: statistics.median(each[key] for each in several if key in each) for key in several[0]}
-    commit_result(path, "record", (json.dumps(dict(sorted(known.items())), indent=2) + "\n").encode())
+        known[name] = {
+            key: statistics.median(each[key] for each in several if key in each)
+            for key in several[0]
+        }
+    commit_result(
+        path, "record", (json.dumps(dict(sorted(known.items())), indent=2) + "\n").encode()
+    )
 
 
 def read_record(path: Path) -> dict[str, dict[str, float]]:
-    """Recorded ratios by name of the result; raises `RecordError` if the file is not a record, `OSError` if it cannot be read."""
+    """Recorded ratios by name of the result; raises `RecordError` if the file is not a record,
+    `OSError` if it cannot be read.
+    """
     try:
         data: Any = json.loads(read_regular(path, RECORD_LIMIT))
-        return {str(name): {str(key): float(value) for key, value in known.items()} for name, known in data.items()}
+        return {
+            str(name): {str(key): float(value) for key, value in known.items()}
+            for name, known in data.items()
+        }
     except (ValueError, AttributeError, TypeError) as error:
-        raise RecordError(f"{path} is not a record of a benchmark ({error}); write one with --record") from error
+        raise RecordError(
+            f"{path} is not a record of a benchmark ({error}); write one with --record"
+        ) from error
 
 
 def find_slower(results: Iterable[Result], record: dict[str, dict[str, float]]) -> list[str]:
@@ -87,10 +110,19 @@ def find_slower(results: Iterable[Result], record: dict[str, dict[str, float]]) 
     return [line for result in results for line in _exceeding(result, record).values()]
 
 
-def slower_twice(results: Iterable[Result], again: Iterable[Result], record: dict[str, dict[str, float]]) -> list[str]:
-    """What exceeds the recorded ratios in both of two measurements of the same scene; the second one says by how much."""
+def slower_twice(
+    results: Iterable[Result], again: Iterable[Result], record: dict[str, dict[str, float]]
+) -> list[str]:
+    """What exceeds the recorded ratios in both of two measurements of the same scene; the second
+    one says by how much.
+    """
     first = {_name_of(result): _exceeding(result, record) for result in results}
-    return [line for result in again for key, line in _exceeding(result, record).items() if key in first.get(_name_of(result), {})]
+    return [
+        line
+        for result in again
+        for key, line in _exceeding(result, record).items()
+        if key in first.get(_name_of(result), {})
+    ]
 
 
 def _exceeding(result: Result, record: dict[str, dict[str, float]]) -> dict[str, str]:
@@ -98,5 +130,7 @@ def _exceeding(result: Result, record: dict[str, dict[str, float]]) -> dict[str,
     return {
         key: f"{name}: {key.replace('_', ' ')} {value:.3g}, recorded {before[key]:.3g}"
         for key, value in ratios(result).items()
-        if key in before and value > max(MARGINS[key] * before[key], before[key] + (LOOK if key.endswith("sweeps") else 0.0))
+        if key in before
+        and value
+        > max(MARGINS[key] * before[key], before[key] + (LOOK if key.endswith("sweeps") else 0.0))
     }

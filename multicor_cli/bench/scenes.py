@@ -1,11 +1,12 @@
 """Named scenes of any size. They are scenarios, so what is measured is what users run.
 
-Periodic scenes are prepared as one narrow tile of about a thousand grains, which is then repeated with its velocities, contacts and
-impulses (`multicor_cli.bench.driving`): a bed of 10⁶ grains at rest, or in steady flow, costs no more preparation than one of 10³.
+Periodic scenes are prepared as one narrow tile of about a thousand grains, which is then repeated
+with its velocities, contacts and impulses (`multicor_cli.bench.driving`): a bed of 10⁶ grains at
+rest, or in steady flow, costs no more preparation than one of 10³.
 
-Where a scene is measured is a criterion, not a number of steps: a bed when its kinetic energy says that it rests
-(`multicor_cli.bench.driving.Rest`), plane shear after a strain, a drum after an angle. Only the
-collapse has a time, that of its fall.
+Where a scene is measured is a criterion, not a number of steps: a bed when its kinetic energy says
+that it rests (`multicor_cli.bench.driving.Rest`), plane shear after a strain, a drum after an
+angle. Only the collapse has a time, that of its fall.
 """
 
 from __future__ import annotations
@@ -57,7 +58,8 @@ _DIAMETER = 2e-3
 _COLUMNS, _ROWS = 28, 36  # of a tile
 _TILE = _COLUMNS * _ROWS
 _PATIENCE = 2.0  # longest time that a bed may take to come to rest [s]
-_PITCH = 1.25 * _DIAMETER  # of the lattice that grains start from; the largest grain has 1.2 diameters
+# of the lattice that grains start from; the largest grain has 1.2 diameters
+_PITCH = 1.25 * _DIAMETER
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,8 @@ class BenchScene:
         tile: Grains of the tile that is repeated; 0 if the scene itself grows.
         is_frozen: Whether nothing moves in the last stage and heat flows.
         is_weighed: Whether the floor carries the weight of all grains.
-        rests: Whether the first stage ends when the grains have come to rest; its duration is the longest time allowed.
+        rests: Whether the first stage ends when the grains have come to rest; its duration is the
+            longest time allowed.
     """
 
     name: str
@@ -88,7 +91,8 @@ class BenchScene:
 def _head(name: str, seed: int, count: int, size: tuple[float, float], **other: object) -> str:
     width, height = size
     values = {
-        "dt": 2e-4, "gravity": -9.81, "periodic": "true", "left": 0.0, "bottom": 0.0, "right": width, "top": height,
+        "dt": 2e-4, "gravity": -9.81, "periodic": "true", "left": 0.0, "bottom": 0.0,
+        "right": width, "top": height,
         "packing": '{ kind = "random" }', **other,
     }  # fmt: skip
     return _HEAD.format(name=name, seed=seed, count=count, width=width, height=height, **values)
@@ -100,13 +104,23 @@ def _lattice(bottom: float = 0.0) -> dict[str, object]:
 
 
 def _bed(name: str, count: int, seed: int, copies: int, heat: str, stages: str) -> str:
-    """Grains laid down one by one, each on two others: forces are nearly unique, a solve costs the same in all such beds."""
+    """Grains laid down one by one, each on two others: forces are nearly unique, a solve costs the
+    same in all such beds.
+    """
     size = (_COLUMNS * _PITCH * copies, 1.5 * _ROWS * _PITCH)
-    return _head(name, seed, count * copies, size, packing='{ kind = "deposited" }') + _FLOOR + heat + stages
+    return (
+        _head(name, seed, count * copies, size, packing='{ kind = "deposited" }')
+        + _FLOOR
+        + heat
+        + stages
+    )
 
 
 def _settled(count: int, seed: int, copies: int) -> str:
-    stages = f'[[loading]]\nname = "settle"\nduration = {_PATIENCE!r}\n[[loading]]\nname = "rest"\nduration = 9.0\n'
+    stages = (
+        f'[[loading]]\nname = "settle"\nduration = {_PATIENCE!r}\n[[loading]]\nname = "rest"\n'
+        "duration = 9.0\n"
+    )
     return _bed("bed", count, seed, copies, "", stages)
 
 
@@ -119,22 +133,33 @@ def _heated(count: int, seed: int, copies: int) -> str:
     return _bed("heated-bed", count, seed, copies, heat, stages)
 
 
-def _shear(name: str, speed: float, dt: float, strain: float, count: int, seed: int, copies: int) -> str:
+def _shear(
+    name: str, speed: float, dt: float, strain: float, count: int, seed: int, copies: int
+) -> str:
     """A layer between rough walls under a load, without gravity. I = (V/H) √(m/P)."""
     width, layer = _COLUMNS * _PITCH, _ROWS * _PITCH
     size = (width * copies, 1.2 * layer)
     walls = "".join(
-        f'[[walls]]\nname = "{wall}"\nmaterial = "stuff"\n'
-        f'geometry = {{ kind = "rough", from = [0.0, {y!r}], to = [{size[0]!r}, {y!r}], side = "{side}" }}\n{mass}'
+        (
+            f'[[walls]]\nname = "{wall}"\nmaterial = "stuff"\n'
+            f'geometry = {{ kind = "rough", from = [0.0, {y!r}], to = [{size[0]!r}, {y!r}], side '
+            f'= "{side}" }}\n{mass}'
+        )
         for wall, y, side, mass in (
             ("bottom", 0.0, "left", ""),
             ("top", layer + 2.5 * _DIAMETER, "right", f"mass = {1e-3 * copies!r}\n"),
         )
     )
     load = -_LOAD * size[0]
-    drives = f"drives.top = {{ x = {{ velocity = {speed!r} }}, y = {{ force = {load!r}, damping = {0.5 * copies!r} }} }}\n"
+    drives = (
+        f"drives.top = {{ x = {{ velocity = {speed!r} }}, y = {{ force = {load!r}, damping = "
+        f"{0.5 * copies!r} }} }}\n"
+    )
     until = f'until = {{ strain = {{ walls = ["bottom", "top"], value = {strain!r} }} }}\n'
-    stages = f'[[loading]]\nname = "begin"\n{until}{drives}[[loading]]\nname = "flow"\nduration = 1e3\n{drives}'
+    stages = (
+        f'[[loading]]\nname = "begin"\n{until}{drives}[[loading]]\nname = "flow"\nduration = 1e3\n'
+        f"{drives}"
+    )
     start = {"dt": dt, "gravity": 0.0, "top": layer + 1.5 * _DIAMETER, **_lattice(1.2 * _DIAMETER)}
     return _head(name, seed, count * copies, size, **start) + walls + stages
 
@@ -143,7 +168,9 @@ _LOAD = 10.0  # P: force per length on the upper wall [N/m]; √(m/P) is 1.0 ms
 
 
 def _start(count: int, seed: int, copies: int) -> str:
-    """A bed that is laid down, with heat: its first step has contacts and needs nearly all kernels."""
+    """A bed that is laid down, with heat: its first step has contacts and needs nearly all
+    kernels.
+    """
     stage = '[[loading]]\nname = "fall"\nduration = 1.0\n'
     return _bed("start", count, seed, copies, "[heat]\ntemperature = 300.0\n", stage)
 
@@ -153,19 +180,33 @@ def _collapse(count: int, seed: int, _copies: int) -> str:
     width = round(math.sqrt(count) / 1.6) * _PITCH
     height = (count / (width / _PITCH) + 2.0) * _PITCH
     return (
-        _head("collapse", seed, count, (4.0 * width, height), periodic="false", right=width, **_lattice())
+        _head(
+            "collapse",
+            seed,
+            count,
+            (4.0 * width, height),
+            periodic="false",
+            right=width,
+            **_lattice(),
+        )
         + _FLOOR
-        + '[[walls]]\nname = "left"\nmaterial = "stuff"\ngeometry = { kind = "plane", point = [0.0, 0.0], normal = [1.0, 0.0] }\n'
+        + (
+            '[[walls]]\nname = "left"\nmaterial = "stuff"\n'
+            'geometry = { kind = "plane", point = [0.0, 0.0], normal = [1.0, 0.0] }\n'
+        )
         + f'[[loading]]\nname = "fall"\nduration = {math.sqrt(0.5 * height / 9.81)!r}\n'
         + '[[loading]]\nname = "spread"\nduration = 99.0\n'
     )
 
 
-_ANGLE = 1.0  # that a drum has turned before it is measured: more than twice the angle of repose [rad]
+# That a drum has turned before it is measured: more than twice the angle of repose [rad]
+_ANGLE = 1.0
 
 
 def _drum(count: int, seed: int, _copies: int) -> str:
-    """A rough drum, a third full, turns at a Froude number of 0.05. Grains fall into it while it turns."""
+    """A rough drum, a third full, turns at a Froude number of 0.05. Grains fall into it while it
+    turns.
+    """
     radius = math.sqrt(1.1 * count * _PITCH * _PITCH / 1.05)
     low, high = 0.34 * radius, 1.66 * radius  # a square inside the circle
     spin = math.sqrt(0.05 * 9.81 / radius)
@@ -175,7 +216,10 @@ def _drum(count: int, seed: int, _copies: int) -> str:
     return (
         _head("drum", seed, count, (2.0 * radius, 2.0 * radius), periodic="false", **place)
         + f'[[walls]]\nname = "drum"\nmaterial = "stuff"\ngeometry = {geometry}\n'
-        + f'[[loading]]\nname = "begin"\nduration = {_ANGLE / spin!r}\n{drive}[[loading]]\nname = "turn"\nduration = 99.0\n{drive}'
+        + (
+            f'[[loading]]\nname = "begin"\nduration = {_ANGLE / spin!r}\n{drive}[[loading]]\n'
+            f'name = "turn"\nduration = 99.0\n{drive}'
+        )
     )
 
 

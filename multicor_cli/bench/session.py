@@ -23,11 +23,13 @@ T = TypeVar("T")
 
 
 class CompileTimes(NamedTuple):
-    """Times from a scenario of 100 grains on, in a process of its own and, where there is a second core, a second one.
+    """Times from a scenario of 100 grains on, in a process of its own and, where there is a second
+    core, a second one.
 
     Attributes:
         cold: To the end of its first steps, with an empty cache: everything is compiled [s].
-        hard: To the last kernel of those that only steps need in which the sweeps are stuck, with an empty cache [s].
+        hard: To the last kernel of those that only steps need in which the sweeps are stuck, with
+            an empty cache [s].
         cached: As ``cold``, with the cache that this has left: everything is loaded [s].
     """
 
@@ -38,7 +40,9 @@ class CompileTimes(NamedTuple):
 
 @dataclass(frozen=True)
 class Benchmark:
-    """What was measured: on which machine, its copy bandwidth by number of threads [B/s], a result for each scene and size."""
+    """What was measured: on which machine, its copy bandwidth by number of threads [B/s], a result
+    for each scene and size.
+    """
 
     machine: str
     bandwidth: dict[int, float]
@@ -55,8 +59,12 @@ class Benchmark:
         }
 
 
-def run_benchmark(tasks: Sequence[Task], *, has_compilation: bool, say: Callable[[str], None]) -> Benchmark:
-    """Measure tasks, at least one, one after the other, and compilation if asked for; ``say`` is told what is being done."""
+def run_benchmark(
+    tasks: Sequence[Task], *, has_compilation: bool, say: Callable[[str], None]
+) -> Benchmark:
+    """Measure tasks, at least one, one after the other, and compilation if asked for; ``say`` is
+    told what is being done.
+    """
     say("calibrating: copy bandwidth")
     counts = sorted({1, *(task.threads for task in tasks)})
     bandwidth = {count: _apart(copy_bandwidth, count) for count in counts}
@@ -69,7 +77,9 @@ def run_benchmark(tasks: Sequence[Task], *, has_compilation: bool, say: Callable
     for task in tasks:
         say(f"{task.scene}, about {task.grains} grains, {task.threads} threads")
         results.append(_apart(measure, task))
-    return Benchmark(f"{platform.machine()}, {platform.platform()}", bandwidth, results, compilation)
+    return Benchmark(
+        f"{platform.machine()}, {platform.platform()}", bandwidth, results, compilation
+    )
 
 
 _CODE = """
@@ -90,7 +100,9 @@ with shared_compilation(os.cpu_count() or 1) as other:
 
 
 def _first_steps(folder: str) -> tuple[float, float]:
-    """Times `_CODE` with a folder as the cache [s]; raises `RuntimeError` if the scene does not run."""
+    """Times `_CODE` with a folder as the cache [s]; raises `RuntimeError` if the scene does not
+    run.
+    """
     command, environment = python_child("-c", _CODE, NUMBA_CACHE_DIR=folder)
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -100,13 +112,16 @@ def _first_steps(folder: str) -> tuple[float, float]:
 
 
 def _apart(function: Callable[..., T], *arguments: Any) -> T:
-    """Call a function in a process of its own, which shares neither memory nor threads with anything else.
+    """Call a function in a process of its own, which shares neither memory nor threads with
+    anything else.
 
     Ctrl-C reaches this process only, which ends the other: machine code knows no exceptions.
     """
     command, environment = python_child("-m", __name__)
     pipe = subprocess.PIPE
-    with subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, start_new_session=True) as other:
+    with subprocess.Popen(
+        command, env=environment, stdin=pipe, stdout=pipe, start_new_session=True
+    ) as other:
         assert other.stdin is not None
         assert other.stdout is not None
         try:
@@ -139,7 +154,9 @@ def main() -> None:
 # ---- The table for people
 
 HEADINGS = (
-    "scene", "grains", "threads", "contacts", "sweeps", "step [ms]", "solve", "other at 30 sweeps", "ns/contact/sweep", "sweep : C",
+    "scene", "grains", "threads", "contacts", "sweeps", "step [ms]", "solve", "other at 30 sweeps",
+    "ns/contact/sweep", ("sweep "
+        ": C"),
     "threads gain", "grain-steps/s", "B/grain",
 )  # fmt: skip
 
@@ -148,30 +165,54 @@ _MANY = 50_000  # grains whose memory can be told from that of the kernels
 
 def row(result: Result) -> list[str]:
     """The row of a scene; one with wrong physics has no times."""
-    head = [result.scene, f"{result.grains}", f"{result.threads}", f"{result.candidates:.0f}", f"{result.sweeps:.0f}"]
+    head = [
+        result.scene,
+        f"{result.grains}",
+        f"{result.threads}",
+        f"{result.candidates:.0f}",
+        f"{result.sweeps:.0f}",
+    ]
     if result.faults:
         return [*head, "refused", *[""] * (len(HEADINGS) - len(head) - 1)]
     solve = result.phases.get("solve", 0.0) / max(sum(result.phases.values()), 1e-300)
     sweep, share, each = result.sweep, result.other_share, result.per_contact
-    gain = "" if sweep is None or len(sweep.ours) < 2 else f"{sweep.ours[1] / sweep.ours[result.threads]:.2f}"
+    gain = (
+        ""
+        if sweep is None or len(sweep.ours) < 2
+        else f"{sweep.ours[1] / sweep.ours[result.threads]:.2f}"
+    )
     return [
-        *head, f"{1e3 * result.step:.3g}", f"{100.0 * solve:.0f} %", "" if share is None else f"{100.0 * share:.0f} %",
-        "" if each is None else f"{1e9 * each:.1f}", "" if sweep is None or sweep.ratio != sweep.ratio else f"{sweep.ratio:.2f}",
+        *head, f"{1e3 * result.step:.3g}", f"{100.0 * solve:.0f} %",
+        "" if share is None else (f"{100.0 * share:.0f} "
+            "%"),
+        "" if each is None else f"{1e9 * each:.1f}",
+        "" if sweep is None or sweep.ratio != sweep.ratio else f"{sweep.ratio:.2f}",
         gain, f"{result.grain_steps:.3g}", f"{result.memory:.0f}" if result.grains >= _MANY else "",
     ]  # fmt: skip
 
 
 def notes(benchmark: Benchmark) -> list[str]:
     """What the table rests on."""
-    lines = [f"copying memory: {bandwidth / 1e9:.1f} GB/s with {n} threads" for n, bandwidth in benchmark.bandwidth.items()]
+    lines = [
+        f"copying memory: {bandwidth / 1e9:.1f} GB/s with {n} threads"
+        for n, bandwidth in benchmark.bandwidth.items()
+    ]
     named = [(f"{result.scene}, {result.grains} grains", result) for result in benchmark.results]
     for name, result in named:
         if result.sweep is not None and not result.faults:
-            used = ", ".join(f"{100.0 * v / benchmark.bandwidth[n]:.0f} % with {n}" for n, v in result.sweep.bandwidth.items())
-            lines.append(f"{name}: a sweep moves {result.sweep.bytes_moved / 1e6:.1f} MB; of copying: {used}")
+            used = ", ".join(
+                f"{100.0 * v / benchmark.bandwidth[n]:.0f} % with {n}"
+                for n, v in result.sweep.bandwidth.items()
+            )
+            lines.append(
+                f"{name}: a sweep moves {result.sweep.bytes_moved / 1e6:.1f} MB; of copying: {used}"
+            )
     if benchmark.compilation is not None:
         cold, hard, cached = benchmark.compilation
-        lines.append(f"first steps: {cold:.1f} s cold, {cached:.2f} s cached; kernels of hard steps after {hard:.1f} s")
+        lines.append(
+            f"first steps: {cold:.1f} s cold, {cached:.2f} s cached; kernels of hard steps after "
+            f"{hard:.1f} s"
+        )
     lines += [
         f"{name}: {result.missed} of {result.steps * result.rounds} steps did not converge"
         for name, result in named

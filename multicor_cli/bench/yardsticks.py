@@ -8,6 +8,7 @@ Kernels of the benchmark are here too, none of which is part of the product.
 from __future__ import annotations
 
 import ctypes
+import functools
 import math
 import shutil
 import statistics
@@ -58,7 +59,8 @@ def copy_bandwidth(threads: int) -> float:
 _ENOUGH = 2_000_000  # contact relaxations in one measurement
 
 CSweep = Callable[[OneByOne, Floats, float, int], float]
-"""Some sweeps of contacts in C, with the velocities of their bodies and β; returns the sum of the squares of the corrections."""
+"""Some sweeps of contacts in C, with the velocities of their bodies and β; returns the sum of the
+squares of the corrections."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,8 @@ class SweepTimes:
         bytes_moved: Bytes of the problem that a sweep reads or writes at least once [B].
         ours: Time per contact and sweep by number of threads, median [s].
         in_c: That in C on one thread, the fastest; nan without a compiler [s].
-        ratio: Ours on one thread over C: median of the ratios of neighboring measurements; nan without a compiler.
+        ratio: Ours on one thread over C: median of the ratios of neighboring measurements; nan
+            without a compiler.
     """
 
     contacts: int
@@ -82,7 +85,10 @@ class SweepTimes:
     @property
     def bandwidth(self) -> dict[int, float]:
         """Bytes that a sweep must move over its time, by number of threads [B/s]."""
-        return {threads: self.bytes_moved / (seconds * self.contacts) for threads, seconds in self.ours.items()}
+        return {
+            threads: self.bytes_moved / (seconds * self.contacts)
+            for threads, seconds in self.ours.items()
+        }
 
 
 def time_sweep(system: System, threads: tuple[int, ...]) -> SweepTimes:
@@ -104,14 +110,24 @@ def time_sweep(system: System, threads: tuple[int, ...]) -> SweepTimes:
     for round_ in range(_ROUNDS + 1):
         for number in threads:
             numba.set_num_threads(number)
-            clock = _wall_time if number > 1 else _core_time
-            seconds = clock(lambda: _sweep_repeatedly(diagonal, before, repeats, number > 1, partial))  # noqa: B023
+            several = number > 1
+            clock = _wall_time if several else _core_time
+            seconds = clock(
+                functools.partial(_sweep_repeatedly, diagonal, before, repeats, several, partial)
+            )
             ours[number].append(seconds / (repeats * count))
         if c_sweep is not None:
-            in_c.append(_core_time(lambda: c_sweep(rows, velocity, diagonal.spin_factor, repeats)) / (repeats * count))
+            in_c.append(
+                _core_time(lambda: c_sweep(rows, velocity, diagonal.spin_factor, repeats))
+                / (repeats * count)
+            )
         if round_ == 0:  # the first round only warms up
             ours, in_c = {number: [] for number in threads}, []
-    ratio = statistics.median(a / b for a, b in zip(ours[threads[0]], in_c, strict=True)) if in_c else float("nan")
+    ratio = (
+        statistics.median(a / b for a, b in zip(ours[threads[0]], in_c, strict=True))
+        if in_c
+        else float("nan")
+    )
     return SweepTimes(
         count,
         _bytes_moved(diagonal),
@@ -130,12 +146,26 @@ def compile_sweep() -> CSweep | None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder)
         (path / "sweep.c").write_text(source, encoding="utf-8")
-        command = [compiler, "-O3", "-march=native", "-shared", "-fPIC", "-o", str(path / "sweep.so"), str(path / "sweep.c")]
+        command = [
+            compiler,
+            "-O3",
+            "-march=native",
+            "-shared",
+            "-fPIC",
+            "-o",
+            str(path / "sweep.so"),
+            str(path / "sweep.c"),
+        ]
         if subprocess.run(command, capture_output=True, check=False).returncode:
             return None
         function = ctypes.CDLL(str(path / "sweep.so")).sweeps
     function.restype = ctypes.c_double
-    function.argtypes = [ctypes.c_ssize_t, ctypes.c_ssize_t, ctypes.c_double, *[ctypes.c_void_p] * 4]
+    function.argtypes = [
+        ctypes.c_ssize_t,
+        ctypes.c_ssize_t,
+        ctypes.c_double,
+        *[ctypes.c_void_p] * 4,
+    ]
 
     def run(rows: OneByOne, velocity: Floats, spin_factor: float, repeats: int) -> float:
         pointers = [array.ctypes.data for array in (velocity, rows.pair, rows.frame, rows.impulse)]
@@ -160,7 +190,9 @@ def _only_diagonal(system: System) -> System:
 
 def _before(system: System) -> Before:
     """Impulses before the first sweep: those that there are."""
-    return Before(aligned_copy(system.impulse), system.general_impulse.copy(), system.couples.impulse.copy())
+    return Before(
+        aligned_copy(system.impulse), system.general_impulse.copy(), system.couples.impulse.copy()
+    )
 
 
 def _compare(system: System, c_sweep: CSweep) -> None:
@@ -175,8 +207,12 @@ def _compare(system: System, c_sweep: CSweep) -> None:
 
 
 @kernel
-def _sweep_repeatedly(s: System, before: Before, repeats: int, parallel: bool, partial: Floats) -> float:
-    """Some sweeps without anything around them; arguments as `sweep`. Returns the sum of the squares of all corrections [m²/s²]."""
+def _sweep_repeatedly(
+    s: System, before: Before, repeats: int, parallel: bool, partial: Floats
+) -> float:
+    """Some sweeps without anything around them; arguments as `sweep`. Returns the sum of the
+    squares of all corrections [m²/s²].
+    """
     total = 0.0
     for _ in range(repeats):
         total += sweep(s, before, EXACT, Relaxation(1.0, 1.0, 0.0), parallel, partial)
@@ -197,10 +233,17 @@ def _core_time(work: Callable[[], object]) -> float:
 
 
 def _bytes_moved(system: System) -> int:
-    """Pairs and frames are read, impulses and the velocities of the bodies in contact read and written."""
+    """Pairs and frames are read, impulses and the velocities of the bodies in contact read and
+    written.
+    """
     bodies = np.unique(system.pair).size
     impulses = 4 * system.impulse.nbytes  # now and before
-    return int(system.pair.nbytes + system.frame.nbytes + impulses + 2 * bodies * system.velocity.itemsize * 4)
+    return int(
+        system.pair.nbytes
+        + system.frame.nbytes
+        + impulses
+        + 2 * bodies * system.velocity.itemsize * 4
+    )
 
 
 # ---- A step's other work
@@ -211,19 +254,23 @@ _NEIGHBORS = 5  # cells whose grains are looked at: the own one and half of thos
 
 
 class ReferenceStep:
-    """A step of ``n`` grains of a square lattice, shaken: the yardstick for everything but the solve.
+    """A step of ``n`` grains of a square lattice, shaken: the yardstick for everything but the
+    solve.
 
-    What a step does besides its sweeps is a hundred calls of short kernels and array functions from Python. How fast a machine
-    does that has little to do with how fast it sweeps, so it has a yardstick of its own: grains are moved, sorted into cells,
-    paired with their neighbors, and gather from their pairs; and small kernels are called. Never make this faster or slower:
-    what is recorded is measured in it.
+    What a step does besides its sweeps is a hundred calls of short kernels and array functions from
+    Python. How fast a machine does that has little to do with how fast it sweeps, so it has a
+    yardstick of its own: grains are moved, sorted into cells, paired with their neighbors, and
+    gather from their pairs; and small kernels are called. Never make this faster or slower: what is
+    recorded is measured in it.
     """
 
     def __init__(self, grains: int) -> None:
         """Place the grains; always the same ones."""
         self._side = max(4, round(math.sqrt(grains)))
         count = self._side * self._side
-        shake = np.random.Philox(1).random_raw(2 * count).astype(np.float64).reshape(count, 2) / 2.0**64
+        shake = (
+            np.random.Philox(1).random_raw(2 * count).astype(np.float64).reshape(count, 2) / 2.0**64
+        )
         corner = np.column_stack([np.arange(count) % self._side, np.arange(count) // self._side])
         self._position, self._velocity = corner + 0.1 + 0.8 * shake, shake - 0.5
         self._share = grains / count
@@ -246,7 +293,9 @@ class ReferenceStep:
 
     def _move(self, number: int, count: int) -> Floats:
         middle = np.empty((count, 2))
-        _move(self._position[:count], self._velocity[:count], 1e-3 * number, float(self._side), middle)
+        _move(
+            self._position[:count], self._velocity[:count], 1e-3 * number, float(self._side), middle
+        )
         if not np.isfinite(middle).all():
             raise FloatingPointError
         return middle
@@ -294,7 +343,11 @@ def _measure(position: Floats, side: int, first: Ints, order: Ints, pair: Ints, 
                     i, j = order[a], order[b]
                     x, y = position[j, 0] - position[i, 0], position[j, 1] - position[i, 1]
                     if found < len(gap):
-                        pair[found, 0], pair[found, 1], gap[found] = i, j, np.sqrt(x * x + y * y) - 0.8
+                        pair[found, 0], pair[found, 1], gap[found] = (
+                            i,
+                            j,
+                            np.sqrt(x * x + y * y) - 0.8,
+                        )
                         found += 1
     return found
 

@@ -1,7 +1,8 @@
-"""One list of checks, before a run and of a run: each with its value, limit, verdict, meaning and remedy.
+"""One list of checks, before a run and of a run: each with its value, limit, verdict, meaning and
+remedy.
 
-A new check is a `Rule` in the table of its module, which is in one of the two lists below; docs/reference/checks.md is made of them
-(``python tests/support/check_tables.py``).
+A new check is a `Rule` in the table of its module, which is in one of the two lists below;
+docs/reference/checks.md is made of them (``python tests/support/check_tables.py``).
 """
 
 from __future__ import annotations
@@ -44,7 +45,11 @@ class ChecksFailed(Exception):
     exit_code = 4
 
     def __init__(self, checks: list[Check]) -> None:
-        bad = [f"{check.name}: {check.text}, {check.limit}" for check in checks if check.verdict is Verdict.BAD]
+        bad = [
+            f"{check.name}: {check.text}, {check.limit}"
+            for check in checks
+            if check.verdict is Verdict.BAD
+        ]
         super().__init__("; ".join(bad))
         self.checks = checks
 
@@ -55,7 +60,8 @@ def check_prepared(prepared: Prepared) -> list[Check]:
 
 
 def check_scenario(scenario: Scenario | str | Path, threads: int = 1) -> list[Check]:
-    """The checks of a scenario before it is run, as ``multicor validate`` shows them; its grains are placed, nothing is written.
+    """The checks of a scenario before it is run, as ``multicor validate`` shows them; its grains
+    are placed, nothing is written.
 
     Args:
         scenario: A scenario, or the path of a scenario file.
@@ -74,7 +80,8 @@ def check_scenario(scenario: Scenario | str | Path, threads: int = 1) -> list[Ch
 
 
 def check_run(directory: Path | str) -> list[Check]:
-    """The checks of a run, as ``multicor info`` shows them: of its newest checkpoint, whether it goes on or has ended.
+    """The checks of a run, as ``multicor info`` shows them: of its newest checkpoint, whether it
+    goes on or has ended.
 
     Args:
         directory: Run directory, or a ``results.h5`` on its own.

@@ -1,4 +1,6 @@
-"""Whether a run keeps what the program promises of every run, whether its averages are steady, and how its stages ended."""
+"""Whether a run keeps what the program promises of every run, whether its averages are steady, and
+how its stages ended.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,9 @@ def _overlap(run: Recorded) -> Iterator[Measured]:
 def _correction(run: Recorded) -> Iterator[Measured]:
     if not run.has_steps:
         return
-    given = run.book("kinetic_start") + sum(abs(run.book(name)) for name in ("gravity_work", "wall_work", "load_work"))
+    given = run.book("kinetic_start") + sum(
+        abs(run.book(name)) for name in ("gravity_work", "wall_work", "load_work")
+    )
     if given > 0.0:
         yield Measured(abs(run.book("correction_work")) / given)
 
@@ -60,7 +64,8 @@ def _undelivered(run: Recorded) -> Iterator[Measured]:
 RULES: tuple[Rule[Recorded], ...] = (
     Rule(
         "energy closure", _closure, warning=CLOSURE_LIMIT, bad=CLOSURE_LIMIT,
-        meaning="Largest imbalance of the energy books over the sum of their terms. They close to round-off by construction.",
+        meaning="Largest imbalance of the energy books over the sum of their terms. They close "
+            "to round-off by construction.",
         remedy="Report it: this is a bug, or the files were changed.",
     ),
     Rule(
@@ -70,23 +75,28 @@ RULES: tuple[Rule[Recorded], ...] = (
     ),
     Rule(
         "overlap", _overlap, unit="of the smaller radius", warning=_OVERLAP, bad=_OVERLAP,
-        meaning="Largest overlap at the end of a step. Positions are corrected until none exceeds half of the limit.",
-        remedy="Look at where the run began: a packing or a wall may have pressed grains into each other.",
+        meaning="Largest overlap at the end of a step. Positions are corrected until none "
+            "exceeds half of the limit.",
+        remedy="Look at where the run began: a packing or a wall may have pressed grains into "
+            "each other.",
     ),
     Rule(
         "work of corrections", _correction, unit="of the work put in", warning=0.01, bad=0.1,
-        meaning="Work of gravity and loads on the displacements that remove overlaps, over all work that the grains were given: "
-        "energy that the motion neither gained nor lost.",
+        meaning="Work of gravity and loads on the displacements that remove overlaps, over all "
+            "work that the grains were given: energy that the motion neither gained nor lost.",
         remedy="Use a shorter dt: overlaps grow with its square.",
     ),
     Rule(
         "steps not converged", _unconverged, unit="of the steps", warning=0.0, bad=0.05,
-        meaning="Steps that missed a tolerance of the contact solver within max_sweeps; their forces are less exact.",
-        remedy="Raise max_sweeps, or loosen the tolerances on purpose; see where with multicor post energy.",
+        meaning="Steps that missed a tolerance of the contact solver within max_sweeps; their "
+            "forces are less exact.",
+        remedy="Raise max_sweeps, or loosen the tolerances on purpose; see where with multicor "
+            "post energy.",
     ),
     Rule(
         "heat not delivered", _undelivered, unit="of the heat of walls", warning=0.0,
-        meaning="Heat of walls of prescribed flow that reached no grain, since nothing touched the wall.",
+        meaning="Heat of walls of prescribed flow that reached no grain, since nothing touched "
+            "the wall.",
         remedy="Give the wall a temperature, let the flow begin later, or press the grains on it.",
     ),
 )  # fmt: skip
@@ -106,10 +116,12 @@ _SMALL = 1e-6
 
 
 def relative_drift(values: Floats) -> float | None:
-    """Change of the mean from the third to the fourth quarter of a series, over the larger of the two.
+    """Change of the mean from the third to the fourth quarter of a series, over the larger of the
+    two.
 
     Returns:
-        0 if the change is within three standard errors (of the means of five blocks of a quarter); None for fewer than 40 values.
+        0 if the change is within three standard errors (of the means of five blocks of a quarter);
+        None for fewer than 40 values.
     """
     length = len(values) // (4 * _BLOCKS)
     if length < 2:
@@ -134,7 +146,9 @@ def _drifts(run: Recorded) -> Iterator[Measured]:
             yield Measured(change, name)
 
 
-def _averaged(run: Recorded, rows: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Iterator[tuple[str, Floats]]:
+def _averaged(
+    run: Recorded, rows: np.ndarray[tuple[int], np.dtype[np.int64]]
+) -> Iterator[tuple[str, Floats]]:
     kinetic = run.series("kinetic")[rows]
     if kinetic[-1] > _SMALL * run.book("terms"):
         yield "kinetic energy", kinetic
@@ -155,10 +169,12 @@ def _averaged(run: Recorded, rows: np.ndarray[tuple[int], np.dtype[np.int64]]) -
 DRIFT: tuple[Rule[Recorded], ...] = (
     Rule(
         "drift", _drifts, warning=0.1,
-        meaning="Change of the mean from the third to the fourth quarter of the last stage, over the larger of them: of the "
-        "kinetic energy, of forces on walls, of heights of walls; 0 where it is within three standard errors. Means over the "
-        "later half of a stage, the default of multicor post, are those of a steady state only if nothing drifts.",
-        remedy="Let the stage go on for longer, or choose frames with --from and --to; in a transient flow (a collapse), nothing.",
+        meaning="Change of the mean from the third to the fourth quarter of the last stage, over "
+            "the larger of them: of the kinetic energy, of forces on walls, of heights of walls; "
+            "0 where it is within three standard errors. Means over the later half of a stage, "
+            "the default of multicor post, are those of a steady state only if nothing drifts.",
+        remedy="Let the stage go on for longer, or choose frames with --from and --to; in a "
+            "transient flow (a collapse), nothing.",
     ),
 )  # fmt: skip
 """What is checked of averages."""
@@ -177,8 +193,10 @@ def _timed_out(run: Recorded) -> Iterator[Measured]:
 STAGES: tuple[Rule[Recorded], ...] = (
     Rule(
         "stages timed out", _timed_out, warning=0.0,
-        meaning="Stages whose duration was over before the condition of their until held: what they waited for did not happen.",
-        remedy='Give them a longer duration or another goal; with on_timeout = "stop" the run ends there.',
+        meaning="Stages whose duration was over before the condition of their until held: what "
+            "they waited for did not happen.",
+        remedy='Give them a longer duration or another goal; with on_timeout = "stop" the run '
+            'ends there.',
     ),
 )  # fmt: skip
 """What is checked of the stages that are over."""

@@ -1,7 +1,8 @@
 """What a check is: a number, its limits, and what follows if it is beyond them.
 
-A `Rule` is one kind of check, with everything about it in one place: how its number is found, its limits, what it means, what to
-do. Judging a subject by it gives a `Check`. The page docs/reference/checks.md is made of the rules.
+A `Rule` is one kind of check, with everything about it in one place: how its number is found, its
+limits, what it means, what to do. Judging a subject by it gives a `Check`. The page
+docs/reference/checks.md is made of the rules.
 """
 
 from __future__ import annotations
@@ -40,7 +41,8 @@ class Check:
 
     Attributes:
         name: What is checked.
-        value: The number; where there are several (stages, materials), the one that is farthest beyond its limits.
+        value: The number; where there are several (stages, materials), the one that is farthest
+            beyond its limits.
         text: The number for people, with its unit and what it belongs to.
         limit: Its limits, in words.
         verdict: How it came out.
@@ -89,7 +91,11 @@ class Rule(Generic[S]):
     def limit(self) -> str:
         """The limits in words."""
         if self.least is not None:
-            return f"{self.least:g} to {self.warning:g}" if self.warning < math.inf else f"at least {self.least:g}"
+            return (
+                f"{self.least:g} to {self.warning:g}"
+                if self.warning < math.inf
+                else f"at least {self.least:g}"
+            )
         if self.bad == self.warning:
             return f"bad above {self.bad:g}"
         normal = "none" if self.warning == 0.0 else f"at most {self.warning:g}"
@@ -100,14 +106,32 @@ class Rule(Generic[S]):
         found = list(self.measure(subject))
         if not found:
             return None
-        worst = max(found, key=lambda measured: (_ORDER.index(self._verdict(measured.value)), self._excess(measured.value)))
-        return Check(self.name, worst.value, self._text(worst), self.limit, self._verdict(worst.value), self.meaning, self.remedy)
+        worst = max(
+            found,
+            key=lambda measured: (
+                _ORDER.index(self._verdict(measured.value)),
+                self._excess(measured.value),
+            ),
+        )
+        return Check(
+            self.name,
+            worst.value,
+            self._text(worst),
+            self.limit,
+            self._verdict(worst.value),
+            self.meaning,
+            self.remedy,
+        )
 
     def _verdict(self, value: float) -> Verdict:
         # What is not a number is beyond every limit.
         if self.bad is not None and not value <= self.bad:
             return Verdict.BAD
-        return Verdict.OK if value <= self.warning and (self.least is None or value >= self.least) else Verdict.WARNING
+        return (
+            Verdict.OK
+            if value <= self.warning and (self.least is None or value >= self.least)
+            else Verdict.WARNING
+        )
 
     def _excess(self, value: float) -> float:
         """How far a number is towards its limits: the larger, the nearer or the farther beyond."""
@@ -117,7 +141,11 @@ class Rule(Generic[S]):
 
     def _text(self, measured: Measured) -> str:
         number = f"{measured.value:.3g} {self.unit}".strip()
-        about = measured.about if len(measured.about) <= _LONGEST else measured.about[: _LONGEST - 1] + "…"
+        about = (
+            measured.about
+            if len(measured.about) <= _LONGEST
+            else measured.about[: _LONGEST - 1] + "…"
+        )
         return f"{number} ({about})" if about else number
 
 

@@ -1,10 +1,12 @@
-"""Whether grains stay where they belong: a floor under them, lids that press on them, and grains that have left everything.
+"""Whether grains stay where they belong: a floor under them, lids that press on them, and grains
+that have left everything.
 
-The plane is covered with cells. A cell is free if the smallest grain fits in it, with its center in the middle, beside all walls.
-From a free cell a grain can get into free cells beside and below, "below" being along the larger component of gravity. From where
-it so gets to the lower edge of everything it can fall for ever. Rows are gone through from the lowest to the highest, so this
-takes as long as there are cells. Walls stand where they are at the start; grains that heap up above the rim of a wall are not
-foreseen.
+The plane is covered with cells. A cell is free if the smallest grain fits in it, with its center in
+the middle, beside all walls. From a free cell a grain can get into free cells beside and below,
+"below" being along the larger component of gravity. From where it so gets to the lower edge of
+everything it can fall for ever. Rows are gone through from the lowest to the highest, so this takes
+as long as there are cells. Walls stand where they are at the start; grains that heap up above the
+rim of a wall are not foreseen.
 """
 
 from __future__ import annotations
@@ -41,7 +43,9 @@ class _Grid:
     columns: int
 
     def centers(self, first: NDArray[np.int64], last: NDArray[np.int64]) -> tuple[Floats, Floats]:
-        """X and y of the centers of a block of cells, from (column, row) to (column, row), the last left out."""
+        """X and y of the centers of a block of cells, from (column, row) to (column, row), the last
+        left out.
+        """
         x = self.low[0] + self.size * np.arange(first[0], last[0])
         y = self.low[1] + self.size * np.arange(first[1], last[1])
         return x[np.newaxis, :], y[:, np.newaxis]
@@ -50,11 +54,16 @@ class _Grid:
         """The block of cells around a rectangle."""
         limits = np.array([self.columns, self.rows])
         first = np.clip(np.floor((low - self.low) / self.size), 0, limits).astype(np.int64)
-        return first, np.clip(np.ceil((high - self.low) / self.size) + 1, 0, limits).astype(np.int64)
+        return first, np.clip(np.ceil((high - self.low) / self.size) + 1, 0, limits).astype(
+            np.int64
+        )
 
 
-def escape_share(model: Model, position: Floats, wall_position: Floats, gravity: Floats) -> float | None:
-    """The part of the grains that can get out of all walls that they meet along gravity; None without gravity.
+def escape_share(
+    model: Model, position: Floats, wall_position: Floats, gravity: Floats
+) -> float | None:
+    """The part of the grains that can get out of all walls that they meet along gravity; None
+    without gravity.
 
     Args:
         model: Grains and walls.
@@ -67,12 +76,20 @@ def escape_share(model: Model, position: Floats, wall_position: Floats, gravity:
     escaped = 0
     for which, is_met in model.meeting_alike():
         walls = [outline for _, outline in placed_walls(model, wall_position, is_met)]
-        escaped += int(np.count_nonzero(_escape(model.with_grains(which), np.array(position[which, :2], float), walls, gravity)))
+        escaped += int(
+            np.count_nonzero(
+                _escape(
+                    model.with_grains(which), np.array(position[which, :2], float), walls, gravity
+                )
+            )
+        )
     return escaped / model.grain_count
 
 
 def _escape(model: Model, center: Floats, walls: list[Outline], gravity: Floats) -> Flags:
-    """Whether grains can get out of walls along gravity; arguments as `escape_share`. ``center`` is **modified**."""
+    """Whether grains can get out of walls along gravity; arguments as `escape_share`. ``center`` is
+    **modified**.
+    """
     axis = _larger(gravity)
     if model.period > 0.0:
         center[:, 0] %= model.period
@@ -113,14 +130,17 @@ def _blocked(model: Model, grid: _Grid, walls: list[Outline]) -> Flags:
             images = range(1)
             if model.period > 0.0 and outline.normal is None:  # those that reach into the period
                 images = range(
-                    math.ceil(-(right[k] + reach) / model.period), math.floor(1.0 + (reach - left[k]) / model.period) + 1
+                    math.ceil(-(right[k] + reach) / model.period),
+                    math.floor(1.0 + (reach - left[k]) / model.period) + 1,
                 )
             for image in images:
                 _block_shape(grid, outline, k, np.array([image * model.period, 0.0]), reach, found)
     return found
 
 
-def _block_shape(grid: _Grid, outline: Outline, k: int, shift: Floats, reach: float, found: Flags) -> None:
+def _block_shape(
+    grid: _Grid, outline: Outline, k: int, shift: Floats, reach: float, found: Flags
+) -> None:
     """Mark the cells near one shape."""
     points = outline.points[k] + shift
     if outline.normal is not None:
@@ -129,13 +149,19 @@ def _block_shape(grid: _Grid, outline: Outline, k: int, shift: Floats, reach: fl
         found |= (x - points[0, 0]) * n[0] + (y - points[0, 1]) * n[1] < reach
         return
     radius = 0.0 if outline.radius is None else float(outline.radius[k])
-    first, last = grid.block(points.min(axis=0) - radius - reach, points.max(axis=0) + radius + reach)
+    first, last = grid.block(
+        points.min(axis=0) - radius - reach, points.max(axis=0) + radius + reach
+    )
     if (last <= first).any():
         return
     x, y = grid.centers(first, last)
     distance = _distance(x, y, points)
     # The inside of a circle holds grains; glued grains are solid.
-    is_near = np.abs(distance - radius) < reach if radius > 0.0 and not outline.is_grain else distance - radius < reach
+    is_near = (
+        np.abs(distance - radius) < reach
+        if radius > 0.0 and not outline.is_grain
+        else distance - radius < reach
+    )
     found[first[1] : last[1], first[0] : last[0]] |= is_near
 
 
@@ -145,7 +171,9 @@ def _distance(x: Floats, y: Floats, points: Floats) -> Floats:
     if len(points) == 1:
         return np.asarray(np.hypot(x - start[0], y - start[1]))
     way = points[1] - start
-    along = np.clip(((x - start[0]) * way[0] + (y - start[1]) * way[1]) / float(way @ way), 0.0, 1.0)
+    along = np.clip(
+        ((x - start[0]) * way[0] + (y - start[1]) * way[1]) / float(way @ way), 0.0, 1.0
+    )
     return np.asarray(np.hypot(x - start[0] - along * way[0], y - start[1] - along * way[1]))
 
 
@@ -188,15 +216,18 @@ def _escapes(run: Prepared) -> Iterator[Measured]:
         seen.add((axis, gravity[axis] < 0.0))
         share = escape_share(run.model, run.state.position, run.state.wall_position, gravity)
         if share is not None:
-            yield Measured(share, f"gravity of stage {stage.name}" if len(run.plan.stages) > 1 else "")
+            yield Measured(
+                share, f"gravity of stage {stage.name}" if len(run.plan.stages) > 1 else ""
+            )
 
 
 RULES: tuple[Rule[Prepared], ...] = (
     Rule(
         "grains without a floor", _escapes, unit="of the grains", warning=0.0,
-        meaning="These grains can fall or roll out of all walls along gravity, and then fall for ever. Told from the walls as "
-        "they stand at the start.",
-        remedy="Close the gaps, or put a plane below, which has no ends; if grains are to leave (a hopper), nothing.",
+        meaning="These grains can fall or roll out of all walls along gravity, and then fall for "
+            "ever. Told from the walls as they stand at the start.",
+        remedy="Close the gaps, or put a plane below, which has no ends; if grains are to leave "
+            "(a hopper), nothing.",
     ),
 )  # fmt: skip
 """What is checked of where grains can go."""
@@ -211,19 +242,30 @@ _SAMPLES = 32
 
 
 def _wall_spans(run: Prepared) -> tuple[Floats, Floats]:
-    """Lowest and highest point of each wall in x and y [m], shapes ``(w, 2)``; of endless planes the point they are given by."""
-    low, high = np.full((run.model.wall_count, 2), np.inf), np.full((run.model.wall_count, 2), -np.inf)
+    """Lowest and highest point of each wall in x and y [m], shapes ``(w, 2)``; of endless planes
+    the point they are given by.
+    """
+    low, high = (
+        np.full((run.model.wall_count, 2), np.inf),
+        np.full((run.model.wall_count, 2), -np.inf),
+    )
     for which, outline in placed_walls(run.model, run.state.wall_position):
         wall, corners = run.model.shapes.wall[which], outline.corners()
         if outline.normal is not None:  # a plane has a side in the direction of its normal only
-            corners = np.where(np.abs(outline.normal) > math.sqrt(0.5), corners, np.array([[[-np.inf]], [[np.inf]]]))
+            corners = np.where(
+                np.abs(outline.normal) > math.sqrt(0.5),
+                corners,
+                np.array([[[-np.inf]], [[np.inf]]]),
+            )
         np.minimum.at(low, wall, corners[0])
         np.maximum.at(high, wall, corners[1])
     return low, high
 
 
 def _outward(run: Prepared) -> Floats:
-    """Direction away from the grains of each wall in x and y: 1, -1, or 0 if it does not lie beyond them, shape ``(w, 2)``."""
+    """Direction away from the grains of each wall in x and y: 1, -1, or 0 if it does not lie beyond
+    them, shape ``(w, 2)``.
+    """
     low, high = _wall_spans(run)
     meets, center = run.model.walls.meets, run.state.position[:, :2]
     if not meets.size:
@@ -233,7 +275,9 @@ def _outward(run: Prepared) -> Floats:
 
 
 def _span(center: Floats) -> Floats:
-    """Where grains are, but for a few: lowest and highest x and y [m], shape ``(2, 2)``; everywhere if there are none."""
+    """Where grains are, but for a few: lowest and highest x and y [m], shape ``(2, 2)``; everywhere
+    if there are none.
+    """
     if not len(center):
         return np.array([[-np.inf, -np.inf], [np.inf, np.inf]])
     return np.asarray(np.quantile(center, (_STRAY, 1.0 - _STRAY), axis=0))
@@ -250,16 +294,22 @@ def _pulls(run: Prepared) -> Iterator[Measured]:
                 if load is None or dof.spring is not None or outward[w, axis] == 0.0:
                     continue
                 force = math.fsum(map(load.value, times)) / _SAMPLES
-                force *= float(walls.length[w]) if dof.force is None else 1.0  # `between` two walls is a length like this one
+                # `between` two walls is a length like this one
+                force *= float(walls.length[w]) if dof.force is None else 1.0
                 force += float(walls.mass[w] * gravity[axis]) if walls.has_gravity[w] else 0.0
-                yield Measured(max(0.0, force * float(outward[w, axis])), f"wall {walls.names[w]} in stage {stage.name}")
+                yield Measured(
+                    max(0.0, force * float(outward[w, axis])),
+                    f"wall {walls.names[w]} in stage {stage.name}",
+                )
 
 
 LIDS: tuple[Rule[Prepared], ...] = (
     Rule(
         "load off the grains", _pulls, unit="N", warning=0.0,
-        meaning="The mean load of the wall, its weight included, pulls it away from the grains, and nothing holds it.",
-        remedy="Turn the sign of the force: a lid above the grains presses with a negative force in y.",
+        meaning="The mean load of the wall, its weight included, pulls it away from the grains, "
+            "and nothing holds it.",
+        remedy="Turn the sign of the force: a lid above the grains presses with a negative force "
+            "in y.",
     ),
 )  # fmt: skip
 """What is checked of loads."""
@@ -268,7 +318,9 @@ LIDS: tuple[Rule[Prepared], ...] = (
 # ---- Grains that have left everything and fall for ever
 
 
-def lost_grains(model: Model, position: Floats, velocity: Floats, wall_position: Floats, gravity: Floats) -> int:
+def lost_grains(
+    model: Model, position: Floats, velocity: Floats, wall_position: Floats, gravity: Floats
+) -> int:
     """Number of grains below all walls that they meet along gravity that go on falling.
 
     Planes have no end, and nothing is below them.
@@ -285,12 +337,16 @@ def lost_grains(model: Model, position: Floats, velocity: Floats, wall_position:
     down, count = gravity / np.hypot(*gravity), 0
     for which, is_met in model.meeting_alike():
         walls = [outline for _, outline in placed_walls(model, wall_position, is_met)]
-        is_lost = _is_lost(position[which], velocity[which], model.grains.radius[which], walls, down)
+        is_lost = _is_lost(
+            position[which], velocity[which], model.grains.radius[which], walls, down
+        )
         count += int(np.count_nonzero(is_lost))
     return count
 
 
-def _is_lost(position: Floats, velocity: Floats, radius: Floats, walls: Sequence[Outline], down: Floats) -> NDArray[np.bool_]:
+def _is_lost(
+    position: Floats, velocity: Floats, radius: Floats, walls: Sequence[Outline], down: Floats
+) -> NDArray[np.bool_]:
     """Which of some grains are lost; ``down`` is the unit vector along gravity."""
     ends = [corners for outline in walls if outline.normal is None for corners in outline.corners()]
     depth = position[:, :2] @ down
@@ -319,7 +375,10 @@ def _lost(run: Recorded) -> Iterator[Measured]:
 def _removed(run: Recorded) -> Iterator[Measured]:
     books = run.info["exchange"]
     if books is not None:
-        yield Measured(books["lost"] / run.run.model.grain_count, f"{books['lost']} of {run.run.model.grain_count}")
+        yield Measured(
+            books["lost"] / run.run.model.grain_count,
+            f"{books['lost']} of {run.run.model.grain_count}",
+        )
 
 
 def _late(run: Recorded) -> Iterator[Measured]:
@@ -330,19 +389,24 @@ def _late(run: Recorded) -> Iterator[Measured]:
 LOST: tuple[Rule[Recorded], ...] = (
     Rule(
         "lost grains", _lost, unit="of the grains", warning=0.0, bad=0.1,
-        meaning="Grains that lie below all walls and fall on for ever; they count in all means, with ever more kinetic energy.",
-        remedy='Put a plane below, which has no ends; let them go, with [[outlets]] or [domain] lost = "remove"; or end the stage '
-        "earlier.",
+        meaning="Grains that lie below all walls and fall on for ever; they count in all means, "
+            "with ever more kinetic energy.",
+        remedy='Put a plane below, which has no ends; let them go, with [[outlets]] or [domain] '
+            'lost = "remove"; or end the stage '
+            "earlier.",
     ),
     Rule(
         "removed grains", _removed, unit="of the grains", warning=0.0, bad=0.1,
-        meaning='Grains that left the domain elsewhere than through an outlet, and were removed as [domain] lost = "remove" asks.',
+        meaning='Grains that left the domain elsewhere than through an outlet, and were removed '
+            'as [domain] lost = "remove" asks.',
         remedy="Close the walls, or put an outlet where they leave.",
     ),
     Rule(
         "late releases", _late, unit="grains", warning=0.0,
-        meaning="Grains that are due and have found no room in the region of their release: fewer come than the rate asks for.",
-        remedy="Lower the rate, or enlarge the region of the release; if the container is to be full, nothing.",
+        meaning="Grains that are due and have found no room in the region of their release: "
+            "fewer come than the rate asks for.",
+        remedy="Lower the rate, or enlarge the region of the release; if the container is to be "
+            "full, nothing.",
     ),
 )  # fmt: skip
 """What is checked of where the grains are."""

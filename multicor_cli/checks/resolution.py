@@ -1,4 +1,6 @@
-"""Whether values suit the flow and the machine: the time step, stiffness, plausible magnitudes, rounding, disk and memory."""
+"""Whether values suit the flow and the machine: the time step, stiffness, plausible magnitudes,
+rounding, disk and memory.
+"""
 
 from __future__ import annotations
 
@@ -16,25 +18,37 @@ from multicor_cli.engine.motion.drives import DofDrive
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
 from multicor_cli.running.compiling import available_memory
-from multicor_cli.running.time_step import Scales, StepReview, largest_friction, largest_gravity, largest_speed
+from multicor_cli.running.time_step import (
+    Scales,
+    StepReview,
+    largest_friction,
+    largest_gravity,
+    largest_speed,
+)
 from multicor_cli.scenario.materials import PrescribedForce
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.text import format_bytes
 
-# ---- Whether the time step resolves the flow: the step that was asked for, the one that the flow needs, and what it does to losses
+# ---- Whether the time step resolves the flow: the step that was asked for, the one that the flow
+#      needs, and what it does to losses
 
 _SOLID_FRACTION = 0.8
 """Of a dense packing in the plane."""
 
 _DENSE = 0.5
-"""Contacts within reach per grain from which on grains are a dense flow. In a rain or a gas, P and γ̇ say nothing about the step."""
+"""Contacts within reach per grain from which on grains are a dense flow. In a rain or a gas, P and
+γ̇ say nothing about the step."""
 
 
-def _compare(names: Sequence[str], steps: Sequence[float], reviews: Sequence[StepReview | None]) -> Iterator[Measured]:
+def _compare(
+    names: Sequence[str], steps: Sequence[float], reviews: Sequence[StepReview | None]
+) -> Iterator[Measured]:
     for name, dt, review in zip(names, steps, reviews, strict=True):
         if review is not None and review.automatic is not None:
             ratio = 1.0 if review.is_automatic else dt / review.automatic
-            yield Measured(ratio, f"{dt:.3g} s in stage {name}; the automatic one is set by {review.set_by}")
+            yield Measured(
+                ratio, f"{dt:.3g} s in stage {name}; the automatic one is set by {review.set_by}"
+            )
 
 
 def _asked_for(run: Prepared) -> Iterator[Measured]:
@@ -50,10 +64,11 @@ def _used(run: Recorded) -> Iterator[Measured]:
 
 
 def _needed(run: Recorded) -> Iterator[Measured]:
-    """The step over the limit of a stage, from the mean pressure and the mean rate of shear that its rows show.
+    """The step over the limit of a stage, from the mean pressure and the mean rate of shear that
+    its rows show.
 
-    With the trace of the stress, Σ f·ℓ = 2 P V, the mean pressure P; and with the work of sliding Ẇ ≈ μ P V γ̇ the rate of shear
-    γ̇ that would dissipate as much.
+    With the trace of the stress, Σ f·ℓ = 2 P V, the mean pressure P; and with the work of sliding Ẇ
+    ≈ μ P V γ̇ the rate of shear γ̇ that would dissipate as much.
     """
     model, steps = run.run.model, np.asarray(run.run.frames.column("steps/dt"))
     mass = total(model.grains.mass) / model.grain_count
@@ -64,7 +79,9 @@ def _needed(run: Recorded) -> Iterator[Measured]:
         if rows.size < 2 or not used.size:
             continue
         weight = run.series("window_duration")[rows]
-        if total(weight * run.series("contacts_mean")[rows]) < _DENSE * model.grain_count * total(weight):
+        if total(weight * run.series("contacts_mean")[rows]) < _DENSE * model.grain_count * total(
+            weight
+        ):
             continue
         virial = run.series("virial_rate")[rows]
         trace = total(weight * (virial[:, 0, 0] + virial[:, 1, 1])) / total(weight)
@@ -74,17 +91,24 @@ def _needed(run: Recorded) -> Iterator[Measured]:
             continue
         friction = largest_friction(model, run.laws(stage))
         rate = work / (0.5 * trace * friction) if friction > 0.0 else 0.0
-        scales = Scales(math.sqrt(mass * area / (0.5 * trace)), 1.0 / rate if rate > 0.0 else math.inf, math.inf, friction)
+        scales = Scales(
+            math.sqrt(mass * area / (0.5 * trace)),
+            1.0 / rate if rate > 0.0 else math.inf,
+            math.inf,
+            friction,
+        )
         yield Measured(float(used.max()) / scales.limit, f"{used.max():.3g} s in stage {name}")
 
 
 def _negative(run: Recorded) -> Iterator[Measured]:
-    """The share, unless the grains rest: losses of a step are then below the energy ½ M (g Δt)² of what gravity does in one.
+    """The share, unless the grains rest: losses of a step are then below the energy ½ M (g Δt)² of
+    what gravity does in one.
 
     A bed at rest loses a hundredth of that, with any share; flows lose more than ten times as much.
 
-    Impacts with a coefficient of restitution e take up more than they lose, 1/(1 − e²) times as much, and give the rest back. The
-    errors of a step follow what is taken up: over that, their share is the same for all e; over what is lost it has no bound.
+    Impacts with a coefficient of restitution e take up more than they lose, 1/(1 − e²) times as
+    much, and give the rest back. The errors of a step follow what is taken up: over that, their
+    share is the same for all e; over what is lost it has no bound.
     """
     steps = float(run.series("window_steps").sum())
     if not run.has_steps or steps == 0.0:
@@ -107,9 +131,11 @@ def _least_restitution(model: Model) -> float:
 _AUTOMATIC = 'Use dt = "auto", or a step of that size.'
 
 _RATIO = (
-    "Given time step over the automatic one, at which friction and solid fraction of plane shear are within 0.01 and 0.004 of what "
-    "small steps give. A step four times as long raises friction by up to 0.08 and lowers the solid fraction by up to 0.02. "
-    "What walls, loads and gravity are told to do is looked at once in a step: of a period of ten steps or fewer little is left."
+    "Given time step over the automatic one, at which friction and solid fraction of plane shear "
+    "are within 0.01 and 0.004 of what small steps give. A step four times as long raises "
+    "friction by up to 0.08 and lowers the solid fraction by up to 0.02. What walls, loads and "
+    "gravity are told to do is looked at once in a step: of a period of ten steps or fewer little "
+    "is left."
 )
 
 
@@ -120,7 +146,8 @@ def _heat_error(run: Recorded) -> Iterator[Measured]:
 
 
 BEFORE_RUN: tuple[Rule[Prepared], ...] = (
-    Rule("time step", _asked_for, _RATIO, _AUTOMATIC, unit="automatic steps", warning=1.25, bad=5.0),
+    Rule("time step", _asked_for, _RATIO, _AUTOMATIC, unit="automatic steps", warning=1.25,
+        bad=5.0),
 )  # fmt: skip
 """What is checked before a run."""
 
@@ -128,27 +155,34 @@ OF_RUN: tuple[Rule[Recorded], ...] = (
     Rule("time step", _used, _RATIO, _AUTOMATIC, unit="automatic steps", warning=1.25, bad=5.0),
     Rule(
         "time step for the flow", _needed,
-        "Time step over the longest that the flow of a stage would have needed, by the rules of the automatic one, with the mean "
-        "pressure and the work of friction that were recorded in place of those that the scenario lets expect. Stages with fewer "
-        "contacts within reach than half of the grains (a rain, a gas) are left out.",
+        ("Time step over the longest that the flow of a stage would have needed, by the rules of "
+            "the automatic one, with the mean pressure and the work of friction that were "
+            "recorded in place of those that the scenario lets expect. Stages with fewer contacts "
+            "within reach than half of the grains (a rain, a gas) are left out."),
         "Give a shorter dt in this stage.", unit="of the longest step", warning=2.0, bad=5.0,
     ),
     Rule(
         "negative losses", _negative,
-        "Energy that contacts gained over what others took up: what friction lost, and what impacts lost or gave back, by their "
-        "coefficient of restitution. The loss of a contact in a step is -p·½(u⁻ + u⁺): negative where the "
-        "mean of both velocities points along the impulse, although the impulse brakes at the end of the step. A long step, in "
-        "which many impacts and reversals of sliding are one, has many of those; a share of some percent is the error of the step. "
-        "In slow flows under a load the error that the solver leaves in velocities makes them, too. "
-        "Left out where the grains rest: what is lost there is next to nothing; and where e = 1: impacts lose nothing else.",
-        "Use a shorter dt: the share falls with it. Where the checks of the time step are well, the flow is slow: lower "
-        "tolerance_rms.", unit="of the energy taken up", warning=0.05, bad=0.1,
+        ("Energy that contacts gained over what others took up: what friction lost, and what "
+            "impacts lost or gave back, by their coefficient of restitution. The loss of a "
+            "contact in a step is -p·½(u⁻ + u⁺): negative where the mean of both velocities "
+            "points along the impulse, although the impulse brakes at the end of the step. A long "
+            "step, in which many impacts and reversals of sliding are one, has many of those; a "
+            "share of some percent is the error of the step. In slow flows under a load the error "
+            "that the solver leaves in velocities makes them, too. Left out where the grains "
+            "rest: what is lost there is next to nothing; and where e = 1: impacts lose nothing "
+            "else."),
+        ("Use a shorter dt: the share falls with it. Where the checks of the time step are well, "
+            "the flow is slow: lower tolerance_rms."), unit="of the energy taken up", warning=0.05,
+            bad=0.1,
     ),
     Rule(
         "error of temperatures", _heat_error,
-        "Largest estimated error of temperatures in a sub-step of the heat flow so far, over their spread; where a step is short "
-        "against the time constants C/ΣH and Euler's rule does, half of their ratio, by which the temperature of a grain "
-        "decays too fast (a difference of two equal ones: twice that). Sub-steps are as short as tolerance in [heat] asks for.",
+        ("Largest estimated error of temperatures in a sub-step of the heat flow so far, over "
+            "their spread; where a step is short against the time constants C/ΣH and Euler's rule "
+            "does, half of their ratio, by which the temperature of a grain decays too fast (a "
+            "difference of two equal ones: twice that). Sub-steps are as short as tolerance in "
+            "[heat] asks for."),
         "Lower tolerance in [heat].", unit="of the spread", warning=2e-3, bad=0.05,
     ),
 )  # fmt: skip
@@ -162,16 +196,17 @@ _TOO_SOFT = 1e-2
 _BIOT = 0.1
 
 _RIGID = (
-    "Elastic deflection of a contact over the diameter (Hertz, spheres). Rigid grains leave it out: sizes of contacts, densities "
-    "of packings and times of contacts are those of rigid grains only if it is far below 1."
+    "Elastic deflection of a contact over the diameter (Hertz, spheres). Rigid grains leave it "
+    "out: sizes of contacts, densities of packings and times of contacts are those of rigid "
+    "grains only if it is far below 1."
 )
 
 
 def impact_deflection(speed: float, density: float, young: float, poisson: float) -> float:
     """Largest deflection of two equal elastic spheres that meet at a speed, over their diameter.
 
-    δ = (15 m* v²/(16 E* √a*))^⅖ with m* = m/2, a* = a/2 and E* = E/(2(1−ν²)) (K. L. Johnson, Contact Mechanics (1985), eq. 11.23);
-    with m = 4π a³ρ/3 the radius cancels.
+    δ = (15 m* v²/(16 E* √a*))^⅖ with m* = m/2, a* = a/2 and E* = E/(2(1−ν²)) (K. L. Johnson,
+    Contact Mechanics (1985), eq. 11.23); with m = 4π a³ρ/3 the radius cancels.
 
     Args:
         speed: Relative speed v [m/s].
@@ -190,16 +225,29 @@ def _under_load(run: Prepared) -> Iterator[Measured]:
 
 def _in_impacts(run: Prepared) -> Iterator[Measured]:
     stages = zip(run.plan.stages, run.drives, strict=True)
-    speed = max(largest_speed(run.scenario, run.model, drives, largest_gravity(stage, run.model)) for stage, drives in stages)
+    speed = max(
+        largest_speed(run.scenario, run.model, drives, largest_gravity(stage, run.model))
+        for stage, drives in stages
+    )
     for name, table in run.scenario.materials.items():
         if table.young is not None and table.poisson is not None and speed > 0.0:
-            yield Measured(impact_deflection(speed, table.density, table.young, table.poisson), f"{name} at {speed:.3g} m/s")
+            yield Measured(
+                impact_deflection(speed, table.density, table.young, table.poisson),
+                f"{name} at {speed:.3g} m/s",
+            )
 
 
 def _predicted_biot(run: Prepared) -> Iterator[Measured]:
-    """Bi = 2 λ a_c/(λ a) between equal grains, with the radius a_c = a √(δ/2a) of their contact (Hertz)."""
+    """Bi = 2 λ a_c/(λ a) between equal grains, with the radius a_c = a √(δ/2a) of their contact
+    (Hertz).
+    """
     heat, deflection = run.scenario.heat, run.cost.deflection
-    if heat is not None and heat.conduction == "hertz" and deflection is not None and not isinstance(heat.force, PrescribedForce):
+    if (
+        heat is not None
+        and heat.conduction == "hertz"
+        and deflection is not None
+        and not isinstance(heat.force, PrescribedForce)
+    ):
         yield Measured(2.0 * math.sqrt(deflection))
 
 
@@ -213,26 +261,32 @@ def _reached_biot(run: Recorded) -> Iterator[Measured]:
         yield Measured(run.info["heat"]["max_biot"])
 
 
-_STIFFER = "Lower loads or speeds, or read results as those of rigid grains; a soft-particle program computes soft ones."
+_STIFFER = (
+    "Lower loads or speeds, or read results as those of rigid grains; a soft-particle program "
+    "computes soft ones."
+)
 _ONE_TEMPERATURE = (
-    "Biot number of the contacts, H/(λ a): the resistance inside a grain over that of a contact. A grain has one temperature here, "
-    "which is questionable above 0.1 and wrong above 1."
+    "Biot number of the contacts, H/(λ a): the resistance inside a grain over that of a contact. "
+    "A grain has one temperature here, which is questionable above 0.1 and wrong above 1."
 )
 _LOWER_BIOT = "Read temperatures as means over grains; benchmarks/lattice14 measures the error."
 
 RIGIDITY_BEFORE_RUN: tuple[Rule[Prepared], ...] = (
     Rule(
-        "deflection", _under_load, _RIGID + " Predicted from the weight of the grains and the loads.", _STIFFER,
+        "deflection", _under_load, _RIGID + (" Predicted from the weight of the grains and the "
+            "loads."), _STIFFER,
         unit="of a diameter", warning=_SOFT, bad=_TOO_SOFT,
     ),
     Rule(
         "deflection in impacts", _in_impacts,
-        "As deflection, in an elastic impact at the largest of the speed of a free fall through the domain, those of grains at the "
-        "start or at their release, and those of walls. It lasts for the time of an impact only.", _STIFFER,
+        ("As deflection, in an elastic impact at the largest of the speed of a free fall through "
+            "the domain, those of grains at the start or at their release, and those of walls. It "
+            "lasts for the time of an impact only."), _STIFFER,
         unit="of a diameter", warning=_TOO_SOFT, bad=5.0 * _TOO_SOFT,
     ),
     Rule(
-        "Biot number", _predicted_biot, _ONE_TEMPERATURE + " Predicted from the weight of the grains and the loads.", _LOWER_BIOT,
+        "Biot number", _predicted_biot, _ONE_TEMPERATURE + (" Predicted from the weight of the "
+            "grains and the loads."), _LOWER_BIOT,
         warning=_BIOT, bad=1.0,
     ),
 )  # fmt: skip
@@ -242,19 +296,22 @@ RIGIDITY_OF_RUN: tuple[Rule[Recorded], ...] = (
     Rule(
         "Hertz deflection", _reached,
         _RIGID + " Of the largest contact force so far, which is an impulse over the time step.",
-        _STIFFER + " If a single impact made it, which is far from the mean forces, it is no more than that.",
+        _STIFFER + (" If a single impact made it, which is far from the mean forces, it is no "
+            "more than that."),
         unit="of a diameter", warning=_SOFT, bad=_TOO_SOFT,
     ),
-    Rule("largest Biot number", _reached_biot, _ONE_TEMPERATURE, _LOWER_BIOT, warning=_BIOT, bad=1.0),
+    Rule("largest Biot number", _reached_biot, _ONE_TEMPERATURE, _LOWER_BIOT, warning=_BIOT,
+        bad=1.0),
 )  # fmt: skip
 """What is checked of a run."""
 
 
-# ---- Values that are allowed but seldom meant: other units than those of the SI, a sign, or temperatures that no solid has
+# ---- Values that are allowed but seldom meant: other units than those of the SI, a sign, or
+#      temperatures that no solid has
 
 _HOTTEST_SOLID = 4300.0
-"""Temperature that no known solid bears [K]: mixed carbides and nitrides of hafnium melt near it (Q.-J. Hong & A. van de Walle,
-Phys. Rev. B 92, 2015, 020104)."""
+"""Temperature that no known solid bears [K]: mixed carbides and nitrides of hafnium melt near it
+(Q.-J. Hong & A. van de Walle, Phys. Rev. B 92, 2015, 020104)."""
 
 _SI = "All numbers of a scenario are in SI units."
 
@@ -264,7 +321,11 @@ def _densities(run: Prepared) -> Iterator[Measured]:
 
 
 def _young(run: Prepared) -> Iterator[Measured]:
-    return (Measured(table.young, name) for name, table in run.scenario.materials.items() if table.young is not None)
+    return (
+        Measured(table.young, name)
+        for name, table in run.scenario.materials.items()
+        if table.young is not None
+    )
 
 
 def _diameters(run: Prepared) -> Iterator[Measured]:
@@ -276,7 +337,14 @@ def _diameters(run: Prepared) -> Iterator[Measured]:
 
 
 def _friction(run: Prepared) -> Iterator[Measured]:
-    named = [("", run.model.laws), *((f"stage {stage.name}", stage.laws) for stage in run.plan.stages if stage.laws is not None)]
+    named = [
+        ("", run.model.laws),
+        *(
+            (f"stage {stage.name}", stage.laws)
+            for stage in run.plan.stages
+            if stage.laws is not None
+        ),
+    ]
     for name, laws in named:
         values = np.concatenate([laws.friction.ravel(), laws.table_friction])
         values = values[np.isfinite(values)]
@@ -290,7 +358,11 @@ def _temperatures(run: Prepared) -> Iterator[Measured]:
         return
     yield Measured(float(run.state.temperature(thermal).min()), "coldest grain")
     for stage in run.plan.stages:
-        conditions = [] if stage.heat is None else stage.heat.conditions.started([0.0] * len(run.plan.stages))
+        conditions = (
+            []
+            if stage.heat is None
+            else stage.heat.conditions.started([0.0] * len(run.plan.stages))
+        )
         for name, wall in zip(run.model.walls.names, conditions, strict=False):
             if wall.kind == "temperature" and wall.signal is not None:
                 yield Measured(wall.signal.value(0.0), f"wall {name} in stage {stage.name}")
@@ -302,15 +374,21 @@ def _temperatures(run: Prepared) -> Iterator[Measured]:
 
 def _melting(scenario: Scenario, model: Model) -> Floats:
     """Temperature that each material bears [K], shape ``(k,)``."""
-    return np.array([scenario.materials[name].melting or _HOTTEST_SOLID for name in model.materials])
+    return np.array(
+        [scenario.materials[name].melting or _HOTTEST_SOLID for name in model.materials]
+    )
 
 
 def _of_grains(scenario: Scenario, model: Model, temperature: Floats) -> Iterator[Measured]:
-    """The hottest grain of each material over what it bears; T of the grains of the model [K], shape ``(n,)``."""
+    """The hottest grain of each material over what it bears; T of the grains of the model [K],
+    shape ``(n,)``.
+    """
     for k, limit in enumerate(_melting(scenario, model)):
         of_it = temperature[model.grains.material == k]
         if of_it.size:
-            yield Measured(float(of_it.max() / limit), f"{of_it.max():.5g} K, a grain of {model.materials[k]}")
+            yield Measured(
+                float(of_it.max() / limit), f"{of_it.max():.5g} K, a grain of {model.materials[k]}"
+            )
 
 
 def _hot(run: Prepared) -> Iterator[Measured]:
@@ -319,27 +397,41 @@ def _hot(run: Prepared) -> Iterator[Measured]:
         return
     yield from _of_grains(run.scenario, model, run.state.temperature(thermal))
     shapes, melting = model.shapes, _melting(run.scenario, model)
-    bears = [float(melting[shapes.material[shapes.wall == w]].min(initial=_HOTTEST_SOLID)) for w in range(model.wall_count)]
+    bears = [
+        float(melting[shapes.material[shapes.wall == w]].min(initial=_HOTTEST_SOLID))
+        for w in range(model.wall_count)
+    ]
     for stage in run.plan.stages:
-        conditions = [] if stage.heat is None else stage.heat.conditions.started([0.0] * len(run.plan.stages))
+        conditions = (
+            []
+            if stage.heat is None
+            else stage.heat.conditions.started([0.0] * len(run.plan.stages))
+        )
         for name, limit, wall in zip(model.walls.names, bears, conditions, strict=False):
             if wall.kind == "temperature":
                 hottest = wall.signal.largest()
-                yield Measured(hottest / limit, f"{hottest:.5g} K, wall {name} in stage {stage.name}")
+                yield Measured(
+                    hottest / limit, f"{hottest:.5g} K, wall {name} in stage {stage.name}"
+                )
 
 
 def _temperature_reached(run: Recorded) -> Iterator[Measured]:
-    """The hottest grain of any row of the time series, by what the hardiest material bears; then each material as it is now."""
+    """The hottest grain of any row of the time series, by what the hardiest material bears; then
+    each material as it is now.
+    """
     model = run.run.model
     if not run.has_steps or model.thermal is None or run.planned is None:
         return
     scenario = run.planned[0]
-    hottest = float(run.series("temperature_max").max(initial=run.info["heat"]["temperature"]["max"]))
+    hottest = float(
+        run.series("temperature_max").max(initial=run.info["heat"]["temperature"]["max"])
+    )
     bears = float(_melting(scenario, model)[model.grains.material].max(initial=0.0))
     if bears > 0.0:
         yield Measured(hottest / bears, f"{hottest:.5g} K, the hottest grain so far")
     for frame in run.run.frames[-1:]:
-        yield from _of_grains(scenario, frame.model, np.asarray(frame.temperature, np.float64))  # of the grains that are there
+        # of the grains that are there
+        yield from _of_grains(scenario, frame.model, np.asarray(frame.temperature, np.float64))
 
 
 def _upward_gravity(run: Prepared) -> Iterator[Measured]:
@@ -349,14 +441,16 @@ def _upward_gravity(run: Prepared) -> Iterator[Measured]:
 
 
 _MELTS = (
-    "Temperatures over the melting of the materials, or over 4,300 K, which no known solid bears, where none is given. Grains are "
-    "solids here: neither do they melt, nor do their properties depend on temperature."
+    "Temperatures over the melting of the materials, or over 4,300 K, which no known solid bears, "
+    "where none is given. Grains are solids here: neither do they melt, nor do their properties "
+    "depend on temperature."
 )
 
 PLAUSIBLE_BEFORE_RUN: tuple[Rule[Prepared], ...] = (
     Rule(
         "density", _densities, unit="kg/m³", least=50.0, warning=25_000.0,
-        meaning=f"Solids that flow as grains have densities from 50 (foams) to 23,000 (osmium) kg/m³. {_SI}",
+        meaning="Solids that flow as grains have densities from 50 (foams) to 23,000 (osmium) "
+            f"kg/m³. {_SI}",
         remedy="Give density in kg/m³: 2.5 g/cm³ is 2500.",
     ),
     Rule(
@@ -366,8 +460,8 @@ PLAUSIBLE_BEFORE_RUN: tuple[Rule[Prepared], ...] = (
     ),
     Rule(
         "grain diameter", _diameters, unit="m", least=1e-6, warning=1.0,
-        meaning="Larger bodies are hardly grains; smaller ones are ruled by adhesion and the fluid, which this program leaves out. "
-        f"{_SI}",
+        meaning="Larger bodies are hardly grains; smaller ones are ruled by adhesion and the "
+            f"fluid, which this program leaves out. {_SI}",
         remedy="Give radii in meters: 0.5 mm is 0.5e-3.",
     ),
     Rule(
@@ -381,7 +475,8 @@ PLAUSIBLE_BEFORE_RUN: tuple[Rule[Prepared], ...] = (
         remedy="Add 273.15 to temperatures in °C.",
     ),
     Rule(
-        "highest temperature", _hot, _MELTS, "Check temperatures and their units; give melting for other materials.",
+        "highest temperature", _hot, _MELTS, ("Check temperatures and their units; give melting "
+            "for other materials."),
         unit="of what it bears", warning=1.0, bad=1.0,
     ),
     Rule(
@@ -395,7 +490,8 @@ PLAUSIBLE_BEFORE_RUN: tuple[Rule[Prepared], ...] = (
 PLAUSIBLE_OF_RUN: tuple[Rule[Recorded], ...] = (
     Rule(
         "highest temperature reached", _temperature_reached, _MELTS,
-        "Check what heats the grains: flows of walls [W, not W/m²] and their duration, rates of shear under high loads.",
+        ("Check what heats the grains: flows of walls [W, not W/m²] and their duration, rates of "
+            "shear under high loads."),
         unit="of what it bears", warning=1.0, bad=1.0,
     ),
 )  # fmt: skip
@@ -425,24 +521,43 @@ def _of_places(run: Prepared) -> Iterator[Measured]:
 
 
 def _of_loads(run: Prepared) -> Iterator[Measured]:
-    """ε F Δt²/M: what rounding leaves of the way on which a load sends its wall before the grains hold it."""
+    """ε F Δt²/M: what rounding leaves of the way on which a load sends its wall before the grains
+    hold it.
+    """
     walls = run.model.walls
     for stage, drives in zip(run.plan.stages, run.drives, strict=True):
         length = 1.0 if stage.length is None else stage.length
         for w, drive in enumerate(drives):
-            dofs = ((drive.x, walls.mass[w], 1.0), (drive.y, walls.mass[w], 1.0), (drive.spin, walls.inertia[w], walls.length[w]))
+            dofs = (
+                (drive.x, walls.mass[w], 1.0),
+                (drive.y, walls.mass[w], 1.0),
+                (drive.spin, walls.inertia[w], walls.length[w]),
+            )
             for dof, mass, lever in dofs:
                 load = _largest_load(dof, float(walls.length[w]), length)
                 if load > 0.0:
-                    way = load * stage.dt * stage.dt / (float(mass) + 0.5 * stage.dt * dof.damping) * float(lever)
-                    yield Measured(_DOUBLE * way / _smallest(run), f"load of wall {walls.names[w]} in stage {stage.name}")
+                    way = (
+                        load
+                        * stage.dt
+                        * stage.dt
+                        / (float(mass) + 0.5 * stage.dt * dof.damping)
+                        * float(lever)
+                    )
+                    yield Measured(
+                        _DOUBLE * way / _smallest(run),
+                        f"load of wall {walls.names[w]} in stage {stage.name}",
+                    )
 
 
 def _largest_load(dof: DofDrive, length: float, duration: float) -> float:
     """Largest force [N] or torque [N m] of a stage; 0 where a motion is prescribed."""
     loads = [(dof.force, 1.0), (dof.stress, length)]
     times = [duration * (k + 0.5) / _SAMPLES for k in range(_SAMPLES)]
-    return math.fsum(factor * max(abs(load.value(t)) for t in times) for load, factor in loads if load is not None)
+    return math.fsum(
+        factor * max(abs(load.value(t)) for t in times)
+        for load, factor in loads
+        if load is not None
+    )
 
 
 def _stored(run: Prepared) -> Iterator[Measured]:
@@ -454,13 +569,16 @@ def _stored(run: Prepared) -> Iterator[Measured]:
 ROUNDING: tuple[Rule[Prepared], ...] = (
     Rule(
         "round-off", _of_places, unit="of the smallest radius", warning=1e-7, bad=5e-4,
-        meaning="What rounding leaves open of the places of grains and walls: 2·10⁻¹⁶ of their coordinates, and of the way on "
-        "which a load would send its wall in a step, if no grain held it.",
-        remedy="Put the domain near the origin; give the wall a mass not far below that of the grains under it, or a shorter dt.",
+        meaning="What rounding leaves open of the places of grains and walls: 2·10⁻¹⁶ of their "
+            "coordinates, and of the way on which a load would send its wall in a step, if no "
+            "grain held it.",
+        remedy="Put the domain near the origin; give the wall a mass not far below that of the "
+            "grains under it, or a shorter dt.",
     ),
     Rule(
         "stored places", _stored, unit="of the smallest radius", warning=1e-2, bad=0.1,
-        meaning='What rounding to numbers of seven digits (precision = "single") leaves open of the places in the files.',
+        meaning='What rounding to numbers of seven digits (precision = "single") leaves open of '
+            'the places in the files.',
         remedy='Use precision = "double", or put the domain near the origin.',
     ),
 )  # fmt: skip
@@ -476,20 +594,28 @@ def _disk(run: Prepared) -> Iterator[Measured]:
         place = place.parent
     free = shutil.disk_usage(place).free
     if run.cost.disk_peak is not None:
-        yield Measured(run.cost.disk_peak / max(free, 1), f"{format_bytes(run.cost.disk_peak)} of {format_bytes(free)}")
+        yield Measured(
+            run.cost.disk_peak / max(free, 1),
+            f"{format_bytes(run.cost.disk_peak)} of {format_bytes(free)}",
+        )
 
 
 def _memory(run: Prepared) -> Iterator[Measured]:
     free = available_memory()
     if free is not None:
-        yield Measured(run.cost.memory / max(free, 1), f"{format_bytes(run.cost.memory)} of {format_bytes(free)}")
+        yield Measured(
+            run.cost.memory / max(free, 1),
+            f"{format_bytes(run.cost.memory)} of {format_bytes(free)}",
+        )
 
 
 COST: tuple[Rule[Prepared], ...] = (
     Rule(
         "disk", _disk, unit="of the free space", warning=0.5, bad=1.0,
-        meaning="Largest size of the run directory, while results.h5 is made, over the free space where it will lie.",
-        remedy='Write fewer frames (output.frame_interval), leave contacts out, use precision = "single", or free some space.',
+        meaning="Largest size of the run directory, while results.h5 is made, over the free "
+            "space where it will lie.",
+        remedy='Write fewer frames (output.frame_interval), leave contacts out, use precision = '
+            '"single", or free some space.',
     ),
     Rule(
         "memory", _memory, unit="of the free memory", warning=0.7, bad=1.0,

@@ -62,11 +62,15 @@ class Prepared:
 
     @cached_property
     def gravity(self) -> list[Floats]:
-        """Gravity at the end of each stage, if none ends before its duration is over [m/s²], shapes ``(2,)``."""
+        """Gravity at the end of each stage, if none ends before its duration is over [m/s²], shapes
+        ``(2,)``.
+        """
         lengths = [stage.length or 0.0 for stage in self.plan.stages]
         starts = [0.0, *itertools.accumulate(lengths)]
         return [
-            self.model.gravity if stage.gravity is None else stage.gravity.started(starts).value(length)
+            self.model.gravity
+            if stage.gravity is None
+            else stage.gravity.started(starts).value(length)
             for stage, length in zip(self.plan.stages, lengths, strict=True)
         ]
 
@@ -102,11 +106,17 @@ class Recorded:
     @cached_property
     def reviews(self) -> list[StepReview | None]:
         """How the time step of each stage compares with what it needs; None for frozen stages."""
-        return [] if self.planned is None else review_steps(self.planned[0], self.run.model, self.planned[1])
+        return (
+            []
+            if self.planned is None
+            else review_steps(self.planned[0], self.run.model, self.planned[1])
+        )
 
     @cached_property
     def gravity(self) -> Floats:
-        """Gravity at the newest checkpoint [m/s²], shape ``(2,)``; that of the domain where the plan of the stage is not known."""
+        """Gravity at the newest checkpoint [m/s²], shape ``(2,)``; that of the domain where the
+        plan of the stage is not known.
+        """
         starts = [0.0, *(end["time"] for end in self.info["stage_ends"])]
         if self.planned is None or self.info["stage"] is None:
             return self.run.model.gravity
@@ -118,10 +128,15 @@ class Recorded:
 
     @cached_property
     def largest_gravity(self) -> float:
-        """Largest magnitude of gravity in any stage [m/s²]; that of the domain where the plan is not known."""
+        """Largest magnitude of gravity in any stage [m/s²]; that of the domain where the plan is
+        not known.
+        """
         model = self.run.model
         stages = [] if self.planned is None else self.planned[1].stages
-        return max((largest_gravity(stage, model)[2] for stage in stages), default=math.hypot(*model.gravity.tolist()))
+        return max(
+            (largest_gravity(stage, model)[2] for stage in stages),
+            default=math.hypot(*model.gravity.tolist()),
+        )
 
     def laws(self, stage: int) -> ContactLaws:
         """Contact laws of a stage; those of the model where the plan is not known."""
@@ -130,7 +145,9 @@ class Recorded:
 
     @cached_property
     def lifted_walls(self) -> list[int]:
-        """Walls whose height follows from forces in the newest stage; none where the plan is not known."""
+        """Walls whose height follows from forces in the newest stage; none where the plan is not
+        known.
+        """
         if self.planned is None or self.info["stage"] is None:
             return []
         stages = self.planned[1].stages

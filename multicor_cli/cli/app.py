@@ -1,4 +1,6 @@
-"""The command ``multicor``. Nothing heavy is imported before a command needs it, so that ``--help`` is quick."""
+"""The command ``multicor``. Nothing heavy is imported before a command needs it, so that ``--help``
+is quick.
+"""
 
 from __future__ import annotations
 
@@ -13,14 +15,23 @@ import typer
 from typer.core import TyperGroup
 
 from multicor_cli import __version__
-from multicor_cli.cli import bench_command, post_commands, reading_commands, run_command, scenario_commands, study_commands
+from multicor_cli.cli import (
+    bench_command,
+    post_commands,
+    reading_commands,
+    run_command,
+    scenario_commands,
+    study_commands,
+)
 from multicor_cli.cli.guard import USAGE_ERROR, guarded
 from multicor_cli.cli.options import ListingCommand
 from multicor_cli.text import brief, printable, unwrapped
 
 
 class _Commands(TyperGroup):
-    """All commands. What is wrong with a command line quotes what was typed, however long that is."""
+    """All commands. What is wrong with a command line quotes what was typed, however long that
+    is.
+    """
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the options before a command."""
@@ -49,7 +60,10 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Thermomechanics of two-dimensional granular flows, driven by TOML files.",
-    epilog="Results go to stdout, everything else to stderr. A run can be stopped at any time; the same command continues it.",
+    epilog=(
+        "Results go to stdout, everything else to stderr. A run can be stopped at any time; the "
+        "same command continues it."
+    ),
 )
 
 
@@ -62,21 +76,34 @@ def _show_version(is_wanted: bool) -> None:
 @app.callback()
 def options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
+        bool,
+        typer.Option(
+            "--version", callback=_show_version, is_eager=True, help="Show the version and exit."
+        ),
     ] = False,
 ) -> None:
     """Options before a command."""
 
 
 def _add(commands: Mapping[str, Any], to: typer.Typer) -> None:
-    """Add commands: what fails is a message, and help is as wide as the terminal, not as its source."""
+    """Add commands: what fails is a message, and help is as wide as the terminal, not as its
+    source.
+    """
     for name, function in commands.items():
         command = guarded(function)
         command.__doc__ = unwrapped(function.__doc__ or "")
         to.command(name, cls=ListingCommand)(command)
 
 
-_add({**scenario_commands.COMMANDS, "run": run_command.run, **reading_commands.COMMANDS, "bench": bench_command.bench}, app)
+_add(
+    {
+        **scenario_commands.COMMANDS,
+        "run": run_command.run,
+        **reading_commands.COMMANDS,
+        "bench": bench_command.bench,
+    },
+    app,
+)
 for name, group, commands in (
     ("study", study_commands.group, study_commands.COMMANDS),
     ("post", post_commands.group, post_commands.COMMANDS),
@@ -88,7 +115,8 @@ for name, group, commands in (
 
 def main() -> None:
     """Entry point of the command ``multicor``."""
-    sys.stdout, sys.stderr = sys.stdout or _nowhere(), sys.stderr or _nowhere()  # None if they were closed
+    # None if they were closed
+    sys.stdout, sys.stderr = sys.stdout or _nowhere(), sys.stderr or _nowhere()
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")  # a terminal without UTF-8 must not end a run

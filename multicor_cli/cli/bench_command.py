@@ -18,28 +18,65 @@ if TYPE_CHECKING:
 
 SceneNames = Annotated[
     list[str] | None,
-    typer.Argument(metavar="[SCENE]...", help="Scenes: {scenes}; all if none is named.", autocompletion=listed("scenes")),
+    typer.Argument(
+        metavar="[SCENE]...",
+        help="Scenes: {scenes}; all if none is named.",
+        autocompletion=listed("scenes"),
+    ),
 ]
 Grains = Annotated[
     list[int] | None,
-    typer.Option("--grains", metavar="N", min=100, max=10_000_000, help="Number of grains; may be given several times."),
+    typer.Option(
+        "--grains",
+        metavar="N",
+        min=100,
+        max=10_000_000,
+        help="Number of grains; may be given several times.",
+    ),
 ]
-Threads = Annotated[int, typer.Option("--threads", min=0, max=1024, help="Number of threads; 0 takes all cores.")]
-Rounds = Annotated[int, typer.Option("--rounds", min=1, max=1000, help="Number of rounds; the medians over them are printed.")]
+Threads = Annotated[
+    int, typer.Option("--threads", min=0, max=1024, help="Number of threads; 0 takes all cores.")
+]
+Rounds = Annotated[
+    int,
+    typer.Option(
+        "--rounds", min=1, max=1000, help="Number of rounds; the medians over them are printed."
+    ),
+]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the scenes.")]
-Quick = Annotated[bool, typer.Option("--quick", help="The few scenes that CI measures, on one thread.")]
-Compilation = Annotated[bool, typer.Option("--compilation", help="Measure compilation too, with an empty cache.")]
+Quick = Annotated[
+    bool, typer.Option("--quick", help="The few scenes that CI measures, on one thread.")
+]
+Compilation = Annotated[
+    bool, typer.Option("--compilation", help="Measure compilation too, with an empty cache.")
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print everything as JSON.")]
 RecordFile = Annotated[
     Path | None,
-    typer.Option("--record", metavar="FILE", help="Measure three seeds, write the medians into FILE.", show_default=False),
+    typer.Option(
+        "--record",
+        metavar="FILE",
+        help="Measure three seeds, write the medians into FILE.",
+        show_default=False,
+    ),
 ]
 CompareFile = Annotated[
     Path | None,
-    typer.Option("--compare", metavar="FILE", help="Fail if worse than in FILE by more than the margins.", show_default=False),
+    typer.Option(
+        "--compare",
+        metavar="FILE",
+        help="Fail if worse than in FILE by more than the margins.",
+        show_default=False,
+    ),
 ]
 
-QUICK = (("bed", 1008), ("shear", 1008), ("shear-dynamic", 1008), ("heated-bed", 1008), ("bed", 10_080))
+QUICK = (
+    ("bed", 1008),
+    ("shear", 1008),
+    ("shear-dynamic", 1008),
+    ("heated-bed", 1008),
+    ("bed", 10_080),
+)
 _SEEDS = 3  # that are recorded: their median is near what any seed gives
 _TIME = 110.0  # by when everything that is measured again should be done [s]
 
@@ -56,11 +93,13 @@ def bench(
     record: RecordFile = None,
     compare: CompareFile = None,
 ) -> None:
-    """Measure what a time step costs in named scenes, in seconds and as ratios to what this machine can do.
+    """Measure what a time step costs in named scenes, in seconds and as ratios to what this machine
+    can do.
 
-    A scene is prepared until it rests or flows steadily, then measured, in a process of its own; its physics is checked, and no
-    time is given if that is wrong. The yardsticks are the bandwidth of copying memory, the same Gauss–Seidel sweep in C, compiled
-    here if there is a compiler, and for everything else in a step a piece of work of the same kind.
+    A scene is prepared until it rests or flows steadily, then measured, in a process of its own;
+    its physics is checked, and no time is given if that is wrong. The yardsticks are the bandwidth
+    of copying memory, the same Gauss–Seidel sweep in C, compiled here if there is a compiler, and
+    for everything else in a step a piece of work of the same kind.
     """
     from multicor_cli.bench.measuring import Task
     from multicor_cli.bench.recorded import read_record, write_record
@@ -70,11 +109,17 @@ def bench(
 
     unknown = [name for name in scenes or [] if name not in SCENES]
     if unknown:
-        raise typer.BadParameter(f"there is no scene '{unknown[0]}'; choose from: {', '.join(SCENES)}")
+        raise typer.BadParameter(
+            f"there is no scene '{unknown[0]}'; choose from: {', '.join(SCENES)}"
+        )
     if is_quick and (scenes or grains):
         raise typer.BadParameter("--quick chooses scenes and numbers of grains itself")
     known = None if compare is None else read_record(compare)
-    pairs = QUICK if is_quick else [(name, count) for name in scenes or SCENES for count in grains or [10_000]]
+    pairs = (
+        QUICK
+        if is_quick
+        else [(name, count) for name in scenes or SCENES for count in grains or [10_000]]
+    )
     count = 1 if is_quick else threads or available_cores()
     seeds = range(seed, seed + (1 if record is None else _SEEDS))
     tasks = [Task(name, n, count, rounds, each) for name, n in pairs for each in seeds]
@@ -90,23 +135,35 @@ def bench(
         write_record(record, benchmark.results)
         say(f"wrote {record}")
     faults = [fault for result in benchmark.results for fault in result.faults]
-    slower = [] if known is None else _slower(tasks, benchmark.results, known, time.monotonic() - started)
+    slower = (
+        []
+        if known is None
+        else _slower(tasks, benchmark.results, known, time.monotonic() - started)
+    )
     for line in slower:
         say(f"slower: {line}")
     if faults or slower:
         raise typer.Exit(ExitCode.PHYSICS if faults else ExitCode.BUG)
 
 
-def _slower(tasks: list[Task], results: list[Result], known: dict[str, dict[str, float]], took: float) -> list[str]:
-    """What is slower than recorded, and, if there is time, is so again with another seed: in another flow and another minute."""
+def _slower(
+    tasks: list[Task], results: list[Result], known: dict[str, dict[str, float]], took: float
+) -> list[str]:
+    """What is slower than recorded, and, if there is time, is so again with another seed: in
+    another flow and another minute.
+    """
     from multicor_cli.bench.recorded import find_slower, slower_twice
     from multicor_cli.bench.session import run_benchmark
 
     lines = find_slower(results, known)
-    again = [task for task, result in zip(tasks, results, strict=True) if find_slower([result], known)]
+    again = [
+        task for task, result in zip(tasks, results, strict=True) if find_slower([result], known)
+    ]
     if not again or took * (1.0 + len(again) / len(tasks)) > _TIME:
         return lines
     for line in lines:
         say(f"looks slower, measuring again with another seed: {line}")
-    others = run_benchmark([replace(task, seed=task.seed + 1) for task in again], has_compilation=False, say=say).results
+    others = run_benchmark(
+        [replace(task, seed=task.seed + 1) for task in again], has_compilation=False, say=say
+    ).results
     return slower_twice(results, others, known)

@@ -1,4 +1,6 @@
-"""What goes to the terminal: results on stdout; on stderr everything for people, progress among it."""
+"""What goes to the terminal: results on stdout; on stderr everything for people, progress among
+it.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ if TYPE_CHECKING:
 
 
 def say(text: str = "") -> None:
-    """A line for people, on stderr; if no one can read it anymore (a closed pipe, a closed terminal), nothing happens."""
+    """A line for people, on stderr; if no one can read it anymore (a closed pipe, a closed
+    terminal), nothing happens.
+    """
     with contextlib.suppress(OSError):
         print(brief(printable(text)), file=sys.stderr, flush=True)
 
@@ -43,14 +47,26 @@ def emit_json(data: Any) -> None:
     print(json.dumps(_plain(data), indent=2, ensure_ascii=False, allow_nan=False))
 
 
-def emit_table(columns: Sequence[str], rows: Sequence[Sequence[str]], *, title: str = "", has_header: bool = True) -> None:
+def emit_table(
+    columns: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    *,
+    title: str = "",
+    has_header: bool = True,
+) -> None:
     """A table on stdout; numbers belong into right-aligned columns, so all but the first are."""
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(title=title or None, title_justify="left", box=SIMPLE_HEAD, show_header=has_header, pad_edge=False)
+    table = Table(
+        title=title or None,
+        title_justify="left",
+        box=SIMPLE_HEAD,
+        show_header=has_header,
+        pad_edge=False,
+    )
     for number, name in enumerate(columns):
         table.add_column(Text(name), justify="left" if number == 0 else "right", no_wrap=True)
     for row in rows:
@@ -98,7 +114,8 @@ INTERVAL = 0.2
 
 
 class Bar:
-    """One bar or several on stderr, from the first update on; a terminal that is gone stops nothing.
+    """One bar or several on stderr, from the first update on; a terminal that is gone stops
+    nothing.
 
     Args:
         is_transient: Whether it disappears at the end.
@@ -126,7 +143,9 @@ class Bar:
         """Whether it is time for an update; at the end it always is."""
         return share >= 1.0 or time.monotonic() >= self._next
 
-    def update(self, share: float, description: str, line: str, *more: tuple[float, str, str]) -> None:
+    def update(
+        self, share: float, description: str, line: str, *more: tuple[float, str, str]
+    ) -> None:
         """Show how much is done: a share from 0 to 1, with a text before and one behind the bar.
 
         Args:
@@ -141,7 +160,9 @@ class Bar:
             while len(self._tasks) < len(rows):
                 self._tasks.append(self._progress.add_task("", total=1.0, line=""))
             for task, row in zip(self._tasks, rows, strict=False):
-                self._progress.update(task, completed=row[0], description=row[1], line=row[2], visible=True)
+                self._progress.update(
+                    task, completed=row[0], description=row[1], line=row[2], visible=True
+                )
             for task in self._tasks[len(rows) :]:
                 self._progress.update(task, visible=False)
             if not self._is_running:
@@ -161,7 +182,8 @@ class Bar:
                 self._progress.stop()
 
 
-# ---- Showing what takes a while: a bar on a terminal, an occasional line in a log, nothing but warnings if asked to be quiet
+# ---- Showing what takes a while: a bar on a terminal, an occasional line in a log, nothing but
+#      warnings if asked to be quiet
 
 LINE_INTERVAL = 30.0
 """Wall-clock time between two lines of a run in a log [s]."""
@@ -233,7 +255,11 @@ class BarObserver(QuietObserver):
     def stepped(self, status: Status) -> None:
         """Update the bar if it is time for that."""
         if self._bar.is_due(status.progress):
-            self._bar.update(status.progress, status.stage, describe(status, with_stage=False) + _remaining(status))
+            self._bar.update(
+                status.progress,
+                status.stage,
+                describe(status, with_stage=False) + _remaining(status),
+            )
 
     def closed(self) -> None:
         """Give the terminal back."""
@@ -273,12 +299,20 @@ def describe(status: Status, *, with_stage: bool = True) -> str:
     parts += [f"step {state.step}", f"t = {state.time:.4g} s"]
     if status.speed is not None:
         parts.append(f"{status.speed:.3g} steps/s")
-    parts += [f"{report.contacts} contacts", f"{report.sweeps:.0f} sweeps", f"residual {report.rms:.1e}"]
+    parts += [
+        f"{report.contacts} contacts",
+        f"{report.sweeps:.0f} sweeps",
+        f"residual {report.rms:.1e}",
+    ]
     return "  ".join(parts)
 
 
 def _remaining(status: Status) -> str:
-    return "" if status.remaining is None or status.progress >= 1.0 else f"  {format_seconds(status.remaining)} left"
+    return (
+        ""
+        if status.remaining is None or status.progress >= 1.0
+        else f"  {format_seconds(status.remaining)} left"
+    )
 
 
 # ---- The two commands that are worth giving after a run
@@ -295,7 +329,9 @@ def following(directory: Path) -> tuple[str, str]:
     place = shlex.quote(str(directory))
     with open_run(directory) as run:
         is_heated = run.model.thermal is not None
-    look = f"multicor post map {place} --of {'temperature' if is_heated else 'speed'} --plot map.png"
+    look = (
+        f"multicor post map {place} --of {'temperature' if is_heated else 'speed'} --plot map.png"
+    )
     return look, f"multicor report {place}"
 
 
@@ -322,13 +358,21 @@ def show_doubtful(checks: Sequence[Check], say: Callable[[str], None]) -> None:
     """The checks that are not ok, each in a line."""
     for check in checks:
         if check.verdict.value != "ok":
-            say(f"{check.verdict.value}: {check.name}: {check.text} [{check.limit}]. {check.remedy}")
+            say(
+                f"{check.verdict.value}: {check.name}: {check.text} [{check.limit}]. {check.remedy}"
+            )
 
 
 def count_verdicts(checks: Sequence[Check]) -> str:
     """How many checks came out how, in words."""
-    count = {verdict: sum(check.verdict.value == verdict for check in checks) for verdict in ("ok", "warning", "bad")}
-    return f"{count_noun(len(checks), 'check')}: {count['ok']} ok, {count_noun(count['warning'], 'warning')}, {count['bad']} bad"
+    count = {
+        verdict: sum(check.verdict.value == verdict for check in checks)
+        for verdict in ("ok", "warning", "bad")
+    }
+    return (
+        f"{count_noun(len(checks), 'check')}: {count['ok']} ok, "
+        f"{count_noun(count['warning'], 'warning')}, {count['bad']} bad"
+    )
 
 
 def checks_as_json(checks: Sequence[Check]) -> dict[str, Any]:
@@ -339,7 +383,9 @@ def checks_as_json(checks: Sequence[Check]) -> dict[str, Any]:
 
 
 def refuse_bad(checks: Sequence[Check], *, is_strict: bool) -> None:
-    """Leave the command with code 4 if a check is bad and the user asked for that; raises `ChecksFailed`."""
+    """Leave the command with code 4 if a check is bad and the user asked for that; raises
+    `ChecksFailed`.
+    """
     from multicor_cli.checks import ChecksFailed, Verdict
 
     if is_strict and any(check.verdict is Verdict.BAD for check in checks):

@@ -24,7 +24,10 @@ def diagnose() -> dict[str, Any]:
         "python": f"{platform.python_version()} ({sys.executable})",
         **{name: _version(name) for name in _LIBRARIES},
         "hdf5": _hdf5_version(),
-        **{each.name: _version(each.name, f"not installed ({each.use} need it: {each.remedy})") for each in LIBRARIES.values()},
+        **{
+            each.name: _version(each.name, f"not installed ({each.use} need it: {each.remedy})")
+            for each in LIBRARIES.values()
+        },
         "ffmpeg": shutil.which("ffmpeg") or "not installed (films become GIF)",
         "platform": platform.platform(),
         "cores": _cores(),
@@ -64,19 +67,29 @@ def _cache() -> str:
 
 
 def _threading() -> dict[str, str]:
-    """The threading layer that kernels get, asked for in another process: whatever fails there, this one goes on."""
+    """The threading layer that kernels get, asked for in another process: whatever fails there,
+    this one goes on.
+    """
     import subprocess
 
     from multicor_cli.running.compiling import python_child, reserve_threads
 
     reserve_threads()  # as a run does
-    command, environment = python_child("-c", "from multicor_cli.engine.jit.cache import describe_layer; print(describe_layer())")
+    command, environment = python_child(
+        "-c", "from multicor_cli.engine.jit.cache import describe_layer; print(describe_layer())"
+    )
     try:
-        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
+        done = subprocess.run(
+            command, env=environment, capture_output=True, text=True, timeout=120, check=False
+        )
     except (OSError, subprocess.SubprocessError) as error:
         return {"threading layer": f"not known: {type(error).__name__}"}
     said = (done.stderr if done.returncode else done.stdout).strip().splitlines()
-    return {"threading layer": f"none: {said[-1] if said else 'Numba cannot be started'}" if done.returncode else said[-1]}
+    return {
+        "threading layer": f"none: {said[-1] if said else 'Numba cannot be started'}"
+        if done.returncode
+        else said[-1]
+    }
 
 
 def _memory() -> str:

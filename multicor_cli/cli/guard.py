@@ -1,4 +1,6 @@
-"""What happens when a command fails: one clear message and the right exit code, never a traceback on the terminal."""
+"""What happens when a command fails: one clear message and the right exit code, never a traceback
+on the terminal.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,8 @@ from multicor_cli.store.errors import StoreError
 from multicor_cli.store.lock import was_taken
 
 USAGE_ERROR: Any = typer.BadParameter.__mro__[-4]
-"""What the command-line library raises: the class right below Exception, whose name depends on the version."""
+"""What the command-line library raises: the class right below Exception, whose name depends on the
+version."""
 
 _crash_directory: Path | None = None
 
@@ -44,11 +47,17 @@ def guarded(function: Callable[..., Any]) -> Callable[..., Any]:
 
 @contextlib.contextmanager
 def _terminable() -> Iterator[None]:
-    """SIGTERM and SIGHUP leave a command as Ctrl-C does, which removes its temporary files; ``run`` has handlers of its own."""
+    """SIGTERM and SIGHUP leave a command as Ctrl-C does, which removes its temporary files; ``run``
+    has handlers of its own.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    numbers = [number for number in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(number) is signal.SIG_DFL]
+    numbers = [
+        number
+        for number in (signal.SIGTERM, signal.SIGHUP)
+        if signal.getsignal(number) is signal.SIG_DFL
+    ]
     for number in numbers:
         signal.signal(number, lambda number, _frame: sys.exit(128 + number))
     try:
@@ -59,7 +68,9 @@ def _terminable() -> Iterator[None]:
 
 
 def set_crash_directory(path: Path | None) -> None:
-    """Where ``crash.txt`` goes if the command crashes and has locked this directory by then; else, or if None, a temporary one."""
+    """Where ``crash.txt`` goes if the command crashes and has locked this directory by then; else,
+    or if None, a temporary one.
+    """
     global _crash_directory  # noqa: PLW0603  (one command per process)
     _crash_directory = path
 
@@ -72,7 +83,8 @@ def _failures() -> Iterator[None]:
         _close_stdout()
         raise SystemExit(ExitCode.DONE) from None
     except SystemExit as error:
-        if isinstance(error.__context__, BrokenPipeError):  # rich has met it first, and calls it a failure
+        # Rich has met it first, and calls it a failure
+        if isinstance(error.__context__, BrokenPipeError):
             raise SystemExit(ExitCode.DONE) from None
         raise
     except (KeyboardInterrupt, Exception) as error:
@@ -84,14 +96,19 @@ def _failures() -> Iterator[None]:
 
 
 def _is_control_flow(error: BaseException) -> bool:
-    """Whether the command-line library uses this exception to leave a command, or formats it itself."""
+    """Whether the command-line library uses this exception to leave a command, or formats it
+    itself.
+    """
     return isinstance(error, typer.Exit | typer.Abort | USAGE_ERROR)
 
 
 def _report(error: BaseException, code: ExitCode) -> None:
     if code is ExitCode.BUG:
         where = _write_crash(error)
-        complain(f"internal error ({type(error).__name__}), sorry: this is a bug. Please report it with {where}")
+        complain(
+            f"internal error ({type(error).__name__}), sorry: this is a bug. Please report it "
+            f"with {where}"
+        )
     elif code is ExitCode.SCENARIO:
         for problem in error.problems:  # type: ignore[attr-defined]
             say(str(problem))
@@ -108,7 +125,12 @@ def _report(error: BaseException, code: ExitCode) -> None:
 def _describe(error: BaseException) -> str:
     """The message of an error; of one of the system: the file and what is wrong with it."""
     if isinstance(error, OSError) and error.strerror:
-        is_output = error.filename is None and error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # files are named
+        # Files are named
+        is_output = error.filename is None and error.errno in (
+            errno.ENOSPC,
+            errno.EDQUOT,
+            errno.EFBIG,
+        )
         where = "standard output" if is_output else error.filename
         return f"{where}: {error.strerror}" if where is not None else error.strerror
     return str(error)
@@ -134,6 +156,8 @@ def _write_crash(error: BaseException) -> str:
 
 
 def _close_stdout() -> None:
-    """No one reads stdout anymore: discard what is left in its buffer, and what Python flushes at exit."""
+    """No one reads stdout anymore: discard what is left in its buffer, and what Python flushes at
+    exit.
+    """
     with contextlib.suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

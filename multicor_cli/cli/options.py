@@ -1,4 +1,6 @@
-"""Arguments and options that several commands share, help that lists choices, and their completion."""
+"""Arguments and options that several commands share, help that lists choices, and their
+completion.
+"""
 
 from __future__ import annotations
 
@@ -17,24 +19,38 @@ def output_option(*, metavar: str, help: str, show_default: str | bool = False) 
     remedy = "write . for the current directory" if metavar.startswith("DIR") else "give one"
 
     def named_path(text: str) -> Path:
-        """A path as it was given; an empty one, as of a variable of the shell that is not set, would mean the current directory."""
+        """A path as it was given; an empty one, as of a variable of the shell that is not set,
+        would mean the current directory.
+        """
         if not text.strip():
             raise typer.BadParameter(f"the name is empty; {remedy}")
         return Path(text)
 
-    return typer.Option("--output", "-o", parser=named_path, metavar=metavar, help=help, show_default=show_default)
+    return typer.Option(
+        "--output", "-o", parser=named_path, metavar=metavar, help=help, show_default=show_default
+    )
 
 
-ScenarioFile = Annotated[Path, typer.Argument(metavar="SCENARIO.toml", help="Scenario file.", show_default=False)]
+ScenarioFile = Annotated[
+    Path, typer.Argument(metavar="SCENARIO.toml", help="Scenario file.", show_default=False)
+]
 
-RunPath = Annotated[Path, typer.Argument(metavar="DIR", help="Run directory, or a results.h5 on its own.", show_default=False)]
+RunPath = Annotated[
+    Path,
+    typer.Argument(
+        metavar="DIR", help="Run directory, or a results.h5 on its own.", show_default=False
+    ),
+]
 
 Overrides = Annotated[
     list[str] | None,
     typer.Option(
         "--set",
         metavar="KEY=VALUE",
-        help="Override a key of the scenario, as loading.1.duration=2.0 (indices from 0); may be given several times.",
+        help=(
+            "Override a key of the scenario, as loading.1.duration=2.0 (indices from 0); may be "
+            "given several times."
+        ),
         show_default=False,
     ),
 ]
@@ -54,7 +70,9 @@ _LISTS = {
 
 
 class ListingCommand(TyperCommand):
-    """A command with lists in the help of its parameters; they are loaded only when its help is shown, since some take long."""
+    """A command with lists in the help of its parameters; they are loaded only when its help is
+    shown, since some take long.
+    """
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Fill the lists in, then write the help."""
@@ -100,11 +118,16 @@ def fields(ctx: typer.Context, incomplete: str) -> list[str]:
 
 
 def columns(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Columns of the time series of the run that the line names; of walls and outlets what stands behind the colon."""
+    """Columns of the time series of the run that the line names; of walls and outlets what stands
+    behind the colon.
+    """
     from multicor_cli.store import open_run
 
-    with contextlib.suppress(Exception), open_run(_place(ctx, "directory")) as run:  # a shell has no place for messages
-        return _beginning(incomplete, (column.name.rpartition(": ")[2] for column in run.series_columns))
+    # a shell has no place for messages
+    with contextlib.suppress(Exception), open_run(_place(ctx, "directory")) as run:
+        return _beginning(
+            incomplete, (column.name.rpartition(": ")[2] for column in run.series_columns)
+        )
     return []
 
 
@@ -113,12 +136,17 @@ def observables(ctx: typer.Context, incomplete: str) -> list[str]:
     from multicor_cli.studies.study_file import load_study
 
     with contextlib.suppress(Exception):
-        return _beginning(incomplete, (observable.name for observable in load_study(_place(ctx, "file")).model.observe))
+        return _beginning(
+            incomplete,
+            (observable.name for observable in load_study(_place(ctx, "file")).model.observe),
+        )
     return []
 
 
 def _place(ctx: typer.Context, name: str) -> str:
-    """The first argument: the parser leaves it where it was when an option behind it has no value yet."""
+    """The first argument: the parser leaves it where it was when an option behind it has no value
+    yet.
+    """
     return str(ctx.params.get(name) or ctx.args[0])
 
 

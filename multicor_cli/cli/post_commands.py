@@ -1,4 +1,6 @@
-"""Commands ``post …``: tables, figures and films of a run. Each loads what it needs when it is called."""
+"""Commands ``post …``: tables, figures and films of a run. Each loads what it needs when it is
+called.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,18 @@ from multicor_cli import store
 from multicor_cli.cli import options
 from multicor_cli.cli.console import say, show_progress
 from multicor_cli.cli.options import RunPath, listed, output_option
-from multicor_cli.cli.post_output import Between, Bins, End, Frames, OneFrame, Shown, Start, parse_frames, selected, shows_table
+from multicor_cli.cli.post_output import (
+    Between,
+    Bins,
+    End,
+    Frames,
+    OneFrame,
+    Shown,
+    Start,
+    parse_frames,
+    selected,
+    shows_table,
+)
 from multicor_cli.text import count_noun
 
 if TYPE_CHECKING:
@@ -33,31 +46,64 @@ ProfileOf = Annotated[
         autocompletion=listed("profiled", "groups"),
     ),
 ]
-MapOf = Annotated[str, typer.Option("--of", metavar="FIELD", help="What to show: {mapped}.", autocompletion=listed("mapped"))]
+MapOf = Annotated[
+    str,
+    typer.Option(
+        "--of", metavar="FIELD", help="What to show: {mapped}.", autocompletion=listed("mapped")
+    ),
+]
 Normalized = Annotated[
     bool,
     typer.Option(
         "--normalized",
-        help="y/H, and velocity or temperature from 0 at the lower to 1 at the upper wall; spin over the shear rate of the walls.",
+        help=(
+            "y/H, and velocity or temperature from 0 at the lower to 1 at the upper wall; spin "
+            "over the shear rate of the walls."
+        ),
     ),
 ]
 BritishNormalized = Annotated[bool, typer.Option("--normalised", hidden=True)]
 WallName = Annotated[
     Optional[str],  # noqa: UP045  (evaluated by typer)
-    typer.Option("--wall", metavar="NAME", help="Wall from which η counts.", show_default="the only one with a temperature"),
+    typer.Option(
+        "--wall",
+        metavar="NAME",
+        help="Wall from which η counts.",
+        show_default="the only one with a temperature",
+    ),
 ]
 Height = Annotated[
     Optional[float],  # noqa: UP045
-    typer.Option("--height", metavar="H", help="Height H of the bed (in m).", show_default="how far the grains reach"),
+    typer.Option(
+        "--height",
+        metavar="H",
+        help="Height H of the bed (in m).",
+        show_default="how far the grains reach",
+    ),
 ]
 Reference = Annotated[
     Optional[float],  # noqa: UP045
-    typer.Option("--reference", metavar="T0", help="Temperature T₀ (in K).", show_default="mean of the first frame"),
+    typer.Option(
+        "--reference",
+        metavar="T0",
+        help="Temperature T₀ (in K).",
+        show_default="mean of the first frame",
+    ),
 ]
-Grains = Annotated[bool, typer.Option("--grains", help="Include every grain: in JSON besides the bins, in CSV instead of them.")]
+Grains = Annotated[
+    bool,
+    typer.Option(
+        "--grains", help="Include every grain: in JSON besides the bins, in CSV instead of them."
+    ),
+]
 BinWidth = Annotated[
     Optional[float],  # noqa: UP045
-    typer.Option("--bin-width", metavar="D", help="Width of a bin in mean diameters, instead of --bins.", show_default="1"),
+    typer.Option(
+        "--bin-width",
+        metavar="D",
+        help="Width of a bin in mean diameters, instead of --bins.",
+        show_default="1",
+    ),
 ]
 ExcludeWalls = Annotated[
     Optional[float],  # noqa: UP045
@@ -71,13 +117,17 @@ ExcludeWalls = Annotated[
 Groups = Annotated[
     Optional[list[str]],  # noqa: UP045
     typer.Option(
-        "--group", metavar="NAME", help="Count the grains of this group only; several times for several.", show_default="all"
+        "--group",
+        metavar="NAME",
+        help="Count the grains of this group only; several times for several.",
+        show_default="all",
     ),
 ]
 Streamlines = Annotated[
     bool,
     typer.Option(
-        "--streamlines/--no-streamlines", help="Show a fluctuation as streamlines of its local mean, or as arrows of the grains."
+        "--streamlines/--no-streamlines",
+        help="Show a fluctuation as streamlines of its local mean, or as arrows of the grains.",
     ),
 ]
 
@@ -96,11 +146,13 @@ def profile(
     between: Between = None,
     groups: Groups = None,
 ) -> Shown:
-    """Average a field over horizontal bins and over frames, with standard errors and a word on drifts.
+    """Average a field over horizontal bins and over frames, with standard errors and a word on
+    drifts.
 
-    Grains count in a bin with the area that lies in it. Heights are measured from the lower wall. "heat" is what friction and
-    impacts generate in the grains per time and area of the plane, from the differences of consecutive frames. "stress" is the force
-    on a grain times the branch towards it, spread along the branch, per area of the plane (force per length, compression positive);
+    Grains count in a bin with the area that lies in it. Heights are measured from the lower wall.
+    "heat" is what friction and impacts generate in the grains per time and area of the plane, from
+    the differences of consecutive frames. "stress" is the force on a grain times the branch towards
+    it, spread along the branch, per area of the plane (force per length, compression positive);
     "kinetic-stress" is what fluctuations of the velocity add to it.
     """
     if bins is not None and bin_width is not None:
@@ -110,15 +162,31 @@ def profile(
     selection = selected(start, end, frames)
     with store.open_run(directory) as run:
         found = post.profiles(
-            run, of, selection, bins, bin_width=bin_width, exclude_walls=exclude_walls, between=between, groups=groups or ()
+            run,
+            of,
+            selection,
+            bins,
+            bin_width=bin_width,
+            exclude_walls=exclude_walls,
+            between=between,
+            groups=groups or (),
         )
     if is_normalized or is_normalised:
         found = found.normalized()
     table = found.first
     about = f"{_span(table.frames.size, 'frame', table.times)}, height {table.height:g} m"
     about += f", grains{table.about_groups}" if table.groups else ""
-    notes = [table.note if len(found.tables) == 1 else f"{table.field.name}: {table.note}" for table in found.tables if table.note]
-    return Shown(found, "\n".join(line for line in (about, table.about_walls, *notes) if line), directory, is_detailed=False)
+    notes = [
+        table.note if len(found.tables) == 1 else f"{table.field.name}: {table.note}"
+        for table in found.tables
+        if table.note
+    ]
+    return Shown(
+        found,
+        "\n".join(line for line in (about, table.about_walls, *notes) if line),
+        directory,
+        is_detailed=False,
+    )
 
 
 def _span(count: int, noun: str, times: Any) -> str:
@@ -137,10 +205,11 @@ def theta_eta(
     reference: Reference = None,
     has_grains: Grains = False,
 ) -> Shown:
-    """Temperature θ = (T − T₀)/(T_wall − T₀) against the distance η = y/H from a heated wall, and its spread.
+    """Temperature θ = (T − T₀)/(T_wall − T₀) against the distance η = y/H from a heated wall, and
+    its spread.
 
-    y is measured from the surface of the wall, where the nearest grain touches it. With --frames: over the grains of several
-    frames, and how the means of the bins scatter from frame to frame.
+    y is measured from the surface of the wall, where the nearest grain touches it. With --frames:
+    over the grains of several frames, and how the means of the bins scatter from frame to frame.
     """
     if has_grains and not (context.params["is_json"] or context.params["is_csv"]):
         raise typer.BadParameter("--grains needs --json or --csv", param_hint="--grains")
@@ -151,21 +220,38 @@ def theta_eta(
 
     with store.open_run(directory) as run:
         selection = None if wanted is None else post.Selection(frames=wanted)
-        table = post.theta_eta(run, frame, selection=selection, bins=bins, wall=wall, height=height, reference=reference)
+        table = post.theta_eta(
+            run,
+            frame,
+            selection=selection,
+            bins=bins,
+            wall=wall,
+            height=height,
+            reference=reference,
+        )
     last = f"frame {table.frame} at t = {table.time:g} s"
     about = (
-        f"{last if table.frames.size == 1 else f'{table.frames.size} frames up to {last}'}, wall '{table.wall}' at "
-        f"{table.wall_temperature:g} K, T0 = {table.reference:g} K, H = {table.height:g} m"
+        f"{last if table.frames.size == 1 else f'{table.frames.size} frames up to {last}'}, wall "
+        f"'{table.wall}' at {table.wall_temperature:g} K, T0 = {table.reference:g} K, H = "
+        f"{table.height:g} m"
     )
-    return Shown(table, about, directory, is_detailed=has_grains, content={"has_grains": has_grains})
+    return Shown(
+        table, about, directory, is_detailed=has_grains, content={"has_grains": has_grains}
+    )
 
 
-def map_grains(directory: RunPath, of: MapOf = "temperature", frame: OneFrame = -1, has_streamlines: Streamlines = True) -> Shown:
-    """Show a quantity of every grain of one frame: a table of its distribution, the grains as data, a map as figure.
+def map_grains(
+    directory: RunPath,
+    of: MapOf = "temperature",
+    frame: OneFrame = -1,
+    has_streamlines: Streamlines = True,
+) -> Shown:
+    """Show a quantity of every grain of one frame: a table of its distribution, the grains as data,
+    a map as figure.
 
-    "fluctuation" is the velocity relative to the mean horizontal flow at the height of the grain; "heat" is what friction and
-    impacts have generated since the frame before; "stress" the mean pressure in a grain by its contact forces, their sum over the
-    circumference.
+    "fluctuation" is the velocity relative to the mean horizontal flow at the height of the grain;
+    "heat" is what friction and impacts have generated since the frame before; "stress" the mean
+    pressure in a grain by its contact forces, their sum over the circumference.
     """
     from multicor_cli import post
 
@@ -177,21 +263,30 @@ def map_grains(directory: RunPath, of: MapOf = "temperature", frame: OneFrame = 
 
 # ---- Commands `post forces`, `post rheology`: what the contacts carry
 
-Distribution = Annotated[bool, typer.Option("--distribution", help="Show how many contacts carry which force instead.")]
-Angles = Annotated[bool, typer.Option("--angles", help="Show contacts and forces by direction instead.")]
+Distribution = Annotated[
+    bool, typer.Option("--distribution", help="Show how many contacts carry which force instead.")
+]
+Angles = Annotated[
+    bool, typer.Option("--angles", help="Show contacts and forces by direction instead.")
+]
 Margin = Annotated[
     Optional[float],  # noqa: UP045  (evaluated by typer)
     typer.Option(
         "--margin",
         metavar="D",
         help="Thickness of the layer at each wall that is left out of the bulk, in mean diameters.",
-        show_default="8, or a quarter of the height or a third of the gap between the walls if less",
+        show_default=(
+            "8, or a quarter of the height or a third of the gap between the walls if less"
+        ),
     ),
 ]
 ManyFrames = Annotated[
     Optional[str],  # noqa: UP045
     typer.Option(
-        "--frames", metavar="A:B[:STEP]", help="With --distribution or --angles: the frames to average over.", show_default=False
+        "--frames",
+        metavar="A:B[:STEP]",
+        help="With --distribution or --angles: the frames to average over.",
+        show_default=False,
     ),
 ]
 
@@ -203,10 +298,12 @@ def forces(
     has_angles: Angles = False,
     frames: ManyFrames = None,
 ) -> Shown:
-    """Show the contact forces of one frame: their numbers as a table, the single contacts as CSV, the network as figure.
+    """Show the contact forces of one frame: their numbers as a table, the single contacts as CSV,
+    the network as figure.
 
-    Forces are means of the step before the frame. With --distribution: the probability density of forces between grains over their
-    mean. With --angles: the directions of contacts between grains, the mean forces along them, and their anisotropies.
+    Forces are means of the step before the frame. With --distribution: the probability density of
+    forces between grains over their mean. With --angles: the directions of contacts between grains,
+    the mean forces along them, and their anisotropies.
     """
     from multicor_cli import post
 
@@ -214,32 +311,53 @@ def forces(
         raise typer.BadParameter("--distribution and --angles exclude each other")
     if not (has_distribution or has_angles):
         if frames is not None:
-            raise typer.BadParameter("--frames needs --distribution or --angles; choose one frame with --frame")
+            raise typer.BadParameter(
+                "--frames needs --distribution or --angles; choose one frame with --frame"
+            )
         with store.open_run(directory) as run:
             network = post.force_network(run, frame)
-        return Shown(network, f"contact forces in frame {network.frame} at t = {network.time:g} s", directory)
+        return Shown(
+            network, f"contact forces in frame {network.frame} at t = {network.time:g} s", directory
+        )
     wanted = parse_frames(frames, None, None)
     with store.open_run(directory) as run:
         index = post.frame_index(run.frames, frame)
         selection = post.Selection(frames=slice(index, index + 1) if wanted is None else wanted)
-        table: Any = (post.force_distribution if has_distribution else post.angular_distribution)(run, selection)
-    about = f"{table.contacts} contacts between grains in {_span(table.frames.size, 'frame', table.times)}"
+        table: Any = (post.force_distribution if has_distribution else post.angular_distribution)(
+            run, selection
+        )
+    about = (
+        f"{table.contacts} contacts between grains in "
+        f"{_span(table.frames.size, 'frame', table.times)}"
+    )
     if has_angles:
         about += "; " + ", ".join(
-            f"{name} = {value:.4g}" + (f" (± {table.moments_scatter[name]:.2g} between frames)" if table.frames.size > 1 else "")
+            f"{name} = {value:.4g}"
+            + (
+                f" (± {table.moments_scatter[name]:.2g} between frames)"
+                if table.frames.size > 1
+                else ""
+            )
             for name, value in table.moments.items()
         )
     return Shown(table, about, directory, is_detailed=False)
 
 
 def rheology(
-    directory: RunPath, start: Start = None, end: End = None, frames: Frames = None, margin: Margin = None, between: Between = None
+    directory: RunPath,
+    start: Start = None,
+    end: End = None,
+    frames: Frames = None,
+    margin: Margin = None,
+    between: Between = None,
 ) -> Shown:
-    """Measure the rheology of a layer between two walls that shear it: averages with errors; over time as CSV, JSON and figure.
+    """Measure the rheology of a layer between two walls that shear it: averages with errors; over
+    time as CSV, JSON and figure.
 
-    I = rate × √(m/P), with the mean mass m of a grain and the force P per length with which the walls press; the other convention
-    is rate × d/√(P/ρ), with the mass ρ of the grains per area they cover. Friction μ* is shear over normal stress. Rattlers are
-    grains with fewer than two contacts that carry a force.
+    I = rate × √(m/P), with the mean mass m of a grain and the force P per length with which the
+    walls press; the other convention is rate × d/√(P/ρ), with the mass ρ of the grains per area
+    they cover. Friction μ* is shear over normal stress. Rattlers are grains with fewer than two
+    contacts that carry a force.
     """
     from multicor_cli import post
 
@@ -247,8 +365,9 @@ def rheology(
     with store.open_run(directory) as run:
         table = post.rheology(run, selection, margin=margin, between=between)
     about = (
-        f"{_span(table.frames.size, 'frame', table.times)}, "
-        f"between '{table.walls[0]}' and '{table.walls[1]}', {table.height:g} m apart; the bulk begins {table.margin:g} m from each"
+        f"{_span(table.frames.size, 'frame', table.times)}, between '{table.walls[0]}' and "
+        f"'{table.walls[1]}', {table.height:g} m apart; the bulk begins {table.margin:g} m from "
+        "each"
     )
     return Shown(table, about, directory)
 
@@ -261,17 +380,24 @@ Place = Annotated[
     typer.Option(
         "--in",
         metavar="REGION",
-        help=f"The region, as in a scenario: {EXAMPLE}, an annulus, a polygon, or a rectangle {{ min, max }}.",
+        help=(
+            f"The region, as in a scenario: {EXAMPLE}, an annulus, a polygon, or a rectangle {{ "
+            f"min, max }}."
+        ),
         show_default=False,
     ),
 ]
 
 
-def region(directory: RunPath, place: Place, start: Start = None, end: End = None, frames: Frames = None) -> Shown:
-    """Measure what is inside a region: solid fraction, coordination, velocity, temperature, stress of contacts and of fluctuations.
+def region(
+    directory: RunPath, place: Place, start: Start = None, end: End = None, frames: Frames = None
+) -> Shown:
+    """Measure what is inside a region: solid fraction, coordination, velocity, temperature, stress
+    of contacts and of fluctuations.
 
-    The table holds means over the frames and their standard errors, CSV one row per frame, JSON and figure both. Grains count with
-    the part of their area that lies inside, contacts with that of their branch.
+    The table holds means over the frames and their standard errors, CSV one row per frame, JSON and
+    figure both. Grains count with the part of their area that lies inside, contacts with that of
+    their branch.
     """
     area = _parse(place)
     from multicor_cli import post
@@ -287,13 +413,19 @@ def _parse(text: str) -> Area:
     from multicor_cli.scenario.region import AnyRegion, Region
 
     try:
-        found: Region = TypeAdapter(AnyRegion).validate_python(tomllib.loads(f"region = {text}")["region"])
+        found: Region = TypeAdapter(AnyRegion).validate_python(
+            tomllib.loads(f"region = {text}")["region"]
+        )
     except tomllib.TOMLDecodeError:
-        raise typer.BadParameter(f"'{text}' is not a region; write it as {EXAMPLE}", param_hint="--in") from None
+        raise typer.BadParameter(
+            f"'{text}' is not a region; write it as {EXAMPLE}", param_hint="--in"
+        ) from None
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(key) for key in first["loc"] if not str(key).startswith("<"))
-        raise typer.BadParameter(f"{where or 'region'}: {first['msg']}; write it as {EXAMPLE}", param_hint="--in") from None
+        raise typer.BadParameter(
+            f"{where or 'region'}: {first['msg']}; write it as {EXAMPLE}", param_hint="--in"
+        ) from None
     return found.area()
 
 
@@ -304,21 +436,38 @@ FieldNames = Annotated[
     typer.Option(
         "--of",
         metavar="FIELD",
-        help="Field of the figure, and of the table of a line or of rings; several times for several. The table of a grid lists "
-        "what there is.",
+        help=(
+            "Field of the figure, and of the table of a line or of rings; several times for "
+            "several. The table of a grid lists what there is."
+        ),
         show_default="solid-fraction; velocities of a line or of rings",
         autocompletion=options.fields,
     ),
 ]
-Spacing = Annotated[float, typer.Option("--spacing", metavar="D", help="Distance of the points in mean diameters.")]
-Reach = Annotated[float, typer.Option("--reach", metavar="D", help="How far the kernel reaches, in mean diameters.")]
+Spacing = Annotated[
+    float, typer.Option("--spacing", metavar="D", help="Distance of the points in mean diameters.")
+]
+Reach = Annotated[
+    float,
+    typer.Option("--reach", metavar="D", help="How far the kernel reaches, in mean diameters."),
+]
 CenterPoint = Annotated[
     Optional[str],  # noqa: UP045
-    typer.Option("--center", metavar="X,Y", help="Polar coordinates about this point (in m).", show_default=False),
+    typer.Option(
+        "--center",
+        metavar="X,Y",
+        help="Polar coordinates about this point (in m).",
+        show_default=False,
+    ),
 ]
 Along = Annotated[
     Optional[str],  # noqa: UP045
-    typer.Option("--line", metavar="X0,Y0:X1,Y1", help="Fields on the line between these points (in m).", show_default=False),
+    typer.Option(
+        "--line",
+        metavar="X0,Y0:X1,Y1",
+        help="Fields on the line between these points (in m).",
+        show_default=False,
+    ),
 ]
 Radial = Annotated[bool, typer.Option("--radial", help="Average over rings about --center.")]
 
@@ -335,10 +484,12 @@ def fields(
     end: End = None,
     frames: Frames = None,
 ) -> Shown:
-    """Average fields over frames with a smooth kernel: solid fraction, velocity, strain rate, stress, temperature, fluctuations.
+    """Average fields over frames with a smooth kernel: solid fraction, velocity, strain rate,
+    stress, temperature, fluctuations.
 
-    On a grid over the grains, on a polar grid (--center), on a line (--line), or over rings (--center with --radial); these two
-    have standard errors. CSV and JSON have every field at every point.
+    On a grid over the grains, on a polar grid (--center), on a line (--line), or over rings
+    (--center with --radial); these two have standard errors. CSV and JSON have every field at every
+    point.
     """
     if is_radial and center is None:
         raise typer.BadParameter("--radial needs --center", param_hint="--radial")
@@ -351,7 +502,8 @@ def fields(
     selection = selected(start, end, frames)
     with store.open_run(directory) as run:
         table = post.fields(
-            run, of or (), selection, spacing=spacing, reach=reach, center=middle, along=ends, is_radial=is_radial
+            run, of or (), selection, spacing=spacing, reach=reach, center=middle, along=ends,
+            is_radial=is_radial
         )  # fmt: skip
     about = _span(table.frames.size, "frame", table.times)
     return Shown(table, f"{about}; {table.note}" if table.note else about, directory)
@@ -364,7 +516,9 @@ def parse_point(text: str, option: str) -> tuple[float, float]:
         if not math.isfinite(x + y):
             raise ValueError
     except ValueError:
-        raise typer.BadParameter(f"'{text}' is not a point; write X,Y in meters, as 0.02,0.01", param_hint=option) from None
+        raise typer.BadParameter(
+            f"'{text}' is not a point; write X,Y in meters, as 0.02,0.01", param_hint=option
+        ) from None
     return x, y
 
 
@@ -372,7 +526,9 @@ def parse_line(text: str, option: str) -> tuple[tuple[float, float], tuple[float
     """A line ``X0,Y0:X1,Y1`` [m]; refuses a text that is none."""
     first, _, last = text.partition(":")
     if not last:
-        raise typer.BadParameter(f"'{text}' is not a line; write X0,Y0:X1,Y1 in meters", param_hint=option)
+        raise typer.BadParameter(
+            f"'{text}' is not a line; write X0,Y0:X1,Y1 in meters", param_hint=option
+        )
     return parse_point(first, option), parse_point(last, option)
 
 
@@ -382,7 +538,9 @@ Earliest = Annotated[
     Optional[float],  # noqa: UP045  (evaluated by typer)
     typer.Option("--from", metavar="T", help="Earliest time (in s).", show_default="the start"),
 ]
-OtherPath = Annotated[Path, typer.Argument(metavar="OTHER", help="Run to compare it with.", show_default=False)]
+OtherPath = Annotated[
+    Path, typer.Argument(metavar="OTHER", help="Run to compare it with.", show_default=False)
+]
 ComparedFields = Annotated[
     Optional[list[str]],  # noqa: UP045
     typer.Option(
@@ -396,15 +554,19 @@ ComparedFields = Annotated[
 
 
 def energy(directory: RunPath, start: Earliest = None, end: End = None) -> Shown:
-    """Show the energy books, mechanical and of heat: at the end as a table; over time as CSV, JSON and figure.
+    """Show the energy books, mechanical and of heat: at the end as a table; over time as CSV, JSON
+    and figure.
 
-    They count from the start of the run. The closure is the largest imbalance so far over the sum of all terms.
+    They count from the start of the run. The closure is the largest imbalance so far over the sum
+    of all terms.
     """
     from multicor_cli import post
 
     with store.open_run(directory) as run:
         table = post.energy(run, start, end)
-    return Shown(table, f"energy books from the start of the run to t = {table.time[-1]:g} s", directory)
+    return Shown(
+        table, f"energy books from the start of the run to t = {table.time[-1]:g} s", directory
+    )
 
 
 def compare(
@@ -416,18 +578,25 @@ def compare(
     frames: Frames = None,
     bins: Bins = None,
 ) -> Shown:
-    """Compare two runs: scenario keys that differ, books, rheology if both are sheared between two walls, profiles of fields.
+    """Compare two runs: scenario keys that differ, books, rheology if both are sheared between two
+    walls, profiles of fields.
 
-    Differences are given over their standard errors where these are known: beyond 2 or 3 they are not chance. Profiles have the
-    same number of bins in both runs and are matched by y/H; CSV and figure show them.
+    Differences are given over their standard errors where these are known: beyond 2 or 3 they are
+    not chance. Profiles have the same number of bins in both runs and are matched by y/H; CSV and
+    figure show them.
     """
     from multicor_cli import post
 
     selection = selected(start, end, frames)
     with store.open_run(directory) as first, store.open_run(other) as second:
-        table = post.compare(first, second, of or ["velocity"], selection, bins, names=_names(directory, other))
+        table = post.compare(
+            first, second, of or ["velocity"], selection, bins, names=_names(directory, other)
+        )
     differ = "differs" if len(table.keys) == 1 else "differ"
-    remarks = [f"{count_noun(len(table.keys), 'key')} of the scenarios {differ}" + (":" if table.keys else "")]
+    remarks = [
+        f"{count_noun(len(table.keys), 'key')} of the scenarios {differ}"
+        + (":" if table.keys else "")
+    ]
     remarks += [f"  {key}: {one} | {two}" for key, one, two in table.keys]
     return Shown(table, f"{directory} and {other}", None, remarks=remarks)
 
@@ -449,7 +618,10 @@ ColumnNames = Annotated[
     typer.Option(
         "--of",
         metavar="COLUMN",
-        help="A column, as kinetic or 'top: force_x'; force_x alone means that of all walls. Several times for several.",
+        help=(
+            "A column, as kinetic or 'top: force_x'; force_x alone means that of all walls. "
+            "Several times for several."
+        ),
         show_default="all; in a figure kinetic energy, forces on walls and number of contacts",
         autocompletion=options.columns,
     ),
@@ -458,20 +630,40 @@ SeriesStart = Annotated[
     Optional[float],  # noqa: UP045
     typer.Option("--from", metavar="T", help="Earliest time, in s.", show_default="the start"),
 ]
-Line = Annotated[str, typer.Option("--line", metavar="X0,Y0:X1,Y1", help="The line (in m); what crosses to its left is positive.")]
+Line = Annotated[
+    str,
+    typer.Option(
+        "--line",
+        metavar="X0,Y0:X1,Y1",
+        help="The line (in m); what crosses to its left is positive.",
+    ),
+]
 
 
-def series(directory: RunPath, of: ColumnNames = None, start: SeriesStart = None, end: End = None) -> Shown:
-    """Show columns of the time series: means, errors and drifts as a table; over time as CSV, JSON and figure."""
+def series(
+    directory: RunPath, of: ColumnNames = None, start: SeriesStart = None, end: End = None
+) -> Shown:
+    """Show columns of the time series: means, errors and drifts as a table; over time as CSV, JSON
+    and figure.
+    """
     from multicor_cli import post
 
     with store.open_run(directory) as run:
         table = post.series(run, of or (), start, end)
-    return Shown(table, _span(table.time.size, "row", table.time), directory, figure=None if of else table.overview())
+    return Shown(
+        table,
+        _span(table.time.size, "row", table.time),
+        directory,
+        figure=None if of else table.overview(),
+    )
 
 
-def flow(directory: RunPath, line: Line, start: Start = None, end: End = None, frames: Frames = None) -> Shown:
-    """Measure the flow through a line: grains, mass and area per time, from the grains that cross it from frame to frame."""
+def flow(
+    directory: RunPath, line: Line, start: Start = None, end: End = None, frames: Frames = None
+) -> Shown:
+    """Measure the flow through a line: grains, mass and area per time, from the grains that cross
+    it from frame to frame.
+    """
     ends = parse_line(line, "--line")
     from multicor_cli import post
 
@@ -483,9 +675,16 @@ def flow(directory: RunPath, line: Line, start: Start = None, end: End = None, f
 
 # ---- Command `post animate`: a film of a map
 
-FilmOf = Annotated[str, typer.Option("--of", metavar="FIELD", help="What to show: {mapped}.", autocompletion=listed("mapped"))]
+FilmOf = Annotated[
+    str,
+    typer.Option(
+        "--of", metavar="FIELD", help="What to show: {mapped}.", autocompletion=listed("mapped")
+    ),
+]
 FilmFile = Annotated[Path, output_option(metavar="FILE", help="File to write: FILE.mp4 or .gif.")]
-Rate = Annotated[float, typer.Option("--fps", metavar="N", min=0.1, max=120.0, help="Pictures per second.")]
+Rate = Annotated[
+    float, typer.Option("--fps", metavar="N", min=0.1, max=120.0, help="Pictures per second.")
+]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace the file if it exists.")]
 
 
@@ -513,14 +712,22 @@ def animate(
     from multicor_cli import post
 
     with store.open_run(directory) as run, show_progress("frame") as progress:
-        chosen = post.Selection(frames=parse_frames(frames, None, None) or slice(None)).indices(run.frames).tolist()
-        film = write_film(lambda: _maps(run, of, chosen), len(chosen), output, rate=rate, progress=progress)
+        chosen = (
+            post.Selection(frames=parse_frames(frames, None, None) or slice(None))
+            .indices(run.frames)
+            .tolist()
+        )
+        film = write_film(
+            lambda: _maps(run, of, chosen), len(chosen), output, rate=rate, progress=progress
+        )
     skipped = f", without {film.skipped} that lack this quantity" if film.skipped else ""
     say(f"wrote {film.path}: {film.frames} frames{skipped}")
 
 
 def _maps(run: Run, of: str, chosen: list[int]) -> Iterator[GrainMap | None]:
-    """Maps of frames; None for those that lack the quantity. Not all may lack it, and there must be a grain in some."""
+    """Maps of frames; None for those that lack the quantity. Not all may lack it, and there must be
+    a grain in some.
+    """
     from multicor_cli import post
 
     has_grains, trouble = False, None

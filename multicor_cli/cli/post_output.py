@@ -1,4 +1,6 @@
-"""What the commands ``post …`` share: options, and how tables leave the program, for people, as JSON, as CSV, as a figure."""
+"""What the commands ``post …`` share: options, and how tables leave the program, for people, as
+JSON, as CSV, as a figure.
+"""
 
 from __future__ import annotations
 
@@ -32,10 +34,17 @@ FigureFile = Annotated[
         show_default=False,
     ),
 ]
-OverwriteFigure = Annotated[bool, typer.Option("--overwrite", help="Replace the figure if there is one.")]
+OverwriteFigure = Annotated[
+    bool, typer.Option("--overwrite", help="Replace the figure if there is one.")
+]
 Start = Annotated[
     Optional[float],  # noqa: UP045
-    typer.Option("--from", metavar="T", help="Earliest time, in s.", show_default="the later half of the last stage"),
+    typer.Option(
+        "--from",
+        metavar="T",
+        help="Earliest time, in s.",
+        show_default="the later half of the last stage",
+    ),
 ]
 End = Annotated[
     Optional[float],  # noqa: UP045
@@ -44,10 +53,15 @@ End = Annotated[
 Frames = Annotated[
     Optional[str],  # noqa: UP045
     typer.Option(
-        "--frames", metavar="A:B[:STEP]", help="Frames instead of times, as in Python: -10: are the last ten.", show_default=False
+        "--frames",
+        metavar="A:B[:STEP]",
+        help="Frames instead of times, as in Python: -10: are the last ten.",
+        show_default=False,
     ),
 ]
-OneFrame = Annotated[int, typer.Option("--frame", metavar="K", help="Number of the frame; -1 is the last one.")]
+OneFrame = Annotated[
+    int, typer.Option("--frame", metavar="K", help="Number of the frame; -1 is the last one.")
+]
 Bins = Annotated[
     Optional[int],  # noqa: UP045
     typer.Option("--bins", min=1, help="Number of bins.", show_default="one per mean diameter"),
@@ -55,7 +69,10 @@ Bins = Annotated[
 Between = Annotated[
     Optional[tuple[str, str]],  # noqa: UP045
     typer.Option(
-        "--between", metavar="LOWER UPPER", help="Names of the walls below and above.", show_default="those that bound the grains"
+        "--between",
+        metavar="LOWER UPPER",
+        help="Names of the walls below and above.",
+        show_default="those that bound the grains",
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the data as JSON.")]
@@ -70,7 +87,9 @@ def selected(start: float | None, end: float | None, frames: str | None) -> Sele
 
 
 def parse_frames(text: str | None, start: float | None, end: float | None) -> slice | None:
-    """The slice that ``--frames`` names; refuses a text that is none, and ``--from`` or ``--to`` beside it."""
+    """The slice that ``--frames`` names; refuses a text that is none, and ``--from`` or ``--to``
+    beside it.
+    """
     if text is None:
         return None
     if start is not None or end is not None:
@@ -81,11 +100,14 @@ def parse_frames(text: str | None, start: float | None, end: float | None) -> sl
         if not 2 <= len(parts) <= 3 or (len(parts) == 3 and numbers[2] == 0):
             raise ValueError
     except ValueError:
-        raise typer.BadParameter(f"'{text}' is not a range of frames; write A:B or A:B:STEP", param_hint="--frames") from None
+        raise typer.BadParameter(
+            f"'{text}' is not a range of frames; write A:B or A:B:STEP", param_hint="--frames"
+        ) from None
     return slice(*numbers)
 
 
-# ---- How the tables of the commands `post …` leave the program: for people, as JSON, as CSV, as a figure
+# ---- How the tables of the commands `post …` leave the program: for people, as JSON, as CSV, as a
+#      figure
 
 _TERMINAL = Path("term")  # the name of a figure that means the terminal
 
@@ -114,8 +136,14 @@ class TableOutput:
             raise typer.BadParameter("--json and --csv exclude each other")
         if self.plot == Path():
             raise typer.BadParameter("the name is empty", param_hint="--plot")
-        if self.plot not in (None, _TERMINAL) and self.plot.suffix.lower() not in (".png", ".svg", ".pdf"):
-            raise typer.BadParameter(f"'{self.plot}' does not end in .png, .svg or .pdf", param_hint="--plot")
+        if self.plot not in (None, _TERMINAL) and self.plot.suffix.lower() not in (
+            ".png",
+            ".svg",
+            ".pdf",
+        ):
+            raise typer.BadParameter(
+                f"'{self.plot}' does not end in .png, .svg or .pdf", param_hint="--plot"
+            )
         if self.plot not in (None, _TERMINAL):
             from multicor_cli.export.target import check_output
 
@@ -138,12 +166,23 @@ class TableOutput:
         """Print the table."""
         table = found.table
         if self.is_json:
-            emit_json({**({} if found.run is None else {"run": str(found.run)}), **table.as_dict(**found.content)})
+            emit_json(
+                {
+                    **({} if found.run is None else {"run": str(found.run)}),
+                    **table.as_dict(**found.content),
+                }
+            )
             return
         for line in found.remarks:
             say(line)
         if self.is_csv:
-            _emit_csv(*((table.detail_headings, table.detail_rows) if found.is_detailed else (table.headings, table.rows)))
+            _emit_csv(
+                *(
+                    (table.detail_headings, table.detail_rows)
+                    if found.is_detailed
+                    else (table.headings, table.rows)
+                )
+            )
             return
         say(found.about)
         rows = table.rows
@@ -179,17 +218,24 @@ class Shown(NamedTuple):
 
 
 def shows_table(command: Callable[..., Shown]) -> Callable[..., None]:
-    """Give a command the options of all tables, and let what it returns leave the program as they say."""
+    """Give a command the options of all tables, and let what it returns leave the program as they
+    say.
+    """
 
     def show(
-        is_json: AsJson = False, is_csv: AsCsv = False, plot: FigureFile = None, is_overwriting: OverwriteFigure = False, **own: Any
+        is_json: AsJson = False,
+        is_csv: AsCsv = False,
+        plot: FigureFile = None,
+        is_overwriting: OverwriteFigure = False,
+        **own: Any,
     ) -> None:
         output = TableOutput(is_json, is_csv, plot, is_overwriting=is_overwriting)
         found = command(**own)
         output.draw(found)
         output.deliver(found)
 
-    # Typer reads from signature and annotations what options there are: those of the command come first.
+    # Typer reads from signature and annotations what options there are: those of the command come
+    # first.
     *shared, _ = inspect.signature(show, eval_str=True).parameters.values()
     signature = inspect.signature(command, eval_str=True)
     options = [*signature.parameters.values(), *shared]
@@ -203,7 +249,10 @@ def _emit_csv(headings: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
     """Every digit of every number; nothing where there is no value."""
     writer = csv.writer(sys.stdout, lineterminator="\n")
     writer.writerow(headings)
-    writer.writerows(["" if isinstance(value, float) and math.isnan(value) else value for value in row] for row in rows)
+    writer.writerows(
+        ["" if isinstance(value, float) and math.isnan(value) else value for value in row]
+        for row in rows
+    )
 
 
 def _terminal() -> Terminal:
@@ -217,7 +266,9 @@ def _terminal() -> Terminal:
 
 
 def _digits(column: Sequence[Any]) -> int:
-    """Digits that tell the values of a column apart: five of their spread (temperatures near 300 K may differ by millikelvins)."""
+    """Digits that tell the values of a column apart: five of their spread (temperatures near 300 K
+    may differ by millikelvins).
+    """
     values = [value for value in column if isinstance(value, float) and math.isfinite(value)]
     spread = max(values, default=0.0) - min(values, default=0.0)
     if spread == 0.0:

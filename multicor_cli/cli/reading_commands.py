@@ -1,4 +1,6 @@
-"""Commands that read a run, or look at the installation: ``info``, ``verify``, ``doctor``, ``report``, ``export …``."""
+"""Commands that read a run, or look at the installation: ``info``, ``verify``, ``doctor``,
+``report``, ``export …``.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +49,9 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON."
 
 
 def info(directory: RunPath, is_strict: Strict = False, is_json: AsJson = False) -> None:
-    """Show what a run contains, how far it has got, and how accurate it is; also while it goes on."""
+    """Show what a run contains, how far it has got, and how accurate it is; also while it goes
+    on.
+    """
     from multicor_cli.checks import check_run
     from multicor_cli.store import run_info
 
@@ -66,7 +70,9 @@ def info(directory: RunPath, is_strict: Strict = False, is_json: AsJson = False)
 
 
 def verify(directory: RunPath, is_json: AsJson = False) -> None:
-    """Read everything that a run has stored and compare it with its checksums; exit code 7 if something is damaged."""
+    """Read everything that a run has stored and compare it with its checksums; exit code 7 if
+    something is damaged.
+    """
     from multicor_cli.store import verify as verify_run
 
     findings = verify_run(directory)
@@ -77,7 +83,11 @@ def verify(directory: RunPath, is_json: AsJson = False) -> None:
     else:
         for finding in findings:
             emit(f"{finding.severity}: {_with_file(finding.file, finding.message)}")
-        say(f"{directory}: {count_noun(len(damaged), 'file')} damaged" if damaged else f"{directory}: no damage found")
+        say(
+            f"{directory}: {count_noun(len(damaged), 'file')} damaged"
+            if damaged
+            else f"{directory}: no damage found"
+        )
     if damaged:
         raise typer.Exit(ExitCode.DAMAGED)
 
@@ -102,7 +112,12 @@ def _describe(found: dict[str, Any]) -> list[tuple[str, str]]:
     reason = found["stop_reason"]
     lines = [
         ("run", found["path"]),
-        ("status", f"{found['status']} ({reason})" if reason and reason != found["status"] else found["status"]),
+        (
+            "status",
+            f"{found['status']} ({reason})"
+            if reason and reason != found["status"]
+            else found["status"],
+        ),
         ("grains", _text(found["grain_count"])),
         *_describe_exchange(found["exchange"]),
         ("walls", ", ".join(found["walls"]) or "none"),
@@ -118,14 +133,23 @@ def _describe(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("state digest", _text(found["state_digest"])),
         *_describe_tallies(found),
         ("sweeps", _text(solver["sweeps_mean"], " per step")),
-        ("largest residual", _text(solver["residual_rms_max"], _OF_REFERENCE) + _where(found["worst_step"])),
+        (
+            "largest residual",
+            _text(solver["residual_rms_max"], _OF_REFERENCE) + _where(found["worst_step"]),
+        ),
     ]
     version = found["provenance"].get("multicor_version", "")
     return [*lines, ("made by", f"multicor {version}, seed {found['provenance'].get('seed')}")]
 
 
 def _describe_extensions(extensions: list[dict[str, Any]]) -> list[tuple[str, str]]:
-    texts = [f"from {e['stages_before']} to {e['stages']} stages at {e['started']}, at step {_text(e['step'])}" for e in extensions]
+    texts = [
+        (
+            f"from {e['stages_before']} to {e['stages']} stages at {e['started']}, at step "
+            f"{_text(e['step'])}"
+        )
+        for e in extensions
+    ]
     return [("  extended", text) for text in texts]
 
 
@@ -134,7 +158,13 @@ def _describe_steering(steering: dict[str, Any] | None) -> list[tuple[str, str]]
         return []
     decisions = count_noun(len(steering["decisions"]), "decision")
     return [
-        ("  steered", f"by the Python program {steering['by']}, asked every {count_noun(steering['every'], 'step')}: {decisions}")
+        (
+            "  steered",
+            (
+                f"by the Python program {steering['by']}, asked every "
+                f"{count_noun(steering['every'], 'step')}: {decisions}"
+            ),
+        )
     ]
 
 
@@ -147,8 +177,14 @@ def _describe_origin(origin: dict[str, Any] | None) -> list[tuple[str, str]]:
 def _describe_exchange(exchange: dict[str, Any] | None) -> list[tuple[str, str]]:
     if exchange is None:
         return []
-    counts = ", ".join(f"{exchange[name]} {name}" for name in ("present", "waiting", "released", "left", "returned", "lost"))
-    flows = [(f"  {name}", f"{flow['grains']} grains, {flow['mass']:.4g} kg left") for name, flow in exchange["outlets"].items()]
+    counts = ", ".join(
+        f"{exchange[name]} {name}"
+        for name in ("present", "waiting", "released", "left", "returned", "lost")
+    )
+    flows = [
+        (f"  {name}", f"{flow['grains']} grains, {flow['mass']:.4g} kg left")
+        for name, flow in exchange["outlets"].items()
+    ]
     return [("  of these", counts), *flows]
 
 
@@ -163,14 +199,23 @@ def _describe_progress(found: dict[str, Any]) -> list[tuple[str, str]]:
     beat, pid = found["progress"], found["pid"]
     lines = []
     if beat is not None:
-        where = f"step {beat['step']}, t = {beat['time']:.4g} s, stage {beat.get('stage', '–')}, {100.0 * beat['progress']:.1f} %"
+        where = (
+            f"step {beat['step']}, t = {beat['time']:.4g} s, stage {beat.get('stage', '–')}, "
+            f"{100.0 * beat['progress']:.1f} %"
+        )
         speed, left = beat.get("steps_per_second"), beat.get("remaining_seconds")
         where += f", {speed:.3g} steps/s" if speed is not None else ""
         where += f", {format_seconds(left)} left" if left is not None else ""
         lines.append(("now", f"{where} ({beat.get('updated', 'time not known')})"))
     if pid is not None:
         lines.append(
-            ("checkpoint", f"kill -USR1 {pid} writes one; kill -TERM {pid} writes one and stops, and the same command continues")
+            (
+                "checkpoint",
+                (
+                    f"kill -USR1 {pid} writes one; kill -TERM {pid} writes one and stops, and the "
+                    "same command continues"
+                ),
+            )
         )
     return lines
 
@@ -178,7 +223,11 @@ def _describe_progress(found: dict[str, Any]) -> list[tuple[str, str]]:
 def _describe_tallies(found: dict[str, Any]) -> list[tuple[str, str]]:
     from multicor_cli.model.books import TALLIES
 
-    return [(entry.label[0], _text(found[str(entry.summary)], entry.label[1])) for entry in TALLIES if entry.label is not None]
+    return [
+        (entry.label[0], _text(found[str(entry.summary)], entry.label[1]))
+        for entry in TALLIES
+        if entry.label is not None
+    ]
 
 
 def _where(worst: dict[str, Any] | None) -> str:
@@ -188,12 +237,28 @@ def _where(worst: dict[str, Any] | None) -> str:
 def _describe_heat(heat: dict[str, Any]) -> list[tuple[str, str]]:
     books, temperature = heat["books"], heat["temperature"]
     lines = [
-        ("temperature", f"{temperature['mean']:.6g} K on average, {temperature['min']:.6g} to {temperature['max']:.6g} K"),
+        (
+            "temperature",
+            (
+                f"{temperature['mean']:.6g} K on average, {temperature['min']:.6g} to "
+                f"{temperature['max']:.6g} K"
+            ),
+        ),
         ("heat stored", _text(books["stored"], " J")),
     ]
-    lines += [(label, _text(books[name], " J")) for name, label in _HEAT_LABELS.items() if books[name]]
+    lines += [
+        (label, _text(books[name], " J")) for name, label in _HEAT_LABELS.items() if books[name]
+    ]
     if heat["solid_gas_max"] is not None:
-        lines.append(("solid to gas", f"λ_s s/(λ_f a) from {_text(heat['solid_gas_min'])} to {_text(heat['solid_gas_max'])}"))
+        lines.append(
+            (
+                "solid to gas",
+                (
+                    f"λ_s s/(λ_f a) from {_text(heat['solid_gas_min'])} to "
+                    f"{_text(heat['solid_gas_max'])}"
+                ),
+            )
+        )
     return [*lines, ("heat sub-steps", _text(heat["sub_steps"]))]
 
 
@@ -207,50 +272,87 @@ def _text(value: Any, unit: str = "") -> str:
 
 PageFile = Annotated[
     Path | None,
-    output_option(metavar="FILE.html", help="File to write.", show_default="DIR-report.html beside DIR"),
+    output_option(
+        metavar="FILE.html", help="File to write.", show_default="DIR-report.html beside DIR"
+    ),
 ]
 FrameLimit = Annotated[
     int | None,
-    typer.Option("--frames", metavar="N", min=1, help="Largest number of frames in it.", show_default="as many as fit in 30 MB"),
+    typer.Option(
+        "--frames",
+        metavar="N",
+        min=1,
+        help="Largest number of frames in it.",
+        show_default="as many as fit in 30 MB",
+    ),
 ]
-OverwritePage = Annotated[bool, typer.Option("--overwrite", help="Replace the file if it is a report.")]
+OverwritePage = Annotated[
+    bool, typer.Option("--overwrite", help="Replace the file if it is a report.")
+]
 
 
-def report(directory: RunPath, output: PageFile = None, frames: FrameLimit = None, is_overwriting: OverwritePage = False) -> None:
-    """Write one HTML page about a run, to mail or to keep: how it went, figures, and an interactive view of the grains.
+def report(
+    directory: RunPath,
+    output: PageFile = None,
+    frames: FrameLimit = None,
+    is_overwriting: OverwritePage = False,
+) -> None:
+    """Write one HTML page about a run, to mail or to keep: how it went, figures, and an interactive
+    view of the grains.
 
-    The page needs no network and opens in any current browser. It works on a run that is still going on. Frames are left
-    out, evenly, if the page would become larger than 30 MB, and it says so.
+    The page needs no network and opens in any current browser. It works on a run that is still
+    going on. Frames are left out, evenly, if the page would become larger than 30 MB, and it says
+    so.
     """
     if output is not None and output.suffix.lower() not in (".html", ".htm"):
         raise typer.BadParameter(f"'{output}' does not end in .html", param_hint="-o")
     from multicor_cli.report import write_report
 
     with show_progress("frame") as progress:
-        done = write_report(directory, output, frames=frames, is_overwriting=is_overwriting, progress=progress)
+        done = write_report(
+            directory, output, frames=frames, is_overwriting=is_overwriting, progress=progress
+        )
     if not done.has_figures:
         say(f"without figures: they need matplotlib: {LIBRARIES['matplotlib'].remedy}")
-    contacts = "" if done.contact_limit is None else f", with the {done.contact_limit} strongest contacts of each"
-    say(f"wrote {done.path}: {format_bytes(done.size)}, {done.frames} of {done.frame_count} frames{contacts}")
+    contacts = (
+        ""
+        if done.contact_limit is None
+        else f", with the {done.contact_limit} strongest contacts of each"
+    )
+    say(
+        f"wrote {done.path}: {format_bytes(done.size)}, {done.frames} of {done.frame_count} "
+        f"frames{contacts}"
+    )
 
 
 # ---- Commands `export …`: frames of a run in the formats of other programs
 
 export = typer.Typer(
     no_args_is_help=True,
-    help="A run in the formats of other programs. ParaView opens results.vtkhdf in the run directory as it is.",
+    help=(
+        "A run in the formats of other programs. ParaView opens results.vtkhdf in the run "
+        "directory as it is."
+    ),
 )
 
 GsdFile = Annotated[Path, output_option(metavar="FILE.gsd", help="File to write.")]
 CsvDirectory = Annotated[Path, output_option(metavar="DIR", help="Directory to write.")]
 FclibFile = Annotated[Path, output_option(metavar="FILE.hdf5", help="File to write.")]
-OverwriteExport = Annotated[bool, typer.Option("--overwrite", help="Replace what an export has written there before.")]
+OverwriteExport = Annotated[
+    bool, typer.Option("--overwrite", help="Replace what an export has written there before.")
+]
 
 
-def to_gsd(directory: RunPath, output: GsdFile, frames: Frames = None, is_overwriting: OverwriteExport = False) -> None:
+def to_gsd(
+    directory: RunPath,
+    output: GsdFile,
+    frames: Frames = None,
+    is_overwriting: OverwriteExport = False,
+) -> None:
     """Write a GSD file for OVITO: grains as particles, contacts that carry a force as bonds.
 
-    Temperatures, angular velocities and forces are logged quantities, which OVITO shows as properties. Needs the library gsd.
+    Temperatures, angular velocities and forces are logged quantities, which OVITO shows as
+    properties. Needs the library gsd.
     """
     chosen = parse_frames(frames, None, None)
     from multicor_cli.export import export_gsd
@@ -261,8 +363,14 @@ def to_gsd(directory: RunPath, output: GsdFile, frames: Frames = None, is_overwr
     say(f"wrote {output}: {count_noun(count, 'frame')}, {format_bytes(output.stat().st_size)}")
 
 
-def to_csv(directory: RunPath, output: CsvDirectory, frames: Frames = None, is_overwriting: OverwriteExport = False) -> None:
-    """Write CSV files into a directory: grains, contacts and walls of every frame, the list of frames, and the time series.
+def to_csv(
+    directory: RunPath,
+    output: CsvDirectory,
+    frames: Frames = None,
+    is_overwriting: OverwriteExport = False,
+) -> None:
+    """Write CSV files into a directory: grains, contacts and walls of every frame, the list of
+    frames, and the time series.
 
     Headings carry the units; numbers are written so that reading them gives the same bits.
     """
@@ -276,8 +384,14 @@ def to_csv(directory: RunPath, output: CsvDirectory, frames: Frames = None, is_o
     say(f"wrote {output}: {count_noun(count, 'frame')}, {format_bytes(size)}")
 
 
-def to_fclib(directory: RunPath, output: FclibFile, frame: OneFrame = -1, is_overwriting: OverwriteExport = False) -> None:
-    """Write the contact problem of the step after a frame in the HDF5 format of FCLib, for other solvers.
+def to_fclib(
+    directory: RunPath,
+    output: FclibFile,
+    frame: OneFrame = -1,
+    is_overwriting: OverwriteExport = False,
+) -> None:
+    """Write the contact problem of the step after a frame in the HDF5 format of FCLib, for other
+    solvers.
 
     After the last frame of a finished run, the step is the one that its last stage would take next.
     """
@@ -285,15 +399,22 @@ def to_fclib(directory: RunPath, output: FclibFile, frame: OneFrame = -1, is_ove
     from multicor_cli.store import open_run
 
     with open_run(directory) as run:
-        found = export_fclib(run, output, frame, is_overwriting=is_overwriting, computing=_may_be_left())
+        found = export_fclib(
+            run, output, frame, is_overwriting=is_overwriting, computing=_may_be_left()
+        )
     contacts = count_noun(len(found.problem.pair), "contact")
     where = "beyond the end of the run" if found.is_beyond else f"in stage '{found.stage}'"
-    say(f"wrote {output}: {contacts} of the step after frame {found.frame} (t = {found.time:g} s), {where}")
+    say(
+        f"wrote {output}: {contacts} of the step after frame {found.frame} (t = {found.time:g} "
+        f"s), {where}"
+    )
 
 
 @contextlib.contextmanager
 def _may_be_left() -> Iterator[None]:
-    """Leave at once when a signal says so: an exception would have to find its way through the machine code of a compiler."""
+    """Leave at once when a signal says so: an exception would have to find its way through the
+    machine code of a compiler.
+    """
     from multicor_cli.running.signals import StopSignals
 
     stop_signals = StopSignals(may_exit=True)

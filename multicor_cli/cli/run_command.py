@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from multicor_cli.cli.console import Strict, complain, count_verdicts, following, format_seconds, refuse_bad, say, show_doubtful
+from multicor_cli.cli.console import (
+    Strict,
+    complain,
+    count_verdicts,
+    following,
+    format_seconds,
+    refuse_bad,
+    say,
+    show_doubtful,
+)
 from multicor_cli.cli.guard import set_crash_directory
 from multicor_cli.cli.options import Overrides, ScenarioFile, output_option
 from multicor_cli.text import count_noun
@@ -30,13 +39,20 @@ Directory = Annotated[
 Threads = Annotated[
     int,
     typer.Option(
-        "--threads", min=0, max=1024, help="Threads; 0: what the scenario says, or all cores. Results do not depend on it."
+        "--threads",
+        min=0,
+        max=1024,
+        help="Threads; 0: what the scenario says, or all cores. Results do not depend on it.",
     ),
 ]
 MaxHours = Annotated[
     float | None,
     typer.Option(
-        "--max-hours", min=0.0, metavar="H", help="Stop after this time with a checkpoint and exit code 75.", show_default=False
+        "--max-hours",
+        min=0.0,
+        metavar="H",
+        help="Stop after this time with a checkpoint and exit code 75.",
+        show_default=False,
     ),
 ]
 
@@ -47,17 +63,30 @@ def run(
     overrides: Overrides = None,
     threads: Threads = 0,
     max_hours: MaxHours = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Remove the run that is in the directory.")] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Remove the run that is in the directory.")
+    ] = False,
     extend: Annotated[
-        bool, typer.Option("--extend", help="Add the stages that the scenario has more at its end to the run in the directory.")
+        bool,
+        typer.Option(
+            "--extend",
+            help=(
+                "Add the stages that the scenario has more at its end to the run in the directory."
+            ),
+        ),
     ] = False,
     is_strict: Strict = False,
-    is_dry: Annotated[bool, typer.Option("--dry-run", help="Place the grains and do one step; write nothing.")] = False,
-    is_quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show warnings and errors only.")] = False,
+    is_dry: Annotated[
+        bool, typer.Option("--dry-run", help="Place the grains and do one step; write nothing.")
+    ] = False,
+    is_quiet: Annotated[
+        bool, typer.Option("--quiet", "-q", help="Show warnings and errors only.")
+    ] = False,
 ) -> None:
     """Run a scenario, or continue a run that was stopped: the same command does both.
 
-    Ctrl-C, SIGTERM and SIGHUP stop after a checkpoint (a second one at once), SIGUSR1 writes a checkpoint and goes on.
+    Ctrl-C, SIGTERM and SIGHUP stop after a checkpoint (a second one at once), SIGUSR1 writes a
+    checkpoint and goes on.
     """
     from multicor_cli.running.signals import StopSignals
 
@@ -72,7 +101,14 @@ def run(
                 _dry_run(job)
             return
         outcome = _run(
-            job, output, max_hours, stop_signals, overwrite=overwrite, extend=extend, is_quiet=is_quiet, is_strict=is_strict
+            job,
+            output,
+            max_hours,
+            stop_signals,
+            overwrite=overwrite,
+            extend=extend,
+            is_quiet=is_quiet,
+            is_strict=is_strict,
         )
     _conclude(outcome, is_quiet=is_quiet, is_strict=is_strict)
     raise typer.Exit(outcome.reason.exit_code)
@@ -84,7 +120,9 @@ class _Job(NamedTuple):
 
 
 def _prepare(path: Path, overrides: Sequence[str], threads: int) -> _Job:
-    """Load the scenario, and the engine with room for the threads: most of the time before a run can begin."""
+    """Load the scenario, and the engine with room for the threads: most of the time before a run
+    can begin.
+    """
     from multicor_cli.running.compiling import reserve_threads
     from multicor_cli.scenario.scenario import load_scenario
 
@@ -133,7 +171,9 @@ def _run(
 
 
 def _conclude(outcome: RunOutcome, *, is_quiet: bool, is_strict: bool) -> None:
-    """Say what is doubtful about the run and how it ended. A run that was stopped keeps its own exit code: it can go on."""
+    """Say what is doubtful about the run and how it ended. A run that was stopped keeps its own
+    exit code: it can go on.
+    """
     from multicor_cli.checks import check_run
 
     checks = check_run(outcome.directory)
@@ -154,9 +194,15 @@ def _dry_run(job: _Job) -> None:
 
     say("placing the grains")
     model, state = build(job.scenario)
-    say(f"{count_noun(model.grain_count, 'grain')}, {count_noun(model.wall_count, 'wall')}; compiling and doing one step")
+    say(
+        f"{count_noun(model.grain_count, 'grain')}, {count_noun(model.wall_count, 'wall')}; "
+        "compiling and doing one step"
+    )
     started = time.monotonic()
     report = try_step(job.scenario, model, state, job.threads)
     took = format_seconds(time.monotonic() - started)
     state_of = "converged" if report.converged else "not converged"
-    say(f"one step with compilation: {took}; {report.contacts} loaded contacts, {report.sweeps:.0f} sweeps, {state_of}")
+    say(
+        f"one step with compilation: {took}; {report.contacts} loaded contacts, "
+        f"{report.sweeps:.0f} sweeps, {state_of}"
+    )

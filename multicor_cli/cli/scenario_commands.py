@@ -11,7 +11,17 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from multicor_cli.cli.console import Strict, checks_as_json, emit, emit_json, emit_pairs, format_seconds, refuse_bad, say, show_all
+from multicor_cli.cli.console import (
+    Strict,
+    checks_as_json,
+    emit,
+    emit_json,
+    emit_pairs,
+    format_seconds,
+    refuse_bad,
+    say,
+    show_all,
+)
 from multicor_cli.cli.options import Overrides, ScenarioFile, listed
 from multicor_cli.running.outcome import ExitCode
 from multicor_cli.text import count_noun, format_bytes
@@ -30,8 +40,13 @@ TEMPLATE_HELP = "What to start from: {templates}."
 
 def new(
     name: Annotated[str, typer.Argument(help=NAME_HELP)],
-    template: Annotated[str, typer.Option("--template", "-t", help=TEMPLATE_HELP, autocompletion=listed("templates"))] = "shear",
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing file.")] = False,
+    template: Annotated[
+        str,
+        typer.Option("--template", "-t", help=TEMPLATE_HELP, autocompletion=listed("templates")),
+    ] = "shear",
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace an existing file.")
+    ] = False,
 ) -> None:
     """Write a commented scenario file to start from."""
     from multicor_cli.scenario.templates import new_scenario, template_table
@@ -57,7 +72,12 @@ def new(
 def validate(
     scenario: ScenarioFile,
     overrides: Overrides = None,
-    threads: Annotated[int, typer.Option("--threads", min=0, max=1024, help="Number of threads to assume; 0: all cores.")] = 0,
+    threads: Annotated[
+        int,
+        typer.Option(
+            "--threads", min=0, max=1024, help="Number of threads to assume; 0: all cores."
+        ),
+    ] = 0,
     is_strict: Strict = False,
     is_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
@@ -133,7 +153,9 @@ def _summary(run: Prepared) -> dict[str, Any]:
 
 
 class _PushedWall(NamedTuple):
-    """A wall that a force drives in some stage: its mass [kg], moment of inertia [kg m²], and whether the file gives the mass."""
+    """A wall that a force drives in some stage: its mass [kg], moment of inertia [kg m²], and
+    whether the file gives the mass.
+    """
 
     name: str
     mass: float | None
@@ -143,17 +165,31 @@ class _PushedWall(NamedTuple):
     def text(self) -> str:
         """For people."""
         inertia = "" if self.inertia is None else f", {self.inertia:.4g} kg m²"
-        mass = "" if self.mass is None else f" {self.mass:.4g} kg ({'given' if self.is_given else 'default'})"
+        mass = (
+            ""
+            if self.mass is None
+            else f" {self.mass:.4g} kg ({'given' if self.is_given else 'default'})"
+        )
         return f"'{self.name}'{mass}{inertia}"
 
 
 def _pushed_walls(scenario: Scenario, plan: RunPlan, model: Model) -> list[_PushedWall]:
     drives = [stage.drives.started([0.0] * (k + 1)) for k, stage in enumerate(plan.stages)]
-    numbers = [w for w in range(model.wall_count) if any(dof.is_driven for stage in drives for dof in stage[w].dofs())]
-    values = [
-        [None if math.isnan(value) else value for value in array.tolist()] for array in (model.walls.mass, model.walls.inertia)
+    numbers = [
+        w
+        for w in range(model.wall_count)
+        if any(dof.is_driven for stage in drives for dof in stage[w].dofs())
     ]
-    return [_PushedWall(model.walls.names[w], values[0][w], values[1][w], scenario.walls[w].mass is not None) for w in numbers]
+    values = [
+        [None if math.isnan(value) else value for value in array.tolist()]
+        for array in (model.walls.mass, model.walls.inertia)
+    ]
+    return [
+        _PushedWall(
+            model.walls.names[w], values[0][w], values[1][w], scenario.walls[w].mass is not None
+        )
+        for w in numbers
+    ]
 
 
 def _lines_of_origin(origin: Origin | None) -> list[tuple[str, str]]:
@@ -168,7 +204,10 @@ def _time_steps(plan: RunPlan, reviews: Sequence[StepReview | None]) -> str:
     for stage, review in zip(plan.stages, reviews, strict=True):
         text = f"{stage.dt:.4g} s" + ("" if review is None else f": {review.text()}")
         if stage.duration is not None and stage.step_limit is not None:
-            text += f"; the last one is {stage.step_after(stage.step_limit - 1):.4g} s, to end at {stage.duration:g} s"
+            text += (
+                f"; the last one is {stage.step_after(stage.step_limit - 1):.4g} s, to end at "
+                f"{stage.duration:g} s"
+            )
         names.setdefault(text, []).append(stage.name)
     if len(names) == 1:
         return next(iter(names))
@@ -181,7 +220,10 @@ def _frictions(scenario: Scenario, plan: RunPlan) -> list[str]:
 
     texts = []
     for stage, table in zip(plan.stages, scenario.loading, strict=True):
-        changes = [f"{' – '.join(entry.pair)}: {show(entry.model_dump(exclude_none=True)['friction'])}" for entry in table.contacts]
+        changes = [
+            f"{' – '.join(entry.pair)}: {show(entry.model_dump(exclude_none=True)['friction'])}"
+            for entry in table.contacts
+        ]
         if changes:
             texts.append(f"from stage {stage.name} on, {', '.join(changes)}")
     return texts
@@ -189,8 +231,16 @@ def _frictions(scenario: Scenario, plan: RunPlan) -> list[str]:
 
 def _lines(run: Prepared) -> list[tuple[str, str]]:
     scenario, plan, model, cost = run.scenario, run.plan, run.model, run.cost
-    steps = "not known in advance" if cost.steps is None else f"{cost.steps} at most, in {count_noun(len(plan.stages), 'stage')}"
-    frames = "not known in advance" if cost.frames is None else f"{cost.frames} of {format_bytes(cost.frame_bytes)}"
+    steps = (
+        "not known in advance"
+        if cost.steps is None
+        else f"{cost.steps} at most, in {count_noun(len(plan.stages), 'stage')}"
+    )
+    frames = (
+        "not known in advance"
+        if cost.frames is None
+        else f"{cost.frames} of {format_bytes(cost.frame_bytes)}"
+    )
     lines = [
         ("scenario", f"{scenario.path} is valid"),
         *_lines_of_origin(run.origin),
@@ -204,10 +254,31 @@ def _lines(run: Prepared) -> list[tuple[str, str]]:
         ("memory", f"about {format_bytes(cost.memory)}"),
     ]
     if cost.disk is not None and cost.disk_peak is not None and cost.seconds is not None:
-        lines.append(("disk", f"about {format_bytes(cost.disk)}, {format_bytes(cost.disk_peak)} while results.h5 is made"))
-        lines.append(("wall time", f"about {format_seconds(cost.seconds)}, and half a minute of compilation the first time"))
+        lines.append(
+            (
+                "disk",
+                (
+                    f"about {format_bytes(cost.disk)}, {format_bytes(cost.disk_peak)} while "
+                    "results.h5 is made"
+                ),
+            )
+        )
+        lines.append(
+            (
+                "wall time",
+                (
+                    f"about {format_seconds(cost.seconds)}, and half a minute of compilation the "
+                    "first time"
+                ),
+            )
+        )
     else:
-        lines.append(("disk, time", "not known in advance: a stage ends by a condition that cannot be foreseen"))
+        lines.append(
+            (
+                "disk, time",
+                "not known in advance: a stage ends by a condition that cannot be foreseen",
+            )
+        )
     return lines
 
 

@@ -16,7 +16,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from multicor_cli.cli import options
-from multicor_cli.cli.console import Bar, complain, emit, emit_json, emit_pairs, emit_table, format_seconds, say
+from multicor_cli.cli.console import (
+    Bar,
+    complain,
+    emit,
+    emit_json,
+    emit_pairs,
+    emit_table,
+    format_seconds,
+    say,
+)
 from multicor_cli.cli.options import output_option
 from multicor_cli.text import count_noun, format_bytes
 
@@ -26,9 +35,14 @@ if TYPE_CHECKING:
     from multicor_cli.studies.session import Forecast, StudySession
     from multicor_cli.studies.table import StudyTable
 
-group = typer.Typer(no_args_is_help=True, help="Compute many runs of one scenario, and make their table and figures.")
+group = typer.Typer(
+    no_args_is_help=True,
+    help="Compute many runs of one scenario, and make their table and figures.",
+)
 
-StudyFile = Annotated[Path, typer.Argument(metavar="STUDY.toml", help="Study file.", show_default=False)]
+StudyFile = Annotated[
+    Path, typer.Argument(metavar="STUDY.toml", help="Study file.", show_default=False)
+]
 Output = Annotated[
     Path | None,
     output_option(metavar="DIR", help="Directory of the study.", show_default="studies/NAME"),
@@ -42,15 +56,25 @@ _SHOWN = 8  # running cases that are listed
 def run(
     file: StudyFile,
     output: Output = None,
-    retry: Annotated[bool, typer.Option("--retry", help="Try cases that failed once more.")] = False,
+    retry: Annotated[
+        bool, typer.Option("--retry", help="Try cases that failed once more.")
+    ] = False,
     max_hours: Annotated[
         float | None,
-        typer.Option("--max-hours", min=0.0, metavar="H", help="Stop after this time, with checkpoints and exit code 75."),
+        typer.Option(
+            "--max-hours",
+            min=0.0,
+            metavar="H",
+            help="Stop after this time, with checkpoints and exit code 75.",
+        ),
     ] = None,
-    is_quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show warnings and errors only.")] = False,
+    is_quiet: Annotated[
+        bool, typer.Option("--quiet", "-q", help="Show warnings and errors only.")
+    ] = False,
     is_json: Json = False,
 ) -> None:
-    """Compute the cases of a study that are not done yet: the same command begins a study and continues it.
+    """Compute the cases of a study that are not done yet: the same command begins a study and
+    continues it.
 
     Ctrl-C, SIGTERM and SIGHUP stop running cases after a checkpoint.
     """
@@ -67,7 +91,9 @@ def run(
         _show_doubtful(predicted)
     watcher = StudyProgress(session.directory, is_quiet=is_quiet)
     try:
-        tally = session.compute(retry=retry, max_hours=max_hours, watcher=watcher, predicted=predicted)
+        tally = session.compute(
+            retry=retry, max_hours=max_hours, watcher=watcher, predicted=predicted
+        )
     finally:
         watcher.closed()
     counts = Counter(state.status for state in session.states())
@@ -75,8 +101,10 @@ def run(
         complain(f"case {name}: {reason}")
     if is_json:
         emit_json({
-            "directory": str(session.directory.path), "cases": {state.value: counts[state] for state in CaseStatus},
-            "failed": tally.failed, "stopped": tally.stopped, "reason": "" if tally.reason is None else tally.reason.value,
+            "directory": str(session.directory.path),
+            "cases": {state.value: counts[state] for state in CaseStatus},
+            "failed": tally.failed, "stopped": tally.stopped,
+            "reason": "" if tally.reason is None else tally.reason.value,
         })  # fmt: skip
     if not is_quiet:
         say(f"{_summary(counts)}, in {session.directory.path}")
@@ -88,7 +116,8 @@ def run(
     if counts[CaseStatus.FAILED]:
         if not tally.failed:
             say(
-                f"{count_noun(counts[CaseStatus.FAILED], 'case')} failed before; --retry tries again:  multicor study status {file}"
+                f"{count_noun(counts[CaseStatus.FAILED], 'case')} failed before; --retry tries "
+                f"again:  multicor study status {file}"
             )
         raise typer.Exit(ExitCode.PHYSICS)
 
@@ -101,20 +130,27 @@ def validate(file: StudyFile, output: Output = None, is_json: Json = False) -> N
     found = session.check()
     if is_json:
         emit_json({
-            "valid": True, "study": str(file), "name": session.study.name, "cases": [case.name for case in session.cases],
+            "valid": True, "study": str(file), "name": session.study.name,
+            "cases": [case.name for case in session.cases],
             "estimate": {
-                "core_hours": found.hours, "disk_bytes": found.disk, "memory_bytes_per_case": found.memory, "placed": found.placed,
+                "core_hours": found.hours, "disk_bytes": found.disk,
+                "memory_bytes_per_case": found.memory, "placed": found.placed,
                 "cases_left": found.cases,
             },
             "doubtful": [{"case": name, **check.as_dict()} for name, check in found.doubtful],
         })  # fmt: skip
         return
-    hours = "unknown: a stage has no known end" if found.hours is None else format_seconds(3600.0 * found.hours)
+    hours = (
+        "unknown: a stage has no known end"
+        if found.hours is None
+        else format_seconds(3600.0 * found.hours)
+    )
     disk = "unknown" if found.disk is None else f"about {format_bytes(found.disk)}"
     emit_pairs([
         ("study", session.study.name),
         ("scenario", str(session.study.scenario)),
-        ("cases", f"{len(session.cases)}, from {session.cases[0].name} to {session.cases[-1].name}"),
+        ("cases", (f"{len(session.cases)}, from {session.cases[0].name} to "
+            f"{session.cases[-1].name}")),
         ("grains", f"{found.grains} at most"),
         ("left", count_noun(found.cases, "case")),
         ("time", f"{hours} on one core, estimated from {count_noun(found.placed, 'case')}"),
@@ -136,7 +172,8 @@ def status(file: StudyFile, output: Output = None, is_json: Json = False) -> Non
             "directory": str(session.directory.path),
             "cases": [
                 {
-                    "name": case.name, "values": dict(case.values), "status": state.status.value, "reason": state.reason,
+                    "name": case.name, "values": dict(case.values), "status": state.status.value,
+                    "reason": state.reason,
                     "step": state.step, "share": state.share, "remaining_seconds": state.remaining,
                 }
                 for case, state in zip(session.cases, states, strict=True)
@@ -156,16 +193,27 @@ def status(file: StudyFile, output: Output = None, is_json: Json = False) -> Non
 def table(
     file: StudyFile,
     output: Output = None,
-    is_mean: Annotated[bool, typer.Option("--mean", help="Means over the seeds, with the error between them.")] = False,
+    is_mean: Annotated[
+        bool, typer.Option("--mean", help="Means over the seeds, with the error between them.")
+    ] = False,
     is_csv: Annotated[bool, typer.Option("--csv", help="Print CSV.")] = False,
     is_json: Json = False,
     parquet: Annotated[
         Path | None,
-        typer.Option("--parquet", metavar="FILE", help="Write a Parquet file; needs pandas and pyarrow.", show_default=False),
+        typer.Option(
+            "--parquet",
+            metavar="FILE",
+            help="Write a Parquet file; needs pandas and pyarrow.",
+            show_default=False,
+        ),
     ] = None,
-    is_overwriting: Annotated[bool, typer.Option("--overwrite", help="Replace the file of --parquet if it is there.")] = False,
+    is_overwriting: Annotated[
+        bool, typer.Option("--overwrite", help="Replace the file of --parquet if it is there.")
+    ] = False,
 ) -> None:
-    """Print the table of a study: values, observables with their errors, verdict, digest and run directory of each case."""
+    """Print the table of a study: values, observables with their errors, verdict, digest and run
+    directory of each case.
+    """
     from multicor_cli.studies.session import StudySession
 
     if is_csv and is_json:
@@ -189,38 +237,83 @@ def table(
 
 def plot(
     file: StudyFile,
-    target: Annotated[Path, typer.Argument(metavar="FIGURE", help="File (.png, .svg, .pdf), or term.", show_default=False)],
-    of: Annotated[
-        str, typer.Option("--of", metavar="NAME", help="Observable.", show_default=False, autocompletion=options.observables)
+    target: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FIGURE", help="File (.png, .svg, .pdf), or term.", show_default=False
+        ),
     ],
-    against: Annotated[str, typer.Option("--against", metavar="NAME", help="Key or observable across.", show_default=False)],
+    of: Annotated[
+        str,
+        typer.Option(
+            "--of",
+            metavar="NAME",
+            help="Observable.",
+            show_default=False,
+            autocompletion=options.observables,
+        ),
+    ],
+    against: Annotated[
+        str,
+        typer.Option(
+            "--against", metavar="NAME", help="Key or observable across.", show_default=False
+        ),
+    ],
     by: Annotated[
         str | None,
-        typer.Option("--by", metavar="KEY", help="A series for each of its values; default: for all other keys."),
+        typer.Option(
+            "--by",
+            metavar="KEY",
+            help="A series for each of its values; default: for all other keys.",
+        ),
     ] = None,
     facet: Annotated[
         str | None,
-        typer.Option("--facet", metavar="KEY", help="A panel for each of its values.", show_default=False),
+        typer.Option(
+            "--facet", metavar="KEY", help="A panel for each of its values.", show_default=False
+        ),
     ] = None,
     where: Annotated[
         list[str] | None,
-        typer.Option("--where", metavar="KEY=VALUE", help="Cases with this value only; may be repeated.", show_default=False),
+        typer.Option(
+            "--where",
+            metavar="KEY=VALUE",
+            help="Cases with this value only; may be repeated.",
+            show_default=False,
+        ),
     ] = None,
     kind: Annotated[
         str | None,
-        typer.Option("--fit", metavar="KIND", help="{fits}.", show_default=False, autocompletion=options.listed("fits")),
+        typer.Option(
+            "--fit",
+            metavar="KIND",
+            help="{fits}.",
+            show_default=False,
+            autocompletion=options.listed("fits"),
+        ),
     ] = None,
     curves: Annotated[
         list[str] | None,
         typer.Option(
-            "--curve", metavar="'NAME: FORMULA'", help="A formula in x beside the points; may be repeated.", show_default=False
+            "--curve",
+            metavar="'NAME: FORMULA'",
+            help="A formula in x beside the points; may be repeated.",
+            show_default=False,
         ),
     ] = None,
-    log: Annotated[str, typer.Option("--log", metavar="AXES", help="Logarithmic axes: x, y or xy.", show_default=False)] = "",
+    log: Annotated[
+        str,
+        typer.Option(
+            "--log", metavar="AXES", help="Logarithmic axes: x, y or xy.", show_default=False
+        ),
+    ] = "",
     output: Output = None,
-    is_overwriting: Annotated[bool, typer.Option("--overwrite", help="Replace the file if it is there.")] = False,
+    is_overwriting: Annotated[
+        bool, typer.Option("--overwrite", help="Replace the file if it is there.")
+    ] = False,
 ) -> None:
-    """Draw an observable of a study against a value or another observable, means over seeds with their errors.
+    """Draw an observable of a study against a value or another observable, means over seeds with
+    their errors.
 
     The name of a curve stands in the legend: --curve 'da Cruz 2005: 0.25 + 1.1*x'.
     """
@@ -239,7 +332,11 @@ def plot(
     session = StudySession.open(file, output)
     found = _table(session, is_mean=True)
     panels = make_panels(found, question)
-    lines = [[figure.fit(kind, line) for line in panel.series] for panel in panels] if kind is not None else []
+    lines = (
+        [[figure.fit(kind, line) for line in panel.series] for panel in panels]
+        if kind is not None
+        else []
+    )
     for panel, own in zip(panels, lines, strict=bool(lines)):
         for line, curve in zip(panel.series, own, strict=True):
             say(": ".join(text for text in (panel.title, line.label, curve.text) if text))
@@ -263,16 +360,29 @@ def report(
     page: Annotated[
         Path | None,
         typer.Option(
-            "--page", metavar="FILE.html", help="File to write.", show_default="NAME-report.html in the study's directory"
+            "--page",
+            metavar="FILE.html",
+            help="File to write.",
+            show_default="NAME-report.html in the study's directory",
         ),
     ] = None,
-    has_runs: Annotated[bool, typer.Option("--runs", help="Write a page about each finished run that has none as well.")] = False,
+    has_runs: Annotated[
+        bool,
+        typer.Option("--runs", help="Write a page about each finished run that has none as well."),
+    ] = False,
     frames: Annotated[
-        int, typer.Option("--frames", min=1, metavar="N", help="Largest number of frames in the page of a run.")
+        int,
+        typer.Option(
+            "--frames", min=1, metavar="N", help="Largest number of frames in the page of a run."
+        ),
     ] = 20,
-    is_overwriting: Annotated[bool, typer.Option("--overwrite", help="Replace the file if it is a report.")] = False,
+    is_overwriting: Annotated[
+        bool, typer.Option("--overwrite", help="Replace the file if it is a report.")
+    ] = False,
 ) -> None:
-    """Write one HTML page about a study: how far it is, figures, means over seeds, and all cases with links to their runs."""
+    """Write one HTML page about a study: how far it is, figures, means over seeds, and all cases
+    with links to their runs.
+    """
     from multicor_cli.cli.console import show_progress
     from multicor_cli.studies.report import report_path, write_study_report
     from multicor_cli.studies.session import StudySession
@@ -283,7 +393,11 @@ def report(
         raise typer.BadParameter(f"'{target}' does not end in .html", param_hint="--page")
     with show_progress("run") as progress:
         written = write_study_report(
-            session, target, is_overwriting=is_overwriting, run_frames=frames if has_runs else None, progress=progress
+            session,
+            target,
+            is_overwriting=is_overwriting,
+            run_frames=frames if has_runs else None,
+            progress=progress,
         )
     if written:
         say(f"wrote {count_noun(written, 'page')} about runs")
@@ -304,14 +418,17 @@ def cancel(file: StudyFile, output: Output = None) -> None:
         return
     if holder.get("host") != socket.gethostname():
         raise DirectoryRefused(
-            f"{lock.parent}: the study is computed by process {holder.get('pid')} on {holder.get('host')}; cancel it there"
+            f"{lock.parent}: the study is computed by process {holder.get('pid')} on "
+            f"{holder.get('host')}; cancel it there"
         )
     os.kill(int(holder["pid"]), signal.SIGTERM)
     say(f"asked process {holder['pid']} to stop")
 
 
 class StudyProgress:
-    """Shows how a study goes: a bar on a terminal, a line a minute in a log, nothing if it is quiet."""
+    """Shows how a study goes: a bar on a terminal, a line a minute in a log, nothing if it is
+    quiet.
+    """
 
     def __init__(self, directory: StudyDirectory, *, is_quiet: bool) -> None:
         self._directory, self._is_quiet = directory, is_quiet
@@ -346,7 +463,10 @@ class StudyProgress:
         done = (self._ended + sum(state.share or 0.0 for _, state in states)) / max(self._total, 1)
         all_cases, left = f"{self._ended} of {self._total} cases", self._time_left(now, done)
         if self._bar is not None:
-            more = [(state.share or 0.0, case.name, _left(state.remaining)) for case, state in states[:_SHOWN]]
+            more = [
+                (state.share or 0.0, case.name, _left(state.remaining))
+                for case, state in states[:_SHOWN]
+            ]
             self._bar.update(done, all_cases, left, *more)
             return
         say(f"{all_cases}, {left}" if left else all_cases)
@@ -354,7 +474,9 @@ class StudyProgress:
             say(f"  {case.name}{_how_far(state.share, state.remaining)}")
 
     def _time_left(self, now: float, done: float) -> str:
-        """The time that is left, at the speed since the first look: what was done before is not this session's."""
+        """The time that is left, at the speed since the first look: what was done before is not
+        this session's.
+        """
         if self._first is None:
             self._first = now, done
         since, before = now - self._first[0], done - self._first[1]
@@ -395,11 +517,16 @@ def _write_parquet(found: StudyTable, path: Path, *, is_overwriting: bool) -> No
 def _show_doubtful(found: Forecast) -> None:
     """What `multicor validate` doubts of the cases that were placed, each doubt once."""
     for name, check in found.doubtful:
-        say(f"{check.verdict.value}: {check.name}: {check.text} [{check.limit}] (case {name}). {check.remedy}")
+        say(
+            f"{check.verdict.value}: {check.name}: {check.text} [{check.limit}] (case {name}). "
+            f"{check.remedy}"
+        )
 
 
 def _summary(counts: Counter[Any]) -> str:
-    parts = [f"{counts[state]} {state.value}" for state in sorted(counts, key=lambda state: state.value)]
+    parts = [
+        f"{counts[state]} {state.value}" for state in sorted(counts, key=lambda state: state.value)
+    ]
     return f"{count_noun(sum(counts.values()), 'case')}: {', '.join(parts)}"
 
 
@@ -412,5 +539,7 @@ def _left(seconds: float | None) -> str:
     return "" if seconds is None else f"{format_seconds(seconds)} left"
 
 
-COMMANDS = {command.__name__: command for command in (run, validate, status, table, plot, report, cancel)}
+COMMANDS = {
+    command.__name__: command for command in (run, validate, status, table, plot, report, cancel)
+}
 """Commands by name."""

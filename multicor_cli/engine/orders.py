@@ -30,7 +30,8 @@ class Settings:
         tolerance_max: Largest velocity correction e_c of a contact over u_ref.
         tolerance_energy: Largest energy residual G.
         max_sweeps: Cap on the number of sweeps of one step.
-        on_failure: What an unconverged step does: it is counted ("warn"), or stops the run ("error").
+        on_failure: What an unconverged step does: it is counted ("warn"), or stops the run
+            ("error").
     """
 
     method: Method = "accelerated"
@@ -44,7 +45,8 @@ class Settings:
 
 @dataclass(frozen=True)
 class Orders:
-    """All that a loading stage orders; what it leaves out is as the model has it. Signals count from the start of the stage.
+    """All that a loading stage orders; what it leaves out is as the model has it. Signals count
+    from the start of the stage.
 
     Attributes:
         drives: What the walls do, one for each; None: they stand still.
@@ -81,7 +83,8 @@ class StepReport:
         contacts: Number of contacts that carry an impulse.
         candidates: Number of contacts considered.
         overlap: Largest overlap over the smaller radius at the end of the step.
-        wall_impulse: Impulse of the grains on the walls [N s, N s, N m s], shape ``(w, 3)``; empty where nothing moves.
+        wall_impulse: Impulse of the grains on the walls [N s, N s, N m s], shape ``(w, 3)``; empty
+            where nothing moves.
     """
 
     sweeps: float
@@ -92,11 +95,15 @@ class StepReport:
     contacts: int
     candidates: int
     overlap: float
-    wall_impulse: Floats = field(default_factory=lambda: np.empty((0, 3)), repr=False, compare=False)
+    wall_impulse: Floats = field(
+        default_factory=lambda: np.empty((0, 3)), repr=False, compare=False
+    )
 
 
 class PhysicsError(Exception):
-    """The run cannot go on: the state is not finite, no admissible positions exist, or the solver failed by request."""
+    """The run cannot go on: the state is not finite, no admissible positions exist, or the solver
+    failed by request.
+    """
 
     exit_code = 4
 

@@ -1,9 +1,11 @@
-"""Compiles the kernels of a step without taking one: for a second process, while a first run compiles them too.
+"""Compiles the kernels of a step without taking one: for a second process, while a first run
+compiles them too.
 
-A run needs its kernels in the order of the phases of a step. This process takes them in another: the longest first, then those that
-come last, so that the two seldom compile the same. Whatever is in the cache when a run asks for it is loaded. The kernels are
-called with one grain and no contact, on one thread as in small problems: what is compiled depends on the kinds of the arguments
-and on nothing else.
+A run needs its kernels in the order of the phases of a step. This process takes them in another:
+the longest first, then those that come last, so that the two seldom compile the same. Whatever is
+in the cache when a run asks for it is loaded. The kernels are called with one grain and no contact,
+on one thread as in small problems: what is compiled depends on the kinds of the arguments and on
+nothing else.
 """
 
 from __future__ import annotations
@@ -22,9 +24,21 @@ from multicor_cli.engine.contact.acceleration import (
     start_momentum,
     step_back,
 )
-from multicor_cli.engine.contact.contacts import StepContacts, WarmStart, fill_contacts, find_missed, measure_pairs
+from multicor_cli.engine.contact.contacts import (
+    StepContacts,
+    WarmStart,
+    fill_contacts,
+    find_missed,
+    measure_pairs,
+)
 from multicor_cli.engine.contact.ordering import Schedule, Scheduler
-from multicor_cli.engine.contact.patches import choose_patch, has_clusters, hold, release, solve_patch
+from multicor_cli.engine.contact.patches import (
+    choose_patch,
+    has_clusters,
+    hold,
+    release,
+    solve_patch,
+)
 from multicor_cli.engine.contact.sweep import EXACT, System
 from multicor_cli.engine.contact.system import Moved, assemble, tabulate_contacts
 from multicor_cli.engine.energy.account import account_contacts, warm_start_of
@@ -44,15 +58,20 @@ _NO_ROWS = np.zeros(2, np.int64)
 
 
 def precompile() -> None:
-    """Compile the kernels of a step from its solve on, then those that prepare the solve, then those that hard steps need."""
+    """Compile the kernels of a step from its solve on, then those that prepare the solve, then
+    those that hard steps need.
+    """
     numba.set_num_threads(1)
     model = _one_grain()
     state = State.at_rest(model, np.zeros((1, 2)))
     scene = Scene(
-        state.position, model.grains.radius, model.material, model.shapes.kind, model.shapes.wall, np.zeros((1, 4)),
+        state.position, model.grains.radius, model.material, model.shapes.kind, model.shapes.wall,
+        np.zeros((1, 4)),
         state.wall_position, model.period,
     )  # fmt: skip
-    contacts = StepContacts(_NOBODY, _NOBODY, np.empty((0, 5)), np.empty((0, 2)), np.empty((0, 2)), np.empty((0, 2)))
+    contacts = StepContacts(
+        _NOBODY, _NOBODY, np.empty((0, 5)), np.empty((0, 2)), np.empty((0, 2)), np.empty((0, 2))
+    )
     bodies = np.zeros((2, 4))
     system = _without_contacts()
     memory, momentum = start_loop(0), start_momentum(system)
@@ -74,14 +93,17 @@ def _without_contacts() -> System:
     velocity = aligned((1, 4))
     velocity[:] = 0.0
     return System(
-        velocity, np.zeros((1, 3)), slot, pair, frame, impulse, _NO_ROWS, _NO_ROWS, np.empty((0, 2), np.int32), np.empty((0, 8)),
+        velocity, np.zeros((1, 3)), slot, pair, frame, impulse, _NO_ROWS, _NO_ROWS,
+        np.empty((0, 2), np.int32), np.empty((0, 8)),
         np.empty((0, 2, 2)), np.empty((0, 2)), 2.0, 0,
     )  # fmt: skip
 
 
 def _heat(model: Model, state: State, moved: Moved) -> None:
     material = dict.fromkeys(("density", "heat_capacity", "conductivity", "young", "poisson"), 0.1)
-    HeatStep(model, state, HeatSettings(heat_laws([material], "effusivity", np.zeros((1, 1))))).flow(moved, 1.0, 0.0)
+    HeatStep(
+        model, state, HeatSettings(heat_laws([material], "effusivity", np.zeros((1, 1))))
+    ).flow(moved, 1.0, 0.0)
 
 
 def _finish(model: Model, state: State, moved: Moved) -> None:
@@ -96,22 +118,44 @@ def _finish(model: Model, state: State, moved: Moved) -> None:
     pairs_within(_NO_ROWS, _NOBODY, gap, 1.0)
     measure_overlaps(scene, _NO_ROWS, _NOBODY, gap, 1.0, 1.0, gap, marked, chunks_for(1, 2))
     move(
-        state.position.copy(), bodies, bodies, model.grains.radius, mass, model.gravity, model.shape_factor, 1.0, state.position,
+        state.position.copy(), bodies, bodies, model.grains.radius, mass, model.gravity,
+        model.shape_factor, 1.0, state.position,
         state.velocity, chunks_for(1, 2),
     )  # fmt: skip
     account_contacts(scene, contacts, bodies)
-    find_missed(scene, _NO_ROWS, _NOBODY, gap, np.empty((0, 2)), 1.0, 1.0, bodies, 1.0, chunks_for(1))
+    find_missed(
+        scene, _NO_ROWS, _NOBODY, gap, np.empty((0, 2)), 1.0, 1.0, bodies, 1.0, chunks_for(1)
+    )
 
 
 def _prepare(model: Model, scene: Scene, contacts: StepContacts, bodies: Floats) -> None:
     """What precedes the solve, the last first."""
     slot, pair = np.empty((0, LANES), np.int32), aligned((0, 2, LANES), np.int32)
     schedule = Schedule(slot, pair, _NO_ROWS, _NO_ROWS, _NOBODY, np.zeros(1, np.int32), 2)
-    assemble(scene, contacts, schedule, bodies, np.zeros((1, 3)), model.shape_factor).collect(contacts)
+    assemble(scene, contacts, schedule, bodies, np.zeros((1, 3)), model.shape_factor).collect(
+        contacts
+    )
     Scheduler().schedule(scene, contacts, np.zeros(1, np.bool_), model.mean_diameter)
-    gap, normal, warm = np.empty(0), np.empty((0, 2)), WarmStart(_NO_ROWS, _NOBODY, np.empty((0, 2)), np.empty(0))
+    gap, normal, warm = (
+        np.empty(0),
+        np.empty((0, 2)),
+        WarmStart(_NO_ROWS, _NOBODY, np.empty((0, 2)), np.empty(0)),
+    )
     fill_contacts(
-        scene, model.laws, _NO_ROWS, _NOBODY, gap, normal, 1.0, _NO_ROWS, bodies, 1.0, warm, 1.0, contacts, chunks_for(1, 4)
+        scene,
+        model.laws,
+        _NO_ROWS,
+        _NOBODY,
+        gap,
+        normal,
+        1.0,
+        _NO_ROWS,
+        bodies,
+        1.0,
+        warm,
+        1.0,
+        contacts,
+        chunks_for(1, 4),
     )
     measure_pairs(scene, _NO_ROWS, _NOBODY, bodies, bodies, 1.0, gap, normal, chunks_for(1))
 

@@ -1,4 +1,6 @@
-"""One time step of rigid grains with Coulomb friction and heat: the phases of Moreau–Jean time stepping, in order."""
+"""One time step of rigid grains with Coulomb friction and heat: the phases of Moreau–Jean time
+stepping, in order.
+"""
 
 from __future__ import annotations
 
@@ -62,7 +64,8 @@ from multicor_cli.model.model import LEAST_DIAMETERS, ContactLaws, Floats, Model
 from multicor_cli.model.state import State
 
 SLIPS_RMS, SLIPS = 50.0, 10.0
-"""Scales of the rms and of the largest velocity correction over the mean slip between grains: by default 5 % and half of it."""
+"""Scales of the rms and of the largest velocity correction over the mean slip between grains: by
+default 5 % and half of it."""
 PHASES = ("predict", "detect", "prepare", "solve", "account", "move", "correct")
 _NOBODY, _NO_TEMPERATURE = np.empty(0, np.int64), np.empty(0)
 _NOTHING_TO_SOLVE = Outcome(0.0, True, 0.0, 0.0, 0.0)
@@ -70,7 +73,8 @@ _NOTHING_TO_CORRECT = Correction(0.0, 0.0, 0.0, 0)
 
 
 class Layout:
-    """What a step works on: made for the grains that are present, and rebuilt when one comes or goes.
+    """What a step works on: made for the grains that are present, and rebuilt when one comes or
+    goes.
 
     No result depends on how long a layout has been in use.
 
@@ -83,12 +87,15 @@ class Layout:
         scheduler: Keeps the order of the sweep as long as it may.
         mass: Mass of all these grains [kg].
         middle: q_m, shape ``(n, 3)``.
-        before: Grains and walls (v_x, v_y, a ω, 1/m) at the start of the step, shape ``(n + w, 4)``.
+        before: Grains and walls (v_x, v_y, a ω, 1/m) at the start of the step, shape
+            ``(n + w, 4)``.
         free: The same with their free velocities.
         flagged: Work space of the position correction, shape ``(n,)``.
     """
 
-    def __init__(self, model: Model, state: State, newcomers: NDArray[np.int64], threads: int) -> None:
+    def __init__(
+        self, model: Model, state: State, newcomers: NDArray[np.int64], threads: int
+    ) -> None:
         n, w = model.grain_count, model.wall_count
         self.model, self.state, self.newcomers = model, state, newcomers
         self.threads = threads if n >= PARALLEL_GRAINS else 1
@@ -112,8 +119,10 @@ class Prediction(NamedTuple):
         dt: Time step [s].
         gravity: Acceleration of gravity in the middle of the step [m/s²], shape ``(2,)``.
         scene: Shapes at q_m.
-        cutoff: A gap that no pair closes in the step, as far as velocities before the solve tell [m].
-        stopped: How far grains are from where they would be at q_m, where something stopped them [m], shape ``(n, 2)``; or None.
+        cutoff: A gap that no pair closes in the step, as far as velocities before the solve tell
+            [m].
+        stopped: How far grains are from where they would be at q_m, where something stopped them
+            [m], shape ``(n, 2)``; or None.
     """
 
     dt: float
@@ -126,8 +135,8 @@ class Prediction(NamedTuple):
 class Engine:
     """Advances a `State` step by step. Knows nothing of files, scenarios or terminals.
 
-    What it works with is of three kinds: the state, which checkpoints hold and a step changes; the orders, which hold for a stage;
-    and a `Layout`, which can be thrown away after any step.
+    What it works with is of three kinds: the state, which checkpoints hold and a step changes; the
+    orders, which hold for a stage; and a `Layout`, which can be thrown away after any step.
 
     Attributes:
         model: What does not change, with all grains.
@@ -135,7 +144,8 @@ class Engine:
         heat: Choices about heat, or None if there is none.
         orders: What the present stage orders; `begin` or `resume` replaces it.
         timers: Seconds spent in each phase of the time step since the start.
-        moved: What the last step of the mechanics left, of the grains that are present, until the next; None if there is none.
+        moved: What the last step of the mechanics left, of the grains that are present, until the
+            next; None if there is none.
     """
 
     def __init__(
@@ -157,12 +167,16 @@ class Engine:
             inflow: How grains come and go; None: none does.
 
         Raises:
-            ValueError: If the period is too short for the grains, or the model has no heat capacities for the heat.
+            ValueError: If the period is too short for the grains, or the model has no heat
+                capacities for the heat.
         """
         available = int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
         largest = float(model.grains.radius.max(initial=0.0))
         if 0.0 < model.period < 2.0 * LEAST_DIAMETERS * largest:
-            message = f"the period {model.period:g} m is less than four times the largest diameter {2.0 * largest:g} m"
+            message = (
+                f"the period {model.period:g} m is less than four times the largest diameter "
+                f"{2.0 * largest:g} m"
+            )
             raise ValueError(message)
         self.model, self.state = model, state
         self.timers = dict.fromkeys(PHASES if heat is None else (*PHASES, "heat"), 0.0)
@@ -180,7 +194,9 @@ class Engine:
         return self._layout.threads
 
     def begin(self, orders: Orders) -> None:
-        """Take up the orders of a stage, before its first step: books, displacements of walls and their heat begin with it."""
+        """Take up the orders of a stage, before its first step: books, displacements of walls and
+        their heat begin with it.
+        """
         state, before = self._gathered(), self._motion.kinetic(self.state.wall_velocity)
         self.resume(orders)
         self.state.wall_origin = self._motion.origins(state)
@@ -192,15 +208,22 @@ class Engine:
             begin_bodies(orders.conditions, orders.is_new, state.wall_temperature)
 
     def resume(self, orders: Orders) -> None:
-        """As `begin`, in the middle of a stage: the state knows already what begins with it, and is not touched."""
+        """As `begin`, in the middle of a stage: the state knows already what begins with it, and is
+        not touched.
+        """
         still = [WallDrive()] * self.model.wall_count
-        self._motion = WallMotion(self.model, still if orders.drives is None else list(orders.drives))
-        self._gravity = Gravity.constant(self.model.gravity) if orders.gravity is None else orders.gravity
+        self._motion = WallMotion(
+            self.model, still if orders.drives is None else list(orders.drives)
+        )
+        self._gravity = (
+            Gravity.constant(self.model.gravity) if orders.gravity is None else orders.gravity
+        )
         self.orders = orders
         self._begin_heat()
 
     def pass_grains(self) -> None:
-        """Let grains go and come, once before each step: `step` does, unless it has been done to begin a stage with those present.
+        """Let grains go and come, once before each step: `step` does, unless it has been done to
+        begin a stage with those present.
 
         Raises:
             PhysicsError: If a grain is lost and that is to end the run.
@@ -208,7 +231,9 @@ class Engine:
         if self._population is not None and self._population.pass_grains():
             self._lay_out()
 
-    def step(self, dt: float, t: float, should_stop: Callable[[], bool] | None = None) -> StepReport:
+    def step(
+        self, dt: float, t: float, should_stop: Callable[[], bool] | None = None
+    ) -> StepReport:
         """Advance by one time step.
 
         Args:
@@ -217,9 +242,11 @@ class Engine:
             should_stop: Asked now and then during a long solve.
 
         Raises:
-            Interrupted: If ``should_stop`` says so; the state is that before the step, and before grains came or went.
-            PhysicsError: If the state is not finite, the solver fails and ``on_failure`` is "error", no admissible positions
-                exist, a temperature cannot be integrated, or a grain is lost and that is to end the run.
+            Interrupted: If ``should_stop`` says so; the state is that before the step, and before
+                grains came or went.
+            PhysicsError: If the state is not finite, the solver fails and ``on_failure`` is
+                "error", no admissible positions exist, a temperature cannot be integrated, or a
+                grain is lost and that is to end the run.
         """
         is_frozen = self.orders.is_frozen
         if not is_frozen:
@@ -241,15 +268,22 @@ class Engine:
         return report
 
     def contacts(self) -> ContactTable:
-        """Contacts of the last step, sorted by (i, j): those within reach, loaded or not; in frozen stages those that stand still.
+        """Contacts of the last step, sorted by (i, j): those within reach, loaded or not; in frozen
+        stages those that stand still.
 
         Empty before the first step and after an interrupted one.
         """
         heat, is_frozen = self._heat, self.orders.is_frozen and self._layout.model.grain_count > 0
-        table = heat.resting_table(self._laws()) if heat is not None and is_frozen else tabulate_contacts(self.moved)
+        table = (
+            heat.resting_table(self._laws())
+            if heat is not None and is_frozen
+            else tabulate_contacts(self.moved)
+        )
         if heat is not None:
             none, known = np.zeros(table.i.size), heat.of_contacts
-            generated, conductance = (none, none) if known is None or known[0].size != none.size else known
+            generated, conductance = (
+                (none, none) if known is None or known[0].size != none.size else known
+            )
             table = replace(table, heat=generated, conductance=conductance)
         if self._population is not None:
             number = self._population.number
@@ -257,22 +291,32 @@ class Engine:
         return table
 
     def next_start(self, dt: float, t: float) -> tuple[ContactProblem, Floats]:
-        """The contact problem of the next step, without taking it: to save, compare and study. Arguments as `step`.
+        """The contact problem of the next step, without taking it: to save, compare and study.
+        Arguments as `step`.
 
         Returns:
-            The problem, and the impulses from which the solver would start [N s], shape ``(c, 2)``. With adhesion free velocities
-            hold the attraction, and normal impulses are q_n = p_n + F_a Δt (theory §3.1).
+            The problem, and the impulses from which the solver would start [N s], shape ``(c, 2)``.
+            With adhesion free velocities hold the attraction, and normal impulses are q_n = p_n +
+            F_a Δt (theory §3.1).
 
         Raises:
             ValueError: If there is rolling resistance, which a `ContactProblem` does not know.
         """
         scene, contacts = self._next_contacts(dt, t)
         inverse, free = self._motion.inverse, self._layout.free
-        problem = problem_of_step(scene, contacts, attract(scene, contacts, free, inverse), inverse, self.model.shape_factor)
+        problem = problem_of_step(
+            scene,
+            contacts,
+            attract(scene, contacts, free, inverse),
+            inverse,
+            self.model.shape_factor,
+        )
         return problem, contacts.impulse
 
     def next_system(self, dt: float, t: float) -> OrderedSystem:
-        """The contact problem of the next step as the sweep sees it, without taking the step. Arguments as `step`."""
+        """The contact problem of the next step as the sweep sees it, without taking the step.
+        Arguments as `step`.
+        """
         return self._assemble(*self._next_contacts(dt, t))
 
     def _next_contacts(self, dt: float, t: float) -> tuple[Scene, StepContacts]:
@@ -287,7 +331,11 @@ class Engine:
         """Start anew with the grains that are present."""
         population, (model, state), newcomers = self._population, (self.model, self.state), _NOBODY
         if population is not None:
-            model, state, newcomers = population.present_model, population.present, population.newcomers
+            model, state, newcomers = (
+                population.present_model,
+                population.present,
+                population.newcomers,
+            )
         self._layout = Layout(model, state, newcomers, self._available)
         self._heat = None if self.heat is None else HeatStep(model, state, self.heat)
         self._begin_heat()
@@ -296,7 +344,9 @@ class Engine:
     def _begin_heat(self) -> None:
         conditions = self.orders.conditions
         if self._heat is not None:
-            self._heat.begin([WallHeat()] * self.model.wall_count if conditions is None else conditions)
+            self._heat.begin(
+                [WallHeat()] * self.model.wall_count if conditions is None else conditions
+            )
 
     def _gathered(self) -> State:
         """The state of the grains that are present, between two steps."""
@@ -328,7 +378,8 @@ class Engine:
         with self._timed("predict"):
             step = self._predict(dt, t)
 
-        # Contacts are the pairs up to a margin. Those that the solved velocities carry farther are solved once more with them.
+        # Contacts are the pairs up to a margin. Those that the solved velocities carry farther are
+        # solved once more with them.
         cutoff, margin, missed = step.cutoff, -1.0, math.inf
         while missed > 0.0:
             with self._timed("detect"):
@@ -339,7 +390,9 @@ class Engine:
                 contacts, scale = self._gather(step, margin)
                 ordered = self._assemble(step.scene, contacts)
             with self._timed("solve"):
-                outcome = solve_system(ordered.system, scale, self.orders.settings, layout.threading, should_stop)
+                outcome = solve_system(
+                    ordered.system, scale, self.orders.settings, layout.threading, should_stop
+                )
             after = ordered.collect(contacts)
             with self._timed("detect"):
                 cutoff = max(cutoff, self._cutoff_after(step, after))
@@ -352,7 +405,8 @@ class Engine:
         with self._timed("move"):
             grain_sums = chunks_for(n, 2)
             move(
-                layout.middle, layout.before, after, grains.radius, grains.mass, step.gravity, self.model.shape_factor, dt,
+                layout.middle, layout.before, after, grains.radius, grains.mass, step.gravity,
+                self.model.shape_factor, dt,
                 state.position, state.velocity, grain_sums,
             )  # fmt: skip
             kinetic, gravity_work = column_totals(grain_sums).tolist()
@@ -364,12 +418,15 @@ class Engine:
             correction = self._correct(step, cutoff)
         with self._timed("account"):
             book_step(state, self._motion, sums, kinetic, gravity_work, correction, outcome, dt)
-            state.contact_i, state.contact_j, state.contact_impulse, state.contact_couple = warm_start_of(contacts)
+            state.contact_i, state.contact_j, state.contact_impulse, state.contact_couple = (
+                warm_start_of(contacts)
+            )
             state.last_dt = dt
         layout.newcomers = _NOBODY
         self.moved = Moved(step.scene, contacts, after, *loaded)
         return StepReport(
-            outcome.sweeps, outcome.converged, outcome.rms, outcome.maximum, outcome.energy, int(state.contact_i.size),
+            outcome.sweeps, outcome.converged, outcome.rms, outcome.maximum, outcome.energy,
+            int(state.contact_i.size),
             int(contacts.i.size), correction.overlap, sums.wall_impulse,
         )  # fmt: skip
 
@@ -386,7 +443,12 @@ class Engine:
 
     def _predict(self, dt: float, t: float) -> Prediction:
         """Mid-step positions and free velocities, into the layout."""
-        layout, state, model, motion = self._layout, self._layout.state, self._layout.model, self._motion
+        layout, state, model, motion = (
+            self._layout,
+            self._layout.state,
+            self._layout.model,
+            self._motion,
+        )
         n, grains = model.grain_count, model.grains
         speeds, gravity = chunks_for(n), self._gravity.value(t + 0.5 * dt)
         predict(
@@ -400,7 +462,9 @@ class Engine:
         temperature = _NO_TEMPERATURE
         if self._heat is not None and self._laws().depends_on_temperature:
             temperature = self._heat.shape_temperatures(t)
-        scene = scene_of(model, layout.middle, state.wall_position + 0.5 * dt * motion.before, temperature)
+        scene = scene_of(
+            model, layout.middle, state.wall_position + 0.5 * dt * motion.before, temperature
+        )
         step = Prediction(dt, gravity, scene, self._cutoff_before(scene, gravity, walls, dt), None)
         unseen = find_unseen(state, layout.newcomers, model, motion, dt)
         if unseen is None:
@@ -412,23 +476,35 @@ class Engine:
         return step._replace(stopped=stopped, cutoff=self._cutoff_before(scene, gravity, walls, dt))
 
     def _require_sound(self, speeds: Floats, walls: Floats) -> None:
-        """Raise `PhysicsError` if a speed of the grains, or what is known of the walls in the step, is not finite or absurd."""
+        """Raise `PhysicsError` if a speed of the grains, or what is known of the walls in the step,
+        is not finite or absurd.
+        """
         state, motion = self._layout.state, self._motion
-        of_walls = np.concatenate([walls, motion.before, state.wall_position, motion.belt_before], axis=None)
+        of_walls = np.concatenate(
+            [walls, motion.before, state.wall_position, motion.belt_before], axis=None
+        )
         if not np.isfinite(speeds).all() or not (np.abs(of_walls) <= LARGEST).all():
             self._refuse_state()
 
     def _refuse_state(self) -> NoReturn:
         state = self._layout.state
-        raise PhysicsError(state.step, find_absurd_value(state, self._layout.model) or "a velocity is not finite")
+        raise PhysicsError(
+            state.step, find_absurd_value(state, self._layout.model) or "a velocity is not finite"
+        )
 
     def _cutoff_before(self, scene: Scene, gravity: Floats, walls: Floats, dt: float) -> float:
-        """A gap that no pair closes in the step, as far as velocities before the solve tell [m]; ``walls`` are those of walls."""
+        """A gap that no pair closes in the step, as far as velocities before the solve tell [m];
+        ``walls`` are those of walls.
+        """
         layout, model = self._layout, self._layout.model
         drift = fit_drift(layout.free, layout.middle, model.period)
         fall = dt * np.abs(gravity)  # between the velocities at the start and the free ones
-        drift = replace(drift, rest=drift.rest + hypot(*fall.tolist()), largest=drift.largest + fall)
-        cutoff = self._motion.closing(drift, scene, self._motion.before, walls).cutoff(dt, layout.pairs.largest)
+        drift = replace(
+            drift, rest=drift.rest + hypot(*fall.tolist()), largest=drift.largest + fall
+        )
+        cutoff = self._motion.closing(drift, scene, self._motion.before, walls).cutoff(
+            dt, layout.pairs.largest
+        )
         return max(cutoff, closing_distance(self._laws(), model.grains, dt))
 
     def _cutoff_after(self, step: Prediction, after: Floats) -> float:
@@ -439,25 +515,54 @@ class Engine:
         return self._motion.closing(drift, step.scene, walls).cutoff(step.dt, layout.pairs.largest)
 
     def _margin(self, step: Prediction) -> float:
-        """Largest gap of the contacts of the step, as far as velocities before the solve tell [m]; measures the listed pairs."""
+        """Largest gap of the contacts of the step, as far as velocities before the solve tell [m];
+        measures the listed pairs.
+        """
         fastest = self._measure_pairs(step, step.cutoff)
-        return max(step.dt * fastest, closing_distance(self._laws(), self._layout.model.grains, step.dt))
+        return max(
+            step.dt * fastest, closing_distance(self._laws(), self._layout.model.grains, step.dt)
+        )
 
     def _measure_pairs(self, step: Prediction, cutoff: float) -> float:
-        """Gaps of the listed pairs into the list; returns the largest approach speed of a pair nearer than ``cutoff`` [m/s]."""
+        """Gaps of the listed pairs into the list; returns the largest approach speed of a pair
+        nearer than ``cutoff`` [m/s].
+        """
         layout, pairs = self._layout, self._layout.pairs
         fastest = chunks_for(layout.model.grain_count)
-        measure_pairs(step.scene, pairs.row, pairs.partner, layout.before, layout.free, cutoff, pairs.gap, pairs.normal, fastest)
+        measure_pairs(
+            step.scene,
+            pairs.row,
+            pairs.partner,
+            layout.before,
+            layout.free,
+            cutoff,
+            pairs.gap,
+            pairs.normal,
+            fastest,
+        )
         return float(fastest.max())
 
     def _find_missed(self, step: Prediction, margin: float, cutoff: float, after: Floats) -> float:
-        """Largest approach speed of a pair beyond ``margin`` that meets with the velocities v⁺ [m/s]; 0 if none does."""
+        """Largest approach speed of a pair beyond ``margin`` that meets with the velocities v⁺
+        [m/s]; 0 if none does.
+        """
         layout, pairs = self._layout, self._layout.pairs
         if cutoff > pairs.complete:
             pairs.update(layout.middle, step.scene.world, cutoff)
             self._measure_pairs(step, cutoff)
         worst = chunks_for(layout.model.grain_count)
-        find_missed(step.scene, pairs.row, pairs.partner, pairs.gap, pairs.normal, margin, cutoff, after, step.dt, worst)
+        find_missed(
+            step.scene,
+            pairs.row,
+            pairs.partner,
+            pairs.gap,
+            pairs.normal,
+            margin,
+            cutoff,
+            after,
+            step.dt,
+            worst,
+        )
         return float(worst.max())
 
     def _assemble(self, scene: Scene, contacts: StepContacts) -> OrderedSystem:
@@ -467,27 +572,40 @@ class Engine:
         return assemble(scene, contacts, schedule, free, motion.inverse, model.shape_factor)
 
     def _gather(self, step: Prediction, margin: float) -> tuple[StepContacts, ResidualScale]:
-        """Contacts with a gap up to ``margin``, with their warm start, and the scale of the residuals."""
+        """Contacts with a gap up to ``margin``, with their warm start, and the scale of the
+        residuals.
+        """
         layout, state, dt = self._layout, self._layout.state, step.dt
         row = warm_rows(layout.model.grain_count, state.contact_i)
         warm = WarmStart(row, state.contact_j, state.contact_impulse, state.contact_couple)
         ratio = dt / state.last_dt if state.last_dt > 0.0 else 0.0
-        contacts, speeds = gather_contacts(step.scene, layout.pairs, margin, self._laws(), layout.before, dt, warm, ratio)
+        contacts, speeds = gather_contacts(
+            step.scene, layout.pairs, margin, self._laws(), layout.before, dt, warm, ratio
+        )
         scale = self._scale(step, float(contacts.attraction.max(initial=0.0)), *speeds)
         if scale.velocity == 0.0:
-            # Nothing closes and nothing pushes: the impulses of the step before must not act once more.
+            # Nothing closes and nothing pushes: the impulses of the step before must not act once
+            # more.
             contacts.impulse[:] = 0.0
             contacts.rolling[:, COUPLE] = 0.0
         return contacts, scale
 
     def _scale(
-        self, step: Prediction, attraction: float, squares: float, closing: float, slip: float, loaded: float
+        self,
+        step: Prediction,
+        attraction: float,
+        squares: float,
+        closing: float,
+        slip: float,
+        loaded: float,
     ) -> ResidualScale:
         """What residuals are measured against (theory §5.3).
 
-        Velocities: u_ref = max(u_load, 10 times the mean slip), and u_rms = max(u_load, 50 times the mean slip), with u_load =
-        max(Δt |g|, Δt P d̄/m̄, rms of the closing velocities). Energies: ½ M u_load u_ref, or ½ M u_ref² where nothing loads. Where
-        there is neither weight nor load, Δt F_a/m̄ stands in for them; ``attraction`` is the largest F_a Δt of a contact [N s].
+        Velocities: u_ref = max(u_load, 10 times the mean slip), and u_rms = max(u_load, 50 times
+        the mean slip), with u_load = max(Δt |g|, Δt P d̄/m̄, rms of the closing velocities).
+        Energies: ½ M u_load u_ref, or ½ M u_ref² where nothing loads. Where there is neither weight
+        nor load, Δt F_a/m̄ stands in for them; ``attraction`` is the largest F_a Δt of a contact [N
+        s].
         """
         layout, model = self._layout, self._layout.model
         mean_mass = layout.mass / model.grain_count
@@ -503,7 +621,9 @@ class Engine:
         return ResidualScale(max(load, SLIPS_RMS * mean_slip), reference, energy)
 
     def _move_walls(self, middle: Floats, after: Floats, dt: float) -> None:
-        """Walls at the end of the step, from their positions at mid-step and their velocities V⁺."""
+        """Walls at the end of the step, from their positions at mid-step and their velocities
+        V⁺.
+        """
         state = self._layout.state
         state.wall_velocity, state.wall_surface = after, self._motion.surface_after(state)
         state.wall_position = middle + 0.5 * dt * after
@@ -511,11 +631,16 @@ class Engine:
     def _correct(self, step: Prediction, cutoff: float) -> Correction:
         """Push overlaps apart, and bring the grains back into the period."""
         layout, state, model = self._layout, self._layout.state, self._layout.model
-        end = scene_of(model, state.position, state.wall_position)  # beside that of q_m, which heat still looks at
-        correction = correct_positions(end, model, step.gravity, self._motion, layout.pairs, cutoff, layout.flagged, state.step)
+        # Beside that of q_m, which heat still looks at
+        end = scene_of(model, state.position, state.wall_position)
+        correction = correct_positions(
+            end, model, step.gravity, self._motion, layout.pairs, cutoff, layout.flagged, state.step
+        )
         if step.stopped is not None:
             pull = model.grains.mass[:, np.newaxis] * step.gravity
-            correction = replace(correction, gravity_work=correction.gravity_work + total(pull * step.stopped))
+            correction = replace(
+                correction, gravity_work=correction.gravity_work + total(pull * step.stopped)
+            )
         if model.period > 0.0:
             wrap(state.position, state.image, model.period)
         return correction

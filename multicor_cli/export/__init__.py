@@ -1,6 +1,7 @@
 """Frames of a run in the formats of other programs.
 
-Names are loaded when they are first used: importing this package loads none of the libraries that it needs.
+Names are loaded when they are first used: importing this package loads none of the libraries that
+it needs.
 """
 
 import lazy_loader

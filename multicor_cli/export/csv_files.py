@@ -1,7 +1,8 @@
-"""CSV files: one table per frame of grains, contacts and walls, one of the frames, one of the time series.
+"""CSV files: one table per frame of grains, contacts and walls, one of the frames, one of the time
+series.
 
-Columns follow the table of the datasets (`store.schema`); their headings carry the units. Numbers are written so that reading
-them gives the same bits.
+Columns follow the table of the datasets (`store.schema`); their headings carry the units. Numbers
+are written so that reading them gives the same bits.
 """
 
 from __future__ import annotations
@@ -17,7 +18,13 @@ from numpy.typing import NDArray
 
 from multicor_cli.export.target import choose_frames, new_directory
 from multicor_cli.store import Frame, Run, schema
-from multicor_cli.store.frames import NamedColumn, contact_columns, grain_columns, split, wall_columns
+from multicor_cli.store.frames import (
+    NamedColumn,
+    contact_columns,
+    grain_columns,
+    split,
+    wall_columns,
+)
 from multicor_cli.store.layout import Progress, no_progress
 
 FILE_NAMES = re.compile(r"(grains|contacts|walls)-\d{6,}\.csv|(frames|series)\.csv")
@@ -25,12 +32,18 @@ FILE_NAMES = re.compile(r"(grains|contacts|walls)-\d{6,}\.csv|(frames|series)\.c
 
 
 def export_csv(
-    run: Run, path: Path, frames: slice | None = None, *, is_overwriting: bool = False, progress: Progress = no_progress
+    run: Run,
+    path: Path,
+    frames: slice | None = None,
+    *,
+    is_overwriting: bool = False,
+    progress: Progress = no_progress,
 ) -> int:
     """Write the tables of a run into a new directory.
 
-    Files are named by the number of the frame: ``grains-000012.csv``, ``contacts-…`` (where they are recorded), ``walls-…``
-    (where there are walls); ``frames.csv`` holds step, time and stage of each, ``series.csv`` the whole time series.
+    Files are named by the number of the frame: ``grains-000012.csv``, ``contacts-…`` (where they
+    are recorded), ``walls-…`` (where there are walls); ``frames.csv`` holds step, time and stage of
+    each, ``series.csv`` the whole time series.
 
     Args:
         run: The run.
@@ -89,7 +102,8 @@ def _cells(values: Sequence[Any] | NDArray[Any]) -> list[Any]:
         return list(values)
     if values.dtype.kind != "f":
         return list(values.tolist())
-    # A number of single precision has its own shortest text; as a double it would get digits that mean nothing.
+    # A number of single precision has its own shortest text; as a double it would get digits that
+    # mean nothing.
     cells = values.tolist() if values.dtype == np.float64 else [str(value) for value in values]
     for row in np.flatnonzero(np.isnan(values)):
         cells[row] = ""

@@ -1,8 +1,10 @@
-"""Contact problems in the HDF5 format of FCLib, the collection of frictional contact problems of the field, and from frames.
+"""Contact problems in the HDF5 format of FCLib, the collection of frictional contact problems of
+the field, and from frames.
 
-A file holds the local form ``u = W r + q`` with two components (normal, tangential) per contact, W as compressed rows, and, as
-a guess, the impulses from which our solver would start. A group ``multicor`` beside it, which FCLib does not look at, holds the
-bodies, so that the file can be read back whole.
+A file holds the local form ``u = W r + q`` with two components (normal, tangential) per contact, W
+as compressed rows, and, as a guess, the impulses from which our solver would start. A group
+``multicor`` beside it, which FCLib does not look at, holds the bodies, so that the file can be read
+back whole.
 """
 
 from __future__ import annotations
@@ -53,7 +55,8 @@ _UNITS = {
 
 @dataclass(frozen=True)
 class LocalForm:
-    """``u = W r + q`` for ``c`` contacts; row ``2k`` is the normal and ``2k + 1`` the tangential component of contact k.
+    """``u = W r + q`` for ``c`` contacts; row ``2k`` is the normal and ``2k + 1`` the tangential
+    component of contact k.
 
     Attributes:
         start: First entry of every row of W in the two below, shape ``(2c + 1,)``.
@@ -99,12 +102,17 @@ def local_form(problem: ContactProblem) -> LocalForm:
 
 
 def _blocks(problem: ContactProblem) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
-    """The 2×2 blocks of W that are not zero, ordered by their two contacts: these, and the blocks."""
+    """The 2×2 blocks of W that are not zero, ordered by their two contacts: these, and the
+    blocks.
+    """
     contact, body, jacobian = _incidences(problem)
     count = np.bincount(body, minlength=len(problem.velocity))
     total = int((count.astype(np.int64) ** 2).sum())
     if 4 * total > _ENTRY_LIMIT:
-        message = f"the matrix of the contact problem has {4 * total} entries, more than {_ENTRY_LIMIT}; export a smaller run"
+        message = (
+            f"the matrix of the contact problem has {4 * total} entries, more than "
+            f"{_ENTRY_LIMIT}; export a smaller run"
+        )
         raise ExportError(message)
     # Every incidence of a body with every other: those of one body lie next to each other.
     repeat = count[body]
@@ -116,13 +124,16 @@ def _blocks(problem: ContactProblem) -> tuple[NDArray[np.int64], NDArray[np.int6
     one, other, key = one[order], other[order], key[order]
     products = jacobian[one][:, :, None, :] * jacobian[other][:, None, :, :]
     blocks = (products * problem.inverse_mass[body[one]][:, None, None, :]).sum(axis=3)
-    edges = np.flatnonzero(np.diff(key, prepend=-1))  # contacts that share both bodies: one block from two
+    # Contacts that share both bodies: one block from two
+    edges = np.flatnonzero(np.diff(key, prepend=-1))
     summed = np.add.reduceat(blocks, edges, axis=0) if len(edges) else blocks
     return contact[one[edges]], contact[other[edges]], summed
 
 
 def _incidences(problem: ContactProblem) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
-    """Contacts with the bodies that can move, ordered by body: contact, body, and what the body adds to u_n and u_t."""
+    """Contacts with the bodies that can move, ordered by body: contact, body, and what the body
+    adds to u_n and u_t.
+    """
     c = len(problem.pair)
     levers, (nx, ny) = problem.levers(), problem.normal.T
     jacobian = np.empty((2, c, 2, 3))
@@ -169,7 +180,9 @@ def write_fclib(
     def write(guarded: GuardedFile) -> None:
         with h5py.File(guarded, "w") as file:
             _write_local(file, form)
-            _write_texts(file.create_group(f"{_LOCAL}/info"), title, description, len(problem.velocity))
+            _write_texts(
+                file.create_group(f"{_LOCAL}/info"), title, description, len(problem.velocity)
+            )
             if start is not None:
                 _write_guess(file, form, start)
             for field in fields(problem):
@@ -188,7 +201,12 @@ def write_fclib(
 def _write_local(file: h5py.File, form: LocalForm) -> None:
     local = file.create_group(_LOCAL)
     local["spacedim"] = np.array([2], np.int32)
-    for name, number in {"nzmax": len(form.value), "m": len(form.q), "n": len(form.q), "nz": _ROWS}.items():
+    for name, number in {
+        "nzmax": len(form.value),
+        "m": len(form.q),
+        "n": len(form.q),
+        "nz": _ROWS,
+    }.items():
         local[f"W/{name}"] = np.array([number], np.int32)
     local["W/p"], local["W/i"], local["W/x"] = form.start, form.column, form.value
     local["vectors/q"], local["vectors/mu"] = form.q, form.friction
@@ -199,7 +217,10 @@ def _write_texts(info: h5py.Group, title: str, description: str, bodies: int) ->
     texts = {
         "title": title,
         "description": description,
-        "math_info": "W is symmetric and positive semi-definite; friction is that of Coulomb, so the solution need not be unique",
+        "math_info": (
+            "W is symmetric and positive semi-definite; friction is that of Coulomb, so the "
+            "solution need not be unique"
+        ),
     }
     for name, text in texts.items():
         data = text.encode() + b"\0"
@@ -214,7 +235,8 @@ def _write_guess(file: h5py.File, form: LocalForm, start: Floats) -> None:
 
 
 def read_fclib(path: Path) -> tuple[ContactProblem, Floats | None]:
-    """The problem of a file that `write_fclib` has made, and the impulses to start from if it has any.
+    """The problem of a file that `write_fclib` has made, and the impulses to start from if it has
+    any.
 
     Raises:
         ExportError: If the file holds the local form alone: it does not say what the bodies are.
@@ -223,13 +245,23 @@ def read_fclib(path: Path) -> tuple[ContactProblem, Floats | None]:
     """
     with reading(path), regular_path(path) as opened, h5py.File(opened, "r", locking=False) as file:
         if _BODIES not in file:
-            known = "an FCLib file, but one of another program" if _LOCAL in file or "fclib_global" in file else "not an FCLib file"
-            raise ExportError(f"{path}: is {known}; only files that multicor has exported can be read back")
+            known = (
+                "an FCLib file, but one of another program"
+                if _LOCAL in file or "fclib_global" in file
+                else "not an FCLib file"
+            )
+            raise ExportError(
+                f"{path}: is {known}; only files that multicor has exported can be read back"
+            )
         arrays: dict[str, NDArray[Any]] = {
-            f.name: file[f"{_BODIES}/{f.name}"][...] for f in fields(ContactProblem) if f.name in file[_BODIES] or f.name != "slide"
+            f.name: file[f"{_BODIES}/{f.name}"][...]
+            for f in fields(ContactProblem)
+            if f.name in file[_BODIES] or f.name != "slide"
         }
         problem = ContactProblem(**arrays)
-        start = file[f"{_GUESSES}/1/r"][...].reshape(len(problem.pair), 2) if _GUESSES in file else None
+        start = (
+            file[f"{_GUESSES}/1/r"][...].reshape(len(problem.pair), 2) if _GUESSES in file else None
+        )
         return problem, start
 
 
@@ -242,12 +274,14 @@ class FrameProblem:
 
     Attributes:
         problem: The problem.
-        start: Impulses from which the solver would start: those of the step before, scaled [N s], shape ``(c, 2)``.
+        start: Impulses from which the solver would start: those of the step before, scaled [N s],
+            shape ``(c, 2)``.
         frame: Number of the frame.
         time: Time of the frame [s].
         stage: Name of the loading stage of the step.
         dt: Time step [s].
-        is_beyond: Whether the run ended with the frame; the step is the one that its last stage would take next.
+        is_beyond: Whether the run ended with the frame; the step is the one that its last stage
+            would take next.
     """
 
     problem: ContactProblem
@@ -277,7 +311,12 @@ class _Moment:
 
 
 def export_fclib(
-    run: Run, path: Path, frame: int = -1, *, is_overwriting: bool = False, computing: AbstractContextManager[Any] | None = None
+    run: Run,
+    path: Path,
+    frame: int = -1,
+    *,
+    is_overwriting: bool = False,
+    computing: AbstractContextManager[Any] | None = None,
 ) -> FrameProblem:
     """Write the contact problem of the step after a frame in the format of FCLib.
 
@@ -289,8 +328,8 @@ def export_fclib(
         computing: Context in which kernels are compiled and run, before anything is written.
 
     Raises:
-        ExportError: If there is no such frame, the step is one in which nothing moves, there is no contact, or contacts have
-            adhesion or rolling resistance.
+        ExportError: If there is no such frame, the step is one in which nothing moves, there is no
+            contact, or contacts have adhesion or rolling resistance.
         ExportRefused: If the file may not be written.
         StoreError: If the run cannot be read, or the file not be written.
     """
@@ -304,9 +343,12 @@ def export_fclib(
         path,
         start=found.start,
         title=f"{name}, step after frame {found.frame}",
-        description=f"Plane granular flow, step of {found.dt!r} s after t = {found.time!r} s in stage '{found.stage}'{after}. "
-        f"{len(found.problem.pair)} contacts of discs among each other and with walls. r are impulses [N s], u velocities [m/s]; "
-        f"normal first, then tangential; q holds the terms of gap and restitution. Run {run.run_id}.",
+        description=(
+            f"Plane granular flow, step of {found.dt!r} s after t = {found.time!r} s in stage "
+            f"'{found.stage}'{after}. {len(found.problem.pair)} contacts of discs among each "
+            "other and with walls. r are impulses [N s], u velocities [m/s]; normal first, then "
+            f"tangential; q holds the terms of gap and restitution. Run {run.run_id}."
+        ),
         is_overwriting=is_overwriting,
     )
     return found
@@ -315,16 +357,16 @@ def export_fclib(
 def frame_problem(run: Run, number: int = -1) -> FrameProblem:
     """The contact problem of the step after a frame: what the engine would solve next.
 
-    In a run with ``output.precision = "double"`` it is the problem that the run has solved, to the bit. Without recorded contacts
-    there are no impulses to start from.
+    In a run with ``output.precision = "double"`` it is the problem that the run has solved, to the
+    bit. Without recorded contacts there are no impulses to start from.
 
     Args:
         run: The run.
         number: Number of the frame; negative counts from the end.
 
     Raises:
-        ExportError: If there is no such frame, the step is one in which nothing moves, or contacts have adhesion or rolling
-            resistance.
+        ExportError: If there is no such frame, the step is one in which nothing moves, or contacts
+            have adhesion or rolling resistance.
         StoreError: If the run cannot be read.
     """
     frame = choose_frame(run, number)
@@ -332,7 +374,8 @@ def frame_problem(run: Run, number: int = -1) -> FrameProblem:
     _refuse_further_laws(run, model)
     if model.outlets is not None:
         message = (
-            f"{run.path}: grains come and go in this run, so that the next contact problem is not that of the grains of a frame"
+            f"{run.path}: grains come and go in this run, so that the next contact problem is not "
+            "that of the grains of a frame"
         )
         raise ExportError(message)
     scenario = parse_scenario(run.scenario_resolved, run.path)
@@ -340,18 +383,33 @@ def frame_problem(run: Run, number: int = -1) -> FrameProblem:
     moment = _find_moment(run, frame, plan)
     stage = plan.stages[moment.stage]
     if stage.is_frozen:
-        message = f"{run.path}: nothing moves in stage '{stage.name}' after frame {frame.index}, so there is no contact problem"
+        message = (
+            f"{run.path}: nothing moves in stage '{stage.name}' after frame {frame.index}, so "
+            "there is no contact problem"
+        )
         raise ExportError(message)
     state = _restore(frame, model, moment)
     state.wall_origin = _wall_origin(run, frame, stage, moment)
     problem, start = _next_problem(scenario, plan, model, state, moment)
-    return FrameProblem(problem, start, frame.index, frame.time, stage.name, stage.step_after(moment.stage_step), moment.is_beyond)
+    return FrameProblem(
+        problem,
+        start,
+        frame.index,
+        frame.time,
+        stage.name,
+        stage.step_after(moment.stage_step),
+        moment.is_beyond,
+    )
 
 
-def _next_problem(scenario: Scenario, plan: RunPlan, model: Model, state: State, moment: _Moment) -> tuple[ContactProblem, Floats]:
+def _next_problem(
+    scenario: Scenario, plan: RunPlan, model: Model, state: State, moment: _Moment
+) -> tuple[ContactProblem, Floats]:
     engine, stage = make_engine(scenario, model, state, threads=1), plan.stages[moment.stage]
     engine.resume(stage.orders(moment.starts))
-    return engine.next_start(stage.step_after(moment.stage_step), stage.time_after(moment.stage_step))
+    return engine.next_start(
+        stage.step_after(moment.stage_step), stage.time_after(moment.stage_step)
+    )
 
 
 def _refuse_further_laws(run: Run, model: Model) -> None:
@@ -359,7 +417,10 @@ def _refuse_further_laws(run: Run, model: Model) -> None:
     laws = {"adhesion": model.laws.adhesion, "rolling resistance": model.laws.rolling}
     for name, table in laws.items():
         if table.size:
-            message = f"{run.path}: contacts of this run have {name}, which the format of FCLib does not know"
+            message = (
+                f"{run.path}: contacts of this run have {name}, which the format of FCLib does "
+                "not know"
+            )
             raise ExportError(message)
 
 
@@ -368,7 +429,10 @@ def _find_moment(run: Run, frame: Frame, plan: RunPlan) -> _Moment:
     stages, times, steps = run.frames.stage, run.frames.time, run.frames.step
     stage = frame.stage
     if stage not in range(len(plan.stages)) or not np.isin(np.arange(stage), stages).all():
-        raise DamagedRun(f"frame {frame.index} is of stage {stage}, which the run does not have; check it with multicor verify")
+        raise DamagedRun(
+            f"frame {frame.index} is of stage {stage}, which the run does not have; check it with "
+            "multicor verify"
+        )
     ends = [int(np.flatnonzero(stages == k)[-1]) for k in range(stage)]
     stage_step = frame.step - (int(steps[ends[-1]]) if ends else 0)
     starts = (0.0, *(float(times[end]) for end in ends))
@@ -383,12 +447,19 @@ def _ends_stage(run: Run, frame: Frame, plan: RunPlan, stage_step: int) -> bool:
     if frame.index + 1 < len(run.frames):
         return bool(run.frames.stage[frame.index + 1] != frame.stage)
     stage = plan.stages[frame.stage]
-    return run.status == "finished" or stage_step == stage.step_limit or not is_due(stage_step, stage.frame_every)
+    return (
+        run.status == "finished"
+        or stage_step == stage.step_limit
+        or not is_due(stage_step, stage.frame_every)
+    )
 
 
 def _wall_origin(run: Run, frame: Frame, stage: StagePlan, moment: _Moment) -> Floats:
     """Where displacements of the walls count from: where they were when their drives were named."""
-    first = [run.frames[int(np.flatnonzero(run.frames.stage == k)[-1]) if k >= 0 else 0] for k in range(-1, moment.stage)]
+    first = [
+        run.frames[int(np.flatnonzero(run.frames.stage == k)[-1]) if k >= 0 else 0]
+        for k in range(-1, moment.stage)
+    ]
     origin = frame.wall_position.astype(np.float64)
     for w, named_by in enumerate(stage.drives.named_by):
         for d, number in enumerate(named_by[:3]):  # of its body
@@ -401,7 +472,10 @@ def _restore(frame: Frame, model: Model, moment: _Moment) -> State:
     """The state of a frame, as far as the next contact problem depends on it."""
     state = State.at_rest(model, np.column_stack([frame.position, frame.angle]).astype(np.float64))
     state.velocity = np.column_stack([frame.velocity, frame.spin]).astype(np.float64)
-    state.wall_position, state.wall_velocity = frame.wall_position.copy(), frame.wall_velocity.copy()
+    state.wall_position, state.wall_velocity = (
+        frame.wall_position.copy(),
+        frame.wall_velocity.copy(),
+    )
     if frame.wall_surface is not None:
         state.wall_surface = frame.wall_surface.copy()
     contacts = frame.contacts
@@ -409,8 +483,18 @@ def _restore(frame: Frame, model: Model, moment: _Moment) -> State:
     state.contact_i, state.contact_j = contacts.i[loaded], contacts.j[loaded]
     state.contact_impulse = contacts.impulse[loaded].astype(np.float64)
     state.step, state.time, state.last_dt = frame.step, frame.time, frame.dt
-    state.stage, state.stage_step, state.stage_start = moment.stage, moment.stage_step, moment.starts[-1]
-    if model.thermal is not None and frame.temperature is not None and frame.wall_temperature is not None:
-        state.heat = (frame.temperature - model.thermal.initial_temperature) * model.thermal.capacity
+    state.stage, state.stage_step, state.stage_start = (
+        moment.stage,
+        moment.stage_step,
+        moment.starts[-1],
+    )
+    if (
+        model.thermal is not None
+        and frame.temperature is not None
+        and frame.wall_temperature is not None
+    ):
+        state.heat = (
+            frame.temperature - model.thermal.initial_temperature
+        ) * model.thermal.capacity
         state.wall_temperature = frame.wall_temperature.copy()
     return state

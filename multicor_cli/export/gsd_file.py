@@ -1,7 +1,7 @@
 """GSD files, which OVITO and the HOOMD family read: grains as particles, contacts as bonds.
 
-GSD stores coordinates in single precision, in a box around the origin. What it has no name for is logged per particle and per
-bond, as OVITO expects it (``log/particles/temperature``).
+GSD stores coordinates in single precision, in a box around the origin. What it has no name for is
+logged per particle and per bond, as OVITO expects it (``log/particles/temperature``).
 """
 
 from __future__ import annotations
@@ -28,7 +28,12 @@ _DEPTH = 1.0
 
 
 def export_gsd(
-    run: Run, path: Path, frames: slice | None = None, *, is_overwriting: bool = False, progress: Progress = no_progress
+    run: Run,
+    path: Path,
+    frames: slice | None = None,
+    *,
+    is_overwriting: bool = False,
+    progress: Progress = no_progress,
 ) -> int:
     """Write frames of a run as a GSD file.
 
@@ -51,7 +56,8 @@ def export_gsd(
     hoomd = library("gsd.hoomd")
     check_output(path, is_overwriting=is_overwriting)
     chosen = choose_frames(run, frames)
-    # A number of a damaged file that single precision cannot hold becomes infinite, without a warning.
+    # A number of a damaged file that single precision cannot hold becomes infinite, without a
+    # warning.
     with (
         np.errstate(all="ignore"),
         new_file(path, is_overwriting=is_overwriting) as temporary,
@@ -67,13 +73,19 @@ def export_gsd(
 
 @contextlib.contextmanager
 def _library_errors(path: Path) -> Iterator[None]:
-    """The library does not always say that the disk is full: what it writes last fails with an error of its own."""
+    """The library does not always say that the disk is full: what it writes last fails with an
+    error of its own.
+    """
     try:
         yield
     except UnicodeEncodeError as error:
-        raise ExportRefused(f"{path}: the library gsd takes no names that are not UTF-8; choose another with -o") from error
+        raise ExportRefused(
+            f"{path}: the library gsd takes no names that are not UTF-8; choose another with -o"
+        ) from error
     except RuntimeError as error:
-        raise StorageError(f"{path}: the library gsd cannot write it ({error}); is there space left on the disk?") from error
+        raise StorageError(
+            f"{path}: the library gsd cannot write it ({error}); is there space left on the disk?"
+        ) from error
 
 
 @dataclass(frozen=True)
@@ -90,7 +102,9 @@ class _Box:
 
     @classmethod
     def around(cls, model: Model, frames: list[Frame]) -> _Box:
-        """All grains of all frames with a margin, for the format makes every direction periodic; the period, where there is one."""
+        """All grains of all frames with a margin, for the format makes every direction periodic;
+        the period, where there is one.
+        """
         low, high = np.full(2, np.inf), np.full(2, -np.inf)
         for frame in frames:
             radius = frame.model.grains.radius[:, None]
@@ -132,15 +146,22 @@ def _fill_particles(target: Any, model: Model, frame: Frame, box: _Box) -> None:
     particles.moment_inertia = np.column_stack([np.zeros((len(half), 2)), grains.inertia])
     particles.orientation = turn
     particles.velocity = _spatial(frame.velocity)
-    # Angular momentum in the form of the library: twice the product of the orientation with (0, 0, 0, I ω).
+    # Angular momentum in the form of the library: twice the product of the orientation with (0, 0,
+    # 0, I ω).
     momentum = 2.0 * grains.inertia * frame.spin
-    particles.angmom = np.column_stack([-momentum * turn[:, 3], np.zeros((len(half), 2)), momentum * turn[:, 0]])
+    particles.angmom = np.column_stack(
+        [-momentum * turn[:, 3], np.zeros((len(half), 2)), momentum * turn[:, 0]]
+    )
     target.log["particles/angular_velocity"] = frame.spin
-    target.log.update({f"particles/{name}": values for name, values in _logged(frame, schema.PARTICLES)})
+    target.log.update(
+        {f"particles/{name}": values for name, values in _logged(frame, schema.PARTICLES)}
+    )
 
 
 def _fill_bonds(target: Any, frame: Frame) -> None:
-    """Contacts between grains that carry a force; frames without any say so, or readers would repeat those of the first one."""
+    """Contacts between grains that carry a force; frames without any say so, or readers would
+    repeat those of the first one.
+    """
     contacts, bonds = frame.contacts, target.bonds
     shown = (contacts.kind == 0) & (contacts.impulse[:, 0] != 0.0)
     bonds.N = int(shown.sum())
@@ -149,7 +170,9 @@ def _fill_bonds(target: Any, frame: Frame) -> None:
     bonds.group = np.column_stack([contacts.i, contacts.j])[shown]
     for name, column in (("normal_force", 0), ("tangential_force", 1)):
         target.log[f"bonds/{name}"] = contacts.force[shown, column]
-    target.log.update({f"bonds/{name}": values[shown] for name, values in _logged(contacts, schema.CONTACTS)})
+    target.log.update(
+        {f"bonds/{name}": values[shown] for name, values in _logged(contacts, schema.CONTACTS)}
+    )
 
 
 def _logged(source: Reader, table: Sequence[Column[Any]]) -> Iterator[tuple[str, Any]]:

@@ -14,7 +14,8 @@ from multicor_cli.store import Frame, Run, layout
 from multicor_cli.store.atomic import fsync_path, make_directory, storage_errors, temporary_beside
 from multicor_cli.store.errors import NoFrame, StoreError, what_frames
 
-# ---- What can go wrong with an export, beside reading the run and writing the file; each class carries its exit code
+# ---- What can go wrong with an export, beside reading the run and writing the file; each class
+#      carries its exit code
 
 
 class ExportError(StoreError):
@@ -69,9 +70,15 @@ def refuse_files_of_runs(path: Path) -> None:
         StorageError: If it cannot be looked at.
     """
     with storage_errors(path):
-        whole = Path(os.path.realpath(path.parent)) / path.name  # a link at the place itself would be replaced, not followed
-        for directory, name in ((whole.parent, whole.name), (whole.parent.parent, whole.parent.name)):
-            if (directory / layout.RUN).is_file() and layout.is_file_name(name.removesuffix(".tmp")):
+        # a link at the place itself would be replaced, not followed
+        whole = Path(os.path.realpath(path.parent)) / path.name
+        for directory, name in (
+            (whole.parent, whole.name),
+            (whole.parent.parent, whole.parent.name),
+        ):
+            if (directory / layout.RUN).is_file() and layout.is_file_name(
+                name.removesuffix(".tmp")
+            ):
                 raise ExportRefused(f"{path}: is the name of a file of the run; choose another")
 
 
@@ -79,8 +86,8 @@ def check_output(path: Path, *, is_overwriting: bool) -> None:
     """Refuse a name at which no file may be written; changes nothing.
 
     Raises:
-        ExportRefused: If it is a file of a run, a directory, a device or the like, or a file or a link and ``is_overwriting``
-            is False.
+        ExportRefused: If it is a file of a run, a directory, a device or the like, or a file or a
+            link and ``is_overwriting`` is False.
         StorageError: If it cannot be looked at.
     """
     refuse_files_of_runs(path)
@@ -88,7 +95,9 @@ def check_output(path: Path, *, is_overwriting: bool) -> None:
         if path.is_dir():
             raise ExportRefused(f"{path}: is a directory; choose the name of a file")
         if path.exists() and not path.is_file():
-            raise ExportRefused(f"{path}: is not an ordinary file, and is not replaced; choose another name")
+            raise ExportRefused(
+                f"{path}: is not an ordinary file, and is not replaced; choose another name"
+            )
         if os.path.lexists(path) and not is_overwriting:
             raise ExportRefused(f"{path}: exists; {_REMEDY}")
 
@@ -111,7 +120,8 @@ def new_file(path: Path, *, is_overwriting: bool) -> Iterator[Path]:
     try:
         with storage_errors(path):
             make_directory(path.parent)
-            temporary.touch(exist_ok=False)  # with the permissions that the user's mask gives; a library may choose others
+            # With the permissions that the user's mask gives; a library may choose others
+            temporary.touch(exist_ok=False)
             yield temporary
             fsync_path(temporary)
             temporary.replace(path)
@@ -131,8 +141,8 @@ def new_directory(path: Path, names: re.Pattern[str], *, is_overwriting: bool) -
         is_overwriting: Whether a directory that is there may be replaced.
 
     Raises:
-        ExportRefused: If ``path`` is not a directory, holds other files, has the name of a file of a run, or is not empty and
-            ``is_overwriting`` is False.
+        ExportRefused: If ``path`` is not a directory, holds other files, has the name of a file of
+            a run, or is not empty and ``is_overwriting`` is False.
         StorageFull: If there is not enough space.
         StorageError: For any other error of the system.
     """
@@ -158,7 +168,9 @@ def _check_directory(path: Path, names: re.Pattern[str], *, is_overwriting: bool
         found = sorted(entry.name for entry in path.iterdir()) if path.exists() else []
         foreign = [name for name in found if not names.fullmatch(name)]
         if foreign:
-            raise ExportRefused(f"{path}: holds files that no export has made ({foreign[0]} …); choose another name")
+            raise ExportRefused(
+                f"{path}: holds files that no export has made ({foreign[0]} …); choose another name"
+            )
         if found and not is_overwriting:
             raise ExportRefused(f"{path}: holds an export; {_REMEDY}")
 

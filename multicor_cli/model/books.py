@@ -1,7 +1,9 @@
-"""What files say of the arrays of a run, and the numbers that it keeps: books, counters, sums between two rows of the time series.
+"""What files say of the arrays of a run, and the numbers that it keeps: books, counters, sums
+between two rows of the time series.
 
-A number is one entry here, and a line of the engine that keeps it (`engine.energy.account`, `engine.heat.books`); checkpoints, the
-time series and the summary follow. New entries go to the end of their table: their places in a state count.
+A number is one entry here, and a line of the engine that keeps it (`engine.energy.account`,
+`engine.heat.books`); checkpoints, the time series and the summary follow. New entries go to the end
+of their table: their places in a state count.
 """
 
 from __future__ import annotations
@@ -9,7 +11,8 @@ from __future__ import annotations
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, Literal, NamedTuple
 
-# ---- What files say of the arrays that a run keeps: type, shape, unit and meaning, written beside the field that holds each
+# ---- What files say of the arrays that a run keeps: type, shape, unit and meaning, written beside
+#      the field that holds each
 
 Dim = Literal[
     "one",
@@ -44,8 +47,9 @@ Dim = Literal[
     "tally",
     "window",
 ]
-"""Named lengths. ``frame_edge`` is ``frame + 1``: row ``offset[k]:offset[k+1]`` belongs to frame ``k``. Those that begin with
-``heat`` are 0 in states of runs without heat, those that begin with ``exchange`` where no grain comes or goes."""
+"""Named lengths. ``frame_edge`` is ``frame + 1``: row ``offset[k]:offset[k+1]`` belongs to frame
+``k``. Those that begin with ``heat`` are 0 in states of runs without heat, those that begin with
+``exchange`` where no grain comes or goes."""
 
 Shape = tuple[Dim | int, ...]
 """Named lengths and numbers."""
@@ -54,14 +58,19 @@ Version = tuple[int, int]
 """Major and minor version of the file format."""
 
 DType = Literal["f8", "float", "i8", "i4", "u1", "str"]
-"""Stored types. ``float`` is f8 or f4 after ``output.precision``; ``str`` is UTF-8 of fixed length."""
+"""Stored types. ``float`` is f8 or f4 after ``output.precision``; ``str`` is UTF-8 of fixed
+length."""
 
-Feature = Literal["heat", "softening", "adhesion", "rolling", "exchange", "surface", "groups", "motion"]
-"""What only some runs have: temperatures, friction that depends on them, adhesion, rolling resistance, grains that come and go,
-walls whose surface runs, walls that only some groups meet, motion at the start."""
+Feature = Literal[
+    "heat", "softening", "adhesion", "rolling", "exchange", "surface", "groups", "motion"
+]
+"""What only some runs have: temperatures, friction that depends on them, adhesion, rolling
+resistance, grains that come and go, walls whose surface runs, walls that only some groups meet,
+motion at the start."""
 
 Export = Literal["vtk", "gsd"]
-"""What shows a dataset of the frames besides CSV, which shows all: the view for ParaView, and GSD files."""
+"""What shows a dataset of the frames besides CSV, which shows all: the view for ParaView, and GSD
+files."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +80,8 @@ class Stored:
     Attributes:
         dtype: Stored type.
         dims: Shape; ``("one",)`` is a number.
-        unit: SI unit, one per column (separated by commas) where they differ; ``1`` if dimensionless.
+        unit: SI unit, one per column (separated by commas) where they differ; ``1`` if
+            dimensionless.
         meaning: What it is, in a sentence.
         columns: Names of its columns in tables, if it has several.
         exports: What shows it.
@@ -112,8 +122,10 @@ class Entry(NamedTuple):
         series: Its name in the time series; None if it is not there.
         dtype: How the time series stores it: ``i8`` for counts.
         per_step: Whether the time series holds its mean over the steps of the window.
-        summary: Its key in the summary of a run, if it has one of its own there; see `multicor_cli.store.summarize`.
-        label: What ``multicor info`` calls it, and what it adds to the number, if it shows it to people.
+        summary: Its key in the summary of a run, if it has one of its own there; see
+            `multicor_cli.store.summarize`.
+        label: What ``multicor info`` calls it, and what it adds to the number, if it shows it to
+            people.
         since: Version of the file format in which it appeared.
     """
 
@@ -139,18 +151,35 @@ def _heat(name: str, meaning: str, unit: str = "J", dtype: DType = "f8") -> Entr
 BOOKS = (
     _book("kinetic", "kinetic energy of the free degrees of freedom"),
     _book("kinetic_start", "kinetic energy at the start of the run"),
-    _book("gravity_work", "work of gravity since the start, position correction included"),  # on unwrapped displacements
+    # on unwrapped displacements
+    _book("gravity_work", "work of gravity since the start, position correction included"),
     _book("wall_work", "work done on the grains by prescribed wall velocities since the start"),
-    _book("load_work", "work of the loads on driven walls since the start, position correction included"),  # ΣF·Δq
-    _book("friction_loss", "energy lost to friction since the start, signed"),  # −Σ p_t ½(u_t⁻+u_t⁺)
+    # ΣF·Δq
+    _book(
+        "load_work",
+        "work of the loads on driven walls since the start, position correction included",
+    ),
+    # −Σ p_t ½(u_t⁻+u_t⁺)
+    _book("friction_loss", "energy lost to friction since the start, signed"),
     _book("impact_loss", "energy lost to impacts since the start, signed"),  # −Σ p_n ½(u_n⁻+u_n⁺)
     _book("damping_loss", "energy lost in the damping of loads since the start"),  # Σ c v̄² Δt
-    _book("correction_work", "energy moved by the projection of positions since the start"),  # ΣF·δq of gravity and loads
-    _book("friction_sliding", "mu |u_t+| p_n summed since the start: the end-of-step rule"),  # the rule of the paper
-    _book("negative_loss", "negative part of friction_loss + impact_loss since the start"),  # contacts that gained energy
+    # ΣF·δq of gravity and loads
+    _book("correction_work", "energy moved by the projection of positions since the start"),
+    # The rule of the paper
+    _book("friction_sliding", "mu |u_t+| p_n summed since the start: the end-of-step rule"),
+    # Contacts that gained energy
+    _book("negative_loss", "negative part of friction_loss + impact_loss since the start"),
     _book("terms", "sum of the absolute terms of the energy balance since the start"),
-    _book("imbalance", "kinetic - kinetic_start - works + losses now"),  # the correction is among the losses
-    _book("closure", "largest |imbalance| so far over terms, or over a small share of the kinetic energy where that is more", "1"),
+    # The correction is among the losses
+    _book("imbalance", "kinetic - kinetic_start - works + losses now"),
+    _book(
+        "closure",
+        (
+            "largest |imbalance| so far over terms, or over a small share of the kinetic energy "
+            "where that is more"
+        ),
+        "1",
+    ),
 )
 """The energy books, in the order of `State.books`."""
 
@@ -184,16 +213,46 @@ TALLIES = (
 """Counters of a run, in the order of `State.tallies`."""
 
 WINDOW = (
-    Entry("duration", "length of the window since the row before; 0 in a row without steps", "s", series="window_duration"),
+    Entry(
+        "duration",
+        "length of the window since the row before; 0 in a row without steps",
+        "s",
+        series="window_duration",
+    ),
     Entry("steps", "steps in the window", series="window_steps", dtype="i8"),
-    Entry("sweeps", "sweep-equivalents per step of the window; 0 in a row without steps", series="sweeps_mean", per_step=True),
-    Entry("unconverged", "steps of the window that hit the cap on sweeps", series="unconverged", dtype="i8"),
-    Entry("residual_rms", "largest rms velocity correction over u_ref in the window", series="residual_rms"),
-    Entry("residual_max", "largest velocity correction over u_ref in the window", series="residual_max"),
+    Entry(
+        "sweeps",
+        "sweep-equivalents per step of the window; 0 in a row without steps",
+        series="sweeps_mean",
+        per_step=True,
+    ),
+    Entry(
+        "unconverged",
+        "steps of the window that hit the cap on sweeps",
+        series="unconverged",
+        dtype="i8",
+    ),
+    Entry(
+        "residual_rms",
+        "largest rms velocity correction over u_ref in the window",
+        series="residual_rms",
+    ),
+    Entry(
+        "residual_max",
+        "largest velocity correction over u_ref in the window",
+        series="residual_max",
+    ),
     Entry("residual_energy", "largest energy residual G in the window", series="residual_energy"),
-    Entry("contacts", "loaded contacts per step of the window", series="contacts_mean", per_step=True),
-    # Σ p_a ℓ_b over grain–grain contacts, ℓ from j to i; the time series has the rate of this tensor.
-    *(Entry(f"virial_{a}{b}", f"sum of p_{a} l_{b} in the window", "J s") for a in "xy" for b in "xy"),
+    Entry(
+        "contacts", "loaded contacts per step of the window", series="contacts_mean", per_step=True
+    ),
+    # Σ p_a ℓ_b over grain–grain contacts, ℓ from j to i; the time series has the rate of this
+    # tensor.
+    *(
+        Entry(f"virial_{a}{b}", f"sum of p_{a} l_{b} in the window", "J s")
+        for a in "xy"
+        for b in "xy"
+    ),
 )
 """Sums kept between two rows of the time series, in the order of `State.window`."""
 
@@ -202,17 +261,34 @@ HEAT_BOOKS = (
     _heat("friction", "heat of friction since the start"),  # by the rule in use
     _heat("impact", "heat of impacts since the start"),
     _heat("to_walls", "share of the heat of friction and impacts that went into the walls"),
-    _heat("from_walls", "heat that the walls gave to the grains since the start, signed"),  # conduction, gas, radiation
+    # conduction, gas, radiation
+    _heat("from_walls", "heat that the walls gave to the grains since the start, signed"),
     _heat("from_ambient", "heat from the ambient fluid by convection since the start, signed"),
     _heat("from_surroundings", "heat from the surroundings by radiation since the start, signed"),
-    _heat("exchanged", "sum of the absolute exchanges with the outside since the start"),  # step by step
-    _heat("undelivered", "heat that walls of prescribed flow could not pass on: nothing touched them"),
-    _heat("imbalance", "heat_stored - (friction + impact - to_walls + from_walls + ambient + surroundings) now"),
-    _heat("closure", "largest |heat_imbalance| / (heat_exchanged + sum of C |T - T_0|) so far", "1"),
+    # Step by step
+    _heat("exchanged", "sum of the absolute exchanges with the outside since the start"),
+    _heat(
+        "undelivered", "heat that walls of prescribed flow could not pass on: nothing touched them"
+    ),
+    _heat(
+        "imbalance",
+        "heat_stored - (friction + impact - to_walls + from_walls + ambient + surroundings) now",
+    ),
+    _heat(
+        "closure", "largest |heat_imbalance| / (heat_exchanged + sum of C |T - T_0|) so far", "1"
+    ),
     _heat("sub_steps", "sub-steps of the heat integrator so far", "1", "i8"),
     Entry("max_biot", "largest Biot number of a contact so far", series="max_biot"),
-    Entry("solid_gas_min", "smallest k_s s/(k_f a) of a contact in the last step; 0 without gas", series="solid_gas_min"),
-    Entry("solid_gas_max", "largest k_s s/(k_f a) of a contact in the last step; 0 without gas", series="solid_gas_max"),
+    Entry(
+        "solid_gas_min",
+        "smallest k_s s/(k_f a) of a contact in the last step; 0 without gas",
+        series="solid_gas_min",
+    ),
+    Entry(
+        "solid_gas_max",
+        "largest k_s s/(k_f a) of a contact in the last step; 0 without gas",
+        series="solid_gas_max",
+    ),
     Entry(  # or ½ Δt ΣH/C of a step of Euler's rule
         "integration_error",
         "largest estimated error of temperatures in a sub-step so far, over their spread",
@@ -245,12 +321,25 @@ EXCHANGE_BOOKS = (
     _exchange("mass_left", "mass that left through outlets since the start", "kg"),
     _exchange("mass_returned", "mass of this that went back to wait", "kg"),
     _exchange("mass_lost", "mass removed beyond the domain since the start", "kg"),
-    _exchange("mass_closure", "largest |waiting + present + left - returned + lost - all mass| over all mass so far"),
+    _exchange(
+        "mass_closure",
+        "largest |waiting + present + left - returned + lost - all mass| over all mass so far",
+    ),
     _exchange("kinetic_in", "kinetic energy of the grains released since the start", "J"),
     _exchange("kinetic_out", "kinetic energy of the grains gone since the start", "J"),
-    _exchange("potential_in", "their energy in the gravity of the domain, zero at the origin, where they were released", "J"),
-    _exchange("potential_out", "their energy in the gravity of the domain, zero at the origin, where they went", "J"),
-    _exchange("heat_out", "heat content that the grains gone have taken along since the start", "J"),
+    _exchange(
+        "potential_in",
+        "their energy in the gravity of the domain, zero at the origin, where they were released",
+        "J",
+    ),
+    _exchange(
+        "potential_out",
+        "their energy in the gravity of the domain, zero at the origin, where they went",
+        "J",
+    ),
+    _exchange(
+        "heat_out", "heat content that the grains gone have taken along since the start", "J"
+    ),
 )
 """Books of grains that come and go, in the order of `State.exchange`; empty where none does."""
 
@@ -266,11 +355,18 @@ BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, HEAT_BOOK_NAMES, EXCHANGE_NAMES = map(
 
 
 def entry_counts(version: Version | None = None) -> dict[str, int]:
-    """Lengths of `State.books`, `State.tallies` and `State.window`, by their dims; in files of an older version if it is given."""
+    """Lengths of `State.books`, `State.tallies` and `State.window`, by their dims; in files of an
+    older version if it is given.
+    """
     tables = {"book": BOOKS, "tally": TALLIES, "window": WINDOW}
-    return {dim: len([e for e in table if version is None or e.since <= version]) for dim, table in tables.items()}
+    return {
+        dim: len([e for e in table if version is None or e.since <= version])
+        for dim, table in tables.items()
+    }
 
 
 def measures_first(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
-    """Entries with the counts last: the order in which files of format 1.0 have the counters of a run."""
+    """Entries with the counts last: the order in which files of format 1.0 have the counters of a
+    run.
+    """
     return tuple(sorted(entries, key=lambda entry: entry.dtype == "i8"))

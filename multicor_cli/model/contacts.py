@@ -24,7 +24,9 @@ def _column(
     default: Any = MISSING,
 ) -> Any:
     dims: Shape = ("contact_row", len(columns)) if columns else ("contact_row",)
-    return stored(Stored(dtype, dims, unit, meaning, columns, exports, only_with, since), default=default)
+    return stored(
+        Stored(dtype, dims, unit, meaning, columns, exports, only_with, since), default=default
+    )
 
 
 def _heat(unit: str, meaning: str, exports: tuple[Export, ...] = ("vtk",)) -> Any:
@@ -36,38 +38,58 @@ def _heat(unit: str, meaning: str, exports: tuple[Export, ...] = ("vtk",)) -> An
 class ContactTable:
     """Contacts of one step, sorted by (i, j); every array has a row for each of the ``c`` contacts.
 
-    Each field says its unit and meaning, as docs/reference/formats/results.md lists them. Normals and gaps are those at mid-step.
+    Each field says its unit and meaning, as docs/reference/formats/results.md lists them. Normals
+    and gaps are those at mid-step.
     """
 
     i: Ints = _column("1", "first shape of the contact: a grain", "i4", exports=())
     j: Ints = _column("1", "second shape: a grain if < n, else wall shape j - n", "i4", exports=())
     normal: Floats = _column(
-        "1", "unit normal n from j to i; the tangent is n turned by +90 deg", columns=("normal_x", "normal_y"), exports=()
+        "1",
+        "unit normal n from j to i; the tangent is n turned by +90 deg",
+        columns=("normal_x", "normal_y"),
+        exports=(),
     )
     gap: Floats = _column("m", "gap, negative where shapes overlap")
     impulse: Floats = _column(
-        "N s", "normal and tangential impulse on i in the last step", columns=("normal_impulse", "tangential_impulse")
+        "N s",
+        "normal and tangential impulse on i in the last step",
+        columns=("normal_impulse", "tangential_impulse"),
     )
     slip: Floats = _column("m/s", "tangential velocity of i relative to j after the step")
-    sliding: NDArray[np.bool_] = _column("1", "1 if the contact slides, 0 if it sticks or carries nothing", "u1")
-    heat: Floats | None = _heat("J", "heat generated in the contact in the last step", exports=("vtk", "gsd"))
+    sliding: NDArray[np.bool_] = _column(
+        "1", "1 if the contact slides, 0 if it sticks or carries nothing", "u1"
+    )
+    heat: Floats | None = _heat(
+        "J", "heat generated in the contact in the last step", exports=("vtk", "gsd")
+    )
     conductance: Floats | None = _heat("W/K", "conductance of the contact in the last step")
     couple: Floats | None = _column(
-        "N m s", "impulse of the rolling resistance on i in the last step", only_with="rolling", since=(1, 1), default=None
+        "N m s",
+        "impulse of the rolling resistance on i in the last step",
+        only_with="rolling",
+        since=(1, 1),
+        default=None,
     )
 
     def carrying(self) -> ContactTable:
-        """The contacts that carry a force or heat: those that frames hold. The others are near pairs that were looked at."""
+        """The contacts that carry a force or heat: those that frames hold. The others are near
+        pairs that were looked at.
+        """
         kept = self.impulse[:, 0] != 0.0  # tension is negative
         for values in (self.heat, self.conductance, self.couple):
             kept = kept if values is None else kept | (values != 0.0)
         if kept.all():
             return self
         columns = {field.name: getattr(self, field.name) for field in fields(self)}
-        return replace(self, **{name: values[kept] for name, values in columns.items() if values is not None})
+        return replace(
+            self, **{name: values[kept] for name, values in columns.items() if values is not None}
+        )
 
     @classmethod
     def empty(cls) -> ContactTable:
         """No contacts."""
         none, nothing = np.zeros(0, np.int32), np.zeros(0)
-        return cls(none, none, np.zeros((0, 2)), nothing, np.zeros((0, 2)), nothing, np.zeros(0, np.bool_))
+        return cls(
+            none, none, np.zeros((0, 2)), nothing, np.zeros((0, 2)), nothing, np.zeros(0, np.bool_)
+        )

@@ -1,4 +1,6 @@
-"""What cannot be in a state: values that are not finite or absurd, shapes and indices that do not fit the model."""
+"""What cannot be in a state: values that are not finite or absurd, shapes and indices that do not
+fit the model.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model.books import BOOK_NAMES, EXCHANGE_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, stored_fields
+from multicor_cli.model.books import (
+    BOOK_NAMES,
+    EXCHANGE_NAMES,
+    HEAT_BOOK_NAMES,
+    TALLY_NAMES,
+    WINDOW_NAMES,
+    stored_fields,
+)
 from multicor_cli.model.model import Model
 from multicor_cli.model.state import Presence, State, state_shapes
 
@@ -31,40 +40,62 @@ _ENTRIES = {
 def _fields(dtype: str, *dims: str) -> tuple[str, ...]:
     """Fields of a state of a type with a row for each of these."""
     found = stored_fields(State)
-    return tuple(name for dim in dims for name, about in found.items() if about.dims[0] == dim and about.dtype == dtype)
+    return tuple(
+        name
+        for dim in dims
+        for name, about in found.items()
+        if about.dims[0] == dim and about.dtype == dtype
+    )
 
 
 _NOTES = _fields("f8", "stage_note", "before_row", "exchange_group", "exchange_outlet")
-_OF_GRAINS, _OF_WALLS = _fields("f8", "heat_grain", "grain"), _fields("f8", "wall", "heat_wall", "origin_row", "surface_row")
+_OF_GRAINS, _OF_WALLS = (
+    _fields("f8", "heat_grain", "grain"),
+    _fields("f8", "wall", "heat_wall", "origin_row", "surface_row"),
+)
 _NUMBERS, _COUNTS = _fields("f8", "one"), _fields("i8", "one")
 
 
 def find_absurd_value(state: State, model: Model) -> str | None:
-    """Name the first value that is not finite or above `LARGEST`, and what it belongs to; ``None`` if there is none.
+    """Name the first value that is not finite or above `LARGEST`, and what it belongs to; ``None``
+    if there is none.
 
-    Impulses and heat, which friction may depend on, come first: where one is wrong, velocities follow within a step.
+    Impulses and heat, which friction may depend on, come first: where one is wrong, velocities
+    follow within a step.
     """
     for name in (*_CONTACTS, *_OF_GRAINS, *_OF_WALLS, *_ENTRIES, *_NUMBERS, *_NOTES):
         values = np.atleast_1d(getattr(state, name))
-        size = np.abs(values).max(initial=0.0) if name != "wall_temperature" else np.nanmax(np.abs(values), initial=0.0)
+        size = (
+            np.abs(values).max(initial=0.0)
+            if name != "wall_temperature"
+            else np.nanmax(np.abs(values), initial=0.0)
+        )
         if not size <= LARGEST:
             wrong = ~(np.abs(values) <= LARGEST)
             if name == "wall_temperature":
                 wrong &= ~np.isnan(values)
             row = int(np.argwhere(wrong)[0][0])
             value = float(values[wrong][0])
-            return f"{_owner(state, model, name, row)} is {'not finite' if not np.isfinite(value) else f'absurd ({value:.3g})'}"
+            return (
+                f"{_owner(state, model, name, row)} is "
+                f"{'not finite' if not np.isfinite(value) else f'absurd ({value:.3g})'}"
+            )
     return None
 
 
 def find_misfit(state: State, model: Model) -> str | None:
-    """Say what of a state that was read from a file does not fit the model; ``None`` if all does."""
+    """Say what of a state that was read from a file does not fit the model; ``None`` if all
+    does.
+    """
     n, shapes = model.grain_count, model.shape_count
     for name, shape in state_shapes(model).items():
         if getattr(state, name).shape != shape:
             return f"{name} has shape {getattr(state, name).shape} instead of {shape}"
     if state.wall_origin.shape not in ((0, 3), state.wall_position.shape):
-        return f"wall_origin has shape {state.wall_origin.shape} instead of {state.wall_position.shape}"
+        return (
+            f"wall_origin has shape {state.wall_origin.shape} instead of "
+            f"{state.wall_position.shape}"
+        )
     if state.wall_surface.shape not in ((0,), (model.wall_count,)):
         return f"wall_surface has shape {state.wall_surface.shape} instead of {(model.wall_count,)}"
     for name, (i, j) in _CONTACTS.items():
@@ -84,7 +115,10 @@ def find_misfit(state: State, model: Model) -> str | None:
 
 def _are_pairs(first: NDArray[Any], second: NDArray[Any], grains: int, shapes: int) -> bool:
     key = first.astype(np.int64) * shapes + second
-    return bool(((first >= 0) & (first < grains) & (second > first) & (second < shapes)).all() and (np.diff(key) > 0).all())
+    return bool(
+        ((first >= 0) & (first < grains) & (second > first) & (second < shapes)).all()
+        and (np.diff(key) > 0).all()
+    )
 
 
 def _owner(state: State, model: Model, name: str, row: int) -> str:

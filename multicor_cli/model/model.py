@@ -1,7 +1,7 @@
 """The constant part of a run: grains, walls, contact laws and domain, as plain arrays.
 
-Numbering used everywhere: grains are *shapes* ``0 … n-1``; the wall shapes follow as ``n … n+m-1``. A contact is a pair of
-shape numbers ``(i, j)`` with ``i < j``, so ``i`` is always a grain.
+Numbering used everywhere: grains are *shapes* ``0 … n-1``; the wall shapes follow as ``n … n+m-1``.
+A contact is a pair of shape numbers ``(i, j)`` with ``i < j``, so ``i`` is always a grain.
 """
 
 from __future__ import annotations
@@ -20,10 +20,12 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 LEAST_DIAMETERS = 4.0
-"""Shortest period over the largest diameter: with less, a grain and the image of its neighbor would be neighbors too."""
+"""Shortest period over the largest diameter: with less, a grain and the image of its neighbor would
+be neighbors too."""
 
 LEAST_THROAT = 2.0
-"""Narrowest passage between a disc of a wall and its image, over the largest diameter: with less, a grain in it could meet both."""
+"""Narrowest passage between a disc of a wall and its image, over the largest diameter: with less, a
+grain in it could meet both."""
 
 SHAPE_FACTOR = {"disc": 2.0, "sphere": 2.5}
 """m a²/I by the shape of the grains."""
@@ -71,12 +73,15 @@ class Walls:
 
     Attributes:
         names: Name of each wall.
-        mass: Mass that a load moves [kg]; ``nan`` if none was given (then no degree of freedom may be driven by a force).
+        mass: Mass that a load moves [kg]; ``nan`` if none was given (then no degree of freedom may
+            be driven by a force).
         inertia: Moment of inertia about the wall's reference point [kg m²]; ``nan`` likewise.
         has_gravity: Whether gravity acts on its force-driven degrees of freedom.
         length: Length over which a load spreads [m].
-        runs: Whether a drive that was known at the start lets its surface run; of size 0 if that of no wall does.
-        meets: Which groups of grains meet it, shape ``(w, g)``; the others pass through it. Of size 0 if all groups meet all walls.
+        runs: Whether a drive that was known at the start lets its surface run; of size 0 if that of
+            no wall does.
+        meets: Which groups of grains meet it, shape ``(w, g)``; the others pass through it. Of size
+            0 if all groups meet all walls.
     """
 
     names: tuple[str, ...]
@@ -92,22 +97,27 @@ _NONE = np.empty((0, 0))
 
 
 class ContactLaws(NamedTuple):
-    """Friction, restitution, adhesion and rolling resistance of each pair of materials; ``k`` materials. Kernels take it as it is.
+    """Friction, restitution, adhesion and rolling resistance of each pair of materials; ``k``
+    materials. Kernels take it as it is.
 
     Attributes:
-        friction: Coefficient of friction μ, shape ``(k, k)``, symmetric; used where ``table`` is -1.
+        friction: Coefficient of friction μ, shape ``(k, k)``, symmetric; used where ``table`` is
+            -1.
         restitution: Coefficient of normal restitution e, shape ``(k, k)``, symmetric.
         table: Number of the μ(sliding speed) table of the pair, or -1, shape ``(k, k)``.
         table_start: First row of each table in the two arrays below, shape ``(tables + 1,)``.
         table_speed: Sliding speeds [m/s], ascending within a table.
         table_friction: μ at these speeds; linear between, constant beyond.
-        softening_rate: c of μ = μ₀ [1 − c (T − T_r)] [1/K], 0 for pairs whose friction does not depend on temperature, shape
-            ``(k, k)``; this and the next three are of size 0 if there is no such pair.
+        softening_rate: c of μ = μ₀ [1 − c (T − T_r)] [1/K], 0 for pairs whose friction does not
+            depend on temperature, shape ``(k, k)``; this and the next three are of size 0 if there
+            is no such pair.
         softening_start: T_r, the temperature at which μ = μ₀ [K].
         softening_lowest: Smallest μ.
         softening_highest: Largest μ.
-        adhesion: F_a, the tension that a contact bears [N], shape ``(k, k)``, symmetric; of size 0 if no pair has adhesion.
-        rolling: Coefficient of rolling resistance μ_r, shape ``(k, k)``, symmetric; of size 0 if no pair has it.
+        adhesion: F_a, the tension that a contact bears [N], shape ``(k, k)``, symmetric; of size 0
+            if no pair has adhesion.
+        rolling: Coefficient of rolling resistance μ_r, shape ``(k, k)``, symmetric; of size 0 if no
+            pair has it.
     """
 
     friction: Floats
@@ -138,7 +148,8 @@ class Thermal:
     Attributes:
         capacity: Heat capacity C = m c_p [J/K].
         initial_temperature: Temperature at the start of the run T₀ [K].
-        surface: Area through which a grain meets fluid and surroundings [m²]: 4π a² of a sphere, 2π a h of a disc.
+        surface: Area through which a grain meets fluid and surroundings [m²]: 4π a² of a sphere, 2π
+            a h of a disc.
     """
 
     capacity: Floats
@@ -162,8 +173,10 @@ class Model:
         shape_factor: m a²/I, one of `SHAPE_FACTOR`, the same for all grains.
         thermal: Heat capacities and initial temperatures, or None if the run has no heat.
         outlets: Names of the outlets, or None if no grain ever comes or goes.
-        start_speed: Speed of the fastest grain, surface of a grain or wall at the start, but for the shear that walls impose [m/s].
-        numbers: Numbers of the grains in messages, shape ``(n,)``; None: their places in the arrays.
+        start_speed: Speed of the fastest grain, surface of a grain or wall at the start, but for
+            the shear that walls impose [m/s].
+        numbers: Numbers of the grains in messages, shape ``(n,)``; None: their places in the
+            arrays.
     """
 
     grains: Grains
@@ -205,15 +218,23 @@ class Model:
         return f"grain {grain if self.numbers is None else self.numbers[grain]}"
 
     def is_met(self, grain: NDArray[Any], shape: NDArray[Any]) -> NDArray[np.bool_]:
-        """Whether grains meet wall shapes, which count from 0: pairs of numbers of any equal shape."""
+        """Whether grains meet wall shapes, which count from 0: pairs of numbers of any equal
+        shape.
+        """
         meets = self.walls.meets
         if not meets.size:
             return np.ones(grain.shape, np.bool_)
         return np.asarray(meets[self.shapes.wall[shape], self.grains.group[grain]])
 
     def meeting_alike(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.bool_]]]:
-        """Grains that meet the same walls: which grains, ascending, and whether they meet each wall, shape ``(w,)``."""
-        meets = self.walls.meets if self.walls.meets.size else np.ones((self.wall_count, len(self.groups)), np.bool_)
+        """Grains that meet the same walls: which grains, ascending, and whether they meet each
+        wall, shape ``(w,)``.
+        """
+        meets = (
+            self.walls.meets
+            if self.walls.meets.size
+            else np.ones((self.wall_count, len(self.groups)), np.bool_)
+        )
         alike, kind = np.unique(meets, axis=1, return_inverse=True)
         of_grain = kind.reshape(-1)[self.grains.group]
         for k in range(alike.shape[1]):
@@ -243,4 +264,6 @@ _Rows = TypeVar("_Rows", Grains, Thermal)
 
 def _rows_of(table: _Rows, which: NDArray[np.int64]) -> _Rows:
     """A record of arrays with a row for each grain, of these grains alone."""
-    return type(table)(**{column.name: getattr(table, column.name)[which] for column in fields(table)})
+    return type(table)(
+        **{column.name: getattr(table, column.name)[which] for column in fields(table)}
+    )

@@ -1,7 +1,9 @@
-"""Areas of the plane, and the kinds of shapes that walls are made of: everything about them that is not compiled.
+"""Areas of the plane, and the kinds of shapes that walls are made of: everything about them that is
+not compiled.
 
-A new kind is one more `ShapeKind` with its row of `SHAPES`, and its gap in `engine/geometry/scene.py`. Everything else follows from
-the row, but for two kinds: a disc is a grain that is glued to a wall, and a plane is the only shape without ends.
+A new kind is one more `ShapeKind` with its row of `SHAPES`, and its gap in
+`engine/geometry/scene.py`. Everything else follows from the row, but for two kinds: a disc is a
+grain that is glued to a wall, and a plane is the only shape without ends.
 """
 
 from __future__ import annotations
@@ -21,10 +23,11 @@ from multicor_cli.arithmetic.sums import column_totals, total
 from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats, Ints
 
-# ---- Areas of the plane: which points lie in them, how far these are from the boundary, and how large the areas are.
+# ---- Areas of the plane: which points lie in them, how far these are from the boundary, and how
+#      large the areas are.
 #
-# A disc of radius a lies wholly inside an area exactly if the depth of its center is at least a, and wholly outside if it is at
-# most −a: that is all that packings, walls and measurements ask.
+# A disc of radius a lies wholly inside an area exactly if the depth of its center is at least a,
+# and wholly outside if it is at most −a: that is all that packings, walls and measurements ask.
 
 _AT_ONCE = 1 << 18  # pairs of a point and a side that are compared at once
 
@@ -43,7 +46,9 @@ class Area(ABC):
 
     @abstractmethod
     def depth(self, points: Floats) -> Floats:
-        """Distance of points, shape ``(n, 2)``, to the boundary [m]: positive inside, negative outside, shape ``(n,)``."""
+        """Distance of points, shape ``(n, 2)``, to the boundary [m]: positive inside, negative
+        outside, shape ``(n,)``.
+        """
 
     def contains(self, points: Floats) -> NDArray[np.bool_]:
         """Whether points lie in it; its boundary belongs to it."""
@@ -70,7 +75,9 @@ class Rectangle(Area):
         """Distance to the nearest side, or to the nearest corner of points beyond one."""
         beyond = np.maximum(np.array(self.low) - points, points - np.array(self.high))
         outside = np.maximum(beyond, 0.0)
-        return np.asarray(-(_length(outside[:, 0], outside[:, 1]) + np.minimum(beyond.max(axis=1), 0.0)))
+        return np.asarray(
+            -(_length(outside[:, 0], outside[:, 1]) + np.minimum(beyond.max(axis=1), 0.0))
+        )
 
 
 @dataclass(frozen=True)
@@ -161,16 +168,22 @@ class Polygon(Area):
 
     def side_lengths(self) -> Floats:
         """Length of each side, from its corner to the next [m], shape ``(p,)``."""
-        return np.array([hypot(*way) for way in (np.roll(self.points, -1, axis=0) - self.points).tolist()])
+        return np.array(
+            [hypot(*way) for way in (np.roll(self.points, -1, axis=0) - self.points).tolist()]
+        )
 
     def corners(self) -> Floats:
         """Around its corners."""
         return np.array([self.points.min(axis=0), self.points.max(axis=0)])
 
     def depth(self, points: Floats) -> Floats:
-        """Distance to the nearest side; a point is inside if a ray from it crosses an odd number of sides."""
+        """Distance to the nearest side; a point is inside if a ray from it crosses an odd number of
+        sides.
+        """
         count = max(1, _AT_ONCE // len(self.points))
-        parts = [self._depth(points[first : first + count]) for first in range(0, len(points), count)]
+        parts = [
+            self._depth(points[first : first + count]) for first in range(0, len(points), count)
+        ]
         return np.concatenate(parts) if parts else np.zeros(0)
 
     def _depth(self, points: Floats) -> Floats:
@@ -179,13 +192,16 @@ class Polygon(Area):
         px, py = points[:, :1] - start[:, 0], points[:, 1:2] - start[:, 1]
         foot = np.clip((px * way[:, 0] + py * way[:, 1]) / _dot(way, way), 0.0, 1.0)
         distance = _length(px - foot * way[:, 0], py - foot * way[:, 1]).min(axis=1)
-        # A side that spans the height of the point lies to the right of it if the point is on its left, or right for a falling one.
+        # A side that spans the height of the point lies to the right of it if the point is on its
+        # left, or right for a falling one.
         spans = (py >= 0.0) != (py >= way[:, 1])
         crossed = spans & ((way[:, 0] * py - way[:, 1] * px > 0.0) == (way[:, 1] > 0.0))
         return np.asarray(np.where(np.count_nonzero(crossed, axis=1) % 2 == 1, distance, -distance))
 
     def _products(self) -> tuple[Floats, Floats, Floats]:
-        """Corners from the first one, the corners after them, and the cross product of both [m²]."""
+        """Corners from the first one, the corners after them, and the cross product of both
+        [m²].
+        """
         here = self.points - self.points[0]
         after = np.roll(here, -1, axis=0)
         return here, after, here[:, 0] * after[:, 1] - here[:, 1] * after[:, 0]
@@ -219,9 +235,11 @@ class Room:
         return replace(self, outside=(*self.outside, *areas))
 
     def clearance(self, points: Floats) -> Floats:
-        """Distance of points, shape ``(n, 2)``, to what bounds the room [m]: negative outside of it, shape ``(n,)``.
+        """Distance of points, shape ``(n, 2)``, to what bounds the room [m]: negative outside of
+        it, shape ``(n,)``.
 
-        A disc lies wholly in the room exactly if the clearance of its center is at least its radius.
+        A disc lies wholly in the room exactly if the clearance of its center is at least its
+        radius.
         """
         nearest = np.full(len(points), np.inf)
         for area in self.inside:
@@ -236,7 +254,9 @@ class Room:
             return area.depth(points)
         low, high = area.corners()[:, 0]
         moved = points.copy()
-        moved[:, 0] -= self.period * np.floor((points[:, 0] - 0.5 * (low + high)) / self.period + 0.5)
+        moved[:, 0] -= self.period * np.floor(
+            (points[:, 0] - 0.5 * (low + high)) / self.period + 0.5
+        )
         depth = area.depth(moved)
         for shift in (-self.period, self.period):
             np.maximum(depth, area.depth(moved + np.array([shift, 0.0])), out=depth)
@@ -244,7 +264,9 @@ class Room:
 
 
 def fault_of_polygon(points: Floats) -> tuple[int, str] | None:
-    """What keeps corners, shape ``(p, 2)``, p ≥ 3, from making a simple polygon: number of a corner, and what is wrong there."""
+    """What keeps corners, shape ``(p, 2)``, p ≥ 3, from making a simple polygon: number of a
+    corner, and what is wrong there.
+    """
     _, first, number = np.unique(points, axis=0, return_index=True, return_inverse=True)
     again = np.flatnonzero(first[number.reshape(-1)] != np.arange(len(points)))
     if again.size:
@@ -259,7 +281,13 @@ def fault_of_polygon(points: Floats) -> tuple[int, str] | None:
     for k in range(len(points) - 2):
         other = _first_crossed(points, k)
         if other is not None:
-            return k, f"the side from {points[k].tolist()} crosses or touches that from {points[other].tolist()}"
+            return (
+                k,
+                (
+                    f"the side from {points[k].tolist()} crosses or touches that from "
+                    f"{points[other].tolist()}"
+                ),
+            )
     return None
 
 
@@ -271,7 +299,9 @@ def _first_crossed(points: Floats, k: int) -> int | None:
     parted = _cross(b - a, c - a) * _cross(b - a, d - a) > 0.0
     parted |= _cross(d - c, a - c) * _cross(d - c, b - c) > 0.0
     # On one line: they share a point if their extents do.
-    parted |= ((np.minimum(a, b) > np.maximum(c, d)) | (np.maximum(a, b) < np.minimum(c, d))).any(axis=1)
+    parted |= ((np.minimum(a, b) > np.maximum(c, d)) | (np.maximum(a, b) < np.minimum(c, d))).any(
+        axis=1
+    )
     found = np.flatnonzero(~parted)
     return k + 2 + int(found[0]) if found.size else None
 
@@ -292,7 +322,9 @@ def _length(x: Floats, y: Floats) -> Floats:
 
 
 class ShapeKind(IntEnum):
-    """Kind of a wall shape; the number is that of the files. `SHAPES` gives the meaning of the four numbers of each shape."""
+    """Kind of a wall shape; the number is that of the files. `SHAPES` gives the meaning of the four
+    numbers of each shape.
+    """
 
     DISC = 0
     PLANE = 1
@@ -303,10 +335,14 @@ class ShapeKind(IntEnum):
 
 
 class Tail(IntEnum):
-    """What the last two numbers of a shape are. The first two are a point of it, which turns and moves with the wall."""
+    """What the last two numbers of a shape are. The first two are a point of it, which turns and
+    moves with the wall.
+    """
 
     NUMBERS = 0  # they stay as they are, and the shape with them: it looks the same from all sides
-    DIRECTION = 1  # a vector, which turns with the wall; at least as long as the shape reaches from its point, unless a plane
+    # a vector, which turns with the wall; at least as long as the shape reaches from its point,
+    # unless a plane
+    DIRECTION = 1
     POINT = 2  # a point, which turns and moves with the wall
     SHAPES = 3  # numbers of other shapes of the wall, or -1
 
@@ -316,7 +352,8 @@ class Outline:
     """What k shapes of one kind look like: polygonal lines, circles or endless lines.
 
     Attributes:
-        points: Corners of each line, or the center of each circle, or a point of each endless line [m], shape ``(k, p, 2)``.
+        points: Corners of each line, or the center of each circle, or a point of each endless line
+            [m], shape ``(k, p, 2)``.
         radius: Radii of circles [m], shape ``(k,)``.
         normal: Unit normals of endless lines, shape ``(k, 2)``.
         is_grain: Whether the circles are grains.
@@ -330,7 +367,9 @@ class Outline:
     is_solid: bool = False
 
     def corners(self) -> Floats:
-        """Lower left and upper right corner around each shape [m], shape ``(2, k, 2)``; of an endless line its point."""
+        """Lower left and upper right corner around each shape [m], shape ``(2, k, 2)``; of an
+        endless line its point.
+        """
         reach = 0.0 if self.radius is None else self.radius[:, np.newaxis]
         return np.array([self.points.min(axis=1) - reach, self.points.max(axis=1) + reach])
 
@@ -365,11 +404,13 @@ SHAPES = {
         lambda g: Outline(g[:, np.newaxis, :2], normal=g[:, 2:]),
     ),
     ShapeKind.SEGMENT: ShapeType(
-        "segment", "a straight line, both sides solid, without its ends", "x, y of one end; x, y of the other", Tail.POINT,
+        "segment", "a straight line, both sides solid, without its ends", ("x, y of one end; x, y "
+            "of the other"), Tail.POINT,
         lambda g: Outline(g.reshape(-1, 2, 2)), is_thin=True,
     ),
     ShapeKind.VERTEX: ShapeType(
-        "vertex", "an end of segments or sides", "x, y; numbers of those that end and begin here (−1: none)", Tail.SHAPES,
+        "vertex", "an end of segments or sides", ("x, y; numbers of those that end and begin here "
+            "(−1: none)"), Tail.SHAPES,
         lambda g: Outline(g[:, np.newaxis, :2]), is_thin=True,
     ),
     ShapeKind.CIRCLE: ShapeType(
@@ -377,7 +418,8 @@ SHAPES = {
         lambda g: Outline(g[:, np.newaxis, :2], radius=g[:, RADIUS]),
     ),
     ShapeKind.SIDE: ShapeType(
-        "side", "a side of a polygon, solid on its left, without its ends", "x, y of one end; x, y of the other", Tail.POINT,
+        "side", "a side of a polygon, solid on its left, without its ends", ("x, y of one end; x, "
+            "y of the other"), Tail.POINT,
         lambda g: Outline(g.reshape(-1, 2, 2), is_solid=True), is_thin=True,
     ),
 }  # fmt: skip
@@ -407,7 +449,10 @@ def outlines(kind: Ints, geometry: Floats) -> Iterator[tuple[NDArray[np.int64], 
 
 def markdown() -> str:
     """The table of kinds of the format documents."""
-    rows = [f"| {kind:d} | {shape.name} | {shape.meaning} | {shape.numbers} |" for kind, shape in SHAPES.items()]
+    rows = [
+        f"| {kind:d} | {shape.name} | {shape.meaning} | {shape.numbers} |"
+        for kind, shape in SHAPES.items()
+    ]
     return "\n".join(["| kind | name | what it is | four numbers |", "|---|---|---|---|", *rows])
 
 
@@ -418,7 +463,8 @@ class WallBody:
     Attributes:
         origin: Reference point in the world [m], shape ``(2,)``: origin of the frame of the wall.
         kind: `ShapeKind` of each shape, shape ``(k,)``.
-        geometry: Four numbers of each in the frame of the wall [m], shape ``(k, 4)``; shapes count from the first of this wall.
+        geometry: Four numbers of each in the frame of the wall [m], shape ``(k, 4)``; shapes count
+            from the first of this wall.
         length: Length over which a load spreads [m].
     """
 
@@ -432,16 +478,27 @@ class WallBody:
         """A wall without shapes."""
         return cls(np.array(origin, float), np.zeros(0, np.int32), np.zeros((0, 4)), length)
 
-    def with_shapes(self, kind: ShapeKind, geometry: Sequence[Sequence[float]] | Floats) -> WallBody:
+    def with_shapes(
+        self, kind: ShapeKind, geometry: Sequence[Sequence[float]] | Floats
+    ) -> WallBody:
         """The wall with more shapes of one kind: their four numbers [m], shape ``(k, 4)``."""
         kinds = np.append(self.kind, np.full(len(geometry), kind, np.int32))
         return WallBody(self.origin, kinds, np.concatenate([self.geometry, geometry]), self.length)
 
-    def with_line(self, points: Floats, period: float, kind: ShapeKind = ShapeKind.SEGMENT, *, is_closed: bool = False) -> WallBody:
-        """The wall with a line from point to point: its pieces, then a vertex at each point that knows the pieces it ends.
+    def with_line(
+        self,
+        points: Floats,
+        period: float,
+        kind: ShapeKind = ShapeKind.SEGMENT,
+        *,
+        is_closed: bool = False,
+    ) -> WallBody:
+        """The wall with a line from point to point: its pieces, then a vertex at each point that
+        knows the pieces it ends.
 
-        A piece meets only the image of a grain that is nearest to its middle, so in a periodic domain pieces of half a period or
-        more are cut into equal ones. A line that ends where it or an image of it began has no ends: it is joined there.
+        A piece meets only the image of a grain that is nearest to its middle, so in a periodic
+        domain pieces of half a period or more are cut into equal ones. A line that ends where it or
+        an image of it began has no ends: it is joined there.
 
         Args:
             points: Points of the line in the frame of the wall [m], shape ``(p, 2)``.
@@ -450,12 +507,21 @@ class WallBody:
             is_closed: Whether the last point is joined to the first.
         """
         ends = np.concatenate([points[1:], points[:1]]) if is_closed else points[1:].copy()
-        begun = points[0] + np.array([period * np.rint((points[-1, 0] - points[0, 0]) / period) if period > 0.0 else 0.0, 0.0])
+        begun = points[0] + np.array(
+            [
+                period * np.rint((points[-1, 0] - points[0, 0]) / period) if period > 0.0 else 0.0,
+                0.0,
+            ]
+        )
         if not is_closed and (np.abs(points[-1] - begun) <= _SPANNED * period).all():
             is_closed, ends[-1] = True, begun
         way = ends - points[: len(ends)]
         length = np.sqrt(way[:, 0] * way[:, 0] + way[:, 1] * way[:, 1])
-        parts = np.floor(2.0 * length / period).astype(np.int64) + 1 if period > 0.0 else np.ones(len(way), np.int64)
+        parts = (
+            np.floor(2.0 * length / period).astype(np.int64) + 1
+            if period > 0.0
+            else np.ones(len(way), np.int64)
+        )
         piece = np.repeat(np.arange(len(way)), parts)
         share = (np.arange(len(piece)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[piece]
         start = points[piece] + way[piece] * share[:, np.newaxis]

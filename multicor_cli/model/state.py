@@ -1,4 +1,6 @@
-"""The time-varying part of a run. It is exactly what a checkpoint holds: whatever changes the future is in here."""
+"""The time-varying part of a run. It is exactly what a checkpoint holds: whatever changes the
+future is in here.
+"""
 
 from __future__ import annotations
 
@@ -28,11 +30,19 @@ from multicor_cli.model.model import Floats, Ints, Model, Thermal
 
 
 def _array(
-    dims: Shape, unit: str, meaning: str, dtype: DType = "f8", *, columns: tuple[str, ...] = (), since: Version = (1, 0)
+    dims: Shape,
+    unit: str,
+    meaning: str,
+    dtype: DType = "f8",
+    *,
+    columns: tuple[str, ...] = (),
+    since: Version = (1, 0),
 ) -> Any:
     """An array; without elements until it is given some."""
     word = str(dims[0]).split("_")[0]
-    feature: Feature | None = "heat" if word == "heat" else "exchange" if word == "exchange" else None
+    feature: Feature | None = (
+        "heat" if word == "heat" else "exchange" if word == "exchange" else None
+    )
     about = Stored(dtype, dims, unit, meaning, columns, only_with=feature, since=since)
     return stored(about, default_factory=lambda: np.zeros(_shape(dims, entry_counts()), dtype))
 
@@ -67,21 +77,35 @@ class State:
     Without arguments it is the state of a model without anything.
     """
 
-    position: Floats = _array(("grain", 3), "m, m, rad", "centers (x wrapped into the period) and angles of the grains")
+    position: Floats = _array(
+        ("grain", 3), "m, m, rad", "centers (x wrapped into the period) and angles of the grains"
+    )
     image: NDArray[np.int64] = _array(("grain",), "1", "periods by which x was wrapped", "i8")
     velocity: Floats = _array(("grain", 3), "m/s, m/s, rad/s", "velocities and spins of the grains")
-    wall_position: Floats = _array(("wall", 3), "m, m, rad", "reference points and angles of the walls")
-    wall_velocity: Floats = _array(("wall", 3), "m/s, m/s, rad/s", "velocities and spins of the walls")
-    # The contacts that carried an impulse, ascending by both shapes; where the next solve starts. With adhesion normal impulses are
-    # p_n + F_a Δt (theory §3.1).
-    contact_i: Ints = _array(("contact_row",), "1", "first shape of each contact that carried an impulse", "i4")
+    wall_position: Floats = _array(
+        ("wall", 3), "m, m, rad", "reference points and angles of the walls"
+    )
+    wall_velocity: Floats = _array(
+        ("wall", 3), "m/s, m/s, rad/s", "velocities and spins of the walls"
+    )
+    # The contacts that carried an impulse, ascending by both shapes; where the next solve starts.
+    # With adhesion normal impulses are p_n + F_a Δt (theory §3.1).
+    contact_i: Ints = _array(
+        ("contact_row",), "1", "first shape of each contact that carried an impulse", "i4"
+    )
     contact_j: Ints = _array(("contact_row",), "1", "second shape of each of these contacts", "i4")
-    contact_impulse: Floats = _array(("contact_row", 2), "N s", "normal and tangential impulse of the last step")
-    contact_couple: Floats = _array(("rolling_row",), "N m s", "impulse of the rolling resistance of each of them", since=(1, 1))
+    contact_impulse: Floats = _array(
+        ("contact_row", 2), "N s", "normal and tangential impulse of the last step"
+    )
+    contact_couple: Floats = _array(
+        ("rolling_row",), "N m s", "impulse of the rolling resistance of each of them", since=(1, 1)
+    )
     books: Floats = _array(("book",), "J", "energy books, in the order of model.BOOK_NAMES")
     tallies: Floats = _array(("tally",), "mixed", "counters, in the order of state.TALLY_NAMES")
     window: Floats = _array(("window",), "mixed", "sums, in the order of state.WINDOW_NAMES")
-    window_wall_impulse: Floats = _array(("wall", 3), "N s, N s, N m s", "impulse on each wall since the last series row")
+    window_wall_impulse: Floats = _array(
+        ("wall", 3), "N s, N s, N m s", "impulse on each wall since the last series row"
+    )
     step: int = _count("steps done since the start of the run")
     frozen_steps: int = _count("how many of the steps were of frozen stages")
     stage: int = _count("current loading stage")
@@ -93,9 +117,16 @@ class State:
     last_dt: float = _number("s", "length of the last step")
     # What follows is empty without heat.
     heat: Floats = _array(
-        ("heat_grain",), "J", "heat content of the grains since the start, or that of the run from which this one goes on"
+        ("heat_grain",),
+        "J",
+        (
+            "heat content of the grains since the start, or that of the run from which this one "
+            "goes on"
+        ),
     )
-    generated: Floats = _array(("heat_grain",), "J", "heat of friction and impacts received since the start")
+    generated: Floats = _array(
+        ("heat_grain",), "J", "heat of friction and impacts received since the start"
+    )
     wear: Floats = _array(("heat_grain",), "m3", "volume worn off since the start")
     wall_heat: Floats = _array(
         ("heat_wall", 2),
@@ -104,24 +135,41 @@ class State:
         columns=("heat_given", "heat_received"),
     )
     wall_wear: Floats = _array(("heat_wall",), "m3", "volume worn off since the start")
-    wall_temperature: Floats = _array(("heat_wall",), "K", "temperature of the walls; nan where none is prescribed")
-    heat_books: Floats = _array(("heat_book",), "mixed", "heat books, in the order of model.HEAT_BOOK_NAMES")
+    wall_temperature: Floats = _array(
+        ("heat_wall",), "K", "temperature of the walls; nan where none is prescribed"
+    )
+    heat_books: Floats = _array(
+        ("heat_book",), "mixed", "heat books, in the order of model.HEAT_BOOK_NAMES"
+    )
     # The contacts whose force is averaged, ascending by both shapes; from zero at their start.
-    mean_i: Ints = _array(("mean_row",), "1", "first shape of each contact with an averaged force", "i4")
+    mean_i: Ints = _array(
+        ("mean_row",), "1", "first shape of each contact with an averaged force", "i4"
+    )
     mean_j: Ints = _array(("mean_row",), "1", "second shape of each of these contacts", "i4")
     mean_force: Floats = _array(("mean_row",), "N", "running average of the normal force")
     mean_age: float = _number("s", "time since the start of the running averages")
-    heat_dt: float = _number("s", "sub-step that the heat integrator tries first; 0: the whole step")
+    heat_dt: float = _number(
+        "s", "sub-step that the heat integrator tries first; 0: the whole step"
+    )
     heat_before: Floats = _array(
-        ("before_row",), "J", "heat content of all grains at the start, if the run goes on from another with heat", since=(1, 2)
+        ("before_row",),
+        "J",
+        "heat content of all grains at the start, if the run goes on from another with heat",
+        since=(1, 2),
     )
     stage_notes: Floats = _array(
-        ("stage_note",), "mixed", "what the condition that ends this stage remembers; empty if it needs nothing", since=(1, 1)
+        ("stage_note",),
+        "mixed",
+        "what the condition that ends this stage remembers; empty if it needs nothing",
+        since=(1, 1),
     )
     wall_origin: Floats = _array(
         ("origin_row", 3),
         "m, m, rad",
-        "where displacements of each wall count from, for prescribed positions and springs; empty without them",
+        (
+            "where displacements of each wall count from, for prescribed positions and springs; "
+            "empty without them"
+        ),
         since=(1, 2),
     )
     wall_surface: Floats = _array(
@@ -130,21 +178,37 @@ class State:
         "velocity of the surface of each wall along it; empty as long as none has run",
         since=(1, 3),
     )
-    # What follows is empty where no grain comes or goes. Arrays of grains hold all: one that is not there keeps what it had.
+    # What follows is empty where no grain comes or goes. Arrays of grains hold all: one that is not
+    # there keeps what it had.
     presence: NDArray[np.uint8] = _array(
-        ("exchange_grain",), "1", "whether a grain is there: 0 waits, 1 is there, 2 has left, 3 is lost", "u1", since=(1, 2)
+        ("exchange_grain",),
+        "1",
+        "whether a grain is there: 0 waits, 1 is there, 2 has left, 3 is lost",
+        "u1",
+        since=(1, 2),
     )
-    released: Floats = _array(("exchange_group", 2), "1, kg", "grains and mass released of each group", since=(1, 2))
+    released: Floats = _array(
+        ("exchange_group", 2), "1, kg", "grains and mass released of each group", since=(1, 2)
+    )
     outlet_flow: Floats = _array(
-        ("exchange_outlet", 2), "1, kg", "grains and mass that left through each outlet", columns=("grains", "mass"), since=(1, 2)
+        ("exchange_outlet", 2),
+        "1, kg",
+        "grains and mass that left through each outlet",
+        columns=("grains", "mass"),
+        since=(1, 2),
     )
     exchange: Floats = _array(
-        ("exchange_book",), "mixed", "books of grains that come and go, in the order of model.EXCHANGE_NAMES", since=(1, 2)
+        ("exchange_book",),
+        "mixed",
+        "books of grains that come and go, in the order of model.EXCHANGE_NAMES",
+        since=(1, 2),
     )
 
     @classmethod
     def at_rest(cls, model: Model, position: Floats) -> State:
-        """A state in which everything is at rest; ``position`` has shape ``(n, 2)`` or ``(n, 3)``."""
+        """A state in which everything is at rest; ``position`` has shape ``(n, 2)`` or
+        ``(n, 3)``.
+        """
         state, about = cls(), stored_fields(cls)
         for name, shape in state_shapes(model).items():
             setattr(state, name, np.zeros(shape, about[name].dtype))
@@ -160,10 +224,14 @@ class State:
     @property
     def here(self) -> NDArray[np.int64] | slice:
         """The grains that are there: their numbers, or all of them where none comes or goes."""
-        return np.flatnonzero(self.presence == Presence.THERE) if self.presence.size else slice(None)
+        return (
+            np.flatnonzero(self.presence == Presence.THERE) if self.presence.size else slice(None)
+        )
 
     def as_dict(self) -> dict[str, NDArray[np.generic]]:
-        """All fields as arrays (numbers become 0-d arrays), in declaration order: what a checkpoint stores."""
+        """All fields as arrays (numbers become 0-d arrays), in declaration order: what a checkpoint
+        stores.
+        """
         return {f.name: np.asarray(getattr(self, f.name)) for f in fields(self)}
 
     @classmethod
@@ -184,9 +252,11 @@ class State:
 
 
 class FrameFields:
-    """What frames keep of a state as it is: `multicor_cli.store.Frame` has these attributes, None in a run without heat.
+    """What frames keep of a state as it is: `multicor_cli.store.Frame` has these attributes, None
+    in a run without heat.
 
-    A field of `State` with a row for each grain, or wall (``wall_…``), that is named here is in every frame, and is exported.
+    A field of `State` with a row for each grain, or wall (``wall_…``), that is named here is in
+    every frame, and is exported.
     """
 
     generated: NDArray[Any] | None
@@ -199,7 +269,8 @@ class FrameFields:
 def digest_of(arrays: dict[str, NDArray[Any]]) -> str:
     """`State.digest` of what `State.as_dict` gives.
 
-    Empty arrays that came with a later version of the format do not count: what a run does not have leaves its digest as it was.
+    Empty arrays that came with a later version of the format do not count: what a run does not have
+    leaves its digest as it was.
     """
     total = hashlib.blake2b(digest_size=16)
     about = stored_fields(State)
@@ -216,7 +287,9 @@ def state_shapes(model: Model) -> dict[str, tuple[int, ...]]:
     """Shapes of the arrays of a state of a model, as far as the model decides on them."""
     n, w = model.grain_count, model.wall_count
     heated = (n, w, len(HEAT_BOOKS)) if model.thermal is not None else (0, 0, 0)
-    lengths = dict(zip(("grain", "wall", "heat_grain", "heat_wall", "heat_book"), (n, w, *heated), strict=True))
+    lengths = dict(
+        zip(("grain", "wall", "heat_grain", "heat_wall", "heat_book"), (n, w, *heated), strict=True)
+    )
     is_open = model.outlets is not None
     lengths |= {
         "exchange_grain": n if is_open else 0,
@@ -224,15 +297,21 @@ def state_shapes(model: Model) -> dict[str, tuple[int, ...]]:
         "exchange_outlet": len(model.outlets or ()),
         "exchange_book": len(EXCHANGE_BOOKS) if is_open else 0,
     }
-    return {name: _shape(about.dims, lengths) for name, about in stored_fields(State).items() if about.dims[0] in lengths}
+    return {
+        name: _shape(about.dims, lengths)
+        for name, about in stored_fields(State).items()
+        if about.dims[0] in lengths
+    }
 
 
-# ---- A switch for tests: every initial position moved by an ulp, to show what depends on the last bits of one trajectory.
+# ---- A switch for tests: every initial position moved by an ulp, to show what depends on the last
+#      bits of one trajectory.
 #
-# `MULTICOR_NUDGE=SEED` moves each coordinate of each grain at random to the next number up or down, or leaves it. Flows are
-# chaotic: after some hundred collisions the two runs share only their statistics. A test that passes for several seeds checks
-# physics; one that does not depends on one particular trajectory. Never set it for a run that is to be kept: the provenance in
-# run.json has an entry `nudge` if it was.
+# `MULTICOR_NUDGE=SEED` moves each coordinate of each grain at random to the next number up or down,
+# or leaves it. Flows are chaotic: after some hundred collisions the two runs share only their
+# statistics. A test that passes for several seeds checks physics; one that does not depends on one
+# particular trajectory. Never set it for a run that is to be kept: the provenance in run.json has
+# an entry `nudge` if it was.
 
 VARIABLE = "MULTICOR_NUDGE"
 
@@ -257,7 +336,8 @@ def nudge_seed() -> int | None:
         return None
     if not (value.isascii() and value.isdigit() and len(value) <= _DIGITS):
         message = (
-            f"{VARIABLE}={value} is not a valid seed; unset it, or give a whole number of at most {_DIGITS} digits (for tests only)"
+            f"{VARIABLE}={value} is not a valid seed; unset it, or give a whole number of at most "
+            f"{_DIGITS} digits (for tests only)"
         )
         raise NudgeError(message)
     return int(value)
@@ -275,8 +355,14 @@ def nudge(position: Floats, period: float, seed: int) -> Floats:
         New positions. Zeros stay: the next number is 10⁻³²⁴ away, which no arithmetic would notice.
     """
     center = position[:, :2]
-    lot = (np.random.Philox(seed).random_raw(center.size) % np.uint64(3)).astype(np.int64).reshape(center.shape) - 1
-    moved = np.where((lot == 0) | (center == 0.0), center, np.nextafter(center, np.where(lot > 0, np.inf, -np.inf)))
+    lot = (np.random.Philox(seed).random_raw(center.size) % np.uint64(3)).astype(np.int64).reshape(
+        center.shape
+    ) - 1
+    moved = np.where(
+        (lot == 0) | (center == 0.0),
+        center,
+        np.nextafter(center, np.where(lot > 0, np.inf, -np.inf)),
+    )
     if period > 0.0:
         moved[:, X] = np.where(moved[:, X] < period, moved[:, X], center[:, X])
     return np.column_stack([moved, position[:, ANGLE]])

@@ -11,10 +11,24 @@ from multicor_cli.model import Grains, Model, Presence, ShapeKind, State, Therma
 from multicor_cli.model.columns import RADIUS, SPIN, X, Y
 from multicor_cli.model.model import LEAST_DIAMETERS, LEAST_THROAT, SHAPE_FACTOR, Floats, Ints
 from multicor_cli.model.state import nudge, nudge_seed
-from multicor_cli.packing.going_on import carried_over, carry_presence, grains_of, known_bodies, misfits, origin_of, placed_walls
+from multicor_cli.packing.going_on import (
+    carried_over,
+    carry_presence,
+    grains_of,
+    known_bodies,
+    misfits,
+    origin_of,
+    placed_walls,
+)
 from multicor_cli.packing.groups import make_group
 from multicor_cli.packing.initial_grains import InitialGrains, Shape, inertias, masses
-from multicor_cli.packing.materials import contact_laws, group_thermal, joined, sizes_problems, touching_pairs
+from multicor_cli.packing.materials import (
+    contact_laws,
+    group_thermal,
+    joined,
+    sizes_problems,
+    touching_pairs,
+)
 from multicor_cli.packing.other_run import Source, read_source
 from multicor_cli.packing.overlap import behind_problem, overlap_problems, solid_problem, wrap
 from multicor_cli.packing.walls import BuiltWalls, build_walls
@@ -30,7 +44,8 @@ class Placed:
     Attributes:
         model: What does not change.
         state: What does, at time zero.
-        origin: The moment of another run from which this one goes on; None: grains and walls start anew.
+        origin: The moment of another run from which this one goes on; None: grains and walls start
+            anew.
     """
 
     model: Model
@@ -45,14 +60,15 @@ def build(scenario: Scenario) -> tuple[Model, State]:
 
 
 def place(scenario: Scenario) -> Placed:
-    """Make the walls and grains of a scenario as they are at time zero, or take them from the run that it goes on from.
+    """Make the walls and grains of a scenario as they are at time zero, or take them from the run
+    that it goes on from.
 
-    Groups are placed in the order of the file; later ones keep clear of earlier ones or are piled upon them where their packing
-    can. The same scenario gives the same bits.
+    Groups are placed in the order of the file; later ones keep clear of earlier ones or are piled
+    upon them where their packing can. The same scenario gives the same bits.
 
     Raises:
-        ScenarioError: A packing or a wall cannot be made, or bodies overlap by more than 10⁻³ of the smaller radius; there is no
-            run to go on from, or it does not fit.
+        ScenarioError: A packing or a wall cannot be made, or bodies overlap by more than 10⁻³ of
+            the smaller radius; there is no run to go on from, or it does not fit.
     """
     if scenario.start is not None:
         return _go_on(scenario)
@@ -72,7 +88,9 @@ def place(scenario: Scenario) -> Placed:
 
 
 def _go_on(scenario: Scenario) -> Placed:
-    """Bodies from another run. Nothing is nudged: whatever moved them by an ulp did so when that run began."""
+    """Bodies from another run. Nothing is nudged: whatever moved them by an ulp did so when that
+    run began.
+    """
     try:
         source = read_source(scenario)
         problems = misfits(scenario, source)
@@ -96,12 +114,25 @@ def _go_on(scenario: Scenario) -> Placed:
 
 
 def _refuse_unknown_forces(scenario: Scenario, source: Source, state: State) -> None:
-    """Contact spots of a frozen stage need forces; a run at its start has none, nor has a frame without contacts."""
+    """Contact spots of a frozen stage need forces; a run at its start has none, nor has a frame
+    without contacts.
+    """
     heat = scenario.heat
-    if heat is None or not scenario.loading[0].frozen or state.contact_i.size or not heat.needs_forces:
+    if (
+        heat is None
+        or not scenario.loading[0].frozen
+        or state.contact_i.size
+        or not heat.needs_forces
+    ):
         return
-    text = f"the forces of the contacts are not known, and conduction needs them: the run '{source.path}' holds none here"
-    remedy = "go on from its end, or from a frame with contacts that carry something; or add a stage of at least one step before it"
+    text = (
+        "the forces of the contacts are not known, and conduction needs them: the run "
+        f"'{source.path}' holds none here"
+    )
+    remedy = (
+        "go on from its end, or from a frame with contacts that carry something; or add a stage "
+        "of at least one step before it"
+    )
     raise scenario.refuse(Refused(("loading", 0, "frozen"), text, remedy))
 
 
@@ -118,7 +149,9 @@ def _make_groups(scenario: Scenario, walls: BuiltWalls) -> list[InitialGrains]:
             continue
         groups.append(group)
         if scenario.particles[k].packing is not None:
-            placed = np.concatenate([placed, np.column_stack([_wrapped(scenario, group.position), group.radius])])
+            placed = np.concatenate(
+                [placed, np.column_stack([_wrapped(scenario, group.position), group.radius])]
+            )
     if errors:
         raise scenario.refuse(*errors)
     return groups
@@ -136,7 +169,10 @@ def _check_period(scenario: Scenario, index: int, largest: float) -> None:
     """Refuse a period that is too short for grains of radius ``largest``."""
     sizes, domain = scenario.particles[index].sizes, scenario.domain
     if domain.periodic and domain.size[0] < 2.0 * LEAST_DIAMETERS * largest:
-        text = f"the period {domain.size[0]:g} m is less than four of the largest diameters, {2.0 * largest:g} m"
+        text = (
+            f"the period {domain.size[0]:g} m is less than four of the largest diameters, "
+            f"{2.0 * largest:g} m"
+        )
         raise Refused(
             ("sizes",) if sizes is not None else ("packing",),
             text,
@@ -145,22 +181,33 @@ def _check_period(scenario: Scenario, index: int, largest: float) -> None:
 
 
 def _refuse_throats(scenario: Scenario, model: Model) -> None:
-    """Refuse discs of walls so wide that a grain between one and its periodic image meets both: only the nearer is looked at."""
+    """Refuse discs of walls so wide that a grain between one and its periodic image meets both:
+    only the nearer is looked at.
+    """
     if model.period <= 0.0:
         return
     mechanisms = scenario.heat.mechanisms.values() if scenario.heat is not None else ()
-    diameters = max([LEAST_THROAT, *(1.0 + (getattr(table, "reach", None) or 0.0) for table in mechanisms)])
+    diameters = max(
+        [LEAST_THROAT, *(1.0 + (getattr(table, "reach", None) or 0.0) for table in mechanisms)]
+    )
     shapes, problems = model.shapes, []
     for w, name in enumerate(model.walls.names):
         discs = shapes.geometry[(shapes.wall == w) & (shapes.kind == ShapeKind.DISC), RADIUS]
         meeting = model.grains.radius[_meets(model, w, np.arange(model.grain_count))]
-        left, diameter = model.period - 2.0 * float(discs.max(initial=0.0)), 2.0 * float(meeting.max(initial=0.0))
+        left, diameter = (
+            model.period - 2.0 * float(discs.max(initial=0.0)),
+            2.0 * float(meeting.max(initial=0.0)),
+        )
         if left < diameters * diameter:
             text = (
-                f"a disc of the wall '{name}' and its image one period of {model.period:g} m away leave {left:g} m between them, "
-                f"less than {diameters:g} times the largest diameter of {diameter:g} m"
+                f"a disc of the wall '{name}' and its image one period of {model.period:g} m away "
+                f"leave {left:g} m between them, less than {diameters:g} times the largest "
+                f"diameter of {diameter:g} m"
             )
-            remedy = "make the disc or the grains smaller, or the domain twice as wide with two such discs: the same throat"
+            remedy = (
+                "make the disc or the grains smaller, or the domain twice as wide with two such "
+                "discs: the same throat"
+            )
             problems.append(Refused(("walls", w, "geometry"), text, remedy))
     if problems:
         raise scenario.refuse(*problems)
@@ -186,7 +233,9 @@ def _model(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -
 
 
 def _thermal(scenario: Scenario, groups: list[InitialGrains]) -> Thermal | None:
-    """Heat capacities and initial temperatures, if there is heat; problems of all groups are reported together."""
+    """Heat capacities and initial temperatures, if there is heat; problems of all groups are
+    reported together.
+    """
     if scenario.heat is None:
         return None
     errors = sizes_problems(scenario, groups)
@@ -207,7 +256,9 @@ def _grains(scenario: Scenario, groups: list[InitialGrains]) -> Grains:
     mass, inertia = [], []
     for table, group in zip(scenario.particles, groups, strict=True):
         shape: Shape = table.shape
-        mass.append(masses(group.radius, scenario.materials[table.material].density, shape, table.thickness))
+        mass.append(
+            masses(group.radius, scenario.materials[table.material].density, shape, table.thickness)
+        )
         inertia.append(inertias(group.radius, mass[-1], shape))
     return Grains(
         radius=np.concatenate([group.radius for group in groups]),
@@ -222,33 +273,51 @@ def _repeat(values: list[int], counts: list[int]) -> Ints:
     return np.repeat(np.array(values, np.int32), counts)
 
 
-def _state(scenario: Scenario, model: Model, walls: BuiltWalls, groups: list[InitialGrains]) -> State:
+def _state(
+    scenario: Scenario, model: Model, walls: BuiltWalls, groups: list[InitialGrains]
+) -> State:
     state = State.at_rest(model, np.concatenate([group.position for group in groups]))
     if model.period > 0.0:
         state.position[:, X] = wrap(state.position[:, X], model.period)
     state.velocity = np.concatenate([group.velocity for group in groups])
     state.wall_position[:] = walls.position
     if state.presence.size:
-        waiting = [number for number, table in enumerate(scenario.particles) if table.packing is None]
+        waiting = [
+            number for number, table in enumerate(scenario.particles) if table.packing is None
+        ]
         state.presence[np.isin(model.grains.group, waiting)] = Presence.WAITS
-        from multicor_cli.engine.inflow.population import note_presence  # loads the solver, and few scenarios need it
+        # Loads the solver, and few scenarios need it
+        from multicor_cli.engine.inflow.population import note_presence
 
         note_presence(state, model, 0)
     return state
 
 
 def _refuse_overlaps(scenario: Scenario, model: Model, state: State, walls: BuiltWalls) -> None:
-    """Refuse overlaps of all bodies, grains in solid matter, and grains on the wrong side of rough walls."""
+    """Refuse overlaps of all bodies, grains in solid matter, and grains on the wrong side of rough
+    walls.
+    """
     grains, names, here = model.grains, model.walls.names, np.arange(model.grain_count)[state.here]
     if not here.size:
         return
     meeting = [here[_meets(model, w, here)] for w in range(model.wall_count)]
-    within = [solid_problem(state.position, meeting[w], room, names[w], w) for w, room in enumerate(walls.rooms)]
+    within = [
+        solid_problem(state.position, meeting[w], room, names[w], w)
+        for w, room in enumerate(walls.rooms)
+    ]
     problems = [problem for problem in within if problem is not None]
     told = {problem.where for problem in problems}
     solid = walls.obstacles()
     cut = overlap_problems(
-        state.position, grains.radius, grains.group, solid, model.shapes.wall, names, model.period, here, model.is_met
+        state.position,
+        grains.radius,
+        grains.group,
+        solid,
+        model.shapes.wall,
+        names,
+        model.period,
+        here,
+        model.is_met,
     )
     problems += [problem for problem in cut if problem.where not in told]
     for w, front in enumerate(walls.fronts):
@@ -265,21 +334,28 @@ def _meets(model: Model, wall: int, grains: NDArray[np.int64]) -> NDArray[np.boo
     return meets[wall, model.grains.group[grains]] if meets.size else np.ones(grains.size, np.bool_)
 
 
-# ---- The fastest motion with which a run starts: what the automatic time step has to follow, whatever it comes from
+# ---- The fastest motion with which a run starts: what the automatic time step has to follow,
+#      whatever it comes from
 
 
 def start_speed(scenario: Scenario, model: Model, state: State) -> float:
-    """The largest speed of a grain, of the surface of a grain (a |ω|), and of a wall at the start [m/s].
+    """The largest speed of a grain, of the surface of a grain (a |ω|), and of a wall at the start
+    [m/s].
 
-    Between walls that shear a periodic domain, grains count relative to the linear profile between these walls, and the walls
-    themselves do not count: neighbors pass each other no faster than the rate of shear says.
+    Between walls that shear a periodic domain, grains count relative to the linear profile between
+    these walls, and the walls themselves do not count: neighbors pass each other no faster than the
+    rate of shear says.
     """
     here, radius = state.here, model.grains.radius
     spans = np.array([wall.geometry.spans_period(scenario.domain) for wall in scenario.walls], bool)
     velocity = state.velocity[here]
     along = velocity[:, X] - _imposed(scenario, model, state, spans, state.position[here, Y])
     of_walls = np.where(spans, 0.0, state.wall_velocity[:, X])
-    speeds = _length(along, velocity[:, Y]), radius[here] * np.abs(velocity[:, SPIN]), _length(of_walls, state.wall_velocity[:, Y])
+    speeds = (
+        _length(along, velocity[:, Y]),
+        radius[here] * np.abs(velocity[:, SPIN]),
+        _length(of_walls, state.wall_velocity[:, Y]),
+    )
     return max(float(values.max(initial=0.0)) for values in speeds)
 
 
@@ -287,8 +363,12 @@ def _length(x: Floats, y: Floats) -> Floats:
     return np.sqrt(x * x + y * y)
 
 
-def _imposed(scenario: Scenario, model: Model, state: State, spans: NDArray[np.bool_], height: Floats) -> Floats:
-    """Velocity in x of the linear profile between the lowest and the highest wall that spans the period, at heights [m/s]."""
+def _imposed(
+    scenario: Scenario, model: Model, state: State, spans: NDArray[np.bool_], height: Floats
+) -> Floats:
+    """Velocity in x of the linear profile between the lowest and the highest wall that spans the
+    period, at heights [m/s].
+    """
     walls = np.flatnonzero(spans)
     at = state.wall_position[walls, Y]
     if walls.size < 2 or at.min() == at.max():
@@ -297,5 +377,9 @@ def _imposed(scenario: Scenario, model: Model, state: State, spans: NDArray[np.b
     speed = []
     for wall in (walls[at.argmin()], walls[at.argmax()]):
         prescribed = drives[wall].x.velocity
-        speed.append(float(state.wall_velocity[wall, X]) if prescribed is None else prescribed.value(0.0))
-    return np.asarray(speed[0] + (speed[1] - speed[0]) * ((height - at.min()) / (at.max() - at.min())))
+        speed.append(
+            float(state.wall_velocity[wall, X]) if prescribed is None else prescribed.value(0.0)
+        )
+    return np.asarray(
+        speed[0] + (speed[1] - speed[0]) * ((height - at.min()) / (at.max() - at.min()))
+    )

@@ -1,12 +1,13 @@
 """Packings compacted by the engine between a floor and a loaded lid.
 
-A random packing is pressed by a lid without gravity until everything is at rest. Impacts are perfectly inelastic, and a
-background damping takes the energy out of grains that no contact holds. The lid approaches at a speed that is slow against that
-of a grain pushed by the load (an inertial number of about 0.03), so that the result depends on the friction, not on how it was
-made.
+A random packing is pressed by a lid without gravity until everything is at rest. Impacts are
+perfectly inelastic, and a background damping takes the energy out of grains that no contact holds.
+The lid approaches at a speed that is slow against that of a grain pushed by the load (an inertial
+number of about 0.03), so that the result depends on the friction, not on how it was made.
 
-Grains with little or no friction never quite come to rest: they creep and rearrange as long as one waits. If the energy has not
-fallen far enough some time after the lid has found its place, the coefficient of friction is raised to hold the grains there.
+Grains with little or no friction never quite come to rest: they creep and rearrange as long as one
+waits. If the energy has not fallen far enough some time after the lid has found its place, the
+coefficient of friction is raised to hold the grains there.
 """
 
 from __future__ import annotations
@@ -53,13 +54,15 @@ def compact(
     Args:
         position: Centers without overlaps inside ``region`` [m], shape ``(n, 2)``.
         radius: Radii [m], shape ``(n,)``.
-        region: Its bottom is the floor, its top where the lid starts; it has sides unless it is periodic.
+        region: Its bottom is the floor, its top where the lid starts; it has sides unless it is
+            periodic.
         density: Density of the grains [kg/m³].
         shape: Shape of the grains.
         thickness: Thickness of discs [m].
         pressure: Load on the lid per length [N/m].
         friction: Coefficient of friction of grains, floor, lid and sides during the compaction.
-        kinetic_energy_ratio: The packing is at rest when its kinetic energy has fallen to this share of its largest value.
+        kinetic_energy_ratio: The packing is at rest when its kinetic energy has fallen to this
+            share of its largest value.
 
     Raises:
         Refused: The packing does not come to rest, or the engine fails.
@@ -106,20 +109,25 @@ class _Press:
     def _start(self, model: Model) -> None:
         from multicor_cli.engine import Engine, Orders, Settings
 
-        # The result is a place to start from, not a measurement: a step that needs very many sweeps may stay inexact.
+        # The result is a place to start from, not a measurement: a step that needs very many sweeps
+        # may stay inexact.
         settings = Settings(tolerance_rms=3e-4, tolerance_max=5e-3, max_sweeps=300)
         self._engine = Engine(model, self.state)
         self._engine.begin(Orders(self._drives, settings))
 
     def _advance(self) -> tuple[float, float]:
-        """One step; returns the kinetic energy over its peak, and how far the lid is from carrying its load, over the load."""
+        """One step; returns the kinetic energy over its peak, and how far the lid is from carrying
+        its load, over the load.
+        """
         state = self.state
         self._engine.step(self.dt, self.steps * self.dt)
         self.steps += 1
         kinetic = _kinetic(self.model, state)
         self._peak = max(self._peak, kinetic)
         state.velocity *= 1.0 - _DAMPING
-        return kinetic / self._peak if self._peak > 0.0 else 0.0, abs(_carried(self.model, state) / self.load - 1.0)
+        return kinetic / self._peak if self._peak > 0.0 else 0.0, abs(
+            _carried(self.model, state) / self.load - 1.0
+        )
 
     def close(self) -> None:
         """Bring the lid down until the grains carry it and most of the motion is over."""
@@ -144,24 +152,36 @@ class _Press:
 
 
 def _press(
-    position: Floats, radius: Floats, mass: Floats, region: PackingRegion, shape: Shape, friction: float
+    position: Floats,
+    radius: Floats,
+    mass: Floats,
+    region: PackingRegion,
+    shape: Shape,
+    friction: float,
 ) -> tuple[Model, State]:
     """Grains between a floor and a lid, with sides unless the region is periodic."""
-    floor, lid = WallBody.empty((region.left, region.bottom), region.width), WallBody.empty((region.left, region.top), region.width)
+    floor, lid = (
+        WallBody.empty((region.left, region.bottom), region.width),
+        WallBody.empty((region.left, region.top), region.width),
+    )
     bodies = [floor.with_shapes(ShapeKind.PLANE, [_UP]), lid.with_shapes(ShapeKind.PLANE, [_DOWN])]
     names = ["floor", "lid"]
     if not region.is_periodic:
         half = 0.5 * region.width
         middle = 0.5 * (region.left + region.right), 0.5 * (region.bottom + region.top)
         sides = [(-half, 0.0, 1.0, 0.0), (half, 0.0, -1.0, 0.0)]
-        bodies.append(WallBody.empty(middle, 2.0 * region.height).with_shapes(ShapeKind.PLANE, sides))
+        bodies.append(
+            WallBody.empty(middle, 2.0 * region.height).with_shapes(ShapeKind.PLANE, sides)
+        )
         names.append("sides")
     # As heavy as one layer of grains: it neither rattles nor drags.
     lid_mass = mean(mass) * region.width / (2.0 * mean(radius))
     inertia = [(lid_mass if k == _LID else math.nan, math.nan) for k in range(len(bodies))]
     count = radius.size
     one, none = np.full((1, 1), friction), np.zeros(0)
-    laws = ContactLaws(one, np.zeros((1, 1)), np.full((1, 1), -1, np.int32), np.zeros(1, np.int32), none, none)
+    laws = ContactLaws(
+        one, np.zeros((1, 1)), np.full((1, 1), -1, np.int32), np.zeros(1, np.int32), none, none
+    )
     index = np.zeros(count, np.int32)
     model = Model(
         grains=Grains(radius, mass, inertias(radius, mass, shape), index, index),
@@ -182,7 +202,9 @@ def _press(
 def _kinetic(model: Model, state: State) -> float:
     """Kinetic energy of the grains and of the lid [J]."""
     v = state.velocity
-    square = model.grains.mass * (v[:, X] * v[:, X] + v[:, Y] * v[:, Y]) + model.grains.inertia * (v[:, SPIN] * v[:, SPIN])
+    square = model.grains.mass * (v[:, X] * v[:, X] + v[:, Y] * v[:, Y]) + model.grains.inertia * (
+        v[:, SPIN] * v[:, SPIN]
+    )
     lid = float(state.wall_velocity[_LID, 1])
     return 0.5 * total(square) + 0.5 * float(model.walls.mass[_LID]) * lid * lid
 

@@ -1,17 +1,21 @@
-"""Deposits: grains fall one after another and roll down until two others, a side or the floor hold them.
+"""Deposits: grains fall one after another and roll down until two others, a side or the floor hold
+them.
 
-The classical drop-and-roll construction of Visscher & Bolsterli (Nature 239, 504, 1972): every grain falls from above at a
-random place, rolls around the first disc it meets, over the next if that lies under its rear, falls on where it passes the
-widest point of a disc, and stops between two supports. Forces play no role: grains touch to rounding and the fill comes out at
-about 0.8, but not every heap made so is stable under every friction. It always builds along −y on the bottom of the region,
-between its sides unless it is periodic. Grains of earlier groups, glued grains and solid discs are piled upon; other walls are not
-seen, so the region has to keep clear of them.
+The classical drop-and-roll construction of Visscher & Bolsterli (Nature 239, 504, 1972): every
+grain falls from above at a random place, rolls around the first disc it meets, over the next if
+that lies under its rear, falls on where it passes the widest point of a disc, and stops between two
+supports. Forces play no role: grains touch to rounding and the fill comes out at about 0.8, but not
+every heap made so is stable under every friction. It always builds along −y on the bottom of the
+region, between its sides unless it is periodic. Grains of earlier groups, glued grains and solid
+discs are piled upon; other walls are not seen, so the region has to keep clear of them.
 
-Grains begin to fall at the top of the region, or below a row of glued grains in it that faces down. Discs that lie there or higher
-are not piled upon, and the grains that come to rest have to keep clear of them, as of a smooth lid.
+Grains begin to fall at the top of the region, or below a row of glued grains in it that faces down.
+Discs that lie there or higher are not piled upon, and the grains that come to rest have to keep
+clear of them, as of a smooth lid.
 
-Solid polygons and regions that are no rectangles are not seen either. Where a grain comes to rest in solid matter or beyond the
-boundary, a dummy of its size stays as a support for the others, and the grain is dropped again; dummies are then taken away.
+Solid polygons and regions that are no rectangles are not seen either. Where a grain comes to rest
+in solid matter or beyond the boundary, a dummy of its size stays as a support for the others, and
+the grain is dropped again; dummies are then taken away.
 """
 
 from __future__ import annotations
@@ -48,7 +52,10 @@ def deposit(radius: Floats, region: PackingRegion, obstacles: Obstacles, rng: St
         Refused: The region is full before all grains are placed; says how many fit.
     """
     if not region.is_periodic and 2.0 * radius.max() > region.width:
-        text = f"the largest diameter, {2.0 * radius.max():g} m, exceeds the width of the region, {region.width:g} m"
+        text = (
+            f"the largest diameter, {2.0 * radius.max():g} m, exceeds the width of the region, "
+            f"{region.width:g} m"
+        )
         raise Refused((), text, "widen the region")
     left = 0.0 if region.is_periodic else region.left
     top = min([region.top, *(height for height in obstacles.lids if height > region.bottom)])
@@ -61,23 +68,35 @@ def deposit(radius: Floats, region: PackingRegion, obstacles: Obstacles, rng: St
         uniform = rng.random(max(_BATCH, radius.size - done))
         done, tried = drop_and_roll(field, fixed, done, tried, _ATTEMPTS, uniform, sides)
         if tried >= _ATTEMPTS:
-            filled = np.pi * total(radius[:done] * radius[:done]) / (region.width * (top - region.bottom))
+            filled = (
+                np.pi
+                * total(radius[:done] * radius[:done])
+                / (region.width * (top - region.bottom))
+            )
             raise _refusal(radius, done, f" (area fraction {filled:.3f})", region, top)
     return field.disc[fixed:, :2].copy()
 
 
-def _deposit_in_room(radius: Floats, region: PackingRegion, obstacles: Obstacles, rng: Stream, sides: Floats) -> Floats:
+def _deposit_in_room(
+    radius: Floats, region: PackingRegion, obstacles: Obstacles, rng: Stream, sides: Floats
+) -> Floats:
     """As `deposit`, with dummies where grains must not be."""
-    # Dummies cover less than the region; large grains, which fit in fewer places, are more often among them than small ones.
+    # Dummies cover less than the region; large grains, which fit in fewer places, are more often
+    # among them than small ones.
     spare = math.ceil(_SPARE * region.area / (math.pi * mean(radius * radius)))
-    field, fixed = make_field(radius[np.arange(radius.size + spare) % radius.size], region, obstacles, float(sides[-1]))
+    field, fixed = make_field(
+        radius[np.arange(radius.size + spare) % radius.size], region, obstacles, float(sides[-1])
+    )
     level = field.grids.level[fixed : fixed + radius.size].copy()
     kept: list[int] = []
     for d in range(fixed, len(field.disc)):
         i = len(kept)
         field.disc[d, RADIUS], field.grids.level[d] = radius[i], level[i]
         so_far = field._replace(disc=field.disc[: d + 1])  # one grain at a time
-        if drop_and_roll(so_far, fixed, d - fixed, 0, _ATTEMPTS, rng.random(_ATTEMPTS), sides)[0] == d - fixed:
+        if (
+            drop_and_roll(so_far, fixed, d - fixed, 0, _ATTEMPTS, rng.random(_ATTEMPTS), sides)[0]
+            == d - fixed
+        ):
             break
         if obstacles.room.clearance(field.disc[d : d + 1, :2])[0] >= radius[i] * (1.0 - _SLACK):
             kept.append(d)
@@ -89,4 +108,10 @@ def _deposit_in_room(radius: Floats, region: PackingRegion, obstacles: Obstacles
 def _refusal(radius: Floats, done: int, more: str, region: PackingRegion, top: float) -> Refused:
     under = f" up to the rough wall above them at y = {top:g} m" if top < region.top else ""
     text = f"{radius.size} grains do not fit: the region is full{under} with {done} of them{more}"
-    return Refused((), text, "raise the wall, or ask for fewer grains" if under else "enlarge the region or ask for fewer grains")
+    return Refused(
+        (),
+        text,
+        "raise the wall, or ask for fewer grains"
+        if under
+        else "enlarge the region or ask for fewer grains",
+    )

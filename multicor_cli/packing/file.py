@@ -1,7 +1,8 @@
 """Grains, and initial temperatures, from files.
 
-The file comes from elsewhere and is not trusted: sizes are checked before memory is taken, values are plain numbers (no pickled
-objects, no links to other files), and what is wrong is named with its row.
+The file comes from elsewhere and is not trusted: sizes are checked before memory is taken, values
+are plain numbers (no pickled objects, no links to other files), and what is wrong is named with its
+row.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ from multicor_cli.packing.initial_grains import (
 from multicor_cli.scenario.checks.grains import MAX_GRAINS
 from multicor_cli.scenario.problems import Refused
 
-# ---- Grains from a CSV or HDF5 file: columns (datasets) x, y, radius and, if wanted, angle, vx, vy, spin
+# ---- Grains from a CSV or HDF5 file: columns (datasets) x, y, radius and, if wanted, angle, vx,
+#      vy, spin
 
 REQUIRED = ("x", "y", "radius")
 OPTIONAL = ("angle", "vx", "vy", "spin")
@@ -52,7 +54,8 @@ def read_grains(path: Path, shift: tuple[float, float]) -> InitialGrains:
         shift: Added to all x and y [m].
 
     Raises:
-        Refused: The file is missing, unreadable, too large, or holds something else; rows are named.
+        Refused: The file is missing, unreadable, too large, or holds something else; rows are
+            named.
     """
     kind = path.suffix.lower()
     if kind == ".csv":
@@ -60,24 +63,40 @@ def read_grains(path: Path, shift: tuple[float, float]) -> InitialGrains:
     elif kind in (".h5", ".hdf5"):
         columns = _read_hdf5(path)
     else:
-        raise Refused(_KEY, f"cannot tell what kind of file '{path.name}' is", "its name must end in .csv, .h5 or .hdf5")
+        raise Refused(
+            _KEY,
+            f"cannot tell what kind of file '{path.name}' is",
+            "its name must end in .csv, .h5 or .hdf5",
+        )
     n = columns["x"].size
     values = [columns.get(name, np.zeros(n)) for name in (*REQUIRED, *OPTIONAL)]
     x, y, radius, angle, vx, vy, spin = values
-    return InitialGrains(radius, np.column_stack([x + shift[0], y + shift[1], angle]), np.column_stack([vx, vy, spin]))
+    return InitialGrains(
+        radius,
+        np.column_stack([x + shift[0], y + shift[1], angle]),
+        np.column_stack([vx, vy, spin]),
+    )
 
 
 def _check_names(names: list[str], path: Path, what: str) -> None:
     """All required names once, and no others."""
     missing = [name for name in REQUIRED if name not in names]
     if missing:
-        raise Refused(_KEY, f"'{path}' has no {what} {', '.join(missing)}", f"it must have {', '.join(REQUIRED)}")
+        raise Refused(
+            _KEY,
+            f"'{path}' has no {what} {', '.join(missing)}",
+            f"it must have {', '.join(REQUIRED)}",
+        )
     for k, name in enumerate(names):
         if name in names[:k]:
             raise Refused(_KEY, f"'{path}' has the {what} '{name}' twice", "remove one")
         if name not in (*REQUIRED, *OPTIONAL):
             near = difflib.get_close_matches(name, OPTIONAL, 1)
-            hint = f"did you mean '{near[0]}'?" if near else f"remove it; known are {', '.join((*REQUIRED, *OPTIONAL))}"
+            hint = (
+                f"did you mean '{near[0]}'?"
+                if near
+                else f"remove it; known are {', '.join((*REQUIRED, *OPTIONAL))}"
+            )
             raise Refused(_KEY, f"'{path}' has an unknown {what} {name[:40]!r}", hint)
 
 
@@ -107,22 +126,35 @@ def _read_csv(path: Path) -> dict[str, Floats]:
 
 
 def _parse_rows(path: Path, header_line: int) -> Floats | None:
-    """All rows below the header, at most one more than `MAX_GRAINS`; None if they are not a table of numbers."""
+    """All rows below the header, at most one more than `MAX_GRAINS`; None if they are not a table
+    of numbers.
+    """
     try:
         with warnings.catch_warnings(action="ignore"):  # about empty lines and files
             lines = text_lines(path, MAX_BYTES)
-            return np.loadtxt(lines, delimiter=",", skiprows=header_line, ndmin=2, max_rows=MAX_GRAINS + 1, dtype=float)
+            return np.loadtxt(
+                lines,
+                delimiter=",",
+                skiprows=header_line,
+                ndmin=2,
+                max_rows=MAX_GRAINS + 1,
+                dtype=float,
+            )
     except ValueError:
         return None
 
 
 def _read_header(path: Path) -> tuple[list[str], int]:
-    """Names of the columns and the number of the line they stand in (the first that is neither empty nor a comment)."""
+    """Names of the columns and the number of the line they stand in (the first that is neither
+    empty nor a comment).
+    """
     for number, line in enumerate(text_lines(path, MAX_BYTES), 1):
         if line.strip() and not line.startswith("#"):
             cells = next(csv.reader([line]))
             return [cell.strip() for cell in cells], number
-    raise Refused(_KEY, f"'{path}' is empty", f"its first line must name the columns, as {','.join(REQUIRED)}")
+    raise Refused(
+        _KEY, f"'{path}' is empty", f"its first line must name the columns, as {','.join(REQUIRED)}"
+    )
 
 
 def _explain_csv(path: Path, names: list[str], header_line: int) -> Refused:
@@ -132,7 +164,11 @@ def _explain_csv(path: Path, names: list[str], header_line: int) -> Refused:
         text = line.split("#", 1)[0]
         if number <= header_line or not text.strip():
             continue
-        fault = _line_fault(text, names) if len(line) < LINE_LIMIT else f"has more than {LINE_LIMIT} characters"
+        fault = (
+            _line_fault(text, names)
+            if len(line) < LINE_LIMIT
+            else f"has more than {LINE_LIMIT} characters"
+        )
         if fault and len(faults) == NAMED:
             return _refuse_rows(path, faults, "; and more")
         if fault:
@@ -165,19 +201,30 @@ def _read_hdf5(path: Path) -> dict[str, Floats]:
         ):
             names = list(file)
             if "particles" in names and "model" in names:
-                raise Refused(_KEY, f"'{path}' is the result of a run", 'use packing kind = "run" with the run directory')
+                raise Refused(
+                    _KEY,
+                    f"'{path}' is the result of a run",
+                    'use packing kind = "run" with the run directory',
+                )
             _check_names(names, path, "dataset")
             sizes = {name: _dataset_size(file, name, path) for name in names}
             _refuse_count(path, sizes["x"])
             for name, size in sizes.items():
                 if size != sizes["x"]:
-                    raise Refused(_KEY, f"'{path}': {name} has {size} values and x has {sizes['x']}", "give one per grain")
+                    raise Refused(
+                        _KEY,
+                        f"'{path}': {name} has {size} values and x has {sizes['x']}",
+                        "give one per grain",
+                    )
             with np.errstate(over="ignore"):  # long doubles become infinite, which is refused below
                 columns = {name: np.asarray(file[name][()], float) for name in names}
     except Refused:
         raise
-    except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:  # the last two: types that NumPy does not have
-        raise Refused(_KEY, f"cannot read '{path}' as HDF5: {error}", "check the file, it may be damaged") from None
+    # The last two: types that NumPy does not have
+    except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:
+        raise Refused(
+            _KEY, f"cannot read '{path}' as HDF5: {error}", "check the file, it may be damaged"
+        ) from None
     faults = describe_faults(columns)
     if faults:
         raise _refuse_rows(path, [faults], "")
@@ -185,26 +232,45 @@ def _read_hdf5(path: Path) -> dict[str, Floats]:
 
 
 def _dataset_size(file: Any, name: str, path: Path) -> int:
-    """Number of values of a dataset, checked to be a plain one-dimensional array of numbers stored in this file."""
+    """Number of values of a dataset, checked to be a plain one-dimensional array of numbers stored
+    in this file.
+    """
     import h5py
 
     link = file.get(name, getlink=True)
     item = file[name] if isinstance(link, h5py.HardLink) else None
     if not isinstance(item, h5py.Dataset) or item.is_virtual or item.external:
-        raise Refused(_KEY, f"'{path}': {name} is not a dataset stored in this file", "store the numbers themselves")
+        raise Refused(
+            _KEY,
+            f"'{path}': {name} is not a dataset stored in this file",
+            "store the numbers themselves",
+        )
     if item.dtype.kind not in _NUMBERS or len(item.shape or ()) != 1:
-        raise Refused(_KEY, f"'{path}': {name} is not a one-dimensional array of numbers", "store one number per grain")
+        raise Refused(
+            _KEY,
+            f"'{path}': {name} is not a one-dimensional array of numbers",
+            "store one number per grain",
+        )
     if item.size * item.dtype.itemsize > _MOST_COMPRESSED * max(1, item.id.get_storage_size()):
-        raise Refused(_KEY, f"'{path}': {name} has more values than are stored in the file", "store every value")
-    if math.prod(item.chunks or (0,)) > max(item.size, _LARGEST_CHUNK):  # one chunk is unpacked whole
-        raise Refused(_KEY, f"'{path}': {name} is stored in chunks of {item.chunks[0]} values", "use smaller chunks")
+        raise Refused(
+            _KEY,
+            f"'{path}': {name} has more values than are stored in the file",
+            "store every value",
+        )
+    # One chunk is unpacked whole
+    if math.prod(item.chunks or (0,)) > max(item.size, _LARGEST_CHUNK):
+        raise Refused(
+            _KEY,
+            f"'{path}': {name} is stored in chunks of {item.chunks[0]} values",
+            "use smaller chunks",
+        )
     return int(item.shape[0])
 
 
 # ---- Initial temperatures from a text file: one number per line.
 #
-# The file comes from elsewhere and is not trusted: its size is checked before memory is taken, and what is wrong is named with its
-# line. Empty lines and what follows a `#` are left out.
+# The file comes from elsewhere and is not trusted: its size is checked before memory is taken, and
+# what is wrong is named with its line. Empty lines and what follows a `#` are left out.
 
 MAX_TEXT_BYTES = 2**31
 """Largest file: more than 40 characters for each of the most grains there can be."""
@@ -219,7 +285,8 @@ def read_temperatures(path: Path) -> Floats:
         path: The file, text in UTF-8.
 
     Raises:
-        Refused: The file is missing, unreadable, too large, or holds something else; lines are named.
+        Refused: The file is missing, unreadable, too large, or holds something else; lines are
+            named.
     """
     values: list[float] = []
     faults: list[str] = []
@@ -233,14 +300,24 @@ def read_temperatures(path: Path) -> Floats:
                 break
     if faults:
         more = "; and more" if len(faults) > NAMED else ""
-        raise Refused(_TEMPERATURE_KEY, f"'{path}': {'; '.join(faults[:NAMED])}{more}", "give one temperature in kelvin per line")
+        raise Refused(
+            _TEMPERATURE_KEY,
+            f"'{path}': {'; '.join(faults[:NAMED])}{more}",
+            "give one temperature in kelvin per line",
+        )
     if len(values) > MAX_GRAINS:
-        raise Refused(_TEMPERATURE_KEY, f"'{path}' holds more than {MAX_GRAINS} temperatures", "give one per grain")
+        raise Refused(
+            _TEMPERATURE_KEY,
+            f"'{path}' holds more than {MAX_GRAINS} temperatures",
+            "give one per grain",
+        )
     return np.array(values, float)
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
-    """Number and text of each line that holds something; a line too long for a number is cut and ends with "…"."""
+    """Number and text of each line that holds something; a line too long for a number is cut and
+    ends with "…".
+    """
     number, is_rest = 0, False
     for line in text_lines(path, MAX_TEXT_BYTES):
         is_cut = len(line) == LINE_LIMIT and not line.endswith("\n")

@@ -1,6 +1,8 @@
-"""The bodies of a run that goes on from another: grains with their contacts and heat, walls by their names.
+"""The bodies of a run that goes on from another: grains with their contacts and heat, walls by
+their names.
 
-What is taken over is what the next step depends on, to the bit; clocks, counters and books begin at zero.
+What is taken over is what the next step depends on, to the bit; clocks, counters and books begin at
+zero.
 """
 
 from __future__ import annotations
@@ -33,11 +35,18 @@ def misfits(scenario: Scenario, source: Source) -> list[Refused]:
     """What of a scenario does not fit to the run that it goes on from."""
     what = f"the run '{source.path}'"
     if not scenario.particles:
-        return [Refused(_RUN, f"the scenario of {what} cannot be read", "check the run with multicor verify")]
+        return [
+            Refused(
+                _RUN, f"the scenario of {what} cannot be read", "check the run with multicor verify"
+            )
+        ]
     found, domain = [], scenario.domain
     groups = tuple(group.name for group in scenario.particles)
     if groups != source.model.groups:
-        text = f"{what} has the groups {', '.join(source.model.groups)}, the scenario {', '.join(groups)}"
+        text = (
+            f"{what} has the groups {', '.join(source.model.groups)}, the scenario "
+            f"{', '.join(groups)}"
+        )
         found.append(
             Refused(
                 ("particles",),
@@ -48,17 +57,33 @@ def misfits(scenario: Scenario, source: Source) -> list[Refused]:
     shape = scenario.particles[0].shape
     if SHAPE_FACTOR[shape] != source.model.shape_factor:
         text = f"{what} has other grains than {shape}s"
-        found.append(Refused(("particles", 0, "shape"), text, "remove [[particles]], or use the shape that they have in the run"))
+        found.append(
+            Refused(
+                ("particles", 0, "shape"),
+                text,
+                "remove [[particles]], or use the shape that they have in the run",
+            )
+        )
     if (np.diff(source.model.grains.group) < 0).any():
-        found.append(Refused(_RUN, f"{what} has grains that are not in the order of its groups", "check it with multicor verify"))
+        found.append(
+            Refused(
+                _RUN,
+                f"{what} has grains that are not in the order of its groups",
+                "check it with multicor verify",
+            )
+        )
     if domain.period != source.model.period:
-        text = f"the period is {domain.period:g} m, that of {what} {source.model.period:g} m (0: none)"
+        text = (
+            f"the period is {domain.period:g} m, that of {what} {source.model.period:g} m (0: none)"
+        )
         found.append(Refused(("domain", "size"), text, "use the size and periodic of that run"))
     return found + _outside(scenario, source)
 
 
 def _outside(scenario: Scenario, source: Source) -> list[Refused]:
-    """Grains beyond a domain that is not that of the run; what has left the domain in which it began may stay outside."""
+    """Grains beyond a domain that is not that of the run; what has left the domain in which it
+    began may stay outside.
+    """
     size, before = scenario.domain.size, source.size
     if before is None or before == size:
         return []
@@ -81,27 +106,40 @@ def grains_of(scenario: Scenario, source: Source) -> list[InitialGrains]:
     for k, group in enumerate(scenario.particles):
         mine = np.flatnonzero(grains.group == k)
         warmth = None if temperature is None else temperature[mine]
-        found = InitialGrains(grains.radius[mine], state.position[mine], state.velocity[mine], warmth)
+        found = InitialGrains(
+            grains.radius[mine], state.position[mine], state.velocity[mine], warmth
+        )
         has_more = any((*group.velocity, group.spin, group.shear_rate))
-        groups.append(with_motion(scenario, group, found) if has_more else found)  # else -0 would become 0
+        # Else -0 would become 0
+        groups.append(with_motion(scenario, group, found) if has_more else found)
     return groups
 
 
 def known_bodies(scenario: Scenario, source: Source) -> dict[str, WallBody]:
-    """Walls that are in the run with the same geometry: rough ones keep the grains glued to them, whatever the seed is now."""
+    """Walls that are in the run with the same geometry: rough ones keep the grains glued to them,
+    whatever the seed is now.
+    """
     tables = tomllib.loads(scenario.resolved_toml()).get("walls", [])
     names = source.model.walls.names
-    same = [t["name"] for t in tables if t["name"] in names and t["geometry"] == source.geometries.get(t["name"])]
+    same = [
+        t["name"]
+        for t in tables
+        if t["name"] in names and t["geometry"] == source.geometries.get(t["name"])
+    ]
     return {name: _body(source, names.index(name)) for name in same}
 
 
 def _body(source: Source, wall: int) -> WallBody:
     kind, geometry = _shapes_of(source.model, wall)
-    return WallBody(source.state.wall_position[wall, :2], kind, geometry, float(source.model.walls.length[wall]))
+    return WallBody(
+        source.state.wall_position[wall, :2], kind, geometry, float(source.model.walls.length[wall])
+    )
 
 
 def _shapes_of(model: Model, wall: int) -> tuple[Ints, Floats]:
-    """Kinds and geometry of the shapes of a wall, which name each other from the first of this wall on."""
+    """Kinds and geometry of the shapes of a wall, which name each other from the first of this wall
+    on.
+    """
     mine = np.flatnonzero(model.shapes.wall == wall)
     kind, geometry = model.shapes.kind[mine], model.shapes.geometry[mine].copy()
     refers = (TAIL[kind] == Tail.SHAPES)[:, None] & (geometry[:, 2:] >= 0.0)
@@ -110,7 +148,9 @@ def _shapes_of(model: Model, wall: int) -> tuple[Ints, Floats]:
 
 
 def placed_walls(walls: BuiltWalls, source: Source) -> BuiltWalls:
-    """The walls with those that are in the run where they are there; no grain is behind or in these, wherever the file has them."""
+    """The walls with those that are in the run where they are there; no grain is behind or in
+    these, wherever the file has them.
+    """
     position, fronts, rooms = walls.position.copy(), list(walls.fronts), list(walls.rooms)
     for new, old in _same_walls(walls.walls.names, source).items():
         position[new] = source.state.wall_position[old]
@@ -130,11 +170,15 @@ def carry_presence(source: Source, model: Model, state: State) -> None:
 
     if state.presence.size:
         old = source.state.presence
-        state.presence = old.copy() if old.size else np.full(model.grain_count, Presence.THERE, np.uint8)
+        state.presence = (
+            old.copy() if old.size else np.full(model.grain_count, Presence.THERE, np.uint8)
+        )
         note_presence(state, model, 0)
 
 
-def carried_over(scenario: Scenario, source: Source, model: Model, state: State) -> tuple[Model, State]:
+def carried_over(
+    scenario: Scenario, source: Source, model: Model, state: State
+) -> tuple[Model, State]:
     """A model and state with all that the next step of the run would have depended on.
 
     Args:
@@ -161,11 +205,15 @@ def carried_over(scenario: Scenario, source: Source, model: Model, state: State)
 
 
 def _carry_contacts(source: Source, model: Model, state: State, same: Mapping[int, int]) -> None:
-    """Impulses and couples of the last step. With another adhesion F_a, q = p + F_a Δt is that of the same p (theory §3.1)."""
+    """Impulses and couples of the last step. With another adhesion F_a, q = p + F_a Δt is that of
+    the same p (theory §3.1).
+    """
     from multicor_cli.engine.contact.contacts import resting_attraction
 
     old, before = source.state, source.model
-    kept, state.contact_i, state.contact_j = _renumbered(source, model, old.contact_i, old.contact_j, same)
+    kept, state.contact_i, state.contact_j = _renumbered(
+        source, model, old.contact_i, old.contact_j, same
+    )
     impulse = old.contact_impulse[kept]
     was, now = (
         resting_attraction(m.laws, scene_of(m, s.position, s.wall_position), i, j, old.last_dt)
@@ -178,7 +226,9 @@ def _carry_contacts(source: Source, model: Model, state: State, same: Mapping[in
     impulse[:, NORMAL] = np.maximum(impulse[:, NORMAL] + change, 0.0)
     state.contact_impulse = impulse
     if model.laws.rolling.size:
-        state.contact_couple = old.contact_couple[kept] if old.contact_couple.size else np.zeros(len(kept))
+        state.contact_couple = (
+            old.contact_couple[kept] if old.contact_couple.size else np.zeros(len(kept))
+        )
 
 
 def _carry_averages(source: Source, model: Model, state: State, same: Mapping[int, int]) -> None:
@@ -189,23 +239,35 @@ def _carry_averages(source: Source, model: Model, state: State, same: Mapping[in
 
 
 def _carry_heat(scenario: Scenario, source: Source, thermal: Thermal, state: State) -> Thermal:
-    """Heat contents with the temperatures from which they count, so that T = T₀ + Q/C has the same bits.
+    """Heat contents with the temperatures from which they count, so that T = T₀ + Q/C has the same
+    bits.
 
-    Grains whose heat capacity or temperature the scenario changes begin anew, at their temperature with Q = 0.
+    Grains whose heat capacity or temperature the scenario changes begin anew, at their temperature
+    with Q = 0.
     """
     before = source.model.thermal
     assert before is not None  # only then there is something to carry
-    is_told = np.array([group.temperature is not None for group in scenario.particles])[source.model.grains.group]
+    is_told = np.array([group.temperature is not None for group in scenario.particles])[
+        source.model.grains.group
+    ]
     goes_on = ~is_told & (thermal.capacity == before.capacity)
     state.heat = np.where(goes_on, source.state.heat, 0.0)
     state.heat_dt = source.state.heat_dt
     if state.heat.any():
         state.heat_before = np.array([total(state.heat[state.here])])
-    return replace(thermal, initial_temperature=np.where(goes_on, before.initial_temperature, thermal.initial_temperature))
+    return replace(
+        thermal,
+        initial_temperature=np.where(
+            goes_on, before.initial_temperature, thermal.initial_temperature
+        ),
+    )
 
 
-def _renumbered(source: Source, model: Model, i: Ints, j: Ints, same: Mapping[int, int]) -> tuple[Ints, Ints, Ints]:
-    """Contacts by the numbers of shapes in a new model: those of walls that are gone or have other shapes are left out.
+def _renumbered(
+    source: Source, model: Model, i: Ints, j: Ints, same: Mapping[int, int]
+) -> tuple[Ints, Ints, Ints]:
+    """Contacts by the numbers of shapes in a new model: those of walls that are gone or have other
+    shapes are left out.
 
     Returns:
         Which of the contacts, ordered as contacts are: ascending by both shapes; and these shapes.
@@ -216,7 +278,9 @@ def _renumbered(source: Source, model: Model, i: Ints, j: Ints, same: Mapping[in
         kind, geometry = _shapes_of(model, new)
         kind_before, geometry_before = _shapes_of(source.model, old)
         if np.array_equal(kind, kind_before) and np.array_equal(geometry, geometry_before):
-            number[n + np.flatnonzero(source.model.shapes.wall == old)] = n + np.flatnonzero(model.shapes.wall == new)
+            number[n + np.flatnonzero(source.model.shapes.wall == old)] = n + np.flatnonzero(
+                model.shapes.wall == new
+            )
     second = number[j].astype(np.int32)
     is_kept, of_walls = second >= 0, np.flatnonzero(second >= n)
     is_kept[of_walls] &= model.is_met(i[of_walls], second[of_walls] - n)

@@ -1,4 +1,6 @@
-"""What every packing gives and needs: grains with radii, places and motion, their masses, the region, and what goes wrong."""
+"""What every packing gives and needs: grains with radii, places and motion, their masses, the
+region, and what goes wrong.
+"""
 
 from __future__ import annotations
 
@@ -17,10 +19,16 @@ from numpy.typing import NDArray
 from multicor_cli.files import open_regular
 from multicor_cli.model.model import SHAPE_FACTOR, Floats
 from multicor_cli.model.shapes import Polygon
-from multicor_cli.scenario.base import COORDINATE_BOUNDS, KELVIN_BOUNDS, NUMBER_BOUNDS, RADIUS_BOUNDS
+from multicor_cli.scenario.base import (
+    COORDINATE_BOUNDS,
+    KELVIN_BOUNDS,
+    NUMBER_BOUNDS,
+    RADIUS_BOUNDS,
+)
 from multicor_cli.scenario.problems import KeyPath, Refused
 
-# ---- What goes wrong while the initial bodies are made, before it is tied to a place in the scenario file
+# ---- What goes wrong while the initial bodies are made, before it is tied to a place in the
+#      scenario file
 
 NAMED = 5
 """So many faulty lines, rows or grains are named."""
@@ -41,14 +49,17 @@ def reading_input(path: Path, what: str, key: KeyPath) -> Iterator[None]:
     try:
         yield
     except FileNotFoundError:
-        raise Refused(key, f"there is no file '{path}'", "give its path relative to the scenario file") from None
+        raise Refused(
+            key, f"there is no file '{path}'", "give its path relative to the scenario file"
+        ) from None
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise Refused(key, f"'{path}' cannot be read: {reason}", f"it must be {what}") from None
 
 
 def text_lines(path: Path, most: int) -> Iterator[str]:
-    """Lines of a text file in UTF-8 with at most ``most`` bytes; pieces of those longer than `LINE_LIMIT`, without line breaks.
+    """Lines of a text file in UTF-8 with at most ``most`` bytes; pieces of those longer than
+    `LINE_LIMIT`, without line breaks.
 
     Raises:
         OSError: As `multicor_cli.files.open_regular`.
@@ -60,20 +71,32 @@ def text_lines(path: Path, most: int) -> Iterator[str]:
 
 # ---- Values of grains that come from elsewhere: finite and within bounds, or named with their row
 
-_BOUNDS = {"x": COORDINATE_BOUNDS, "y": COORDINATE_BOUNDS, "radius": RADIUS_BOUNDS, "temperature": KELVIN_BOUNDS}
-"""Bounds of columns, those of the keys of a scenario; all others are angles [rad], velocities [m/s] and spins [rad/s]."""
+_BOUNDS = {
+    "x": COORDINATE_BOUNDS,
+    "y": COORDINATE_BOUNDS,
+    "radius": RADIUS_BOUNDS,
+    "temperature": KELVIN_BOUNDS,
+}
+"""Bounds of columns, those of the keys of a scenario; all others are angles [rad], velocities [m/s]
+and spins [rad/s]."""
 
 _UNITS = {"x": " m", "y": " m", "radius": " m", "temperature": " K"}
 
 
 def find_fault(name: str, value: float) -> str:
-    """What is wrong with a value of the column ``name`` (``x, y, radius, temperature`` or a motion); empty if nothing is."""
+    """What is wrong with a value of the column ``name`` (``x, y, radius, temperature`` or a
+    motion); empty if nothing is.
+    """
     if not math.isfinite(value):
         return f"{name} = {value} is not finite"
     low, high = _BOUNDS.get(name, NUMBER_BOUNDS)
     if low <= value <= high:
         return ""
-    hint = f" (from degrees Celsius: {value + 273.15:g})" if name == "temperature" and -273.15 < value <= 0.0 else ""
+    hint = (
+        f" (from degrees Celsius: {value + 273.15:g})"
+        if name == "temperature" and -273.15 < value <= 0.0
+        else ""
+    )
     unit = _UNITS.get(name, "")
     return f"{name} = {value:g}{unit} is not between {low:g} and {high:g}{unit}{hint}"
 
@@ -131,12 +154,16 @@ def masses(radius: Floats, density: float, shape: Shape, thickness: float | None
 
 
 def inertias(radius: Floats, mass: Floats, shape: Shape) -> Floats:
-    """Moment of inertia of each grain about its center [kg m²]: ½ m a² of a disc, 2/5 m a² of a sphere."""
+    """Moment of inertia of each grain about its center [kg m²]: ½ m a² of a disc, 2/5 m a² of a
+    sphere.
+    """
     return np.asarray(mass * (radius * radius) / SHAPE_FACTOR[shape])
 
 
 def prism_inertia(polygon: Polygon, density: float, height: float) -> tuple[float, float]:
-    """Mass ρ h A [kg] and moment of inertia about the centroid ρ h ∫ r² dA [kg m²] of a polygon of thickness h [m]."""
+    """Mass ρ h A [kg] and moment of inertia about the centroid ρ h ∫ r² dA [kg m²] of a polygon of
+    thickness h [m].
+    """
     return density * height * polygon.size, density * height * polygon.polar_moment
 
 
@@ -145,7 +172,9 @@ def prism_inertia(polygon: Polygon, density: float, height: float) -> tuple[floa
 
 @dataclass(frozen=True)
 class PackingRegion:
-    """A rectangle [m]; ``is_periodic``: its left and right sides are one and the same (it spans the period exactly)."""
+    """A rectangle [m]; ``is_periodic``: its left and right sides are one and the same (it spans the
+    period exactly).
+    """
 
     left: float
     bottom: float
@@ -174,7 +203,8 @@ class PackingRegion:
         return self.width if self.is_periodic else 0.0
 
 
-# ---- Grains that a packing brings with it: radii, places, motion and, from a run with heat, temperatures
+# ---- Grains that a packing brings with it: radii, places, motion and, from a run with heat,
+#      temperatures
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,12 @@
-"""Triangular and square lattices, filled row by row from the bottom of the region; and a small packing repeated over it.
+"""Triangular and square lattices, filled row by row from the bottom of the region; and a small
+packing repeated over it.
 
-The bottom row stands on the bottom of the region (the largest grain touches it) and the rows are centered between its sides. In
-a region that spans the period, a row holds the largest whole number of grains that fits and its spacing is opened to close the
-period exactly; the distance to the neighbors in the rows above and below stays the one asked for. Opening is preferred to
-refusing because a period is rarely a multiple of a diameter, and to narrowing because touching grains would then overlap.
+The bottom row stands on the bottom of the region (the largest grain touches it) and the rows are
+centered between its sides. In a region that spans the period, a row holds the largest whole number
+of grains that fits and its spacing is opened to close the period exactly; the distance to the
+neighbors in the rows above and below stays the one asked for. Opening is preferred to refusing
+because a period is rarely a multiple of a diameter, and to narrowing because touching grains would
+then overlap.
 """
 
 from __future__ import annotations
@@ -44,8 +47,10 @@ def lattice(
         largest: Largest radius [m].
         region: Where the grains go; discs stay inside it.
         kind: Arrangement of the sites.
-        spacing: Distance between neighboring centers [m]; default: the largest diameter, so that equal grains touch.
-        jitter: Each center is moved to a random point of a disc around its site whose radius is this share of the spacing.
+        spacing: Distance between neighboring centers [m]; default: the largest diameter, so that
+            equal grains touch.
+        jitter: Each center is moved to a random point of a disc around its site whose radius is
+            this share of the spacing.
         rng: Source of the jitter.
         room: What solid bodies and regions that are no rectangles leave; other sites are left out.
 
@@ -55,16 +60,28 @@ def lattice(
     layout = _lay_out(largest, region, kind, spacing, jitter)
     capacity = layout.capacity if room.is_open else len(_free_sites(layout, region, room))
     if count > capacity:
-        text = f"{count} grains on a {kind} lattice of spacing {layout.step:g} m do not fit into the region of {_extent(region)}"
-        raise Refused((), f"{text}: it holds {capacity}", "enlarge the region or ask for fewer grains")
-    sites = _sites(count, layout, region) if room.is_open else _free_sites(layout, region, room)[:count]
+        text = (
+            f"{count} grains on a {kind} lattice of spacing {layout.step:g} m do not fit into the "
+            f"region of {_extent(region)}"
+        )
+        raise Refused(
+            (), f"{text}: it holds {capacity}", "enlarge the region or ask for fewer grains"
+        )
+    sites = (
+        _sites(count, layout, region) if room.is_open else _free_sites(layout, region, room)[:count]
+    )
     if jitter > 0.0:
         sites += _jitter(count, jitter * layout.step, rng)
     return sites
 
 
 def lattice_capacity(
-    largest: float, region: PackingRegion, kind: LatticeKind, spacing: float | None, jitter: float, room: Room = OPEN
+    largest: float,
+    region: PackingRegion,
+    kind: LatticeKind,
+    spacing: float | None,
+    jitter: float,
+    room: Room = OPEN,
 ) -> int:
     """Number of sites that the region holds; arguments as `lattice`.
 
@@ -74,7 +91,10 @@ def lattice_capacity(
     layout = _lay_out(largest, region, kind, spacing, jitter)
     capacity = layout.capacity if room.is_open else len(_free_sites(layout, region, room))
     if capacity == 0:
-        text = f"the region of {_extent(region)} holds no site of a {kind} lattice for grains of radius {largest:g} m"
+        text = (
+            f"the region of {_extent(region)} holds no site of a {kind} lattice for grains of "
+            f"radius {largest:g} m"
+        )
         raise Refused((), text, "enlarge the region")
     return capacity
 
@@ -108,7 +128,9 @@ class _Layout(NamedTuple):
     capacity: int
 
 
-def _lay_out(largest: float, region: PackingRegion, kind: LatticeKind, spacing: float | None, jitter: float) -> _Layout:
+def _lay_out(
+    largest: float, region: PackingRegion, kind: LatticeKind, spacing: float | None, jitter: float
+) -> _Layout:
     step = 2.0 * largest if spacing is None else spacing
     _check_room(step, largest, jitter)
     margin = largest + jitter * step
@@ -126,9 +148,16 @@ def _check_room(step: float, largest: float, jitter: float) -> None:
         text = f"{step:g} m is less than the largest diameter, {diameter:g} m: grains would overlap"
         raise Refused(("packing", "spacing"), text, "leave it out or make it at least the diameter")
     if jitter > 0.0 and step * (1.0 - 2.0 * jitter) < diameter * (1.0 - _SLACK):
-        text = f"{jitter:g} lets neighbors overlap, their spacing is {step:g} m and the largest diameter {diameter:g} m"
+        text = (
+            f"{jitter:g} lets neighbors overlap, their spacing is {step:g} m and the largest "
+            f"diameter {diameter:g} m"
+        )
         most = max(0.0, 0.5 * (1.0 - diameter / step))
-        wider = f" or make the spacing at least {diameter / (1.0 - 2.0 * jitter):.4g} m" if jitter < 0.5 else ""
+        wider = (
+            f" or make the spacing at least {diameter / (1.0 - 2.0 * jitter):.4g} m"
+            if jitter < 0.5
+            else ""
+        )
         raise Refused(("packing", "jitter"), text, f"make it at most {most:.3g}{wider}")
 
 
@@ -149,11 +178,14 @@ def _steps(kind: LatticeKind, step: float, region: PackingRegion) -> tuple[float
         pitch = region.width / fits
     if kind == "square":
         return pitch, step
-    # A stretched row lies lower between the grains of the row below, so that the distance across rows stays `step`.
+    # A stretched row lies lower between the grains of the row below, so that the distance across
+    # rows stays `step`.
     return pitch, math.sqrt(step * step - 0.25 * pitch * pitch) if pitch < 1.9 * step else step
 
 
-def _rows(kind: LatticeKind, region: PackingRegion, margin: float, pitch: float) -> tuple[_Row, _Row]:
+def _rows(
+    kind: LatticeKind, region: PackingRegion, margin: float, pitch: float
+) -> tuple[_Row, _Row]:
     """The even and the odd rows."""
     offset = 0.5 * pitch if kind == "triangular" else 0.0
     if region.is_periodic:
@@ -194,11 +226,14 @@ def _jitter(count: int, reach: float, rng: Stream) -> Floats:
 # ---- A small packing repeated over a region
 
 
-def repeat_tile(tile: InitialGrains, size: tuple[float, float], repeat: tuple[int, int], region: PackingRegion) -> InitialGrains:
+def repeat_tile(
+    tile: InitialGrains, size: tuple[float, float], repeat: tuple[int, int], region: PackingRegion
+) -> InitialGrains:
     """Copies of a tile side by side, from the lower left corner of ``region``.
 
-    Grains may stick out of a tile: they reach into the next one. Where there is no next one, because the tiles do not close the
-    period or the region ends, grains that stick out of the region are left out.
+    Grains may stick out of a tile: they reach into the next one. Where there is no next one,
+    because the tiles do not close the period or the region ends, grains that stick out of the
+    region are left out.
 
     Args:
         tile: Grains with centers in [0, width) x [0, height).
@@ -211,10 +246,15 @@ def repeat_tile(tile: InitialGrains, size: tuple[float, float], repeat: tuple[in
     """
     width, height = repeat[0] * size[0], repeat[1] * size[1]
     if width > region.width * (1.0 + _SLACK) or height > region.height * (1.0 + _SLACK):
-        text = f"{repeat[0]} x {repeat[1]} tiles cover {width:g} m x {height:g} m, more than the region"
+        text = (
+            f"{repeat[0]} x {repeat[1]} tiles cover {width:g} m x {height:g} m, more than the "
+            "region"
+        )
         raise Refused(("packing", "repeat"), text, "use fewer tiles or enlarge the region")
     row, column = np.divmod(np.arange(repeat[0] * repeat[1]), repeat[0])
-    shift = np.column_stack([region.left + column * size[0], region.bottom + row * size[1], np.zeros(row.size)])
+    shift = np.column_stack(
+        [region.left + column * size[0], region.bottom + row * size[1], np.zeros(row.size)]
+    )
     position = (tile.position[None, :, :] + shift[:, None, :]).reshape(-1, 3)
     radius, velocity = np.tile(tile.radius, row.size), np.tile(tile.velocity, (row.size, 1))
     closes = region.is_periodic and abs(width - region.width) <= _SLACK * region.width

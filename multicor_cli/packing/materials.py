@@ -1,4 +1,6 @@
-"""What materials and groups say of the model: contact laws of all pairs of materials, heat capacities and initial temperatures."""
+"""What materials and groups say of the model: contact laws of all pairs of materials, heat
+capacities and initial temperatures.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,12 @@ from multicor_cli.scenario.problems import Refused
 _UNSOFTENED = Softening(softening=0.0)
 """Leaves every coefficient that a scenario can have as it is, at any temperature."""
 
-_SOFTENING = {"softening_rate": "softening", "softening_start": "reference", "softening_lowest": "min", "softening_highest": "max"}
+_SOFTENING = {
+    "softening_rate": "softening",
+    "softening_start": "reference",
+    "softening_lowest": "min",
+    "softening_highest": "max",
+}
 """Arrays of the laws about softening, and the keys that they are made of."""
 
 _FRICTION = ("friction", "table", "table_start", "table_speed", "table_friction")
@@ -39,16 +46,25 @@ _FRICTION = ("friction", "table", "table_start", "table_speed", "table_friction"
 
 
 def touching_pairs(grains: Grains, shapes: WallShapes, walls: Walls) -> list[tuple[int, int]]:
-    """Pairs of materials that can meet, smaller index first: of grains with each other, and with those of the walls they meet."""
+    """Pairs of materials that can meet, smaller index first: of grains with each other, and with
+    those of the walls they meet.
+    """
     of_groups = set(zip(grains.group.tolist(), grains.material.tolist(), strict=True))
     of_walls = set(zip(shapes.wall.tolist(), shapes.material.tolist(), strict=True))
     pairs = {(a, b) for _, a in of_groups for _, b in of_groups}
-    pairs |= {(a, b) for g, a in of_groups for w, b in of_walls if not walls.meets.size or walls.meets[w, g]}
+    pairs |= {
+        (a, b)
+        for g, a in of_groups
+        for w, b in of_walls
+        if not walls.meets.size or walls.meets[w, g]
+    }
     return sorted({(min(pair), max(pair)) for pair in pairs})
 
 
 def contact_laws(
-    materials: Sequence[str], touching: Iterable[tuple[int, int]], law_of: Callable[[str, str], ContactPair]
+    materials: Sequence[str],
+    touching: Iterable[tuple[int, int]],
+    law_of: Callable[[str, str], ContactPair],
 ) -> ContactLaws:
     """The laws of the pairs ``touching``; other pairs are left at zero and are never used.
 
@@ -67,7 +83,9 @@ def contact_laws(
             softening[a, b] = softening[b, a] = law.softening
         restitution[a, b] = restitution[b, a] = law.restitution
         if isinstance(law.friction, FrictionTable):
-            table[a, b] = table[b, a] = number.setdefault((law.friction.speed, law.friction.values), len(number))
+            table[a, b] = table[b, a] = number.setdefault(
+                (law.friction.speed, law.friction.values), len(number)
+            )
         else:
             friction[a, b] = friction[b, a] = law.coefficient
     sizes = [len(speeds) for speeds, _ in number]
@@ -85,19 +103,27 @@ def contact_laws(
 
 
 def stage_laws(scenario: Scenario, model: Model) -> list[ContactLaws | None]:
-    """The laws of each stage; None as long as they are those of the model: until a stage names friction."""
+    """The laws of each stage; None as long as they are those of the model: until a stage names
+    friction.
+    """
     touching = touching_pairs(model.grains, model.shapes, model.walls)
     found: list[ContactLaws | None] = []
     for number, stage in enumerate(scenario.loading):
         laws = found[-1] if found else None
         if stage.contacts:
-            named = contact_laws(model.materials, touching, functools.partial(scenario.law, stage=number))
-            laws = model.laws._replace(**{key: getattr(named, key) for key in (*_FRICTION, *_SOFTENING)})
+            named = contact_laws(
+                model.materials, touching, functools.partial(scenario.law, stage=number)
+            )
+            laws = model.laws._replace(
+                **{key: getattr(named, key) for key in (*_FRICTION, *_SOFTENING)}
+            )
         found.append(laws)
     return found
 
 
-def _of_pairs(k: int, name: str, values: Mapping[tuple[int, int], float | None]) -> dict[str, Floats]:
+def _of_pairs(
+    k: int, name: str, values: Mapping[tuple[int, int], float | None]
+) -> dict[str, Floats]:
     """A symmetric table of what pairs have; nothing if none has it."""
     if not any(values.values()):
         return {}
@@ -109,7 +135,10 @@ def _of_pairs(k: int, name: str, values: Mapping[tuple[int, int], float | None])
 
 def _softening(k: int, pairs: Mapping[tuple[int, int], Softening]) -> dict[str, Floats]:
     tables = [[pairs.get((a, b), _UNSOFTENED) for b in range(k)] for a in range(k)]
-    return {name: np.array([[getattr(table, key) for table in row] for row in tables], float) for name, key in _SOFTENING.items()}
+    return {
+        name: np.array([[getattr(table, key) for table in row] for row in tables], float)
+        for name, key in _SOFTENING.items()
+    }
 
 
 # ---- Heat
@@ -127,7 +156,8 @@ def group_thermal(scenario: Scenario, index: int, grains: InitialGrains, center:
         center: Their centers, wrapped into the period [m], shape ``(n, 2)``.
 
     Raises:
-        Refused: The temperatures cannot be read, are not one per grain, or are none; its key is relative to the group.
+        Refused: The temperatures cannot be read, are not one per grain, or are none; its key is
+            relative to the group.
     """
     group = scenario.particles[index]
     material, radius = scenario.materials[group.material], grains.radius
@@ -136,7 +166,11 @@ def group_thermal(scenario: Scenario, index: int, grains: InitialGrains, center:
         raise ValueError(message)
     mass = masses(radius, material.density, group.shape, group.thickness)
     # 4π a² of a sphere, 2π a h of a disc.
-    around = 2.0 * radius if group.shape == "sphere" else np.full(radius.size, group.thickness or math.nan)
+    around = (
+        2.0 * radius
+        if group.shape == "sphere"
+        else np.full(radius.size, group.thickness or math.nan)
+    )
     return Thermal(
         capacity=mass * material.heat_capacity,
         initial_temperature=_start(scenario, group, grains, center),
@@ -153,8 +187,12 @@ def joined(parts: Sequence[Thermal]) -> Thermal:
     )
 
 
-def _start(scenario: Scenario, group: ParticleGroup, grains: InitialGrains, center: Floats) -> Floats:
-    """Initial temperatures [K], shape ``(n,)``: as the group says, else as the packing brings them, else those of ``[heat]``."""
+def _start(
+    scenario: Scenario, group: ParticleGroup, grains: InitialGrains, center: Floats
+) -> Floats:
+    """Initial temperatures [K], shape ``(n,)``: as the group says, else as the packing brings them,
+    else those of ``[heat]``.
+    """
     n, table = grains.radius.size, group.temperature
     if table is not None:
         return _told(scenario, table, center)
@@ -186,8 +224,13 @@ def _gradient(table: GradientTemperature, center: Floats) -> Floats:
     if wrong.size:
         k = int(wrong[0])
         place = f"the grain {k} of the group at ({center[k, X]:g}, {center[k, Y]:g}) m"
-        text = f"the gradient gives {place} a temperature of {temperature[k]:g} K, outside {low:g} to {high:g} K"
-        raise Refused((*_KEY, "gradient"), text, "lower the gradient, or set at to a point among the grains")
+        text = (
+            f"the gradient gives {place} a temperature of {temperature[k]:g} K, outside {low:g} "
+            f"to {high:g} K"
+        )
+        raise Refused(
+            (*_KEY, "gradient"), text, "lower the gradient, or set at to a point among the grains"
+        )
     return temperature
 
 
@@ -206,7 +249,9 @@ def _one_per_grain(temperature: Floats, n: int, key: str, where: str) -> Floats:
 
 
 def sizes_problems(scenario: Scenario, groups: Sequence[InitialGrains]) -> list[Refused]:
-    """What is wrong with the grains' sizes for the choices in ``[heat]``: the gas model for equal grains needs such."""
+    """What is wrong with the grains' sizes for the choices in ``[heat]``: the gas model for equal
+    grains needs such.
+    """
     gas = scenario.heat.gas if scenario.heat is not None else None
     if gas is None:
         return []

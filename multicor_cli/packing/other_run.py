@@ -1,4 +1,6 @@
-"""Other runs: a moment from which a run goes on, its last checkpoint or a frame, and grains from a frame."""
+"""Other runs: a moment from which a run goes on, its last checkpoint or a frame, and grains from a
+frame.
+"""
 
 from __future__ import annotations
 
@@ -34,8 +36,10 @@ class Source:
         path: Directory of the run.
         run_id: Identity of the run.
         frame: Index of the frame, from 0; None: the last checkpoint.
-        model: Model of the run. Of a frame with heat, the temperatures at its start are those of the frame.
-        state: State at the moment. Of a frame: what frames hold of it, and nothing of the running averages of heat.
+        model: Model of the run. Of a frame with heat, the temperatures at its start are those of
+            the frame.
+        state: State at the moment. Of a frame: what frames hold of it, and nothing of the running
+            averages of heat.
         digest: Digest of what was read.
         size: Width and height of its domain [m]; None if its scenario does not tell.
         geometries: Tables ``geometry`` of its walls, by their names.
@@ -60,7 +64,8 @@ def read_source(scenario: Scenario) -> Source:
     """The moment that ``[start]`` names; the run may be going on, and is not changed.
 
     Raises:
-        Refused: There is no such run or moment, or it is damaged; its key begins at the top of the scenario.
+        Refused: There is no such run or moment, or it is damaged; its key begins at the top of the
+            scenario.
     """
     start = scenario.start
     assert start is not None  # only then it is asked for
@@ -77,7 +82,9 @@ def read_source(scenario: Scenario) -> Source:
             model, state, digest = _of_frame(frame, model)
             source = Source(path, run.run_id, frame.index, model, state, digest, *told)
     except NoFrame as error:
-        raise Refused(_FRAME, f"cannot go on from the run '{path}': {error}", "choose another frame") from None
+        raise Refused(
+            _FRAME, f"cannot go on from the run '{path}': {error}", "choose another frame"
+        ) from None
     except Refused:
         raise
     except (StoreError, ValueError, RecursionError) as error:
@@ -86,12 +93,16 @@ def read_source(scenario: Scenario) -> Source:
     misfit = find_misfit(source.state, source.model)
     if misfit is not None:
         what = f"frame {source.frame} of the run '{path}': {misfit}"
-        raise Refused(_FRAME, what, "check the run with multicor verify, or go on from another frame")
+        raise Refused(
+            _FRAME, what, "check the run with multicor verify, or go on from another frame"
+        )
     return source
 
 
 def _told(resolved: str) -> tuple[tuple[float, float] | None, dict[str, Any]]:
-    """Size of the domain and geometries of the walls in a scenario that may come from anywhere; raises `ValueError`."""
+    """Size of the domain and geometries of the walls in a scenario that may come from anywhere;
+    raises `ValueError`.
+    """
     tables = tomllib.loads(resolved)
     try:
         walls = {str(wall["name"]): wall["geometry"] for wall in tables.get("walls", [])}
@@ -105,7 +116,10 @@ def _end(run: Run, path: Path) -> tuple[State, str]:
     """The state of the last checkpoint, and its digest."""
     state = run.state()
     if state is None:
-        what = f"the run '{path}' has no checkpoint: it stopped before its grains were placed, or its checkpoints were removed"
+        what = (
+            f"the run '{path}' has no checkpoint: it stopped before its grains were placed, or "
+            "its checkpoints were removed"
+        )
         raise Refused(_RUN, what, "let it run first, or go on from a frame")
     return state, state.digest()
 
@@ -121,13 +135,20 @@ def _of_frame(frame: Frame, model: Model) -> tuple[Model, State, str]:
     state.image[here] = frame.image
     if frame.is_open:
         state.presence = np.array(frame.column("particles/presence"), np.uint8)
-    state.wall_position, state.wall_velocity = np.array(frame.wall_position, float), np.array(frame.wall_velocity, float)
+    state.wall_position, state.wall_velocity = (
+        np.array(frame.wall_position, float),
+        np.array(frame.wall_velocity, float),
+    )
     if frame.wall_surface is not None:
         state.wall_surface = np.array(frame.wall_surface, float)
     state.step, state.time, state.last_dt = frame.step, frame.time, frame.dt
     _take_contacts(frame, model, state)
     digest = hashlib.blake2b(state.digest().encode(), digest_size=16)
-    if model.thermal is not None and frame.temperature is not None and frame.wall_temperature is not None:
+    if (
+        model.thermal is not None
+        and frame.temperature is not None
+        and frame.wall_temperature is not None
+    ):
         temperature = model.thermal.initial_temperature.copy()
         temperature[here] = frame.temperature
         model = replace(model, thermal=replace(model.thermal, initial_temperature=temperature))
@@ -137,30 +158,47 @@ def _of_frame(frame: Frame, model: Model) -> tuple[Model, State, str]:
 
 
 def _motion(frame: Frame) -> tuple[Floats, Floats]:
-    """Centers with angles [m, rad], velocities with spins [m/s, rad/s] of the grains in a frame, shapes ``(n, 3)``."""
-    bodies = np.column_stack([frame.position, frame.angle]), np.column_stack([frame.velocity, frame.spin])
+    """Centers with angles [m, rad], velocities with spins [m/s, rad/s] of the grains in a frame,
+    shapes ``(n, 3)``.
+    """
+    bodies = (
+        np.column_stack([frame.position, frame.angle]),
+        np.column_stack([frame.velocity, frame.spin]),
+    )
     return bodies[0].astype(float), bodies[1].astype(float)
 
 
 def _take_contacts(frame: Frame, model: Model, state: State) -> None:
-    """The contacts of a frame that carry an impulse, where frames hold contacts; with adhesion q = p + F_a Δt (theory §3.1)."""
+    """The contacts of a frame that carry an impulse, where frames hold contacts; with adhesion q =
+    p + F_a Δt (theory §3.1).
+    """
     from multicor_cli.engine.contact.contacts import resting_attraction
 
     contacts = frame.contacts
     if not contacts.recorded or not len(contacts) or not state.last_dt:
         return
-    number = np.concatenate([frame.number, np.arange(model.grain_count, model.grain_count + model.shape_count)]).astype(np.int32)
+    number = np.concatenate(
+        [frame.number, np.arange(model.grain_count, model.grain_count + model.shape_count)]
+    ).astype(np.int32)
     i, j = number[contacts.i], number[contacts.j]
     impulse = np.array(contacts.impulse, float)
     is_loaded = impulse.any(axis=1)
-    attraction = resting_attraction(model.laws, scene_of(model, state.position, state.wall_position), i, j, state.last_dt)
+    attraction = resting_attraction(
+        model.laws, scene_of(model, state.position, state.wall_position), i, j, state.last_dt
+    )
     if attraction.size:
         impulse[:, NORMAL] += attraction
     is_loaded &= impulse[:, NORMAL] > 0.0
-    state.contact_i, state.contact_j, state.contact_impulse = i[is_loaded], j[is_loaded], impulse[is_loaded]
+    state.contact_i, state.contact_j, state.contact_impulse = (
+        i[is_loaded],
+        j[is_loaded],
+        impulse[is_loaded],
+    )
     if model.laws.rolling.size:
         couple = contacts.couple
-        state.contact_couple = np.zeros(state.contact_i.size) if couple is None else np.array(couple, float)[is_loaded]
+        state.contact_couple = (
+            np.zeros(state.contact_i.size) if couple is None else np.array(couple, float)[is_loaded]
+        )
 
 
 # ---- A group of grains from a frame of another run
@@ -169,7 +207,8 @@ _KEY = ("packing", "path")
 
 
 def read_frame(path: Path, frame: int) -> InitialGrains:
-    """Grains of a frame: radii, wrapped centers, angles, velocities, spins and, if that run had heat, temperatures.
+    """Grains of a frame: radii, wrapped centers, angles, velocities, spins and, if that run had
+    heat, temperatures.
 
     Walls and materials are not taken over.
 
@@ -188,15 +227,37 @@ def read_frame(path: Path, frame: int) -> InitialGrains:
             temperature = None if warmth is None else np.array(warmth, float)
             radius = np.array(chosen.model.grains.radius, float)
     except NoFrame as error:
-        raise Refused(("packing", "frame"), f"cannot take grains from the run '{path}': {error}", "choose another frame") from None
+        raise Refused(
+            ("packing", "frame"),
+            f"cannot take grains from the run '{path}': {error}",
+            "choose another frame",
+        ) from None
     except StoreError as error:
-        raise Refused(_KEY, f"the run '{path}' cannot be read: {error}", "give the directory of a run") from None
-    sizes = {len(radius), len(position), len(velocity), len(radius if temperature is None else temperature)}
+        raise Refused(
+            _KEY, f"the run '{path}' cannot be read: {error}", "give the directory of a run"
+        ) from None
+    sizes = {
+        len(radius),
+        len(position),
+        len(velocity),
+        len(radius if temperature is None else temperature),
+    }
     if len(sizes) > 1:
-        what = f"the run '{path}' is damaged: the number of grains in frame {frame} differs from that of the run"
+        what = (
+            f"the run '{path}' is damaged: the number of grains in frame {frame} differs from "
+            "that of the run"
+        )
         raise Refused(_KEY, what, "check it with multicor verify")
-    columns = dict(zip(("x", "y", "angle", "vx", "vy", "spin"), [*position.T, *velocity.T], strict=True)) | {"radius": radius}
-    faults = describe_faults(columns | ({} if temperature is None else {"temperature": temperature}))
+    columns = dict(
+        zip(("x", "y", "angle", "vx", "vy", "spin"), [*position.T, *velocity.T], strict=True)
+    ) | {"radius": radius}
+    faults = describe_faults(
+        columns | ({} if temperature is None else {"temperature": temperature})
+    )
     if faults:
-        raise Refused(_KEY, f"frame {frame} of the run '{path}': {faults}", "check the run with multicor verify")
+        raise Refused(
+            _KEY,
+            f"frame {frame} of the run '{path}': {faults}",
+            "check the run with multicor verify",
+        )
     return InitialGrains(radius, position, velocity, temperature)

@@ -1,4 +1,6 @@
-"""Refusing initial states in which bodies overlap, or grains lie in solid matter or behind a row of glued grains."""
+"""Refusing initial states in which bodies overlap, or grains lie in solid matter or behind a row of
+glued grains.
+"""
 
 from __future__ import annotations
 
@@ -20,11 +22,13 @@ from multicor_cli.packing.initial_grains import NAMED
 from multicor_cli.packing.walls import Front, Obstacles
 from multicor_cli.scenario.problems import Refused
 
-# ---- Pairs of grains, and of grains and obstacles, that are close: the engine's neighbor list on an initial configuration
+# ---- Pairs of grains, and of grains and obstacles, that are close: the engine's neighbor list on
+#      an initial configuration
 
 
 class DiscPairs(NamedTuple):
-    """Partners of each grain: ``partner[row[i]:row[i+1]]``; below n a grain with a higher number, else obstacle − n.
+    """Partners of each grain: ``partner[row[i]:row[i+1]]``; below n a grain with a higher number,
+    else obstacle − n.
 
     Attributes:
         row: Start of each grain's partners, shape ``(n + 1,)``.
@@ -35,8 +39,11 @@ class DiscPairs(NamedTuple):
     partner: Ints
 
 
-def find_pairs(position: Floats, radius: Floats, obstacles: Obstacles, cutoff: float, period: float) -> DiscPairs:
-    """All pairs with a gap below ``cutoff`` [m], which may be negative (then pairs that overlap by more).
+def find_pairs(
+    position: Floats, radius: Floats, obstacles: Obstacles, cutoff: float, period: float
+) -> DiscPairs:
+    """All pairs with a gap below ``cutoff`` [m], which may be negative (then pairs that overlap by
+    more).
 
     Args:
         position: Centers of the grains [m], wrapped if periodic, shape ``(n, 2)``.
@@ -55,7 +62,18 @@ def find_pairs(position: Floats, radius: Floats, obstacles: Obstacles, cutoff: f
     others = np.flatnonzero(~obstacles.is_disc).astype(np.int32)
     with threads_for(radius.size):
         return DiscPairs(
-            *find_near(grids, radius.size, center, radii, shape_of, others, obstacles.kind, obstacles.world, cutoff, period)
+            *find_near(
+                grids,
+                radius.size,
+                center,
+                radii,
+                shape_of,
+                others,
+                obstacles.kind,
+                obstacles.world,
+                cutoff,
+                period,
+            )
         )
 
 
@@ -74,19 +92,30 @@ LARGEST_OVERLAP = 1e-3
 CROWD = 32
 """A cell with more grains than this certainly contains overlaps.
 
-Cells are one largest diameter wide, and radii within a class differ by at most a factor of two: about 10 such grains fit.
+Cells are one largest diameter wide, and radii within a class differ by at most a factor of two:
+about 10 such grains fit.
 """
 
 _FAR = 2.0**62
-"""Cells this far out count as one; a coordinate cannot be so far from the origin for any radius above 1e-13 m."""
+"""Cells this far out count as one; a coordinate cannot be so far from the origin for any radius
+above 1e-13 m."""
 _DISC = int(ShapeKind.DISC)
 
 
 @kernel
 def _relative_gaps(
-    position: Floats, radius: Floats, i: Ints, j: Ints, kind: Ints, world: Floats, period: float, out: Floats
+    position: Floats,
+    radius: Floats,
+    i: Ints,
+    j: Ints,
+    kind: Ints,
+    world: Floats,
+    period: float,
+    out: Floats,
 ) -> None:
-    """Gap of each pair over its smaller radius into ``out``; ``j`` is a grain below n and a wall shape from n on."""
+    """Gap of each pair over its smaller radius into ``out``; ``j`` is a grain below n and a wall
+    shape from n on.
+    """
     count = radius.size
     for p in range(i.size):
         a, b = i[p], j[p]
@@ -101,7 +130,9 @@ def _relative_gaps(
         out[p] = (np.sqrt(dx * dx + dy * dy) - r - radius[b]) / min(r, radius[b])
 
 
-def overlapping_pairs(position: Floats, radius: Floats, shapes: Obstacles, period: float) -> tuple[Ints, Ints, Floats]:
+def overlapping_pairs(
+    position: Floats, radius: Floats, shapes: Obstacles, period: float
+) -> tuple[Ints, Ints, Floats]:
     """Pairs that overlap by more than `LARGEST_OVERLAP`: worst first.
 
     Args:
@@ -113,7 +144,9 @@ def overlapping_pairs(position: Floats, radius: Floats, shapes: Obstacles, perio
     Returns:
         First grain, second grain or n + wall shape, and overlap over the smaller radius.
     """
-    pairs = find_pairs(position, radius, shapes, -0.999 * LARGEST_OVERLAP * float(radius.min()), period)
+    pairs = find_pairs(
+        position, radius, shapes, -0.999 * LARGEST_OVERLAP * float(radius.min()), period
+    )
     i = np.repeat(np.arange(radius.size, dtype=np.int32), np.diff(pairs.row))
     gap = np.empty(i.size)
     _relative_gaps(position, radius, i, pairs.partner, shapes.kind, shapes.world, period, gap)
@@ -123,7 +156,8 @@ def overlapping_pairs(position: Floats, radius: Floats, shapes: Obstacles, perio
 
 
 def thin_crowds(position: Floats, radius: Floats) -> NDArray[np.int64]:
-    """Grains without those beyond the first `CROWD` in a cell: coincident grains would have n² pairs, and no memory holds them.
+    """Grains without those beyond the first `CROWD` in a cell: coincident grains would have n²
+    pairs, and no memory holds them.
 
     Args:
         position: Centers [m], shape ``(n, 2)`` or more columns.
@@ -145,7 +179,9 @@ def thin_crowds(position: Floats, radius: Floats) -> NDArray[np.int64]:
 
 def _renumber(bodies: Ints, kept: NDArray[np.int64], count: int) -> Ints:
     """Numbers of grains and wall shapes among ``kept`` grains as those among all ``count``."""
-    return np.where(bodies < kept.size, kept[np.minimum(bodies, kept.size - 1)], bodies - kept.size + count).astype(np.int32)
+    return np.where(
+        bodies < kept.size, kept[np.minimum(bodies, kept.size - 1)], bodies - kept.size + count
+    ).astype(np.int32)
 
 
 def overlap_problems(
@@ -182,10 +218,18 @@ def overlap_problems(
     if among.any():
         a, b, size = i[among], j[among], overlap[among]
         smaller = np.minimum(radius[a], radius[b])
-        items = [f"grains {a[k]} and {b[k]} by {_amount(size[k], smaller[k])}" for k in range(min(NAMED, a.size))]
-        text = f"grains overlap at the start: {_listing(items, a.size, 'pairs' if kept.size == here.size else 'pairs at least')}"
+        items = [
+            f"grains {a[k]} and {b[k]} by {_amount(size[k], smaller[k])}"
+            for k in range(min(NAMED, a.size))
+        ]
+        text = (
+            "grains overlap at the start: "
+            f"{_listing(items, a.size, 'pairs' if kept.size == here.size else 'pairs at least')}"
+        )
         key = ("particles", int(max(group[a[0]], group[b[0]])))
-        problems.append(Refused(key, text, "move them apart: a larger spacing or region, or fewer grains"))
+        problems.append(
+            Refused(key, text, "move them apart: a larger spacing or region, or fewer grains")
+        )
     cut_shape, cut_grain, cut_size = j[~among] - count, i[~among], overlap[~among]
     if is_met is not None:
         met = is_met(cut_grain, cut_shape)
@@ -199,13 +243,21 @@ def overlap_problems(
 
 
 def _wall_problem(name: str, w: int, grain: Ints, overlap: Floats, radius: Floats) -> Refused:
-    items = [f"grain {grain[k]} by {_amount(overlap[k], radius[grain[k]])}" for k in range(min(NAMED, grain.size))]
+    items = [
+        f"grain {grain[k]} by {_amount(overlap[k], radius[grain[k]])}"
+        for k in range(min(NAMED, grain.size))
+    ]
     text = f"the wall '{name}' cuts grains at the start: {_listing(items, grain.size, 'grains')}"
-    return Refused(("walls", w), text, "move the wall, or give the grains a region that keeps clear of it")
+    return Refused(
+        ("walls", w), text, "move the wall, or give the grains a region that keeps clear of it"
+    )
 
 
-def behind_problem(position: Floats, here: NDArray[np.int64], front: Front, name: str, w: int, period: float) -> Refused | None:
-    """The problem of grains that lie behind a row of glued grains, where there is no flow; None if there are none.
+def behind_problem(
+    position: Floats, here: NDArray[np.int64], front: Front, name: str, w: int, period: float
+) -> Refused | None:
+    """The problem of grains that lie behind a row of glued grains, where there is no flow; None if
+    there are none.
 
     Args:
         position: Centers [m], shape ``(n, 2)``.
@@ -228,12 +280,20 @@ def behind_problem(position: Floats, here: NDArray[np.int64], front: Front, name
         return None
     found = found[np.lexsort((found, across[found]))]
     items = [f"grain {here[g]} by {-across[g]:.3g} m" for g in found[:NAMED]]
-    text = f"grains lie behind the rough wall '{name}', whose flow side is the other: {_listing(items, found.size, 'grains')}"
-    return Refused(("walls", w), text, "choose the other side, or keep the grains' region clear of the wall")
+    text = (
+        f"grains lie behind the rough wall '{name}', whose flow side is the other: "
+        f"{_listing(items, found.size, 'grains')}"
+    )
+    return Refused(
+        ("walls", w), text, "choose the other side, or keep the grains' region clear of the wall"
+    )
 
 
-def solid_problem(position: Floats, here: NDArray[np.int64], room: Room, name: str, w: int) -> Refused | None:
-    """The problem of grains whose center is in solid matter, even if they do not touch its outline; None if there are none.
+def solid_problem(
+    position: Floats, here: NDArray[np.int64], room: Room, name: str, w: int
+) -> Refused | None:
+    """The problem of grains whose center is in solid matter, even if they do not touch its outline;
+    None if there are none.
 
     Args:
         position: Centers [m], shape ``(n, 2)`` or more columns.
@@ -246,7 +306,10 @@ def solid_problem(position: Floats, here: NDArray[np.int64], room: Room, name: s
     if not found.size:
         return None
     items = [f"grain {g} at ({position[g, X]:g}, {position[g, Y]:g}) m" for g in found[:NAMED]]
-    text = f"grains lie in the solid matter of the wall '{name}': {_listing(items, found.size, 'grains')}"
+    text = (
+        f"grains lie in the solid matter of the wall '{name}': "
+        f"{_listing(items, found.size, 'grains')}"
+    )
     remedy = "move the wall, or give the grains a packing or a region that keeps clear of it"
     return Refused(("walls", w), text, remedy)
 

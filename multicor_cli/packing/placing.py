@@ -1,7 +1,8 @@
-"""Kernels that place one grain after another among discs already there: at random free places, or dropped and rolled down.
+"""Kernels that place one grain after another among discs already there: at random free places, or
+dropped and rolled down.
 
-Everything that these kernels call lies in this file or in packages that the name of the cache covers, so that no compiled copy of
-it can be stale.
+Everything that these kernels call lies in this file or in packages that the name of the cache
+covers, so that no compiled copy of it can be stale.
 """
 
 from __future__ import annotations
@@ -36,10 +37,12 @@ class PlacedDiscs(NamedTuple):
     """Discs that are already there, as linked lists by cell, and the fixed shapes.
 
     Attributes:
-        disc: x, y, radius of all discs, obstacles first [m], shape ``(d, 3)``; rows of grains are filled as they are placed.
+        disc: x, y, radius of all discs, obstacles first [m], shape ``(d, 3)``; rows of grains are
+            filled as they are placed.
         head: Last disc put into each cell, or -1.
         next: The disc that was put into the same cell before, or -1, shape ``(d,)``.
-        highest: Highest occupied row of each column of each level, or -1; level k begins at ``first_column[k]``.
+        highest: Highest occupied row of each column of each level, or -1; level k begins at
+            ``first_column[k]``.
         first_column: Start of each level in ``highest``, shape ``(levels,)``.
         grids: Cell grids of all discs.
         kind: `ShapeKind` of the obstacles, shape ``(m,)``.
@@ -61,19 +64,31 @@ class PlacedDiscs(NamedTuple):
 @kernel
 def _column_of(x: float, field: PlacedDiscs, level: int) -> int:
     columns = field.grids.shape[level, X]
-    return int(min(max(np.floor((x - field.grids.origin[X]) / field.grids.cells[level, X]), 0.0), columns - 1.0))
+    return int(
+        min(
+            max(np.floor((x - field.grids.origin[X]) / field.grids.cells[level, X]), 0.0),
+            columns - 1.0,
+        )
+    )
 
 
 @kernel
 def _row_of(y: float, field: PlacedDiscs, level: int) -> int:
     rows = field.grids.shape[level, Y]
     # Clamped before it becomes an integer: y may be infinite.
-    return int(min(max(np.floor((y - field.grids.origin[Y]) / field.grids.cells[level, Y]), 0.0), rows - 1.0))
+    return int(
+        min(
+            max(np.floor((y - field.grids.origin[Y]) / field.grids.cells[level, Y]), 0.0),
+            rows - 1.0,
+        )
+    )
 
 
 @kernel
 def _columns_between(low: float, high: float, field: PlacedDiscs, level: int) -> tuple[int, int]:
-    """First and last column that [low, high] touches; with a period they may be outside and stand for their remainder."""
+    """First and last column that [low, high] touches; with a period they may be outside and stand
+    for their remainder.
+    """
     columns = field.grids.shape[level, X]
     first = int(np.floor((low - field.grids.origin[X]) / field.grids.cells[level, X]))
     last = int(np.floor((high - field.grids.origin[X]) / field.grids.cells[level, X]))
@@ -86,7 +101,10 @@ def _columns_between(low: float, high: float, field: PlacedDiscs, level: int) ->
 def file_disc(field: PlacedDiscs, d: int) -> None:
     """Put disc ``d`` into its cell."""
     level = field.grids.level[d]
-    column, row = _column_of(field.disc[d, X], field, level), _row_of(field.disc[d, Y], field, level)
+    column, row = (
+        _column_of(field.disc[d, X], field, level),
+        _row_of(field.disc[d, Y], field, level),
+    )
     cell = field.grids.start[level] + row * field.grids.shape[level, X] + column
     field.next[d] = field.head[cell]
     field.head[cell] = d
@@ -124,7 +142,10 @@ def _hits_disc(x: float, y: float, radius: float, field: PlacedDiscs) -> bool:
 @kernel
 def _is_free(x: float, y: float, radius: float, field: PlacedDiscs) -> bool:
     for shape in range(field.kind.size):
-        if field.kind[shape] != _DISC and gap_to_shape(x, y, radius, shape, field.kind, field.world, field.period)[0] < 0.0:
+        if (
+            field.kind[shape] != _DISC
+            and gap_to_shape(x, y, radius, shape, field.kind, field.world, field.period)[0] < 0.0
+        ):
             return False
     return not _hits_disc(x, y, radius, field)
 
@@ -140,7 +161,8 @@ def insert_at_random(
     box: tuple[float, float, float, float],
     blocked: Ints,
 ) -> tuple[int, int]:
-    """Place grains at random, from number ``first`` on, until all are placed or the random numbers run out.
+    """Place grains at random, from number ``first`` on, until all are placed or the random numbers
+    run out.
 
     Args:
         field: What is already there; its discs ``fixed + i`` are the grains. **Modified.**
@@ -150,7 +172,8 @@ def insert_at_random(
         attempts: Attempts per grain.
         uniform: Random numbers in [0, 1), shape ``(k, 2)``; one row is used per attempt.
         box: The region.
-        blocked: 1 for a grain that found no free place; it stays at the last one tried. **Modified.**
+        blocked: 1 for a grain that found no free place; it stays at the last one tried.
+            **Modified.**
 
     Returns:
         The grain to go on with and the attempts spent on it.
@@ -174,8 +197,11 @@ def insert_at_random(
 
 
 @kernel
-def _fall(x: float, y: float, radius: float, left_disc: int, floor: float, field: PlacedDiscs) -> tuple[float, int]:
-    """Where a grain falling from (x, y) lands: the height of its center [m] and the disc, or `_FLOOR`.
+def _fall(
+    x: float, y: float, radius: float, left_disc: int, floor: float, field: PlacedDiscs
+) -> tuple[float, int]:
+    """Where a grain falling from (x, y) lands: the height of its center [m] and the disc, or
+    `_FLOOR`.
 
     ``left_disc`` is the disc it has just rolled off, or -1; ``floor`` the height of the floor [m].
     """
@@ -232,12 +258,21 @@ def _meeting(angle: float, rolling: float, dx: float, dy: float, near: float) ->
 
 @kernel
 def _roll(
-    x: float, y: float, radius: float, j: int, side: float, floor: float, left: float, right: float, field: PlacedDiscs
+    x: float,
+    y: float,
+    radius: float,
+    j: int,
+    side: float,
+    floor: float,
+    left: float,
+    right: float,
+    field: PlacedDiscs,
 ) -> tuple[float, float, int]:
     """Roll a grain at (x, y) down around disc ``j`` towards ``side`` (±1).
 
     Returns:
-        New center [m], and what stopped it: another disc, `_FLOOR`, `_SIDE`, or `_FALLS` past the widest point of ``j``.
+        New center [m], and what stopped it: another disc, `_FLOOR`, `_SIDE`, or `_FALLS` past the
+        widest point of ``j``.
     """
     xj, yj = field.disc[j, X], field.disc[j, Y]
     rolling = radius + field.disc[j, RADIUS]
@@ -255,14 +290,22 @@ def _roll(
         columns = field.grids.shape[k, X]
         ends = xj + side * (rolling * sin(start) - reach), xj + side * (rolling + reach)
         first, last = _columns_between(min(ends), max(ends), field, k)
-        for row in range(_row_of(yj - reach, field, k), _row_of(yj + rolling + reach, field, k) + 1):
+        for row in range(
+            _row_of(yj - reach, field, k), _row_of(yj + rolling + reach, field, k) + 1
+        ):
             base = field.grids.start[k] + row * columns
             for column in range(first, last + 1):
                 d = field.head[base + column % columns]
                 while d >= 0:
                     if d != j:
                         dx = side * minimum_image(field.disc[d, X] - xj, field.period)
-                        meeting = _meeting(start, rolling, dx, field.disc[d, Y] - yj, radius + field.disc[d, RADIUS])
+                        meeting = _meeting(
+                            start,
+                            rolling,
+                            dx,
+                            field.disc[d, Y] - yj,
+                            radius + field.disc[d, RADIUS],
+                        )
                         if meeting < best:
                             best, what = meeting, d
                     d = field.next[d]
@@ -305,16 +348,24 @@ def _settle(
 
 @kernel
 def drop_and_roll(
-    field: PlacedDiscs, fixed: int, first: int, tried: int, attempts: int, uniform: Floats, sides: Floats
+    field: PlacedDiscs,
+    fixed: int,
+    first: int,
+    tried: int,
+    attempts: int,
+    uniform: Floats,
+    sides: Floats,
 ) -> tuple[int, int]:
-    """Drop grains one after another, from number ``first`` on, until all rest, one does not fit, or the random numbers run out.
+    """Drop grains one after another, from number ``first`` on, until all rest, one does not fit, or
+    the random numbers run out.
 
     Args:
         field: What is already there; its discs ``fixed + i`` are the grains. **Modified.**
         fixed: Number of discs that are obstacles.
         first: Grain to begin with.
         tried: Attempts already spent on it.
-        attempts: Attempts per grain: one that would stick out at the top is dropped again elsewhere.
+        attempts: Attempts per grain: one that would stick out at the top is dropped again
+            elsewhere.
         uniform: Random numbers in [0, 1), shape ``(k,)``; one is used per attempt.
         sides: Left, bottom, right and top of the region [m], shape ``(4,)``.
 
@@ -340,8 +391,11 @@ def drop_and_roll(
     return i, tried
 
 
-def make_field(radius: Floats, region: PackingRegion, obstacles: Obstacles, ceiling: float = math.inf) -> tuple[PlacedDiscs, int]:
-    """A field for grains of these radii that holds the obstacles so far, and how many discs the obstacles have.
+def make_field(
+    radius: Floats, region: PackingRegion, obstacles: Obstacles, ceiling: float = math.inf
+) -> tuple[PlacedDiscs, int]:
+    """A field for grains of these radii that holds the obstacles so far, and how many discs the
+    obstacles have.
 
     Discs with their centers at ``ceiling`` [m] or above it are left out.
     """
@@ -354,8 +408,11 @@ def make_field(radius: Floats, region: PackingRegion, obstacles: Obstacles, ceil
     discs = obstacles.discs()
     if period > 0.0:
         discs = np.column_stack([wrap(discs[:, X], period), discs[:, 1:]])
-    # Discs far from the region can hit nothing; clamped into the border cells they would only lengthen the lists.
-    near = np.all((discs[:, :2] + discs[:, 2:] > low) & (discs[:, :2] - discs[:, 2:] < high), axis=1) & (discs[:, Y] < ceiling)
+    # Discs far from the region can hit nothing; clamped into the border cells they would only
+    # lengthen the lists.
+    near = np.all(
+        (discs[:, :2] + discs[:, 2:] > low) & (discs[:, :2] - discs[:, 2:] < high), axis=1
+    ) & (discs[:, Y] < ceiling)
     discs = discs[near]
     disc = np.concatenate([discs, np.column_stack([np.zeros((radius.size, 2)), radius])])
     grids = make_grids(classify(disc[:, RADIUS]), low, high, period, 0.0)

@@ -1,8 +1,10 @@
-"""Random packings: random sequential addition, followed by a relaxation where the grains are too dense for it.
+"""Random packings: random sequential addition, followed by a relaxation where the grains are too
+dense for it.
 
-Up to an area fraction of 0.42 of the free part of the region, grains are put at random free places and stay there. Denser ones
-are first put there with radii shrunk to that fraction, then brought to full size and moved apart. Fractions of 0.80 and a
-little more are reached (frictionless discs jam near 0.84; in narrow regions, whose sides waste space, below that).
+Up to an area fraction of 0.42 of the free part of the region, grains are put at random free places
+and stay there. Denser ones are first put there with radii shrunk to that fraction, then brought to
+full size and moved apart. Fractions of 0.80 and a little more are reached (frictionless discs jam
+near 0.84; in narrow regions, whose sides waste space, below that).
 """
 
 from __future__ import annotations
@@ -26,16 +28,20 @@ from multicor_cli.packing.sizes import Stream
 from multicor_cli.packing.walls import Obstacles
 from multicor_cli.scenario.problems import Refused
 
-# ---- The relaxation: grains repel each other and the obstacles in proportion to their overlap until none is left
+# ---- The relaxation: grains repel each other and the obstacles in proportion to their overlap
+#      until none is left
 #
-# The sum of squared overlaps is minimized with the fast inertial relaxation engine (Bitzek et al., Phys. Rev. Lett. 97, 170201,
-# 2006): damped dynamics of unit masses that speeds up while it runs downhill and stops when it runs uphill. Below the density at
-# which frictionless discs jam (about 0.84 in the plane) states without overlap exist and are reached.
+# The sum of squared overlaps is minimized with the fast inertial relaxation engine (Bitzek et al.,
+# Phys. Rev. Lett. 97, 170201, 2006): damped dynamics of unit masses that speeds up while it runs
+# downhill and stops when it runs uphill. Below the density at which frictionless discs jam (about
+# 0.84 in the plane) states without overlap exist and are reached.
 
 INFLATION = 5e-4
-"""Radii are enlarged by this share while relaxing, so that what is left over at the end is a small gap and no overlap."""
+"""Radii are enlarged by this share while relaxing, so that what is left over at the end is a small
+gap and no overlap."""
 
-_LARGEST_STEP = 0.4  # unit mass and stiffness: six contacts per disc give a highest frequency of √12, stable below 0.57
+# Unit mass and stiffness: six contacts per disc give a highest frequency of √12, stable below 0.57
+_LARGEST_STEP = 0.4
 _FIRST_STEP = 0.1
 _FIRST_MIXING = 0.1
 _STEP, _MIXING, _COUNT = range(3)  # of a clock: time step, mixing, steps since the last uphill one
@@ -73,8 +79,18 @@ class Relaxed:
 
 
 @kernel
-def _repel(position: Floats, radius: Floats, pairs: DiscPairs, kind: Ints, world: Floats, period: float, force: Floats) -> float:
-    """Forces [m] (unit stiffness) into ``force``, shape ``(n, 2)``; returns the largest overlap over the smaller radius."""
+def _repel(
+    position: Floats,
+    radius: Floats,
+    pairs: DiscPairs,
+    kind: Ints,
+    world: Floats,
+    period: float,
+    force: Floats,
+) -> float:
+    """Forces [m] (unit stiffness) into ``force``, shape ``(n, 2)``; returns the largest overlap
+    over the smaller radius.
+    """
     count = radius.size
     worst = 0.0
     force[:] = 0.0
@@ -151,7 +167,8 @@ def _descend(
     reach: float,
     steps: int,
 ) -> tuple[int, float, bool]:
-    """Relax until the largest overlap is at most ``target``, a grain has moved by ``reach``, or ``steps`` are done.
+    """Relax until the largest overlap is at most ``target``, a grain has moved by ``reach``, or
+    ``steps`` are done.
 
     Args:
         position: Centers [m], shape ``(n, 2)``. **Modified.**
@@ -168,7 +185,8 @@ def _descend(
         steps: Most steps.
 
     Returns:
-        Steps done, largest overlap over the smaller radius, whether a minimum with overlaps was reached.
+        Steps done, largest overlap over the smaller radius, whether a minimum with overlaps was
+        reached.
     """
     before = position.copy()
     force = np.zeros_like(position)
@@ -194,7 +212,9 @@ def _descend(
     return steps, worst, False
 
 
-def _ghosts(position: Floats, radius: Floats, region: PackingRegion, obstacles: Obstacles, skin: float) -> tuple[Ghosts, Obstacles]:
+def _ghosts(
+    position: Floats, radius: Floats, region: PackingRegion, obstacles: Obstacles, skin: float
+) -> tuple[Ghosts, Obstacles]:
     """Images of the grains near the lower and upper side, and the obstacles with them."""
     reach = 2.0 * radius.max() + skin
     low = np.flatnonzero(position[:, Y] < region.bottom + reach)
@@ -215,7 +235,8 @@ def relax(
     iterations: int = 20_000,
     is_periodic_in_y: bool = False,
 ) -> Relaxed:
-    """Move grains apart until no overlap is left, a jammed state is reached, or ``iterations`` are spent.
+    """Move grains apart until no overlap is left, a jammed state is reached, or ``iterations`` are
+    spent.
 
     Args:
         position: Centers [m], shape ``(n, 2)``.
@@ -297,15 +318,23 @@ def random_packing(
     if shrink == 1.0 and is_complete and not is_periodic_in_y:
         return position
     relaxed = relax(position, enlarged, region, solid, is_periodic_in_y=is_periodic_in_y)
-    is_inside = _is_inside(relaxed.position, region, is_periodic_in_y) and _is_clear(relaxed.position, solid.room)
+    is_inside = _is_inside(relaxed.position, region, is_periodic_in_y) and _is_clear(
+        relaxed.position, solid.room
+    )
     if relaxed.overlap > _ACCEPTED_OVERLAP or not is_inside:
-        left = f"an overlap of {relaxed.overlap:.1e} of the smaller radius is left after {relaxed.iterations} relaxation steps"
+        left = (
+            f"an overlap of {relaxed.overlap:.1e} of the smaller radius is left after "
+            f"{relaxed.iterations} relaxation steps"
+        )
         raise _refusal(radius.size, fraction, left)
     return relaxed.position
 
 
-def _insert(radius: Floats, region: PackingRegion, obstacles: Obstacles, attempts: int, rng: Stream) -> tuple[Floats, bool] | None:
-    """Random sequential addition, largest first: centers [m], and whether every grain found a free place.
+def _insert(
+    radius: Floats, region: PackingRegion, obstacles: Obstacles, attempts: int, rng: Stream
+) -> tuple[Floats, bool] | None:
+    """Random sequential addition, largest first: centers [m], and whether every grain found a free
+    place.
 
     None if almost all of the region is solid matter or lies beyond its boundary.
     """
@@ -317,7 +346,8 @@ def _insert(radius: Floats, region: PackingRegion, obstacles: Obstacles, attempt
     done, tried, misses = 0, 0, 0
     while done < radius.size:
         uniform = rng.random((max(_BATCH, 2 * (radius.size - done)), 2))
-        if not obstacles.room.is_open:  # only centers that are not in solid matter count as attempts
+        # Only centers that are not in solid matter count as attempts
+        if not obstacles.room.is_open:
             uniform = uniform[obstacles.room.clearance(uniform * box[2:] + box[:2]) > 0.0]
             misses = 0 if len(uniform) else misses + 1
             if misses > _MOST_MISSES:
@@ -329,12 +359,21 @@ def _insert(radius: Floats, region: PackingRegion, obstacles: Obstacles, attempt
 
 
 def _refusal(count: int, fraction: float, why: str) -> Refused:
-    text = f"{count} grains do not fit: they would fill {fraction:.3f} of the free area of the region, {why}"
+    text = (
+        f"{count} grains do not fit: they would fill {fraction:.3f} of the free area of the "
+        f"region, {why}"
+    )
     if fraction > _USUAL_FRACTION:
         fits = int(count * _USUAL_FRACTION / fraction)
-        remedy = f"about {fits} would fit (fraction {_USUAL_FRACTION:.2f}): enlarge the region or ask for fewer grains"
+        remedy = (
+            f"about {fits} would fit (fraction {_USUAL_FRACTION:.2f}): enlarge the region or ask "
+            "for fewer grains"
+        )
     else:  # what usually fits does not where sides and corners are near
-        remedy = f"enlarge the region, in which sides and corners leave less room, or ask for fewer grains, {int(0.9 * count)} say"
+        remedy = (
+            "enlarge the region, in which sides and corners leave less room, or ask for fewer "
+            f"grains, {int(0.9 * count)} say"
+        )
     return Refused((), text, remedy)
 
 
@@ -351,12 +390,16 @@ def _is_clear(position: Floats, room: Room) -> bool:
 
 
 def _fraction(radius: Floats, region: PackingRegion, obstacles: Obstacles) -> float:
-    """Area of the grains over the area of the region that no obstacle covers (estimated on a grid of points)."""
+    """Area of the grains over the area of the region that no obstacle covers (estimated on a grid
+    of points).
+    """
     x = region.left + (np.arange(_PROBES) + 0.5) / _PROBES * region.width
     y = region.bottom + (np.arange(_PROBES) + 0.5) / _PROBES * region.height
     points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     # A point is never inside a thin shape.
-    pairs = find_pairs(points, np.full(len(points), 1e-9 * radius.min()), _solid(obstacles), 0.0, region.period)
+    pairs = find_pairs(
+        points, np.full(len(points), 1e-9 * radius.min()), _solid(obstacles), 0.0, region.period
+    )
     covered = np.zeros(len(points), bool)
     owner = np.repeat(np.arange(len(points)), np.diff(pairs.row))
     covered[owner[pairs.partner >= len(points)]] = True

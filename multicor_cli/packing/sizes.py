@@ -1,12 +1,13 @@
 """Distributions of radii, by number or by mass, as formulas or tables; and drawing from them.
 
-Lists are drawn by exact quotas (largest remainder, ties at random), so that the fractions hold as well as whole grains can;
-continuous distributions are drawn by stratified sampling, one grain per interval of equal probability, so that their moments
-hold far better than with independent draws. Both are then shuffled.
+Lists are drawn by exact quotas (largest remainder, ties at random), so that the fractions hold as
+well as whole grains can; continuous distributions are drawn by stratified sampling, one grain per
+interval of equal probability, so that their moments hold far better than with independent draws.
+Both are then shuffled.
 
-"By mass" weights are turned into weights by number: a grain of radius r has a mass ∝ r^p, p = 2 for discs and 3 for spheres, so
-that ``number density ∝ mass density / r^p``. The continuous families here stay in closed form under this; tables and the normal
-distribution follow.
+"By mass" weights are turned into weights by number: a grain of radius r has a mass ∝ r^p, p = 2 for
+discs and 3 for spheres, so that ``number density ∝ mass density / r^p``. The continuous families
+here stay in closed form under this; tables and the normal distribution follow.
 """
 
 from __future__ import annotations
@@ -24,14 +25,23 @@ from multicor_cli.arithmetic import normal_cdf, sums
 from multicor_cli.engine.jit import elementwise
 from multicor_cli.model.model import Floats
 from multicor_cli.packing.initial_grains import Shape
-from multicor_cli.scenario.particles import AnySizes, ListSizes, LognormalSizes, NormalSizes, PowerSizes, TableSizes
+from multicor_cli.scenario.particles import (
+    AnySizes,
+    ListSizes,
+    LognormalSizes,
+    NormalSizes,
+    PowerSizes,
+    TableSizes,
+)
 
-# ---- Independent random streams: one for each table of the scenario and purpose, all from one seed.
+# ---- Independent random streams: one for each table of the scenario and purpose, all from one
+#      seed.
 #
-# Adding a wall or a particle group therefore does not change the numbers that any other group draws.
+# Adding a wall or a particle group therefore does not change the numbers that any other group
+# draws.
 #
-# NumPy promises the raw numbers of its bit generators for all versions, but not what its `Generator` makes of them: that is done
-# here.
+# NumPy promises the raw numbers of its bit generators for all versions, but not what its
+# `Generator` makes of them: that is done here.
 
 
 class TableKind(IntEnum):
@@ -67,7 +77,9 @@ class Stream:
 
 
 def stream(seed: int, table: TableKind, index: int, purpose: Purpose, *part: int) -> Stream:
-    """The counter-based stream of table number ``index`` of its kind, or of a part of it, at its beginning."""
+    """The counter-based stream of table number ``index`` of its kind, or of a part of it, at its
+    beginning.
+    """
     key = np.random.SeedSequence(entropy=seed, spawn_key=(int(table), index, int(purpose), *part))
     return Stream(np.random.Philox(key))
 
@@ -114,7 +126,9 @@ class DiscreteSizes:
         return float(self.radii[self.fractions > 0.0].max())
 
     def draw(self, count: int, rng: Stream) -> Floats:
-        """``count`` radii [m] in random order; each radius gets its share to the nearest grain (largest remainder)."""
+        """``count`` radii [m] in random order; each radius gets its share to the nearest grain
+        (largest remainder).
+        """
         if count < self.radii.size:
             # Fewer grains than radii: the largest remainders would always pick the same few.
             levels = (np.arange(count) + rng.random(count)) / count
@@ -142,13 +156,19 @@ class ContinuousSizes:
     largest: float
 
     def draw(self, count: int, rng: Stream) -> Floats:
-        """``count`` radii [m] in random order: one from each of ``count`` intervals of equal probability."""
+        """``count`` radii [m] in random order: one from each of ``count`` intervals of equal
+        probability.
+        """
         levels = (np.arange(count) + rng.random(count)) / max(count, 1)
         return rng.shuffled(self.quantile(levels))
 
 
-def list_sizes(radii: Floats, fractions: Floats | None, by: Basis, mass_power: int) -> DiscreteSizes:
-    """Radii [m] with ``fractions`` (default: equal) by number or by mass; they are normalized to sum 1."""
+def list_sizes(
+    radii: Floats, fractions: Floats | None, by: Basis, mass_power: int
+) -> DiscreteSizes:
+    """Radii [m] with ``fractions`` (default: equal) by number or by mass; they are normalized to
+    sum 1.
+    """
     weights = np.ones(radii.size) if fractions is None else np.array(fractions, float)
     if by == "mass":
         weights = weights / _mass_factor(radii / radii.max(), mass_power)
@@ -159,7 +179,9 @@ def _mass_factor(ratio: Floats, mass_power: int) -> Floats:
     return ratio * ratio if mass_power == 2 else ratio * ratio * ratio
 
 
-def power_sizes(exponent: float, smallest: float, largest: float, by: Basis, mass_power: int) -> ContinuousSizes:
+def power_sizes(
+    exponent: float, smallest: float, largest: float, by: Basis, mass_power: int
+) -> ContinuousSizes:
     """Density ∝ r^-exponent between ``smallest`` and ``largest`` [m]."""
     slope = 1.0 - exponent - (mass_power if by == "mass" else 0)
     span = arithmetic.log(largest / smallest)
@@ -169,7 +191,8 @@ def power_sizes(exponent: float, smallest: float, largest: float, by: Basis, mas
             return smallest + level * (largest - smallest)
         if abs(slope * span) < 1e-12:
             return smallest * elementwise.exp(level * span)
-        # (r/r_min)^slope grows linearly with the level; expm1 and log1p keep it exact for slopes near 0.
+        # (r/r_min)^slope grows linearly with the level; expm1 and log1p keep it exact for slopes
+        # near 0.
         growth = arithmetic.expm1(slope * span)
         return smallest * elementwise.exp(elementwise.log1p(level * growth) / slope)
 
@@ -181,14 +204,22 @@ def uniform_sizes(smallest: float, largest: float, by: Basis, mass_power: int) -
     return power_sizes(0.0, smallest, largest, by, mass_power)
 
 
-def lognormal_sizes(median: float, sigma: float, smallest: float, largest: float, by: Basis, mass_power: int) -> ContinuousSizes:
+def lognormal_sizes(
+    median: float, sigma: float, smallest: float, largest: float, by: Basis, mass_power: int
+) -> ContinuousSizes:
     """Normal distribution of ln r with mean ln ``median`` and standard deviation ``sigma``.
 
-    Cut to radii between ``smallest`` and ``largest`` [m]. Dividing by r^p shifts the mean of ln r by −p σ² and keeps the form.
+    Cut to radii between ``smallest`` and ``largest`` [m]. Dividing by r^p shifts the mean of ln r
+    by −p σ² and keeps the form.
     """
     center = arithmetic.log(median) - (mass_power * sigma * sigma if by == "mass" else 0.0)
-    score = normal_between((arithmetic.log(smallest) - center) / sigma, (arithmetic.log(largest) - center) / sigma)
-    return ContinuousSizes(lambda level: np.clip(elementwise.exp(center + sigma * score(level)), smallest, largest), largest)
+    score = normal_between(
+        (arithmetic.log(smallest) - center) / sigma, (arithmetic.log(largest) - center) / sigma
+    )
+    return ContinuousSizes(
+        lambda level: np.clip(elementwise.exp(center + sigma * score(level)), smallest, largest),
+        largest,
+    )
 
 
 def normal_between(low: float, high: float) -> Callable[[Floats], Floats]:
@@ -215,7 +246,10 @@ def diameter(radii: Floats) -> Floats:
 
 
 def draw_to_total(
-    sizes: SizeDistribution, measure: Callable[[Floats], Floats], total: float, restart: Callable[[], Stream]
+    sizes: SizeDistribution,
+    measure: Callable[[Floats], Floats],
+    total: float,
+    restart: Callable[[], Stream],
 ) -> Floats:
     """Draw as many grains as bring the sum of their ``measure`` closest to ``total``.
 
@@ -223,7 +257,8 @@ def draw_to_total(
         sizes: Where the radii come from.
         measure: Area or length of each grain from its radius.
         total: Sum to reach, same unit.
-        restart: Gives the stream at its beginning: a draw of n+1 grains is not one of n with one more.
+        restart: Gives the stream at its beginning: a draw of n+1 grains is not one of n with one
+            more.
 
     Returns:
         Radii [m]; at least one.
@@ -253,12 +288,13 @@ _SLICES = 2000  # of a normal distribution by mass
 def table_sizes(radii: Floats, passing: Floats, by: Basis, mass_power: int) -> ContinuousSizes:
     """Radii between the rows of a table, with a constant density by ``by`` within each row.
 
-    The density of numbers is then ∝ r^-p within a row, where the mass of a grain is ∝ r^p, and its integral and quantile have a
-    closed form.
+    The density of numbers is then ∝ r^-p within a row, where the mass of a grain is ∝ r^p, and its
+    integral and quantile have a closed form.
 
     Args:
         radii: Radii [m], ascending, shape ``(k,)``.
-        passing: Share of the grains, by number or by mass, that is smaller; from 0 to 1, shape ``(k,)``.
+        passing: Share of the grains, by number or by mass, that is smaller; from 0 to 1, shape
+            ``(k,)``.
         by: What is shared out.
         mass_power: p.
     """
@@ -296,8 +332,11 @@ def _inverse(integral: Floats, power: int) -> Floats:
     return -1.0 / integral if power == 2 else np.sqrt(-0.5 / integral)
 
 
-def normal_sizes(mean: float, sigma: float, smallest: float, largest: float, by: Basis, mass_power: int) -> ContinuousSizes:
-    """Normal distribution of the radius with ``mean`` and standard deviation ``sigma``, cut to ``smallest`` … ``largest`` [m].
+def normal_sizes(
+    mean: float, sigma: float, smallest: float, largest: float, by: Basis, mass_power: int
+) -> ContinuousSizes:
+    """Normal distribution of the radius with ``mean`` and standard deviation ``sigma``, cut to
+    ``smallest`` … ``largest`` [m].
 
     By mass it is a table of so many rows that their steps cannot be told from the curve.
     """
@@ -309,14 +348,18 @@ def normal_sizes(mean: float, sigma: float, smallest: float, largest: float, by:
         below -= below[0]
         return table_sizes(edges, below / below[-1], by, mass_power)
     score = normal_between(low, high)
-    return ContinuousSizes(lambda level: np.clip(mean + sigma * score(level), smallest, largest), largest)
+    return ContinuousSizes(
+        lambda level: np.clip(mean + sigma * score(level), smallest, largest), largest
+    )
 
 
 # ---- From a `sizes` table of the scenario to a distribution
 
 
 def sizes_of(table: AnySizes, shape: Shape) -> SizeDistribution:
-    """The distribution that a ``sizes`` table describes; ``shape`` tells how mass grows with the radius."""
+    """The distribution that a ``sizes`` table describes; ``shape`` tells how mass grows with the
+    radius.
+    """
     power = MASS_POWER[shape]
     if isinstance(table, ListSizes):
         fractions = None if table.fractions is None else np.array(table.fractions)

@@ -1,4 +1,6 @@
-"""From ``[[walls]]`` tables to wall bodies and shapes, rows of glued grains among them; and what packings must stay clear of."""
+"""From ``[[walls]]`` tables to wall bodies and shapes, rows of glued grains among them; and what
+packings must stay clear of.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +21,36 @@ from multicor_cli.model import WallBody
 from multicor_cli.model.columns import RADIUS, TAIL_X, X, Y
 from multicor_cli.model.model import Floats, Ints, Walls, WallShapes
 from multicor_cli.model.shapes import TAIL, Annulus, Area, Polygon, Room, ShapeKind, Tail, outlines
-from multicor_cli.packing.initial_grains import PackingRegion, Shape, inertias, masses, prism_inertia
-from multicor_cli.packing.sizes import Purpose, SizeDistribution, Stream, TableKind, diameter, draw_to_total, sizes_of, stream
+from multicor_cli.packing.initial_grains import (
+    PackingRegion,
+    Shape,
+    inertias,
+    masses,
+    prism_inertia,
+)
+from multicor_cli.packing.sizes import (
+    Purpose,
+    SizeDistribution,
+    Stream,
+    TableKind,
+    diameter,
+    draw_to_total,
+    sizes_of,
+    stream,
+)
 from multicor_cli.scenario import Scenario
 from multicor_cli.scenario.particles import ParticleGroup
 from multicor_cli.scenario.problems import Refused
-from multicor_cli.scenario.walls import ClusterGeometry, Glued, PolygonGeometry, Ring, Row, Sides, Wall, prism_height
+from multicor_cli.scenario.walls import (
+    ClusterGeometry,
+    Glued,
+    PolygonGeometry,
+    Ring,
+    Row,
+    Sides,
+    Wall,
+    prism_height,
+)
 
 # ---- Rows of touching glued grains: along a line, and inside or around a circle
 
@@ -32,12 +58,15 @@ _ROUNDS = 20
 _BISECTIONS = 200
 
 
-def chain_on_line(start: Floats, end: Floats, sizes: SizeDistribution, restart: Callable[[], Stream]) -> Floats:
+def chain_on_line(
+    start: Floats, end: Floats, sizes: SizeDistribution, restart: Callable[[], Stream]
+) -> Floats:
     """Discs with centers on a line, each touching the next: x, y, radius [m], shape ``(k, 3)``.
 
-    The number of discs is the one whose diameters add up best to the length of the line; the radii are then scaled by one
-    factor close to 1, so that the chain begins and ends exactly at the ends of the line (the first and last disc touch them
-    from inside). If the line spans a period, the last disc therefore touches the first.
+    The number of discs is the one whose diameters add up best to the length of the line; the radii
+    are then scaled by one factor close to 1, so that the chain begins and ends exactly at the ends
+    of the line (the first and last disc touch them from inside). If the line spans a period, the
+    last disc therefore touches the first.
 
     Args:
         start: Where the line begins [m], shape ``(2,)``.
@@ -56,8 +85,15 @@ def chain_on_line(start: Floats, end: Floats, sizes: SizeDistribution, restart: 
     return np.column_stack([start + along[:, None] * ((end - start) / length), radii])
 
 
-def chain_on_circle(radius: float, sizes: SizeDistribution, restart: Callable[[], Stream], *, is_outside: bool = False) -> Floats:
-    """Discs that touch a circle around the origin, each touching the next: x, y, radius [m], shape ``(k, 3)``.
+def chain_on_circle(
+    radius: float,
+    sizes: SizeDistribution,
+    restart: Callable[[], Stream],
+    *,
+    is_outside: bool = False,
+) -> Floats:
+    """Discs that touch a circle around the origin, each touching the next: x, y, radius [m], shape
+    ``(k, 3)``.
 
     As with `chain_on_line`, the radii are scaled by one factor so that the chain closes.
 
@@ -68,7 +104,8 @@ def chain_on_circle(radius: float, sizes: SizeDistribution, restart: Callable[[]
         is_outside: Whether they touch it from outside.
 
     Raises:
-        Refused: The circle is not at least four times as large as the grains, or twice from outside.
+        Refused: The circle is not at least four times as large as the grains, or twice from
+            outside.
     """
     side = 1.0 if is_outside else -1.0
     _check_length(radius, (2.0 if is_outside else 4.0) * sizes.largest, "radius of the circle")
@@ -90,18 +127,24 @@ def chain_on_circle(radius: float, sizes: SizeDistribution, restart: Callable[[]
     steps = _turns(radii, radius, side)
     bearing = np.concatenate([[0.0], np.cumsum(steps[:-1])])
     away = radius + side * radii
-    return np.column_stack([away * elementwise.cos(bearing), away * elementwise.sin(bearing), radii])
+    return np.column_stack(
+        [away * elementwise.cos(bearing), away * elementwise.sin(bearing), radii]
+    )
 
 
 def _turns(radii: Floats, radius: float, side: float) -> Floats:
-    """Angle at the center of the circle between each disc and the next [rad]; ``side`` is 1 for discs outside, −1 inside."""
+    """Angle at the center of the circle between each disc and the next [rad]; ``side`` is 1 for
+    discs outside, −1 inside.
+    """
     after = np.roll(radii, -1)
     a, b, c = radius + side * radii, radius + side * after, radii + after
     return np.asarray(elementwise.acos(np.clip((a * a + b * b - c * c) / (2.0 * a * b), -1.0, 1.0)))
 
 
 def _closing_factor(radii: Floats, radius: float, side: float) -> float:
-    """Factor on the radii with which the turns of the chain add up to a full circle (bisection to the last bit)."""
+    """Factor on the radii with which the turns of the chain add up to a full circle (bisection to
+    the last bit).
+    """
     low, high = 0.5, 2.0 if side > 0.0 else min(2.0, 0.49 * radius / float(radii.max()))
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
@@ -123,7 +166,8 @@ def _check_length(length: float, needed: float, what: str) -> None:
         )
 
 
-# ---- What a packing must stay clear of: wall shapes, solid matter, the boundary of its region, and the grains of earlier groups
+# ---- What a packing must stay clear of: wall shapes, solid matter, the boundary of its region, and
+#      the grains of earlier groups
 
 OPEN = Room()
 """All of the plane."""
@@ -135,8 +179,10 @@ class Obstacles:
 
     Attributes:
         kind: `ShapeKind` of each shape, shape ``(m,)``.
-        world: Geometry [m], as in `multicor_cli.model.WallShapes` but in the world, shape ``(m, 4)``.
-        room: What solid bodies leave to the grains, and the region: outlines do not tell on which side of them to be.
+        world: Geometry [m], as in `multicor_cli.model.WallShapes` but in the world, shape
+            ``(m, 4)``.
+        room: What solid bodies leave to the grains, and the region: outlines do not tell on which
+            side of them to be.
         lids: Heights of the lowest points of rows of glued grains under which grains are to be [m].
     """
 
@@ -160,16 +206,23 @@ class Obstacles:
         return self.world[self.is_disc, :3]
 
     def with_discs(self, discs: Floats) -> Obstacles:
-        """Append discs given as x, y, radius [m], shape ``(k, 3)``. Numbers of the shapes before do not change."""
+        """Append discs given as x, y, radius [m], shape ``(k, 3)``. Numbers of the shapes before do
+        not change.
+        """
         rows = np.zeros((len(discs), 4))
         rows[:, :3] = discs
         return self._append(ShapeKind.DISC, rows)
 
     def with_sides(self, region: PackingRegion, bottom: bool = True, top: bool = True) -> Obstacles:
-        """Append planes along the closed sides of ``region``; left and right unless it is periodic."""
+        """Append planes along the closed sides of ``region``; left and right unless it is
+        periodic.
+        """
         planes = []
         if not region.is_periodic:
-            planes += [(region.left, region.bottom, 1.0, 0.0), (region.right, region.bottom, -1.0, 0.0)]
+            planes += [
+                (region.left, region.bottom, 1.0, 0.0),
+                (region.right, region.bottom, -1.0, 0.0),
+            ]
         if bottom:
             planes.append((region.left, region.bottom, 0.0, 1.0))
         if top:
@@ -181,19 +234,30 @@ class Obstacles:
         added = replace(self, room=self.room.within(area))
         if isinstance(area, Annulus):
             added = added._append(ShapeKind.CIRCLE, np.array([[*area.center, area.outer, 0.0]]))
-            return added.with_discs(np.array([[*area.center, area.inner]])) if area.inner > 0.0 else added
+            return (
+                added.with_discs(np.array([[*area.center, area.inner]]))
+                if area.inner > 0.0
+                else added
+            )
         if isinstance(area, Polygon):
             first, number = len(self.kind), np.arange(len(area.points))
-            added = added._append(ShapeKind.SIDE, np.column_stack([area.points, np.roll(area.points, -1, axis=0)]))
-            return added._append(ShapeKind.VERTEX, np.column_stack([area.points, first + np.roll(number, 1), first + number]))
+            added = added._append(
+                ShapeKind.SIDE, np.column_stack([area.points, np.roll(area.points, -1, axis=0)])
+            )
+            return added._append(
+                ShapeKind.VERTEX,
+                np.column_stack([area.points, first + np.roll(number, 1), first + number]),
+            )
         message = f"no outline of a {type(area).__name__}"
         raise TypeError(message)
 
     def around(self, region: PackingRegion, period: float) -> Obstacles:
-        """Make the obstacles of a periodic domain fit for ``region``, which may cover only a part of the period.
+        """Make the obstacles of a periodic domain fit for ``region``, which may cover only a part
+        of the period.
 
-        A region that spans the period is packed with its own periodicity and nothing changes. Any other is packed as if space
-        were not periodic, so what reaches into it from neighboring periods is added.
+        A region that spans the period is packed with its own periodicity and nothing changes. Any
+        other is packed as if space were not periodic, so what reaches into it from neighboring
+        periods is added.
         """
         if period <= 0.0 or region.is_periodic:
             return self
@@ -202,10 +266,18 @@ class Obstacles:
             ends[:, which] = outline.corners()[:, :, X]
         has_ends = self.kind != ShapeKind.PLANE  # planes are level
         nearby = self
-        first = math.floor((region.left - float(ends[1, has_ends].max(initial=region.left))) / period)
-        last = math.ceil((region.right - float(ends[0, has_ends].min(initial=region.right))) / period)
+        first = math.floor(
+            (region.left - float(ends[1, has_ends].max(initial=region.left))) / period
+        )
+        last = math.ceil(
+            (region.right - float(ends[0, has_ends].min(initial=region.right))) / period
+        )
         for k in range(first, last + 1):
-            near = has_ends & (ends[1] + k * period > region.left) & (ends[0] + k * period < region.right)
+            near = (
+                has_ends
+                & (ends[1] + k * period > region.left)
+                & (ends[0] + k * period < region.right)
+            )
             refers = TAIL[self.kind] == Tail.SHAPES
             for end in self.world[near & refers, TAIL_X:].astype(np.int64).T:
                 near[end[end >= 0]] = True  # a vertex asks its lines
@@ -224,10 +296,13 @@ class Obstacles:
         return self._with(np.full(len(rows), int(kind), np.int32), rows)
 
     def _with(self, kind: Ints, rows: Floats) -> Obstacles:
-        return replace(self, kind=np.concatenate([self.kind, kind]), world=np.concatenate([self.world, rows]))
+        return replace(
+            self, kind=np.concatenate([self.kind, kind]), world=np.concatenate([self.world, rows])
+        )
 
 
-# ---- Wall bodies together: their shapes in one table, their inertia, and where the flow is before a row of glued grains
+# ---- Wall bodies together: their shapes in one table, their inertia, and where the flow is before
+#      a row of glued grains
 
 _LEVEL = math.sqrt(0.5)  # a row is a lid if its flow lies within 45 degrees below it
 
@@ -241,7 +316,8 @@ class Front:
         along: Unit vector along it, shape ``(2,)``.
         normal: Unit vector towards the flow, shape ``(2,)``.
         length: Length of the line [m].
-        depth: Grains whose center lies up to this far behind the line are refused [m]; infinite if it spans the period.
+        depth: Grains whose center lies up to this far behind the line are refused [m]; infinite if
+            it spans the period.
     """
 
     start: Floats
@@ -261,7 +337,9 @@ class Front:
         start = np.array(row.start)
         along = (np.array(row.end) - start) / row.length
         normal = np.array([-along[1], along[0]]) * (1.0 if row.is_left else -1.0)
-        return cls(start, along, normal, row.length, math.inf if row.is_closed else mean(glued[:, RADIUS]))
+        return cls(
+            start, along, normal, row.length, math.inf if row.is_closed else mean(glued[:, RADIUS])
+        )
 
 
 def with_glued(body: WallBody, glued: Floats) -> WallBody:
@@ -270,7 +348,9 @@ def with_glued(body: WallBody, glued: Floats) -> WallBody:
 
 
 def about_center_of_mass(body: WallBody, shape: Shape) -> WallBody:
-    """A wall of discs with the center of their masses as its reference point, about which it turns freely."""
+    """A wall of discs with the center of their masses as its reference point, about which it turns
+    freely.
+    """
     discs = body.glued
     mass = masses(discs[:, RADIUS], 1.0, shape, 1.0)
     center = column_totals(discs[:, :2] * mass[:, np.newaxis]) / total(mass)
@@ -279,13 +359,19 @@ def about_center_of_mass(body: WallBody, shape: Shape) -> WallBody:
     return WallBody(body.origin + center, body.kind, geometry, body.length)
 
 
-def glued_inertia(body: WallBody, density: float, shape: Shape, thickness: float | None) -> tuple[float, float]:
-    """Mass [kg] and moment of inertia about the reference point [kg m²] of the discs of a wall; nan if it has none."""
+def glued_inertia(
+    body: WallBody, density: float, shape: Shape, thickness: float | None
+) -> tuple[float, float]:
+    """Mass [kg] and moment of inertia about the reference point [kg m²] of the discs of a wall; nan
+    if it has none.
+    """
     glued = body.glued
     if not len(glued):
         return math.nan, math.nan
     mass = masses(glued[:, RADIUS], density, shape, thickness)
-    about = inertias(glued[:, RADIUS], mass, shape) + mass * (glued[:, X] * glued[:, X] + glued[:, Y] * glued[:, Y])
+    about = inertias(glued[:, RADIUS], mass, shape) + mass * (
+        glued[:, X] * glued[:, X] + glued[:, Y] * glued[:, Y]
+    )
     return total(mass), total(about)
 
 
@@ -311,8 +397,15 @@ def join_shapes(bodies: list[WallBody], materials: list[int]) -> WallShapes:
     )
 
 
-def join_walls(names: list[str], bodies: list[WallBody], inertia: list[tuple[float, float]], has_gravity: list[bool]) -> Walls:
-    """The bodies of all walls; ``inertia`` holds mass [kg] and moment of inertia [kg m²] of each, nan where unknown."""
+def join_walls(
+    names: list[str],
+    bodies: list[WallBody],
+    inertia: list[tuple[float, float]],
+    has_gravity: list[bool],
+) -> Walls:
+    """The bodies of all walls; ``inertia`` holds mass [kg] and moment of inertia [kg m²] of each,
+    nan where unknown.
+    """
     table = np.array(inertia, float).reshape(-1, 2)
     return Walls(
         names=tuple(names),
@@ -346,12 +439,18 @@ class BuiltWalls(NamedTuple):
     rooms: list[Room]
 
     def obstacles(self, group: int | None = None) -> Obstacles:
-        """The shapes in the world, and what is left for grains; of the walls alone that a group meets, if one is given."""
+        """The shapes in the world, and what is left for grains; of the walls alone that a group
+        meets, if one is given.
+        """
         is_met = np.ones(len(self.bodies), np.bool_)
         if group is not None and self.walls.meets.size:
             is_met = self.walls.meets[:, group]
         met = np.flatnonzero(is_met).tolist()
-        shapes = self.shapes if is_met.all() else join_shapes([self.bodies[w] for w in met], [0] * len(met))
+        shapes = (
+            self.shapes
+            if is_met.all()
+            else join_shapes([self.bodies[w] for w in met], [0] * len(met))
+        )
         world = np.empty(shapes.geometry.shape)
         place_shapes(shapes.kind, shapes.wall, shapes.geometry, self.position[met], world)
         rooms = [self.rooms[w] for w in met]
@@ -360,8 +459,14 @@ class BuiltWalls(NamedTuple):
             tuple(area for room in rooms for area in room.outside),
             max((room.period for room in rooms), default=0.0),
         )
-        lids = [self.bodies[w] for w, front in enumerate(self.fronts) if front is not None and front.is_lid and is_met[w]]
-        lowest = [float((body.origin[1] + body.glued[:, 1] - body.glued[:, 2]).min()) for body in lids]
+        lids = [
+            self.bodies[w]
+            for w, front in enumerate(self.fronts)
+            if front is not None and front.is_lid and is_met[w]
+        ]
+        lowest = [
+            float((body.origin[1] + body.glued[:, 1] - body.glued[:, 2]).min()) for body in lids
+        ]
         return Obstacles(shapes.kind, world, room, tuple(lowest))
 
 
@@ -377,9 +482,14 @@ def build_walls(scenario: Scenario, known: Mapping[str, WallBody] | None = None)
     """
     materials = list(scenario.materials)
     there = known or {}
-    made = [(there[wall.name], None) if wall.name in there else _make(scenario, k, wall) for k, wall in enumerate(scenario.walls)]
+    made = [
+        (there[wall.name], None) if wall.name in there else _make(scenario, k, wall)
+        for k, wall in enumerate(scenario.walls)
+    ]
     bodies = [body for body, _ in made]
-    inertia = [_inertia(scenario, wall, body) for wall, body in zip(scenario.walls, bodies, strict=True)]
+    inertia = [
+        _inertia(scenario, wall, body) for wall, body in zip(scenario.walls, bodies, strict=True)
+    ]
     names = [wall.name for wall in scenario.walls]
     walls = join_walls(names, bodies, inertia, [wall.gravity for wall in scenario.walls])
     return BuiltWalls(
@@ -403,7 +513,12 @@ def _meetings(scenario: Scenario) -> NDArray[np.bool_]:
     """`Walls.meets`."""
     if all(wall.groups is None for wall in scenario.walls):
         return np.zeros((0, 0), np.bool_)
-    return np.array([[wall.groups is None or g.name in wall.groups for g in scenario.particles] for wall in scenario.walls])
+    return np.array(
+        [
+            [wall.groups is None or g.name in wall.groups for g in scenario.particles]
+            for wall in scenario.walls
+        ]
+    )
 
 
 def _room(scenario: Scenario, wall: Wall, body: WallBody) -> Room:
@@ -423,7 +538,9 @@ def _make(scenario: Scenario, index: int, wall: Wall) -> tuple[WallBody, Front |
         raise error.within("walls", index, "geometry") from error
 
 
-def _glue(scenario: Scenario, index: int, wall: Wall, body: WallBody, glued: Glued) -> tuple[WallBody, Front | None]:
+def _glue(
+    scenario: Scenario, index: int, wall: Wall, body: WallBody, glued: Glued
+) -> tuple[WallBody, Front | None]:
     table = scenario.glued_sizes(wall)
     assert table is not None  # the scenario has been checked
     sizes, place = sizes_of(table, _shape(scenario)), glued.place
@@ -432,11 +549,16 @@ def _glue(scenario: Scenario, index: int, wall: Wall, body: WallBody, glued: Glu
         return stream(scenario.seed, TableKind.WALLS, index, Purpose.SIZES, *side)
 
     if isinstance(place, Ring):
-        return with_glued(body, chain_on_circle(place.radius, sizes, restart, is_outside=place.is_outside)), None
+        return with_glued(
+            body, chain_on_circle(place.radius, sizes, restart, is_outside=place.is_outside)
+        ), None
     if isinstance(place, Sides):
         corners = place.polygon.points - body.origin
         ends = zip(corners, np.roll(corners, -1, axis=0), strict=True)
-        sides = [chain_on_line(start, end, sizes, partial(restart, k)) for k, (start, end) in enumerate(ends)]
+        sides = [
+            chain_on_line(start, end, sizes, partial(restart, k))
+            for k, (start, end) in enumerate(ends)
+        ]
         return with_glued(body, np.concatenate(sides)), None
     chain = chain_on_line(np.array(place.start), np.array(place.end), sizes, restart)
     return with_glued(body, chain - np.append(body.origin, 0.0)), Front.of(place, chain)
@@ -448,9 +570,11 @@ def _shape(scenario: Scenario) -> Shape:
 
 
 def _inertia(scenario: Scenario, wall: Wall, body: WallBody) -> tuple[float, float]:
-    """Mass [kg] and moment of inertia [kg m²]: as given, else those of its discs or of its material, else nan.
+    """Mass [kg] and moment of inertia [kg m²]: as given, else those of its discs or of its
+    material, else nan.
 
-    Where only the mass is given, the inertia that follows from the geometry is scaled with it: the same distribution of mass.
+    Where only the mass is given, the inertia that follows from the geometry is scaled with it: the
+    same distribution of mass.
     """
     mass, inertia = _default_inertia(scenario, wall, body)
     if wall.mass is not None:
@@ -470,7 +594,9 @@ def _default_inertia(scenario: Scenario, wall: Wall, body: WallBody) -> tuple[fl
 
 
 def _model_group(scenario: Scenario, wall: Wall) -> ParticleGroup:
-    """The group whose thickness glued grains have: the one they take their sizes from, else the first of their material."""
+    """The group whose thickness glued grains have: the one they take their sizes from, else the
+    first of their material.
+    """
     glued = wall.geometry.glued()
     named = None if glued is None else glued.sizes
     if isinstance(named, str):

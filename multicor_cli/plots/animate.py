@@ -1,4 +1,6 @@
-"""Films of maps: every frame drawn as `multicor post map` draws it, with one color scale for all."""
+"""Films of maps: every frame drawn as `multicor post map` draws it, with one color scale for
+all.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,8 @@ class Film:
     Attributes:
         path: The file; a GIF instead of the MP4 that was asked for where ffmpeg is missing.
         frames: Pictures in it.
-        skipped: Frames without the quantity, as the first frame has no heat generated since the one before.
+        skipped: Frames without the quantity, as the first frame has no heat generated since the one
+            before.
     """
 
     path: Path
@@ -44,18 +47,30 @@ class Film:
 
 
 def film_path(path: Path) -> Path:
-    """The file that `write_film` writes for a name: ``.gif`` instead of ``.mp4`` where ffmpeg is missing."""
-    return path if path.suffix.lower() != ".mp4" or shutil.which("ffmpeg") else path.with_suffix(".gif")
+    """The file that `write_film` writes for a name: ``.gif`` instead of ``.mp4`` where ffmpeg is
+    missing.
+    """
+    return (
+        path
+        if path.suffix.lower() != ".mp4" or shutil.which("ffmpeg")
+        else path.with_suffix(".gif")
+    )
 
 
 def write_film(
-    maps: Callable[[], Iterator[GrainMap | None]], count: int, path: Path, *, rate: float = 20.0, progress: Progress = no_progress
+    maps: Callable[[], Iterator[GrainMap | None]],
+    count: int,
+    path: Path,
+    *,
+    rate: float = 20.0,
+    progress: Progress = no_progress,
 ) -> Film:
     """Draw maps one after the other into a film. It appears under its name when it is complete.
 
     Args:
-        maps: Gives the maps in order, each time it is called; None for a frame without the quantity. The maps are gone through
-            twice: for the colors and the part of the plane that all have in common, and to be drawn.
+        maps: Gives the maps in order, each time it is called; None for a frame without the
+            quantity. The maps are gone through twice: for the colors and the part of the plane that
+            all have in common, and to be drawn.
         count: Number of the maps.
         path: File to write, ending in ``.mp4`` or ``.gif``; see `film_path`.
         rate: Pictures per second.
@@ -114,7 +129,9 @@ def _find_stage(maps: Iterable[GrainMap | None], count: int) -> _Stage | None:
             found.append(_sample(table.value, max(_SAMPLE // count, 1000)))
     if last is None:
         return None
-    box = np.array([np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)])
+    box = np.array(
+        [np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)]
+    )
     return _Stage(box, color_scale(last.with_(value=np.concatenate(found))))
 
 
@@ -126,7 +143,9 @@ def _sample(values: Floats, most: int) -> Floats:
 
 
 def _draw_all(maps: Iterable[GrainMap], stage: _Stage, most: int) -> Iterator[Any]:
-    """Pictures as arrays of RGBA bytes, shape ``(height, width, 4)`` with even numbers; all of one size."""
+    """Pictures as arrays of RGBA bytes, shape ``(height, width, 4)`` with even numbers; all of one
+    size.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -138,7 +157,12 @@ def _draw_all(maps: Iterable[GrainMap], stage: _Stage, most: int) -> Iterator[An
             canvas: Any = FigureCanvasAgg(figure)
             place = place_scene(figure, shown.scene, top=_TITLE, width=PAGE)
             _make_even(figure, most)
-            draw_bar(place.bar, shown, draw_values(place.axes, shown, stage.scale[0], has_streamlines=False), stage.scale)
+            draw_bar(
+                place.bar,
+                shown,
+                draw_values(place.axes, shown, stage.scale[0], has_streamlines=False),
+                stage.scale,
+            )
         else:
             for artist in [*place.axes.collections, *place.axes.patches]:
                 artist.remove()
@@ -149,10 +173,14 @@ def _draw_all(maps: Iterable[GrainMap], stage: _Stage, most: int) -> Iterator[An
 
 
 def _make_even(figure: Any, most: int) -> None:
-    """Choose pixels per inch and size so that width and height are even numbers of pixels, the larger of them ``most``."""
+    """Choose pixels per inch and size so that width and height are even numbers of pixels, the
+    larger of them ``most``.
+    """
     sides = figure.get_size_inches()
     figure.dpi = most / max(sides)
-    figure.set_size_inches([(2.0 * round(0.5 * figure.dpi * side) + 1e-3) / figure.dpi for side in sides])
+    figure.set_size_inches(
+        [(2.0 * round(0.5 * figure.dpi * side) + 1e-3) / figure.dpi for side in sides]
+    )
 
 
 def _write(pictures: Iterator[Any], target: Path, rate: float) -> None:
@@ -165,7 +193,9 @@ def _write(pictures: Iterator[Any], target: Path, rate: float) -> None:
 
 
 def _temporary(target: Path) -> Path:
-    handle, name = tempfile.mkstemp(prefix=f".{target.stem}-", suffix=target.suffix, dir=target.parent)
+    handle, name = tempfile.mkstemp(
+        prefix=f".{target.stem}-", suffix=target.suffix, dir=target.parent
+    )
     os.close(handle)
     Path(name).chmod(0o666 & ~_umask())
     return Path(name)
@@ -181,11 +211,34 @@ def _write_mp4(pictures: Iterator[Any], path: Path, rate: float) -> None:
     """Hand the pictures to ffmpeg."""
     first = next(pictures)
     height, width = first.shape[:2]
-    source = ["-f", "rawvideo", "-pix_fmt", "rgba", "-s", f"{width}x{height}", "-r", f"{rate:g}", "-i", "-"]
-    coding = ["-an", "-c:v", "libx264", "-crf", "18", "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
+    source = [
+        "-f",
+        "rawvideo",
+        "-pix_fmt",
+        "rgba",
+        "-s",
+        f"{width}x{height}",
+        "-r",
+        f"{rate:g}",
+        "-i",
+        "-",
+    ]
+    coding = [
+        "-an",
+        "-c:v",
+        "libx264",
+        "-crf",
+        "18",
+        "-pix_fmt",
+        "yuv420p",
+        "-movflags",
+        "+faststart",
+    ]
     command = ["ffmpeg", "-y", "-loglevel", "error", *source, *coding, str(path)]
     with tempfile.TemporaryFile() as errors:
-        process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=errors)
+        process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=errors
+        )
         assert process.stdin is not None
         try:
             process.stdin.write(first.tobytes())
@@ -202,12 +255,18 @@ def _write_mp4(pictures: Iterator[Any], path: Path, rate: float) -> None:
         if code:
             errors.seek(0)
             said = errors.read().decode("utf-8", "replace").strip().splitlines()
-            raise PlotError(f"ffmpeg failed: {said[-1] if said else f'exit code {code}'}; a .gif needs no ffmpeg")
+            raise PlotError(
+                f"ffmpeg failed: {said[-1] if said else f'exit code {code}'}; a .gif needs no "
+                "ffmpeg"
+            )
 
 
 def _write_gif(pictures: Iterator[Any], path: Path, rate: float) -> None:
     from PIL import Image  # matplotlib brings it
 
     images = (Image.fromarray(picture).convert("RGB").quantize(256) for picture in pictures)
-    # GIF counts in hundredths of a second; most viewers slow down what is faster than 50 per second.
-    next(images).save(path, save_all=True, append_images=images, duration=max(round(1000.0 / rate), 20), loop=0)
+    # GIF counts in hundredths of a second; most viewers slow down what is faster than 50 per
+    # second.
+    next(images).save(
+        path, save_all=True, append_images=images, duration=max(round(1000.0 / rate), 20), loop=0
+    )

@@ -26,7 +26,8 @@ from multicor_cli.post.field_sums import Field
 from multicor_cli.post.fields import FieldTable
 from multicor_cli.text import unit_sign
 
-_INNER = (0.01, 0.99)  # quantiles between which values have a color of their own: corners that hold little scatter widely
+# Quantiles between which values have a color of their own: corners that hold little scatter widely
+_INNER = (0.01, 0.99)
 
 
 def _fill(figure: Any, table: FieldTable) -> None:
@@ -37,7 +38,9 @@ def _fill(figure: Any, table: FieldTable) -> None:
     mesh, extend = _draw_mesh(place.axes, table, field)
     draw_walls(place.axes, table.scene)
     direction = "horizontal" if is_wide(table.scene) else "vertical"
-    bar = figure.colorbar(mesh, cax=place.bar, extend=extend, extendfrac=0.03, orientation=direction)
+    bar = figure.colorbar(
+        mesh, cax=place.bar, extend=extend, extendfrac=0.03, orientation=direction
+    )
     reference = rise_reference(field.unit, mesh.norm.vmin, mesh.norm.vmax)
     if reference is None:
         bar.set_label(axis_label(field.label, field.symbol, field.unit))
@@ -47,7 +50,9 @@ def _fill(figure: Any, table: FieldTable) -> None:
 
 
 def _draw_mesh(axes: Any, table: FieldTable, field: Field) -> tuple[Any, str]:
-    """Draw the cells of a grid in colors; returns them, and which ends of the color bar stand for more than their value."""
+    """Draw the cells of a grid in colors; returns them, and which ends of the color bar stand for
+    more than their value.
+    """
     values = table.values[field.name]
     low, high, extend = _color_range(values, field)
     x, y = (np.asarray(edges) for edges in np.meshgrid(*table.points.edges))
@@ -57,12 +62,22 @@ def _draw_mesh(axes: Any, table: FieldTable, field: Field) -> tuple[Any, str]:
     else:
         cells = values.reshape(table.points.shape)
     name = "balance" if field.is_signed else "plasma" if field.name == "temperature" else "viridis"
-    mesh = axes.pcolormesh(x, y, np.ma.masked_invalid(cells), cmap=color_map(name), vmin=low, vmax=high, rasterized=True)
+    mesh = axes.pcolormesh(
+        x,
+        y,
+        np.ma.masked_invalid(cells),
+        cmap=color_map(name),
+        vmin=low,
+        vmax=high,
+        rasterized=True,
+    )
     return mesh, extend
 
 
 def _is_beyond(table: FieldTable) -> Any:
-    """Which points lie outside of the box around the grains, where only the kernel reaches; a period has no sides."""
+    """Which points lie outside of the box around the grains, where only the kernel reaches; a
+    period has no sides.
+    """
     scene, at = table.scene, table.points.at
     reach = scene.radius[:, np.newaxis]
     low, high = (scene.center - reach).min(axis=0), (scene.center + reach).max(axis=0)
@@ -81,7 +96,11 @@ def _color_range(values: Any, field: Field) -> tuple[float, float, str]:
     elif low == high:
         low, high = low - 1e-3 * (abs(low) or 1.0), high + 1e-3 * (abs(high) or 1.0)
     ends = bool(known.min() < low), bool(known.max() > high)
-    return low, high, {(False, False): "neither", (True, False): "min", (False, True): "max"}.get(ends, "both")
+    return (
+        low,
+        high,
+        {(False, False): "neither", (True, False): "min", (False, True): "max"}.get(ends, "both"),
+    )
 
 
 def _draw_lines(figure: Any, table: FieldTable) -> None:
@@ -94,10 +113,26 @@ def _draw_lines(figure: Any, table: FieldTable) -> None:
         for color, field in zip(COLORS, shown, strict=False):
             value, error = table.values[field.name], table.error[field.name]
             known = np.isfinite(error)
-            panel.fill_between(at, value - error, value + error, color=color, alpha=0.25, linewidth=0.0)
-            panel.plot(at, value, "o-", color=color, markersize=2.5, markeredgewidth=0.0, linewidth=0.9, label=f"${field.symbol}$")
+            panel.fill_between(
+                at, value - error, value + error, color=color, alpha=0.25, linewidth=0.0
+            )
+            panel.plot(
+                at,
+                value,
+                "o-",
+                color=color,
+                markersize=2.5,
+                markeredgewidth=0.0,
+                linewidth=0.9,
+                label=f"${field.symbol}$",
+            )
             if known.any():
-                hollow: Any = {"color": color, "markersize": 2.5, "markerfacecolor": "white", "markeredgewidth": 0.7}
+                hollow: Any = {
+                    "color": color,
+                    "markersize": 2.5,
+                    "markerfacecolor": "white",
+                    "markeredgewidth": 0.7,
+                }
                 panel.plot(at[~known], value[~known], "o", **hollow)
         panel.set_ylabel(_label(shown))
         panel.ticklabel_format(scilimits=(-3, 4), useMathText=True)
@@ -106,9 +141,19 @@ def _draw_lines(figure: Any, table: FieldTable) -> None:
         handles, labels = panel.get_legend_handles_labels()
         if len(handles) > 1:
             panel.legend(
-                handles, labels, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.1, columnspacing=1.0
+                handles,
+                labels,
+                loc="lower right",
+                bbox_to_anchor=(1.0, 1.0),
+                ncols=3,
+                borderaxespad=0.1,
+                columnspacing=1.0,
             )
-    panels[-1].set_xlabel("distance from the center $r$ [m]" if table.points.axes == "rt" else "distance along the line [m]")
+    panels[-1].set_xlabel(
+        "distance from the center $r$ [m]"
+        if table.points.axes == "rt"
+        else "distance along the line [m]"
+    )
     figure.align_ylabels()
 
 
@@ -117,7 +162,9 @@ def _label(shown: list[Field]) -> str:
     first = shown[0]
     if len(shown) == 1:
         return axis_label(first.label, first.symbol, first.unit)
-    words = " ".join(word for word in first.label.split() if all(word in field.label.split() for field in shown))
+    words = " ".join(
+        word for word in first.label.split() if all(word in field.label.split() for field in shown)
+    )
     return f"{words} [{unit_sign(first.unit)}]"
 
 
@@ -130,7 +177,12 @@ def fields_text(table: FieldTable, terminal: Terminal) -> str:
     if not table.points.is_grid:
         at = table.points.coordinates[:, 0]
         label = table.points.names[0]
-        charts = [draw_text([TextLine("", at, table.values[f.name])], label, f"{f.label} [{unit_sign(f.unit)}]") for f in table.of]
+        charts = [
+            draw_text(
+                [TextLine("", at, table.values[f.name])], label, f"{f.label} [{unit_sign(f.unit)}]"
+            )
+            for f in table.of
+        ]
         return "\n\n".join(charts)
     field = table.of[0]
     low, high, _ = _color_range(table.values[field.name], field)

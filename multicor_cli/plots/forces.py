@@ -8,7 +8,17 @@ import numpy as np
 
 from multicor_cli.model.model import Floats
 from multicor_cli.plots.grain_map import draw_discs, draw_walls, place_scene
-from multicor_cli.plots.style import COLORS, COLUMN, PAGE, Renderer, Terminal, TextLine, draw_picture, draw_text, show_decades
+from multicor_cli.plots.style import (
+    COLORS,
+    COLUMN,
+    PAGE,
+    Renderer,
+    Terminal,
+    TextLine,
+    draw_picture,
+    draw_text,
+    show_decades,
+)
 from multicor_cli.post.forces import AngularDistribution, ForceDistribution, ForceNetwork
 from multicor_cli.post.grain_map import images
 
@@ -33,7 +43,10 @@ def draw_forces(axes: Any, network: ForceNetwork) -> None:
         return
     mean, unit = _mean_size(network), _mean_width(axes, network)
     handles = [Line2D([], [], color=COLORS[k], linewidth=2.0) for k in (0, 1)]
-    handles += [Line2D([], [], color="0.2", linewidth=times * unit, solid_capstyle="butt") for times in _SHOWN]
+    handles += [
+        Line2D([], [], color="0.2", linewidth=times * unit, solid_capstyle="butt")
+        for times in _SHOWN
+    ]
     labels = ["sticking", "sliding", *(f"{times * mean:.2g} N" for times in _SHOWN)]
     title = f"width: normal force, mean {mean:.3g} N"
     axes.figure.legend(
@@ -43,7 +56,9 @@ def draw_forces(axes: Any, network: ForceNetwork) -> None:
 
 
 def draw_network(axes: Any, network: ForceNetwork) -> Floats:
-    """Draw grains, walls and contacts into matplotlib axes; returns the widths of the lines of the contacts [points]."""
+    """Draw grains, walls and contacts into matplotlib axes; returns the widths of the lines of the
+    contacts [points].
+    """
     from matplotlib.collections import LineCollection
 
     draw_discs(axes, network.scene, color="0.93", edgecolors="0.55", linewidths=0.3, zorder=1)
@@ -53,12 +68,18 @@ def draw_network(axes: Any, network: ForceNetwork) -> Floats:
     lines, which = segments(network)
     width = line_widths(axes, network)
     color = np.where(network.sliding, COLORS[1], COLORS[0])
-    axes.add_collection(LineCollection(list(lines), linewidths=width[which], colors=color[which], capstyle="round", zorder=3))
+    axes.add_collection(
+        LineCollection(
+            list(lines), linewidths=width[which], colors=color[which], capstyle="round", zorder=3
+        )
+    )
     return width
 
 
 def segments(network: ForceNetwork) -> tuple[Floats, Any]:
-    """Lines of the contacts, with images of those that cross the ends of the period, shape ``(k, 2, 2)``; and their contacts."""
+    """Lines of the contacts, with images of those that cross the ends of the period, shape
+    ``(k, 2, 2)``; and their contacts.
+    """
     middle = 0.5 * (network.start + network.end)
     reach = 0.5 * np.abs(network.end - network.start)[:, 0]
     which, shift = images(middle[:, 0], reach, network.scene.period)
@@ -68,7 +89,9 @@ def segments(network: ForceNetwork) -> tuple[Floats, Any]:
 
 
 def line_widths(axes: Any, network: ForceNetwork) -> Floats:
-    """Widths of the lines [points], proportional to the normal forces without sign; the largest are cut off at a wide line."""
+    """Widths of the lines [points], proportional to the normal forces without sign; the largest are
+    cut off at a wide line.
+    """
     unit = _mean_width(axes, network)
     relative = np.abs(network.force[:, 0]) / _mean_size(network)
     return np.asarray(np.minimum(unit * relative, _WIDEST / _WIDTH * unit))
@@ -98,7 +121,8 @@ def forces_text(network: ForceNetwork, terminal: Terminal) -> str:
     return f"{picture}\nwidth: normal force, mean {mean:.3g} N; blue: sticking, red: sliding"
 
 
-# ---- Figures of the statistics of contact forces: over their magnitude, and over the directions of the contacts
+# ---- Figures of the statistics of contact forces: over their magnitude, and over the directions of
+#      the contacts
 
 
 def draw_distribution(axes: Any, table: ForceDistribution) -> None:
@@ -110,10 +134,26 @@ def draw_distribution(axes: Any, table: ForceDistribution) -> None:
     for color, (density, scatter, marker, label) in zip(COLORS, curves, strict=False):
         known = density > 0.0
         if known.any():
-            axes.loglog(table.center[known], density[known], marker, linestyle="-", color=color, label=label, linewidth=0.7)
+            axes.loglog(
+                table.center[known],
+                density[known],
+                marker,
+                linestyle="-",
+                color=color,
+                label=label,
+                linewidth=0.7,
+            )
             around = np.nan_to_num(scatter[known])
-            lower = np.maximum(density[known] - around, 0.1 * density[known])  # a logarithmic axis has no zero
-            axes.fill_between(table.center[known], lower, density[known] + around, color=color, alpha=0.2, linewidth=0.0)
+            # a logarithmic axis has no zero
+            lower = np.maximum(density[known] - around, 0.1 * density[known])
+            axes.fill_between(
+                table.center[known],
+                lower,
+                density[known] + around,
+                color=color,
+                alpha=0.2,
+                linewidth=0.0,
+            )
     if table.frames.size > 1:
         axes.fill_between([], [], color="0.3", alpha=0.2, linewidth=0.0, label="scatter of frames")
     shown = np.concatenate([table.normal, table.tangential])
@@ -125,39 +165,63 @@ def draw_distribution(axes: Any, table: ForceDistribution) -> None:
 
 
 def draw_angles(figure: Any, table: AngularDistribution) -> None:
-    """Draw both polar histograms into a matplotlib figure, with the second harmonics that the anisotropies mean."""
+    """Draw both polar histograms into a matplotlib figure, with the second harmonics that the
+    anisotropies mean.
+    """
     contacts, forces = figure.subplots(1, 2, subplot_kw={"projection": "polar"})
     moments = table.moments
     level = 0.5 / np.pi
-    _draw_polar(contacts, table, table.density, level, moments["a_c"], moments["theta_c"], COLORS[0])
-    contacts.set_title("contact directions $E(\\theta)$ [1/rad]\n" + _moment("c", table), fontsize=8.0, pad=10.0)
+    _draw_polar(
+        contacts, table, table.density, level, moments["a_c"], moments["theta_c"], COLORS[0]
+    )
+    contacts.set_title(
+        "contact directions $E(\\theta)$ [1/rad]\n" + _moment("c", table), fontsize=8.0, pad=10.0
+    )
     mean = float(np.nanmean(table.normal))
     _draw_polar(forces, table, table.normal, mean, moments["a_n"], moments["theta_n"], COLORS[1])
     title = "normal force $\\langle f_n \\rangle(\\theta)/\\langle f_n \\rangle$ [–]\n"
     forces.set_title(title + _moment("n", table), fontsize=8.0, pad=10.0)
     line = forces.lines[-1]
     figure.legend(
-        [line], [r"$1 + a \cos 2(\theta - \theta_a)$ times the mean, with the $a$ and $\theta_a$ above"], loc="outside lower center"
+        [line],
+        [r"$1 + a \cos 2(\theta - \theta_a)$ times the mean, with the $a$ and $\theta_a$ above"],
+        loc="outside lower center",
     )
 
 
 def _moment(name: str, table: AngularDistribution) -> str:
     a, theta = f"a_{name}", f"theta_{name}"
     if np.isnan(table.moments_scatter[a]):
-        return f"$a_{name} = {table.moments[a]:.3f}$, $\\theta_{name} = {table.moments[theta]:.0f}°$"
+        return (
+            f"$a_{name} = {table.moments[a]:.3f}$, $\\theta_{name} = {table.moments[theta]:.0f}°$"
+        )
     return (
         f"$a_{name} = {table.moments[a]:.3f} \\pm {table.moments_scatter[a]:.3f}$, "
-        f"$\\theta_{name} = {table.moments[theta]:.0f} \\pm {table.moments_scatter[theta]:.0f}°$ ($\\pm$: frames)"
+        f"$\\theta_{name} = {table.moments[theta]:.0f} \\pm {table.moments_scatter[theta]:.0f}°$ "
+        "($\\pm$: frames)"
     )
 
 
-def _draw_polar(axes: Any, table: AngularDistribution, values: Any, level: float, a: float, degrees: float, color: str) -> None:
+def _draw_polar(
+    axes: Any,
+    table: AngularDistribution,
+    values: Any,
+    level: float,
+    a: float,
+    degrees: float,
+    color: str,
+) -> None:
     from matplotlib.ticker import MaxNLocator
 
     width = 2.0 * np.pi / table.angle.size
     axes.bar(table.angle, np.nan_to_num(values), width=width, color=color, alpha=0.4, linewidth=0.0)
     theta = np.linspace(0.0, 2.0 * np.pi, 361)
-    axes.plot(theta, level * (1.0 + a * np.cos(2.0 * (theta - np.radians(degrees)))), color="0.15", linewidth=0.8)
+    axes.plot(
+        theta,
+        level * (1.0 + a * np.cos(2.0 * (theta - np.radians(degrees)))),
+        color="0.15",
+        linewidth=0.8,
+    )
     axes.set_rlabel_position(22.5)
     axes.yaxis.set_major_locator(MaxNLocator(4))
     axes.minorticks_off()
@@ -168,21 +232,32 @@ def _draw_polar(axes: Any, table: AngularDistribution, values: Any, level: float
 
 def distribution_text(table: ForceDistribution, _terminal: Terminal) -> str:
     """A force distribution on logarithmic scales."""
-    lines = [TextLine("normal", table.center, table.normal), TextLine("tangential", table.center, table.tangential)]
-    return draw_text(lines, "force over mean force [–]", "probability density [–]", is_logarithmic=True)
+    lines = [
+        TextLine("normal", table.center, table.normal),
+        TextLine("tangential", table.center, table.tangential),
+    ]
+    return draw_text(
+        lines, "force over mean force [–]", "probability density [–]", is_logarithmic=True
+    )
 
 
 def angles_text(table: AngularDistribution, _terminal: Terminal) -> str:
-    """Directions of the contacts and the forces along them, each over what it would be if all directions were alike."""
+    """Directions of the contacts and the forces along them, each over what it would be if all
+    directions were alike.
+    """
     degrees = np.degrees(table.angle)
     density = TextLine("density of contacts", degrees, 2.0 * np.pi * table.density)
-    return draw_text([density, TextLine("normal force", degrees, table.normal)], "direction [°]", "over mean [–]")
+    return draw_text(
+        [density, TextLine("normal force", degrees, table.normal)], "direction [°]", "over mean [–]"
+    )
 
 
 FIGURES = {
     ForceNetwork: Renderer(lambda _: (COLUMN, COLUMN), _fill, forces_text),
     ForceDistribution: Renderer(
-        lambda _: (COLUMN, 0.85 * COLUMN), lambda figure, table: draw_distribution(figure.add_subplot(), table), distribution_text
+        lambda _: (COLUMN, 0.85 * COLUMN),
+        lambda figure, table: draw_distribution(figure.add_subplot(), table),
+        distribution_text,
     ),
     AngularDistribution: Renderer(lambda _: (PAGE, 0.58 * PAGE), draw_angles, angles_text),
 }

@@ -1,4 +1,6 @@
-"""Grains and walls of a frame drawn to scale, colored by a quantity, with streamlines; and so in notebooks."""
+"""Grains and walls of a frame drawn to scale, colored by a quantity, with streamlines; and so in
+notebooks.
+"""
 
 from __future__ import annotations
 
@@ -40,10 +42,14 @@ SOLID = "0.7"
 _MANY = 1500  # grains above which a figure takes the width of a page
 _FEW = 600  # grains up to which each has an outline
 _TALLEST, _NARROWEST = 8.0, 2.0  # height and width of a figure [inch]
-_LEFT, _RIGHT, _BOTTOM, _TOP = 0.64, 0.15, 0.45, 0.12  # room beside the axes for their labels [inch]
-_BAR, _BAR_GAP = 0.12, 0.1  # thickness of the color bar, and what lies between it and the axes [inch]
-_BESIDE, _BELOW = 0.85, 0.62  # room for the color bar with its labels, beside or below the axes [inch]
-_JOINED = 1e-9  # ends of sides that differ by less than this share of the coordinates are one corner
+# Room beside the axes for their labels [inch]
+_LEFT, _RIGHT, _BOTTOM, _TOP = 0.64, 0.15, 0.45, 0.12
+# Thickness of the color bar, and what lies between it and the axes [inch]
+_BAR, _BAR_GAP = 0.12, 0.1
+# Room for the color bar with its labels, beside or below the axes [inch]
+_BESIDE, _BELOW = 0.85, 0.62
+# Ends of sides that differ by less than this share of the coordinates are one corner
+_JOINED = 1e-9
 _TICK_X, _TICK_Y = 0.5, 0.3  # room that the label of a tick takes [inch]
 
 
@@ -59,15 +65,19 @@ class Place(NamedTuple):
     bar: Any
 
 
-def place_scene(figure: Any, scene: GrainScene, *, has_bar: bool = True, top: float = _TOP, width: float = 0.0) -> Place:
-    """Give a figure the size that a scene needs, and axes that fill it: nothing is left empty, no label is cut.
+def place_scene(
+    figure: Any, scene: GrainScene, *, has_bar: bool = True, top: float = _TOP, width: float = 0.0
+) -> Place:
+    """Give a figure the size that a scene needs, and axes that fill it: nothing is left empty, no
+    label is cut.
 
     Args:
         figure: The figure; whatever size it has.
         scene: The scene. A wide one has its color bar below it, a tall one beside it.
         has_bar: Whether there is a color bar.
         top: Room above the axes [inch].
-        width: Width of the figure [inch]; 0: of a column, of a page if there are many grains. A tall scene takes less.
+        width: Width of the figure [inch]; 0: of a column, of a page if there are many grains. A
+            tall scene takes less.
     """
     across, upwards = (scene.box[1] - scene.box[0]).tolist()
     beside = _BESIDE if has_bar and not is_wide(scene) else 0.0
@@ -102,11 +112,19 @@ def is_wide(scene: GrainScene) -> bool:
     return bool(across > 1.3 * upwards)
 
 
-def draw_discs(axes: Any, scene: GrainScene, *, value: Floats | None = None, color: str = "none", **style: Any) -> Any:
-    """Draw the grains: colored by ``value`` [shape ``(n,)``], or all in one color; returns the collection of matplotlib."""
+def draw_discs(
+    axes: Any, scene: GrainScene, *, value: Floats | None = None, color: str = "none", **style: Any
+) -> Any:
+    """Draw the grains: colored by ``value`` [shape ``(n,)``], or all in one color; returns the
+    collection of matplotlib.
+    """
     which, shift = images(scene.center[:, 0], scene.radius, scene.period)
     center = scene.center[which] + np.column_stack([shift, np.zeros_like(shift)])
-    edge = {"edgecolors": "0.2", "linewidths": 0.3} if scene.radius.size <= _FEW else {"edgecolors": "none", "linewidths": 0.0}
+    edge = (
+        {"edgecolors": "0.2", "linewidths": 0.3}
+        if scene.radius.size <= _FEW
+        else {"edgecolors": "none", "linewidths": 0.0}
+    )
     filling: dict[str, Any] = {"facecolors": color} if value is None else {"array": value[which]}
     return _add_discs(axes, center, scene.radius[which], **{**edge, **filling, **style})
 
@@ -129,7 +147,13 @@ def _add_discs(axes: Any, center: Floats, radius: Floats, **style: Any) -> Any:
 
     width = 2.0 * radius
     discs = EllipseCollection(
-        width, width, np.zeros_like(width), units="xy", offsets=center, offset_transform=axes.transData, **style
+        width,
+        width,
+        np.zeros_like(width),
+        units="xy",
+        offsets=center,
+        offset_transform=axes.transData,
+        **style,
     )
     axes.add_collection(discs)
     return discs
@@ -139,21 +163,46 @@ def _draw_outline(axes: Any, scene: GrainScene, outline: Outline) -> None:
     from matplotlib.collections import LineCollection, PolyCollection
 
     if outline.is_solid:
-        axes.add_collection(PolyCollection(solid_polygons(outline.points), facecolors=SOLID, edgecolors="none", zorder=1.9))
+        axes.add_collection(
+            PolyCollection(
+                solid_polygons(outline.points), facecolors=SOLID, edgecolors="none", zorder=1.9
+            )
+        )
     if outline.radius is None:
-        lines = outline.points if outline.normal is None else _visible_part(outline.points[:, 0], outline.normal, scene.box)
+        lines = (
+            outline.points
+            if outline.normal is None
+            else _visible_part(outline.points[:, 0], outline.normal, scene.box)
+        )
         axes.add_collection(LineCollection(list(lines), colors=WALL, linewidths=1.0, zorder=2))
     elif outline.is_grain:
         center = outline.points[:, 0]
         which, shift = images(center[:, 0], outline.radius, scene.period)
         center = center[which] + np.column_stack([shift, np.zeros_like(shift)])
-        _add_discs(axes, center, outline.radius[which], facecolors=SOLID, edgecolors=WALL, linewidths=0.3, zorder=2)
+        _add_discs(
+            axes,
+            center,
+            outline.radius[which],
+            facecolors=SOLID,
+            edgecolors=WALL,
+            linewidths=0.3,
+            zorder=2,
+        )
     else:
-        _add_discs(axes, outline.points[:, 0], outline.radius, facecolors="none", edgecolors=WALL, linewidths=1.0, zorder=2)
+        _add_discs(
+            axes,
+            outline.points[:, 0],
+            outline.radius,
+            facecolors="none",
+            edgecolors=WALL,
+            linewidths=1.0,
+            zorder=2,
+        )
 
 
 def solid_polygons(sides: Floats) -> list[Floats]:
-    """Corners of the polygons whose inside is solid, given the ends of sides that are solid on the left, shape ``(k, 2, 2)``.
+    """Corners of the polygons whose inside is solid, given the ends of sides that are solid on the
+    left, shape ``(k, 2, 2)``.
 
     Each side begins where the one before ends, unless it begins another polygon.
     """
@@ -165,8 +214,14 @@ def solid_polygons(sides: Floats) -> list[Floats]:
 
 def _visible_part(point: Floats, normal: Floats, box: Floats) -> Floats:
     """Ends of what is to be seen of endless lines [m], shape ``(k, 2, 2)``."""
-    along = np.column_stack([-normal[:, 1], normal[:, 0]]) * float(np.hypot(*(box[1] - box[0]))) * 2.0
-    nearest = point + (((box.mean(axis=0) - point) * along).sum(axis=1) / (along**2).sum(axis=1))[:, np.newaxis] * along
+    along = (
+        np.column_stack([-normal[:, 1], normal[:, 0]]) * float(np.hypot(*(box[1] - box[0]))) * 2.0
+    )
+    nearest = (
+        point
+        + (((box.mean(axis=0) - point) * along).sum(axis=1) / (along**2).sum(axis=1))[:, np.newaxis]
+        * along
+    )
     return np.stack([nearest - along, nearest + along], axis=1)
 
 
@@ -175,7 +230,9 @@ def _visible_part(point: Floats, normal: Floats, box: Floats) -> Floats:
 _CELL = 1.0  # cell of the grid over the mean diameter, for few grains
 _FINEST = 250  # cells along the longer side at most
 _SMOOTH = 2.0  # standard deviation of the average over the mean diameter
-_COARSE = 60.0  # an average spans at least this part of the longer side, or lines of many grains cannot be told apart
+# an average spans at least this part of the longer side, or lines of many grains cannot be told
+# apart
+_COARSE = 60.0
 _DENSITY = 1.3  # of the lines along the longer side, as matplotlib counts
 _EMPTY = 0.5  # share of the plane that grains must fill for lines to pass, over its mean
 
@@ -202,17 +259,20 @@ def draw_streamlines(axes: Any, table: GrainMap) -> None:
         arrowstyle="-|>",
         zorder=3,
     )
-    outline = [Stroke(linewidth=1.8, foreground="0.1"), Normal()]  # readable on light grains and between them
+    # Readable on light grains and between them
+    outline = [Stroke(linewidth=1.8, foreground="0.1"), Normal()]
     drawn.lines.set_path_effects(outline)
     for patch in axes.patches:
         patch.set_path_effects(outline)
 
 
 def smooth_field(table: GrainMap) -> tuple[Floats, Floats, Floats]:
-    """Mean of the vectors around the points of a grid, weighted by the area of the grains and a Gaussian of the distance.
+    """Mean of the vectors around the points of a grid, weighted by the area of the grains and a
+    Gaussian of the distance.
 
     Returns:
-        x and y of the points [m], shapes ``(p,)`` and ``(q,)``, and the field, shape ``(q, p, 2)``; nan where there are no grains.
+        x and y of the points [m], shapes ``(p,)`` and ``(q,)``, and the field, shape ``(q, p, 2)``;
+        nan where there are no grains.
     """
     scene, vector = table.scene, table.vector
     assert vector is not None
@@ -224,8 +284,14 @@ def smooth_field(table: GrainMap) -> tuple[Floats, Floats, Floats]:
     step = size / number
     column, row = np.clip(((scene.center - low) / step).astype(np.int64), 0, number - 1).T
     place, area = row * number[0] + column, scene.radius**2
-    sums = [np.bincount(place, area * weight, minlength=int(number.prod())) for weight in (1.0, *vector.T)]
-    grids = [_blur(found.reshape(number[::-1]), sigma / step, is_periodic=scene.period > 0.0) for found in sums]
+    sums = [
+        np.bincount(place, area * weight, minlength=int(number.prod()))
+        for weight in (1.0, *vector.T)
+    ]
+    grids = [
+        _blur(found.reshape(number[::-1]), sigma / step, is_periodic=scene.period > 0.0)
+        for found in sums
+    ]
     filled = grids[0] > _EMPTY * float(area.sum() / number.prod())
     mean = [np.where(filled, grid / np.where(filled, grids[0], 1.0), np.nan) for grid in grids[1:]]
     x, y = (low[k] + (np.arange(number[k]) + 0.5) * step[k] for k in (0, 1))
@@ -233,12 +299,16 @@ def smooth_field(table: GrainMap) -> tuple[Floats, Floats, Floats]:
 
 
 def _blur(grid: Floats, sigma: Floats, *, is_periodic: bool) -> Floats:
-    """Convolve with a Gaussian of ``sigma`` (x, y) cells; around the ends in x if periodic, with nothing beyond otherwise."""
+    """Convolve with a Gaussian of ``sigma`` (x, y) cells; around the ends in x if periodic, with
+    nothing beyond otherwise.
+    """
     rows, columns = grid.shape
     pad = (int(4 * sigma[1]) + 1, 0 if is_periodic else int(4 * sigma[0]) + 1)
     wide = np.pad(grid, ((0, pad[0]), (0, pad[1])))
     frequency = [np.fft.fftfreq(wide.shape[0]), np.fft.rfftfreq(wide.shape[1])]
-    decay = [np.exp(-2.0 * (np.pi * s * f) ** 2) for s, f in zip(sigma[::-1], frequency, strict=True)]
+    decay = [
+        np.exp(-2.0 * (np.pi * s * f) ** 2) for s, f in zip(sigma[::-1], frequency, strict=True)
+    ]
     found = np.fft.irfft2(np.fft.rfft2(wide) * np.outer(*decay), wide.shape)
     return np.asarray(np.maximum(found, 0.0) if grid.min() >= 0.0 else found)[:rows, :columns]
 
@@ -246,7 +316,8 @@ def _blur(grid: Floats, sigma: Floats, *, is_periodic: bool) -> Floats:
 # ---- Map of a quantity: every grain to scale, colored
 
 _ARROWS = 1500  # at most this many arrows, or they cannot be told apart
-_LONG = 0.95  # this part of the arrows are as long as their velocity says; longer ones are cut to this length
+# This part of the arrows are as long as their velocity says; longer ones are cut to this length
+_LONG = 0.95
 _LENGTH = 2.0  # length of the longest arrow over the mean distance of arrows
 
 
@@ -260,17 +331,31 @@ def draw_map(place: Place, table: GrainMap, *, has_streamlines: bool = True) -> 
     Args:
         place: The room.
         table: The map.
-        has_streamlines: Whether vectors are shown as streamlines of their local mean, in which vortices are seen, or as arrows.
+        has_streamlines: Whether vectors are shown as streamlines of their local mean, in which
+            vortices are seen, or as arrows.
     """
     scale = color_scale(table)
-    draw_bar(place.bar, table, draw_values(place.axes, table, scale[0], has_streamlines=has_streamlines), scale)
+    draw_bar(
+        place.bar,
+        table,
+        draw_values(place.axes, table, scale[0], has_streamlines=has_streamlines),
+        scale,
+    )
 
 
 def draw_values(axes: Any, table: GrainMap, norm: Any, *, has_streamlines: bool = True) -> Any:
-    """Draw the grains, walls and vectors of a map in the colors of ``norm``; returns the collection of the grains."""
+    """Draw the grains, walls and vectors of a map in the colors of ``norm``; returns the collection
+    of the grains.
+    """
     # Where a color is the background's own, an outline keeps the grain visible.
-    outline: dict[str, Any] = {"edgecolors": "0.45", "linewidths": 0.2} if table.field.scale in ("centered", "logarithmic") else {}
-    discs = draw_discs(axes, table.scene, value=table.value, cmap=_colors(table), norm=norm, **outline)
+    outline: dict[str, Any] = (
+        {"edgecolors": "0.45", "linewidths": 0.2}
+        if table.field.scale in ("centered", "logarithmic")
+        else {}
+    )
+    discs = draw_discs(
+        axes, table.scene, value=table.value, cmap=_colors(table), norm=norm, **outline
+    )
     draw_walls(axes, table.scene)
     if table.vector is not None:
         (draw_streamlines if has_streamlines else _draw_arrows)(axes, table)
@@ -278,7 +363,9 @@ def draw_values(axes: Any, table: GrainMap, norm: Any, *, has_streamlines: bool 
 
 
 def _colors(table: GrainMap) -> Any:
-    """The color map of a map; on a logarithmic scale what is zero or negative is white, and not the darkest color."""
+    """The color map of a map; on a logarithmic scale what is zero or negative is white, and not the
+    darkest color.
+    """
     import matplotlib as mpl
 
     if table.names:
@@ -286,7 +373,11 @@ def _colors(table: GrainMap) -> Any:
 
         return ListedColormap([COLORS[k % len(COLORS)] for k in range(len(table.names))])
     colors = mpl.colormaps[color_map(table.field.colors)]
-    return colors.with_extremes(bad="white", under="white") if table.field.scale == "logarithmic" else colors
+    return (
+        colors.with_extremes(bad="white", under="white")
+        if table.field.scale == "logarithmic"
+        else colors
+    )
 
 
 def draw_bar(axes: Any, table: GrainMap, discs: Any, scale: tuple[Any, str]) -> None:
@@ -297,13 +388,17 @@ def draw_bar(axes: Any, table: GrainMap, discs: Any, scale: tuple[Any, str]) -> 
         axes.set_title(f"{table.field.label}:\n{table.names[0]}", loc="left", fontsize=8.0, y=0.5)
         return
     if table.names:
-        bar = axes.figure.colorbar(discs, cax=axes, orientation="horizontal" if is_wide(table.scene) else "vertical")
+        bar = axes.figure.colorbar(
+            discs, cax=axes, orientation="horizontal" if is_wide(table.scene) else "vertical"
+        )
         bar.set_ticks(range(len(table.names)), labels=table.names)
         bar.ax.minorticks_off()
         bar.set_label(table.field.label)
         return
     direction = "horizontal" if is_wide(table.scene) else "vertical"
-    bar = axes.figure.colorbar(discs, cax=axes, extend=extend, extendfrac=0.03, orientation=direction)
+    bar = axes.figure.colorbar(
+        discs, cax=axes, extend=extend, extendfrac=0.03, orientation=direction
+    )
     field = table.field
     reference = rise_reference(field.unit, norm.vmin, norm.vmax)
     if reference is None:
@@ -315,23 +410,32 @@ def draw_bar(axes: Any, table: GrainMap, discs: Any, scale: tuple[Any, str]) -> 
 
 
 def color_scale(table: GrainMap) -> tuple[Any, str]:
-    """Norm of matplotlib for the values, and which ends of the color bar stand for more than their value."""
+    """Norm of matplotlib for the values, and which ends of the color bar stand for more than their
+    value.
+    """
     colors = library("matplotlib.colors")
     if table.names:
-        return colors.BoundaryNorm([k - 0.5 for k in range(len(table.names) + 1)], len(table.names)), "neither"
+        return colors.BoundaryNorm(
+            [k - 0.5 for k in range(len(table.names) + 1)], len(table.names)
+        ), "neither"
     value, is_logarithmic = table.value, table.field.scale == "logarithmic"
     low, high = color_range(table.field, value, table.scene.radius.size)
     ends = (bool(value.min() < low), bool(value.max() > high))
-    extend = {(False, False): "neither", (True, False): "min", (False, True): "max"}.get(ends, "both")
+    extend = {(False, False): "neither", (True, False): "min", (False, True): "max"}.get(
+        ends, "both"
+    )
     return colors.LogNorm(low, high) if is_logarithmic else colors.Normalize(low, high), extend
 
 
 def _draw_arrows(axes: Any, table: GrainMap) -> None:
-    """Arrows on the grains, or on some of them; the few longest are cut, the colors tell how long they are."""
+    """Arrows on the grains, or on some of them; the few longest are cut, the colors tell how long
+    they are.
+    """
     scene, vector = table.scene, table.vector
     assert vector is not None
     step = max(1, -(-scene.radius.size // _ARROWS))
-    # An order that does not follow the numbering, which may go row by row: arrows must not line up with the grains.
+    # An order that does not follow the numbering, which may go row by row: arrows must not line up
+    # with the grains.
     order = np.random.default_rng(0).permutation(scene.radius.size)[::step]
     spacing = float(np.sqrt(np.prod(scene.box[1] - scene.box[0]) / order.size))
     longest = float(np.quantile(table.value, _LONG)) or 1.0
@@ -360,7 +464,11 @@ def map_text(table: GrainMap, terminal: Terminal, *, has_streamlines: bool = Tru
     """
     norm, _ = color_scale(table)
     values = ", ".join(table.names) if table.names else f"from {norm.vmin:.6g} to {norm.vmax:.6g}"
-    picture = draw_picture(table.scene, lambda axes: draw_values(axes, table, norm, has_streamlines=has_streamlines), terminal)
+    picture = draw_picture(
+        table.scene,
+        lambda axes: draw_values(axes, table, norm, has_streamlines=has_streamlines),
+        terminal,
+    )
     unit = "" if table.names else f" [{unit_sign(table.field.unit)}]"
     return f"{picture}\n{table.field.label}{unit} {values}"
 
@@ -371,7 +479,8 @@ _DPI = 150  # of a notebook
 
 
 def picture(shown: Any) -> bytes | None:
-    """A map of the last frame of a run, or of a frame, as PNG; None where there is nothing to draw or to draw with.
+    """A map of the last frame of a run, or of a frame, as PNG; None where there is nothing to draw
+    or to draw with.
 
     Temperatures where there is heat, else speeds.
 
@@ -379,7 +488,11 @@ def picture(shown: Any) -> bytes | None:
         shown: `Run` or `Frame`.
     """
     run: Any = shown if hasattr(shown, "frames") else _Single(shown)
-    if not len(run.frames.time) or not len(run.frames[-1].position) or find_spec("matplotlib") is None:
+    if (
+        not len(run.frames.time)
+        or not len(run.frames[-1].position)
+        or find_spec("matplotlib") is None
+    ):
         return None
     table = grain_map(run, "temperature" if run.frames[-1].has_heat else "speed")
     with house_style():

@@ -1,4 +1,6 @@
-"""Figures over time: energy books, columns of the time series, what flows through a line, rheology, what is in a region."""
+"""Figures over time: energy books, columns of the time series, what flows through a line, rheology,
+what is in a region.
+"""
 
 from __future__ import annotations
 
@@ -33,32 +35,42 @@ _LOW = 8  # rows of a chart of letters, of which several are shown
 
 # ---- The energy books: what came in and where it went, stacked, and how well the books close
 
-_VISIBLE = 0.02  # lines that stay below this part of the largest one are left out of charts of letters
+# Lines that stay below this part of the largest one are left out of charts of letters
+_VISIBLE = 0.02
 _GAIN = BookLine("kinetic_gain", "kinetic energy", sign=-1)
 _STORED = BookLine("heat_stored", "stored in the grains", sign=-1)
 _SHORT = {
-    "gravity_work": "gravity", "wall_work": "walls", "load_work": "loads", "friction_loss": "friction", "impact_loss": "impacts",
-    "damping_loss": "damping", "correction_work": "projection", "kinetic_gain": "kinetic", "heat_friction": "friction",
+    "gravity_work": "gravity", "wall_work": "walls", "load_work": "loads",
+    "friction_loss": "friction", "impact_loss": "impacts",
+    "damping_loss": "damping", "correction_work": "projection", "kinetic_gain": "kinetic",
+    "heat_friction": "friction",
     "heat_impact": "impacts", "heat_from_walls": "from walls", "heat_from_ambient": "from fluid",
-    "heat_from_surroundings": "surroundings", "heat_to_walls": "into walls", "heat_stored": "stored",
+    "heat_from_surroundings": "surroundings", "heat_to_walls": "into walls",
+    "heat_stored": "stored",
     "kinetic_in": "grains in", "kinetic_out": "grains out", "heat_out": "grains out",
 }  # fmt: skip
 COLOR_OF = {
-    "gravity_work": "0.5", "wall_work": COLORS[2], "load_work": COLORS[0], "friction_loss": COLORS[1], "impact_loss": COLORS[5],
-    "damping_loss": COLORS[3], "correction_work": "#f0e442", "kinetic_gain": COLORS[4], "heat_friction": COLORS[1],
+    "gravity_work": "0.5", "wall_work": COLORS[2], "load_work": COLORS[0],
+    "friction_loss": COLORS[1], "impact_loss": COLORS[5],
+    "damping_loss": COLORS[3], "correction_work": "#f0e442", "kinetic_gain": COLORS[4],
+    "heat_friction": COLORS[1],
     "heat_impact": COLORS[5], "heat_from_walls": COLORS[2], "heat_from_ambient": "#332288",
     "heat_from_surroundings": "#882255", "heat_to_walls": "0.5", "heat_stored": COLORS[4],
     "kinetic_in": "#117733", "kinetic_out": "#999933", "heat_out": "#999933",
 }  # fmt: skip
-"""One color for one thing: friction and impacts, as a loss and as heat; walls, as work and as heat; what
-is kept, as motion and as heat."""
+"""One color for one thing: friction and impacts, as a loss and as heat; walls, as work and as heat;
+what is kept, as motion and as heat."""
 
 
 def draw_energy(figure: Any, table: EnergyTable) -> None:
-    """Draw the books into a matplotlib figure: mechanics, beside it heat if there is any, the closures below."""
+    """Draw the books into a matplotlib figure: mechanics, beside it heat if there is any, the
+    closures below.
+    """
     books = [("energy since the start [J]", [*_flows(table, MECHANICAL), _GAIN], table.closure)]
     if table.heat_closure is not None:
-        books.append(("heat since the start [J]", [*_flows(table, HEAT), _STORED], table.heat_closure))
+        books.append(
+            ("heat since the start [J]", [*_flows(table, HEAT), _STORED], table.heat_closure)
+        )
     grid = figure.subplots(2, len(books), sharex=True, squeeze=False, height_ratios=(3.0, 1.0))
     for (above, below), (label, entries, closure) in zip(grid.T, books, strict=True):
         _draw_stack(above, table, entries)
@@ -72,7 +84,9 @@ def _flows(table: EnergyTable, entries: Sequence[BookLine]) -> list[BookLine]:
 
 
 def _draw_stack(panel: Any, table: EnergyTable, entries: Sequence[BookLine]) -> None:
-    """What came in upwards from zero, what went out downwards; entries that never matter are left out."""
+    """What came in upwards from zero, what went out downwards; entries that never matter are left
+    out.
+    """
     values = {e: table.books[e.name] * (1.0 if e.sign > 0 else -1.0) for e in entries}
     largest = max(float(np.abs(v).max()) for v in values.values())
     shown = [e for e in entries if float(np.abs(values[e]).max()) > 1e-3 * largest]
@@ -87,7 +101,13 @@ def _draw_stack(panel: Any, table: EnergyTable, entries: Sequence[BookLine]) -> 
     panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
     panel.margins(x=0.0)
     if shown:
-        panel.legend(loc="lower center", bbox_to_anchor=(0.5, 1.03), ncols=3, columnspacing=1.0, handlelength=1.0)
+        panel.legend(
+            loc="lower center",
+            bbox_to_anchor=(0.5, 1.03),
+            ncols=3,
+            columnspacing=1.0,
+            handlelength=1.0,
+        )
 
 
 def _draw_closure(panel: Any, time: Floats, closure: Floats) -> None:
@@ -100,9 +120,16 @@ def _draw_closure(panel: Any, time: Floats, closure: Floats) -> None:
 
 def energy_text(table: EnergyTable, _terminal: Terminal) -> str:
     """The energy books over time, mechanical ones and those of heat in one chart."""
-    lines = [TextLine(f"{entry.label} [J]", table.time, table.books[entry.name]) for entry in table.entries]
+    lines = [
+        TextLine(f"{entry.label} [J]", table.time, table.books[entry.name])
+        for entry in table.entries
+    ]
     largest = max((float(np.abs(line.y).max()) for line in lines), default=0.0)
-    return draw_text([line for line in lines if np.abs(line.y).max() > _VISIBLE * largest], "time [s]", "energy [J]")
+    return draw_text(
+        [line for line in lines if np.abs(line.y).max() > _VISIBLE * largest],
+        "time [s]",
+        "energy [J]",
+    )
 
 
 # ---- Figure of columns of the time series: a panel for each unit
@@ -110,11 +137,18 @@ def energy_text(table: EnergyTable, _terminal: Terminal) -> str:
 
 def _units(table: SeriesTable) -> list[str]:
     units = list(dict.fromkeys(column.unit for column in table.quantities))
-    crowded = [unit for unit in units if sum(column.unit == unit for column in table.quantities) > len(COLORS)]
+    crowded = [
+        unit
+        for unit in units
+        if sum(column.unit == unit for column in table.quantities) > len(COLORS)
+    ]
     if crowded:
         unit = "without unit" if crowded[0] == "1" else f"in {crowded[0]}"
         count = sum(column.unit == crowded[0] for column in table.quantities)
-        message = f"{count} lines {unit} cannot be told apart in one panel: choose columns, as --of kinetic or --of force_x"
+        message = (
+            f"{count} lines {unit} cannot be told apart in one panel: choose columns, as --of "
+            "kinetic or --of force_x"
+        )
         raise PlotError(message)
     return units
 
@@ -126,14 +160,26 @@ def draw_series(figure: Any, table: SeriesTable) -> None:
     for panel, unit in zip(panels, units, strict=True):
         shown = [column for column in table.quantities if column.unit == unit]
         for color, column in zip(COLORS, shown, strict=False):
-            style = {"color": color, "linewidth": 0.9, "marker": "o" if table.time.size == 1 else ""}
+            style = {
+                "color": color,
+                "linewidth": 0.9,
+                "marker": "o" if table.time.size == 1 else "",
+            }
             panel.plot(table.time, column.values, label=column.name.replace("_", " "), **style)
-        names = list(dict.fromkeys(column.name.rpartition(": ")[2].replace("_", " ") for column in shown))
+        names = list(
+            dict.fromkeys(column.name.rpartition(": ")[2].replace("_", " ") for column in shown)
+        )
         name = names[0] if len(names) == 1 else _common_words(names)
         panel.set_ylabel(f"{name} [{unit_sign(unit)}]".strip())
         panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
         if len(shown) > 1:
-            panel.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1, columnspacing=1.0)
+            panel.legend(
+                loc="lower right",
+                bbox_to_anchor=(1.0, 1.0),
+                ncols=2,
+                borderaxespad=0.1,
+                columnspacing=1.0,
+            )
     panels[-1].set_xlabel("time $t$ [s]")
     figure.align_ylabels()
 
@@ -148,7 +194,12 @@ def _common_words(names: list[str]) -> str:
 def series_text(table: SeriesTable, _terminal: Terminal) -> str:
     """The columns as charts of letters, one below the other."""
     charts = [
-        draw_text([TextLine("", table.time, column.values)], "time [s]", f"{column.name} [{unit_sign(column.unit)}]", rows=_LOW)
+        draw_text(
+            [TextLine("", table.time, column.values)],
+            "time [s]",
+            f"{column.name} [{unit_sign(column.unit)}]",
+            rows=_LOW,
+        )
         for column in table.quantities
     ]
     return "\n\n".join(charts)
@@ -169,7 +220,9 @@ def draw_flow(figure: Any, table: FlowTable) -> None:
     axes.plot(time, mass, color=COLORS[0], label="crossed")
     mean, error = table.mean["mass"], float(table.spread["mass"].error)
     rate = with_error(mean, error)
-    text = f"mean, ({rate}) kg/s" if "±" in rate and not rate.startswith("(") else f"mean, {rate} kg/s"
+    text = (
+        f"mean, ({rate}) kg/s" if "±" in rate and not rate.startswith("(") else f"mean, {rate} kg/s"
+    )
     axes.plot(time, mean * (time - start), color="0.3", linewidth=0.8, linestyle="--", label=text)
     axes.set_xlabel("time $t$ [s]")
     axes.set_ylabel("mass through the line [kg]")
@@ -179,7 +232,11 @@ def draw_flow(figure: Any, table: FlowTable) -> None:
 
 def flow_text(table: FlowTable, _terminal: Terminal) -> str:
     """The mass that has crossed as a chart of letters."""
-    return draw_text([TextLine("", table.time, np.cumsum(table.crossed["mass"]))], "time [s]", "mass through the line [kg]")
+    return draw_text(
+        [TextLine("", table.time, np.cumsum(table.crossed["mass"]))],
+        "time [s]",
+        "mass through the line [kg]",
+    )
 
 
 # ---- Rheology over time, with averages and their errors as bands
@@ -189,7 +246,10 @@ _OF_RHEOLOGY: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
     ("pressure [N/m]", (("pressure", "walls, $P$"), ("bulk_stress_yy", r"bulk, $\sigma_{yy}$"))),
     (r"friction $\mu^*$ [–]", (("friction_walls", "walls"), ("friction_bulk", "bulk"))),
     (r"solid fraction $\nu$ [–]", (("solid_fraction", ""),)),
-    ("contacts per grain [–]", (("coordination", "$Z$, all"), ("coordination_loaded", "Z′, no rattlers"))),
+    (
+        "contacts per grain [–]",
+        (("coordination", "$Z$, all"), ("coordination_loaded", "Z′, no rattlers")),
+    ),
     ("anisotropy $a_c$ [–]", (("fabric_anisotropy", ""),)),
     (r"spin $\langle\omega\rangle/\dot\gamma$ [–]", (("spin_ratio", ""),)),
     (r"granular temp. $T_g$ [m²/s²]", (("granular_temperature", ""),)),
@@ -203,7 +263,10 @@ _CHARTS_OF_RHEOLOGY = (
     ("inertial number I [–]", (("inertial_number", ""),)),
     ("friction mu* [–]", (("friction_walls", "walls"), ("friction_bulk", "bulk"))),
     ("solid fraction nu [–]", (("solid_fraction", ""),)),
-    ("contacts per grain [–]", (("coordination", "all"), ("coordination_loaded", "without rattlers"))),
+    (
+        "contacts per grain [–]",
+        (("coordination", "all"), ("coordination_loaded", "without rattlers")),
+    ),
 )
 """The same for charts of letters."""
 
@@ -218,8 +281,12 @@ def draw_rheology(figure: Any, table: Rheology) -> None:
         panel.set_xlabel("time $t$ [s]")
 
 
-def draw_panel(panel: Any, table: TimeTable, label: str, quantities: Sequence[tuple[str, str]]) -> None:
-    """Draw quantities over time, with their means and the errors of these; each has a name and a text of the legend."""
+def draw_panel(
+    panel: Any, table: TimeTable, label: str, quantities: Sequence[tuple[str, str]]
+) -> None:
+    """Draw quantities over time, with their means and the errors of these; each has a name and a
+    text of the legend.
+    """
     for color, (name, text) in zip(COLORS, quantities, strict=False):
         _draw_quantity(panel, table, name, text, color)
     panel.set_ylabel(label)
@@ -237,13 +304,17 @@ def draw_panel(panel: Any, table: TimeTable, label: str, quantities: Sequence[tu
         )
 
 
-def explain(figure: Any, table: TimeTable, panels: Sequence[tuple[str, Sequence[tuple[str, str]]]]) -> None:
+def explain(
+    figure: Any, table: TimeTable, panels: Sequence[tuple[str, Sequence[tuple[str, str]]]]
+) -> None:
     """Say below the panels what lines and bands are."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     names = [name for _, quantities in panels for name, _ in quantities]
-    known = [bool(np.isfinite(table.error[name])) for name in names if np.isfinite(table.mean[name])]
+    known = [
+        bool(np.isfinite(table.error[name])) for name in names if np.isfinite(table.mean[name])
+    ]
     line: dict[str, Any] = {"color": "0.3", "linewidth": 0.7}
     entries = [
         (any(known), Line2D([], [], linestyle=_KNOWN, **line), "mean"),
@@ -255,7 +326,9 @@ def explain(figure: Any, table: TimeTable, panels: Sequence[tuple[str, Sequence[
 
 
 def _widen(panel: Any, means: list[float]) -> None:
-    """Show at least a thousandth of the largest mean: what is constant must not look as if it varied."""
+    """Show at least a thousandth of the largest mean: what is constant must not look as if it
+    varied.
+    """
     low, high = panel.get_ylim()
     room = 5e-4 * float(np.nanmax(np.abs(means), initial=0.0))
     if high - low < 2.0 * room:
@@ -265,11 +338,20 @@ def _widen(panel: Any, means: list[float]) -> None:
 def _draw_quantity(panel: Any, table: TimeTable, name: str, text: str, color: str) -> None:
     known = np.isfinite(table.values[name])
     style = {"marker": "o", "markersize": 2.0, "markeredgewidth": 0.0} if known.sum() < 60 else {}
-    panel.plot(table.time[known], table.values[name][known], color=color, linewidth=0.8, label=text or None, **style)
+    panel.plot(
+        table.time[known],
+        table.values[name][known],
+        color=color,
+        linewidth=0.8,
+        label=text or None,
+        **style,
+    )
     mean, error = table.mean[name], table.error[name]
     if not np.isfinite(mean):
         return
-    panel.axhline(mean, color=color, linewidth=0.7, linestyle=_KNOWN if np.isfinite(error) else _UNKNOWN)
+    panel.axhline(
+        mean, color=color, linewidth=0.7, linestyle=_KNOWN if np.isfinite(error) else _UNKNOWN
+    )
     if np.isfinite(error):
         panel.axhspan(mean - error, mean + error, color=color, alpha=0.2, linewidth=0.0)
 
@@ -277,7 +359,12 @@ def _draw_quantity(panel: Any, table: TimeTable, name: str, text: str, color: st
 def rheology_text(table: Rheology, _terminal: Terminal) -> str:
     """A rheology over time, one low chart for each kind of quantity."""
     charts = [
-        draw_text([TextLine(text, table.time, table.values[name]) for name, text in lines], "time [s]", label, rows=_LOW)
+        draw_text(
+            [TextLine(text, table.time, table.values[name]) for name, text in lines],
+            "time [s]",
+            label,
+            rows=_LOW,
+        )
         for label, lines in _CHARTS_OF_RHEOLOGY
     ]
     return "\n\n".join(charts)
@@ -289,11 +376,22 @@ _OF_REGION: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
     (r"solid fraction $\nu$ [–]", (("solid_fraction", ""),)),
     ("contacts per grain $Z$ [–]", (("coordination", ""),)),
     ("velocity [m/s]", (("velocity_x", "$v_x$"), ("velocity_y", "$v_y$"))),
-    ("stress of contacts [N/m]", (("stress_xx", "$xx$"), ("stress_yy", "$yy$"), ("stress_xy", "$xy$"))),
-    ("stress of fluctuations [N/m]", (("kinetic_stress_xx", "$xx$"), ("kinetic_stress_yy", "$yy$"), ("kinetic_stress_xy", "$xy$"))),
+    (
+        "stress of contacts [N/m]",
+        (("stress_xx", "$xx$"), ("stress_yy", "$yy$"), ("stress_xy", "$xy$")),
+    ),
+    (
+        "stress of fluctuations [N/m]",
+        (
+            ("kinetic_stress_xx", "$xx$"),
+            ("kinetic_stress_yy", "$yy$"),
+            ("kinetic_stress_xy", "$xy$"),
+        ),
+    ),
     ("temperature $T$ [K]", (("temperature", ""),)),
 )
-"""Label of the axis, and the quantities of each panel with their names; without heat spin takes the place of the last."""
+"""Label of the axis, and the quantities of each panel with their names; without heat spin takes the
+place of the last."""
 
 _SPIN = (r"spin $\omega$ [rad/s]", (("spin", ""),))
 
@@ -324,10 +422,16 @@ def _count_small_rises(panel: Any, values: Any) -> None:
 
 def region_text(table: RegionTable, _terminal: Terminal) -> str:
     """Solid fraction and stresses over time, in low charts."""
-    charts = (("solid fraction nu [–]", ("solid_fraction",)), ("stress of contacts [N/m]", ("stress_xx", "stress_yy", "stress_xy")))
+    charts = (
+        ("solid fraction nu [–]", ("solid_fraction",)),
+        ("stress of contacts [N/m]", ("stress_xx", "stress_yy", "stress_xy")),
+    )
     return "\n\n".join(
         draw_text(
-            [TextLine(name[-2:] if len(names) > 1 else "", table.time, table.values[name]) for name in names],
+            [
+                TextLine(name[-2:] if len(names) > 1 else "", table.time, table.values[name])
+                for name in names
+            ],
             "time [s]",
             label,
             rows=_LOW,
@@ -338,7 +442,11 @@ def region_text(table: RegionTable, _terminal: Terminal) -> str:
 
 
 FIGURES = {
-    EnergyTable: Renderer(lambda table: (COLUMN if table.heat_closure is None else PAGE, 1.15 * COLUMN), draw_energy, energy_text),
+    EnergyTable: Renderer(
+        lambda table: (COLUMN if table.heat_closure is None else PAGE, 1.15 * COLUMN),
+        draw_energy,
+        energy_text,
+    ),
     SeriesTable: Renderer(_series_size, draw_series, series_text),
     FlowTable: Renderer(lambda _: (COLUMN, 0.75 * COLUMN), draw_flow, flow_text),
     Rheology: Renderer(lambda _: (PAGE, 0.9 * PAGE), draw_rheology, rheology_text),

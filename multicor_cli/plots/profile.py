@@ -28,7 +28,9 @@ from multicor_cli.text import unit_sign
 
 
 def _fill(figure: Any, profiles: ProfileSet) -> None:
-    """Draw one profile as `draw_profile` does, or those of several fields of one unit into one panel."""
+    """Draw one profile as `draw_profile` does, or those of several fields of one unit into one
+    panel.
+    """
     if len(profiles.tables) == 1:
         draw_profile(figure.add_subplot(), profiles.first)
         return
@@ -39,7 +41,17 @@ def _fill(figure: Any, profiles: ProfileSet) -> None:
 def _draw_profiles(axes: Any, profiles: ProfileSet) -> None:
     for color, marker, table in zip(COLORS, "os^D", profiles.tables, strict=False):
         names = (f"${table.field.symbol}$", "", "")
-        draw_with_errors(axes, table.value, table.y, table.error, marker, names=names, color=color, markersize=2.5, linewidth=0.9)
+        draw_with_errors(
+            axes,
+            table.value,
+            table.y,
+            table.error,
+            marker,
+            names=names,
+            color=color,
+            markersize=2.5,
+            linewidth=0.9,
+        )
     explain_errors(axes, [table.error for table in profiles.tables])
     _, upwards = axis_labels(profiles.first)
     what = profiles.name.replace("-", " ") + profiles.first.about_groups
@@ -53,13 +65,20 @@ def _draw_profiles(axes: Any, profiles: ProfileSet) -> None:
 def draw_profile(axes: Any, table: ProfileTable) -> None:
     """Draw a profile into matplotlib axes."""
     has_errors = np.isfinite(table.error).any()
-    names = ("mean" if has_errors else "mean, errors not known", "standard error", "mean, error not known")
+    names = (
+        "mean" if has_errors else "mean, errors not known",
+        "standard error",
+        "mean, error not known",
+    )
     draw_with_errors(axes, table.value, table.y, table.error, "o", names=names, color=COLORS[0])
     across, upwards = axis_labels(table)
     axes.locator_params(axis="x", nbins=5)
     axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
     field = table.field
-    low, high = float(np.nanmin(table.value, initial=np.inf)), float(np.nanmax(table.value, initial=-np.inf))
+    low, high = (
+        float(np.nanmin(table.value, initial=np.inf)),
+        float(np.nanmax(table.value, initial=-np.inf)),
+    )
     reference = rise_reference(table.units[1], low, high)
     if reference is not None:
         across = rise_label(f"{field.label}{table.about_groups}", field.symbol, reference)
@@ -68,14 +87,18 @@ def draw_profile(axes: Any, table: ProfileTable) -> None:
     axes.set_ylabel(upwards)
     axes.set_ylim(0.0, 1.0 if table.is_normalized else table.height)
     # Above the panel, where no line runs.
-    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, borderaxespad=0.2, columnspacing=1.0)
+    axes.legend(
+        loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, borderaxespad=0.2, columnspacing=1.0
+    )
 
 
 def axis_labels(table: ProfileTable) -> tuple[str, str]:
     """Labels of the axes: quantity, symbol and unit."""
     field = table.field
     if not table.is_normalized:
-        return axis_label(f"{field.label}{table.about_groups}", field.symbol, field.unit), "height $y$ [m]"
+        return axis_label(
+            f"{field.label}{table.about_groups}", field.symbol, field.unit
+        ), "height $y$ [m]"
     return f"{field.label}{table.about_groups} ${_scaled_symbol(table)}$ [–]", "height $y/H$ [–]"
 
 
@@ -84,7 +107,11 @@ def _scaled_symbol(table: ProfileTable) -> str:
     if field.scaling == "shear":
         return f"{field.symbol} H/(V_1 - V_0)"
     symbol = field.symbol.split("_")[0]
-    return f"({field.symbol} - {symbol}_0)/({symbol}_1 - {symbol}_0)" if low else f"{field.symbol}/{symbol}_\\mathrm{{wall}}"
+    return (
+        f"({field.symbol} - {symbol}_0)/({symbol}_1 - {symbol}_0)"
+        if low
+        else f"{field.symbol}/{symbol}_\\mathrm{{wall}}"
+    )
 
 
 def profiles_text(profiles: ProfileSet, _terminal: Terminal) -> str:
@@ -92,7 +119,9 @@ def profiles_text(profiles: ProfileSet, _terminal: Terminal) -> str:
     first, has_many = profiles.first, len(profiles.tables) > 1
     lines = [TextLine(t.field.name if has_many else "", t.value, t.y) for t in profiles.tables]
     label = profiles.name.replace("-", " ") if has_many else first.field.label
-    return draw_text(lines, f"{label} [{unit_sign(first.units[1])}]", f"height y [{first.units[0]}]")
+    return draw_text(
+        lines, f"{label} [{unit_sign(first.units[1])}]", f"height y [{first.units[0]}]"
+    )
 
 
 # ---- The profiles of two runs, and beside each the difference over its standard error
@@ -100,16 +129,22 @@ def profiles_text(profiles: ProfileSet, _terminal: Terminal) -> str:
 
 def draw_comparison(figure: Any, comparison: Comparison) -> None:
     """Draw two panels for each profile into a matplotlib figure."""
-    grid = figure.subplots(len(comparison.profiles), 2, squeeze=False, sharey=True, width_ratios=(2.0, 1.0))
+    grid = figure.subplots(
+        len(comparison.profiles), 2, squeeze=False, sharey=True, width_ratios=(2.0, 1.0)
+    )
     for (left, right), pair in zip(grid, comparison.profiles.values(), strict=True):
         _draw_pair(left, pair, comparison.names)
         _draw_ratio(right, pair)
 
 
 def _draw_pair(axes: Any, pair: ProfilePair, names: tuple[str, str]) -> None:
-    for color, marker, table, name in zip(COLORS, "os", (pair.first, pair.second), names, strict=False):
+    for color, marker, table, name in zip(
+        COLORS, "os", (pair.first, pair.second), names, strict=False
+    ):
         y = table.y / table.height
-        draw_with_errors(axes, table.value, y, table.error, marker, names=(name, "", ""), color=color)
+        draw_with_errors(
+            axes, table.value, y, table.error, marker, names=(name, "", ""), color=color
+        )
     across = axis_labels(pair.first)[0]
     tables = (pair.first, pair.second)
     values = np.concatenate([table.value for table in tables])
@@ -131,10 +166,20 @@ def _draw_ratio(axes: Any, pair: ProfilePair) -> None:
     known = np.isfinite(pair.ratio)
     axes.axvspan(-2.0, 2.0, color="0.9", linewidth=0.0, zorder=0)
     axes.axvline(0.0, color="0.4", linewidth=0.6)
-    axes.plot(pair.ratio[known], pair.y[known], "o-", color="0.15", markeredgewidth=0.0, linewidth=0.7)
+    axes.plot(
+        pair.ratio[known], pair.y[known], "o-", color="0.15", markeredgewidth=0.0, linewidth=0.7
+    )
     axes.set_xlabel("difference / standard error [–]")
     if not known.any():
-        axes.text(0.5, 0.9, "no standard errors:\ntoo few frames", ha="center", va="center", fontsize=7.0, transform=axes.transAxes)
+        axes.text(
+            0.5,
+            0.9,
+            "no standard errors:\ntoo few frames",
+            ha="center",
+            va="center",
+            fontsize=7.0,
+            transform=axes.transAxes,
+        )
     elif not known.all():
         axes.set_title(f"known in {pair.note}", fontsize=7.0)
     limit = max(3.0, 1.1 * float(np.abs(pair.ratio[known]).max(initial=0.0)))
@@ -147,7 +192,13 @@ def comparison_text(comparison: Comparison, _terminal: Terminal) -> str:
     for pair in comparison.profiles.values():
         tables = zip((pair.first, pair.second), comparison.names, strict=True)
         lines = [TextLine(name, table.value, table.y / table.height) for table, name in tables]
-        charts.append(draw_text(lines, f"{pair.first.field.label} [{unit_sign(pair.first.field.unit)}]", "height y/H [–]"))
+        charts.append(
+            draw_text(
+                lines,
+                f"{pair.first.field.label} [{unit_sign(pair.first.field.unit)}]",
+                "height y/H [–]",
+            )
+        )
     return "\n\n".join(charts)
 
 
@@ -163,7 +214,15 @@ _WARM = 0.5
 def draw_theta_eta(axes: Any, table: ThetaTable) -> None:
     """Draw θ against η into matplotlib axes."""
     size = 4.0 if table.eta.size < 1000 else 1.5
-    axes.plot(table.eta, table.theta, ".", color="0.65", markersize=size, markeredgewidth=0.0, rasterized=True)
+    axes.plot(
+        table.eta,
+        table.theta,
+        ".",
+        color="0.65",
+        markersize=size,
+        markeredgewidth=0.0,
+        rasterized=True,
+    )
     axes.plot([], [], ".", color="0.65", markersize=4.0, markeredgewidth=0.0, label="grains")
     known = np.isfinite(table.mean)
     axes.errorbar(
@@ -185,12 +244,16 @@ def draw_theta_eta(axes: Any, table: ThetaTable) -> None:
     axes.set_xlim(0.0, _shown(table))
     low, high = float(table.theta.min()), float(table.theta.max())
     # From 0 to 1, unless all grains are so warm that there would be nothing to see below them.
-    axes.set_ylim(min(0.0, low) if low < _WARM else low - 0.1 * (max(1.0, high) - low), max(1.0, high))
+    axes.set_ylim(
+        min(0.0, low) if low < _WARM else low - 0.1 * (max(1.0, high) - low), max(1.0, high)
+    )
     axes.legend(loc="best")
 
 
 def _shown(table: ThetaTable) -> float:
-    """η up to which there is something to see: a quarter beyond the last bin that differs from the reference."""
+    """η up to which there is something to see: a quarter beyond the last bin that differs from the
+    reference.
+    """
     changed = np.flatnonzero(np.abs(np.nan_to_num(table.mean)) > _NOTHING)
     return min(1.0, 1.25 * float(table.center[changed[-1]]) + 0.02) if changed.size else 1.0
 
@@ -201,14 +264,22 @@ def theta_eta_text(table: ThetaTable, _terminal: Terminal) -> str:
 
 
 FIGURES = {
-    ProfileSet: Renderer(lambda table: (COLUMN, COLUMN if len(table.tables) > 1 else 0.9 * COLUMN), _fill, profiles_text),
+    ProfileSet: Renderer(
+        lambda table: (COLUMN, COLUMN if len(table.tables) > 1 else 0.9 * COLUMN),
+        _fill,
+        profiles_text,
+    ),
     ProfileTable: Renderer(
         lambda _: (COLUMN, 0.9 * COLUMN),
         lambda figure, table: draw_profile(figure.add_subplot(), table),
         lambda table, terminal: profiles_text(ProfileSet(table.field.name, (table,)), terminal),
     ),
-    Comparison: Renderer(lambda table: (PAGE, 0.85 * COLUMN * len(table.profiles)), draw_comparison, comparison_text),
+    Comparison: Renderer(
+        lambda table: (PAGE, 0.85 * COLUMN * len(table.profiles)), draw_comparison, comparison_text
+    ),
     ThetaTable: Renderer(
-        lambda _: (COLUMN, 0.8 * COLUMN), lambda figure, table: draw_theta_eta(figure.add_subplot(), table), theta_eta_text
+        lambda _: (COLUMN, 0.8 * COLUMN),
+        lambda figure, table: draw_theta_eta(figure.add_subplot(), table),
+        theta_eta_text,
     ),
 }

@@ -70,14 +70,24 @@ _RC: Any = {
 
 
 def axis_label(label: str, symbol: str, unit: str) -> str:
-    """Label of an axis: ``velocity $v_x$ [m/s]``; components, as in ``stress xy``, are left to the symbol."""
+    """Label of an axis: ``velocity $v_x$ [m/s]``; components, as in ``stress xy``, are left to the
+    symbol.
+    """
     return f"{_COMPONENTS.sub('', label)} ${symbol}$ [{unit_sign(unit)}]"
 
 
 def draw_with_errors(
-    axes: Any, values: Floats, y: Floats, error: Floats, marker: str, *, names: tuple[str, str, str], **style: Any
+    axes: Any,
+    values: Floats,
+    y: Floats,
+    error: Floats,
+    marker: str,
+    *,
+    names: tuple[str, str, str],
+    **style: Any,
 ) -> None:
-    """Draw means over the height with a band of standard errors; where one is not known the band ends and the marker is hollow.
+    """Draw means over the height with a band of standard errors; where one is not known the band
+    ends and the marker is hollow.
 
     Args:
         axes: Matplotlib axes.
@@ -91,14 +101,35 @@ def draw_with_errors(
     mean, band, unknown = (name or None for name in names)
     known = np.isfinite(error)
     band = band if known.any() else None
-    axes.fill_betweenx(y, values - error, values + error, color=style["color"], alpha=0.25, linewidth=0.0, label=band)
+    axes.fill_betweenx(
+        y,
+        values - error,
+        values + error,
+        color=style["color"],
+        alpha=0.25,
+        linewidth=0.0,
+        label=band,
+    )
     beside = np.concatenate([[False], known, [False]])
     alone = known & ~beside[:-2] & ~beside[2:]  # a band of one point has no area
     if alone.any():
-        axes.errorbar(values[alone], y[alone], xerr=error[alone], fmt="none", ecolor=style["color"], elinewidth=0.7, capsize=1.2)
+        axes.errorbar(
+            values[alone],
+            y[alone],
+            xerr=error[alone],
+            fmt="none",
+            ecolor=style["color"],
+            elinewidth=0.7,
+            capsize=1.2,
+        )
     axes.plot(values, y, marker + "-", label=mean, **{"markeredgewidth": 0.0, **style})
     if known.any() and not known.all():
-        open_: Any = {**style, "markeredgewidth": 0.7, "markerfacecolor": "white", "linestyle": "none"}
+        open_: Any = {
+            **style,
+            "markeredgewidth": 0.7,
+            "markerfacecolor": "white",
+            "linestyle": "none",
+        }
         axes.plot(values[~known], y[~known], marker, label=unknown, **open_)
 
 
@@ -128,7 +159,9 @@ def house_style() -> Iterator[None]:
 
 
 def show_decades(axis: Any, values: Floats) -> None:
-    """Let a logarithmic axis of matplotlib span the whole decades around positive values, with labels at the decades only."""
+    """Let a logarithmic axis of matplotlib span the whole decades around positive values, with
+    labels at the decades only.
+    """
     axis.set_minor_formatter("")
     if values.size:
         low, high = np.floor(np.log10(values.min())), np.floor(np.log10(values.max())) + 1.0
@@ -141,7 +174,12 @@ def explain_errors(axes: Any, errors: Iterable[Floats]) -> None:
     if known.any():
         axes.fill_between([], [], color="0.3", alpha=0.2, linewidth=0.0, label="± standard error")
     if known.any() and not known.all():
-        hollow: Any = {"color": "0.3", "markerfacecolor": "white", "markeredgewidth": 0.7, "linestyle": "none"}
+        hollow: Any = {
+            "color": "0.3",
+            "markerfacecolor": "white",
+            "markeredgewidth": 0.7,
+            "linestyle": "none",
+        }
         axes.plot([], [], "o", label="error not known", **hollow)
 
 
@@ -153,7 +191,8 @@ def check_suffix(path: Path) -> None:
 
 @contextmanager
 def figure_file(path: Path, width: float, height: float) -> Iterator[Any]:
-    """Give a figure of matplotlib in the house style to draw into, and write it when the context is left without an error.
+    """Give a figure of matplotlib in the house style to draw into, and write it when the context is
+    left without an error.
 
     Args:
         path: File to write; its ending (.png, .svg, .pdf) chooses the format.
@@ -175,7 +214,8 @@ def figure_file(path: Path, width: float, height: float) -> Iterator[Any]:
 
 
 def save_figure(figure: Any, path: Path) -> None:
-    """Write a figure in the format of the file name, whole or not at all, and its directory; the same data give the same bytes.
+    """Write a figure in the format of the file name, whole or not at all, and its directory; the
+    same data give the same bytes.
 
     Raises:
         PlotError: If the name has no known ending.
@@ -190,10 +230,12 @@ def save_figure(figure: Any, path: Path) -> None:
     commit_result(path, "figure", drawn.getvalue())
 
 
-# ---- Temperatures that differ by a few millikelvin: axes show how far they are above a round temperature
+# ---- Temperatures that differ by a few millikelvin: axes show how far they are above a round
+#      temperature
 
 _NARROW = 3e-4
-"""Range over the largest value below which numbers on an axis need so many digits that nobody reads them."""
+"""Range over the largest value below which numbers on an axis need so many digits that nobody reads
+them."""
 
 _LITTLE = 0.1
 """Part of the range by which the round temperature may lie above the lowest."""
@@ -203,9 +245,11 @@ _COARSEST = 2
 
 
 def rise_reference(unit: str, low: float, high: float) -> float | None:
-    """The round temperature from which an axis should count [K]; None if it can show temperatures as they are.
+    """The round temperature from which an axis should count [K]; None if it can show temperatures
+    as they are.
 
-    It lies just below ``low``, or a little above: of grains that started at 298.15 K one may have cooled by a millionth.
+    It lies just below ``low``, or a little above: of grains that started at 298.15 K one may have
+    cooled by a millionth.
 
     Args:
         unit: Unit of the values; only kelvin have an arbitrary zero.
@@ -232,13 +276,18 @@ def rise_label(label: str, symbol: str, reference: float) -> str:
 
 
 def rise_formatter(reference: float) -> Any:
-    """Formatter of matplotlib that prints temperatures [K] as millikelvin above ``reference`` [K]."""
+    """Formatter of matplotlib that prints temperatures [K] as millikelvin above ``reference``
+    [K].
+    """
     from matplotlib.ticker import FuncFormatter
 
-    return FuncFormatter(lambda value, _position: f"{round(1e3 * (value - reference), 6) + 0.0:g}".replace("-", "−"))
+    return FuncFormatter(
+        lambda value, _position: f"{round(1e3 * (value - reference), 6) + 0.0:g}".replace("-", "−")
+    )
 
 
-# ---- Grains in a terminal: what matplotlib draws, as cells of two colors, or as letters where there are no colors
+# ---- Grains in a terminal: what matplotlib draws, as cells of two colors, or as letters where
+#      there are no colors
 
 _DPI = 72.0  # a pixel is a point: lines are at least a pixel wide
 _RAMP = " .:-=+*#%@"  # from white to black
@@ -251,7 +300,8 @@ class Terminal:
     Attributes:
         columns: Letters in a line.
         rows: Lines.
-        colors: Its color system as rich names it ("truecolor", "256", "standard"); None without colors.
+        colors: Its color system as rich names it ("truecolor", "256", "standard"); None without
+            colors.
     """
 
     columns: int = 80
@@ -300,7 +350,9 @@ def _in_letters(pixels: NDArray[np.uint8]) -> str:
 
 
 def _in_colors(pixels: NDArray[np.uint8], colors: str) -> str:
-    """Half blocks: the upper pixel is the color of the letter, the lower one that of its background."""
+    """Half blocks: the upper pixel is the color of the letter, the lower one that of its
+    background.
+    """
     from rich.color import Color
     from rich.console import Console
     from rich.segment import Segment, Segments
@@ -309,15 +361,21 @@ def _in_colors(pixels: NDArray[np.uint8], colors: str) -> str:
     lines: list[Segment] = []
     for upper, lower in zip(pixels[::2].tolist(), pixels[1::2].tolist(), strict=True):
         cells = zip(upper, lower, strict=True)
-        lines += [Segment("▀", Style(color=Color.from_rgb(*a), bgcolor=Color.from_rgb(*b))) for a, b in cells]
+        lines += [
+            Segment("▀", Style(color=Color.from_rgb(*a), bgcolor=Color.from_rgb(*b)))
+            for a, b in cells
+        ]
         lines.append(Segment.line())
     text = io.StringIO()
     console: Any = Console  # its types know color systems only as literals
-    console(file=text, force_terminal=True, color_system=colors, width=pixels.shape[1] + 1).print(Segments(lines), end="")
+    console(file=text, force_terminal=True, color_system=colors, width=pixels.shape[1] + 1).print(
+        Segments(lines), end=""
+    )
     return text.getvalue().rstrip("\n")
 
 
-# ---- Charts drawn with letters: they need no library and look the same in every terminal, mail and log
+# ---- Charts drawn with letters: they need no library and look the same in every terminal, mail and
+#      log
 
 WIDTH, HEIGHT = 72, 20
 """Columns and rows of the area of a chart."""
@@ -340,7 +398,14 @@ class TextLine:
     y: Floats
 
 
-def draw_text(lines: Sequence[TextLine], x_label: str, y_label: str, *, rows: int = HEIGHT, is_logarithmic: bool = False) -> str:
+def draw_text(
+    lines: Sequence[TextLine],
+    x_label: str,
+    y_label: str,
+    *,
+    rows: int = HEIGHT,
+    is_logarithmic: bool = False,
+) -> str:
     """A chart as lines of text; the first line that passes a place is the one that is seen there.
 
     Args:
@@ -348,15 +413,23 @@ def draw_text(lines: Sequence[TextLine], x_label: str, y_label: str, *, rows: in
         x_label: Quantity and unit across.
         y_label: Quantity and unit upwards.
         rows: Rows of the area of the chart.
-        is_logarithmic: Whether both axes are logarithmic; points that are not positive are left out.
+        is_logarithmic: Whether both axes are logarithmic; points that are not positive are left
+            out.
     """
     known = [_known(line, is_logarithmic=is_logarithmic) for line in lines[: len(_MARKS)]]
-    points = np.concatenate([np.column_stack([line.x, line.y]) for line in known]) if known else np.zeros((0, 2))
+    points = (
+        np.concatenate([np.column_stack([line.x, line.y]) for line in known])
+        if known
+        else np.zeros((0, 2))
+    )
     if not points.size:
         return f"{y_label}: nothing to draw"
     low, high = points.min(axis=0), points.max(axis=0)
     same = low == high
-    low, high = np.where(same, low - 0.5 * (np.abs(low) + same), low), np.where(same, high + 0.5 * (np.abs(high) + same), high)
+    low, high = (
+        np.where(same, low - 0.5 * (np.abs(low) + same), low),
+        np.where(same, high + 0.5 * (np.abs(high) + same), high),
+    )
     area = np.full((rows, WIDTH), " ")
     for number in reversed(range(len(known))):
         column, row = _cells(known[number], low, high, rows)
@@ -364,7 +437,12 @@ def draw_text(lines: Sequence[TextLine], x_label: str, y_label: str, *, rows: in
     if is_logarithmic:
         low, high = 10.0**low, 10.0**high
     chart = _frame(area, low, high, x_label, y_label)
-    return "\n".join([*chart, *(f"  {_MARKS[k]}  {line.label}" for k, line in enumerate(known) if len(known) > 1)])
+    return "\n".join(
+        [
+            *chart,
+            *(f"  {_MARKS[k]}  {line.label}" for k, line in enumerate(known) if len(known) > 1),
+        ]
+    )
 
 
 def _known(line: TextLine, *, is_logarithmic: bool) -> TextLine:
@@ -376,7 +454,9 @@ def _known(line: TextLine, *, is_logarithmic: bool) -> TextLine:
     return TextLine(line.label, x[kept], y[kept])
 
 
-def _cells(line: TextLine, low: Floats, high: Floats, rows: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _cells(
+    line: TextLine, low: Floats, high: Floats, rows: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Columns and rows that a line passes, row 0 at the top."""
     part = (np.column_stack([line.x, line.y]) - low) / (high - low)
     if len(part) > 1:  # so many points between that no cell is missed
@@ -386,7 +466,9 @@ def _cells(line: TextLine, low: Floats, high: Floats, rows: int) -> tuple[NDArra
     return column, rows - 1 - row
 
 
-def _frame(area: NDArray[np.str_], low: Floats, high: Floats, x_label: str, y_label: str) -> list[str]:
+def _frame(
+    area: NDArray[np.str_], low: Floats, high: Floats, x_label: str, y_label: str
+) -> list[str]:
     """The area with numbers at the ends of its axes."""
     ends = [f"{high[1]:.4g}", f"{low[1]:.4g}"]
     margin = max(map(len, ends))
@@ -394,10 +476,16 @@ def _frame(area: NDArray[np.str_], low: Floats, high: Floats, x_label: str, y_la
     rows = [f"{names.get(k, ''):>{margin}} |{''.join(row).rstrip()}" for k, row in enumerate(area)]
     left, right = f"{low[0]:.4g}", f"{high[0]:.4g}"
     across = f"{left}{x_label:^{WIDTH - len(left) - len(right)}}{right}"
-    return [f"{'':{margin}}  {y_label}", *rows, f"{'':{margin}} +{'-' * WIDTH}", f"{'':{margin}}  {across}"]
+    return [
+        f"{'':{margin}}  {y_label}",
+        *rows,
+        f"{'':{margin}} +{'-' * WIDTH}",
+        f"{'':{margin}}  {across}",
+    ]
 
 
-# ---- The figure of a table: tables of `post/NAME.py` are drawn by `plots/NAME.py`, whose `FIGURES` says how
+# ---- The figure of a table: tables of `post/NAME.py` are drawn by `plots/NAME.py`, whose `FIGURES`
+#      says how
 
 _DRAWN_IN = {
     **dict.fromkeys(("crossings", "energy", "region", "rheology"), "over_time"),
@@ -407,7 +495,9 @@ _DRAWN_IN = {
 
 
 class Renderer(NamedTuple):
-    """How a table is drawn: how large a figure of it is [inch], into a figure of matplotlib, and as text for a terminal."""
+    """How a table is drawn: how large a figure of it is [inch], into a figure of matplotlib, and as
+    text for a terminal.
+    """
 
     size: Callable[[Any], tuple[float, float]]
     draw: Callable[..., None]
@@ -433,11 +523,15 @@ def plot(table: Any, path: Path, **options: Any) -> None:
 
 
 def show(table: Any, terminal: Terminal, **options: Any) -> str:
-    """The figure of a table as text for a terminal; raises `PlotError` if it needs matplotlib and that is not installed."""
+    """The figure of a table as text for a terminal; raises `PlotError` if it needs matplotlib and
+    that is not installed.
+    """
     return _ways(table).text(table, terminal, **options)
 
 
 def _ways(table: Any) -> Renderer:
     name = type(table).__module__.rpartition(".")[2]
-    figures: dict[type, Renderer] = import_module(f"multicor_cli.plots.{_DRAWN_IN.get(name, name)}").FIGURES
+    figures: dict[type, Renderer] = import_module(
+        f"multicor_cli.plots.{_DRAWN_IN.get(name, name)}"
+    ).FIGURES
     return figures[type(table)]

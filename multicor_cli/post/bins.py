@@ -1,4 +1,6 @@
-"""Horizontal bins between the walls: where they are in each frame, how high they reach, and what share of a grain lies in each."""
+"""Horizontal bins between the walls: where they are in each frame, how high they reach, and what
+share of a grain lies in each.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,8 @@ from multicor_cli.text import choices
 
 
 class Shares(NamedTuple):
-    """Which grain (or line) lies in which bin with which area (or part of its length); one row per overlap.
+    """Which grain (or line) lies in which bin with which area (or part of its length); one row per
+    overlap.
 
     Attributes:
         grain: Index of the grain, shape ``(k,)``.
@@ -63,25 +66,35 @@ def share_discs(y: Floats, radius: Floats, bottom: float, width: float, count: i
 
     def area(grain: NDArray[np.int64], bin_: NDArray[np.int64]) -> Floats:
         edge = bottom + bin_ * width - y[grain]
-        return np.maximum(area_below(edge + width, radius[grain]) - area_below(edge, radius[grain]), 0.0)
+        return np.maximum(
+            area_below(edge + width, radius[grain]) - area_below(edge, radius[grain]), 0.0
+        )
 
     return _share(first, last, count, area)
 
 
 def _share(
-    first: NDArray[np.int64], last: NDArray[np.int64], count: int, part: Callable[[NDArray[np.int64], NDArray[np.int64]], Floats]
+    first: NDArray[np.int64],
+    last: NDArray[np.int64],
+    count: int,
+    part: Callable[[NDArray[np.int64], NDArray[np.int64]], Floats],
 ) -> Shares:
-    """Shares of what lies in the bins from ``first`` to ``last`` each, with what ``part`` says of numbers and bins."""
+    """Shares of what lies in the bins from ``first`` to ``last`` each, with what ``part`` says of
+    numbers and bins.
+    """
     none = np.zeros(0, np.int64)
     pieces = [Shares(none, none, np.zeros(0))]
     for step in range(int((last - first).max(initial=-1)) + 1):
-        which = np.flatnonzero((first + step <= last) & (first + step >= 0) & (first + step < count))
+        which = np.flatnonzero(
+            (first + step <= last) & (first + step >= 0) & (first + step < count)
+        )
         pieces.append(Shares(which, first[which] + step, part(which, first[which] + step)))
     return Shares(*(np.concatenate(column) for column in zip(*pieces, strict=True)))
 
 
 def share_lines(start: Floats, end: Floats, bottom: float, width: float, count: int) -> Shares:
-    """Share straight lines out among ``count`` bins of equal width; parts outside all bins are left out.
+    """Share straight lines out among ``count`` bins of equal width; parts outside all bins are left
+    out.
 
     Args:
         start: Heights of one end [m], shape ``(n,)``.
@@ -91,8 +104,8 @@ def share_lines(start: Floats, end: Floats, bottom: float, width: float, count: 
         count: Number of bins.
 
     Returns:
-        The shares; ``grain`` is the number of the line, ``area`` the part of its length that lies in the bin [1]. A level line
-        lies in one bin.
+        The shares; ``grain`` is the number of the line, ``area`` the part of its length that lies
+        in the bin [1]. A level line lies in one bin.
     """
     low, high = (np.minimum(start, end) - bottom) / width, (np.maximum(start, end) - bottom) / width
     first, last = np.floor(low).astype(np.int64), np.floor(high).astype(np.int64)
@@ -124,7 +137,8 @@ def part_between(start: Floats, end: Floats, low: float, high: float) -> Floats:
     return np.asarray(np.where(rise > 0.0, np.maximum(part, 0.0), level))
 
 
-# ---- Between which heights a profile extends: the walls below and above the grains, or the grains themselves
+# ---- Between which heights a profile extends: the walls below and above the grains, or the grains
+#      themselves
 
 Between = tuple[str, str]
 """Names of a lower and an upper wall."""
@@ -140,20 +154,24 @@ _STRAY = 0.1  # a wall still bounds the grains if no more than this part of them
 class Extent:
     """Where the heights of a profile are measured from, and how far they go.
 
-    Heights count from the lower wall where there is one, wherever it has moved to: from the line through the centers of its
-    glued grains (between the lowest and the highest of them), or from its surface if it is smooth: from the mean height of what
-    faces the grains, such as the top of a polygon or the bottom of a tray. Otherwise they count from the
-    lowest point that a grain reaches. A wall is below the grains if it lies below the middle of them and the centers of nine grains
-    in ten lie above its line, in the first frame and in the last; and it must be wider than it is high, half as wide as the grains
-    spread, and no farther from them than ten times their height: a gate that closed an opening, or has dropped away, bounds
-    nothing. A solid disc is no such wall, nor with grains glued to it.
+    Heights count from the lower wall where there is one, wherever it has moved to: from the line
+    through the centers of its glued grains (between the lowest and the highest of them), or from
+    its surface if it is smooth: from the mean height of what faces the grains, such as the top of a
+    polygon or the bottom of a tray. Otherwise they count from the lowest point that a grain
+    reaches. A wall is below the grains if it lies below the middle of them and the centers of nine
+    grains in ten lie above its line, in the first frame and in the last; and it must be wider than
+    it is high, half as wide as the grains spread, and no farther from them than ten times their
+    height: a gate that closed an opening, or has dropped away, bounds nothing. A solid disc is no
+    such wall, nor with grains glued to it.
 
     Attributes:
         lower: Index of the wall below the grains, or None.
         upper: Index of the wall above the grains, or None.
-        line: Height of each wall in its own frame, of the upper one as seen from below [m], shape ``(w,)``.
+        line: Height of each wall in its own frame, of the upper one as seen from below [m], shape
+            ``(w,)``.
         floor: Lowest point of the grains over the frames [m]; used without a lower wall.
-        height: Distance of the walls, averaged over the frames; where one is missing, how far the grains reach [m].
+        height: Distance of the walls, averaged over the frames; where one is missing, how far the
+            grains reach [m].
     """
 
     lower: int | None
@@ -172,19 +190,25 @@ class Extent:
         """Distance of the walls in this frame [m]; where one is missing, `height`."""
         if self.lower is None or self.upper is None:
             return self.height
-        return float(self.line[self.upper] + frame.wall_position[self.upper, 1]) - self.origin(frame)
+        return float(self.line[self.upper] + frame.wall_position[self.upper, 1]) - self.origin(
+            frame
+        )
 
 
-def find_extent(source: FrameSource, indices: NDArray[np.int64], between: Between | None = None) -> Extent:
+def find_extent(
+    source: FrameSource, indices: NDArray[np.int64], between: Between | None = None
+) -> Extent:
     """The extent over the selected frames.
 
     Args:
         source: The run.
         indices: The frames.
-        between: Names of the walls below and above the grains; default: those that bound them, see `Extent`.
+        between: Names of the walls below and above the grains; default: those that bound them, see
+            `Extent`.
 
     Raises:
-        PostError: If no grain is there, or ``between`` names no two walls that lie one above the other.
+        PostError: If no grain is there, or ``between`` names no two walls that lie one above the
+            other.
     """
     model = source.model
     spans = wall_spans(model)
@@ -210,20 +234,29 @@ def find_extent(source: FrameSource, indices: NDArray[np.int64], between: Betwee
         y, radius = np.asarray(frame.position)[:, 1], model_of(source, frame).grains.radius
         start = float(at[lower]) if lower is not None else 0.0
         floor = min(floor, float((y - radius).min()))
-        ceiling = max(ceiling, (float(at[upper]) if upper is not None else float((y + radius).max())) - start)
+        ceiling = max(
+            ceiling, (float(at[upper]) if upper is not None else float((y + radius).max())) - start
+        )
     if lower is not None:
         floor = 0.0
     return Extent(lower, upper, line, floor, gap or ceiling - floor)
 
 
 def _named_walls(
-    names: tuple[str, ...], between: Between, frames: list[GrainFrame], spans: tuple[Floats, Floats], levels: Floats
+    names: tuple[str, ...],
+    between: Between,
+    frames: list[GrainFrame],
+    spans: tuple[Floats, Floats],
+    levels: Floats,
 ) -> tuple[int, int]:
     for name in between:
         if name not in names:
             raise PostError(f"there is no wall '{name}'; {choices(name, names)}")
         if not np.isfinite(spans[0][names.index(name)]):
-            raise PostError(f"the wall '{name}' is upright, or none that grains lie on: no height can be measured from it")
+            raise PostError(
+                f"the wall '{name}' is upright, or none that grains lie on: no height can be "
+                "measured from it"
+            )
     lower, upper = (names.index(name) for name in between)
     for frame in frames:
         at = levels + np.asarray(frame.wall_position)[:, 1]
@@ -233,15 +266,23 @@ def _named_walls(
 
 
 def _bounding_walls(
-    frames: list[GrainFrame], spans: tuple[Floats, Floats], levels: Floats, width: Floats, diameter: float
+    frames: list[GrainFrame],
+    spans: tuple[Floats, Floats],
+    levels: Floats,
+    width: Floats,
+    diameter: float,
 ) -> tuple[int | None, int | None]:
-    """The highest of the walls that are below the grains in all of some frames, and the lowest of those above them."""
+    """The highest of the walls that are below the grains in all of some frames, and the lowest of
+    those above them.
+    """
     is_below, is_above = np.ones(width.size, np.bool_), np.ones(width.size, np.bool_)
     for frame in frames:
         first, last = np.quantile(np.asarray(frame.position)[:, 0], (_STRAY, 1.0 - _STRAY))
         is_wide = width >= _WIDE * (last - first)
         is_below, is_above = is_below & is_wide, is_above & is_wide
-        low, middle, high = np.quantile(np.asarray(frame.position)[:, 1], (_STRAY, 0.5, 1.0 - _STRAY))
+        low, middle, high = np.quantile(
+            np.asarray(frame.position)[:, 1], (_STRAY, 0.5, 1.0 - _STRAY)
+        )
         wall_y = np.asarray(frame.wall_position)[:, 1]
         reach = high - low + diameter
         floor, lid = levels + wall_y
@@ -260,17 +301,20 @@ def _largest(values: Floats, candidate: NDArray[np.bool_]) -> int | None:
 def _levels(model: Model, spans: tuple[Floats, Floats]) -> Floats:
     """Height of each wall in its frame, as a floor and as a lid [m], shape ``(2, w)``.
 
-    Of lines the mean over x, of polygons that of the sides that face up or down; of anything else the middle between its lowest
-    and its highest reference point.
+    Of lines the mean over x, of polygons that of the sides that face up or down; of anything else
+    the middle between its lowest and its highest reference point.
     """
     shapes, count = model.shapes, model.wall_count
     width, moment = np.zeros((2, count)), np.zeros((2, count))
     for which, outline in outlines(shapes.kind, shapes.geometry):
         run = outline.points[:, -1, 0] - outline.points[:, 0, 0]
-        for k, sign in enumerate((-1.0, 1.0)):  # what is solid on its left faces up where it leads to the left
+        # What is solid on its left faces up where it leads to the left
+        for k, sign in enumerate((-1.0, 1.0)):
             across = np.maximum(sign * run, 0.0) if outline.is_solid else np.abs(run)
             width[k] += np.bincount(shapes.wall[which], across, count)
-            moment[k] += np.bincount(shapes.wall[which], across * outline.points[:, :, 1].mean(axis=1), count)
+            moment[k] += np.bincount(
+                shapes.wall[which], across * outline.points[:, :, 1].mean(axis=1), count
+            )
     middle = 0.5 * np.where(np.isfinite(spans), spans, 0.0).sum(axis=0)
     return np.where(width > 0.0, moment / np.where(width > 0.0, width, 1.0), middle)
 
@@ -280,22 +324,29 @@ def _widths(model: Model) -> Floats:
     low, high = np.full(model.wall_count, np.inf), np.full(model.wall_count, -np.inf)
     shapes = model.shapes
     for which, outline in outlines(shapes.kind, shapes.geometry):
-        ends = np.full((2, which.size), [[-np.inf], [np.inf]]) if outline.normal is not None else outline.corners()[:, :, 0]
+        ends = (
+            np.full((2, which.size), [[-np.inf], [np.inf]])
+            if outline.normal is not None
+            else outline.corners()[:, :, 0]
+        )
         np.minimum.at(low, shapes.wall[which], ends[0])
         np.maximum.at(high, shapes.wall[which], ends[1])
     return np.asarray(high - low)
 
 
 def wall_spans(model: Model) -> tuple[Floats, Floats]:
-    """Lowest and highest reference point of each wall in its frame [m]; infinite where a wall is upright.
+    """Lowest and highest reference point of each wall in its frame [m]; infinite where a wall is
+    upright.
 
-    Upright are planes more than 45° from the level, other walls that are higher than wide, and discs, smooth or rough.
+    Upright are planes more than 45° from the level, other walls that are higher than wide, and
+    discs, smooth or rough.
     """
     low, high = np.full((model.wall_count, 2), np.inf), np.full((model.wall_count, 2), -np.inf)
     is_upright = np.zeros(model.wall_count, np.bool_)
     shapes = model.shapes
     for which, outline in outlines(shapes.kind, shapes.geometry):
-        corners = (replace(outline, radius=None) if outline.is_grain else outline).corners()  # of glued grains the centers count
+        # of glued grains the centers count
+        corners = (replace(outline, radius=None) if outline.is_grain else outline).corners()
         np.minimum.at(low, shapes.wall[which], corners[0])
         np.maximum.at(high, shapes.wall[which], corners[1])
         if outline.normal is not None:
@@ -312,12 +363,16 @@ def _are_round(model: Model) -> NDArray[np.bool_]:
     found = np.zeros(model.wall_count, np.bool_)
     for wall in np.unique(shapes.wall).tolist():
         own = shapes.wall == wall
-        found[wall] = bool((shapes.kind[own] == ShapeKind.DISC).all()) and _surround_one(shapes.geometry[own])
+        found[wall] = bool((shapes.kind[own] == ShapeKind.DISC).all()) and _surround_one(
+            shapes.geometry[own]
+        )
     return found
 
 
 def _surround_one(discs: Floats) -> bool:
-    """Whether all discs but the largest touch it, and leave no half of its rim free: x, y and radius come first [m]."""
+    """Whether all discs but the largest touch it, and leave no half of its rim free: x, y and
+    radius come first [m].
+    """
     largest = int(discs[:, RADIUS].argmax())
     others = np.delete(discs, largest, axis=0)
     if not len(others):
@@ -335,9 +390,11 @@ BIN_LIMIT = 100_000
 """Largest number of bins; more is taken for a mistake."""
 
 WALL_LAYER = 1.0
-"""The layer at a wall that profiles leave out unless told otherwise, in mean diameters: walls order the grains there."""
+"""The layer at a wall that profiles leave out unless told otherwise, in mean diameters: walls order
+the grains there."""
 
-_NEAR = 0.125  # of the distance of the walls: no more than that is left out at each unless told otherwise
+# of the distance of the walls: no more than that is left out at each unless told otherwise
+_NEAR = 0.125
 _NOTHING = 1e-9  # of the distance of the walls: a height below that is zero but for rounding
 
 
@@ -357,8 +414,9 @@ class BinPlace(NamedTuple):
 class Bins:
     """Horizontal bins of equal width.
 
-    Between two walls that approach each other or move apart they become narrower or wider with the distance, so that they end at
-    the walls in every frame; what is left out next to the walls keeps its width.
+    Between two walls that approach each other or move apart they become narrower or wider with the
+    distance, so that they end at the walls in every frame; what is left out next to the walls keeps
+    its width.
 
     Attributes:
         extent: Where heights are measured from.
@@ -380,12 +438,15 @@ class Bins:
         return np.asarray(self.bottom + (np.arange(self.count) + 0.5) * self.width)
 
     def place(self, frame: GrainFrame) -> BinPlace:
-        """Where the bins are in a frame; raises `PostError` if the walls come too near to each other."""
+        """Where the bins are in a frame; raises `PostError` if the walls come too near to each
+        other.
+        """
         width = self.width + (self.extent.span(frame) - self.extent.height) / self.count
         if not width * self.count > _NOTHING * self.extent.height:
             raise PostError(
-                f"nothing is left between the walls where they come nearest, {self.extent.span(frame):.4g} m: "
-                "leave out less at the walls, or choose other frames"
+                "nothing is left between the walls where they come nearest, "
+                f"{self.extent.span(frame):.4g} m: leave out less at the walls, or choose other "
+                "frames"
             )
         return BinPlace(self.extent.origin(frame) + self.bottom, width)
 
@@ -394,7 +455,9 @@ class Bins:
         return share_discs(y, radius, *place, self.count)
 
     def share_branches(self, contacts: LoadedContacts, y: Floats, place: BinPlace) -> Shares:
-        """Which branch of a contact lies in which bin with which part of its length; ``y`` are the heights of the grains [m]."""
+        """Which branch of a contact lies in which bin with which part of its length; ``y`` are the
+        heights of the grains [m].
+        """
         start = y[contacts.i]
         return share_lines(start, start - contacts.branch[:, 1], *place, self.count)
 
@@ -412,12 +475,15 @@ def make_bins(
     exclude_walls: float | None = 0.0,
     between: Between | None = None,
 ) -> Bins:
-    """Bins over the extent of the frames ``chosen``, each about ``bin_width`` mean diameters wide unless their number is given.
+    """Bins over the extent of the frames ``chosen``, each about ``bin_width`` mean diameters wide
+    unless their number is given.
 
-    What is left out at the walls is `WALL_LAYER`, or less between walls that are near, if ``exclude_walls`` is None.
+    What is left out at the walls is `WALL_LAYER`, or less between walls that are near, if
+    ``exclude_walls`` is None.
 
     Raises:
-        PostError: If there are too few or too many, nothing is left between the walls, or ``between`` names no such walls.
+        PostError: If there are too few or too many, nothing is left between the walls, or
+            ``between`` names no such walls.
     """
     extent = find_extent(source, chosen, between)
     diameter = source.model.mean_diameter
@@ -426,17 +492,23 @@ def make_bins(
     elif exclude_walls >= 0.0:
         edge = exclude_walls * diameter
     else:
-        raise PostError(f"{exclude_walls:g} mean diameters cannot be left out at the walls: choose 0 or more")
+        raise PostError(
+            f"{exclude_walls:g} mean diameters cannot be left out at the walls: choose 0 or more"
+        )
     bottom = edge if extent.lower is not None else 0.0
     height = extent.height - bottom - (edge if extent.upper is not None else 0.0)
     if not height > _NOTHING * extent.height:
         raise PostError(
-            f"nothing is left between the walls: they are {extent.height / diameter:.3g} mean diameters apart and "
-            f"{edge / diameter:g} are to be left out at each"
+            f"nothing is left between the walls: they are {extent.height / diameter:.3g} mean "
+            f"diameters apart and {edge / diameter:g} are to be left out at each"
         )
     if bin_width is not None and not bin_width > 0.0:
         raise PostError(f"bins cannot be {bin_width:g} mean diameters wide: choose more than 0")
-    count = bins if bins is not None else max(round(min(height / ((bin_width or 1.0) * diameter), 2.0 * BIN_LIMIT)), 1)
+    count = (
+        bins
+        if bins is not None
+        else max(round(min(height / ((bin_width or 1.0) * diameter), 2.0 * BIN_LIMIT)), 1)
+    )
     if not 1 <= count <= BIN_LIMIT:
         raise PostError(f"{count} bins: choose between 1 and {BIN_LIMIT}")
     return Bins(extent, height / count, count, bottom, edge)

@@ -25,7 +25,8 @@ class Pair(NamedTuple):
         first: Value of the first run.
         second: Value of the second run.
         error: Standard error of their difference, √(e₁² + e₂²); nan if it is not known.
-        note: That one of them drifts, or that its error is a guess from too few frames; empty if neither.
+        note: That one of them drifts, or that its error is a guess from too few frames; empty if
+            neither.
     """
 
     name: str
@@ -70,13 +71,19 @@ class ProfilePair:
 
     @property
     def ratio(self) -> Floats:
-        """Second minus first over the standard error of that; nan where it is not known, shape ``(b,)``."""
+        """Second minus first over the standard error of that; nan where it is not known, shape
+        ``(b,)``.
+        """
         with np.errstate(invalid="ignore", divide="ignore"):
-            return np.where(self.error > 0.0, (self.second.value - self.first.value) / self.error, np.nan)
+            return np.where(
+                self.error > 0.0, (self.second.value - self.first.value) / self.error, np.nan
+            )
 
     @property
     def rms_ratio(self) -> float:
-        """Root mean square of `ratio`: about 1 where the runs differ by chance only; nan without errors."""
+        """Root mean square of `ratio`: about 1 where the runs differ by chance only; nan without
+        errors.
+        """
         known = self.ratio[np.isfinite(self.ratio)]
         return float(np.sqrt((known**2).mean())) if known.size else np.nan
 
@@ -104,9 +111,11 @@ class Comparison(Table):
     """What `compare` finds.
 
     Attributes:
-        names: Names of the two runs: the key that differs with its value, ``friction = 0.3``, where it is one.
+        names: Names of the two runs: the key that differs with its value, ``friction = 0.3``, where
+            it is one.
         keys: Scenario keys that differ: key, value of the first run, of the second; as texts.
-        numbers: Sizes, books at the end, and the rheology if both runs are sheared between two walls.
+        numbers: Sizes, books at the end, and the rheology if both runs are sheared between two
+            walls.
         profiles: Profiles by field.
     """
 
@@ -120,23 +129,41 @@ class Comparison(Table):
         nan = np.nan
         lines = [(p.label, p.first, p.second, p.difference, p.ratio, p.note) for p in numbers]
         # One line for each profile: the root mean square of its differences over their errors.
-        lines += [(f"profile of {name} (rms over bins)", nan, nan, nan, p.rms_ratio, p.note) for name, p in profiles.items()]
+        lines += [
+            (f"profile of {name} (rms over bins)", nan, nan, nan, p.rms_ratio, p.note)
+            for name, p in profiles.items()
+        ]
         headings = ("quantity", *names, "difference", "over its standard error", "note")
         facts = {
             "runs": names,
             "scenario": [dict(zip(("key", "first", "second"), key, strict=True)) for key in keys],
             "numbers": {
-                p.name: {"first": p.first, "second": p.second, "difference": p.difference, "error": p.error} for p in numbers
+                p.name: {
+                    "first": p.first,
+                    "second": p.second,
+                    "difference": p.difference,
+                    "error": p.error,
+                }
+                for p in numbers
             },
             "profiles": {name: _data_of(pair) for name, pair in profiles.items()},
         }
         columns = [
             Column(name, "", values, label, "")
             for name, values, label in zip(
-                ("quantity", "one", "two", "difference", "ratio", "note"), zip(*lines, strict=True), headings, strict=True
+                ("quantity", "one", "two", "difference", "ratio", "note"),
+                zip(*lines, strict=True),
+                headings,
+                strict=True,
             )
         ]
-        super().__init__(columns, facts, _joined([pair.columns() for pair in profiles.values()]), names=names, keys=keys)
+        super().__init__(
+            columns,
+            facts,
+            _joined([pair.columns() for pair in profiles.values()]),
+            names=names,
+            keys=keys,
+        )
         self.numbers, self.profiles = numbers, profiles
 
 
@@ -218,26 +245,49 @@ def _sizes(first: SeriesSource, second: SeriesSource) -> list[Pair]:
     kinds: tuple[tuple[str, str, Callable[[SeriesSource], float]], ...] = (
         ("grain_count", "grains", lambda run: run.model.grain_count),
         ("frame_count", "frames", lambda run: np.asarray(run.frames.time).size),
-        ("time", "time at the last frame [s]", lambda run: float(np.asarray(run.frames.time)[-1:].sum())),
+        (
+            "time",
+            "time at the last frame [s]",
+            lambda run: float(np.asarray(run.frames.time)[-1:].sum()),
+        ),
     )
-    return [Pair(name, label, float(value(first)), float(value(second))) for name, label, value in kinds]
+    return [
+        Pair(name, label, float(value(first)), float(value(second))) for name, label, value in kinds
+    ]
 
 
 def _books(first: SeriesSource, second: SeriesSource) -> list[Pair]:
     one, two = energy(first), energy(second)
     ends = [
-        (entry.name, entry.label, "J", *(float(table.books[entry.name][-1]) for table in (one, two)))
+        (
+            entry.name,
+            entry.label,
+            "J",
+            *(float(table.books[entry.name][-1]) for table in (one, two)),
+        )
         for entry in one.entries
         if entry.name in two.books
     ]
     ends.append(("energy_closure", "closure", "1", float(one.closure[-1]), float(two.closure[-1])))
     if one.heat_closure is not None and two.heat_closure is not None:
-        ends.append(("heat_closure", "closure of heat", "1", float(one.heat_closure[-1]), float(two.heat_closure[-1])))
+        ends.append(
+            (
+                "heat_closure",
+                "closure of heat",
+                "1",
+                float(one.heat_closure[-1]),
+                float(two.heat_closure[-1]),
+            )
+        )
     return [Pair(name, with_unit(label, unit), *values) for name, label, unit, *values in ends]
 
 
-def _rheologies(first: SeriesSource, second: SeriesSource, selection: Selection | None) -> list[Pair]:
-    """Pairs of the rheology if both runs have one; nothing if one is not sheared between two walls."""
+def _rheologies(
+    first: SeriesSource, second: SeriesSource, selection: Selection | None
+) -> list[Pair]:
+    """Pairs of the rheology if both runs have one; nothing if one is not sheared between two
+    walls.
+    """
     try:
         one, two = rheology(first, selection), rheology(second, selection)
     except PostError:
@@ -252,12 +302,20 @@ def _rheologies(first: SeriesSource, second: SeriesSource, selection: Selection 
             one.mean[q.name],
             two.mean[q.name],
             float(np.hypot(one.error[q.name], two.error[q.name])),
-            ", ".join(dict.fromkeys(note for table in (one, two) if (note := table.spread[q.name].note()))),
+            ", ".join(
+                dict.fromkeys(note for table in (one, two) if (note := table.spread[q.name].note()))
+            ),
         )
         for q in QUANTITIES
     ]
 
 
-def _profiles(first: SeriesSource, second: SeriesSource, field: str, selection: Selection | None, bins: int | None) -> ProfilePair:
+def _profiles(
+    first: SeriesSource,
+    second: SeriesSource,
+    field: str,
+    selection: Selection | None,
+    bins: int | None,
+) -> ProfilePair:
     one = profile(first, field, selection, bins)
     return ProfilePair(one, profile(second, field, selection, one.y.size))

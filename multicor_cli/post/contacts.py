@@ -1,4 +1,6 @@
-"""The contacts of a frame that carry a force, and a run as if it had only the grains of some of its groups."""
+"""The contacts of a frame that carry a force, and a run as if it had only the grains of some of its
+groups.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LoadedContacts:
-    """The contacts of a frame with a normal force (tension is negative); ``c`` of them between ``n`` grains and the walls.
+    """The contacts of a frame with a normal force (tension is negative); ``c`` of them between
+    ``n`` grains and the walls.
 
     Attributes:
         i: First grain, shape ``(c,)``.
@@ -31,7 +34,8 @@ class LoadedContacts:
         force: Normal and tangential force on i, mean of the last step [N], shape ``(c, 2)``.
         row: Numbers of these contacts among all of the frame, shape ``(c,)``.
         rows: All contacts of the frame; what is not needed is not read.
-        reach_of: Radii of the grains, then of the wall shapes: of glued grains, 0 of smooth walls [m], shape ``(n + m,)``.
+        reach_of: Radii of the grains, then of the wall shapes: of glued grains, 0 of smooth walls
+            [m], shape ``(n + m,)``.
         grain_count: Number of grains n.
     """
 
@@ -50,8 +54,14 @@ class LoadedContacts:
 
     @cached_property
     def reach(self) -> Floats:
-        """Distance from the center of i to that of j, or to the point where i touches a smooth wall [m], shape ``(c,)``."""
-        return np.asarray(self.reach_of[self.i] + np.asarray(self.rows.gap, np.float64)[self.row] + self.reach_of[self.j])
+        """Distance from the center of i to that of j, or to the point where i touches a smooth wall
+        [m], shape ``(c,)``.
+        """
+        return np.asarray(
+            self.reach_of[self.i]
+            + np.asarray(self.rows.gap, np.float64)[self.row]
+            + self.reach_of[self.j]
+        )
 
     @cached_property
     def is_wall(self) -> NDArray[np.bool_]:
@@ -66,7 +76,9 @@ class LoadedContacts:
 
     @cached_property
     def branch(self) -> Floats:
-        """From the center of j, or the point where i touches a smooth wall, to the center of i [m], shape ``(c, 2)``."""
+        """From the center of j, or the point where i touches a smooth wall, to the center of i [m],
+        shape ``(c, 2)``.
+        """
         return np.asarray(self.normal * self.reach[:, np.newaxis])
 
     def virial(self, a: int, b: int) -> Floats:
@@ -80,7 +92,9 @@ class LoadedContacts:
     def counts(self) -> NDArray[np.int64]:
         """Contacts of each grain; those with walls count once, shape ``(n,)``."""
         between = self.j[~self.is_wall]
-        return np.bincount(self.i, minlength=self.grain_count) + np.bincount(between, minlength=self.grain_count)
+        return np.bincount(self.i, minlength=self.grain_count) + np.bincount(
+            between, minlength=self.grain_count
+        )
 
     @property
     def loads(self) -> Floats:
@@ -99,7 +113,9 @@ class LoadedContacts:
 
 
 def has_forces(frame: GrainFrame) -> bool:
-    """Whether contact forces belong to a frame: they were recorded, and a step was done before it."""
+    """Whether contact forces belong to a frame: they were recorded, and a step was done before
+    it.
+    """
     return bool(frame.contacts.recorded) and frame.dt > 0.0
 
 
@@ -110,7 +126,9 @@ def loaded_contacts(frame: GrainFrame, model: Model) -> LoadedContacts:
     row = np.flatnonzero(force[:, 0])
     glued = np.where(model.shapes.kind == ShapeKind.DISC, model.shapes.geometry[:, 2], 0.0)
     reach_of = np.concatenate([model.grains.radius, glued])
-    return LoadedContacts(contacts.i[row], contacts.j[row], force[row], row, contacts, reach_of, model.grain_count)
+    return LoadedContacts(
+        contacts.i[row], contacts.j[row], force[row], row, contacts, reach_of, model.grain_count
+    )
 
 
 def with_forces(source: FrameSource, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -121,7 +139,11 @@ def with_forces(source: FrameSource, chosen: NDArray[np.int64]) -> NDArray[np.in
     """
     found = [int(k) for k in chosen if has_forces(source.frames[int(k)])]
     if not found:
-        refuse_frame(source, int(chosen[-1]), "the selected frames" if chosen.size > 1 else f"frame {int(chosen[0])}")
+        refuse_frame(
+            source,
+            int(chosen[-1]),
+            "the selected frames" if chosen.size > 1 else f"frame {int(chosen[0])}",
+        )
     return np.array(found, np.int64)
 
 
@@ -129,7 +151,10 @@ def refuse_frame(source: FrameSource, index: int, name: str) -> None:
     """Say why no forces belong to a frame; raises `PostError` if that is so."""
     frame = source.frames[index]
     if not frame.contacts.recorded:
-        raise PostError(f"the contacts of {name} were not recorded; set contacts = true in [output] and run it again")
+        raise PostError(
+            f"the contacts of {name} were not recorded; set contacts = true in [output] and run "
+            "it again"
+        )
     if not frame.dt > 0.0:
         why = "no step of the mechanics was done before (frozen stages do none)"
         raise PostError(f"there are no contact forces in {name}: {why}; choose other frames")
@@ -141,7 +166,8 @@ _OF_GRAINS = ("position", "velocity", "spin", "temperature", "generated", "unwra
 
 
 class FrameOfGroups:
-    """A frame with the grains of some groups; walls, times and what else belongs to the whole are its own.
+    """A frame with the grains of some groups; walls, times and what else belongs to the whole are
+    its own.
 
     Attributes:
         whole: The frame with all its grains.
@@ -166,10 +192,13 @@ class FrameOfGroups:
     @property
     def contacts(self) -> Any:
         """Refused: a contact may be one with a grain of another group; see `parts`."""
-        raise PostError("contacts are not those of one group: leave out --group, or choose a quantity of grains")
+        raise PostError(
+            "contacts are not those of one group: leave out --group, or choose a quantity of grains"
+        )
 
     def parts(self, contacts: LoadedContacts) -> Floats:
-        """Which part of each contact of the whole is that of these grains: half for each of two grains, shape ``(c,)``.
+        """Which part of each contact of the whole is that of these grains: half for each of two
+        grains, shape ``(c,)``.
 
         What a grain exchanges with a wall is its own. So the parts of all groups add up to 1.
         """

@@ -1,4 +1,6 @@
-"""Over time: the energy books of a run, mechanical and of heat if it has any, and columns of its time series."""
+"""Over time: the energy books of a run, mechanical and of heat if it has any, and columns of its
+time series.
+"""
 
 from __future__ import annotations
 
@@ -44,8 +46,9 @@ MECHANICAL = _books(
     ("kinetic_gain", "gain of kinetic energy", 0),
     ("imbalance", "imbalance", 0),
 )
-"""The mechanical books: gain = what came in − what went out + imbalance. The works include those of the projection of positions.
-What grains bring and take along is there in runs in which they come and go."""
+"""The mechanical books: gain = what came in − what went out + imbalance. The works include those of
+the projection of positions. What grains bring and take along is there in runs in which they come
+and go."""
 
 HEAT = _books(
     ("heat_friction", "heat of friction", 1),
@@ -66,15 +69,19 @@ class EnergyTable(Table):
 
     Attributes:
         time: Times [s], shape ``(s,)``.
-        books: The lines of `MECHANICAL`, and of `HEAT` in a run with heat, that the run has, by name [J], shape ``(s,)``.
+        books: The lines of `MECHANICAL`, and of `HEAT` in a run with heat, that the run has, by
+            name [J], shape ``(s,)``.
         closure: Largest mechanical imbalance so far over the sum of all terms, shape ``(s,)``.
         heat_closure: The same of heat, or None in a run without.
         entries: The lines that the run has.
     """
 
 
-def energy(source: SeriesSource, start: float | None = None, end: float | None = None) -> EnergyTable:
-    """The energy books over time; they count from the start of the run whatever part of it is looked at.
+def energy(
+    source: SeriesSource, start: float | None = None, end: float | None = None
+) -> EnergyTable:
+    """The energy books over time; they count from the start of the run whatever part of it is
+    looked at.
 
     Args:
         source: The run.
@@ -89,12 +96,20 @@ def energy(source: SeriesSource, start: float | None = None, end: float | None =
     time = np.asarray(series["time"], np.float64)
     rows = within(time, start, end)
     if not rows.size:
-        raise PostError("the time series has no row in this time" if time.size else "the run has no time series yet")
+        raise PostError(
+            "the time series has no row in this time"
+            if time.size
+            else "the run has no time series yet"
+        )
     has_heat = "heat_stored" in series
     gain = np.asarray(series["kinetic"]) - np.asarray(series["kinetic_start"])
     mechanical, heat = (
         [
-            entry.over_time(np.asarray(gain if entry.name == "kinetic_gain" else series[entry.name], np.float64)[rows])
+            entry.over_time(
+                np.asarray(
+                    gain if entry.name == "kinetic_gain" else series[entry.name], np.float64
+                )[rows]
+            )
             for entry in lines
             if entry.name == "kinetic_gain" or entry.name in series
         ]
@@ -103,11 +118,20 @@ def energy(source: SeriesSource, start: float | None = None, end: float | None =
     closure = Column("closure", "1", np.asarray(series["closure"], np.float64)[rows])
     closures = [closure]
     if has_heat:
-        closures.append(Column("heat_closure", "1", np.asarray(series["heat_closure"], np.float64)[rows], "closure of heat"))
+        closures.append(
+            Column(
+                "heat_closure",
+                "1",
+                np.asarray(series["heat_closure"], np.float64)[rows],
+                "closure of heat",
+            )
+        )
     books = {column.name: column.values for column in (*mechanical, *heat)}
     shown = [*mechanical, closure, *heat, *closures[1:]]
     return EnergyTable(
-        values_of_quantities([(column.heading, float(column.values[-1])) for column in shown], "at the end"),
+        values_of_quantities(
+            [(column.heading, float(column.values[-1])) for column in shown], "at the end"
+        ),
         {
             "end": {name: values[-1] for name, values in books.items()},
             "energy_closure": closure.values[-1],
@@ -117,7 +141,10 @@ def energy(source: SeriesSource, start: float | None = None, end: float | None =
             "closure_over_time": closure.values,
             "heat_closure_over_time": closures[1].values if has_heat else None,
         },
-        [Column("time", "s", time[rows]), *(c._replace(label="") for c in (*mechanical, *heat, *closures))],
+        [
+            Column("time", "s", time[rows]),
+            *(c._replace(label="") for c in (*mechanical, *heat, *closures)),
+        ],
         entries=tuple(entry for entry in (*MECHANICAL, *HEAT) if entry.name in books),
     )
 
@@ -136,7 +163,9 @@ MOST_LINES = 6
 
 
 class SeriesTable(TimeTable):
-    """Columns of a time series. What a row has of forces and powers is a mean over the time since the row before."""
+    """Columns of a time series. What a row has of forces and powers is a mean over the time since
+    the row before.
+    """
 
     KEYS = ("time", "units", "mean", "standard_error", "drift", "values")
 
@@ -146,10 +175,16 @@ class SeriesTable(TimeTable):
         return {name: float(values.mean()) for name, values in self.values.items()}
 
     def overview(self) -> SeriesTable:
-        """The columns that a figure shows unless others are asked for, no more of one unit than it can tell apart."""
+        """The columns that a figure shows unless others are asked for, no more of one unit than it
+        can tell apart.
+        """
         chosen: list[Column] = []
         for word in OVERVIEW:
-            called = [column for column in self.quantities if word in (column.name, *column.name.split(": "))]
+            called = [
+                column
+                for column in self.quantities
+                if word in (column.name, *column.name.split(": "))
+            ]
             alike = sum(bool(called) and column.unit == called[0].unit for column in chosen)
             chosen += called if alike + len(called) <= MOST_LINES else []
         return SeriesTable(self.time, chosen or self.quantities[:1])
@@ -168,13 +203,18 @@ class SeriesTable(TimeTable):
         ]
 
 
-def series(source: SeriesSource, of: Sequence[str] = (), start: float | None = None, end: float | None = None) -> SeriesTable:
+def series(
+    source: SeriesSource,
+    of: Sequence[str] = (),
+    start: float | None = None,
+    end: float | None = None,
+) -> SeriesTable:
     """Columns of the time series.
 
     Args:
         source: The run.
-        of: Names of the columns, as ``kinetic`` or ``top: force_x``, or what is before or after the colon: ``force_x`` of
-            all walls, or all that ``top`` has. Default: all of them.
+        of: Names of the columns, as ``kinetic`` or ``top: force_x``, or what is before or after the
+            colon: ``force_x`` of all walls, or all that ``top`` has. Default: all of them.
         start: Earliest time [s].
         end: Latest time [s].
 
@@ -189,8 +229,13 @@ def series(source: SeriesSource, of: Sequence[str] = (), start: float | None = N
         at = f"from t = {time[0]:g} s to {time[-1]:g} s" if time.size else "no rows yet"
         raise PostError(f"the time series has no row at these times: it has rows {at}")
     names = [name for name in columns if name not in _OWN]
-    wanted = list(dict.fromkeys(name for word in of for name in _called(word, names))) if of else names
-    kept = [Column(name, columns[name].unit, np.asarray(columns[name].values, np.float64)[chosen]) for name in wanted]
+    wanted = (
+        list(dict.fromkeys(name for word in of for name in _called(word, names))) if of else names
+    )
+    kept = [
+        Column(name, columns[name].unit, np.asarray(columns[name].values, np.float64)[chosen])
+        for name in wanted
+    ]
     return SeriesTable(time[chosen], kept)
 
 

@@ -1,4 +1,6 @@
-"""Where coarse-grained fields are wanted, how they are smoothed, and the densities of which they are made, frame by frame."""
+"""Where coarse-grained fields are wanted, how they are smoothed, and the densities of which they
+are made, frame by frame.
+"""
 
 from __future__ import annotations
 
@@ -28,12 +30,15 @@ class FieldPoints:
     Attributes:
         at: Where they are [m], shape ``(m, 2)``.
         turn: Angle by which the local axes are turned from x and y [rad], shape ``(m,)``.
-        axes: Names of the local axes: x and y, or r and t (outwards, and counter-clockwise about the center).
-        row: Number of the row of a table to which each point counts: of itself, or of its ring, shape ``(m,)``.
+        axes: Names of the local axes: x and y, or r and t (outwards, and counter-clockwise about
+            the center).
+        row: Number of the row of a table to which each point counts: of itself, or of its ring,
+            shape ``(m,)``.
         names: Names of the coordinates of a row, and of their units.
         coordinates: The coordinates of the rows, shape ``(rows, c)``.
         shape: Numbers of rows and columns of a grid; (rows,) of a line or of rings.
-        edges: Edges of the cells of a grid in both coordinates, for figures; empty of lines and rings.
+        edges: Edges of the cells of a grid in both coordinates, for figures; empty of lines and
+            rings.
         center: Center of polar coordinates [m].
     """
 
@@ -57,25 +62,44 @@ def grid(low: Sequence[float], high: Sequence[float], spacing: float) -> FieldPo
     """Centers of cells about ``spacing`` wide that fill a rectangle, row by row from below."""
     x_edges, y_edges = (_edges(a, b, spacing) for a, b in zip(low, high, strict=True))
     _refuse_many((x_edges.size - 1) * (y_edges.size - 1), spacing)
-    y, x = (values.ravel() for values in np.meshgrid(_middle(y_edges), _middle(x_edges), indexing="ij"))
+    y, x = (
+        values.ravel() for values in np.meshgrid(_middle(y_edges), _middle(x_edges), indexing="ij")
+    )
     at = np.column_stack([x, y])
     return FieldPoints(
-        at, np.zeros(len(at)), "xy", np.arange(len(at)), ("x [m]", "y [m]"), at, (y_edges.size - 1, x_edges.size - 1),
+        at, np.zeros(len(at)), "xy", np.arange(len(at)), ("x [m]", "y [m]"), at,
+        (y_edges.size - 1, x_edges.size - 1),
         (x_edges, y_edges),
     )  # fmt: skip
 
 
-def polar_grid(center: tuple[float, float], inner: float, outer: float, spacing: float) -> FieldPoints:
-    """Centers of cells of a ring between two radii, about ``spacing`` wide in the middle; ring by ring from inside."""
+def polar_grid(
+    center: tuple[float, float], inner: float, outer: float, spacing: float
+) -> FieldPoints:
+    """Centers of cells of a ring between two radii, about ``spacing`` wide in the middle; ring by
+    ring from inside.
+    """
     radii = _edges(inner, outer, spacing)
     around = max(np.pi * (inner + outer) / spacing, 8.0)
     _refuse_many((radii.size - 1) * around, spacing)
     turns = np.linspace(0.0, 2.0 * np.pi, round(around) + 1)
-    radius, angle = (values.ravel() for values in np.meshgrid(_middle(radii), _middle(turns), indexing="ij"))
+    radius, angle = (
+        values.ravel() for values in np.meshgrid(_middle(radii), _middle(turns), indexing="ij")
+    )
     at = _on_rings(center, radius, angle)
     shape = (radii.size - 1, turns.size - 1)
     coordinates = np.column_stack([radius, np.degrees(angle)])
-    return FieldPoints(at, angle, "rt", np.arange(len(at)), ("r [m]", "angle [deg]"), coordinates, shape, (radii, turns), center)
+    return FieldPoints(
+        at,
+        angle,
+        "rt",
+        np.arange(len(at)),
+        ("r [m]", "angle [deg]"),
+        coordinates,
+        shape,
+        (radii, turns),
+        center,
+    )
 
 
 def line(start: tuple[float, float], end: tuple[float, float], spacing: float) -> FieldPoints:
@@ -92,14 +116,23 @@ def line(start: tuple[float, float], end: tuple[float, float], spacing: float) -
 
 
 def rings(center: tuple[float, float], inner: float, outer: float, spacing: float) -> FieldPoints:
-    """Rings about ``spacing`` apart between two radii, each with points that are that far from each other, or eight of them."""
+    """Rings about ``spacing`` apart between two radii, each with points that are that far from each
+    other, or eight of them.
+    """
     radii = _middle(_edges(inner, outer, spacing))
     _refuse_many(np.pi * (outer**2 - inner**2) / spacing**2, spacing)
     counts = np.maximum(np.round(2.0 * np.pi * radii / spacing).astype(np.int64), 8)
     row = np.repeat(np.arange(radii.size), counts)
-    angle = 2.0 * np.pi * (np.arange(row.size) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[row]
+    angle = (
+        2.0
+        * np.pi
+        * (np.arange(row.size) - np.repeat(np.cumsum(counts) - counts, counts))
+        / counts[row]
+    )
     at = _on_rings(center, radii[row], angle)
-    return FieldPoints(at, angle, "rt", row, ("r [m]",), radii[:, np.newaxis], (radii.size,), center=center)
+    return FieldPoints(
+        at, angle, "rt", row, ("r [m]",), radii[:, np.newaxis], (radii.size,), center=center
+    )
 
 
 def _on_rings(center: tuple[float, float], radius: Floats, angle: Floats) -> Floats:
@@ -116,14 +149,17 @@ def _middle(edges: Floats) -> Floats:
 
 def _refuse_many(count: float, spacing: float) -> None:
     if not count <= POINT_LIMIT:
-        raise PostError(f"points {spacing:.3g} m apart would be {count:.3g}: choose a larger spacing, at most {POINT_LIMIT} points")
+        raise PostError(
+            f"points {spacing:.3g} m apart would be {count:.3g}: choose a larger spacing, at most "
+            f"{POINT_LIMIT} points"
+        )
 
 
 # ---- Coarse graining: smooth fields of what grains and contacts carry, at any points of the plane.
 #
-# A quantity A of the grains has the density Σ A_i φ(x − x_i), with a kernel φ whose integral is 1; what contacts carry is spread
-# along their branches. Mass, momentum and stress made so obey the balances of continua exactly (Goldhirsch, Granular Matter 12,
-# 239, 2010).
+# A quantity A of the grains has the density Σ A_i φ(x − x_i), with a kernel φ whose integral is 1;
+# what contacts carry is spread along their branches. Mass, momentum and stress made so obey the
+# balances of continua exactly (Goldhirsch, Granular Matter 12, 239, 2010).
 
 _PAIRS = 2_000_000  # pairs of a source and a point that are looked at together
 _MOST_CELLS = 1000  # along x and along y, however short the kernel is
@@ -131,7 +167,9 @@ _NODES = 6  # of Gauss's quadrature along a line
 
 
 class _Pairs(NamedTuple):
-    """Sources and points that are near: their numbers, and the vector from the one to the other [m], shape ``(k, 2)``."""
+    """Sources and points that are near: their numbers, and the vector from the one to the other
+    [m], shape ``(k, 2)``.
+    """
 
     source: NDArray[np.int64]
     point: NDArray[np.int64]
@@ -141,8 +179,8 @@ class _Pairs(NamedTuple):
 class CoarseGrid:
     """Points at which densities are wanted, and the kernel.
 
-    The kernel is that of Lucy (Astron. J. 82, 1013, 1977) in the plane, φ = 5/(π c²) (1 + 3q)(1 − q)³ with q = r/c < 1: it reaches
-    to the distance c and has two continuous derivatives.
+    The kernel is that of Lucy (Astron. J. 82, 1013, 1977) in the plane, φ = 5/(π c²) (1 + 3q)(1 −
+    q)³ with q = r/c < 1: it reaches to the distance c and has two continuous derivatives.
     """
 
     def __init__(self, points: Floats, reach: float, period: float = 0.0) -> None:
@@ -185,7 +223,11 @@ class CoarseGrid:
         for source, point, away in self._pairs(position):
             slope = (-60.0 / (np.pi * self.reach**4)) * (1.0 - np.hypot(*away.T) / self.reach) ** 2
             for axis in (0, 1):
-                self._add(total[:, :, axis], point, (slope * away[:, axis])[:, np.newaxis] * values[source])
+                self._add(
+                    total[:, :, axis],
+                    point,
+                    (slope * away[:, axis])[:, np.newaxis] * values[source],
+                )
         return total
 
     def densities_along(self, start: Floats, branch: Floats, values: Floats) -> Floats:
@@ -224,7 +266,9 @@ class CoarseGrid:
         cell = self._cell(at)
         for across in (-1, 0, 1):
             column = cell[:, 0] + across - self._low[0]
-            low, high = (np.clip(cell[:, 1] + up - self._low[1], 0, self._size[1] - 1) for up in (-1, 1))
+            low, high = (
+                np.clip(cell[:, 1] + up - self._low[1], 0, self._size[1] - 1) for up in (-1, 1)
+            )
             is_near = (column >= 0) & (column < self._size[0]) & (cell[:, 1] + 1 >= self._low[1])
             is_near &= cell[:, 1] - 1 < self._low[1] + self._size[1]
             near = np.flatnonzero(is_near)
@@ -233,9 +277,16 @@ class CoarseGrid:
             yield from self._expanded(at, which, near, first, last - first)
 
     def _expanded(
-        self, at: Floats, which: NDArray[np.int64], near: NDArray[np.int64], first: NDArray[np.int64], count: NDArray[np.int64]
+        self,
+        at: Floats,
+        which: NDArray[np.int64],
+        near: NDArray[np.int64],
+        first: NDArray[np.int64],
+        count: NDArray[np.int64],
     ) -> Iterator[_Pairs]:
-        """Pairs of sources ``near`` with ``count`` points each, from the number ``first`` on in the order of the cells."""
+        """Pairs of sources ``near`` with ``count`` points each, from the number ``first`` on in the
+        order of the cells.
+        """
         ends = np.cumsum(count)
         begin, done = 0, 0
         while begin < near.size:
@@ -275,17 +326,35 @@ def field_list(axes: str, *, has_heat: bool, has_stress: bool) -> list[Field]:
     """The fields that there are, with their components along the local axes."""
     tex = [r"\theta" if axis == "t" else axis for axis in axes]
 
-    def tensor(name: str, symbol: str, unit: str, pairs: tuple[tuple[int, int], ...], *, is_signed: bool = False) -> list[Field]:
+    def tensor(
+        name: str,
+        symbol: str,
+        unit: str,
+        pairs: tuple[tuple[int, int], ...],
+        *,
+        is_signed: bool = False,
+    ) -> list[Field]:
         made = []
         for i, j in pairs:
             names = f"{axes[i]}{axes[j]}"
             label = f"{name.replace('-', ' ')} {names}"
-            made.append(Field(f"{name}-{names}", label, f"{symbol}_{{{tex[i]} {tex[j]}}}", unit, is_signed or i != j))
+            made.append(
+                Field(
+                    f"{name}-{names}",
+                    label,
+                    f"{symbol}_{{{tex[i]} {tex[j]}}}",
+                    unit,
+                    is_signed or i != j,
+                )
+            )
         return made
 
     found = [
         Field("solid-fraction", "solid fraction", r"\nu", "1"),
-        *(Field(f"velocity-{k}", f"{_WHICH[k]} velocity", f"v_{t}", "m/s", True) for k, t in zip(axes, tex, strict=True)),
+        *(
+            Field(f"velocity-{k}", f"{_WHICH[k]} velocity", f"v_{t}", "m/s", True)
+            for k, t in zip(axes, tex, strict=True)
+        ),
         Field("speed", "speed of the mean flow", r"|\mathbf{v}|", "m/s"),
         Field("spin", "spin", r"\omega", "rad/s", True),
         Field("shear-rate", "shear rate", r"|\dot\gamma|", "1/s"),
@@ -307,8 +376,17 @@ def column_names(*, has_heat: bool, has_stress: bool) -> tuple[str, ...]:
     return (*_GRAINS, *_SLOPES, *(_HEAT if has_heat else ()), *(_STRESS if has_stress else ()))
 
 
-def frame_sums(source: FrameSource, frame: GrainFrame, points: FieldPoints, coarse: CoarseGrid, *, has_stress: bool) -> Floats:
-    """Densities of a frame, by `column_names`, components along the local axes; means over a ring's points, shape ``(rows, q)``."""
+def frame_sums(
+    source: FrameSource,
+    frame: GrainFrame,
+    points: FieldPoints,
+    coarse: CoarseGrid,
+    *,
+    has_stress: bool,
+) -> Floats:
+    """Densities of a frame, by `column_names`, components along the local axes; means over a ring's
+    points, shape ``(rows, q)``.
+    """
     model = model_of(source, frame)
     position = np.array(np.asarray(frame.position, np.float64)[:, :2])
     if model.period > 0.0:
@@ -317,19 +395,35 @@ def frame_sums(source: FrameSource, frame: GrainFrame, points: FieldPoints, coar
     if model.thermal is not None:
         assert frame.temperature is not None
         capacity = model.thermal.capacity
-        columns = [*columns, *coarse.densities(position, np.column_stack([capacity, capacity * np.asarray(frame.temperature)])).T]
+        columns = [
+            *columns,
+            *coarse.densities(
+                position, np.column_stack([capacity, capacity * np.asarray(frame.temperature)])
+            ).T,
+        ]
     if has_stress:
         columns = [*columns, *_of_contacts(frame, model, position, points, coarse)]
     weight = np.bincount(points.row)
     return np.column_stack([np.bincount(points.row, column) / weight for column in columns])
 
 
-def _of_grains(frame: GrainFrame, model: Model, position: Floats, points: FieldPoints, coarse: CoarseGrid) -> list[Floats]:
+def _of_grains(
+    frame: GrainFrame, model: Model, position: Floats, points: FieldPoints, coarse: CoarseGrid
+) -> list[Floats]:
     grains, velocity = model.grains, np.asarray(frame.velocity, np.float64)[:, :2]
     m = grains.mass
     vx, vy = velocity.T
     carried = np.column_stack(
-        [np.pi * grains.radius**2, m, m * vx, m * vy, m * np.asarray(frame.spin, np.float64), m * vx * vx, m * vx * vy, m * vy * vy]
+        [
+            np.pi * grains.radius**2,
+            m,
+            m * vx,
+            m * vy,
+            m * np.asarray(frame.spin, np.float64),
+            m * vx * vx,
+            m * vx * vy,
+            m * vy * vy,
+        ]
     )
     found = coarse.densities(position, carried)
     slopes = coarse.gradients(position, carried[:, 1:4])
@@ -350,7 +444,9 @@ def _of_grains(frame: GrainFrame, model: Model, position: Floats, points: FieldP
     ]
 
 
-def _of_contacts(frame: GrainFrame, model: Model, position: Floats, points: FieldPoints, coarse: CoarseGrid) -> list[Floats]:
+def _of_contacts(
+    frame: GrainFrame, model: Model, position: Floats, points: FieldPoints, coarse: CoarseGrid
+) -> list[Floats]:
     contacts = loaded_contacts(frame, model)
     virial = np.column_stack([contacts.virial(a, b) for a in (0, 1) for b in (0, 1)])
     xx, xy, yx, yy = coarse.densities_along(position[contacts.i], -contacts.branch, virial).T
@@ -360,9 +456,10 @@ def _of_contacts(frame: GrainFrame, model: Model, position: Floats, points: Fiel
 def derive(sums: Floats, names: tuple[str, ...], axes: str) -> dict[str, Floats]:
     """The fields, by name, from sums of densities over frames.
 
-    The mean velocity is momentum over mass (mean spin likewise); velocity gradients are those of the mean velocity,
-    (∂_b p_a − v_a ∂_b m)/m. The granular temperature is half the trace of the kinetic stress over the mass. The
-    shear rate is √((ε_aa − ε_bb)² + 4 ε_ab²): |γ̇| in simple shear.
+    The mean velocity is momentum over mass (mean spin likewise); velocity gradients are those of
+    the mean velocity, (∂_b p_a − v_a ∂_b m)/m. The granular temperature is half the trace of the
+    kinetic stress over the mass. The shear rate is √((ε_aa − ε_bb)² + 4 ε_ab²): |γ̇| in simple
+    shear.
 
     Args:
         sums: Mean densities, shape ``(…, q)``.
@@ -404,7 +501,10 @@ def derive(sums: Floats, names: tuple[str, ...], axes: str) -> dict[str, Floats]
         found["pressure"] = 0.5 * (s["s00"] + s["s11"])
         found |= {f"stress-{axes[i]}{axes[j]}": s[f"s{i}{j}"] for i in (0, 1) for j in (0, 1)}
     is_empty = ~(m > 0.0)
-    return {name: np.where(is_empty & (name != "solid-fraction"), np.nan, values) for name, values in found.items()}
+    return {
+        name: np.where(is_empty & (name != "solid-fraction"), np.nan, values)
+        for name, values in found.items()
+    }
 
 
 def _vector(x: Floats, y: Floats, c: Floats, s: Floats) -> list[Floats]:

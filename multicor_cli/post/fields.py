@@ -1,4 +1,6 @@
-"""Coarse-grained fields of a flow: over the plane, in polar coordinates, along a line, or over rings about a center."""
+"""Coarse-grained fields of a flow: over the plane, in polar coordinates, along a line, or over
+rings about a center.
+"""
 
 from __future__ import annotations
 
@@ -30,11 +32,13 @@ from multicor_cli.text import choices
 Center = tuple[float, float]
 
 _LEAST_REACH = 0.01
-"""Least distance to which the kernel may reach, in mean diameters: what reaches no farther meets hardly a grain."""
+"""Least distance to which the kernel may reach, in mean diameters: what reaches no farther meets
+hardly a grain."""
 
 
 class FieldTable(Table):
-    """Fields averaged over frames, at ``p`` places: points of a grid or of a line, or rings. Grids in JSON are rows of columns.
+    """Fields averaged over frames, at ``p`` places: points of a grid or of a line, or rings. Grids
+    in JSON are rows of columns.
 
     Attributes:
         of: The fields that the table and the figure show.
@@ -61,28 +65,33 @@ def fields(
     along: tuple[Center, Center] | None = None,
     is_radial: bool = False,
 ) -> FieldTable:
-    """Coarse-grained fields, averaged over frames: on a grid over the grains, unless another place is asked for.
+    """Coarse-grained fields, averaged over frames: on a grid over the grains, unless another place
+    is asked for.
 
-    Densities are averaged over the frames, and over rings, before velocities, temperatures and gradients are made of them. Near a
-    wall part of the kernel lies beyond it: densities and stresses fall off within its reach, velocities and temperatures do not.
-    Kinetic stress and granular temperature are those of velocities relative to the mean at the point, over time; a gradient of the
-    mean counts too, with about the square of the reach. Grains alone count, not those that are glued to walls.
+    Densities are averaged over the frames, and over rings, before velocities, temperatures and
+    gradients are made of them. Near a wall part of the kernel lies beyond it: densities and
+    stresses fall off within its reach, velocities and temperatures do not. Kinetic stress and
+    granular temperature are those of velocities relative to the mean at the point, over time; a
+    gradient of the mean counts too, with about the square of the reach. Grains alone count, not
+    those that are glued to walls.
 
     Args:
         source: The run.
-        of: Fields that the table of a line and figures show; default: solid fraction, or the velocities along a line. Along a
-            line ``velocity``, ``stress``, ``strain-rate`` and ``kinetic-stress`` stand for all their components.
-        selection: Which frames; default: the later half of the last stage. If forces belong to any of them, the others are left
-            out; if to none, there are no stresses.
+        of: Fields that the table of a line and figures show; default: solid fraction, or the
+            velocities along a line. Along a line ``velocity``, ``stress``, ``strain-rate`` and
+            ``kinetic-stress`` stand for all their components.
+        selection: Which frames; default: the later half of the last stage. If forces belong to any
+            of them, the others are left out; if to none, there are no stresses.
         spacing: Distance of the points in mean diameters.
         reach: How far the kernel reaches in mean diameters.
-        center: Center of polar coordinates [m]: the grid is one of rings, and components are radial and azimuthal.
+        center: Center of polar coordinates [m]: the grid is one of rings, and components are radial
+            and azimuthal.
         along: The ends of a line [m] on which the fields are wanted.
         is_radial: Whether to average over rings about ``center``.
 
     Raises:
-        PostError: If there is no such field, no frame, no grain, or no sensible number of points; if ``is_radial`` has no
-            center, or a line has one.
+        PostError: If there is no such field, no frame, no grain, or no sensible number of points;
+            if ``is_radial`` has no center, or a line has one.
         StoreError: If the run cannot be read.
     """
     diameter, period = source.model.mean_diameter, source.model.period
@@ -110,7 +119,9 @@ def fields(
         rows += [] if points.is_grid else [sums]
     values = derive(total / chosen.size, names, points.axes)
     error = _errors(np.array(rows), values, times, names, points.axes) if rows else {}
-    coordinates = [Column(*split_unit(name), points.coordinates[:, k]) for k, name in enumerate(points.names)]
+    coordinates = [
+        Column(*split_unit(name), points.coordinates[:, k]) for k, name in enumerate(points.names)
+    ]
     note = _beyond(source, chosen, points, spacing * diameter) if is_radial else ""
     facts = {
         "frame_count": int(chosen.size),
@@ -125,11 +136,21 @@ def fields(
     }
     if error:
         facts["standard_error"] = error
-    errors = [Column(f"error_{f.name}", f.unit, error[f.name], f"error of {f.name}") for f in known if f.name in error]
+    errors = [
+        Column(f"error_{f.name}", f.unit, error[f.name], f"error of {f.name}")
+        for f in known
+        if f.name in error
+    ]
     return FieldTable(
-        _statistics(known, values) if points.is_grid else _lines(coordinates[0], wanted, values, error),
+        _statistics(known, values)
+        if points.is_grid
+        else _lines(coordinates[0], wanted, values, error),
         facts,
-        [*coordinates, *(Column(field.name, field.unit, values[field.name]) for field in known), *errors],
+        [
+            *coordinates,
+            *(Column(field.name, field.unit, values[field.name]) for field in known),
+            *errors,
+        ],
         of=wanted,
         fields=known,
         points=points,
@@ -140,46 +161,74 @@ def fields(
     )
 
 
-def _lines(at: Column, of: Sequence[Quantity], values: dict[str, Floats], error: dict[str, Floats]) -> list[Column]:
+def _lines(
+    at: Column, of: Sequence[Quantity], values: dict[str, Floats], error: dict[str, Floats]
+) -> list[Column]:
     """A row for each place, with these fields and their errors."""
     pairs = [
-        (Column(f"shown_{f.name}", f.unit, values[f.name], f.name, ""), Column("errors", "", error[f.name], "standard error", ""))
+        (
+            Column(f"shown_{f.name}", f.unit, values[f.name], f.name, ""),
+            Column("errors", "", error[f.name], "standard error", ""),
+        )
         for f in of
     ]
     return [at._replace(key=""), *(column for pair in pairs for column in pair)]
 
 
 def _statistics(fields: Sequence[Quantity], values: dict[str, Floats]) -> list[Column]:
-    """A row for each field of a grid with its mean, smallest and largest value over the points where it has one."""
+    """A row for each field of a grid with its mean, smallest and largest value over the points
+    where it has one.
+    """
     known = [column[np.isfinite(column)] for column in (values[field.name] for field in fields)]
-    columns = [Column("quantity", "", [with_unit(field.label, field.unit) for field in fields], key="")]
+    columns = [
+        Column("quantity", "", [with_unit(field.label, field.unit) for field in fields], key="")
+    ]
     for name, statistic in (("mean", np.mean), ("smallest", np.min), ("largest", np.max)):
-        columns.append(Column(name, "", [float(statistic(v)) if v.size else np.nan for v in known], key=""))
+        columns.append(
+            Column(name, "", [float(statistic(v)) if v.size else np.nan for v in known], key="")
+        )
     return columns
 
 
 def _refuse_sizes(spacing: float, reach: float, diameter: float, period: float) -> None:
     if not (0.0 < spacing < np.inf and _LEAST_REACH <= reach < np.inf):
-        what = f"spacing and reach are numbers of mean diameters, spacing above 0 and reach from {_LEAST_REACH:g} on"
+        what = (
+            "spacing and reach are numbers of mean diameters, spacing above 0 and reach from "
+            f"{_LEAST_REACH:g} on"
+        )
         raise PostError(f"{what}; they are {spacing:g} and {reach:g}")
     if period > 0.0 and reach * diameter > period:
-        raise PostError(f"the kernel reaches {reach * diameter:.3g} m, beyond the period of {period:.3g} m: choose a shorter reach")
+        raise PostError(
+            f"the kernel reaches {reach * diameter:.3g} m, beyond the period of {period:.3g} m: "
+            "choose a shorter reach"
+        )
 
 
 def _default(points: FieldPoints) -> tuple[str, ...]:
-    return ("solid-fraction",) if points.is_grid else tuple(f"velocity-{axis}" for axis in points.axes)
+    return (
+        ("solid-fraction",) if points.is_grid else tuple(f"velocity-{axis}" for axis in points.axes)
+    )
 
 
 def _wanted(of: Sequence[str], known: Sequence[Quantity], *, is_grid: bool) -> tuple[Quantity, ...]:
-    """Fields by name; the name of a vector or tensor stands for its components, of which the figure of a grid shows one."""
+    """Fields by name; the name of a vector or tensor stands for its components, of which the figure
+    of a grid shows one.
+    """
     names = {field.name: field for field in known}
     chosen: list[Quantity] = []
     for name in of:
-        components = [field for field in known if field.name.rpartition("-")[0] == name and len(field.name) - len(name) <= 3]
+        components = [
+            field
+            for field in known
+            if field.name.rpartition("-")[0] == name and len(field.name) - len(name) <= 3
+        ]
         if name not in names and not components:
             raise PostError(f"there is no field '{name}' here; {choices(name, names)}")
         if name not in names and is_grid:
-            raise PostError(f"'{name}' has several components: choose one of {', '.join(field.name for field in components)}")
+            raise PostError(
+                f"'{name}' has several components: choose one of "
+                f"{', '.join(field.name for field in components)}"
+            )
         chosen += [names[name]] if name in names else components
     return tuple(dict.fromkeys(chosen))
 
@@ -212,12 +261,19 @@ def _box(source: FrameSource, chosen: NDArray[np.int64]) -> tuple[Floats, Floats
         frame = source.frames[k]
         radius = model_of(source, frame).grains.radius[:, np.newaxis]
         position = np.asarray(frame.position, np.float64)[:, :2]
-        low, high = np.minimum(low, (position - radius).min(axis=0)), np.maximum(high, (position + radius).max(axis=0))
+        low, high = (
+            np.minimum(low, (position - radius).min(axis=0)),
+            np.maximum(high, (position + radius).max(axis=0)),
+        )
     return low, high
 
 
-def _beyond(source: FrameSource, chosen: NDArray[np.int64], points: FieldPoints, spacing: float) -> str:
-    """A word on rings of which a part lies beyond the grains: their means are over what is empty there, too."""
+def _beyond(
+    source: FrameSource, chosen: NDArray[np.int64], points: FieldPoints, spacing: float
+) -> str:
+    """A word on rings of which a part lies beyond the grains: their means are over what is empty
+    there, too.
+    """
     low, high = _box(source, chosen)
     if source.model.period > 0.0:
         low[0], high[0] = -np.inf, np.inf
@@ -225,7 +281,10 @@ def _beyond(source: FrameSource, chosen: NDArray[np.int64], points: FieldPoints,
     if not outside.any():
         return ""
     first = float(points.coordinates[points.row[outside].min(), 0])
-    return f"rings from r = {first:.4g} m on reach beyond the grains: their means are over what is empty there, too"
+    return (
+        f"rings from r = {first:.4g} m on reach beyond the grains: their means are over what is "
+        "empty there, too"
+    )
 
 
 def _distances(source: FrameSource, k: int, center: Center) -> tuple[float, float]:
@@ -236,9 +295,14 @@ def _distances(source: FrameSource, k: int, center: Center) -> tuple[float, floa
     return max(float((away - radius).min()), 0.0), float((away + radius).max())
 
 
-def _errors(rows: Floats, values: dict[str, Floats], times: Floats, names: tuple[str, ...], axes: str) -> dict[str, Floats]:
+def _errors(
+    rows: Floats, values: dict[str, Floats], times: Floats, names: tuple[str, ...], axes: str
+) -> dict[str, Floats]:
     """Standard errors of every field from what each frame adds to it."""
     if len(rows) < 2:
         return {name: np.full(value.shape, np.nan) for name, value in values.items()}
     without = derive((rows.sum(axis=0) - rows) / (len(rows) - 1), names, axes)
-    return {name: spread(pseudo_values(value, without[name]), times).error for name, value in values.items()}
+    return {
+        name: spread(pseudo_values(value, without[name]), times).error
+        for name, value in values.items()
+    }

@@ -13,27 +13,33 @@ from multicor_cli.post.bins import Bins, Extent, heights, make_bins
 from multicor_cli.post.source import FrameSource, GrainFrame, model_of
 
 _CELL_LIMIT = 1000
-_SMOOTHING = 1e-12  # weight of the slopes beside that of the grains: it decides only what no grain does
+# Weight of the slopes beside that of the grains: it decides only what no grain does
+_SMOOTHING = 1e-12
 
 
 @dataclass(frozen=True)
 class MeanFlow:
-    """Mean velocity at each height between the walls: straight lines between knots a fixed part of the height apart.
+    """Mean velocity at each height between the walls: straight lines between knots a fixed part of
+    the height apart.
 
-    The lines have the smallest squares of the fluctuations of the grains about them, each weighted by its area and placed at its
-    center. So a velocity that is linear in the height is found exactly, up to the walls; an average over bins would leave part of
-    the shear in the fluctuations. The outermost lines go on for one cell beyond the walls.
+    The lines have the smallest squares of the fluctuations of the grains about them, each weighted
+    by its area and placed at its center. So a velocity that is linear in the height is found
+    exactly, up to the walls; an average over bins would leave part of the shear in the
+    fluctuations. The outermost lines go on for one cell beyond the walls.
 
     Attributes:
         extent: Where heights are measured from; the knots move with the walls.
-        velocity: Velocities at the knots, the first at the origin and the last at the full height [m/s], shape ``(k, 2)``.
+        velocity: Velocities at the knots, the first at the origin and the last at the full height
+            [m/s], shape ``(k, 2)``.
     """
 
     extent: Extent
     velocity: Floats
 
     def fluctuation(self, frame: GrainFrame) -> Floats:
-        """Velocities of the grains of a frame relative to the mean flow at the height of their centers [m/s], shape ``(n, 2)``."""
+        """Velocities of the grains of a frame relative to the mean flow at the height of their
+        centers [m/s], shape ``(n, 2)``.
+        """
         cell, part = _locate(frame, self.extent, len(self.velocity) - 1)
         part = part[:, np.newaxis]
         mean = (1.0 - part) * self.velocity[cell] + part * self.velocity[cell + 1]
@@ -58,9 +64,10 @@ class RelativeFrame:
 def mean_flow(source: FrameSource, chosen: NDArray[np.int64], bins: Bins) -> MeanFlow:
     """The mean flow over the frames ``chosen``, from wall to wall whatever the bins leave out.
 
-    Its knots are as far apart as the bins, but not farther than a mean diameter: coarse bins would count the shear as fluctuation.
-    Squares of fluctuations come out too small by about the number of knots over that of the grains, times that of the frames with
-    independent velocities; so a single frame of a layer that is 20 grains long lacks one part in 20.
+    Its knots are as far apart as the bins, but not farther than a mean diameter: coarse bins would
+    count the shear as fluctuation. Squares of fluctuations come out too small by about the number
+    of knots over that of the grains, times that of the frames with independent velocities; so a
+    single frame of a layer that is 20 grains long lacks one part in 20.
     """
     extent = bins.extent
     spacing = min(bins.width, source.model.mean_diameter)
@@ -72,7 +79,11 @@ def mean_flow(source: FrameSource, chosen: NDArray[np.int64], bins: Bins) -> Mea
         frame = source.frames[int(k)]
         cell, part = _locate(frame, extent, count)
         weight = model_of(source, frame).grains.radius ** 2
-        for total, factor in ((below, (1.0 - part) ** 2), (above, part**2), (across, part * (1.0 - part))):
+        for total, factor in (
+            (below, (1.0 - part) ** 2),
+            (above, part**2),
+            (across, part * (1.0 - part)),
+        ):
             total += np.bincount(cell, weight * factor, minlength=count)
         for axis, speed in enumerate(_velocities(frame).T):
             right[:-1, axis] += np.bincount(cell, weight * (1.0 - part) * speed, minlength=count)
@@ -82,7 +93,9 @@ def mean_flow(source: FrameSource, chosen: NDArray[np.int64], bins: Bins) -> Mea
 
 
 def fluctuations(source: FrameSource, frame: int) -> Floats:
-    """Velocities relative to the mean horizontal flow of the same frame at the height of each grain [m/s], shape ``(n, 2)``."""
+    """Velocities relative to the mean horizontal flow of the same frame at the height of each grain
+    [m/s], shape ``(n, 2)``.
+    """
     chosen = np.array([frame])
     flow = mean_flow(source, chosen, make_bins(source, chosen))
     flow.velocity[:, 1] = 0.0
@@ -97,7 +110,9 @@ def _tridiagonal(below: Floats, above: Floats, across: Floats) -> Floats:
 
 
 def _locate(frame: GrainFrame, extent: Extent, count: int) -> tuple[NDArray[np.int64], Floats]:
-    """Cell between two knots of each grain, and where in the cell its center lies: 0 … 1, or −1 … 2 for one outside the walls."""
+    """Cell between two knots of each grain, and where in the cell its center lies: 0 … 1, or −1 … 2
+    for one outside the walls.
+    """
     place = (heights(frame) - extent.origin(frame)) * (count / extent.span(frame))
     cell = np.clip(np.floor(place).astype(np.int64), 0, count - 1)
     return cell, np.clip(place - cell, -1.0, 2.0)  # or one grain far away would outweigh all others

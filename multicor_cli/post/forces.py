@@ -1,4 +1,6 @@
-"""Contact forces: how large, how many and where in one frame, and how they are distributed over magnitudes and directions."""
+"""Contact forces: how large, how many and where in one frame, and how they are distributed over
+magnitudes and directions.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,14 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
 from multicor_cli.post.grain_map import make_scene
-from multicor_cli.post.source import FrameSource, PostError, Selection, frame_index, model_of, need_grains
+from multicor_cli.post.source import (
+    FrameSource,
+    PostError,
+    Selection,
+    frame_index,
+    model_of,
+    need_grains,
+)
 from multicor_cli.post.sums import scatter
 from multicor_cli.post.table import Column, Table, values_of_quantities
 
@@ -40,14 +49,15 @@ class ForceNetwork(Table):
         j: Second grain, or wall shape (not below the number of grains), shape ``(c,)``.
         normal: Unit normal from j to i, shape ``(c, 2)``.
         start: Center of the grain i [m], shape ``(c, 2)``.
-        end: Center of the grain j next to it, free or glued, or where the grain touches a smooth wall [m], shape ``(c, 2)``.
+        end: Center of the grain j next to it, free or glued, or where the grain touches a smooth
+            wall [m], shape ``(c, 2)``.
         force: Normal and tangential force on i, mean of the last step [N], shape ``(c, 2)``.
         sliding: Whether the contact slides, shape ``(c,)``.
         is_wall: Whether a contact is one of a grain with a wall, shape ``(c,)``.
         frame: Index of the frame.
         time: Time of the frame [s].
-        summary: The numbers of `SUMMARY`, by name; nan where there is no contact. Rattlers are grains with fewer than two contacts
-            that carry a force, those with walls included.
+        summary: The numbers of `SUMMARY`, by name; nan where there is no contact. Rattlers are
+            grains with fewer than two contacts that carry a force, those with walls included.
     """
 
 
@@ -68,7 +78,10 @@ def force_network(source: FrameSource, frame: int = -1) -> ForceNetwork:
     chosen = source.frames[index]
     loaded = loaded_contacts(chosen, model_of(source, chosen))
     scene = make_scene(source, chosen)
-    start, sliding = scene.center[loaded.i], np.asarray(chosen.contacts.sliding, np.bool_)[loaded.row]
+    start, sliding = (
+        scene.center[loaded.i],
+        np.asarray(chosen.contacts.sliding, np.bool_)[loaded.row],
+    )
     touch = start - loaded.normal * scene.radius[loaded.i][:, np.newaxis]
     summary = _summary(loaded, sliding)
     return ForceNetwork(
@@ -78,8 +91,14 @@ def force_network(source: FrameSource, frame: int = -1) -> ForceNetwork:
             Column("i", "", loaded.i),
             Column("j", "", loaded.j),
             *(Column(f"touch_{axis}", "m", touch[:, k], axis) for k, axis in enumerate("xy")),
-            *(Column(f"normal_{axis}", "1", loaded.normal[:, k], f"normal {axis}") for k, axis in enumerate("xy")),
-            *(Column(f"{name}_force", "N", loaded.force[:, k], f"{name} force") for k, name in enumerate(("normal", "tangential"))),
+            *(
+                Column(f"normal_{axis}", "1", loaded.normal[:, k], f"normal {axis}")
+                for k, axis in enumerate("xy")
+            ),
+            *(
+                Column(f"{name}_force", "N", loaded.force[:, k], f"{name} force")
+                for k, name in enumerate(("normal", "tangential"))
+            ),
             Column("slides", "", sliding.astype(np.int64), "sliding"),
         ],
         scene=scene,
@@ -111,7 +130,8 @@ def _summary(contacts: LoadedContacts, sliding: NDArray[np.bool_]) -> dict[str, 
     return dict(zip(SUMMARY, values, strict=True))
 
 
-# ---- How contact forces are distributed: over their magnitude, and over the directions of the contacts
+# ---- How contact forces are distributed: over their magnitude, and over the directions of the
+#      contacts
 
 FORCE_BINS = 40
 """Logarithmic bins of the force distribution."""
@@ -128,49 +148,60 @@ _SMALLEST, _LARGEST = 1e-3, 20.0  # range of f/⟨f⟩ that is looked at
 class ForceDistribution(Table):
     """Probability density of the forces of grain–grain contacts over their mean; ``b`` bins.
 
-    Every frame counts with its own mean. Forces outside the bins count for the normalization, so that the densities integrate to
-    the share of the forces inside.
+    Every frame counts with its own mean. Forces outside the bins count for the normalization, so
+    that the densities integrate to the share of the forces inside.
 
     Attributes:
         edges: Edges of the bins in f/⟨f⟩, ``b + 1`` of them, a constant ratio apart.
         center: Geometric centers of the bins, shape ``(b,)``.
         normal: Density P(f_n/⟨f_n⟩) of the normal forces, shape ``(b,)``.
-        tangential: Density P(|f_t|/⟨|f_t|⟩) of the tangential forces; nan if there are none, shape ``(b,)``.
+        tangential: Density P(|f_t|/⟨|f_t|⟩) of the tangential forces; nan if there are none, shape
+            ``(b,)``.
         count: Normal forces in each bin, shape ``(b,)``.
-        mean, tangential_mean: Mean normal force, and mean tangential force without its sign, over all frames [N].
+        mean, tangential_mean: Mean normal force, and mean tangential force without its sign, over
+            all frames [N].
         contacts: Number of contacts.
         frames: Indices of the frames.
         times: Times of the first and last frame [s].
-        normal_scatter, tangential_scatter: Standard deviations of the densities from frame to frame; nan with one, shape ``(b,)``.
+        normal_scatter, tangential_scatter: Standard deviations of the densities from frame to
+            frame; nan with one, shape ``(b,)``.
     """
 
 
 class AngularDistribution(Table):
-    """Directions of grain–grain contacts and the mean forces along them, over the full circle; ``b`` bins.
+    """Directions of grain–grain contacts and the mean forces along them, over the full circle;
+    ``b`` bins.
 
-    A contact counts in both directions, as seen from either grain. The moments are those of E(θ) = (1 + a_c cos 2(θ − θ_c))/2π,
-    ⟨f_n⟩(θ) = f₀ (1 + a_n cos 2(θ − θ_n)) and ⟨f_t⟩(θ) = −f₀ a_t sin 2(θ − θ_t): Fourier coefficients, a_c from the single
-    contacts, the others from the bins, each weighted alike; f₀ is the mean over the bins.
+    A contact counts in both directions, as seen from either grain. The moments are those of E(θ) =
+    (1 + a_c cos 2(θ − θ_c))/2π, ⟨f_n⟩(θ) = f₀ (1 + a_n cos 2(θ − θ_n)) and ⟨f_t⟩(θ) = −f₀ a_t sin
+    2(θ − θ_t): Fourier coefficients, a_c from the single contacts, the others from the bins, each
+    weighted alike; f₀ is the mean over the bins.
 
     Attributes:
         angle: Centers of the bins, counter-clockwise from x [rad], shape ``(b,)``.
         density: Density of contact directions [1/rad], shape ``(b,)``; it integrates to 1.
-        normal: Mean normal force of the contacts in each bin over that of all; nan where there is none, shape ``(b,)``.
+        normal: Mean normal force of the contacts in each bin over that of all; nan where there is
+            none, shape ``(b,)``.
         tangential: Mean tangential force over the mean normal force, shape ``(b,)``.
-        moments: Anisotropies ``a_c, a_n, a_t`` and their directions ``theta_c, theta_n, theta_t`` [degrees].
-        moments_scatter, density_scatter, normal_scatter: Standard deviations from frame to frame; nan with one frame.
+        moments: Anisotropies ``a_c, a_n, a_t`` and their directions ``theta_c, theta_n, theta_t``
+            [degrees].
+        moments_scatter, density_scatter, normal_scatter: Standard deviations from frame to frame;
+            nan with one frame.
         contacts: Number of contacts.
         frames: Indices of the frames.
         times: Times of the first and last frame [s].
     """
 
 
-def force_distribution(source: FrameSource, selection: Selection | None = None, bins: int = FORCE_BINS) -> ForceDistribution:
+def force_distribution(
+    source: FrameSource, selection: Selection | None = None, bins: int = FORCE_BINS
+) -> ForceDistribution:
     """Distribution of the contact forces over their magnitude, in logarithmic bins.
 
     Args:
         source: The run.
-        selection: Which frames; default: the later half of the last stage. Frames without contact forces are left out.
+        selection: Which frames; default: the later half of the last stage. Frames without contact
+            forces are left out.
         bins: Number of bins.
 
     Raises:
@@ -196,7 +227,10 @@ def force_distribution(source: FrameSource, selection: Selection | None = None, 
         rows.append(np.array([own / (f.size * width), rubbed]))
     _need_contacts(count)
     normal_scatter, tangential_scatter = scatter(np.array(rows))
-    densities = normal / (count * width), tangential / (rubbing * width) if rubbing else np.full(bins, np.nan)
+    densities = (
+        normal / (count * width),
+        tangential / (rubbing * width) if rubbing else np.full(bins, np.nan),
+    )
     columns = [
         Column("low", "1", edges[:-1], "f/<f> from"),
         Column("high", "1", edges[1:], "to"),
@@ -212,7 +246,10 @@ def force_distribution(source: FrameSource, selection: Selection | None = None, 
         "normal_force_mean": total / count,
         "tangential_force_mean": sliding / count,
         "edges": edges,
-        **{name: values[name] for name in ("normal", "tangential", "count", "normal_scatter", "tangential_scatter")},
+        **{
+            name: values[name]
+            for name in ("normal", "tangential", "count", "normal_scatter", "tangential_scatter")
+        },
     }
     return ForceDistribution(
         [column._replace(key="") for column in columns],
@@ -224,16 +261,21 @@ def force_distribution(source: FrameSource, selection: Selection | None = None, 
     )
 
 
-def angular_distribution(source: FrameSource, selection: Selection | None = None, bins: int = ANGLE_BINS) -> AngularDistribution:
+def angular_distribution(
+    source: FrameSource, selection: Selection | None = None, bins: int = ANGLE_BINS
+) -> AngularDistribution:
     """Distribution of contact directions and of the forces over them.
 
     Args:
         source: The run.
-        selection: Which frames; default: the later half of the last stage. Frames without contact forces are left out.
-        bins: Number of bins over the full circle; even, so that opposite directions have bins of their own.
+        selection: Which frames; default: the later half of the last stage. Frames without contact
+            forces are left out.
+        bins: Number of bins over the full circle; even, so that opposite directions have bins of
+            their own.
 
     Raises:
-        PostError: If no contact forces belong to these frames, none is between grains, or the number of bins is odd.
+        PostError: If no contact forces belong to these frames, none is between grains, or the
+            number of bins is odd.
         StoreError: If the run cannot be read.
     """
     if bins < 4 or bins % 2:
@@ -246,9 +288,18 @@ def angular_distribution(source: FrameSource, selection: Selection | None = None
     single: list[dict[str, float]] = []
     for loaded in contacts:
         normal, force = (_between(loaded, values) for values in (loaded.normal, loaded.force))
-        # Opposite directions belong to one contact, and its forces are the same seen from either side.
-        bin_ = np.minimum((np.arctan2(normal[:, 1], normal[:, 0]) % np.pi / np.pi * half).astype(np.int64), half - 1)
-        own = np.array([np.bincount(bin_, weights, minlength=half) for weights in (np.ones(bin_.size), *force.T)])
+        # Opposite directions belong to one contact, and its forces are the same seen from either
+        # side.
+        bin_ = np.minimum(
+            (np.arctan2(normal[:, 1], normal[:, 0]) % np.pi / np.pi * half).astype(np.int64),
+            half - 1,
+        )
+        own = np.array(
+            [
+                np.bincount(bin_, weights, minlength=half)
+                for weights in (np.ones(bin_.size), *force.T)
+            ]
+        )
         turned = complex(((normal[:, 0] + 1j * normal[:, 1]) ** 2).sum())  # e^{2iθ}
         sums, wave = sums + own, wave + turned
         rows.append(np.array(_directions(own)[:2]))
@@ -259,7 +310,12 @@ def angular_distribution(source: FrameSource, selection: Selection | None = None
     density_scatter, normal_scatter = (np.tile(values, 2) for values in scatter(np.array(rows)))
     moments, angle = _moments_of(sums, wave, center), np.concatenate([center, center + np.pi])
     moments_scatter = _scatter_of(single, moments)
-    facts = {**_frames_of(source, chosen, count), **moments, "angle": angle, "moments_scatter": moments_scatter}
+    facts = {
+        **_frames_of(source, chosen, count),
+        **moments,
+        "angle": angle,
+        "moments_scatter": moments_scatter,
+    }
     columns = [
         Column("degrees", "deg", np.degrees(angle), "direction", ""),
         Column("density", "1/rad", density, "density of contacts"),
@@ -272,11 +328,17 @@ def angular_distribution(source: FrameSource, selection: Selection | None = None
 
 
 def _directions(sums: Floats) -> tuple[Floats, Floats, Floats]:
-    """Density of directions, normal and tangential force over the mean normal force, from sums over half a circle, ``(3, b/2)``."""
+    """Density of directions, normal and tangential force over the mean normal force, from sums over
+    half a circle, ``(3, b/2)``.
+    """
     count, f, g = sums
     overall = f.sum() / count.sum()
     with np.errstate(invalid="ignore"):
-        return 0.5 * count / count.sum() * count.size / np.pi, f / count / overall, g / count / overall
+        return (
+            0.5 * count / count.sum() * count.size / np.pi,
+            f / count / overall,
+            g / count / overall,
+        )
 
 
 def _moments_of(sums: Floats, wave: complex, center: Floats) -> dict[str, float]:
@@ -290,34 +352,54 @@ def _scatter_of(frames: list[dict[str, float]], overall: dict[str, float]) -> di
     deviations = {}
     for name, middle in overall.items():
         away = np.array([moments[name] for moments in frames]) - middle
-        deviations[name] = float(scatter((away + 90.0) % 180.0 - 90.0 if name.startswith("theta") else away))
+        deviations[name] = float(
+            scatter((away + 90.0) % 180.0 - 90.0 if name.startswith("theta") else away)
+        )
     return deviations
 
 
 def _count(values: Floats, edges: Floats) -> NDArray[np.int64]:
-    """Values in each bin of edges a constant ratio apart; a value on an edge belongs to the bin above it."""
+    """Values in each bin of edges a constant ratio apart; a value on an edge belongs to the bin
+    above it.
+    """
     inside = values[(values >= edges[0]) & (values < edges[-1])]
     count = edges.size - 1
     bin_ = (np.log(inside / edges[0]) * (count / np.log(edges[-1] / edges[0]))).astype(np.int64)
     return np.bincount(np.minimum(bin_, count - 1), minlength=count)
 
 
-def _moments(fabric: complex, angle: Floats, normal: Floats, tangential: Floats) -> dict[str, float]:
-    """Anisotropies and directions; those of forces from the bins, weighted evenly; bins without contacts do not count."""
+def _moments(
+    fabric: complex, angle: Floats, normal: Floats, tangential: Floats
+) -> dict[str, float]:
+    """Anisotropies and directions; those of forces from the bins, weighted evenly; bins without
+    contacts do not count.
+    """
     known = np.isfinite(normal)
     width = np.pi / angle.size
-    wave = np.exp(2j * angle[known]) * (width / np.sin(width))  # a bin averages e^{2iθ} over its width w: sin(w)/w
+    # a bin averages e^{2iθ} over its width w: sin(w)/w
+    wave = np.exp(2j * angle[known]) * (width / np.sin(width))
     level = normal[known].mean()
-    forces = 2.0 * (normal[known] * wave).mean() / level, 2.0j * (tangential[known] * wave).mean() / level
+    forces = (
+        2.0 * (normal[known] * wave).mean() / level,
+        2.0j * (tangential[known] * wave).mean() / level,
+    )
     waves = dict(zip("cnt", (fabric, *forces), strict=True))
     moments = {f"a_{name}": float(abs(value)) for name, value in waves.items()}
-    return moments | {f"theta_{name}": float(np.degrees(0.5 * np.angle(value)) % 180.0) for name, value in waves.items()}
+    return moments | {
+        f"theta_{name}": float(np.degrees(0.5 * np.angle(value)) % 180.0)
+        for name, value in waves.items()
+    }
 
 
-def _between_grains(source: FrameSource, selection: Selection | None) -> tuple[NDArray[np.int64], Iterator[LoadedContacts]]:
+def _between_grains(
+    source: FrameSource, selection: Selection | None
+) -> tuple[NDArray[np.int64], Iterator[LoadedContacts]]:
     """The frames that have forces, and the contacts of those that have any between grains."""
     chosen = with_forces(source, (selection or Selection()).indices(source.frames))
-    loaded = (loaded_contacts(frame, model_of(source, frame)) for frame in (source.frames[int(k)] for k in chosen))
+    loaded = (
+        loaded_contacts(frame, model_of(source, frame))
+        for frame in (source.frames[int(k)] for k in chosen)
+    )
     return chosen, (contacts for contacts in loaded if not contacts.is_wall.all())
 
 
@@ -334,4 +416,8 @@ def _between(contacts: LoadedContacts, rows: Floats) -> Floats:
 def _frames_of(source: FrameSource, chosen: NDArray[np.int64], contacts: int) -> dict[str, Any]:
     """What both distributions say first."""
     times = np.asarray(source.frames.time)[chosen]
-    return {"frame_count": int(chosen.size), "times": (float(times[0]), float(times[-1])), "contacts": contacts}
+    return {
+        "frame_count": int(chosen.size),
+        "times": (float(times[0]), float(times[-1])),
+        "contacts": contacts,
+    }

@@ -1,4 +1,6 @@
-"""The grains and walls of a frame as shapes that can be drawn, and a quantity of every grain as a map."""
+"""The grains and walls of a frame as shapes that can be drawn, and a quantity of every grain as a
+map.
+"""
 
 from __future__ import annotations
 
@@ -12,13 +14,21 @@ from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Outline, outlines
 from multicor_cli.post.quantities import MAPPED, SAME, GrainQuantity
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, frame_index, model_of, need_grains
+from multicor_cli.post.source import (
+    FrameSource,
+    GrainFrame,
+    PostError,
+    frame_index,
+    model_of,
+    need_grains,
+)
 from multicor_cli.post.table import Column, Table, values_of_quantities, with_unit
 from multicor_cli.text import choices
 
 # ---- The grains and walls of a frame as shapes that can be drawn
 
-_NEAR = 0.25  # walls count for the frame of a picture if they begin within this part of the grains' extent
+# Walls count for the frame of a picture if they begin within this part of the grains' extent
+_NEAR = 0.25
 _MARGIN = 0.02
 
 
@@ -29,7 +39,8 @@ class GrainScene:
     Attributes:
         center: Centers of the grains [m], shape ``(n, 2)``.
         radius: Radii of the grains [m], shape ``(n,)``.
-        walls: What the shapes of the walls look like in the world, kind by kind; glued grains lie within the period.
+        walls: What the shapes of the walls look like in the world, kind by kind; glued grains lie
+            within the period.
         period: Period in x [m]; 0 if there is none.
         box: Lower left and upper right corner of what is to be seen [m], shape ``(2, 2)``.
     """
@@ -53,7 +64,9 @@ def make_scene(source: FrameSource, frame: GrainFrame) -> GrainScene:
     """
     model = model_of(source, frame)
     center = np.array(np.asarray(frame.position, np.float64)[:, :2])
-    walls = [outline for _, outline in placed_walls(model, np.asarray(frame.wall_position, np.float64))]
+    walls = [
+        outline for _, outline in placed_walls(model, np.asarray(frame.wall_position, np.float64))
+    ]
     if model.period > 0.0:
         center[:, 0] %= model.period
         for outline in walls:
@@ -68,7 +81,8 @@ def make_scene(source: FrameSource, frame: GrainFrame) -> GrainScene:
 def placed_walls(
     model: Model, pose: Floats, is_asked: NDArray[np.bool_] | None = None
 ) -> Iterator[tuple[NDArray[np.int64], Outline]]:
-    """What the shapes of the walls look like in the world, kind by kind: which of them, and their outlines.
+    """What the shapes of the walls look like in the world, kind by kind: which of them, and their
+    outlines.
 
     Args:
         model: The walls.
@@ -76,7 +90,9 @@ def placed_walls(
         is_asked: Of which walls, shape ``(w,)``; default: all.
     """
     shapes = model.shapes
-    asked = np.arange(model.shape_count) if is_asked is None else np.flatnonzero(is_asked[shapes.wall])
+    asked = (
+        np.arange(model.shape_count) if is_asked is None else np.flatnonzero(is_asked[shapes.wall])
+    )
     for which, outline in outlines(shapes.kind[asked], shapes.geometry[asked]):
         yield asked[which], _placed(outline, pose[shapes.wall[asked[which]]])
 
@@ -90,20 +106,27 @@ def images(x: Floats, reach: Floats, period: float) -> tuple[NDArray[np.int64], 
         period: The period [m]; 0 if there is none.
 
     Returns:
-        Number of each thing to be drawn, and its shift in x [m]: all of them unshifted, then the images.
+        Number of each thing to be drawn, and its shift in x [m]: all of them unshifted, then the
+        images.
     """
     everything = np.arange(x.size)
     if period <= 0.0:
         return everything, np.zeros(x.size)
     left, right = np.flatnonzero(x + reach > period), np.flatnonzero(x - reach < 0.0)
-    shift = np.concatenate([np.zeros(x.size), np.full(left.size, -period), np.full(right.size, period)])
+    shift = np.concatenate(
+        [np.zeros(x.size), np.full(left.size, -period), np.full(right.size, period)]
+    )
     return np.concatenate([everything, left, right]), shift
 
 
 def _placed(outline: Outline, pose: Floats) -> Outline:
     """Outlines turned and moved with their walls, whose poses have shape ``(k, 3)``."""
     points = _turned(outline.points, pose[:, np.newaxis, 2]) + pose[:, np.newaxis, :2]
-    return replace(outline, points=points, normal=None if outline.normal is None else _turned(outline.normal, pose[:, 2]))
+    return replace(
+        outline,
+        points=points,
+        normal=None if outline.normal is None else _turned(outline.normal, pose[:, 2]),
+    )
 
 
 def _turned(vectors: Floats, angle: Floats) -> Floats:
@@ -114,7 +137,10 @@ def _turned(vectors: Floats, angle: Floats) -> Floats:
 
 def _find_box(center: Floats, radius: Floats, walls: Sequence[Outline]) -> Floats:
     """Around the grains and the walls with ends that are near."""
-    low, high = np.concatenate([np.zeros((2, 0, 2)), *(outline.corners() for outline in walls if outline.normal is None)], axis=1)
+    low, high = np.concatenate(
+        [np.zeros((2, 0, 2)), *(outline.corners() for outline in walls if outline.normal is None)],
+        axis=1,
+    )
     grains = np.array(
         [
             (center - radius[:, np.newaxis]).min(axis=0, initial=np.inf),
@@ -122,7 +148,11 @@ def _find_box(center: Floats, radius: Floats, walls: Sequence[Outline]) -> Float
         ]
     )
     if not radius.size:  # none is there yet, or any more
-        grains = np.array([low.min(axis=0), high.max(axis=0)]) if len(low) else np.array([[0.0, 0.0], [1.0, 1.0]])
+        grains = (
+            np.array([low.min(axis=0), high.max(axis=0)])
+            if len(low)
+            else np.array([[0.0, 0.0], [1.0, 1.0]])
+        )
     room = _NEAR * (grains[1] - grains[0]).max()
     near = ((low <= grains[1] + room) & (high >= grains[0] - room)).all(axis=1)
     box = np.array([np.minimum(grains[0], low[near].min(axis=0, initial=np.inf)), grains[1]])
@@ -148,17 +178,21 @@ class GrainMap(Table):
     """
 
 
-def grain_map(source: FrameSource, of: str, frame: int = -1, *, may_be_empty: bool = False) -> GrainMap:
+def grain_map(
+    source: FrameSource, of: str, frame: int = -1, *, may_be_empty: bool = False
+) -> GrainMap:
     """A quantity of every grain of one frame.
 
     Args:
         source: The run.
         of: Name of the quantity, one of `MAPPED`.
         frame: Index of the frame; negative counts from the last one.
-        may_be_empty: Whether there may be no grain in the frame, of whose values a table can tell nothing.
+        may_be_empty: Whether there may be no grain in the frame, of whose values a table can tell
+            nothing.
 
     Raises:
-        PostError: If there is no such quantity, frame or grain, or the run has no heat and the quantity needs it.
+        PostError: If there is no such quantity, frame or grain, or the run has no heat and the
+            quantity needs it.
         StoreError: If the run cannot be read.
     """
     chosen = MAPPED.get(SAME.get(of, of))
@@ -170,31 +204,53 @@ def grain_map(source: FrameSource, of: str, frame: int = -1, *, may_be_empty: bo
     values = chosen.of_grain(source, index)
     vector = values if values.ndim == 2 else None
     value = values if vector is None else np.hypot(*vector.T)
-    scene, names = make_scene(source, source.frames[index]), () if chosen.names_of is None else chosen.names_of(source.model)
+    scene, names = (
+        make_scene(source, source.frames[index]),
+        () if chosen.names_of is None else chosen.names_of(source.model),
+    )
     time = float(np.asarray(source.frames.time)[index])
     grains = [
         *(Column(axis, "m", scene.center[:, k]) for k, axis in enumerate("xy")),
         Column("radius", "m", scene.radius),
         Column("value", chosen.unit, value, chosen.name),
     ]
-    facts = {"of": chosen.name, "unit": chosen.unit, "frame": index, "time": time, **{c.name: c.values for c in grains}}
+    facts = {
+        "of": chosen.name,
+        "unit": chosen.unit,
+        "frame": index,
+        "time": time,
+        **{c.name: c.values for c in grains},
+    }
     if names:
         facts["names"] = names
     if vector is not None:
         facts["vector"] = vector
-        grains += [Column(f"vector_{axis}", chosen.unit, vector[:, k], f"{chosen.name} {axis}") for k, axis in enumerate("xy")]
+        grains += [
+            Column(f"vector_{axis}", chosen.unit, vector[:, k], f"{chosen.name} {axis}")
+            for k, axis in enumerate("xy")
+        ]
     parts = {"field": chosen, "scene": scene, "vector": vector, "names": names}
     return GrainMap(_statistics(chosen, value, names), facts, grains, **parts)
 
 
 def _statistics(field: GrainQuantity, value: Floats, names: tuple[str, ...]) -> tuple[Column, ...]:
-    """How the values are distributed; how many grains there are of each kind, where they stand for names."""
+    """How the values are distributed; how many grains there are of each kind, where they stand for
+    names.
+    """
     if names:
         counts = [float((value == k).sum()) for k in range(len(names))]
         return Column("kind", "", names, field.label, ""), Column("grains", "", counts, key="")
     if not value.size:
         return values_of_quantities([("grains", 0.0)])
     quantiles = np.quantile(value, (0.0, 0.05, 0.5, 0.95, 1.0)).tolist()
-    labels = ("smallest", "5 % of the grains below", "half of the grains below", "95 % of the grains below", "largest")
+    labels = (
+        "smallest",
+        "5 % of the grains below",
+        "half of the grains below",
+        "95 % of the grains below",
+        "largest",
+    )
     lines = [("mean", float(value.mean())), *zip(labels, quantiles, strict=True)]
-    return values_of_quantities([("grains", float(value.size)), *((with_unit(k, field.unit), v) for k, v in lines)])
+    return values_of_quantities(
+        [("grains", float(value.size)), *((with_unit(k, field.unit), v) for k, v in lines)]
+    )

@@ -33,32 +33,39 @@ from multicor_cli.text import choices
 class ProfileTable(Table):
     """A profile over the height; ``b`` bins.
 
-    The value of a bin is the average over the grains in it and over the frames, weighted by the area of each grain that lies in
-    the bin. Rates, shares and stresses are per area of the plane instead, and contacts per grain an average over grains that count
-    alike (see `multicor_cli.post.quantities`: `Kind`, and `QUANTITIES` for the quantities). Between two walls the bins move and
-    stretch with the walls, so that in every frame they end at the walls.
+    The value of a bin is the average over the grains in it and over the frames, weighted by the
+    area of each grain that lies in the bin. Rates, shares and stresses are per area of the plane
+    instead, and contacts per grain an average over grains that count alike (see
+    `multicor_cli.post.quantities`: `Kind`, and `QUANTITIES` for the quantities). Between two walls
+    the bins move and stretch with the walls, so that in every frame they end at the walls.
 
-    Standard errors hold what consecutive frames (for rates: intervals between frames) remember of each other; they are nan with
-    too few frames to tell (see `multicor_cli.post.sums.spread`). Averages over bins that no grain has touched are nan.
+    Standard errors hold what consecutive frames (for rates: intervals between frames) remember of
+    each other; they are nan with too few frames to tell (see `multicor_cli.post.sums.spread`).
+    Averages over bins that no grain has touched are nan.
 
     Attributes:
         field: What was averaged.
-        y: Centers of the bins above the origin [m], or over the height if normalized, shape ``(b,)``.
-        value: Averages in the unit of the field; if normalized, see `multicor_cli.post.quantities.Scaling`; shape ``(b,)``.
+        y: Centers of the bins above the origin [m], or over the height if normalized, shape
+            ``(b,)``.
+        value: Averages in the unit of the field; if normalized, see
+            `multicor_cli.post.quantities.Scaling`; shape ``(b,)``.
         error: Standard errors, shape ``(b,)``.
         area: Area of the grains in each bin, averaged over the frames [m²], shape ``(b,)``.
         width: Width of a bin, in the unit of ``y``.
         height: Distance of the walls [m]; see `multicor_cli.post.bins.Extent`.
         wall_values: Averages of the field at the lower and upper wall; nan where there is none.
         walls: Names of the lower and upper wall; empty where there is none.
-        shear_rate: Difference of the mean velocities of the upper and lower wall over their distance [1/s]; nan without them.
+        shear_rate: Difference of the mean velocities of the upper and lower wall over their
+            distance [1/s]; nan without them.
         frames: Indices of the frames.
         times: Times of the first and last frame [s].
         is_normalized: Whether ``y`` and ``value`` are normalized.
-        bin_area: Area of the plane that a bin covers, averaged over the frames [m²]. Times the sum of the values it gives what all
-            bins hold, for values per area: the area of the grains, the heat per time [W], the sum of f ℓ [N m].
+        bin_area: Area of the plane that a bin covers, averaged over the frames [m²]. Times the sum
+            of the values it gives what all bins hold, for values per area: the area of the grains,
+            the heat per time [W], the sum of f ℓ [N m].
         left_out: What is left out at each wall, in mean diameters.
-        note: How many bins drift, and by how much the worst does over the frames, in the unit of the field; empty if none does.
+        note: How many bins drift, and by how much the worst does over the frames, in the unit of
+            the field; empty if none does.
         groups: The groups of grains that count; empty: all.
         about_groups: Which they are, as `` of 'glass'``; empty for all.
     """
@@ -67,7 +74,11 @@ class ProfileTable(Table):
     def about_walls(self) -> str:
         """A line on what is left out at the walls; empty if nothing is."""
         walls = " and ".join(f"'{name}'" for name in self.walls if name)
-        return f"left out next to {walls}: {self.left_out:.3g} of a mean diameter" if walls and self.left_out else ""
+        return (
+            f"left out next to {walls}: {self.left_out:.3g} of a mean diameter"
+            if walls and self.left_out
+            else ""
+        )
 
     @property
     def units(self) -> tuple[str, str]:
@@ -81,12 +92,14 @@ class ProfileTable(Table):
     def normalized(self) -> ProfileTable:
         """The same with y/H, and the field in a form without unit.
 
-        A velocity or temperature goes from 0 at the lower wall to 1 at the upper wall (for a fixed lower wall and a velocity this
-        is v/V with the velocity V of the upper wall). A spin is divided by the shear rate of the walls, (V_upper − V_lower)/H:
-        grains that turn with a homogeneous shear flow have −1/2.
+        A velocity or temperature goes from 0 at the lower wall to 1 at the upper wall (for a fixed
+        lower wall and a velocity this is v/V with the velocity V of the upper wall). A spin is
+        divided by the shear rate of the walls, (V_upper − V_lower)/H: grains that turn with a
+        homogeneous shear flow have −1/2.
 
         Raises:
-            PostError: If the field has no such form, there is no wall below or above the grains, or the walls do not differ.
+            PostError: If the field has no such form, there is no wall below or above the grains, or
+                the walls do not differ.
         """
         if self.is_normalized:
             return self
@@ -106,7 +119,10 @@ class ProfileTable(Table):
             normalized=True,
             is_normalized=True,
         )
-        table.columns = (*(column._replace(unit="1") for column in table.columns[:-1]), table.columns[-1])
+        table.columns = (
+            *(column._replace(unit="1") for column in table.columns[:-1]),
+            table.columns[-1],
+        )
         return table
 
     def _wall_scale(self) -> tuple[float, float]:
@@ -114,20 +130,29 @@ class ProfileTable(Table):
         if not all(self.walls):
             raise PostError("normalizing needs a wall below and a wall above the grains")
         if not np.isfinite(low) or not np.isfinite(high):
-            free = [name for name, value in zip(self.walls, self.wall_values, strict=True) if not np.isfinite(value)]
+            free = [
+                name
+                for name, value in zip(self.walls, self.wall_values, strict=True)
+                if not np.isfinite(value)
+            ]
             raise PostError(
-                f"normalizing needs a prescribed {self.field.label} of both walls; '{free[0]}' has none, "
-                "or not in all of these frames"
+                f"normalizing needs a prescribed {self.field.label} of both walls; '{free[0]}' "
+                "has none, or not in all of these frames"
             )
         if low == high:
-            raise PostError(f"normalizing needs walls of different {self.field.label}; both have {low:g} {self.field.unit}")
+            raise PostError(
+                f"normalizing needs walls of different {self.field.label}; both have {low:g} "
+                f"{self.field.unit}"
+            )
         return low, high - low
 
     def _shear_scale(self) -> tuple[float, float]:
         if not np.isfinite(self.shear_rate):
             raise PostError("normalizing needs a wall below and a wall above the grains")
         if self.shear_rate == 0.0:
-            raise PostError("normalizing needs walls of different velocity; they do not shear the grains")
+            raise PostError(
+                "normalizing needs walls of different velocity; they do not shear the grains"
+            )
         return 0.0, self.shear_rate
 
 
@@ -146,7 +171,11 @@ class ProfileSet(Table):
             own = [
                 column._replace(name=f"{column.name}_{k}", label=label)
                 for k, table in enumerate(self.tables)
-                for column, label in zip(table.columns[1:3], (table.field.name, f"error {table.field.name[-2:]}"), strict=True)
+                for column, label in zip(
+                    table.columns[1:3],
+                    (table.field.name, f"error {table.field.name[-2:]}"),
+                    strict=True,
+                )
             ]
             columns = [columns[0], *own, columns[-1]]
         super().__init__(columns, {})
@@ -161,11 +190,18 @@ class ProfileSet(Table):
         if len(self.tables) == 1:
             return self.first.as_dict()
         common = {key: value for key, value in self.first.as_dict().items() if key not in _OWN}
-        own = {table.field.name: {key: value for key, value in table.as_dict().items() if key in _OWN[1:]} for table in self.tables}
+        own = {
+            table.field.name: {
+                key: value for key, value in table.as_dict().items() if key in _OWN[1:]
+            }
+            for table in self.tables
+        }
         return {"of": self.name, **common, "fields": own}
 
     def normalized(self) -> ProfileSet:
-        """The same in a form without unit; see `ProfileTable.normalized`, whose errors are raised."""
+        """The same in a form without unit; see `ProfileTable.normalized`, whose errors are
+        raised.
+        """
         return ProfileSet(self.name, [table.normalized() for table in self.tables])
 
 
@@ -185,31 +221,44 @@ def profile(
 ) -> ProfileTable:
     """Average a field over horizontal bins and frames.
 
-    Rates come from the differences of consecutive frames, with the grains halfway between: they must not move by much more than
-    a bin from frame to frame. Stresses and contacts come from the frames to which contact forces belong; the others are left out.
+    Rates come from the differences of consecutive frames, with the grains halfway between: they
+    must not move by much more than a bin from frame to frame. Stresses and contacts come from the
+    frames to which contact forces belong; the others are left out.
 
     Args:
         source: The run.
         of: Name of the field, one of `PROFILED`.
         selection: Which frames; default: the later half of the last stage.
         bins: Number of bins; default: as many as make a bin about ``bin_width`` wide.
-        bin_width: Width of a bin in mean diameters, rounded so that a whole number of bins fits; default: 1.
-        exclude_walls: What to leave out at each wall, in mean diameters, counted as the heights are: from the line through the
-            centers of glued grains, or from the surface of a smooth wall. Default: the layer next to the wall, `bins.WALL_LAYER`;
-            between walls that are near, no more than an eighth of their distance.
+        bin_width: Width of a bin in mean diameters, rounded so that a whole number of bins fits;
+            default: 1.
+        exclude_walls: What to leave out at each wall, in mean diameters, counted as the heights
+            are: from the line through the centers of glued grains, or from the surface of a smooth
+            wall. Default: the layer next to the wall, `bins.WALL_LAYER`; between walls that are
+            near, no more than an eighth of their distance.
         between: Names of the walls below and above; default: those that bound the grains.
-        groups: Groups of grains that count; default: all. Fluctuations are those about the mean flow of all grains. Contacts per
-            grain include those with grains of other groups; of the stress in a contact between two grains each has half.
+        groups: Groups of grains that count; default: all. Fluctuations are those about the mean
+            flow of all grains. Contacts per grain include those with grains of other groups; of the
+            stress in a contact between two grains each has half.
 
     Raises:
-        PostError: If there is no such field, no frame (for a rate: fewer than two), or no sensible number of bins; or if the
-            field needs heat or contacts and the run has none.
+        PostError: If there is no such field, no frame (for a rate: fewer than two), or no sensible
+            number of bins; or if the field needs heat or contacts and the run has none.
         StoreError: If the run cannot be read.
     """
     if of in PROFILE_GROUPS:
-        raise PostError(f"'{of}' has several components: choose one of {', '.join(PROFILE_GROUPS[of])}")
+        raise PostError(
+            f"'{of}' has several components: choose one of {', '.join(PROFILE_GROUPS[of])}"
+        )
     return profiles(
-        source, of, selection, bins, bin_width=bin_width, exclude_walls=exclude_walls, between=between, groups=groups
+        source,
+        of,
+        selection,
+        bins,
+        bin_width=bin_width,
+        exclude_walls=exclude_walls,
+        between=between,
+        groups=groups,
     ).first
 
 
@@ -248,16 +297,33 @@ def profiles(
     for field in fields:
         if field.averaged is not None:
             first = source.frames[int(chosen[0])]
-            field.averaged(first, model_of(source, first))  # a run without heat is refused before anything else
+            # a run without heat is refused before anything else
+            field.averaged(first, model_of(source, first))
     if kind == "rate" and chosen.size < 2:
         label = fields[0].label
-        raise PostError(f"{label} is a rate and needs two frames; only one is selected: choose more with --from or --frames")
-    bins_ = make_bins(source, chosen, bins, bin_width=bin_width, exclude_walls=exclude_walls, between=between)
+        raise PostError(
+            f"{label} is a rate and needs two frames; only one is selected: choose more with "
+            "--from or --frames"
+        )
+    bins_ = make_bins(
+        source, chosen, bins, bin_width=bin_width, exclude_walls=exclude_walls, between=between
+    )
     if kind == "contact":
-        sums = sum_contacts(part, chosen, bins_, [field.of_contacts for field in fields if field.of_contacts is not None])
+        sums = sum_contacts(
+            part,
+            chosen,
+            bins_,
+            [field.of_contacts for field in fields if field.of_contacts is not None],
+        )
     else:
         sums = _SUMS[kind](part, chosen, bins_, _values_of(source, fields, chosen, bins_))
-    return ProfileSet(of, [_make_table(source, *pair, chosen, bins_, tuple(groups)) for pair in zip(fields, sums, strict=True)])
+    return ProfileSet(
+        of,
+        [
+            _make_table(source, *pair, chosen, bins_, tuple(groups))
+            for pair in zip(fields, sums, strict=True)
+        ],
+    )
 
 
 _SUMS: dict[str, Callable[[FrameSource, NDArray[np.int64], Bins, Sequence[Values]], list[Sums]]] = {
@@ -271,13 +337,20 @@ _SUMS: dict[str, Callable[[FrameSource, NDArray[np.int64], Bins, Sequence[Values
 def _find_fields(of: str) -> tuple[GrainQuantity, ...]:
     names = PROFILE_GROUPS.get(of, (SAME.get(of, of),))
     if names[0] not in PROFILED:
-        known = [name for name in PROFILED if not any(name in group for group in PROFILE_GROUPS.values())]
+        known = [
+            name for name in PROFILED if not any(name in group for group in PROFILE_GROUPS.values())
+        ]
         raise PostError(f"there is no profile of '{of}'; {choices(of, [*known, *PROFILE_GROUPS])}")
     return tuple(PROFILED[name] for name in names)
 
 
 def _make_table(
-    source: FrameSource, field: GrainQuantity, sums: Sums, chosen: NDArray[np.int64], bins: Bins, groups: tuple[str, ...]
+    source: FrameSource,
+    field: GrainQuantity,
+    sums: Sums,
+    chosen: NDArray[np.int64],
+    bins: Bins,
+    groups: tuple[str, ...],
 ) -> ProfileTable:
     value, error = average(sums)
     extent = bins.extent
@@ -319,16 +392,24 @@ def _make_table(
     )
 
 
-def _bin_area(source: FrameSource, field: GrainQuantity, sums: Sums, chosen: NDArray[np.int64], bins: Bins) -> float:
+def _bin_area(
+    source: FrameSource, field: GrainQuantity, sums: Sums, chosen: NDArray[np.int64], bins: Bins
+) -> float:
     """Area of a bin, averaged over the frames, or over the time of a rate [m²]."""
     if field.kind in ("mean", "number"):
         frames = (source.frames[int(k)] for k in chosen)
-        return float(np.mean([bins.place(frame).width * plane_width(source, frame) for frame in frames]))
+        return float(
+            np.mean([bins.place(frame).width * plane_width(source, frame) for frame in frames])
+        )
     times = np.asarray(source.frames.time)[chosen]
-    return float(sums.weight[:, 0].sum() / (times[-1] - times[0] if field.kind == "rate" else chosen.size))
+    return float(
+        sums.weight[:, 0].sum() / (times[-1] - times[0] if field.kind == "rate" else chosen.size)
+    )
 
 
-def _values_of(source: FrameSource, fields: tuple[GrainQuantity, ...], chosen: NDArray[np.int64], bins: Bins) -> list[Values]:
+def _values_of(
+    source: FrameSource, fields: tuple[GrainQuantity, ...], chosen: NDArray[np.int64], bins: Bins
+) -> list[Values]:
     is_relative = any(field.is_relative for field in fields)
     flow = mean_flow(source, chosen, bins) if is_relative else None
 
@@ -339,8 +420,11 @@ def _values_of(source: FrameSource, fields: tuple[GrainQuantity, ...], chosen: N
         def values(frame: GrainFrame) -> Floats:
             if flow is not None:
                 frame = RelativeFrame(frame, flow.fluctuation(frame))
-            if field.needs_contacts and isinstance(frame, FrameOfGroups):  # contacts with grains of other groups count too
-                return np.asarray(averaged(frame.whole, model_of(source, frame.whole)), np.float64)[frame.rows]
+            # Contacts with grains of other groups count too
+            if field.needs_contacts and isinstance(frame, FrameOfGroups):
+                return np.asarray(averaged(frame.whole, model_of(source, frame.whole)), np.float64)[
+                    frame.rows
+                ]
             return np.asarray(averaged(frame, model_of(source, frame)), np.float64)
 
         return values
@@ -349,9 +433,14 @@ def _values_of(source: FrameSource, fields: tuple[GrainQuantity, ...], chosen: N
 
 
 def _at_walls(
-    source: FrameSource, field: GrainQuantity, chosen: NDArray[np.int64], walls: tuple[int | None, int | None]
+    source: FrameSource,
+    field: GrainQuantity,
+    chosen: NDArray[np.int64],
+    walls: tuple[int | None, int | None],
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Means over the frames of the field and of the velocity at the lower and upper wall; nan where there is none."""
+    """Means over the frames of the field and of the velocity at the lower and upper wall; nan where
+    there is none.
+    """
     values = np.full((chosen.size, 2, 2), np.nan)
     for row, k in enumerate(chosen):
         frame = source.frames[int(k)]

@@ -1,4 +1,6 @@
-"""Every quantity that grains or contacts have for post-processing, once: what profiles, maps, the page and the help know of it."""
+"""Every quantity that grains or contacts have for post-processing, once: what profiles, maps, the
+page and the help know of it.
+"""
 
 from __future__ import annotations
 
@@ -12,25 +14,34 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
 from multicor_cli.post.flow import fluctuations
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, model_of, need_heat, need_same_grains
+from multicor_cli.post.source import (
+    FrameSource,
+    GrainFrame,
+    PostError,
+    model_of,
+    need_heat,
+    need_same_grains,
+)
 from multicor_cli.post.table import Quantity
 
 Kind = Literal["mean", "number", "rate", "share", "contact"]
 """How grains or contacts add up to the value of a bin.
 
-``mean``: average over the grains, weighted by their area in the bin. ``number``: average over the grains, which count alike, each
-with the part of its area that lies in the bin. ``rate``: increase of what the grains hold from frame to frame, over the time
-between and the area of the bin. ``share``: area of the grains in the bin times their value, over the area of the bin. ``contact``:
-what contacts carry, spread evenly along the branch that joins the centers of two grains, free or glued (or the center of a grain
-and the point where it touches a smooth wall), over the area of the bin. The area of a bin is its width times the period, or, where
-there is none, times how far the grains of the frame reach in x.
+``mean``: average over the grains, weighted by their area in the bin. ``number``: average over the
+grains, which count alike, each with the part of its area that lies in the bin. ``rate``: increase
+of what the grains hold from frame to frame, over the time between and the area of the bin.
+``share``: area of the grains in the bin times their value, over the area of the bin. ``contact``:
+what contacts carry, spread evenly along the branch that joins the centers of two grains, free or
+glued (or the center of a grain and the point where it touches a smooth wall), over the area of the
+bin. The area of a bin is its width times the period, or, where there is none, times how far the
+grains of the frame reach in x.
 """
 
 Scaling = Literal["walls", "shear", "none"]
 """What a normalized profile is divided by.
 
-``walls``: from 0 at the lower to 1 at the upper wall. ``shear``: by the shear rate of the walls, the difference of their
-velocities over their distance. ``none``: there is no normalized form.
+``walls``: from 0 at the lower to 1 at the upper wall. ``shear``: by the shear rate of the walls,
+the difference of their velocities over their distance. ``none``: there is no normalized form.
 """
 
 Colors = Literal["viridis", "plasma", "magma", "cividis", "balance"]
@@ -41,7 +52,8 @@ Scale = Literal["linear", "from zero", "centered", "logarithmic"]
 
 _ENOUGH = 400  # with fewer grains colors span all values
 _QUANTILE = 0.995  # with more of them colors may span this part
-_WORTH = 0.1  # values are left out of the colors at an end only if that shortens the scale by more than this part
+# Values are left out of the colors at an end only if that shortens the scale by more than this part
+_WORTH = 0.1
 _DECADES = 1e-4  # lowest color of a logarithmic scale over the highest
 
 
@@ -50,18 +62,21 @@ class GrainQuantity(Quantity):
     """A quantity that every grain, or every contact, has.
 
     Attributes:
-        of_grain: Values of the grains of a frame, shape ``(n,)``, or ``(n, 2)`` for vectors: what a map shows; None if there is
-            no map.
+        of_grain: Values of the grains of a frame, shape ``(n,)``, or ``(n, 2)`` for vectors: what a
+            map shows; None if there is no map.
         colors: Color map of its maps.
         scale: How values become colors.
         needs_heat: Whether only runs with heat have it.
-        averaged: Values of the grains of a frame that a profile averages, shape ``(n,)``; what they hold since the start of the run
-            for a rate; None if contacts have the values, or there is no profile.
+        averaged: Values of the grains of a frame that a profile averages, shape ``(n,)``; what they
+            hold since the start of the run for a rate; None if contacts have the values, or there
+            is no profile.
         of_walls: Values of the walls of a frame, shape ``(w,)``, or None where walls have none.
         kind: How grains add up in a profile.
         scaling: What a normalized profile is divided by.
-        is_relative: Whether ``averaged`` wants the velocities relative to the mean flow at the height of each grain.
-        of_contacts: Values of the contacts of a frame that carry a force, shape ``(c,)``; for the kind ``contact``.
+        is_relative: Whether ``averaged`` wants the velocities relative to the mean flow at the
+            height of each grain.
+        of_contacts: Values of the contacts of a frame that carry a force, shape ``(c,)``; for the
+            kind ``contact``.
         needs_contacts: Whether profiles leave out frames without contact forces.
         per_area: Symbol and unit of a profile, where they are not those of a grain.
         names_of: Names that the values 0, 1, … stand for, where they are no amounts.
@@ -88,11 +103,17 @@ class GrainQuantity(Quantity):
 
     def of_profile(self) -> GrainQuantity:
         """The same with the symbol and the unit of its profiles."""
-        return self if self.per_area is None else replace(self, symbol=self.per_area[0], unit=self.per_area[1])
+        return (
+            self
+            if self.per_area is None
+            else replace(self, symbol=self.per_area[0], unit=self.per_area[1])
+        )
 
 
 def color_range(quantity: GrainQuantity, values: NDArray[Any], grains: int) -> tuple[float, float]:
-    """Smallest and largest value with a color of its own, of finite values of one frame or more of so many grains."""
+    """Smallest and largest value with a color of its own, of finite values of one frame or more of
+    so many grains.
+    """
     if not values.size:
         return 0.0, 1.0
     low, high = float(values.min()), float(values.max())
@@ -102,7 +123,10 @@ def color_range(quantity: GrainQuantity, values: NDArray[Any], grains: int) -> t
     if grains >= _ENOUGH:
         inner = np.quantile(values, (1.0 - _QUANTILE, _QUANTILE)).tolist()
         room = _WORTH * (inner[1] - inner[0])
-        low, high = (low if low >= inner[0] - room else inner[0]), (high if high <= inner[1] + room else inner[1])
+        low, high = (
+            (low if low >= inner[0] - room else inner[0]),
+            (high if high <= inner[1] + room else inner[1]),
+        )
     if quantity.scale == "from zero":
         return 0.0, high or 1.0
     if quantity.scale == "centered":
@@ -129,11 +153,15 @@ def _speeds(source: FrameSource, frame: int) -> Floats:
 
 
 def _kinds(name: str) -> Callable[[FrameSource, int], Floats]:
-    return lambda source, frame: np.asarray(getattr(model_of(source, source.frames[frame]).grains, name), np.float64)
+    return lambda source, frame: np.asarray(
+        getattr(model_of(source, source.frames[frame]).grains, name), np.float64
+    )
 
 
 def _displacements(source: FrameSource, frame: int) -> Floats:
-    """Distances from where the grains were in the first frame, periods they have passed included [m], shape ``(n,)``."""
+    """Distances from where the grains were in the first frame, periods they have passed included
+    [m], shape ``(n,)``.
+    """
     first, now = source.frames[0], source.frames[frame]
     need_same_grains(first, now)
     moved = np.asarray(now.unwrapped, np.float64) - np.asarray(first.unwrapped, np.float64)
@@ -141,13 +169,20 @@ def _displacements(source: FrameSource, frame: int) -> Floats:
 
 
 def _heat_rates(source: FrameSource, frame: int) -> Floats:
-    """Mean heat of friction and impacts that each grain has received per time since the frame before [W], shape ``(n,)``."""
+    """Mean heat of friction and impacts that each grain has received per time since the frame
+    before [W], shape ``(n,)``.
+    """
     after = need_heat(source.frames[frame].generated)
     if frame == 0:
-        raise PostError("the map of heat shows what was generated since the frame before; frame 0 has none")
+        raise PostError(
+            "the map of heat shows what was generated since the frame before; frame 0 has none"
+        )
     need_same_grains(source.frames[frame - 1], source.frames[frame])
     times = np.asarray(source.frames.time)
-    return np.asarray((after - need_heat(source.frames[frame - 1].generated)) / float(times[frame] - times[frame - 1]))
+    return np.asarray(
+        (after - need_heat(source.frames[frame - 1].generated))
+        / float(times[frame] - times[frame - 1])
+    )
 
 
 def _contacts_of(source: FrameSource, frame: int) -> LoadedContacts:
@@ -162,7 +197,8 @@ def _of_contacts(values: Callable[[LoadedContacts], Any]) -> Callable[[FrameSour
 def _pressures(source: FrameSource, frame: int) -> Floats:
     """Mean pressure in each grain by its contact forces [N/m], shape ``(n,)``.
 
-    Half the trace of its virial Σ f⊗ℓ/(π a²), ℓ from where it is touched to its center: Σ f_n/(2π a).
+    Half the trace of its virial Σ f⊗ℓ/(π a²), ℓ from where it is touched to its center: Σ f_n/(2π
+    a).
     """
     contacts = _contacts_of(source, frame)
     return np.asarray(contacts.loads / (2.0 * np.pi * contacts.reach_of[: contacts.grain_count]))
@@ -186,7 +222,9 @@ def _mean_pressure(contacts: LoadedContacts) -> Floats:
 
 
 def _stress(a: int, b: int) -> GrainQuantity:
-    """Contact stress σ_ab = Σ f_a ℓ_b / area: force on a grain times the branch towards it, compression positive."""
+    """Contact stress σ_ab = Σ f_a ℓ_b / area: force on a grain times the branch towards it,
+    compression positive.
+    """
     axes = "xy"[a] + "xy"[b]
     return GrainQuantity(
         f"stress-{axes}",
@@ -205,78 +243,105 @@ def _kinetic_stress(a: int, b: int) -> GrainQuantity:
 
     def averaged(frame: GrainFrame, model: Model) -> Floats:
         velocity, grains = np.asarray(frame.velocity, np.float64), model.grains
-        return np.asarray(grains.mass * velocity[:, a] * velocity[:, b] / (np.pi * grains.radius**2))
+        return np.asarray(
+            grains.mass * velocity[:, a] * velocity[:, b] / (np.pi * grains.radius**2)
+        )
 
     symbol = rf"\sigma^\mathrm{{kin}}_{{{axes}}}"
     name, label = f"kinetic-stress-{axes}", f"kinetic stress {axes}"
-    return GrainQuantity(name, label, symbol, "N/m", averaged=averaged, kind="share", is_relative=True)
+    return GrainQuantity(
+        name, label, symbol, "N/m", averaged=averaged, kind="share", is_relative=True
+    )
 
 
 QUANTITIES: dict[str, GrainQuantity] = {
     quantity.name: quantity
     for quantity in (
         GrainQuantity(
-            "velocity", "velocity", "v_x", "m/s", **_each(lambda frame: frame.velocity[:, 0]), of_walls=_wall(0), scaling="walls",
+            "velocity", "velocity", "v_x", "m/s", **_each(lambda frame: frame.velocity[:, 0]),
+            of_walls=_wall(0), scaling="walls",
             colors="balance", scale="centered",
         ),
         GrainQuantity(
-            "velocity-y", "vertical velocity", "v_y", "m/s", **_each(lambda frame: frame.velocity[:, 1]),
+            "velocity-y", "vertical velocity", "v_y", "m/s",
+            **_each(lambda frame: frame.velocity[:, 1]),
             of_walls=_wall(1), colors="balance", scale="centered",
         ),
         GrainQuantity("speed", "speed", r"|v|", "m/s", _speeds, scale="from zero"),
-        GrainQuantity("displacement", "displacement", r"|\Delta x|", "m", _displacements, scale="from zero"),
+        GrainQuantity("displacement", "displacement", r"|\Delta x|", "m", _displacements,
+            scale="from "
+            "zero"),
         GrainQuantity(
             "rotation", "rotation since the start", r"\theta", "rad",
-            lambda source, frame: np.asarray(source.frames[frame].angle, np.float64), "balance", "centered",
+            lambda source, frame: np.asarray(source.frames[frame].angle, np.float64), "balance",
+            "centered",
         ),
         GrainQuantity(
             "spin", "spin", r"\omega", "rad/s", **_each(lambda frame: frame.spin),
             of_walls=_wall(2), scaling="shear", colors="balance", scale="centered",
         ),
         GrainQuantity(
-            "temperature", "temperature", "T", "K", **_each(lambda frame: need_heat(frame.temperature)),
-            of_walls=lambda frame, _model: need_heat(frame.wall_temperature), scaling="walls", colors="plasma", needs_heat=True,
+            "temperature", "temperature", "T", "K",
+            **_each(lambda frame: need_heat(frame.temperature)),
+            of_walls=lambda frame, _model: need_heat(frame.wall_temperature), scaling="walls",
+            colors="plasma", needs_heat=True,
         ),
         GrainQuantity(
-            "heat", "generated heat", r"\dot{Q}", "W", _heat_rates, "magma", "logarithmic", needs_heat=True,
-            averaged=lambda frame, _model: need_heat(frame.generated), kind="rate", per_area=(r"\dot{q}", "W/m2"),
+            "heat", "generated heat", r"\dot{Q}", "W", _heat_rates, "magma", "logarithmic",
+            needs_heat=True,
+            averaged=lambda frame, _model: need_heat(frame.generated), kind="rate",
+            per_area=(r"\dot{q}", "W/m2"),
         ),
-        GrainQuantity("fluctuation", "velocity fluctuation", r"|v - \langle v_x \rangle|", "m/s", fluctuations, scale="from zero"),
+        GrainQuantity("fluctuation", "velocity fluctuation", r"|v - \langle v_x \rangle|", "m/s",
+            fluctuations, scale="from "
+            "zero"),
         GrainQuantity("solid-fraction", "solid fraction", r"\nu", "1", averaged=_one, kind="share"),
         GrainQuantity(
-            "granular-temperature", "granular temperature", r"T_g", "m2/s2", averaged=_granular_temperature, is_relative=True,
+            "granular-temperature", "granular temperature", r"T_g", "m2/s2",
+            averaged=_granular_temperature, is_relative=True,
         ),
         GrainQuantity(
-            "coordination", "contacts per grain", "Z", "1", _of_contacts(lambda contacts: contacts.counts),
+            "coordination", "contacts per grain", "Z", "1",
+            _of_contacts(lambda contacts: contacts.counts),
             averaged=_coordination, kind="number", needs_contacts=True,
         ),
         GrainQuantity(
-            "force", "largest contact force", r"f_\mathrm{max}", "N", _of_contacts(lambda contacts: contacts.largest),
+            "force", "largest contact force", r"f_\mathrm{max}", "N",
+            _of_contacts(lambda contacts: contacts.largest),
             scale="from zero",
         ),
-        GrainQuantity("group", "group", "", "1", _kinds("group"), names_of=lambda model: model.groups),
-        GrainQuantity("material", "material", "", "1", _kinds("material"), names_of=lambda model: model.materials),
+        GrainQuantity("group", "group", "", "1", _kinds("group"),
+            names_of=lambda model: model.groups),
+        GrainQuantity("material", "material", "", "1", _kinds("material"),
+            names_of=lambda model: model.materials),
         GrainQuantity("stress", "contact pressure", "p", "N/m", _pressures, "cividis", "from zero"),
-        GrainQuantity("pressure", "contact pressure", "p", "N/m", kind="contact", of_contacts=_mean_pressure, needs_contacts=True),
+        GrainQuantity("pressure", "contact pressure", "p", "N/m", kind="contact",
+            of_contacts=_mean_pressure, needs_contacts=True),
         *(_stress(a, b) for a in (0, 1) for b in (0, 1)),
         *(_kinetic_stress(a, b) for a, b in ((0, 0), (0, 1), (1, 1))),
     )
 }  # fmt: skip
 """All quantities, by name.
 
-Only free grains count, not those glued to walls: the solid fraction is the area of the free grains (of spheres their cross-section)
-over that of the plane. Heat is that of friction and impacts which the grains receive; what goes into walls is left out. The
-granular temperature is ½⟨v'·v'⟩ per unit of mass (per degree of freedom in the plane) with velocities v' relative to the mean flow
-of all selected frames at the height of the grain (`multicor_cli.post.flow.MeanFlow`). Contacts are those with a positive normal
-force; Z is their number at each grain, those with walls included, averaged over all grains, rattlers included. Stresses are forces
-per length, compression positive: σ_ab is the flux of the momentum along a through a line across b, so a flow in which the upper
-layers move towards +x has σ_xy < 0. The pressure is half the trace of the contact stress.
+Only free grains count, not those glued to walls: the solid fraction is the area of the free grains
+(of spheres their cross-section) over that of the plane. Heat is that of friction and impacts which
+the grains receive; what goes into walls is left out. The granular temperature is ½⟨v'·v'⟩ per unit
+of mass (per degree of freedom in the plane) with velocities v' relative to the mean flow of all
+selected frames at the height of the grain (`multicor_cli.post.flow.MeanFlow`). Contacts are those
+with a positive normal force; Z is their number at each grain, those with walls included, averaged
+over all grains, rattlers included. Stresses are forces per length, compression positive: σ_ab is
+the flux of the momentum along a through a line across b, so a flow in which the upper layers move
+towards +x has σ_xy < 0. The pressure is half the trace of the contact stress.
 """
 
-PROFILED: dict[str, GrainQuantity] = {name: quantity.of_profile() for name, quantity in QUANTITIES.items() if quantity.is_profiled}
+PROFILED: dict[str, GrainQuantity] = {
+    name: quantity.of_profile() for name, quantity in QUANTITIES.items() if quantity.is_profiled
+}
 """What a profile can be taken of, by name."""
 
-MAPPED: dict[str, GrainQuantity] = {name: quantity for name, quantity in QUANTITIES.items() if quantity.of_grain is not None}
+MAPPED: dict[str, GrainQuantity] = {
+    name: quantity for name, quantity in QUANTITIES.items() if quantity.of_grain is not None
+}
 """What can be shown as a map of the grains, by name."""
 
 SAME = {"velocity-x": "velocity"}

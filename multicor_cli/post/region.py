@@ -1,4 +1,6 @@
-"""What the grains and contacts inside a part of the plane do: solid fraction, motion, stress, temperature, frame by frame."""
+"""What the grains and contacts inside a part of the plane do: solid fraction, motion, stress,
+temperature, frame by frame.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,8 @@ from multicor_cli.post.sums import spread
 from multicor_cli.post.table import Column, TimeTable, line_of
 
 _UNITS = {
-    "solid_fraction": "1", "coordination": "1", "velocity_x": "m/s", "velocity_y": "m/s", "spin": "rad/s", "temperature": "K",
+    "solid_fraction": "1", "coordination": "1", "velocity_x": "m/s", "velocity_y": "m/s",
+    "spin": "rad/s", "temperature": "K",
     "stress_xx": "N/m", "stress_xy": "N/m", "stress_yx": "N/m", "stress_yy": "N/m",
     "kinetic_stress_xx": "N/m", "kinetic_stress_xy": "N/m", "kinetic_stress_yy": "N/m",
 }  # fmt: skip
@@ -30,23 +33,39 @@ _AXES = ((0, 0, "xx"), (0, 1, "xy"), (1, 0, "yx"), (1, 1, "yy"))
 class RegionTable(TimeTable):
     """Values in a part of the plane; ``f`` frames.
 
-    A grain counts with the part of its area that lies inside, where the boundary is taken for straight across a grain; a contact
-    with the part of its branch that does. Both are exact for straight boundaries away from corners, and to the order of d/R
-    for circles of radius R.
+    A grain counts with the part of its area that lies inside, where the boundary is taken for
+    straight across a grain; a contact with the part of its branch that does. Both are exact for
+    straight boundaries away from corners, and to the order of d/R for circles of radius R.
 
     Attributes:
         area: Area of the part [m²].
         time: Times of the frames [s], shape ``(f,)``.
         grains: Number of grains whose center is inside, shape ``(f,)``.
-        values: By name: solid fraction; coordination; means, weighted by area, of velocity, spin and temperature (in runs with
-            heat); stress of the contacts and of the fluctuations of velocity about the mean inside (compression positive); nan
-            where nothing is inside, or no forces belong to a frame; shape ``(f,)``.
+        values: By name: solid fraction; coordination; means, weighted by area, of velocity, spin
+            and temperature (in runs with heat); stress of the contacts and of the fluctuations of
+            velocity about the mean inside (compression positive); nan where nothing is inside, or
+            no forces belong to a frame; shape ``(f,)``.
     """
 
-    KEYS = ("area", "mean", "standard_error", "drift", "drift_error", "note", "time", "grains", "values")
+    KEYS = (
+        "area",
+        "mean",
+        "standard_error",
+        "drift",
+        "drift_error",
+        "note",
+        "time",
+        "grains",
+        "values",
+    )
 
-    def __init__(self, area: float, time: Floats, grains: NDArray[np.int64], values: dict[str, Floats]) -> None:
-        quantities = [Column(name, _UNITS[name], column, name.replace("_", " ")) for name, column in values.items()]
+    def __init__(
+        self, area: float, time: Floats, grains: NDArray[np.int64], values: dict[str, Floats]
+    ) -> None:
+        quantities = [
+            Column(name, _UNITS[name], column, name.replace("_", " "))
+            for name, column in values.items()
+        ]
         super().__init__(time, quantities, {"area": area, "grains": grains})
         self.details = (self.details[0], Column("grains", "", grains), *self.details[1:])
 
@@ -72,22 +91,32 @@ def in_region(source: FrameSource, area: Area, selection: Selection | None = Non
     """
     chosen = (selection or Selection()).indices(source.frames)
     room, size = _room(area, source.model.period)
-    counts, measured = zip(*(_measure(source, source.frames[int(k)], room, size) for k in chosen), strict=True)
+    counts, measured = zip(
+        *(_measure(source, source.frames[int(k)], room, size) for k in chosen), strict=True
+    )
     values = {name: np.array([row[name] for row in measured]) for name in measured[0]}
     if not values["solid_fraction"].any():
         raise PostError("no grain is in the region in these frames")
-    return RegionTable(size, np.asarray(source.frames.time, np.float64)[chosen], np.array(counts, np.int64), values)
+    return RegionTable(
+        size, np.asarray(source.frames.time, np.float64)[chosen], np.array(counts, np.int64), values
+    )
 
 
 def _room(area: Area, period: float) -> tuple[Room, float]:
-    """Where a grain counts, and the area of that [m²]: a rectangle as wide as the period has no ends in x."""
-    if isinstance(area, Rectangle) and 0.0 < period <= (area.high[0] - area.low[0]) * (1.0 + _ROUNDING):
+    """Where a grain counts, and the area of that [m²]: a rectangle as wide as the period has no
+    ends in x.
+    """
+    if isinstance(area, Rectangle) and 0.0 < period <= (area.high[0] - area.low[0]) * (
+        1.0 + _ROUNDING
+    ):
         endless = Rectangle((-np.inf, area.low[1]), (np.inf, area.high[1]))
         return Room(inside=(endless,)), period * (area.high[1] - area.low[1])
     return Room(inside=(area,), period=period), area.size
 
 
-def _measure(source: FrameSource, frame: GrainFrame, room: Room, size: float) -> tuple[int, dict[str, float]]:
+def _measure(
+    source: FrameSource, frame: GrainFrame, room: Room, size: float
+) -> tuple[int, dict[str, float]]:
     """Number of grains whose center is inside, and the values of a frame."""
     model, position = model_of(source, frame), np.asarray(frame.position, np.float64)[:, :2]
     radius = model.grains.radius
@@ -110,11 +139,15 @@ def _measure(source: FrameSource, frame: GrainFrame, room: Room, size: float) ->
         contacts = loaded_contacts(frame, model)
         values["coordination"] = _ratio(share, contacts.counts)
         length = _lengths_inside(contacts, position, room)
-        stress = {f"stress_{name}": float(contacts.virial(a, b) @ length) / size for a, b, name in _AXES}
+        stress = {
+            f"stress_{name}": float(contacts.virial(a, b) @ length) / size for a, b, name in _AXES
+        }
     mass = model.grains.mass * share
     away = velocity - np.array(mean)
     kinetic = {
-        f"kinetic_stress_{name}": float((mass * away[:, a]) @ away[:, b]) / size if share.any() else np.nan
+        f"kinetic_stress_{name}": float((mass * away[:, a]) @ away[:, b]) / size
+        if share.any()
+        else np.nan
         for a, b, name in _AXES
         if name != "yx"
     }
@@ -136,14 +169,19 @@ def part_inside(depth: Floats, radius: Floats) -> Floats:
 
 
 def _lengths_inside(contacts: LoadedContacts, position: Floats, room: Room) -> Floats:
-    """Part of each branch that lies inside, shape ``(c,)``: depth is linear along each of some pieces."""
+    """Part of each branch that lies inside, shape ``(c,)``: depth is linear along each of some
+    pieces.
+    """
     end = position[contacts.i]
     part, last = np.zeros(len(end)), room.clearance(end)
     for k in range(1, _PIECES + 1):
         first, last = last, room.clearance(end - (k / _PIECES) * contacts.branch)
         inner = np.maximum(first, 0.0) + np.maximum(last, 0.0)
         outer = np.maximum(-first, 0.0) + np.maximum(-last, 0.0)
-        part += np.where(outer == 0.0, 1.0, inner / np.where(inner + outer > 0.0, inner + outer, 1.0)) / _PIECES
+        part += (
+            np.where(outer == 0.0, 1.0, inner / np.where(inner + outer > 0.0, inner + outer, 1.0))
+            / _PIECES
+        )
     return part
 
 

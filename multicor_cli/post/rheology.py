@@ -1,4 +1,6 @@
-"""Rheology of a layer sheared between two walls: inertial number, friction, solid fraction, contacts, fabric, spin, in its bulk."""
+"""Rheology of a layer sheared between two walls: inertial number, friction, solid fraction,
+contacts, fabric, spin, in its bulk.
+"""
 
 from __future__ import annotations
 
@@ -12,20 +14,39 @@ from numpy.typing import NDArray
 
 from multicor_cli.model import Model, ShapeKind
 from multicor_cli.model.model import Floats
-from multicor_cli.post.bins import Between, Extent, area_below, find_extent, heights, make_bins, part_between
+from multicor_cli.post.bins import (
+    Between,
+    Extent,
+    area_below,
+    find_extent,
+    heights,
+    make_bins,
+    part_between,
+)
 from multicor_cli.post.contacts import LoadedContacts, has_forces, loaded_contacts
 from multicor_cli.post.flow import MeanFlow, mean_flow
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, SeriesSource, model_of, need_same_grains
+from multicor_cli.post.source import (
+    FrameSource,
+    GrainFrame,
+    PostError,
+    Selection,
+    SeriesSource,
+    model_of,
+    need_same_grains,
+)
 from multicor_cli.post.sums import Spread, pseudo_values, spread
 from multicor_cli.post.table import Quantity, TimeTable
 
-# ---- The bulk of a sheared layer: what lies far enough from both walls, and what is summed over it in one interval of frames
+# ---- The bulk of a sheared layer: what lies far enough from both walls, and what is summed over it
+#      in one interval of frames
 
 MARGIN = 8.0
-"""Mean diameters next to a wall that do not count as bulk: a rough wall disturbs the spins that far."""
+"""Mean diameters next to a wall that do not count as bulk: a rough wall disturbs the spins that
+far."""
 
 _LARGEST = 0.25  # of the distance of the walls: the margin of a thin layer
-_CLEAR = 1.0 / 3.0  # of what is free between the surfaces of the walls: the margin between large glued grains
+# of what is free between the surfaces of the walls: the margin between large glued grains
+_CLEAR = 1.0 / 3.0
 
 SUM_NAMES = (
     "lapse", "rate", "spin", "solid", "area", "kinetic", "weight",
@@ -52,11 +73,14 @@ class Band:
     margin: float
 
     def edges(self, frame: GrainFrame) -> tuple[float, float]:
-        """Lowest and highest y of the bulk in a frame [m]; raises `PostError` if the walls come too near to each other."""
+        """Lowest and highest y of the bulk in a frame [m]; raises `PostError` if the walls come too
+        near to each other.
+        """
         floor, span = self.extent.origin(frame), self.extent.span(frame)
         if not self.bottom + self.top < span:
             raise PostError(
-                f"no bulk is left between the walls where they come nearest, {span:.4g} m: lower --margin, or choose other frames"
+                f"no bulk is left between the walls where they come nearest, {span:.4g} m: lower "
+                "--margin, or choose other frames"
             )
         return floor + self.bottom, floor + span - self.top
 
@@ -67,8 +91,9 @@ def find_band(model: Model, extent: Extent, margin: float | None) -> Band:
     Args:
         model: Grains and walls.
         extent: The walls, both of them.
-        margin: Mean diameters to leave out next to the surface of each wall; default: `MARGIN`, or a quarter of the distance of
-            the walls or a third of what is free between their surfaces if that is less.
+        margin: Mean diameters to leave out next to the surface of each wall; default: `MARGIN`, or
+            a quarter of the distance of the walls or a third of what is free between their surfaces
+            if that is less.
 
     Raises:
         PostError: If the margin is negative or leaves nothing.
@@ -80,10 +105,17 @@ def find_band(model: Model, extent: Extent, margin: float | None) -> Band:
     assert extent.upper is not None
     below, above = _glued_radius(model, extent.lower), _glued_radius(model, extent.upper)
     clear = max(extent.height - below - above, 0.0)
-    edge = min(MARGIN * diameter, _LARGEST * extent.height, _CLEAR * clear) if margin is None else margin * diameter
+    edge = (
+        min(MARGIN * diameter, _LARGEST * extent.height, _CLEAR * clear)
+        if margin is None
+        else margin * diameter
+    )
     band = Band(extent, edge + below, edge + above, edge)
     if not band.bottom + band.top < extent.height:
-        raise PostError(f"no bulk is left between the walls, {extent.height / diameter:.3g} mean diameters apart: lower --margin")
+        raise PostError(
+            f"no bulk is left between the walls, {extent.height / diameter:.3g} mean diameters "
+            "apart: lower --margin"
+        )
     return band
 
 
@@ -93,11 +125,19 @@ def _glued_radius(model: Model, wall: int) -> float:
     return float(model.shapes.geometry[glued, 2].mean()) if glued.any() else 0.0
 
 
-def interval_sums(source: FrameSource, band: Band, flow: MeanFlow, first: GrainFrame, second: GrainFrame, lapse: float) -> Floats:
+def interval_sums(
+    source: FrameSource,
+    band: Band,
+    flow: MeanFlow,
+    first: GrainFrame,
+    second: GrainFrame,
+    lapse: float,
+) -> Floats:
     """The sums `SUM_NAMES` over the bulk between two frames that are ``lapse`` apart [s].
 
-    Velocity and spin are displacements over the interval, so nothing of the fluctuations in between is missed; the shear rate is a
-    least-squares slope. The rest belongs to the second frame; what belongs to contacts is zero if it has none.
+    Velocity and spin are displacements over the interval, so nothing of the fluctuations in between
+    is missed; the shear rate is a least-squares slope. The rest belongs to the second frame; what
+    belongs to contacts is zero if it has none.
     """
     need_same_grains(first, second)
     model = model_of(source, second)
@@ -119,7 +159,9 @@ def interval_sums(source: FrameSource, band: Band, flow: MeanFlow, first: GrainF
     )
 
 
-def _shear_and_spin(band: Band, model: Model, first: GrainFrame, second: GrainFrame) -> tuple[float, float]:
+def _shear_and_spin(
+    band: Band, model: Model, first: GrainFrame, second: GrainFrame
+) -> tuple[float, float]:
     """Strain and rotation of the bulk in an interval; the grains are where they are halfway."""
     edges = np.mean([band.edges(first), band.edges(second)], axis=0)
     y = 0.5 * (heights(first) + heights(second))
@@ -129,7 +171,8 @@ def _shear_and_spin(band: Band, model: Model, first: GrainFrame, second: GrainFr
     turn = _change(first, second, "angle")
     way = _change(first, second, "position") + model.period * _change(first, second, "image")
     strain = _slope(y[inside], way[inside])
-    # A least-squares slope weighs the local shear with (y − low)(high − y); so must the rotation it is compared with.
+    # A least-squares slope weighs the local shear with (y − low)(high − y); so must the rotation it
+    # is compared with.
     weight = ((y - edges[0]) * (edges[1] - y))[inside]
     return strain, float(np.average(turn[inside], weights=weight))
 
@@ -148,7 +191,9 @@ def _change(first: GrainFrame, second: GrainFrame, name: str) -> Floats:
     return np.asarray(change if change.ndim == 1 else change[:, 0])
 
 
-def _contact_sums(model: Model, frame: GrainFrame, inside: NDArray[np.bool_], edges: tuple[float, float]) -> list[float]:
+def _contact_sums(
+    model: Model, frame: GrainFrame, inside: NDArray[np.bool_], edges: tuple[float, float]
+) -> list[float]:
     if not has_forces(frame):
         return [0.0] * (len(SUM_NAMES) - SUM_NAMES.index("xx"))
     contacts, (low, high) = loaded_contacts(frame, model), edges
@@ -168,13 +213,17 @@ def _contact_sums(model: Model, frame: GrainFrame, inside: NDArray[np.bool_], ed
     ]
 
 
-def _normal_sums(contacts: LoadedContacts, start: Floats, edges: tuple[float, float]) -> list[float]:
+def _normal_sums(
+    contacts: LoadedContacts, start: Floats, edges: tuple[float, float]
+) -> list[float]:
     """Sum of n⊗n over the contacts whose branch has its middle in the bulk, and their number."""
     middle = start - 0.5 * contacts.branch[:, 1]
     inside = ((middle > edges[0]) & (middle < edges[1])).astype(np.float64)
     x, y = contacts.normal.T
     # Products by hand: BLAS would start threads for each, and wait for busy cores.
-    return [float((inside * a * b).sum()) for a, b in ((x, x), (x, y), (y, y))] + [float(inside.sum())]
+    return [float((inside * a * b).sum()) for a, b in ((x, x), (x, y), (y, y))] + [
+        float(inside.sum())
+    ]
 
 
 # ---- What is measured there, and its averages
@@ -186,7 +235,9 @@ QUANTITIES = (
     Quantity("inertial_number", "inertial number (rate × √(m/P))", "I"),
     Quantity("inertial_number_density", "inertial number (rate × d/√(P/ρ))", "I_\\rho"),
     Quantity("friction_walls", "friction μ*, from the walls", r"\mu^*_\mathrm{walls}"),
-    Quantity("friction_bulk", "friction μ*, from contact stress in the bulk", r"\mu^*_\mathrm{bulk}"),
+    Quantity(
+        "friction_bulk", "friction μ*, from contact stress in the bulk", r"\mu^*_\mathrm{bulk}"
+    ),
     Quantity("bulk_stress_yy", "contact stress σ_yy in the bulk", r"\sigma_{yy}", "N/m"),
     Quantity("solid_fraction", "solid fraction in the bulk", r"\nu"),
     Quantity("coordination", "contacts per grain", "Z"),
@@ -204,21 +255,26 @@ _COLUMNS = (*SUM_NAMES, "window", "shear_impulse", "normal_impulse")
 class Rheology(TimeTable):
     """Rheology over time and on average; ``r`` intervals between consecutive frames.
 
-    I = |γ̇| √(m/P) with the mean mass m of a grain and the force P per length [N/m] with which the walls press (the mean of both):
-    the convention of da Cruz et al. (2005); of grains of several sizes m is the mean of their masses, not the mass of a grain of
-    mean size. ``inertial_number_density`` is |γ̇| d̄/√(P/ρ) with the mass ρ of the grains per area that they cover, the convention of
-    GDR MiDi (2004). The first is √(π/4) times the second for equal discs. Friction is μ* = −σ_xy/σ_yy for a positive shear rate,
-    and positive where stress resists the shear; that of the walls is the mean of both shear forces over that of both normal forces.
+    I = |γ̇| √(m/P) with the mean mass m of a grain and the force P per length [N/m] with which the
+    walls press (the mean of both): the convention of da Cruz et al. (2005); of grains of several
+    sizes m is the mean of their masses, not the mass of a grain of mean size.
+    ``inertial_number_density`` is |γ̇| d̄/√(P/ρ) with the mass ρ of the grains per area that they
+    cover, the convention of GDR MiDi (2004). The first is √(π/4) times the second for equal discs.
+    Friction is μ* = −σ_xy/σ_yy for a positive shear rate, and positive where stress resists the
+    shear; that of the walls is the mean of both shear forces over that of both normal forces.
 
-    The solid fraction is the area of the free grains in the bulk (parts of grains included) over that of the bulk. Contacts are
-    those that carry a force, those with walls included; Z averages over all grains whose center lies in the bulk, Z' over those
-    with at least two contacts (the others are rattlers). The granular temperature is ½⟨v'·v'⟩ over all these grains, which count
-    alike (see `multicor_cli.post.flow.MeanFlow`). The spin over the shear rate is −1/2 for grains that turn with the flow. The
-    density of contact directions is taken as (1 + a_c cos 2(θ − θ_c))/2π.
+    The solid fraction is the area of the free grains in the bulk (parts of grains included) over
+    that of the bulk. Contacts are those that carry a force, those with walls included; Z averages
+    over all grains whose center lies in the bulk, Z' over those with at least two contacts (the
+    others are rattlers). The granular temperature is ½⟨v'·v'⟩ over all these grains, which count
+    alike (see `multicor_cli.post.flow.MeanFlow`). The spin over the shear rate is −1/2 for grains
+    that turn with the flow. The density of contact directions is taken as (1 + a_c cos 2(θ −
+    θ_c))/2π.
 
     Attributes:
         time: Ends of the intervals [s], shape ``(r,)``.
-        values: Each quantity of `QUANTITIES` over time by name, nan where it is not known, shape ``(r,)``.
+        values: Each quantity of `QUANTITIES` over time by name, nan where it is not known, shape
+            ``(r,)``.
         mean: Averages over the intervals: ratios of sums, not means of ratios.
         spread: Their standard errors, and what they drift by over the time that is looked at; see
             `multicor_cli.post.sums.spread`.
@@ -235,30 +291,41 @@ class Rheology(TimeTable):
     )  # fmt: skip
 
     def __init__(
-        self, time: Floats, values: dict[str, Floats], mean: dict[str, float], spread: dict[str, Spread], **facts: Any
+        self,
+        time: Floats,
+        values: dict[str, Floats],
+        mean: dict[str, float],
+        spread: dict[str, Spread],
+        **facts: Any,
     ) -> None:
         super().__init__(time, [q.over_time(values[q.name]) for q in QUANTITIES], facts)
         self.mean, self.spread = mean, spread
 
 
 def rheology(
-    source: SeriesSource, selection: Selection | None = None, *, margin: float | None = None, between: Between | None = None
+    source: SeriesSource,
+    selection: Selection | None = None,
+    *,
+    margin: float | None = None,
+    between: Between | None = None,
 ) -> Rheology:
     """Measure the rheology of a layer between two walls that shear it.
 
-    The shear rate is the least-squares slope of the displacements of the bulk between two frames, the spin its mean rotation; wall
-    forces are means over the rows of the time series that end between the two frames; the rest is taken at the second of them.
+    The shear rate is the least-squares slope of the displacements of the bulk between two frames,
+    the spin its mean rotation; wall forces are means over the rows of the time series that end
+    between the two frames; the rest is taken at the second of them.
 
     Args:
         source: The run.
         selection: Which frames; default: the later half of the last stage.
-        margin: Mean diameters next to the surface of each wall that are not bulk; default: 8, or a quarter of the distance of the
-            walls or a third of what is free between their surfaces if that is less.
+        margin: Mean diameters next to the surface of each wall that are not bulk; default: 8, or a
+            quarter of the distance of the walls or a third of what is free between their surfaces
+            if that is less.
         between: Names of the walls below and above; default: those that bound the grains.
 
     Raises:
-        PostError: If fewer than two frames are selected, there are no two walls that shear the grains, the domain is not
-            periodic, or nothing is left between the margins.
+        PostError: If fewer than two frames are selected, there are no two walls that shear the
+            grains, the domain is not periodic, or nothing is left between the margins.
         StoreError: If the run cannot be read.
     """
     chosen = (selection or Selection()).indices(source.frames)
@@ -268,14 +335,19 @@ def rheology(
     times = np.asarray(source.frames.time)[chosen]
     sums = np.column_stack([_sum_bulk(source, band, chosen), _sum_walls(source, extent, times)])
     model, names = source.model, source.model.walls.names
-    mean = {name: float(values[0]) for name, values in _derive(model, sums.sum(axis=0)[np.newaxis], direction).items()}
+    mean = {
+        name: float(values[0])
+        for name, values in _derive(model, sums.sum(axis=0)[np.newaxis], direction).items()
+    }
     assert extent.lower is not None
     assert extent.upper is not None
     return Rheology(
         time=times[1:],
         values=_derive(model, sums, direction),
         mean=mean,
-        spread=_spread_of(_derive(model, sums.sum(axis=0) - sums, direction), mean, 0.5 * (times[1:] + times[:-1])),
+        spread=_spread_of(
+            _derive(model, sums.sum(axis=0) - sums, direction), mean, 0.5 * (times[1:] + times[:-1])
+        ),
         margin=band.margin,
         height=extent.height,
         walls=(names[extent.lower], names[extent.upper]),
@@ -290,14 +362,22 @@ def _check_shear(source: FrameSource, extent: Extent, chosen: NDArray[np.int64])
     if extent.lower is None or extent.upper is None:
         raise PostError("rheology needs a wall below and a wall above the grains that shear them")
     if not source.model.period > 0.0:
-        raise PostError("rheology needs a domain that is periodic in x: between side walls there is no homogeneous shear")
+        raise PostError(
+            "rheology needs a domain that is periodic in x: between side walls there is no "
+            "homogeneous shear"
+        )
     if chosen.size < 2:
-        raise PostError("rheology needs two frames; only one is selected: choose more with --from or --frames")
+        raise PostError(
+            "rheology needs two frames; only one is selected: choose more with --from or --frames"
+        )
     speeds = [source.frames[int(k)].wall_velocity[:, 0] for k in chosen]
     relative = float(np.mean([speed[extent.upper] - speed[extent.lower] for speed in speeds]))
     if relative == 0.0:
         names = source.model.walls.names
-        raise PostError(f"the walls '{names[extent.lower]}' and '{names[extent.upper]}' do not shear the grains in these frames")
+        raise PostError(
+            f"the walls '{names[extent.lower]}' and '{names[extent.upper]}' do not shear the "
+            "grains in these frames"
+        )
     return float(np.sign(relative))
 
 
@@ -307,22 +387,29 @@ def _sum_bulk(source: FrameSource, band: Band, chosen: NDArray[np.int64]) -> Flo
     rows, before = [], source.frames[int(chosen[0])]
     for first, last in pairwise(chosen):
         after: GrainFrame = source.frames[int(last)]
-        rows.append(interval_sums(source, band, flow, before, after, float(times[last] - times[first])))
+        rows.append(
+            interval_sums(source, band, flow, before, after, float(times[last] - times[first]))
+        )
         before = after
     return np.array(rows)
 
 
 def _sum_walls(source: SeriesSource, extent: Extent, times: Floats) -> Floats:
-    """Length of the windows that end in each interval, and impulses of the walls in them: shear, towards each other."""
+    """Length of the windows that end in each interval, and impulses of the walls in them: shear,
+    towards each other.
+    """
     series = source.series
     duration, force = np.asarray(series["window_duration"]), np.asarray(series["wall_force"])
     lower, upper = force[:, extent.lower], force[:, extent.upper]
-    # Forces are those on the walls. Times of rows and frames that belong to one step are equal to the bit.
+    # Forces are those on the walls. Times of rows and frames that belong to one step are equal to
+    # the bit.
     shear, press = 0.5 * (lower[:, 0] - upper[:, 0]), 0.5 * (upper[:, 1] - lower[:, 1])
     interval = np.searchsorted(times, np.asarray(series["time"]), side="left") - 1
     inside = (interval >= 0) & (interval < times.size - 1)
     columns = (duration, duration * shear, duration * press)
-    return np.column_stack([np.bincount(interval[inside], c[inside], minlength=times.size - 1) for c in columns])
+    return np.column_stack(
+        [np.bincount(interval[inside], c[inside], minlength=times.size - 1) for c in columns]
+    )
 
 
 def _derive(model: Model, sums: Floats, direction: float) -> dict[str, Floats]:
@@ -338,7 +425,9 @@ def _derive(model: Model, sums: Floats, direction: float) -> dict[str, Floats]:
             "shear_rate": rate,
             "pressure": pressure,
             "inertial_number": np.abs(rate) * np.sqrt(grains.mass.mean() / pressure),
-            "inertial_number_density": np.abs(rate) * model.mean_diameter * np.sqrt(density / pressure),
+            "inertial_number_density": np.abs(rate)
+            * model.mean_diameter
+            * np.sqrt(density / pressure),
             "friction_walls": direction * s["shear_impulse"] / s["normal_impulse"],
             "friction_bulk": -direction * s["xy"] / s["yy"],
             "bulk_stress_yy": s["yy"] / s["stress_area"],
@@ -351,18 +440,31 @@ def _derive(model: Model, sums: Floats, direction: float) -> dict[str, Floats]:
             "granular_temperature": s["kinetic"] / s["weight"],
         }
         # Where nothing presses a ratio has no value, whether it is 0/0 or 1/0.
-        return {name: np.where(np.isfinite(values), values, np.nan) for name, values in derived.items()}
+        return {
+            name: np.where(np.isfinite(values), values, np.nan) for name, values in derived.items()
+        }
 
 
 def _fabric(s: dict[str, Floats]) -> tuple[Floats, Floats]:
-    """a_c and θ_c [degrees, 0 … 180] from the sums of n⊗n: ⟨n⊗n⟩ = ½ 1 + ¼ a_c (cos 2θ_c, sin 2θ_c; sin 2θ_c, −cos 2θ_c)."""
+    """a_c and θ_c [degrees, 0 … 180] from the sums of n⊗n: ⟨n⊗n⟩ = ½ 1 + ¼ a_c (cos 2θ_c, sin 2θ_c;
+    sin 2θ_c, −cos 2θ_c).
+    """
     along = (s["normal_xx"] - s["normal_yy"]) / s["normal_count"]
     across = 2.0 * s["normal_xy"] / s["normal_count"]
     return 2.0 * np.hypot(along, across), np.degrees(0.5 * np.arctan2(across, along)) % 180.0
 
 
-def _spread_of(without: dict[str, Floats], mean: dict[str, float], middle: Floats) -> dict[str, Spread]:
-    """Errors and drifts of all quantities, from what they are without one of the intervals each, and the middles of these."""
+def _spread_of(
+    without: dict[str, Floats], mean: dict[str, float], middle: Floats
+) -> dict[str, Spread]:
+    """Errors and drifts of all quantities, from what they are without one of the intervals each,
+    and the middles of these.
+    """
     angle = mean["fabric_direction"]  # directions repeat every 180°
-    without["fabric_direction"] = angle + ((without["fabric_direction"] - angle + 90.0) % 180.0 - 90.0)
-    return {name: spread(pseudo_values(np.asarray(mean[name]), values), middle) for name, values in without.items()}
+    without["fabric_direction"] = angle + (
+        (without["fabric_direction"] - angle + 90.0) % 180.0 - 90.0
+    )
+    return {
+        name: spread(pseudo_values(np.asarray(mean[name]), values), middle)
+        for name, values in without.items()
+    }

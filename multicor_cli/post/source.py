@@ -43,7 +43,9 @@ class GrainFrame(Protocol):
 
     @property
     def generated(self) -> NDArray[Any] | None:
-        """Heat of friction and impacts that the grains have received since the start [J], shape ``(n,)``."""
+        """Heat of friction and impacts that the grains have received since the start [J], shape
+        ``(n,)``.
+        """
 
     @property
     def wall_temperature(self) -> NDArray[Any] | None:
@@ -118,7 +120,9 @@ class SeriesSource(FrameSource, Protocol):
 
 
 def model_of(source: FrameSource, frame: GrainFrame) -> Model:
-    """The model of the grains that a frame has: of those that are there, where grains come and go."""
+    """The model of the grains that a frame has: of those that are there, where grains come and
+    go.
+    """
     return getattr(frame, "model", None) or source.model
 
 
@@ -126,7 +130,10 @@ def need_grains(source: FrameSource, chosen: NDArray[np.int64]) -> None:
     """Raises `PostError` if a frame of ``chosen`` has no grain: none is there yet, or any more."""
     for k in chosen.tolist():
         if not len(source.frames[k].position):
-            raise PostError(f"no grain is there in frame {k}: choose frames with --frame, --frames, --from or --to")
+            raise PostError(
+                f"no grain is there in frame {k}: choose frames with --frame, --frames, --from or "
+                "--to"
+            )
 
 
 def need_same_grains(first: GrainFrame, second: GrainFrame) -> None:
@@ -138,8 +145,8 @@ def need_same_grains(first: GrainFrame, second: GrainFrame) -> None:
     before, after = (getattr(frame, "number", None) for frame in (first, second))
     if before is not None and after is not None and not np.array_equal(before, after):
         raise PostError(
-            "grains have come or gone between the frames, so that they cannot be compared grain by grain: "
-            "choose frames between which none does, or a quantity of single frames"
+            "grains have come or gone between the frames, so that they cannot be compared grain "
+            "by grain: choose frames between which none does, or a quantity of single frames"
         )
 
 
@@ -170,7 +177,9 @@ _ROUNDING = 1e-9  # times are sums of steps, and a frame at 0.06 s may say 0.060
 
 
 def within(times: Floats, start: float | None, end: float | None) -> NDArray[np.int64]:
-    """Indices of the times from ``start`` to ``end`` [s], both included, but for the rounding of times; None is no limit."""
+    """Indices of the times from ``start`` to ``end`` [s], both included, but for the rounding of
+    times; None is no limit.
+    """
     slack = _ROUNDING * float(np.abs(times).max(initial=0.0))
     first, last = -np.inf if start is None else start, np.inf if end is None else end
     return np.flatnonzero((times >= first - slack) & (times <= last + slack))
@@ -180,7 +189,8 @@ def within(times: Floats, start: float | None, end: float | None) -> NDArray[np.
 class Selection:
     """Which frames to look at.
 
-    Without any choice: those of the last stage in the later half of the time between its first and its last frame.
+    Without any choice: those of the last stage in the later half of the time between its first and
+    its last frame.
 
     Attributes:
         start: Earliest time [s]; a frame at this time is included.
@@ -203,7 +213,10 @@ class Selection:
             raise PostError("the run has no frames yet")
         chosen = self._choose(times, np.asarray(frames.stage))
         if not chosen.size:
-            raise PostError(f"no frame is selected: the run has {times.size} frames from t = {times[0]:g} s to {times[-1]:g} s")
+            raise PostError(
+                f"no frame is selected: the run has {times.size} frames from t = {times[0]:g} s "
+                f"to {times[-1]:g} s"
+            )
         return chosen
 
     def _choose(self, times: Floats, stages: NDArray[np.integer]) -> NDArray[np.int64]:

@@ -1,4 +1,6 @@
-"""Means over time with their errors, and sums over grains, contacts, bins and frames, of which every profile is a ratio."""
+"""Means over time with their errors, and sums over grains, contacts, bins and frames, of which
+every profile is a ratio.
+"""
 
 from __future__ import annotations
 
@@ -16,10 +18,12 @@ from multicor_cli.post.contacts import FrameOfGroups, LoadedContacts, loaded_con
 from multicor_cli.post.source import FrameSource, GrainFrame, model_of, need_same_grains
 from multicor_cli.text import count_noun
 
-# ---- Means over time: their standard errors where a flow remembers, and their drift. The one place where errors are made
+# ---- Means over time: their standard errors where a flow remembers, and their drift. The one place
+#      where errors are made
 
 FEW_ROWS = 16
-"""Rows below which errors are a guess: what so few remember of each other can hardly be seen in them."""
+"""Rows below which errors are a guess: what so few remember of each other can hardly be seen in
+them."""
 
 SURE = 3.0
 """Standard errors from which on a drift is none of chance."""
@@ -28,13 +32,17 @@ _LEAST_INDEPENDENT = 2.0  # rows that count as independent, for a mean; a slope 
 
 
 class Spread(NamedTuple):
-    """What rows over time say of their mean; arrays have the shape of a row, numbers belong to a single column.
+    """What rows over time say of their mean; arrays have the shape of a row, numbers belong to a
+    single column.
 
     Attributes:
-        error: Standard error of the mean; nan where the rows are too few, or remember each other for too long, to tell.
-        drift: Least-squares slope times the time from the first to the last row; nan with fewer than two.
+        error: Standard error of the mean; nan where the rows are too few, or remember each other
+            for too long, to tell.
+        drift: Least-squares slope times the time from the first to the last row; nan with fewer
+            than two.
         drift_error: Standard error of the drift; nan as that of the mean.
-        memory: Rows that count as one independent row, g ≥ 1: the variance of the mean is g times that of independent rows.
+        memory: Rows that count as one independent row, g ≥ 1: the variance of the mean is g times
+            that of independent rows.
         number: How many rows count.
     """
 
@@ -46,16 +54,24 @@ class Spread(NamedTuple):
 
     @property
     def is_drifting(self) -> NDArray[np.bool_]:
-        """Whether the drift is beyond `SURE` of its standard errors; of few rows it is not known."""
-        return np.asarray((np.abs(self.drift) > SURE * self.drift_error) & (self.number >= FEW_ROWS), np.bool_)
+        """Whether the drift is beyond `SURE` of its standard errors; of few rows it is not
+        known.
+        """
+        return np.asarray(
+            (np.abs(self.drift) > SURE * self.drift_error) & (self.number >= FEW_ROWS), np.bool_
+        )
 
     @property
     def is_unsure(self) -> NDArray[np.bool_]:
         """Whether the error is not known, or a guess from `FEW_ROWS`."""
-        return np.asarray(np.isnan(self.error) | (self.number < FEW_ROWS) & (self.error > 0.0), np.bool_)
+        return np.asarray(
+            np.isnan(self.error) | (self.number < FEW_ROWS) & (self.error > 0.0), np.bool_
+        )
 
     def note(self) -> str:
-        """A word on the mean of a single column: that it drifts, or that its rows are too few for a good error; else nothing."""
+        """A word on the mean of a single column: that it drifts, or that its rows are too few for a
+        good error; else nothing.
+        """
         if bool(self.is_drifting):
             return "drifts"
         return "too short" if bool(self.is_unsure) else ""
@@ -64,22 +80,25 @@ class Spread(NamedTuple):
 def spread(rows: Floats, times: Floats | None = None) -> Spread:
     """Standard errors and drifts of means over rows that may remember each other.
 
-    The variance of the mean of n rows is s² g/(n − g) with their variance s² (divisor n) and the statistical inefficiency
-    g = 1 + 2 Σ ρ(k). The term −g in the divisor stands for what subtracting the mean takes from s². g is the larger of two
-    estimates, and at least 1:
+    The variance of the mean of n rows is s² g/(n − g) with their variance s² (divisor n) and the
+    statistical inefficiency g = 1 + 2 Σ ρ(k). The term −g in the divisor stands for what
+    subtracting the mean takes from s². g is the larger of two estimates, and at least 1:
 
-    - the initial monotone sequence: sums ρ(2k) + ρ(2k+1) are added as long as they are positive, none larger than that before it
-      (Geyer, Stat. Sci. 7, 473, 1992, section 3.3);
-    - (1 + φ)/(1 − φ) of an autoregressive process of first order, with φ = ρ(1) + (1 + 3ρ(1))/n: the correlations of short series
-      come out too small by this much (Kendall, Biometrika 41, 403, 1954).
+    - the initial monotone sequence: sums ρ(2k) + ρ(2k+1) are added as long as they are positive,
+      none larger than that before it (Geyer, Stat. Sci. 7, 473, 1992, section 3.3);
+    - (1 + φ)/(1 − φ) of an autoregressive process of first order, with φ = ρ(1) + (1 + 3ρ(1))/n:
+      the correlations of short series come out too small by this much (Kendall, Biometrika 41, 403,
+      1954).
 
-    Drifts are least-squares slopes; their errors are those of a slope with the residuals as noise of the same kind. A mean that
-    drifts has an error that holds the drift, if it has one. What is constant has the error 0, however few its rows.
+    Drifts are least-squares slopes; their errors are those of a slope with the residuals as noise
+    of the same kind. A mean that drifts has an error that holds the drift, if it has one. What is
+    constant has the error 0, however few its rows.
 
-    On autoregressive series of first order, intervals of ±2 errors cover the true mean in 94 to 96 % of series of 400 rows that
-    hold 20 independent ones or more; in 90 % of series of 18 rows that hold 6.5; in 73 % of those that hold 2.6, where ten blocks
-    cover in 53 %. No estimate from a few rows does better than that: for a number to rely on, let the flow go on for longer.
-    Errors of fewer than `FEW_ROWS` are a guess, most often too small.
+    On autoregressive series of first order, intervals of ±2 errors cover the true mean in 94 to 96
+    % of series of 400 rows that hold 20 independent ones or more; in 90 % of series of 18 rows that
+    hold 6.5; in 73 % of those that hold 2.6, where ten blocks cover in 53 %. No estimate from a few
+    rows does better than that: for a number to rely on, let the flow go on for longer. Errors of
+    fewer than `FEW_ROWS` are a guess, most often too small.
 
     Args:
         rows: Values, one row per time; those that are not finite do not count, shape ``(r, …)``.
@@ -87,12 +106,15 @@ def spread(rows: Floats, times: Floats | None = None) -> Spread:
     """
     at = np.arange(len(rows), dtype=np.float64) if times is None else np.asarray(times, np.float64)
     columns = rows.reshape(len(rows), math.prod(rows.shape[1:])).T
-    found = np.array([_spread_column(column, at) for column in columns]).reshape(-1, len(Spread._fields))
+    found = np.array([_spread_column(column, at) for column in columns]).reshape(
+        -1, len(Spread._fields)
+    )
     return Spread(*(column.reshape(rows.shape[1:]) for column in found.T))
 
 
 def scatter(rows: Floats) -> Floats:
-    """Standard deviation of frames about their mean, shape of a row; nan with fewer than two. It is no error of the mean.
+    """Standard deviation of frames about their mean, shape of a row; nan with fewer than two. It is
+    no error of the mean.
 
     Args:
         rows: Values, one row per frame; those that are not finite do not count, shape ``(f, …)``.
@@ -101,7 +123,12 @@ def scatter(rows: Floats) -> Floats:
     number = known.sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.where(known, rows, 0.0).sum(axis=0) / number
-        return np.asarray(np.sqrt((np.where(known, rows - mean, 0.0) ** 2).sum(axis=0) / np.where(number > 1, number - 1, np.nan)))
+        return np.asarray(
+            np.sqrt(
+                (np.where(known, rows - mean, 0.0) ** 2).sum(axis=0)
+                / np.where(number > 1, number - 1, np.nan)
+            )
+        )
 
 
 def standard_error(rows: Floats) -> Floats:
@@ -110,10 +137,12 @@ def standard_error(rows: Floats) -> Floats:
 
 
 def pseudo_values(total: Floats, without: Floats) -> Floats:
-    """What each row adds to a quantity that is made of sums over all rows, so that its errors are those of a mean.
+    """What each row adds to a quantity that is made of sums over all rows, so that its errors are
+    those of a mean.
 
-    n θ − (n − 1) θ₋ₖ, with the quantity θ of all rows and θ₋ₖ of all rows but k: the jackknife (Quenouille, Biometrika 43, 353,
-    1956; Tukey 1958). For ratios whose denominators are alike these are the ratios of the rows.
+    n θ − (n − 1) θ₋ₖ, with the quantity θ of all rows and θ₋ₖ of all rows but k: the jackknife
+    (Quenouille, Biometrika 43, 353, 1956; Tukey 1958). For ratios whose denominators are alike
+    these are the ratios of the rows.
 
     Args:
         total: Quantities of all rows, shape ``(…)``.
@@ -141,12 +170,16 @@ def _spread_column(values: Floats, times: Floats) -> tuple[float, float, float, 
     memory = _inefficiency(x_away)
     error = _error(x_away, memory, 1.0)
     rest = x_away - drift * t_away
-    drift_error = _error(rest, _inefficiency(rest), 2.0) / math.sqrt(float(t_away @ t_away) / x.size)
+    drift_error = _error(rest, _inefficiency(rest), 2.0) / math.sqrt(
+        float(t_away @ t_away) / x.size
+    )
     return error, drift, drift_error, memory, x.size
 
 
 def _error(away: Floats, memory: float, parameters: float) -> float:
-    """√(s² g/(n − p g)), where p parameters have been fitted; nan if fewer than 2p rows are independent."""
+    """√(s² g/(n − p g)), where p parameters have been fitted; nan if fewer than 2p rows are
+    independent.
+    """
     if away.size < _LEAST_INDEPENDENT * parameters * memory:
         return math.nan
     return math.sqrt(float(away @ away) / away.size * memory / (away.size - parameters * memory))
@@ -176,7 +209,8 @@ ContactValues = Callable[[LoadedContacts], Floats]
 
 
 class Sums(NamedTuple):
-    """The value of a bin is the sum of ``value`` over that of ``weight``; shape ``(rows, b)``, one row per frame or interval.
+    """The value of a bin is the sum of ``value`` over that of ``weight``; shape ``(rows, b)``, one
+    row per frame or interval.
 
     Attributes:
         value: Numerators.
@@ -189,18 +223,30 @@ class Sums(NamedTuple):
     area: Floats
 
 
-def sum_means(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]) -> list[Sums]:
-    """For averages over grains, weighted by their area; one row per frame, one result for each of ``values``."""
+def sum_means(
+    source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]
+) -> list[Sums]:
+    """For averages over grains, weighted by their area; one row per frame, one result for each of
+    ``values``.
+    """
     return _sum_grains(source, chosen, bins, values, np.ones_like)
 
 
-def sum_numbers(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]) -> list[Sums]:
-    """For averages over grains that count alike, each with the part of its area that lies in a bin; one row per frame."""
+def sum_numbers(
+    source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]
+) -> list[Sums]:
+    """For averages over grains that count alike, each with the part of its area that lies in a bin;
+    one row per frame.
+    """
     return _sum_grains(source, chosen, bins, values, lambda radius: 1.0 / (np.pi * radius**2))
 
 
 def _sum_grains(
-    source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values], per_area: Callable[[Floats], Floats]
+    source: FrameSource,
+    chosen: NDArray[np.int64],
+    bins: Bins,
+    values: Sequence[Values],
+    per_area: Callable[[Floats], Floats],
 ) -> list[Sums]:
     """Sums over grains that count with their area in a bin times ``per_area`` of their radii."""
     area, weight = _empty(chosen.size, bins), _empty(chosen.size, bins)
@@ -216,7 +262,9 @@ def _sum_grains(
     return [Sums(column, weight, area) for column in weighted]
 
 
-def sum_shares(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]) -> list[Sums]:
+def sum_shares(
+    source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]
+) -> list[Sums]:
     """For values per area of the plane; one row per frame, one result for each of ``values``."""
     sums = sum_means(source, chosen, bins, values)
     frames = (source.frames[int(k)] for k in chosen)
@@ -225,8 +273,12 @@ def sum_shares(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, value
     return [found._replace(weight=weight) for found in sums]
 
 
-def sum_contacts(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[ContactValues]) -> list[Sums]:
-    """For what contacts carry per area of the plane, spread along their branches; one row per frame with forces."""
+def sum_contacts(
+    source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[ContactValues]
+) -> list[Sums]:
+    """For what contacts carry per area of the plane, spread along their branches; one row per frame
+    with forces.
+    """
     area, weight = _empty(chosen.size, bins), _empty(chosen.size, bins)
     spread = [_empty(chosen.size, bins) for _ in values]
     for row, k in enumerate(chosen):
@@ -235,7 +287,11 @@ def sum_contacts(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, val
         y, place = heights(frame), bins.place(frame)
         contacts = loaded_contacts(whole, model_of(source, whole))
         lines = bins.share_branches(contacts, heights(whole), place)
-        length = lines.area * frame.parts(contacts)[lines.grain] if isinstance(frame, FrameOfGroups) else lines.area
+        length = (
+            lines.area * frame.parts(contacts)[lines.grain]
+            if isinstance(frame, FrameOfGroups)
+            else lines.area
+        )
         for column, value in zip(spread, values, strict=True):
             column[row] = bins.total(lines, length * value(contacts)[lines.grain])
         weight[row] = place.width * plane_width(source, frame)
@@ -244,10 +300,14 @@ def sum_contacts(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, val
     return [Sums(column, weight, area) for column in spread]
 
 
-def sum_rates(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]) -> list[Sums]:
-    """For increases per time and area of the plane; one row per interval between consecutive frames.
+def sum_rates(
+    source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]
+) -> list[Sums]:
+    """For increases per time and area of the plane; one row per interval between consecutive
+    frames.
 
-    What a grain has gained in the interval lies where the grain is halfway between its two positions.
+    What a grain has gained in the interval lies where the grain is halfway between its two
+    positions.
     """
     times = np.asarray(source.frames.time)
     area, weight = _empty(chosen.size - 1, bins), _empty(chosen.size - 1, bins)
@@ -257,7 +317,9 @@ def sum_rates(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values
     for row, (first, last) in enumerate(pairwise(chosen)):
         after = source.frames[int(last)]
         need_same_grains(before, after)
-        place = BinPlace(*(0.5 * (a + b) for a, b in zip(bins.place(before), bins.place(after), strict=True)))
+        place = BinPlace(
+            *(0.5 * (a + b) for a, b in zip(bins.place(before), bins.place(after), strict=True))
+        )
         shares = bins.share(0.5 * (heights(before) + heights(after)), radius, place)
         area[row] = bins.total(shares, shares.area)
         for column, value in zip(gained, values, strict=True):
@@ -270,7 +332,9 @@ def sum_rates(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values
 
 
 def plane_width(source: FrameSource, frame: GrainFrame) -> float:
-    """Width of the plane that the grains fill [m]: the period, or how far they reach in x where there is none."""
+    """Width of the plane that the grains fill [m]: the period, or how far they reach in x where
+    there is none.
+    """
     if source.model.period > 0.0:
         return source.model.period
     frame = getattr(frame, "whole", frame)  # of some groups: all grains fill the plane
@@ -284,7 +348,9 @@ def average(sums: Sums) -> tuple[Floats, Floats]:
 
 
 def drift_note(sums: Sums) -> str:
-    """A line on the bins whose means drift, or have too few frames for a good error; empty if there are none."""
+    """A line on the bins whose means drift, or have too few frames for a good error; empty if there
+    are none.
+    """
     found = spread(row_values(sums))
     known = np.isfinite(found.drift)
     drifting, unsure = found.is_drifting & known, known & found.is_unsure & ~found.is_drifting
@@ -293,7 +359,8 @@ def drift_note(sums: Sums) -> str:
         ratio = np.where(drifting, np.abs(found.drift), 0.0)
         worst = int(np.argmax(ratio))
         told.append(
-            f"the means of {count_noun(int(drifting.sum()), 'bin')} drift, most in bin {worst + 1}: by {found.drift[worst]:.2g}"
+            f"the means of {count_noun(int(drifting.sum()), 'bin')} drift, most in bin "
+            f"{worst + 1}: by {found.drift[worst]:.2g}"
         )
     if unsure.any():
         told.append(f"too few frames for good errors of {count_noun(int(unsure.sum()), 'bin')}")
@@ -301,7 +368,9 @@ def drift_note(sums: Sums) -> str:
 
 
 def row_values(sums: Sums) -> Floats:
-    """What each row says of the means, shape of ``sums.value``; nan where a mean has no value without one of the rows."""
+    """What each row says of the means, shape of ``sums.value``; nan where a mean has no value
+    without one of the rows.
+    """
     value, weight = sums.value.sum(axis=0), sums.weight.sum(axis=0)
     return pseudo_values(_ratio(value, weight), _ratio(value - sums.value, weight - sums.weight))
 

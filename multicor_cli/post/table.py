@@ -1,4 +1,6 @@
-"""Tables: columns and facts that are written once, and shown as text, CSV, JSON, DataFrames, in notebooks and figures."""
+"""Tables: columns and facts that are written once, and shown as text, CSV, JSON, DataFrames, in
+notebooks and figures.
+"""
 
 from __future__ import annotations
 
@@ -71,7 +73,8 @@ def with_unit(label: str, unit: str) -> str:
 
 
 class Table:
-    """Columns, and facts that belong to all of them; both are attributes of the table by their names.
+    """Columns, and facts that belong to all of them; both are attributes of the table by their
+    names.
 
     Attributes:
         columns: What people see; one value per row.
@@ -80,7 +83,13 @@ class Table:
         parts: What only Python has, by name: what figures are drawn of.
     """
 
-    def __init__(self, columns: Sequence[Column], facts: Mapping[str, Any], details: Sequence[Column] = (), **parts: Any) -> None:
+    def __init__(
+        self,
+        columns: Sequence[Column],
+        facts: Mapping[str, Any],
+        details: Sequence[Column] = (),
+        **parts: Any,
+    ) -> None:
         self.columns, self.details = tuple(columns), tuple(details)
         self.facts, self.parts = dict(facts), parts
 
@@ -90,7 +99,11 @@ class Table:
         return {**self.facts, **columns, **self.parts}
 
     def __getattr__(self, name: str) -> Any:
-        if not name.startswith("_") and name not in ("columns", "facts", "details", "parts") and name in self._by_name:
+        if (
+            not name.startswith("_")
+            and name not in ("columns", "facts", "details", "parts")
+            and name in self._by_name
+        ):
             return self._by_name[name]
         raise AttributeError(f"'{type(self).__name__}' has no '{name}'", name=name, obj=self)
 
@@ -104,10 +117,16 @@ class Table:
             raise TypeError(message)
         changed = object.__new__(type(self))
         for name in ("columns", "details"):
-            columns = [c._replace(values=changes.get(c.name, c.values)) for c in getattr(self, name)]
+            columns = [
+                c._replace(values=changes.get(c.name, c.values)) for c in getattr(self, name)
+            ]
             setattr(changed, name, tuple(columns))
         for name in ("facts", "parts"):
-            setattr(changed, name, {key: changes.get(key, value) for key, value in getattr(self, name).items()})
+            setattr(
+                changed,
+                name,
+                {key: changes.get(key, value) for key, value in getattr(self, name).items()},
+            )
         return changed
 
     @property
@@ -132,15 +151,19 @@ class Table:
 
     def as_dict(self) -> dict[str, Any]:
         """Everything as JSON types; numbers may be nan."""
-        columns = {c.name if c.key is None else c.key: c.values for c in self.columns if c.key != ""}
+        columns = {
+            c.name if c.key is None else c.key: c.values for c in self.columns if c.key != ""
+        }
         found: dict[str, Any] = plain({**self.facts, **columns})
         return found
 
     def to_pandas(self, *, is_detailed: bool = False) -> Any:
-        """The table as a DataFrame; units of the columns are in its ``attrs["units"]``, those of quantities in a column ``unit``.
+        """The table as a DataFrame; units of the columns are in its ``attrs["units"]``, those of
+        quantities in a column ``unit``.
 
         Args:
-            is_detailed: Whether to take what the table was made of (over time, or of single grains or contacts), as ``--csv`` does.
+            is_detailed: Whether to take what the table was made of (over time, or of single grains
+                or contacts), as ``--csv`` does.
 
         Raises:
             MissingLibrary: If pandas is not installed.
@@ -150,7 +173,9 @@ class Table:
         if is_detailed and not self.details:
             message = f"{type(self).__name__} has no details: leave out is_detailed"
             raise ValueError(message)
-        headings, rows = (self.detail_headings, self.detail_rows) if is_detailed else (self.headings, self.rows)
+        headings, rows = (
+            (self.detail_headings, self.detail_rows) if is_detailed else (self.headings, self.rows)
+        )
         names, units = zip(*map(split_unit, headings), strict=True)
         frame = pd.DataFrame(rows, columns=list(names))
         if names[0] == "quantity":
@@ -165,18 +190,26 @@ class Table:
 
     def _repr_html_(self) -> str:
         """The table for a notebook, five digits of each number; of long tables the beginning."""
-        head = "".join(f"<th>{html.escape(with_unit_signs(heading))}</th>" for heading in self.headings)
+        head = "".join(
+            f"<th>{html.escape(with_unit_signs(heading))}</th>" for heading in self.headings
+        )
         rows = self.rows
-        body = "".join(f"<tr>{''.join(f'<td>{_cell(v)}</td>' for v in row)}</tr>" for row in rows[:_SHOWN])
+        body = "".join(
+            f"<tr>{''.join(f'<td>{_cell(v)}</td>' for v in row)}</tr>" for row in rows[:_SHOWN]
+        )
         more = len(rows) - _SHOWN
         rest = f"<p>… and {more} more rows</p>" if more > 0 else ""
         return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{rest}"
 
 
-def values_of_quantities(lines: Sequence[tuple[str, float]], heading: str = "value") -> tuple[Column, Column]:
+def values_of_quantities(
+    lines: Sequence[tuple[str, float]], heading: str = "value"
+) -> tuple[Column, Column]:
     """Columns of a table with a quantity in each row."""
     labels, values = zip(*lines, strict=True)
-    return Column("quantity", "", labels, key=""), Column("at_quantity", "", values, heading, key="")
+    return Column("quantity", "", labels, key=""), Column(
+        "at_quantity", "", values, heading, key=""
+    )
 
 
 class TimeTable(Table):
@@ -190,7 +223,13 @@ class TimeTable(Table):
     KEYS: tuple[str, ...] = ()
     """What JSON has, in this order."""
 
-    def __init__(self, time: Floats, quantities: Sequence[Column], facts: Mapping[str, Any] | None = None, **parts: Any) -> None:
+    def __init__(
+        self,
+        time: Floats,
+        quantities: Sequence[Column],
+        facts: Mapping[str, Any] | None = None,
+        **parts: Any,
+    ) -> None:
         self.time, self.quantities = time, tuple(quantities)
         details = (Column("time", "s", time), *(column._replace(label="") for column in quantities))
         super().__init__((), facts or {}, details, **parts)
@@ -203,12 +242,18 @@ class TimeTable(Table):
     @cached_property
     def mean(self) -> dict[str, float]:
         """Means by name; nan where no row has a value."""
-        return {name: float(np.nanmean(v)) if np.isfinite(v).any() else np.nan for name, v in self.values.items()}
+        return {
+            name: float(np.nanmean(v)) if np.isfinite(v).any() else np.nan
+            for name, v in self.values.items()
+        }
 
     @cached_property
     def spread(self) -> dict[str, Spread]:
         """Standard errors and drifts of the means by name; see `multicor_cli.post.sums.spread`."""
-        return {name: spread(np.asarray(values, np.float64), self.time) for name, values in self.values.items()}
+        return {
+            name: spread(np.asarray(values, np.float64), self.time)
+            for name, values in self.values.items()
+        }
 
     @property
     def error(self) -> dict[str, float]:

@@ -1,4 +1,6 @@
-"""Dimensionless temperature θ of a bed against the dimensionless distance η from the wall that heats it."""
+"""Dimensionless temperature θ of a bed against the dimensionless distance η from the wall that
+heats it.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,16 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import BIN_LIMIT, wall_spans
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, frame_index, model_of, need_grains, need_heat
+from multicor_cli.post.source import (
+    FrameSource,
+    GrainFrame,
+    PostError,
+    Selection,
+    frame_index,
+    model_of,
+    need_grains,
+    need_heat,
+)
 from multicor_cli.post.sums import scatter
 from multicor_cli.post.table import Column, Table
 from multicor_cli.text import choices
@@ -18,17 +29,20 @@ _ROUNDING = 1e-12  # of a mean of equal temperatures, which is to be that temper
 
 
 class ThetaTable(Table):
-    """θ = (T − T₀)/(T_wall − T₀) of every grain against η = y/H, and its statistics in bins of η; ``n`` grains, ``b`` bins.
+    """θ = (T − T₀)/(T_wall − T₀) of every grain against η = y/H, and its statistics in bins of η;
+    ``n`` grains, ``b`` bins.
 
-    y is the distance of the center of a grain from the surface of the wall: from the point of a grain that is nearest to it.
+    y is the distance of the center of a grain from the surface of the wall: from the point of a
+    grain that is nearest to it.
 
     Attributes:
         eta, theta: η and θ of the grains, shape ``(n,)``.
         center: Centers of the bins, shape ``(b,)``.
-        mean, spread, lowest, highest: Mean, standard deviation, smallest and largest θ of the grains whose center lies in each bin;
-            nan where there is none, shape ``(b,)``.
+        mean, spread, lowest, highest: Mean, standard deviation, smallest and largest θ of the
+            grains whose center lies in each bin; nan where there is none, shape ``(b,)``.
         count: Number of grains in each bin, shape ``(b,)``.
-        scatter: Standard deviation of the mean of each bin from frame to frame; nan with one frame, shape ``(b,)``.
+        scatter: Standard deviation of the mean of each bin from frame to frame; nan with one frame,
+            shape ``(b,)``.
         wall: Name of the wall.
         wall_temperature: T_wall [K].
         reference: T₀ [K].
@@ -40,7 +54,11 @@ class ThetaTable(Table):
 
     def as_dict(self, *, has_grains: bool = False) -> dict[str, Any]:
         """Everything as JSON types, the single grains only if asked for; numbers may be nan."""
-        grains = {"grains": {"eta": self.eta.tolist(), "theta": self.theta.tolist()}} if has_grains else {}
+        grains = (
+            {"grains": {"eta": self.eta.tolist(), "theta": self.theta.tolist()}}
+            if has_grains
+            else {}
+        )
         return super().as_dict() | grains
 
 
@@ -60,17 +78,24 @@ def theta_eta(
         source: The run.
         frame: Index of the frame; negative counts from the last one.
         selection: Several frames instead of one.
-        bins: Number of bins between η = 0 and 1; default: as many as make a bin about one mean diameter wide.
+        bins: Number of bins between η = 0 and 1; default: as many as make a bin about one mean
+            diameter wide.
         wall: Name of the wall; default: the only one with a prescribed temperature.
-        height: H [m]; default: how far the grains reach from the surface of the wall in this frame, or in the last of several.
-        reference: T₀ [K]; default: mean temperature of the first frame of the run, weighted by heat capacity.
+        height: H [m]; default: how far the grains reach from the surface of the wall in this frame,
+            or in the last of several.
+        reference: T₀ [K]; default: mean temperature of the first frame of the run, weighted by heat
+            capacity.
 
     Raises:
-        PostError: If the run has no heat, there is no such frame or wall, or the wall has no temperature of its own or
-            stands beside the grains.
+        PostError: If the run has no heat, there is no such frame or wall, or the wall has no
+            temperature of its own or stands beside the grains.
         StoreError: If the run cannot be read.
     """
-    chosen = np.array([frame_index(source.frames, frame)]) if selection is None else selection.indices(source.frames)
+    chosen = (
+        np.array([frame_index(source.frames, frame)])
+        if selection is None
+        else selection.indices(source.frames)
+    )
     need_grains(source, chosen)
     start = _first_temperature(source) if reference is None else reference
     if height is not None and not height > 0.0:
@@ -81,14 +106,26 @@ def theta_eta(
     count = bins if bins is not None else max(round(full / source.model.mean_diameter), 1)
     if not 1 <= count <= BIN_LIMIT:
         raise PostError(f"{count} bins: choose between 1 and {BIN_LIMIT}")
-    eta, theta = np.concatenate([one.distance for one in single]) / full, np.concatenate([one.theta for one in single])
+    eta, theta = (
+        np.concatenate([one.distance for one in single]) / full,
+        np.concatenate([one.theta for one in single]),
+    )
     mean, deviation, lowest, highest, number_of_grains = _statistics(eta, theta, count)
-    from_frame_to_frame = scatter(np.array([_statistics(one.distance / full, one.theta, count)[0] for one in single]))
+    from_frame_to_frame = scatter(
+        np.array([_statistics(one.distance / full, one.theta, count)[0] for one in single])
+    )
     columns = [
         Column("center", "1", (np.arange(count) + 0.5) / count, "eta", "eta"),
         Column("mean", "1", mean, "theta", "theta"),
         Column("spread", "1", deviation, "standard deviation", "standard_deviation"),
-        Column("scatter", "1", from_frame_to_frame, "scatter of frames", "scatter_of_frames", chosen.size > 1),
+        Column(
+            "scatter",
+            "1",
+            from_frame_to_frame,
+            "scatter of frames",
+            "scatter_of_frames",
+            chosen.size > 1,
+        ),
         Column("lowest", "1", lowest, "min", "min"),
         Column("highest", "1", highest, "max", "max"),
         Column("count", "", number_of_grains),
@@ -102,11 +139,15 @@ def theta_eta(
         "time": float(np.asarray(source.frames.time)[chosen[-1]]),
         "frame_count": int(chosen.size),
     }
-    return ThetaTable(columns, facts, [Column("eta", "1", eta), Column("theta", "1", theta)], frames=chosen)
+    return ThetaTable(
+        columns, facts, [Column("eta", "1", eta), Column("theta", "1", theta)], frames=chosen
+    )
 
 
 class _FrameTheta(NamedTuple):
-    """Distances from the wall [m] and θ of the grains, index of the wall, its temperature [K], how far the grains reach [m]."""
+    """Distances from the wall [m] and θ of the grains, index of the wall, its temperature [K], how
+    far the grains reach [m].
+    """
 
     distance: Floats
     theta: Floats
@@ -115,12 +156,17 @@ class _FrameTheta(NamedTuple):
     reach: float
 
 
-def _of_frame(source: FrameSource, frame: GrainFrame, name: str | None, start: float) -> _FrameTheta:
+def _of_frame(
+    source: FrameSource, frame: GrainFrame, name: str | None, start: float
+) -> _FrameTheta:
     temperature = need_heat(frame.temperature)
     number = _find_wall(source, frame, name)
     hot = float(need_heat(frame.wall_temperature)[number])
     if abs(hot - start) <= _ROUNDING * abs(start):
-        raise PostError(f"θ needs a wall that is not at the reference temperature {start:g} K; choose another with --reference")
+        raise PostError(
+            f"θ needs a wall that is not at the reference temperature {start:g} K; choose another "
+            "with --reference"
+        )
     distance, reach = _distances(source, frame, number)
     return _FrameTheta(distance, (temperature - start) / (hot - start), number, hot, reach)
 
@@ -138,17 +184,25 @@ def _find_wall(source: FrameSource, frame: GrainFrame, name: str | None) -> int:
     known = ", ".join(names[w] for w in prescribed) or "none"
     if name is None:
         if prescribed.size != 1:
-            raise PostError(f"choose the wall with --wall: those with a prescribed temperature in this frame are: {known}")
+            raise PostError(
+                "choose the wall with --wall: those with a prescribed temperature in this frame "
+                f"are: {known}"
+            )
         return int(prescribed[0])
     if name not in names:
         raise PostError(f"there is no wall '{name}'; {choices(name, names)}")
     if names.index(name) not in prescribed:
-        raise PostError(f"the wall '{name}' has no prescribed temperature in this frame; those that have one: {known}")
+        raise PostError(
+            f"the wall '{name}' has no prescribed temperature in this frame; those that have one: "
+            f"{known}"
+        )
     return names.index(name)
 
 
 def _distances(source: FrameSource, frame: GrainFrame, wall: int) -> tuple[Floats, float]:
-    """Distances of the grains from the surface of a wall below or above them, and how far the grains reach from it [m]."""
+    """Distances of the grains from the surface of a wall below or above them, and how far the
+    grains reach from it [m].
+    """
     y = np.asarray(frame.position, np.float64)[:, 1]
     radius = model_of(source, frame).grains.radius
     bottom, top = float((y - radius).min()), float((y + radius).max())
@@ -158,10 +212,15 @@ def _distances(source: FrameSource, frame: GrainFrame, wall: int) -> tuple[Float
         return np.asarray(y - bottom), top - bottom
     if lows[wall] + offset > middle:
         return np.asarray(top - y), top - bottom
-    raise PostError(f"η is a height: the wall '{source.model.walls.names[wall]}' is neither below nor above the grains")
+    raise PostError(
+        f"η is a height: the wall '{source.model.walls.names[wall]}' is neither below nor above "
+        "the grains"
+    )
 
 
-def _statistics(eta: Floats, theta: Floats, count: int) -> tuple[Floats, Floats, Floats, Floats, NDArray[np.int64]]:
+def _statistics(
+    eta: Floats, theta: Floats, count: int
+) -> tuple[Floats, Floats, Floats, Floats, NDArray[np.int64]]:
     """Mean, standard deviation, smallest, largest and number of θ in each bin of η."""
     inside = np.flatnonzero((eta >= 0.0) & (eta <= 1.0))
     bin_ = np.minimum((eta[inside] * count).astype(np.int64), count - 1)
@@ -171,7 +230,9 @@ def _statistics(eta: Floats, theta: Floats, count: int) -> tuple[Floats, Floats,
     np.maximum.at(highest, bin_, theta[inside])
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.bincount(bin_, weights=theta[inside], minlength=count) / number
-        variance = np.bincount(bin_, weights=(theta[inside] - mean[bin_]) ** 2, minlength=count) / number
+        variance = (
+            np.bincount(bin_, weights=(theta[inside] - mean[bin_]) ** 2, minlength=count) / number
+        )
     empty = number == 0
     lowest[empty] = highest[empty] = np.nan
     return mean, np.sqrt(variance), lowest, highest, number

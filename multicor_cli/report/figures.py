@@ -1,4 +1,6 @@
-"""The figures of the page: profiles, and how energies and the solver did over time; as SVG that takes the colors of the page."""
+"""The figures of the page: profiles, and how energies and the solver did over time; as SVG that
+takes the colors of the page.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ from multicor_cli.store import Run
 _POINTS = 1200  # of a line; longer series are thinned
 _PROFILE_FRAMES = 20
 _VISIBLE = 2e-3  # of the height of a figure
-_ROUNDING = 1e3  # books that close and whose entries are not this much larger than their imbalance hold rounding errors only
+# Books that close and whose entries are not this much larger than their imbalance hold rounding
+# errors only
+_ROUNDING = 1e3
 _ABSURD = 1e100  # larger numbers come from damaged files, and axes cannot show them
 _SHORT = 12  # letters of a label of which three fit side by side
 _INK = "#012345"  # stands for the color of text of the page
@@ -95,7 +99,11 @@ def make_figure(title: str, size: tuple[float, float], fill: Callable[[Any], Non
         for axes in canvas.axes:
             axes.set_facecolor("none")
         buffer = io.StringIO()
-        canvas.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+        canvas.savefig(
+            buffer,
+            format="svg",
+            metadata={"Date": None, "Creator": None, "Format": None, "Type": None},
+        )
         return Figure(title, _inline(buffer.getvalue()))
 
 
@@ -107,7 +115,9 @@ def _recolor() -> None:
 
 
 def _profiles(run: Run) -> list[Figure]:
-    """Profiles of the later half of the last stage, of fields that vary over the height between walls that shear or heat."""
+    """Profiles of the later half of the last stage, of fields that vary over the height between
+    walls that shear or heat.
+    """
     found = []
     for of in ("velocity", "temperature", "solid-fraction"):
         try:
@@ -118,7 +128,10 @@ def _profiles(run: Run) -> list[Figure]:
         has_shape = np.isfinite(table.value).sum() > 2 and np.ptp(_finite(table.value)) > 0.0
         if not any(table.walls) or not has_shape or (of == "velocity" and not has_shear):
             continue
-        title = f"{table.field.label.capitalize()} over the height, mean of t = {table.times[0]:.4g} to {table.times[1]:.4g} s"
+        title = (
+            f"{table.field.label.capitalize()} over the height, mean of t = {table.times[0]:.4g} "
+            f"to {table.times[1]:.4g} s"
+        )
         found.append(_draw(title, lambda axes, table=table: draw_profile(axes, table)))  # type: ignore[misc]
     return found
 
@@ -141,16 +154,29 @@ def _histories(run: Run, books: EnergyTable) -> list[Figure]:
     found = []
     if energies := _book_lines(books, MECHANICAL, pick, books.closure):
         found.append(
-            _draw("Energy books over time (sums since the start)", lambda axes: _lines(axes, pick.time, energies, "energy [J]"))
+            _draw(
+                "Energy books over time (sums since the start)",
+                lambda axes: _lines(axes, pick.time, energies, "energy [J]"),
+            )
         )
-    if books.heat_closure is not None and (heats := _book_lines(books, HEAT, pick, books.heat_closure)):
+    if books.heat_closure is not None and (
+        heats := _book_lines(books, HEAT, pick, books.heat_closure)
+    ):
         found.append(
-            _draw("Books of heat over time (sums since the start)", lambda axes: _lines(axes, pick.time, heats, "heat [J]"))
+            _draw(
+                "Books of heat over time (sums since the start)",
+                lambda axes: _lines(axes, pick.time, heats, "heat [J]"),
+            )
         )
     if "heat_stored" in series:
-        temperatures = [Line(label, pick.last(series[f"temperature_{name}"])) for name, label in _TEMPERATURES]
+        temperatures = [
+            Line(label, pick.last(series[f"temperature_{name}"])) for name, label in _TEMPERATURES
+        ]
         found.append(
-            _draw("Temperature over time", lambda axes: _lines(axes, pick.time, temperatures, "temperature [K]", keep=True))
+            _draw(
+                "Temperature over time",
+                lambda axes: _lines(axes, pick.time, temperatures, "temperature [K]", keep=True),
+            )
         )
     worked = pick.most(series["window_steps"]) > 0
     if worked.sum() < 2:
@@ -162,22 +188,38 @@ def _histories(run: Run, books: EnergyTable) -> list[Figure]:
     return [
         *found,
         _draw(
-            "Residuals of the solver, largest of each window", lambda axes: _lines(axes, time, residuals, "residual [–]", log=True)
+            "Residuals of the solver, largest of each window",
+            lambda axes: _lines(axes, time, residuals, "residual [–]", log=True),
         ),
-        _draw("Work of the solver, mean of each window", lambda axes: _lines(axes, time, effort, "sweeps per step [–]", keep=True)),
-        _draw("Contacts that carry a force", lambda axes: _lines(axes, time, contacts, "contacts [–]", keep=True)),
+        _draw(
+            "Work of the solver, mean of each window",
+            lambda axes: _lines(axes, time, effort, "sweeps per step [–]", keep=True),
+        ),
+        _draw(
+            "Contacts that carry a force",
+            lambda axes: _lines(axes, time, contacts, "contacts [–]", keep=True),
+        ),
     ]
 
 
-def _book_lines(books: EnergyTable, entries: tuple[BookLine, ...], pick: _Thinning, closure: Floats) -> list[Line]:
-    """Lines of the books that matter, those that differ from zero in the figure; none if the books hold rounding errors only."""
-    sizes = {entry: _largest(books.books[entry.name]) for entry in entries if entry.name in books.books}
+def _book_lines(
+    books: EnergyTable, entries: tuple[BookLine, ...], pick: _Thinning, closure: Floats
+) -> list[Line]:
+    """Lines of the books that matter, those that differ from zero in the figure; none if the books
+    hold rounding errors only.
+    """
+    sizes = {
+        entry: _largest(books.books[entry.name]) for entry in entries if entry.name in books.books
+    }
     rest = max((size for entry, size in sizes.items() if "imbalance" in entry.name), default=0.0)
     largest = max(sizes.values(), default=0.0)
     if largest <= _ROUNDING * rest and _largest(closure) <= CLOSURE_LIMIT:
         return []
     shown = [entry for entry, size in sizes.items() if size > _VISIBLE * largest]
-    return [Line(entry.label, pick.last(books.books[entry.name]), COLOR_OF.get(entry.name, "0.5")) for entry in shown]
+    return [
+        Line(entry.label, pick.last(books.books[entry.name]), COLOR_OF.get(entry.name, "0.5"))
+        for entry in shown
+    ]
 
 
 def _largest(values: Floats) -> float:
@@ -210,14 +252,23 @@ class _Thinning:
         return np.asarray(np.maximum.reduceat(values, self._starts), np.float64)
 
 
-def _lines(axes: Any, time: Floats, lines: list[Line], label: str, *, log: bool = False, keep: bool = False) -> None:
+def _lines(
+    axes: Any, time: Floats, lines: list[Line], label: str, *, log: bool = False, keep: bool = False
+) -> None:
     """Draw lines; those that are zero throughout are left out unless all are to be kept."""
     shown = [line for line in lines if keep or np.any(line.value)]
     for number, line in enumerate(shown):
         value = np.where(line.value > 0.0, line.value, np.nan) if log else line.value
         value = np.where(np.abs(value) < _ABSURD, value, np.nan)
         style = "-" if number < len(COLORS) else "--"
-        axes.plot(time, value, style, color=line.color or COLORS[number % len(COLORS)], linewidth=1.2, label=line.label)
+        axes.plot(
+            time,
+            value,
+            style,
+            color=line.color or COLORS[number % len(COLORS)],
+            linewidth=1.2,
+            label=line.label,
+        )
     if log and any(np.any(line.value > 0.0) for line in shown):
         axes.set_yscale("log")
     elif not log:
@@ -238,7 +289,9 @@ def _count_from_reference(axes: Any, label: str, lines: list[Line]) -> None:
     """Temperatures that hardly differ are shown as rises above a round one."""
     values = _finite(np.concatenate([line.value for line in lines])) if lines else np.zeros(0)
     unit = label[label.index("[") + 1 : -1]
-    reference = rise_reference(unit, float(values.min()), float(values.max())) if values.size else None
+    reference = (
+        rise_reference(unit, float(values.min()), float(values.max())) if values.size else None
+    )
     if reference is not None:
         axes.set_ylabel(rise_label("temperature", "T", reference))
         axes.yaxis.set_major_formatter(rise_formatter(reference))
@@ -249,11 +302,17 @@ def _draw(title: str, draw: Callable[[Any], None]) -> Figure:
 
 
 def _inline(svg: str) -> str:
-    """An SVG file as part of an HTML page: no addresses of standards, no fixed size, inks of the page."""
+    """An SVG file as part of an HTML page: no addresses of standards, no fixed size, inks of the
+    page.
+    """
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
     svg = re.sub(r'\sxmlns(:\w+)?="[^"]*"', "", svg)
     svg = re.sub(r'<svg([^>]*?)\swidth="[^"]*"', r"<svg\1", svg, count=1)
     svg = re.sub(r'<svg([^>]*?)\sheight="[^"]*"', r"<svg\1", svg, count=1)
-    svg = re.sub(r'\sid="(figure|axes|matplotlib|xtick|ytick|text|line2d|patch|legend|FillBetween)[^"]*"', "", svg)
+    svg = re.sub(
+        r'\sid="(figure|axes|matplotlib|xtick|ytick|text|line2d|patch|legend|FillBetween)[^"]*"',
+        "",
+        svg,
+    )
     return svg.replace("xlink:href", "href").replace(_INK, "currentColor")

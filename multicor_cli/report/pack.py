@@ -1,4 +1,6 @@
-"""The grains of many frames in as few bytes as the page may have: which frames and values, and how they are made small."""
+"""The grains of many frames in as few bytes as the page may have: which frames and values, and how
+they are made small.
+"""
 
 from __future__ import annotations
 
@@ -20,18 +22,20 @@ from multicor_cli.store import Run
 from multicor_cli.store.frames import Frame
 from multicor_cli.store.layout import Progress, no_progress
 
-# ---- Floating-point numbers as small integers whose resolution is known, and as few bytes as deflate can make of them
+# ---- Floating-point numbers as small integers whose resolution is known, and as few bytes as
+#      deflate can make of them
 
 Spacing = Literal["even", "square", "signed"]
-"""``even``: all steps are equal. ``square``: steps grow from the low end on, ``signed``: from the middle on, to both sides, for
-quantities of which most values are small."""
+"""``even``: all steps are equal. ``square``: steps grow from the low end on, ``signed``: from the
+middle on, to both sides, for quantities of which most values are small."""
 
 _LEVEL = 6  # of deflate: 9 takes three times as long for 1 % less
 
 
 @dataclass(frozen=True)
 class Code:
-    """How numbers of one quantity become integers; the largest integer of the type stands for "not known".
+    """How numbers of one quantity become integers; the largest integer of the type stands for "not
+    known".
 
     Attributes:
         low: Number that becomes 0.
@@ -56,10 +60,16 @@ class Code:
         return (1.0 if self.spacing == "even" else 2.0) / self.largest
 
     def encode(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Codes of numbers; those outside of the range get the code of its end, nan the one for "not known"."""
+        """Codes of numbers; those outside of the range get the code of its end, nan the one for
+        "not known".
+        """
         values = np.asarray(values, np.float64)
         width = self.high - self.low
-        share = np.clip((values - self.low) / width, 0.0, 1.0) if width > 0.0 else np.where(np.isnan(values), np.nan, 0.0)
+        share = (
+            np.clip((values - self.low) / width, 0.0, 1.0)
+            if width > 0.0
+            else np.where(np.isnan(values), np.nan, 0.0)
+        )
         if self.spacing == "square":
             share = np.sqrt(share)
         elif self.spacing == "signed":
@@ -80,8 +90,14 @@ class Code:
 
 
 def compress(arrays: list[NDArray[Any]]) -> bytes:
-    """Arrays of unsigned integers one after the other, each as its lowest bytes, then the next ones …; deflated (zlib format)."""
-    planes = [np.ascontiguousarray(array.view(np.uint8).reshape(array.size, -1).T).tobytes() for array in arrays if array.size]
+    """Arrays of unsigned integers one after the other, each as its lowest bytes, then the next ones
+    …; deflated (zlib format).
+    """
+    planes = [
+        np.ascontiguousarray(array.view(np.uint8).reshape(array.size, -1).T).tobytes()
+        for array in arrays
+        if array.size
+    ]
     return zlib.compress(b"".join(planes), _LEVEL)
 
 
@@ -101,7 +117,11 @@ SPACINGS: dict[str, Spacing] = {
 
 def fields_of(run: Run) -> tuple[GrainQuantity, ...]:
     """The quantities that a run can have."""
-    return tuple(QUANTITIES[name] for name in SPACINGS if run.model.thermal is not None or not QUANTITIES[name].needs_heat)
+    return tuple(
+        QUANTITIES[name]
+        for name in SPACINGS
+        if run.model.thermal is not None or not QUANTITIES[name].needs_heat
+    )
 
 
 def values_of(quantity: GrainQuantity, run: Run, frame: int) -> Floats | None:
@@ -138,7 +158,9 @@ class ContactsView:
         """The ``count`` contacts with the largest forces."""
         if count >= self.i.size:
             return self
-        kept = np.sort(np.argpartition(-self.force, count)[:count]) if count else np.zeros(0, np.int64)
+        kept = (
+            np.sort(np.argpartition(-self.force, count)[:count]) if count else np.zeros(0, np.int64)
+        )
         return ContactsView(self.i[kept], self.j[kept], self.angle[kept], self.force[kept])
 
 
@@ -149,7 +171,8 @@ class FrameView:
     Attributes:
         index: Its number in the run.
         center: Centers, x within the period [m], shape ``(n, 2)``.
-        values: Values of the fields by name, each of shape ``(n,)``; a field that this frame lacks is missing.
+        values: Values of the fields by name, each of shape ``(n,)``; a field that this frame lacks
+            is missing.
         contacts: Its contacts, or None where they are not in the file.
         walls: Displacement [m] and angle [rad] of the walls, shape ``(w, 3)``.
         box: Corners of what is to be seen [m], shape ``(2, 2)``.
@@ -164,10 +187,16 @@ class FrameView:
 
 
 def thin_frames(count: int, wanted: int) -> NDArray[np.int64]:
-    """Numbers of about ``wanted`` of ``count`` frames, evenly spaced; the last one is always among them."""
+    """Numbers of about ``wanted`` of ``count`` frames, evenly spaced; the last one is always among
+    them.
+    """
     if wanted >= count:
         return np.arange(count)
-    return np.unique(np.rint(np.linspace(0.0 if wanted > 1 else count - 1.0, count - 1.0, wanted)).astype(np.int64))
+    return np.unique(
+        np.rint(np.linspace(0.0 if wanted > 1 else count - 1.0, count - 1.0, wanted)).astype(
+            np.int64
+        )
+    )
 
 
 def view_of(run: Run, index: int) -> FrameView:
@@ -183,7 +212,10 @@ def view_of(run: Run, index: int) -> FrameView:
     walls = np.array(frame.wall_position, np.float64)
     center = scene.center.astype(np.float32)
     if frame.is_open:  # grains that are not there have no place
-        center, values = _spread(run, frame, center), {name: _spread(run, frame, found) for name, found in values.items()}
+        center, values = (
+            _spread(run, frame, center),
+            {name: _spread(run, frame, found) for name, found in values.items()},
+        )
     return FrameView(index, center, values, _contacts(run, index), walls, scene.box)
 
 
@@ -222,7 +254,8 @@ class Chunk:
         index: Its number in the run.
         data: Compressed bytes.
         arrays: Name, bytes per number and length of the arrays in it.
-        contact_count: Contacts that carry a force, packed or not; None where they are not in the file.
+        contact_count: Contacts that carry a force, packed or not; None where they are not in the
+            file.
         box: Corners of what is to be seen of it [m], shape ``(2, 2)``.
     """
 
@@ -240,7 +273,8 @@ class Packed:
     Attributes:
         chunks: The frames.
         fields: The quantities that grains have.
-        codes: How they and the coordinates ``x`` and ``y`` are stored, by name; ``contact`` are the forces of contacts.
+        codes: How they and the coordinates ``x`` and ``y`` are stored, by name; ``contact`` are the
+            forces of contacts.
         colors: Smallest and largest value that has a color of its own, by field.
         mean_force: Mean force of the contacts that carry one [N]; 0 without such contacts.
         walls: Displacement and angle of the walls, shape ``(frames, w, 3)``.
@@ -269,7 +303,9 @@ class Packed:
     def thinned(self, wanted: int) -> Packed:
         """The same with fewer frames."""
         kept = thin_frames(len(self.chunks), wanted)
-        return replace(self, chunks=tuple(self.chunks[int(k)] for k in kept), walls=self.walls[kept])
+        return replace(
+            self, chunks=tuple(self.chunks[int(k)] for k in kept), walls=self.walls[kept]
+        )
 
 
 @dataclass(frozen=True)
@@ -281,11 +317,13 @@ class _Plan:
     contacts: int | None
 
 
-def pack_frames(run: Run, budget: int, frames: int | None = None, progress: Progress = no_progress) -> Packed:
+def pack_frames(
+    run: Run, budget: int, frames: int | None = None, progress: Progress = no_progress
+) -> Packed:
     """Pack as many frames of a run as fit.
 
-    Everything is kept if it fits. Otherwise values are stored with 8 instead of 16 bits, then only the strongest contacts of
-    each frame are kept, then fewer frames.
+    Everything is kept if it fits. Otherwise values are stored with 8 instead of 16 bits, then only
+    the strongest contacts of each frame are kept, then fewer frames.
 
     Args:
         run: A run with at least one frame.
@@ -303,13 +341,19 @@ def pack_frames(run: Run, budget: int, frames: int | None = None, progress: Prog
     for number, index in enumerate(chosen.tolist()):
         view = view_of(run, index)
         total = None if view.contacts is None else view.contacts.i.size
-        limited = view.contacts if view.contacts is None or plan.contacts is None else view.contacts.strongest(plan.contacts)
+        limited = (
+            view.contacts
+            if view.contacts is None or plan.contacts is None
+            else view.contacts.strongest(plan.contacts)
+        )
         views.append((replace(view, contacts=limited), total))
         progress(number + 1, chosen.size)
     codes = _make_codes([view for view, _ in views], run, plan.width)
     packing = Packed(
         chunks=tuple(_pack(view, codes, total, run.model.grain_count) for view, total in views),
-        fields=tuple(field for field in fields_of(run) if field.name != "heat" or codes["heat"].high > 0.0),
+        fields=tuple(
+            field for field in fields_of(run) if field.name != "heat" or codes["heat"].high > 0.0
+        ),
         codes=codes,
         colors=_color_ranges(fields_of(run), [view for view, _ in views]),
         mean_force=_mean_force([view for view, _ in views]),
@@ -320,7 +364,9 @@ def pack_frames(run: Run, budget: int, frames: int | None = None, progress: Prog
         contact_limit=plan.contacts,
     )
     while packing.size > budget and len(packing.chunks) > 1:
-        packing = packing.thinned(min(len(packing.chunks) - 1, int(len(packing.chunks) * budget / packing.size)) or 1)
+        packing = packing.thinned(
+            min(len(packing.chunks) - 1, int(len(packing.chunks) * budget / packing.size)) or 1
+        )
     return packing
 
 
@@ -346,12 +392,17 @@ def _sizes(view: FrameView, run: Run, width: int) -> tuple[float, float]:
 
 
 def _make_codes(views: Sequence[FrameView], run: Run, width: int) -> dict[str, Code]:
-    codes = {name: Code(*_ends([view.center[:, axis] for view in views]), 2) for axis, name in enumerate("xy")}
+    codes = {
+        name: Code(*_ends([view.center[:, axis] for view in views]), 2)
+        for axis, name in enumerate("xy")
+    }
     for field in fields_of(run):
         found = [view.values[field.name] for view in views if field.name in view.values]
         low, high = _ends(found)
         most = max(abs(low), abs(high))
-        ends = {"even": (low, high), "square": (0.0, high), "signed": (-most, most)}[SPACINGS[field.name]]
+        ends = {"even": (low, high), "square": (0.0, high), "signed": (-most, most)}[
+            SPACINGS[field.name]
+        ]
         codes[field.name] = Code(*ends, width, SPACINGS[field.name])
     contacts = [view.contacts.force for view in views if view.contacts is not None]
     codes["contact"] = Code(0.0, _ends(contacts)[1], width, "square")
@@ -361,11 +412,17 @@ def _make_codes(views: Sequence[FrameView], run: Run, width: int) -> dict[str, C
 def _ends(arrays: list[NDArray[Any]]) -> tuple[float, float]:
     """Smallest and largest number."""
     full = [numbers for array in arrays if (numbers := _sane(array)).size]
-    return (float(min(a.min() for a in full)), float(max(a.max() for a in full))) if full else (0.0, 0.0)
+    return (
+        (float(min(a.min() for a in full)), float(max(a.max() for a in full)))
+        if full
+        else (0.0, 0.0)
+    )
 
 
 def _sane(values: NDArray[Any]) -> NDArray[Any]:
-    """Values that are nan or absurd do not count: a damaged file must not spoil the scale of the others."""
+    """Values that are nan or absurd do not count: a damaged file must not spoil the scale of the
+    others.
+    """
     return np.asarray(values[np.abs(values) < _ABSURD])
 
 
@@ -381,12 +438,22 @@ def _pack(view: FrameView, codes: dict[str, Code], contact_count: int | None, gr
     if view.contacts is not None:
         arrays |= _contact_arrays(view.contacts, codes["contact"], grains)
     layout = [(name, array.dtype.itemsize, array.size) for name, array in arrays.items()]
-    return Chunk(view.index, compress(list(arrays.values())), layout, contact_count, _join_boxes([view.box], codes))
+    return Chunk(
+        view.index,
+        compress(list(arrays.values())),
+        layout,
+        contact_count,
+        _join_boxes([view.box], codes),
+    )
 
 
 def _contact_arrays(contacts: ContactsView, code: Code, grains: int) -> dict[str, NDArray[Any]]:
-    """First grains as steps from one contact to the next; second grains, or ``grains`` plus the direction of a wall."""
-    turn = np.rint(np.nan_to_num(contacts.angle) / (2.0 * np.pi) * _ANGLES).astype(np.int64) % _ANGLES
+    """First grains as steps from one contact to the next; second grains, or ``grains`` plus the
+    direction of a wall.
+    """
+    turn = (
+        np.rint(np.nan_to_num(contacts.angle) / (2.0 * np.pi) * _ANGLES).astype(np.int64) % _ANGLES
+    )
     return {
         "contact_step": np.diff(contacts.i, prepend=0).astype("<u4"),
         "contact_end": np.where(contacts.j >= 0, contacts.j, grains + turn).astype("<u4"),
@@ -394,11 +461,15 @@ def _contact_arrays(contacts: ContactsView, code: Code, grains: int) -> dict[str
     }
 
 
-def _color_ranges(fields: tuple[GrainQuantity, ...], views: list[FrameView]) -> dict[str, tuple[float, float]]:
+def _color_ranges(
+    fields: tuple[GrainQuantity, ...], views: list[FrameView]
+) -> dict[str, tuple[float, float]]:
     found = {}
     for field in fields:
         values = [view.values[field.name] for view in views if field.name in view.values]
-        found[field.name] = color_range(field, _sane(np.concatenate(values or [np.zeros(0)])), views[0].center.shape[0])
+        found[field.name] = color_range(
+            field, _sane(np.concatenate(values or [np.zeros(0)])), views[0].center.shape[0]
+        )
     return found
 
 

@@ -40,7 +40,10 @@ from multicor_cli.store import Run
 MARK = '<meta name="generator" content="multicor report">'
 """What tells a page of ours from other files; it stands within the first 400 bytes."""
 
-_POLICY = "default-src 'none'; script-src 'sha256-{}'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
+_POLICY = (
+    "default-src 'none'; script-src 'sha256-{}'; style-src 'unsafe-inline'; base-uri 'none'; "
+    "form-action 'none'"
+)
 _SCRIPTS = ("data.js", "scale.js", "picture.js", "viewer.js")
 _LONGEST = 200  # letters of a name; longer ones stand whole in the scenario at the end of the page
 
@@ -77,13 +80,21 @@ def make_page(
         _tables(run, info, books),
         figure_cards(figures),
         _scenario(source, resolved),
-        f"<footer><p>Made by multicor {escape(__version__)} from {escape(run.path.resolve().name)}.</p></footer>",
+        (
+            f"<footer><p>Made by multicor {escape(__version__)} from "
+            f"{escape(run.path.resolve().name)}.</p></footer>"
+        ),
         _data("meta", "application/json", _json(_meta(run, packing))),
         _data("radii", "text/plain", _base64(packing.radii)),
-        *(_data(f"frame-{k}", "text/plain", _base64(chunk.data)) for k, chunk in enumerate(packing.chunks)),
+        *(
+            _data(f"frame-{k}", "text/plain", _base64(chunk.data))
+            for k, chunk in enumerate(packing.chunks)
+        ),
         f"<script>{program}</script>",
     ]
-    return "\n".join([make_head(name, program), "<body>", *body, "</body>", "</html>", ""]).encode(errors="backslashreplace")
+    return "\n".join([make_head(name, program), "<body>", *body, "</body>", "</html>", ""]).encode(
+        errors="backslashreplace"
+    )
 
 
 def _shorten(text: str) -> str:
@@ -91,13 +102,17 @@ def _shorten(text: str) -> str:
 
 
 def make_head(name: str, program: str = "") -> str:
-    """The head of a page; its policy lets the browser run the one program of the page, known by its digest, and load nothing."""
+    """The head of a page; its policy lets the browser run the one program of the page, known by its
+    digest, and load nothing.
+    """
     policy = _POLICY.format(_base64(hashlib.sha256(program.encode()).digest()))
     return (
         f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n{MARK}\n'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n<meta name="color-scheme" content="light dark">\n'
-        f"<title>{escape(name)} – multicor</title>\n<style>\n{_file('viewer.css')}</style>\n</head>"
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        '<meta name="color-scheme" content="light dark">\n'
+        f"<title>{escape(name)} – multicor</title>\n<style>\n{_file('viewer.css')}</style>\n"
+        "</head>"
     )
 
 
@@ -118,13 +133,19 @@ def _note(packing: Packed) -> str:
     frames = f"{shown:,} of {count:,} frames of the run"
     if shown == count:
         frames = "The only frame of the run" if count == 1 else f"All {count:,} frames of the run"
-    if packing.contact_limit is not None and any((c.contact_count or 0) > packing.contact_limit for c in packing.chunks):
+    if packing.contact_limit is not None and any(
+        (c.contact_count or 0) > packing.contact_limit for c in packing.chunks
+    ):
         frames += f", with the {packing.contact_limit:,} strongest contacts of each"
-    step = max((code.high - code.low) * code.resolution for code in (packing.codes["x"], packing.codes["y"]))
+    step = max(
+        (code.high - code.low) * code.resolution
+        for code in (packing.codes["x"], packing.codes["y"])
+    )
     share = 100.0 * packing.codes["speed"].resolution
     return (
-        f"{frames}. Positions are stored in steps of {_up(step)} m, values in steps of {_up(share)} % of their range over these "
-        f"frames or finer; the values shown are given to that precision. The files of the run hold them exactly."
+        f"{frames}. Positions are stored in steps of {_up(step)} m, values in steps of "
+        f"{_up(share)} % of their range over these frames or finer; the values shown are given to "
+        "that precision. The files of the run hold them exactly."
     )
 
 
@@ -141,10 +162,15 @@ def _checks(checks: Sequence[Check]) -> str:
     rows = describe_checks(checks)
     if not rows:
         return ""
-    counts = {verdict: sum(row.verdict == verdict for row in rows) for verdict in ("bad", "warning", "ok")}
+    counts = {
+        verdict: sum(row.verdict == verdict for row in rows) for verdict in ("bad", "warning", "ok")
+    }
     words = {"warning": "warnings"}
     marks = ", ".join(
-        f'<span class="{verdict}">{count} {words.get(verdict, verdict) if count > 1 else verdict}</span>'
+        (
+            f'<span class="{verdict}">{count} '
+            f"{words.get(verdict, verdict) if count > 1 else verdict}</span>"
+        )
         for verdict, count in counts.items()
         if count
     )
@@ -169,7 +195,8 @@ def _book_tables(books: EnergyTable | None) -> list[str]:
     if books is None:
         return []
     return [
-        table_card(title, describe_books(books, lines)) for title, lines in (("Energy books", MECHANICAL), ("Books of heat", HEAT))
+        table_card(title, describe_books(books, lines))
+        for title, lines in (("Energy books", MECHANICAL), ("Books of heat", HEAT))
     ]
 
 
@@ -177,22 +204,38 @@ def table_card(title: str, rows: list[ReportRow]) -> str:
     """Names and values under a title; nothing if there are none."""
     if not rows:
         return ""
-    return f'<div class="card"><h2>{escape(title)}</h2><table>{"".join(map(_row, rows))}</table></div>'
+    return (
+        f'<div class="card"><h2>{escape(title)}</h2><table>{"".join(map(_row, rows))}</table></div>'
+    )
 
 
 def _row(row: ReportRow) -> str:
-    mark = f' <span class="{row.verdict}">{row.verdict} [{escape(row.limit)}]</span>' if row.limit else ""
+    mark = (
+        f' <span class="{row.verdict}">{row.verdict} [{escape(row.limit)}]</span>'
+        if row.limit
+        else ""
+    )
     note = f'<tr><td colspan="2" class="note">{escape(row.note)}</td></tr>' if row.note else ""
-    return f'<tr><th scope="row">{escape(row.name)}</th><td dir="auto">{escape(_shorten(row.value))}{mark}</td></tr>{note}'
+    return (
+        f'<tr><th scope="row">{escape(row.name)}</th><td '
+        f'dir="auto">{escape(_shorten(row.value))}{mark}</td></tr>{note}'
+    )
 
 
 def figure_cards(figures: Sequence[Figure] | None) -> str:
     """Figures side by side; None: there is no matplotlib."""
     if figures is None:
-        text = "<p>There are no figures here: the installation that made this page has no matplotlib.</p>"
+        text = (
+            "<p>There are no figures here: the installation that made this page has no "
+            "matplotlib.</p>"
+        )
     else:
         text = "".join(
-            f'<figure class="card"><figcaption>{escape(figure.title)}</figcaption>{_labeled(figure)}</figure>' for figure in figures
+            (
+                "<figure "
+                f'class="card"><figcaption>{escape(figure.title)}</figcaption>{_labeled(figure)}</figure>'
+            )
+            for figure in figures
         )
     return f'<section class="figures">{text}</section>' if text else ""
 
@@ -204,7 +247,10 @@ def _labeled(figure: Figure) -> str:
 def _scenario(source: str, resolved: str) -> str:
     parts = [("Scenario as given", source), ("Scenario with all defaults", resolved)]
     return "".join(
-        f'<details class="card"><summary>{title}</summary><pre tabindex="0">{escape(text)}</pre></details>'
+        (
+            f'<details class="card"><summary>{title}</summary><pre '
+            f'tabindex="0">{escape(text)}</pre></details>'
+        )
         for title, text in parts
         if text.strip()
     )
@@ -221,7 +267,11 @@ def _scenario_of(resolved: str) -> dict[str, Any]:
 def _meta(run: Run, packing: Packed) -> dict[str, Any]:
     """What the scripts need to know besides the packed numbers."""
     model, frames = run.model, run.frames
-    times, steps, stages = np.asarray(frames.time), np.asarray(frames.step), np.asarray(frames.stage)
+    times, steps, stages = (
+        np.asarray(frames.time),
+        np.asarray(frames.step),
+        np.asarray(frames.stage),
+    )
     return {
         "grains": model.grain_count,
         "groups": [_shorten(name) for name in model.groups],
@@ -273,7 +323,11 @@ def _solids(wall: NDArray[Any], sides: Floats) -> Iterator[tuple[int, Floats]]:
 
 def _short(values: Floats) -> Any:
     """Numbers of an array as lists, with as many digits as a picture needs."""
-    return np.array([float(f"{value:.7g}") for value in values.ravel().tolist()]).reshape(values.shape).tolist()
+    return (
+        np.array([float(f"{value:.7g}") for value in values.ravel().tolist()])
+        .reshape(values.shape)
+        .tolist()
+    )
 
 
 def _stage_name(run: Run, stage: int) -> str:
@@ -285,7 +339,9 @@ def _code(code: Any) -> dict[str, Any]:
 
 
 def _field(packing: Packed, number: int) -> dict[str, Any]:
-    """A field for the scripts; temperatures that hardly differ are shown as millikelvins above a round temperature."""
+    """A field for the scripts; temperatures that hardly differ are shown as millikelvins above a
+    round temperature.
+    """
     field = packing.fields[number]
     low, high = packing.colors[field.name]
     return {

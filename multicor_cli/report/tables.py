@@ -44,7 +44,9 @@ def describe_run(info: dict[str, Any]) -> list[ReportRow]:
     """What was run and how it ended, from `multicor_cli.store.run_info`."""
     made = info["provenance"]
     reason = info["stop_reason"]
-    status = info["status"] if not reason or reason == info["status"] else f"{info['status']} ({reason})"
+    status = (
+        info["status"] if not reason or reason == info["status"] else f"{info['status']} ({reason})"
+    )
     rows = [
         ("status", status),
         ("time", _number(info["time"], "s")),
@@ -52,11 +54,17 @@ def describe_run(info: dict[str, Any]) -> list[ReportRow]:
         ("stages", ", ".join(info["stages"])),
         ("grains", _number(info["grain_count"])),
         ("walls", ", ".join(info["walls"]) or "none"),
-        ("frames", f"{info['frame_count']:,}, and {info['series_count']:,} rows of the time series"),
+        (
+            "frames",
+            f"{info['frame_count']:,}, and {info['series_count']:,} rows of the time series",
+        ),
         ("seed", str(made.get("seed", "–"))),
         ("started", _moment(info["started"])),
         ("finished", _moment(info["finished"])),
-        ("wall time", "–" if info["duration"] is None else str(timedelta(seconds=round(info["duration"])))),
+        (
+            "wall time",
+            "–" if info["duration"] is None else str(timedelta(seconds=round(info["duration"]))),
+        ),
         ("version", f"multicor {made['multicor_version']}" if "multicor_version" in made else "–"),
         ("command", made.get("command", "–")),
         ("processor", str(made.get("cpu") or "–")),
@@ -68,7 +76,10 @@ def describe_run(info: dict[str, Any]) -> list[ReportRow]:
 
 def describe_stages(info: dict[str, Any]) -> list[ReportRow]:
     """Why and when each stage ended that is over, as far as the run has kept it."""
-    return [ReportRow(end.name, end.text) for end in (record_of(StageEnd, end) for end in info["stage_ends"])]
+    return [
+        ReportRow(end.name, end.text)
+        for end in (record_of(StageEnd, end) for end in info["stage_ends"])
+    ]
 
 
 def describe_checks(checks: Sequence[Check]) -> list[ReportRow]:
@@ -85,9 +96,14 @@ def describe_solver(info: dict[str, Any]) -> list[ReportRow]:
     """Residuals and counters of the solver, and the largest force."""
     solver = info["solver"]
     rows = [
-        ReportRow("largest residual over the reference velocity (rms of a step)", _number(solver["residual_rms_max"])),
+        ReportRow(
+            "largest residual over the reference velocity (rms of a step)",
+            _number(solver["residual_rms_max"]),
+        ),
         ReportRow("sweeps per step", _number(solver["sweeps_mean"])),
-        ReportRow("largest contact force (mean of a step)", _number(info["max_contact_force"], "N")),
+        ReportRow(
+            "largest contact force (mean of a step)", _number(info["max_contact_force"], "N")
+        ),
     ]
     return [row for row in rows if row.value != "–"]
 
@@ -104,7 +120,9 @@ def describe_rheology(run: Run) -> list[ReportRow]:
         if math.isfinite(mean):
             within = f" ± {pretty(error, 2)}" if math.isfinite(error) else ""
             unit = "" if q.unit == "1" else f" {unit_sign(q.unit)}"
-            rows.append(ReportRow(q.label, f"{pretty(mean)}{within}{unit}{f' ({note})' if note else ''}"))
+            rows.append(
+                ReportRow(q.label, f"{pretty(mean)}{within}{unit}{f' ({note})' if note else ''}")
+            )
     return rows
 
 
@@ -116,13 +134,22 @@ def describe_forces(run: Run) -> list[ReportRow]:
         return []
     if not network.i.size:
         return []
-    return [ReportRow("at", f"t = {network.time:.6g} s"), *(ReportRow(name.strip(), pretty(value)) for name, value in network.rows)]
+    return [
+        ReportRow("at", f"t = {network.time:.6g} s"),
+        *(ReportRow(name.strip(), pretty(value)) for name, value in network.rows),
+    ]
 
 
 def describe_books(table: EnergyTable, entries: Sequence[BookLine]) -> list[ReportRow]:
     """Some lines of the energy books at the end [J]; what never happened is left out."""
-    lines = [(entry.label, table.books[entry.name]) for entry in entries if entry.name in table.books]
-    return [ReportRow(label, _number(float(values[-1]), "J")) for label, values in lines if np.any(values) or "imbalance" in label]
+    lines = [
+        (entry.label, table.books[entry.name]) for entry in entries if entry.name in table.books
+    ]
+    return [
+        ReportRow(label, _number(float(values[-1]), "J"))
+        for label, values in lines
+        if np.any(values) or "imbalance" in label
+    ]
 
 
 def _number(value: Any, unit: str = "") -> str:
@@ -130,7 +157,9 @@ def _number(value: Any, unit: str = "") -> str:
 
 
 def pretty(value: float, digits: int = 4) -> str:
-    """A number for people: with a real minus sign, and powers of ten as the scripts of the page write them."""
+    """A number for people: with a real minus sign, and powers of ten as the scripts of the page
+    write them.
+    """
     if isinstance(value, int):
         return f"{value:,}".replace("-", "−")
     mantissa, _, exponent = f"{value:.{digits}g}".partition("e")

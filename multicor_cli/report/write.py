@@ -50,7 +50,8 @@ class ReportSummary:
 
 def default_path(directory: Path) -> Path:
     """Where the page goes unless told: beside the run directory, as ``NAME-report.html``."""
-    whole = Path(os.path.realpath(directory))  # unlike resolve, it takes links that lead in a circle
+    # Unlike resolve, it takes links that lead in a circle
+    whole = Path(os.path.realpath(directory))
     whole = whole.parent if whole.is_file() else whole
     return whole.with_name(f"{whole.name}-report.html")
 
@@ -68,22 +69,27 @@ def write_report(
     Args:
         directory: Run directory, or a ``results.h5`` on its own.
         path: File to write; default: `default_path`.
-        frames: Largest number of frames in the interactive view; default: as many as fit into `SIZE_LIMIT`.
+        frames: Largest number of frames in the interactive view; default: as many as fit into
+            `SIZE_LIMIT`.
         is_overwriting: Whether an existing file may be replaced.
         progress: Is told how many frames have been read, and of how many.
 
     Raises:
-        ExportRefused: If the file exists and may not be replaced, or it is the name of a file of a run.
+        ExportRefused: If the file exists and may not be replaced, or it is the name of a file of a
+            run.
         PostError: If the run has no frames yet.
         StoreError: If the run cannot be read, or the file cannot be written.
     """
     target = default_path(Path(directory)) if path is None else Path(path)
     check_target(target, is_overwriting=is_overwriting)
-    # What a damaged file holds may be absurd: it is left out of scales, without warnings on the way.
+    # What a damaged file holds may be absurd: it is left out of scales, without warnings on the
+    # way.
     with open_run(directory) as run, np.errstate(all="ignore"):
         info = run_info(directory)
         if not len(run.frames):
-            raise PostError(f"{directory}: the run has no frames yet; try again when it has written one")
+            raise PostError(
+                f"{directory}: the run has no frames yet; try again when it has written one"
+            )
         packing = pack_frames(run, int((SIZE_LIMIT - _ROOM) / _BASE64), frames, progress)
         books = energy(run) if run.series.row_count else None
         figures = make_figures(run, books)
@@ -95,8 +101,12 @@ def write_report(
 def check_target(path: Path, *, is_overwriting: bool) -> None:
     """Refuse a file as `check_output` does, and always one that is not a page of ours."""
     check_output(path, is_overwriting=is_overwriting)
-    if os.path.lexists(path) and (not path.is_file() or (path.stat().st_size and MARK not in _head(path))):
-        raise ExportRefused(f"{path}: is not a report of multicor and is not replaced; choose another file with -o")
+    if os.path.lexists(path) and (
+        not path.is_file() or (path.stat().st_size and MARK not in _head(path))
+    ):
+        raise ExportRefused(
+            f"{path}: is not a report of multicor and is not replaced; choose another file with -o"
+        )
 
 
 def _head(path: Path) -> str:
@@ -105,4 +115,6 @@ def _head(path: Path) -> str:
 
 
 def _summary(path: Path, size: int, packing: Packed, has_figures: bool) -> ReportSummary:
-    return ReportSummary(path, size, len(packing.chunks), packing.frame_count, packing.contact_limit, has_figures)
+    return ReportSummary(
+        path, size, len(packing.chunks), packing.frame_count, packing.contact_limit, has_figures
+    )

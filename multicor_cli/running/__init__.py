@@ -1,4 +1,6 @@
-"""Running a scenario: loading stages, cadences, checkpoints, signals. Importing this package loads nothing heavy."""
+"""Running a scenario: loading stages, cadences, checkpoints, signals. Importing this package loads
+nothing heavy.
+"""
 
 from __future__ import annotations
 
@@ -33,35 +35,49 @@ def run(
         scenario: A scenario, or the path of a scenario file.
         directory: Run directory; default: ``runs/NAME``.
         overrides: Values that replace those of the file, each ``key=value``; only with a path.
-        threads: Number of threads; 0 takes what the scenario says, or all cores. Results do not depend on it.
+        threads: Number of threads; 0 takes what the scenario says, or all cores. Results do not
+            depend on it.
         max_hours: Wall-clock time after which to stop with a checkpoint [h].
         overwrite: Whether a run that is in the directory may be removed.
-        extend: Whether stages that the scenario has more at its end than the run in the directory are added to that run.
-        observer: An `Observer`, whose methods are told of every step, of messages and warnings, and of the end; it cannot change
-            the run. Default: none.
-        steer: A function that is called with a `LiveRun` after steps of stages that are not frozen. It reads what there is, and may
-            end the stage, name the next one, or end the run. It must decide by what it reads and by ``now.notes`` alone: then the
-            same scenario and function give the same bits, also if the run is stopped in between and goes on with the same call.
+        extend: Whether stages that the scenario has more at its end than the run in the directory
+            are added to that run.
+        observer: An `Observer`, whose methods are told of every step, of messages and warnings, and
+            of the end; it cannot change the run. Default: none.
+        steer: A function that is called with a `LiveRun` after steps of stages that are not frozen.
+            It reads what there is, and may end the stage, name the next one, or end the run. It
+            must decide by what it reads and by ``now.notes`` alone: then the same scenario and
+            function give the same bits, also if the run is stopped in between and goes on with the
+            same call.
         steer_every: Number of steps of a stage from call to call.
 
     Raises:
-        ScenarioError: If the scenario is wrong, or not the one with which the run in the directory began; if a stage that ``steer``
-            names is wrong.
+        ScenarioError: If the scenario is wrong, or not the one with which the run in the directory
+            began; if a stage that ``steer`` names is wrong.
         PhysicsError: If the run cannot go on; its last checkpoint is kept.
-        StageTimeout: If the condition of a stage was not reached in time, and that is to stop the run (``on_timeout = "stop"``).
+        StageTimeout: If the condition of a stage was not reached in time, and that is to stop the
+            run (``on_timeout = "stop"``).
         StoreError: If the directory cannot be used, or a file cannot be written or is damaged.
-        Exception: What ``steer`` raises, after a checkpoint: the same call goes on before the step after which it failed.
+        Exception: What ``steer`` raises, after a checkpoint: the same call goes on before the step
+            after which it failed.
         TypeError: If ``observer`` lacks a method of an `Observer`.
-        ValueError: If the name of the directory is empty, there cannot be so many threads, ``overrides`` come with a loaded
-            scenario, or ``overwrite`` with ``extend``; if ``steer_every`` is less than 1.
+        ValueError: If the name of the directory is empty, there cannot be so many threads,
+            ``overrides`` come with a loaded scenario, or ``overwrite`` with ``extend``; if
+            ``steer_every`` is less than 1.
     """
     if overwrite and extend:
         raise ValueError("a run is either extended or overwritten")
     if directory == "":
         raise ValueError("the name of the run directory is empty")
-    missing = [name for name in ("message", "warning", "stepped", "closed") if observer is not None and not hasattr(observer, name)]
+    missing = [
+        name
+        for name in ("message", "warning", "stepped", "closed")
+        if observer is not None and not hasattr(observer, name)
+    ]
     if missing:
-        raise TypeError(f"an observer has the methods of multicor_cli.Observer; this one lacks {', '.join(missing)}")
+        raise TypeError(
+            "an observer has the methods of multicor_cli.Observer; this one lacks "
+            f"{', '.join(missing)}"
+        )
     if steer_every < 1:
         raise ValueError(f"steer_every counts steps and must be at least 1, is {steer_every}")
     from multicor_cli.running.compiling import reserve_threads

@@ -1,4 +1,6 @@
-"""What a run takes of the machine: processes, threads, memory, and a second core that compiles. As a program: the process on it."""
+"""What a run takes of the machine: processes, threads, memory, and a second core that compiles. As
+a program: the process on it.
+"""
 
 from __future__ import annotations
 
@@ -14,16 +16,19 @@ from pathlib import Path
 
 from multicor_cli.engine.jit.cache import is_compiled, is_kept
 
-# ---- How every Python process that this program starts begins: without the working directory on its path
+# ---- How every Python process that this program starts begins: without the working directory on
+#      its path
 
 
 def python_child(*words: str, **variables: str) -> tuple[list[str], dict[str, str]]:
-    """Command and environment of a Python process that finds modules where this one does, but never in the working directory.
+    """Command and environment of a Python process that finds modules where this one does, but never
+    in the working directory.
 
-    ``python -c`` and ``python -m`` put the working directory first: a file ``random.py`` there, of the user or of a folder from
-    somewhere, would be run in place of the library's. ``-P`` keeps it out, ``PYTHONSAFEPATH`` out of what the child starts in turn.
-    ``-I`` would keep out ``PYTHONPATH`` and the user's own packages too, where libraries may be installed; of ``PYTHONPATH`` only
-    the parts go that mean the working directory.
+    ``python -c`` and ``python -m`` put the working directory first: a file ``random.py`` there, of
+    the user or of a folder from somewhere, would be run in place of the library's. ``-P`` keeps it
+    out, ``PYTHONSAFEPATH`` out of what the child starts in turn. ``-I`` would keep out
+    ``PYTHONPATH`` and the user's own packages too, where libraries may be installed; of
+    ``PYTHONPATH`` only the parts go that mean the working directory.
 
     Args:
         words: What follows the interpreter: ``-m``, ``-c``, or a file, and arguments.
@@ -32,26 +37,36 @@ def python_child(*words: str, **variables: str) -> tuple[list[str], dict[str, st
     Returns:
         The command and all of its environment.
     """
-    path = [part for part in os.environ.get("PYTHONPATH", "").split(os.pathsep) if os.path.normpath(part) != "."]
+    path = [
+        part
+        for part in os.environ.get("PYTHONPATH", "").split(os.pathsep)
+        if os.path.normpath(part) != "."
+    ]
     root = str(Path(__file__).resolve().parents[2])
     if root not in (*path, *site.getsitepackages(), site.getusersitepackages()):
         path.append(root)  # a source tree that is not installed
     safe = {"PYTHONSAFEPATH": "1", "PYTHONPATH": os.pathsep.join(path)}
-    return [sys.executable, "-I" if sys.flags.isolated else "-P", *words], {**os.environ, **safe, **variables}
+    return [sys.executable, "-I" if sys.flags.isolated else "-P", *words], {
+        **os.environ,
+        **safe,
+        **variables,
+    }
 
 
 def end_with_parent() -> None:
     """End this process when the other end of its standard input is closed; returns at once."""
 
     def wait() -> None:
-        while os.read(sys.stdin.fileno(), 4096):  # a buffered read would hold a lock that the end of the interpreter needs
+        # a buffered read would hold a lock that the end of the interpreter needs
+        while os.read(sys.stdin.fileno(), 4096):
             pass
         os._exit(0)
 
     threading.Thread(target=wait, daemon=True).start()
 
 
-# ---- How many threads the kernels use. Numba fixes the largest possible number when it is imported; more than cores is allowed
+# ---- How many threads the kernels use. Numba fixes the largest possible number when it is
+#      imported; more than cores is allowed
 
 LIMIT = 1024
 """Largest number of threads."""
@@ -74,7 +89,8 @@ def reserve_threads(requested: int = 0) -> int:
         The number of threads to use.
 
     Raises:
-        ValueError: If the number is not between 0 and `LIMIT`, or if Numba has been imported with room for fewer.
+        ValueError: If the number is not between 0 and `LIMIT`, or if Numba has been imported with
+            room for fewer.
     """
     if not 0 <= requested <= LIMIT:
         raise ValueError(f"{requested} threads: choose between 1 and {LIMIT}, or 0 for all cores")
@@ -87,7 +103,10 @@ def reserve_threads(requested: int = 0) -> int:
         return wanted
     room = int(numba.config.NUMBA_NUM_THREADS)
     if requested > room:
-        raise ValueError(f"{requested} threads: Numba has been imported with room for {room}; set {_VARIABLE} beforehand")
+        raise ValueError(
+            f"{requested} threads: Numba has been imported with room for {room}; set {_VARIABLE} "
+            "beforehand"
+        )
     return min(wanted, room)
 
 
@@ -100,8 +119,9 @@ _NEVER = 2**31 - 1
 def keep_freed_memory() -> bool:
     """Ask the C library not to give freed memory back to the system before the process ends.
 
-    Otherwise every array above some 100 kB is a fresh mapping, whose pages the system has to find and to clear when they are first
-    touched, in every time step again: a fifth of what is done before the first sweep. The peak of the memory stays as it is.
+    Otherwise every array above some 100 kB is a fresh mapping, whose pages the system has to find
+    and to clear when they are first touched, in every time step again: a fifth of what is done
+    before the first sweep. The peak of the memory stays as it is.
 
     Returns:
         Whether the C library knows how (that of GNU does).
@@ -115,7 +135,9 @@ def keep_freed_memory() -> bool:
 
 
 def available_memory() -> int | None:
-    """Memory that a process can have without others being pushed out [bytes]; None where the system does not tell."""
+    """Memory that a process can have without others being pushed out [bytes]; None where the system
+    does not tell.
+    """
     with contextlib.suppress(OSError, ValueError, IndexError):
         lines = Path("/proc/meminfo").read_text().splitlines()
         for line in lines:
@@ -131,11 +153,12 @@ def available_memory() -> int | None:
 
 @contextlib.contextmanager
 def shared_compilation(threads: int) -> Iterator[subprocess.Popen[bytes] | None]:
-    """Let another process compile kernels too, if there are none yet and the run may use a second thread; yields that process.
+    """Let another process compile kernels too, if there are none yet and the run may use a second
+    thread; yields that process.
 
-    Numba compiles on one core, one kernel after the other. The other process takes them in another order
-    (`multicor_cli.engine.precompile`) and leaves them in the cache; if it fails, they are compiled here. It ends with the block,
-    and with this process however that ends.
+    Numba compiles on one core, one kernel after the other. The other process takes them in another
+    order (`multicor_cli.engine.precompile`) and leaves them in the cache; if it fails, they are
+    compiled here. It ends with the block, and with this process however that ends.
     """
     if threads < 2 or is_compiled() or not is_kept():
         yield None
@@ -143,8 +166,11 @@ def shared_compilation(threads: int) -> Iterator[subprocess.Popen[bytes] | None]
     quiet = subprocess.DEVNULL
     command, environment = python_child("-m", __name__)
     try:
-        other = subprocess.Popen(command, env=environment, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet)
-    except OSError:  # no more processes, or an interpreter that this user may not start: one core is enough
+        other = subprocess.Popen(
+            command, env=environment, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet
+        )
+    # no more processes, or an interpreter that this user may not start: one core is enough
+    except OSError:
         yield None
         return
     with other:

@@ -1,7 +1,7 @@
 """What ends a loading stage before its duration is over.
 
-A condition is a function of the state alone, what it has noted in it included (`State.stage_notes`), so that a resumed run ends
-likewise.
+A condition is a function of the state alone, what it has noted in it included
+(`State.stage_notes`), so that a resumed run ends likewise.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from multicor_cli.model.columns import X
 from multicor_cli.model.model import Floats
 
 ROUNDING = 1e-9
-"""Relative amount by which an accumulated strain may miss its goal: the sum of 10⁶ rounded increments."""
+"""Relative amount by which an accumulated strain may miss its goal: the sum of 10⁶ rounded
+increments."""
 
 Relation = Literal["at least", "at most"]
 
@@ -30,7 +31,9 @@ _KINETIC_START = BOOK_NAMES.index("kinetic_start")
 
 @dataclass(frozen=True)
 class Aim:
-    """What a condition waits for: that its quantity, named in words, has this relation to the goal; the SI unit is of both."""
+    """What a condition waits for: that its quantity, named in words, has this relation to the goal;
+    the SI unit is of both.
+    """
 
     quantity: str
     unit: str
@@ -40,7 +43,11 @@ class Aim:
     def is_met(self, value: float) -> bool:
         """Whether a value of the quantity is what is waited for, but for rounding."""
         slack = ROUNDING * abs(self.goal)
-        return value >= self.goal - slack if self.relation == "at least" else value <= self.goal + slack
+        return (
+            value >= self.goal - slack
+            if self.relation == "at least"
+            else value <= self.goal + slack
+        )
 
 
 @dataclass(frozen=True)
@@ -50,7 +57,8 @@ class StepDone:
     Attributes:
         dt: Time step [s].
         wall_before: Positions of the walls before the step [m, m, rad], shape ``(w, 3)``.
-        wall_impulse: Impulse of the grains on the walls in the step [N s, N s, N m s], shape ``(w, 3)``.
+        wall_impulse: Impulse of the grains on the walls in the step [N s, N s, N m s], shape
+            ``(w, 3)``.
     """
 
     dt: float
@@ -80,26 +88,36 @@ class Condition(ABC):
         return value is not None and self.aim.is_met(value)
 
     def holds_at_last(self, state: State) -> bool:
-        """Whether it holds after the last step of the duration, by which time what never came is known not to have come."""
+        """Whether it holds after the last step of the duration, by which time what never came is
+        known not to have come.
+        """
         return self.holds(state)
 
     def progress(self, state: State) -> float:
-        """Share of the stage that is done, 0 to 1; 0 where it cannot be foreseen, and the duration tells more."""
+        """Share of the stage that is done, 0 to 1; 0 where it cannot be foreseen, and the duration
+        tells more.
+        """
         return 0.0
 
     def first_notes(self, state: State) -> Floats:
-        """What it has to remember of the state at the start of the stage, and a place for what follows."""
+        """What it has to remember of the state at the start of the stage, and a place for what
+        follows.
+        """
         return np.empty(0)
 
     def note(self, state: State, done: StepDone) -> None:  # noqa: B027  (most have nothing to remember)
-        """Remember what it needs of a step, in ``state.stage_notes`` of this length or in a number of the state."""
+        """Remember what it needs of a step, in ``state.stage_notes`` of this length or in a number
+        of the state.
+        """
 
 
 @dataclass(frozen=True)
 class StrainReached(Condition):
-    """The stage ends at a shear strain: relative displacement in x of two walls over their distance in y, summed over the steps.
+    """The stage ends at a shear strain: relative displacement in x of two walls over their distance
+    in y, summed over the steps.
 
-    Increments count by their absolute value, so that the strain of a stage that shears back and forth keeps growing.
+    Increments count by their absolute value, so that the strain of a stage that shears back and
+    forth keeps growing.
     """
 
     height: Spacing
@@ -116,22 +134,29 @@ class StrainReached(Condition):
         """Add the strain of the step; walls at the same height have none."""
         height = self.height.of(state)
         before, after = (
-            float(places[self.height.upper, X] - places[self.height.lower, X]) for places in (done.wall_before, state.wall_position)
+            float(places[self.height.upper, X] - places[self.height.lower, X])
+            for places in (done.wall_before, state.wall_position)
         )
         state.stage_strain += abs((after - before) / height) if height else 0.0
 
 
 @dataclass(frozen=True)
 class RestReached(Condition):
-    """The stage ends when the kinetic energy has fallen to ``aim.goal`` times its largest value in the stage."""
+    """The stage ends when the kinetic energy has fallen to ``aim.goal`` times its largest value in
+    the stage.
+    """
 
     def value(self, state: State) -> float:
         """Kinetic energy over its largest value in the stage; 0 where nothing has moved."""
         return float(state.books[KINETIC]) / state.stage_peak if state.stage_peak > 0.0 else 0.0
 
     def holds(self, state: State) -> bool:
-        """Whether the grains have moved and come to rest. What has not moved yet may do so later, when a wall or a grain comes."""
-        return state.stage_peak > 0.0 and bool(state.books[KINETIC] <= self.aim.goal * state.stage_peak)
+        """Whether the grains have moved and come to rest. What has not moved yet may do so later,
+        when a wall or a grain comes.
+        """
+        return state.stage_peak > 0.0 and bool(
+            state.books[KINETIC] <= self.aim.goal * state.stage_peak
+        )
 
     def holds_at_last(self, state: State) -> bool:
         """Whether the grains have come to rest, or never moved."""
@@ -146,19 +171,24 @@ def update_peak(state: State) -> None:
 
 
 def is_due(step: int, every: float) -> bool:
-    """Whether what comes every so many steps, not always whole ones, comes after this one: the nearest to its time."""
+    """Whether what comes every so many steps, not always whole ones, comes after this one: the
+    nearest to its time.
+    """
     return step == math.floor(round(step / every) * every + 0.5)
 
 
 # ---- Conditions about walls: how far they have come, and how hard the grains push them
 
 SUM, SUMMED, WINDOWS, LAST, BEFORE = range(5)
-"""Notes of means over windows: sum and steps of the window under way, number of those that are over, means of the last two."""
+"""Notes of means over windows: sum and steps of the window under way, number of those that are
+over, means of the last two."""
 
 
 @dataclass(frozen=True)
 class DistanceReached(Condition):
-    """The stage ends at a relative change of the distance of two walls; its note is the distance at the start of the stage [m]."""
+    """The stage ends at a relative change of the distance of two walls; its note is the distance at
+    the start of the stage [m].
+    """
 
     lack = "they were at the same place when the stage began"
     spacing: Spacing
@@ -168,14 +198,18 @@ class DistanceReached(Condition):
         return np.array([self.spacing.of(state)])
 
     def value(self, state: State) -> float | None:
-        """Distance over that at the start of the stage, less 1; None if they were at the same place."""
+        """Distance over that at the start of the stage, less 1; None if they were at the same
+        place.
+        """
         first = float(state.stage_notes[0])
         return self.spacing.of(state) / first - 1.0 if first else None
 
 
 @dataclass(frozen=True)
 class DisplacementReached(Condition):
-    """The stage ends at a displacement of a wall in x or y [m], or at an angle [rad]; its note is the coordinate at the start."""
+    """The stage ends at a displacement of a wall in x or y [m], or at an angle [rad]; its note is
+    the coordinate at the start.
+    """
 
     wall: int
     axis: int
@@ -191,7 +225,8 @@ class DisplacementReached(Condition):
 
 @dataclass(frozen=True)
 class ForceReached(Condition):
-    """The stage ends at a mean force of the grains on a wall, over a window of time: that of a single step fluctuates.
+    """The stage ends at a mean force of the grains on a wall, over a window of time: that of a
+    single step fluctuates.
 
     Attributes:
         wall: Index of the wall.
@@ -240,17 +275,19 @@ SURE = 2.0
 """Standard errors by which a drift may be larger than it looks."""
 
 OVER, UNDER, STEPS, DONE, FIRST = range(5)
-"""Notes: sums of numerator and denominator and steps of the block under way; number of blocks that are over; then the means of the
-last `BLOCKS` blocks, the latest last."""
+"""Notes: sums of numerator and denominator and steps of the block under way; number of blocks that
+are over; then the means of the last `BLOCKS` blocks, the latest last."""
 
 
 def drift_of(blocks: Floats) -> float | None:
-    """By how much the mean of a quantity may have drifted between the halves of a window, over its mean (derived).
+    """By how much the mean of a quantity may have drifted between the halves of a window, over its
+    mean (derived).
 
-    (|m₂ − m₁| + 2 e)/|m|: m₁ and m₂ are the means of the halves, m that of both, and e = √(s₁²/b + s₂²/b) is the standard error of
-    their difference, with the variances s² of the b blocks of each half about its mean. Blocks longer than the memory of the
-    quantity are independent, and |m₂ − m₁| + 2 e is then an upper bound of the drift with a confidence of 95 %. So noise delays the
-    end of a stage, and hardly ever brings it about.
+    (|m₂ − m₁| + 2 e)/|m|: m₁ and m₂ are the means of the halves, m that of both, and e = √(s₁²/b +
+    s₂²/b) is the standard error of their difference, with the variances s² of the b blocks of each
+    half about its mean. Blocks longer than the memory of the quantity are independent, and |m₂ −
+    m₁| + 2 e is then an upper bound of the drift with a confidence of 95 %. So noise delays the end
+    of a stage, and hardly ever brings it about.
 
     Args:
         blocks: Means over equal blocks of time that follow each other, shape ``(BLOCKS,)``.
@@ -263,14 +300,17 @@ def drift_of(blocks: Floats) -> float | None:
     middle = 0.5 * (first + second)
     if middle == 0.0:
         return None
-    squares = math.fsum(total((half - at) * (half - at)) for half, at in zip(halves, (first, second), strict=True))
+    squares = math.fsum(
+        total((half - at) * (half - at)) for half, at in zip(halves, (first, second), strict=True)
+    )
     error = math.sqrt(squares / (HALF - 1) / HALF)
     return (abs(second - first) + SURE * error) / abs(middle)
 
 
 @dataclass(frozen=True)
 class Steady(Condition):
-    """The stage ends when the mean of a quantity drifts no longer; see `drift_of`. Windows move on by one block.
+    """The stage ends when the mean of a quantity drifts no longer; see `drift_of`. Windows move on
+    by one block.
 
     Attributes:
         wall: Index of the wall; None: the kinetic energy of all.
@@ -292,7 +332,9 @@ class Steady(Condition):
         return np.zeros(FIRST + BLOCKS)
 
     def note(self, state: State, done: StepDone) -> None:
-        """Add the step to its block, and close the block if it is over. One without any force across the wall begins anew."""
+        """Add the step to its block, and close the block if it is over. One without any force
+        across the wall begins anew.
+        """
         notes = state.stage_notes
         if state.stage_step <= self.skipped:
             return
@@ -311,7 +353,8 @@ class Steady(Condition):
         notes[OVER] = notes[UNDER] = notes[STEPS] = 0.0
 
     def value(self, state: State) -> float | None:
-        """Drift in the last window that is over; None before the end of the first, and if its mean is zero.
+        """Drift in the last window that is over; None before the end of the first, and if its mean
+        is zero.
 
         A kinetic energy that has been zero for the whole stage does not drift.
         """
@@ -322,10 +365,14 @@ class Steady(Condition):
 
     def holds(self, state: State) -> bool:
         """Whether a window has just ended in which the drift is small enough."""
-        return state.stage_notes[STEPS] == 0.0 and not self._is_still(state) and super().holds(state)
+        return (
+            state.stage_notes[STEPS] == 0.0 and not self._is_still(state) and super().holds(state)
+        )
 
     def holds_at_last(self, state: State) -> bool:
-        """Whether it holds, or the kinetic energy is watched and nothing ever moved. Until then a wall or a grain may come."""
+        """Whether it holds, or the kinetic energy is watched and nothing ever moved. Until then a
+        wall or a grain may come.
+        """
         return self._is_still(state) or self.holds(state)
 
     def _is_still(self, state: State) -> bool:

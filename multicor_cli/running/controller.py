@@ -1,4 +1,6 @@
-"""The loop over steps and loading stages, what happens between two steps, and what of it goes into files."""
+"""The loop over steps and loading stages, what happens between two steps, and what of it goes into
+files.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,9 @@ class DirectoryRecorder:
         self._writer.frame(Snapshot(state, self._writer.model, contacts))
 
     def series(self, state: State) -> None:
-        """Write the row of the time series that ends the window of ``state``; raises as `frame` does."""
+        """Write the row of the time series that ends the window of ``state``; raises as `frame`
+        does.
+        """
         self._require_sound(state)
         self._writer.series_row(Snapshot(state, self._writer.model))
 
@@ -56,7 +60,8 @@ class DirectoryRecorder:
 
         Raises:
             StoreError: If something cannot be written.
-            PhysicsError: If the state holds a value that is not finite or absurd: what is on disk stays right.
+            PhysicsError: If the state holds a value that is not finite or absurd: what is on disk
+                stays right.
         """
         self._require_sound(state)
         self._directory.checkpoint(state, self._writer)
@@ -74,7 +79,8 @@ class DirectoryRecorder:
 # ---- How fast a run goes and when it will be done, the compilation of the kernels left out
 
 WARM_UP_STEPS = 3
-"""Steps of this process that are left out: kernels compile, or are loaded from the cache, while they run."""
+"""Steps of this process that are left out: kernels compile, or are loaded from the cache, while
+they run."""
 
 RECENT = 20.0
 """Length of wall-clock time over which the current speed is measured [s]."""
@@ -84,7 +90,9 @@ SPACING = 0.1
 
 
 class Pace:
-    """Speed and remaining time from (clock, steps done by this process, share of the run that is done)."""
+    """Speed and remaining time from (clock, steps done by this process, share of the run that is
+    done).
+    """
 
     def __init__(self) -> None:
         self._start: tuple[float, int, float] | None = None
@@ -92,7 +100,9 @@ class Pace:
         self._progress = 0.0
 
     def note(self, now: float, steps: int, progress: float) -> None:
-        """Note a point; points of the warm-up, and those too close to the one before, are left out."""
+        """Note a point; points of the warm-up, and those too close to the one before, are left
+        out.
+        """
         if steps < WARM_UP_STEPS or (self._samples and now - self._samples[-1][0] < SPACING):
             return
         if self._start is None:
@@ -110,7 +120,9 @@ class Pace:
         return (after - before) / (last - first) if last > first else None
 
     def remaining(self) -> float | None:
-        """Seconds left if the run goes on as it has since the warm-up, or None as long as that is unknown."""
+        """Seconds left if the run goes on as it has since the warm-up, or None as long as that is
+        unknown.
+        """
         if self._start is None:
             return None
         begun, _, done_before = self._start
@@ -127,7 +139,8 @@ HEARTBEAT = 2.0
 
 
 CHECKPOINT_SHARE = 20.0
-"""Checkpoints are at least this many times as far apart as the last one took: they never cost more than a twentieth of a run."""
+"""Checkpoints are at least this many times as far apart as the last one took: they never cost more
+than a twentieth of a run."""
 
 
 class Recorder(Protocol):
@@ -154,18 +167,22 @@ class Controller:
 
     The order, which decides what a frame and a checkpoint hold:
 
-    1. At the very start of a run: the drives of the first stage (the books hold the energy of walls that loads drive); frame 0 and
-       series row 0, then a checkpoint.
-    2. Before every step: stop if a signal or the time limit says so (after a checkpoint); a checkpoint if one is due.
-    3. Before every step but frozen ones: grains go and come. Before the first step of a stage: its drives.
-    4. A step; then peak energy of the stage, and what its condition notes of the step. If the stage goes on, the program that
-       steers the run is asked, if there is one: it may end the stage. If it fails, a checkpoint of the state before the step.
+    1. At the very start of a run: the drives of the first stage (the books hold the energy of walls
+       that loads drive); frame 0 and series row 0, then a checkpoint.
+    2. Before every step: stop if a signal or the time limit says so (after a checkpoint); a
+       checkpoint if one is due.
+    3. Before every step but frozen ones: grains go and come. Before the first step of a stage: its
+       drives.
+    4. A step; then peak energy of the stage, and what its condition notes of the step. If the stage
+       goes on, the program that steers the run is asked, if there is one: it may end the stage. If
+       it fails, a checkpoint of the state before the step.
     5. If due or the stage is over: series row (the window starts anew), frame.
-    6. If the stage is over: the state moves on to the next stage. After the last one: a checkpoint. If its time ran out and that is
-       to stop the run: a checkpoint with the state where it is, and `StageTimeout`. Told to go on, the run starts from here.
+    6. If the stage is over: the state moves on to the next stage. After the last one: a checkpoint.
+       If its time ran out and that is to stop the run: a checkpoint with the state where it is, and
+       `StageTimeout`. Told to go on, the run starts from here.
 
-    A checkpoint is thus taken only where everything due has been written, and what is due depends on the state alone. That
-    makes a resumed run equal to one that was never stopped.
+    A checkpoint is thus taken only where everything due has been written, and what is due depends
+    on the state alone. That makes a resumed run equal to one that was never stopped.
     """
 
     def __init__(
@@ -183,9 +200,10 @@ class Controller:
     ) -> None:
         """Set up; nothing is written yet.
 
-        The run stops when the ``clock`` reads ``deadline`` [s]; the program that steers is not asked in frozen stages.
-        ``stage_starts`` are the times at which the stages up to that of the state have begun [s]; for a run that goes on from
-        another on the clock of that one, so that what signals are kept from stage to stage by has the same bits.
+        The run stops when the ``clock`` reads ``deadline`` [s]; the program that steers is not
+        asked in frozen stages. ``stage_starts`` are the times at which the stages up to that of the
+        state have begun [s]; for a run that goes on from another on the clock of that one, so that
+        what signals are kept from stage to stage by has the same bits.
         """
         self._plan = plan
         self._engine = engine
@@ -212,7 +230,8 @@ class Controller:
 
         Raises:
             PhysicsError: From a step; what is lost since the last checkpoint can be computed again.
-            StageTimeout: If the time of a stage ran out before its condition held, and that is to stop the run.
+            StageTimeout: If the time of a stage ran out before its condition held, and that is to
+                stop the run.
             StoreError: If something cannot be written.
         """
         if is_new:
@@ -222,7 +241,8 @@ class Controller:
             self._checkpoint()
         state = self._engine.state
         if 0 < state.stage < len(self._plan.stages) and state.stage_step == 0:
-            # Left between two stages: books of walls go from the drives of the one to those of the other.
+            # Left between two stages: books of walls go from the drives of the one to those of the
+            # other.
             self._engine.resume(self._plan.stages[state.stage - 1].orders(self._starts[:-1]))
         while state.stage < len(self._plan.stages):
             reason = self._run_stage(self._plan.stages[state.stage])
@@ -254,7 +274,9 @@ class Controller:
                 return None
 
     def _first_step(self, stage: StagePlan) -> StepReport | None:
-        """The first step of a stage. If it is interrupted the state is what it was before the stage began."""
+        """The first step of a stage. If it is interrupted the state is what it was before the stage
+        began.
+        """
         state = self._engine.state
         books, origin = state.books.copy(), state.wall_origin
         if not stage.is_frozen:
@@ -269,7 +291,9 @@ class Controller:
         return report
 
     def _step(self, stage: StagePlan) -> StepReport | None:
-        """One step with its gauges; None if a signal interrupted it, which leaves the state as it was."""
+        """One step with its gauges; None if a signal interrupted it, which leaves the state as it
+        was.
+        """
         state = self._engine.state
         before, dt = state.wall_position.copy(), stage.step_after(state.stage_step)
         try:
@@ -277,7 +301,8 @@ class Controller:
         except Interrupted:
             return None
         self._steps += 1
-        state.time = state.stage_start + stage.time_after(state.stage_step)  # the engine takes all steps for as long as the last
+        # The engine takes all steps for as long as the last
+        state.time = state.stage_start + stage.time_after(state.stage_step)
         update_peak(state)
         if stage.until is not None:
             stage.until.note(state, StepDone(dt, before, report.wall_impulse))
@@ -286,11 +311,14 @@ class Controller:
     def _advance(self, dt: float, t: float) -> StepReport:
         if self._steps:
             return self._engine.step(dt, t, self._signals.should_stop)
-        with self._signals.exit_at_once():  # kernels may compile now, and the last checkpoint is the state before this step
+        # Kernels may compile now, and the last checkpoint is the state before this step
+        with self._signals.exit_at_once():
             return self._engine.step(dt, t, self._signals.should_stop)
 
     def _after_step(self, stage: StagePlan, report: StepReport) -> bool:
-        """Write what is due, tell the observer, move on to the next stage; True if the stage is over."""
+        """Write what is due, tell the observer, move on to the next stage; True if the stage is
+        over.
+        """
         state = self._engine.state
         is_steered = not stage.has_ended(state) and self._is_ended_by_program(stage, report)
         has_ended = is_steered or stage.has_ended(state)
@@ -304,7 +332,9 @@ class Controller:
         return has_ended
 
     def _is_ended_by_program(self, stage: StagePlan, report: StepReport) -> bool:
-        """Ask the program that steers the run, if it is time; True if it ends the stage, and the plan is then as it says."""
+        """Ask the program that steers the run, if it is time; True if it ends the stage, and the
+        plan is then as it says.
+        """
         if self._steering is None or not self._steering.is_due or stage.is_frozen:
             return False
         try:
@@ -350,7 +380,9 @@ class Controller:
         self._signals.is_checkpoint_wanted = False
 
     def _checkpoint_if_due(self) -> None:
-        interval = max(self._plan.output.checkpoint_interval, CHECKPOINT_SHARE * self._checkpoint_took)
+        interval = max(
+            self._plan.output.checkpoint_interval, CHECKPOINT_SHARE * self._checkpoint_took
+        )
         if self._signals.is_checkpoint_wanted:
             self._checkpoint()
             self._observer.message(f"checkpoint written at step {self._engine.state.step}")
@@ -368,12 +400,22 @@ class Controller:
         state, now = self._engine.state, self._clock()
         progress = self._plan.progress(state, self._foreseen)
         self._pace.note(now, self._steps, progress)
-        status = Status(state, stage.name, len(self._plan.stages), report, progress, self._pace.speed(), self._pace.remaining())
+        status = Status(
+            state,
+            stage.name,
+            len(self._plan.stages),
+            report,
+            progress,
+            self._pace.speed(),
+            self._pace.remaining(),
+        )
         self._observer.stepped(status)
         if now - self._last_heartbeat >= HEARTBEAT:
             self._last_heartbeat = now
             self._recorder.heartbeat({
-                "step": state.step, "time": state.time, "stage": stage.name, "stage_count": status.stage_count,
-                "progress": progress, "steps_per_second": status.speed, "remaining_seconds": status.remaining,
+                "step": state.step, "time": state.time, "stage": stage.name,
+                "stage_count": status.stage_count,
+                "progress": progress, "steps_per_second": status.speed,
+                "remaining_seconds": status.remaining,
                 "contacts": report.contacts, "sweeps": report.sweeps, "residual_rms": report.rms,
             })  # fmt: skip

@@ -1,4 +1,6 @@
-"""Whether a run may be continued with a scenario: what differs from the scenario that it began with."""
+"""Whether a run may be continued with a scenario: what differs from the scenario that it began
+with.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,9 @@ def find_differences(before: str, after: str) -> list[Difference]:
 
 
 def added_stages(before: str, after: str) -> int:
-    """Number of loading stages that a resolved scenario has more at its end, if that is all; else 0. Arguments as above."""
+    """Number of loading stages that a resolved scenario has more at its end, if that is all; else
+    0. Arguments as above.
+    """
     old, new = tomllib.loads(before), tomllib.loads(after)
     count = len(old["loading"])
     shortened = {**new, "loading": new["loading"][:count]}
@@ -41,11 +45,14 @@ def added_stages(before: str, after: str) -> int:
 
 
 def _find(before: dict[str, Any], after: dict[str, Any]) -> list[Difference]:
-    return [difference for difference in _compare((), before, after) if not _is_free(difference.path)]
+    return [
+        difference for difference in _compare((), before, after) if not _is_free(difference.path)
+    ]
 
 
 def former_defaults(before: str, after: str, given: dict[str, Any]) -> list[str]:
-    """Overrides (``key=value``) that give a scenario the defaults of the version with which its run began.
+    """Overrides (``key=value``) that give a scenario the defaults of the version with which its run
+    began.
 
     Args:
         before: TOML of the scenario with which the run began, resolved.
@@ -56,7 +63,10 @@ def former_defaults(before: str, after: str, given: dict[str, Any]) -> list[str]
         f"{'.'.join(map(str, difference.path))}={difference.before}"
         for difference in find_differences(before, after)
         if not _is_given(difference.path, given)
-        and any(isinstance(mark, Formerly) and show(mark.default) == difference.before for mark in _marks(difference.path))
+        and any(
+            isinstance(mark, Formerly) and show(mark.default) == difference.before
+            for mark in _marks(difference.path)
+        )
     ]
 
 

@@ -1,4 +1,6 @@
-"""What a run will cost, before it is started: steps, memory, disk, time. A rough estimate that says what it is based on."""
+"""What a run will cost, before it is started: steps, memory, disk, time. A rough estimate that says
+what it is based on.
+"""
 
 from __future__ import annotations
 
@@ -17,19 +19,24 @@ from multicor_cli.scenario.settings import Output
 from multicor_cli.store import schema
 from multicor_cli.store.schema import Dataset
 
-# ---- What a step will cost, from what the stage is about to do: sweeps of the contact solver, and the time of everything.
+# ---- What a step will cost, from what the stage is about to do: sweeps of the contact solver, and
+#      the time of everything.
 #
-# Fitted to the shipped scenarios on one core of an AMD EPYC (AVX2): what is said here is 0.72 to 1.4 times what whole runs
-# take, for the steps that they do. Most of the rest is the number of sweeps.
+# Fitted to the shipped scenarios on one core of an AMD EPYC (AVX2): what is said here is 0.72 to
+# 1.4 times what whole runs take, for the steps that they do. Most of the rest is the number of
+# sweeps.
 
 CONTACTS_PER_GRAIN = 1.3
-"""Contacts within reach, loaded or not, per grain, on average over a run: 1.0 in fast flows, 1.8 in beds."""
+"""Contacts within reach, loaded or not, per grain, on average over a run: 1.0 in fast flows, 1.8 in
+beds."""
 
 SWEEPS = 120.0
-"""Sweeps of a step at an inertial number of `INERTIAL_NUMBER`, or where nothing sets one, at `TOLERANCE`."""
+"""Sweeps of a step at an inertial number of `INERTIAL_NUMBER`, or where nothing sets one, at
+`TOLERANCE`."""
 
 INERTIAL_NUMBER, SLOWNESS = 0.03, 0.31
-"""A slower flow needs more sweeps: in proportion to the power -`SLOWNESS` of its inertial number."""
+"""A slower flow needs more sweeps: in proportion to the power -`SLOWNESS` of its inertial
+number."""
 
 FEWEST, MOST = 0.4, 6.0
 """Bounds of that proportion."""
@@ -64,7 +71,9 @@ def sweeps_of_stage(scales: Scales, tolerance: float) -> float:
     return SWEEPS * min(max(slowness, FEWEST), MOST) * power(tolerance / TOLERANCE, -TIGHTNESS)
 
 
-def seconds_per_step(grains: int, sweeps: float, stage: StagePlan, threads: int, *, comes_and_goes: bool = False) -> float:
+def seconds_per_step(
+    grains: int, sweeps: float, stage: StagePlan, threads: int, *, comes_and_goes: bool = False
+) -> float:
     """Rough wall-clock time of a step [s]; small problems do not profit from threads."""
     if stage.is_frozen:
         return SECONDS_PER_FROZEN_STEP + grains * SECONDS_PER_FROZEN_GRAIN
@@ -79,7 +88,8 @@ def seconds_per_step(grains: int, sweeps: float, stage: StagePlan, threads: int,
 # ---- The estimate
 
 LOADED_PER_GRAIN = 1.1
-"""Contacts that carry a force, per grain, on average over a run: those that frames hold. 1.05 in fast flows, 1.7 in beds."""
+"""Contacts that carry a force, per grain, on average over a run: those that frames hold. 1.05 in
+fast flows, 1.7 in beds."""
 
 SECONDS_TO_START = 1.5
 """From the command to the first step: modules and compiled kernels are loaded [s]."""
@@ -106,9 +116,11 @@ class Estimate:
         memory: Memory in use [bytes].
         frame_bytes: Size of one frame [bytes].
         disk: Size of the finished run directory [bytes]; None if the number of steps is not known.
-        disk_peak: Largest size of the run directory [bytes], while ``results.h5`` is made; None likewise.
+        disk_peak: Largest size of the run directory [bytes], while ``results.h5`` is made; None
+            likewise.
         seconds: Wall-clock time, compilation left out [s]; None likewise.
-        deflection: Elastic deflection that rigid grains neglect, over the diameter; None without elastic materials or load.
+        deflection: Elastic deflection that rigid grains neglect, over the diameter; None without
+            elastic materials or load.
         basis: How time and memory were estimated.
     """
 
@@ -123,7 +135,9 @@ class Estimate:
     basis: str
 
 
-def estimate(scenario: Scenario, plan: RunPlan, model: Model, state: State, threads: int) -> Estimate:
+def estimate(
+    scenario: Scenario, plan: RunPlan, model: Model, state: State, threads: int
+) -> Estimate:
     """Estimate the cost of a run that starts in ``state``."""
     n = model.grain_count
     steps = foresee_steps(plan, state)
@@ -132,13 +146,21 @@ def estimate(scenario: Scenario, plan: RunPlan, model: Model, state: State, thre
     frame = _frame_bytes(model, plan.output)
     frames = rows = disk = peak = seconds = None
     if known is not None:
-        frames = 1 + sum(math.ceil(count / stage.frame_every) for count, stage in zip(known, plan.stages, strict=True))
-        rows = 1 + sum(math.ceil(count / stage.series_every) for count, stage in zip(known, plan.stages, strict=True))
+        frames = 1 + sum(
+            math.ceil(count / stage.frame_every)
+            for count, stage in zip(known, plan.stages, strict=True)
+        )
+        rows = 1 + sum(
+            math.ceil(count / stage.series_every)
+            for count, stage in zip(known, plan.stages, strict=True)
+        )
         series = rows * _row_bytes(schema.SERIES, model, is_single=False)
         results = frames * frame + series + n * 32.0
         disk = results + 2.0 * n * (7 * 8.0 + LOADED_PER_GRAIN * 24.0)  # two checkpoints
         peak = disk + results
-        seconds = SECONDS_TO_START + math.fsum(count * cost.seconds for count, cost in zip(known, costs, strict=True))
+        seconds = SECONDS_TO_START + math.fsum(
+            count * cost.seconds for count, cost in zip(known, costs, strict=True)
+        )
     return Estimate(
         steps=None if known is None else sum(known),
         frames=frames,
@@ -148,7 +170,8 @@ def estimate(scenario: Scenario, plan: RunPlan, model: Model, state: State, thre
         disk_peak=peak,
         seconds=seconds,
         deflection=_deflection(scenario, plan, model),
-        basis=_basis(costs) + (", as if all of them were there from the start" if model.outlets is not None else ""),
+        basis=_basis(costs)
+        + (", as if all of them were there from the start" if model.outlets is not None else ""),
     )
 
 
@@ -163,9 +186,13 @@ class _StepCost(NamedTuple):
 def _costs(scenario: Scenario, plan: RunPlan, model: Model, threads: int) -> list[_StepCost]:
     costs, zeros = [], [0.0] * len(plan.stages)
     for stage in plan.stages:
-        scales = find_scales(scenario, model, stage.drives.started(zeros), largest_gravity(stage, model), stage.laws)
+        scales = find_scales(
+            scenario, model, stage.drives.started(zeros), largest_gravity(stage, model), stage.laws
+        )
         sweeps = 0.0 if stage.is_frozen else sweeps_of_stage(scales, stage.settings.tolerance_rms)
-        seconds = seconds_per_step(model.grain_count, sweeps, stage, threads, comes_and_goes=model.outlets is not None)
+        seconds = seconds_per_step(
+            model.grain_count, sweeps, stage, threads, comes_and_goes=model.outlets is not None
+        )
         costs.append(_StepCost(stage.name, sweeps, seconds))
     return costs
 
@@ -173,10 +200,13 @@ def _costs(scenario: Scenario, plan: RunPlan, model: Model, threads: int) -> lis
 def _basis(costs: list[_StepCost]) -> str:
     """What the time of the slowest stage rests on."""
     slowest = max(costs, key=lambda cost: cost.seconds)
-    step = f"{1e3 * slowest.seconds:.2g} ms" + (f" and {slowest.sweeps:.2g} sweeps" if slowest.sweeps else "")
+    step = f"{1e3 * slowest.seconds:.2g} ms" + (
+        f" and {slowest.sweeps:.2g} sweeps" if slowest.sweeps else ""
+    )
     return (
-        f"rough, to a factor of 1.5 in most shipped scenarios: {step} a step in stage {slowest.name}; "
-        f"dilute flows need fewer sweeps, slow ones and tight tolerances more. Memory: {BYTES_PER_GRAIN:g} B per grain"
+        f"rough, to a factor of 1.5 in most shipped scenarios: {step} a step in stage "
+        f"{slowest.name}; dilute flows need fewer sweeps, slow ones and tight tolerances more. "
+        f"Memory: {BYTES_PER_GRAIN:g} B per grain"
     )
 
 
@@ -184,8 +214,14 @@ def _frame_bytes(model: Model, output: Output) -> float:
     is_single = output.precision == "single"
     size = model.grain_count * _row_bytes(schema.PARTICLES, model, is_single=is_single)
     if output.contacts:
-        size += LOADED_PER_GRAIN * model.grain_count * _row_bytes(schema.CONTACTS, model, is_single=is_single)
-    return size + _row_bytes(schema.STEPS + schema.OFFSETS + schema.WALLS, model, is_single=is_single)
+        size += (
+            LOADED_PER_GRAIN
+            * model.grain_count
+            * _row_bytes(schema.CONTACTS, model, is_single=is_single)
+        )
+    return size + _row_bytes(
+        schema.STEPS + schema.OFFSETS + schema.WALLS, model, is_single=is_single
+    )
 
 
 def _row_bytes(table: tuple[Dataset, ...], model: Model, *, is_single: bool) -> float:
@@ -200,11 +236,24 @@ def _row_bytes(table: tuple[Dataset, ...], model: Model, *, is_single: bool) -> 
 
 
 def _deflection(scenario: Scenario, plan: RunPlan, model: Model) -> float | None:
-    """Deflection under the largest pressure of any stage, weight or load, of the softest material with its smallest grain."""
+    """Deflection under the largest pressure of any stage, weight or load, of the softest material
+    with its smallest grain.
+    """
     zeros = [0.0] * len(plan.stages)
     pressure = max(
-        largest_pressure(scenario, model, stage.drives.started(zeros), largest_gravity(stage, model)) for stage in plan.stages
+        largest_pressure(
+            scenario, model, stage.drives.started(zeros), largest_gravity(stage, model)
+        )
+        for stage in plan.stages
     )
     tables = {name: (table.young, table.poisson) for name, table in scenario.materials.items()}
-    elastic = {name: (young, poisson) for name, (young, poisson) in tables.items() if young is not None and poisson is not None}
-    return largest_deflection(model, pressure * model.mean_diameter, elastic) if pressure > 0.0 else None
+    elastic = {
+        name: (young, poisson)
+        for name, (young, poisson) in tables.items()
+        if young is not None and poisson is not None
+    }
+    return (
+        largest_deflection(model, pressure * model.mean_diameter, elastic)
+        if pressure > 0.0
+        else None
+    )

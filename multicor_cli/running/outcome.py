@@ -39,7 +39,9 @@ class Status:
 
 
 class Observer(Protocol):
-    """Listens to a run; it sees everything and changes nothing, so that results are the same with it and without."""
+    """Listens to a run; it sees everything and changes nothing, so that results are the same with
+    it and without.
+    """
 
     def message(self, text: str) -> None:
         """Something happened that a person may want to know."""
@@ -67,7 +69,8 @@ class SilentObserver:
 
 
 class ExitCode(IntEnum):
-    """Exit codes of the command line; ``run.json`` records them too. Classes of errors have theirs as ``exit_code``.
+    """Exit codes of the command line; ``run.json`` records them too. Classes of errors have theirs
+    as ``exit_code``.
 
     Attributes:
         meaning: What the documentation says of it.
@@ -85,8 +88,20 @@ class ExitCode(IntEnum):
     BUG = 1, "an internal error; the traceback is in `crash.txt`"
     USAGE = 2, "the command line is wrong"
     SCENARIO = 3, "the scenario is invalid, or not the one that the run began with"
-    PHYSICS = 4, "non-finite state, no admissible positions; by request: solver failed, a stage timed out, bad check"
-    ENVIRONMENT = 5, "disk full, no permission, out of memory, missing library, environment variable with a wrong value"
+    PHYSICS = (
+        4,
+        (
+            "non-finite state, no admissible positions; by request: solver failed, a stage timed "
+            "out, bad check"
+        ),
+    )
+    ENVIRONMENT = (
+        5,
+        (
+            "disk full, no permission, out of memory, missing library, environment variable with "
+            "a wrong value"
+        ),
+    )
     OCCUPIED = 6, "the output exists, or another live run holds it"
     DAMAGED = 7, "data damaged, or made by an incompatible version"
     STOPPED = 75, "time limit reached, resumable (EX_TEMPFAIL: schedulers may requeue)"
@@ -96,7 +111,9 @@ class ExitCode(IntEnum):
 
 
 def exit_code_of(error: BaseException) -> ExitCode:
-    """Exit code of the command line for an error: that of its class, or of what the system raises; else it is a bug."""
+    """Exit code of the command line for an error: that of its class, or of what the system raises;
+    else it is a bug.
+    """
     code = getattr(error, "exit_code", None)
     if code is not None:
         return ExitCode(code)
@@ -106,15 +123,19 @@ def exit_code_of(error: BaseException) -> ExitCode:
 
 
 class StageTimeout(Exception):
-    """The duration of a stage was over before its condition held, and the scenario asks for the run to stop then.
+    """The duration of a stage was over before its condition held, and the scenario asks for the run
+    to stop then.
 
-    The last checkpoint is of this moment. The same command says the same again; with ``on_timeout = "go on"`` it goes on from here.
+    The last checkpoint is of this moment. The same command says the same again; with
+    ``on_timeout = "go on"`` it goes on from here.
     """
 
     exit_code = ExitCode.PHYSICS
 
     def __init__(self, end: StageEnd) -> None:
-        again = f"the same command with --set 'loading.{end.stage}.on_timeout=go on' goes on from here"
+        again = (
+            f"the same command with --set 'loading.{end.stage}.on_timeout=go on' goes on from here"
+        )
         super().__init__(f"stage {end.name}: {end.text}; {again}")
         self.end = end
 
@@ -132,7 +153,9 @@ class StopReason(Enum):
     @classmethod
     def of_signal(cls, number: int) -> StopReason:
         """The reason that a stop signal stands for."""
-        return {signal.SIGTERM: cls.TERMINATED, signal.SIGHUP: cls.HUNG_UP}.get(signal.Signals(number), cls.INTERRUPTED)
+        return {signal.SIGTERM: cls.TERMINATED, signal.SIGHUP: cls.HUNG_UP}.get(
+            signal.Signals(number), cls.INTERRUPTED
+        )
 
     @property
     def is_end(self) -> bool:
@@ -182,4 +205,6 @@ class RunOutcome:
 
     def __str__(self) -> str:
         where = f"step {self.step}, t = {self.time:.6g} s, in {self.directory}"
-        return f"{self.reason.value}: {where}" + ("" if self.is_finished else "; the same command continues")
+        return f"{self.reason.value}: {where}" + (
+            "" if self.is_finished else "; the same command continues"
+        )

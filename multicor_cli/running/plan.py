@@ -1,4 +1,6 @@
-"""What the controller carries out: loading stages counted in steps, with their gravity, heat and exchange of grains."""
+"""What the controller carries out: loading stages counted in steps, with their gravity, heat and
+exchange of grains.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,13 @@ from numpy.typing import NDArray
 from multicor_cli.arithmetic import hypot
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.inflow.rules import InflowRules, Outlet, Rectangle, Release
-from multicor_cli.engine.motion.drives import AnyGravity, Constant, Gravity, TiltedGravity, WallDrive
+from multicor_cli.engine.motion.drives import (
+    AnyGravity,
+    Constant,
+    Gravity,
+    TiltedGravity,
+    WallDrive,
+)
 from multicor_cli.engine.orders import Orders, Settings
 from multicor_cli.model import ContactLaws, Model, State
 from multicor_cli.model.model import Floats
@@ -45,20 +53,26 @@ if TYPE_CHECKING:  # a plan is read without Numba, which these load
 
 @dataclass(frozen=True)
 class StageGravity:
-    """Gravity of a stage, as a function of the time since the start of the stage that named it; itself if none has."""
+    """Gravity of a stage, as a function of the time since the start of the stage that named it;
+    itself if none has.
+    """
 
     stage: int
     gravity: AnyGravity
     named_by: int
 
     def started(self, stage_starts: Sequence[float]) -> AnyGravity:
-        """Gravity as a function of the time since the start of this stage, given when the stages up to it have begun [s].
+        """Gravity as a function of the time since the start of this stage, given when the stages up
+        to it have begun [s].
 
-        A stage that says nothing keeps what there was at the end of the stage that named gravity last: a tilted chute stays tilted.
+        A stage that says nothing keeps what there was at the end of the stage that named gravity
+        last: a tilted chute stays tilted.
         """
         if self.named_by == self.stage:
             return self.gravity
-        return Gravity.constant(self.gravity.value(stage_starts[self.named_by + 1] - stage_starts[self.named_by]))
+        return Gravity.constant(
+            self.gravity.value(stage_starts[self.named_by + 1] - stage_starts[self.named_by])
+        )
 
 
 def stage_gravity(scenario: Scenario) -> list[StageGravity]:
@@ -81,18 +95,26 @@ def _engine_gravity(gravity: AnyStageGravity, magnitude: float) -> AnyGravity:
     return Gravity(engine_signal(gravity[0]), engine_signal(gravity[1]))
 
 
-# ---- From the thermal keys of a scenario to the choices of the heat engine and the thermal conditions of the walls
+# ---- From the thermal keys of a scenario to the choices of the heat engine and the thermal
+#      conditions of the walls
 
 
 def heat_settings(scenario: Scenario, model: Model) -> HeatSettings | None:
-    """The choices about heat, with materials in the order of the model; None if the scenario has no ``[heat]``."""
+    """The choices about heat, with materials in the order of the model; None if the scenario has no
+    ``[heat]``.
+    """
     from multicor_cli.engine.heat.settings import MECHANISMS, HeatSettings
 
     heat = scenario.heat
     if heat is None:
         return None
     mechanisms = tuple(table.as_record(MECHANISMS[key]) for key, table in heat.mechanisms.items())
-    return heat.as_record(HeatSettings, laws=laws_of_scenario(scenario, model.materials), force=_force(heat), mechanisms=mechanisms)
+    return heat.as_record(
+        HeatSettings,
+        laws=laws_of_scenario(scenario, model.materials),
+        force=_force(heat),
+        mechanisms=mechanisms,
+    )
 
 
 def _force(heat: Heat) -> ContactForce:
@@ -106,7 +128,9 @@ def _force(heat: Heat) -> ContactForce:
 
 
 def laws_of_scenario(scenario: Scenario, materials: Sequence[str]) -> HeatLaws:
-    """Thermal properties of the materials, named in the order of the model, and of their pairs; see `heat_laws`."""
+    """Thermal properties of the materials, named in the order of the model, and of their pairs; see
+    `heat_laws`.
+    """
     from multicor_cli.engine.heat.settings import heat_laws
 
     if scenario.heat is None:
@@ -125,7 +149,9 @@ def _wear(scenario: Scenario, a: str, b: str) -> float:
 
 @dataclass(frozen=True)
 class StageWallHeat:
-    """The thermal conditions of the walls in a stage, one per wall; signals count from the start of the stage that named them."""
+    """The thermal conditions of the walls in a stage, one per wall; signals count from the start of
+    the stage that named them.
+    """
 
     stage: int
     walls: tuple[WallHeat, ...]
@@ -136,7 +162,9 @@ class StageWallHeat:
         return np.array([named_by == self.stage for named_by in self.named_by], np.bool_)
 
     def started(self, stage_starts: Sequence[float]) -> list[WallHeat]:
-        """The conditions as functions of the time since the start of this stage, given when the stages up to it have begun [s]."""
+        """The conditions as functions of the time since the start of this stage, given when the
+        stages up to it have begun [s].
+        """
         return [
             replace(wall, signal=kept_signal(wall.signal, named_by, self.stage, stage_starts))
             for wall, named_by in zip(self.walls, self.named_by, strict=True)
@@ -177,11 +205,18 @@ def inflow_rules(scenario: Scenario, model: Model) -> InflowRules:
         scenario: What to do.
         model: All grains of the run.
     """
-    releases = (_release(scenario, number, group) for number, group in enumerate(scenario.particles))
+    releases = (
+        _release(scenario, number, group) for number, group in enumerate(scenario.particles)
+    )
     return InflowRules(
         tuple(release for release in releases if release is not None),
-        tuple(Outlet(_rectangle(outlet.region), outlet.then == "release") for outlet in scenario.outlets),
-        None if scenario.domain.lost == "ignore" else _limits(scenario, 2.0 * float(model.grains.radius.max())),
+        tuple(
+            Outlet(_rectangle(outlet.region), outlet.then == "release")
+            for outlet in scenario.outlets
+        ),
+        None
+        if scenario.domain.lost == "ignore"
+        else _limits(scenario, 2.0 * float(model.grains.radius.max())),
         scenario.domain.lost == "stop",
     )
 
@@ -205,7 +240,9 @@ def _release(scenario: Scenario, number: int, group: ParticleGroup) -> Release |
         return None
 
     def draw(release: int) -> Floats:
-        return stream(scenario.seed, TableKind.PARTICLES, number, Purpose.RELEASE, release).random((TRIES, 2))
+        return stream(scenario.seed, TableKind.PARTICLES, number, Purpose.RELEASE, release).random(
+            (TRIES, 2)
+        )
 
     rate = table.rate if table.rate is not None else table.mass_rate
     assert rate is not None  # the scenario has been checked
@@ -226,7 +263,9 @@ def _release(scenario: Scenario, number: int, group: ParticleGroup) -> Release |
 
 @dataclass(frozen=True)
 class StageHeat:
-    """What heat does in a stage: whether temperatures change, and whether grains and walls stand still meanwhile."""
+    """What heat does in a stage: whether temperatures change, and whether grains and walls stand
+    still meanwhile.
+    """
 
     conditions: StageWallHeat
     is_on: bool = True
@@ -240,9 +279,11 @@ class StagePlan:
     Attributes:
         name: Name of the stage.
         dt: Time step [s].
-        step_limit: Number of steps after which the stage ends at the latest; None: only its condition ends it.
+        step_limit: Number of steps after which the stage ends at the latest; None: only its
+            condition ends it.
         until: Condition that ends it earlier, or None.
-        frame_every: Steps between frames, at least 1 (see `is_due`); a frame is also written at the end of the stage.
+        frame_every: Steps between frames, at least 1 (see `is_due`); a frame is also written at the
+            end of the stage.
         series_every: Steps between rows of the time series, at least 1; likewise.
         settings: Choices of the contact solver.
         drives: What happens to the walls.
@@ -250,8 +291,8 @@ class StagePlan:
         gravity: Gravity, or None: that of the model.
         laws: Contact laws, or None: those of the model.
         stops_late: Whether the run ends if ``step_limit`` comes before ``until`` holds.
-        duration: Time since the start of the stage at which its last step ends [s], where that is no whole number of steps of
-            ``dt``: the last one has another length; None: it has not.
+        duration: Time since the start of the stage at which its last step ends [s], where that is
+            no whole number of steps of ``dt``: the last one has another length; None: it has not.
     """
 
     name: str
@@ -269,17 +310,29 @@ class StagePlan:
     duration: float | None = None
 
     def orders(self, starts: Sequence[float]) -> Orders:
-        """What an engine is told; ``starts`` are the times at which the stages up to this one have begun [s]."""
+        """What an engine is told; ``starts`` are the times at which the stages up to this one have
+        begun [s].
+        """
         gravity = None if self.gravity is None else self.gravity.started(starts)
         orders = Orders(self.drives.started(starts), self.settings, gravity, self.laws)
         if self.heat is None:
             return orders
         conditions, is_new = self.heat.conditions.started(starts), self.heat.conditions.beginning()
-        return replace(orders, conditions=conditions, is_new=is_new, is_heat_on=self.heat.is_on, is_frozen=self.heat.is_frozen)
+        return replace(
+            orders,
+            conditions=conditions,
+            is_new=is_new,
+            is_heat_on=self.heat.is_on,
+            is_frozen=self.heat.is_frozen,
+        )
 
     def time_after(self, steps: int) -> float:
         """Time since the start of the stage after so many steps [s]."""
-        return self.duration if self.duration is not None and steps == self.step_limit else steps * self.dt
+        return (
+            self.duration
+            if self.duration is not None and steps == self.step_limit
+            else steps * self.dt
+        )
 
     def step_after(self, steps: int) -> float:
         """Length of the step that comes after so many [s]."""
@@ -317,7 +370,9 @@ class StagePlan:
         """Whether there is a condition, and it holds."""
         if self.until is None:
             return False
-        return self.until.holds_at_last(state) if self._is_at_last(state) else self.until.holds(state)
+        return (
+            self.until.holds_at_last(state) if self._is_at_last(state) else self.until.holds(state)
+        )
 
     def end_of(self, state: State) -> StageEnd:
         """What is kept of the end of the stage, which came with the step that led to ``state``."""
@@ -332,7 +387,11 @@ class StagePlan:
         if self.until is None:
             return end
         end = replace(end, value=self.until.value(state), **asdict(self.until.aim))
-        return replace(end, quantity=f"{end.quantity} ({self.until.lack})") if end.value is None else end
+        return (
+            replace(end, quantity=f"{end.quantity} ({self.until.lack})")
+            if end.value is None
+            else end
+        )
 
     def is_frame_due(self, state: State) -> bool:
         """Whether ``state`` is to be written as a frame, the end of the stage left aside."""
@@ -358,16 +417,21 @@ class RunPlan:
     output: Output
 
     def progress(self, state: State, steps: Sequence[int | None]) -> float:
-        """Share of the run that is done, 0 to 1, with the ``steps`` foreseen of each stage; by stages if those of one are not."""
+        """Share of the run that is done, 0 to 1, with the ``steps`` foreseen of each stage; by
+        stages if those of one are not.
+        """
         if state.stage >= len(self.stages):
             return 1.0
         stage = self.stages[state.stage]
-        weights = [1.0] * len(self.stages) if None in steps else [float(count or 0) for count in steps]
+        weights = (
+            [1.0] * len(self.stages) if None in steps else [float(count or 0) for count in steps]
+        )
         done = math.fsum(weights[: state.stage]) + weights[state.stage] * stage.progress(state)
         return done / math.fsum(weights)
 
 
-# ---- Beginning a loading stage, or going on with one: what an engine is told, whoever carries the stage out
+# ---- Beginning a loading stage, or going on with one: what an engine is told, whoever carries the
+#      stage out
 
 
 def begin_stage(engine: Engine, stage: StagePlan, starts: Sequence[float]) -> None:
@@ -392,10 +456,16 @@ _DOUBLINGS = 30
 
 
 def foresee_steps(plan: RunPlan, state: State) -> list[int | None]:
-    """Steps of each stage at most; None where only a condition ends the stage and it cannot be foreseen."""
+    """Steps of each stage at most; None where only a condition ends the stage and it cannot be
+    foreseen.
+    """
     starts, counts = [0.0], []
     for stage in plan.stages:
-        needed = _steps_to_strain(stage, starts, state) if isinstance(stage.until, StrainReached) else None
+        needed = (
+            _steps_to_strain(stage, starts, state)
+            if isinstance(stage.until, StrainReached)
+            else None
+        )
         bounds = [count for count in (stage.step_limit, needed) if count is not None]
         count = min(bounds, default=None)
         counts.append(count)

@@ -1,4 +1,6 @@
-"""From a scenario to the plan of its run, and from the keys ``until`` of its stages to the conditions that end them."""
+"""From a scenario to the plan of its run, and from the keys ``until`` of its stages to the
+conditions that end them.
+"""
 
 from __future__ import annotations
 
@@ -40,21 +42,24 @@ from multicor_cli.scenario.loading import (
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.scenario import Scenario
 
-# ---- Times in steps: how many make up a stage, and how many lie between what is wanted again and again
+# ---- Times in steps: how many make up a stage, and how many lie between what is wanted again and
+#      again
 
 _ROUNDING = 1e-9
 """Relative amount by which a time may miss a whole number of steps."""
 
 _LEAST = 0.1
-"""Shortest last step of a stage, over the others; with less left, that is added to the last one. Forces are impulses over the
-length of a step, and in a very short one what the solver leaves of velocities would be all that there is to see of them."""
+"""Shortest last step of a stage, over the others; with less left, that is added to the last one.
+Forces are impulses over the length of a step, and in a very short one what the solver leaves of
+velocities would be all that there is to see of them."""
 
 
 def fit_steps(duration: float, dt: float) -> tuple[int, float | None]:
     """Number of steps that make up a duration, at least one.
 
     Returns:
-        The number; and the duration [s] where it is no whole number of steps of ``dt``, so that the last one has another length.
+        The number; and the duration [s] where it is no whole number of steps of ``dt``, so that the
+        last one has another length.
     """
     count = duration / dt
     if _is_whole(count):
@@ -63,7 +68,9 @@ def fit_steps(duration: float, dt: float) -> tuple[int, float | None]:
 
 
 def count_steps(interval: float, dt: float) -> float:
-    """Number of steps of ``dt`` in an interval, at least one; whole where it is but for rounding."""
+    """Number of steps of ``dt`` in an interval, at least one; whole where it is but for
+    rounding.
+    """
     count = interval / dt
     return max(1, round(count)) if count < 1.0 or _is_whole(count) else count
 
@@ -78,7 +85,8 @@ _COLUMN = {"x": X, "y": Y, "spin": SPIN}
 
 
 def condition_of(stage: Stage, model: Model, dt: float) -> Condition | None:
-    """What ends a stage before its duration is over, if anything does; ``dt`` [s] is the step in which windows are counted.
+    """What ends a stage before its duration is over, if anything does; ``dt`` [s] is the step in
+    which windows are counted.
 
     Raises:
         ValueError: If a wall does not exist, or is named twice; loading a scenario excludes it.
@@ -87,25 +95,44 @@ def condition_of(stage: Stage, model: Model, dt: float) -> Condition | None:
         case None:
             return None
         case UntilStrain(strain=end):
-            return StrainReached(Aim("the shear strain", "1", "at least", end.value), Spacing.between(model, *end.walls))
+            return StrainReached(
+                Aim("the shear strain", "1", "at least", end.value),
+                Spacing.between(model, *end.walls),
+            )
         case UntilRest(kinetic_energy_ratio=ratio):
-            return RestReached(Aim("the kinetic energy over its largest value", "1", "at most", ratio))
+            return RestReached(
+                Aim("the kinetic energy over its largest value", "1", "at most", ratio)
+            )
         case UntilAxialStrain(axial_strain=end):
             what = f"the axial strain in {end.axis} between {end.walls[0]} and {end.walls[1]}"
-            return DistanceReached(_aim(what, "1", end), Spacing.between(model, *end.walls, _COLUMN[end.axis]))
+            return DistanceReached(
+                _aim(what, "1", end), Spacing.between(model, *end.walls, _COLUMN[end.axis])
+            )
         case UntilDisplacement(displacement=end):
-            of_what, unit = ("the angle turned", "rad") if end.axis == "spin" else (f"the displacement in {end.axis}", "m")
+            of_what, unit = (
+                ("the angle turned", "rad")
+                if end.axis == "spin"
+                else (f"the displacement in {end.axis}", "m")
+            )
             aim = _aim(f"{of_what} of {end.wall}", unit, end)
             return DisplacementReached(aim, model.walls.names.index(end.wall), _COLUMN[end.axis])
         case UntilForce(force=end):
-            of_what, unit = ("torque", "N m") if end.axis == "spin" else (f"force in {end.axis}", "N")
+            of_what, unit = (
+                ("torque", "N m") if end.axis == "spin" else (f"force in {end.axis}", "N")
+            )
             aim = _aim(f"the mean {of_what} on {end.wall}", unit, end)
             wall = model.walls.names.index(end.wall)
             return ForceReached(aim, wall, _COLUMN[end.axis], count_steps(end.window, dt), 1.0)
         case UntilStress(stress=end):
             aim = _aim(f"the mean stress in {end.axis} on {end.wall}", "N/m", end)
             wall = model.walls.names.index(end.wall)
-            return ForceReached(aim, wall, _COLUMN[end.axis], count_steps(end.window, dt), float(model.walls.length[wall]))
+            return ForceReached(
+                aim,
+                wall,
+                _COLUMN[end.axis],
+                count_steps(end.window, dt),
+                float(model.walls.length[wall]),
+            )
         case UntilSteady(steady=end):
             return _steady(end, model, dt)
 
@@ -125,7 +152,9 @@ def _steady(end: SteadyEnd, model: Model, dt: float) -> Condition:
         what = f"the {'torque' if end.axis == 'spin' else f'{end.of} in {end.axis}'} on {end.wall}"
     aim = Aim(f"the drift of {what}", "1", "at most", end.tolerance)
     wall = None if end.wall is None else model.walls.names.index(end.wall)
-    return Steady(aim, wall, axis, across, count_steps(end.window / BLOCKS, dt), round(end.after / dt))
+    return Steady(
+        aim, wall, axis, across, count_steps(end.window / BLOCKS, dt), round(end.after / dt)
+    )
 
 
 # ---- The plan
@@ -137,20 +166,35 @@ def make_plan(scenario: Scenario, model: Model, state: State | None = None) -> R
     The stage under way keeps its time step, even if an earlier version has chosen it.
 
     Raises:
-        ScenarioError: If nothing sets the scale of an automatic time step, or it is too short for the duration of its stage; if the
-            temperature or heat flow of a wall oscillates too often within a step.
+        ScenarioError: If nothing sets the scale of an automatic time step, or it is too short for
+            the duration of its stage; if the temperature or heat flow of a wall oscillates too
+            often within a step.
         ValueError: If the strain of a stage is not defined; loading a scenario excludes it.
     """
     drives = scenario.drives(model.walls.names)
-    heat, gravity, laws = _stage_heat(scenario, model), stage_gravity(scenario), stage_laws(scenario, model)
+    heat, gravity, laws = (
+        _stage_heat(scenario, model),
+        stage_gravity(scenario),
+        stage_laws(scenario, model),
+    )
     output = scenario.output
     stages = []
     for number, stage in enumerate(scenario.loading):
         solver = scenario.stage_solver(number)
         dt = solver.dt
         if dt == "auto":
-            dt = _automatic_step(scenario, model, number, Acting(drives[number], gravity[number], heat[number], laws[number]))
-        if solver.dt == "auto" and state is not None and state.stage == number and state.stage_step > 0:
+            dt = _automatic_step(
+                scenario,
+                model,
+                number,
+                Acting(drives[number], gravity[number], heat[number], laws[number]),
+            )
+        if (
+            solver.dt == "auto"
+            and state is not None
+            and state.stage == number
+            and state.stage_step > 0
+        ):
             dt = _step_so_far(dt, stage.duration, state)
         _refuse_fast_heat(scenario, model, number, heat[number], dt)
         rows = count_steps(output.series_interval, dt)
@@ -181,23 +225,35 @@ def _automatic_step(scenario: Scenario, model: Model, number: int, acting: Actin
     scales = scales_of_stage(scenario, model, number, acting)
     dt = automatic_step(scales, scenario.output)
     if dt is None:
-        what = f"cannot choose a time step for stage {number}: there is no gravity and no load, and nothing moves"
+        what = (
+            f"cannot choose a time step for stage {number}: there is no gravity and no load, and "
+            "nothing moves"
+        )
         raise scenario.refuse(Refused(path, what, "give the time step [s]"))
     if stage.duration is None:
         return dt
     if stage.duration > MAX_STEPS * dt:
-        what = f"{stage.duration:g} s are {stage.duration / dt:.2g} steps of the automatic time step {dt:g} s"
+        what = (
+            f"{stage.duration:g} s are {stage.duration / dt:.2g} steps of the automatic time step "
+            f"{dt:g} s"
+        )
         what += f", which is set by {scales.set_by}"
-        raise scenario.refuse(Refused(("loading", number, "duration"), what, f"stay below {MAX_STEPS:g} steps"))
+        raise scenario.refuse(
+            Refused(("loading", number, "duration"), what, f"stay below {MAX_STEPS:g} steps")
+        )
     return min(dt, stage.duration)
 
 
 def _step_so_far(dt: float, duration: float | None, state: State) -> float:
-    """Time step with which a stage under way has begun: its last one, unless that has been cut from ``dt`` to fit the duration."""
+    """Time step with which a stage under way has begun: its last one, unless that has been cut from
+    ``dt`` to fit the duration.
+    """
     if duration is None:
         return state.last_dt
     steps, end = fit_steps(duration, dt)
-    is_cut = end is not None and state.stage_step == steps and state.last_dt == end - (steps - 1) * dt
+    is_cut = (
+        end is not None and state.stage_step == steps and state.last_dt == end - (steps - 1) * dt
+    )
     return dt if is_cut else state.last_dt
 
 
@@ -211,11 +267,17 @@ def _stage_heat(scenario: Scenario, model: Model) -> list[StageHeat | None]:
     ]
 
 
-def _refuse_fast_heat(scenario: Scenario, model: Model, number: int, heat: StageHeat | None, dt: float) -> None:
-    """Heat follows each period of a wall's signal in 16 pieces, so signals with too many periods in one step are refused."""
+def _refuse_fast_heat(
+    scenario: Scenario, model: Model, number: int, heat: StageHeat | None, dt: float
+) -> None:
+    """Heat follows each period of a wall's signal in 16 pieces, so signals with too many periods in
+    one step are refused.
+    """
     if heat is None:
         return
-    for name, wall in zip(model.walls.names, heat.conditions.started([0.0] * (number + 1)), strict=True):
+    for name, wall in zip(
+        model.walls.names, heat.conditions.started([0.0] * (number + 1)), strict=True
+    ):
         signal = wall.signal.signal if isinstance(wall.signal, Shifted) else wall.signal
         if isinstance(signal, Sine) and dt > OSCILLATIONS * signal.period * (1.0 + 1e-9):
             quantity = "heat flow" if wall.kind == "flow" else "temperature"

@@ -1,4 +1,6 @@
-"""One session of a run: starting it or finding where it was left, carrying it on, and recording how it ended; or a single step."""
+"""One session of a run: starting it or finding where it was left, carrying it on, and recording how
+it ended; or a single step.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,14 @@ from multicor_cli.packing import Placed, place
 from multicor_cli.running.compiling import keep_freed_memory, shared_compilation
 from multicor_cli.running.controller import Controller, DirectoryRecorder
 from multicor_cli.running.differences import added_stages, find_differences, former_defaults
-from multicor_cli.running.outcome import ExitCode, Observer, RunOutcome, SilentObserver, StopReason, exit_code_of
+from multicor_cli.running.outcome import (
+    ExitCode,
+    Observer,
+    RunOutcome,
+    SilentObserver,
+    StopReason,
+    exit_code_of,
+)
 from multicor_cli.running.plan import RunPlan, begin_stage, heat_settings, inflow_rules
 from multicor_cli.running.planning import make_plan, stage_name
 from multicor_cli.running.signals import StopSignals
@@ -30,7 +39,13 @@ from multicor_cli.running.steering import Steer, Steering
 from multicor_cli.scenario.load import apply_overrides
 from multicor_cli.scenario.problems import Refused, ScenarioError
 from multicor_cli.scenario.scenario import Scenario, parse_scenario
-from multicor_cli.store import DirectoryRefused, RunDirectory, StoreError, collect_provenance, open_run
+from multicor_cli.store import (
+    DirectoryRefused,
+    RunDirectory,
+    StoreError,
+    collect_provenance,
+    open_run,
+)
 from multicor_cli.store.documents import Origin, read_run_document, read_scenario
 from multicor_cli.store.extension import Extension
 from multicor_cli.store.layout import RESOLVED
@@ -63,8 +78,9 @@ class Session:
     ) -> None:
         """Set up; nothing is read or written yet.
 
-        Arguments are those of `multicor_cli.run`, with all defaults filled in. ``stop_signals`` are those that the caller has
-        installed already; ``review`` looks at a new run before anything is written, and what it raises ends the run there.
+        Arguments are those of `multicor_cli.run`, with all defaults filled in. ``stop_signals`` are
+        those that the caller has installed already; ``review`` looks at a new run before anything
+        is written, and what it raises ends the run there.
         """
         self._scenario = scenario
         self._path = path
@@ -85,7 +101,8 @@ class Session:
         Raises:
             ScenarioError: If the grains cannot be placed, or the run began with another scenario.
             PhysicsError: If the run cannot go on; its last checkpoint is kept.
-            StageTimeout: If the condition of a stage was not reached in time, and that is to stop the run.
+            StageTimeout: If the condition of a stage was not reached in time, and that is to stop
+                the run.
             StoreError: If the directory cannot be used, or a file cannot be written or is damaged.
         """
         with self._signals.installed(), shared_compilation(self._threads):
@@ -94,13 +111,20 @@ class Session:
                 if RunDirectory.is_run(self._path) and not self._overwrite:
                     return self._continue()
                 if self._extend:
-                    raise DirectoryRefused(f"{self._path}: holds no run that could be extended; leave --extend out to begin one")
+                    raise DirectoryRefused(
+                        f"{self._path}: holds no run that could be extended; leave --extend out "
+                        "to begin one"
+                    )
                 return self._begin()
             finally:
                 self._observer.closed()
 
-    def _leave(self, number: int, directory: RunDirectory | None = None, state: State | None = None) -> None:
-        """What a signal does where nothing has to be saved: while grains are placed, or kernels compile in a first step."""
+    def _leave(
+        self, number: int, directory: RunDirectory | None = None, state: State | None = None
+    ) -> None:
+        """What a signal does where nothing has to be saved: while grains are placed, or kernels
+        compile in a first step.
+        """
         reason = StopReason.of_signal(number)
         self._observer.closed()
         step, time_reached = (state.step, state.time) if state is not None else (0, 0.0)
@@ -116,7 +140,9 @@ class Session:
         plan = make_plan(self._scenario, placed.model)
         if self._review is not None:
             self._review(self._scenario, plan, placed.model, placed.state)
-        provenance = collect_provenance(current_command(), seed=self._scenario.seed, threads=self._threads)
+        provenance = collect_provenance(
+            current_command(), seed=self._scenario.seed, threads=self._threads
+        )
         with RunDirectory.create(
             self._path,
             self._scenario.sources.text,
@@ -128,7 +154,9 @@ class Session:
             origin=placed.origin,
             steering=self._steering_record(),
         ) as directory:
-            return self._carry_on(directory, self._scenario, placed.model, placed.state, is_new=True)
+            return self._carry_on(
+                directory, self._scenario, placed.model, placed.state, is_new=True
+            )
 
     def _continue(self) -> RunOutcome:
         document = read_run_document(self._path)
@@ -154,19 +182,29 @@ class Session:
                     self._signals.on_exit = functools.partial(self._leave, directory=directory)
                     placed = self._build(scenario)
                     _refuse_other_origin(scenario, directory.origin, placed.origin)
-                    return self._carry_on(directory, scenario, placed.model, placed.state, is_new=True)
-                if (version := str(directory.provenance.get("multicor_version", ""))) != __version__:
+                    return self._carry_on(
+                        directory, scenario, placed.model, placed.state, is_new=True
+                    )
+                if (
+                    version := str(directory.provenance.get("multicor_version", ""))
+                ) != __version__:
                     told = f"the run began with multicor {version}, this is {__version__}"
                     self._observer.warning(f"{told}: its bits may differ from here on")
                 for warning in checkpoint.warnings:
                     self._observer.warning(warning)
                 model = directory.load_model() or place(scenario).model
-                self._observer.message(f"continuing from step {checkpoint.state.step} (t = {checkpoint.state.time:g} s)")
+                self._observer.message(
+                    f"continuing from step {checkpoint.state.step} (t = {checkpoint.state.time:g} "
+                    "s)"
+                )
                 return self._carry_on(directory, scenario, model, checkpoint.state, is_new=False)
 
     def _find_extension(self, scenario: Scenario, before: str) -> Extension | None:
-        """The scenario as one that goes on where that of the run ends; None if they are the same. Raises as `_refuse_changes`."""
-        with contextlib.suppress(ScenarioError):  # an earlier version may have written what is no longer valid: compared as it is
+        """The scenario as one that goes on where that of the run ends; None if they are the same.
+        Raises as `_refuse_changes`.
+        """
+        # an earlier version may have written what is no longer valid: compared as it is
+        with contextlib.suppress(ScenarioError):
             before = parse_scenario(before, scenario.path).resolved_toml()
         resolved = scenario.resolved_toml()
         added = added_stages(before, resolved)
@@ -176,9 +214,13 @@ class Session:
         stages = "1 stage" if added == 1 else f"{added} stages"
         if not self._extend:
             what = f"{stages} more than when the run in {self._path} began"
-            remedy = "give --extend to add them to that run, choose another directory with -o, or start anew with --overwrite"
+            remedy = (
+                "give --extend to add them to that run, choose another directory with -o, or "
+                "start anew with --overwrite"
+            )
             raise scenario.refuse(Refused(("loading", len(scenario.loading) - added), what, remedy))
-        with open_run(self._path) as run:  # what cannot be carried out is refused before it becomes the run's own scenario
+        # What cannot be carried out is refused before it becomes the run's own scenario
+        with open_run(self._path) as run:
             if run.info["summary"] is not None:
                 make_plan(scenario, run.model)
         self._observer.message(f"adding {stages} to the run")
@@ -189,28 +231,49 @@ class Session:
         """What ``run.json`` says at first of the program that steers the run."""
         if self._steer is None:
             return None
-        named = self._steer if hasattr(self._steer, "__qualname__") else type(self._steer)  # an object that is called
-        return {"by": f"{named.__module__}.{named.__qualname__}", "every": self._steer_every, "decisions": [], "notes": {}}
+        # an object that is called
+        named = self._steer if hasattr(self._steer, "__qualname__") else type(self._steer)
+        return {
+            "by": f"{named.__module__}.{named.__qualname__}",
+            "every": self._steer_every,
+            "decisions": [],
+            "notes": {},
+        }
 
     def _refuse_other_program(self, document: dict[str, Any]) -> None:
-        """A run that is steered goes on with its program only, and one that is not with none; raises `DirectoryRefused`."""
+        """A run that is steered goes on with its program only, and one that is not with none;
+        raises `DirectoryRefused`.
+        """
         before, now = document.get("steering"), self._steering_record()
         if before is not None and self._extend:
-            what = f"{self._path}: is steered by the Python program {before['by']}, and no stages can be added to it"
+            what = (
+                f"{self._path}: is steered by the Python program {before['by']}, and no stages "
+                "can be added to it"
+            )
             raise DirectoryRefused(f"{what}; go on from its end in another run, with [start]")
         if document["status"] == "finished":
             return
         if before is not None and now is None:
             what = f"{self._path}: is steered by the Python program {before['by']}"
-            raise DirectoryRefused(f"{what}; go on with it, by multicor_cli.run(…, steer=…), or choose another directory with -o")
+            raise DirectoryRefused(
+                f"{what}; go on with it, by multicor_cli.run(…, steer=…), or choose another "
+                "directory with -o"
+            )
         if now is not None and before is None:
-            raise DirectoryRefused(f"{self._path}: this run began without steer; go on without, or choose another directory")
+            raise DirectoryRefused(
+                f"{self._path}: this run began without steer; go on without, or choose another "
+                "directory"
+            )
         if now is not None and before is not None and now["every"] != before["every"]:
             remedy = "go on with that, or choose another directory"
-            raise DirectoryRefused(f"{self._path}: this run began with steer_every={before['every']}; {remedy}")
+            raise DirectoryRefused(
+                f"{self._path}: this run began with steer_every={before['every']}; {remedy}"
+            )
 
     def _build(self, scenario: Scenario) -> Placed:
-        self._observer.message("placing the grains" if scenario.start is None else "taking the grains from another run")
+        self._observer.message(
+            "placing the grains" if scenario.start is None else "taking the grains from another run"
+        )
         with self._signals.exit_at_once():
             placed = place(scenario)
         if placed.origin is not None:
@@ -219,7 +282,15 @@ class Session:
                 self._observer.message(f"walls {text}")
         return placed
 
-    def _carry_on(self, directory: RunDirectory, scenario: Scenario, model: Model, state: State, *, is_new: bool) -> RunOutcome:
+    def _carry_on(
+        self,
+        directory: RunDirectory,
+        scenario: Scenario,
+        model: Model,
+        state: State,
+        *,
+        is_new: bool,
+    ) -> RunOutcome:
         with self._recording_failure(directory):
             if self._steer is not None:
                 self._steering = Steering(self._steer, scenario, model, directory)
@@ -252,17 +323,27 @@ class Session:
                 timings=timings,
             )
         unconverged = round(float(state.tallies[_UNCONVERGED]))
-        return RunOutcome(reason, self._path, state.step, state.time, unconverged, directory.stage_ends)
+        return RunOutcome(
+            reason, self._path, state.step, state.time, unconverged, directory.stage_ends
+        )
 
     def _announce(self, model: Model, engine: Engine) -> None:
-        counts = ((model.grain_count, "grain"), (model.wall_count, "wall"), (engine.threads, "thread"))
+        counts = (
+            (model.grain_count, "grain"),
+            (model.wall_count, "wall"),
+            (engine.threads, "thread"),
+        )
         self._observer.message(", ".join(count_noun(number, noun) for number, noun in counts))
         if not is_compiled():
-            self._observer.message("compiling the kernels; this happens once and takes up to half a minute")
+            self._observer.message(
+                "compiling the kernels; this happens once and takes up to half a minute"
+            )
 
     @contextlib.contextmanager
     def _recording_failure(self, directory: RunDirectory) -> Iterator[None]:
-        """Write into ``run.json`` why the run failed, as far as that is possible, and let the error go on."""
+        """Write into ``run.json`` why the run failed, as far as that is possible, and let the error
+        go on.
+        """
         try:
             yield
         except Exception as error:
@@ -282,13 +363,18 @@ def make_engine(scenario: Scenario, model: Model, state: State, threads: int) ->
     keep_freed_memory()
     inflow = None if model.outlets is None else inflow_rules(scenario, model)
     try:
-        return Engine(model, state, threads=threads, heat=heat_settings(scenario, model), inflow=inflow)
+        return Engine(
+            model, state, threads=threads, heat=heat_settings(scenario, model), inflow=inflow
+        )
     except ValueError as error:
-        raise scenario.refuse(Refused(("domain", "size"), str(error), "widen the domain")) from error
+        raise scenario.refuse(
+            Refused(("domain", "size"), str(error), "widen the domain")
+        ) from error
 
 
 def stage_starts(path: Path, state: State, plan: RunPlan, first: float = 0.0) -> list[float]:
-    """Times at which the stages up to that of ``state`` have begun [s]: each stage but the last has left a frame of its end.
+    """Times at which the stages up to that of ``state`` have begun [s]: each stage but the last has
+    left a frame of its end.
 
     The ``first`` stage did not begin at 0 on the clock of a run from which this one goes on.
     """
@@ -298,21 +384,28 @@ def stage_starts(path: Path, state: State, plan: RunPlan, first: float = 0.0) ->
     starts, done = [first], 0
     for stage, end in zip(plan.stages, ends, strict=False):
         count = int(steps[end]) - done
-        # A frozen stage takes no step of the mechanics. An earlier version may have chosen another step, and cuts no last one.
+        # A frozen stage takes no step of the mechanics. An earlier version may have chosen another
+        # step, and cuts no last one.
         is_planned = stage.is_frozen or float(lengths[end]) == stage.step_after(count - 1)
-        starts.append(starts[-1] + (stage.time_after(count) if is_planned else count * float(lengths[end])))
+        starts.append(
+            starts[-1] + (stage.time_after(count) if is_planned else count * float(lengths[end]))
+        )
         done = int(steps[end])
     return starts
 
 
 def _with_defaults_of(scenario: Scenario, before: str) -> Scenario:
-    """The scenario with the defaults of the version that began the run, where it leaves keys to their defaults."""
+    """The scenario with the defaults of the version that began the run, where it leaves keys to
+    their defaults.
+    """
     former = former_defaults(before, scenario.resolved_toml(), _given(scenario))
     return scenario.with_overrides(former) if former else scenario
 
 
 def _with_seed_of(scenario: Scenario, seed: int) -> Scenario:
-    """The scenario with the seed that the run drew at its start, if it leaves the seed to chance."""
+    """The scenario with the seed that the run drew at its start, if it leaves the seed to
+    chance.
+    """
     if _given(scenario)["scenario"]["seed"] != "random":
         return scenario
     header = scenario.scenario.model_copy(update={"seed": seed})
@@ -320,7 +413,9 @@ def _with_seed_of(scenario: Scenario, seed: int) -> Scenario:
 
 
 def _with_groups_of(scenario: Scenario, before: str) -> Scenario:
-    """The scenario with the groups that the run took from another at its start, whatever has become of that run since."""
+    """The scenario with the groups that the run took from another at its start, whatever has become
+    of that run since.
+    """
     if scenario.start is None or "particles" in _given(scenario):
         return scenario
     groups = parse_scenario(before, scenario.path).particles
@@ -329,16 +424,24 @@ def _with_groups_of(scenario: Scenario, before: str) -> Scenario:
 
 def _refuse_own_start(scenario: Scenario, path: Path) -> None:
     """A run cannot replace the one that it goes on from."""
-    if scenario.start is not None and os.path.realpath(scenario.resolve_path(scenario.start.run)) == os.path.realpath(path):
+    if scenario.start is not None and os.path.realpath(
+        scenario.resolve_path(scenario.start.run)
+    ) == os.path.realpath(path):
         what = f"the run '{path}' is the one that this run would replace"
-        remedy = "choose another directory with -o; to add stages to that run itself, use its own scenario and --extend"
+        remedy = (
+            "choose another directory with -o; to add stages to that run itself, use its own "
+            "scenario and --extend"
+        )
         raise scenario.refuse(Refused(("start", "run"), what, remedy))
 
 
 def _refuse_other_origin(scenario: Scenario, before: Origin | None, now: Origin | None) -> None:
     """A run that was stopped before its first checkpoint begins once more from the same moment."""
     if before is not None and now is not None and before.digest != now.digest:
-        what = f"this run began from digest {before.digest} (step {before.step}), the other run has digest {now.digest} there now"
+        what = (
+            f"this run began from digest {before.digest} (step {before.step}), the other run has "
+            f"digest {now.digest} there now"
+        )
         remedy = f"start anew with --overwrite, or go on from a frame at step {before.step}"
         raise scenario.refuse(Refused(("start", "run"), what, remedy))
 
@@ -351,12 +454,20 @@ def _given(scenario: Scenario) -> dict[str, Any]:
 
 
 def _refuse_changes(scenario: Scenario, before: str, path: Path) -> None:
-    """A run is continued only with the scenario with which it began; keys that came later have their defaults."""
+    """A run is continued only with the scenario with which it began; keys that came later have
+    their defaults.
+    """
     changes = find_differences(before, scenario.resolved_toml())
-    remedy = "undo the change to continue the run, choose another directory with -o, or start anew with --overwrite"
+    remedy = (
+        "undo the change to continue the run, choose another directory with -o, or start anew "
+        "with --overwrite"
+    )
     if changes:
         began = f"when the run in {path} began"
-        changed = [Refused(each.path, f"was {each.before} {began}, is {each.after} now", remedy) for each in changes]
+        changed = [
+            Refused(each.path, f"was {each.before} {began}, is {each.after} now", remedy)
+            for each in changes
+        ]
         raise scenario.refuse(*changed)
 
 

@@ -1,9 +1,11 @@
 """Signals as flags: the controller looks at them between two steps, where the state can be saved.
 
-SIGINT, SIGTERM and SIGHUP ask for a checkpoint and a stop, SIGUSR1 for a checkpoint. A second request to stop ends the process at
-once, which the commit protocol of the files survives. While kernels compile there is no "between two steps" for half a minute,
-nor is there anything to save: inside `exit_at_once` a signal then ends the process out of the handler. (An exception that is raised
-there would have to find its way through the machine code of a compiler, which crashes now and then.)
+SIGINT, SIGTERM and SIGHUP ask for a checkpoint and a stop, SIGUSR1 for a checkpoint. A second
+request to stop ends the process at once, which the commit protocol of the files survives. While
+kernels compile there is no "between two steps" for half a minute, nor is there anything to save:
+inside `exit_at_once` a signal then ends the process out of the handler. (An exception that is
+raised there would have to find its way through the machine code of a compiler, which crashes now
+and then.)
 """
 
 from __future__ import annotations
@@ -51,13 +53,17 @@ class StopSignals:
     def installed(self) -> Iterator[StopSignals]:
         """Handle the signals while the context lasts; SIGHUP stays ignored if it was (``nohup``).
 
-        Outside the main thread Python does not allow it, and inside such a context it is done already: then nothing happens.
+        Outside the main thread Python does not allow it, and inside such a context it is done
+        already: then nothing happens.
         """
         if self._is_installed or threading.current_thread() is not threading.main_thread():
             yield self
             return
         self._is_installed = True
-        handlers = {**dict.fromkeys(STOP_SIGNALS, self._on_stop), signal.SIGUSR1: self._on_checkpoint}
+        handlers = {
+            **dict.fromkeys(STOP_SIGNALS, self._on_stop),
+            signal.SIGUSR1: self._on_checkpoint,
+        }
         if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
             del handlers[signal.SIGHUP]
         before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
@@ -70,7 +76,9 @@ class StopSignals:
 
     @contextmanager
     def exit_at_once(self) -> Iterator[None]:
-        """While the context lasts nothing has to be saved: a stop signal ends the process; so does one that has come already."""
+        """While the context lasts nothing has to be saved: a stop signal ends the process; so does
+        one that has come already.
+        """
         self._is_impatient = self._may_exit
         try:
             if self._is_impatient and self.stop_signal is not None:
@@ -87,7 +95,8 @@ class StopSignals:
             self._leave(number)
 
     def _leave(self, number: int) -> NoReturn:
-        with contextlib.suppress(Exception):  # a full disk: that the run was stopped is then found out from its lock
+        # a full disk: that the run was stopped is then found out from its lock
+        with contextlib.suppress(Exception):
             self.on_exit(number)
         _exit_now(number)
 

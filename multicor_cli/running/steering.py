@@ -1,7 +1,8 @@
-"""A program of the user's that looks at a run after its steps, and may end a stage, add the next one, or end the run.
+"""A program of the user's that looks at a run after its steps, and may end a stage, add the next
+one, or end the run.
 
-What it decides is kept with the checkpoints, and so are its notes. Between two decisions the run is that of a scenario, which
-`multicor_cli.scenario.documents` writes down.
+What it decides is kept with the checkpoints, and so are its notes. Between two decisions the run is
+that of a scenario, which `multicor_cli.scenario.documents` writes down.
 """
 
 from __future__ import annotations
@@ -47,12 +48,14 @@ class WallNow(NamedTuple):
 
 
 class LiveRun:
-    """A run after a step, for a program that steers it; ``n`` grains are there. Arrays are read-only; copy what is to be kept.
+    """A run after a step, for a program that steers it; ``n`` grains are there. Arrays are
+    read-only; copy what is to be kept.
 
     Attributes:
         stage: Name of the loading stage.
         dt: Length of the step [s].
-        notes: What the program remembers from call to call: its own dict of JSON values, kept with the checkpoints.
+        notes: What the program remembers from call to call: its own dict of JSON values, kept with
+            the checkpoints.
     """
 
     def __init__(
@@ -73,9 +76,10 @@ class LiveRun:
         """End the stage with this step.
 
         Args:
-            then: A stage that comes next, as a table of ``[[loading]]``, such as ``{"duration": 1.0, "drives": {"top": {"x":
-                {"velocity": 0.1}}}}``. What it does not name goes on as before. Default: the next stage of the scenario. It is
-                checked as a file is: a wrong one is a `ScenarioError` of the run.
+            then: A stage that comes next, as a table of ``[[loading]]``, such as
+                ``{"duration": 1.0, "drives": {"top": {"x": {"velocity": 0.1}}}}``. What it does not
+                name goes on as before. Default: the next stage of the scenario. It is checked as a
+                file is: a wrong one is a `ScenarioError` of the run.
         """
         self._has_ended, self._then = True, then
 
@@ -107,7 +111,9 @@ class LiveRun:
     @cached_property
     def grains(self) -> GrainFacts:
         """Radius, mass, material and group of the grains that are there; shapes ``(n,)``."""
-        return GrainFacts.of(self._model.with_grains(self.number) if self._state.presence.size else self._model)
+        return GrainFacts.of(
+            self._model.with_grains(self.number) if self._state.presence.size else self._model
+        )
 
     @property
     def position(self) -> Array:
@@ -133,20 +139,33 @@ class LiveRun:
     def temperature(self) -> Array | None:
         """Temperatures [K], shape ``(n,)``; None without heat."""
         thermal = self._model.thermal
-        return None if thermal is None else _read_only(self._state.temperature(thermal)[self._state.here])
+        return (
+            None
+            if thermal is None
+            else _read_only(self._state.temperature(thermal)[self._state.here])
+        )
 
     @property
     def walls(self) -> dict[str, WallNow]:
         """The walls by name."""
         state, impulse = self._state, self._report.wall_impulse
-        force = impulse / self.dt if impulse.size else np.zeros_like(state.wall_position)  # nothing moved
+        # Nothing moved
+        force = impulse / self.dt if impulse.size else np.zeros_like(state.wall_position)
         surface = state.wall_surface.tolist() or [0.0] * len(force)
-        rows = zip(*(map(_read_only, each) for each in (state.wall_position, state.wall_velocity, force)), surface, strict=True)
-        return {name: WallNow(*row) for name, row in zip(self._model.walls.names, rows, strict=True)}
+        rows = zip(
+            *(map(_read_only, each) for each in (state.wall_position, state.wall_velocity, force)),
+            surface,
+            strict=True,
+        )
+        return {
+            name: WallNow(*row) for name, row in zip(self._model.walls.names, rows, strict=True)
+        }
 
     @cached_property
     def contacts(self) -> ContactTable:
-        """Contacts of the step that carry a force, by the numbers of all grains of the run; wall shapes follow these."""
+        """Contacts of the step that carry a force, by the numbers of all grains of the run; wall
+        shapes follow these.
+        """
         table = self._contacts().carrying()
         for values in vars(table).values():
             if values is not None:
@@ -155,7 +174,9 @@ class LiveRun:
 
     @property
     def books(self) -> dict[str, float]:
-        """Energy books by name [J], and heat books in a run with heat; docs/reference/formats/results.md says what they are."""
+        """Energy books by name [J], and heat books in a run with heat;
+        docs/reference/formats/results.md says what they are.
+        """
         heat = dict(zip(HEAT_BOOK_NAMES, self._state.heat_books.tolist(), strict=False))
         return dict(zip(BOOK_NAMES, self._state.books.tolist(), strict=True)) | heat
 
@@ -175,21 +196,33 @@ class Steering:
         has_failed: Whether the program has raised an exception.
     """
 
-    def __init__(self, steer: Steer, scenario: Scenario, model: Model, directory: RunDirectory) -> None:
-        """Set up: decisions that the run has kept are carried out once more on the scenario with which it began."""
+    def __init__(
+        self, steer: Steer, scenario: Scenario, model: Model, directory: RunDirectory
+    ) -> None:
+        """Set up: decisions that the run has kept are carried out once more on the scenario with
+        which it began.
+        """
         self._steer, self._model, self._directory = steer, model, directory
         self._record = directory.steering or {}
         self._kept: tuple[State, dict[str, Any]] | None = None
         self.has_failed = False
         decisions = [record_of(Decision, document) for document in self._record["decisions"]]
-        self.scenario = _changed(scenario, steered_document(scenario.as_dict(), decisions)) if decisions else scenario
+        self.scenario = (
+            _changed(scenario, steered_document(scenario.as_dict(), decisions))
+            if decisions
+            else scenario
+        )
         directory.rename_stages(_names(self.scenario))
 
     def keep(self, state: State) -> None:
-        """Before a step: if the program is to be asked after it, keep what a checkpoint needs should it fail."""
+        """Before a step: if the program is to be asked after it, keep what a checkpoint needs
+        should it fail.
+        """
         self._kept = None
         if (state.stage_step + 1) % int(self._record["every"]) == 0:
-            copied = State.from_dict({name: values.copy() for name, values in state.as_dict().items()})
+            copied = State.from_dict(
+                {name: values.copy() for name, values in state.as_dict().items()}
+            )
             self._kept = copied, copy.deepcopy(self._record["notes"])
 
     @property
@@ -197,7 +230,13 @@ class Steering:
         """Whether the program is to be asked after this step."""
         return self._kept is not None
 
-    def ask(self, state: State, stage: StagePlan, report: StepReport, contacts: Callable[[], ContactTable]) -> RunPlan | None:
+    def ask(
+        self,
+        state: State,
+        stage: StagePlan,
+        report: StepReport,
+        contacts: Callable[[], ContactTable],
+    ) -> RunPlan | None:
         """Ask the program after a step; gives the new plan if it ends the stage.
 
         Raises:
@@ -214,15 +253,21 @@ class Steering:
         return plan
 
     def go_back(self) -> State:
-        """The state before the step after which the program failed, to be saved; its notes are as they were then."""
+        """The state before the step after which the program failed, to be saved; its notes are as
+        they were then.
+        """
         assert self._kept is not None
         state, self._record["notes"] = self._kept
         return state
 
     def _decide(self, state: State, stage: StagePlan, now: LiveRun) -> RunPlan:
         then = None if now._then is None else dict(now._then)
-        decision = Decision(state.stage, state.step, state.stage_step, stage.dt, then, now._ends_run)
-        self.scenario = _changed(self.scenario, steered_document(self.scenario.as_dict(), [decision]))
+        decision = Decision(
+            state.stage, state.step, state.stage_step, stage.dt, then, now._ends_run
+        )
+        self.scenario = _changed(
+            self.scenario, steered_document(self.scenario.as_dict(), [decision])
+        )
         plan = make_plan(self.scenario, self._model, state)
         if then is not None:  # with its defaults, and numbers for expressions
             then = self.scenario.as_dict()["loading"][state.stage + 1]
@@ -254,7 +299,8 @@ def _json_of(notes: Any) -> dict[str, Any]:
         raise ValueError(message) from None
     if not isinstance(kept, dict) or kept != notes:
         message = (
-            "the notes of the program that steers would come back changed: keep a dict with text as keys, lists, finite numbers"
+            "the notes of the program that steers would come back changed: keep a dict with text "
+            "as keys, lists, finite numbers"
         )
         raise ValueError(message)
     return kept

@@ -1,10 +1,13 @@
-"""The automatic time step: the largest one at which a flow still behaves as it does with small steps.
+"""The automatic time step: the largest one at which a flow still behaves as it does with small
+steps.
 
-What a longer step does to a flow has been measured (``benchmarks/time_step``): friction and solid fraction depend on two ratios,
-Δt to the time √(m̄/P) in which the pressure moves a grain by its own size, and Δt to the time 1/γ̇ of one unit of strain. The second
-one is the sliding distance per step over the diameter, and the angle by which contacts turn in a step, hence the curvature that a
-step cuts off. The more friction, the shorter the step has to be. Overlaps do not limit it: rigid grains are kept apart at any step.
-What walls, loads and gravity are told to do is sampled once in a step, so their periods limit it, too.
+What a longer step does to a flow has been measured (``benchmarks/time_step``): friction and solid
+fraction depend on two ratios, Δt to the time √(m̄/P) in which the pressure moves a grain by its own
+size, and Δt to the time 1/γ̇ of one unit of strain. The second one is the sliding distance per step
+over the diameter, and the angle by which contacts turn in a step, hence the curvature that a step
+cuts off. The more friction, the shorter the step has to be. Overlaps do not limit it: rigid grains
+are kept apart at any step. What walls, loads and gravity are told to do is sampled once in a step,
+so their periods limit it, too.
 """
 
 from __future__ import annotations
@@ -39,22 +42,26 @@ STRAIN = 0.01
 """Largest strain in a step, γ̇ Δt."""
 
 HIGH_FRICTION = 0.5
-"""Coefficient of friction from which on these two are smaller: in proportion to its power -3 and -1."""
+"""Coefficient of friction from which on these two are smaller: in proportion to its power -3 and
+-1."""
 
 PERIOD = 0.02
-"""Largest Δt over the period of a signal that acts on the motion, or of the mass of a wall on its spring."""
+"""Largest Δt over the period of a signal that acts on the motion, or of the mass of a wall on its
+spring."""
 
 OSCILLATIONS = 100.0
-"""Most periods in a step of a signal that acts on heat alone: that is followed within the step, in 16 pieces of each period."""
+"""Most periods in a step of a signal that acts on heat alone: that is followed within the step, in
+16 pieces of each period."""
 
 TRAVEL = 0.3
 """Largest distance in a step over d̄, at the largest speed that is known beforehand (`fastest`)."""
 
 
-# ---- What goes up and down in a stage, and how fast: signals of all kinds, and walls on their springs
+# ---- What goes up and down in a stage, and how fast: signals of all kinds, and walls on their
+#      springs
 #
-# Signals have closed forms, so their periods are told from these, not by sampling, which would need to know beforehand how
-# finely. Numbers after `=` are constants of the time.
+# Signals have closed forms, so their periods are told from these, not by sampling, which would need
+# to know beforehand how finely. Numbers after `=` are constants of the time.
 
 
 class Cycle(NamedTuple):
@@ -65,26 +72,42 @@ class Cycle(NamedTuple):
 
 
 class Window(NamedTuple):
-    """How long a stage looks at signals [s]: at its own while it lasts, at kept ones from where they are at the earliest."""
+    """How long a stage looks at signals [s]: at its own while it lasts, at kept ones from where
+    they are at the earliest.
+    """
 
     own: float = math.inf
     kept: float = math.inf
 
     def cycle(self, signal: Signal, of: str) -> Cycle:
         """What a signal does within it."""
-        return Cycle(signal.shortest_period(0.0, self.kept if isinstance(signal, Shifted) else self.own), of)
+        return Cycle(
+            signal.shortest_period(0.0, self.kept if isinstance(signal, Shifted) else self.own), of
+        )
 
 
-def wall_cycles(model: Model, drives: Sequence[WallDrive], window: Window | None = None) -> Iterator[Cycle]:
-    """Those of the drives of the walls, one per wall: signals, and masses on their springs, 2π √(M/k)."""
+def wall_cycles(
+    model: Model, drives: Sequence[WallDrive], window: Window | None = None
+) -> Iterator[Cycle]:
+    """Those of the drives of the walls, one per wall: signals, and masses on their springs, 2π
+    √(M/k).
+    """
     window = window or Window()
     for w, (name, drive) in enumerate(zip(model.walls.names, drives, strict=True)):
         masses = (model.walls.mass[w], model.walls.mass[w], model.walls.inertia[w])
         for dof, mass, axis in zip(drive.dofs(), masses, DOF_NAMES, strict=True):
             way = f"of wall '{name}' in {axis}"
             if dof.spring is not None:
-                yield Cycle(2.0 * math.pi * math.sqrt(float(mass) / dof.spring.stiffness), f"the spring {way}")
-            signals = {"velocity": dof.velocity, "position": dof.position, "force": dof.force, "stress": dof.stress}
+                yield Cycle(
+                    2.0 * math.pi * math.sqrt(float(mass) / dof.spring.stiffness),
+                    f"the spring {way}",
+                )
+            signals = {
+                "velocity": dof.velocity,
+                "position": dof.position,
+                "force": dof.force,
+                "stress": dof.stress,
+            }
             if dof.spring is not None:
                 signals["anchor"] = dof.spring.anchor
             for what, signal in signals.items():
@@ -104,22 +127,36 @@ class Acting(NamedTuple):
 
 
 class StageCycles(NamedTuple):
-    """All of a stage: those of what acts on the motion, and those of what walls do to the heat alone."""
+    """All of a stage: those of what acts on the motion, and those of what walls do to the heat
+    alone.
+    """
 
     motion: list[Cycle]
     heat: list[Cycle]
 
 
-def stage_cycles(loading: Sequence[Stage], number: int, model: Model, acting: Acting) -> StageCycles:
-    """Those of a stage. Where friction depends on temperature, temperatures of walls act on the motion."""
+def stage_cycles(
+    loading: Sequence[Stage], number: int, model: Model, acting: Acting
+) -> StageCycles:
+    """Those of a stage. Where friction depends on temperature, temperatures of walls act on the
+    motion.
+    """
     before = loading[:number]
-    starts = [0.0, *itertools.accumulate((0.0 if stage.until else stage.duration or 0.0) for stage in before)]
+    starts = [
+        0.0,
+        *itertools.accumulate((0.0 if stage.until else stage.duration or 0.0) for stage in before),
+    ]
     duration = loading[number].duration or math.inf
     window = Window(duration, math.inf if any(stage.until for stage in before) else duration)
     motion = list(wall_cycles(model, acting.drives.started(starts), window))
-    if acting.gravity is not None and acting.gravity.named_by == number:  # of an earlier stage's, the last value is kept
+    # of an earlier stage's, the last value is kept
+    if acting.gravity is not None and acting.gravity.named_by == number:
         motion.append(Cycle(acting.gravity.gravity.shortest_period(0.0, duration), "gravity"))
-    of_heat = [] if acting.heat is None else list(_heat_cycles(model, acting.heat.conditions.started(starts), window))
+    of_heat = (
+        []
+        if acting.heat is None
+        else list(_heat_cycles(model, acting.heat.conditions.started(starts), window))
+    )
     if (model.laws if acting.laws is None else acting.laws).depends_on_temperature:
         motion += of_heat
     return StageCycles(motion, of_heat)
@@ -143,14 +180,16 @@ class Scales:
     """Times of a stage [s] that a step must resolve; infinite where nothing sets them.
 
     Attributes:
-        pressure: √(m̄/P), where P is the larger of the weight of all grains over the side across gravity and the loads over their
-            length.
-        strain: 1/γ̇, with γ̇ the largest of: the sum of the two largest wall speeds in x over the height of the domain, that of the
-            two largest in y over its smaller side, and the fastest spin of a wall; a surface that runs counts as the motion of the
-            wall that would carry grains along like it.
+        pressure: √(m̄/P), where P is the larger of the weight of all grains over the side across
+            gravity and the loads over their length.
+        strain: 1/γ̇, with γ̇ the largest of: the sum of the two largest wall speeds in x over the
+            height of the domain, that of the two largest in y over its smaller side, and the
+            fastest spin of a wall; a surface that runs counts as the motion of the wall that would
+            carry grains along like it.
         travel: d̄ over the largest speed that is known beforehand, see `fastest`.
         friction: Largest coefficient of friction between grains.
-        period: Shortest period of what acts on the motion: signals of walls and gravity, and walls on their springs.
+        period: Shortest period of what acts on the motion: signals of walls and gravity, and walls
+            on their springs.
         fastest: What moves at that speed.
         cycle: What has that period.
         heat: Shortest period of the temperature or heat flow of a wall.
@@ -200,7 +239,8 @@ def find_scales(
 ) -> Scales:
     """The scales of a stage with these drives, one per wall.
 
-    Gravity and contact laws are by default those of the model, and what goes up and down are the drives alone.
+    Gravity and contact laws are by default those of the model, and what goes up and down are the
+    drives alone.
     """
     gravity = gravity or Gravity.constant(model.gravity).largest()
     mean_mass = total(model.grains.mass) / model.grain_count
@@ -222,8 +262,12 @@ def find_scales(
     )
 
 
-def largest_pressure(scenario: Scenario, model: Model, drives: Sequence[WallDrive], gravity: LargestGravity) -> float:
-    """The larger of the weight of all grains over the side across gravity, and the loads of a stage over their length [N/m]."""
+def largest_pressure(
+    scenario: Scenario, model: Model, drives: Sequence[WallDrive], gravity: LargestGravity
+) -> float:
+    """The larger of the weight of all grains over the side across gravity, and the loads of a stage
+    over their length [N/m].
+    """
     across = scenario.domain.size[0] if gravity[1] >= gravity[0] else scenario.domain.size[1]
     weight = total(model.grains.mass) * gravity[2] / across
     loads = [
@@ -235,11 +279,15 @@ def largest_pressure(scenario: Scenario, model: Model, drives: Sequence[WallDriv
 
 def largest_gravity(stage: StagePlan, model: Model) -> LargestGravity:
     """The largest gravity of a stage."""
-    return (Gravity.constant(model.gravity) if stage.gravity is None else stage.gravity.gravity).largest()
+    return (
+        Gravity.constant(model.gravity) if stage.gravity is None else stage.gravity.gravity
+    ).largest()
 
 
 def largest_friction(model: Model, laws: ContactLaws) -> float:
-    """Largest coefficient of friction between two grains at any speed of sliding, at the reference temperature."""
+    """Largest coefficient of friction between two grains at any speed of sliding, at the reference
+    temperature.
+    """
     materials = sorted(set(model.grains.material.tolist()))
     pairs = [(a, b) for a in materials for b in materials]
     starts = laws.table_start
@@ -273,22 +321,38 @@ def scales_of_stage(scenario: Scenario, model: Model, number: int, acting: Actin
     """The scales of a stage in which this acts."""
     gravity = None if acting.gravity is None else acting.gravity.gravity.largest()
     cycles = stage_cycles(scenario.loading, number, model, acting)
-    return find_scales(scenario, model, acting.drives.started([0.0] * (number + 1)), gravity, acting.laws, cycles)
+    return find_scales(
+        scenario, model, acting.drives.started([0.0] * (number + 1)), gravity, acting.laws, cycles
+    )
 
 
 def _largest_rate(scenario: Scenario, model: Model, drives: Sequence[WallDrive]) -> float:
-    """Rate of shear or compression that the walls bring about, and the fastest spin of one [1/s]."""
+    """Rate of shear or compression that the walls bring about, and the fastest spin of one
+    [1/s].
+    """
     width, height = scenario.domain.size
     runs = [_surface_motion(model, w, drive) for w, drive in enumerate(drives)]
-    spins = [_largest_velocity(drive.spin) + of_surface for drive, (_, _, of_surface) in zip(drives, runs, strict=True)]
+    spins = [
+        _largest_velocity(drive.spin) + of_surface
+        for drive, (_, _, of_surface) in zip(drives, runs, strict=True)
+    ]
     # Two walls may move against each other: their speeds add up.
-    along_x = sorted((_largest_velocity(drive.x) + x for drive, (x, _, _) in zip(drives, runs, strict=True)), reverse=True)
-    along_y = sorted((_largest_velocity(drive.y) + y for drive, (_, y, _) in zip(drives, runs, strict=True)), reverse=True)
-    return max([0.0, *spins, math.fsum(along_x[:2]) / height, math.fsum(along_y[:2]) / min(width, height)])
+    along_x = sorted(
+        (_largest_velocity(drive.x) + x for drive, (x, _, _) in zip(drives, runs, strict=True)),
+        reverse=True,
+    )
+    along_y = sorted(
+        (_largest_velocity(drive.y) + y for drive, (_, y, _) in zip(drives, runs, strict=True)),
+        reverse=True,
+    )
+    return max(
+        [0.0, *spins, math.fsum(along_x[:2]) / height, math.fsum(along_y[:2]) / min(width, height)]
+    )
 
 
 def _surface_motion(model: Model, w: int, drive: WallDrive) -> tuple[float, float, float]:
-    """The largest motion of a wall that would carry grains along as its running surface does: in x and y [m/s], and spin [rad/s].
+    """The largest motion of a wall that would carry grains along as its running surface does: in x
+    and y [m/s], and spin [rad/s].
 
     Straight shapes as a motion along them, round ones as a spin.
     """
@@ -300,46 +364,81 @@ def _surface_motion(model: Model, w: int, drive: WallDrive) -> tuple[float, floa
     normal = geometry[kind == ShapeKind.PLANE, 2:]
     way = geometry[TAIL[kind] == Tail.POINT]
     way = way[:, 2:] - way[:, :2]
-    along = np.abs(np.concatenate([normal[:, ::-1], way / np.sqrt(way[:, [0]] * way[:, [0]] + way[:, [1]] * way[:, [1]])]))
+    along = np.abs(
+        np.concatenate(
+            [normal[:, ::-1], way / np.sqrt(way[:, [0]] * way[:, [0]] + way[:, [1]] * way[:, [1]])]
+        )
+    )
     x, y = along.max(axis=0, initial=0.0).tolist()
     return speed * x, speed * y, float((speed / geometry[is_round, RADIUS]).max(initial=0.0))
 
 
-def largest_speed(scenario: Scenario, model: Model, drives: Sequence[WallDrive], gravity: LargestGravity) -> float:
-    """The larger of the speed of `fastest` and the speeds of the walls in x and y, and of their surfaces [m/s]."""
+def largest_speed(
+    scenario: Scenario, model: Model, drives: Sequence[WallDrive], gravity: LargestGravity
+) -> float:
+    """The larger of the speed of `fastest` and the speeds of the walls in x and y, and of their
+    surfaces [m/s].
+    """
     walls = [max(_largest_velocity(drive.x), _largest_velocity(drive.y)) for drive in drives]
     surfaces = [drive.surface.largest() for drive in drives if drive.surface is not None]
     return max([fastest(scenario, model, drives, gravity)[0], *walls, *surfaces])
 
 
-def fastest(scenario: Scenario, model: Model, drives: Sequence[WallDrive], gravity: LargestGravity) -> tuple[float, str]:
+def fastest(
+    scenario: Scenario, model: Model, drives: Sequence[WallDrive], gravity: LargestGravity
+) -> tuple[float, str]:
     """The largest speed that is known beforehand [m/s], and what has it.
 
-    That is a free fall through the domain; what moves at the start; a group of grains relative to another, and grains that are
-    released; and the surfaces of walls, as stages move and turn them. Walls from one period to the next that move along it do not
-    come nearer to anything: they shear, and their rate of shear limits the step.
+    That is a free fall through the domain; what moves at the start; a group of grains relative to
+    another, and grains that are released; and the surfaces of walls, as stages move and turn them.
+    Walls from one period to the next that move along it do not come nearer to anything: they shear,
+    and their rate of shear limits the step.
     """
-    falls = [math.sqrt(2.0 * g * length) for g, length in zip(gravity[:2], scenario.domain.size, strict=True)]
+    falls = [
+        math.sqrt(2.0 * g * length)
+        for g, length in zip(gravity[:2], scenario.domain.size, strict=True)
+    ]
     groups = scenario.particles
-    apart = [hypot(a.velocity[0] - b.velocity[0], a.velocity[1] - b.velocity[1]) for a in groups for b in groups]
-    found = [(max(falls), "a free fall through the domain"), (model.start_speed, "motion at the start")]
+    apart = [
+        hypot(a.velocity[0] - b.velocity[0], a.velocity[1] - b.velocity[1])
+        for a in groups
+        for b in groups
+    ]
+    found = [
+        (max(falls), "a free fall through the domain"),
+        (model.start_speed, "motion at the start"),
+    ]
     found.append((max(apart, default=0.0), "groups of grains relative to each other"))
     for number, group in enumerate(groups):
         if group.release is not None:
             largest = float(model.grains.radius[model.grains.group == number].max(initial=0.0))
-            found.append((max(hypot(*group.velocity), largest * abs(group.spin)), f"released grains of group '{group.name}'"))
+            found.append(
+                (
+                    max(hypot(*group.velocity), largest * abs(group.spin)),
+                    f"released grains of group '{group.name}'",
+                )
+            )
     reach = _reach_of_walls(model, hypot(*scenario.domain.size))
-    for name, drive, arm, wall in zip(model.walls.names, drives, reach.tolist(), scenario.walls, strict=True):
+    for name, drive, arm, wall in zip(
+        model.walls.names, drives, reach.tolist(), scenario.walls, strict=True
+    ):
         is_along = wall.geometry.spans_period(scenario.domain)
         along = 0.0 if is_along else _largest_velocity(drive.x)
-        found.append((hypot(along, _largest_velocity(drive.y)) + arm * _largest_velocity(drive.spin), f"wall '{name}'"))
+        found.append(
+            (
+                hypot(along, _largest_velocity(drive.y)) + arm * _largest_velocity(drive.spin),
+                f"wall '{name}'",
+            )
+        )
         if drive.surface is not None and not is_along:
             found.append((drive.surface.largest(), f"the surface of wall '{name}'"))
     return max(found, key=lambda pair: pair[0])
 
 
 def _reach_of_walls(model: Model, far: float) -> Floats:
-    """How far the surface of each wall is from the point about which it turns [m], shape ``(w,)``; ``far`` for planes."""
+    """How far the surface of each wall is from the point about which it turns [m], shape ``(w,)``;
+    ``far`` for planes.
+    """
     kind, (x, y, u, v) = model.shapes.kind, model.shapes.geometry.T
     reach = np.sqrt(x * x + y * y)
     reach = np.where(TAIL[kind] == Tail.POINT, np.maximum(reach, np.sqrt(u * u + v * v)), reach)
@@ -350,25 +449,32 @@ def _reach_of_walls(model: Model, far: float) -> Floats:
 
 
 def automatic_step(scales: Scales, output: Output) -> float | None:
-    """The automatic time step of a stage [s]; None if neither weight, nor load, nor driven wall, nor any motion sets a scale.
+    """The automatic time step of a stage [s]; None if neither weight, nor load, nor driven wall,
+    nor any motion sets a scale.
 
-    Rounded down to two digits, so that it is the same on every machine, and then so that a whole number of steps makes up the
-    interval between frames, or between rows if one was asked for.
+    Rounded down to two digits, so that it is the same on every machine, and then so that a whole
+    number of steps makes up the interval between frames, or between rows if one was asked for.
     """
     if scales.limit == math.inf:
         return None
-    interval = output.frame_interval if output.has_default_series else min(output.frame_interval, output.series_interval)
+    interval = (
+        output.frame_interval
+        if output.has_default_series
+        else min(output.frame_interval, output.series_interval)
+    )
     step = min(_round_down(scales.limit), interval)
     return interval / math.ceil(interval / step * (1.0 - 1e-9))
 
 
 @dataclass(frozen=True)
 class StepReview:
-    """How a time step compares with the `Scales` of its stage; ratios are None where nothing sets their scale.
+    """How a time step compares with the `Scales` of its stage; ratios are None where nothing sets
+    their scale.
 
     Attributes:
         of_pressure: Δt over √(m̄/P).
-        strain: Strain in a step, γ̇ Δt: the sliding distance over the diameter, and the angle by which contacts turn.
+        strain: Strain in a step, γ̇ Δt: the sliding distance over the diameter, and the angle by
+            which contacts turn.
         travel: Distance in a step over d̄.
         of_period: Δt over the period.
         automatic: What the automatic time step would be [s]; ``set_by`` says what sets it.
@@ -402,10 +508,14 @@ class StepReview:
 
 
 def review_steps(scenario: Scenario, model: Model, plan: RunPlan) -> list[StepReview | None]:
-    """For each stage of a plan, how its time step compares with its scales; None for frozen stages."""
+    """For each stage of a plan, how its time step compares with its scales; None for frozen
+    stages.
+    """
     reviews: list[StepReview | None] = []
     for number, stage in enumerate(plan.stages):
-        scales = scales_of_stage(scenario, model, number, Acting(stage.drives, stage.gravity, stage.heat, stage.laws))
+        scales = scales_of_stage(
+            scenario, model, number, Acting(stage.drives, stage.gravity, stage.heat, stage.laws)
+        )
         is_automatic = scenario.stage_solver(number).dt == "auto"
         review = StepReview(
             is_automatic,

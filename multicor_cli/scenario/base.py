@@ -1,4 +1,6 @@
-"""What all tables of a scenario have in common: strictness, bounded numbers, and columns of numbers from CSV files."""
+"""What all tables of a scenario have in common: strictness, bounded numbers, and columns of numbers
+from CSV files.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,16 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Strict, ValidationInfo, WithJsonSchema
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Strict,
+    ValidationInfo,
+    WithJsonSchema,
+)
 
 from multicor_cli.files import open_regular
 from multicor_cli.scenario.problems import Refused
@@ -23,19 +34,24 @@ if TYPE_CHECKING:
 
 
 class Table(BaseModel):
-    """A TOML table: unknown keys, booleans as numbers, NaN and infinity are refused; values never change."""
+    """A TOML table: unknown keys, booleans as numbers, NaN and infinity are refused; values never
+    change.
+    """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
     def as_record(self, kind: type[Record], **more: object) -> Record:
-        """The record of the engine whose attributes are named as keys of this table; keys not given are left to its defaults.
+        """The record of the engine whose attributes are named as keys of this table; keys not given
+        are left to its defaults.
 
         Args:
             kind: Class of the record.
             more: Attributes that are not keys, or not with the same value.
         """
         names = {field.name for field in fields(kind)}
-        return kind(**{key: value for key, value in self if key in names and value is not None} | more)
+        return kind(
+            **{key: value for key, value in self if key in names and value is not None} | more
+        )
 
 
 CHANGEABLE = "free"
@@ -44,7 +60,9 @@ CHANGEABLE = "free"
 
 @dataclass(frozen=True)
 class Formerly:
-    """Marks a key whose default was another one in an earlier version: runs that began with it go on with it."""
+    """Marks a key whose default was another one in an earlier version: runs that began with it go
+    on with it.
+    """
 
     default: object
 
@@ -70,7 +88,8 @@ Friction = Annotated[float, Field(ge=0.0, le=10.0)]
 Count = Annotated[int, Field(ge=1, le=50_000_000)]
 GrainCount = Count
 
-# A TOML array is a list, which strict mode does not take for a tuple: strictness is lifted for the array, not its elements.
+# A TOML array is a list, which strict mode does not take for a tuple: strictness is lifted for the
+# array, not its elements.
 Point = Annotated[tuple[Coordinate, Coordinate], Strict(False)]
 Vector = Annotated[tuple[Number, Number], Strict(False)]
 LengthPair = Annotated[tuple[Length, Length], Strict(False)]
@@ -99,8 +118,14 @@ def check_kelvin(value: float) -> float:
     """
     low, high = KELVIN_BOUNDS
     if value <= 0.0:
-        hint = f"did you mean {value + 273.15:g} (from degrees Celsius)?" if value > -273.0 else "give it in kelvin"
-        raise Refused((), f"{value:g} K is not above absolute zero: temperatures are in kelvin", hint)
+        hint = (
+            f"did you mean {value + 273.15:g} (from degrees Celsius)?"
+            if value > -273.0
+            else "give it in kelvin"
+        )
+        raise Refused(
+            (), f"{value:g} K is not above absolute zero: temperatures are in kelvin", hint
+        )
     if not low <= value <= high:
         raise Refused((), f"{value:g} K is outside {low:g} to {high:g} K", "give it in kelvin")
     return value
@@ -119,15 +144,20 @@ def require_ascending(values: Sequence[float], what: str) -> None:
     for k in range(1, len(values)):
         if not values[k] > values[k - 1]:
             raise Refused(
-                (k,), f"{what} must ascend, {values[k]!r} follows {values[k - 1]!r}", "sort the rows and remove duplicates"
+                (k,),
+                f"{what} must ascend, {values[k]!r} follows {values[k - 1]!r}",
+                "sort the rows and remove duplicates",
             )
 
 
-def one_of(what: str, *keys: str, more: str = "", tags: Mapping[str, str] = MappingProxyType({})) -> Discriminator:
+def one_of(
+    what: str, *keys: str, more: str = "", tags: Mapping[str, str] = MappingProxyType({})
+) -> Discriminator:
     """Discriminator of a union whose tables differ by which of ``keys`` is present.
 
-    The tags are ``<key>``, or ``<name>`` with the name that ``tags`` gives to a key; anything but a table gets ``<plain>``. Not
-    exactly one of the keys: no tag, hence an error, which begins with ``what`` and ends with ``more``.
+    The tags are ``<key>``, or ``<name>`` with the name that ``tags`` gives to a key; anything but a
+    table gets ``<plain>``. Not exactly one of the keys: no tag, hence an error, which begins with
+    ``what`` and ends with ``more``.
     """
 
     def tag(value: Any) -> str | None:
@@ -155,10 +185,12 @@ def tag_table(value: Any) -> str:
     return "<table>" if isinstance(value, dict | BaseModel) else "<plain>"
 
 
-# ---- Columns of numbers from a CSV file, in place of arrays. They are read once, and kept in the resolved scenario.
+# ---- Columns of numbers from a CSV file, in place of arrays. They are read once, and kept in the
+#      resolved scenario.
 
 DIRECTORY = "directory"
-"""Key of the validation context: the directory of the scenario file, to which paths are relative."""
+"""Key of the validation context: the directory of the scenario file, to which paths are
+relative."""
 
 MAX_BYTES = 10_000_000
 MAX_ROWS = 100_000
@@ -192,7 +224,8 @@ def read_columns(name: str, info: ValidationInfo, *columns: Column) -> list[list
         columns: What is wanted.
 
     Raises:
-        Refused: The file is missing or unreadable, a column is missing, or a value is not a number within bounds.
+        Refused: The file is missing or unreadable, a column is missing, or a value is not a number
+            within bounds.
     """
     path = Path((info.context or {}).get(DIRECTORY, ".")) / name
     rows = _rows(path, name)
@@ -212,7 +245,11 @@ def read_columns(name: str, info: ValidationInfo, *columns: Column) -> list[list
             text = row[place].strip() if place < len(row) else ""
             fault = _fault(text, least, most)
             if fault:
-                raise Refused(("file",), f"line {line} of '{name}': {title} = {text[:40]!r} {fault}", "correct it")
+                raise Refused(
+                    ("file",),
+                    f"line {line} of '{name}': {title} = {text[:40]!r} {fault}",
+                    "correct it",
+                )
             numbers.append(factor * float(text))
         values.append(numbers)
     return values
@@ -220,17 +257,24 @@ def read_columns(name: str, info: ValidationInfo, *columns: Column) -> list[list
 
 def _remedy(columns: tuple[Column, ...]) -> str:
     example = ",".join(next(iter(column.names)) for column in columns)
-    return f"let the first line name the columns, as {example}, and each further line give their numbers"
+    return (
+        f"let the first line name the columns, as {example}, and each further line give their "
+        "numbers"
+    )
 
 
 def _rows(path: Path, name: str) -> list[tuple[int, list[str]]]:
     """Rows that are neither empty nor comments, with the numbers of their lines."""
     try:
-        with io.TextIOWrapper(open_regular(path, MAX_BYTES), encoding="utf-8-sig", newline="") as file:
+        with io.TextIOWrapper(
+            open_regular(path, MAX_BYTES), encoding="utf-8-sig", newline=""
+        ) as file:
             reader = csv.reader("\n" if line.lstrip().startswith("#") else line for line in file)
             rows = [(reader.line_num, row) for row in reader if row]
     except FileNotFoundError:
-        raise Refused(("file",), f"there is no file '{name}'", "give its path relative to the scenario file") from None
+        raise Refused(
+            ("file",), f"there is no file '{name}'", "give its path relative to the scenario file"
+        ) from None
     except (OSError, ValueError, csv.Error) as error:
         raise _unreadable(name, error) from None
     if len(rows) > MAX_ROWS + 1:
@@ -240,7 +284,9 @@ def _rows(path: Path, name: str) -> list[tuple[int, list[str]]]:
 
 def _unreadable(name: str, error: Exception) -> Refused:
     reason = getattr(error, "strerror", None) or str(error)
-    return Refused(("file",), f"'{name}' cannot be read: {reason}", "it must be a CSV file in UTF-8")
+    return Refused(
+        ("file",), f"'{name}' cannot be read: {reason}", "it must be a CSV file in UTF-8"
+    )
 
 
 def _fault(text: str, least: float, most: float) -> str:

@@ -1,4 +1,6 @@
-"""Scenarios that no person has written: Python values as TOML, and what a steered run has carried out."""
+"""Scenarios that no person has written: Python values as TOML, and what a steered run has carried
+out.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,8 @@ from pydantic import Field, Strict, StrictBool
 from multicor_cli.scenario.problems import OVERRIDE, KeyPath, Problem, ScenarioError, format_key
 from multicor_cli.scenario.sources import MAX_NESTING
 
-# ---- Values as TOML in one line, which the library that writes TOML does not do: for `--set`, and for examples on pages
+# ---- Values as TOML in one line, which the library that writes TOML does not do: for `--set`, and
+#      for examples on pages
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
@@ -26,7 +29,10 @@ _BARE = re.compile(r"[A-Za-z0-9_-]+")
 def in_line(value: Any) -> str:
     """A value of TOML's types in one line."""
     if isinstance(value, dict):
-        entries = (f"{key if _BARE.fullmatch(key) else json.dumps(key)} = {in_line(entry)}" for key, entry in value.items())
+        entries = (
+            f"{key if _BARE.fullmatch(key) else json.dumps(key)} = {in_line(entry)}"
+            for key, entry in value.items()
+        )
         return f"{{ {', '.join(entries)} }}"
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(in_line, value))}]"
@@ -40,7 +46,9 @@ _REMEDY = "give a number, text, true or false, a date, a list or a dict"
 
 
 def to_document(data: Mapping[str, Any]) -> str:
-    """The TOML of a document; raises `ScenarioError` about everything in it that TOML has no value for."""
+    """The TOML of a document; raises `ScenarioError` about everything in it that TOML has no value
+    for.
+    """
     import tomli_w
 
     problems: list[Problem] = []
@@ -48,16 +56,31 @@ def to_document(data: Mapping[str, Any]) -> str:
     if problems:
         raise ScenarioError(problems)
     if not isinstance(plain, dict):
-        raise ScenarioError([Problem("", 0, 0, "", f"the scenario is of type {type(data).__name__}", "give a dict of its tables")])
+        raise ScenarioError(
+            [
+                Problem(
+                    "",
+                    0,
+                    0,
+                    "",
+                    f"the scenario is of type {type(data).__name__}",
+                    "give a dict of its tables",
+                )
+            ]
+        )
     return tomli_w.dumps(plain)
 
 
 def to_override(key: str, value: Any) -> str:
-    """The argument of ``--set`` that gives a key a value; raises `ScenarioError` if TOML has none like it."""
+    """The argument of ``--set`` that gives a key a value; raises `ScenarioError` if TOML has none
+    like it.
+    """
     problems: list[Problem] = []
     plain = _plain(value, (), problems)
     if problems:
-        raise ScenarioError([Problem(OVERRIDE, 0, 0, key, problem.message, problem.remedy) for problem in problems])
+        raise ScenarioError(
+            [Problem(OVERRIDE, 0, 0, key, problem.message, problem.remedy) for problem in problems]
+        )
     return f"{key}={in_line(plain)}"
 
 
@@ -66,9 +89,21 @@ def _plain(value: Any, path: KeyPath, problems: list[Problem]) -> Any:
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if len(path) > MAX_NESTING:
-        problems.append(Problem("", 0, 0, format_key(path), f"nested more than {MAX_NESTING} deep", "use fewer levels"))
+        problems.append(
+            Problem(
+                "",
+                0,
+                0,
+                format_key(path),
+                f"nested more than {MAX_NESTING} deep",
+                "use fewer levels",
+            )
+        )
     elif isinstance(value, Mapping):
-        return {_name(name, path, problems): _plain(item, (*path, str(name)), problems) for name, item in value.items()}
+        return {
+            _name(name, path, problems): _plain(item, (*path, str(name)), problems)
+            for name, item in value.items()
+        }
     elif isinstance(value, list | tuple):
         return [_plain(item, (*path, k), problems) for k, item in enumerate(value)]
     elif isinstance(value, PurePath):
@@ -84,12 +119,21 @@ def _plain(value: Any, path: KeyPath, problems: list[Problem]) -> Any:
 
 def _name(name: Any, path: KeyPath, problems: list[Problem]) -> str:
     if not isinstance(name, str):
-        problems.append(Problem("", 0, 0, format_key((*path, str(name))), f"a key of type {type(name).__name__}", "give text"))
+        problems.append(
+            Problem(
+                "",
+                0,
+                0,
+                format_key((*path, str(name))),
+                f"a key of type {type(name).__name__}",
+                "give text",
+            )
+        )
     return str(name)
 
 
-# ---- The scenario that a steered run has carried out: the one that it began with, and the stages that a program has ended and
-# added
+# ---- The scenario that a steered run has carried out: the one that it began with, and the stages
+#      that a program has ended and added
 #
 # It is a scenario like any other. Run without the program it gives the same bits.
 
@@ -106,7 +150,8 @@ class Decision:
         step: Steps done since the start of the run.
         stage_steps: Steps done in the stage.
         dt: Time step of the stage [s].
-        then: The stage added behind it, as a table of ``[[loading]]``; None if the next one of the scenario follows.
+        then: The stage added behind it, as a table of ``[[loading]]``; None if the next one of the
+            scenario follows.
         ends_run: Whether no stage follows at all.
     """
 
@@ -123,10 +168,16 @@ class Decision:
 
 
 def steered_document(document: dict[str, Any], decisions: Sequence[Decision]) -> dict[str, Any]:
-    """The document of a scenario with its stages as they were carried out; the steps of ended stages are their durations."""
+    """The document of a scenario with its stages as they were carried out; the steps of ended
+    stages are their durations.
+    """
     loading: list[dict[str, Any]] = list(document["loading"])
     for decision in decisions:
-        ended = {**loading[decision.stage], "duration": decision.stage_steps * decision.dt, "dt": decision.dt}
+        ended = {
+            **loading[decision.stage],
+            "duration": decision.stage_steps * decision.dt,
+            "dt": decision.dt,
+        }
         ended.pop("on_timeout", None)
         if "strain" not in (
             ended.get("until") or {}

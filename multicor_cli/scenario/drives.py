@@ -1,8 +1,9 @@
 """From the loading stages to the drives of the engine.
 
-A wall that a stage does not name keeps its drive, and so does what is left out of a named wall, a degree of freedom or the
-surface; at first everything is fixed. A signal is a function of the time since the start of the stage that names it: one that is
-kept goes on where it is, one that is named again starts anew.
+A wall that a stage does not name keeps its drive, and so does what is left out of a named wall, a
+degree of freedom or the surface; at first everything is fixed. A signal is a function of the time
+since the start of the stage that names it: one that is kept goes on where it is, one that is named
+again starts anew.
 """
 
 from __future__ import annotations
@@ -11,7 +12,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 
-from multicor_cli.engine.motion.drives import Constant, DofDrive, Interpolated, Ramp, Shifted, Sine, Spring, WallDrive
+from multicor_cli.engine.motion.drives import (
+    Constant,
+    DofDrive,
+    Interpolated,
+    Ramp,
+    Shifted,
+    Sine,
+    Spring,
+    WallDrive,
+)
 from multicor_cli.engine.motion.drives import Signal as EngineSignal
 from multicor_cli.scenario.loading import AnyDof, FixedDof, LoadDof, PositionDof, Stage
 from multicor_cli.scenario.signals import AnySignal, RampSignal, SineSignal, TableSignal
@@ -22,7 +32,9 @@ Kept = TypeVar("Kept", bound=EngineSignal | None)
 
 
 class KeptDrive(NamedTuple):
-    """What drives a degree of freedom or a surface, and the index of the stage that says so (`NEVER`: none does, it is fixed)."""
+    """What drives a degree of freedom or a surface, and the index of the stage that says so
+    (`NEVER`: none does, it is fixed).
+    """
 
     dof: AnyDof
     stage: int
@@ -39,7 +51,10 @@ def resolve_dofs(loading: Sequence[Stage], wall_names: Sequence[str]) -> list[li
     current: list[WallDofs] = [(_AT_FIRST,) * 4] * len(wall_names)
     resolved = []
     for number, stage in enumerate(loading):
-        current = [_named(stage, number, name, before) for name, before in zip(wall_names, current, strict=True)]
+        current = [
+            _named(stage, number, name, before)
+            for name, before in zip(wall_names, current, strict=True)
+        ]
         resolved.append(current)
     return resolved
 
@@ -49,7 +64,10 @@ def _named(stage: Stage, number: int, wall: str, before: WallDofs) -> WallDofs:
     if drives is None:
         return before
     named = (drives.x, drives.y, drives.spin, drives.surface)
-    x, y, spin, surface = (kept if dof is None else KeptDrive(dof, number) for dof, kept in zip(named, before, strict=True))
+    x, y, spin, surface = (
+        kept if dof is None else KeptDrive(dof, number)
+        for dof, kept in zip(named, before, strict=True)
+    )
     return x, y, spin, surface
 
 
@@ -59,9 +77,10 @@ class StageDrives:
 
     Attributes:
         stage: Index of the stage.
-        walls: One drive per wall; signals are functions of the time since the start of the stage that named them.
-        named_by: For each wall the index of the stage that named its x, y, spin and surface; `NEVER` if none has (then it is
-            fixed).
+        walls: One drive per wall; signals are functions of the time since the start of the stage
+            that named them.
+        named_by: For each wall the index of the stage that named its x, y, spin and surface;
+            `NEVER` if none has (then it is fixed).
     """
 
     stage: int
@@ -74,10 +93,18 @@ class StageDrives:
         Args:
             stage_starts: Times at which the stages up to this one have begun [s].
         """
-        return [self._wall_since(*wall, stage_starts) for wall in zip(self.walls, self.named_by, strict=True)]
+        return [
+            self._wall_since(*wall, stage_starts)
+            for wall in zip(self.walls, self.named_by, strict=True)
+        ]
 
-    def _wall_since(self, wall: WallDrive, named_by: tuple[int, int, int, int], starts: Sequence[float]) -> WallDrive:
-        x, y, spin = (self._since(dof, number, starts) for dof, number in zip(wall.dofs(), named_by[:3], strict=True))
+    def _wall_since(
+        self, wall: WallDrive, named_by: tuple[int, int, int, int], starts: Sequence[float]
+    ) -> WallDrive:
+        x, y, spin = (
+            self._since(dof, number, starts)
+            for dof, number in zip(wall.dofs(), named_by[:3], strict=True)
+        )
         return WallDrive(x, y, spin, kept_signal(wall.surface, named_by[3], self.stage, starts))
 
     def _since(self, dof: DofDrive, named_by: int, starts: Sequence[float]) -> DofDrive:
@@ -90,7 +117,9 @@ class StageDrives:
             position=kept(dof.position),
             force=kept(dof.force),
             stress=kept(dof.stress),
-            spring=None if dof.spring is None else replace(dof.spring, anchor=kept(dof.spring.anchor)),
+            spring=None
+            if dof.spring is None
+            else replace(dof.spring, anchor=kept(dof.spring.anchor)),
             is_kept=dof.has_origin and named_by != self.stage,
         )
 
@@ -128,7 +157,9 @@ def _engine_dof(dof: AnyDof) -> DofDrive:
             force=None if dof.force is None else engine_signal(dof.force),
             stress=None if dof.stress is None else engine_signal(dof.stress),
             between=dof.between,
-            spring=None if dof.spring is None else Spring(dof.spring.stiffness, engine_signal(dof.spring.anchor)),
+            spring=None
+            if dof.spring is None
+            else Spring(dof.spring.stiffness, engine_signal(dof.spring.anchor)),
             damping=dof.damping,
         )
     return DofDrive(velocity=engine_signal(dof.velocity))

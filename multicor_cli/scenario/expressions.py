@@ -1,7 +1,9 @@
-"""Expressions: strings that begin with ``=``, as ``"= -g * cos(angle)"``, read, evaluated, and replaced by their numbers.
+"""Expressions: strings that begin with ``=``, as ``"= -g * cos(angle)"``, read, evaluated, and
+replaced by their numbers.
 
-Only numbers, names, + - * / **, parentheses and calls of `FUNCTIONS` are let through to the evaluator; length and depth are
-bounded, integers too, and every intermediate result is a finite number. Nothing can hang or take much memory.
+Only numbers, names, + - * / **, parentheses and calls of `FUNCTIONS` are let through to the
+evaluator; length and depth are bounded, integers too, and every intermediate result is a finite
+number. Nothing can hang or take much memory.
 """
 
 from __future__ import annotations
@@ -25,7 +27,8 @@ from multicor_cli.scenario.translate import did_you_mean, types_inside
 
 # ---- The words: functions, constants, and what a variable may be called
 #
-# The functions are those of `multicor_cli.arithmetic`, or rounded by IEEE 754: an expression has the same bits on every machine.
+# The functions are those of `multicor_cli.arithmetic`, or rounded by IEEE 754: an expression has
+# the same bits on every machine.
 
 Value = int | float
 
@@ -42,7 +45,8 @@ class Function(NamedTuple):
 
 
 def raised(x: Value, y: Value) -> Value:
-    """x^y: of whole exponents exact for integers and rounded once for others, `power` where that takes too many digits.
+    """x^y: of whole exponents exact for integers and rounded once for others, `power` where that
+    takes too many digits.
 
     nan where it is not a real number.
 
@@ -68,7 +72,8 @@ def _is_short(x: Value, n: int) -> bool:
 def _whole_power(x: Value, n: int) -> Value:
     above, below = x.as_integer_ratio() if n >= 0 else reversed(x.as_integer_ratio())
     above, below = math.prod([above] * abs(n)), math.prod([below] * abs(n))
-    return above if isinstance(x, int) and n >= 0 else above / below  # Python rounds a quotient of integers once
+    # Python rounds a quotient of integers once
+    return above if isinstance(x, int) and n >= 0 else above / below
 
 
 def _sqrt(x: Value) -> float:
@@ -121,13 +126,21 @@ CONSTANTS = {"pi": math.pi}
 
 def _not_reserved(name: str) -> str:
     if name in FUNCTIONS or name in CONSTANTS:
-        raise Refused((), f"'{name}' is a {'function' if name in FUNCTIONS else 'constant'} of expressions", "choose another name")
+        raise Refused(
+            (),
+            f"'{name}' is a {'function' if name in FUNCTIONS else 'constant'} of expressions",
+            "choose another name",
+        )
     if keyword.iskeyword(name):
-        raise Refused((), f"'{name}' cannot stand in an expression", f"choose another name, as {name}_")
+        raise Refused(
+            (), f"'{name}' cannot stand in an expression", f"choose another name, as {name}_"
+        )
     return name
 
 
-VariableName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=64), AfterValidator(_not_reserved)]
+VariableName = Annotated[
+    str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=64), AfterValidator(_not_reserved)
+]
 """A name that can stand in an expression."""
 
 Variable = Annotated[float, Field(ge=-1e100, le=1e100)]
@@ -148,7 +161,10 @@ _OPERATORS = {
 }
 _NODES = (ast.Constant, ast.Name, ast.UnaryOp, ast.BinOp, ast.Call)
 _STRANGE = re.compile(r"[^\x20-\x7e]|[#\\'\"]")
-_CLEAR = re.compile(r"'.' was never closed|unmatched '.'|invalid \w+ literal|closing parenthesis '.' does not match .*")
+_CLEAR = re.compile(
+    r"'.' was never closed|unmatched '.'|invalid \w+ literal|closing parenthesis '.' does not "
+    r"match .*"
+)
 _EXAMPLE = "write arithmetic, as = 2 * d or = g * sin(radians(24)) or = d**2 / 4"
 
 
@@ -171,11 +187,15 @@ class Expression:
         self._start = len(text) - len(text[1:].lstrip(" "))
         self._check_characters()
         self._tree = self._parsed()
-        located = [node for node in ast.walk(self._tree) if isinstance(node, ast.expr | ast.keyword)]
+        located = [
+            node for node in ast.walk(self._tree) if isinstance(node, ast.expr | ast.keyword)
+        ]
         self._nodes = sorted(located, key=operator.attrgetter("col_offset"))
         self._check_nodes()
         called = {id(node.func) for node in self._nodes if isinstance(node, ast.Call)}
-        self._names = [node for node in self._nodes if isinstance(node, ast.Name) and id(node) not in called]
+        self._names = [
+            node for node in self._nodes if isinstance(node, ast.Name) and id(node) not in called
+        ]
         self.names = {node.id for node in self._names} - CONSTANTS.keys()
 
     def _error(self, what: str, remedy: str, at: int) -> Refused:
@@ -191,9 +211,13 @@ class Expression:
             what = f"an expression of {len(self.text)} characters (at most {MAX_LENGTH})"
             raise Refused((), what, "split it into several variables", (self.text, 0))
         if match := _STRANGE.search(self._source):
-            raise self._error(f"the character {show(match[0])} cannot stand", _EXAMPLE, match.start())
+            raise self._error(
+                f"the character {show(match[0])} cannot stand", _EXAMPLE, match.start()
+            )
         if not self._source:
-            raise Refused((), f"nothing follows the = of {show(self.text)}", _EXAMPLE, (self.text, 0))
+            raise Refused(
+                (), f"nothing follows the = of {show(self.text)}", _EXAMPLE, (self.text, 0)
+            )
 
     def _parsed(self) -> ast.expr:
         try:
@@ -203,13 +227,21 @@ class Expression:
         except SyntaxError as error:
             at = min(error.offset - 1, len(self._source)) if error.offset else len(self._source)
             rest = self._source[at:]
-            what = error.msg if _CLEAR.fullmatch(error.msg) else f"{show(rest)} cannot follow" if rest else "something is missing"
+            what = (
+                error.msg
+                if _CLEAR.fullmatch(error.msg)
+                else f"{show(rest)} cannot follow"
+                if rest
+                else "something is missing"
+            )
             raise self._error(what, _EXAMPLE, at) from None
         except (RecursionError, MemoryError):
             raise self._too_deep() from None
 
     def _too_deep(self) -> Refused:
-        return self._error("too many parentheses or terms in a row", "split it into several variables", 0)
+        return self._error(
+            "too many parentheses or terms in a row", "split it into several variables", 0
+        )
 
     def _check_nodes(self) -> None:
         if _depth(self._tree) > MAX_DEPTH:
@@ -240,7 +272,10 @@ class Expression:
             if node.id in FUNCTIONS:
                 raise self._wrong(node, "is a function", f"write {node.id}(...)")
             if node.id not in variables and node.id not in CONSTANTS:
-                known = did_you_mean(node.id, [*variables, *CONSTANTS]) or f"define it: [variables] {node.id} = ..."
+                known = (
+                    did_you_mean(node.id, [*variables, *CONSTANTS])
+                    or f"define it: [variables] {node.id} = ..."
+                )
                 raise self._error(f"unknown name '{node.id}'", known, node.col_offset)
         for call in self._nodes:
             if isinstance(call, ast.Call) and (name := ast.unparse(call.func)) not in FUNCTIONS:
@@ -250,7 +285,8 @@ class Expression:
                 raise self._error(f"unknown function '{name}'", remedy, call.col_offset)
 
     def value(self, variables: Mapping[str, Value]) -> Value:
-        """The value with these values of the variables; an int if only whole numbers are added, multiplied and raised.
+        """The value with these values of the variables; an int if only whole numbers are added,
+        multiplied and raised.
 
         Raises:
             Refused: It has none, or not the right number of arguments.
@@ -258,7 +294,11 @@ class Expression:
         from simpleeval import SimpleEval  # few scenarios have expressions
 
         names = {**variables, **CONSTANTS}
-        evaluator = SimpleEval(operators=_OPERATORS, functions={name: f.compute for name, f in FUNCTIONS.items()}, names=names)
+        evaluator = SimpleEval(
+            operators=_OPERATORS,
+            functions={name: f.compute for name, f in FUNCTIONS.items()},
+            names=names,
+        )
         evaluator.nodes = {kind: partial(self._evaluated, evaluator.nodes[kind]) for kind in _NODES}
         value: Value = evaluator.eval(self._source, self._tree)
         return value
@@ -273,9 +313,13 @@ class Expression:
         except ZeroDivisionError:
             raise self._wrong(node, "divides by zero", "keep the divisor from zero") from None
         except OverflowError:
-            raise self._wrong(node, "is larger than any number", "keep numbers below 1e308") from None
+            raise self._wrong(
+                node, "is larger than any number", "keep numbers below 1e308"
+            ) from None
         if is_nan:
-            raise self._wrong(node, "is not a real number", "keep the arguments within the domain of the function")
+            raise self._wrong(
+                node, "is not a real number", "keep the arguments within the domain of the function"
+            )
         if not is_finite:
             raise self._wrong(node, "is not finite", "keep numbers below 1e308")
         return value
@@ -284,8 +328,16 @@ class Expression:
         name = ast.unparse(node.func)
         _, fewest, most = FUNCTIONS[name]
         if not fewest <= len(node.args) <= most:
-            takes = f"{fewest} argument{'s' * (fewest > 1)}" if fewest == most else f"{fewest} or more arguments"
-            raise self._wrong(node, f"has {len(node.args) or 'no'} argument{'s' * (len(node.args) != 1)}", f"{name} takes {takes}")
+            takes = (
+                f"{fewest} argument{'s' * (fewest > 1)}"
+                if fewest == most
+                else f"{fewest} or more arguments"
+            )
+            raise self._wrong(
+                node,
+                f"has {len(node.args) or 'no'} argument{'s' * (len(node.args) != 1)}",
+                f"{name} takes {takes}",
+            )
 
 
 def _depth(tree: ast.AST) -> int:
@@ -325,7 +377,8 @@ class Evaluated:
 def evaluate_expressions(data: dict[str, Any], model: type[BaseModel]) -> Evaluated:
     """Replace the expressions of a parsed document by their values.
 
-    A string is an expression if it begins with ``=`` and stands where the models take a number; others are left alone.
+    A string is an expression if it begins with ``=`` and stands where the models take a number;
+    others are left alone.
 
     Args:
         data: The document. **Modified.**
@@ -335,15 +388,24 @@ def evaluate_expressions(data: dict[str, Any], model: type[BaseModel]) -> Evalua
     return _Document(data).evaluate(places) if places else Evaluated()
 
 
-def unused_overrides(data: dict[str, Any], set_paths: Iterable[KeyPath], used: set[str]) -> list[Refused]:
-    """Findings about variables from the command line that no expression refers to: a slip, since nothing would change."""
+def unused_overrides(
+    data: dict[str, Any], set_paths: Iterable[KeyPath], used: set[str]
+) -> list[Refused]:
+    """Findings about variables from the command line that no expression refers to: a slip, since
+    nothing would change.
+    """
     findings = []
     for path in set_paths:
         if path[0] == _TABLE and isinstance(data[_TABLE], dict):
             for name in path[1:2] or data[_TABLE]:
                 if name not in used:
-                    remedy = did_you_mean(str(name), used) or f"expressions refer to {name_list(sorted(used)) or 'no variable'}"
-                    findings.append(Refused((_TABLE, name), "no expression refers to this variable", remedy))
+                    remedy = (
+                        did_you_mean(str(name), used)
+                        or f"expressions refer to {name_list(sorted(used)) or 'no variable'}"
+                    )
+                    findings.append(
+                        Refused((_TABLE, name), "no expression refers to this variable", remedy)
+                    )
     return findings
 
 
@@ -378,7 +440,9 @@ class _Document:
         table = data.get(_TABLE)
         self.variables: dict[str, Any] = table if isinstance(table, dict) else {}
         self.is_table = isinstance(table, dict | None)
-        self.values: dict[str, Value] = {name: value for name, value in self.variables.items() if _is_number(value)}
+        self.values: dict[str, Value] = {
+            name: value for name, value in self.variables.items() if _is_number(value)
+        }
         self.expressions: dict[KeyPath, Expression] = {}
         self.whole: set[KeyPath] = set()
         self.result = Evaluated()
@@ -389,7 +453,9 @@ class _Document:
             self._read(place)
         if more := [place.path for place in places[MAX_EXPRESSIONS:]]:
             remedy = "write numbers, or put tables of grains into a file"
-            self.result.findings.append(Refused(more[0], f"more than {MAX_EXPRESSIONS} expressions", remedy))
+            self.result.findings.append(
+                Refused(more[0], f"more than {MAX_EXPRESSIONS} expressions", remedy)
+            )
             self.result.failed.update(more)
         variables = [(_TABLE, name) for name in self._order_of_variables()]
         for path in dict.fromkeys([*variables, *self.expressions]):
@@ -414,10 +480,16 @@ class _Document:
             self.whole.add(place.path)
 
     def _order_of_variables(self) -> Iterator[str]:
-        """Names of the variables that are expressions, each after those that it refers to; those in a circle are left out."""
+        """Names of the variables that are expressions, each after those that it refers to; those in
+        a circle are left out.
+        """
         from graphlib import CycleError, TopologicalSorter
 
-        names = {str(path[1]): expression.names for path, expression in self.expressions.items() if path[0] == _TABLE}
+        names = {
+            str(path[1]): expression.names
+            for path, expression in self.expressions.items()
+            if path[0] == _TABLE
+        }
         sorter = TopologicalSorter(names)
         try:
             sorter.prepare()
@@ -432,7 +504,13 @@ class _Document:
         first = circle.index(min(circle, key=names.index))
         chain = [*circle[first:], *circle[:first]]
         shown = [*chain, chain[0]] if len(chain) <= 10 else [*chain[:10], "...", chain[0]]
-        self._fail(Refused((_TABLE, chain[0]), f"refers to itself: {' -> '.join(shown)}", "give one of them a number"))
+        self._fail(
+            Refused(
+                (_TABLE, chain[0]),
+                f"refers to itself: {' -> '.join(shown)}",
+                "give one of them a number",
+            )
+        )
 
     def _evaluate(self, path: KeyPath) -> None:
         """Put the value of the expression at a place into the document."""

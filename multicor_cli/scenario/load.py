@@ -1,4 +1,6 @@
-"""Reading scenario files, and values from the command line: everything that is wrong is found at once, with its position."""
+"""Reading scenario files, and values from the command line: everything that is wrong is found at
+once, with its position.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,16 @@ from multicor_cli.scenario.checks import check_all
 from multicor_cli.scenario.expressions import evaluate_expressions, unused_overrides
 from multicor_cli.scenario.model import PartialScenario, ScenarioModel
 from multicor_cli.scenario.particles import take_groups
-from multicor_cli.scenario.problems import OVERRIDE, KeyPath, Problem, Refused, ScenarioError, format_key, name_list, show
+from multicor_cli.scenario.problems import (
+    OVERRIDE,
+    KeyPath,
+    Problem,
+    Refused,
+    ScenarioError,
+    format_key,
+    name_list,
+    show,
+)
 from multicor_cli.scenario.sources import MAX_NESTING, Lines, Sources, find_deep_nesting, parse_key
 from multicor_cli.scenario.translate import translate
 
@@ -29,19 +40,22 @@ from multicor_cli.scenario.translate import translate
 _WORD = re.compile(r"[^\W\d][\w ./:~+-]*|[./~][\w ./:~+-]*")
 
 
-def apply_overrides(data: dict[str, Any], overrides: Sequence[str]) -> tuple[dict[KeyPath, str], list[Problem]]:
+def apply_overrides(
+    data: dict[str, Any], overrides: Sequence[str]
+) -> tuple[dict[KeyPath, str], list[Problem]]:
     """Set values in a parsed document.
 
-    Each override is ``key=value``: a dotted key with 0-based indices for elements of arrays, and a value in TOML syntax; words
-    that are no TOML values, and expressions (``key== 2*d``), are taken as strings. Tables that are missing on the way are added,
-    elements of arrays are not.
+    Each override is ``key=value``: a dotted key with 0-based indices for elements of arrays, and a
+    value in TOML syntax; words that are no TOML values, and expressions (``key== 2*d``), are taken
+    as strings. Tables that are missing on the way are added, elements of arrays are not.
 
     Args:
         data: The document. **Modified.**
         overrides: The arguments of ``--set``, applied in this order.
 
     Returns:
-        The argument that has set each path, and the problems of the arguments that could not be applied.
+        The argument that has set each path, and the problems of the arguments that could not be
+        applied.
     """
     applied: dict[KeyPath, str] = {}
     problems = []
@@ -50,9 +64,12 @@ def apply_overrides(data: dict[str, Any], overrides: Sequence[str]) -> tuple[dic
             key, value = _parse(argument)
             path = _assign(data, key, value)
         except Refused as error:
-            problems.append(Problem(OVERRIDE, 0, 0, format_key(error.where), error.what, error.remedy, argument))
+            problems.append(
+                Problem(OVERRIDE, 0, 0, format_key(error.where), error.what, error.remedy, argument)
+            )
             continue
-        applied.pop(path, None)  # what is set again is set last: overrides are kept in the order in which they hold
+        # What is set again is set last: overrides are kept in the order in which they hold
+        applied.pop(path, None)
         applied[path] = argument
     return applied, problems
 
@@ -77,11 +94,17 @@ def _parse_value(key: KeyPath, text: str) -> Any:
         return table["value"]
     if _WORD.fullmatch(text) or text.startswith("="):
         return text
-    raise Refused(key, f"{show(text)} is not a valid TOML value", 'write it as in the file, strings in quotes: name="a b"')
+    raise Refused(
+        key,
+        f"{show(text)} is not a valid TOML value",
+        'write it as in the file, strings in quotes: name="a b"',
+    )
 
 
 def _assign(data: dict[str, Any], key: KeyPath, value: Any) -> KeyPath:
-    """Set ``value`` in the document; returns the path, with indices as numbers, of the outermost key that is new or changed."""
+    """Set ``value`` in the document; returns the path, with indices as numbers, of the outermost
+    key that is new or changed.
+    """
     node: Any = data
     path: KeyPath = ()
     for depth, part in enumerate(key[:-1]):
@@ -97,7 +120,9 @@ def _assign(data: dict[str, Any], key: KeyPath, value: Any) -> KeyPath:
 
 
 def _nested(key: KeyPath, depth: int, value: Any, remedy: str) -> Any:
-    """New tables for the parts of ``key`` that follow part number ``depth``, with ``value`` in the innermost."""
+    """New tables for the parts of ``key`` that follow part number ``depth``, with ``value`` in the
+    innermost.
+    """
     rest = key[depth + 1 :]
     if any(str(part).isdecimal() for part in rest):
         raise Refused(key, f"there is no {format_key(key[: depth + 1])}", remedy)
@@ -108,7 +133,9 @@ def _nested(key: KeyPath, depth: int, value: Any, remedy: str) -> Any:
 
 def _closest_key(part: str | int, node: dict[str, Any]) -> str:
     matches = difflib.get_close_matches(str(part)[:100], list(node)[:200], n=1)
-    return f"did you mean '{matches[0]}'?" if matches else f"there is {name_list(node) or 'nothing'}"
+    return (
+        f"did you mean '{matches[0]}'?" if matches else f"there is {name_list(node) or 'nothing'}"
+    )
 
 
 def _place(node: Any, part: str | int, key: KeyPath, path: KeyPath) -> str | int:
@@ -124,23 +151,30 @@ def _place(node: Any, part: str | int, key: KeyPath, path: KeyPath) -> str | int
     text = str(part)
     if not (text.isdecimal() and text.isascii()) or len(text) > 9 or int(text) >= len(node):
         limits = f"use 0 to {len(node) - 1}" if node else "it is empty"
-        raise Refused(key, f"{name} is an array of {len(node)}: it has no index {show(part)}", limits)
+        raise Refused(
+            key, f"{name} is an array of {len(node)}: it has no index {show(part)}", limits
+        )
     return int(text)
 
 
 # ---- Files
 
 MAX_FILE_SIZE = 1_000_000
-"""Largest scenario file [bytes]: what can be parsed and checked in about a second; tables of grains go into other files."""
+"""Largest scenario file [bytes]: what can be parsed and checked in about a second; tables of grains
+go into other files."""
 
 _MAX_ERRORS = 500
-_SYNTAX_POSITION = re.compile(r"^(.*?) \(at (?:line (\d+), column (\d+)|end of document)\)$", re.DOTALL)
+_SYNTAX_POSITION = re.compile(
+    r"^(.*?) \(at (?:line (\d+), column (\d+)|end of document)\)$", re.DOTALL
+)
 _QUOTED_PATH = re.compile(r"\((('[^']*'(, |,)?)+)\)")
 _QUOTED_PART = re.compile(r"'([^']*)'")
 _LONG_NUMBER = re.compile(r"[0-9_]{1000,}")
 
 
-def read_tables(text: str, path: Path, overrides: Sequence[str], file: str) -> tuple[ScenarioModel, Sources]:
+def read_tables(
+    text: str, path: Path, overrides: Sequence[str], file: str
+) -> tuple[ScenarioModel, Sources]:
     """The tables of a text, and what gives later problems their positions.
 
     Args:
@@ -161,7 +195,10 @@ def read_tables(text: str, path: Path, overrides: Sequence[str], file: str) -> t
     model, invalid = check_document(data, path.parent)
     if has_taken:
         invalid = [_about_start(finding) for finding in invalid]
-    findings = [*evaluated.findings, *(finding for finding in invalid if not _is_within(finding.where, evaluated.failed))]
+    findings = [
+        *evaluated.findings,
+        *(finding for finding in invalid if not _is_within(finding.where, evaluated.failed)),
+    ]
     findings = _add_new(findings, unused_overrides(data, applied, evaluated.used))
     if model is None or problems or findings:
         raise ScenarioError([*problems, *sources.problems(findings)])
@@ -169,14 +206,21 @@ def read_tables(text: str, path: Path, overrides: Sequence[str], file: str) -> t
 
 
 def _about_start(finding: Refused) -> Refused:
-    """A problem of a group that the file does not name, where the file names the run that has it."""
+    """A problem of a group that the file does not name, where the file names the run that has
+    it.
+    """
     if finding.where[0] != "particles":
         return finding
-    return Refused(("start", "run"), f"{format_key(finding.where)} of this run: {finding.what}", finding.remedy)
+    return Refused(
+        ("start", "run"), f"{format_key(finding.where)} of this run: {finding.what}", finding.remedy
+    )
 
 
-def check_document(data: dict[str, Any], directory: Path) -> tuple[ScenarioModel | None, list[Refused]]:
-    """Everything that is wrong with a parsed document, and its model if each table is valid on its own.
+def check_document(
+    data: dict[str, Any], directory: Path
+) -> tuple[ScenarioModel | None, list[Refused]]:
+    """Everything that is wrong with a parsed document, and its model if each table is valid on its
+    own.
 
     Args:
         data: The document.
@@ -217,14 +261,24 @@ def read_text(path: Path, *, kind: str = "scenario") -> str:
         content = read_regular(path, MAX_FILE_SIZE)
     except FileNotFoundError:
         hint = ", or make one with: multicor new NAME" if kind == "scenario" else ""
-        raise ScenarioError([_whole_file(path, "there is no such file", f"check the path{hint}")]) from None
+        raise ScenarioError(
+            [_whole_file(path, "there is no such file", f"check the path{hint}")]
+        ) from None
     except Unfit as error:
         is_large = error.errno == errno.EFBIG
-        remedy = "put long tables of grains into a CSV file" if is_large else f"give the path of a {kind} file"
-        raise ScenarioError([_whole_file(path, f"this cannot be a {kind}: {error.strerror}", remedy)]) from None
+        remedy = (
+            "put long tables of grains into a CSV file"
+            if is_large
+            else f"give the path of a {kind} file"
+        )
+        raise ScenarioError(
+            [_whole_file(path, f"this cannot be a {kind}: {error.strerror}", remedy)]
+        ) from None
     except OSError as error:
         what = f"the file cannot be read: {error.strerror}"
-        raise ScenarioError([_whole_file(path, what, "check the path and its permissions")]) from None
+        raise ScenarioError(
+            [_whole_file(path, what, "check the path and its permissions")]
+        ) from None
     try:
         return content.decode("utf-8")
     except UnicodeDecodeError as error:
@@ -260,7 +314,9 @@ def parse_toml(text: str, file: str) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:  # numbers with thousands of digits
         number = _LONG_NUMBER.search(text)
         message = "a number has too many digits" if number else f"not TOML: {error}"
-        raise ScenarioError([_at_offset(file, text, number.start() if number else 0, message, "write it as 1e3")]) from None
+        raise ScenarioError(
+            [_at_offset(file, text, number.start() if number else 0, message, "write it as 1e3")]
+        ) from None
 
 
 def _at_offset(file: str, text: str, offset: int, message: str, remedy: str) -> Problem:
@@ -276,7 +332,9 @@ def _syntax_problem(file: str, text: str, message: str) -> Problem:
         what = match[1]
         line, column = (int(match[2]), int(match[3])) if match[2] else (line, column)
     what = _QUOTED_PATH.sub(lambda path: format_key(tuple(_QUOTED_PART.findall(path[1]))), what)
-    return Problem(file, line, column, "", f"not TOML: {what}", _syntax_remedy(text, what), lines.line(line))
+    return Problem(
+        file, line, column, "", f"not TOML: {what}", _syntax_remedy(text, what), lines.line(line)
+    )
 
 
 def _syntax_remedy(text: str, what: str) -> str:

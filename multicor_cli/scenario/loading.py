@@ -1,4 +1,6 @@
-"""Loading stages: how long they last, what ends them, how they drive and heat the walls, and gravity."""
+"""Loading stages: how long they last, what ends them, how they drive and heat the walls, and
+gravity.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,15 @@ from multicor_cli.scenario.base import (
 from multicor_cli.scenario.materials import PairFriction
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.settings import Output, StageSolver, TimeStep
-from multicor_cli.scenario.signals import AnySignal, RampSignal, Signal, SineSignal, TableSignal, first_level, levels
+from multicor_cli.scenario.signals import (
+    AnySignal,
+    RampSignal,
+    Signal,
+    SineSignal,
+    TableSignal,
+    first_level,
+    levels,
+)
 
 # ---- `until`: what ends a loading stage before its duration is over
 
@@ -33,28 +43,39 @@ Axis = Literal["x", "y"]
 AnyAxis = Literal["x", "y", "spin"]
 Relation = Literal["at least", "at most"]
 
-_WINDOW = "windows of time [s] over which means are taken, one after the other from the start of the stage"
+_WINDOW = (
+    "windows of time [s] over which means are taken, one after the other from the start of the "
+    "stage"
+)
 
 
 class StrainEnd(Table):
     """Shear strain at which a stage ends."""
 
     walls: TwoWalls = Field(description="the two walls that shear the grains")
-    value: float = Field(ge=1e-12, le=1e9, description="shear strain of this stage at which it ends")
+    value: float = Field(
+        ge=1e-12, le=1e9, description="shear strain of this stage at which it ends"
+    )
 
 
 class BoundEnd(Table):
     """A quantity that ends a stage when it has come above or below a value."""
 
-    above: Number | None = Field(None, description="the stage ends when the quantity is at least this")
-    below: Number | None = Field(None, description="the stage ends when the quantity is at most this")
+    above: Number | None = Field(
+        None, description="the stage ends when the quantity is at least this"
+    )
+    below: Number | None = Field(
+        None, description="the stage ends when the quantity is at most this"
+    )
 
     @model_validator(mode="after")
     def _one_bound(self) -> Self:
         if (self.above is None) == (self.below is None):
             has = "neither" if self.above is None else "both"
             raise Refused(
-                (), f"has {has} above and below" if has == "both" else "has neither above nor below", "give one of the two"
+                (),
+                f"has {has} above and below" if has == "both" else "has neither above nor below",
+                "give one of the two",
             )
         return self
 
@@ -82,14 +103,18 @@ class DisplacementEnd(BoundEnd):
     """Displacement of a wall at which a stage ends."""
 
     wall: Name = Field(description="the wall")
-    axis: AnyAxis = Field(description="x or y [m], or spin: the angle by which it has turned, counter-clockwise [rad]")
+    axis: AnyAxis = Field(
+        description="x or y [m], or spin: the angle by which it has turned, counter-clockwise [rad]"
+    )
 
 
 class ForceEnd(BoundEnd):
     """Mean force of the grains on a wall at which a stage ends."""
 
     wall: Name = Field(description="the wall")
-    axis: AnyAxis = Field(description="component of the force, x or y [N], or spin: the torque [N m]")
+    axis: AnyAxis = Field(
+        description="component of the force, x or y [N], or spin: the torque [N m]"
+    )
     window: Time = Field(description=_WINDOW)
 
 
@@ -105,17 +130,30 @@ class SteadyEnd(Table):
     """A quantity whose mean has to drift no longer for the stage to end."""
 
     of: Literal["kinetic_energy", "force", "stress", "friction"] = Field(
-        description='what is watched: "kinetic_energy", or of a wall "force", "stress" or "friction": the force along axis over '
-        "that across it"
+        description=(
+            'what is watched: "kinetic_energy", or of a wall "force", "stress" or "friction": the '
+            "force along axis over "
+            "that across it"
+        )
     )
     wall: Name | None = Field(None, description="the wall, for all but the kinetic energy")
     axis: AnyAxis | None = Field(
-        None, description='component of the force: "x", "y", or for the force of a wall "spin", its torque'
+        None,
+        description=(
+            'component of the force: "x", "y", or for the force of a wall "spin", its torque'
+        ),
     )
     window: Time = Field(
-        description="span of time whose two halves are compared [s]: long enough for a mean as sure as the tolerance"
+        description=(
+            "span of time whose two halves are compared [s]: long enough for a mean as sure as "
+            "the tolerance"
+        )
     )
-    tolerance: Ratio = Field(description="largest drift between the halves over the mean, its uncertainty included, as 0.05")
+    tolerance: Ratio = Field(
+        description=(
+            "largest drift between the halves over the mean, its uncertainty included, as 0.05"
+        )
+    )
     after: Annotated[float, Field(ge=0.0, le=1e12)] = Field(
         0.0, description="time since the start of the stage that is left out [s]"
     )
@@ -125,11 +163,19 @@ class SteadyEnd(Table):
         given = {"wall": self.wall is not None, "axis": self.axis is not None}
         for key, is_given in given.items():
             if self.of == "kinetic_energy" and is_given:
-                raise Refused((key,), f"{key} has no meaning for the kinetic energy, which is that of all grains", "remove it")
+                raise Refused(
+                    (key,),
+                    f"{key} has no meaning for the kinetic energy, which is that of all grains",
+                    "remove it",
+                )
             if self.of != "kinetic_energy" and not is_given:
                 raise Refused((), f'{key} is missing, which of = "{self.of}" needs', f"add {key}")
         if self.axis == "spin" and self.of != "force":
-            raise Refused(("axis",), f'of = "{self.of}" has no component "spin"', 'use "x" or "y", or of = "force"')
+            raise Refused(
+                ("axis",),
+                f'of = "{self.of}" has no component "spin"',
+                'use "x" or "y", or of = "force"',
+            )
         return self
 
 
@@ -143,15 +189,21 @@ class UntilRest(Table):
     """Ends when the grains have come to rest."""
 
     kinetic_energy_ratio: Ratio = Field(
-        description="share of the stage's largest kinetic energy at which it ends, as 1e-6; where nothing ever moves, "
-        "the stage ends with its duration"
+        description=(
+            "share of the stage's largest kinetic energy at which it ends, as 1e-6; where nothing "
+            "ever moves, the stage ends with its duration"
+        )
     )
 
 
 class UntilAxialStrain(Table):
-    """Ends at an axial strain: distance of two walls over that at the start of the stage, less 1."""
+    """Ends at an axial strain: distance of two walls over that at the start of the stage, less
+    1.
+    """
 
-    axial_strain: AxialStrainEnd = Field(description='{ walls = ["bottom", "top"], axis = "y", below = -0.05 }: 5 % nearer')
+    axial_strain: AxialStrainEnd = Field(
+        description='{ walls = ["bottom", "top"], axis = "y", below = -0.05 }: 5 % nearer'
+    )
 
 
 class UntilDisplacement(Table):
@@ -167,15 +219,21 @@ class UntilForce(Table):
 
 
 class UntilStress(Table):
-    """Ends when the mean force of the grains on a wall over its length has reached a value [N/m]."""
+    """Ends when the mean force of the grains on a wall over its length has reached a value
+    [N/m].
+    """
 
-    stress: StressEnd = Field(description='{ wall = "lid", axis = "y", above = 500.0, window = 0.01 }')
+    stress: StressEnd = Field(
+        description='{ wall = "lid", axis = "y", above = 500.0, window = 0.01 }'
+    )
 
 
 class UntilSteady(Table):
     """Ends when the mean of a quantity no longer drifts."""
 
-    steady: SteadyEnd = Field(description='{ of = "friction", wall = "top", axis = "x", window = 0.5, tolerance = 0.05 }')
+    steady: SteadyEnd = Field(
+        description='{ of = "friction", wall = "top", axis = "x", window = 0.5, tolerance = 0.05 }'
+    )
 
 
 Until = Annotated[
@@ -186,15 +244,36 @@ Until = Annotated[
     | Annotated[UntilForce, Tag("<force>")]
     | Annotated[UntilStress, Tag("<stress>")]
     | Annotated[UntilSteady, Tag("<steady>")],
-    one_of("until is a table with", "strain", "kinetic_energy_ratio", "axial_strain", "displacement", "force", "stress", "steady"),
+    one_of(
+        "until is a table with",
+        "strain",
+        "kinetic_energy_ratio",
+        "axial_strain",
+        "displacement",
+        "force",
+        "stress",
+        "steady",
+    ),
 ]
-AnyUntil = UntilStrain | UntilRest | UntilAxialStrain | UntilDisplacement | UntilForce | UntilStress | UntilSteady
+AnyUntil = (
+    UntilStrain
+    | UntilRest
+    | UntilAxialStrain
+    | UntilDisplacement
+    | UntilForce
+    | UntilStress
+    | UntilSteady
+)
 
 
 def window_of(until: AnyUntil | None) -> float | None:
     """Time after which the first window of a condition ends [s]; None if it has none."""
     _, end = next(iter(until)) if until is not None else ("", None)
-    return getattr(end, "after", 0.0) + end.window if isinstance(end, ForceEnd | StressEnd | SteadyEnd) else None
+    return (
+        getattr(end, "after", 0.0) + end.window
+        if isinstance(end, ForceEnd | StressEnd | SteadyEnd)
+        else None
+    )
 
 
 def walls_of(until: AnyUntil | None) -> dict[tuple[str | int, ...], str]:
@@ -222,8 +301,10 @@ class PositionDof(Table):
     """A prescribed displacement."""
 
     position: Signal = Field(
-        description="displacement since the start of the stage that says so [m], angle [rad] for the spin, 0 at first: a table "
-        "with ramp, sine or times"
+        description=(
+            "displacement since the start of the stage that says so [m], angle [rad] for the "
+            "spin, 0 at first: a table with ramp, sine or times"
+        )
     )
 
     @model_validator(mode="after")
@@ -236,43 +317,70 @@ class PositionDof(Table):
             remedy = f"add mean = {signal.sine.mean - first:g} to the sine, or use phase = 0"
         else:
             remedy = f"begin with 0: subtract {first:g} from all values, or use a ramp from 0"
-        raise Refused(("position",), f"displacements count from the start of the stage, but this one begins with {first:g}", remedy)
+        raise Refused(
+            ("position",),
+            f"displacements count from the start of the stage, but this one begins with {first:g}",
+            remedy,
+        )
 
 
 class Spring(Table):
     """A linear spring that is fixed to an anchor."""
 
-    stiffness: float = Field(gt=0.0, le=1e15, description="stiffness k [N/m], [N m/rad] for the spin")
+    stiffness: float = Field(
+        gt=0.0, le=1e15, description="stiffness k [N/m], [N m/rad] for the spin"
+    )
     anchor: Signal = Field(
         0.0,
-        description="displacement since the start of the stage that says so at which the spring exerts no force [m], [rad] for the "
-        f"spin: {_FORMS}; one that varies pulls the wall along",
+        description=(
+            "displacement since the start of the stage that says so at which the spring exerts no "
+            f"force [m], [rad] for the spin: {_FORMS}; one that varies pulls the wall along"
+        ),
     )
 
 
 class LoadDof(Table):
     """A degree of freedom that moves under loads, a spring and the grains' push."""
 
-    force: Signal | None = Field(None, description=f"force [N], torque [N m] for the spin: {_FORMS}")
+    force: Signal | None = Field(
+        None, description=f"force [N], torque [N m] for the spin: {_FORMS}"
+    )
     stress: Signal | None = Field(
-        None, description=f"force per length [N/m], positive along the axis like a force: {_FORMS}; the length is that of the wall"
+        None,
+        description=(
+            f"force per length [N/m], positive along the axis like a force: {_FORMS}; the length "
+            "is that of the wall"
+        ),
     )
     between: TwoWalls | None = Field(
         None,
-        description="two walls whose distance across the axis is, in each step, the length on which the stress acts, as "
-        '["bottom", "top"] for a side wall that moves in x',
+        description=(
+            "two walls whose distance across the axis is, in each step, the length on which the "
+            "stress acts, as "
+            '["bottom", "top"] for a side wall that moves in x'
+        ),
     )
-    spring: Spring | None = Field(None, description="a spring, as { stiffness = 1e3 }; a force beside it is added")
-    damping: float = Field(0.0, ge=0.0, le=1e12, description="viscous damping [N s/m], [N m s] for the spin")
+    spring: Spring | None = Field(
+        None, description="a spring, as { stiffness = 1e3 }; a force beside it is added"
+    )
+    damping: float = Field(
+        0.0, ge=0.0, le=1e12, description="viscous damping [N s/m], [N m s] for the spin"
+    )
 
     @model_validator(mode="after")
     def _fit_together(self) -> Self:
         if self.force is not None and self.stress is not None:
             raise Refused(("stress",), "both force and stress are given", "give one of them")
         if self.between is not None and self.stress is None:
-            raise Refused(("between",), "between has no meaning without stress", "add stress [N/m], or remove it")
+            raise Refused(
+                ("between",),
+                "between has no meaning without stress",
+                "add stress [N/m], or remove it",
+            )
         if self.between is not None and self.between[0] == self.between[1]:
-            raise Refused(("between",), f"'{self.between[0]}' is named twice", "name two different walls")
+            raise Refused(
+                ("between",), f"'{self.between[0]}' is named twice", "name two different walls"
+            )
         return self
 
 
@@ -307,27 +415,46 @@ AnyDof = VelocityDof | PositionDof | LoadDof | FixedDof
 class WallDrives(Table):
     """``drives.NAME``: what a stage does to the wall NAME; what is left out keeps its drive."""
 
-    x: Dof | None = Field(None, description="horizontal motion, as { velocity = 0.1 }, { force = -5.0 } or { fixed = true }")
-    y: Dof | None = Field(None, description="vertical motion, as { velocity = 0.1 }, { force = -5.0 } or { fixed = true }")
-    spin: Dof | None = Field(None, description="rotation about the wall's reference point, counter-clockwise")
+    x: Dof | None = Field(
+        None,
+        description=(
+            "horizontal motion, as { velocity = 0.1 }, { force = -5.0 } or { fixed = true }"
+        ),
+    )
+    y: Dof | None = Field(
+        None,
+        description="vertical motion, as { velocity = 0.1 }, { force = -5.0 } or { fixed = true }",
+    )
+    spin: Dof | None = Field(
+        None, description="rotation about the wall's reference point, counter-clockwise"
+    )
     surface: VelocityDof | None = Field(
         None,
-        description="motion of the surface along itself while the shape stays, as { velocity = 0.1 } [m/s] of a conveyor: to the "
-        "right for a grain that the wall carries, along the normal from wall to grain turned by -90 degrees; a disc turns "
-        "clockwise, and so does each of the glued grains of a rough wall, in its place",
+        description=(
+            "motion of the surface along itself while the shape stays, as { velocity = 0.1 } "
+            "[m/s] of a conveyor: to the right for a grain that the wall carries, along the "
+            "normal from wall to grain turned by -90 degrees; a disc turns clockwise, and so does "
+            "each of the glued grains of a rough wall, in its place"
+        ),
     )
 
     @model_validator(mode="after")
     def _not_empty(self) -> Self:
         if self.x is None and self.y is None and self.spin is None and self.surface is None:
-            remedy = "name x, y, spin or surface, or remove it: a wall that is not named keeps its drive"
+            remedy = (
+                "name x, y, spin or surface, or remove it: a wall that is not named keeps its drive"
+            )
             raise Refused((), "the table is empty", remedy)
         return self
 
     @model_validator(mode="after")
     def _no_stress_turns(self) -> Self:
         if isinstance(self.spin, LoadDof) and self.spin.stress is not None:
-            raise Refused(("spin",), "a stress acts along x or y, not on the spin", "give the torque [N m] as force")
+            raise Refused(
+                ("spin",),
+                "a stress acts along x or y, not on the spin",
+                "give the torque [N m] as force",
+            )
         return self
 
 
@@ -364,26 +491,34 @@ class TiltedGravityTable(Table):
     """Gravity of a given magnitude whose direction is turned."""
 
     angle: Signal = Field(
-        description="angle by which gravity is turned from -y, counter-clockwise, so that it points towards +x if positive "
-        "[degrees]: a number, or a table with ramp, sine or times"
+        description=(
+            "angle by which gravity is turned from -y, counter-clockwise, so that it points "
+            "towards +x if positive [degrees]: a number, or a table with ramp, sine or times"
+        )
     )
     magnitude: Signal | None = Field(
-        None, description="acceleration [m/s²]: a number, or a table with ramp, sine or times; default: that of [domain] gravity"
+        None,
+        description=(
+            "acceleration [m/s²]: a number, or a table with ramp, sine or times; default: that of "
+            "[domain] gravity"
+        ),
     )
 
 
 GravityVector = Annotated[tuple[Signal, Signal], Strict(False)]
 StageGravityTable = Annotated[
-    Annotated[GravityVector, Tag("<plain>")] | Annotated[TiltedGravityTable, Tag("<table>")], Discriminator(tag_table)
+    Annotated[GravityVector, Tag("<plain>")] | Annotated[TiltedGravityTable, Tag("<table>")],
+    Discriminator(tag_table),
 ]
 AnyStageGravity = GravityVector | TiltedGravityTable
 
 
 # ---- Thermal conditions of walls, and which of them holds in which stage.
 #
-# A wall that a stage does not name keeps its condition; at first it has that of its `[[walls]]` table, or is insulated. A signal
-# is a function of the time since the start of the stage that names it: one that is kept goes on where it is, one that is named
-# again starts anew. That of the `[[walls]]` table counts from the start of the run.
+# A wall that a stage does not name keeps its condition; at first it has that of its `[[walls]]`
+# table, or is insulated. A signal is a function of the time since the start of the stage that names
+# it: one that is kept goes on where it is, one that is named again starts anew. That of the
+# `[[walls]]` table counts from the start of the run.
 
 
 def _check_kelvin_signal(signal: AnySignal) -> AnySignal:
@@ -397,7 +532,9 @@ def _extremes(signal: AnySignal) -> tuple[float, ...]:
     if isinstance(signal, RampSignal):
         return signal.ramp
     if isinstance(signal, SineSignal):
-        return signal.sine.mean - abs(signal.sine.amplitude), signal.sine.mean + abs(signal.sine.amplitude)
+        return signal.sine.mean - abs(signal.sine.amplitude), signal.sine.mean + abs(
+            signal.sine.amplitude
+        )
     if isinstance(signal, TableSignal):
         return signal.values
     return (signal,)
@@ -415,8 +552,10 @@ class FlowCondition(Table):
     """A wall that gives a prescribed heat flow to the grains that touch it."""
 
     flow: Signal = Field(
-        description="heat flow from the wall into the grains that touch it, shared in proportion to their conductances [W]: "
-        "a number, or a table with ramp, sine or times"
+        description=(
+            "heat flow from the wall into the grains that touch it, shared in proportion to their "
+            "conductances [W]: a number, or a table with ramp, sine or times"
+        )
     )
 
 
@@ -424,11 +563,17 @@ class CapacityCondition(Table):
     """A wall that is a body with a temperature of its own, which heat and friction change."""
 
     capacity: Annotated[float, Field(ge=1e-18, le=1e18)] = Field(
-        description="heat capacity of the wall [J/K]: it has one temperature, which what it exchanges with grains changes"
+        description=(
+            "heat capacity of the wall [J/K]: it has one temperature, which what it exchanges "
+            "with grains changes"
+        )
     )
     initial: Kelvin | None = Field(
         None,
-        description="its temperature when this condition begins [K]; default: that before, if it had one, else that of [heat]",
+        description=(
+            "its temperature when this condition begins [K]; default: that before, if it had one, "
+            "else that of [heat]"
+        ),
     )
 
 
@@ -451,7 +596,9 @@ AnyCondition = TemperatureCondition | FlowCondition | CapacityCondition | Insula
 
 
 class KeptCondition(NamedTuple):
-    """The thermal condition of a wall, and the index of the stage from whose start its signal counts."""
+    """The thermal condition of a wall, and the index of the stage from whose start its signal
+    counts.
+    """
 
     condition: AnyCondition
     stage: int
@@ -467,7 +614,9 @@ def resolve_conditions(
         first: What the table of each wall says, by name; None: insulated.
         wall_names: Names of the walls in the order wanted.
     """
-    current = [KeptCondition(first[name] or InsulatedCondition(insulated=True), 0) for name in wall_names]
+    current = [
+        KeptCondition(first[name] or InsulatedCondition(insulated=True), 0) for name in wall_names
+    ]
     resolved = []
     for number, stage in enumerate(loading):
         current = [
@@ -486,48 +635,78 @@ class Stage(Table):
 
     name: Name | None = Field(None, description="name of the stage")
     duration: Time | None = Field(
-        None, description="length of the stage [s], to which its last step is cut; with until: its upper bound"
+        None,
+        description=(
+            "length of the stage [s], to which its last step is cut; with until: its upper bound"
+        ),
     )
     until: Until | None = Field(
         None,
-        description="condition that ends the stage: strain, kinetic_energy_ratio, axial_strain, displacement, force, stress or "
-        "steady",
+        description=(
+            "condition that ends the stage: strain, kinetic_energy_ratio, axial_strain, "
+            "displacement, force, stress or steady"
+        ),
     )
     on_timeout: Annotated[Literal["go on", "stop"], CHANGEABLE] = Field(
         "go on",
-        description='what happens if duration is over before until holds: "go on" with the next stage, or "stop" the run (exit '
-        'code 4; "go on" continues it)',
+        description=(
+            'what happens if duration is over before until holds: "go on" with the next stage, or '
+            '"stop" the run (exit code 4; "go on" continues it)'
+        ),
     )
     dt: TimeStep | None = Field(
         None,
-        description='time step of this stage [s], or "auto"; default: that of [solver]. In a frozen stage: interval at which '
-        "temperatures are evaluated [s], the least between frames and rows; default: the smaller interval of [output]",
+        description=(
+            'time step of this stage [s], or "auto"; default: that of [solver]. In a frozen '
+            "stage: interval at which "
+            "temperatures are evaluated [s], the least between frames and rows; default: the "
+            "smaller interval of [output]"
+        ),
     )
-    solver: StageSolver | None = Field(None, description="tolerances of [solver] to override in this stage")
+    solver: StageSolver | None = Field(
+        None, description="tolerances of [solver] to override in this stage"
+    )
     drives: dict[Name, WallDrives] = Field(
         default_factory=dict,
         max_length=1000,
-        description="drives.NAME = { x = ..., y = ..., spin = ..., surface = ... } for the wall NAME",
+        description=(
+            "drives.NAME = { x = ..., y = ..., spin = ..., surface = ... } for the wall NAME"
+        ),
     )
     contacts: Annotated[tuple[PairFriction, ...], Strict(False)] = Field(
         (),
         max_length=1000,
-        description='friction from this stage on, as [{ pair = ["glass", "*"], friction = 0.0 }]; pairs that are not covered keep '
-        "theirs, and so do restitution, adhesion and rolling_friction",
+        description=(
+            'friction from this stage on, as [{ pair = ["glass", "*"], friction = 0.0 }]; pairs '
+            "that are not covered keep "
+            "theirs, and so do restitution, adhesion and rolling_friction"
+        ),
     )
     gravity: StageGravityTable | None = Field(
         None,
-        description="gravity from this stage on: [gx, gy] [m/s²], each a number or a table with ramp, sine or times, or "
-        "{ angle = ..., magnitude = ... }, the angle in degrees from -y towards +x; default: as at the end of the stage before",
+        description=(
+            "gravity from this stage on: [gx, gy] [m/s²], each a number or a table with ramp, "
+            "sine or times, or { angle = ..., magnitude = ... }, the angle in degrees from -y "
+            "towards +x; default: as at the end of the stage before"
+        ),
     )
     thermal: dict[Name, WallCondition] = Field(
         default_factory=dict,
         max_length=1000,
-        description="thermal.NAME = { temperature = ... }, { flow = ... } or { insulated = true } for the wall NAME, from here on",
+        description=(
+            "thermal.NAME = { temperature = ... }, { flow = ... } or { insulated = true } for the "
+            "wall NAME, from here on"
+        ),
     )
-    frozen: bool = Field(False, description="whether the grains and walls stand still while the heat goes on; needs [heat]")
+    frozen: bool = Field(
+        False,
+        description="whether the grains and walls stand still while the heat goes on; needs [heat]",
+    )
     heat: bool | None = Field(
-        None, description="whether temperatures change in this stage; default: they do if there is a table [heat]"
+        None,
+        description=(
+            "whether temperatures change in this stage; default: they do if there is a table [heat]"
+        ),
     )
 
     @model_validator(mode="after")
@@ -535,7 +714,11 @@ class Stage(Table):
         if self.duration is None and self.until is None:
             raise Refused((), "the stage has no end", "give duration [s] or until")
         if self.duration is None and not isinstance(self.until, UntilStrain):
-            raise Refused(("until",), "a stage that waits for this may never end", "give duration [s] too, as its upper bound")
+            raise Refused(
+                ("until",),
+                "a stage that waits for this may never end",
+                "give duration [s] too, as its upper bound",
+            )
         window = window_of(self.until)
         if window is not None and self.duration is not None and window > self.duration:
             what = f"no window of {window:g} s ends within the duration of {self.duration:g} s"
@@ -545,8 +728,16 @@ class Stage(Table):
     @model_validator(mode="after")
     def _may_time_out(self) -> Self:
         if self.on_timeout == "stop" and (self.until is None or self.duration is None):
-            missing = "until: its duration is no upper bound" if self.until is None else "duration: it cannot run out of time"
-            raise Refused(("on_timeout",), f'on_timeout = "stop" has no effect without {missing}', "add it, or remove on_timeout")
+            missing = (
+                "until: its duration is no upper bound"
+                if self.until is None
+                else "duration: it cannot run out of time"
+            )
+            raise Refused(
+                ("on_timeout",),
+                f'on_timeout = "stop" has no effect without {missing}',
+                "add it, or remove on_timeout",
+            )
         return self
 
     @model_validator(mode="after")
@@ -560,19 +751,30 @@ class Stage(Table):
                 "give the interval at which temperatures are evaluated [s], or remove dt",
             )
         if self.heat is False:
-            raise Refused(("heat",), "nothing happens in a stage with frozen = true and heat = false", "remove one of the two")
+            raise Refused(
+                ("heat",),
+                "nothing happens in a stage with frozen = true and heat = false",
+                "remove one of the two",
+            )
         for key in ("until", "drives", "contacts", "gravity", "solver"):
             if getattr(self, key):
-                raise Refused((key,), f"{key} has no meaning with frozen = true: nothing moves", f"remove {key} or frozen")
+                raise Refused(
+                    (key,),
+                    f"{key} has no meaning with frozen = true: nothing moves",
+                    f"remove {key} or frozen",
+                )
         return self
 
 
 def frozen_dt(stage: Stage, output: Output) -> float:
     """Interval at which temperatures are evaluated in a frozen stage [s].
 
-    That of the stage, or the smaller interval of ``output``; shortened so that the duration is a whole number of intervals.
+    That of the stage, or the smaller interval of ``output``; shortened so that the duration is a
+    whole number of intervals.
     """
     assert stage.duration is not None  # a frozen stage has no other end
     assert stage.dt != "auto"  # nor an automatic time step
-    longest = stage.dt if stage.dt is not None else min(output.series_interval, output.frame_interval)
+    longest = (
+        stage.dt if stage.dt is not None else min(output.series_interval, output.frame_interval)
+    )
     return stage.duration / max(1, math.ceil(stage.duration / longest * (1.0 - 1e-9)))

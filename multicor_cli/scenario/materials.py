@@ -1,4 +1,6 @@
-"""Materials, the contact laws of pairs of them, and ``[heat]``: which mechanisms carry heat, and its integration."""
+"""Materials, the contact laws of pairs of them, and ``[heat]``: which mechanisms carry heat, and
+its integration.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,16 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 from pydantic_core.core_schema import no_info_after_validator_function
 
-from multicor_cli.scenario.base import Fraction, Friction, Kelvin, Table, Time, Vector, one_of, require_ascending
+from multicor_cli.scenario.base import (
+    Fraction,
+    Friction,
+    Kelvin,
+    Table,
+    Time,
+    Vector,
+    one_of,
+    require_ascending,
+)
 from multicor_cli.scenario.problems import Refused
 
 # ---- `[heat]`: which mechanisms carry heat, and how temperatures are integrated
@@ -31,7 +42,8 @@ ROOM_TEMPERATURE = 293.15
 NEEDS_POROSITY = ("gunn", "li-mason")
 GUNN_POROSITY = (0.35, 1.0)
 LEAST_CONTRAST = 10.0
-"""Smallest ratio of the conductivities of solid and gas for which the formula of Batchelor & O'Brien holds."""
+"""Smallest ratio of the conductivities of solid and gas for which the formula of Batchelor &
+O'Brien holds."""
 
 EQUAL = 1.1
 """Largest ratio of radii that counts as equal."""
@@ -54,7 +66,9 @@ Need = tuple[str, tuple[str, ...]]
 
 
 class MechanismTable(Table):
-    """A table of ``[heat]`` that switches on the mechanism of its key in `multicor_cli.engine.heat.settings.MECHANISMS`."""
+    """A table of ``[heat]`` that switches on the mechanism of its key in
+    `multicor_cli.engine.heat.settings.MECHANISMS`.
+    """
 
     def needs(self, *, is_of_grains: bool) -> tuple[str, ...]:
         """Properties that it needs of a material of grains, or of walls alone."""
@@ -79,18 +93,28 @@ class PrescribedForce(Table):
 
 Force = Annotated[
     Annotated[AverageForce, Tag("<average>")] | Annotated[PrescribedForce, Tag("<prescribed>")],
-    one_of("force is a table with", "average", "prescribed", more="; without it, the force of each step counts"),
+    one_of(
+        "force is a table with",
+        "average",
+        "prescribed",
+        more="; without it, the force of each step counts",
+    ),
 ]
 
 
 class GasTable(MechanismTable):
     """Stagnant gas in the gaps between grains, and between grains and walls."""
 
-    conductivity: FluidConductivity = Field(description="thermal conductivity of the gas [W/(m K)], for air 0.026")
+    conductivity: FluidConductivity = Field(
+        description="thermal conductivity of the gas [W/(m K)], for air 0.026"
+    )
     model: Literal["parallel", "batchelor", "vargas"] = Field(
         "parallel",
-        description='conductance of a gap: "parallel" (flux along the axis, exact), "batchelor" (Batchelor & O\'Brien, solids at '
-        'least ten times as conductive as the gas) or "vargas" (Vargas & McCarthy, equal grains that touch)',
+        description=(
+            'conductance of a gap: "parallel" (flux along the axis, exact), "batchelor" '
+            "(Batchelor & O'Brien, solids at least ten times as conductive as the gas) or "
+            '"vargas" (Vargas & McCarthy, equal grains that touch)'
+        ),
     )
     reach: Reach = Field(_REACH, description="largest gap that conducts, over the smaller radius")
 
@@ -99,10 +123,19 @@ class GasTable(MechanismTable):
         return _SPOT
 
     def check_material(self, name: str, material: Material) -> Iterator[Refused]:
-        """The formula of Batchelor & O'Brien holds for solids that conduct much better than the gas."""
+        """The formula of Batchelor & O'Brien holds for solids that conduct much better than the
+        gas.
+        """
         solid = material.conductivity
-        if self.model == "batchelor" and solid is not None and solid < LEAST_CONTRAST * self.conductivity:
-            least = f'"batchelor" needs solids at least {LEAST_CONTRAST:g} times as conductive as the gas'
+        if (
+            self.model == "batchelor"
+            and solid is not None
+            and solid < LEAST_CONTRAST * self.conductivity
+        ):
+            least = (
+                f'"batchelor" needs solids at least {LEAST_CONTRAST:g} times as conductive as the '
+                "gas"
+            )
             what = f"{least}, '{name}' is {solid / self.conductivity:.3g} times"
             yield Refused(("heat", "gas", "model"), what, 'use "parallel"')
 
@@ -110,7 +143,9 @@ class GasTable(MechanismTable):
         """What is wrong with it for grains of these smallest and largest radii [m]."""
         if self.model != "vargas" or largest <= EQUAL * smallest:
             return []
-        what = f'"vargas" is for grains of equal size, but the radii are {smallest:g} to {largest:g} m'
+        what = (
+            f'"vargas" is for grains of equal size, but the radii are {smallest:g} to {largest:g} m'
+        )
         return [Refused(("heat", "gas", "model"), what, 'use "parallel" or "batchelor"')]
 
 
@@ -118,7 +153,9 @@ class AmbientCoefficient(MechanismTable):
     """Convection with a constant coefficient."""
 
     temperature: Kelvin = Field(description="temperature of the fluid [K]")
-    coefficient: Annotated[float, Field(ge=1e-6, le=1e9)] = Field(description="heat transfer coefficient h [W/(m² K)]")
+    coefficient: Annotated[float, Field(ge=1e-6, le=1e9)] = Field(
+        description="heat transfer coefficient h [W/(m² K)]"
+    )
 
 
 class AmbientCorrelation(MechanismTable):
@@ -126,34 +163,63 @@ class AmbientCorrelation(MechanismTable):
 
     temperature: Kelvin = Field(description="temperature of the fluid [K]")
     correlation: Literal["ranz-marshall", "whitaker", "gunn", "li-mason"] = Field(
-        description='correlation of the Nusselt number: "ranz-marshall", "whitaker" (single spheres), "gunn" or "li-mason" (beds)'
+        description=(
+            'correlation of the Nusselt number: "ranz-marshall", "whitaker" (single spheres), '
+            '"gunn" or "li-mason" (beds)'
+        )
     )
-    conductivity: FluidConductivity = Field(description="thermal conductivity of the fluid [W/(m K)]")
-    viscosity: Annotated[float, Field(ge=1e-9, le=1e3)] = Field(description="kinematic viscosity of the fluid [m²/s]")
-    prandtl: Annotated[float, Field(ge=1e-4, le=1e6)] = Field(description="Prandtl number of the fluid, for air 0.7")
+    conductivity: FluidConductivity = Field(
+        description="thermal conductivity of the fluid [W/(m K)]"
+    )
+    viscosity: Annotated[float, Field(ge=1e-9, le=1e3)] = Field(
+        description="kinematic viscosity of the fluid [m²/s]"
+    )
+    prandtl: Annotated[float, Field(ge=1e-4, le=1e6)] = Field(
+        description="Prandtl number of the fluid, for air 0.7"
+    )
     porosity: Annotated[float, Field(gt=0.0, le=1.0)] | None = Field(
-        None, description='volume fraction of the fluid; for "gunn" (0.35 to 1) and "li-mason", required there'
+        None,
+        description=(
+            'volume fraction of the fluid; for "gunn" (0.35 to 1) and "li-mason", required there'
+        ),
     )
     velocity: Vector = Field(
-        (0.0, 0.0), description="velocity of the fluid [m/s]; the Reynolds number takes each grain's velocity relative to it"
+        (0.0, 0.0),
+        description=(
+            "velocity of the fluid [m/s]; the Reynolds number takes each grain's velocity "
+            "relative to it"
+        ),
     )
 
     @model_validator(mode="after")
     def _check_porosity(self) -> Self:
         name = f'correlation = "{self.correlation}"'
         if self.correlation in NEEDS_POROSITY and self.porosity is None:
-            raise Refused((), f"{name} needs the porosity", "add porosity, the volume fraction of the fluid, as 0.4")
+            raise Refused(
+                (),
+                f"{name} needs the porosity",
+                "add porosity, the volume fraction of the fluid, as 0.4",
+            )
         if self.correlation not in NEEDS_POROSITY and self.porosity is not None:
-            raise Refused(("porosity",), f"porosity has no meaning for {name}", 'remove it, or use "gunn" or "li-mason"')
+            raise Refused(
+                ("porosity",),
+                f"porosity has no meaning for {name}",
+                'remove it, or use "gunn" or "li-mason"',
+            )
         low, high = GUNN_POROSITY
-        if self.correlation == "gunn" and self.porosity is not None and not low <= self.porosity <= high:
+        if (
+            self.correlation == "gunn"
+            and self.porosity is not None
+            and not low <= self.porosity <= high
+        ):
             what = f"{name} holds for a porosity of {low:g} to {high:g}, is {self.porosity:g}"
             raise Refused(("porosity",), what, 'use "li-mason" for denser beds')
         return self
 
 
 Ambient = Annotated[
-    Annotated[AmbientCoefficient, Tag("<coefficient>")] | Annotated[AmbientCorrelation, Tag("<correlation>")],
+    Annotated[AmbientCoefficient, Tag("<coefficient>")]
+    | Annotated[AmbientCorrelation, Tag("<correlation>")],
     one_of("ambient is a table with temperature and", "coefficient", "correlation"),
 ]
 
@@ -165,19 +231,34 @@ def _default_reach(data: dict[str, object]) -> float | None:
 class RadiationTable(MechanismTable):
     """Thermal radiation of gray grains."""
 
-    surroundings: Kelvin | None = Field(None, description="temperature of the surroundings, a black body [K]; default: none")
-    neighbors: bool = Field(False, description="whether grains and walls within reach exchange radiation")
+    surroundings: Kelvin | None = Field(
+        None, description="temperature of the surroundings, a black body [K]; default: none"
+    )
+    neighbors: bool = Field(
+        False, description="whether grains and walls within reach exchange radiation"
+    )
     reach: Reach | None = Field(
         default_factory=_default_reach,
-        description="largest gap across which neighbors exchange radiation, over the smaller radius; default: 0.4",
+        description=(
+            "largest gap across which neighbors exchange radiation, over the smaller radius; "
+            "default: 0.4"
+        ),
     )
 
     @model_validator(mode="after")
     def _radiates(self) -> Self:
         if self.surroundings is None and not self.neighbors:
-            raise Refused((), "there is nothing to exchange radiation with", "give surroundings [K], or neighbors = true")
+            raise Refused(
+                (),
+                "there is nothing to exchange radiation with",
+                "give surroundings [K], or neighbors = true",
+            )
         if self.reach is not None and not self.neighbors:
-            raise Refused(("reach",), "reach has no meaning without neighbors = true", "remove it, or add neighbors = true")
+            raise Refused(
+                ("reach",),
+                "reach has no meaning without neighbors = true",
+                "remove it, or add neighbors = true",
+            )
         return self
 
     def needs(self, *, is_of_grains: bool) -> tuple[str, ...]:
@@ -188,42 +269,77 @@ class RadiationTable(MechanismTable):
 class Heat(Table):
     """``[heat]``: its presence switches temperatures on."""
 
-    temperature: Kelvin = Field(ROOM_TEMPERATURE, description="initial temperature of all grains [K]")
+    temperature: Kelvin = Field(
+        ROOM_TEMPERATURE, description="initial temperature of all grains [K]"
+    )
     conduction: Literal["hertz", "rough", "none"] = Field(
-        "hertz", description='conductance of contacts: "hertz" (smooth grains), "rough" (Bahrami & Yovanovich) or "none"'
+        "hertz",
+        description=(
+            'conductance of contacts: "hertz" (smooth grains), "rough" (Bahrami & Yovanovich) or '
+            '"none"'
+        ),
     )
     force: Force | None = Field(
         None,
-        description="normal force that makes the contact spot: { average = 0.01 } (over a time [s]) or { prescribed = 1.0 } [N]; "
-        "default: that of each step",
+        description=(
+            "normal force that makes the contact spot: { average = 0.01 } (over a time [s]) or { "
+            "prescribed = 1.0 } [N]; default: that of each step"
+        ),
     )
     friction: Literal["energy", "sliding", "none"] = Field(
         "energy",
-        description='heat of friction: "energy" (the work lost, exact), "sliding" (μ |u_t| r_n at the end of the step) or "none"',
+        description=(
+            'heat of friction: "energy" (the work lost, exact), "sliding" (μ |u_t| r_n at the end '
+            'of the step) or "none"'
+        ),
     )
     impact: bool = Field(False, description="whether the energy lost in impacts becomes heat too")
     partition: Literal["effusivity", "conductivity", "half", "electrothermal"] = Field(
         "effusivity", description="how the heat of a contact is shared by the two bodies"
     )
     collisional: bool = Field(
-        False, description="whether a contact that is new in a step conducts by the formula for impacts (Sun & Chen)"
+        False,
+        description=(
+            "whether a contact that is new in a step conducts by the formula for impacts (Sun & "
+            "Chen)"
+        ),
     )
     gas: GasTable | None = Field(
-        None, description='gas in the gaps, as { conductivity = 0.026, model = "parallel" }; default: vacuum'
+        None,
+        description=(
+            'gas in the gaps, as { conductivity = 0.026, model = "parallel" }; default: vacuum'
+        ),
     )
     ambient: Ambient | None = Field(
-        None, description="convection to a fluid around the grains, as { temperature = 293.15, coefficient = 10.0 }; default: none"
+        None,
+        description=(
+            "convection to a fluid around the grains, as { temperature = 293.15, coefficient = "
+            "10.0 }; default: none"
+        ),
     )
-    radiation: RadiationTable | None = Field(None, description="thermal radiation, as { surroundings = 293.15 }; default: none")
+    radiation: RadiationTable | None = Field(
+        None, description="thermal radiation, as { surroundings = 293.15 }; default: none"
+    )
     integrator: Literal["auto", "explicit", "implicit"] = Field(
         "auto",
-        description='"explicit", "implicit", or "auto": implicit in frozen stages and in steps of many time constants C/ΣH',
+        description=(
+            '"explicit", "implicit", or "auto": implicit in frozen stages and in steps of many '
+            "time constants C/ΣH"
+        ),
     )
     sub_step: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
-        1.0, description="largest sub-step of the explicit integrator over the longest that lets no temperature overshoot, C/(2 ΣH)"
+        1.0,
+        description=(
+            "largest sub-step of the explicit integrator over the longest that lets no "
+            "temperature overshoot, C/(2 ΣH)"
+        ),
     )
     tolerance: Annotated[float, Field(ge=1e-10, le=0.1)] = Field(
-        1e-4, description="largest estimated error of a sub-step of the heat flow, over the spread of the temperatures"
+        1e-4,
+        description=(
+            "largest estimated error of a sub-step of the heat flow, over the spread of the "
+            "temperatures"
+        ),
     )
 
     @property
@@ -256,7 +372,10 @@ class Heat(Table):
         if is_of_grains:
             yield "[heat]", ("heat_capacity",)
         if self.conduction != "none":
-            yield f'conduction = "{self.conduction}"', (*_SPOT, *_ROUGH) if self.conduction == "rough" else _SPOT
+            yield (
+                f'conduction = "{self.conduction}"',
+                (*_SPOT, *_ROUGH) if self.conduction == "rough" else _SPOT,
+            )
         if self.collisional:
             yield "collisional = true", (*_SPOT, "heat_capacity")
         if self.has_sources:
@@ -267,9 +386,17 @@ class Heat(Table):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if self.force is not None and not self.has_spots:
-            raise Refused(("force",), 'force has no meaning with conduction = "none" and without gas', "remove force")
+            raise Refused(
+                ("force",),
+                'force has no meaning with conduction = "none" and without gas',
+                "remove force",
+            )
         if self.collisional and self.conduction == "none":
-            raise Refused(("collisional",), 'collisional = true has no meaning with conduction = "none"', "remove one of the two")
+            raise Refused(
+                ("collisional",),
+                'collisional = true has no meaning with conduction = "none"',
+                "remove one of the two",
+            )
         return self
 
 
@@ -281,7 +408,8 @@ MAX_FRICTION = 10.0
 
 @dataclass(frozen=True)
 class _OfSolids:
-    """A property of solids within bounds, as an annotation; below them it has probably been given in a larger unit.
+    """A property of solids within bounds, as an annotation; below them it has probably been given
+    in a larger unit.
 
     Attributes:
         name: What it is.
@@ -309,19 +437,34 @@ class _OfSolids:
         if not self.low <= value <= self.high:
             meant = f"{1000.0 * value:g}" if self.power == 3 else f"{value:g}e{self.power}"
             hint = f"did you mean {meant} (from {self.origin})?" if value < self.low else right
-            raise Refused((), f"{value:g} {self.unit} is not the {self.name} of a solid ({self.low:g} to {self.high:g})", hint)
+            raise Refused(
+                (),
+                (
+                    f"{value:g} {self.unit} is not the {self.name} of a solid ({self.low:g} to "
+                    f"{self.high:g})"
+                ),
+                hint,
+            )
         return value
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
         return no_info_after_validator_function(self.check, handler(source))
 
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
         return {**handler(schema), "minimum": self.low, "maximum": self.high}
 
 
-Density = Annotated[float, _OfSolids("density", "kg/m³", 1.0, 30_000.0, "for steel 7800", 3, "g/cm³")]
+Density = Annotated[
+    float, _OfSolids("density", "kg/m³", 1.0, 30_000.0, "for steel 7800", 3, "g/cm³")
+]
 Young = Annotated[float, _OfSolids("Young's modulus", "Pa", 1e3, 1e13, "for steel 193e9", 9, "GPa")]
-HeatCapacity = Annotated[float, _OfSolids("heat capacity", "J/(kg K)", 10.0, 1e5, "for steel 500", 3, "J/(g K)")]
+HeatCapacity = Annotated[
+    float, _OfSolids("heat capacity", "J/(kg K)", 10.0, 1e5, "for steel 500", 3, "J/(g K)")
+]
 Hardness = Annotated[float, _OfSolids("hardness", "Pa", 1e5, 1e12, "for steel 2e9", 9, "GPa")]
 
 
@@ -330,23 +473,40 @@ class Material(Table):
 
     density: Density = Field(description="density [kg/m³]")
     young: Young | None = Field(
-        None, description="Young's modulus [Pa]; with poisson it gives the elastic deflection that rigid grains neglect"
+        None,
+        description=(
+            "Young's modulus [Pa]; with poisson it gives the elastic deflection that rigid grains "
+            "neglect"
+        ),
     )
-    poisson: Annotated[float, Field(gt=-1.0, lt=0.5)] | None = Field(None, description="Poisson's ratio, between -1 and 0.5")
+    poisson: Annotated[float, Field(gt=-1.0, lt=0.5)] | None = Field(
+        None, description="Poisson's ratio, between -1 and 0.5"
+    )
 
-    conductivity: Annotated[float, Field(ge=1e-4, le=1e5)] | None = Field(None, description="thermal conductivity [W/(m K)]")
-    heat_capacity: HeatCapacity | None = Field(None, description="specific heat capacity [J/(kg K)]")
-    melting: Kelvin | None = Field(
-        None, description="temperature at which it melts or decays [K]; checks compare temperatures with it"
+    conductivity: Annotated[float, Field(ge=1e-4, le=1e5)] | None = Field(
+        None, description="thermal conductivity [W/(m K)]"
     )
-    emissivity: Annotated[float, Field(gt=0.0, le=1.0)] | None = Field(None, description="emissivity, for radiation")
+    heat_capacity: HeatCapacity | None = Field(
+        None, description="specific heat capacity [J/(kg K)]"
+    )
+    melting: Kelvin | None = Field(
+        None,
+        description=(
+            "temperature at which it melts or decays [K]; checks compare temperatures with it"
+        ),
+    )
+    emissivity: Annotated[float, Field(gt=0.0, le=1.0)] | None = Field(
+        None, description="emissivity, for radiation"
+    )
     roughness: Annotated[float, Field(ge=1e-10, le=1e-2)] | None = Field(
         None, description="rms roughness of the surface [m], for rough contacts"
     )
     asperity_slope: Annotated[float, Field(ge=1e-4, le=10.0)] | None = Field(
         None, description="mean absolute slope of the asperities, for rough contacts"
     )
-    microhardness: Hardness | None = Field(None, description="microhardness [Pa], for rough contacts")
+    microhardness: Hardness | None = Field(
+        None, description="microhardness [Pa], for rough contacts"
+    )
     hardness: Hardness | None = Field(None, description="hardness [Pa], for wear")
     resistivity: Annotated[float, Field(ge=1e-10, le=1e20)] | None = Field(
         None, description='electrical resistivity [Ω m], for partition = "electrothermal"'
@@ -362,7 +522,9 @@ class Material(Table):
     def _both_or_none(self) -> Self:
         if (self.young is None) != (self.poisson is None):
             given, other = ("young", "poisson") if self.poisson is None else ("poisson", "young")
-            raise Refused((given,), f"{given} is given without {other}", f"give {other} too, or neither")
+            raise Refused(
+                (given,), f"{given} is given without {other}", f"give {other} too, or neither"
+            )
         return self
 
 
@@ -372,20 +534,29 @@ def _when_softening(value: float) -> Callable[[dict[str, Any]], float | None]:
 
 
 class Softening(Table):
-    """How a coefficient of friction depends on temperature: times 1 - softening (T - reference), cut to [min, max]."""
+    """How a coefficient of friction depends on temperature: times 1 - softening (T - reference),
+    cut to [min, max].
+    """
 
     softening: Annotated[float, Field(ge=-1.0, le=1.0)] | None = Field(
-        None, description="relative decrease of the coefficient of friction per kelvin [1/K]; needs [heat]"
+        None,
+        description=(
+            "relative decrease of the coefficient of friction per kelvin [1/K]; needs [heat]"
+        ),
     )
     reference: Kelvin | None = Field(
         default_factory=_when_softening(ROOM_TEMPERATURE),
-        description="temperature at which the coefficient is as given [K]; default with softening: 293.15",
+        description=(
+            "temperature at which the coefficient is as given [K]; default with softening: 293.15"
+        ),
     )
     min: Friction | None = Field(
-        default_factory=_when_softening(0.0), description="smallest coefficient of friction; default with softening: 0"
+        default_factory=_when_softening(0.0),
+        description="smallest coefficient of friction; default with softening: 0",
     )
     max: Friction | None = Field(
-        default_factory=_when_softening(MAX_FRICTION), description="largest coefficient of friction; default with softening: 10"
+        default_factory=_when_softening(MAX_FRICTION),
+        description="largest coefficient of friction; default with softening: 10",
     )
 
     @model_validator(mode="after")
@@ -393,9 +564,15 @@ class Softening(Table):
         if self.softening is None:
             for key in ("reference", "min", "max"):
                 if getattr(self, key) is not None:
-                    raise Refused((key,), f"{key} has no meaning without softening", "add softening [1/K], or remove it")
+                    raise Refused(
+                        (key,),
+                        f"{key} has no meaning without softening",
+                        "add softening [1/K], or remove it",
+                    )
         elif self.min is not None and self.max is not None and self.max < self.min:
-            raise Refused(("max",), f"max = {self.max:g} is below min = {self.min:g}", "swap the two")
+            raise Refused(
+                ("max",), f"max = {self.max:g} is below min = {self.min:g}", "swap the two"
+            )
         return self
 
 
@@ -408,13 +585,17 @@ class SofteningFriction(Softening):
     def _is_softening(self) -> Self:
         if self.softening is None:
             raise Refused(
-                (), "the softening of the friction is missing", "add softening [1/K], or give the coefficient as a number"
+                (),
+                "the softening of the friction is missing",
+                "add softening [1/K], or give the coefficient as a number",
             )
         return self
 
 
 class FrictionTable(Softening):
-    """Coefficient of friction that depends on the sliding speed: linear between the rows, constant beyond."""
+    """Coefficient of friction that depends on the sliding speed: linear between the rows, constant
+    beyond.
+    """
 
     speed: Annotated[tuple[Annotated[float, Field(ge=0.0, le=1e12)], ...], Strict(False)] = Field(
         min_length=1, max_length=1000, description="sliding speeds [m/s], ascending"
@@ -430,7 +611,10 @@ class FrictionTable(Softening):
             raise Refused(
                 ("temperature",),
                 "friction is not a table of temperatures",
-                "use { value = 0.5, softening = 1e-3, reference = 293.15 }: it falls by softening per kelvin",
+                (
+                    "use { value = 0.5, softening = 1e-3, reference = 293.15 }: it falls by "
+                    "softening per kelvin"
+                ),
             )
         return data
 
@@ -452,16 +636,22 @@ class FrictionTable(Softening):
 
 
 def _tag_friction(value: Any) -> str:
-    """Discriminator of `AnyFriction`: a table of speeds unless it has the keys of a softening number and none of speeds."""
+    """Discriminator of `AnyFriction`: a table of speeds unless it has the keys of a softening
+    number and none of speeds.
+    """
     if not isinstance(value, dict | BaseModel):
         return "<plain>"
     names = type(value).model_fields if isinstance(value, BaseModel) else value
-    is_table = "speed" in names or "values" in names or not ("value" in names or "softening" in names)
+    is_table = (
+        "speed" in names or "values" in names or not ("value" in names or "softening" in names)
+    )
     return "<speed>" if is_table else "<value>"
 
 
 AnyFriction = Annotated[
-    Annotated[Friction, Tag("<plain>")] | Annotated[SofteningFriction, Tag("<value>")] | Annotated[FrictionTable, Tag("<speed>")],
+    Annotated[Friction, Tag("<plain>")]
+    | Annotated[SofteningFriction, Tag("<value>")]
+    | Annotated[FrictionTable, Tag("<speed>")],
     Discriminator(_tag_friction),
 ]
 MaterialOrAny = Annotated[str, Field(pattern=r"^([A-Za-z0-9_-]+|\*)$", max_length=64)]
@@ -471,11 +661,17 @@ class PairFriction(Table):
     """Friction between two materials; ``"*"`` stands for any material."""
 
     pair: Annotated[tuple[MaterialOrAny, MaterialOrAny], Strict(False)] = Field(
-        description='the two materials, as ["glass", "steel"]; "*" stands for any; the more specific pair wins'
+        description=(
+            'the two materials, as ["glass", "steel"]; "*" stands for any; the more specific pair '
+            "wins"
+        )
     )
     friction: AnyFriction = Field(
-        description="coefficient of friction (0 to 10), or a table: { speed = [...], values = [...] } of the sliding speed [m/s], "
-        "{ value = 0.5, softening = 1e-3 } of the temperature, or both: speed, values and softening"
+        description=(
+            "coefficient of friction (0 to 10), or a table: { speed = [...], values = [...] } of "
+            "the sliding speed [m/s], { value = 0.5, softening = 1e-3 } of the temperature, or "
+            "both: speed, values and softening"
+        )
     )
 
     @property
@@ -484,7 +680,9 @@ class PairFriction(Table):
         if isinstance(self.friction, SofteningFriction):
             return self.friction.value
         # A table begins with the value at the lowest speed.
-        return self.friction.values[0] if isinstance(self.friction, FrictionTable) else self.friction
+        return (
+            self.friction.values[0] if isinstance(self.friction, FrictionTable) else self.friction
+        )
 
     @property
     def softening(self) -> Softening | None:
@@ -504,26 +702,40 @@ class PairFriction(Table):
         return sum(name != "*" for name in self.pair)
 
     def covers(self, a: str, b: str) -> bool:
-        """Whether this entry speaks of contacts between the materials ``a`` and ``b`` (in either order)."""
+        """Whether this entry speaks of contacts between the materials ``a`` and ``b`` (in either
+        order).
+        """
         (p, q) = self.pair
         return (p in ("*", a) and q in ("*", b)) or (p in ("*", b) and q in ("*", a))
 
 
 class ContactPair(PairFriction):
-    """One entry of ``[[contacts]]``: the law between two materials; ``"*"`` stands for any material."""
+    """One entry of ``[[contacts]]``: the law between two materials; ``"*"`` stands for any
+    material.
+    """
 
     restitution: Fraction = Field(0.0, description="coefficient of normal restitution, 0 to 1")
     adhesion: Annotated[float, Field(ge=0.0, le=1e12)] | None = Field(
         None,
-        description="tension that a contact bears F_a [N]; adhesion has no range, it acts while two bodies touch; default: none",
+        description=(
+            "tension that a contact bears F_a [N]; adhesion has no range, it acts while two "
+            "bodies touch; default: none"
+        ),
     )
     rolling_friction: Friction | None = Field(
         None,
-        description="coefficient of rolling resistance (0 to 10): the couple of a contact is at most rolling_friction a* times its "
-        "normal force, with a* = a_i a_j/(a_i + a_j), a_i at a smooth wall; default: none",
+        description=(
+            "coefficient of rolling resistance (0 to 10): the couple of a contact is at most "
+            "rolling_friction a* times its normal force, with a* = a_i a_j/(a_i + a_j), a_i at a "
+            "smooth wall; default: none"
+        ),
     )
     wear: Annotated[float, Field(ge=1e-15, le=1.0)] | None = Field(
-        None, description="Archard's coefficient of wear K: volume = K force distance/hardness; needs [heat]; default: no wear"
+        None,
+        description=(
+            "Archard's coefficient of wear K: volume = K force distance/hardness; needs [heat]; "
+            "default: no wear"
+        ),
     )
 
     @property

@@ -1,6 +1,8 @@
-"""The whole scenario file as one model, in part where some of its tables are wrong, and as a JSON Schema for editors of TOML.
+"""The whole scenario file as one model, in part where some of its tables are wrong, and as a JSON
+Schema for editors of TOML.
 
-Attribute names are the TOML keys, except ``from`` and ``to`` of a rough wall, which are ``start`` and ``end``, and ``variables``.
+Attribute names are the TOML keys, except ``from`` and ``to`` of a rough wall, which are ``start``
+and ``end``, and ``variables``.
 """
 
 from __future__ import annotations
@@ -32,37 +34,55 @@ class ScenarioModel(Table):
         None,
         alias="variables",
         max_length=1000,
-        description="a number by each name, as d = 1e-3; a string that begins with = is an expression and can stand in place of "
-        'any number, as "= 2 * d"',
+        description=(
+            "a number by each name, as d = 1e-3; a string that begins with = is an expression and "
+            "can stand in place of "
+            'any number, as "= 2 * d"'
+        ),
     )
     domain: Domain = Field(description="size, periodicity and gravity")
-    materials: dict[Name, Material] = Field(min_length=1, max_length=MAX_MATERIALS, description="materials by name")
+    materials: dict[Name, Material] = Field(
+        min_length=1, max_length=MAX_MATERIALS, description="materials by name"
+    )
     contacts: Annotated[tuple[ContactPair, ...], Strict(False)] = Field(
         (), max_length=1000, description="contact laws of pairs of materials"
     )
-    start: Start | None = Field(None, description="run from which this one goes on; without it grains and walls start anew")
-    particles: Annotated[tuple[ParticleGroup, ...], Strict(False)] = Field(
-        max_length=1000, description="groups of grains; may be left out with [start]: those of its run"
+    start: Start | None = Field(
+        None, description="run from which this one goes on; without it grains and walls start anew"
     )
-    walls: Annotated[tuple[Wall, ...], Strict(False)] = Field((), max_length=1000, description="walls")
-    outlets: Annotated[tuple[Outlet, ...], Strict(False)] = Field((), max_length=1000, description="where grains leave")
+    particles: Annotated[tuple[ParticleGroup, ...], Strict(False)] = Field(
+        max_length=1000,
+        description="groups of grains; may be left out with [start]: those of its run",
+    )
+    walls: Annotated[tuple[Wall, ...], Strict(False)] = Field(
+        (), max_length=1000, description="walls"
+    )
+    outlets: Annotated[tuple[Outlet, ...], Strict(False)] = Field(
+        (), max_length=1000, description="where grains leave"
+    )
     loading: Annotated[tuple[Stage, ...], Strict(False)] = Field(
         min_length=1, max_length=1000, description="loading stages in time order"
     )
     heat: Heat | None = Field(None, description="heat: its presence switches temperatures on")
-    solver: Solver = Field(default_factory=Solver, description="time step and contact solver; default: all of its defaults")
+    solver: Solver = Field(
+        default_factory=Solver,
+        description="time step and contact solver; default: all of its defaults",
+    )
     output: Output = Field(description="what is written, and how often")
 
     @field_validator("particles")
     @classmethod
-    def _has_grains(cls, groups: tuple[ParticleGroup, ...], info: ValidationInfo) -> tuple[ParticleGroup, ...]:
+    def _has_grains(
+        cls, groups: tuple[ParticleGroup, ...], info: ValidationInfo
+    ) -> tuple[ParticleGroup, ...]:
         """Only a run that cannot be read (yet) leaves a scenario without groups."""
         if not groups and info.data.get("start") is None:
             raise Refused((), "must have at least 1 elements, has 0", "expected: groups of grains")
         return groups
 
 
-# ---- The tables that are valid on their own: one invalid table must not hide what is wrong with the others
+# ---- The tables that are valid on their own: one invalid table must not hide what is wrong with
+#      the others
 
 T = TypeVar("T", bound=Table)
 Context = dict[str, Any]
@@ -121,9 +141,13 @@ class PartialScenario:
 
     @classmethod
     def of_document(cls, data: dict[str, Any], context: Context) -> PartialScenario:
-        """That of a parsed document of which some tables are wrong; ``context`` is that of the validation."""
+        """That of a parsed document of which some tables are wrong; ``context`` is that of the
+        validation.
+        """
         raw = data.get("materials")
-        materials = dict(itertools.islice(raw.items(), _MAX_TABLES)) if isinstance(raw, dict) else {}
+        materials = (
+            dict(itertools.islice(raw.items(), _MAX_TABLES)) if isinstance(raw, dict) else {}
+        )
         return cls(
             _table(Domain, data.get("domain"), context),
             list(raw) if isinstance(raw, dict) else [],
@@ -168,7 +192,9 @@ def _tables(model: type[T], raw: Any, context: Context) -> list[T | None]:
 def _names(raw: Any) -> list[str | None]:
     if len(raw if isinstance(raw, list) else ()) > _MAX_TABLES:
         return [None]  # not all names are known
-    names = [element.get("name") if isinstance(element, dict) else None for element in _elements(raw)]
+    names = [
+        element.get("name") if isinstance(element, dict) else None for element in _elements(raw)
+    ]
     return [name if isinstance(name, str) else None for name in names]
 
 
@@ -178,8 +204,12 @@ SCHEMA_DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def scenario_schema() -> dict[str, Any]:
-    """The JSON Schema of scenario files; what the tables must have in common is left to `load_scenario`."""
-    schema: dict[str, Any] = _with_expressions(_plain(ScenarioModel.model_json_schema(by_alias=True)))
+    """The JSON Schema of scenario files; what the tables must have in common is left to
+    `load_scenario`.
+    """
+    schema: dict[str, Any] = _with_expressions(
+        _plain(ScenarioModel.model_json_schema(by_alias=True))
+    )
     schema.pop("description", None)
     schema["required"].remove("particles")
     return {
@@ -197,7 +227,9 @@ def schema_text() -> str:
 
 
 def _plain(node: Any) -> Any:
-    """The schema without null, which TOML does not have, without titles, which only repeat the keys, and unwrapped."""
+    """The schema without null, which TOML does not have, without titles, which only repeat the
+    keys, and unwrapped.
+    """
     if isinstance(node, list):
         return [_plain(element) for element in node]
     if not isinstance(node, dict):
@@ -216,7 +248,9 @@ def _plain(node: Any) -> Any:
 
 
 def _with_expressions(node: Any) -> Any:
-    """The schema with expressions wherever numbers stand; bounds concern numbers only, patterns strings only."""
+    """The schema with expressions wherever numbers stand; bounds concern numbers only, patterns
+    strings only.
+    """
     if isinstance(node, list):
         return [_with_expressions(element) for element in node]
     if not isinstance(node, dict):

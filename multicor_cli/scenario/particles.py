@@ -1,4 +1,6 @@
-"""Groups of free grains: sizes, how they are placed, temperatures, how they come and go, and what comes from another run."""
+"""Groups of free grains: sizes, how they are placed, temperatures, how they come and go, and what
+comes from another run.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,15 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Discriminator, Field, Strict, Tag, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    Discriminator,
+    Field,
+    Strict,
+    Tag,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from multicor_cli.files import LARGEST_RECORD, read_regular
 from multicor_cli.scenario.base import (
@@ -33,7 +43,15 @@ from multicor_cli.scenario.base import (
     require_ascending,
 )
 from multicor_cli.scenario.problems import Refused
-from multicor_cli.scenario.region import AnnulusRegion, AnyRegion, CircleRegion, PolygonRegion, RectangleRegion, Region, tag_kind
+from multicor_cli.scenario.region import (
+    AnnulusRegion,
+    AnyRegion,
+    CircleRegion,
+    PolygonRegion,
+    RectangleRegion,
+    Region,
+    tag_kind,
+)
 from multicor_cli.scenario.settings import Domain
 
 # ---- Distributions of the radii of grains
@@ -43,7 +61,11 @@ MAX_SIZE_RATIO = 1000.0
 
 class _Sizes(Table):
     by: Literal["number", "mass"] = Field(
-        "number", description='whether the distribution is one of the number or of the mass of grains: "number" or "mass"'
+        "number",
+        description=(
+            'whether the distribution is one of the number or of the mass of grains: "number" or '
+            '"mass"'
+        ),
     )
 
 
@@ -51,9 +73,13 @@ class ListSizes(_Sizes):
     """A list of radii, each with its fraction."""
 
     kind: Literal["list"]
-    radii: Annotated[tuple[Radius, ...], Strict(False)] = Field(min_length=1, max_length=1000, description="radii [m]")
+    radii: Annotated[tuple[Radius, ...], Strict(False)] = Field(
+        min_length=1, max_length=1000, description="radii [m]"
+    )
     fractions: Annotated[tuple[Fraction, ...], Strict(False)] | None = Field(
-        None, max_length=1000, description="fraction of each radius, adding up to 1; default: equal fractions"
+        None,
+        max_length=1000,
+        description="fraction of each radius, adding up to 1; default: equal fractions",
     )
 
     @model_validator(mode="after")
@@ -61,10 +87,16 @@ class ListSizes(_Sizes):
         if self.fractions is None:
             return self
         if len(self.fractions) != len(self.radii):
-            raise Refused(("fractions",), f"{len(self.fractions)} fractions for {len(self.radii)} radii", "give one per radius")
+            raise Refused(
+                ("fractions",),
+                f"{len(self.fractions)} fractions for {len(self.radii)} radii",
+                "give one per radius",
+            )
         total = math.fsum(self.fractions)
         if abs(total - 1.0) > 1e-6:
-            raise Refused(("fractions",), f"the fractions add up to {total:g}", "make them add up to 1")
+            raise Refused(
+                ("fractions",), f"the fractions add up to {total:g}", "make them add up to 1"
+            )
         return self
 
     @property
@@ -118,14 +150,20 @@ class LognormalSizes(_Range):
 
     kind: Literal["lognormal"]
     median: Radius = Field(description="median radius before the cut [m], between min and max")
-    sigma: float = Field(ge=1e-6, le=3.0, description="standard deviation of the logarithm of the radius")
+    sigma: float = Field(
+        ge=1e-6, le=3.0, description="standard deviation of the logarithm of the radius"
+    )
 
     @field_validator("median")
     @classmethod
     def _inside(cls, median: float, info: ValidationInfo) -> float:
         low, high = info.data.get("min", median), info.data.get("max", median)
         if not low <= median <= high:
-            raise Refused((), f"the median {median:g} is outside min = {low:g} to max = {high:g}", "put it between the two")
+            raise Refused(
+                (),
+                f"the median {median:g} is outside min = {low:g} to max = {high:g}",
+                "put it between the two",
+            )
         return median
 
 
@@ -134,19 +172,27 @@ class NormalSizes(_Range):
 
     kind: Literal["normal"]
     mean: Radius = Field(description="mean radius before the cut [m], between min and max")
-    sigma: float = Field(ge=1e-12, le=1e4, description="standard deviation of the radius before the cut [m]")
+    sigma: float = Field(
+        ge=1e-12, le=1e4, description="standard deviation of the radius before the cut [m]"
+    )
 
     @field_validator("mean")
     @classmethod
     def _inside(cls, mean: float, info: ValidationInfo) -> float:
         low, high = info.data.get("min", mean), info.data.get("max", mean)
         if not low <= mean <= high:
-            raise Refused((), f"the mean {mean:g} is outside min = {low:g} to max = {high:g}", "put it between the two")
+            raise Refused(
+                (),
+                f"the mean {mean:g} is outside min = {low:g} to max = {high:g}",
+                "put it between the two",
+            )
         return mean
 
 
 class PowerSizes(_Range):
-    """Probability density proportional to radius to the power ``-exponent`` between ``min`` and ``max``."""
+    """Probability density proportional to radius to the power ``-exponent`` between ``min`` and
+    ``max``.
+    """
 
     kind: Literal["power"]
     exponent: float = Field(ge=-20.0, le=20.0, description="exponent p of the density r^-p")
@@ -157,14 +203,26 @@ class TableSizes(Table):
 
     kind: Literal["table"]
     by: Literal["number", "mass"] = Field(
-        "mass", description='whether passing is a share of the mass (a sieve curve) or of the number of grains: "mass" or "number"'
+        "mass",
+        description=(
+            "whether passing is a share of the mass (a sieve curve) or of the number of grains: "
+            '"mass" or "number"'
+        ),
     )
     file: str | None = Field(
-        None, description="CSV file with the columns radius or diameter [m], and passing, in place of the two arrays"
+        None,
+        description=(
+            "CSV file with the columns radius or diameter [m], and passing, in place of the two "
+            "arrays"
+        ),
     )
-    radii: Annotated[tuple[Radius, ...], Strict(False)] = Field((), max_length=100_000, description="radii [m], ascending")
+    radii: Annotated[tuple[Radius, ...], Strict(False)] = Field(
+        (), max_length=100_000, description="radii [m], ascending"
+    )
     passing: Annotated[tuple[Fraction, ...], Strict(False)] = Field(
-        (), max_length=100_000, description="share of the grains that is smaller than each of the radii, from 0 to 1"
+        (),
+        max_length=100_000,
+        description="share of the grains that is smaller than each of the radii, from 0 to 1",
     )
 
     @model_validator(mode="before")
@@ -173,7 +231,10 @@ class TableSizes(Table):
         if not (isinstance(data, dict) and isinstance(data.get("file"), str)):
             return data
         refuse_both(data, "radii", "passing")
-        radius, passing = Column({"radius": 1.0, "diameter": 0.5}, RADIUS_BOUNDS), Column({"passing": 1.0}, FRACTION_BOUNDS)
+        radius, passing = (
+            Column({"radius": 1.0, "diameter": 0.5}, RADIUS_BOUNDS),
+            Column({"passing": 1.0}, FRACTION_BOUNDS),
+        )
         columns = read_columns(data["file"], info, radius, passing)
         return {**data, "file": None, "radii": columns[0], "passing": columns[1]}
 
@@ -189,16 +250,31 @@ class TableSizes(Table):
     @model_validator(mode="after")
     def _check_passing(self) -> Self:
         if len(self.radii) < 2:
-            raise Refused((), "a table of sizes needs two rows at least", "give radii and passing, or file")
+            raise Refused(
+                (), "a table of sizes needs two rows at least", "give radii and passing, or file"
+            )
         if len(self.passing) != len(self.radii):
-            raise Refused(("passing",), f"{len(self.passing)} shares for {len(self.radii)} radii", "give one per radius")
+            raise Refused(
+                ("passing",),
+                f"{len(self.passing)} shares for {len(self.radii)} radii",
+                "give one per radius",
+            )
         if self.passing[0] != 0.0 or self.passing[-1] != 1.0:
             ends = f"passing goes from {self.passing[0]:g} to {self.passing[-1]:g}"
-            raise Refused(("passing",), ends, "begin with the radius that nothing passes, 0, and end with the one that all pass, 1")
+            raise Refused(
+                ("passing",),
+                ends,
+                (
+                    "begin with the radius that nothing passes, 0, and end with the one that all "
+                    "pass, 1"
+                ),
+            )
         for k in range(1, len(self.passing)):
             if self.passing[k] < self.passing[k - 1]:
                 falls = f"passing falls from {self.passing[k - 1]:g} to {self.passing[k]:g}"
-                raise Refused(("passing",), falls, "give the cumulated share that is smaller than each radius")
+                raise Refused(
+                    ("passing",), falls, "give the cumulated share that is smaller than each radius"
+                )
         return self
 
     @property
@@ -229,12 +305,20 @@ class LatticePacking(Table):
     """Grains on the sites of a lattice, row by row from the lower left corner of the region."""
 
     kind: Literal["lattice"]
-    lattice: Literal["triangular", "square"] = Field(description='"triangular" (closest) or "square"')
+    lattice: Literal["triangular", "square"] = Field(
+        description='"triangular" (closest) or "square"'
+    )
     spacing: Length | None = Field(
-        None, description="distance between the centers of neighboring sites [m]; default: the largest diameter"
+        None,
+        description=(
+            "distance between the centers of neighboring sites [m]; default: the largest diameter"
+        ),
     )
     jitter: float = Field(
-        0.0, ge=0.0, le=0.5, description="each grain is put at random within this share of the spacing around its site"
+        0.0,
+        ge=0.0,
+        le=0.5,
+        description="each grain is put at random within this share of the spacing around its site",
     )
 
 
@@ -242,28 +326,47 @@ class RandomPacking(Table):
     """Grains at random places without overlap, the largest first."""
 
     kind: Literal["random"]
-    separation: float = Field(0.0, ge=0.0, le=10.0, description="smallest gap between grains, over the mean diameter")
-    attempts: int = Field(1000, ge=1, le=1_000_000, description="places tried for one grain before giving up")
+    separation: float = Field(
+        0.0, ge=0.0, le=10.0, description="smallest gap between grains, over the mean diameter"
+    )
+    attempts: int = Field(
+        1000, ge=1, le=1_000_000, description="places tried for one grain before giving up"
+    )
 
 
 class DepositedPacking(Table):
-    """Grains dropped one after the other; each rolls down until it rests on two others, a wall or the floor of the region."""
+    """Grains dropped one after the other; each rolls down until it rests on two others, a wall or
+    the floor of the region.
+    """
 
     kind: Literal["deposited"]
 
 
 class CompactedPacking(Table):
-    """A random packing that the engine compacts between a floor and a loaded lid inside the region."""
+    """A random packing that the engine compacts between a floor and a loaded lid inside the
+    region.
+    """
 
     kind: Literal["compacted"]
     pressure: float = Field(
-        ge=1e-12, le=1e12, description="load on the lid: force per length of wall, for the whole thickness of the grains [N/m]"
+        ge=1e-12,
+        le=1e12,
+        description=(
+            "load on the lid: force per length of wall, for the whole thickness of the grains [N/m]"
+        ),
     )
     friction: Friction | None = Field(
-        None, description="coefficient of friction during the compaction (0: densest); default: that of [[contacts]]"
+        None,
+        description=(
+            "coefficient of friction during the compaction (0: densest); default: that of "
+            "[[contacts]]"
+        ),
     )
     kinetic_energy_ratio: Ratio = Field(
-        1e-6, description="compacted when the kinetic energy has fallen to this share of its largest value"
+        1e-6,
+        description=(
+            "compacted when the kinetic energy has fallen to this share of its largest value"
+        ),
     )
 
 
@@ -274,29 +377,42 @@ SourcePacking = Annotated[
 
 
 class TilePacking(Table):
-    """A small packing, periodic in x, repeated in x and y from the lower left corner of the region."""
+    """A small packing, periodic in x, repeated in x and y from the lower left corner of the
+    region.
+    """
 
     kind: Literal["tile"]
-    source: SourcePacking = Field(description="packing of one tile: a lattice, random, deposited or compacted packing")
-    tile: LengthPair = Field(description="width and height of one tile [m]")
-    tile_count: GrainCount | None = Field(None, description="number of grains of one tile (or give tile_fill)")
-    tile_fill: AreaFraction | None = Field(None, description="area fraction of one tile (or give tile_count)")
-    repeat: Annotated[tuple[Annotated[int, Field(ge=1, le=100_000)], Annotated[int, Field(ge=1, le=100_000)]], Strict(False)] = (
-        Field(description="number of tiles in x and in y")
+    source: SourcePacking = Field(
+        description="packing of one tile: a lattice, random, deposited or compacted packing"
     )
+    tile: LengthPair = Field(description="width and height of one tile [m]")
+    tile_count: GrainCount | None = Field(
+        None, description="number of grains of one tile (or give tile_fill)"
+    )
+    tile_fill: AreaFraction | None = Field(
+        None, description="area fraction of one tile (or give tile_count)"
+    )
+    repeat: Annotated[
+        tuple[Annotated[int, Field(ge=1, le=100_000)], Annotated[int, Field(ge=1, le=100_000)]],
+        Strict(False),
+    ] = Field(description="number of tiles in x and in y")
 
     @model_validator(mode="after")
     def _one_count(self) -> Self:
         given = (self.tile_count is not None) + (self.tile_fill is not None)
         if given == 2:
-            raise Refused(("tile_fill",), "both tile_count and tile_fill are given", "give one of them")
+            raise Refused(
+                ("tile_fill",), "both tile_count and tile_fill are given", "give one of them"
+            )
         if given == 0 and not isinstance(self.source, LatticePacking):
             raise Refused((), "neither tile_count nor tile_fill is given", "give one of them")
         return self
 
 
 class FilePacking(Table):
-    """Grains from a CSV or HDF5 file with columns (datasets) x, y, radius and, if wanted, angle, vx, vy, spin."""
+    """Grains from a CSV or HDF5 file with columns (datasets) x, y, radius and, if wanted, angle,
+    vx, vy, spin.
+    """
 
     kind: Literal["file"]
     path: FilePath = Field(description="file (.csv, .h5), relative to the scenario file")
@@ -308,7 +424,9 @@ class RunPacking(Table):
 
     kind: Literal["run"]
     path: FilePath = Field(description="run directory, relative to the scenario file")
-    frame: int = Field(-1, ge=-(10**9), le=10**9, description="index of the frame; -1 is the last one")
+    frame: int = Field(
+        -1, ge=-(10**9), le=10**9, description="index of the frame; -1 is the last one"
+    )
 
 
 class StartPacking(Table):
@@ -318,7 +436,14 @@ class StartPacking(Table):
 
 
 Packing = Annotated[
-    LatticePacking | RandomPacking | DepositedPacking | CompactedPacking | TilePacking | FilePacking | RunPacking | StartPacking,
+    LatticePacking
+    | RandomPacking
+    | DepositedPacking
+    | CompactedPacking
+    | TilePacking
+    | FilePacking
+    | RunPacking
+    | StartPacking,
     Field(discriminator="kind"),
 ]
 
@@ -333,7 +458,9 @@ class GradientTemperature(Table):
     """A temperature that varies linearly from place to place."""
 
     value: Kelvin = Field(description="temperature [K] at the point at")
-    gradient: Annotated[tuple[Number, Number], Strict(False)] = Field(description="change in x and in y [K/m]")
+    gradient: Annotated[tuple[Number, Number], Strict(False)] = Field(
+        description="change in x and in y [K/m]"
+    )
     at: Point = Field((0.0, 0.0), description="point at which the temperature is value [m]")
 
 
@@ -373,8 +500,11 @@ class RegionsTemperature(Table):
     regions: Annotated[tuple[TemperatureRegion, ...], Strict(False)] = Field(
         min_length=1,
         max_length=1000,
-        description="rectangles, circles, annuli or polygons, as [{ min = [0, 0], max = [1, 1], value = 400.0 }, "
-        '{ kind = "circle", center = [0, 0], radius = 1, value = 350.0 }]; later ones win',
+        description=(
+            "rectangles, circles, annuli or polygons, as [{ min = [0, 0], max = [1, 1], value = "
+            "400.0 }, "
+            '{ kind = "circle", center = [0, 0], radius = 1, value = 350.0 }]; later ones win'
+        ),
     )
 
 
@@ -382,14 +512,18 @@ class ValuesTemperature(Table):
     """One temperature for each grain of the group."""
 
     values: Annotated[tuple[Kelvin, ...], Strict(False)] = Field(
-        min_length=1, max_length=MAX_VALUES, description="temperature of each grain of the group [K], in their order"
+        min_length=1,
+        max_length=MAX_VALUES,
+        description="temperature of each grain of the group [K], in their order",
     )
 
 
 class FileTemperature(Table):
     """One temperature for each grain of the group, from a file."""
 
-    file: FilePath = Field(description="text file with one temperature [K] per line, relative to the scenario file")
+    file: FilePath = Field(
+        description="text file with one temperature [K] per line, relative to the scenario file"
+    )
 
 
 Temperature = Annotated[
@@ -400,7 +534,9 @@ Temperature = Annotated[
     | Annotated[FileTemperature, Tag("<file>")],
     one_of("a temperature is a number or a table with", "gradient", "regions", "values", "file"),
 ]
-AnyTemperature = float | GradientTemperature | RegionsTemperature | ValuesTemperature | FileTemperature
+AnyTemperature = (
+    float | GradientTemperature | RegionsTemperature | ValuesTemperature | FileTemperature
+)
 
 
 # -- How grains come and go: releases of groups, and outlets
@@ -409,12 +545,17 @@ Rate = Annotated[float, Field(gt=0.0, le=1e12)]
 
 
 class Release(Table):
-    """``release`` of a group: its grains come one after the other, in the order of their numbers."""
+    """``release`` of a group: its grains come one after the other, in the order of their
+    numbers.
+    """
 
     rate: Rate | None = Field(None, description="grains per second [1/s] (or give mass_rate)")
     mass_rate: Rate | None = Field(None, description="mass per second [kg/s] (or give rate)")
     region: RectangleRegion = Field(
-        description="where: grains come at random places wholly inside it that are free; if none is, they wait"
+        description=(
+            "where: grains come at random places wholly inside it that are free; if none is, they "
+            "wait"
+        )
     )
     start: float = Field(0.0, ge=0.0, le=1e12, description="time of the first release [s]")
 
@@ -422,7 +563,11 @@ class Release(Table):
     def _one_rate(self) -> Self:
         given = [key for key in ("rate", "mass_rate") if getattr(self, key) is not None]
         if len(given) != 1:
-            what = "both rate and mass_rate are given" if given else "neither rate nor mass_rate is given"
+            what = (
+                "both rate and mass_rate are given"
+                if given
+                else "neither rate nor mass_rate is given"
+            )
             raise Refused((), what, "give one of them: grains per second, or kilograms per second")
         return self
 
@@ -431,18 +576,25 @@ class Outlet(Table):
     """One entry of ``[[outlets]]``: grains whose centers are inside leave before the next step."""
 
     name: Name = Field(description="name of the outlet")
-    region: RectangleRegion = Field(description="where: deeper than the fastest grain moves in a step")
+    region: RectangleRegion = Field(
+        description="where: deeper than the fastest grain moves in a step"
+    )
     then: Literal["remove", "release"] = Field(
         "remove",
-        description='"remove": grains leave for good; "release": those of groups with a release go back to wait for it, to come '
-        "again as they came first",
+        description=(
+            '"remove": grains leave for good; "release": those of groups with a release go back '
+            "to wait for it, to come "
+            "again as they came first"
+        ),
     )
 
 
-# -- Going on from another run: where the grains of a scenario are at its start, and what groups they belong to
+# -- Going on from another run: where the grains of a scenario are at its start, and what groups
+# they belong to
 
 RECORD = "scenario.resolved.toml"
-"""The scenario of a run in its directory, with all defaults (docs/reference/formats/run-directory.md)."""
+"""The scenario of a run in its directory, with all defaults
+(docs/reference/formats/run-directory.md)."""
 
 KIND = "start"
 """Kind of packing of the groups whose grains come from the run of ``[start]``."""
@@ -454,12 +606,20 @@ _KEPT = ("name", "material", "shape", "thickness", "sizes")
 class Start(Table):
     """``[start]``: the run from which this one goes on."""
 
-    run: FilePath = Field(description="directory of the run to go on from, relative to the scenario file")
+    run: FilePath = Field(
+        description="directory of the run to go on from, relative to the scenario file"
+    )
     at: Literal["end"] | None = Field(
-        None, description='"end" (default): where the run stands, its last checkpoint, exactly; or give frame'
+        None,
+        description=(
+            '"end" (default): where the run stands, its last checkpoint, exactly; or give frame'
+        ),
     )
     frame: int | None = Field(
-        None, ge=-(10**9), le=10**9, description="index of a frame of the run to go on from; -1 is the last one"
+        None,
+        ge=-(10**9),
+        le=10**9,
+        description="index of a frame of the run to go on from; -1 is the last one",
     )
 
     @model_validator(mode="after")
@@ -470,10 +630,11 @@ class Start(Table):
 
 
 def take_groups(document: dict[str, Any], directory: Path) -> bool:
-    """Give a document with ``[start]`` and without ``[[particles]]`` the groups of the run that it names.
+    """Give a document with ``[start]`` and without ``[[particles]]`` the groups of the run that it
+    names.
 
-    What is wrong with the run is not said here but where its grains are read: a run that goes on needs neither any more. Until
-    then a document whose run cannot be read has no groups.
+    What is wrong with the run is not said here but where its grains are read: a run that goes on
+    needs neither any more. Until then a document whose run cannot be read has no groups.
 
     Args:
         document: The parsed document. **Modified.**
@@ -493,7 +654,10 @@ def take_groups(document: dict[str, Any], directory: Path) -> bool:
 def _groups_of(run: Path) -> list[dict[str, Any]]:
     try:
         groups = tomllib.loads(read_regular(run / RECORD, LARGEST_RECORD).decode())["particles"]
-        return [{key: group[key] for key in _KEPT if key in group} | {"packing": {"kind": KIND}} for group in groups]
+        return [
+            {key: group[key] for key in _KEPT if key in group} | {"packing": {"kind": KIND}}
+            for group in groups
+        ]
     except (OSError, ValueError, RecursionError, LookupError, TypeError):
         return []
 
@@ -504,42 +668,76 @@ def _groups_of(run: Path) -> list[dict[str, Any]]:
 class ParticleGroup(Table):
     """One entry of ``[[particles]]``.
 
-    Exactly one of ``count`` and ``fill`` is given, except for packings that bring their own number of grains (file, run, start,
-    tile: neither) and for a lattice, which without them fills the whole region. Grains from a file or a run bring their radii
-    too, so that ``sizes`` and ``region`` are refused there; of a group that goes on, ``sizes`` are those that walls may borrow.
+    Exactly one of ``count`` and ``fill`` is given, except for packings that bring their own number
+    of grains (file, run, start, tile: neither) and for a lattice, which without them fills the
+    whole region. Grains from a file or a run bring their radii too, so that ``sizes`` and
+    ``region`` are refused there; of a group that goes on, ``sizes`` are those that walls may
+    borrow.
     """
 
     name: Name = Field(description="name of the group")
     material: Name = Field(description="name of a [materials.NAME] table")
-    shape: Literal["disc", "sphere"] = Field(description='"disc" (needs thickness) or "sphere"; the same for all groups')
-    thickness: Length | None = Field(None, description="thickness of the discs [m]; required for discs")
-    sizes: Sizes | None = Field(None, description='distribution of the radii, as { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }')
+    shape: Literal["disc", "sphere"] = Field(
+        description='"disc" (needs thickness) or "sphere"; the same for all groups'
+    )
+    thickness: Length | None = Field(
+        None, description="thickness of the discs [m]; required for discs"
+    )
+    sizes: Sizes | None = Field(
+        None,
+        description=(
+            'distribution of the radii, as { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }'
+        ),
+    )
     count: GrainCount | None = Field(None, description="number of grains (or give fill)")
-    fill: AreaFraction | None = Field(None, description="area of the grains over the area of the region (or give count)")
+    fill: AreaFraction | None = Field(
+        None, description="area of the grains over the area of the region (or give count)"
+    )
     region: AnyRegion | None = Field(
         None,
-        description="where the grains are placed: a rectangle { min, max }, or with a kind a circle { center, radius }, an annulus "
-        "{ center, inner, outer } or a polygon { points }; default: the whole domain",
+        description=(
+            "where the grains are placed: a rectangle { min, max }, or with a kind a circle { "
+            "center, radius }, an annulus { center, inner, outer } or a polygon { points }; "
+            "default: the whole domain"
+        ),
     )
     packing: Packing | None = Field(
-        None, description='how the grains are placed at the start, as { kind = "random" }; without it they wait for their release'
+        None,
+        description=(
+            'how the grains are placed at the start, as { kind = "random" }; without it they wait '
+            "for their release"
+        ),
     )
     release: Release | None = Field(
         None,
-        description="how the grains come: { rate = 100.0, region = { min = [...], max = [...] } }, with velocity, spin and "
-        "temperature of the group; with a packing, how they come again after an outlet",
+        description=(
+            "how the grains come: { rate = 100.0, region = { min = [...], max = [...] } }, with "
+            "velocity, spin and temperature of the group; with a packing, how they come again "
+            "after an outlet"
+        ),
     )
-    velocity: Vector = Field((0.0, 0.0), description="initial velocity [m/s], added to any velocity that comes with the packing")
-    spin: Number = Field(0.0, description="initial spin [rad/s], added to any spin that comes with the packing")
+    velocity: Vector = Field(
+        (0.0, 0.0),
+        description="initial velocity [m/s], added to any velocity that comes with the packing",
+    )
+    spin: Number = Field(
+        0.0, description="initial spin [rad/s], added to any spin that comes with the packing"
+    )
     shear_rate: Number = Field(
         0.0,
-        description="initial shear rate [1/s]: adds shear_rate (y - y of the region's middle) to vx, -shear_rate/2 to spin",
+        description=(
+            "initial shear rate [1/s]: adds shear_rate (y - y of the region's middle) to vx, "
+            "-shear_rate/2 to spin"
+        ),
     )
 
     temperature: Temperature | None = Field(
         None,
-        description="initial temperature [K]: a number, or a table with gradient, regions, values or file; default: that of the "
-        "frame for a packing from a run with heat, else that of [heat]",
+        description=(
+            "initial temperature [K]: a number, or a table with gradient, regions, values or "
+            "file; default: that of the frame for a packing from a run with heat, else that of "
+            "[heat]"
+        ),
     )
 
     def placed_in(self, domain: Domain) -> Region:
@@ -554,14 +752,20 @@ class ParticleGroup(Table):
     @model_validator(mode="after")
     def _check_release(self) -> Self:
         if self.packing is None and self.release is None:
-            raise Refused(("packing",), "the group has no packing", 'add packing = { kind = "random" }, or a release')
+            raise Refused(
+                ("packing",),
+                "the group has no packing",
+                'add packing = { kind = "random" }, or a release',
+            )
         if self.release is not None and self.shear_rate:
             what = "grains are released with one velocity, but shear_rate gives each height its own"
             raise Refused(("shear_rate",), what, "remove shear_rate, or release")
         for key in ("region", "fill"):
             if self.packing is None and getattr(self, key) is not None:
                 remedy = "give release.region" if key == "region" else "give count"
-                raise Refused((key,), f"{key} has no meaning for grains that wait for their release", remedy)
+                raise Refused(
+                    (key,), f"{key} has no meaning for grains that wait for their release", remedy
+                )
         return self
 
     @model_validator(mode="after")
@@ -569,18 +773,26 @@ class ParticleGroup(Table):
         if self.shape == "disc" and self.thickness is None:
             raise Refused((), "discs need a thickness", "add thickness [m]")
         if self.shape == "sphere" and self.thickness is not None:
-            raise Refused(("thickness",), "spheres have no thickness", 'remove it, or use shape = "disc"')
+            raise Refused(
+                ("thickness",), "spheres have no thickness", 'remove it, or use shape = "disc"'
+            )
         return self
 
     @model_validator(mode="after")
     def _check_sizes(self) -> Self:
         if not self.brings_grains and self.sizes is None:
             raise Refused(
-                (), "the sizes of the grains are missing", 'add sizes, as { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }'
+                (),
+                "the sizes of the grains are missing",
+                'add sizes, as { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }',
             )
         for key in ("region",) if isinstance(self.packing, StartPacking) else ("sizes", "region"):
             if self.packing is not None and self.brings_grains and getattr(self, key) is not None:
-                raise Refused((key,), f'{key} has no meaning for packing kind = "{self.packing.kind}"', f"remove {key}")
+                raise Refused(
+                    (key,),
+                    f'{key} has no meaning for packing kind = "{self.packing.kind}"',
+                    f"remove {key}",
+                )
         return self
 
     @model_validator(mode="after")
@@ -588,9 +800,27 @@ class ParticleGroup(Table):
         given = [key for key in ("count", "fill") if getattr(self, key) is not None]
         if len(given) == 2:
             raise Refused(("fill",), "both count and fill are given", "give one of them")
-        if given and self.packing is not None and (self.brings_grains or isinstance(self.packing, TilePacking)):
-            remedy = "use tile_count or tile_fill of the packing" if isinstance(self.packing, TilePacking) else "remove it"
-            raise Refused((given[0],), f'{given[0]} has no meaning for packing kind = "{self.packing.kind}"', remedy)
-        if not given and not (self.brings_grains or isinstance(self.packing, TilePacking | LatticePacking)):
-            raise Refused((), "neither count nor fill is given", "give the number of grains or the area fraction of the region")
+        if (
+            given
+            and self.packing is not None
+            and (self.brings_grains or isinstance(self.packing, TilePacking))
+        ):
+            remedy = (
+                "use tile_count or tile_fill of the packing"
+                if isinstance(self.packing, TilePacking)
+                else "remove it"
+            )
+            raise Refused(
+                (given[0],),
+                f'{given[0]} has no meaning for packing kind = "{self.packing.kind}"',
+                remedy,
+            )
+        if not given and not (
+            self.brings_grains or isinstance(self.packing, TilePacking | LatticePacking)
+        ):
+            raise Refused(
+                (),
+                "neither count nor fill is given",
+                "give the number of grains or the area fraction of the region",
+            )
         return self

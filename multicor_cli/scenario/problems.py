@@ -26,7 +26,8 @@ _MAX_LINE = 120
 class Refused(ValueError):
     """Something is wrong at a key, whose position in a file is not known yet.
 
-    It is raised where nothing can go on (validators of tables, packings), and collected where all that is wrong is told at once.
+    It is raised where nothing can go on (validators of tables, packings), and collected where all
+    that is wrong is told at once.
 
     Attributes:
         where: Path of the key, beginning at the table that is looked at; empty: that table itself.
@@ -35,7 +36,9 @@ class Refused(ValueError):
         inside: Where it is in the string at the key: the string, and an offset in it.
     """
 
-    def __init__(self, where: KeyPath, what: str, remedy: str = "", inside: tuple[str, int] | None = None) -> None:
+    def __init__(
+        self, where: KeyPath, what: str, remedy: str = "", inside: tuple[str, int] | None = None
+    ) -> None:
         super().__init__(where, what, remedy, inside)
         self.where, self.what, self.remedy, self.inside = where, what, remedy, inside
 
@@ -53,9 +56,11 @@ class Problem:
 
     Attributes:
         file: Name of the file, or ``--set``; empty for a scenario that comes from none.
-        line: Line, from 1; 0 where there is no position (the file cannot be read, the command line).
+        line: Line, from 1; 0 where there is no position (the file cannot be read, the command
+            line).
         column: Column, from 1; 0 likewise, except inside an expression from the command line.
-        key: Dotted path of the key with 0-based indices, as ``--set`` takes it; empty for the whole file.
+        key: Dotted path of the key with 0-based indices, as ``--set`` takes it; empty for the whole
+            file.
         message: What is wrong, with the value.
         remedy: What to do about it; may be empty.
         source_line: The line of the file (or the argument of ``--set``); empty if there is none.
@@ -76,7 +81,9 @@ class Problem:
         return brief(one_line(": ".join(part for part in (where, self.key, what) if part)))
 
     def excerpt(self) -> str:
-        """The quoted source line with a caret under the column, as two lines; empty if there is no source line."""
+        """The quoted source line with a caret under the column, as two lines; empty if there is no
+        source line.
+        """
         if not self.source_line:
             return ""
         column = max(self.column, 1) - 1
@@ -100,7 +107,9 @@ class ScenarioError(Exception):
 
 
 def format_key(path: KeyPath) -> str:
-    """Dotted form of a path, as ``loading.1.drives.lid``; parts that are not bare keys are quoted."""
+    """Dotted form of a path, as ``loading.1.drives.lid``; parts that are not bare keys are
+    quoted.
+    """
     return ".".join(_format_part(part) for part in path)
 
 

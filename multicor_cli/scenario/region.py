@@ -20,7 +20,11 @@ def above_min(corner: tuple[float, float], info: ValidationInfo) -> tuple[float,
     """The corner ``max`` of a rectangle if it is above and to the right of ``min``."""
     low = info.data.get("min")
     if low is not None and not (corner[0] > low[0] and corner[1] > low[1]):
-        raise Refused((), f"max = {list(corner)} is not above and to the right of min = {list(low)}", "swap the corners")
+        raise Refused(
+            (),
+            f"max = {list(corner)} is not above and to the right of min = {list(low)}",
+            "swap the corners",
+        )
     return corner
 
 
@@ -28,7 +32,10 @@ def simple_polygon(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float
     """The corners of a polygon whose sides meet only at its corners."""
     fault = fault_of_polygon(np.array(points))
     if fault is not None:
-        remedy = "give each corner once, in their order along the outline; the last is joined to the first by itself"
+        remedy = (
+            "give each corner once, in their order along the outline; the last is joined to the "
+            "first by itself"
+        )
         raise Refused((fault[0],), fault[1], remedy)
     return points
 
@@ -115,7 +122,9 @@ class AnnulusRegion(Region):
     def _above_inner(cls, outer: float, info: ValidationInfo) -> float:
         inner = info.data.get("inner")
         if inner is not None and outer <= inner:
-            raise Refused((), f"outer = {outer:g} is not larger than inner = {inner:g}", "swap the two radii")
+            raise Refused(
+                (), f"outer = {outer:g} is not larger than inner = {inner:g}", "swap the two radii"
+            )
         return outer
 
     def area(self) -> Annulus:
@@ -135,7 +144,9 @@ class PolygonRegion(Region):
     """A simple polygon."""
 
     kind: Literal["polygon"]
-    points: Corners = Field(description="corners [m] in their order along the outline, as [[0, 0], [1, 0], [0, 1]]")
+    points: Corners = Field(
+        description="corners [m] in their order along the outline, as [[0, 0], [1, 0], [0, 1]]"
+    )
 
     _simple = field_validator("points")(simple_polygon)
 

@@ -1,4 +1,6 @@
-"""A scenario that has been loaded and found right, with everything that other packages ask about it."""
+"""A scenario that has been loaded and found right, with everything that other packages ask about
+it.
+"""
 
 from __future__ import annotations
 
@@ -30,11 +32,13 @@ NO_FILE = "scenario.toml"
 class Scenario(ScenarioModel):
     """A valid scenario.
 
-    The tables are attributes, named as in the file: ``scenario.domain.size``, ``scenario.particles[0].packing.kind``; all
-    defaults are filled in. Two scenarios are equal if their tables are, wherever they come from.
+    The tables are attributes, named as in the file: ``scenario.domain.size``,
+    ``scenario.particles[0].packing.kind``; all defaults are filled in. Two scenarios are equal if
+    their tables are, wherever they come from.
 
     Attributes:
-        path: The file it comes from; of a scenario that comes from none the name that one would have.
+        path: The file it comes from; of a scenario that comes from none the name that one would
+            have.
         sources: Its text and what has changed it; gives problems found later their positions.
     """
 
@@ -45,37 +49,50 @@ class Scenario(ScenarioModel):
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], directory: str | Path = ".") -> Scenario:
-        """A scenario from Python values: the tables of a file as dicts, its arrays as lists, tuples or arrays of NumPy.
+        """A scenario from Python values: the tables of a file as dicts, its arrays as lists, tuples
+        or arrays of NumPy.
 
-        It is checked as a file is, and messages name the keys. ``"= 2 * d"`` is an expression here too.
+        It is checked as a file is, and messages name the keys. ``"= 2 * d"`` is an expression here
+        too.
 
         Args:
-            data: The tables, as ``{"scenario": {"name": "bed", "seed": 1}, "domain": {…}, …}``. SI units.
+            data: The tables, as ``{"scenario": {"name": "bed", "seed": 1}, "domain": {…}, …}``. SI
+                units.
             directory: To which paths in it are relative.
 
         Raises:
-            ScenarioError: The scenario is wrong, or holds what TOML has no value for; its ``problems`` say all that is wrong.
+            ScenarioError: The scenario is wrong, or holds what TOML has no value for; its
+                ``problems`` say all that is wrong.
         """
         return parse_scenario(to_document(data), Path(directory) / NO_FILE, file="")
 
     def with_(self, changes: Mapping[str, Any]) -> Scenario:
         """A changed copy, checked anew: to the bit what ``--set`` makes of the file.
 
-        Expressions are evaluated again, with changed variables where these change. A seed that was drawn stays.
+        Expressions are evaluated again, with changed variables where these change. A seed that was
+        drawn stays.
 
         Args:
-            changes: Values by dotted keys with 0-based indices, as ``{"loading.1.duration": 2.0, "variables.angle": 26}``; applied
-                in this order, after what the scenario has been changed by before.
+            changes: Values by dotted keys with 0-based indices, as
+                ``{"loading.1.duration": 2.0, "variables.angle": 26}``; applied in this order, after
+                what the scenario has been changed by before.
 
         Raises:
             ScenarioError: There is no such key, or the changed scenario is wrong.
         """
         drawn = to_override("scenario.seed", self.seed)  # it may be "random" in the file
-        return self.with_overrides([drawn, *(to_override(key, value) for key, value in changes.items())])
+        return self.with_overrides(
+            [drawn, *(to_override(key, value) for key, value in changes.items())]
+        )
 
     def with_overrides(self, overrides: Sequence[str]) -> Scenario:
         """As `with_`; the changes as ``--set`` takes them, each ``key=value``."""
-        return parse_scenario(self.sources.text, self.path, [*self.sources.overrides, *overrides], file=self.sources.file)
+        return parse_scenario(
+            self.sources.text,
+            self.path,
+            [*self.sources.overrides, *overrides],
+            file=self.sources.file,
+        )
 
     @property
     def name(self) -> str:
@@ -100,12 +117,18 @@ class Scenario(ScenarioModel):
     @property
     def is_open(self) -> bool:
         """Whether grains may come or go, or end the run by getting lost."""
-        return bool(self.outlets) or self.domain.lost != "ignore" or any(group.release for group in self.particles)
+        return (
+            bool(self.outlets)
+            or self.domain.lost != "ignore"
+            or any(group.release for group in self.particles)
+        )
 
     def law(self, a: str, b: str, stage: int | None = None) -> ContactPair:
-        """The contact law of the materials ``a`` and ``b``: of the entries that cover the pair the most specific.
+        """The contact law of the materials ``a`` and ``b``: of the entries that cover the pair the
+        most specific.
 
-        With the index of a ``stage`` its friction is what the last stage up to this one says that covers the pair.
+        With the index of a ``stage`` its friction is what the last stage up to this one says that
+        covers the pair.
 
         Raises:
             KeyError: No entry covers the pair (only pairs that can touch need one).
@@ -117,7 +140,9 @@ class Scenario(ScenarioModel):
         for earlier in self.loading[: 0 if stage is None else stage + 1]:
             changes = [entry for entry in earlier.contacts if entry.covers(a, b)]
             if changes:
-                law = law.model_copy(update={"friction": max(changes, key=lambda entry: entry.specificity).friction})
+                law = law.model_copy(
+                    update={"friction": max(changes, key=lambda entry: entry.specificity).friction}
+                )
         return law
 
     def glued_sizes(self, wall: Wall) -> AnySizes | None:
@@ -149,21 +174,31 @@ class Scenario(ScenarioModel):
         names = wall_names if wall_names is not None else tuple(wall.name for wall in self.walls)
         return stage_drives(self.loading, names)
 
-    def wall_conditions(self, wall_names: tuple[str, ...] | None = None) -> list[list[KeptCondition]]:
-        """The thermal condition of each wall in each stage; walls in the order of the file, or of ``wall_names``."""
+    def wall_conditions(
+        self, wall_names: tuple[str, ...] | None = None
+    ) -> list[list[KeptCondition]]:
+        """The thermal condition of each wall in each stage; walls in the order of the file, or of
+        ``wall_names``.
+        """
         first = {wall.name: wall.thermal for wall in self.walls}
-        return resolve_conditions(self.loading, first, wall_names if wall_names is not None else tuple(first))
+        return resolve_conditions(
+            self.loading, first, wall_names if wall_names is not None else tuple(first)
+        )
 
     def resolve_path(self, path: str) -> Path:
         """A path of the scenario, which is relative to the directory of its file."""
         return self.path.parent / path
 
     def refuse(self, *refused: Refused) -> ScenarioError:
-        """The error that tells what has been found wrong later, with the positions of the keys, as ``("walls", 1, "geometry")``."""
+        """The error that tells what has been found wrong later, with the positions of the keys, as
+        ``("walls", 1, "geometry")``.
+        """
         return ScenarioError([self.sources.problem(each) for each in refused])
 
     def as_dict(self) -> dict[str, Any]:
-        """All tables with defaults and changes filled in and expressions evaluated; `from_dict` makes an equal scenario of them."""
+        """All tables with defaults and changes filled in and expressions evaluated; `from_dict`
+        makes an equal scenario of them.
+        """
         return self.model_dump(by_alias=True, exclude_none=True)
 
     def resolved_toml(self) -> str:
@@ -173,13 +208,19 @@ class Scenario(ScenarioModel):
         return tomli_w.dumps(self.as_dict())
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Scenario) and all(getattr(self, key) == getattr(other, key) for key in ScenarioModel.model_fields)
+        return isinstance(other, Scenario) and all(
+            getattr(self, key) == getattr(other, key) for key in ScenarioModel.model_fields
+        )
 
     __hash__ = None  # type: ignore[assignment]  # tables hold dictionaries
 
     def __repr__(self) -> str:
         counts = ((self.particles, "group"), (self.walls, "wall"), (self.loading, "stage"))
-        return f"<Scenario {self.name}: {', '.join(count_noun(len(tables), noun) for tables, noun in counts)}, seed {self.seed}>"
+        return (
+            f"<Scenario {self.name}: "
+            f"{', '.join(count_noun(len(tables), noun) for tables, noun in counts)}, seed "
+            f"{self.seed}>"
+        )
 
     __str__ = __repr__
 
@@ -189,17 +230,22 @@ def load_scenario(path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
 
     Args:
         path: The TOML file.
-        overrides: Values set on the command line, each ``key=value`` as in ``loading.1.duration=2.0``.
+        overrides: Values set on the command line, each ``key=value`` as in
+            ``loading.1.duration=2.0``.
 
     Raises:
-        ScenarioError: The file cannot be read or the scenario is wrong; its ``problems`` say all that is wrong.
+        ScenarioError: The file cannot be read or the scenario is wrong; its ``problems`` say all
+            that is wrong.
     """
     path = Path(path)
     return parse_scenario(read_text(path), path, overrides)
 
 
-def parse_scenario(text: str, path: str | Path, overrides: Sequence[str] = (), *, file: str | None = None) -> Scenario:
-    """Check the text of a scenario file; as `load_scenario`, with ``path`` used for messages and relative paths only.
+def parse_scenario(
+    text: str, path: str | Path, overrides: Sequence[str] = (), *, file: str | None = None
+) -> Scenario:
+    """Check the text of a scenario file; as `load_scenario`, with ``path`` used for messages and
+    relative paths only.
 
     Args:
         text: The text.

@@ -6,11 +6,21 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from multicor_cli.scenario.base import CHANGEABLE, Formerly, LengthPair, Table, Time, Tolerance, Vector, tag_word
+from multicor_cli.scenario.base import (
+    CHANGEABLE,
+    Formerly,
+    LengthPair,
+    Table,
+    Time,
+    Tolerance,
+    Vector,
+    tag_word,
+)
 
 MAX_SWEEPS = 10_000_000
 Seed = Annotated[
-    Annotated[int, Field(ge=0, le=2**63 - 1), Tag("<plain>")] | Annotated[Literal["random"], Tag("<word>")],
+    Annotated[int, Field(ge=0, le=2**63 - 1), Tag("<plain>")]
+    | Annotated[Literal["random"], Tag("<word>")],
     Discriminator(tag_word),
 ]
 
@@ -28,21 +38,33 @@ class Header(Table):
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=100)] = Field(
         description="name of the scenario and of its run directory: letters, digits and . _ -"
     )
-    description: Annotated[str, CHANGEABLE] = Field("", max_length=10_000, description="what the scenario is about")
-    seed: Seed = Field(description='seed of all random numbers, or "random": drawn once and recorded')
+    description: Annotated[str, CHANGEABLE] = Field(
+        "", max_length=10_000, description="what the scenario is about"
+    )
+    seed: Seed = Field(
+        description='seed of all random numbers, or "random": drawn once and recorded'
+    )
 
 
 class Domain(Table):
     """``[domain]``: the rectangle [0, w] × [0, h] and what acts everywhere in it."""
 
-    size: LengthPair = Field(description="width and height [m]: where grains are placed; the width is the period if periodic")
+    size: LengthPair = Field(
+        description=(
+            "width and height [m]: where grains are placed; the width is the period if periodic"
+        )
+    )
     periodic: bool = Field(False, description="whether the domain repeats in x")
     gravity: Vector = Field((0.0, -9.81), description="acceleration of gravity [m/s²]")
 
     lost: Literal["ignore", "stop", "remove"] = Field(
         "ignore",
-        description="what happens to a grain whose center is more than the largest diameter outside of this rectangle (in x only "
-        'if it is not periodic): "ignore": nothing; "stop": the run ends (exit code 4); "remove": it is taken out and counted',
+        description=(
+            "what happens to a grain whose center is more than the largest diameter outside of "
+            "this rectangle (in x only "
+            'if it is not periodic): "ignore": nothing; "stop": the run ends (exit code 4); '
+            '"remove": it is taken out and counted'
+        ),
     )
 
     @property
@@ -51,7 +73,9 @@ class Domain(Table):
         return self.size[0] if self.periodic else 0.0
 
     def is_spanned(self, left: float, right: float) -> bool:
-        """Whether an interval of x covers the period exactly (to 1e-9 of it); never if there is none."""
+        """Whether an interval of x covers the period exactly (to 1e-9 of it); never if there is
+        none.
+        """
         return self.period > 0.0 and abs(right - left - self.period) <= 1e-9 * self.period
 
 
@@ -60,56 +84,88 @@ class Solver(Table):
 
     dt: TimeStep = Field(
         "auto",
-        description='time step [s], or "auto": the largest that resolves the pressure, the shear, the motion and the periods of '
-        "signals of each stage",
+        description=(
+            'time step [s], or "auto": the largest that resolves the pressure, the shear, the '
+            "motion and the periods of "
+            "signals of each stage"
+        ),
     )
-    method: Literal["accelerated", "gauss-seidel"] = Field("accelerated", description="global solution of the contacts")
-    local: Literal["exact", "bipotential"] = Field("exact", description="local solution of one contact")
-    tolerance_rms: Tolerance = Field(1e-3, description="rms of the velocity corrections over the reference velocity")
-    tolerance_max: Tolerance = Field(5e-2, description="largest velocity correction over the reference velocity")
-    tolerance_energy: Annotated[Tolerance, Formerly(1e-2)] = Field(5e-3, description="energy error over the reference energy")
+    method: Literal["accelerated", "gauss-seidel"] = Field(
+        "accelerated", description="global solution of the contacts"
+    )
+    local: Literal["exact", "bipotential"] = Field(
+        "exact", description="local solution of one contact"
+    )
+    tolerance_rms: Tolerance = Field(
+        1e-3, description="rms of the velocity corrections over the reference velocity"
+    )
+    tolerance_max: Tolerance = Field(
+        5e-2, description="largest velocity correction over the reference velocity"
+    )
+    tolerance_energy: Annotated[Tolerance, Formerly(1e-2)] = Field(
+        5e-3, description="energy error over the reference energy"
+    )
     max_sweeps: Annotated[int, Formerly(10_000)] = Field(
         50_000, ge=1, le=MAX_SWEEPS, description="largest number of sweeps in a step"
     )
     on_failure: Literal["warn", "error"] = Field(
         "warn", description='what to do if a step does not converge: "warn" or "error" (stop)'
     )
-    threads: Annotated[int, CHANGEABLE] = Field(0, ge=0, le=1024, description="number of threads; 0: all cores")
+    threads: Annotated[int, CHANGEABLE] = Field(
+        0, ge=0, le=1024, description="number of threads; 0: all cores"
+    )
 
 
 class StageSolver(Table):
     """Settings of ``[solver]`` that a stage overrides."""
 
-    tolerance_rms: Tolerance | None = Field(None, description="rms of the velocity corrections over the reference velocity")
-    tolerance_max: Tolerance | None = Field(None, description="largest velocity correction over the reference velocity")
-    tolerance_energy: Tolerance | None = Field(None, description="energy error over the reference energy")
-    max_sweeps: int | None = Field(None, ge=1, le=MAX_SWEEPS, description="largest number of sweeps in a step")
+    tolerance_rms: Tolerance | None = Field(
+        None, description="rms of the velocity corrections over the reference velocity"
+    )
+    tolerance_max: Tolerance | None = Field(
+        None, description="largest velocity correction over the reference velocity"
+    )
+    tolerance_energy: Tolerance | None = Field(
+        None, description="energy error over the reference energy"
+    )
+    max_sweeps: int | None = Field(
+        None, ge=1, le=MAX_SWEEPS, description="largest number of sweeps in a step"
+    )
     on_failure: Literal["warn", "error"] | None = Field(
         None, description='what to do if a step does not converge: "warn" or "error" (stop)'
     )
 
 
 def _series_interval(data: dict[str, Any]) -> float:
-    """Time between rows of the time series unless the scenario says otherwise [s]: ten per frame (but one per step at most)."""
+    """Time between rows of the time series unless the scenario says otherwise [s]: ten per frame
+    (but one per step at most).
+    """
     return float(data["frame_interval"]) / 10.0
 
 
 class Output(Table):
     """``[output]``: what is written, and how often."""
 
-    frame_interval: Time = Field(description="time between frames [s]: each comes after the step nearest to its time")
+    frame_interval: Time = Field(
+        description="time between frames [s]: each comes after the step nearest to its time"
+    )
     series_interval: float = Field(
         default_factory=_series_interval,
         ge=1e-14,
         le=1e12,
-        description="time between rows of the time series [s]; default: frame_interval/10, in whole steps",
+        description=(
+            "time between rows of the time series [s]; default: frame_interval/10, in whole steps"
+        ),
     )
     contacts: bool = Field(True, description="whether frames hold the contact network")
     checkpoint_interval: Annotated[float, CHANGEABLE] = Field(
         60.0,
         ge=1e-3,
         le=1e9,
-        description="wall-clock time between checkpoints [s]; while the run goes on, what is older than the last one can be read",
+        description=(
+            "wall-clock time between checkpoints [s]; while the run goes on, what is older than "
+            "the last one can be read"
+        ),
     )
     precision: Literal["double", "single"] = Field("double", description="precision of the frames")
 

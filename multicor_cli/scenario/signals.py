@@ -33,16 +33,28 @@ class RampSignal(Table):
 class SineWave(Table):
     """``mean + amplitude sin(2π t/period + phase)``."""
 
-    mean: Number = Field(0.0, description="the constant part, in the unit of what follows the signal")
-    amplitude: Number = Field(description="what the sine adds to or takes from the mean at most, in the same unit")
+    mean: Number = Field(
+        0.0, description="the constant part, in the unit of what follows the signal"
+    )
+    amplitude: Number = Field(
+        description="what the sine adds to or takes from the mean at most, in the same unit"
+    )
     period: Time | None = Field(None, description="time of one oscillation [s]; or give frequency")
-    frequency: Time | None = Field(None, description="oscillations in a second [1/s]; or give period")
-    phase: Annotated[float, Field(ge=-1e6, le=1e6)] = Field(0.0, description="angle of the sine at the start of the stage [rad]")
+    frequency: Time | None = Field(
+        None, description="oscillations in a second [1/s]; or give period"
+    )
+    phase: Annotated[float, Field(ge=-1e6, le=1e6)] = Field(
+        0.0, description="angle of the sine at the start of the stage [rad]"
+    )
 
     @model_validator(mode="after")
     def _one_rate(self) -> Self:
         if (self.period is None) == (self.frequency is None):
-            both = "both period and frequency are given" if self.period is not None else "neither period nor frequency is given"
+            both = (
+                "both period and frequency are given"
+                if self.period is not None
+                else "neither period nor frequency is given"
+            )
             raise Refused((), both, "give one of them: period [s] or frequency [1/s]")
         return self
 
@@ -55,17 +67,27 @@ class SineWave(Table):
 class SineSignal(Table):
     """A sine of the time since the start of the stage."""
 
-    sine: SineWave = Field(description="{ mean = 0, amplitude, period or frequency, phase = 0 }, in s or 1/s, phase in rad")
+    sine: SineWave = Field(
+        description=(
+            "{ mean = 0, amplitude, period or frequency, phase = 0 }, in s or 1/s, phase in rad"
+        )
+    )
 
 
 class TableSignal(Table):
     """Linear between the rows of a table, constant before the first and after the last."""
 
-    file: str | None = Field(None, description="CSV file with the columns time [s] and value, in place of the two arrays")
-    times: Annotated[tuple[Annotated[float, Field(ge=TIME_BOUNDS[0], le=TIME_BOUNDS[1])], ...], Strict(False)] = Field(
+    file: str | None = Field(
+        None, description="CSV file with the columns time [s] and value, in place of the two arrays"
+    )
+    times: Annotated[
+        tuple[Annotated[float, Field(ge=TIME_BOUNDS[0], le=TIME_BOUNDS[1])], ...], Strict(False)
+    ] = Field(
         (), max_length=100_000, description="times since the start of the stage [s], ascending"
     )
-    values: Annotated[tuple[Number, ...], Strict(False)] = Field((), max_length=100_000, description="value at each of the times")
+    values: Annotated[tuple[Number, ...], Strict(False)] = Field(
+        (), max_length=100_000, description="value at each of the times"
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -73,7 +95,12 @@ class TableSignal(Table):
         if not (isinstance(data, dict) and isinstance(data.get("file"), str)):
             return data
         refuse_both(data, "times", "values")
-        times, values = read_columns(data["file"], info, Column({"time": 1.0}, TIME_BOUNDS), Column({"value": 1.0}, NUMBER_BOUNDS))
+        times, values = read_columns(
+            data["file"],
+            info,
+            Column({"time": 1.0}, TIME_BOUNDS),
+            Column({"value": 1.0}, NUMBER_BOUNDS),
+        )
         return {**data, "file": None, "times": times, "values": values}
 
     @field_validator("times")
@@ -87,7 +114,11 @@ class TableSignal(Table):
         if not self.times:
             raise Refused((), "a table needs one row at least", "give times and values, or file")
         if len(self.times) != len(self.values):
-            raise Refused(("values",), f"{len(self.values)} values for {len(self.times)} times", "give one value per time")
+            raise Refused(
+                ("values",),
+                f"{len(self.values)} values for {len(self.times)} times",
+                "give one value per time",
+            )
         return self
 
 
@@ -96,7 +127,14 @@ Signal = Annotated[
     | Annotated[RampSignal, Tag("<ramp>")]
     | Annotated[SineSignal, Tag("<sine>")]
     | Annotated[TableSignal, Tag("<times>")],
-    one_of("a signal is a number or a table with", "ramp", "sine", "times", "file", tags={"file": "times"}),
+    one_of(
+        "a signal is a number or a table with",
+        "ramp",
+        "sine",
+        "times",
+        "file",
+        tags={"file": "times"},
+    ),
 ]
 AnySignal = float | RampSignal | SineSignal | TableSignal
 
@@ -109,7 +147,9 @@ def first_level(signal: AnySignal) -> float:
 
 
 def levels(signal: AnySignal) -> tuple[float, ...]:
-    """Values that tell whether a signal is always zero; the last one is where a ramp or a table ends."""
+    """Values that tell whether a signal is always zero; the last one is where a ramp or a table
+    ends.
+    """
     if isinstance(signal, RampSignal):
         return signal.ramp
     if isinstance(signal, SineSignal):

@@ -1,4 +1,6 @@
-"""Where a scenario comes from, its text and what the command line has set, and where in it the keys are: positions of problems."""
+"""Where a scenario comes from, its text and what the command line has set, and where in it the keys
+are: positions of problems.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +16,8 @@ from multicor_cli.scenario.problems import OVERRIDE, KeyPath, Problem, Refused, 
 
 # ---- Where the keys of a TOML document are: path of a key → line and column.
 #
-# `tomllib` tells positions of syntax errors only. This scanner walks over a document that `tomllib` has accepted and notes where
-# each key and each array element begins.
+# `tomllib` tells positions of syntax errors only. This scanner walks over a document that `tomllib`
+# has accepted and notes where each key and each array element begins.
 
 _BARE = re.compile(r"[A-Za-z0-9_-]++")
 _BLANKS = re.compile(r"[ \t]*+")
@@ -33,10 +35,13 @@ _STRING_TEXT = "|".join(
 )
 _STRING = re.compile(_STRING_TEXT, re.DOTALL)
 _PART_TEXT = rf"(?:[A-Za-z0-9_-]++|{_STRING_TEXT})"
-_DOTTED_KEY = re.compile(rf"[ \t]*+{_PART_TEXT}(?:[ \t]*+\.[ \t]*+{_PART_TEXT})*+[ \t]*+=", re.DOTALL)
+_DOTTED_KEY = re.compile(
+    rf"[ \t]*+{_PART_TEXT}(?:[ \t]*+\.[ \t]*+{_PART_TEXT})*+[ \t]*+=", re.DOTALL
+)
 
 MAX_NESTING = 32
-# The last two tokens: a string without end (then the rest of the document does not matter), and anything else.
+# The last two tokens: a string without end (then the rest of the document does not matter), and
+# anything else.
 _NESTING = re.compile(
     rf"(?P<chain>(?:{_PART_TEXT}[ \t]*+\.[ \t]*+){{{MAX_NESTING}}})"
     rf"|(?:{_STRING_TEXT})|#[^\n]*+|(?P<open>[\[{{])|(?P<close>[\]}}])|[\"'].*+|[^\s\"'#\[\]{{}}]++",
@@ -45,9 +50,11 @@ _NESTING = re.compile(
 
 
 def find_deep_nesting(text: str) -> int | None:
-    """Offset at which arrays, tables or dotted keys are nested more than `MAX_NESTING` deep, or ``None``.
+    """Offset at which arrays, tables or dotted keys are nested more than `MAX_NESTING` deep, or
+    ``None``.
 
-    Runs before the parser, which is recursive and needs time that grows with the square of the length of a dotted key.
+    Runs before the parser, which is recursive and needs time that grows with the square of the
+    length of a dotted key.
     """
     depth = 0
     for token in _NESTING.finditer(text):
@@ -84,8 +91,9 @@ class Lines:
 def locate_keys(text: str) -> dict[KeyPath, int]:
     """Offset at which each key and array element of a TOML document begins.
 
-    Tables have the offset of their header (elements of an array of tables that of theirs), or of the first key that brings them
-    into being; keys that of the whole dotted key they are part of; array elements that of their value.
+    Tables have the offset of their header (elements of an array of tables that of theirs), or of
+    the first key that brings them into being; keys that of the whole dotted key they are part of;
+    array elements that of their value.
 
     Args:
         text: A document that `tomllib` accepts, nested at most `MAX_NESTING` deep.
@@ -96,7 +104,9 @@ def locate_keys(text: str) -> dict[KeyPath, int]:
 
 
 class _Scanner:
-    """Recursive descent over a valid document; each method starts where the one before has stopped."""
+    """Recursive descent over a valid document; each method starts where the one before has
+    stopped.
+    """
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -124,7 +134,9 @@ class _Scanner:
         return match.group()
 
     def _note(self, path: KeyPath, first: int, offset: int) -> None:
-        """Note ``offset`` for ``path``, and for those of its parents after the first ``first`` parts that are new."""
+        """Note ``offset`` for ``path``, and for those of its parents after the first ``first``
+        parts that are new.
+        """
         for end in range(first + 1, len(path)):
             self.offsets.setdefault(path[:end], offset)
         self.offsets[path] = offset
@@ -204,7 +216,9 @@ class _Scanner:
             self._pair(path)
 
     def _ends(self, bracket: str) -> bool:
-        """Skip what separates elements; if the closing ``bracket`` follows, step over it and say so."""
+        """Skip what separates elements; if the closing ``bracket`` follows, step over it and say
+        so.
+        """
         self._skip(_SEPARATORS)
         if self.text[self.at] != bracket:
             return False
@@ -238,7 +252,9 @@ class _Place(NamedTuple):
 
 
 def _column_inside(place: _Place, text: str, offset: int) -> int:
-    """Column of a character of the string ``text`` at a place; that of the place if the string is written in another way there."""
+    """Column of a character of the string ``text`` at a place; that of the place if the string is
+    written in another way there.
+    """
     line, start = place.source_line, max(place.column - 1, 0)
     found = max(line.find(quote + text, start) for quote in "\"'")
     if found >= 0:
@@ -248,7 +264,9 @@ def _column_inside(place: _Place, text: str, offset: int) -> int:
 
 
 class Sources:
-    """The text of a scenario file, the values set from the command line, and the expressions in both."""
+    """The text of a scenario file, the values set from the command line, and the expressions in
+    both.
+    """
 
     def __init__(
         self,
@@ -261,7 +279,8 @@ class Sources:
         """Keep what positions are found from.
 
         Args:
-            file: Name of the file in messages; empty if there is none: positions in the text are then left out.
+            file: Name of the file in messages; empty if there is none: positions in the text are
+                then left out.
             text: Its text, a document that `tomllib` accepts.
             applied: The argument of ``--set`` that has set each path.
             expressions: The expression and its value, as shown, of each path at which one stands.
@@ -282,7 +301,8 @@ class Sources:
         return locate_keys(self.text)
 
     def locate(self, path: KeyPath) -> tuple[str, int, int]:
-        """File, line and column of a key; of the innermost table around it if the key itself is not in the document.
+        """File, line and column of a key; of the innermost table around it if the key itself is not
+        in the document.
 
         Line and column are 0 for what the command line has set, and without a file.
         """
@@ -306,10 +326,20 @@ class Sources:
         place = self._place(finding.where)
         column = place.column if finding.inside is None else _column_inside(place, *finding.inside)
         message = f"{finding.what}{self._expressions_of(finding)}"
-        return Problem(place.file, place.line, column, format_key(finding.where), message, finding.remedy, place.source_line)
+        return Problem(
+            place.file,
+            place.line,
+            column,
+            format_key(finding.where),
+            message,
+            finding.remedy,
+            place.source_line,
+        )
 
     def _expressions_of(self, finding: Refused) -> str:
-        """The expressions at the key of a finding, or in the array there, with their values unless the message says them."""
+        """The expressions at the key of a finding, or in the array there, with their values unless
+        the message says them.
+        """
         shown = [
             show(text) if value in finding.what else f"{show(text)} = {value}"
             for path, (text, value) in self.expressions.items()
@@ -318,12 +348,24 @@ class Sources:
         return f" ({', '.join(shown[:4])})" if shown else ""
 
     def problems(self, findings: list[Refused]) -> list[Problem]:
-        """The findings with their positions, in the order of the file; the first `MAX_PROBLEMS` of very many."""
-        found = sorted((self.problem(f) for f in findings[: 2 * MAX_PROBLEMS]), key=lambda p: (p.line, p.column))
+        """The findings with their positions, in the order of the file; the first `MAX_PROBLEMS` of
+        very many.
+        """
+        found = sorted(
+            (self.problem(f) for f in findings[: 2 * MAX_PROBLEMS]),
+            key=lambda p: (p.line, p.column),
+        )
         if len(findings) <= MAX_PROBLEMS:
             return found
         more = len(findings) - MAX_PROBLEMS
         return [
             *found[:MAX_PROBLEMS],
-            Problem(self.file, 0, 0, "", f"… and at least {more} more problems", "correct the first ones"),
+            Problem(
+                self.file,
+                0,
+                0,
+                "",
+                f"… and at least {more} more problems",
+                "correct the first ones",
+            ),
         ]

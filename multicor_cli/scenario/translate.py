@@ -1,4 +1,6 @@
-"""From the errors of the validation library to findings in the words of a scenario, with what the models say about a place."""
+"""From the errors of the validation library to findings in the words of a scenario, with what the
+models say about a place.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,8 @@ from pydantic_core import ErrorDetails
 from multicor_cli.scenario.problems import KeyPath, Refused, name_list, show
 from multicor_cli.text import count_noun
 
-# ---- What the models say about a place in a scenario: its description, and the keys that its table knows
+# ---- What the models say about a place in a scenario: its description, and the keys that its table
+#      knows
 
 
 @dataclass(frozen=True)
@@ -26,7 +29,8 @@ class Location:
 
     Attributes:
         path: Path of the key.
-        description: What the models say about the last key on the path that they know; may be empty.
+        description: What the models say about the last key on the path that they know; may be
+            empty.
         table: Model of the innermost table on the path.
     """
 
@@ -43,7 +47,8 @@ class Location:
 def find_location(model: type[BaseModel], location: tuple[str | int, ...]) -> Location:
     """Follow the location of a validation error through the models.
 
-    The validation library puts the tags of unions into its locations; they are not keys of the document and are left out.
+    The validation library puts the tags of unions into its locations; they are not keys of the
+    document and are left out.
     """
     path: list[str | int] = []
     description, table = "", model
@@ -66,7 +71,9 @@ def find_location(model: type[BaseModel], location: tuple[str | int, ...]) -> Lo
 
 
 def types_inside(types: Iterable[Any], part: str | int) -> list[Any]:
-    """The types that the element or key ``part`` may have of something of one of these types; those of unions one by one."""
+    """The types that the element or key ``part`` may have of something of one of these types; those
+    of unions one by one.
+    """
     return [member for annotation in types for member in _alternatives(_inside(annotation, part))]
 
 
@@ -139,7 +146,8 @@ def _inside(annotation: Any, part: str | int) -> Any:
 # ---- From errors to findings
 
 _UNIT_SUFFIX = re.compile(
-    r"(.+?)_(mm|cm|um|nm|km|ms|us|min|h|hours|deg|degrees|g|mpa|gpa|kpa|celsius|m|s|kg|pa|rad|k)", re.IGNORECASE
+    r"(.+?)_(mm|cm|um|nm|km|ms|us|min|h|hours|deg|degrees|g|mpa|gpa|kpa|celsius|m|s|kg|pa|rad|k)",
+    re.IGNORECASE,
 )
 
 _TYPES = {
@@ -165,7 +173,9 @@ _TINY = 1e-6
 _OTHER_WORDS = {
     **dict.fromkeys(("timestep", "time_step", "step", "delta_t", "deltat"), "dt"),
     **dict.fromkeys(("mu", "friction_coefficient", "coefficient_of_friction"), "friction"),
-    **dict.fromkeys(("cor", "coefficient_of_restitution", "restitution_coefficient"), "restitution"),
+    **dict.fromkeys(
+        ("cor", "coefficient_of_restitution", "restitution_coefficient"), "restitution"
+    ),
     **dict.fromkeys(("youngs_modulus", "young_modulus", "elastic_modulus"), "young"),
     **dict.fromkeys(("poisson_ratio", "poissons_ratio"), "poisson"),
     **dict.fromkeys(("rho", "mass_density"), "density"),
@@ -178,8 +188,14 @@ _OTHER_WORDS = {
 
 
 def translate(model: type[BaseModel], errors: Iterable[ErrorDetails]) -> list[Refused]:
-    """Findings for validation errors of ``model``: one per mistake, however many errors it causes."""
-    placed = [(find_location(model, error["loc"]), error) for error in errors if not _is_consequence(error)]
+    """Findings for validation errors of ``model``: one per mistake, however many errors it
+    causes.
+    """
+    placed = [
+        (find_location(model, error["loc"]), error)
+        for error in errors
+        if not _is_consequence(error)
+    ]
     missing_gone = _explained_tables(placed)
     found: dict[KeyPath, Refused] = {}
     for place, error in placed:
@@ -191,15 +207,20 @@ def translate(model: type[BaseModel], errors: Iterable[ErrorDetails]) -> list[Re
 
 
 def without_unknown_keys(model: type[BaseModel], table: Any, errors: Iterable[ErrorDetails]) -> Any:
-    """What a table says apart from keys that nobody knows: misspelled ones get their names, others are left out.
+    """What a table says apart from keys that nobody knows: misspelled ones get their names, others
+    are left out.
 
-    None if a key is meant that cannot be told: one with a unit, whose value may be a thousand times too large.
+    None if a key is meant that cannot be told: one with a unit, whose value may be a thousand times
+    too large.
     """
-    places = [find_location(model, error["loc"]) for error in errors if error["type"] == "extra_forbidden"]
+    places = [
+        find_location(model, error["loc"]) for error in errors if error["type"] == "extra_forbidden"
+    ]
     if not places:
         return None
     known = deepcopy(table)
-    for place in {each.path: each for each in places}.values():  # each form that a table may have complains of the same key
+    # Each form that a table may have complains of the same key
+    for place in {each.path: each for each in places}.values():
         owner, key = _at(known, place.path[:-1]), str(place.path[-1])
         value = owner.pop(key)
         intended = _intended(key, place.known_keys)
@@ -231,14 +252,18 @@ def _closest(word: str, known: Iterable[str]) -> str | None:
 
 
 def _is_consequence(error: ErrorDetails) -> bool:
-    """Whether another error is behind this one: a default that needs a wrong value, elements that were not counted as wrong."""
+    """Whether another error is behind this one: a default that needs a wrong value, elements that
+    were not counted as wrong.
+    """
     if error["type"] == "default_factory_not_called":
         return True
     return error["type"] == "too_short" and len(error["input"]) >= error["ctx"]["min_length"]
 
 
 def _explained_tables(placed: Sequence[tuple[Location, ErrorDetails]]) -> dict[KeyPath, set[str]]:
-    """For each table with unknown keys: the keys that are missing only because they are misspelled."""
+    """For each table with unknown keys: the keys that are missing only because they are
+    misspelled.
+    """
     explained: dict[KeyPath, set[str]] = {}
     for place, error in placed:
         if error["type"] == "extra_forbidden":
@@ -276,7 +301,11 @@ def _expected(place: Location) -> str:
 def _wrong_type(place: Location, error: ErrorDetails) -> Refused:
     what = _TYPES[error["type"]]
     if error["type"] == "tuple_type" and len(place.path) == 1:
-        return Refused(place.path, f"must be an array of tables, is {show(error['input'])}", f"write [[{place.path[0]}]]")
+        return Refused(
+            place.path,
+            f"must be an array of tables, is {show(error['input'])}",
+            f"write [[{place.path[0]}]]",
+        )
     return Refused(place.path, f"{what}, is {show(error['input'])}", _expected(place))
 
 
@@ -291,7 +320,9 @@ def _out_of_bounds(place: Location, error: ErrorDetails) -> Refused:
 def _missing(place: Location, error: ErrorDetails) -> Refused:
     key = place.path[-1]
     if isinstance(key, int):
-        return Refused(place.path[:-1], f"has too few elements: {show(error['input'])}", _expected(place))
+        return Refused(
+            place.path[:-1], f"has too few elements: {show(error['input'])}", _expected(place)
+        )
     if len(place.path) == 1:
         header = f"[[{key}]]" if key in ("particles", "loading") else f"[{key}]"
         return Refused(place.path, "is missing", f"add {header}: {place.description}")
@@ -302,12 +333,20 @@ def _unknown_key(place: Location, _error: ErrorDetails) -> Refused:
     key = str(place.path[-1])
     known = place.known_keys
     if (match := _UNIT_SUFFIX.fullmatch(key)) and match[1] in known:
-        return Refused(place.path, "unknown key: keys carry no unit, all numbers are in SI units", f"did you mean '{match[1]}'?")
-    return Refused(place.path, "unknown key", did_you_mean(key, known) or f"known here: {name_list(known)}")
+        return Refused(
+            place.path,
+            "unknown key: keys carry no unit, all numbers are in SI units",
+            f"did you mean '{match[1]}'?",
+        )
+    return Refused(
+        place.path, "unknown key", did_you_mean(key, known) or f"known here: {name_list(known)}"
+    )
 
 
 def _wrong_literal(place: Location, error: ErrorDetails) -> Refused:
-    return _not_one_of(place.path, error["input"], re.findall(r"'([^']*)'", error["ctx"]["expected"]))
+    return _not_one_of(
+        place.path, error["input"], re.findall(r"'([^']*)'", error["ctx"]["expected"])
+    )
 
 
 def _wrong_tag(place: Location, error: ErrorDetails) -> Refused:
@@ -329,7 +368,11 @@ def _no_tag(place: Location, error: ErrorDetails) -> Refused:
 
 def _not_exactly_one(place: Location, error: ErrorDetails) -> Refused:
     value = error["input"]
-    has = f"has {name_list(map(str, value)) or 'none'}" if isinstance(value, dict) else f"is {show(value)}"
+    has = (
+        f"has {name_list(map(str, value)) or 'none'}"
+        if isinstance(value, dict)
+        else f"is {show(value)}"
+    )
     return Refused(place.path, f"{has}", error["msg"])
 
 
@@ -342,7 +385,11 @@ def _wrong_length(place: Location, error: ErrorDetails) -> Refused:
 
 def _wrong_text_length(place: Location, error: ErrorDetails) -> Refused:
     context, value = error["ctx"], error["input"]
-    bound = f"at most {context['max_length']}" if "max_length" in context else f"at least {context['min_length']}"
+    bound = (
+        f"at most {context['max_length']}"
+        if "max_length" in context
+        else f"at least {context['min_length']}"
+    )
     return Refused(place.path, f"must have {bound} characters, has {len(value)}", _expected(place))
 
 

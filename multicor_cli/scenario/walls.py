@@ -1,8 +1,9 @@
 """Walls: their geometry and their inertia.
 
-Each geometry says of what shapes it consists. They lie in a frame whose origin is the reference point of the wall: the center of
-a circle, disc or box, the mean of the points of a polyline, the middle of a row of glued grains, the given point of a plane, the
-center of mass of a cluster or polygon. Torques and spins refer to it.
+Each geometry says of what shapes it consists. They lie in a frame whose origin is the reference
+point of the wall: the center of a circle, disc or box, the mean of the points of a polyline, the
+middle of a row of glued grains, the given point of a plane, the center of mass of a cluster or
+polygon. Torques and spins refer to it.
 """
 
 from __future__ import annotations
@@ -13,24 +14,44 @@ from collections.abc import Iterator
 from typing import Annotated, Literal, NamedTuple, Self
 
 import numpy as np
-from pydantic import Discriminator, Field, Strict, Tag, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    Discriminator,
+    Field,
+    Strict,
+    Tag,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import column_totals, total
 from multicor_cli.model import ShapeKind, WallBody
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Discs, Polygon, Room, outlines
-from multicor_cli.scenario.base import Coordinate, Length, Name, Point, Radius, Table, Vector, tag_table
+from multicor_cli.scenario.base import (
+    Coordinate,
+    Length,
+    Name,
+    Point,
+    Radius,
+    Table,
+    Vector,
+    tag_table,
+)
 from multicor_cli.scenario.loading import WallCondition
 from multicor_cli.scenario.particles import ParticleGroup, Sizes
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.region import MAX_CORNERS, Corners, above_min, simple_polygon
 from multicor_cli.scenario.settings import Domain
 
-# ---- Where grains are glued to walls: in a row on a line, in a ring inside or around a circle, or along the sides of a polygon
+# ---- Where grains are glued to walls: in a row on a line, in a ring inside or around a circle, or
+#      along the sides of a polygon
 
 Pair = tuple[float, float]
-SizesOrGroup = Annotated[Annotated[Name, Tag("<plain>")] | Annotated[Sizes, Tag("<table>")], Discriminator(tag_table)]
+SizesOrGroup = Annotated[
+    Annotated[Name, Tag("<plain>")] | Annotated[Sizes, Tag("<table>")], Discriminator(tag_table)
+]
 
 
 class Row(NamedTuple):
@@ -106,7 +127,9 @@ class Sides(NamedTuple):
 
     @property
     def least(self) -> float:
-        """Smallest length of all sides, over the diameter of the largest grain: the shortest side takes one."""
+        """Smallest length of all sides, over the diameter of the largest grain: the shortest side
+        takes one.
+        """
         return self.length / float(self.polygon.side_lengths().min())
 
     def __str__(self) -> str:
@@ -118,7 +141,8 @@ class Glued(NamedTuple):
 
     Attributes:
         place: Where they are.
-        sizes: What the scenario says about their sizes: name of a group of particles, or a table; None: as the first group.
+        sizes: What the scenario says about their sizes: name of a group of particles, or a table;
+            None: as the first group.
         key: Under which key of the geometry it says so.
     """
 
@@ -141,7 +165,9 @@ class WallGeometry(Table):
         """Its shapes without glued grains."""
 
     def glued(self, domain: Domain | None = None) -> Glued | None:
-        """Its glued grains; None if it has none. Without a domain, nothing is fitted to the period."""
+        """Its glued grains; None if it has none. Without a domain, nothing is fitted to the
+        period.
+        """
         return None
 
     def misfits(self, domain: Domain) -> Iterator[Refused]:
@@ -149,7 +175,8 @@ class WallGeometry(Table):
         yield from ()
 
     def room(self, discs: Floats) -> Room:
-        """What it leaves to grains: where packings place none in its solid matter. Walls without an inside leave everything.
+        """What it leaves to grains: where packings place none in its solid matter. Walls without an
+        inside leave everything.
 
         Args:
             discs: x, y and radius of its discs in the world [m], shape ``(k, 3)``.
@@ -162,7 +189,9 @@ class WallGeometry(Table):
         return None if self.glued() is None else "discs"
 
     def spans_period(self, domain: Domain) -> bool:
-        """Whether it reaches farther than half a period from its reference point, so that it cannot turn: images would meet."""
+        """Whether it reaches farther than half a period from its reference point, so that it cannot
+        turn: images would meet.
+        """
         if not domain.periodic:
             return False
         body, half = self.body(domain), 0.5 * domain.period
@@ -183,7 +212,8 @@ class WallGeometry(Table):
         return None
 
 
-# ---- Solid bodies among the grains, and containers around them: discs, polygons and rigid clusters of glued grains
+# ---- Solid bodies among the grains, and containers around them: discs, polygons and rigid clusters
+#      of glued grains
 
 _TOUCHING = 1e-6  # overlap over the smaller radius that rounded numbers give discs that touch
 _ELSEWHERE = "make it smaller, or use periodic = false"
@@ -196,7 +226,11 @@ class DiscGeometry(WallGeometry):
     center: Point = Field(description="center [m]")
     radius: Length = Field(description="radius [m]")
     rough: SizesOrGroup | None = Field(
-        None, description="sizes of grains glued around it: name of a group of particles, or a table; default: smooth"
+        None,
+        description=(
+            "sizes of grains glued around it: name of a group of particles, or a table; default: "
+            "smooth"
+        ),
     )
 
     def body(self, domain: Domain) -> WallBody:
@@ -206,12 +240,19 @@ class DiscGeometry(WallGeometry):
 
     def glued(self, domain: Domain | None = None) -> Glued | None:
         """A ring of them, if it is rough."""
-        return None if self.rough is None else Glued(Ring(self.center, self.radius, is_outside=True), self.rough, "rough")
+        return (
+            None
+            if self.rough is None
+            else Glued(Ring(self.center, self.radius, is_outside=True), self.rough, "rough")
+        )
 
     def misfits(self, domain: Domain) -> Iterator[Refused]:
         """It fits into the period."""
         if domain.periodic and 2.0 * self.radius > domain.size[0]:
-            what = f"the disc of radius {self.radius:g} m is wider than the period of {domain.size[0]:g} m"
+            what = (
+                f"the disc of radius {self.radius:g} m is wider than the period of "
+                f"{domain.size[0]:g} m"
+            )
             yield Refused(("radius",), what, _ELSEWHERE)
 
     def room(self, discs: Floats) -> Room:
@@ -228,17 +269,25 @@ class ClusterGeometry(WallGeometry):
     """Grains glued to each other, anywhere: one grain to be driven, a tracer, a rigid cluster."""
 
     kind: Literal["cluster"]
-    discs: Annotated[tuple[Annotated[tuple[Coordinate, Coordinate, Radius], Strict(False)], ...], Strict(False)] = Field(
-        min_length=1, max_length=MAX_CORNERS, description="x, y and radius of each grain [m], as [[0, 0, 1e-3], [2e-3, 0, 1e-3]]"
+    discs: Annotated[
+        tuple[Annotated[tuple[Coordinate, Coordinate, Radius], Strict(False)], ...], Strict(False)
+    ] = Field(
+        min_length=1,
+        max_length=MAX_CORNERS,
+        description="x, y and radius of each grain [m], as [[0, 0, 1e-3], [2e-3, 0, 1e-3]]",
     )
 
     @field_validator("discs")
     @classmethod
-    def _distinct(cls, discs: tuple[tuple[float, float, float], ...]) -> tuple[tuple[float, float, float], ...]:
+    def _distinct(
+        cls, discs: tuple[tuple[float, float, float], ...]
+    ) -> tuple[tuple[float, float, float], ...]:
         seen: set[tuple[float, float]] = set()
         for k, (x, y, _) in enumerate(discs):
             if (x, y) in seen:
-                raise Refused((k,), f"two grains have their centers at {[x, y]}", "remove one of them")
+                raise Refused(
+                    (k,), f"two grains have their centers at {[x, y]}", "remove one of them"
+                )
             seen.add((x, y))
         return discs
 
@@ -248,13 +297,18 @@ class ClusterGeometry(WallGeometry):
         area = discs[:, 2] * discs[:, 2]
         center = column_totals(discs[:, :2] * area[:, np.newaxis]) / total(area)
         local = np.column_stack([discs[:, :2] - center, discs[:, 2], np.zeros(len(discs))])
-        return WallBody.empty(center.tolist(), 2.0 * math.pi * total(discs[:, 2])).with_shapes(ShapeKind.DISC, local)
+        return WallBody.empty(center.tolist(), 2.0 * math.pi * total(discs[:, 2])).with_shapes(
+            ShapeKind.DISC, local
+        )
 
     def misfits(self, domain: Domain) -> Iterator[Refused]:
         """It fits into the period."""
         low, high = Discs(np.array(self.discs)).corners()[:, 0].tolist()
         if domain.periodic and high - low > domain.size[0]:
-            what = f"the cluster is {high - low:g} m wide, more than the period of {domain.size[0]:g} m"
+            what = (
+                f"the cluster is {high - low:g} m wide, more than the period of "
+                f"{domain.size[0]:g} m"
+            )
             yield Refused(("discs",), what, _ELSEWHERE)
 
     def room(self, discs: Floats) -> Room:
@@ -277,32 +331,48 @@ class ClusterGeometry(WallGeometry):
 
 
 class PolygonGeometry(WallGeometry):
-    """A simple polygon: a solid body with the grains outside, or a container with the grains inside."""
+    """A simple polygon: a solid body with the grains outside, or a container with the grains
+    inside.
+    """
 
     kind: Literal["polygon"]
-    points: Corners = Field(description="corners [m] in their order along the outline, as [[0, 0], [1, 0], [0, 1]]")
+    points: Corners = Field(
+        description="corners [m] in their order along the outline, as [[0, 0], [1, 0], [0, 1]]"
+    )
     grains: Literal["outside", "inside"] = Field(
         description='where the grains are: "outside" of a solid body, "inside" a container'
     )
     rough: SizesOrGroup | None = Field(
         None,
-        description="sizes of grains glued to its sides, with their centers on them: name of a group of particles, or a table; "
-        "default: smooth",
+        description=(
+            "sizes of grains glued to its sides, with their centers on them: name of a group of "
+            "particles, or a table; default: smooth"
+        ),
     )
 
     _simple = field_validator("points")(simple_polygon)
 
     def area(self) -> Polygon:
-        """The polygon; counterclockwise if grains are outside, clockwise if they are inside: solid on the left of each side."""
+        """The polygon; counterclockwise if grains are outside, clockwise if they are inside: solid
+        on the left of each side.
+        """
         polygon = Polygon(np.array(self.points))
         is_left = polygon.signed_size > 0.0
-        return polygon if is_left == (self.grains == "outside") else Polygon(polygon.points[::-1].copy())
+        return (
+            polygon
+            if is_left == (self.grains == "outside")
+            else Polygon(polygon.points[::-1].copy())
+        )
 
     def body(self, domain: Domain) -> WallBody:
-        """A side from each corner to the next, and a vertex at each corner, around the center of area."""
+        """A side from each corner to the next, and a vertex at each corner, around the center of
+        area.
+        """
         polygon = self.area()
         body = WallBody.empty(polygon.centroid.tolist(), polygon.perimeter)
-        return body.with_line(polygon.points - polygon.centroid, domain.period, ShapeKind.SIDE, is_closed=True)
+        return body.with_line(
+            polygon.points - polygon.centroid, domain.period, ShapeKind.SIDE, is_closed=True
+        )
 
     def glued(self, domain: Domain | None = None) -> Glued | None:
         """A row along each side, if it is rough."""
@@ -313,7 +383,10 @@ class PolygonGeometry(WallGeometry):
         polygon = self.area()
         width = 2.0 * max(hypot(*away) for away in (polygon.points - polygon.centroid).tolist())
         if domain.periodic and width > domain.size[0]:
-            what = f"the polygon is {width:g} m wide when it is turned, more than the period of {domain.size[0]:g} m"
+            what = (
+                f"the polygon is {width:g} m wide when it is turned, more than the period of "
+                f"{domain.size[0]:g} m"
+            )
             yield Refused(("points",), what, _ELSEWHERE)
 
     def room(self, discs: Floats) -> Room:
@@ -328,7 +401,8 @@ class PolygonGeometry(WallGeometry):
 
 
 def prism_height(group: ParticleGroup) -> float | None:
-    """Thickness of a solid polygon among grains like those of a group [m]: that of discs, the largest diameter of spheres.
+    """Thickness of a solid polygon among grains like those of a group [m]: that of discs, the
+    largest diameter of spheres.
 
     None if the group brings spheres from elsewhere, so that their sizes are not known.
     """
@@ -348,13 +422,19 @@ class PlaneGeometry(WallGeometry):
 
     kind: Literal["plane"]
     point: Point = Field(description="a point of the plane [m]")
-    normal: Vector = Field(description="direction from the wall towards the grains; any length but zero")
+    normal: Vector = Field(
+        description="direction from the wall towards the grains; any length but zero"
+    )
 
     @field_validator("normal")
     @classmethod
     def _not_zero(cls, normal: tuple[float, float]) -> tuple[float, float]:
         if hypot(*normal) < 1e-9:
-            raise Refused((), f"the normal {list(normal)} has no direction", "give a direction towards the grains, as [0, 1]")
+            raise Refused(
+                (),
+                f"the normal {list(normal)} has no direction",
+                "give a direction towards the grains, as [0, 1]",
+            )
         return normal
 
     def body(self, domain: Domain) -> WallBody:
@@ -385,16 +465,24 @@ class RoughGeometry(WallGeometry):
     kind: Literal["rough"]
     start: Point = Field(alias="from", description="where the line of glued grains begins [m]")
     end: Point = Field(alias="to", description="where it ends [m]")
-    side: Literal["left", "right"] = Field(description="side of the line, looking along from → to, on which the grains flow")
+    side: Literal["left", "right"] = Field(
+        description="side of the line, looking along from → to, on which the grains flow"
+    )
     sizes: SizesOrGroup | None = Field(
-        None, description="sizes of the glued grains: name of a group of particles, or a table; default: as the first group"
+        None,
+        description=(
+            "sizes of the glued grains: name of a group of particles, or a table; default: as the "
+            "first group"
+        ),
     )
 
     @field_validator("end")
     @classmethod
     def _has_length(cls, end: tuple[float, float], info: ValidationInfo) -> tuple[float, float]:
         if end == info.data.get("start"):
-            raise Refused((), f"the line begins and ends at {list(end)}", "give two different points")
+            raise Refused(
+                (), f"the line begins and ends at {list(end)}", "give two different points"
+            )
         return end
 
     def body(self, domain: Domain) -> WallBody:
@@ -410,7 +498,11 @@ class RoughGeometry(WallGeometry):
         start, end, is_left = self.start, self.end, self.side == "left"
         way = end[0] - start[0]
         is_level = abs(end[1] - start[1]) <= _LEVEL * abs(way)
-        if domain is None or not is_level or not domain.is_spanned(min(start[0], end[0]), max(start[0], end[0])):
+        if (
+            domain is None
+            or not is_level
+            or not domain.is_spanned(min(start[0], end[0]), max(start[0], end[0]))
+        ):
             return Row(start, end, is_left, is_closed=False)
         # Exactly, so that the last glued grain touches the first.
         end = start[0] + math.copysign(domain.period, way), start[1]
@@ -427,7 +519,9 @@ class RoughGeometry(WallGeometry):
 
 
 class BoxGeometry(WallGeometry):
-    """A rectangular container: one body with up to four thin sides, which end at its corners and are solid inside and outside."""
+    """A rectangular container: one body with up to four thin sides, which end at its corners and
+    are solid inside and outside.
+    """
 
     kind: Literal["box"]
     min: Point = Field(description="lower left corner [m]")
@@ -444,7 +538,11 @@ class BoxGeometry(WallGeometry):
         if len(set(sides)) != len(sides):
             raise Refused((), f"a side is named twice in {list(sides)}", "name each open side once")
         if len(sides) == 4:
-            raise Refused((), "all four sides are open: nothing is left of the box", "remove the wall or close a side")
+            raise Refused(
+                (),
+                "all four sides are open: nothing is left of the box",
+                "remove the wall or close a side",
+            )
         return sides
 
     def body(self, domain: Domain) -> WallBody:
@@ -454,20 +552,26 @@ class BoxGeometry(WallGeometry):
         sides: tuple[Side, ...] = ("bottom", "right", "top", "left")
         corners = np.array([(-x, -y), (x, -y), (x, y), (-x, y)])  # where each of them begins
         is_closed = [side not in self.open for side in sides]
-        lengths = [2.0 * (x if side in {"bottom", "top"} else y) for side in sides if side not in self.open]
+        lengths = [
+            2.0 * (x if side in {"bottom", "top"} else y) for side in sides if side not in self.open
+        ]
         body = WallBody.empty((0.5 * (left + right), 0.5 * (bottom + top)), math.fsum(lengths))
         if all(is_closed):
             return body.with_line(corners, domain.period, is_closed=True)
         for first in range(4):
             if is_closed[first] and not is_closed[first - 1]:
                 count = next(k for k in range(1, 4) if not is_closed[(first + k) % 4])
-                body = body.with_line(corners[[(first + k) % 4 for k in range(count + 1)]], domain.period)
+                body = body.with_line(
+                    corners[[(first + k) % 4 for k in range(count + 1)]], domain.period
+                )
         return body
 
     def misfits(self, domain: Domain) -> Iterator[Refused]:
         """In a periodic domain a box has no sides at left and right."""
         if domain.periodic and not {"left", "right"} <= set(self.open):
-            what = f"the box has sides at left or right of a periodic domain: open = {list(self.open)}"
+            what = (
+                f"the box has sides at left or right of a periodic domain: open = {list(self.open)}"
+            )
             yield Refused(("open",), what, 'add "left" and "right", or use periodic = false')
 
 
@@ -478,7 +582,11 @@ class CircleGeometry(WallGeometry):
     center: Point = Field(description="center [m]")
     radius: Length = Field(description="radius [m]")
     rough: SizesOrGroup | None = Field(
-        None, description="sizes of grains glued to the inside: name of a group of particles, or a table; default: smooth"
+        None,
+        description=(
+            "sizes of grains glued to the inside: name of a group of particles, or a table; "
+            "default: smooth"
+        ),
     )
 
     def body(self, domain: Domain) -> WallBody:
@@ -488,12 +596,19 @@ class CircleGeometry(WallGeometry):
 
     def glued(self, domain: Domain | None = None) -> Glued | None:
         """A ring of them, if it is rough."""
-        return None if self.rough is None else Glued(Ring(self.center, self.radius), self.rough, "rough")
+        return (
+            None
+            if self.rough is None
+            else Glued(Ring(self.center, self.radius), self.rough, "rough")
+        )
 
     def misfits(self, domain: Domain) -> Iterator[Refused]:
         """It fits into the period."""
         if domain.periodic and 2.0 * self.radius > domain.size[0]:
-            what = f"the circle of radius {self.radius:g} m is wider than the period of {domain.size[0]:g} m"
+            what = (
+                f"the circle of radius {self.radius:g} m is wider than the period of "
+                f"{domain.size[0]:g} m"
+            )
             yield Refused(("radius",), what, "use periodic = false")
 
 
@@ -511,7 +626,9 @@ class PolylineGeometry(WallGeometry):
     def _distinct(cls, points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
         for k in range(1, len(points)):
             if points[k] == points[k - 1]:
-                raise Refused((k,), f"the point {list(points[k])} follows itself", "remove one of the two")
+                raise Refused(
+                    (k,), f"the point {list(points[k])} follows itself", "remove one of the two"
+                )
         return points
 
     @model_validator(mode="after")
@@ -531,7 +648,9 @@ class PolylineGeometry(WallGeometry):
         local = points - origin
         ends = np.roll(local, -1, axis=0) if self.closed else local[1:]
         length = total(np.array([hypot(*way) for way in (ends - local[: len(ends)]).tolist()]))
-        return WallBody.empty(origin.tolist(), length).with_line(local, domain.period, is_closed=self.closed)
+        return WallBody.empty(origin.tolist(), length).with_line(
+            local, domain.period, is_closed=self.closed
+        )
 
 
 Geometry = Annotated[
@@ -552,28 +671,42 @@ class Wall(Table):
 
     name: Name = Field(description="name of the wall, used by drives")
     material: Name = Field(description="name of a [materials.NAME] table")
-    geometry: Geometry = Field(description='shape of the wall, as { kind = "plane", point = [0, 0], normal = [0, 1] }')
+    geometry: Geometry = Field(
+        description='shape of the wall, as { kind = "plane", point = [0, 0], normal = [0, 1] }'
+    )
     mass: Annotated[float, Field(ge=1e-18, le=1e15)] | None = Field(
         None,
-        description="mass [kg]; default: that of its glued grains, of a solid disc, cluster or polygon that of its material; "
-        "required for other walls that a force drives",
+        description=(
+            "mass [kg]; default: that of its glued grains, of a solid disc, cluster or polygon "
+            "that of its material; required for other walls that a force drives"
+        ),
     )
     inertia: Annotated[float, Field(ge=1e-27, le=1e18)] | None = Field(
         None,
-        description="moment of inertia [kg m²]; default: as for the mass; required for other walls that a torque drives",
+        description=(
+            "moment of inertia [kg m²]; default: as for the mass; required for other walls that a "
+            "torque drives"
+        ),
     )
-    gravity: bool = Field(False, description="whether gravity acts on the degrees of freedom that a force drives")
+    gravity: bool = Field(
+        False, description="whether gravity acts on the degrees of freedom that a force drives"
+    )
     groups: Annotated[tuple[Name, ...], Strict(False)] | None = Field(
         None,
         min_length=1,
         max_length=1000,
-        description='names of the groups of grains that meet the wall, as ["coarse"]; the others pass through it and exchange no '
-        "heat with it; default: all groups",
+        description=(
+            'names of the groups of grains that meet the wall, as ["coarse"]; the others pass '
+            "through it and exchange no "
+            "heat with it; default: all groups"
+        ),
     )
     thermal: WallCondition | None = Field(
         None,
-        description="thermal condition from the start of the run: { temperature = 323.15 }, { flow = 5.0 }, "
-        "{ capacity = 0.05, initial = 400.0 } or { insulated = true } (the default)",
+        description=(
+            "thermal condition from the start of the run: { temperature = 323.15 }, { flow = 5.0 "
+            "}, { capacity = 0.05, initial = 400.0 } or { insulated = true } (the default)"
+        ),
     )
 
     @field_validator("groups")

@@ -1,9 +1,9 @@
 """The commit protocol: a file appears under its name complete and on disk, or not at all.
 
-Write ``NAME.tmp`` in the same directory, close it, verify it, fsync it, rename it over ``NAME``, fsync the directory. Tests
-kill the process at named points of the protocol with the environment variable ``MULTICOR_KILL_AT=LABEL.POINT`` (or
-``LABEL.POINT:N`` for the N-th time that the point is passed), where POINT is one of ``mid_tmp``, ``after_tmp``,
-``before_rename`` and ``after_rename``.
+Write ``NAME.tmp`` in the same directory, close it, verify it, fsync it, rename it over ``NAME``,
+fsync the directory. Tests kill the process at named points of the protocol with the environment
+variable ``MULTICOR_KILL_AT=LABEL.POINT`` (or ``LABEL.POINT:N`` for the N-th time that the point is
+passed), where POINT is one of ``mid_tmp``, ``after_tmp``, ``before_rename`` and ``after_rename``.
 """
 
 from __future__ import annotations
@@ -30,11 +30,14 @@ _BLOCK = 1 << 20
 _passed: Counter[str] = Counter()
 
 guards: dict[Path, Callable[[], None]] = {}
-"""What to ask before anything is changed in a directory that this process has locked: raises if it is not its own any more."""
+"""What to ask before anything is changed in a directory that this process has locked: raises if it
+is not its own any more."""
 
 
 def kill_point(name: str) -> None:
-    """Kill this process here if ``MULTICOR_KILL_AT`` names this point (for tests of the commit protocol)."""
+    """Kill this process here if ``MULTICOR_KILL_AT`` names this point (for tests of the commit
+    protocol).
+    """
     wanted = os.environ.get("MULTICOR_KILL_AT")
     if not wanted:
         return
@@ -47,7 +50,9 @@ def kill_point(name: str) -> None:
 
 @contextlib.contextmanager
 def storage_errors(path: Path) -> Iterator[None]:
-    """Turn an `OSError` about ``path`` into `StorageFull` or `StorageError`; about what is not a file to be read: `DamagedRun`."""
+    """Turn an `OSError` about ``path`` into `StorageFull` or `StorageError`; about what is not a
+    file to be read: `DamagedRun`.
+    """
     try:
         yield
     except Unfit as error:
@@ -59,15 +64,19 @@ def storage_errors(path: Path) -> Iterator[None]:
 
 
 def is_regular(path: Path) -> bool:
-    """Whether there is a regular file, or a link to one; raises `StorageError` if that cannot be seen."""
+    """Whether there is a regular file, or a link to one; raises `StorageError` if that cannot be
+    seen.
+    """
     with storage_errors(path):
         return path.is_file()
 
 
 def require_own(path: Path) -> None:
-    """Refuse to change a file in a directory that this process has locked, or one below it, if another has taken its place.
+    """Refuse to change a file in a directory that this process has locked, or one below it, if
+    another has taken its place.
 
-    Somebody may move or remove the directory of a process that is frozen, and put another under its name.
+    Somebody may move or remove the directory of a process that is frozen, and put another under its
+    name.
 
     Raises:
         RunLocked: If so.
@@ -87,22 +96,27 @@ def require_space(path: Path, size: int) -> None:
     """Refuse to begin a file of ``size`` bytes that would not fit.
 
     Raises:
-        StorageFull: If the file system of ``path`` has less than ``size`` plus `RESERVE` bytes free.
+        StorageFull: If the file system of ``path`` has less than ``size`` plus `RESERVE` bytes
+            free.
     """
     with storage_errors(path.parent):
         stats = os.statvfs(path.parent)
     if not stats.f_blocks:
-        return  # the kernel's own file systems have no sizes; what they refuse they refuse when it is written
+        # The kernel's own file systems have no sizes; what they refuse they refuse when it is
+        # written
+        return
     free = stats.f_bavail * stats.f_frsize
     if free < size + RESERVE:
         raise StorageFull(path, size + RESERVE, free)
 
 
 class GuardedFile:
-    """A binary file that never fails while it is written: it keeps the first error and then swallows what follows.
+    """A binary file that never fails while it is written: it keeps the first error and then
+    swallows what follows.
 
-    The HDF5 library crashes the interpreter at exit when a write fails below it, so it must not see one. The caller asks
-    for the error afterwards (`finish`). The space is reserved beforehand, hence a full disk is noticed before HDF5 begins.
+    The HDF5 library crashes the interpreter at exit when a write fails below it, so it must not see
+    one. The caller asks for the error afterwards (`finish`). The space is reserved beforehand,
+    hence a full disk is noticed before HDF5 begins.
     """
 
     def __init__(self, descriptor: int) -> None:
@@ -141,7 +155,9 @@ class GuardedFile:
     def readinto(self, buffer: memoryview) -> int:
         """Read back into ``buffer``; bytes that could not be written read as zero."""
         view = memoryview(buffer).cast("B")
-        data = os.pread(self._descriptor, min(len(view), max(self._length - self._position, 0)), self._position)
+        data = os.pread(
+            self._descriptor, min(len(view), max(self._length - self._position, 0)), self._position
+        )
         view[: len(data)] = data
         view[len(data) :] = bytes(len(view) - len(data))
         self._position += len(view)
@@ -199,10 +215,12 @@ def commit_file(
         path: Final name.
         label: First part of the names of the kill points.
         write: Writes the content.
-        size: Upper bound of the size [bytes], reserved beforehand; 0 for small files, which may use the `RESERVE`.
+        size: Upper bound of the size [bytes], reserved beforehand; 0 for small files, which may use
+            the `RESERVE`.
         verify: Raises if the closed temporary file is not what was meant.
         read_only: Whether to take the write permission away: the file is never changed again.
-        temporary: Name of the file until then; ``NAME.tmp``, which belongs to us in a run directory, if None.
+        temporary: Name of the file until then; ``NAME.tmp``, which belongs to us in a run
+            directory, if None.
         is_durable: Whether the file must outlive a power cut.
 
     Raises:
@@ -235,13 +253,19 @@ def commit_file(
 
 
 def temporary_beside(path: Path) -> Path:
-    """A name for a temporary file beside ``path`` that nothing else uses: only in run directories is ``NAME.tmp`` ours."""
+    """A name for a temporary file beside ``path`` that nothing else uses: only in run directories
+    is ``NAME.tmp`` ours.
+    """
     return path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}.tmp")
 
 
-def _write_temporary(path: Path, write: Callable[[GuardedFile], None], size: int, read_only: bool) -> None:
+def _write_temporary(
+    path: Path, write: Callable[[GuardedFile], None], size: int, read_only: bool
+) -> None:
     path.unlink(missing_ok=True)
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0), 0o666)
+    descriptor = os.open(
+        path, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0), 0o666
+    )
     try:
         file = GuardedFile(descriptor)
         if size:
@@ -266,12 +290,16 @@ def commit_bytes(path: Path, label: str, data: bytes, *, is_durable: bool = True
 
 
 def commit_result(path: Path, label: str, data: bytes) -> None:
-    """Create or replace a file that a user has asked for, outside of run directories; raises as `commit_file` does.
+    """Create or replace a file that a user has asked for, outside of run directories; raises as
+    `commit_file` does.
 
-    It is there whole or as it was before. A link at its place is replaced, not followed; a pipe or a device is refused.
+    It is there whole or as it was before. A link at its place is replaced, not followed; a pipe or
+    a device is refused.
     """
     if path.exists() and not path.is_file():
-        raise StorageError(f"{path}: is not an ordinary file, and is not replaced; choose another name")
+        raise StorageError(
+            f"{path}: is not an ordinary file, and is not replaced; choose another name"
+        )
 
     def write(file: GuardedFile) -> None:
         file.write(data)
@@ -293,7 +321,9 @@ def append_line(path: Path, label: str, line: bytes) -> None:
     with storage_errors(path):
         is_new = not path.exists()
         # Without O_NONBLOCK, a pipe would be waited for.
-        flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+        flags = (
+            os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+        )
         descriptor = os.open(path, flags, 0o666)
         try:
             _append(descriptor, label, line)
@@ -322,7 +352,9 @@ def _append(descriptor: int, label: str, line: bytes) -> None:
 
 
 def make_directory(path: Path) -> None:
-    """Make a directory, with its parents, so that they outlive a power cut; raises `StorageFull` or `StorageError`."""
+    """Make a directory, with its parents, so that they outlive a power cut; raises `StorageFull` or
+    `StorageError`.
+    """
     with storage_errors(path):
         missing = [path]
         while not missing[-1].is_dir() and missing[-1].parent != missing[-1]:
@@ -344,7 +376,9 @@ def fsync_path(path: Path) -> None:
 
 
 def file_digest(path: Path) -> str:
-    """BLAKE2b digest (16 bytes, hexadecimal) of a whole file; raises `StorageError`, or `DamagedRun` if it is no regular file."""
+    """BLAKE2b digest (16 bytes, hexadecimal) of a whole file; raises `StorageError`, or
+    `DamagedRun` if it is no regular file.
+    """
     digest = hashlib.blake2b(digest_size=16)
     with storage_errors(path), open_regular(path) as file:
         while block := file.read(_BLOCK):

@@ -1,4 +1,6 @@
-"""Checkpoints: a state, exactly, and how much output belongs to it. Two are kept; a damaged one gives way to the other."""
+"""Checkpoints: a state, exactly, and how much output belongs to it. Two are kept; a damaged one
+gives way to the other.
+"""
 
 from __future__ import annotations
 
@@ -74,7 +76,8 @@ class Identity:
         run_id: Identity of the run.
         scenario: Digest of the resolved scenario.
         stages: Number of loading stages.
-        former: Digests of the scenario before stages were added at its end: what was saved then is as good as ever.
+        former: Digests of the scenario before stages were added at its end: what was saved then is
+            as good as ever.
     """
 
     run_id: str
@@ -85,8 +88,15 @@ class Identity:
     @classmethod
     def of(cls, document: Document) -> Identity:
         """The identity of the run that ``run.json`` describes."""
-        former = tuple(str(extension["resolved_sha256"]) for extension in document.get("extensions", []))
-        return cls(str(document["run_id"]), str(document["resolved_sha256"]), len(document["stages"]), former)
+        former = tuple(
+            str(extension["resolved_sha256"]) for extension in document.get("extensions", [])
+        )
+        return cls(
+            str(document["run_id"]),
+            str(document["resolved_sha256"]),
+            len(document["stages"]),
+            former,
+        )
 
 
 class _Steering(BaseModel):
@@ -142,7 +152,11 @@ def write_checkpoint(
         if _read_state(temporary, identity.run_id)[1] != summary["state_digest"]:
             raise DamagedRun(f"{temporary}: what was read back is not what was written")
 
-    attributes = {"filetype": FILETYPE, "run_id": identity.run_id, "state_digest": summary["state_digest"]}
+    attributes = {
+        "filetype": FILETYPE,
+        "run_id": identity.run_id,
+        "state_digest": summary["state_digest"],
+    }
     size = estimate_size(schema.CHECKPOINT, sum(values.nbytes for values in columns.values()))
     write_hdf5(path, "checkpoint", attributes, fill, size=size, verify=verify)
     document = {
@@ -166,7 +180,9 @@ def write_checkpoint(
     return summary
 
 
-def load_newest(directory: Path, identity: Identity, segments: Path | None, model: Model | None = None) -> Checkpoint | None:
+def load_newest(
+    directory: Path, identity: Identity, segments: Path | None, model: Model | None = None
+) -> Checkpoint | None:
     """The newest checkpoint that is whole, with all the segments that it needs.
 
     Args:
@@ -203,8 +219,11 @@ def load_newest(directory: Path, identity: Identity, segments: Path | None, mode
 
 
 def load_checkpoint(sidecar: Path, identity: Identity, model: Model | None = None) -> Checkpoint:
-    """Read and check one checkpoint by the name of its ``.json``; arguments and errors as `load_newest`."""
-    # First what the description says of itself and its run, then its file as a whole, then the state in it.
+    """Read and check one checkpoint by the name of its ``.json``; arguments and errors as
+    `load_newest`.
+    """
+    # First what the description says of itself and its run, then its file as a whole, then the
+    # state in it.
     document = read_document(sidecar)
     if document.get("filetype") != FILETYPE:
         raise DamagedRun(f"{sidecar}: not the description of a checkpoint")
@@ -261,7 +280,8 @@ def prune(directory: Path, newest: str | None = None) -> None:
 
     Args:
         directory: Directory of the checkpoints.
-        newest: Name of the checkpoint from which the run goes on; newer ones, which are damaged, are removed too.
+        newest: Name of the checkpoint from which the run goes on; newer ones, which are damaged,
+            are removed too.
 
     Raises:
         StorageError: If a file cannot be removed.
@@ -271,8 +291,13 @@ def prune(directory: Path, newest: str | None = None) -> None:
     keep = set(names[first : first + KEEP])
     with storage_errors(directory):
         # Descriptions first: state and description are a checkpoint only together.
-        for path in sorted(directory.glob("step-*"), key=lambda path: (path.suffix != ".json", path.name)):
-            if path.suffix == ".tmp" or path.name.removesuffix(".json").removesuffix(".h5") not in keep:
+        for path in sorted(
+            directory.glob("step-*"), key=lambda path: (path.suffix != ".json", path.name)
+        ):
+            if (
+                path.suffix == ".tmp"
+                or path.name.removesuffix(".json").removesuffix(".h5") not in keep
+            ):
                 remove_own(path)
 
 
@@ -301,9 +326,17 @@ def _read_state(path: Path, run_id: str) -> tuple[State, str]:
     with CheckedFile(path, FILETYPE, run_id=run_id) as file:
         file.check_texts()
         file.dims |= entry_counts(file.version)
-        columns = {spec.name: _read_column(file, spec) for spec in schema.CHECKPOINT if file.has(spec)}
-        lengths = file.dims | entry_counts() | ({"heat_book": len(HEAT_BOOKS)} if columns["heat_books"].size else {})
-    whole = {spec.name: _complete(columns.get(spec.name), spec, lengths) for spec in schema.CHECKPOINT}
+        columns = {
+            spec.name: _read_column(file, spec) for spec in schema.CHECKPOINT if file.has(spec)
+        }
+        lengths = (
+            file.dims
+            | entry_counts()
+            | ({"heat_book": len(HEAT_BOOKS)} if columns["heat_books"].size else {})
+        )
+    whole = {
+        spec.name: _complete(columns.get(spec.name), spec, lengths) for spec in schema.CHECKPOINT
+    }
     return State.from_dict(whole), digest_of(columns)
 
 
@@ -312,26 +345,34 @@ def _read_column(file: CheckedFile, spec: schema.Dataset) -> NDArray[Any]:
     return np.asarray(values[0]) if spec.dims == ("one",) else values
 
 
-def _complete(values: NDArray[Any] | None, spec: schema.Dataset, lengths: dict[str, int]) -> NDArray[Any]:
-    """Zeros for what a file of an older version of the format lacks: a dataset, or the last entries of books.
+def _complete(
+    values: NDArray[Any] | None, spec: schema.Dataset, lengths: dict[str, int]
+) -> NDArray[Any]:
+    """Zeros for what a file of an older version of the format lacks: a dataset, or the last entries
+    of books.
 
     Rows that nothing else counts are none.
     """
-    shape = () if spec.dims == ("one",) else tuple(d if isinstance(d, int) else lengths.get(d, 0) for d in spec.dims)
+    shape = (
+        ()
+        if spec.dims == ("one",)
+        else tuple(d if isinstance(d, int) else lengths.get(d, 0) for d in spec.dims)
+    )
     if values is None:
         return np.zeros(shape, dtype_of(spec, "double"))
     missing = shape[0] - len(values) if shape else 0
     return np.concatenate([values, np.zeros(missing)]) if missing > 0 else values
 
 
-# ---- Which segments of an unfinished run count: those in the manifest, which must hold all that a checkpoint relies on
+# ---- Which segments of an unfinished run count: those in the manifest, which must hold all that a
+#      checkpoint relies on
 
 
 def committed_segments(run: Path) -> list[Segment]:
     """The segments of a run directory, in order.
 
-    A manifest that lost lines at its end looks like a shorter one, so it is compared with the newest checkpoint. Checkpoints are
-    read first: while a run goes on, its manifest only grows.
+    A manifest that lost lines at its end looks like a shorter one, so it is compared with the
+    newest checkpoint. Checkpoints are read first: while a run goes on, its manifest only grows.
 
     Raises:
         DamagedRun: If a line is damaged, or lines are missing.
@@ -347,9 +388,13 @@ def committed_segments(run: Path) -> list[Segment]:
 
 
 def _remedy(run: Path) -> str:
-    """What helps if the manifest of a run is damaged: to continue from a checkpoint whose segments are whole, if there is one."""
+    """What helps if the manifest of a run is damaged: to continue from a checkpoint whose segments
+    are whole, if there is one.
+    """
     try:
-        usable = load_newest(run / layout.CHECKPOINTS, Identity.of(read_run_document(run)), run / layout.SEGMENTS)
+        usable = load_newest(
+            run / layout.CHECKPOINTS, Identity.of(read_run_document(run)), run / layout.SEGMENTS
+        )
     except (DamagedRun, StorageError):
         usable = None
     if usable is None:

@@ -1,6 +1,8 @@
-"""Small JSON documents of a run (``run.json``, manifest, sidecars of checkpoints): each with a digest, and a model of what it says.
+"""Small JSON documents of a run (``run.json``, manifest, sidecars of checkpoints): each with a
+digest, and a model of what it says.
 
-A document is kept as the dictionary that was read: what a newer minor version has added to it stays.
+A document is kept as the dictionary that was read: what a newer minor version has added to it
+stays.
 """
 
 from __future__ import annotations
@@ -13,7 +15,15 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, cast
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Strict, TypeAdapter, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Strict,
+    TypeAdapter,
+    ValidationError,
+    model_validator,
+)
 
 from multicor_cli.files import LARGEST_RECORD, read_regular
 from multicor_cli.model import EXCHANGE_NAMES
@@ -36,7 +46,9 @@ _CHECK = "check"
 
 def write_document(path: Path, label: str, data: Document) -> None:
     """Commit ``data`` as JSON with its digest; numbers that are not finite become null."""
-    commit_bytes(path, label, (json.dumps(_sealed(data), indent=1, ensure_ascii=False) + "\n").encode())
+    commit_bytes(
+        path, label, (json.dumps(_sealed(data), indent=1, ensure_ascii=False) + "\n").encode()
+    )
 
 
 def document_line(data: Document) -> bytes:
@@ -57,14 +69,19 @@ def read_document(path: Path) -> Document:
 
 
 def parse_document(data: bytes, where: str) -> Document:
-    """Parse one document and check its digest; ``where`` names it in the message of `DamagedRun`."""
+    """Parse one document and check its digest; ``where`` names it in the message of
+    `DamagedRun`.
+    """
     try:
         value = json.loads(data.decode())
     except (ValueError, RecursionError) as error:
         raise DamagedRun(f"{where}: damaged ({error})") from error
     if not isinstance(value, dict):
         raise DamagedRun(f"{where}: damaged (not a JSON object)")
-    page, line = json.dumps(value, indent=1, ensure_ascii=False), json.dumps(value, ensure_ascii=False)
+    page, line = (
+        json.dumps(value, indent=1, ensure_ascii=False),
+        json.dumps(value, ensure_ascii=False),
+    )
     is_as_written = data.decode() in (page + "\n", line)  # not a blank more
     check = value.pop(_CHECK, None)
     if check != _digest(value) or not is_as_written:
@@ -83,7 +100,9 @@ def _digest(data: Document) -> str:
 
 
 def plain(value: Any) -> Any:
-    """``value`` as plain JSON types: numbers of numpy become numbers, those that are not finite null."""
+    """``value`` as plain JSON types: numbers of numpy become numbers, those that are not finite
+    null.
+    """
     if isinstance(value, dict):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
@@ -95,7 +114,11 @@ def plain(value: Any) -> Any:
 
 def check_version(path: Path, version: Any) -> None:
     """Refuse another major version of the format, or what is not one: `UnsupportedVersion`."""
-    is_version = isinstance(version, list) and len(version) == 2 and all(isinstance(part, int) for part in version)
+    is_version = (
+        isinstance(version, list)
+        and len(version) == 2
+        and all(isinstance(part, int) for part in version)
+    )
     if not is_version or version[0] != FORMAT_VERSION[0]:
         given = ".".join(map(str, version)) if isinstance(version, list) else str(version)[:40]
         raise UnsupportedVersion(
@@ -108,7 +131,11 @@ def check_version(path: Path, version: Any) -> None:
 
 
 def _scalar(value: Any) -> Any:
-    if not (value is None or isinstance(value, float | str) or (isinstance(value, int) and abs(value) < 2**63)):
+    if not (
+        value is None
+        or isinstance(value, float | str)
+        or (isinstance(value, int) and abs(value) < 2**63)
+    ):
         raise ValueError
     return value
 
@@ -122,7 +149,9 @@ _checker = functools.cache(TypeAdapter)
 
 
 def record_of(kind: type[T], document: Any, where: Path | str = "") -> T:
-    """What a document, or a part of one, says; raises `DamagedRun` about ``where``, with the first key that is wrong."""
+    """What a document, or a part of one, says; raises `DamagedRun` about ``where``, with the first
+    key that is wrong.
+    """
     try:
         return cast("T", _checker(cast("Any", kind)).validate_python(document))
     except ValidationError as error:
@@ -146,7 +175,8 @@ class Origin:
         frame: Index of the frame, from 0; None: its last checkpoint.
         step: Steps that it had done.
         time: Time since its start [s].
-        digest: Digest of what was taken: that of the state of a checkpoint (`multicor_cli.model.State.digest`), or of the frame.
+        digest: Digest of what was taken: that of the state of a checkpoint
+            (`multicor_cli.model.State.digest`), or of the frame.
         walls: Walls that have their place and velocity from it.
         new_walls: Walls that it does not have: they are where the scenario puts them.
         lost_walls: Walls of it that the scenario does not have: they are gone.
@@ -164,19 +194,26 @@ class Origin:
 
     def as_document(self) -> dict[str, Any]:
         """As JSON types."""
-        return {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(self).items()}
+        return {
+            name: list(value) if isinstance(value, tuple) else value
+            for name, value in asdict(self).items()
+        }
 
     @property
     def text(self) -> str:
         """From where, in words."""
         moment = "its end" if self.frame is None else f"frame {self.frame}"
-        return f"{self.run}, {moment}: step {self.step}, t = {self.time:.6g} s, digest {self.digest}"
+        return (
+            f"{self.run}, {moment}: step {self.step}, t = {self.time:.6g} s, digest {self.digest}"
+        )
 
     @property
     def wall_texts(self) -> list[str]:
         """What happens to walls that only one of the two runs has, in words."""
         new = [f"new, not in that run: {', '.join(self.new_walls)}"] if self.new_walls else []
-        lost = [f"gone, not in this scenario: {', '.join(self.lost_walls)}"] if self.lost_walls else []
+        lost = (
+            [f"gone, not in this scenario: {', '.join(self.lost_walls)}"] if self.lost_walls else []
+        )
         return new + lost
 
 
@@ -192,12 +229,14 @@ class StageEnd:
     Attributes:
         stage: Index of the stage.
         name: Name of the stage.
-        reason: ``duration``: it lasted as long as it was to; ``condition``: its condition held; ``timeout``: its duration was over
-            before its condition held; ``steered``: the program that steers the run has ended it.
+        reason: ``duration``: it lasted as long as it was to; ``condition``: its condition held;
+            ``timeout``: its duration was over before its condition held; ``steered``: the program
+            that steers the run has ended it.
         step: Steps done since the start of the run.
         time: Time since the start of the run [s].
         duration: Time since the start of the stage [s].
-        quantity: What its condition looks at, in words, and why it has no value if it has none; empty without condition.
+        quantity: What its condition looks at, in words, and why it has no value if it has none;
+            empty without condition.
         value: Value of this quantity at the end; None if there is none.
         relation: How the value had to be: ``at least`` or ``at most``; empty without condition.
         goal: Value asked for; None without condition.
@@ -238,15 +277,26 @@ class StageEnd:
         if self.reason == "steered":
             return f"ended by the program that steers the run, after {self.duration:.6g} s"
         reached = f"{self._reached}, {self._goal}"
-        return reached if self.reason == "condition" else f"timed out after {self.duration:.6g} s; {reached}"
+        return (
+            reached
+            if self.reason == "condition"
+            else f"timed out after {self.duration:.6g} s; {reached}"
+        )
 
     @property
     def _reached(self) -> str:
-        return f"{self.quantity} never had a value" if self.value is None else f"{self.quantity} was {self._number(self.value)}"
+        return (
+            f"{self.quantity} never had a value"
+            if self.value is None
+            else f"{self.quantity} was {self._number(self.value)}"
+        )
 
     @property
     def _goal(self) -> str:
-        return f"asked for was {self.relation} {self._number(self.goal if self.goal is not None else math.nan)}"
+        return (
+            f"asked for was {self.relation} "
+            f"{self._number(self.goal if self.goal is not None else math.nan)}"
+        )
 
     def _number(self, value: float) -> str:
         return f"{value:.5g}" + (f" {self.unit}" if self.unit != "1" else "")
@@ -309,7 +359,9 @@ class SummaryDocument(BaseModel):
     @model_validator(mode="after")
     def _is_whole(self) -> SummaryDocument:
         first = empty_summary((1, 0))
-        if not (first.keys() <= self.model_fields_set and first["books"].keys() <= self.books.keys()):
+        if not (
+            first.keys() <= self.model_fields_set and first["books"].keys() <= self.books.keys()
+        ):
             raise ValueError
         return self
 
@@ -392,7 +444,8 @@ def read_run_document(path: Path) -> Document:
 
     Raises:
         DirectoryRefused: If there is no run.
-        DamagedRun: If it is damaged, or of an incompatible version (`UnsupportedVersion`), or only begun (`NothingStored`).
+        DamagedRun: If it is damaged, or of an incompatible version (`UnsupportedVersion`), or only
+            begun (`NothingStored`).
         StorageError: If it cannot be read.
     """
     file = path / layout.RUN
@@ -411,17 +464,25 @@ def read_run_document(path: Path) -> Document:
 def decisions_of(document: Document) -> list[Decision]:
     """What the program that steers the run has decided; empty if none does."""
     steering = document.get("steering")
-    return [] if steering is None else [record_of(Decision, decision) for decision in steering["decisions"]]
+    return (
+        []
+        if steering is None
+        else [record_of(Decision, decision) for decision in steering["decisions"]]
+    )
 
 
 def read_scenario(path: Path, sha256: str) -> str:
-    """Text of a scenario file; raises `DamagedRun` if it was changed, `StorageError` if it cannot be read.
+    """Text of a scenario file; raises `DamagedRun` if it was changed, `StorageError` if it cannot
+    be read.
 
-    Where the run was being extended when its process died, it is still the run of a former scenario, kept beside the new one.
+    Where the run was being extended when its process died, it is still the run of a former
+    scenario, kept beside the new one.
     """
     for file in (path, *reversed(layout.former_files(path))):
         with storage_errors(file):
             data = read_regular(file, LARGEST_RECORD)
         if hashlib.sha256(data).hexdigest() == sha256:
             return data.decode()
-    raise DamagedRun(f"{path}: was changed after the run had begun; put the original back, or start another run")
+    raise DamagedRun(
+        f"{path}: was changed after the run had begun; put the original back, or start another run"
+    )

@@ -1,4 +1,6 @@
-"""What can go wrong with the files of a run; each class carries the exit code that the command line gives it."""
+"""What can go wrong with the files of a run; each class carries the exit code that the command line
+gives it.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ class StoreError(Exception):
 
 
 class StorageError(StoreError):
-    """A file or directory cannot be read or written: permission, I/O error, missing directory (exit code 5)."""
+    """A file or directory cannot be read or written: permission, I/O error, missing directory (exit
+    code 5).
+    """
 
 
 class StorageFull(StorageError):
@@ -31,11 +35,15 @@ class StorageFull(StorageError):
     def __init__(self, path: Path, needed: int = 0, free: int = 0) -> None:
         self.path, self.needed, self.free = path, needed, free
         sizes = f" ({needed / 1e6:.1f} MB needed, {free / 1e6:.1f} MB free)" if needed else ""
-        super().__init__(f"{path}: no space left{sizes}; free some space and give the same command again")
+        super().__init__(
+            f"{path}: no space left{sizes}; free some space and give the same command again"
+        )
 
 
 class DirectoryRefused(StoreError):
-    """The directory exists and is not one that may be used: not a run, a run already, or it holds foreign files (code 6)."""
+    """The directory exists and is not one that may be used: not a run, a run already, or it holds
+    foreign files (code 6).
+    """
 
     exit_code = 6
 
@@ -62,12 +70,17 @@ class DamagedRun(StoreError):
 
 
 class NothingStored(DamagedRun):
-    """A run was stopped before it had stored anything: nothing is damaged, and there is nothing to read (exit code 6)."""
+    """A run was stopped before it had stored anything: nothing is damaged, and there is nothing to
+    read (exit code 6).
+    """
 
     exit_code = 6
 
     def __init__(self, path: Path) -> None:
-        super().__init__(f"{path}: the run has stored nothing yet; if it does not go on, give the command that began it again")
+        super().__init__(
+            f"{path}: the run has stored nothing yet; if it does not go on, give the command that "
+            "began it again"
+        )
 
 
 class UnsupportedVersion(DamagedRun):
@@ -79,7 +92,9 @@ class NoFrame(IndexError):
 
 
 def frame_number(count: int, number: int) -> int:
-    """The number, from 0, of one of ``count`` frames that may be counted from the end (negative); raises `NoFrame`."""
+    """The number, from 0, of one of ``count`` frames that may be counted from the end (negative);
+    raises `NoFrame`.
+    """
     if not count or not -count <= number < count:
         raise NoFrame(f"there is no frame {number}: {what_frames(count)}")
     return number % count

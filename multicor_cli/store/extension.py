@@ -1,7 +1,8 @@
 """Adding loading stages to the end of a run.
 
-The order is that of the commit protocol. Until ``run.json`` is replaced the run is what it was: its scenario is found among the
-former ones, and new segments and checkpoints beside ``results.h5`` do no harm. From then on it is the longer run.
+The order is that of the commit protocol. Until ``run.json`` is replaced the run is what it was: its
+scenario is found among the former ones, and new segments and checkpoints beside ``results.h5`` do
+no harm. From then on it is the longer run.
 """
 
 from __future__ import annotations
@@ -16,7 +17,15 @@ from pathlib import Path
 from multicor_cli.files import LARGEST_RECORD, Unfit, read_regular
 from multicor_cli.model import Model
 from multicor_cli.store import layout, schema
-from multicor_cli.store.atomic import commit_bytes, file_digest, fsync_path, kill_point, make_directory, remove_own, storage_errors
+from multicor_cli.store.atomic import (
+    commit_bytes,
+    file_digest,
+    fsync_path,
+    kill_point,
+    make_directory,
+    remove_own,
+    storage_errors,
+)
 from multicor_cli.store.checkpoint import Identity, load_newest, write_checkpoint
 from multicor_cli.store.documents import Document, read_scenario, write_document
 from multicor_cli.store.errors import DamagedRun, DirectoryRefused
@@ -33,7 +42,8 @@ SERIES_ROWS = 4096
 
 @dataclass(frozen=True)
 class Extension:
-    """A scenario that has more stages than the one with which a run began, and is the same otherwise.
+    """A scenario that has more stages than the one with which a run began, and is the same
+    otherwise.
 
     Attributes:
         source: The scenario file as given.
@@ -55,10 +65,12 @@ def extend(path: Path, document: Document, extension: Extension) -> None:
         extension: The longer scenario.
 
     Raises:
-        StorageFull: If there is not enough space for what a finished run needs besides its results; it stays as it is.
+        StorageFull: If there is not enough space for what a finished run needs besides its results;
+            it stays as it is.
         StorageError: For any other error of the system.
         DamagedRun: If ``results.h5`` is damaged, or there is no checkpoint.
-        DirectoryRefused: If a file that is not of the run has the name of one that is to be written.
+        DirectoryRefused: If a file that is not of the run has the name of one that is to be
+            written.
     """
     has_results = bool(document["results"])
     if has_results:
@@ -70,7 +82,8 @@ def extend(path: Path, document: Document, extension: Extension) -> None:
     _describe(document, extension)
     write_document(path / layout.RUN, "runjson", document)
     kill_point("extension.after")
-    # All of results.h5 is in segments now; if it stays, it is replaced at the end of the longer run.
+    # All of results.h5 is in segments now; if it stays, it is replaced at the end of the longer
+    # run.
     if has_results:
         with contextlib.suppress(OSError):
             for name in (layout.VTKHDF, layout.RESULTS):
@@ -105,14 +118,21 @@ def _keep_former(path: Path, document: Document) -> None:
     """The scenario files as they have been so far, under names of their own."""
     number = len(document.get("extensions", [])) + 1
     for name, key in ((layout.SOURCE, "source_sha256"), (layout.RESOLVED, "resolved_sha256")):
-        text, former = read_scenario(path / name, str(document[key])).encode(), path / layout.former_name(name, number)
+        text, former = (
+            read_scenario(path / name, str(document[key])).encode(),
+            path / layout.former_name(name, number),
+        )
         if os.path.lexists(former) and not _holds(former, text):
-            raise DirectoryRefused(f"{former}: is in the way of the former scenario of the run; move it away")
+            raise DirectoryRefused(
+                f"{former}: is in the way of the former scenario of the run; move it away"
+            )
         commit_bytes(former, "scenario", text)
 
 
 def _holds(file: Path, text: bytes) -> bool:
-    """Whether a file is there and this is its content; raises `StorageError` if it may not be read."""
+    """Whether a file is there and this is its content; raises `StorageError` if it may not be
+    read.
+    """
     with storage_errors(file):
         try:
             return read_regular(file, LARGEST_RECORD) == text
@@ -124,7 +144,10 @@ def _reopen(path: Path, document: Document) -> None:
     """Model, segments and a checkpoint of a finished run, made of its ``results.h5``."""
     results, run_id = path / layout.RESULTS, str(document["run_id"])
     if file_digest(results) != document["results"]["blake2b"]:
-        raise DamagedRun(f"{results}: damaged (it does not match its digest in {layout.RUN}); nothing was changed")
+        raise DamagedRun(
+            f"{results}: damaged (it does not match its digest in {layout.RUN}); nothing was "
+            "changed"
+        )
     for name in (layout.SEGMENTS, layout.CHECKPOINTS):
         make_directory(path / name)
     with storage_errors(path / layout.SEGMENTS):
@@ -135,7 +158,10 @@ def _reopen(path: Path, document: Document) -> None:
         model = read_model(file)
         last = load_newest(path / layout.CHECKPOINTS, identity, None, model)
         if last is None:
-            raise DamagedRun(f"{path / layout.CHECKPOINTS}: there is no checkpoint from which the run could go on")
+            raise DamagedRun(
+                f"{path / layout.CHECKPOINTS}: there is no checkpoint from which the run could go "
+                "on"
+            )
         write_model(path / layout.MODEL, model, run_id)
         segments = _write_segments(file, path / layout.SEGMENTS, run_id, model, document)
     write_checkpoint(  # the last one once more, with the segments that there are now
@@ -152,7 +178,9 @@ def _reopen(path: Path, document: Document) -> None:
     document["model"] = {"size": size, "blake2b": file_digest(path / layout.MODEL)}
 
 
-def _write_segments(file: CheckedFile, directory: Path, run_id: str, model: Model, document: Document) -> list[Segment]:
+def _write_segments(
+    file: CheckedFile, directory: Path, run_id: str, model: Model, document: Document
+) -> list[Segment]:
     writer = FrameWriter(
         directory,
         run_id,
@@ -162,14 +190,21 @@ def _write_segments(file: CheckedFile, directory: Path, run_id: str, model: Mode
     )
     # Frames one by one, as stored, then the series in pieces.
     rows = {name: int(file.dataset(_SPECS[path]).shape[0]) for name, path in _ROWS.items()}
-    ends = {name: read_offsets(file, _SPECS[f"steps/{name.removesuffix('_row')}_offset"], count) for name, count in rows.items()}
+    ends = {
+        name: read_offsets(file, _SPECS[f"steps/{name.removesuffix('_row')}_offset"], count)
+        for name, count in rows.items()
+    }
     for k in range(int(file.dataset(_SPECS["steps/step"]).shape[0])):
         spans = {name: offset[k : k + 2].tolist() for name, offset in ends.items()}
-        writer.copy_frame({s.path: file.read(s, *spans.get(str(s.row), (k, k + 1))) for s in writer.frame_table})
+        writer.copy_frame(
+            {s.path: file.read(s, *spans.get(str(s.row), (k, k + 1))) for s in writer.frame_table}
+        )
     count = int(file.dataset(_SPECS["series/step"]).shape[0])
     for start in range(0, count, SERIES_ROWS):
         stop = min(start + SERIES_ROWS, count)
-        writer.copy_series({spec.path: file.read(spec, start, stop) for spec in writer.series_table})
+        writer.copy_series(
+            {spec.path: file.read(spec, start, stop) for spec in writer.series_table}
+        )
     writer.flush()
     return writer.segments
 

@@ -23,7 +23,15 @@ from multicor_cli.store.errors import DamagedRun, frame_number
 from multicor_cli.store.hdf5 import CheckedFile
 from multicor_cli.store.results import FILETYPE as RESULTS_FILETYPE
 from multicor_cli.store.results import read_offsets, segment_dims
-from multicor_cli.store.schema.rows import Column, ContactColumns, Dataset, GrainColumns, KeptColumns, StepColumns, WallColumns
+from multicor_cli.store.schema.rows import (
+    Column,
+    ContactColumns,
+    Dataset,
+    GrainColumns,
+    KeptColumns,
+    StepColumns,
+    WallColumns,
+)
 from multicor_cli.store.segments import FILETYPE as SEGMENT_FILETYPE
 from multicor_cli.store.segments import Segment
 from multicor_cli.text import count_noun
@@ -59,13 +67,21 @@ class Part:
 def segment_part(directory: Path, segment: Segment) -> Part:
     """The part that a line of the manifest describes."""
     dims = segment_dims(segment)
-    return Part(directory / segment.name, SEGMENT_FILETYPE, segment.frames, segment.series_rows, dims)
+    return Part(
+        directory / segment.name, SEGMENT_FILETYPE, segment.frames, segment.series_rows, dims
+    )
 
 
 def results_part(path: Path, run_id: str | None = None) -> Part:
     """The part that is a whole ``results.h5``; raises `DamagedRun` or `StorageError`."""
     with CheckedFile(path, RESULTS_FILETYPE, run_id=run_id) as file:
-        for name in ("steps/step", "series/step", "particles/angle", "contacts/gap", "walls/position"):
+        for name in (
+            "steps/step",
+            "series/step",
+            "particles/angle",
+            "contacts/gap",
+            "walls/position",
+        ):
             file.dataset(_SPECS[name])
         dims = dict(file.dims)
     return Part(path, RESULTS_FILETYPE, dims["frame"], dims["series_row"], dims)
@@ -102,8 +118,10 @@ class Parts:
     Args:
         parts: The files in order.
         run_id: Identity of the run; any if ``None``.
-        again: Called when a file has gone, because the run was finished in the meantime; returns the present files.
-        lengths: Lengths of dimensions that no file tells while there is none: numbers of walls and outlets.
+        again: Called when a file has gone, because the run was finished in the meantime; returns
+            the present files.
+        lengths: Lengths of dimensions that no file tells while there is none: numbers of walls and
+            outlets.
     """
 
     def __init__(
@@ -134,12 +152,18 @@ class Parts:
 
     @property
     def features(self) -> frozenset[str] | None:
-        """Features of the run as its first file names them, or None if there is no file; raises `DamagedRun` or `StorageError`."""
-        return self._retry(lambda: self._opened(self.parts[0]).file.features if self.parts else None)
+        """Features of the run as its first file names them, or None if there is no file; raises
+        `DamagedRun` or `StorageError`.
+        """
+        return self._retry(
+            lambda: self._opened(self.parts[0]).file.features if self.parts else None
+        )
 
     @property
     def version(self) -> Version | None:
-        """Version of the file format in which the run was begun, or None if there is no file; raises as `features`."""
+        """Version of the file format in which the run was begun, or None if there is no file;
+        raises as `features`.
+        """
         return self._retry(lambda: self._opened(self.parts[0]).file.version if self.parts else None)
 
     def has(self, spec: Dataset, frame: int) -> bool:
@@ -151,7 +175,9 @@ class Parts:
         return self._retry(lambda: self._frame_rows(spec, frame))
 
     def column(self, spec: Dataset) -> NDArray[Any]:
-        """A dataset with one row per frame or row of the series, over all files; raises `DamagedRun` or `StorageError`."""
+        """A dataset with one row per frame or row of the series, over all files; raises
+        `DamagedRun` or `StorageError`.
+        """
         return self.columns((spec,))[spec.path]
 
     def columns(self, specs: Sequence[Dataset]) -> dict[str, NDArray[Any]]:
@@ -209,11 +235,14 @@ class Parts:
 
 
 def _nothing(spec: Dataset, lengths: Mapping[str, int]) -> NDArray[Any]:
-    dtype = {"f8": np.float64, "float": np.float64, "i8": np.int64, "i4": np.int32, "u1": np.uint8}[spec.dtype]
+    dtype = {"f8": np.float64, "float": np.float64, "i8": np.int64, "i4": np.int32, "u1": np.uint8}[
+        spec.dtype
+    ]
     return np.zeros(tuple(d if isinstance(d, int) else lengths.get(d, 0) for d in spec.dims), dtype)
 
 
-# ---- What the grains of a run or of a frame are: sizes, masses, and names where the model has numbers
+# ---- What the grains of a run or of a frame are: sizes, masses, and names where the model has
+#      numbers
 
 
 @dataclass(frozen=True, repr=False)
@@ -238,14 +267,19 @@ class GrainFacts:
     def of(cls, model: Model) -> GrainFacts:
         """Those of a model."""
         grains = model.grains
-        material, group = np.array(model.materials)[grains.material], np.array(model.groups)[grains.group]
+        material, group = (
+            np.array(model.materials)[grains.material],
+            np.array(model.groups)[grains.group],
+        )
         return cls(grains.radius, grains.mass, grains.inertia, material, group)
 
     def __len__(self) -> int:
         return len(self.radius)
 
     def __repr__(self) -> str:
-        sizes = f", radius {self.radius.min():.4g} to {self.radius.max():.4g} m" if len(self) else ""
+        sizes = (
+            f", radius {self.radius.min():.4g} to {self.radius.max():.4g} m" if len(self) else ""
+        )
         return f"<Grains: {count_noun(len(self), 'grain')}{sizes}>"
 
 
@@ -272,14 +306,18 @@ class NamedColumn(NamedTuple):
 
 
 def data_frame(columns: Sequence[NamedColumn], index: str | None = None) -> Any:
-    """Columns as a DataFrame, indexed by one of them; units are in its ``attrs["units"]``. Raises `MissingLibrary`."""
+    """Columns as a DataFrame, indexed by one of them; units are in its ``attrs["units"]``. Raises
+    `MissingLibrary`.
+    """
     table = library("pandas").DataFrame({column.name: column.values for column in columns})
     table.attrs["units"] = {column.name: column.unit for column in columns if column.unit != "1"}
     return table if index is None else table.set_index(index)
 
 
 def grain_columns(frame: Frame) -> list[NamedColumn]:
-    """The present grains of a frame: number, group, material, radius, mass, and what the frame holds of each."""
+    """The present grains of a frame: number, group, material, radius, mass, and what the frame
+    holds of each.
+    """
     grains, model = frame.model.grains, frame.run_model
     return [
         NamedColumn("grain", "1", frame.number),
@@ -309,13 +347,22 @@ def split(spec: Dataset, values: NDArray[Any]) -> list[NamedColumn]:
     names = spec.columns or (spec.name,)
     units = spec.unit.split(", ") * (1 if ", " in spec.unit else len(names))
     flat = values.reshape(len(values), int(np.prod(values.shape[1:], dtype=np.int64)))
-    return [NamedColumn(name, unit, flat[:, k]) for k, (name, unit) in enumerate(zip(names, units, strict=True))]
+    return [
+        NamedColumn(name, unit, flat[:, k])
+        for k, (name, unit) in enumerate(zip(names, units, strict=True))
+    ]
 
 
-def _columns_of(frame: Frame, table: tuple[Dataset, ...], rows: NDArray[np.int64] | None = None) -> list[NamedColumn]:
+def _columns_of(
+    frame: Frame, table: tuple[Dataset, ...], rows: NDArray[np.int64] | None = None
+) -> list[NamedColumn]:
     """The columns of a table as they are stored, or these rows of them."""
     found = ((spec, frame.column(spec.path)) for spec in frame.rows(table))
-    return [column for spec, values in found for column in split(spec, values if rows is None else values[rows])]
+    return [
+        column
+        for spec, values in found
+        for column in split(spec, values if rows is None else values[rows])
+    ]
 
 
 # ---- Lazy arrays
@@ -325,7 +372,9 @@ _OF_SHAPES = ("contacts/i", "contacts/j")
 
 
 class Contacts(ContactColumns):
-    """The contacts of a frame, ordered by ``(i, j)``; ``c`` of them. Every array is read when it is first used, and kept."""
+    """The contacts of a frame, ordered by ``(i, j)``; ``c`` of them. Every array is read when it is
+    first used, and kept.
+    """
 
     def __init__(self, frame: Frame) -> None:
         self._frame = frame
@@ -344,10 +393,11 @@ class Contacts(ContactColumns):
         return self._frame.contacts_recorded
 
     def to_pandas(self) -> Any:
-        """The contacts as a DataFrame with a row for each; its ``attrs["units"]`` has the units of the columns.
+        """The contacts as a DataFrame with a row for each; its ``attrs["units"]`` has the units of
+        the columns.
 
-        Shapes ``i`` and ``j`` are counted among all grains of the run, as the index of `Frame.to_pandas` is, also where grains come
-        and go.
+        Shapes ``i`` and ``j`` are counted among all grains of the run, as the index of
+        `Frame.to_pandas` is, also where grains come and go.
 
         Raises:
             MissingLibrary: If pandas is not installed.
@@ -356,16 +406,23 @@ class Contacts(ContactColumns):
         return data_frame(contact_columns(self._frame))
 
     def __repr__(self) -> str:
-        return f"<Contacts of frame {self._frame.index}: {count_noun(len(self), 'contact') if self.recorded else 'not recorded'}>"
+        return (
+            f"<Contacts of frame {self._frame.index}: "
+            f"{count_noun(len(self), 'contact') if self.recorded else 'not recorded'}>"
+        )
 
     @property
     def force(self) -> Array:
-        """Mean normal and tangential force on i over the last step [N], shape ``(c, 2)``; zero before the first step."""
+        """Mean normal and tangential force on i over the last step [N], shape ``(c, 2)``; zero
+        before the first step.
+        """
         dt = self._frame.dt
         return self.impulse / dt if dt > 0.0 else np.zeros_like(self.impulse)
 
     def read(self, column: Column[T]) -> T:
-        """What the attribute of a column is; raises `DamagedRun` if it names shapes that do not exist, else as `Frame.column`."""
+        """What the attribute of a column is; raises `DamagedRun` if it names shapes that do not
+        exist, else as `Frame.column`.
+        """
         found = self._frame.read(column)
         if column.name in ("i", "j"):
             self._check_shapes(column, np.asarray(found))
@@ -377,7 +434,9 @@ class Contacts(ContactColumns):
         grains = self._frame.number.size if self._frame.is_open else model.grain_count
         count = grains + (0 if column.name == "i" else model.shape_count)
         if not _are_within(found, count):
-            raise DamagedRun(f"frame {self._frame.index}: damaged ({column.path} names shapes that do not exist)")
+            raise DamagedRun(
+                f"frame {self._frame.index}: damaged ({column.path} names shapes that do not exist)"
+            )
 
 
 def _are_within(numbers: Array, count: int) -> bool:
@@ -387,8 +446,8 @@ def _are_within(numbers: Array, count: int) -> bool:
 class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
     """One frame; ``n`` grains, ``w`` walls. Every array is read when it is first used, and kept.
 
-    Where grains come and go, the attributes are those of the ``n`` present grains, and contacts count shapes among these;
-    `number` says which grains they are, and `model` is made of them.
+    Where grains come and go, the attributes are those of the ``n`` present grains, and contacts
+    count shapes among these; `number` says which grains they are, and `model` is made of them.
 
     Attributes:
         index: Number of the frame in the run.
@@ -414,7 +473,8 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
         rows = self._parts.frame_rows(spec, self.index)
         if spec.row == "particle_row" and len(rows) != self.run_model.grain_count:
             raise DamagedRun(
-                f"frame {self.index} has {len(rows)} grains and its run {self.run_model.grain_count}; check it with multicor verify"
+                f"frame {self.index} has {len(rows)} grains and its run "
+                f"{self.run_model.grain_count}; check it with multicor verify"
             )
         return rows
 
@@ -428,7 +488,8 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
         return GrainFacts.of(self.model)
 
     def to_pandas(self) -> Any:
-        """The grains as a DataFrame with a row for each, indexed by their numbers; ``attrs["units"]`` has the units of the columns.
+        """The grains as a DataFrame with a row for each, indexed by their numbers;
+        ``attrs["units"]`` has the units of the columns.
 
         Raises:
             MissingLibrary: If pandas is not installed.
@@ -438,14 +499,21 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
 
     def __repr__(self) -> str:
         count = len(self.number)
-        return f"<Frame {self.index}: {count_noun(count, 'grain')}, t = {self.time:.6g} s, step {self.step}, stage {self.stage}>"
+        return (
+            f"<Frame {self.index}: {count_noun(count, 'grain')}, t = {self.time:.6g} s, step "
+            f"{self.step}, stage {self.stage}>"
+        )
 
     def read(self, column: Column[T]) -> T:
-        """What the attribute of a column is: None where the run does not have it; raises as `column`."""
+        """What the attribute of a column is: None where the run does not have it; raises as
+        `column`.
+        """
         if not self._parts.has(column, self.index):
             return cast("T", None)
         rows = self.column(column.path)
-        return cast("T", column.convert(self._of_those_here(column, rows) if self.is_open else rows))
+        return cast(
+            "T", column.convert(self._of_those_here(column, rows) if self.is_open else rows)
+        )
 
     @property
     def is_open(self) -> bool:
@@ -454,7 +522,9 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
 
     @cached_property
     def number(self) -> NDArray[np.int64]:
-        """Numbers in the run of the present grains, shape ``(n,)``; `presence` says what the others do."""
+        """Numbers in the run of the present grains, shape ``(n,)``; `presence` says what the others
+        do.
+        """
         if not self.is_open:
             return np.arange(self.run_model.grain_count)
         return np.flatnonzero(self.column(_PRESENCE) == Presence.THERE)
@@ -467,11 +537,17 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
     def _of_those_here(self, column: Column[Any], rows: Array) -> Array:
         """The rows of the present grains; shapes of contacts are counted among these too."""
         if column.path in _OF_SHAPES:
-            n, shapes, here = self.run_model.grain_count, self.run_model.shape_count, self.number.size
+            n, shapes, here = (
+                self.run_model.grain_count,
+                self.run_model.shape_count,
+                self.number.size,
+            )
             number = np.zeros(n + shapes, rows.dtype)
             number[self.number], number[n:] = np.arange(here), np.arange(here, here + shapes)
             return number[rows] if _are_within(rows, n + shapes) else rows
-        return rows[self.number] if column.row == "particle_row" and column.path != _PRESENCE else rows
+        return (
+            rows[self.number] if column.row == "particle_row" and column.path != _PRESENCE else rows
+        )
 
     @property
     def has_heat(self) -> bool:
@@ -480,7 +556,9 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
 
     @property
     def unwrapped(self) -> Array:
-        """Centers of the grains with the periods added by which x was wrapped [m], shape ``(n, 2)``."""
+        """Centers of the grains with the periods added by which x was wrapped [m], shape
+        ``(n, 2)``.
+        """
         position = np.array(self.position, np.float64)
         position[:, 0] += self.image * self.run_model.period
         return position
@@ -488,12 +566,15 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
     @cached_property
     def contacts(self) -> Contacts:
         """Contacts of the last step."""
-        # They read through a frame of their own: one that held itself would keep its arrays until the next garbage collection.
+        # They read through a frame of their own: one that held itself would keep its arrays until
+        # the next garbage collection.
         return Contacts(Frame(self._parts, self.index, self._run_model))
 
 
 class Frames(Sequence[Frame]):
-    """All frames of a run: a sequence of `Frame`; a slice gives a list of lazy frames; `NoFrame` where there is none."""
+    """All frames of a run: a sequence of `Frame`; a slice gives a list of lazy frames; `NoFrame`
+    where there is none.
+    """
 
     def __init__(self, parts: Parts, run_model: Callable[[], Model]) -> None:
         self._parts, self._run_model = parts, run_model
@@ -533,5 +614,7 @@ class Frames(Sequence[Frame]):
         return self._parts.column(_SPECS["steps/stage"])
 
     def column(self, path: str) -> Array:
-        """A dataset of ``schema`` with one row per frame (``steps/*``, ``walls/*``), over the whole run."""
+        """A dataset of ``schema`` with one row per frame (``steps/*``, ``walls/*``), over the whole
+        run.
+        """
         return self._parts.column(_SPECS[path])

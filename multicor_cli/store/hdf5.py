@@ -1,7 +1,8 @@
-"""HDF5 files of a run: written as datasets of the schema, with checksums and digests; read as if damaged or hostile.
+"""HDF5 files of a run: written as datasets of the schema, with checksums and digests; read as if
+damaged or hostile.
 
-Files are written with the version 1.10 layout of HDF5, whose structure carries checksums of its own, through `GuardedFile`,
-so that HDF5 never sees a failing disk.
+Files are written with the version 1.10 layout of HDF5, whose structure carries checksums of its
+own, through `GuardedFile`, so that HDF5 never sees a failing disk.
 """
 
 from __future__ import annotations
@@ -30,8 +31,9 @@ from multicor_cli.store.schema import FORMAT_VERSION, Dataset
 
 # ---- Texts beside the datasets of an HDF5 file: attributes of fixed length, each with a digest.
 #
-# Strings of variable length, as h5py writes them, lie in a global heap: the only structure of HDF5 without a checksum, and
-# one in which the library searches forever where an object has no size. They are refused before they are read.
+# Strings of variable length, as h5py writes them, lie in a global heap: the only structure of HDF5
+# without a checksum, and one in which the library searches forever where an object has no size.
+# They are refused before they are read.
 
 DIGESTS = "attribute_digests"
 """Root attribute with the digests of all other texts of the root, as JSON."""
@@ -46,16 +48,26 @@ def write_text(node: h5py.HLObject, name: str, text: str) -> None:
 def write_digests(file: h5py.File) -> None:
     """Store the digests of all texts of the root; the last to be written there."""
     file.attrs.pop(DIGESTS, None)
-    write_text(file, DIGESTS, json.dumps({name: text_digest(read_text(file, name)) for name in text_names(file)}))
+    write_text(
+        file,
+        DIGESTS,
+        json.dumps({name: text_digest(read_text(file, name)) for name in text_names(file)}),
+    )
 
 
 def text_names(node: h5py.HLObject) -> list[str]:
     """Names of the attributes that are texts."""
-    return [name for name in node.attrs if h5py.check_string_dtype(node.attrs.get_id(name).dtype) is not None]
+    return [
+        name
+        for name in node.attrs
+        if h5py.check_string_dtype(node.attrs.get_id(name).dtype) is not None
+    ]
 
 
 def read_text(node: h5py.HLObject, name: str) -> str:
-    """An attribute that is a text; `KeyError`, `TypeError` or `UnicodeDecodeError` if it is none, or of variable length."""
+    """An attribute that is a text; `KeyError`, `TypeError` or `UnicodeDecodeError` if it is none,
+    or of variable length.
+    """
     if name not in node.attrs:
         raise KeyError(f"attribute {name!r} is missing")
     info = h5py.check_string_dtype(node.attrs.get_id(name).dtype)
@@ -102,9 +114,19 @@ def estimate_size(specs: tuple[Dataset, ...], data_bytes: int) -> int:
 
 
 class DatasetStream:
-    """One dataset, written from front to back in pieces; every chunk is written once. ``compress``: shuffle and deflate."""
+    """One dataset, written from front to back in pieces; every chunk is written once. ``compress``:
+    shuffle and deflate.
+    """
 
-    def __init__(self, file: h5py.File, spec: Dataset, shape: tuple[int, ...], dtype: DTypeLike, *, compress: bool) -> None:
+    def __init__(
+        self,
+        file: h5py.File,
+        spec: Dataset,
+        shape: tuple[int, ...],
+        dtype: DTypeLike,
+        *,
+        compress: bool,
+    ) -> None:
         self._spec, self._shape = spec, shape
         self._dtype = np.dtype(dtype)
         self._digest = hashlib.blake2b(digest_size=16)
@@ -117,13 +139,19 @@ class DatasetStream:
             options = {"chunks": (self._chunk, *shape[1:]), "fletcher32": True}
             if compress:
                 options |= {"shuffle": True, "compression": "gzip", "compression_opts": 1}
-        stored = h5py.string_dtype("utf-8", self._dtype.itemsize) if self._dtype.kind == "S" else self._dtype
+        stored = (
+            h5py.string_dtype("utf-8", self._dtype.itemsize)
+            if self._dtype.kind == "S"
+            else self._dtype
+        )
         self._dataset = file.create_dataset(spec.path, shape=shape, dtype=stored, **options)
 
     def append(self, rows: NDArray[Any]) -> None:
         """Append rows; raises `ValueError` if they do not have the shape of the dataset."""
         if rows.shape[1:] != self._shape[1:]:
-            raise ValueError(f"{self._spec.path}: rows of shape {rows.shape[1:]}, expected {self._shape[1:]}")
+            raise ValueError(
+                f"{self._spec.path}: rows of shape {rows.shape[1:]}, expected {self._shape[1:]}"
+            )
         rows = np.ascontiguousarray(rows, dtype=self._dtype)
         if not rows.size:
             self._row += len(rows)
@@ -135,10 +163,14 @@ class DatasetStream:
             self._write(self._pending_rows // self._chunk * self._chunk)
 
     def close(self) -> str:
-        """Write what is left and the attributes; returns the digest of the values. Raises `ValueError` if rows are missing."""
+        """Write what is left and the attributes; returns the digest of the values. Raises
+        `ValueError` if rows are missing.
+        """
         self._write(self._pending_rows)
         if self._row != self._shape[0]:
-            raise ValueError(f"{self._spec.path}: {self._row} rows written, expected {self._shape[0]}")
+            raise ValueError(
+                f"{self._spec.path}: {self._row} rows written, expected {self._shape[0]}"
+            )
         digest = self._digest.hexdigest()
         self._dataset.attrs["unit"] = self._spec.unit
         self._dataset.attrs["long_name"] = self._spec.long_name
@@ -163,13 +195,17 @@ class DatasetStream:
 class Hdf5Writer:
     """Creates the datasets of one file; has their digests by path."""
 
-    def __init__(self, file: h5py.File, precision: Precision, *, compress_integers: bool, label: str) -> None:
+    def __init__(
+        self, file: h5py.File, precision: Precision, *, compress_integers: bool, label: str
+    ) -> None:
         self.file, self.precision = file, precision
         self.digests: dict[str, str] = {}
         self._compress_integers = compress_integers
         self._label = label
 
-    def stream(self, spec: Dataset, shape: tuple[int, ...], dtype: DTypeLike | None = None) -> DatasetStream:
+    def stream(
+        self, spec: Dataset, shape: tuple[int, ...], dtype: DTypeLike | None = None
+    ) -> DatasetStream:
         """Begin a dataset of a known shape; ``dtype`` only for strings."""
         stored = np.dtype(dtype) if dtype is not None else dtype_of(spec, self.precision)
         compress = self._compress_integers and stored.kind in "iuS"
@@ -212,7 +248,8 @@ def write_hdf5(
         precision: How datasets of type ``float`` are stored.
         version: Version of the file format that the datasets are those of.
         compress_integers: Also strings.
-        verify: Gets the closed temporary file and the digests; raises if the file is not what was meant.
+        verify: Gets the closed temporary file and the digests; raises if the file is not what was
+            meant.
         read_only: Whether to take the write permission away.
 
     Raises:
@@ -240,7 +277,8 @@ def write_hdf5(
 
 
 def data_digest(digests: Mapping[str, str]) -> str:
-    """One digest over the paths and digests of all datasets but ``scenario/*``, in the order of the paths.
+    """One digest over the paths and digests of all datasets but ``scenario/*``, in the order of the
+    paths.
 
     It leaves out texts, provenance and timings: equal for runs with equal numbers.
     """
@@ -254,11 +292,17 @@ def _write_attributes(file: h5py.File, version: Version, attributes: Mapping[str
     file.attrs["format_version"] = np.array(version, np.int64)
     write_text(file, "multicor_version", __version__)
     for name, value in attributes.items():
-        write_text(file, name, value if isinstance(value, str) else json.dumps(plain(value), ensure_ascii=False))
+        write_text(
+            file,
+            name,
+            value if isinstance(value, str) else json.dumps(plain(value), ensure_ascii=False),
+        )
 
 
 def _chunk_rows(shape: tuple[int, ...], itemsize: int) -> int:
-    """Rows per chunk: chunks of equal length near `CHUNK_BYTES`; 0 for a dataset without elements."""
+    """Rows per chunk: chunks of equal length near `CHUNK_BYTES`; 0 for a dataset without
+    elements.
+    """
     row_bytes = int(np.prod(shape[1:], dtype=np.int64)) * itemsize
     rows = shape[0]
     if not rows or not row_bytes:
@@ -267,7 +311,8 @@ def _chunk_rows(shape: tuple[int, ...], itemsize: int) -> int:
     return -(-rows // min(count, rows))
 
 
-# ---- Reading HDF5 files that may be damaged or hostile: everything is compared with the schema before memory is taken
+# ---- Reading HDF5 files that may be damaged or hostile: everything is compared with the schema
+#      before memory is taken
 
 _DEFLATE_RATIO = 1100
 """No deflated stream grows by more than 1032 times."""
@@ -275,13 +320,21 @@ _DEFLATE_RATIO = 1100
 _FILTERS = {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32}
 _STRING_LIMIT = 64 << 20
 _BLOCK_BYTES = 16 << 20
-_TYPES: dict[str, tuple[str, ...]] = {"f8": ("<f8",), "float": ("<f8", "<f4"), "i8": ("<i8",), "i4": ("<i4",), "u1": ("|u1",)}
+_TYPES: dict[str, tuple[str, ...]] = {
+    "f8": ("<f8",),
+    "float": ("<f8", "<f4"),
+    "i8": ("<i8",),
+    "i4": ("<i4",),
+    "u1": ("|u1",),
+}
 _EDGES = {"frame_edge": "frame", "table_edge": "table"}
 
 
 @contextlib.contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Turn what h5py raises about a damaged file into `DamagedRun`, and errors of the system into `StorageError`."""
+    """Turn what h5py raises about a damaged file into `DamagedRun`, and errors of the system into
+    `StorageError`.
+    """
     try:
         yield
     except Unfit as error:
@@ -310,11 +363,19 @@ class CheckedFile:
         dims: Lengths that are already known; others are bound by the first dataset that has them.
 
     Raises:
-        DamagedRun: If it is damaged or not such a file; `UnsupportedVersion` if it has another major format version.
+        DamagedRun: If it is damaged or not such a file; `UnsupportedVersion` if it has another
+            major format version.
         StorageError: If it cannot be opened.
     """
 
-    def __init__(self, path: Path, filetype: str, *, run_id: str | None = None, dims: dict[str, int] | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        filetype: str,
+        *,
+        run_id: str | None = None,
+        dims: dict[str, int] | None = None,
+    ) -> None:
         self.path = path
         self.dims: dict[str, int] = {"one": 1, **(dims or {})}
         self._accepted: dict[str, h5py.Dataset] = {}
@@ -340,15 +401,21 @@ class CheckedFile:
 
     @cached_property
     def features(self) -> frozenset[str]:
-        """Features of the run that the file belongs to, see ``schema.Feature``; raises `DamagedRun`."""
+        """Features of the run that the file belongs to, see ``schema.Feature``; raises
+        `DamagedRun`.
+        """
         found = self.json("features")
         if not isinstance(found, list) or not all(isinstance(name, str) for name in found):
             raise DamagedRun(f"{self.path}: attribute 'features' is damaged")
         return frozenset(found)
 
     def has(self, spec: Dataset) -> bool:
-        """Whether the file has a dataset, going by its version and its features; raises `DamagedRun`."""
-        return spec.since <= self.version and (spec.only_with is None or spec.only_with in self.features)
+        """Whether the file has a dataset, going by its version and its features; raises
+        `DamagedRun`.
+        """
+        return spec.since <= self.version and (
+            spec.only_with is None or spec.only_with in self.features
+        )
 
     def text(self, name: str) -> str:
         """A root attribute that is a string, compared with its digest; raises `DamagedRun`."""
@@ -370,7 +437,9 @@ class CheckedFile:
             raise DamagedRun(f"{self.path}: attribute {name!r} is damaged") from error
 
     def check_texts(self) -> None:
-        """Read all root attributes that are texts, and compare them with their digests; raises `DamagedRun`."""
+        """Read all root attributes that are texts, and compare them with their digests; raises
+        `DamagedRun`.
+        """
         for name in self._text_digests:
             self.text(name)
 
@@ -383,7 +452,9 @@ class CheckedFile:
         return found
 
     def dataset(self, spec: Dataset) -> h5py.Dataset:
-        """The dataset of a row of the schema, its type, shape and storage checked; raises `DamagedRun`."""
+        """The dataset of a row of the schema, its type, shape and storage checked; raises
+        `DamagedRun`.
+        """
         if spec.path in self._accepted:
             return self._accepted[spec.path]
         with reading(self.path):
@@ -417,7 +488,9 @@ class CheckedFile:
                 yield np.asarray(found[start : start + step])
 
     def check_digest(self, spec: Dataset, expected: str | None = None) -> str:
-        """Read a dataset whole and compare its digest with its attribute (and with ``expected``); raises `DamagedRun`."""
+        """Read a dataset whole and compare its digest with its attribute (and with ``expected``);
+        raises `DamagedRun`.
+        """
         digest = hashlib.blake2b(digest_size=16)
         for block in self.blocks(spec):
             digest.update(np.ascontiguousarray(block).tobytes())
@@ -429,7 +502,9 @@ class CheckedFile:
         return actual
 
     def check_written(self, specs: Iterable[Dataset], digests: Mapping[str, str]) -> None:
-        """Read everything back: the datasets of ``specs`` with their digests by path, and the texts; raises `DamagedRun`."""
+        """Read everything back: the datasets of ``specs`` with their digests by path, and the
+        texts; raises `DamagedRun`.
+        """
         self.check_texts()
         for spec in specs:
             self.check_digest(spec, digests[spec.path])
@@ -451,7 +526,9 @@ class CheckedFile:
     def _find(self, path: str) -> h5py.Dataset:
         node: Any = self._file
         for part in path.split("/"):
-            if not isinstance(node, h5py.Group) or not isinstance(node.get(part, getlink=True), h5py.HardLink):
+            if not isinstance(node, h5py.Group) or not isinstance(
+                node.get(part, getlink=True), h5py.HardLink
+            ):
                 raise DamagedRun(f"{self.path}: dataset {path} is missing")
             node = node[part]
         if not isinstance(node, h5py.Dataset):
@@ -461,14 +538,22 @@ class CheckedFile:
     def _check_type(self, spec: Dataset, found: h5py.Dataset) -> None:
         if spec.dtype == "str":
             info = h5py.check_string_dtype(found.dtype)
-            is_right = info is not None and info.length is not None and found.dtype.itemsize <= _STRING_LIMIT
+            is_right = (
+                info is not None
+                and info.length is not None
+                and found.dtype.itemsize <= _STRING_LIMIT
+            )
         else:
             is_right = found.dtype.str in _TYPES[spec.dtype]
         if not is_right:
-            raise DamagedRun(f"{self.path}: {spec.path} has type {found.dtype}, expected {spec.dtype}")
+            raise DamagedRun(
+                f"{self.path}: {spec.path} has type {found.dtype}, expected {spec.dtype}"
+            )
 
     def _check_storage(self, spec: Dataset, found: h5py.Dataset) -> None:
-        """No data in other files, known filters only, and no more rows than the file has room for."""
+        """No data in other files, known filters only, and no more rows than the file has room
+        for.
+        """
         create = found.id.get_create_plist()
         filters = {create.get_filter(k)[0] for k in range(create.get_nfilters())}
         stored = found.id.get_storage_size()
@@ -478,7 +563,9 @@ class CheckedFile:
         if found.is_virtual or found.external or not filters <= _FILTERS:
             raise DamagedRun(f"{self.path}: {spec.path} is not stored as this program stores it")
         if stored > self._size or declared > room or chunk > max(declared, 1):
-            raise DamagedRun(f"{self.path}: {spec.path} claims {declared} bytes, more than the file holds")
+            raise DamagedRun(
+                f"{self.path}: {spec.path} claims {declared} bytes, more than the file holds"
+            )
 
     def _bind(self, spec: Dataset, shape: tuple[int, ...]) -> None:
         if len(shape) != len(spec.dims):
@@ -491,4 +578,7 @@ class CheckedFile:
             else:
                 expected = self.dims.setdefault(dim, length)
             if length != expected:
-                raise DamagedRun(f"{self.path}: {spec.path} has shape {shape}, expected {expected} instead of {length}")
+                raise DamagedRun(
+                    f"{self.path}: {spec.path} has shape {shape}, expected {expected} instead of "
+                    f"{length}"
+                )

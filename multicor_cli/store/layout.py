@@ -1,4 +1,6 @@
-"""Names of the files of a run directory, which of them may be removed, and how their reading is followed."""
+"""Names of the files of a run directory, which of them may be removed, and how their reading is
+followed.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,9 @@ _FORMER = re.compile(r"scenario(\.resolved)?\.\d+\.toml(\.tmp)?")
 
 
 def former_name(name: str, number: int) -> str:
-    """Under which name a scenario file (`SOURCE`, `RESOLVED`) is kept as it was before the extension of this number, from 1."""
+    """Under which name a scenario file (`SOURCE`, `RESOLVED`) is kept as it was before the
+    extension of this number, from 1.
+    """
     return f"{name.removesuffix('.toml')}.{number}.toml"
 
 
@@ -41,7 +45,11 @@ def former_files(path: Path) -> list[Path]:
     """Former versions of a scenario file of a run, the newest last."""
     found = path.parent.glob(f"{path.name.removesuffix('.toml')}.*.toml")
     numbered = [(file.name.split(".")[-2], file) for file in found if _FORMER.fullmatch(file.name)]
-    return [file for number, file in sorted(numbered, key=lambda pair: int(pair[0])) if path.name == _name_of(file, number)]
+    return [
+        file
+        for number, file in sorted(numbered, key=lambda pair: int(pair[0]))
+        if path.name == _name_of(file, number)
+    ]
 
 
 def _name_of(former: Path, number: str) -> str:
@@ -63,24 +71,38 @@ def foreign_entries(directory: Path) -> list[str]:
     for entry in sorted(directory.iterdir()):
         if entry.name in _IN_DIRECTORY and entry.is_dir() and not entry.is_symlink():
             known = _IN_DIRECTORY[entry.name]
-            foreign += [f"{entry.name}/{f.name}" for f in sorted(entry.iterdir()) if not known.fullmatch(f.name)]
-        elif not _is_file(entry.name.removesuffix(".tmp")) or (entry.is_dir() and not entry.is_symlink()):
+            foreign += [
+                f"{entry.name}/{f.name}"
+                for f in sorted(entry.iterdir())
+                if not known.fullmatch(f.name)
+            ]
+        elif not _is_file(entry.name.removesuffix(".tmp")) or (
+            entry.is_dir() and not entry.is_symlink()
+        ):
             foreign.append(entry.name)
     return foreign
 
 
 def own_files(directory: Path, name: str) -> list[Path]:
-    """Files in the directory ``name`` (`SEGMENTS`, `CHECKPOINTS`) of a run that only this program makes; none through a link."""
+    """Files in the directory ``name`` (`SEGMENTS`, `CHECKPOINTS`) of a run that only this program
+    makes; none through a link.
+    """
     inner = directory / name
     if inner.is_symlink() or not inner.is_dir():
         return []
-    return [entry for entry in sorted(inner.iterdir()) if _IN_DIRECTORY[name].fullmatch(entry.name) and not entry.is_dir()]
+    return [
+        entry
+        for entry in sorted(inner.iterdir())
+        if _IN_DIRECTORY[name].fullmatch(entry.name) and not entry.is_dir()
+    ]
 
 
 def temporaries(directory: Path) -> list[Path]:
     """Files that interrupted commits of this program have left in a run directory."""
     inside = [*own_files(directory, SEGMENTS), *own_files(directory, CHECKPOINTS)]
-    former = [file for file in sorted(directory.glob("scenario.*.tmp")) if _FORMER.fullmatch(file.name)]
+    former = [
+        file for file in sorted(directory.glob("scenario.*.tmp")) if _FORMER.fullmatch(file.name)
+    ]
     return [
         *(directory / f"{name}.tmp" for name in sorted(_FILES)),
         *former,
@@ -89,7 +111,9 @@ def temporaries(directory: Path) -> list[Path]:
 
 
 def known_files(directory: Path) -> list[Path]:
-    """All files of a run in ``directory`` except ``run.json`` and the lock; call only if `foreign_entries` is empty."""
+    """All files of a run in ``directory`` except ``run.json`` and the lock; call only if
+    `foreign_entries` is empty.
+    """
     found = []
     for entry in sorted(directory.iterdir()):
         if entry.name in _IN_DIRECTORY:
@@ -107,7 +131,9 @@ def no_run(path: Path) -> DirectoryRefused:
     with contextlib.suppress(OSError):
         inside = sorted(str(run.parent) for run in path.glob(f"*/{RUN}"))
     shown = ", ".join(inside[:4]) + (" …" if len(inside) > 4 else "")
-    return DirectoryRefused(f"{path}: holds no run" + (f"; name one of those in it: {shown}" if inside else ""))
+    return DirectoryRefused(
+        f"{path}: holds no run" + (f"; name one of those in it: {shown}" if inside else "")
+    )
 
 
 # ---- Telling whoever waits how many frames of a run have been read, drawn or written

@@ -33,12 +33,15 @@ def was_taken(path: Path) -> bool:
 
 
 class RunLock:
-    """Holds the lock of a run directory until `release`; the kernel gives it back when the process dies.
+    """Holds the lock of a run directory until `release`; the kernel gives it back when the process
+    dies.
 
-    Until then nothing is changed in the directory by the commit protocol unless the file is still there (`atomic.require_own`).
+    Until then nothing is changed in the directory by the commit protocol unless the file is still
+    there (`atomic.require_own`).
 
-    The file ``lock`` is locked with ``flock`` and names the holder. ``flock`` may not reach across hosts, so a file that
-    names another host counts as held, unless ``force`` is given. A clean release empties the file.
+    The file ``lock`` is locked with ``flock`` and names the holder. ``flock`` may not reach across
+    hosts, so a file that names another host counts as held, unless ``force`` is given. A clean
+    release empties the file.
 
     Args:
         path: The lock file.
@@ -68,7 +71,9 @@ class RunLock:
         guards[path.parent] = self.require
 
     def require(self) -> None:
-        """Raise `RunLocked` if the lock file is gone, or another one: somebody took this process for dead."""
+        """Raise `RunLocked` if the lock file is gone, or another one: somebody took this process
+        for dead.
+        """
         if self._descriptor < 0 or not _is_current(self.path, self._descriptor):
             holder = read_holder(self.path)
             pid, host = _process(holder)
@@ -79,7 +84,9 @@ class RunLock:
             raise RunLocked(f"{self.path.parent}: {what}; stopped writing", pid, host)
 
     def release(self) -> None:
-        """Give the lock back; does nothing the second time. If the file cannot be emptied, it names a holder that has died."""
+        """Give the lock back; does nothing the second time. If the file cannot be emptied, it names
+        a holder that has died.
+        """
         if self._descriptor < 0:
             return
         if guards.get(self.path.parent) == self.require:
@@ -100,20 +107,28 @@ def read_holder(path: Path) -> dict[str, Any]:
 
 
 def is_alive(path: Path) -> bool:
-    """Whether a run is going on under this lock; one on another host counts as alive. Takes no lock itself."""
+    """Whether a run is going on under this lock; one on another host counts as alive. Takes no lock
+    itself.
+    """
     holder = read_holder(path)
     if not holder:
         return False
     if holder.get("host") != socket.gethostname():
         return True
     pid = holder.get("pid")
-    return isinstance(pid, int) and _start_ticks(pid) is not None and _start_ticks(pid) == holder.get("start_ticks")
+    return (
+        isinstance(pid, int)
+        and _start_ticks(pid) is not None
+        and _start_ticks(pid) == holder.get("start_ticks")
+    )
 
 
 def _acquire(path: Path) -> int:
     for attempt in range(_RETRIES + 1):
         if path.is_symlink() or (path.exists() and not path.is_file()):
-            raise DirectoryRefused(f"{path}: is not the lock of a run but a link or something else; remove it")
+            raise DirectoryRefused(
+                f"{path}: is not the lock of a run but a link or something else; remove it"
+            )
         with storage_errors(path):
             descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
         try:
@@ -146,11 +161,18 @@ def _inode(status: os.stat_result) -> tuple[int, int]:
 
 def _own_identity() -> dict[str, Any]:
     started = datetime.now(UTC).isoformat(timespec="seconds")
-    return {"pid": os.getpid(), "host": socket.gethostname(), "started": started, "start_ticks": _start_ticks(os.getpid())}
+    return {
+        "pid": os.getpid(),
+        "host": socket.gethostname(),
+        "started": started,
+        "start_ticks": _start_ticks(os.getpid()),
+    }
 
 
 def _start_ticks(pid: int) -> int | None:
-    """Start time of a process in clock ticks since boot; 0 where the system does not tell; ``None`` if there is none."""
+    """Start time of a process in clock ticks since boot; 0 where the system does not tell; ``None``
+    if there is none.
+    """
     try:
         fields = Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()
         return None if fields[0] in (b"Z", b"X") else int(fields[19])
@@ -179,7 +201,11 @@ def _parse(data: bytes) -> dict[str, Any]:
 def _locked(path: Path, holder: dict[str, Any], *, is_elsewhere: bool) -> RunLocked:
     pid, host = _process(holder)
     who = f"process {pid} on {host or 'an unknown host'}" if holder else "another process"
-    remedy = f"; if it is no longer alive, delete {path}" if is_elsewhere else "; wait for it, or use another directory with -o"
+    remedy = (
+        f"; if it is no longer alive, delete {path}"
+        if is_elsewhere
+        else "; wait for it, or use another directory with -o"
+    )
     return RunLocked(f"{path.parent}: in use by {who}{remedy}", pid, host)
 
 

@@ -20,7 +20,9 @@ from multicor_cli.model.state import nudge_seed
 _LIBRARIES = ("numpy", "numba", "llvmlite", "h5py", "pydantic")
 
 
-def collect_provenance(command: Sequence[str], *, seed: int, threads: int, threading_layer: str = "") -> dict[str, Any]:
+def collect_provenance(
+    command: Sequence[str], *, seed: int, threads: int, threading_layer: str = ""
+) -> dict[str, Any]:
     """Provenance of a run.
 
     Args:
@@ -30,9 +32,10 @@ def collect_provenance(command: Sequence[str], *, seed: int, threads: int, threa
         threading_layer: Numba's threading layer.
 
     Returns:
-        ``multicor_version, git_sha1, git_dirty, versions, platform, cpu, cores, threads, threading_layer, host,
-        command, seed``; the commit is empty where the program was not started from its repository. ``nudge`` is there only if
-        the switch for tests of `multicor_cli.model.state` was set.
+        ``multicor_version, git_sha1, git_dirty, versions, platform, cpu, cores, threads,
+        threading_layer, host, command, seed``;
+        the commit is empty where the program was not started from its repository. ``nudge`` is
+        there only if the switch for tests of `multicor_cli.model.state` was set.
     """
     sha1, is_dirty = _commit(Path(__file__).resolve().parents[2])
     return {
@@ -76,17 +79,28 @@ def processor() -> str:
 
 
 def _commit(root: Path) -> tuple[str, bool]:
-    """Commit of the repository at ``root`` and whether files differ from it; empty if it is not a repository."""
+    """Commit of the repository at ``root`` and whether files differ from it; empty if it is not a
+    repository.
+    """
     if not (root / ".git").exists():
         return "", False
     sha1 = _git(root, "rev-parse", "HEAD")
-    return (sha1, bool(_git(root, "status", "--porcelain", "--untracked-files=no"))) if sha1 else ("", False)
+    return (
+        (sha1, bool(_git(root, "status", "--porcelain", "--untracked-files=no")))
+        if sha1
+        else ("", False)
+    )
 
 
 def _git(root: Path, *arguments: str) -> str:
     try:
         done = subprocess.run(
-            ["git", "-C", str(root), *arguments], capture_output=True, text=True, timeout=5, check=False, stdin=subprocess.DEVNULL
+            ["git", "-C", str(root), *arguments],
+            capture_output=True,
+            text=True,
+            timeout=5,
+            check=False,
+            stdin=subprocess.DEVNULL,
         )
     except (OSError, subprocess.SubprocessError):
         return ""
@@ -94,9 +108,11 @@ def _git(root: Path, *arguments: str) -> str:
 
 
 def current_command() -> list[str]:
-    """The command line of this process; ``python -m multicor_cli`` is named as the command that it is.
+    """The command line of this process; ``python -m multicor_cli`` is named as the command that it
+    is.
 
-    Names of files may be any bytes: what is not valid UTF-8 is escaped, since texts are stored as UTF-8.
+    Names of files may be any bytes: what is not valid UTF-8 is escaped, since texts are stored as
+    UTF-8.
     """
     name = Path(sys.argv[0]).name or "python"
     words = ["multicor" if name == "__main__.py" else name, *sys.argv[1:]]

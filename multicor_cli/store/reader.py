@@ -22,7 +22,13 @@ from multicor_cli.store import layout, schema
 from multicor_cli.store.atomic import is_regular
 from multicor_cli.store.checkpoint import Identity, committed_segments, load_newest
 from multicor_cli.store.documents import Document, decisions_of, read_run_document, read_scenario
-from multicor_cli.store.errors import DamagedRun, DirectoryRefused, NothingStored, StorageError, StoreError
+from multicor_cli.store.errors import (
+    DamagedRun,
+    DirectoryRefused,
+    NothingStored,
+    StorageError,
+    StoreError,
+)
 from multicor_cli.store.frames import (
     Frames,
     GrainFacts,
@@ -44,12 +50,19 @@ from multicor_cli.text import count_noun
 
 
 class Series(Mapping[str, NDArray[Any]]):
-    """The time series: one array per name of ``schema.SERIES``, with one row per point; read when first used.
+    """The time series: one array per name of ``schema.SERIES``, with one row per point; read when
+    first used.
 
-    The names that only runs with heat have are not there in a run without, nor those that are younger than the run.
+    The names that only runs with heat have are not there in a run without, nor those that are
+    younger than the run.
     """
 
-    def __init__(self, parts: Parts, rows: Callable[[], tuple[Dataset, ...]], columns: Callable[[], list[NamedColumn]]) -> None:
+    def __init__(
+        self,
+        parts: Parts,
+        rows: Callable[[], tuple[Dataset, ...]],
+        columns: Callable[[], list[NamedColumn]],
+    ) -> None:
         self._parts, self._rows, self._columns = parts, rows, columns
         self._loaded: dict[str, NDArray[Any]] = {}
 
@@ -62,7 +75,9 @@ class Series(Mapping[str, NDArray[Any]]):
             raise KeyError(name)
         if name not in self._loaded:
             # From segments all columns are read at once, so that each file is opened once.
-            wanted = [self._specs[name]] if len(self._parts.parts) == 1 else list(self._specs.values())
+            wanted = (
+                [self._specs[name]] if len(self._parts.parts) == 1 else list(self._specs.values())
+            )
             columns = self._parts.columns(wanted)
             self._loaded |= {spec.name: columns[spec.path] for spec in wanted}
         return self._loaded[name]
@@ -74,9 +89,11 @@ class Series(Mapping[str, NDArray[Any]]):
         return len(self._specs)
 
     def to_pandas(self) -> Any:
-        """The series as a DataFrame indexed by time [s]; ``attrs["units"]`` has the units of the columns.
+        """The series as a DataFrame indexed by time [s]; ``attrs["units"]`` has the units of the
+        columns.
 
-        What belongs to a wall or an outlet has its name before that of the quantity, as ``top: force_x``.
+        What belongs to a wall or an outlet has its name before that of the quantity, as
+        ``top: force_x``.
 
         Raises:
             MissingLibrary: If pandas is not installed.
@@ -100,8 +117,10 @@ class Run:
 
     Attributes:
         path: The run directory, or the ``results.h5`` that was opened.
-        info: What ``run.json`` says: ``run_id, status, stop_reason, exit_code, started, finished, provenance, stages,
-            summary`` …; for a ``results.h5`` alone, the same from its attributes.
+        info: What ``run.json`` says:
+            ``run_id, status, stop_reason, exit_code, started, finished, provenance, stages,
+            summary``
+            …; for a ``results.h5`` alone, the same from its attributes.
         frames: The frames.
         series: The time series.
     """
@@ -111,7 +130,9 @@ class Run:
         self._results = results
         self._parts = Parts(self._find_parts(), self.run_id, self._find_parts_again, self._lengths)
         self.frames = Frames(self._parts, lambda: self.model)
-        self.series = Series(self._parts, lambda: self.rows(schema.SERIES), lambda: self.series_columns)
+        self.series = Series(
+            self._parts, lambda: self.rows(schema.SERIES), lambda: self.series_columns
+        )
 
     def __enter__(self) -> Run:
         return self
@@ -125,12 +146,18 @@ class Run:
 
     def __repr__(self) -> str:
         summary = self.info["summary"]
-        what = f"{count_noun(summary['grain_count'], 'grain')}, t = {summary['time']:.6g} s" if summary else "nothing stored yet"
+        what = (
+            f"{count_noun(summary['grain_count'], 'grain')}, t = {summary['time']:.6g} s"
+            if summary
+            else "nothing stored yet"
+        )
         return f"<Run {self.path}: {self.status}, {what}, {count_noun(len(self.frames), 'frame')}>"
 
     @property
     def series_columns(self) -> list[NamedColumn]:
-        """The columns of the time series one by one; those of walls and outlets have their names before, as ``top: force_x``."""
+        """The columns of the time series one by one; those of walls and outlets have their names
+        before, as ``top: force_x``.
+        """
         columns: list[NamedColumn] = []
         for spec in self.rows(schema.SERIES):
             values = self.series[spec.name]
@@ -141,12 +168,17 @@ class Run:
                 columns += split(spec, values)
                 continue
             for number, owner in enumerate(owners):
-                columns += [column._replace(name=f"{owner}: {column.name}") for column in split(spec, values[:, number])]
+                columns += [
+                    column._replace(name=f"{owner}: {column.name}")
+                    for column in split(spec, values[:, number])
+                ]
         return columns
 
     @cached_property
     def grains(self) -> GrainFacts:
-        """What the grains are: radius, mass, material, group; of all that come and go in the run. Raises as `model`."""
+        """What the grains are: radius, mass, material, group; of all that come and go in the run.
+        Raises as `model`.
+        """
         return GrainFacts.of(self.model)
 
     @property
@@ -156,16 +188,21 @@ class Run:
 
     @property
     def status(self) -> str:
-        """``running``, ``finished``, ``stopped``, ``failed``, or ``interrupted``: it was running and its process is gone."""
+        """``running``, ``finished``, ``stopped``, ``failed``, or ``interrupted``: it was running
+        and its process is gone.
+        """
         status = str(self.info["status"])
         if status != "running" or is_alive(self.path / layout.LOCK):
             return status
-        status = str(read_run_document(self.path)["status"])  # it may have ended since it was opened
+        # it may have ended since it was opened
+        status = str(read_run_document(self.path)["status"])
         return "interrupted" if status == "running" else status
 
     @cached_property
     def model(self) -> Model:
-        """Grains, walls and laws; raises `DamagedRun` if it is missing or damaged, `NothingStored` if none was written yet."""
+        """Grains, walls and laws; raises `DamagedRun` if it is missing or damaged, `NothingStored`
+        if none was written yet.
+        """
         if self._results is None:
             try:
                 return load_model(self.path / layout.MODEL, self.run_id)
@@ -183,7 +220,9 @@ class Run:
 
     @property
     def features(self) -> frozenset[str]:
-        """What the run has beyond what every run has, see ``schema.Feature``; empty before anything has been stored."""
+        """What the run has beyond what every run has, see ``schema.Feature``; empty before anything
+        has been stored.
+        """
         found = self._parts.features
         if found is not None:
             return found
@@ -222,7 +261,9 @@ class Run:
 
     @property
     def scenario_resolved(self) -> str:
-        """The scenario with all defaults, its stages as a program has steered them; raises `DamagedRun` if it was changed."""
+        """The scenario with all defaults, its stages as a program has steered them; raises
+        `DamagedRun` if it was changed.
+        """
         resolved = self._scenario("resolved", layout.RESOLVED)
         return steered_text(resolved, decisions_of(self.info)) if self.path.is_dir() else resolved
 
@@ -263,7 +304,9 @@ class Run:
             return {}
 
     def _find_parts_again(self) -> list[Part]:
-        """The files of a run that was finished, or resumed from a checkpoint, since it was opened."""
+        """The files of a run that was finished, or resumed from a checkpoint, since it was
+        opened.
+        """
         self._find_results()
         return self._find_parts()
 
@@ -276,20 +319,24 @@ class Run:
 def open_run(path: Path | str) -> Run:
     """Open a run directory, or a ``results.h5`` on its own.
 
-    Works on a finished run, on one that is running (what has been committed so far), and on one that was interrupted.
+    Works on a finished run, on one that is running (what has been committed so far), and on one
+    that was interrupted.
 
     Args:
         path: The directory, or the file.
 
     Raises:
         DirectoryRefused: If the directory holds no run, or the file is of another kind.
-        DamagedRun: If a file is damaged; `UnsupportedVersion` if it was made by an incompatible version.
+        DamagedRun: If a file is damaged; `UnsupportedVersion` if it was made by an incompatible
+            version.
         StorageError: If a file cannot be read.
     """
     path = Path(path)
     if is_regular(path):
         if path.suffix not in _HDF5 and not _begins_as_hdf5(path):
-            raise DirectoryRefused(f"{path}: is no run; give the run directory, or its {layout.RESULTS}")
+            raise DirectoryRefused(
+                f"{path}: is no run; give the run directory, or its {layout.RESULTS}"
+            )
         return Run(path, _info_of_results(path), path)
     if not is_regular(path / layout.RUN) and is_regular(path / layout.RESULTS):
         return open_run(path / layout.RESULTS)
@@ -336,12 +383,24 @@ def _results_of(path: Path, info: Document) -> Path | None:
 def _info_of_results(path: Path) -> Document:
     with CheckedFile(path, RESULTS_FILETYPE) as file:
         described = read_description(file)
-        texts = {name: file.text(name) for name in ("run_id", "stop_reason", "started", "finished", "precision")}
+        texts = {
+            name: file.text(name)
+            for name in ("run_id", "stop_reason", "started", "finished", "precision")
+        }
         stages = file.strings(next(spec for spec in schema.SCENARIO if spec.name == "stages"))
-        frames = int(file.dataset(next(spec for spec in schema.STEPS if spec.name == "step")).shape[0])
+        frames = int(
+            file.dataset(next(spec for spec in schema.STEPS if spec.name == "step")).shape[0]
+        )
         digest = file.text("data_digest")
     results = {"size": path.stat().st_size, "data_digest": digest, "frames": frames}
-    return {**texts, **described, "stages": stages, "exit_code": 0, "timings": {}, "results": results}
+    return {
+        **texts,
+        **described,
+        "stages": stages,
+        "exit_code": 0,
+        "timings": {},
+        "results": results,
+    }
 
 
 # ---- What ``multicor info`` reports
@@ -353,20 +412,26 @@ _HEARTBEAT_LIMIT = 1 << 20
 def run_info(path: Path | str) -> dict[str, Any]:
     """Status, size and quality of a run as JSON types.
 
-    ``step, time, state_digest``, the books, the counters and the ends of stages are those of the newest checkpoint (the last state
-    of a finished run); ``frame_count`` is what has been committed. Values that do not exist yet are ``None``.
+    ``step, time, state_digest``, the books, the counters and the ends of stages are those of the
+    newest checkpoint (the last state of a finished run); ``frame_count`` is what has been
+    committed. Values that do not exist yet are ``None``.
 
     Returns:
-        ``path, run_id, status, stop_reason, exit_code, grain_count, frame_count, series_count, step, time, stage, stages,
-        stage_ends`` (how each stage ended that is over, see `multicor_cli.store.documents.StageEnd`), ``origin`` (the moment of
-        another run from which it goes on, see `multicor_cli.store.documents.Origin`, or null), ``extensions`` (when stages were
-        added to the run, see docs/reference/formats/run-directory.md), ``steering`` (the program that steers the run and what it
-        decided, or null), ``walls, state_digest, energy_closure, heat_closure, max_overlap,
-        solver.{sweeps_mean, residual_rms_max, residual_max_max, unconverged_steps}, books, heat, negative_loss_share,
-        corrected_steps, max_contact_force, progress`` (``progress.json`` of a run that goes on: step, time, speed, seconds left …),
-        ``pid`` (of its process, if that is on this host), ``worst_step.{step, time}`` (end of the row of the time series with the
-        largest rms residual), ``hertz_deflection, started, finished, duration`` (from the first start to the last sign of life, s),
-        ``timings, data_digest, provenance``.
+        ``path, run_id, status, stop_reason, exit_code, grain_count, frame_count, series_count,
+        step, time, stage, stages, stage_ends``
+        (how each stage ended that is over, see `multicor_cli.store.documents.StageEnd`), ``origin``
+        (the moment of another run from which it goes on, see `multicor_cli.store.documents.Origin`,
+        or null), ``extensions`` (when stages were added to the run, see
+        docs/reference/formats/run-directory.md), ``steering`` (the program that steers the run and
+        what it decided, or null),
+        ``walls, state_digest, energy_closure, heat_closure, max_overlap,
+        solver.{sweeps_mean, residual_rms_max, residual_max_max, unconverged_steps}, books, heat,
+        negative_loss_share, corrected_steps, max_contact_force, progress``
+        (``progress.json`` of a run that goes on: step, time, speed, seconds left …), ``pid`` (of
+        its process, if that is on this host), ``worst_step.{step, time}`` (end of the row of the
+        time series with the largest rms residual),
+        ``hertz_deflection, started, finished, duration`` (from the first start to the last sign of
+        life, s), ``timings, data_digest, provenance``.
 
     Raises:
         DirectoryRefused: If there is no run.
@@ -383,7 +448,10 @@ def run_info(path: Path | str) -> dict[str, Any]:
             "status": run.status,
             "stop_reason": info["stop_reason"],
             "exit_code": info["exit_code"],
-            **{name: summary[name] for name in ("grain_count", "step", "time", "stage", "state_digest")},
+            **{
+                name: summary[name]
+                for name in ("grain_count", "step", "time", "stage", "state_digest")
+            },
             "frame_count": len(run.frames),
             "series_count": run.series.row_count,
             "stages": list(run.stages),
@@ -392,7 +460,11 @@ def run_info(path: Path | str) -> dict[str, Any]:
             "extensions": info.get("extensions", []),
             "steering": _steering(info.get("steering"), summary["step"]),
             "walls": _walls(run),
-            **{name: value for name, value in summary.items() if name not in ("grain_count", "step", "time", "stage")},
+            **{
+                name: value
+                for name, value in summary.items()
+                if name not in ("grain_count", "step", "time", "stage")
+            },
             **_heartbeat(run),
             "worst_step": _worst_step(run),
             "hertz_deflection": hertz_deflection(run, summary["max_contact_force"]),
@@ -406,12 +478,16 @@ def run_info(path: Path | str) -> dict[str, Any]:
 
 
 def _kept(events: list[dict[str, Any]], step: int | None) -> list[dict[str, Any]]:
-    """What had happened by the newest checkpoint: ``run.json`` tells it before, and what was lost since then happens once more."""
+    """What had happened by the newest checkpoint: ``run.json`` tells it before, and what was lost
+    since then happens once more.
+    """
     return [event for event in events if event["step"] <= (step or 0)]
 
 
 def _steering(steering: dict[str, Any] | None, step: int | None) -> dict[str, Any] | None:
-    return None if steering is None else {**steering, "decisions": _kept(steering["decisions"], step)}
+    return (
+        None if steering is None else {**steering, "decisions": _kept(steering["decisions"], step)}
+    )
 
 
 def _heartbeat(run: Run) -> dict[str, Any]:
@@ -424,12 +500,16 @@ def _heartbeat(run: Run) -> dict[str, Any]:
         beat = json.loads(read_regular(run.path / layout.PROGRESS, _HEARTBEAT_LIMIT))
     except (OSError, ValueError, RecursionError):  # not protected: it may be missing or torn
         beat = None
-    is_whole = isinstance(beat, dict) and all(isinstance(beat.get(name), int | float) for name in ("step", "time", "progress"))
+    is_whole = isinstance(beat, dict) and all(
+        isinstance(beat.get(name), int | float) for name in ("step", "time", "progress")
+    )
     return {"progress": beat if is_whole else None, "pid": pid}
 
 
 def _worst_step(run: Run) -> dict[str, float] | None:
-    """Where the contact solver was farthest from a solution; ``None`` if no step has been recorded."""
+    """Where the contact solver was farthest from a solution; ``None`` if no step has been
+    recorded.
+    """
     residual = run.series["residual_rms"]
     if not residual.size or not residual.max() > 0.0:
         return None
@@ -438,10 +518,12 @@ def _worst_step(run: Run) -> dict[str, float] | None:
 
 
 def hertz_deflection(run: Run, force: float | None) -> float | None:
-    """Elastic deflection that rigid grains neglect, over the diameter: δ/(2a) of the largest mean contact force of a step.
+    """Elastic deflection that rigid grains neglect, over the diameter: δ/(2a) of the largest mean
+    contact force of a step.
 
-    Two equal elastic spheres, δ = (3F/(4E* √a*))^⅔ with a* = a/2 and E* = E/(2(1−ν²)); the smallest grain of each material that
-    has ``young`` and ``poisson``, and of these the largest value. Discs are treated as spheres of their radius.
+    Two equal elastic spheres, δ = (3F/(4E* √a*))^⅔ with a* = a/2 and E* = E/(2(1−ν²)); the smallest
+    grain of each material that has ``young`` and ``poisson``, and of these the largest value. Discs
+    are treated as spheres of their radius.
 
     Args:
         run: The run.
@@ -454,9 +536,14 @@ def hertz_deflection(run: Run, force: float | None) -> float | None:
         return None
     try:
         materials = tomllib.loads(run.scenario_resolved)["materials"]
-        elastic = {name: pair for name, material in materials.items() if (pair := _elastic(material)) is not None}
+        elastic = {
+            name: pair
+            for name, material in materials.items()
+            if (pair := _elastic(material)) is not None
+        }
         return largest_deflection(run.model, force, elastic)
-    except (StoreError, ValueError, RecursionError, KeyError, AttributeError):  # a file from elsewhere holds anything
+    # a file from elsewhere holds anything
+    except (StoreError, ValueError, RecursionError, KeyError, AttributeError):
         return None
 
 
@@ -464,7 +551,12 @@ def _elastic(material: Any) -> tuple[float, float] | None:
     if not isinstance(material, dict):
         return None
     young, poisson = material.get("young"), material.get("poisson")
-    if not isinstance(young, int | float) or not isinstance(poisson, int | float) or not young > 0.0 or not -1.0 < poisson <= 0.5:
+    if (
+        not isinstance(young, int | float)
+        or not isinstance(poisson, int | float)
+        or not young > 0.0
+        or not -1.0 < poisson <= 0.5
+    ):
         return None
     return float(young), float(poisson)
 

@@ -1,4 +1,6 @@
-"""The model of a run in its file, and ``results.h5``: all segments of a finished run, verified before the segments go."""
+"""The model of a run in its file, and ``results.h5``: all segments of a finished run, verified
+before the segments go.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model import ContactLaws, Grains, Model, ShapeKind, State, Thermal, Walls, WallShapes
+from multicor_cli.model import (
+    ContactLaws,
+    Grains,
+    Model,
+    ShapeKind,
+    State,
+    Thermal,
+    Walls,
+    WallShapes,
+)
 from multicor_cli.model.books import Version
 from multicor_cli.model.faults import LARGEST
 from multicor_cli.store import schema
@@ -43,11 +54,16 @@ _THERMAL = ("capacity", "start", "surface")
 
 
 def model_columns(model: Model) -> Arrays:
-    """Arrays of a model by path of ``schema.MODEL``, in the order of that table, as far as the model has them."""
+    """Arrays of a model by path of ``schema.MODEL``, in the order of that table, as far as the
+    model has them.
+    """
     table = schema.select(schema.MODEL, schema.features_of(model))
     columns = columns_of(table, Snapshot(State(), model))
     return {
-        s.path: columns[s.path] if s.dtype == "str" else np.ascontiguousarray(columns[s.path], dtype_of(s, "double")) for s in table
+        s.path: columns[s.path]
+        if s.dtype == "str"
+        else np.ascontiguousarray(columns[s.path], dtype_of(s, "double"))
+        for s in table
     }
 
 
@@ -94,27 +110,44 @@ def load_model(path: Path, run_id: str | None = None) -> Model:
 
 
 def read_model(file: CheckedFile) -> Model:
-    """The model in an open ``model.h5`` or ``results.h5``, with its indices checked; raises `DamagedRun`."""
+    """The model in an open ``model.h5`` or ``results.h5``, with its indices checked; raises
+    `DamagedRun`.
+    """
     specs = filter(file.has, schema.MODEL)
     data = {spec.path.removeprefix("model/"): _read(file, spec) for spec in specs}
     model = Model(
-        grains=Grains(data["radius"], data["mass"], data["inertia"], data["material"], data["group"]),
-        shapes=WallShapes(data["shapes/kind"], data["shapes/wall"], data["shapes/geometry"], data["shapes/material"]),
+        grains=Grains(
+            data["radius"], data["mass"], data["inertia"], data["material"], data["group"]
+        ),
+        shapes=WallShapes(
+            data["shapes/kind"],
+            data["shapes/wall"],
+            data["shapes/geometry"],
+            data["shapes/material"],
+        ),
         walls=Walls(
             tuple(data["walls/names"]),
             data["walls/mass"],
             data["walls/inertia"],
             data["walls/has_gravity"].astype(np.bool_),
             data["walls/length"],
-            **{name: data[f"walls/{name}"].astype(np.bool_) for name in ("runs", "meets") if f"walls/{name}" in data},
+            **{
+                name: data[f"walls/{name}"].astype(np.bool_)
+                for name in ("runs", "meets")
+                if f"walls/{name}" in data
+            },
         ),
-        laws=ContactLaws(**{name: data[f"laws/{name}"] for name in ContactLaws._fields if f"laws/{name}" in data}),
+        laws=ContactLaws(
+            **{name: data[f"laws/{name}"] for name in ContactLaws._fields if f"laws/{name}" in data}
+        ),
         materials=tuple(data["material_names"]),
         groups=tuple(data["group_names"]),
         period=float(data["period"][0]),
         gravity=data["gravity"],
         shape_factor=float(data["shape_factor"][0]),
-        thermal=Thermal(*(data[f"thermal/{name}"] for name in _THERMAL)) if "thermal/capacity" in data else None,
+        thermal=Thermal(*(data[f"thermal/{name}"] for name in _THERMAL))
+        if "thermal/capacity" in data
+        else None,
         outlets=tuple(data["outlets"]) if "outlets" in data else None,
         start_speed=float(data["start_speed"][0]) if "start_speed" in data else 0.0,
     )
@@ -140,9 +173,16 @@ def _check_model(model: Model, path: Path) -> None:
         "model/shapes/wall": _within(model.shapes.wall, model.wall_count),
         "model/shapes/material": _within(model.shapes.material, materials),
         "model/laws/table": _within(model.laws.table + 1, start.size),
-        "model/laws/table_start": bool(start[0] == 0 and (np.diff(start) >= 0).all() and start[-1] == model.laws.table_speed.size),
-        "model/radius": bool(((model.grains.radius >= 1.0 / LARGEST) & (model.grains.radius <= LARGEST)).all()),
-        "model/thermal/capacity": model.thermal is None or bool((model.thermal.capacity > 0.0).all()),
+        "model/laws/table_start": bool(
+            start[0] == 0
+            and (np.diff(start) >= 0).all()
+            and start[-1] == model.laws.table_speed.size
+        ),
+        "model/radius": bool(
+            ((model.grains.radius >= 1.0 / LARGEST) & (model.grains.radius <= LARGEST)).all()
+        ),
+        "model/thermal/capacity": model.thermal is None
+        or bool((model.thermal.capacity > 0.0).all()),
     }
     for name, is_right in checks.items():
         if not is_right:
@@ -170,7 +210,8 @@ def write_results(
     precision: Precision,
     version: Version,
 ) -> Document:
-    """Merge segments into one file, one segment in memory at a time; gives its size, digests and number of frames.
+    """Merge segments into one file, one segment in memory at a time; gives its size, digests and
+    number of frames.
 
     Args:
         path: Where to write.
@@ -184,7 +225,8 @@ def write_results(
         version: Version of the file format in which the run was begun.
 
     Raises:
-        DamagedRun: If a segment does not match its digest, or the file does not read back as written.
+        DamagedRun: If a segment does not match its digest, or the file does not read back as
+            written.
         StorageFull: If there is not enough space for the file beside the segments.
         StorageError: For any other error of the system.
     """
@@ -241,15 +283,24 @@ class _Merger:
         self._model = model_columns(model)
         self._lengths = {"wall": model.wall_count, "outlet": len(model.outlets or ())}
         self.features = schema.features_of(model)
-        self._table = tuple(s for s in schema.select(schema.SEGMENT_TABLE, self.features, version) if s not in schema.OFFSETS)
+        self._table = tuple(
+            s
+            for s in schema.select(schema.SEGMENT_TABLE, self.features, version)
+            if s not in schema.OFFSETS
+        )
         self.rows = {
             "frame": sum(s.frames for s in segments),
             "particle_row": sum(s.particle_rows for s in segments),
             "contact_row": sum(s.contact_rows for s in segments),
             "series_row": sum(s.series_rows for s in segments),
         }
-        constant = sum(values.nbytes for values in [*self._scenario.values(), *self._model.values()])
-        rows = sum(int(np.prod(self._shape(s), dtype=np.int64)) * dtype_of(s, precision).itemsize for s in self._table)
+        constant = sum(
+            values.nbytes for values in [*self._scenario.values(), *self._model.values()]
+        )
+        rows = sum(
+            int(np.prod(self._shape(s), dtype=np.int64)) * dtype_of(s, precision).itemsize
+            for s in self._table
+        )
         self.bytes = constant + rows + 16 * (self.rows["frame"] + 1)
         self.view_bytes = estimate_view(self.rows["frame"], self.rows["contact_row"])
 
@@ -259,7 +310,9 @@ class _Merger:
             if spec.path in constant:
                 writer.write(spec, constant[spec.path])
         streams = {spec: writer.stream(spec, self._shape(spec)) for spec in self._table}
-        counts: dict[Dataset, list[NDArray[np.int64]]] = {spec: [np.zeros(1, np.int64)] for spec in schema.OFFSETS}
+        counts: dict[Dataset, list[NDArray[np.int64]]] = {
+            spec: [np.zeros(1, np.int64)] for spec in schema.OFFSETS
+        }
         for segment in self._segments:
             self._copy(segment, streams, counts)
         for spec, stream in streams.items():
@@ -269,17 +322,26 @@ class _Merger:
         write_view(writer.file, self._full_model)
 
     def _copy(
-        self, segment: Segment, streams: dict[Dataset, DatasetStream], counts: dict[Dataset, list[NDArray[np.int64]]]
+        self,
+        segment: Segment,
+        streams: dict[Dataset, DatasetStream],
+        counts: dict[Dataset, list[NDArray[np.int64]]],
     ) -> None:
         check_segment(self._directory, segment)
         dims = segment_dims(segment) | self._lengths
-        with CheckedFile(self._directory / segment.name, SEGMENT_FILETYPE, run_id=self._run_id, dims=dims) as file:
+        with CheckedFile(
+            self._directory / segment.name, SEGMENT_FILETYPE, run_id=self._run_id, dims=dims
+        ) as file:
             check_features(file, self.features)
             for spec, stream in streams.items():
                 for block in file.blocks(spec):
                     stream.append(block)
             for spec, parts in counts.items():
-                rows = segment.particle_rows if spec.name == "particle_offset" else segment.contact_rows
+                rows = (
+                    segment.particle_rows
+                    if spec.name == "particle_offset"
+                    else segment.contact_rows
+                )
                 parts.append(np.diff(read_offsets(file, spec, rows)))
 
     def _shape(self, spec: Dataset) -> tuple[int, ...]:
@@ -290,7 +352,10 @@ class _Merger:
 def read_description(file: CheckedFile) -> Document:
     """What ``results.h5`` says of its run beside the data, checked; raises `DamagedRun`."""
     later = filter(file.has_text, ("stage_ends", "origin", "steering"))
-    found = {"status": file.text("status"), **{name: file.json(name) for name in ("provenance", "summary", *later)}}
+    found = {
+        "status": file.text("status"),
+        **{name: file.json(name) for name in ("provenance", "summary", *later)},
+    }
     record_of(ResultsDocument, found, file.path)
     return found
 
@@ -299,7 +364,9 @@ def check_features(file: CheckedFile, features: Set[str]) -> None:
     """Refuse a file that has other features than its run; raises `DamagedRun`."""
     known = {spec.only_with for spec in schema.RESULTS_TABLE}
     if file.features & known != features & known:
-        raise DamagedRun(f"{file.path}: has the features {sorted(file.features)}, its model {sorted(features)}")
+        raise DamagedRun(
+            f"{file.path}: has the features {sorted(file.features)}, its model {sorted(features)}"
+        )
 
 
 def segment_dims(segment: Segment) -> dict[str, int]:

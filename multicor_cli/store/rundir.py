@@ -27,7 +27,14 @@ from multicor_cli.store.atomic import (
     require_own,
     storage_errors,
 )
-from multicor_cli.store.checkpoint import START_AGAIN, Checkpoint, Identity, load_newest, prune, write_checkpoint
+from multicor_cli.store.checkpoint import (
+    START_AGAIN,
+    Checkpoint,
+    Identity,
+    load_newest,
+    prune,
+    write_checkpoint,
+)
 from multicor_cli.store.documents import (
     CREATING,
     FILETYPE,
@@ -63,16 +70,27 @@ _LONGEST_NAME = "checkpoints/step-00000000000.00.json.tmp"
 
 
 def _require_room_for_names(path: Path) -> None:
-    """Refuse a directory whose name, or that of a file in it, no system call takes; raises `DirectoryRefused`."""
+    """Refuse a directory whose name, or that of a file in it, no system call takes; raises
+    `DirectoryRefused`.
+    """
     parts, whole = path.parts, os.fsencode(path.absolute() / _LONGEST_NAME)
-    is_short = len(whole) < _MOST_BYTES and all(len(os.fsencode(part)) <= _MOST_BYTES_OF_PART for part in parts)
+    is_short = len(whole) < _MOST_BYTES and all(
+        len(os.fsencode(part)) <= _MOST_BYTES_OF_PART for part in parts
+    )
     if not is_short or "\0" in str(path):
-        limits = f"at most {_MOST_BYTES_OF_PART} bytes between two slashes and {_MOST_BYTES - len(_LONGEST_NAME) - 2} in all"
-        raise DirectoryRefused(f"{path}: no run can be in a directory of this name ({limits}); choose another with -o")
+        limits = (
+            f"at most {_MOST_BYTES_OF_PART} bytes between two slashes and "
+            f"{_MOST_BYTES - len(_LONGEST_NAME) - 2} in all"
+        )
+        raise DirectoryRefused(
+            f"{path}: no run can be in a directory of this name ({limits}); choose another with -o"
+        )
 
 
 def lay_out(path: Path, document: Document, source: bytes, resolved: bytes) -> None:
-    """Write what every run has. Status ``creating`` comes first: a crash in between leaves nothing that looks like a run."""
+    """Write what every run has. Status ``creating`` comes first: a crash in between leaves nothing
+    that looks like a run.
+    """
     write_document(path / layout.RUN, "runjson", document)
     with storage_errors(path):
         for entry in layout.known_files(path):
@@ -89,7 +107,8 @@ def check_usable(path: Path, *, overwrite: bool) -> None:
     """Refuse a directory in which no run may begin; leaves nothing behind.
 
     Raises:
-        DirectoryRefused: If it is not a directory, holds foreign files, or a run and ``overwrite`` is False.
+        DirectoryRefused: If it is not a directory, holds foreign files, or a run and ``overwrite``
+            is False.
         StorageError: If it cannot be read or written.
     """
     _require_room_for_names(path)
@@ -97,7 +116,9 @@ def check_usable(path: Path, *, overwrite: bool) -> None:
         if not path.exists() and not path.is_symlink():
             nearest = next(parent for parent in path.absolute().parents if os.path.lexists(parent))
             if not nearest.is_dir():
-                raise DirectoryRefused(f"{path}: {nearest} is not a directory; choose another with -o")
+                raise DirectoryRefused(
+                    f"{path}: {nearest} is not a directory; choose another with -o"
+                )
             _require_writable(nearest, path)
             return
         if not path.is_dir():
@@ -107,26 +128,40 @@ def check_usable(path: Path, *, overwrite: bool) -> None:
     if layout.RUN not in names:
         if names <= {layout.LOCK, layout.RUN + ".tmp"}:
             return
-        raise DirectoryRefused(f"{path}: exists and is not a run directory; choose another with -o, or empty it")
+        raise DirectoryRefused(
+            f"{path}: exists and is not a run directory; choose another with -o, or empty it"
+        )
     if RunDirectory.is_run(path) and not overwrite:
-        raise DirectoryRefused(f"{path}: holds a run; continue it, choose another directory with -o, or give --overwrite")
+        raise DirectoryRefused(
+            f"{path}: holds a run; continue it, choose another directory with -o, or give "
+            "--overwrite"
+        )
     if foreign:
         listed = ", ".join(foreign[:5]) + (" …" if len(foreign) > 5 else "")
-        raise DirectoryRefused(f"{path}: holds files that no run has made ({listed}); move them away before overwriting")
+        raise DirectoryRefused(
+            f"{path}: holds files that no run has made ({listed}); move them away before "
+            "overwriting"
+        )
 
 
 def _require_writable(directory: Path, path: Path) -> None:
-    """Refuse a directory in which no directory can be made now, not when the grains have been placed."""
+    """Refuse a directory in which no directory can be made now, not when the grains have been
+    placed.
+    """
     if not os.access(directory, os.W_OK | os.X_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), directory)
     try:
         Path(tempfile.mkdtemp(prefix=".multicor-", dir=directory)).rmdir()
     except FileNotFoundError:  # what the kernel says of its own file systems
-        raise DirectoryRefused(f"{path}: no directory can be made in {directory}; choose another place with -o") from None
+        raise DirectoryRefused(
+            f"{path}: no directory can be made in {directory}; choose another place with -o"
+        ) from None
 
 
 def remove_temporaries(path: Path) -> None:
-    """Remove what interrupted commits have left; one that cannot be removed does no harm, and what is not ours stays."""
+    """Remove what interrupted commits have left; one that cannot be removed does no harm, and what
+    is not ours stays.
+    """
     with contextlib.suppress(OSError):
         for entry in layout.temporaries(path):
             with contextlib.suppress(OSError):
@@ -173,7 +208,9 @@ def new_document(
 
 
 class RunDirectory:
-    """The directory of one run, locked by this process. Make one with `create` or `resume`; use it as a context manager."""
+    """The directory of one run, locked by this process. Make one with `create` or `resume`; use it
+    as a context manager.
+    """
 
     def __init__(self, path: Path, lock: RunLock, document: Document) -> None:
         self.path = path
@@ -189,7 +226,9 @@ class RunDirectory:
 
     @staticmethod
     def is_run(path: Path) -> bool:
-        """Whether ``path`` holds a run that can be resumed or is finished; False if there is nothing, or only a beginning."""
+        """Whether ``path`` holds a run that can be resumed or is finished; False if there is
+        nothing, or only a beginning.
+        """
         path = Path(path)
         _require_room_for_names(path)
         if not is_regular(path / layout.RUN):
@@ -229,7 +268,8 @@ class RunDirectory:
             steering: What is known of the program that steers it.
 
         Raises:
-            DirectoryRefused: If there is something that is not a run, foreign files in a run, or a run and no ``overwrite``.
+            DirectoryRefused: If there is something that is not a run, foreign files in a run, or a
+                run and no ``overwrite``.
             RunLocked: If another process is running there.
             StorageError: If a file cannot be written; `StorageFull` if there is no space.
         """
@@ -240,7 +280,9 @@ class RunDirectory:
         try:
             check_usable(path, overwrite=overwrite)
             source = source_text.encode() if isinstance(source_text, str) else source_text
-            document = new_document(source, resolved_text, provenance, stages, precision, origin, steering)
+            document = new_document(
+                source, resolved_text, provenance, stages, precision, origin, steering
+            )
             lay_out(path, document, source, resolved_text.encode())
         except BaseException:
             lock.release()
@@ -250,7 +292,9 @@ class RunDirectory:
         return run
 
     @classmethod
-    def resume(cls, path: Path, *, force_unlock: bool = False, extension: Extension | None = None) -> RunDirectory:
+    def resume(
+        cls, path: Path, *, force_unlock: bool = False, extension: Extension | None = None
+    ) -> RunDirectory:
         """Lock an existing run to continue it, or to find that it is finished.
 
         Args:
@@ -287,7 +331,9 @@ class RunDirectory:
         self.close()
 
     def close(self) -> None:
-        """Give the lock back. A run that was not finished, stopped or failed before counts as interrupted."""
+        """Give the lock back. A run that was not finished, stopped or failed before counts as
+        interrupted.
+        """
         self._lock.release()
 
     @property
@@ -323,7 +369,9 @@ class RunDirectory:
 
     @property
     def stage_ends(self) -> tuple[StageEnd, ...]:
-        """How the loading stages ended so far; of runs that an earlier version began those since then."""
+        """How the loading stages ended so far; of runs that an earlier version began those since
+        then.
+        """
         return tuple(record_of(StageEnd, end) for end in self._document.get("stage_ends", []))
 
     @property
@@ -334,12 +382,16 @@ class RunDirectory:
 
     @property
     def steering(self) -> Document | None:
-        """What is kept of the program that steers the run: who it is, its decisions, its notes; changes of it are kept too."""
+        """What is kept of the program that steers the run: who it is, its decisions, its notes;
+        changes of it are kept too.
+        """
         steering: Document | None = self._document.get("steering")
         return steering
 
     def rename_stages(self, names: Sequence[str]) -> None:
-        """Note the names of stages that a program has added or removed; ``run.json`` has them from the next checkpoint on."""
+        """Note the names of stages that a program has added or removed; ``run.json`` has them from
+        the next checkpoint on.
+        """
         if list(names) != self._document["stages"]:
             self._document["stages"] = list(names)
             self._has_news = True
@@ -370,7 +422,8 @@ class RunDirectory:
         return load_model(path, self.run_id) if path.exists() else None
 
     def load_checkpoint(self) -> Checkpoint | None:
-        """The newest whole checkpoint; output committed after it is set aside as ``*.orphan``, it will be computed again.
+        """The newest whole checkpoint; output committed after it is set aside as ``*.orphan``, it
+        will be computed again.
 
         Returns:
             ``None`` if none was ever written: the run starts from its beginning.
@@ -392,7 +445,9 @@ class RunDirectory:
             self._document["summary"] = newest.summary if newest else None
             self._forget_stage_ends(newest.state.stage if newest else 0)
             if self.steering is not None:
-                self.steering.update((newest.steering if newest else None) or {"decisions": [], "notes": {}})
+                self.steering.update(
+                    (newest.steering if newest else None) or {"decisions": [], "notes": {}}
+                )
             self._save()
         self._checkpoint, self._is_loaded = newest, True
         if newest:
@@ -400,7 +455,8 @@ class RunDirectory:
         return self._checkpoint
 
     def writer(self, model: Model) -> FrameWriter:
-        """The writer of frames and series, after the output of the checkpoint; stores the model the first time.
+        """The writer of frames and series, after the output of the checkpoint; stores the model the
+        first time.
 
         Raises:
             DamagedRun: If the run goes on from a checkpoint made with another model.
@@ -416,7 +472,10 @@ class RunDirectory:
             self._document.pop("model", None)
         if "model" not in self._document:
             with storage_errors(path):
-                self._document["model"] = {"size": path.stat().st_size, "blake2b": file_digest(path)}
+                self._document["model"] = {
+                    "size": path.stat().st_size,
+                    "blake2b": file_digest(path),
+                }
         self._model, self._model_digest = model, digest
         self._writer = FrameWriter(
             self.path / layout.SEGMENTS,
@@ -436,7 +495,9 @@ class RunDirectory:
         self._has_news = True
 
     def _forget_stage_ends(self, stage: int) -> None:
-        """Keep the ends of the stages before this one only: the others are still to come, maybe once more."""
+        """Keep the ends of the stages before this one only: the others are still to come, maybe
+        once more.
+        """
         ends = self._document.get("stage_ends", [])
         self._document["stage_ends"] = [end for end in ends if end["stage"] < stage]
 
@@ -458,7 +519,8 @@ class RunDirectory:
         identity = (state.digest(), len(writer.segments))
         if identity == self._newest:
             return
-        if self._has_news:  # before the checkpoint: whatever is continued from it knows how the stages before it ended
+        # Before the checkpoint: whatever is continued from it knows how the stages before it ended
+        if self._has_news:
             self._save()
         self._document["summary"] = write_checkpoint(
             self.path / layout.CHECKPOINTS,
@@ -474,15 +536,23 @@ class RunDirectory:
         self._save()
 
     def progress(self, values: Mapping[str, Any]) -> None:
-        """Replace ``progress.json``, a heartbeat for people and scripts; a failure to write it does not matter."""
+        """Replace ``progress.json``, a heartbeat for people and scripts; a failure to write it does
+        not matter.
+        """
         data = (json.dumps(plain({**values, "updated": now()}), indent=1) + "\n").encode()
         with contextlib.suppress(StoreError):
             commit_bytes(self.path / layout.PROGRESS, "progress", data, is_durable=False)
 
     def finish(
-        self, status: Status, *, stop_reason: str = "", exit_code: int = 0, timings: Mapping[str, Any] | None = None
+        self,
+        status: Status,
+        *,
+        stop_reason: str = "",
+        exit_code: int = 0,
+        timings: Mapping[str, Any] | None = None,
     ) -> None:
-        """Say how the run ended; ``finished`` also makes ``results.h5`` and then removes the segments.
+        """Say how the run ended; ``finished`` also makes ``results.h5`` and then removes the
+        segments.
 
         Call `checkpoint` with the last state before, except where that state is not to be trusted.
 
@@ -492,11 +562,16 @@ class RunDirectory:
             DamagedRun: If a segment is damaged.
         """
         self._lock.require()
-        self._document |= {"stop_reason": stop_reason, "exit_code": exit_code, "timings": dict(timings or {})}
+        self._document |= {
+            "stop_reason": stop_reason,
+            "exit_code": exit_code,
+            "timings": dict(timings or {}),
+        }
         if status == "finished":
             self.consolidate()
         elif self._writer is not None:
-            # Frames after the last checkpoint are there to look at; they will be computed again, so a failure does not matter.
+            # Frames after the last checkpoint are there to look at; they will be computed again, so
+            # a failure does not matter.
             with contextlib.suppress(StoreError):
                 self._writer.flush()
         self._document |= {"status": status, "finished": now()}
@@ -505,7 +580,9 @@ class RunDirectory:
             self._remove_segments()
 
     def consolidate(self) -> Path:
-        """Make ``results.h5`` of all segments, verified; does nothing if that is done. Raises as `finish` does."""
+        """Make ``results.h5`` of all segments, verified; does nothing if that is done. Raises as
+        `finish` does.
+        """
         path = self.path / layout.RESULTS
         if self._document["results"]:
             return path
@@ -524,12 +601,23 @@ class RunDirectory:
             self.path / layout.SEGMENTS,
             segments,
             model,
-            {"scenario/source": [self.source_text], "scenario/resolved": [resolved], "scenario/stages": self.stages},
+            {
+                "scenario/source": [self.source_text],
+                "scenario/resolved": [resolved],
+                "scenario/stages": self.stages,
+            },
             run_id=self.run_id,
             attributes={
-                **{name: self._document[name] for name in ("provenance", "started", "stop_reason", "summary")},
+                **{
+                    name: self._document[name]
+                    for name in ("provenance", "started", "stop_reason", "summary")
+                },
                 "stage_ends": self._document.get("stage_ends", []),
-                **{name: self._document[name] for name in ("origin", "steering") if self._document.get(name)},
+                **{
+                    name: self._document[name]
+                    for name in ("origin", "steering")
+                    if self._document.get(name)
+                },
                 "status": "finished",
                 "finished": now(),
             },
@@ -550,12 +638,19 @@ class RunDirectory:
             return
         for name in (layout.SEGMENTS, layout.CHECKPOINTS):
             make_directory(self.path / name)
-        self._document |= {"status": "running", "stop_reason": "", "exit_code": None, "finished": "", "results": None}
+        self._document |= {
+            "status": "running",
+            "stop_reason": "",
+            "exit_code": None,
+            "finished": "",
+            "results": None,
+        }
         self._document["sessions"] = [*self._document["sessions"], new_session()]
         self._save()
 
     def _remove_segments(self) -> None:
-        """Everything is in ``results.h5``, and ``run.json`` says so; what a crash leaves of this goes at the next start.
+        """Everything is in ``results.h5``, and ``run.json`` says so; what a crash leaves of this
+        goes at the next start.
 
         Files that others have put beside the segments stay, and so does what a link leads to.
         """

@@ -1,4 +1,6 @@
-"""Frames and rows of the time series: collected in memory, committed as immutable segments that a manifest lists."""
+"""Frames and rows of the time series: collected in memory, committed as immutable segments that a
+manifest lists.
+"""
 
 from __future__ import annotations
 
@@ -16,10 +18,25 @@ from multicor_cli.model import Model
 from multicor_cli.model.books import Version
 from multicor_cli.scenario.documents import Count
 from multicor_cli.store import schema
-from multicor_cli.store.atomic import append_line, commit_bytes, file_digest, kill_point, require_own, storage_errors
+from multicor_cli.store.atomic import (
+    append_line,
+    commit_bytes,
+    file_digest,
+    kill_point,
+    require_own,
+    storage_errors,
+)
 from multicor_cli.store.documents import SIZE_LIMIT, document_line, parse_document, record_of
 from multicor_cli.store.errors import DamagedRun
-from multicor_cli.store.hdf5 import CheckedFile, Hdf5Writer, Precision, dtype_of, encode_strings, estimate_size, write_hdf5
+from multicor_cli.store.hdf5 import (
+    CheckedFile,
+    Hdf5Writer,
+    Precision,
+    dtype_of,
+    encode_strings,
+    estimate_size,
+    write_hdf5,
+)
 from multicor_cli.store.schema import Dataset
 from multicor_cli.store.snapshot import Snapshot
 
@@ -30,7 +47,9 @@ Columns = dict[str, NDArray[Any]]
 
 
 def columns_of(table: tuple[Dataset, ...], moment: Snapshot) -> Columns:
-    """Arrays of the rows of a table that come from a moment; those of one value per frame or row have a first dimension of 1."""
+    """Arrays of the rows of a table that come from a moment; those of one value per frame or row
+    have a first dimension of 1.
+    """
     return {row.path: _column(row, row.value(moment)) for row in table if row.value is not None}
 
 
@@ -41,7 +60,8 @@ def _column(row: Dataset, value: Any) -> NDArray[Any]:
     return values[np.newaxis] if row.row in ("frame", "series_row", "one") else values
 
 
-# ---- `segments/MANIFEST.jsonl`: the segments that count, one line each. A segment that it does not list does not exist
+# ---- `segments/MANIFEST.jsonl`: the segments that count, one line each. A segment that it does not
+#      list does not exist
 
 MANIFEST = "MANIFEST.jsonl"
 
@@ -74,7 +94,8 @@ class Segment:
 
 
 def read_manifest(directory: Path) -> list[Segment]:
-    """The segments listed in ``directory``; a last line without its end (a crash while it was written) does not count.
+    """The segments listed in ``directory``; a last line without its end (a crash while it was
+    written) does not count.
 
     Raises:
         DamagedRun: If a line is damaged.
@@ -86,11 +107,15 @@ def read_manifest(directory: Path) -> list[Segment]:
     with storage_errors(path):
         lines = read_regular(path, SIZE_LIMIT).split(b"\n")[:-1]
     places = (f"{path}, line {number}" for number in range(1, len(lines) + 1))
-    return [record_of(Segment, parse_document(line, where), where) for line, where in zip(lines, places, strict=True)]
+    return [
+        record_of(Segment, parse_document(line, where), where)
+        for line, where in zip(lines, places, strict=True)
+    ]
 
 
 def keep_segments(directory: Path, segments: list[Segment]) -> list[str]:
-    """Make the manifest list exactly ``segments``; the files of others become ``*.orphan``. Returns their names.
+    """Make the manifest list exactly ``segments``; the files of others become ``*.orphan``. Returns
+    their names.
 
     Raises:
         StorageError: If a file cannot be renamed or written.
@@ -126,7 +151,9 @@ def set_aside(directory: Path, keep: set[str]) -> list[str]:
 
 
 def check_segment(directory: Path, segment: Segment) -> None:
-    """Compare size and digest of a segment file with its line; raises `DamagedRun` or `StorageError`."""
+    """Compare size and digest of a segment file with its line; raises `DamagedRun` or
+    `StorageError`.
+    """
     path = directory / segment.name
     if not path.is_file():
         raise DamagedRun(f"{path}: missing")
@@ -158,7 +185,8 @@ class FrameWriter:
         precision: How datasets of type ``float`` are stored.
         version: Version of the file format in which the run was begun.
         committed: Segments committed before.
-        last_steps: Steps of the last frame and of the last row of the series that were committed; -1 if none.
+        last_steps: Steps of the last frame and of the last row of the series that were committed;
+            -1 if none.
 
     Attributes:
         segments: Committed segments.
@@ -179,7 +207,12 @@ class FrameWriter:
         committed: Iterable[Segment] = (),
         last_steps: tuple[int, int] = (-1, -1),
     ) -> None:
-        self._directory, self._run_id, self._precision, self._version = directory, run_id, precision, version
+        self._directory, self._run_id, self._precision, self._version = (
+            directory,
+            run_id,
+            precision,
+            version,
+        )
         self.model = model
         self._dims = {
             "wall": model.wall_count,
@@ -202,7 +235,8 @@ class FrameWriter:
         """Add a frame of a moment (arrays are copied).
 
         Raises:
-            ValueError: If a value is not finite, an array has the wrong shape, or the step does not follow the last one.
+            ValueError: If a value is not finite, an array has the wrong shape, or the step does not
+                follow the last one.
             StorageFull: If a segment is due and there is no space for it.
             StorageError: If it cannot be written.
         """
@@ -217,20 +251,27 @@ class FrameWriter:
         self._grow(stored)
 
     def series_row(self, moment: Snapshot) -> None:
-        """Add the row of the time series that ends the window of a moment, which the caller then clears; raises as `frame` does.
+        """Add the row of the time series that ends the window of a moment, which the caller then
+        clears; raises as `frame` does.
 
         A window without steps (the row at the start of a run) has means, rates and forces of zero.
         """
         step = moment.state.step
         if step <= self.last_series_step:
-            raise ValueError(f"row of the time series at step {step} after one at step {self.last_series_step}")
-        stored = self._stored(self.series_table, columns_of(self.series_table, moment), f"time series at step {step}")
+            raise ValueError(
+                f"row of the time series at step {step} after one at step {self.last_series_step}"
+            )
+        stored = self._stored(
+            self.series_table, columns_of(self.series_table, moment), f"time series at step {step}"
+        )
         self.last_series_step = step
         self._rows.append(stored)
         self._grow(stored)
 
     def copy_frame(self, columns: Columns) -> None:
-        """Add a frame as it was stored before, as arrays by path; raises `StorageFull` or `StorageError` if a segment is due."""
+        """Add a frame as it was stored before, as arrays by path; raises `StorageFull` or
+        `StorageError` if a segment is due.
+        """
         self.last_frame_step = int(columns["steps/step"][0])
         self._frames.append(columns)
         self._grow(columns)
@@ -247,11 +288,17 @@ class FrameWriter:
         return sum(len(rows["series/step"]) for rows in self._rows)
 
     def flush(self) -> None:
-        """Commit what is pending; raises `StorageFull`, `StorageError` or `RunLocked`, and then keeps it pending."""
+        """Commit what is pending; raises `StorageFull`, `StorageError` or `RunLocked`, and then
+        keeps it pending.
+        """
         if not self._frames and not self._rows:
             return
         path = self._directory / f"{len(self.segments):06d}.h5"
-        attributes = {"filetype": FILETYPE, "run_id": self._run_id, "features": sorted(self._features)}
+        attributes = {
+            "filetype": FILETYPE,
+            "run_id": self._run_id,
+            "features": sorted(self._features),
+        }
         size = estimate_size(self._table, self._bytes)
         write_hdf5(
             path,
@@ -277,8 +324,12 @@ class FrameWriter:
         dims = dict(self._dims)
         return {spec.path: self._copy(spec, columns[spec.path], dims, where) for spec in specs}
 
-    def _copy(self, spec: Dataset, values: NDArray[Any], dims: dict[str, int], where: str) -> NDArray[Any]:
-        expected = tuple(d if isinstance(d, int) else dims.setdefault(d, len(values)) for d in spec.dims)
+    def _copy(
+        self, spec: Dataset, values: NDArray[Any], dims: dict[str, int], where: str
+    ) -> NDArray[Any]:
+        expected = tuple(
+            d if isinstance(d, int) else dims.setdefault(d, len(values)) for d in spec.dims
+        )
         if values.shape != expected:
             raise ValueError(f"{where}: {spec.path} has shape {values.shape}, expected {expected}")
         copy = np.array(values, dtype=dtype_of(spec, self._precision), order="C")
@@ -290,7 +341,11 @@ class FrameWriter:
     def _check_contacts(self, columns: Columns, step: int) -> None:
         i, j = np.asarray(columns["contacts/i"]), np.asarray(columns["contacts/j"])
         n, shapes = self.model.grain_count, self.model.shape_count
-        if i.shape == j.shape and i.size and not ((i >= 0) & (i < n) & (j > i) & (j < n + shapes)).all():
+        if (
+            i.shape == j.shape
+            and i.size
+            and not ((i >= 0) & (i < n) & (j > i) & (j < n + shapes)).all()
+        ):
             raise ValueError(f"frame at step {step}: a contact names a shape that does not exist")
 
     def _fill(self, writer: Hdf5Writer) -> None:
@@ -298,7 +353,9 @@ class FrameWriter:
             if spec in schema.OFFSETS:
                 writer.write(spec, self._offsets(spec))
             else:
-                self._write_pieces(writer, spec, self._rows if spec in self.series_table else self._frames)
+                self._write_pieces(
+                    writer, spec, self._rows if spec in self.series_table else self._frames
+                )
 
     def _write_pieces(self, writer: Hdf5Writer, spec: Dataset, pieces: list[Columns]) -> None:
         rows = sum(len(piece[spec.path]) for piece in pieces)

@@ -1,4 +1,6 @@
-"""What the writer is given: a state of a run at the end of a step, what is stored of it, and the few numbers that sum it up."""
+"""What the writer is given: a state of a run at the end of a step, what is stored of it, and the
+few numbers that sum it up.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.model import BOOK_NAMES, EXCHANGE_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, Model, State
+from multicor_cli.model import (
+    BOOK_NAMES,
+    EXCHANGE_NAMES,
+    HEAT_BOOK_NAMES,
+    TALLY_NAMES,
+    WINDOW_NAMES,
+    Model,
+    State,
+)
 from multicor_cli.model.books import EXCHANGE_BOOKS, TALLIES, Version, entry_counts, measures_first
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.model import Floats, Thermal
@@ -51,7 +61,9 @@ class Snapshot:
 
     @cached_property
     def window(self) -> dict[str, float]:
-        """Sums since the last row of the time series by name, see `multicor_cli.model.WINDOW_NAMES`."""
+        """Sums since the last row of the time series by name, see
+        `multicor_cli.model.WINDOW_NAMES`.
+        """
         return dict(zip(WINDOW_NAMES, self.state.window.tolist(), strict=True))
 
     @cached_property
@@ -81,7 +93,11 @@ class Snapshot:
     @property
     def wall_surface(self) -> Floats:
         """Velocities of the surfaces of the walls [m/s], shape ``(w,)``."""
-        return self.state.wall_surface if self.state.wall_surface.size else np.zeros(self.model.wall_count)
+        return (
+            self.state.wall_surface
+            if self.state.wall_surface.size
+            else np.zeros(self.model.wall_count)
+        )
 
     @property
     def thermal(self) -> Thermal:
@@ -101,11 +117,17 @@ class Snapshot:
 
 
 def temperatures_of(state: State, thermal: Thermal) -> tuple[float, float, float]:
-    """Mean temperature of the present grains, weighted by heat capacity, lowest and highest [K]; 0 if none is there."""
+    """Mean temperature of the present grains, weighted by heat capacity, lowest and highest [K]; 0
+    if none is there.
+    """
     temperature, capacity = state.temperature(thermal)[state.here], thermal.capacity[state.here]
     if not temperature.size:
         return 0.0, 0.0, 0.0
-    return total(temperature * capacity) / total(capacity), float(temperature.min()), float(temperature.max())
+    return (
+        total(temperature * capacity) / total(capacity),
+        float(temperature.min()),
+        float(temperature.max()),
+    )
 
 
 def in_plane(values: Floats) -> Floats:
@@ -119,7 +141,9 @@ def in_plane(values: Floats) -> Floats:
 
 Summary = dict[str, Any]
 
-_SUMMARIZED = {entry.summary: entry for entry in measures_first(TALLIES) if entry.summary is not None}
+_SUMMARIZED = {
+    entry.summary: entry for entry in measures_first(TALLIES) if entry.summary is not None
+}
 """Counters that have a key of their own, by this key."""
 
 
@@ -127,11 +151,12 @@ def summarize(state: State, model: Model) -> Summary:
     """Counters, books and digest of a state of a model.
 
     Returns:
-        ``step, time, stage, grain_count, state_digest, energy_closure, heat_closure`` (null: no heat),
-        ``max_overlap`` (over the smaller radius), ``max_contact_force`` [N], ``corrected_steps``,
-        ``negative_loss_share``, ``solver``, ``books`` [J], and ``heat`` (null: no heat) with ``books`` [J], ``sub_steps``,
-        ``max_biot``, ``integration_error``, ``solid_gas_min``, ``solid_gas_max`` (null: no gas) and
-        ``temperature.{mean, min, max}`` [K]; and ``exchange`` (null: no grain comes or goes) with its books and
+        ``step, time, stage, grain_count, state_digest, energy_closure, heat_closure`` (null: no
+        heat), ``max_overlap`` (over the smaller radius), ``max_contact_force`` [N],
+        ``corrected_steps``, ``negative_loss_share``, ``solver``, ``books`` [J], and ``heat`` (null:
+        no heat) with ``books`` [J], ``sub_steps``, ``max_biot``, ``integration_error``,
+        ``solid_gas_min``, ``solid_gas_max`` (null: no gas) and ``temperature.{mean, min, max}``
+        [K]; and ``exchange`` (null: no grain comes or goes) with its books and
         ``outlets.NAME.{grains, mass}``.
     """
     tallies = dict(zip(TALLY_NAMES, state.tallies.tolist(), strict=True))
@@ -145,7 +170,10 @@ def summarize(state: State, model: Model) -> Summary:
         "state_digest": state.digest(),
         "energy_closure": books["closure"],
         "heat_closure": None if heat is None else heat["books"]["closure"],
-        **{key: round(tallies[e.name]) if e.dtype == "i8" else tallies[e.name] for key, e in _SUMMARIZED.items()},
+        **{
+            key: round(tallies[e.name]) if e.dtype == "i8" else tallies[e.name]
+            for key, e in _SUMMARIZED.items()
+        },
         "negative_loss_share": _negative_share(books),
         "solver": {
             "sweeps_mean": tallies["sweeps"] / max(1, state.step - state.frozen_steps),
@@ -166,12 +194,17 @@ def _summarize_exchange(state: State, outlets: tuple[str, ...]) -> Summary:
         name: {"grains": round(grains), "mass": mass}
         for name, (grains, mass) in zip(outlets, state.outlet_flow.tolist(), strict=True)
     }
-    return {name: round(value) if name in counts else value for name, value in books.items()} | {"outlets": flows}
+    return {name: round(value) if name in counts else value for name, value in books.items()} | {
+        "outlets": flows
+    }
 
 
 def _summarize_heat(state: State, thermal: Thermal) -> Summary:
     books = dict(zip(HEAT_BOOK_NAMES, state.heat_books.tolist(), strict=True))
-    counters = {name: books.pop(name) for name in ("sub_steps", "max_biot", "solid_gas_min", "solid_gas_max", "integration_error")}
+    counters = {
+        name: books.pop(name)
+        for name in ("sub_steps", "max_biot", "solid_gas_min", "solid_gas_max", "integration_error")
+    }
     mean, lowest, highest = temperatures_of(state, thermal)
     return {
         "books": books,
@@ -185,9 +218,21 @@ def _summarize_heat(state: State, thermal: Thermal) -> Summary:
 
 
 def empty_summary(version: Version | None = None) -> Summary:
-    """The summary of a run of which no state has been stored: the same keys, or those of an older version, without values."""
-    counters = (key for key, entry in _SUMMARIZED.items() if version is None or entry.since <= version)
-    names = ("step", "time", "stage", "grain_count", "state_digest", "energy_closure", "heat_closure")
+    """The summary of a run of which no state has been stored: the same keys, or those of an older
+    version, without values.
+    """
+    counters = (
+        key for key, entry in _SUMMARIZED.items() if version is None or entry.since <= version
+    )
+    names = (
+        "step",
+        "time",
+        "stage",
+        "grain_count",
+        "state_digest",
+        "energy_closure",
+        "heat_closure",
+    )
     later = ("exchange",) if version is None or version >= (1, 2) else ()
     solver = ("sweeps_mean", "residual_rms_max", "residual_max_max", "unconverged_steps")
     books = BOOK_NAMES[: entry_counts(version)["book"]]
@@ -199,7 +244,9 @@ def empty_summary(version: Version | None = None) -> Summary:
 
 
 def _negative_share(books: dict[str, float]) -> float:
-    """Energy gained at contacts over energy lost there; ``negative_loss`` is their signed sum's negative part."""
+    """Energy gained at contacts over energy lost there; ``negative_loss`` is their signed sum's
+    negative part.
+    """
     negative = abs(books["negative_loss"])
     positive = books["friction_loss"] + books["impact_loss"] + negative
     return negative / positive if positive > 0.0 else 0.0

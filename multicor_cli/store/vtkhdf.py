@@ -1,12 +1,16 @@
-"""``/VTKHDF`` in ``results.h5``: a view of the frames that ParaView opens, made of links to the data.
+"""``/VTKHDF`` in ``results.h5``: a view of the frames that ParaView opens, made of links to the
+data.
 
-Each step is one piece of PolyData: the grains are points, the contacts are lines. A contact with a wall, or one across the
-period, has no second grain next to it; its line ends in a point of its own, appended to the grains of the step. These few
-points, and which points the lines join, are all that is stored here. Everything else is a link, or a virtual dataset that maps the
-rows of grains and contacts to where VTK expects them and gives the appended points a fill value. There is equal room for the
-points of every step, of which a step uses as much as it needs: then one mapping does for all steps.
+Each step is one piece of PolyData: the grains are points, the contacts are lines. A contact with a
+wall, or one across the period, has no second grain next to it; its line ends in a point of its own,
+appended to the grains of the step. These few points, and which points the lines join, are all that
+is stored here. Everything else is a link, or a virtual dataset that maps the rows of grains and
+contacts to where VTK expects them and gives the appended points a fill value. There is equal room
+for the points of every step, of which a step uses as much as it needs: then one mapping does for
+all steps.
 
-A step without contacts gets one line from grain 0 to itself: several versions of VTK misread the step after one without cells.
+A step without contacts gets one line from grain 0 to itself: several versions of VTK misread the
+step after one without cells.
 """
 
 from __future__ import annotations
@@ -32,7 +36,8 @@ from multicor_cli.store.errors import DamagedRun
 from multicor_cli.store.hdf5 import read_text, reading, write_text
 from multicor_cli.store.schema import Dataset
 
-# ---- Which points the lines join in the view of `results.h5`: contacts as lines, a block of frames at a time
+# ---- Which points the lines join in the view of `results.h5`: contacts as lines, a block of frames
+#      at a time
 
 CHUNK_ROWS = 1 << 14
 """Rows of a chunk."""
@@ -117,7 +122,9 @@ class LineBlock:
     center: NDArray[np.float64]
 
     @classmethod
-    def read(cls, file: h5py.File, model: Model, start: int, stop: int, offset: Indices) -> LineBlock:
+    def read(
+        cls, file: h5py.File, model: Model, start: int, stop: int, offset: Indices
+    ) -> LineBlock:
         """Read the frames ``start:stop``; contact rows begin at ``offset``."""
         n, first, last = model.grain_count, int(offset[start]), int(offset[stop])
         counts: Indices = np.diff(offset[start : stop + 1])
@@ -127,9 +134,13 @@ class LineBlock:
         is_wall = j >= n
         partner = np.where(is_wall, i, j)
         center = position[frame * n + i]
-        crosses = np.abs(center[:, 0] - position[frame * n + partner, 0]) > 0.5 * (model.period or np.inf)
+        crosses = np.abs(center[:, 0] - position[frame * n + partner, 0]) > 0.5 * (
+            model.period or np.inf
+        )
         radius = model.grains.radius
-        length = radius[i] + np.where(is_wall, 0.0, radius[partner]) + file["contacts/gap"][first:last]
+        length = (
+            radius[i] + np.where(is_wall, 0.0, radius[partner]) + file["contacts/gap"][first:last]
+        )
         reach = length[:, None] * file["contacts/normal"][first:last]
         return cls(n, counts, frame, i, j, is_wall | crosses, reach, center)
 
@@ -145,7 +156,9 @@ class LineBlock:
         return points
 
     def connectivity(self, lines: Indices) -> Indices:
-        """Both ends of every line, counted from 0 in each frame; ``lines`` is their number in each frame."""
+        """Both ends of every line, counted from 0 in each frame; ``lines`` is their number in each
+        frame.
+        """
         joined = np.zeros((int(lines.sum()), 2), np.int64)
         row = (np.cumsum(lines) - lines)[self.frame] + ranges(self.counts)
         end = self.j.copy()
@@ -171,17 +184,31 @@ _TOPOLOGIES = ("Vertices", "Lines", "Polygons", "Strips")
 _LINES = _TOPOLOGIES.index("Lines")
 
 _POINT_FIELDS, _CONTACT_FIELDS, _STEP_FIELDS = (
-    [row for row in table if "vtk" in row.exports] for table in (schema.PARTICLES, schema.CONTACTS, schema.STEPS)
+    [row for row in table if "vtk" in row.exports]
+    for table in (schema.PARTICLES, schema.CONTACTS, schema.STEPS)
 )
-"""What becomes point, cell and field data where the run has it; of contacts, each column for itself."""
+"""What becomes point, cell and field data where the run has it; of contacts, each column for
+itself."""
 
 _CONSTANTS = ("radius", "group", "material", "is_grain")
 
 _STORED = (
     "NumberOfPoints",
-    *(f"Lines/{name}" for name in ("NumberOfCells", "NumberOfConnectivityIds", "Connectivity", "Offsets")),
+    *(
+        f"Lines/{name}"
+        for name in ("NumberOfCells", "NumberOfConnectivityIds", "Connectivity", "Offsets")
+    ),
     *(f"Vertices/{name}" for name in ("NumberOfCells", "Connectivity")),
-    *(f"Steps/{name}" for name in ("NumberOfParts", "PartOffsets", "PointOffsets", "CellOffsets", "ConnectivityIdOffsets")),
+    *(
+        f"Steps/{name}"
+        for name in (
+            "NumberOfParts",
+            "PartOffsets",
+            "PointOffsets",
+            "CellOffsets",
+            "ConnectivityIdOffsets",
+        )
+    ),
     *(f"Steps/{name}" for name in ("CellDataOffsets/kind", "FieldDataSizes/step")),
     *(f"PointData/{name}" for name in _CONSTANTS),
 )
@@ -204,7 +231,9 @@ class _Layout:
 
     @property
     def room(self) -> int:
-        """Rows that are kept for the points of each frame: equal room makes one mapping do for all frames."""
+        """Rows that are kept for the points of each frame: equal room makes one mapping do for all
+        frames.
+        """
         return self.grains + int(self.ends.max())
 
     @property
@@ -220,7 +249,8 @@ def estimate_view(frames: int, contact_rows: int) -> int:
 
 
 def write_view(file: h5py.File, model: Model) -> None:
-    """Add the view to an open ``results.h5`` whose datasets are complete; nothing if it has no frames.
+    """Add the view to an open ``results.h5`` whose datasets are complete; nothing if it has no
+    frames.
 
     Args:
         file: The open file.
@@ -247,8 +277,8 @@ def write_view(file: h5py.File, model: Model) -> None:
 def check_view(path: Path) -> None:
     """Compare what the view itself stores with its digest; without frames there is no view.
 
-    Virtual datasets are not opened: HDF5 may crash on a damaged one. What they show has digests where it is stored; how they
-    show it is covered by the digest of the whole file in ``run.json``.
+    Virtual datasets are not opened: HDF5 may crash on a damaged one. What they show has digests
+    where it is stored; how they show it is covered by the digest of the whole file in ``run.json``.
 
     Raises:
         DamagedRun: If the view is not what was written.
@@ -271,7 +301,8 @@ def _digest(file: h5py.File) -> str:
 
 
 def link_view(directory: Path) -> None:
-    """Give ``results.h5`` a second name, the one by which ParaView knows the format; a file system may not allow it.
+    """Give ``results.h5`` a second name, the one by which ParaView knows the format; a file system
+    may not allow it.
 
     A symbolic link follows when ``results.h5`` is replaced; a hard link is the next best.
     """
@@ -323,7 +354,9 @@ def _write_ends(file: h5py.File, points: NDArray[np.float64], rows: _Layout) -> 
         stream.append(padded.reshape(-1, 3))
     stream.close()
     file[ENDS].attrs["unit"] = "m"
-    file[ENDS].attrs["long_name"] = "points appended to the grains of a step: ends of contacts with walls and across the period"
+    file[ENDS].attrs["long_name"] = (
+        "points appended to the grains of a step: ends of contacts with walls and across the period"
+    )
 
 
 def _write_no_cells(root: h5py.Group, frames: int) -> None:
@@ -359,18 +392,27 @@ def _write_steps(file: h5py.File, root: h5py.Group, rows: _Layout) -> h5py.Group
 
 
 def _write_points(file: h5py.File, root: h5py.Group, steps: h5py.Group, rows: _Layout) -> None:
-    """Positions and point data: the rows of the grains, and behind those of each frame the appended points."""
+    """Positions and point data: the rows of the grains, and behind those of each frame the appended
+    points.
+    """
     frames, room, grains = len(rows.ends), rows.room, rows.grains
     ends = room - grains
-    # Blocks of rows, one every ``room`` rows: first the grains of each frame, then its appended points.
+    # Blocks of rows, one every ``room`` rows: first the grains of each frame, then its appended
+    # points.
     to_grains = [(h5py.MultiBlockSlice(0, room, frames, grains), slice(0, frames * grains))]
-    to_ends = [(h5py.MultiBlockSlice(grains, room, frames, ends), slice(0, frames * ends))] if ends else []
+    to_ends = (
+        [(h5py.MultiBlockSlice(grains, room, frames, ends), slice(0, frames * ends))]
+        if ends
+        else []
+    )
     total = frames * room
     position = [_Source(file["particles/position"], to_grains), _Source(file[ENDS], to_ends)]
     _write_virtual(root, "Points", total, position, np.nan)
     for row in _POINT_FIELDS:
         if row.path in file:
-            _write_virtual(root, f"PointData/{row.name}", total, [_Source(file[row.path], to_grains)], np.nan)
+            _write_virtual(
+                root, f"PointData/{row.name}", total, [_Source(file[row.path], to_grains)], np.nan
+            )
             steps[f"PointDataOffsets/{row.name}"] = steps["PointOffsets"]
 
 
@@ -389,7 +431,9 @@ class _Source:
     column: int | None = None
 
 
-def _write_virtual(root: h5py.Group, path: str, rows: int, sources: Sequence[_Source], fill: float) -> None:
+def _write_virtual(
+    root: h5py.Group, path: str, rows: int, sources: Sequence[_Source], fill: float
+) -> None:
     """A dataset that shows rows of others, and ``fill`` elsewhere."""
     first = sources[0]
     shape = (rows, *(first.dataset.shape[1:] if first.column is None else ()))
@@ -398,26 +442,41 @@ def _write_virtual(root: h5py.Group, path: str, rows: int, sources: Sequence[_So
         return
     virtual = h5py.VirtualLayout(shape, first.dataset.dtype)
     for source in sources:
-        shown = h5py.VirtualSource(".", source.dataset.name, source.dataset.shape, source.dataset.dtype)
+        shown = h5py.VirtualSource(
+            ".", source.dataset.name, source.dataset.shape, source.dataset.dtype
+        )
         for target, chosen in source.pieces:
-            virtual[target] = shown[chosen] if source.column is None else shown[chosen, source.column]
+            virtual[target] = (
+                shown[chosen] if source.column is None else shown[chosen, source.column]
+            )
     root.create_virtual_dataset(path, virtual, fillvalue=fill)
 
 
 def _write_constants(root: h5py.Group, steps: h5py.Group, model: Model, rows: _Layout) -> None:
-    """Point data that do not change are stored once; appended points have no radius, group or material."""
+    """Point data that do not change are stored once; appended points have no radius, group or
+    material.
+    """
     length = rows.room
     grains = model.grains
     is_grain = np.ones(rows.grains, np.uint8)
-    constants: list[tuple[NDArray[Any], float]] = [(grains.radius, 0.0), (grains.group, -1), (grains.material, -1), (is_grain, 0)]
+    constants: list[tuple[NDArray[Any], float]] = [
+        (grains.radius, 0.0),
+        (grains.group, -1),
+        (grains.material, -1),
+        (is_grain, 0),
+    ]
     for name, (values, fill) in zip(_CONSTANTS, constants, strict=True):
         whole = np.full(length, fill, values.dtype)
         whole[: rows.grains] = values
-        root.create_dataset(f"PointData/{name}", data=whole, chunks=(min(length, CHUNK_ROWS),), fletcher32=True)
+        root.create_dataset(
+            f"PointData/{name}", data=whole, chunks=(min(length, CHUNK_ROWS),), fletcher32=True
+        )
         steps[f"PointDataOffsets/{name}"] = root["Vertices/NumberOfCells"]  # zeros
 
 
-def _hide_absent(presence: h5py.Dataset, root: h5py.Group, steps: h5py.Group, model: Model, rows: _Layout) -> None:
+def _hide_absent(
+    presence: h5py.Dataset, root: h5py.Group, steps: h5py.Group, model: Model, rows: _Layout
+) -> None:
     """Radii step by step: 0 for grains that are not there, which are drawn as nothing."""
     del root["PointData/radius"], steps["PointDataOffsets/radius"]
     stream = Growing(root, "PointData/radius", np.float64)
@@ -436,7 +495,10 @@ def _write_cell_data(file: h5py.File, root: h5py.Group, steps: h5py.Group, rows:
     runs = _runs((counts[:-1] == 0) | (counts[1:] == 0))
     sizes = [int(counts[start:stop].sum()) for start, stop in runs]
     pieces = [
-        (slice(int(starts[start]), int(starts[start]) + size), slice(int(first[start]), int(first[start]) + size))
+        (
+            slice(int(starts[start]), int(starts[start]) + size),
+            slice(int(first[start]), int(first[start]) + size),
+        )
         for (start, _), size in zip(runs, sizes, strict=True)
         if size
     ]
@@ -445,18 +507,24 @@ def _write_cell_data(file: h5py.File, root: h5py.Group, steps: h5py.Group, rows:
     for row in _CONTACT_FIELDS:
         for name, column in _cells(row) if row.path in file else ():
             fill = NO_CONTACT if name == "kind" else 0
-            _write_virtual(root, f"CellData/{name}", total, [_Source(file[row.path], pieces, column)], fill)
+            _write_virtual(
+                root, f"CellData/{name}", total, [_Source(file[row.path], pieces, column)], fill
+            )
             if name != "kind":
                 steps[f"CellDataOffsets/{name}"] = steps["CellDataOffsets/kind"]
 
 
 def _cells(row: Dataset) -> list[tuple[str, int | None]]:
-    """Names of the cell data that a dataset of contacts becomes, and the column of each; None if it has but one."""
+    """Names of the cell data that a dataset of contacts becomes, and the column of each; None if it
+    has but one.
+    """
     return [(name, column) for column, name in enumerate(row.columns)] or [(row.name, None)]
 
 
 def _runs(is_last: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Ranges of frames whose rows follow each other without a break; ``is_last`` says after which frame (but the last) one is."""
+    """Ranges of frames whose rows follow each other without a break; ``is_last`` says after which
+    frame (but the last) one is.
+    """
     edges = [0, *(np.flatnonzero(is_last) + 1).tolist(), len(is_last) + 1]
     return list(itertools.pairwise(edges))
 

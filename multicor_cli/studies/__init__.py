@@ -23,13 +23,15 @@ def study(
     Args:
         file: The study file.
         directory: Where runs go; default: ``studies/NAME``.
-        client: A `dask.distributed.Client` of yours; default: what the file says under ``[compute]``.
+        client: A `dask.distributed.Client` of yours; default: what the file says under
+            ``[compute]``.
         retry: Whether cases that failed are tried again.
         max_hours: Wall-clock time after which to stop with checkpoints [h].
         watcher: Is told how it goes; default: Python's warnings are given.
 
     Returns:
-        A pandas DataFrame with a row for each case, or, where pandas is not installed, a `multicor_cli.studies.table.StudyTable`.
+        A pandas DataFrame with a row for each case, or, where pandas is not installed, a
+        `multicor_cli.studies.table.StudyTable`.
 
     Raises:
         ScenarioError: The study or a case of it is wrong, or not as when the study began.

@@ -1,4 +1,6 @@
-"""The values that each key of a study takes, how they are combined, and the cases that come of it."""
+"""The values that each key of a study takes, how they are combined, and the cases that come of
+it.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,15 @@ from multicor_cli.optional import library
 from multicor_cli.scenario.base import MAX_BYTES
 from multicor_cli.scenario.problems import Refused, ScenarioError
 from multicor_cli.scenario.scenario import Scenario, load_scenario
-from multicor_cli.studies.study_file import MAX_CASES, OPTIONS, Range, Sampled, Study, Vary, arguments
+from multicor_cli.studies.study_file import (
+    MAX_CASES,
+    OPTIONS,
+    Range,
+    Sampled,
+    Study,
+    Vary,
+    arguments,
+)
 
 # ---- Values and their combinations
 
@@ -31,10 +41,12 @@ _DIGITS = 12
 
 
 def combine(vary: Vary, directory: Path) -> list[Values]:
-    """All combinations, in the order of the file, the last key changing fastest; paths are relative to ``directory``.
+    """All combinations, in the order of the file, the last key changing fastest; paths are relative
+    to ``directory``.
 
     Raises:
-        Refused: Keys in ``zip`` have no values or not as many, the CSV file cannot be used, or there are too many combinations.
+        Refused: Keys in ``zip`` have no values or not as many, the CSV file cannot be used, or
+            there are too many combinations.
         MissingLibrary: Points are to be drawn, and scipy is not installed.
     """
     axes: list[Sequence[Values]] = []
@@ -45,13 +57,20 @@ def combine(vary: Vary, directory: Path) -> list[Values]:
         axes.append([dict(zip(group, row, strict=True)) for row in zip(*columns, strict=True)])
     if vary.sample is not None:
         if not ranges:
-            raise Refused(("vary", "sample"), "there is no range to draw points from", "give a key { from = …, to = … }")
+            raise Refused(
+                ("vary", "sample"),
+                "there is no range to draw points from",
+                "give a key { from = …, to = … }",
+            )
         axes.append(_drawn(vary.sample, ranges))
     if vary.file is not None:
         axes.append(_rows(directory / vary.file, vary.file, set(vary.keys)))
     if (count := math.prod(len(axis) for axis in axes)) > MAX_CASES:
         raise Refused(("vary",), f"{count:.6g} combinations are more than {MAX_CASES}", "vary less")
-    return [dict(itertools.chain.from_iterable(part.items() for part in parts)) for parts in itertools.product(*axes)]
+    return [
+        dict(itertools.chain.from_iterable(part.items() for part in parts))
+        for parts in itertools.product(*axes)
+    ]
 
 
 def numbers(axis: Range | tuple[Value, ...]) -> tuple[Value, ...]:
@@ -64,7 +83,11 @@ def numbers(axis: Range | tuple[Value, ...]) -> tuple[Value, ...]:
     for k in range(axis.count):
         between = _between(axis, k / last)
         values.append(low if k == 0 else high if k == last else _rounded(between))
-    is_whole = isinstance(low, int) and isinstance(high, int) and all(float(value).is_integer() for value in values)
+    is_whole = (
+        isinstance(low, int)
+        and isinstance(high, int)
+        and all(float(value).is_integer() for value in values)
+    )
     return tuple(int(value) if is_whole else float(value) for value in values)
 
 
@@ -79,13 +102,25 @@ def _groups(vary: Vary, left_out: set[str]) -> list[tuple[str, ...]]:
         lengths = set()
         for key in group:
             if key not in vary.keys or key in partner or key in left_out:
-                why = "is in two groups" if key in partner else "is drawn" if key in left_out else "has no values"
-                raise Refused(("vary", "zip", number), f"{key} {why}", "name keys of [vary], each once")
+                why = (
+                    "is in two groups"
+                    if key in partner
+                    else "is drawn"
+                    if key in left_out
+                    else "has no values"
+                )
+                raise Refused(
+                    ("vary", "zip", number), f"{key} {why}", "name keys of [vary], each once"
+                )
             partner[key] = group
             lengths.add(len(numbers(vary.keys[key])))
         if len(lengths) > 1:
             counts = ", ".join(f"{key}: {len(numbers(vary.keys[key]))}" for key in group)
-            raise Refused(("vary", "zip", number), f"values that go together are not as many ({counts})", "give as many of each")
+            raise Refused(
+                ("vary", "zip", number),
+                f"values that go together are not as many ({counts})",
+                "give as many of each",
+            )
     groups: list[tuple[str, ...]] = []
     for key in vary.keys:
         group = partner.get(key, (key,))
@@ -100,7 +135,10 @@ def _drawn(sample: Sampled, ranges: Mapping[str, Range]) -> list[Values]:
     kind = qmc.LatinHypercube if sample.kind == "latin-hypercube" else qmc.Sobol
     points = kind(d=len(ranges), rng=sample.seed).random(sample.count)
     return [
-        {key: _rounded(_between(axis, float(share))) for (key, axis), share in zip(ranges.items(), point, strict=True)}
+        {
+            key: _rounded(_between(axis, float(share)))
+            for (key, axis), share in zip(ranges.items(), point, strict=True)
+        }
         for point in points
     ]
 
@@ -111,7 +149,9 @@ def _between(axis: Range, share: float) -> float:
 
 
 def _rows(path: Path, name: str, taken: set[str]) -> list[Values]:
-    """Rows of a CSV file whose header names keys; values are written as in TOML, words as they are."""
+    """Rows of a CSV file whose header names keys; values are written as in TOML, words as they
+    are.
+    """
 
     def bad(message: str, remedy: str) -> Refused:
         return Refused(("vary", "file"), message, remedy)
@@ -120,20 +160,32 @@ def _rows(path: Path, name: str, taken: set[str]) -> list[Values]:
         text = read_regular(path, MAX_BYTES).decode("utf-8-sig")
         lines = [row for row in csv.reader(text.splitlines()) if row and not row[0].startswith("#")]
     except FileNotFoundError:
-        raise bad(f"there is no file '{name}'", "give its path relative to the study file") from None
+        raise bad(
+            f"there is no file '{name}'", "give its path relative to the study file"
+        ) from None
     except (OSError, ValueError, csv.Error) as error:
         raise bad(
-            f"'{name}' cannot be read: {getattr(error, 'strerror', None) or error}", "it must be a CSV file in UTF-8"
+            f"'{name}' cannot be read: {getattr(error, 'strerror', None) or error}",
+            "it must be a CSV file in UTF-8",
         ) from None
     if len(lines) < 2:
-        raise bad(f"'{name}' has no rows", "let the first line name the keys, and each further one give their values")
+        raise bad(
+            f"'{name}' has no rows",
+            "let the first line name the keys, and each further one give their values",
+        )
     keys = [title.strip() for title in lines[0]]
     for key in keys:
         if not key or key in OPTIONS or key in taken or keys.count(key) > 1:
-            raise bad(f"'{name}' has a column '{key}' that is empty, comes twice or is varied already", "name each key once")
+            raise bad(
+                f"'{name}' has a column '{key}' that is empty, comes twice or is varied already",
+                "name each key once",
+            )
     for number, row in enumerate(lines[1:], 2):
         if len(row) != len(keys):
-            raise bad(f"row {number} of '{name}' has {len(row)} values for {len(keys)} keys", "give a value for each key")
+            raise bad(
+                f"row {number} of '{name}' has {len(row)} values for {len(keys)} keys",
+                "give a value for each key",
+            )
     return [dict(zip(keys, map(_parsed, row), strict=True)) for row in lines[1:]]
 
 
@@ -158,14 +210,18 @@ _DIGITS_OF_NAMES = 6, 12, 17
 
 @dataclass(frozen=True)
 class Case:
-    """One run of a study. It is called like its directory: by short names of the keys with their values, the seed last."""
+    """One run of a study. It is called like its directory: by short names of the keys with their
+    values, the seed last.
+    """
 
     name: str
     values: Values
 
     @property
     def overrides(self) -> list[str]:
-        """Arguments of ``--set`` that make the case out of the scenario of the study, beside those of all cases."""
+        """Arguments of ``--set`` that make the case out of the scenario of the study, beside those
+        of all cases.
+        """
         return arguments(self.values)
 
 
@@ -182,11 +238,20 @@ def expand(study: Study) -> list[Case]:
         raise study.refuse(error) from None
     seeds = _seeds(study, base)
     if SEED in study.model.vary.keys and study.model.study.seeds is not None:
-        raise study.refuse(Refused(("study", "seeds"), f"{SEED} is varied as well", "leave one of them out"))
+        raise study.refuse(
+            Refused(("study", "seeds"), f"{SEED} is varied as well", "leave one of them out")
+        )
     if len(combinations) * len(seeds) > MAX_CASES:
-        message = f"{len(combinations)} combinations with {len(seeds)} seeds each are more than {MAX_CASES} cases"
+        message = (
+            f"{len(combinations)} combinations with {len(seeds)} seeds each are more than "
+            f"{MAX_CASES} cases"
+        )
         raise study.refuse(Refused(("study", "seeds"), message, "vary less"))
-    rows = [{**values, **({SEED: seed} if seed is not None else {})} for values in combinations for seed in seeds]
+    rows = [
+        {**values, **({SEED: seed} if seed is not None else {})}
+        for values in combinations
+        for seed in seeds
+    ]
     return _named(study, rows)
 
 
@@ -212,7 +277,9 @@ def _seeds(study: Study, base: Scenario) -> list[int | None]:
 def _named(study: Study, rows: Sequence[Values]) -> list[Case]:
     """Cases with the shortest numbers that tell them apart."""
     if len({json.dumps(row) for row in rows}) < len(rows):
-        raise study.refuse(Refused(("vary",), "a combination of values comes twice", "give each value once"))
+        raise study.refuse(
+            Refused(("vary",), "a combination of values comes twice", "give each value once")
+        )
     short = short_names(dict.fromkeys(key for row in rows for key in row))
     names: list[str] = []
     for digits in _DIGITS_OF_NAMES:
@@ -229,7 +296,10 @@ def short_names(keys: Iterable[str]) -> dict[str, str]:
     for key, own in parts.items():
         for length in range(1, len(own) + 1):
             tail = own[-length:]
-            if not tail[0].isdecimal() and sum(other[-length:] == tail for other in parts.values()) == 1:
+            if (
+                not tail[0].isdecimal()
+                and sum(other[-length:] == tail for other in parts.values()) == 1
+            ):
                 break
         found[key] = ".".join(own[-length:])
     return found
@@ -243,7 +313,12 @@ def shown(value: Value, digits: int = 6) -> str:
 
 
 def _name(row: Values, short: dict[str, str], digits: int) -> str:
-    name = "_".join(f"{short[key]}={_UNSAFE.sub('-', shown(value, digits))}" for key, value in row.items()) or "only"
+    name = (
+        "_".join(
+            f"{short[key]}={_UNSAFE.sub('-', shown(value, digits))}" for key, value in row.items()
+        )
+        or "only"
+    )
     return name if len(name) <= _LONGEST else f"{name[: _LONGEST - 9]}_{_digest(row)}"
 
 
@@ -255,9 +330,16 @@ def _about(study: Study, case: Case, error: ScenarioError) -> ScenarioError:
     """The problems of a case: those of a varied key point to its values in the study file."""
     findings, others = [], []
     for problem in error.problems:
-        key = next((key for key in case.values if problem.key == key or problem.key.startswith(f"{key}.")), None)
+        key = next(
+            (key for key in case.values if problem.key == key or problem.key.startswith(f"{key}.")),
+            None,
+        )
         if key is None or key == SEED:
             others.append(problem)
         else:
-            findings.append(Refused(("vary", "keys", key), f"{problem.message} (case {case.name})", problem.remedy))
+            findings.append(
+                Refused(
+                    ("vary", "keys", key), f"{problem.message} (case {case.name})", problem.remedy
+                )
+            )
     return ScenarioError([*(study.refuse(*findings).problems if findings else []), *others])

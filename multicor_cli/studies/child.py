@@ -1,7 +1,8 @@
-"""The process of one case: it runs the case as `multicor run` would, and stops with a checkpoint when who started it is gone.
+"""The process of one case: it runs the case as `multicor run` would, and stops with a checkpoint
+when who started it is gone.
 
-What is to be done comes as JSON in the first line of standard input, which stays open: its end means that nobody waits any more.
-Standard output says how it ended, in a line of JSON.
+What is to be done comes as JSON in the first line of standard input, which stays open: its end
+means that nobody waits any more. Standard output says how it ended, in a line of JSON.
 """
 
 from __future__ import annotations
@@ -23,14 +24,16 @@ from typing import Any
 from multicor_cli.running.outcome import SilentObserver, Status
 from multicor_cli.store.layout import LOCK, PROGRESS, RUN
 
-# ---- Taking turns at compiling: of the cases that start together on a machine one compiles the kernels, the others then load them
+# ---- Taking turns at compiling: of the cases that start together on a machine one compiles the
+#      kernels, the others then load them
 
 
 class CompilationTurn:
     """The turn of a process to compile; waits until it has it, unless someone has compiled before.
 
     Args:
-        name: What the processes have in common that share their kernels: version of the program and study.
+        name: What the processes have in common that share their kernels: version of the program and
+            study.
     """
 
     def __init__(self, name: str) -> None:
@@ -40,7 +43,9 @@ class CompilationTurn:
         self._descriptor = -1
         if self._marker.exists() or not os.access(directory, os.W_OK):
             return
-        self._descriptor = os.open(directory / f"turn-{name}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        self._descriptor = os.open(
+            directory / f"turn-{name}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600
+        )
         fcntl.flock(self._descriptor, fcntl.LOCK_EX)  # given back by the kernel if the process dies
         if self._marker.exists():
             self.leave()
@@ -65,8 +70,9 @@ _PATIENCE = 180.0
 """How long a run directory may be held by another process that is about to stop [s]."""
 
 SILENCE = 180.0
-"""How long nothing may move in a case that another machine holds before it is taken over [s]: a dozen beats of a living worker,
-and three times as long as shared file systems keep what they know of files."""
+"""How long nothing may move in a case that another machine holds before it is taken over [s]: a
+dozen beats of a living worker, and three times as long as shared file systems keep what they know
+of files."""
 
 _PAUSE = 0.5
 
@@ -105,8 +111,8 @@ def run_task(task: dict[str, Any]) -> dict[str, Any]:
     """Run, or go on with, a case.
 
     Args:
-        task: ``scenario``, ``overrides``, ``directory``, ``threads``, ``turn`` (what cases share compiled kernels), ``max_hours``,
-            ``observe`` (the observables of the study).
+        task: ``scenario``, ``overrides``, ``directory``, ``threads``, ``turn`` (what cases share
+            compiled kernels), ``max_hours``, ``observe`` (the observables of the study).
 
     Returns:
         ``status`` (finished, stopped or failed), ``reason``, ``exit_code``, ``step``.
@@ -133,7 +139,8 @@ def run_task(task: dict[str, Any]) -> dict[str, Any]:
                 return {"status": "stopped", "reason": str(error), "exit_code": 6, "step": 0}
             time.sleep(_PAUSE)
         except DirectoryRefused as error:
-            # A process of this case that is about to stop, for its worker has died, may have begun the run just now.
+            # A process of this case that is about to stop, for its worker has died, may have begun
+            # the run just now.
             if not RunDirectory.is_run(path) or time.monotonic() > deadline:
                 return _failed(error)
             time.sleep(_PAUSE)
@@ -157,11 +164,18 @@ def _failed(error: Exception) -> dict[str, Any]:
     code = int(exit_code_of(error))
     if code == 1:
         traceback.print_exception(error)
-    return {"status": "failed", "reason": str(error) or type(error).__name__, "exit_code": code, "step": 0}
+    return {
+        "status": "failed",
+        "reason": str(error) or type(error).__name__,
+        "exit_code": code,
+        "step": 0,
+    }
 
 
 def _observe(task: dict[str, Any]) -> None:
-    """Take the numbers of the case that are asked for, here rather than one case after the other when the table is made."""
+    """Take the numbers of the case that are asked for, here rather than one case after the other
+    when the table is made.
+    """
     from multicor_cli.studies.axes import Case
     from multicor_cli.studies.directory import StudyDirectory
     from multicor_cli.studies.observing import observe
@@ -169,15 +183,18 @@ def _observe(task: dict[str, Any]) -> None:
 
     path = Path(task["directory"])
     rows = [Observable.model_validate(row) for row in task.get("observe", [])]
-    with contextlib.suppress(Exception):  # a disk that is full: the table tries again, and says what is wrong
+    # a disk that is full: the table tries again, and says what is wrong
+    with contextlib.suppress(Exception):
         observe(StudyDirectory(path.parent.parent), Case(path.name, {}), rows)
 
 
 class Silence:
-    """Whether nothing has moved in the directory of a run for so long that the machine which held it must be gone.
+    """Whether nothing has moved in the directory of a run for so long that the machine which held
+    it must be gone.
 
-    Clocks of machines are not compared: what counts is that files change, seen from here. While a case runs, its worker touches
-    its lock. Should the other process live after all, it finds its lock gone and writes nothing more.
+    Clocks of machines are not compared: what counts is that files change, seen from here. While a
+    case runs, its worker touches its lock. Should the other process live after all, it finds its
+    lock gone and writes nothing more.
 
     Args:
         path: The run directory.

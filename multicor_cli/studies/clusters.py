@@ -26,10 +26,12 @@ if TYPE_CHECKING:
     from distributed import Client, Security
 
 DEATHS = 100
-"""Workers that may die under a case before it counts as failed: jobs of a batch system end with their walltime."""
+"""Workers that may die under a case before it counts as failed: jobs of a batch system end with
+their walltime."""
 
 _FAREWELL = 45
-"""How long before its walltime a job stops its case, which then has time for a checkpoint [s]; half of a shorter walltime."""
+"""How long before its walltime a job stops its case, which then has time for a checkpoint [s]; half
+of a shorter walltime."""
 
 MEMORY, CORES = "memory", "cores"
 """Resources that workers have, and cases take [bytes, 1]."""
@@ -74,17 +76,23 @@ def require_libraries(compute: Compute) -> None:
     queue = _queue_of(compute)
     if compute.scheduler is None and queue is None:
         return
-    for name in ("distributed",) if queue is None else ("distributed", "dask_jobqueue", "cryptography"):
+    for name in (
+        ("distributed",) if queue is None else ("distributed", "dask_jobqueue", "cryptography")
+    ):
         library(name)
 
 
 def _queue_of(compute: Compute) -> tuple[str, Queue] | None:
-    return next(((name, getattr(compute, name)) for name in _CLASSES if getattr(compute, name) is not None), None)
+    return next(
+        ((name, getattr(compute, name)) for name in _CLASSES if getattr(compute, name) is not None),
+        None,
+    )
 
 
 @contextlib.contextmanager
 def connected(compute: Compute, logs: Path, needs: Needs, *, most: int) -> Iterator[Cluster]:
-    """Workers, started if need be and ended afterwards: as many as there are cases at ``most``. Jobs leave messages in ``logs``.
+    """Workers, started if need be and ended afterwards: as many as there are cases at ``most``.
+    Jobs leave messages in ``logs``.
 
     Raises:
         Refused: A case needs more memory than the machine, a job or the workers have.
@@ -98,7 +106,10 @@ def connected(compute: Compute, logs: Path, needs: Needs, *, most: int) -> Itera
     import dask
 
     quiet = {
-        **{f"distributed.worker.memory.{what}": False for what in ("target", "spill", "pause", "terminate")},
+        **{
+            f"distributed.worker.memory.{what}": False
+            for what in ("target", "spill", "pause", "terminate")
+        },
         "distributed.admin.tick.limit": "1h",
         "distributed.scheduler.allowed-failures": DEATHS,
     }
@@ -118,11 +129,21 @@ def existing(client: Any, compute: Compute, needs: Needs) -> Cluster:
     workers = client.scheduler_info(n_workers=-1)["workers"].values()
     offered = [worker.get("resources", {}).get(MEMORY, 0.0) for worker in workers]
     if any(offered) and max(offered) < needs.memory:
-        message = f"a case takes about {format_bytes(needs.memory)}, workers offer {format_bytes(max(offered))} at most"
+        message = (
+            f"a case takes about {format_bytes(needs.memory)}, workers offer "
+            f"{format_bytes(max(offered))} at most"
+        )
         raise Refused(("study", "scenario"), message, "use larger workers, or fewer grains")
     asked = {MEMORY: needs.memory} if offered and all(offered) and needs.memory > 0.0 else {}
     slots = sum(int(worker.get("nthreads", 1)) for worker in workers)
-    return Cluster(client, compute.threads or 1, slots, asked, "a Dask client", _doubt(client.scheduler.address))
+    return Cluster(
+        client,
+        compute.threads or 1,
+        slots,
+        asked,
+        "a Dask client",
+        _doubt(client.scheduler.address),
+    )
 
 
 def _there(stack: contextlib.ExitStack, address: str, threads: int, needs: Needs) -> Cluster:
@@ -132,14 +153,17 @@ def _there(stack: contextlib.ExitStack, address: str, threads: int, needs: Needs
         Security().get_tls_config_for_role("client").get(key) for key in ("ca_file", "cert")
     ):
         raise StoreError(
-            f"the Dask scheduler {address} wants a certificate: set DASK_DISTRIBUTED__COMM__TLS__CA_FILE, …__CLIENT__CERT and "
-            "…__CLIENT__KEY to their files"
+            f"the Dask scheduler {address} wants a certificate: set "
+            "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, …__CLIENT__CERT and …__CLIENT__KEY to their "
+            "files"
         )
     try:
         client = stack.enter_context(Client(address, timeout=20, set_as_default=False))
     except (OSError, ValueError) as error:
         raise StoreError(f"the Dask scheduler {address} cannot be reached: {error}") from None
-    return existing(client, Compute(threads=threads), needs)._replace(text=f"Dask at {address}{_dashboard(client)}")
+    return existing(client, Compute(threads=threads), needs)._replace(
+        text=f"Dask at {address}{_dashboard(client)}"
+    )
 
 
 def _doubt(address: str) -> str:
@@ -147,25 +171,35 @@ def _doubt(address: str) -> str:
     if address.startswith(("tls://", "wss://", "inproc://")):
         return ""
     return (
-        f"Dask at {address} asks for no certificate: who can reach it, as every user of the machine can, can run programs as you. "
-        "Start scheduler and workers with --tls-ca-file, --tls-cert and --tls-key"
+        f"Dask at {address} asks for no certificate: who can reach it, as every user of the "
+        "machine can, can run programs as you. Start scheduler and workers with --tls-ca-file, "
+        "--tls-cert and --tls-key"
     )
 
 
 @contextlib.contextmanager
 def _here(compute: Compute, needs: Needs, most: int) -> Iterator[Cluster]:
-    there = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    there = (
+        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    )
     workers = min(compute.workers or max(1, there // (compute.threads or 1)), most)
     free = available_memory()
     if free is not None and needs.memory > 0.0:
         fitting = int(_SHARE * free / needs.memory)
         if fitting < 1:
-            message = f"a case takes about {format_bytes(needs.memory)} of memory, {format_bytes(free)} are free here"
-            raise Refused(("study", "scenario"), message, "use fewer grains, or a machine with more memory")
+            message = (
+                f"a case takes about {format_bytes(needs.memory)} of memory, {format_bytes(free)} "
+                "are free here"
+            )
+            raise Refused(
+                ("study", "scenario"), message, "use fewer grains, or a machine with more memory"
+            )
         workers = min(workers, fitting)
     threads = compute.threads or min(needs.threads, max(1, there // workers))
     with LocalClient(workers) as client:
-        yield Cluster(client, threads, workers, {}, f"{workers} worker{'s' if workers > 1 else ''} here")
+        yield Cluster(
+            client, threads, workers, {}, f"{workers} worker{'s' if workers > 1 else ''} here"
+        )
 
 
 def _dashboard(owner: Any) -> str:
@@ -175,19 +209,31 @@ def _dashboard(owner: Any) -> str:
 
 
 def _queued(
-    stack: contextlib.ExitStack, name: str, table: Queue, threads: int | None, logs: Path, needs: Needs, most: int
+    stack: contextlib.ExitStack,
+    name: str,
+    table: Queue,
+    threads: int | None,
+    logs: Path,
+    needs: Needs,
+    most: int,
 ) -> Cluster:
-    """Jobs, each a worker that computes as many cases at a time as its cores and its memory allow."""
+    """Jobs, each a worker that computes as many cases at a time as its cores and its memory
+    allow.
+    """
     import dask
     from distributed import Client
 
     memory = parse_memory(table.memory)
     if needs.memory > memory:
-        message = f"a case takes about {format_bytes(needs.memory)}, a job has {format_bytes(memory)}"
+        message = (
+            f"a case takes about {format_bytes(needs.memory)}, a job has {format_bytes(memory)}"
+        )
         raise Refused(("compute", name, "memory"), message, "give jobs more memory")
     threads = threads or min(needs.threads, table.cores)
     asked = {CORES: float(threads), MEMORY: needs.memory}
-    fitting = min(table.cores // threads, int(memory / needs.memory) if needs.memory > 0.0 else table.cores)
+    fitting = min(
+        table.cores // threads, int(memory / needs.memory) if needs.memory > 0.0 else table.cores
+    )
     has_dashboard = _wants_dashboard(table)
     if not has_dashboard:  # what is left of the page then answers nothing
         stack.enter_context(dask.config.set({"distributed.scheduler.http.routes": []}))
@@ -195,7 +241,8 @@ def _queued(
     logging.getLogger("distributed.batched").setLevel(logging.WARNING)
     cluster = stack.enter_context(_cluster(name, table, logs, memory, cluster_keys(stack, logs)))
     jobs = min(table.jobs, -(-most // max(1, fitting)))
-    cluster.adapt(minimum_jobs=jobs, maximum_jobs=jobs)  # jobs that end before the study are followed by others
+    # Jobs that end before the study are followed by others
+    cluster.adapt(minimum_jobs=jobs, maximum_jobs=jobs)
     client = stack.enter_context(Client(cluster, set_as_default=False))
     text = f"{jobs} job{'s' if jobs > 1 else ''} of {name}, which leave their messages in {logs}"
     doubt = ""
@@ -223,15 +270,22 @@ def _cluster(name: str, table: Queue, logs: Path, memory: float, keys: Security)
         "processes": 1,
         "log_directory": str(logs),
         "local_directory": tempfile.gettempdir(),
-        "worker_extra_args": ["--lifetime", f"{lasts:.0f}s", "--resources", f"{CORES}={table.cores},{MEMORY}={memory:.0f}"],
+        "worker_extra_args": [
+            "--lifetime",
+            f"{lasts:.0f}s",
+            "--resources",
+            f"{CORES}={table.cores},{MEMORY}={memory:.0f}",
+        ],
         "python": dask.config.get(f"jobqueue.{name}.python") or shlex.quote(sys.executable),
         **(table.model_extra or {}),
         "security": keys,
     }
     options["scheduler_options"] = {
-        "dashboard": _wants_dashboard(table), "dashboard_address": "127.0.0.1:0", **options.get("scheduler_options", {})
+        "dashboard": _wants_dashboard(table), "dashboard_address": "127.0.0.1:0",
+        **options.get("scheduler_options", {})
     }  # fmt: skip
-    # A shell reads this. The job's own PYTHONPATH may have parts that mean the working directory: hence one that is only root's.
+    # A shell reads this. The job's own PYTHONPATH may have parts that mean the working directory:
+    # hence one that is only root's.
     path = shlex.quote(python_child()[1]["PYTHONPATH"])
     options["python"] = f'cd / && {_NO_PAGE} PYTHONPATH={path}:"$PYTHONPATH" {options["python"]} -P'
     try:
@@ -240,18 +294,21 @@ def _cluster(name: str, table: Queue, logs: Path, memory: float, keys: Security)
         raise StoreError(f"[compute] {name}: {error}") from None
 
 
-# ---- Keys with which scheduler, workers and client of a cluster know each other: who has none is refused
+# ---- Keys with which scheduler, workers and client of a cluster know each other: who has none is
+#      refused
 
 _PREFIX = ".keys-"
 _OF_WORKERS = ("tls_ca_file", "tls_worker_cert", "tls_worker_key")
 
 
 def cluster_keys(stack: contextlib.ExitStack, folder: Path) -> Security:
-    """New keys, and the files of workers, which only their owner can read and which are removed when ``stack`` ends.
+    """New keys, and the files of workers, which only their owner can read and which are removed
+    when ``stack`` ends.
 
     Args:
         stack: Ends with the cluster.
-        folder: Where the files go: a directory that jobs see, for no other cluster; it is made if need be.
+        folder: Where the files go: a directory that jobs see, for no other cluster; it is made if
+            need be.
 
     Raises:
         ImportError: The library ``cryptography`` is missing.
@@ -260,17 +317,25 @@ def cluster_keys(stack: contextlib.ExitStack, folder: Path) -> Security:
 
     class Keys(Security):  # type: ignore[misc]  # mypy does not follow imports of distributed
         def get_tls_config_for_role(self, role: str) -> dict[str, Any]:
-            """Names of files of workers are for the script of a job, which dask-jobqueue writes without quotes."""
+            """Names of files of workers are for the script of a job, which dask-jobqueue writes
+            without quotes.
+            """
             config: dict[str, Any] = super().get_tls_config_for_role(role)
             if role != "worker":
                 return config
-            return {key: shlex.quote(value) if isinstance(value, str) else value for key, value in config.items()}
+            return {
+                key: shlex.quote(value) if isinstance(value, str) else value
+                for key, value in config.items()
+            }
 
     folder.mkdir(parents=True, exist_ok=True)
     for left in folder.glob(f"{_PREFIX}*"):  # of a client that was killed
         shutil.rmtree(left, ignore_errors=True)
     keys: Security = Keys.temporary()
-    private = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix=_PREFIX, dir=folder))).absolute()  # of mode 0700
+    # of mode 0700
+    private = Path(
+        stack.enter_context(tempfile.TemporaryDirectory(prefix=_PREFIX, dir=folder))
+    ).absolute()
     for name in _OF_WORKERS:
         path = private / f"{name}.pem"
         with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:

@@ -27,12 +27,17 @@ if TYPE_CHECKING:
 
 _INTERVAL = 0.5
 _SPARE = 2
-"""Cases that wait at a worker beside each that runs: it need not ask for the next. The others wait here, at no cost."""
+"""Cases that wait at a worker beside each that runs: it need not ask for the next. The others wait
+here, at no cost."""
 
 _LONELY = 60.0
-_LOST = "the Dask scheduler does not answer any more; cases stop with a checkpoint, and the same command goes on"
+_LOST = (
+    "the Dask scheduler does not answer any more; cases stop with a checkpoint, and the same "
+    "command goes on"
+)
 _AGAIN = 3
-"""How often a case that stopped without having come any further, or whose process was killed, is tried again."""
+"""How often a case that stopped without having come any further, or whose process was killed, is
+tried again."""
 
 
 class Watcher(Protocol):
@@ -48,7 +53,9 @@ class Watcher(Protocol):
         """A case has finished, failed, or was stopped."""
 
     def looked(self, running: Callable[[], Sequence[Case]]) -> None:
-        """About twice a second; ``running()`` gives the cases that workers have begun, which may have finished in the meantime."""
+        """About twice a second; ``running()`` gives the cases that workers have begun, which may
+        have finished in the meantime.
+        """
 
     def stopping(self) -> None:
         """Cases have been asked to stop."""
@@ -57,7 +64,7 @@ class Watcher(Protocol):
 class WarningsOnly:
     """Gives the warnings of Python, and shows nothing else."""
 
-    def warning(self, text: str) -> None:  # noqa: D102
+    def warning(self, text: str) -> None:
         warnings.warn(text, stacklevel=2)
 
     def _ignore(self, *_: Any, **__: Any) -> None:
@@ -72,7 +79,9 @@ class LostScheduler(StoreError):
 
 @dataclass
 class Progress:
-    """What became of the cases of one call: how many have finished, why others failed, by name, and which were stopped and why."""
+    """What became of the cases of one call: how many have finished, why others failed, by name, and
+    which were stopped and why.
+    """
 
     finished: int = 0
     failed: dict[str, str] = field(default_factory=dict)
@@ -83,10 +92,15 @@ class Progress:
 class Computation:
     """The cases of a study on their way through a cluster."""
 
-    def __init__(self, directory: StudyDirectory, study: Study, site: Cluster, watcher: Watcher) -> None:
+    def __init__(
+        self, directory: StudyDirectory, study: Study, site: Cluster, watcher: Watcher
+    ) -> None:
         self._directory, self._study, self._site, self._watcher = directory, study, site, watcher
-        self._kernels = hashlib.sha256(f"{directory.path.absolute()} {multicor_cli.__version__}".encode()).hexdigest()[:16]
-        self._id = secrets.token_hex(8)  # workers that live longer than this client are not to mix it up with the next
+        self._kernels = hashlib.sha256(
+            f"{directory.path.absolute()} {multicor_cli.__version__}".encode()
+        ).hexdigest()[:16]
+        # Workers that live longer than this client are not to mix it up with the next
+        self._id = secrets.token_hex(8)
         self._waiting: deque[Case] = deque()
         self._submitted: dict[Future, Case] = {}
         self._next_look = time.monotonic() + _LONELY
@@ -95,8 +109,14 @@ class Computation:
         self._steps: dict[str, int] = {}
         self._ended: queue.SimpleQueue[Future] = queue.SimpleQueue()
 
-    def run(self, cases: Iterable[Case], should_stop: Callable[[], StopReason | None], seconds: float | None = None) -> Progress:
-        """Compute cases until all are done, or ``should_stop()`` gives a reason; then running ones stop with a checkpoint.
+    def run(
+        self,
+        cases: Iterable[Case],
+        should_stop: Callable[[], StopReason | None],
+        seconds: float | None = None,
+    ) -> Progress:
+        """Compute cases until all are done, or ``should_stop()`` gives a reason; then running ones
+        stop with a checkpoint.
 
         Args:
             cases: Those that are left.
@@ -128,7 +148,9 @@ class Computation:
         return tally
 
     def _fill(self) -> None:
-        """Give the workers enough to do, but no more: of ten thousand cases the scheduler knows a few."""
+        """Give the workers enough to do, but no more: of ten thousand cases the scheduler knows a
+        few.
+        """
         if not self._waiting:
             return
         slots = max(self._site.slots, sum(self._site.client.nthreads().values()))
@@ -158,14 +180,19 @@ class Computation:
             "scenario": str(self._study.scenario.absolute()),
             "overrides": [*self._study.fixed, *case.overrides],
             "turn": self._kernels,
-            "observe": [row.model_dump(mode="json", exclude_none=True) for row in self._study.model.observe],
+            "observe": [
+                row.model_dump(mode="json", exclude_none=True) for row in self._study.model.observe
+            ],
             "directory": str(self._directory.case(case.name).absolute()),
             "threads": self._site.threads,
-            "max_hours": None if self._deadline is None else max(0.0, self._deadline - time.monotonic()) / 3600.0,
+            "max_hours": None
+            if self._deadline is None
+            else max(0.0, self._deadline - time.monotonic()) / 3600.0,
         }
         self._tries[case.name] += 1
         future = self._site.client.submit(
-            run_case, task, key=f"{case.name}-{self._id}-{self._tries[case.name]}", resources=self._site.asked or None,
+            run_case, task, key=f"{case.name}-{self._id}-{self._tries[case.name]}",
+            resources=self._site.asked or None,
             retries=0, pure=False,
         )  # fmt: skip
         self._submitted[future] = case
@@ -195,7 +222,9 @@ class Computation:
         self._watcher.ended(case, outcome)
 
     def _may_go_on(self, case: Case) -> bool:
-        """Whether a case that a worker could not end is tried again: if it has come further, or has not been tried often."""
+        """Whether a case that a worker could not end is tried again: if it has come further, or has
+        not been tried often.
+        """
         if self._deadline is not None and time.monotonic() > self._deadline:
             return False
         step = self._directory.state(case).step
@@ -208,7 +237,11 @@ class Computation:
         if tally.reason is not None:
             return
         tally.reason = should_stop()
-        if tally.reason is None and self._deadline is not None and time.monotonic() > self._deadline:
+        if (
+            tally.reason is None
+            and self._deadline is not None
+            and time.monotonic() > self._deadline
+        ):
             tally.reason = StopReason.TIME_LIMIT
         if tally.reason is not None:
             self._watcher.stopping()
@@ -226,7 +259,9 @@ class Computation:
 
 
 def _result(future: Future) -> dict[str, Any]:
-    """The outcome of a case; that of a worker which died under it too often, or of a task that was cancelled, is made up."""
+    """The outcome of a case; that of a worker which died under it too often, or of a task that was
+    cancelled, is made up.
+    """
     if future.status == "finished":
         found = future.result()
         if isinstance(found, dict):
@@ -234,4 +269,9 @@ def _result(future: Future) -> dict[str, Any]:
     if future.status in ("cancelled", "lost"):
         return {"status": "stopped", "reason": "cancelled", "exit_code": 75, "step": 0}
     error = future.exception()
-    return {"status": "failed", "reason": f"{type(error).__name__}: {error}", "exit_code": 1, "step": 0}
+    return {
+        "status": "failed",
+        "reason": f"{type(error).__name__}: {error}",
+        "exit_code": 1,
+        "step": 0,
+    }

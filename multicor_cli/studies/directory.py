@@ -1,8 +1,9 @@
 """The directory of a study: what it is, its cases, and how each of them stands.
 
-``study.json`` says which scenario and which cases; ``cases/NAME`` is the run of a case, an ordinary run directory, which alone says
-how far the case has come; ``failed/NAME.json`` tells why a case failed; ``observed/NAME.json`` keeps numbers taken from a
-finished run; ``pages/NAME.html`` are reports about runs, if they were asked for. Nothing else is kept, so nothing can disagree.
+``study.json`` says which scenario and which cases; ``cases/NAME`` is the run of a case, an ordinary
+run directory, which alone says how far the case has come; ``failed/NAME.json`` tells why a case
+failed; ``observed/NAME.json`` keeps numbers taken from a finished run; ``pages/NAME.html`` are
+reports about runs, if they were asked for. Nothing else is kept, so nothing can disagree.
 """
 
 from __future__ import annotations
@@ -102,7 +103,11 @@ class StudyDirectory:
                 found = json.loads(read_regular(file, SIZE_LIMIT))
             except (ValueError, RecursionError):
                 raise DamagedRun(f"{file}: is damaged; restore it from a copy") from None
-        if not isinstance(found, dict) or found.get("filetype") != FILETYPE or found.get("format_version") != VERSION:
+        if (
+            not isinstance(found, dict)
+            or found.get("filetype") != FILETYPE
+            or found.get("format_version") != VERSION
+        ):
             raise DamagedRun(f"{file}: is not a study of this version of the program")
         return found
 
@@ -131,23 +136,44 @@ class StudyDirectory:
             merged.update({name: values for name, values in known.items() if name not in merged})
             commit_bytes(self.path / SOURCE, "study source", study.sources.text.encode())
             document = {
-                "filetype": FILETYPE, "format_version": VERSION, "name": study.name, "scenario": str(study.scenario.absolute()),
+                "filetype": FILETYPE, "format_version": VERSION, "name": study.name,
+                "scenario": str(study.scenario.absolute()),
                 "resolved": resolved, "cases": merged,
             }  # fmt: skip
-            commit_bytes(self.path / DOCUMENT, "study document", json.dumps(document, indent=1, ensure_ascii=False).encode())
+            commit_bytes(
+                self.path / DOCUMENT,
+                "study document",
+                json.dumps(document, indent=1, ensure_ascii=False).encode(),
+            )
 
     def _refuse_foreign(self) -> None:
         with storage_errors(self.path):
-            if self.path.exists() and (not self.path.is_dir() or {entry.name for entry in self.path.iterdir()} - {LOCK}):
-                raise DirectoryRefused(f"{self.path}: exists and holds no study; choose another directory with -o")
+            if self.path.exists() and (
+                not self.path.is_dir() or {entry.name for entry in self.path.iterdir()} - {LOCK}
+            ):
+                raise DirectoryRefused(
+                    f"{self.path}: exists and holds no study; choose another directory with -o"
+                )
 
-    def _refuse_changes(self, study: Study, cases: Sequence[Case], document: dict[str, Any], resolved: str) -> None:
-        findings = [_about_scenario(difference) for difference in find_differences(document["resolved"], resolved)]
+    def _refuse_changes(
+        self, study: Study, cases: Sequence[Case], document: dict[str, Any], resolved: str
+    ) -> None:
+        findings = [
+            _about_scenario(difference)
+            for difference in find_differences(document["resolved"], resolved)
+        ]
         for case in cases:
             before = document["cases"].get(case.name)
             if before is not None and before != dict(case.values):
-                changed = next(key for key in {**before, **case.values} if before.get(key) != case.values.get(key))
-                message = f"case {case.name} had {changed} = {before.get(changed)!r}, now {case.values.get(changed)!r}"
+                changed = next(
+                    key
+                    for key in {**before, **case.values}
+                    if before.get(key) != case.values.get(key)
+                )
+                message = (
+                    f"case {case.name} had {changed} = {before.get(changed)!r}, now "
+                    f"{case.values.get(changed)!r}"
+                )
                 findings.append(Refused(("vary",), message, "choose another directory with -o"))
         if findings:
             raise study.refuse(*findings[:10])
@@ -181,20 +207,35 @@ class StudyDirectory:
         if is_alive(run / layout.LOCK):
             beat = _read_json(run / layout.PROGRESS)
             return CaseState(
-                CaseStatus.RUNNING, "", int(beat.get("step", step)), beat.get("progress"), beat.get("remaining_seconds")
+                CaseStatus.RUNNING,
+                "",
+                int(beat.get("step", step)),
+                beat.get("progress"),
+                beat.get("remaining_seconds"),
             )
         reason = str(found.get("stop_reason") or "interrupted")
-        return CaseState(CaseStatus.FAILED if found.get("status") == "failed" else CaseStatus.STOPPED, reason, step)
+        return CaseState(
+            CaseStatus.FAILED if found.get("status") == "failed" else CaseStatus.STOPPED,
+            reason,
+            step,
+        )
 
     def record_failure(self, name: str, reason: str, exit_code: int) -> None:
         """Keep why a case could not be computed."""
         data = {"case": name, "reason": reason, "exit_code": exit_code}
-        commit_bytes(self.failure(name), "failure of a case", json.dumps(data, indent=1, ensure_ascii=False).encode())
+        commit_bytes(
+            self.failure(name),
+            "failure of a case",
+            json.dumps(data, indent=1, ensure_ascii=False).encode(),
+        )
 
 
 def _about_scenario(difference: Difference) -> Refused:
     key = ".".join(map(str, difference.path))
-    message = f"the scenario has {key} = {difference.after}, it had {difference.before} when the study began"
+    message = (
+        f"the scenario has {key} = {difference.after}, it had {difference.before} when the study "
+        "began"
+    )
     return Refused(("study", "scenario"), message, "choose another directory with -o")
 
 

@@ -1,4 +1,6 @@
-"""Figure of a study: an observable against a value, with error bars, in panels; fits and formulas if asked."""
+"""Figure of a study: an observable against a value, with error bars, in panels; fits and formulas
+if asked.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,15 @@ import numpy as np
 
 from multicor_cli.model.model import Floats
 from multicor_cli.optional import library
-from multicor_cli.plots.style import COLORS, COLUMN, PAGE, PlotError, TextLine, draw_text, figure_file
+from multicor_cli.plots.style import (
+    COLORS,
+    COLUMN,
+    PAGE,
+    PlotError,
+    TextLine,
+    draw_text,
+    figure_file,
+)
 from multicor_cli.scenario.expressions import Expression
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.studies.axes import short_names
@@ -21,12 +31,15 @@ from multicor_cli.studies.table import Panel, PlotRequest, Series, StudyTable, f
 # ---- Curves through the points of a study, and curves given as formulas beside them
 
 FITS = ("line", "power", "mu-of-I")
-"""Kinds of fits: y = a + b x; y = a x^b; μ(I) = μ_s + (μ_2 − μ_s)/(1 + I_0/I) (P. Jop et al., Nature 441, 727, 2006)."""
+"""Kinds of fits: y = a + b x; y = a x^b; μ(I) = μ_s + (μ_2 − μ_s)/(1 + I_0/I) (P. Jop et al.,
+Nature 441, 727, 2006)."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """A curve in a figure: ``text`` is a fit with its parameters and their errors, or the name of a formula."""
+    """A curve in a figure: ``text`` is a fit with its parameters and their errors, or the name of a
+    formula.
+    """
 
     text: str
     value: Callable[[Floats], Floats]
@@ -42,16 +55,30 @@ def fit(kind: str, series: Series) -> Curve:
     curve_fit = library("scipy.optimize").curve_fit
     names, model, start = _model(kind, series)
     if series.x.size < len(names) + 1:
-        raise PlotError(f"a fit of kind {kind} needs {len(names) + 1} points, {series.label or 'the series'} has {series.x.size}")
+        raise PlotError(
+            f"a fit of kind {kind} needs {len(names) + 1} points, {series.label or 'the series'} "
+            f"has {series.x.size}"
+        )
     is_known = bool((np.isfinite(series.error) & (series.error > 0.0)).all())
     try:
         found, covariance = curve_fit(
-            model, series.x, series.y, start, sigma=series.error if is_known else None, absolute_sigma=is_known, maxfev=20_000
+            model,
+            series.x,
+            series.y,
+            start,
+            sigma=series.error if is_known else None,
+            absolute_sigma=is_known,
+            maxfev=20_000,
         )
     except (RuntimeError, ValueError) as error:
-        raise PlotError(f"no curve of kind {kind} goes through {series.label or 'the points'}: {error}") from None
+        raise PlotError(
+            f"no curve of kind {kind} goes through {series.label or 'the points'}: {error}"
+        ) from None
     errors = np.sqrt(np.diag(covariance))
-    text = ", ".join(f"{name} = {value:.4g} ± {error:.2g}" for name, value, error in zip(names, found, errors, strict=True))
+    text = ", ".join(
+        f"{name} = {value:.4g} ± {error:.2g}"
+        for name, value, error in zip(names, found, errors, strict=True)
+    )
     return Curve(text, lambda x: np.asarray(model(x, *found)))
 
 
@@ -66,7 +93,11 @@ def _model(kind: str, series: Series) -> tuple[tuple[str, ...], Callable[..., Fl
         slope, start = np.polyfit(np.log(x), np.log(y), 1)
         return ("a", "b"), lambda x, a, b: a * x**b, [math.exp(start), float(slope)]
     if kind == "mu-of-I":
-        return ("μ_s", "μ_2", "I_0"), lambda x, s, m, i: s + (m - s) / (1.0 + i / x), [float(y.min()), 2.0 * float(y.max()), 0.3]
+        return (
+            ("μ_s", "μ_2", "I_0"),
+            lambda x, s, m, i: s + (m - s) / (1.0 + i / x),
+            [float(y.min()), 2.0 * float(y.max()), 0.3],
+        )
     raise PlotError(f"no fit is called {kind}; there are {', '.join(FITS)}")
 
 
@@ -81,7 +112,9 @@ def formula(text: str) -> Curve:
         found = Expression(f"= {body.strip()}")
         found.check_names({"x": 1.0})
     except Refused as error:
-        raise PlotError(f"--curve {text!r}: {error.what}; write it as 'da Cruz 2005: 0.25 + 1.1*x'") from None
+        raise PlotError(
+            f"--curve {text!r}: {error.what}; write it as 'da Cruz 2005: 0.25 + 1.1*x'"
+        ) from None
 
     def value(x: Floats) -> Floats:
         heights = []
@@ -104,17 +137,22 @@ _ACROSS = 3
 
 def label_of(table: StudyTable, name: str) -> str:
     """What an axis is called."""
-    return table.labels.get(name, name) if name in table.observables else short_names(table.keys)[find_key(table, name)]
+    return (
+        table.labels.get(name, name)
+        if name in table.observables
+        else short_names(table.keys)[find_key(table, name)]
+    )
 
 
 def draw(
-    path: Path, table: StudyTable, panels: list[Panel], request: PlotRequest, fits: list[list[Curve]], curves: Sequence[Curve] = (),
+    path: Path, table: StudyTable, panels: list[Panel], request: PlotRequest,
+    fits: list[list[Curve]], curves: Sequence[Curve] = (),
     *, log: str = "",
 ) -> None:  # fmt: skip
     """Write the figure; the ending of the path chooses the format.
 
-    There is one fit for each series of each panel, or none at all; formulas are drawn as curves in every panel; ``log`` says
-    which axes have a logarithmic scale: "x", "y" or "xy".
+    There is one fit for each series of each panel, or none at all; formulas are drawn as curves in
+    every panel; ``log`` says which axes have a logarithmic scale: "x", "y" or "xy".
 
     Raises:
         MissingLibrary: If matplotlib is not installed.
@@ -157,10 +195,15 @@ def draw_into(
             axes.set_ylabel(label_of(table, request.of))
     _draw_curves(grid[: len(panels)], panels, curves, is_log="x" in log)
     for number, panel in enumerate(panels):
-        is_new = number == 0 or [line.label for line in panel.series] != [line.label for line in panels[0].series]
+        is_new = number == 0 or [line.label for line in panel.series] != [
+            line.label for line in panels[0].series
+        ]
         if is_new and (curves or any(line.label for line in panel.series)):
             handles, labels = grid[number].get_legend_handles_labels()
-            order = sorted(range(len(labels)), key=lambda k: labels[k] in {curve.text for curve in curves})  # points come first
+            # Points come first
+            order = sorted(
+                range(len(labels)), key=lambda k: labels[k] in {curve.text for curve in curves}
+            )
             grid[number].legend([handles[k] for k in order], [labels[k] for k in order])
 
 
@@ -168,15 +211,19 @@ def _draw_series(axes: Any, panel: Panel, fits: Sequence[Curve], *, is_log: bool
     for number, line in enumerate(panel.series):
         color = COLORS[number % len(COLORS)]
         axes.errorbar(
-            line.x, line.y, xerr=_bars(line.x_error), yerr=_bars(line.error), label=line.label or None, color=color,
-            marker=_MARKERS[number % len(_MARKERS)], linestyle="none" if fits else "-", capsize=1.5, linewidth=0.8,
+            line.x, line.y, xerr=_bars(line.x_error), yerr=_bars(line.error),
+            label=line.label or None, color=color,
+            marker=_MARKERS[number % len(_MARKERS)], linestyle="none" if fits else "-", capsize=1.5,
+            linewidth=0.8,
         )  # fmt: skip
         if fits:
             x = _between(line.x, is_log=is_log)
             axes.plot(x, fits[number].value(x), color=color, linewidth=0.8)
 
 
-def _draw_curves(grid: Sequence[Any], panels: Sequence[Panel], curves: Sequence[Curve], *, is_log: bool) -> None:
+def _draw_curves(
+    grid: Sequence[Any], panels: Sequence[Panel], curves: Sequence[Curve], *, is_log: bool
+) -> None:
     """Formulas in all panels; where they leave the range of the points far behind, they are cut."""
     if not curves:
         return
@@ -184,7 +231,14 @@ def _draw_curves(grid: Sequence[Any], panels: Sequence[Panel], curves: Sequence[
     for axes, panel in zip(grid, panels, strict=True):
         x = _between(np.concatenate([line.x for line in panel.series]), is_log=is_log)
         for number, curve in enumerate(curves):
-            axes.plot(x, curve.value(x), color="0.45", linewidth=0.9, linestyle=("--", ":", "-.")[number % 3], label=curve.text)
+            axes.plot(
+                x,
+                curve.value(x),
+                color="0.45",
+                linewidth=0.9,
+                linestyle=("--", ":", "-.")[number % 3],
+                label=curve.text,
+            )
     now = grid[0].get_ylim()
     grid[0].set_ylim(max(now[0], low - (high - low)), min(now[1], high + (high - low)))
 
@@ -203,6 +257,8 @@ def draw_letters(table: StudyTable, panels: list[Panel], request: PlotRequest) -
     across, up = label_of(table, request.against), label_of(table, request.of)
     charts = []
     for panel in panels:
-        chart = draw_text([TextLine(line.label, line.x, line.y) for line in panel.series], across, up)
+        chart = draw_text(
+            [TextLine(line.label, line.x, line.y) for line in panel.series], across, up
+        )
         charts.append(f"{panel.title}\n{chart}" if panel.title else chart)
     return "\n\n".join(charts)

@@ -1,13 +1,16 @@
-"""Processes of cases, forked from one that has loaded the program already: loading takes longer than a short case.
+"""Processes of cases, forked from one that has loaded the program already: loading takes longer
+than a short case.
 
-`ForkServer` is the side of the worker. It starts ``python -m multicor_cli.studies.forking`` once, sends it one end of a pair of
-sockets for each case, and gets the number of a process that uses this end as its standard streams. The forked processes run
-`multicor_cli.studies.child.main`; they belong to the other side, which waits for them and tells how they have ended. That side has
-one thread only, for the others would be missing in what it forks, and ends with the worker.
+`ForkServer` is the side of the worker. It starts ``python -m multicor_cli.studies.forking`` once,
+sends it one end of a pair of sockets for each case, and gets the number of a process that uses this
+end as its standard streams. The forked processes run `multicor_cli.studies.child.main`; they belong
+to the other side, which waits for them and tells how they have ended. That side has one thread
+only, for the others would be missing in what it forks, and ends with the worker.
 
-The fork server of `multiprocessing` does not do here: it runs the user's program once more in every process that it forks, unless
-that guards its `__main__`; workers of Dask are daemons, which may start no process with it; it takes modules from the working
-directory; and it listens at a socket with a name, where cases shall have no door at all.
+The fork server of `multiprocessing` does not do here: it runs the user's program once more in every
+process that it forks, unless that guards its `__main__`; workers of Dask are daemons, which may
+start no process with it; it takes modules from the working directory; and it listens at a socket
+with a name, where cases shall have no door at all.
 """
 
 from __future__ import annotations
@@ -31,7 +34,8 @@ _LOST = -signal.SIGKILL
 """How a process has ended whose parent has died: nobody knows."""
 
 _LONGEST = 64
-"""Bytes of a question or an answer at most. There is one at a time, so that each is received as it was sent."""
+"""Bytes of a question or an answer at most. There is one at a time, so that each is received as it
+was sent."""
 
 _SINGLE = {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 """Linear algebra starts no threads when it is loaded."""
@@ -54,7 +58,9 @@ class CaseProcess:
             os.kill(self.pid, number)
 
     def wait(self) -> int:
-        """How it has ended, as of `subprocess.Popen`; to be called once, when its stream has ended."""
+        """How it has ended, as of `subprocess.Popen`; to be called once, when its stream has
+        ended.
+        """
         self.stream.close()
         try:
             return self.server.ask(f"{self.pid}")
@@ -69,7 +75,8 @@ class ForkServer:
         self.threads = max(threads, available_cores())
         self._lock = threading.Lock()
         command, environment = python_child("-m", __name__)
-        self._socket, theirs = socket.socketpair()  # the other side ends with the last reference to this one
+        # The other side ends with the last reference to this one
+        self._socket, theirs = socket.socketpair()
         with theirs:
             self._process = subprocess.Popen(
                 command,
@@ -84,7 +91,9 @@ class ForkServer:
         return self._process.poll() is None
 
     def start(self) -> CaseProcess:
-        """Start a process; raises `OSError` if there are no descriptors left or the other side has died."""
+        """Start a process; raises `OSError` if there are no descriptors left or the other side has
+        died.
+        """
         ours, theirs = socket.socketpair()
         with theirs:
             try:
@@ -105,9 +114,11 @@ class ForkServer:
 
 def main() -> int:
     """The other side: loads the program, then answers until nobody asks any more."""
-    with socket.socket(fileno=os.dup(0)) as asking, contextlib.suppress(OSError):  # whoever has asked may be dead by now
+    # Whoever has asked may be dead by now
+    with socket.socket(fileno=os.dup(0)) as asking, contextlib.suppress(OSError):
         for name in _LOADED:
-            with contextlib.suppress(ImportError):  # a library that is not there is met again by the case
+            # a library that is not there is met again by the case
+            with contextlib.suppress(ImportError):
                 importlib.import_module(f"multicor_cli.{name}")
         gc.collect()
         gc.freeze()  # objects that are there stay in memory that all processes share
@@ -115,7 +126,9 @@ def main() -> int:
             question, descriptors, _, _ = socket.recv_fds(asking, _LONGEST, 1)
             if not question:
                 break
-            asking.sendall(str(_fork(descriptors[0], asking) if descriptors else _wait(int(question))).encode())
+            asking.sendall(
+                str(_fork(descriptors[0], asking) if descriptors else _wait(int(question))).encode()
+            )
     return 0
 
 
@@ -129,7 +142,9 @@ def _fork(stream: int, asking: socket.socket) -> int:
 
 
 def _become_case(stream: int) -> Never:
-    """In the new process: take the stream, do the case, and leave without a way back into the loop of the parent."""
+    """In the new process: take the stream, do the case, and leave without a way back into the loop
+    of the parent.
+    """
     code = 1
     try:
         os.setsid()

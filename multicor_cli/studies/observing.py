@@ -1,4 +1,6 @@
-"""Numbers taken from the runs of a study: which can be had, from which table, with which error; kept once the run is finished."""
+"""Numbers taken from the runs of a study: which can be had, from which table, with which error;
+kept once the run is finished.
+"""
 
 from __future__ import annotations
 
@@ -101,17 +103,28 @@ def _theta(run: Run, row: Observable, _selection: Selection) -> Number:
     found = theta_eta(run, bins=row.bins)
     k = _bin(found.center, 1.0 / found.center.size, row)
     return Number(
-        float({"theta": found.mean, "standard_deviation": found.spread, "min": found.lowest, "max": found.highest}[_value(row)][k])
+        float(
+            {
+                "theta": found.mean,
+                "standard_deviation": found.spread,
+                "min": found.lowest,
+                "max": found.highest,
+            }[_value(row)][k]
+        )
     )
 
 
-def _bin(centers: np.ndarray[tuple[int], np.dtype[np.float64]], width: float, row: Observable) -> int:
+def _bin(
+    centers: np.ndarray[tuple[int], np.dtype[np.float64]], width: float, row: Observable
+) -> int:
     """The bin that holds the place of an observable."""
     assert row.at is not None
     k = int(np.abs(centers - row.at).argmin())
     if abs(float(centers[k]) - row.at) > 0.5001 * width:
         low, high = float(centers[0]) - 0.5 * width, float(centers[-1]) + 0.5 * width
-        raise Unobservable(f"{row.at:g} lies outside of the profile, which goes from {low:.4g} to {high:.4g}")
+        raise Unobservable(
+            f"{row.at:g} lies outside of the profile, which goes from {low:.4g} to {high:.4g}"
+        )
     return k
 
 
@@ -168,7 +181,16 @@ SOURCES: dict[str, Source] = {
 # ---- Which observables of a study no run of it can have: found before the first one starts
 
 _COLUMNS = {spec.path.removeprefix("series/"): spec for spec in SERIES if len(spec.dims) == 1}
-_OF_RUN = ("grain_count", "step", "time", "stage", "frame_count", "series_count", "duration", "hertz_deflection")
+_OF_RUN = (
+    "grain_count",
+    "step",
+    "time",
+    "stage",
+    "frame_count",
+    "series_count",
+    "duration",
+    "hertz_deflection",
+)
 """Numbers that `multicor info` has beside those of the summary."""
 
 _OPEN = ("books.", "timings.", "heat.", "exchange.")
@@ -183,7 +205,11 @@ def unknown(observables: Iterable[Observable]) -> Iterator[Refused]:
             known = did_you_mean(str(row.value), names) or f"it has {', '.join(names)}"
             yield Refused((*place, "value"), f"{row.post} has no {row.value}", known)
         if row.post is not None and row.after is not None and SOURCES[row.post].is_of_one_frame:
-            yield Refused((*place, "after"), f"{row.post} is about the end of a run, no mean", "leave after out")
+            yield Refused(
+                (*place, "after"),
+                f"{row.post} is about the end of a run, no mean",
+                "leave after out",
+            )
         if row.series is not None and row.series not in _COLUMNS:
             known = did_you_mean(row.series, list(_COLUMNS)) or f"it has {', '.join(_COLUMNS)}"
             yield Refused((*place, "series"), f"the time series has no {row.series}", known)
@@ -208,14 +234,28 @@ def missing(observables: Iterable[Observable], scenario: Scenario) -> Iterator[R
         place: KeyPath = ("observe", number)
         if scenario.heat is None and _is_of_heat(row):
             key = "value" if row.post else "series" if row.series else "info"
-            yield Refused((*place, key), f"{getattr(row, key)} needs heat", "give the scenario a table [heat]")
+            yield Refused(
+                (*place, key), f"{getattr(row, key)} needs heat", "give the scenario a table [heat]"
+            )
         if not scenario.is_open and row.info is not None and row.info.startswith("exchange."):
-            yield Refused((*place, "info"), "no grain comes or goes in this scenario", "give it [[outlets]] or releases")
+            yield Refused(
+                (*place, "info"),
+                "no grain comes or goes in this scenario",
+                "give it [[outlets]] or releases",
+            )
         if row.post is not None and SOURCES[row.post].needs_shear:
             if not scenario.domain.periodic:
-                yield Refused((*place, "post"), "rheology needs a domain that is periodic in x", "use region or profile")
+                yield Refused(
+                    (*place, "post"),
+                    "rheology needs a domain that is periodic in x",
+                    "use region or profile",
+                )
             elif len(scenario.walls) < 2:
-                yield Refused((*place, "post"), "rheology needs a wall below and a wall above the grains", "use region or profile")
+                yield Refused(
+                    (*place, "post"),
+                    "rheology needs a wall below and a wall above the grains",
+                    "use region or profile",
+                )
         if row.after is not None:
             yield from _after(row, place, scenario)
 
@@ -233,8 +273,15 @@ def _after(row: Observable, place: KeyPath, scenario: Scenario) -> Iterator[Refu
     assert row.after is not None
     last = scenario.loading[-1] if scenario.loading else None
     until = last.until if last is not None else None
-    if row.after.strain is not None and isinstance(until, UntilStrain) and until.strain.value <= row.after.strain:
-        message = f"the last stage ends at a strain of {until.strain.value:g}, the mean would begin at {row.after.strain:g}"
+    if (
+        row.after.strain is not None
+        and isinstance(until, UntilStrain)
+        and until.strain.value <= row.after.strain
+    ):
+        message = (
+            f"the last stage ends at a strain of {until.strain.value:g}, the mean would begin at "
+            f"{row.after.strain:g}"
+        )
         yield Refused((*place, "after", "strain"), message, "begin earlier, or shear for longer")
     durations = [stage.duration for stage in scenario.loading]
     if row.after.time is not None and durations and None not in durations:
@@ -247,11 +294,15 @@ def _after(row: Observable, place: KeyPath, scenario: Scenario) -> Iterator[Refu
 # ---- Taking and keeping them
 
 
-def observe(directory: StudyDirectory, case: Case, observables: Sequence[Observable]) -> dict[str, Any]:
-    """Numbers of a finished case, its digest and its worst verdict, from ``observed/NAME.json`` as far as they are there.
+def observe(
+    directory: StudyDirectory, case: Case, observables: Sequence[Observable]
+) -> dict[str, Any]:
+    """Numbers of a finished case, its digest and its worst verdict, from ``observed/NAME.json`` as
+    far as they are there.
 
     Returns:
-        ``values`` (name: ``[value, error]``), ``problems`` (name: why it could not be taken), ``verdict``, ``digest``, ``hours``.
+        ``values`` (name: ``[value, error]``), ``problems`` (name: why it could not be taken),
+        ``verdict``, ``digest``, ``hours``.
     """
     file = directory.observed(case.name)
     try:
@@ -279,7 +330,9 @@ def _digest(row: Observable) -> str:
 
 
 def _take(path: Path, observables: Sequence[Observable], kept: dict[str, Any]) -> dict[str, Any]:
-    """What is kept of a case, with these observables: ``[value, error]``, or in words why a number could not be taken."""
+    """What is kept of a case, with these observables: ``[value, error]``, or in words why a number
+    could not be taken.
+    """
     import multicor_cli as multicor
     from multicor_cli.checks import worst_verdict
     from multicor_cli.store import run_info
@@ -289,7 +342,8 @@ def _take(path: Path, observables: Sequence[Observable], kept: dict[str, Any]) -
     for row in observables:
         try:
             numbers[_digest(row)] = list(take_one(path, row, info))
-        except Exception as error:  # whatever a run lacks is told in the table; others are still taken
+        # Whatever a run lacks is told in the table; others are still taken
+        except Exception as error:
             numbers[_digest(row)] = str(error) or type(error).__name__
     if kept:
         return {**kept, "numbers": numbers}
@@ -339,13 +393,16 @@ def _start(run: Any, after: After | None) -> float | None:
     reached = np.flatnonzero((stage == stage.max()) & (strain >= float(after.strain or 0.0)))
     if not reached.size:
         raise Unobservable(
-            f"the strain of the last stage ends at {strain[stage == stage.max()].max():.3g}, before {after.strain:g}"
+            f"the strain of the last stage ends at {strain[stage == stage.max()].max():.3g}, "
+            f"before {after.strain:g}"
         )
     return float(run.series["time"][reached[0]])
 
 
 def _mean_of_series(run: Any, name: str, start: float | None) -> Number:
-    """Mean of a column, weighted by the windows, with its standard error; see `multicor_cli.post.sums`."""
+    """Mean of a column, weighted by the windows, with its standard error; see
+    `multicor_cli.post.sums`.
+    """
     if name not in run.series:
         raise Unobservable(f"the time series has no {name}; it has {', '.join(run.series)}")
     column = np.asarray(run.series[name], float)
@@ -359,5 +416,7 @@ def _mean_of_series(run: Any, name: str, start: float | None) -> Number:
     if not rows.size:
         raise Unobservable(f"the time series has no row after {start:g} s")
     weight = np.asarray(run.series["window_duration"])[rows]
-    value, error = average(Sums((column[rows] * weight)[:, np.newaxis], weight[:, np.newaxis], weight))
+    value, error = average(
+        Sums((column[rows] * weight)[:, np.newaxis], weight[:, np.newaxis], weight)
+    )
     return Number(float(value[0]), float(error[0]))

@@ -1,4 +1,6 @@
-"""One page about a study: how far it is, figures, means over seeds, and all cases with links to their runs."""
+"""One page about a study: how far it is, figures, means over seeds, and all cases with links to
+their runs.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,9 @@ _LOGARITHMIC = 20.0
 
 
 def report_path(session: StudySession) -> Path:
-    """Where the page of a study is unless told: in its directory, so that its links lead to the runs."""
+    """Where the page of a study is unless told: in its directory, so that its links lead to the
+    runs.
+    """
     return session.directory.path / f"{session.study.name}-report.html"
 
 
@@ -48,10 +52,11 @@ def write_study_report(
     run_frames: int | None = None,
     progress: Progress = no_progress,
 ) -> int:
-    """Write the page of a study, finished or not; returns the number of pages of runs that have been written.
+    """Write the page of a study, finished or not; returns the number of pages of runs that have
+    been written.
 
-    With ``run_frames`` each finished run that has no page gets one, with so many frames at most; ``progress`` is told how many of
-    them are done.
+    With ``run_frames`` each finished run that has no page gets one, with so many frames at most;
+    ``progress`` is told how many of them are done.
 
     Raises:
         ExportRefused: If the file exists and may not be replaced, or is no report.
@@ -68,7 +73,10 @@ def write_study_report(
         _means(table),
         _cases(table, path.parent),
         _details("Study file", f'<pre tabindex="0">{escape(session.study.sources.text)}</pre>'),
-        f"<footer><p>Made by multicor {escape(__version__)} from {escape(session.directory.path.resolve().name)}.</p></footer>",
+        (
+            f"<footer><p>Made by multicor {escape(__version__)} from "
+            f"{escape(session.directory.path.resolve().name)}.</p></footer>"
+        ),
     ]
     page = "\n".join([make_head(session.study.name), "<body>", *body, "</body>", "</html>", ""])
     commit_result(path, "report", page.encode(errors="backslashreplace"))
@@ -78,7 +86,9 @@ def write_study_report(
 def _write_pages(session: StudySession, frames: int, progress: Progress) -> int:
     """Pages of finished runs that have none; those whose run cannot be shown are left out."""
     directory = session.directory
-    finished = [case.name for case in session.cases if directory.state(case).status is CaseStatus.FINISHED]
+    finished = [
+        case.name for case in session.cases if directory.state(case).status is CaseStatus.FINISHED
+    ]
     missing = [name for name in finished if not directory.page(name).exists()]
     make_directory(directory.path / PAGES)
     written = 0
@@ -96,8 +106,9 @@ def _header(session: StudySession, table: StudyTable) -> str:
     status = "finished" if done == len(table.rows) else f"{done} of {len(table.rows)} finished"
     return (
         f'<header><div><h1 dir="auto">{escape(session.study.name)}</h1>'
-        f'{f"""<p dir="auto">{escape(about)}</p>""" if about else ""}</div>'
-        f'<div class="corner"><span class="badge" data-status="{escape(status)}">{escape(status)}</span></div></header>'
+        f'{f"""<p dir="auto">{escape(about)}</p>""" if about else ""}</div><div '
+        'class="corner"><span class="badge" '
+        f'data-status="{escape(status)}">{escape(status)}</span></div></header>'
     )
 
 
@@ -109,9 +120,18 @@ def _cards(session: StudySession, table: StudyTable) -> list[str]:
     bad = "bad" if verdicts["bad"] else "warning" if verdicts["warning"] else "ok"
     rows = [
         ReportRow("scenario", session.study.model.study.scenario),
-        ReportRow("cases", f"{len(table.rows)}: " + ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))),
+        ReportRow(
+            "cases",
+            f"{len(table.rows)}: "
+            + ", ".join(f"{count} {status}" for status, count in sorted(counts.items())),
+        ),
         ReportRow("time of the runs", f"{hours:.3g} h"),
-        ReportRow("checks of the runs", ", ".join(f"{verdicts[name]} {name}" for name in ("ok", "warning", "bad")), "worst", bad),
+        ReportRow(
+            "checks of the runs",
+            ", ".join(f"{verdicts[name]} {name}" for name in ("ok", "warning", "bad")),
+            "worst",
+            bad,
+        ),
     ]
     varied = [ReportRow(names[key], _range(table, key)) for key in table.keys]
     fixed = [ReportRow(key, shown(value)) for key, value in session.study.model.set.items()]
@@ -124,11 +144,17 @@ def _cards(session: StudySession, table: StudyTable) -> list[str]:
 def _range(table: StudyTable, key: str) -> str:
     values = list(dict.fromkeys(row.values[key] for row in table.rows if key in row.values))
     texts = [shown(value) for value in values]
-    return ", ".join(texts) if len(texts) <= 12 else f"{', '.join(texts[:6])} … {texts[-1]} ({len(texts)} values)"
+    return (
+        ", ".join(texts)
+        if len(texts) <= 12
+        else f"{', '.join(texts[:6])} … {texts[-1]} ({len(texts)} values)"
+    )
 
 
 def _figures(table: StudyTable) -> list[Figure] | None:
-    """Each observable against the number with the most values, a series for each combination of the others."""
+    """Each observable against the number with the most values, a series for each combination of the
+    others.
+    """
     mean = over_seeds(table)
     across = _longest_axis(mean)
     if across is None:
@@ -151,7 +177,9 @@ def _figure(mean: StudyTable, request: PlotRequest, panels: list[Panel]) -> Figu
     x = np.concatenate([line.x for panel in panels for line in panel.series])
     log = "x" if x.min() > 0.0 and x.max() > _LOGARITHMIC * x.min() else ""
     title = f"{request.of} against {short_names(mean.keys)[request.against]}"
-    return make_figure(title, _SIZE, lambda canvas: draw_into(canvas, mean, panels, request, [], log=log))
+    return make_figure(
+        title, _SIZE, lambda canvas: draw_into(canvas, mean, panels, request, [], log=log)
+    )
 
 
 def _longest_axis(mean: StudyTable) -> str | None:
@@ -174,7 +202,10 @@ def _means(table: StudyTable) -> str:
 
 def _cases(table: StudyTable, base: Path) -> str:
     headings, lines = table.lines
-    rows = [[*_cells(line), _links(table, row.case, base)] for line, row in zip(lines, table.rows, strict=True)]
+    rows = [
+        [*_cells(line), _links(table, row.case, base)]
+        for line, row in zip(lines, table.rows, strict=True)
+    ]
     return _wide("Cases", [*headings, "run"], rows)
 
 
@@ -211,4 +242,6 @@ def _wide(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) ->
 
 
 def _details(title: str, body: str, *, is_open: bool = False) -> str:
-    return f'<details class="card"{" open" if is_open else ""}><summary>{escape(title)}</summary>{body}</details>'
+    opened = " open" if is_open else ""
+    summary = f"<summary>{escape(title)}</summary>"
+    return f'<details class="card"{opened}>{summary}{body}</details>'

@@ -1,4 +1,6 @@
-"""A study from its file to its table; what it will cost, and what is doubtful about it, before it begins."""
+"""A study from its file to its table; what it will cost, and what is doubtful about it, before it
+begins.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +53,8 @@ class StudySession:
         """Look at every case that has not begun, and estimate what is left of the study.
 
         Raises:
-            ScenarioError: A case is wrong, its grains cannot be placed, or there is no space for the runs.
+            ScenarioError: A case is wrong, its grains cannot be placed, or there is no space for
+                the runs.
         """
         if findings := list(unknown(self.study.model.observe)):
             raise self.study.refuse(*findings)
@@ -59,7 +62,12 @@ class StudySession:
         for case in self.cases:
             by_status.setdefault(self.directory.state(case).status, []).append(case)
         check_cases(self.study, by_status.get(CaseStatus.WAITING, []))
-        left = [case for status, cases in by_status.items() if status is not CaseStatus.FINISHED for case in cases]
+        left = [
+            case
+            for status, cases in by_status.items()
+            if status is not CaseStatus.FINISHED
+            for case in cases
+        ]
         return forecast(self.study, left, self.directory.path)
 
     def states(self) -> list[CaseState]:
@@ -85,7 +93,8 @@ class StudySession:
             predicted: What `check` has found, if it has been called.
 
         Raises:
-            ScenarioError: A case is wrong, or not as when the study began; or one needs more memory than there is.
+            ScenarioError: A case is wrong, or not as when the study began; or one needs more memory
+                than there is.
             StoreError: The directory cannot be used, Dask is missing, or its scheduler is lost.
             RunLocked: Another client is at work on the study.
         """
@@ -140,7 +149,10 @@ def _stop_signals() -> Iterator[Callable[[], StopReason | None]]:
             raise KeyboardInterrupt
         came.append(number)
 
-    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    before = {
+        number: signal.signal(number, note)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    }
     try:
         yield lambda: StopReason.of_signal(came[0]) if came else None
     finally:
@@ -148,7 +160,8 @@ def _stop_signals() -> Iterator[Callable[[], StopReason | None]]:
             signal.signal(number, handler)
 
 
-# ---- What a study will cost, and what is doubtful about it: cases of it are placed and looked at as `multicor validate` does
+# ---- What a study will cost, and what is doubtful about it: cases of it are placed and looked at
+#      as `multicor validate` does
 
 SAMPLES = 12
 """Cases that are placed: others cost what these do on average."""
@@ -168,7 +181,8 @@ class Forecast:
         memory: Of the largest case that was placed [bytes].
         grains: Of the case with the most grains.
         placed: Number of cases that were placed.
-        doubtful: What `multicor validate` doubts of them, each check once, with the name of the first such case.
+        doubtful: What `multicor validate` doubts of them, each check once, with the name of the
+            first such case.
     """
 
     cases: int
@@ -199,7 +213,10 @@ def check_cases(study: Study, cases: Sequence[Case]) -> None:
             scenario = check_case(study, case)
             if findings := list(missing(study.model.observe, scenario)):
                 raise study.refuse(
-                    *(Refused(finding.where, f"{finding.what} (case {case.name})", finding.remedy) for finding in findings)
+                    *(
+                        Refused(finding.where, f"{finding.what} (case {case.name})", finding.remedy)
+                        for finding in findings
+                    )
                 )
         except ScenarioError as error:
             for problem in error.problems:
@@ -211,12 +228,18 @@ def check_cases(study: Study, cases: Sequence[Case]) -> None:
 
 
 def forecast(study: Study, cases: Sequence[Case], directory: Path) -> Forecast:
-    """Estimate the cases that are to be computed from a few of them; those that differ by the seed alone cost the same.
+    """Estimate the cases that are to be computed from a few of them; those that differ by the seed
+    alone cost the same.
 
     Raises:
         ScenarioError: Grains of a case cannot be placed, or there is not enough space for all runs.
     """
-    different = list({str({key: value for key, value in case.values.items() if key != SEED}): case for case in cases}.values())
+    different = list(
+        {
+            str({key: value for key, value in case.values.items() if key != SEED}): case
+            for case in cases
+        }.values()
+    )
     chosen = _spread(different)
     prepared = [_prepare(study, case, directory) for case in chosen]
     costs = [run.cost for run in prepared]
@@ -237,7 +260,9 @@ def forecast(study: Study, cases: Sequence[Case], directory: Path) -> Forecast:
 
 
 def _spread(cases: Sequence[Case]) -> list[Case]:
-    """A few cases from all over the grid: by the golden ratio, which keeps step with no key, unlike every second case."""
+    """A few cases from all over the grid: by the golden ratio, which keeps step with no key, unlike
+    every second case.
+    """
     order = sorted(range(len(cases)), key=lambda k: (k * 0.6180339887498949) % 1.0)
     return [cases[k] for k in sorted(order[:SAMPLES])]
 
@@ -276,6 +301,12 @@ def _refuse_without_space(study: Study, found: Forecast, directory: Path) -> Non
     free = shutil.disk_usage(place).free
     if found.disk is not None and found.disk > free:
         runs = f"{found.cases} runs" if found.cases != 1 else "one run"
-        message = f"{runs} will take about {format_bytes(found.disk)}, {format_bytes(free)} are free in {place}"
-        remedy = 'choose another disk with -o, write fewer frames (output.frame_interval), or use precision = "single"'
+        message = (
+            f"{runs} will take about {format_bytes(found.disk)}, {format_bytes(free)} are free in "
+            f"{place}"
+        )
+        remedy = (
+            "choose another disk with -o, write fewer frames (output.frame_interval), or use "
+            'precision = "single"'
+        )
         raise study.refuse(Refused(("study", "scenario"), message, remedy))

@@ -1,4 +1,5 @@
-"""What a study file says: which scenario, what is varied, what is observed, and where it is computed; and how it is read.
+"""What a study file says: which scenario, what is varied, what is observed, and where it is
+computed; and how it is read.
 
 Everything that is wrong is found at once, with its position, as in scenarios.
 """
@@ -46,17 +47,27 @@ class Range(Table):
 
     from_: int | float = Field(alias="from", description="first number")
     to: int | float = Field(description="last number")
-    count: int | None = Field(None, ge=1, le=MAX_CASES, description="how many; without a meaning where points are drawn")
-    spacing: Literal["linear", "log"] = Field("linear", description="equal differences, or equal ratios")
+    count: int | None = Field(
+        None, ge=1, le=MAX_CASES, description="how many; without a meaning where points are drawn"
+    )
+    spacing: Literal["linear", "log"] = Field(
+        "linear", description="equal differences, or equal ratios"
+    )
 
     @model_validator(mode="after")
     def _is_a_range(self) -> Self:
         if self.from_ == self.to and self.count != 1:
             raise Refused(
-                ("to",), f"the range from {self.from_:g} to {self.to:g} has no length", "give two different ends, or a list"
+                ("to",),
+                f"the range from {self.from_:g} to {self.to:g} has no length",
+                "give two different ends, or a list",
             )
         if self.spacing == "log" and min(self.from_, self.to) <= 0.0:
-            raise Refused(("from",), "a range with spacing 'log' needs positive ends", 'use spacing = "linear"')
+            raise Refused(
+                ("from",),
+                "a range with spacing 'log' needs positive ends",
+                'use spacing = "linear"',
+            )
         return self
 
 
@@ -64,7 +75,9 @@ class Sampled(Table):
     """Points drawn from the box that the ranges of ``vary`` span."""
 
     kind: Literal["latin-hypercube", "sobol"] = Field(description="how points are drawn")
-    count: int = Field(ge=1, le=MAX_CASES, description="number of points; for sobol a power of two is best")
+    count: int = Field(
+        ge=1, le=MAX_CASES, description="number of points; for sobol a power of two is best"
+    )
     seed: int = Field(1, ge=0, le=2**31 - 1, description="seed of the points")
 
 
@@ -79,12 +92,16 @@ def _check_count(axis: Any, info: ValidationInfo) -> Any:
     """The values of a key of `Vary`, whose ranges say how many these are unless they are drawn."""
     is_drawn = info.data.get("sample", "wrong") is not None  # of a wrong table it is not known
     if isinstance(axis, Range) and axis.count is None and not is_drawn:
-        raise Refused(("count",), "is missing", "add count: how many values, or draw them with sample")
+        raise Refused(
+            ("count",), "is missing", "add count: how many values, or draw them with sample"
+        )
     return axis
 
 
 Axis = Annotated[
-    Annotated[Values, Tag("<list>")] | Annotated[Range, Tag("<range>")], Discriminator(_axis_tag), AfterValidator(_check_count)
+    Annotated[Values, Tag("<list>")] | Annotated[Range, Tag("<range>")],
+    Discriminator(_axis_tag),
+    AfterValidator(_check_count),
 ]
 """Values of one key."""
 
@@ -94,7 +111,9 @@ OPTIONS = ("zip", "file", "sample")
 
 
 def _flat(path: tuple[str, ...], data: dict[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Values by dotted key: what is a table and no range is a part of the key that was written without quotes."""
+    """Values by dotted key: what is a table and no range is a part of the key that was written
+    without quotes.
+    """
     for key, value in data.items():
         if isinstance(value, dict) and not value.keys() & {"from", "to", "count", "spacing"}:
             yield from _flat((*path, key), value)
@@ -103,17 +122,32 @@ def _flat(path: tuple[str, ...], data: dict[str, Any]) -> Iterator[tuple[str, An
 
 
 class Vary(Table):
-    """What is varied: keys of the scenario as for ``--set``, each with its values; all combinations are cases.
+    """What is varied: keys of the scenario as for ``--set``, each with its values; all combinations
+    are cases.
 
     Keys of the scenario are collected in ``keys``; the others say how they are combined.
     """
 
-    zip: Annotated[tuple[Annotated[tuple[Key, ...], Strict(False), Field(min_length=2)], ...], Strict(False)] = Field(
-        (), description="groups of keys whose values go together, the first with the first, instead of being combined"
+    zip: Annotated[
+        tuple[Annotated[tuple[Key, ...], Strict(False), Field(min_length=2)], ...], Strict(False)
+    ] = Field(
+        (),
+        description=(
+            "groups of keys whose values go together, the first with the first, instead of being "
+            "combined"
+        ),
     )
-    file: str | None = Field(None, min_length=1, description="CSV file: a column for each key, a row for each combination")
-    sample: Sampled | None = Field(None, description="draw points between the ends of all ranges instead of combining them")
-    keys: dict[Key, Axis] = Field(default_factory=dict, max_length=100, description="values of each key")
+    file: str | None = Field(
+        None,
+        min_length=1,
+        description="CSV file: a column for each key, a row for each combination",
+    )
+    sample: Sampled | None = Field(
+        None, description="draw points between the ends of all ranges instead of combining them"
+    )
+    keys: dict[Key, Axis] = Field(
+        default_factory=dict, max_length=100, description="values of each key"
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -121,7 +155,9 @@ class Vary(Table):
         if not isinstance(data, dict):
             return data
         own = {key: value for key, value in data.items() if key in OPTIONS}
-        return own | {"keys": dict(_flat((), {key: value for key, value in data.items() if key not in own}))}
+        return own | {
+            "keys": dict(_flat((), {key: value for key, value in data.items() if key not in own}))
+        }
 
 
 class After(Table):
@@ -141,26 +177,46 @@ class Observable(Table):
     """One number, with its error, from every run."""
 
     name: Name = Field(description="its name in tables")
-    label: str = Field("", max_length=200, description="its name in figures; TeX between dollar signs")
-    post: Literal["rheology", "region", "profile", "theta-eta", "map", "forces", "energy"] | None = Field(
-        None, description="command `multicor post` whose table it is taken from"
+    label: str = Field(
+        "", max_length=200, description="its name in figures; TeX between dollar signs"
     )
-    info: str | None = Field(None, min_length=1, description="field of `multicor info --json`, as solver.sweeps_mean")
-    series: str | None = Field(None, min_length=1, description="column of the time series, averaged")
+    post: (
+        Literal["rheology", "region", "profile", "theta-eta", "map", "forces", "energy"] | None
+    ) = Field(None, description="command `multicor post` whose table it is taken from")
+    info: str | None = Field(
+        None, min_length=1, description="field of `multicor info --json`, as solver.sweeps_mean"
+    )
+    series: str | None = Field(
+        None, min_length=1, description="column of the time series, averaged"
+    )
     value: str | None = Field(None, min_length=1, description="quantity of the table")
-    after: After | None = Field(None, description="from when on; default: the later half of the last stage")
-    at: float | None = Field(None, description="where in a profile: height above the lower wall [m]; in theta-eta: η")
-    bins: int | None = Field(None, ge=1, le=10_000, description="number of bins of a profile or of theta-eta")
+    after: After | None = Field(
+        None, description="from when on; default: the later half of the last stage"
+    )
+    at: float | None = Field(
+        None, description="where in a profile: height above the lower wall [m]; in theta-eta: η"
+    )
+    bins: int | None = Field(
+        None, ge=1, le=10_000, description="number of bins of a profile or of theta-eta"
+    )
     inside: AnyRegion | None = Field(None, description="the region, as of a group of grains")
-    statistic: Literal["mean", "min", "max", "std"] | None = Field(None, description="of the grains of a map; default: mean")
+    statistic: Literal["mean", "min", "max", "std"] | None = Field(
+        None, description="of the grains of a map; default: mean"
+    )
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
         given = [name for name in ("post", "info", "series") if getattr(self, name) is not None]
         if len(given) != 1:
-            raise Refused((), "post, info or series says where an observable comes from", "give one of them")
+            raise Refused(
+                (), "post, info or series says where an observable comes from", "give one of them"
+            )
         if (self.post is None) != (self.value is None):
-            raise Refused((), "post and value belong together", 'give both: post = "rheology", value = "friction_walls"')
+            raise Refused(
+                (),
+                "post and value belong together",
+                'give both: post = "rheology", value = "friction_walls"',
+            )
         if self.info is not None and self.after is not None:
             raise Refused(("after",), "a field of info is no mean", "leave after out")
         return self
@@ -208,7 +264,9 @@ class Queue(Table):
     model_config = Table.model_config | {"extra": "allow"}
 
     queue: str | None = Field(None, description="partition or queue")
-    walltime: str = Field("01:00:00", pattern=r"^\d+(-\d+)?:\d\d(:\d\d)?$", description="of a job, hh:mm:ss")
+    walltime: str = Field(
+        "01:00:00", pattern=r"^\d+(-\d+)?:\d\d(:\d\d)?$", description="of a job, hh:mm:ss"
+    )
     cores: int = Field(1, ge=1, le=4096, description="of a job")
     memory: str = Field("4GB", pattern=r"^\d+(\.\d+)? ?[kMGT]i?B$", description="of a job")
     jobs: int = Field(1, ge=1, le=10_000, description="number of jobs at a time")
@@ -225,9 +283,18 @@ class Queue(Table):
 class Compute(Table):
     """Where cases are computed."""
 
-    workers: int | None = Field(None, ge=1, le=1024, description="cases at a time on this machine; default: one for each core")
-    threads: int | None = Field(None, ge=1, le=1024, description="of a case; default: as many as it can use")
-    scheduler: str | None = Field(None, min_length=1, description="address of a Dask scheduler that runs, as tls://host:8786")
+    workers: int | None = Field(
+        None,
+        ge=1,
+        le=1024,
+        description="cases at a time on this machine; default: one for each core",
+    )
+    threads: int | None = Field(
+        None, ge=1, le=1024, description="of a case; default: as many as it can use"
+    )
+    scheduler: str | None = Field(
+        None, min_length=1, description="address of a Dask scheduler that runs, as tls://host:8786"
+    )
     slurm: Queue | None = Field(None, description="jobs of SLURM")
     pbs: Queue | None = Field(None, description="jobs of PBS")
     sge: Queue | None = Field(None, description="jobs of SGE")
@@ -237,7 +304,9 @@ class Compute(Table):
     def _one(self) -> Self:
         given = [name for name, value in self if name != "threads" and value is not None]
         if len(given) > 1:
-            raise Refused((given[1],), f"{' and '.join(given)} cannot be had together", "give one of them")
+            raise Refused(
+                (given[1],), f"{' and '.join(given)} cannot be had together", "give one of them"
+            )
         return self
 
 
@@ -247,14 +316,22 @@ class About(Table):
     name: Name = Field(description="name of the study; runs go into studies/NAME")
     scenario: str = Field(min_length=1, description="path of the scenario, relative to this file")
     seeds: int | Annotated[tuple[int, ...], Strict(False), Field(min_length=1)] | None = Field(
-        None, description="number of seeds, from that of the scenario on, or a list of them; default: that of the scenario"
+        None,
+        description=(
+            "number of seeds, from that of the scenario on, or a list of them; default: that of "
+            "the scenario"
+        ),
     )
     description: str = Field("", max_length=1000, description="a line about the study")
 
     @model_validator(mode="after")
     def _different_seeds(self) -> Self:
         if isinstance(self.seeds, int) and not 1 <= self.seeds <= MAX_CASES:
-            raise Refused(("seeds",), f"there cannot be {self.seeds} seeds", f"give 1 to {MAX_CASES}, or a list of seeds")
+            raise Refused(
+                ("seeds",),
+                f"there cannot be {self.seeds} seeds",
+                f"give 1 to {MAX_CASES}, or a list of seeds",
+            )
         if isinstance(self.seeds, tuple) and len(set(self.seeds)) < len(self.seeds):
             raise Refused(("seeds",), "a seed comes twice", "give each seed once")
         return self
@@ -264,7 +341,9 @@ class StudyModel(Table):
     """A study file."""
 
     study: About = Field(description="name, scenario and seeds")
-    set: dict[Key, Scalar] = Field(default_factory=dict, max_length=100, description="keys of the scenario set in all cases")
+    set: dict[Key, Scalar] = Field(
+        default_factory=dict, max_length=100, description="keys of the scenario set in all cases"
+    )
     vary: Vary = Field(default_factory=Vary, description="what is varied")
     observe: Annotated[tuple[Observable, ...], Strict(False)] = Field(
         (), max_length=100, description="numbers taken from every run"
@@ -296,7 +375,9 @@ class StudyModel(Table):
 
 @dataclass(frozen=True)
 class Study:
-    """A study file that is right by itself: what it says, its path, its text for the positions of problems, and its tables."""
+    """A study file that is right by itself: what it says, its path, its text for the positions of
+    problems, and its tables.
+    """
 
     model: StudyModel
     path: Path
@@ -320,7 +401,9 @@ class Study:
 
     def refuse(self, *findings: Refused) -> ScenarioError:
         """The error that tells these findings, with their positions in the file."""
-        return ScenarioError(self.sources.problems([place(self.document, finding) for finding in findings]))
+        return ScenarioError(
+            self.sources.problems([place(self.document, finding) for finding in findings])
+        )
 
 
 def arguments(values: Mapping[str, Any]) -> list[str]:
@@ -329,7 +412,8 @@ def arguments(values: Mapping[str, Any]) -> list[str]:
 
 
 def load_study(path: str | Path) -> Study:
-    """Load and check a study file; its scenario and cases are looked at by `multicor_cli.studies.axes`.
+    """Load and check a study file; its scenario and cases are looked at by
+    `multicor_cli.studies.axes`.
 
     Raises:
         ScenarioError: The file cannot be read or is wrong; its ``problems`` say all that is wrong.
@@ -341,13 +425,18 @@ def load_study(path: str | Path) -> Study:
     try:
         model = StudyModel.model_validate(document)
     except ValidationError as error:
-        findings = [place(document, finding) for finding in translate(StudyModel, error.errors(include_url=False))]
+        findings = [
+            place(document, finding)
+            for finding in translate(StudyModel, error.errors(include_url=False))
+        ]
         raise ScenarioError(sources.problems(findings)) from None
     return Study(model, path, sources, document)
 
 
 def place(document: dict[str, Any], finding: Refused) -> Refused:
-    """The finding at its place in the document: ``vary.keys.KEY`` stands there as ``vary."KEY"`` or, without quotes, as tables."""
+    """The finding at its place in the document: ``vary.keys.KEY`` stands there as ``vary."KEY"``
+    or, without quotes, as tables.
+    """
     path = finding.where
     if path[:2] == ("vary", "keys") and len(path) > 2:
         table, key, rest = "vary", str(path[2]), path[3:]

@@ -1,4 +1,6 @@
-"""The table of a study, a row for each case and means over its seeds, and series of points out of it."""
+"""The table of a study, a row for each case and means over its seeds, and series of points out of
+it.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,8 @@ class Row:
         values: Values of the keys, that of the seed only in a row of one case.
         status: Of the case; of several: ``3 of 5 finished``.
         numbers: By observable: value, standard error, and number of seeds.
-        between: By observable: standard error from the scatter between the seeds; nan with fewer than two.
+        between: By observable: standard error from the scatter between the seeds; nan with fewer
+            than two.
         verdict: The worst.
         hours: Wall-clock time [h].
         case, digest: Name of the case, and digest of the end of its run; empty for several.
@@ -69,7 +72,11 @@ class StudyTable:
         """Names of the columns."""
         names = [short_names(self.keys)[key] for key in self.keys]
         if self.is_mean:
-            numbers = [text for name in self.observables for text in (name, f"{name}_error", f"{name}_between", f"{name}_seeds")]
+            numbers = [
+                text
+                for name in self.observables
+                for text in (name, f"{name}_error", f"{name}_between", f"{name}_seeds")
+            ]
             return [*names, "status", *numbers, "verdict", "hours"]
         numbers = [text for name in self.observables for text in (name, f"{name}_error")]
         return [*names, "status", *numbers, "verdict", "hours", "digest", "directory"]
@@ -92,9 +99,17 @@ class StudyTable:
 
     @property
     def lines(self) -> tuple[list[str], list[list[str]]]:
-        """Headings and rows for people: numbers with their errors, the larger one where there are two, in one column."""
+        """Headings and rows for people: numbers with their errors, the larger one where there are
+        two, in one column.
+        """
         names = short_names(self.keys)
-        headings = [*(names[key] for key in self.keys), "status", *self.observables, "verdict", "hours"]
+        headings = [
+            *(names[key] for key in self.keys),
+            "status",
+            *self.observables,
+            "verdict",
+            "hours",
+        ]
         return headings, [self._line(row) for row in self.rows]
 
     def _line(self, row: Row) -> list[str]:
@@ -103,16 +118,31 @@ class StudyTable:
         for name in self.observables:
             value, error, _ = row.numbers.get(name, (math.nan, math.nan, 0))
             numbers.append(
-                with_error(value, max(error, row.between.get(name, math.nan), key=lambda e: e if math.isfinite(e) else -1.0))
+                with_error(
+                    value,
+                    max(
+                        error,
+                        row.between.get(name, math.nan),
+                        key=lambda e: e if math.isfinite(e) else -1.0,
+                    ),
+                )
             )
-        return [*values, row.status, *numbers, row.verdict, "–" if math.isnan(row.hours) else f"{row.hours:.3g}"]
+        return [
+            *values,
+            row.status,
+            *numbers,
+            row.verdict,
+            "–" if math.isnan(row.hours) else f"{row.hours:.3g}",
+        ]
 
     def csv(self) -> str:
         """As CSV."""
         out = io.StringIO()
         writer = csv.writer(out, lineterminator="\n")
         writer.writerow(self.headings)
-        writer.writerows([["" if value is None else value for value in record] for record in self.records])
+        writer.writerows(
+            [["" if value is None else value for value in record] for record in self.records]
+        )
         return out.getvalue()
 
     def frame(self) -> Any:
@@ -120,37 +150,64 @@ class StudyTable:
         return library("pandas").DataFrame(self.records, columns=self.headings)
 
 
-def make_table(directory: StudyDirectory, observables: Sequence[Observable], cases: Sequence[Case]) -> StudyTable:
+def make_table(
+    directory: StudyDirectory, observables: Sequence[Observable], cases: Sequence[Case]
+) -> StudyTable:
     """The table of a study, finished or not: a row for each case."""
     rows = []
     for case in cases:
         state = directory.state(case)
         if state.status is not CaseStatus.FINISHED:
-            rows.append(Row(case.values, state.status.value, {}, {}, "", math.nan, case.name, problems={"": state.reason}))
+            rows.append(
+                Row(
+                    case.values,
+                    state.status.value,
+                    {},
+                    {},
+                    "",
+                    math.nan,
+                    case.name,
+                    problems={"": state.reason},
+                )
+            )
             continue
         found = observe(directory, case, observables)
-        numbers = {name: (_number(pair[0]), _number(pair[1]), 1) for name, pair in found["values"].items()}
+        numbers = {
+            name: (_number(pair[0]), _number(pair[1]), 1) for name, pair in found["values"].items()
+        }
         rows.append(
             Row(
-                case.values, state.status.value, numbers, {}, found["verdict"], _number(found["hours"]), case.name,
+                case.values, state.status.value, numbers, {}, found["verdict"],
+                _number(found["hours"]), case.name,
                 found["digest"] or "", found["problems"],
             )
         )  # fmt: skip
     keys = tuple(dict.fromkeys(key for case in cases for key in case.values))
     labels = {row.name: row.label for row in observables if row.label}
-    return StudyTable(keys, tuple(row.name for row in observables), tuple(rows), is_mean=False, directory=directory, labels=labels)
+    return StudyTable(
+        keys,
+        tuple(row.name for row in observables),
+        tuple(rows),
+        is_mean=False,
+        directory=directory,
+        labels=labels,
+    )
 
 
 def over_seeds(table: StudyTable) -> StudyTable:
     """Means over the seeds: a row for each combination of the other values.
 
-    The error of a mean is that of the runs, √Σε²/n; beside it stands the one from the scatter between the seeds, s/√n.
+    The error of a mean is that of the runs, √Σε²/n; beside it stands the one from the scatter
+    between the seeds, s/√n.
     """
     keys = tuple(key for key in table.keys if key != SEED)
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in table.rows:
         groups.setdefault(tuple(row.values.get(key) for key in keys), []).append(row)
-    rows = [_mean(dict(zip(keys, values, strict=True)), group, table.observables) for values, group in groups.items()]
+    rows = [
+        _mean(dict(zip(keys, values, strict=True)), group, table.observables)
+        for values, group in groups.items()
+    ]
     return replace(table, keys=keys, rows=tuple(rows), is_mean=True)
 
 
@@ -168,13 +225,17 @@ def _mean(values: Values, group: Sequence[Row], observables: Sequence[str]) -> R
         between[name] = math.sqrt(scatter / (count * (count - 1))) if count > 1 else math.nan
     done = sum(row.status == CaseStatus.FINISHED.value for row in group)
     order = ("", "ok", "warning", "bad")
-    verdict = max((row.verdict for row in group), key=lambda text: order.index(text) if text in order else 0)
+    verdict = max(
+        (row.verdict for row in group), key=lambda text: order.index(text) if text in order else 0
+    )
     hours = math.fsum(row.hours for row in group if math.isfinite(row.hours))
     return Row(values, f"{done} of {len(group)} finished", numbers, between, verdict, hours)
 
 
 def with_error(value: float, error: float) -> str:
-    """A number with its error, to two digits of the error, as 0.2592 ± 0.0018; with five digits if the error is not known."""
+    """A number with its error, to two digits of the error, as 0.2592 ± 0.0018; with five digits if
+    the error is not known.
+    """
     if not math.isfinite(value):
         return "–"
     if not math.isfinite(error) or error <= 0.0:
@@ -195,7 +256,8 @@ def _number(value: Any) -> float:
     return math.nan if value is None else float(value)
 
 
-# ---- Series of points out of the table of a study: an observable against a value or another observable, in panels
+# ---- Series of points out of the table of a study: an observable against a value or another
+#      observable, in panels
 
 
 @dataclass(frozen=True)
@@ -203,7 +265,8 @@ class Series:
     """Points of one line, ascending in x, all of shape ``(k,)``.
 
     Attributes:
-        error: The larger of both standard errors of y, from within the runs and between the seeds; nan if neither is known.
+        error: The larger of both standard errors of y, from within the runs and between the seeds;
+            nan if neither is known.
         x_error: The same of x; nan if that is a key and no observable.
     """
 
@@ -216,7 +279,9 @@ class Series:
 
 @dataclass(frozen=True)
 class Panel:
-    """Series that share a pair of axes; the title says what they have in common, and is empty if there is one panel only."""
+    """Series that share a pair of axes; the title says what they have in common, and is empty if
+    there is one panel only.
+    """
 
     title: str
     series: list[Series]
@@ -247,29 +312,39 @@ def find_key(table: StudyTable, name: str) -> str:
     for key in table.keys:
         if name in (key, short[key]):
             return key
-    raise PlotError(f"the study varies no {name}; it varies {', '.join(short.values()) or 'nothing'}")
+    raise PlotError(
+        f"the study varies no {name}; it varies {', '.join(short.values()) or 'nothing'}"
+    )
 
 
 def make_panels(table: StudyTable, request: PlotRequest) -> list[Panel]:
     """The points of a figure, from means over seeds.
 
     Raises:
-        PlotError: There is no such key or observable, values across are no numbers, several points of a series have the same
-            place, or nothing has been computed.
+        PlotError: There is no such key or observable, values across are no numbers, several points
+            of a series have the same place, or nothing has been computed.
     """
     rows = _chosen(table, request)
     across = None if request.against in table.observables else find_key(table, request.against)
     facets = [] if request.facet is None else [find_key(table, request.facet)]
-    left = [key for key in table.keys if key not in (across, *facets) and len(_values(rows, key)) > 1]
+    left = [
+        key for key in table.keys if key not in (across, *facets) and len(_values(rows, key)) > 1
+    ]
     if request.by is not None:
         by = [find_key(table, request.by)]
     else:
-        along = max(left, key=lambda key: len(_values(rows, key)), default=None) if across is None else None
+        along = (
+            max(left, key=lambda key: len(_values(rows, key)), default=None)
+            if across is None
+            else None
+        )
         by = [key for key in left if key != along]
     lines: dict[tuple[Value | None, ...], dict[tuple[Value | None, ...], list[Row]]] = {}
     for row in rows:
         panel = tuple(row.values.get(key) for key in facets)
-        lines.setdefault(panel, {}).setdefault(tuple(row.values.get(key) for key in by), []).append(row)
+        lines.setdefault(panel, {}).setdefault(tuple(row.values.get(key) for key in by), []).append(
+            row
+        )
     names = short_names(table.keys)
     found = []
     for panel, groups in lines.items():
@@ -286,7 +361,10 @@ def make_panels(table: StudyTable, request: PlotRequest) -> list[Panel]:
 def _chosen(table: StudyTable, request: PlotRequest) -> list[Row]:
     """Rows with the observables that are asked for, and the values."""
     if request.of not in table.observables:
-        raise PlotError(f"the study observes no {request.of}; it observes {', '.join(table.observables) or 'nothing'}")
+        raise PlotError(
+            f"the study observes no {request.of}; it observes "
+            f"{', '.join(table.observables) or 'nothing'}"
+        )
     needed = {request.of, request.against} & {*table.observables}
     wanted = [(find_key(table, name), text) for name, text in request.where]
     for key, text in wanted:
@@ -305,19 +383,30 @@ def _values(rows: Iterable[Row], key: str) -> list[Value]:
 
 
 def _label(names: dict[str, str], keys: Sequence[str], values: Sequence[Value | None]) -> str:
-    return ", ".join(f"{names[key]} = {shown(value)}" for key, value in zip(keys, values, strict=True) if value is not None)
+    return ", ".join(
+        f"{names[key]} = {shown(value)}"
+        for key, value in zip(keys, values, strict=True)
+        if value is not None
+    )
 
 
-def _refuse_same_places(names: dict[str, str], group: Sequence[Row], across: str, label: str) -> None:
+def _refuse_same_places(
+    names: dict[str, str], group: Sequence[Row], across: str, label: str
+) -> None:
     """Points of one series at the same place: keys that nobody has asked about differ."""
     first: dict[Value, Row] = {}
     for row in group:
         other = first.setdefault(row.values[across], row)
         if other is not row:
-            key = next(key for key in row.values if key != across and row.values[key] != other.values.get(key))
+            key = next(
+                key
+                for key in row.values
+                if key != across and row.values[key] != other.values.get(key)
+            )
             which = f" of {label}" if label else ""
             raise PlotError(
-                f"points{which} differ by {names[key]} as well: choose with --by, --facet or --where {names[key]}=VALUE"
+                f"points{which} differ by {names[key]} as well: choose with --by, --facet or "
+                f"--where {names[key]}=VALUE"
             )
 
 

@@ -1,4 +1,6 @@
-"""What a worker does with a case: it starts a process for it, waits, and stops it when asked; and the workers of this machine."""
+"""What a worker does with a case: it starts a process for it, waits, and stops it when asked; and
+the workers of this machine.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,8 @@ def run_case(task: dict[str, Any]) -> dict[str, Any]:
         task: As there, with ``client`` (who wants it) and ``name``.
 
     Returns:
-        As there; what the process did not say itself (killed, out of memory) is a failure with the end of its messages.
+        As there; what the process did not say itself (killed, out of memory) is a failure with the
+        end of its messages.
     """
     name = f"{task['client']}/{task['name']}"
     with _lock:
@@ -81,8 +84,12 @@ def _start(threads: int) -> CaseProcess:
 
 
 def _server(threads: int) -> ForkServer:
-    """The one that starts processes here; another one if it has died, or made too little room for threads."""
-    while _fork_servers and not (_fork_servers[-1].is_alive and _fork_servers[-1].threads >= threads):
+    """The one that starts processes here; another one if it has died, or made too little room for
+    threads.
+    """
+    while _fork_servers and not (
+        _fork_servers[-1].is_alive and _fork_servers[-1].threads >= threads
+    ):
         _fork_servers.pop()
     if not _fork_servers:
         _fork_servers.append(ForkServer(threads))
@@ -110,16 +117,40 @@ def _listen(stream: socket.socket, said: deque[bytes]) -> None:
 
 def _unsaid(code: int, said: str) -> dict[str, Any]:
     """The outcome of a process that said nothing."""
-    if code in (-signal.SIGTERM, -signal.SIGINT, -signal.SIGHUP, 128 + signal.SIGTERM, 128 + signal.SIGINT, 128 + signal.SIGHUP):
-        return {"status": "stopped", "reason": "stopped before its first step", "exit_code": abs(code), "step": 0}
+    if code in (
+        -signal.SIGTERM,
+        -signal.SIGINT,
+        -signal.SIGHUP,
+        128 + signal.SIGTERM,
+        128 + signal.SIGINT,
+        128 + signal.SIGHUP,
+    ):
+        return {
+            "status": "stopped",
+            "reason": "stopped before its first step",
+            "exit_code": abs(code),
+            "step": 0,
+        }
     last = said.splitlines()[-1] if said else ""
     if code == -signal.SIGKILL:
-        return {"status": "killed", "reason": "its process was killed (out of memory?)", "exit_code": 137, "step": 0}
-    return {"status": "failed", "reason": last or f"its process ended with exit code {code}", "exit_code": abs(code), "step": 0}
+        return {
+            "status": "killed",
+            "reason": "its process was killed (out of memory?)",
+            "exit_code": 137,
+            "step": 0,
+        }
+    return {
+        "status": "failed",
+        "reason": last or f"its process ended with exit code {code}",
+        "exit_code": abs(code),
+        "step": 0,
+    }
 
 
 def stop_cases(client: str) -> int:
-    """Ask the cases that this worker runs for a client to stop with a checkpoint; returns how many there are."""
+    """Ask the cases that this worker runs for a client to stop with a checkpoint; returns how many
+    there are.
+    """
     with _lock:
         _stopping.add(client)
         found = [process for name, process in _running.items() if name.startswith(f"{client}/")]
@@ -128,7 +159,8 @@ def stop_cases(client: str) -> int:
     return len(found)
 
 
-# ---- Cases on this machine: a thread of this process for each that runs at a time. No port is open, so nobody else can get in
+# ---- Cases on this machine: a thread of this process for each that runs at a time. No port is
+#      open, so nobody else can get in
 
 _HERE = "here"
 
@@ -145,22 +177,29 @@ class LocalFuture(Future[dict[str, Any]]):
         """``pending``, ``finished``, ``cancelled`` or ``error``."""
         if not self.done():
             return "pending"
-        return "cancelled" if self.cancelled() else "finished" if self.exception() is None else "error"
+        return (
+            "cancelled" if self.cancelled() else "finished" if self.exception() is None else "error"
+        )
 
 
 class LocalClient:
-    """What `multicor_cli.studies.computing.Computation` asks of a `distributed.Client`, with so many cases at a time."""
+    """What `multicor_cli.studies.computing.Computation` asks of a `distributed.Client`, with so
+    many cases at a time.
+    """
 
     status = "running"
 
     def __init__(self, workers: int) -> None:
         self._workers = workers
-        self._waiting: queue.SimpleQueue[tuple[LocalFuture, Callable[..., dict[str, Any]], dict[str, Any]]] = queue.SimpleQueue()
+        self._waiting: queue.SimpleQueue[
+            tuple[LocalFuture, Callable[..., dict[str, Any]], dict[str, Any]]
+        ] = queue.SimpleQueue()
         self._running: set[str] = set()
         self._owners: set[str] = set()
         self._is_closed = False
         for _ in range(workers):
-            threading.Thread(target=self._work, daemon=True).start()  # the second Ctrl-C waits for nobody
+            # The second Ctrl-C waits for nobody
+            threading.Thread(target=self._work, daemon=True).start()
 
     def __enter__(self) -> Self:
         return self
@@ -174,7 +213,14 @@ class LocalClient:
             self._waiting.put((LocalFuture(""), dict, {}))  # wakes a thread
         close_fork_servers()
 
-    def submit(self, function: Callable[..., dict[str, Any]], task: dict[str, Any], *, key: str, **_options: Any) -> LocalFuture:
+    def submit(
+        self,
+        function: Callable[..., dict[str, Any]],
+        task: dict[str, Any],
+        *,
+        key: str,
+        **_options: Any,
+    ) -> LocalFuture:
         """Call a function with a task as soon as there is room for another case."""
         future = LocalFuture(key)
         self._owners.add(task["client"])

@@ -1,4 +1,6 @@
-"""The report in a real browser: it draws what the run holds, plays, tells values, and no text of the user is run."""
+"""The report in a real browser: it draws what the run holds, plays, tells values, and no text of
+the user is run.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,8 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 pytestmark = [pytest.mark.browser, pytest.mark.skipif(CHROMIUM is None, reason="needs chromium")]
 
 FLAGS = [
-    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    "--disable-background-networking",
     "--disable-component-update", "--disable-sync",
 ]  # fmt: skip
 
@@ -54,11 +57,16 @@ class Opened:
 
     def __init__(self, browser: Any, address: str, script: str = "", **options: Any) -> None:
         self.said: list[str] = []
-        self.context = browser.new_context(**{"viewport": {"width": 1000, "height": 900}, **options})
+        self.context = browser.new_context(
+            **{"viewport": {"width": 1000, "height": 900}, **options}
+        )
         self.page = self.context.new_page()
         self.page.on("console", lambda message: self.said.append(message.text))
         self.page.on("pageerror", lambda error: self.said.append(str(error)))
-        self.page.on("request", lambda request: self.said.append(request.url) if request.url != address else None)
+        self.page.on(
+            "request",
+            lambda request: self.said.append(request.url) if request.url != address else None,
+        )
         if script:
             self.page.add_init_script(script)
         self.page.goto(address)
@@ -67,7 +75,9 @@ class Opened:
 
     def settle(self) -> None:
         """Wait until what was asked for is drawn."""
-        self.page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        self.page.evaluate(
+            "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+        )
 
     @property
     def frame(self) -> int:
@@ -86,8 +96,9 @@ class Opened:
         """Where a grain is in the window."""
         return tuple(
             self.page.evaluate(
-                """(grain) => { const p = state.picture, f = state.frame, box = p.canvas.getBoundingClientRect();
-                return [box.left + (p.canvas.width / 2 + (f.x[grain] - p.center[0]) * p.scale) / p.pixels,
+                """(grain) => { const p = state.picture, f = state.frame;
+                const box = p.canvas.getBoundingClientRect(), half = p.canvas.width / 2;
+                return [box.left + (half + (f.x[grain] - p.center[0]) * p.scale) / p.pixels,
                         box.top + (p.middle - (f.y[grain] - p.center[1]) * p.scale) / p.pixels]; }""",
                 grain,
             )
@@ -97,7 +108,8 @@ class Opened:
         """Color of a point in meters."""
         return self.page.evaluate(
             """([x, y]) => { const p = state.picture;
-            const at = [p.canvas.width / 2 + (x - p.center[0]) * p.scale, p.middle - (y - p.center[1]) * p.scale];
+            const at = [p.canvas.width / 2 + (x - p.center[0]) * p.scale,
+                        p.middle - (y - p.center[1]) * p.scale];
             const pixel = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
             pixel.drawImage(p.canvas, -Math.round(at[0]), -Math.round(at[1]));
             return [...pixel.getImageData(0, 0, 1, 1).data]; }""",
@@ -128,7 +140,11 @@ def test_page_shows_the_last_frame_and_runs_no_text_of_the_user(opened: Opened) 
     assert opened.page.inner_text("h1") == EVIL
     assert opened.page.evaluate("() => window.broken") is None
     assert opened.page.inner_text("#stage-name") == EVIL
-    assert opened.page.locator("figure svg[role=img][aria-label]").count() == opened.page.locator("figure").count() >= 4
+    assert (
+        opened.page.locator("figure svg[role=img][aria-label]").count()
+        == opened.page.locator("figure").count()
+        >= 4
+    )
     assert not opened.page.is_visible("#trouble")
     opened.page.click("details:has(pre) summary >> nth=0")
     assert EVIL in opened.page.inner_text("pre >> nth=0")
@@ -158,7 +174,14 @@ def test_it_repeats_and_pauses(opened: Opened) -> None:
 
 
 def test_keyboard_and_scrubbing(opened: Opened) -> None:
-    for key, frame in (("Home", 0), ("ArrowRight", 1), ("ArrowRight", 2), ("ArrowLeft", 1), ("End", 5), ("ArrowRight", 5)):
+    for key, frame in (
+        ("Home", 0),
+        ("ArrowRight", 1),
+        ("ArrowRight", 2),
+        ("ArrowLeft", 1),
+        ("End", 5),
+        ("ArrowRight", 5),
+    ):
         opened.key(key)
         assert opened.wait(lambda frame=frame: opened.frame == frame)
     opened.key(" ")
@@ -203,7 +226,9 @@ def test_pointing_tells_the_values_of_a_grain_and_a_click_keeps_them(opened: Ope
 
 
 def test_values_under_a_resting_pointer_follow_the_frames(opened: Opened) -> None:
-    """Frames 0 to 5: speeds are 0 in the first one; the grains of the column stay where they are in y."""
+    """Frames 0 to 5: speeds are 0 in the first one; the grains of the column stay where they are in
+    y.
+    """
     opened.page.mouse.move(*opened.place(3))
     assert "0.3 m/s" in opened.page.inner_text("#tip")
     opened.key("ArrowLeft")
@@ -213,8 +238,12 @@ def test_values_under_a_resting_pointer_follow_the_frames(opened: Opened) -> Non
     assert opened.wait(lambda: opened.page.is_visible("#tip"))
 
 
-def test_values_told_are_those_of_the_run_as_far_as_their_digits_go(opened: Opened, run: Run) -> None:
-    """The page stores steps of 1/65534 of the range; what it tells has no digits beyond that, and the others are right."""
+def test_values_told_are_those_of_the_run_as_far_as_their_digits_go(
+    opened: Opened, run: Run
+) -> None:
+    """The page stores steps of 1/65534 of the range; what it tells has no digits beyond that, and
+    the others are right.
+    """
     frame = run.frames[-1]
     own = np.maximum(contact_force := 1.0 + np.arange(GRAINS), np.append(0.0, contact_force[:-1]))
     expected = {
@@ -226,7 +255,9 @@ def test_values_told_are_those_of_the_run_as_far_as_their_digits_go(opened: Open
         for name, values in expected.items():
             text = told[name].split(" ")[0].replace("−", "-")
             number, last = parse(text)
-            assert number == pytest.approx(values[grain], abs=0.5 * last + 2.0 / 65534 * np.abs(values).max()), (name, grain)
+            assert number == pytest.approx(
+                values[grain], abs=0.5 * last + 2.0 / 65534 * np.abs(values).max()
+            ), (name, grain)
         x, y = told["x, y"].removesuffix(" m").split(", ")
         assert (float(x), float(y)) == pytest.approx(tuple(frame.position[grain]), abs=2e-4)
 
@@ -235,18 +266,21 @@ def test_grains_without_heat_have_the_color_of_the_paper(opened: Opened) -> None
     found = opened.page.evaluate(
         """() => {
             const heat = meta.fields.find((field) => field.name === "heat");
-            return [0, -1, heat.range[0], heat.range[1]].map((value) => colorIndex(heat, value, heat.range));
+            return [0, -1, ...heat.range].map((value) => colorIndex(heat, value, heat.range));
         }"""
     )
     assert found == [256, 256, 0, 255]
-    opened.page.evaluate("() => { state.field = meta.fields.find((field) => field.name === 'heat'); draw(); }")
+    opened.page.evaluate(
+        "() => { state.field = meta.fields.find((field) => field.name === 'heat'); draw(); }"
+    )
     assert "grains without color: none" in opened.page.inner_text("#bar-label")
 
 
 def test_the_view_fits_the_frame_then_the_run_and_stays_where_it_was_put(opened: Opened) -> None:
     def box() -> list[float]:
         return opened.page.evaluate(
-            "() => { const [left, right, bottom, top] = state.picture.visible(); return [right - left, top - bottom]; }"
+            "() => { const [left, right, bottom, top] = state.picture.visible(); return [right - "
+            "left, top - bottom]; }"
         )
 
     whole = opened.page.evaluate("() => meta.box")
@@ -272,7 +306,8 @@ def parse(text: str) -> tuple[float, float]:
 
 def test_numbers_and_ticks_for_people(opened: Opened) -> None:
     ticks = opened.page.evaluate(
-        "() => [[0, 0.296], [-3, 3], [1000, 1010], [2e-7, 9e-7], [293, 373]].map((range) => chooseTicks(range).map((t) => t[1]))"
+        "() => [[0, 0.296], [-3, 3], [1000, 1010], [2e-7, 9e-7], [293, 373]].map((range) => "
+        "chooseTicks(range).map((t) => t[1]))"
     )
     assert ticks[0] == ["0", "0.05", "0.1", "0.15", "0.2", "0.25"]
     assert ticks[1] == ["−3", "−2", "−1", "0", "1", "2", "3"]
@@ -281,17 +316,26 @@ def test_numbers_and_ticks_for_people(opened: Opened) -> None:
     assert ticks[4] == ["300", "320", "340", "360"]
     decades = opened.page.evaluate("() => chooseTicks([1e-6, 1e-2], true).map((t) => t[1])")
     assert decades == ["1·10⁻⁶", "1·10⁻⁵", "1·10⁻⁴", "0.001", "0.01"]
-    numbers = opened.page.evaluate("() => [0, -0.5, 12345.678, 1e-5, -2.5e21, NaN].map((number) => format(number))")
-    assert opened.page.evaluate("() => [1e-9, 1.23456789].map((x) => formatKnown('x', x, 6))") == ["0", "1.2346"]
+    numbers = opened.page.evaluate(
+        "() => [0, -0.5, 12345.678, 1e-5, -2.5e21, NaN].map((number) => format(number))"
+    )
+    assert opened.page.evaluate("() => [1e-9, 1.23456789].map((x) => formatKnown('x', x, 6))") == [
+        "0",
+        "1.2346",
+    ]
     assert numbers == ["0", "−0.5", "1.235·10⁴", "1·10⁻⁵", "−2.5·10²¹", "–"]
 
 
 def test_values_without_a_color_of_their_own_are_told(opened: Opened) -> None:
     opened.page.evaluate("() => { state.field = { ...state.field, range: [0, 0.45] }; draw(); }")
-    assert opened.page.inner_text("#bar-label") == "speed [m/s]; values up to 0.9 share the last color"
+    assert (
+        opened.page.inner_text("#bar-label") == "speed [m/s]; values up to 0.9 share the last color"
+    )
 
 
-def test_the_first_color_shown_is_that_of_a_quantity_that_differs(browser: Any, tmp_path: Path) -> None:
+def test_the_first_color_shown_is_that_of_a_quantity_that_differs(
+    browser: Any, tmp_path: Path
+) -> None:
     """Grains at rest with different temperatures, after a run of one frame: nothing to play."""
     write_heated_run(tmp_path / "run", frames=1)
     write_report(tmp_path / "run", tmp_path / "one.html")
@@ -306,17 +350,24 @@ def test_the_first_color_shown_is_that_of_a_quantity_that_differs(browser: Any, 
     opened = Opened(browser, (tmp_path / "still.html").as_uri())
     opened.key("Home")
     assert opened.wait(lambda: opened.frame == 0)
-    assert opened.page.evaluate("() => chooseField().name") == "speed"  # nothing differs in this frame, speeds do in the run
+    # Nothing differs in this frame, speeds do in the run
+    assert opened.page.evaluate("() => chooseField().name") == "speed"
     opened.page.evaluate("() => { state.frame.values.temperature[0] += 10; }")
     assert opened.page.evaluate("() => chooseField().name") == "temperature"
     opened.context.close()
 
 
-def test_a_script_that_got_into_the_page_does_not_run(browser: Any, address: str, tmp_path: Path) -> None:
-    """The policy names the digest of the one program; this is what an escape that was forgotten would look like."""
+def test_a_script_that_got_into_the_page_does_not_run(
+    browser: Any, address: str, tmp_path: Path
+) -> None:
+    """The policy names the digest of the one program; this is what an escape that was forgotten
+    would look like.
+    """
     text = Path(address.removeprefix("file://")).read_text(encoding="utf-8")
     added = "<script>window.broken = 1</script><img src=x onerror='window.broken = 2'>"
-    (tmp_path / "page.html").write_text(text.replace("<footer>", f"{added}<footer>"), encoding="utf-8")
+    (tmp_path / "page.html").write_text(
+        text.replace("<footer>", f"{added}<footer>"), encoding="utf-8"
+    )
     opened = Opened(browser, (tmp_path / "page.html").as_uri())
     assert opened.page.evaluate("() => window.broken") is None
     assert any("Content Security Policy" in words for words in opened.said)
@@ -342,7 +393,8 @@ def test_grains_have_the_colors_of_their_values_also_across_the_period(opened: O
     opened.settle()
     expected = opened.page.evaluate(
         """() => { const field = state.field, value = state.frame.values.spin[8];
-        return makeColors(field.colors)[colorIndex(field, value, field.range)].match(/\\d+/g).map(Number); }"""
+        const color = makeColors(field.colors)[colorIndex(field, value, field.range)];
+        return color.match(/\\d+/g).map(Number); }"""
     )
     assert opened.color(3.985, 0.85) == [*expected, 255]
     assert opened.color(0.02, 0.85) == [*expected, 255]  # its image at the other end
@@ -361,7 +413,10 @@ def test_choices_change_the_picture(opened: Opened) -> None:
     opened.page.select_option("#range", "frame")
     opened.page.check("#contacts")
     pictures.append(opened.picture())
-    assert opened.page.inner_text("#contact-note") == "10 contacts carry a force; the widest lines stand for 22 N and more"
+    assert (
+        opened.page.inner_text("#contact-note")
+        == "10 contacts carry a force; the widest lines stand for 22 N and more"
+    )
     opened.page.select_option("#field", label="temperature")
     opened.settle()
     assert opened.page.inner_text("#bar-label") == "temperature above 300 K [mK]"
@@ -393,7 +448,15 @@ def test_light_and_dark(scheme: str, browser: Any, address: str) -> None:
     opened = Opened(browser, address, color_scheme=scheme)
 
     def brightness() -> int:
-        return sum(map(int, re.findall(r"\d+", opened.page.evaluate("() => getComputedStyle(document.body).backgroundColor"))[:3]))
+        return sum(
+            map(
+                int,
+                re.findall(
+                    r"\d+",
+                    opened.page.evaluate("() => getComputedStyle(document.body).backgroundColor"),
+                )[:3],
+            )
+        )
 
     before, picture = brightness(), opened.picture()
     assert (before > 600) == (scheme == "light")
@@ -407,7 +470,13 @@ def test_light_and_dark(scheme: str, browser: Any, address: str) -> None:
 
 
 def test_phone(browser: Any, address: str) -> None:
-    opened = Opened(browser, address, viewport={"width": 375, "height": 700}, has_touch=True, device_scale_factor=2)
+    opened = Opened(
+        browser,
+        address,
+        viewport={"width": 375, "height": 700},
+        has_touch=True,
+        device_scale_factor=2,
+    )
     page = opened.page
     assert page.evaluate("() => document.documentElement.scrollWidth") <= 375
     assert page.locator("#canvas").bounding_box()["width"] <= 375
@@ -422,7 +491,10 @@ def test_phone(browser: Any, address: str) -> None:
     assert "0.6 m/s" in page.inner_text("#tip")  # a finger does not hover
     for x in (0.3, 0.49, 0.51, 0.9):  # wherever it is, nothing of it is cut off
         box = page.locator("#canvas").bounding_box()
-        page.evaluate("(at) => { state.picture.findGrain = () => 6; showTip(at); }", {"clientX": x * 375, "clientY": box["y"] + 40})
+        page.evaluate(
+            "(at) => { state.picture.findGrain = () => 6; showTip(at); }",
+            {"clientX": x * 375, "clientY": box["y"] + 40},
+        )
         tip = page.locator("#tip").bounding_box()
         assert tip["x"] >= box["x"] - 1
         assert tip["x"] + tip["width"] <= box["x"] + box["width"] + 1
@@ -432,16 +504,34 @@ def test_phone(browser: Any, address: str) -> None:
 
 
 def test_two_fingers_zoom_and_the_page_does_not(browser: Any, address: str) -> None:
-    opened = Opened(browser, address, viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True, device_scale_factor=3)
+    opened = Opened(
+        browser,
+        address,
+        viewport={"width": 390, "height": 844},
+        has_touch=True,
+        is_mobile=True,
+        device_scale_factor=3,
+    )
     box = opened.page.locator("#canvas").bounding_box()
     x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
     touch = opened.context.new_cdp_session(opened.page)
-    for kind, apart in (("touchStart", 20), ("touchMove", 40), ("touchMove", 60), ("touchEnd", None)):
-        points = [] if apart is None else [{"x": x + side * apart, "y": y, "id": side + 1} for side in (-1, 1)]
+    for kind, apart in (
+        ("touchStart", 20),
+        ("touchMove", 40),
+        ("touchMove", 60),
+        ("touchEnd", None),
+    ):
+        points = (
+            []
+            if apart is None
+            else [{"x": x + side * apart, "y": y, "id": side + 1} for side in (-1, 1)]
+        )
         touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
     assert opened.wait(lambda: opened.page.evaluate("() => state.picture.zoom") > 2.0)
     assert opened.page.evaluate("() => visualViewport.scale") == 1
-    assert opened.page.evaluate("() => state.picture.pixels") == opened.page.evaluate("() => devicePixelRatio")
+    assert opened.page.evaluate("() => state.picture.pixels") == opened.page.evaluate(
+        "() => devicePixelRatio"
+    )
     assert opened.said == []
     opened.context.close()
 

@@ -1,4 +1,6 @@
-"""Every shipped scenario is valid, and runs at least in a short form with closed books and small overlaps."""
+"""Every shipped scenario is valid, and runs at least in a short form with closed books and small
+overlaps.
+"""
 
 import pytest
 from digest_cases import CONFIGS, SHIPPED
@@ -17,7 +19,9 @@ def test_no_scenario_is_forgotten():
 @pytest.mark.parametrize("name", SHIPPED)
 def test_shipped_scenario_is_valid_and_runs_in_short(name, tmp_path):
     multicor.load_scenario(CONFIGS / f"{name}.toml")
-    multicor.run(multicor.load_scenario(CONFIGS / f"{name}.toml", overrides=SHIPPED[name]), tmp_path / name)
+    multicor.run(
+        multicor.load_scenario(CONFIGS / f"{name}.toml", overrides=SHIPPED[name]), tmp_path / name
+    )
     assert worst_verdict(multicor.check_run(tmp_path / name)) is not Verdict.BAD
     info = run_info(tmp_path / name)
     assert info["status"] == "finished"
@@ -30,7 +34,8 @@ def test_shipped_scenario_is_valid_and_runs_in_short(name, tmp_path):
         assert digests_of(tmp_path / name) == frozen()[name]
     if name == "million":
         with multicor.open_run(tmp_path / name) as run:
-            # From the first step on; 10^6 grains of the full scenario have the same rows, hence as many contacts per grain.
+            # From the first step on; 10^6 grains of the full scenario have the same rows, hence as
+            # many contacts per grain.
             assert (run.series["contacts_mean"][1:] > 1.5 * info["grain_count"]).all()
 
 

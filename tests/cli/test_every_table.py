@@ -1,4 +1,6 @@
-"""Every command that reads a run, on runs between walls of every kind and on odd ones: a table of what is there, or a message."""
+"""Every command that reads a run, on runs between walls of every kind and on odd ones: a table of
+what is there, or a message.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ from multicor_cli.store import Run, RunDirectory, Snapshot, open_run
 
 
 @pytest.fixture(scope="module", params=RUNS, ids=lambda of: f"{of.kind} {of.seed}")
-def walled(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Walled, Run]]:
+def walled(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[tuple[Walled, Run]]:
     """A short run between walls of some kind."""
     folder = tmp_path_factory.mktemp("walled")
     (folder / "walled.toml").write_text(request.param.text)
@@ -44,14 +48,21 @@ def chosen(run: Run) -> list[Any]:
 
 def lines(of: Walled, run: Run) -> tuple[float, float]:
     """Heights of the floor and the lid, averaged over the frames."""
-    start = {"floor": FLOOR, "lid": 0.065 if of.kind == "box of planes" else 0.075 if "under" in of.kind else LID}
-    way = np.mean([frame.wall_position - run.frames[0].wall_position for frame in chosen(run)], axis=0)[:, 1]
+    start = {
+        "floor": FLOOR,
+        "lid": 0.065 if of.kind == "box of planes" else 0.075 if "under" in of.kind else LID,
+    }
+    way = np.mean(
+        [frame.wall_position - run.frames[0].wall_position for frame in chosen(run)], axis=0
+    )[:, 1]
     low, high = (float(start[name] + way[list(of.walls).index(name)]) for name in of.bounds)
     return low, high
 
 
 def wall_forces(run: Run) -> tuple[float, float]:
-    """Shear and normal force on the lid and against it on the floor, half their sum, between the first and last frame [N]."""
+    """Shear and normal force on the lid and against it on the floor, half their sum, between the
+    first and last frame [N].
+    """
     time = np.asarray(run.series["time"])
     ends = [frame.time for frame in chosen(run)]
     rows = (time > ends[0]) & (time <= ends[-1])
@@ -72,7 +83,11 @@ def bounds_are_right(of: Walled, run: Run, table: dict[str, Any]) -> None:
     else:
         radius = run.model.grains.radius
         top = max(float((frame.position[:, 1] + radius).max()) for frame in chosen(run))
-        bottom = FLOOR if of.bounds[0] else min(float((frame.position[:, 1] - radius).min()) for frame in chosen(run))
+        bottom = (
+            FLOOR
+            if of.bounds[0]
+            else min(float((frame.position[:, 1] - radius).min()) for frame in chosen(run))
+        )
         assert table["height"] == pytest.approx(top - bottom, rel=1e-9)
     assert 0.0 < min(table["y"]) <= max(table["y"]) < table["height"]
 
@@ -93,11 +108,15 @@ def temperature(of: Walled, run: Run, table: dict[str, Any]) -> None:
 
 
 def solid_fraction(of: Walled, run: Run, table: dict[str, Any]) -> None:
-    """All area is there, but for grains that lie between those of a rough wall, or between a polygon and its image."""
+    """All area is there, but for grains that lie between those of a rough wall, or between a
+    polygon and its image.
+    """
     bounds_are_right(of, run, table)
     found = sum(table["value"]) * table["bin_area"]
     assert found <= area_of(run) * (1.0 + 1e-9)
-    is_level = not any(kind in shape for shape in of.walls.values() for kind in ("rough", "cluster", "outside"))
+    is_level = not any(
+        kind in shape for shape in of.walls.values() for kind in ("rough", "cluster", "outside")
+    )
     assert found == pytest.approx(area_of(run), rel=1e-6 if is_level else 0.1)
 
 
@@ -123,8 +142,14 @@ def theta_eta(of: Walled, run: Run, table: dict[str, Any]) -> None:
     """Warm at the floor, cold above; each grain is in a bin."""
     frame, radius = run.frames[-1], run.model.grains.radius
     y = frame.position[:, 1]
-    assert (table["wall"], table["wall_temperature"], sum(table["count"])) == ("floor", 400.0, COUNT)
-    assert table["height"] == pytest.approx(float((y + radius).max() - (y - radius).min()), rel=1e-9)
+    assert (table["wall"], table["wall_temperature"], sum(table["count"])) == (
+        "floor",
+        400.0,
+        COUNT,
+    )
+    assert table["height"] == pytest.approx(
+        float((y + radius).max() - (y - radius).min()), rel=1e-9
+    )
     theta = np.array(table["theta"], float)
     assert -1e-3 < np.nanmin(theta) <= np.nanmax(theta) < 1.001
     half = theta.size // 2
@@ -134,7 +159,9 @@ def theta_eta(of: Walled, run: Run, table: dict[str, Any]) -> None:
 def grain_temperatures(of: Walled, run: Run, table: dict[str, Any]) -> None:
     frame = run.frames[-1]
     assert table["value"] == pytest.approx(frame.temperature.tolist())
-    assert np.column_stack([table["x"], table["y"]]) == pytest.approx(np.asarray(frame.position)[:, :2])
+    assert np.column_stack([table["x"], table["y"]]) == pytest.approx(
+        np.asarray(frame.position)[:, :2]
+    )
 
 
 def forces(of: Walled, run: Run, table: dict[str, Any]) -> None:
@@ -146,7 +173,9 @@ def forces(of: Walled, run: Run, table: dict[str, Any]) -> None:
     assert table["coordination"] == pytest.approx((2 * table["contacts"] - with_walls) / COUNT)
     if is_loaded.any():
         assert table["normal_force_mean"] == pytest.approx(float(normal[is_loaded].mean()))
-        assert table["tangential_force_mean"] <= FRICTION * table["normal_force_mean"] * (1.0 + 1e-9)
+        assert table["tangential_force_mean"] <= FRICTION * table["normal_force_mean"] * (
+            1.0 + 1e-9
+        )
 
 
 def directions(of: Walled, run: Run, table: dict[str, Any]) -> None:
@@ -159,7 +188,10 @@ def rheology(of: Walled, run: Run, table: dict[str, Any]) -> None:
     """What presses and shears are the walls; the bulk carries the load."""
     low, high = lines(of, run)
     mean, (shear, normal) = table["mean"], wall_forces(run)
-    assert (tuple(table["walls"]), table["height"]) == (of.bounds, pytest.approx(high - low, rel=1e-9))
+    assert (tuple(table["walls"]), table["height"]) == (
+        of.bounds,
+        pytest.approx(high - low, rel=1e-9),
+    )
     assert mean["pressure"] == pytest.approx(normal / PERIOD, rel=1e-9)
     assert mean["friction_walls"] == pytest.approx(shear / normal, rel=1e-9)
     if of.is_layer:
@@ -180,21 +212,29 @@ def everywhere(of: Walled, run: Run, table: dict[str, Any]) -> None:
 
 
 def coarse(of: Walled, run: Run, table: dict[str, Any]) -> None:
-    """The density that is smeared out is the area of the grains, but for what is smeared out beyond the ends of the grid."""
+    """The density that is smeared out is the area of the grains, but for what is smeared out beyond
+    the ends of the grid.
+    """
     x, y = (np.unique(table[axis]) for axis in "xy")
     cell = (PERIOD / x.size if of.is_periodic else x[1] - x[0]) * (y[1] - y[0])
-    assert 0.8 * area_of(run) < np.sum(table["values"]["solid-fraction"]) * cell < 1.01 * area_of(run)
+    assert (
+        0.8 * area_of(run) < np.sum(table["values"]["solid-fraction"]) * cell < 1.01 * area_of(run)
+    )
 
 
 def flow(of: Walled, run: Run, table: dict[str, Any]) -> None:
     """What has crossed a level across the whole domain is above it in the end."""
-    first, last = (int((frame.position[:, 1] > 0.02).sum()) for frame in (chosen(run)[0], chosen(run)[-1]))
+    first, last = (
+        int((frame.position[:, 1] > 0.02).sum()) for frame in (chosen(run)[0], chosen(run)[-1])
+    )
     assert table["to_the_left"] - table["to_the_right"] == last - first
     assert table["not_counted"] == 0
 
 
 def series(of: Walled, run: Run, table: dict[str, Any]) -> None:
-    assert table["mean"]["kinetic"] == pytest.approx(float(np.mean(run.series["kinetic"])), rel=1e-12)
+    assert table["mean"]["kinetic"] == pytest.approx(
+        float(np.mean(run.series["kinetic"])), rel=1e-12
+    )
 
 
 def books(of: Walled, run: Run, table: dict[str, Any]) -> None:
@@ -206,7 +246,9 @@ def same(of: Walled, run: Run, table: dict[str, Any]) -> None:
     assert table["scenario"] == []
     differences = [number["difference"] for number in table["numbers"].values()]
     assert all(value in (0.0, None) for value in differences)
-    assert ("pressure" in table["numbers"]) == (of.is_periodic and all(of.bounds)), table["numbers"].keys()
+    assert ("pressure" in table["numbers"]) == (of.is_periodic and all(of.bounds)), table[
+        "numbers"
+    ].keys()
 
 
 TABLES: dict[str, Callable[[Walled, Run, dict[str, Any]], None]] = {
@@ -264,7 +306,8 @@ def test_every_command_is_tried() -> None:
 
 
 HEAVY = (
-    "matplotlib", "multicor_cli.engine.contact", "multicor_cli.packing", "numba", "numpy.polynomial", "pandas", "scipy",
+    "matplotlib", "multicor_cli.engine.contact", "multicor_cli.packing", "numba",
+    "numpy.polynomial", "pandas", "scipy",
     "simpleeval",
 )  # fmt: skip
 """What a table without a figure, and an export of frames, do not load: a shell waits for it."""
@@ -272,7 +315,14 @@ HEAVY = (
 
 @pytest.mark.parametrize(
     "words",
-    ["post energy RUN", "post profile RUN", "post rheology RUN", "post series RUN", "post forces RUN", "export csv RUN -o csv"],
+    [
+        "post energy RUN",
+        "post profile RUN",
+        "post rheology RUN",
+        "post series RUN",
+        "post forces RUN",
+        "export csv RUN -o csv",
+    ],
 )
 def test_reading_loads_nothing_heavy(finished: Path, tmp_path: Path, words: str) -> None:
     said = f"import sys; sys.argv[1:] = {words.replace('RUN', str(finished)).split()}\n"
@@ -280,7 +330,9 @@ def test_reading_loads_nothing_heavy(finished: Path, tmp_path: Path, words: str)
         "from multicor_cli.cli.app import main\ntry: main()\n"
         f"finally: print([name for name in {HEAVY} if name in sys.modules], file=sys.stderr)"
     )
-    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
     assert done.stderr.splitlines()[-1] == "[]", done.stderr
 
 
@@ -330,7 +382,13 @@ frame_interval = 1e-3
 """
 """To be run: so many grains on a warm floor, and a lid that moves above them."""
 
-WAITING = changed(FEW, ('packing = { kind = "deposited" }', "release = { rate = 500.0, start = START, region = REGION }"))
+WAITING = changed(
+    FEW,
+    (
+        'packing = { kind = "deposited" }',
+        "release = { rate = 500.0, start = START, region = REGION }",
+    ),
+)
 REGION = "{ min = [0.4, 0.1], max = [0.6, 0.15] }"
 """Grains that are not there at first."""
 
@@ -389,15 +447,19 @@ REGION_SEEN = "{ min = [0.3, 0.0], max = [0.7, 0.2] }"
 LINE = "0.1,0.01:0.9,0.01"
 
 VARIANTS = {
-    "profile": [*(["--of", name] for name in PROFILED), ["--normalized"], ["--bins", "3"], ["--frames", ":"]],
+    "profile": [*(["--of", name] for name in PROFILED), ["--normalized"], ["--bins", "3"],
+        ["--frames", ":"]],
     "map": [*(["--of", name] for name in MAPPED), ["--frame", "0"]],
     "theta-eta": [[], ["--wall", "floor"], ["--frame", "0"], ["--frames", ":"]],
     "forces": [[], ["--frame", "0"]],
     "rheology": [[], ["--margin", "0", "--frames", ":"]],
-    "region": [["--in", REGION_SEEN], ["--in", "{ min = [0.0, 0.15], max = [0.1, 0.2] }", "--frames", ":"]],
+    "region": [["--in", REGION_SEEN],
+        ["--in", "{ min = [0.0, 0.15], max = [0.1, 0.2] }", "--frames", ":"]],
     "fields": [
-        [], ["--frames", ":"], ["--reach", "1e-9"], ["--reach", "0.01"], ["--reach", "1e-300"], ["--spacing", "1e9"],
-        ["--line", LINE], ["--center", "0.5,0.1"], ["--center", "0.5,0.1", "--radial"], ["--center", "1e300,0"],
+        [], ["--frames", ":"], ["--reach", "1e-9"], ["--reach", "0.01"], ["--reach", "1e-300"],
+        ["--spacing", "1e9"],
+        ["--line", LINE], ["--center", "0.5,0.1"], ["--center", "0.5,0.1", "--radial"],
+        ["--center", "1e300,0"],
     ],
     "energy": [[], ["--from", "1e9"]],
     "compare": [["SELF"]],
@@ -409,17 +471,21 @@ VARIANTS = {
 
 OTHERS = [
     ["info"], ["info", "--json"], ["verify"], ["report", "-o", "report.html", "--overwrite"],
-    ["export", "gsd", "-o", "run.gsd", "--overwrite"], ["export", "csv", "-o", "csv", "--overwrite"],
+    ["export", "gsd", "-o", "run.gsd", "--overwrite"],
+    ["export", "csv", "-o", "csv", "--overwrite"],
     ["export", "fclib", "-o", "run.hdf5", "--overwrite"],
 ]  # fmt: skip
 
 
 SHOWN = ("one grain", "none at first", "all in one place")
-"""Of these runs every quantity is shown, in every form of output, and of the last two every figure drawn."""
+"""Of these runs every quantity is shown, in every form of output, and of the last two every figure
+drawn."""
 
 
 def commands(run: Path) -> Iterator[list[str]]:
-    """Every command that reads, in every form of its output, and with what changes what it computes."""
+    """Every command that reads, in every form of its output, and with what changes what it
+    computes.
+    """
     assert VARIANTS.keys() == COMMANDS.keys()
     is_shown = run.name in SHOWN
     forms = [["--json"], ["--csv"], ["--plot", "term"], ["--plot", "figure.png", "--overwrite"]]
@@ -427,7 +493,12 @@ def commands(run: Path) -> Iterator[list[str]]:
     for name, all_variants in VARIANTS.items():
         variants = [k for k in all_variants if is_shown or k is all_variants[0] or "--of" not in k]
         for options in [*variants, *(variants[0] + form for form in forms if name != "animate")]:
-            yield ["post", name, str(run), *(str(run) if word == "SELF" else word for word in options)]
+            yield [
+                "post",
+                name,
+                str(run),
+                *(str(run) if word == "SELF" else word for word in options),
+            ]
     for words in OTHERS:
         place = 2 if words[0] == "export" else 1
         yield [*words[:place], str(run), *words[place:]]
@@ -435,7 +506,9 @@ def commands(run: Path) -> Iterator[list[str]]:
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 @pytest.mark.parametrize("name", [*SCENARIOS, *BY_HAND])
-def test_a_reading_command_gives_a_table_or_a_message(runs: dict[str, Path], name: str, tmp_path: Path) -> None:
+def test_a_reading_command_gives_a_table_or_a_message(
+    runs: dict[str, Path], name: str, tmp_path: Path
+) -> None:
     for words in commands(runs[name]):
         done = call(*words, cwd=tmp_path)
         said = f"{words}: {done.returncode}\n{done.stderr}"
@@ -446,8 +519,12 @@ def test_a_reading_command_gives_a_table_or_a_message(runs: dict[str, Path], nam
             json.loads(done.stdout)
 
 
-@pytest.mark.parametrize("words", [["post", "map"], ["post", "forces"], ["post", "profile"], ["post", "fields"]])
-def test_where_no_grain_is_a_command_says_so(runs: dict[str, Path], words: list[str], tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "words", [["post", "map"], ["post", "forces"], ["post", "profile"], ["post", "fields"]]
+)
+def test_where_no_grain_is_a_command_says_so(
+    runs: dict[str, Path], words: list[str], tmp_path: Path
+) -> None:
     done = call(*words, runs["none yet"], cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert "no grain is there in frame" in done.stderr

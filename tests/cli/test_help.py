@@ -1,4 +1,6 @@
-"""Help is quick because nothing heavy is imported for it, and so is what only reads; help is as wide as the terminal."""
+"""Help is quick because nothing heavy is imported for it, and so is what only reads; help is as
+wide as the terminal.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,20 @@ from multicor_cli import __version__
 from multicor_cli.cli.app import app
 
 HEAVY = {"numpy", "numba", "h5py", "pydantic", "matplotlib", "scipy", "simpleeval"}
-COMMANDS = ["new", "validate", "run", "info", "verify", "post", "export", "report", "bench", "schema", "doctor", "study"]
+COMMANDS = [
+    "new",
+    "validate",
+    "run",
+    "info",
+    "verify",
+    "post",
+    "export",
+    "report",
+    "bench",
+    "schema",
+    "doctor",
+    "study",
+]
 
 
 COMMAND = "sys.argv = ['multicor', *{!r}]; from multicor_cli.cli.app import main; main()"
@@ -34,9 +49,19 @@ print(*sorted(sys.modules), file=sys.stderr)
 
 
 def loaded_after(code: str, **options: Any) -> set[str]:
-    """Modules, and the packages that they are in, that are loaded after ``code`` has run in a process of its own."""
+    """Modules, and the packages that they are in, that are loaded after ``code`` has run in a
+    process of its own.
+    """
     command = [sys.executable, "-c", SCRIPT.format(code=code)]
-    done = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=120, check=True, **options)
+    done = subprocess.run(
+        command,
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+        **options,
+    )
     names = done.stderr.splitlines()[-1].split()
     return {*names, *(name.split(".")[0] for name in names)}
 
@@ -50,14 +75,24 @@ def test_help_imports_nothing_heavy(arguments: str) -> None:
 
 
 def test_help_names_quantities_and_compiles_nothing() -> None:
-    assert not loaded_after(COMMAND.format(["post", "map", "--help"])) & (HEAVY - {"pydantic", "numpy"})
+    assert not loaded_after(COMMAND.format(["post", "map", "--help"])) & (
+        HEAVY - {"pydantic", "numpy"}
+    )
 
 
 COMPILERS = {"numba", "llvmlite"}
 FIGURES = {"matplotlib", "PIL", "multicor_cli.plots"}
 MANY_RUNS = {"scipy", "pandas", "dask", "distributed", "simpleeval", "multicor_cli.studies"}
-KERNELS = {"multicor_cli.engine.jit.compile", "multicor_cli.engine.geometry.scene", "multicor_cli.engine.step"}
-SCENARIOS = {"multicor_cli.scenario.models", "multicor_cli.running.plan", "multicor_cli.packing.assembly"}
+KERNELS = {
+    "multicor_cli.engine.jit.compile",
+    "multicor_cli.engine.geometry.scene",
+    "multicor_cli.engine.step",
+}
+SCENARIOS = {
+    "multicor_cli.scenario.models",
+    "multicor_cli.running.plan",
+    "multicor_cli.packing.assembly",
+}
 READING = COMPILERS | FIGURES | MANY_RUNS | KERNELS
 
 
@@ -74,24 +109,35 @@ READING = COMPILERS | FIGURES | MANY_RUNS | KERNELS
         ("new bed", READING | {"h5py"}),
         ("schema", READING | {"h5py"}),
         # Grains are placed by kernels; Numba looks for scipy.
-        ("validate small.toml", FIGURES | (MANY_RUNS - {"scipy"}) | {"multicor_cli.engine.contact"}),
+        (
+            "validate small.toml",
+            FIGURES | (MANY_RUNS - {"scipy"}) | {"multicor_cli.engine.contact"},
+        ),
     ],
 )
-def test_a_command_loads_no_more_than_it_needs(arguments: str, forbidden: set[str], finished: Path, tmp_path: Path) -> None:
+def test_a_command_loads_no_more_than_it_needs(
+    arguments: str, forbidden: set[str], finished: Path, tmp_path: Path
+) -> None:
     (tmp_path / "small.toml").write_text(scenes.SMALL)
-    modules = loaded_after(COMMAND.format(arguments.replace("RUN", str(finished)).split()), cwd=tmp_path)
+    modules = loaded_after(
+        COMMAND.format(arguments.replace("RUN", str(finished)).split()), cwd=tmp_path
+    )
     assert not modules & forbidden
 
 
 def test_importing_the_package_imports_nothing_heavy() -> None:
     modules = loaded_after(
-        "import multicor_cli, multicor_cli.running, multicor_cli.engine, multicor_cli.cli.app, multicor_cli.store; multicor_cli.run"
+        "import multicor_cli, multicor_cli.running, multicor_cli.engine, multicor_cli.cli.app, "
+        "multicor_cli.store; multicor_cli.run"
     )
     assert not modules & HEAVY
 
 
 def test_expressions_are_evaluated_only_where_there_are_any() -> None:
-    load = "from scenes import SMALL; from multicor_cli.scenario import parse_scenario; parse_scenario(SMALL, 'a.toml', {})"
+    load = (
+        "from scenes import SMALL; from multicor_cli.scenario import parse_scenario; "
+        "parse_scenario(SMALL, 'a.toml', {})"
+    )
     code = f"sys.path.insert(0, {str(Path(scenes.__file__).parent)!r}); {load}"
     assert "simpleeval" not in loaded_after(code.format([]))
     assert "simpleeval" not in loaded_after(code.format(["variables={}"]))
@@ -107,7 +153,12 @@ def test_help_names_every_command(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("command", "word"),
-    [("post animate", "coordination"), ("post profile", "pressure"), ("bench", "heated-bed"), ("new", "hopper")],
+    [
+        ("post animate", "coordination"),
+        ("post profile", "pressure"),
+        ("bench", "heated-bed"),
+        ("new", "hopper"),
+    ],
 )
 def test_help_lists_what_there_is(command: str, word: str, tmp_path: Path) -> None:
     done = call(*command.split(), "--help", cwd=tmp_path)
@@ -115,12 +166,16 @@ def test_help_lists_what_there_is(command: str, word: str, tmp_path: Path) -> No
     assert "--normalised" not in done.stdout
 
 
-NAMES = {" ".join(path[:k]) for path, _ in commands(get_command(app)) for k in range(1, len(path) + 1)}
+NAMES = {
+    " ".join(path[:k]) for path, _ in commands(get_command(app)) for k in range(1, len(path) + 1)
+}
 
 
 @pytest.mark.parametrize("name", sorted(NAMES))
 def test_every_command_has_help_as_wide_as_the_terminal(name: str, tmp_path: Path) -> None:
-    """Prose fills its lines: the first word of a line would not have fitted into the one before, unless a paragraph begins."""
+    """Prose fills its lines: the first word of a line would not have fitted into the one before,
+    unless a paragraph begins.
+    """
     done = call(*name.split(), "--help", cwd=tmp_path, COLUMNS="80")
     assert done.returncode == 0, done.stderr
     assert "Usage" in done.stdout
@@ -142,7 +197,11 @@ def test_every_command_has_help_as_wide_as_the_terminal(name: str, tmp_path: Pat
         ("post animate RUN --of ", {"velocity", "temperature"}, set()),
         ("post compare RUN RUN --of spin --of vel", {"velocity"}, {"spin"}),
         ("post fields RUN --of velocity", {"velocity-x", "velocity-y"}, {"velocity-r"}),
-        ("post fields RUN --center 0,0 --of velocity", {"velocity-r", "velocity-t"}, {"velocity-x"}),
+        (
+            "post fields RUN --center 0,0 --of velocity",
+            {"velocity-r", "velocity-t"},
+            {"velocity-x"},
+        ),
         ("post series RUN --of force", {"force_x", "force_y"}, {"kinetic"}),
         ("post series NONE --of force", set(), {"force_x"}),
         ("study plot s.toml f.png --of m", {"mu"}, {"steps"}),
@@ -151,13 +210,19 @@ def test_every_command_has_help_as_wide_as_the_terminal(name: str, tmp_path: Pat
         ("bench hea", {"heated-bed"}, {"shear"}),
     ],
 )
-def test_the_shell_completes_values(line: str, offered: set[str], not_offered: set[str], finished: Path, tmp_path: Path) -> None:
+def test_the_shell_completes_values(
+    line: str, offered: set[str], not_offered: set[str], finished: Path, tmp_path: Path
+) -> None:
     (tmp_path / "s.toml").write_text(
         '[study]\nname = "s"\nscenario = "a.toml"\n[[observe]]\nname = "mu"\ninfo = "time"\n'
         '[[observe]]\nname = "steps"\ninfo = "step"\n'
     )
     words = f"multicor {line}".replace("RUN", str(finished)).replace("NONE", str(tmp_path / "none"))
-    asked = {"_MULTICOR_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(len(words.split(" ")) - 1)}
+    asked = {
+        "_MULTICOR_COMPLETE": "complete_bash",
+        "COMP_WORDS": words,
+        "COMP_CWORD": str(len(words.split(" ")) - 1),
+    }
     done = call(cwd=tmp_path, **asked)
     assert (done.returncode, done.stderr) == (0, "")
     found = set(done.stdout.split())
@@ -170,7 +235,13 @@ def test_a_pipe_that_nobody_reads_is_no_failure(arguments: tuple[str, ...], tmp_
     reading, writing = os.pipe()
     os.close(reading)
     done = subprocess.run(
-        command(*arguments), cwd=tmp_path, env=environment(), stdout=writing, stderr=subprocess.PIPE, text=True, check=False
+        command(*arguments),
+        cwd=tmp_path,
+        env=environment(),
+        stdout=writing,
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
     )
     os.close(writing)
     assert (done.returncode, done.stderr) == (0, "")

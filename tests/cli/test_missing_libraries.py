@@ -1,4 +1,6 @@
-"""What needs a library of an extra says so where it is missing, in one way; everything else does without."""
+"""What needs a library of an extra says so where it is missing, in one way; everything else does
+without.
+"""
 
 import sys
 import tomllib
@@ -32,12 +34,21 @@ def remove(monkeypatch, name: str) -> str:
     for module in {name, *(module for module in sys.modules if module.startswith(f"{name}."))}:
         monkeypatch.setitem(sys.modules, module, None)
     wanted = LIBRARIES[name]
-    return f"{wanted.use} need {wanted.name}, which is not installed: pip install 'multicor-cli[{wanted.extra}]'"
+    return (
+        f"{wanted.use} need {wanted.name}, which is not installed: pip install "
+        f"'multicor-cli[{wanted.extra}]'"
+    )
 
 
 def test_the_list_is_that_of_the_extras():
-    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
-    named = {(extra, need.partition(">")[0]) for extra in ("plots", "gsd", "study") for need in extras[extra]}
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"][
+        "optional-dependencies"
+    ]
+    named = {
+        (extra, need.partition(">")[0])
+        for extra in ("plots", "gsd", "study")
+        for need in extras[extra]
+    }
     assert {(each.extra, each.name) for each in LIBRARIES.values()} == named
 
 
@@ -60,9 +71,13 @@ def test_the_list_is_that_of_the_extras():
 def test_a_command_names_the_extra(missing, words, finished, tmp_path, monkeypatch):
     (tmp_path / "small.toml").write_text(SMALL)
     for kind in ("sobol", "latin-hypercube"):
-        (tmp_path / f"{kind}.toml").write_text(STUDY.format(vary=DRAWN.replace("KIND", kind), more=""))
+        (tmp_path / f"{kind}.toml").write_text(
+            STUDY.format(vary=DRAWN.replace("KIND", kind), more="")
+        )
     (tmp_path / "slurm.toml").write_text(STUDY.format(vary=LISTED, more="[compute.slurm]\n"))
-    (tmp_path / "dask.toml").write_text(STUDY.format(vary=LISTED, more='[compute]\nscheduler = "tls://localhost:1"\n'))
+    (tmp_path / "dask.toml").write_text(
+        STUDY.format(vary=LISTED, more='[compute]\nscheduler = "tls://localhost:1"\n')
+    )
     before = set(tmp_path.iterdir())
     said = remove(monkeypatch, missing)
     done = call(*words.replace("RUN", str(finished)).split(), cwd=tmp_path)
@@ -73,9 +88,12 @@ def test_a_command_names_the_extra(missing, words, finished, tmp_path, monkeypat
 
 
 TEXTS = (
-    "post profile RUN", "post map RUN --of velocity", "post map RUN --of fluctuation", "post forces RUN",
+    "post profile RUN", "post map RUN --of velocity", "post map RUN --of fluctuation", ("post "
+        "forces RUN"),
     "post rheology RUN --from 0",
-    "post region RUN --in {min=[0.0,0.0],max=[0.02,0.01]}", "post fields RUN", "post energy RUN", "post compare RUN RUN",
+    "post region RUN --in {min=[0.0,0.0],max=[0.02,0.01]}", "post fields RUN", "post energy RUN",
+    ("post "
+        "compare RUN RUN"),
     "post series RUN", "post flow RUN --from 0 --line 0.01,0.0:0.01,0.01",
 )  # fmt: skip
 
@@ -85,7 +103,9 @@ def test_the_terminal_needs_matplotlib_for_pictures_only(words, finished, tmp_pa
     said = remove(monkeypatch, "matplotlib")
     for more in ([], ["--plot", "term"]):
         done = call(*words.replace("RUN", str(finished)).split(), *more, cwd=tmp_path)
-        assert done.returncode == 0 or (more and done.returncode == 5 and said in done.stderr), done.stderr
+        assert done.returncode == 0 or (more and done.returncode == 5 and said in done.stderr), (
+            done.stderr
+        )
 
 
 @pytest.mark.parametrize("missing", ["pandas", "pyarrow"])
@@ -117,5 +137,8 @@ def test_a_library_that_is_broken_is_not_called_missing(tmp_path, monkeypatch):
     monkeypatch.delitem(sys.modules, "gsd")
     (tmp_path / "gsd.py").write_text("import no_such_thing")
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(MissingLibrary, match=r"gsd, which cannot be loaded \(No module named 'no_such_thing'\): pip install"):
+    with pytest.raises(
+        MissingLibrary,
+        match=r"gsd, which cannot be loaded \(No module named 'no_such_thing'\): pip install",
+    ):
         library("gsd")

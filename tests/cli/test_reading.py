@@ -1,4 +1,6 @@
-"""info, verify, doctor and post: pure results on stdout in three forms, figures, and quiet when a pipe closes."""
+"""info, verify, doctor and post: pure results on stdout in three forms, figures, and quiet when a
+pipe closes.
+"""
 
 import csv
 import json
@@ -30,7 +32,11 @@ def outputs(typed, read, tmp_path):
     def outputs(line, suffix="png"):
         done = typed(f"{line} --plot figure.{suffix}")
         assert (tmp_path / f"figure.{suffix}").read_bytes().startswith(HEADS[suffix])
-        return read(line), list(csv.DictReader(typed(f"{line} --csv").stdout.splitlines())), done.stdout
+        return (
+            read(line),
+            list(csv.DictReader(typed(f"{line} --csv").stdout.splitlines())),
+            done.stdout,
+        )
 
     return outputs
 
@@ -61,7 +67,11 @@ def test_info_of_heat(typed, read):
         assert words in said
     assert re.search(r"warning +largest Biot number +0.23 ", said)
     data = read("info HEATED")
-    assert (data["heat_closure"], data["heat"]["max_biot"], data["heat"]["solid_gas_max"]) == (1e-15, 0.23, None)
+    assert (data["heat_closure"], data["heat"]["max_biot"], data["heat"]["solid_gas_max"]) == (
+        1e-15,
+        0.23,
+        None,
+    )
 
 
 def test_verify_finds_damage(typed, finished, tmp_path):
@@ -80,7 +90,8 @@ def test_profile(typed, outputs):
     assert [*rows[0]] == ["y [m]", "velocity [m/s]", "standard error [m/s]", "area [m2]"]
     assert (column(rows, "y [m]"), column(rows, "velocity [m/s]")) == (data["y"], data["value"])
     assert data["walls"] == ["bottom", "top"]
-    shown = [float(word) for word in re.findall(r"-?\d[\d.e+-]*", table)]  # as many decimals as its column shows
+    # as many decimals as its column shows
+    shown = [float(word) for word in re.findall(r"-?\d[\d.e+-]*", table)]
     assert any(number == pytest.approx(data["value"][2], rel=1e-3) for number in shown)
     assert "1 frame from t" in typed("post profile RUN --of velocity --bins 4").stderr
 
@@ -124,11 +135,16 @@ def test_forces(outputs):
     assert (len(rows), max(normal)) == (data["contacts"], data["normal_force_max"])
     assert data["normal_force_mean"] == pytest.approx(sum(normal) / len(normal))
     walls = sum(int(row["j"]) >= 60 for row in rows)
-    assert (data["wall_contacts"], data["coordination"]) == (walls, pytest.approx((2 * len(rows) - walls) / 60))
+    assert (data["wall_contacts"], data["coordination"]) == (
+        walls,
+        pytest.approx((2 * len(rows) - walls) / 60),
+    )
     assert "coordination number Z" in said
 
 
-@pytest.mark.parametrize(("option", "key", "more"), [("--distribution", "edges", -1), ("--angles", "angle", 0)])
+@pytest.mark.parametrize(
+    ("option", "key", "more"), [("--distribution", "edges", -1), ("--angles", "angle", 0)]
+)
 def test_forces_distribution_and_angles(option, key, more, outputs, read):
     data, rows, _ = outputs(f"post forces RUN {option} --frames -5:", "pdf")
     assert (data["frame_count"], len(rows)) == (5, len(data[key]) + more)
@@ -143,7 +159,14 @@ def test_theta_eta(typed, outputs, read):
     assert "grains" not in data
     grains = read(f"{line} --grains")["grains"]
     assert grains["theta"] == pytest.approx([1.0 - eta for eta in grains["eta"]])
-    assert [*rows[0]] == ["eta [1]", "theta [1]", "standard deviation [1]", "min [1]", "max [1]", "count"]
+    assert [*rows[0]] == [
+        "eta [1]",
+        "theta [1]",
+        "standard deviation [1]",
+        "min [1]",
+        "max [1]",
+        "count",
+    ]
     assert len(rows) == 5
     assert len(typed(f"{line} --csv --grains").stdout.splitlines()) == GRAINS + 1
     assert "'top' at 320 K, T0 = 300 K, H = 1 m" in typed(line).stderr
@@ -165,7 +188,9 @@ def test_energy(typed, outputs):
 
 
 def test_region(outputs):
-    data, rows, table = outputs("post region RUN --in '{ min = [0.0, 0.005], max = [0.01, 0.01] }' --from 0", "pdf")
+    data, rows, table = outputs(
+        "post region RUN --in '{ min = [0.0, 0.005], max = [0.01, 0.01] }' --from 0", "pdf"
+    )
     assert [float(next(iter(row.values()))) for row in rows] == data["time"]
     assert data["area"] == pytest.approx(5e-5)
     assert f"{data['mean']['solid_fraction']:.5g}" in table
@@ -174,7 +199,9 @@ def test_region(outputs):
 def test_compare(typed, outputs):
     data, rows, table = outputs("post compare RUN RUN --of velocity --of spin")
     assert data["scenario"] == []
-    assert set(data["profiles"]) == {next(iter(row.values())) for row in rows} == {"velocity", "spin"}
+    assert (
+        set(data["profiles"]) == {next(iter(row.values())) for row in rows} == {"velocity", "spin"}
+    )
     assert "work of the walls" in table
     assert "keys of the scenarios differ" in typed("post compare RUN HEATED").stderr
 
@@ -182,19 +209,32 @@ def test_compare(typed, outputs):
 def test_every_command_works_while_the_run_goes_on(typed, tmp_path, monkeypatch):
     """Called where the run would end: its lock is held, its frames lie in segments."""
     lines = (
-        "profile run", "profile run --of stress", "profile run --of heat", "theta-eta run --wall top", "map run",
-        "map run --of stress", "forces run", "forces run --angles", "forces run --distribution", "rheology run --from 0",
+        "profile run", "profile run --of stress", "profile run --of heat", ("theta-eta run --wall "
+            "top"), ("map "
+            "run"),
+        "map run --of stress", "forces run", "forces run --angles", "forces run --distribution",
+        ("rheology "
+            "run --from 0"),
         "energy run", "compare run run",
     )  # fmt: skip
     looked = []
-    monkeypatch.setattr(RunDirectory, "finish", lambda *_, **__: looked.extend(typed(f"post {line}") for line in lines))
+    monkeypatch.setattr(
+        RunDirectory,
+        "finish",
+        lambda *_, **__: looked.extend(typed(f"post {line}") for line in lines),
+    )
     write_heated_run(tmp_path / "run")
     assert len(looked) == len(lines)
 
 
 def test_runs_without_contacts_say_so(typed, tmp_path):
     write_heated_run(tmp_path / "run", contacts=False)
-    for line in ("profile run --of stress", "profile run --of coordination", "map run --of stress", "forces run --angles"):
+    for line in (
+        "profile run --of stress",
+        "profile run --of coordination",
+        "map run --of stress",
+        "forces run --angles",
+    ):
         done = typed(f"post {line}", 2)
         assert (done.stdout, done.stderr.count("\n")) == ("", 1)
         assert "contacts = true in [output]" in done.stderr
@@ -208,7 +248,10 @@ def test_figures_in_new_directories(suffix, typed, tmp_path):
 
 @pytest.mark.parametrize(
     "line",
-    ["profile RUN", "map RUN --of velocity", "forces RUN", "rheology RUN", "energy RUN", "theta-eta RUN", "compare RUN RUN",
+    ["profile RUN", "map RUN --of velocity", "forces RUN", "rheology RUN", "energy RUN",
+        ("theta-eta "
+        "RUN"), ("compare "
+        "RUN RUN"),
      "region RUN --in '{ min = [0, 0], max = [1, 1] }'"],
 )  # fmt: skip
 def test_a_figure_that_is_there_is_kept(line, typed, tmp_path):
@@ -222,7 +265,10 @@ def test_a_figure_that_is_there_is_kept(line, typed, tmp_path):
         assert figure.read_bytes().startswith(HEADS["png"])
 
 
-@pytest.mark.parametrize("line", [["schema"], ["info", "RUN", "--json"], ["post", "profile", "RUN", "--csv", "--bins", "5000"]])
+@pytest.mark.parametrize(
+    "line",
+    [["schema"], ["info", "RUN", "--json"], ["post", "profile", "RUN", "--csv", "--bins", "5000"]],
+)
 def test_closed_pipe_is_quiet(line, finished):
     """As in ``multicor … | true``, with nobody reading from the start."""
     words = [str(finished) if word == "RUN" else word for word in line]
@@ -235,7 +281,9 @@ def test_closed_pipe_is_quiet(line, finished):
 
 def test_closed_stderr_does_not_stop_a_run(finished):
     words = command("run", "small.toml", "-o", "full")
-    process = subprocess.Popen(words, cwd=finished.parent, env=environment(), stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        words, cwd=finished.parent, env=environment(), stderr=subprocess.PIPE, text=True
+    )
     process.stderr.close()
     assert process.wait(timeout=60) == 0
 
@@ -247,7 +295,17 @@ def test_no_color_and_no_escapes_off_a_terminal(typed):
 
 def test_doctor_describes_the_installation(read):
     data = read("doctor")
-    assert data.keys() >= {"multicor", "python", "numpy", "numba", "h5py", "hdf5", "threading layer", "kernel cache", "cores"}
+    assert data.keys() >= {
+        "multicor",
+        "python",
+        "numpy",
+        "numba",
+        "h5py",
+        "hdf5",
+        "threading layer",
+        "kernel cache",
+        "cores",
+    }
     assert data.keys() >= {each.name for each in LIBRARIES.values()}
 
 
@@ -258,15 +316,21 @@ def test_doctor_describes_the_installation(read):
             {"NUMBA_THREADING_LAYER": "abacus"},
             "none: NUMBA_THREADING_LAYER=abacus: Numba has no such threading layer here; unset it",
         ),
-        ({"NUMBA_THREADING_LAYER_PRIORITY": "abacus"}, "none: NUMBA_THREADING_LAYER_PRIORITY=abacus: Numba has no such"),
+        (
+            {"NUMBA_THREADING_LAYER_PRIORITY": "abacus"},
+            "none: NUMBA_THREADING_LAYER_PRIORITY=abacus: Numba has no such",
+        ),
         ({"NUMBA_DISABLE_JIT": "1"}, "none: nothing is compiled, as NUMBA_DISABLE_JIT is set"),
         ({"NUMBA_THREADING_LAYER": "workqueue"}, "workqueue, "),
         ({"NUMBA_NUM_THREADS": "3"}, ", 3 threads"),
     ],
 )
-def test_doctor_says_in_a_sentence_why_there_is_no_threading_layer(variables: dict[str, str], said: str, tmp_path: Path) -> None:
+def test_doctor_says_in_a_sentence_why_there_is_no_threading_layer(
+    variables: dict[str, str], said: str, tmp_path: Path
+) -> None:
     done = call("doctor", cwd=tmp_path, **variables)
     assert done.returncode == 0, done.stderr
     (line,) = [line for line in done.stdout.splitlines() if line.startswith("threading layer")]
     assert said in line
-    assert all(re.match(r"\S+( \S+)?  +\S", each) for each in done.stdout.splitlines())  # nothing but names and values
+    # Nothing but names and values
+    assert all(re.match(r"\S+( \S+)?  +\S", each) for each in done.stdout.splitlines())

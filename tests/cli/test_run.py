@@ -1,4 +1,6 @@
-"""The command `run` in processes of its own: signals, kills, resuming, refusals; and Ctrl-C in a benchmark."""
+"""The command `run` in processes of its own: signals, kills, resuming, refusals; and Ctrl-C in a
+benchmark.
+"""
 
 import json
 import os
@@ -33,7 +35,9 @@ def wait_for_step(process: subprocess.Popen[str], directory: Path, step: int) ->
 
 
 def start_changed(directory: Path, change: str, said: str = "") -> subprocess.Popen[str]:
-    """A run into ``here`` of a program in which ``change`` has been done; it is waited for until it has said something."""
+    """A run into ``here`` of a program in which ``change`` has been done; it is waited for until it
+    has said something.
+    """
     code = (
         "import sys, time; sys.argv = ['multicor', 'run', 'small.toml', '-o', 'here']\n"
         "import multicor_cli.running.session as s\n"
@@ -41,12 +45,16 @@ def start_changed(directory: Path, change: str, said: str = "") -> subprocess.Po
         "from multicor_cli.cli.app import main; main()"
     )
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    process = subprocess.Popen([sys.executable, "-c", code], cwd=write_small(directory).parent, env=environment(), **pipes)
+    process = subprocess.Popen(
+        [sys.executable, "-c", code], cwd=write_small(directory).parent, env=environment(), **pipes
+    )
     assert not said or process.stdout.readline() == f"{said}\n"
     return process
 
 
-def stop(process: subprocess.Popen[str], number: int = signal.SIGTERM, *, within: float = 60.0) -> str:
+def stop(
+    process: subprocess.Popen[str], number: int = signal.SIGTERM, *, within: float = 60.0
+) -> str:
     """End a process as a signal does, within a time [s]; what it says."""
     process.send_signal(number)
     _, said = process.communicate(timeout=within)
@@ -66,14 +74,17 @@ def test_number_of_threads_does_not_matter(typed, finished, tmp_path):
     """More than this machine may have cores."""
     done = typed("run SMALL -o other --threads 4 -q")
     assert done.stdout == ""
-    assert all(line.startswith("warning: ") for line in done.stderr.splitlines())  # of checks: their time step is a long one
+    # of checks: their time step is a long one
+    assert all(line.startswith("warning: ") for line in done.stderr.splitlines())
     assert read_info(tmp_path / "other")["provenance"]["threads"] == 4
     assert digests(tmp_path / "other") == digests(finished)
 
 
 @pytest.mark.reliability
 def test_kills_and_signals_leave_no_trace(typed, finished, tmp_path):
-    """Stopped at random moments in three ways, the same command goes on; at the end every dataset is the same to the bit."""
+    """Stopped at random moments in three ways, the same command goes on; at the end every dataset
+    is the same to the bit.
+    """
     write_small(tmp_path)
     rng = random.Random(20261121)
     codes = []
@@ -129,7 +140,10 @@ def test_signal_while_nothing_has_to_be_saved_ends_the_process(typed, finished, 
     """In a slow placement, or while kernels compile."""
 
     def stop_in(name: str) -> None:
-        hang = f"def hang(*a, **k):\n    print('hanging', flush=True)\n    while True: time.sleep(0.05)\ns.{name} = hang"
+        hang = (
+            "def hang(*a, **k):\n    print('hanging', flush=True)\n"
+            f"    while True: time.sleep(0.05)\ns.{name} = hang"
+        )
         said = stop(start_changed(tmp_path, hang, "hanging"), within=5.0)
         assert "terminated (SIGTERM): step 0, t = 0 s, in here; the same command continues" in said
 
@@ -140,7 +154,8 @@ def test_signal_while_nothing_has_to_be_saved_ends_the_process(typed, finished, 
     assert (info["status"], info["exit_code"]) == ("stopped", 143)
     assert (tmp_path / "here" / "lock").read_text() == ""
     for checkpoint in (tmp_path / "here" / "checkpoints").iterdir():
-        checkpoint.unlink()  # as if it had been killed before the first one: the grains are placed again
+        # as if it had been killed before the first one: the grains are placed again
+        checkpoint.unlink()
     stop_in("place")
     typed("run small.toml -o here")
     assert digests(tmp_path / "here") == digests(finished)
@@ -172,7 +187,9 @@ def test_time_limit_is_code_75(typed, tmp_path):
 
 def test_changed_scenario_is_code_3_and_names_the_keys(typed, finished):
     done = typed("run SMALL -o RUN --set contacts.0.friction=0.5 --set solver.dt=1e-4", 3)
-    assert re.search(r"contacts.0.friction: was 0.4 when the run in \S+ began, is 0.5 now", done.stderr)
+    assert re.search(
+        r"contacts.0.friction: was 0.4 when the run in \S+ began, is 0.5 now", done.stderr
+    )
     assert "solver.dt" in done.stderr
     assert read_info(finished)["status"] == "finished"
 
@@ -185,7 +202,10 @@ def test_keys_without_influence_may_change(typed):
 def test_a_finished_run_names_the_next_two_commands(typed):
     done = typed("run SMALL -o RUN")
     said = done.stderr[done.stderr.index("next:  ") + 7 :].splitlines()
-    assert [line.split()[:3] for line in said] == [["multicor", "post", "map"], ["multicor", "report", shlex.split(said[1])[2]]]
+    assert [line.split()[:3] for line in said] == [
+        ["multicor", "post", "map"],
+        ["multicor", "report", shlex.split(said[1])[2]],
+    ]
     typed(said[0].removeprefix("multicor "))
     assert "next:" not in typed("run SMALL -o RUN -q").stderr
 
@@ -228,7 +248,10 @@ def test_dry_run_writes_nothing(typed, tmp_path):
 @pytest.mark.reliability
 def test_full_disk_is_code_5_and_can_be_continued(typed, finished, tmp_path):
     """A limit on the size of files stands for a full disk."""
-    limit = "signal.signal(signal.SIGXFSZ, signal.SIG_IGN); resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))"
+    limit = (
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN); resource.setrlimit(resource.RLIMIT_FSIZE, "
+        "(100_000, 100_000))"
+    )
     process = start_changed(tmp_path, f"import resource, signal; {limit}")
     _, said = process.communicate(timeout=120)
     assert process.returncode == 5, said
@@ -239,7 +262,10 @@ def test_full_disk_is_code_5_and_can_be_continued(typed, finished, tmp_path):
 
 
 def test_bug_leaves_a_crash_file_and_one_line(tmp_path):
-    process = start_changed(tmp_path, "def step(self, *a, **k): raise ZeroDivisionError('of all things')\ns.Engine.step = step")
+    process = start_changed(
+        tmp_path,
+        "def step(self, *a, **k): raise ZeroDivisionError('of all things')\ns.Engine.step = step",
+    )
     _, said = process.communicate(timeout=60)
     assert process.returncode == 1
     assert "this is a bug" in said
@@ -278,11 +304,17 @@ def test_frames_and_series_follow_their_cadences(finished):
 def test_a_benchmark_ends_with_its_processes(tmp_path):
     """What compiles and computes without a run: one line, exit code 130, nothing left behind."""
     words = command("bench", "bed", "--grains", "1000", "--threads", "1")
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "start_new_session": True}
+    pipes = {
+        "stdout": subprocess.PIPE,
+        "stderr": subprocess.PIPE,
+        "text": True,
+        "start_new_session": True,
+    }
     process = subprocess.Popen(words, cwd=tmp_path, env=environment(), **pipes)
     next(line for line in process.stderr if line.startswith("bed, about"))
     os.killpg(process.pid, signal.SIGINT)
-    _, said = process.communicate(timeout=60)  # its processes hold the pipes until they have ended, too
+    # Its processes hold the pipes until they have ended, too
+    _, said = process.communicate(timeout=60)
     assert process.returncode == 130
     assert said.splitlines()[-1] == "multicor: interrupted"
     assert "Traceback" not in said

@@ -1,4 +1,6 @@
-"""new, validate, schema, in this process; what a process of its own would add is tested with `run`."""
+"""new, validate, schema, in this process; what a process of its own would add is tested with
+`run`.
+"""
 
 import json
 import math
@@ -24,7 +26,10 @@ def test_a_template_with_a_table_writes_it_beside(typed, tmp_path):
     assert "mine.csv exists" in typed("new mine --template sieve-curve", 6).stderr
     assert [path.name for path in tmp_path.iterdir()] == ["mine.csv"]
     assert (tmp_path / "mine.csv").read_text() == "mine"
-    assert "wrote mine.toml and mine.csv" in typed("new mine --template sieve-curve --overwrite").stderr
+    assert (
+        "wrote mine.toml and mine.csv"
+        in typed("new mine --template sieve-curve --overwrite").stderr
+    )
     typed("validate mine.toml")
 
 
@@ -58,12 +63,17 @@ def test_validate_says_what_a_run_will_cost(typed, tmp_path):
 
 
 def test_validate_says_what_walls_weigh_that_forces_push(typed, tmp_path):
-    """Mass π r² h ρ of a solid disc, a given one, and none of walls that only move as prescribed."""
+    """Mass π r² h ρ of a solid disc, a given one, and none of walls that only move as
+    prescribed.
+    """
     geometry = {"kind": "disc", "center": [0.01, 0.005], "radius": 1e-3}
     walls = {"floor": plane(), "top": {"geometry": plane(0.05, -1), "mass": 0.25}, "body": geometry}
     drives = {"top": {"y": {"force": -0.1}}, "body": {"spin": {"force": 0.0}, "y": {"force": 0.0}}}
     write(tmp_path / "body.toml", walls=walls, drives=drives)
-    top, body = (json.loads(typed("validate body.toml --json").stdout)["wall_masses"][name] for name in ("top", "body"))
+    top, body = (
+        json.loads(typed("validate body.toml --json").stdout)["wall_masses"][name]
+        for name in ("top", "body")
+    )
     assert (top["mass"], top["given"], body["given"]) == (0.25, True, False)
     assert body["mass"] == pytest.approx(2500.0 * math.pi * 1e-6 * 1e-3)
     shown = typed("validate body.toml").stdout
@@ -73,12 +83,20 @@ def test_validate_says_what_walls_weigh_that_forces_push(typed, tmp_path):
 
 
 def test_validate_applies_overrides(typed):
-    data = json.loads(typed("validate SMALL --json --set particles.0.count=50 --set loading.0.duration=0.02").stdout)
+    data = json.loads(
+        typed(
+            "validate SMALL --json --set particles.0.count=50 --set loading.0.duration=0.02"
+        ).stdout
+    )
     assert (data["grain_count"], data["stages"][0]["step_limit"]) == (50, 100)
 
 
 def test_all_problems_at_once_with_positions(typed, tmp_path):
-    mistakes = (("friction = 0.4", "friction = -0.4"), ("thickness = 1e-3", "thicknes = 1e-3"), ("dt = 2e-4", "dt = 0.0"))
+    mistakes = (
+        ("friction = 0.4", "friction = -0.4"),
+        ("thickness = 1e-3", "thicknes = 1e-3"),
+        ("dt = 2e-4", "dt = 0.0"),
+    )
     write_small(tmp_path, changed(SMALL, *mistakes))
     done = typed("validate small.toml", 3)
     assert done.stdout == ""

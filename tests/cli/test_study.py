@@ -66,7 +66,9 @@ def ask(folder, line, code=0, call=call):
 
 
 def rows(folder, *options):
-    return list(csv.DictReader(io.StringIO(ask(folder, " ".join(["table s.toml --csv", *options])).stdout)))
+    return list(
+        csv.DictReader(io.StringIO(ask(folder, " ".join(["table s.toml --csv", *options])).stdout))
+    )
 
 
 def states(folder):
@@ -103,13 +105,18 @@ def finished(tmp_path_factory):
 
 def test_cases_are_the_runs_that_they_would_be_alone(finished, digests):
     assert digests_of(finished) == digests
-    assert all(run_info(finished / "studies" / "s" / "cases" / name)["status"] == "finished" for name in NAMES)
+    assert all(
+        run_info(finished / "studies" / "s" / "cases" / name)["status"] == "finished"
+        for name in NAMES
+    )
 
 
 def test_the_same_command_does_nothing_more(finished):
     before = {path: path.stat().st_mtime_ns for path in (finished / "studies").rglob("run.json")}
     ask(finished, "run s.toml", call=call_outside)
-    assert before == {path: path.stat().st_mtime_ns for path in (finished / "studies").rglob("run.json")}
+    assert before == {
+        path: path.stat().st_mtime_ns for path in (finished / "studies").rglob("run.json")
+    }
 
 
 def test_table(finished):
@@ -195,7 +202,10 @@ def test_more_cases_are_added_and_changed_ones_refused(finished, tmp_path):
 
 def test_a_case_that_fails_is_listed_and_tried_again_only_if_asked(tmp_path):
     """Of a stage that has to come further to rest than it can in its time."""
-    late = ("until = { kinetic_energy_ratio = 1e-2 }", 'until = { kinetic_energy_ratio = 1e-12 }\non_timeout = "stop"')
+    late = (
+        "until = { kinetic_energy_ratio = 1e-2 }",
+        'until = { kinetic_energy_ratio = 1e-12 }\non_timeout = "stop"',
+    )
     write(tmp_path, ("[0.2, 0.4]", "[0.2]"), ("seeds = 2", "seeds = 1"), scenario=late)
     done = ask(tmp_path, "run s.toml", 4, call=call_outside)
     assert "friction=0.2_seed=3: " in done.stderr
@@ -298,7 +308,9 @@ def test_from_python_with_a_client_of_ones_own(tmp_path, digests):
     distributed = pytest.importorskip("distributed")
     write(tmp_path)
     with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster,
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+        ) as cluster,
         distributed.Client(cluster, set_as_default=False) as client,
     ):
         with pytest.warns(UserWarning, match="asks for no certificate"):
@@ -306,7 +318,10 @@ def test_from_python_with_a_client_of_ones_own(tmp_path, digests):
         assert client.status == "running"  # it is not ours to close
     pandas = pytest.importorskip("pandas")
     assert isinstance(found, pandas.DataFrame)
-    assert dict(zip(found["directory"].str.rsplit("/").str[-1], found["digest"], strict=True)) == digests
+    assert (
+        dict(zip(found["directory"].str.rsplit("/").str[-1], found["digest"], strict=True))
+        == digests
+    )
     assert found["mu"].between(0.1, 1.0).all()
 
 

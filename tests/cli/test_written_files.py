@@ -1,4 +1,6 @@
-"""report, export, animate: files that appear whole, or not at all, and are never overwritten unasked."""
+"""report, export, animate: files that appear whole, or not at all, and are never overwritten
+unasked.
+"""
 
 import re
 

@@ -1,8 +1,8 @@
 """`configs/annular-shear.toml`: the torque through every circle between two cylinders is the same.
 
-The balance of angular momentum about the axis: in a steady state without gravity the torque that contacts pass on through a
-circle, and what moving grains carry through it, together do not depend on its radius, r² σ_rθ = const, and are the torque of either
-cylinder.
+The balance of angular momentum about the axis: in a steady state without gravity the torque that
+contacts pass on through a circle, and what moving grains carry through it, together do not depend
+on its radius, r² σ_rθ = const, and are the torque of either cylinder.
 """
 
 import math
@@ -23,7 +23,8 @@ Floats = NDArray[np.float64]
 INNER, OUTER = 0, 1
 D, SPIN = 1e-3, 10.0
 CIRCLES = np.arange(9.0, 19.5) * D
-"""Edges of the rings of which torques are means: from what is glued to the inner cylinder to what is glued to the outer one."""
+"""Edges of the rings of which torques are means: from what is glued to the inner cylinder to what
+is glued to the outer one."""
 
 
 def cross(a: Floats, b: Floats) -> Floats:
@@ -33,29 +34,42 @@ def cross(a: Floats, b: Floats) -> Floats:
 
 def momenta(frame: Frame, model: Model, center: Floats) -> Floats:
     """Angular momentum of each grain about the axis, its spin included [N m s], shape ``(n,)``."""
-    orbital = cross(frame.position[:, :2] - center, model.grains.mass[:, None] * frame.velocity[:, :2])
+    orbital = cross(
+        frame.position[:, :2] - center, model.grains.mass[:, None] * frame.velocity[:, :2]
+    )
     return orbital + model.grains.inertia * frame.spin
 
 
 def by_contacts(frame: Frame, model: Model, center: Floats) -> Floats:
-    """Torque that contacts pass on outwards [N m], averaged over the circles in each ring, shape ``(rings,)``.
+    """Torque that contacts pass on outwards [N m], averaged over the circles in each ring, shape
+    ``(rings,)``.
 
-    A contact passes on its torque through all circles between the two centers; that of a cylinder is the axis, or far away.
+    A contact passes on its torque through all circles between the two centers; that of a cylinder
+    is the axis, or far away.
     """
     contacts = frame.contacts
     n = np.asarray(contacts.normal, np.float64)
-    p = contacts.impulse[:, :1] * n + contacts.impulse[:, 1:] * np.stack([-n[:, 1], n[:, 0]], axis=1)
+    p = contacts.impulse[:, :1] * n + contacts.impulse[:, 1:] * np.stack(
+        [-n[:, 1], n[:, 0]], axis=1
+    )
     at = frame.position[:, :2] - center
     torque = cross(at[contacts.i] - model.grains.radius[contacts.i, None] * n, p) / frame.dt
-    r = np.concatenate([np.hypot(at[:, 0], at[:, 1]), np.where(model.shapes.wall == INNER, 0.0, math.inf)])
-    inside, outside = np.minimum(r[contacts.i], r[contacts.j]), np.maximum(r[contacts.i], r[contacts.j])
+    r = np.concatenate(
+        [np.hypot(at[:, 0], at[:, 1]), np.where(model.shapes.wall == INNER, 0.0, math.inf)]
+    )
+    inside, outside = (
+        np.minimum(r[contacts.i], r[contacts.j]),
+        np.maximum(r[contacts.i], r[contacts.j]),
+    )
     share = np.minimum(outside[:, None], CIRCLES[1:]) - np.maximum(inside[:, None], CIRCLES[:-1])
     outwards = np.where(r[contacts.i] > r[contacts.j], torque, -torque)
     return (outwards @ np.maximum(share, 0.0)) / np.diff(CIRCLES)
 
 
 def by_grains(frame: Frame, model: Model, center: Floats) -> Floats:
-    """Angular momentum that grains carry outwards in a second [N m], averaged likewise: the kinetic part."""
+    """Angular momentum that grains carry outwards in a second [N m], averaged likewise: the kinetic
+    part.
+    """
     at = frame.position[:, :2] - center
     r = np.hypot(at[:, 0], at[:, 1])
     flow = momenta(frame, model, center) * (at * frame.velocity[:, :2]).sum(axis=1) / r
@@ -64,9 +78,14 @@ def by_grains(frame: Frame, model: Model, center: Floats) -> Floats:
 
 @pytest.mark.parametrize("seed", [6, 7])
 def test_every_circle_passes_on_the_torque_of_the_cylinders(seed: int, tmp_path: Path) -> None:
-    """Frames are of every step here: what rings take up in one step and give away in the next adds up to nothing."""
+    """Frames are of every step here: what rings take up in one step and give away in the next adds
+    up to nothing.
+    """
     changes = [f"scenario.seed={seed}", "variables.turns=2", f"output.frame_interval={0.01 / SPIN}"]
-    multicor.run(multicor.load_scenario(ROOT / "configs" / "annular-shear.toml", overrides=changes), tmp_path / "run")
+    multicor.run(
+        multicor.load_scenario(ROOT / "configs" / "annular-shear.toml", overrides=changes),
+        tmp_path / "run",
+    )
     with multicor.open_run(tmp_path / "run") as run:
         model, series = run.model, run.series
         frames = [frame for frame in run.frames if run.stages[frame.stage] == "steady"]
@@ -76,7 +95,10 @@ def test_every_circle_passes_on_the_torque_of_the_cylinders(seed: int, tmp_path:
         first, last = (float(momenta(frames[k], model, center).sum()) for k in (0, -1))
         gained = (last - first) / (frames[-1].time - frames[0].time)
         rows = np.asarray(series["time"]) > frames[0].time
-        weight, force = np.asarray(series["window_duration"])[rows], np.asarray(series["wall_force"])[rows]
+        weight, force = (
+            np.asarray(series["window_duration"])[rows],
+            np.asarray(series["wall_force"])[rows],
+        )
     torque = np.average(force[:, :, 2], axis=0, weights=weight)
     through, outer = contacts + grains, torque[OUTER]
     print(f"seed {seed}: torques {torque} N m, gained {gained:.3g} N m")

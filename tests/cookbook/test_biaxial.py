@@ -1,7 +1,9 @@
-"""`configs/biaxial.toml`: platens bear what is asked for, and the critical state is that of plane shear.
+"""`configs/biaxial.toml`: platens bear what is asked for, and the critical state is that of plane
+shear.
 
-Where the volume no longer changes, the axes of stress are those of the rate of strain, at 45° to the planes of shear, so that τ/P
-there is comparable with sin φ = (σ1 − σ3)/(σ1 + σ3); and the inertial number is that of the rate of shear ε̇1 − ε̇3 = 2 ε̇1.
+Where the volume no longer changes, the axes of stress are those of the rate of strain, at 45° to
+the planes of shear, so that τ/P there is comparable with sin φ = (σ1 − σ3)/(σ1 + σ3); and the
+inertial number is that of the rate of shear ε̇1 − ε̇3 = 2 ε̇1.
 """
 
 from collections.abc import Callable
@@ -26,14 +28,17 @@ STRESS = 100.0
 STEADY = 0.1
 """Logarithmic strain from which on the state is critical."""
 MARGIN = 4e-3
-"""What is left out next to the platens, along which grains lie in rows, in the solid fraction [m]."""
+"""What is left out next to the platens, along which grains lie in rows, in the solid fraction
+[m]."""
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Rows:
-    """Rows of a stage: times, width and height of the box, and the stresses of the four platens, of shape ``(4, r)``."""
+    """Rows of a stage: times, width and height of the box, and the stresses of the four platens, of
+    shape ``(4, r)``.
+    """
 
     time: Floats
     width: Floats
@@ -48,15 +53,25 @@ class Rows:
 
 def rows_of(run: Run, stage: str) -> Rows:
     series = run.series
-    rows = np.flatnonzero((np.asarray(series["stage"]) == run.stages.index(stage)) & (np.asarray(series["window_duration"]) > 0.0))
+    rows = np.flatnonzero(
+        (np.asarray(series["stage"]) == run.stages.index(stage))
+        & (np.asarray(series["window_duration"]) > 0.0)
+    )
     place, force = np.asarray(series["wall_position"])[rows], np.asarray(series["wall_force"])[rows]
     width, height = place[:, RIGHT, 0] - place[:, LEFT, 0], place[:, TOP, 1] - place[:, BOTTOM, 1]
-    stress = [-force[:, BOTTOM, 1] / width, -force[:, LEFT, 0] / height, force[:, TOP, 1] / width, force[:, RIGHT, 0] / height]
+    stress = [
+        -force[:, BOTTOM, 1] / width,
+        -force[:, LEFT, 0] / height,
+        force[:, TOP, 1] / width,
+        force[:, RIGHT, 0] / height,
+    ]
     return Rows(np.asarray(series["time"])[rows], width, height, np.array(stress))
 
 
 def covered(position: Floats, radius: Floats, low: float, high: Floats) -> float:
-    """Share of a rectangle with the corners (low, low) and ``high`` that discs cover, from 800 points in each disc."""
+    """Share of a rectangle with the corners (low, low) and ``high`` that discs cover, from 800
+    points in each disc.
+    """
     grid = (np.arange(32) + 0.5) / 16.0 - 1.0
     points = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
     points = points[np.hypot(points[:, 0], points[:, 1]) < 1.0]
@@ -69,7 +84,10 @@ def critical_state(run: Run) -> tuple[float, float, float, float]:
     """sin φ, solid fraction, change of volume with strain, and inertial number."""
     rows, model = rows_of(run, "compress"), run.model
     steady = rows.strain > STEADY
-    major, minor = rows.stress[[BOTTOM, TOP]][:, steady].mean(), rows.stress[[LEFT, RIGHT]][:, steady].mean()
+    major, minor = (
+        rows.stress[[BOTTOM, TOP]][:, steady].mean(),
+        rows.stress[[LEFT, RIGHT]][:, steady].mean(),
+    )
     began, fractions = rows.time[steady][0], []
     for frame in run.frames:
         if frame.time >= began:
@@ -79,22 +97,33 @@ def critical_state(run: Run) -> tuple[float, float, float, float]:
     rate = np.ptp(rows.strain[steady]) / np.ptp(rows.time[steady])
     swelling = np.polyfit(rows.strain[steady], np.log(rows.width * rows.height)[steady], 1)[0]
     number = 2.0 * rate * np.sqrt(model.grains.mass.mean() / (0.5 * (major + minor)))
-    return (major - minor) / (major + minor), float(np.mean(fractions)), float(swelling), float(number)
+    return (
+        (major - minor) / (major + minor),
+        float(np.mean(fractions)),
+        float(swelling),
+        float(number),
+    )
 
 
 def plane_shear(directory: Path, seed: int) -> Bulk:
-    """The state of plane shear at an inertial number of about 0.0025, at which a run takes half as long as at that of the box."""
+    """The state of plane shear at an inertial number of about 0.0025, at which a run takes half as
+    long as at that of the box.
+    """
     speed = 0.147
     changes = [
-        f"scenario.seed={seed}", f"loading.0.drives.top.x.velocity={speed}", f"particles.0.velocity=[{0.5 * speed},0.0]",
-        f"particles.0.shear_rate={speed / 0.045}", "output.frame_interval=0.02", "solver.dt=auto", "solver.tolerance_rms=3e-4",
+        f"scenario.seed={seed}", f"loading.0.drives.top.x.velocity={speed}",
+        f"particles.0.velocity=[{0.5 * speed},0.0]",
+        f"particles.0.shear_rate={speed / 0.045}", "output.frame_interval=0.02", "solver.dt=auto",
+        "solver.tolerance_rms=3e-4",
         "loading.0.until.strain.value=6.0",
     ]  # fmt: skip
     multicor.run(multicor.load_scenario(SHEAR, overrides=changes), directory)
     return measure_bulk(directory, load=0.3, strain=2.0)
 
 
-def test_stresses_and_the_critical_state(tmp_path: Path, record_property: Callable[[str, object], None]) -> None:
+def test_stresses_and_the_critical_state(
+    tmp_path: Path, record_property: Callable[[str, object], None]
+) -> None:
     found = []
     for seed in (3, 4, 5, 6):
         path = tmp_path / f"run-{seed}"
@@ -103,16 +132,23 @@ def test_stresses_and_the_critical_state(tmp_path: Path, record_property: Callab
             isotropic, compress = rows_of(run, "isotropic"), rows_of(run, "compress")
             found.append(critical_state(run))
         settled = isotropic.stress[:, isotropic.time > isotropic.time[-1] - 0.02].mean(axis=1)
-        print(f"seed {seed}: {settled}, then {compress.stress.mean(axis=1)} N/m; sin φ, ν, d ln V/dε, I: {np.array(found[-1])}")
+        print(
+            f"seed {seed}: {settled}, then {compress.stress.mean(axis=1)} N/m; sin φ, ν, d ln "
+            f"V/dε, I: {np.array(found[-1])}"
+        )
         assert settled == pytest.approx(np.full(4, STRESS), rel=0.01)
         assert compress.stress[RIGHT].mean() == pytest.approx(STRESS, rel=0.01)
     sine, fraction, swelling, number = np.mean(found, axis=0)
     error = np.std(found, axis=0, ddof=1) / np.sqrt(len(found))
     sheared = [plane_shear(tmp_path / f"shear-{seed}", seed) for seed in (1, 2)]
-    print(f"biaxial: sin φ = {sine:.4f} ± {error[0]:.4f}, ν = {fraction:.4f} ± {error[1]:.4f}, I = {number:.4f}")
+    print(
+        f"biaxial: sin φ = {sine:.4f} ± {error[0]:.4f}, ν = {fraction:.4f} ± {error[1]:.4f}, I = "
+        f"{number:.4f}"
+    )
     print("\n".join(f"shear: {bulk}" for bulk in sheared))
     keep(
-        record_property, inertial_number=number, friction=sine, friction_error=error[0], solid_fraction=fraction,
+        record_property, inertial_number=number, friction=sine, friction_error=error[0],
+        solid_fraction=fraction,
         solid_fraction_error=error[1],
     )  # fmt: skip
     assert sine == pytest.approx(np.mean([bulk.friction for bulk in sheared]), abs=0.03)

@@ -1,7 +1,9 @@
-"""`configs/chute.toml`: Bagnold's velocity profile, tan θ = μ(I), and rest below the angle of repose.
+"""`configs/chute.toml`: Bagnold's velocity profile, tan θ = μ(I), and rest below the angle of
+repose.
 
-Steady flow in which the friction of the layer depends on the inertial number alone has tan θ = μ(I) at every height, so that I is
-the same there, and γ̇ = I √(P/ρ)/d with P ∝ H − y gives v ∝ H^{3/2} − (H − y)^{3/2} (GDR MiDi, Eur. Phys. J. E 14, 341, 2004).
+Steady flow in which the friction of the layer depends on the inertial number alone has tan θ = μ(I)
+at every height, so that I is the same there, and γ̇ = I √(P/ρ)/d with P ∝ H − y gives v ∝ H^{3/2} −
+(H − y)^{3/2} (GDR MiDi, Eur. Phys. J. E 14, 341, 2004).
 """
 
 import math
@@ -22,7 +24,8 @@ pytestmark = [pytest.mark.validation, pytest.mark.timeout(1800)]
 
 CHUTE, SHEAR = ROOT / "configs" / "chute.toml", ROOT / "configs" / "shear-gravity-free.toml"
 LAYER = 0.25, 0.8
-"""Part of the layer that is looked at: the base orders the grains above it, and the topmost ones fly."""
+"""Part of the layer that is looked at: the base orders the grains above it, and the topmost ones
+fly."""
 
 
 def flow(directory: Path, angle: float) -> Path:
@@ -35,16 +38,25 @@ def layer(directory: Path) -> tuple[np.ndarray, np.ndarray, float, float]:
     """Heights and velocities in the layer, its height H, and the mean inertial number."""
     with multicor.open_run(directory) as run:
         model, chosen = run.model, Selection(start=0.6 * run.frames[-1].time)
-        table, fill = (profile(run, of, chosen, bin_width=1.0, exclude_walls=0.0) for of in ("velocity", "solid-fraction"))
+        table, fill = (
+            profile(run, of, chosen, bin_width=1.0, exclude_walls=0.0)
+            for of in ("velocity", "solid-fraction")
+        )
     gravity, mass = -float(model.gravity[1]), float(np.mean(model.grains.mass))
-    # The load of what lies above, per length; H is where it would end if the surface were as dense as the bulk.
+    # The load of what lies above, per length; H is where it would end if the surface were as dense
+    # as the bulk.
     weight = fill.area * float(model.grains.mass.sum()) / fill.area.sum() * gravity / model.period
     load = np.cumsum(weight[::-1])[::-1] - 0.5 * weight
     middle = slice(*(round(share * len(table.y)) for share in LAYER))
     slope, top = np.polyfit(load[middle], table.y[middle], 1)
     assert slope < 0.0
     rate = np.gradient(table.value, table.y)
-    return table.y[middle], table.value[middle], float(top), float(np.mean((rate * np.sqrt(mass / load))[middle]))
+    return (
+        table.y[middle],
+        table.value[middle],
+        float(top),
+        float(np.mean((rate * np.sqrt(mass / load))[middle])),
+    )
 
 
 def sheared_friction(directory: Path, inertial_number: float) -> float:
@@ -54,7 +66,8 @@ def sheared_friction(directory: Path, inertial_number: float) -> float:
         speed = 5.9 * factor * inertial_number / 0.1
         changes = [
             f"loading.0.drives.top.x.velocity={speed}", f"particles.0.velocity=[{0.5 * speed},0.0]",
-            f"particles.0.shear_rate={speed / 0.045}", f"output.frame_interval={5.9e-3 / speed}", "solver.dt=auto",
+            f"particles.0.shear_rate={speed / 0.045}", f"output.frame_interval={5.9e-3 / speed}",
+            "solver.dt=auto",
         ]  # fmt: skip
         path = directory / f"shear-{inertial_number:.3f}-{factor}"
         multicor.run(multicor.load_scenario(SHEAR, overrides=changes), path)
@@ -66,13 +79,18 @@ def sheared_friction(directory: Path, inertial_number: float) -> float:
 
 
 @pytest.mark.parametrize("angle", [24.0, 20.0])
-def test_steady_flow(angle: float, tmp_path: Path, record_property: Callable[[str, object], None]) -> None:
+def test_steady_flow(
+    angle: float, tmp_path: Path, record_property: Callable[[str, object], None]
+) -> None:
     y, v, top, inertial_number = layer(flow(tmp_path, angle))
     shape = top**1.5 - (top - y) ** 1.5
     amplitude, slip = np.polyfit(shape, v, 1)
     misfit = np.abs(slip + amplitude * shape - v).max() / np.ptp(v)
     friction = sheared_friction(tmp_path, inertial_number)
-    print(f"θ = {angle}°: H = {top:.4g} m, I = {inertial_number:.4f}, misfit {misfit:.4f}, μ(I) = {friction:.4f}")
+    print(
+        f"θ = {angle}°: H = {top:.4g} m, I = {inertial_number:.4f}, misfit {misfit:.4f}, μ(I) = "
+        f"{friction:.4f}"
+    )
     keep(
         record_property,
         height=y,
@@ -87,7 +105,9 @@ def test_steady_flow(angle: float, tmp_path: Path, record_property: Callable[[st
 
 
 def test_rest_below_the_angle_of_repose(tmp_path: Path) -> None:
-    """The deposited layer settles by less than a fiftieth of a diameter in the last second, wherever that is to."""
+    """The deposited layer settles by less than a fiftieth of a diameter in the last second,
+    wherever that is to.
+    """
     with multicor.open_run(flow(tmp_path, 10.0)) as run:
         end = run.frames[-1]
         before = next(frame for frame in run.frames if frame.time >= end.time - 1.0)

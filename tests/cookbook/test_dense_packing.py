@@ -1,7 +1,8 @@
 """`configs/dense-packing.toml`: without friction a packing of rigid discs is isostatic.
 
-The forces on N discs that contacts hold, and on a lid that is free in y, obey 2N + 1 equations, and generic rigid packings have no
-more contacts than that, 4 for each disc (C. F. Moukarzel, Phys. Rev. Lett. 81, 1634, 1998; J.-N. Roux, Phys. Rev. E 61, 6802,
+The forces on N discs that contacts hold, and on a lid that is free in y, obey 2N + 1 equations, and
+generic rigid packings have no more contacts than that, 4 for each disc (C. F. Moukarzel, Phys. Rev.
+Lett. 81, 1634, 1998; J.-N. Roux, Phys. Rev. E 61, 6802,
 2000).
 """
 
@@ -19,7 +20,9 @@ pytestmark = [pytest.mark.validation, pytest.mark.timeout(1800)]
 
 
 def backbone(grains: int, i: NDArray[np.int32], j: NDArray[np.int32]) -> tuple[int, int]:
-    """Number of discs that three contacts or more hold, and of the contacts between them and with walls; rattlers left out."""
+    """Number of discs that three contacts or more hold, and of the contacts between them and with
+    walls; rattlers left out.
+    """
     is_held = np.ones(grains, np.bool_)
     while True:
         keeps = is_held[i] & ((j >= grains) | is_held[np.minimum(j, grains - 1)])
@@ -33,7 +36,9 @@ def backbone(grains: int, i: NDArray[np.int32], j: NDArray[np.int32]) -> tuple[i
 
 @pytest.mark.parametrize("seed", [4, 5])
 def test_isostatic_without_friction_and_less_with_it(seed: int, tmp_path: Path) -> None:
-    scenario = multicor.load_scenario(ROOT / "configs" / "dense-packing.toml", overrides=[f"scenario.seed={seed}"])
+    scenario = multicor.load_scenario(
+        ROOT / "configs" / "dense-packing.toml", overrides=[f"scenario.seed={seed}"]
+    )
     multicor.run(scenario, tmp_path / "run")
     with multicor.open_run(tmp_path / "run") as run:
         last = int(np.flatnonzero(np.asarray(run.frames.stage) == 0)[-1])
@@ -41,7 +46,10 @@ def test_isostatic_without_friction_and_less_with_it(seed: int, tmp_path: Path) 
         discs, count = backbone(grains, contacts.i, contacts.j)
         sheared = rheology(run)
     per_disc = 2.0 * (count - 1) / discs  # one of the equations is that of the lid
-    print(f"{discs} of {grains} discs held, {count} contacts: {per_disc:.4f} a disc; sheared: {sheared.mean['coordination']:.3f}")
+    print(
+        f"{discs} of {grains} discs held, {count} contacts: {per_disc:.4f} a disc; sheared: "
+        f"{sheared.mean['coordination']:.3f}"
+    )
     assert discs > 0.9 * grains
     assert per_disc == pytest.approx(4.0, abs=0.08)
     assert sheared.mean["coordination"] < 3.5  # friction needs fewer

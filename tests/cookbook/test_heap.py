@@ -1,6 +1,7 @@
 """`configs/heap.toml`: the slopes of a heap grow with adhesion and with rolling resistance.
 
-A body on a plane rests on slopes of tan α ≤ μ_r, a disc hangs if F_a ≥ m g (theory §3.1, §3.2, §15.1).
+A body on a plane rests on slopes of tan α ≤ μ_r, a disc hangs if F_a ≥ m g (theory §3.1, §3.2,
+§15.1).
 """
 
 import math
@@ -17,9 +18,15 @@ import multicor_cli as multicor
 pytestmark = [pytest.mark.validation, pytest.mark.timeout(3600)]
 
 HEAP = ROOT / "configs" / "heap.toml"
-PLATE, DROP = 30e-3, 14e-3  # its width, its distance from the left end of the domain, and its height [m]
+# Its width, its distance from the left end of the domain, and its height [m]
+PLATE, DROP = 30e-3, 14e-3
 SEEDS = range(1, 7)
-VARIANTS = {"neither": (0.0, 0.0), "adhesion": (4.0, 0.0), "rolling": (0.0, 0.3), "both": (4.0, 0.3)}
+VARIANTS = {
+    "neither": (0.0, 0.0),
+    "adhesion": (4.0, 0.0),
+    "rolling": (0.0, 0.3),
+    "both": (4.0, 0.3),
+}
 """Granular Bond number and coefficient of rolling resistance."""
 
 STRIP = 2e-3  # [m]
@@ -28,16 +35,21 @@ STRIP = 2e-3  # [m]
 def slope(directory: Path) -> float:
     """Angle of the triangle on the plate that has the area of the heap at the end [degrees].
 
-    Adhesive heaps have steps and cliffs, to which no straight line fits; the area is that under the highest points of strips.
+    Adhesive heaps have steps and cliffs, to which no straight line fits; the area is that under the
+    highest points of strips.
     """
     with multicor.open_run(directory) as run:
         x, y, radius = *run.frames[-1].unwrapped.T, run.model.grains.radius
         speed = np.hypot(*run.frames[-1].velocity[:, :2].T)
-    # At rest, but for what hangs over the edges, which swings without loss. A fall by half a diameter has √(g d).
+    # At rest, but for what hangs over the edges, which swings without loss. A fall by half a
+    # diameter has √(g d).
     is_inside = (y > DROP) & (np.abs(x - 1.5 * PLATE) < 0.5 * PLATE - STRIP)
     assert speed[is_inside].mean() < 0.01 * math.sqrt(9.81 * 1e-3)
     strip = np.floor((x - PLATE) / STRIP)
-    tops = [np.max((y + radius)[(y > DROP) & (strip == k)], initial=DROP) - DROP for k in range(round(PLATE / STRIP))]
+    tops = [
+        np.max((y + radius)[(y > DROP) & (strip == k)], initial=DROP) - DROP
+        for k in range(round(PLATE / STRIP))
+    ]
     return math.degrees(math.atan(4.0 * float(np.mean(tops)) / PLATE))
 
 
@@ -46,11 +58,20 @@ def test_slopes_grow_with_adhesion_and_with_rolling_resistance(tmp_path: Path) -
     for name, (bond, rolling) in VARIANTS.items():
         angles = []
         for seed in SEEDS:
-            changes = [f"scenario.seed={seed}", f"variables.bond={bond}", f"variables.rolling={rolling}"]
-            multicor.run(multicor.load_scenario(HEAP, overrides=changes), tmp_path / f"{name}-{seed}")
+            changes = [
+                f"scenario.seed={seed}",
+                f"variables.bond={bond}",
+                f"variables.rolling={rolling}",
+            ]
+            multicor.run(
+                multicor.load_scenario(HEAP, overrides=changes), tmp_path / f"{name}-{seed}"
+            )
             angles.append(slope(tmp_path / f"{name}-{seed}"))
         mean[name], error[name] = np.mean(angles), np.std(angles, ddof=1) / math.sqrt(len(angles))
-        print(f"{name}: {mean[name]:.1f} ± {error[name]:.1f}° ({', '.join(f'{angle:.1f}' for angle in angles)})")
+        print(
+            f"{name}: {mean[name]:.1f} ± {error[name]:.1f}° "
+            f"({', '.join(f'{angle:.1f}' for angle in angles)})"
+        )
     for name in ("adhesion", "rolling", "both"):
         assert mean[name] - mean["neither"] > 2.0 * math.hypot(error[name], error["neither"])
 
@@ -59,9 +80,17 @@ WEIGHT = 2500.0 * 9.81 * math.pi / 4.0 * 1e-9  # of a disc with a diameter of 1 
 
 
 def ends(
-    run: Any, name: str, heights: list[float], *, rolling: float = 0.0, adhesion: float = 0.0, angle: float = 0.0
+    run: Any,
+    name: str,
+    heights: list[float],
+    *,
+    rolling: float = 0.0,
+    adhesion: float = 0.0,
+    angle: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Positions and velocities of discs at the end, and the time of the run; a ceiling holds them with ten weights."""
+    """Positions and velocities of discs at the end, and the time of the run; a ceiling holds them
+    with ten weights.
+    """
     ceiling = {"geometry": plane(0.01, -1), "material": "glue"}
     one = scenario(
         size=[0.01, 0.01], gravity=[9.81 * math.sin(angle), -9.81 * math.cos(angle)],
@@ -70,7 +99,8 @@ def ends(
             {"friction": 0.5, "rolling_friction": rolling, "adhesion": adhesion * WEIGHT},
             {"pair": ["glass", "glue"], "friction": 0.5, "adhesion": 10.0 * WEIGHT},
         ],
-        grains=[[0.0, height, 0.5e-3] for height in heights], walls={"floor": plane(), "ceiling": ceiling},
+        grains=[[0.0, height, 0.5e-3] for height in heights],
+        walls={"floor": plane(), "ceiling": ceiling},
         duration=0.2, dt=1e-4,
     )  # fmt: skip
     end = run(one, name).frames[-1]
@@ -78,7 +108,9 @@ def ends(
 
 
 @pytest.mark.parametrize("rolling", [0.05, 0.2])
-def test_a_disc_rolls_down_slopes_above_the_coefficient_of_rolling_resistance(rolling: float, run: Any) -> None:
+def test_a_disc_rolls_down_slopes_above_the_coefficient_of_rolling_resistance(
+    rolling: float, run: Any
+) -> None:
     limit = math.atan(rolling)
     _, velocity, _ = ends(run, "below", [0.5e-3], rolling=rolling, angle=0.995 * limit)
     assert abs(velocity[0, 0]) < 1e-9
@@ -96,5 +128,6 @@ def test_a_pair_separates_above_its_adhesion(run: Any) -> None:
     assert np.abs(velocity).max() < 1e-6
     place, velocity, _ = ends(run, "separates", heights, adhesion=0.995)
     assert place[0, 1] == pytest.approx(heights[0], abs=1e-6)
-    assert place[1, 1] == pytest.approx(0.5e-3, abs=1e-6)  # on the floor, as it is 8 mm below and 0.2 s are five times the fall
+    # on the floor, as it is 8 mm below and 0.2 s are five times the fall
+    assert place[1, 1] == pytest.approx(0.5e-3, abs=1e-6)
     assert time == pytest.approx(0.2)

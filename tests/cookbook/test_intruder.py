@@ -1,4 +1,6 @@
-"""`configs/intruder.toml`: the work of the drive, and the temperature of the intruder as an ordinary differential equation."""
+"""`configs/intruder.toml`: the work of the drive, and the temperature of the intruder as an
+ordinary differential equation.
+"""
 
 from itertools import pairwise
 from pathlib import Path
@@ -16,7 +18,9 @@ CONFIG, INTRUDER = ROOT / "configs" / "intruder.toml", 1
 
 
 def test_the_work_of_the_drive_is_lost_or_stored(tmp_path: Path) -> None:
-    """Its work is summed from the recorded forces on the intruder; what is stored, from the frames."""
+    """Its work is summed from the recorded forces on the intruder; what is stored, from the
+    frames.
+    """
     multicor.run(multicor.load_scenario(CONFIG), tmp_path / "run")
     info, books = run_info(tmp_path / "run"), run_info(tmp_path / "run")["books"]
     with multicor.open_run(tmp_path / "run") as run:
@@ -28,16 +32,26 @@ def test_the_work_of_the_drive_is_lost_or_stored(tmp_path: Path) -> None:
         kinetic = float(run.series["kinetic"][-1])
         cooled = 400.0 - float(last.wall_temperature[INTRUDER])
     lost = books["friction_loss"] + books["impact_loss"]
-    print(f"work {work:.6g} J, lost {lost:.6g} J, lifted {lifted:.6g} J, kinetic {kinetic:.3g} J, cooled by {cooled:.3f} K")
+    print(
+        f"work {work:.6g} J, lost {lost:.6g} J, lifted {lifted:.6g} J, kinetic {kinetic:.3g} J, "
+        f"cooled by {cooled:.3f} K"
+    )
     assert work == pytest.approx(lost + lifted + kinetic, rel=0.02)
     assert cooled > 0.1
     assert info["heat_closure"] < 1e-12
 
 
 def test_its_temperature_follows_from_the_measured_conductances(tmp_path: Path) -> None:
-    """C dT/dt = Σ H (T_i − T) + half the heat of friction, with H, T_i and the heat of the frames, which are of every step here."""
+    """C dT/dt = Σ H (T_i − T) + half the heat of friction, with H, T_i and the heat of the frames,
+    which are of every step here.
+    """
     step = 1e-4
-    changes = [f"solver.dt={step}", f"output.frame_interval={step}", "loading.1.duration=0.03", "loading.0.duration=0.05"]
+    changes = [
+        f"solver.dt={step}",
+        f"output.frame_interval={step}",
+        "loading.1.duration=0.03",
+        "loading.0.duration=0.05",
+    ]
     scenario = multicor.load_scenario(CONFIG, overrides=changes)
     multicor.run(scenario, tmp_path / "run")
     capacity = scenario.walls[INTRUDER].thermal.capacity
@@ -54,5 +68,8 @@ def test_its_temperature_follows_from_the_measured_conductances(tmp_path: Path) 
             expected.append(temperature)
             found.append(float(frame.wall_temperature[INTRUDER]))
     change = np.array(found) - found[0]
-    print(f"changes by {change[-1]:.6g} K, off by at most {np.abs(np.array(found) - expected).max():.3g} K")
+    print(
+        f"changes by {change[-1]:.6g} K, off by at most "
+        f"{np.abs(np.array(found) - expected).max():.3g} K"
+    )
     assert np.abs(np.array(found) - expected).max() < 1e-3 * np.abs(change).max()

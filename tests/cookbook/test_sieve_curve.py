@@ -1,9 +1,10 @@
 """`configs/sieve-curve.toml`: the packed grains have the mass of the sieve curve in every class.
 
-One grain is drawn from each of n intervals of equal probability. A sum over such grains is off by at most the total variation of
-what is summed (Koksma; H. Niederreiter, Random Number Generation and Quasi-Monte Carlo Methods, SIAM 1992, chapter 2). In a
-class, mass rises from m(a) to m(b), and it is 0 outside: its variation is 2 m(b). So the mass of a class differs from n times its
-expectation by no more than two grains of its largest size, for any seed.
+One grain is drawn from each of n intervals of equal probability. A sum over such grains is off by
+at most the total variation of what is summed (Koksma; H. Niederreiter, Random Number Generation and
+Quasi-Monte Carlo Methods, SIAM 1992, chapter 2). In a class, mass rises from m(a) to m(b), and it
+is 0 outside: its variation is 2 m(b). So the mass of a class differs from n times its expectation
+by no more than two grains of its largest size, for any seed.
 """
 
 import csv
@@ -27,7 +28,9 @@ def sieves() -> tuple[np.ndarray, np.ndarray]:
     """Diameters and what passes."""
     with SIEVES.with_suffix(".csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
-    return np.array([float(row["diameter"]) for row in rows]), np.array([float(row["passing"]) for row in rows])
+    return np.array([float(row["diameter"]) for row in rows]), np.array(
+        [float(row["passing"]) for row in rows]
+    )
 
 
 def mass_of(diameter: np.ndarray) -> np.ndarray:
@@ -37,7 +40,8 @@ def mass_of(diameter: np.ndarray) -> np.ndarray:
 def expected_masses(count: int) -> np.ndarray:
     """Mean mass of each class among ``count`` grains.
 
-    A class with the share s of the mass M has M s ⟨1/m⟩ grains, the mean over its diameters: ⟨1/D³⟩ = (a + b)/(2 a² b²).
+    A class with the share s of the mass M has M s ⟨1/m⟩ grains, the mean over its diameters: ⟨1/D³⟩
+    = (a + b)/(2 a² b²).
     """
     edge, passing = sieves()
     low, high = edge[:-1], edge[1:]
@@ -51,11 +55,15 @@ def masses(radius: np.ndarray, mass: np.ndarray) -> np.ndarray:
 
 
 def test_every_class_has_its_mass(tmp_path: Path) -> None:
-    """In what lies under the lid at the end; the lid gets its load back, and the floor also has the weight of the grains."""
+    """In what lies under the lid at the end; the lid gets its load back, and the floor also has the
+    weight of the grains.
+    """
     multicor.run(SIEVES, tmp_path / "run")
     with multicor.open_run(tmp_path / "run") as run:
         grains, end, series = run.model.grains, run.frames[-1], run.series
-        inside = (end.position[:, 1] > 0.0) & (end.position[:, 1] < end.wall_position[1, 1] + HEIGHT)
+        inside = (end.position[:, 1] > 0.0) & (
+            end.position[:, 1] < end.wall_position[1, 1] + HEIGHT
+        )
         assert inside.all()
         found = masses(grains.radius, grains.mass)
         weight = 9.81 * grains.mass.sum()
@@ -63,7 +71,9 @@ def test_every_class_has_its_mass(tmp_path: Path) -> None:
     count, bound = grains.radius.size, 2.0 * mass_of(sieves()[0][1:])
     difference = found - expected_masses(count)
     shares = ", ".join(f"{share:.4f}" for share in found / found.sum())
-    print(f"shares {shares}; largest difference {np.abs(difference / bound).max():.2f} of the bound")
+    print(
+        f"shares {shares}; largest difference {np.abs(difference / bound).max():.2f} of the bound"
+    )
     print(f"lid {lid:.4f} N, floor {-floor:.4f} N, weight {weight:.4f} N")
     assert (np.abs(difference) <= bound).all()
     assert found.sum() == pytest.approx(grains.mass.sum(), rel=1e-12)
@@ -77,10 +87,16 @@ def test_the_bound_holds_for_all_seeds_and_shrinks_with_the_number_of_grains(cou
     bound, expected = 2.0 * mass_of(sieves()[0][1:]), expected_masses(count)
     used = []
     for seed in range(10):
-        changes = [f"scenario.seed={seed}", f"variables.count={count}", "variables.width=0.2", "variables.height=0.5"]
+        changes = [
+            f"scenario.seed={seed}",
+            f"variables.count={count}",
+            "variables.width=0.2",
+            "variables.height=0.5",
+        ]
         model = build(multicor.load_scenario(SIEVES, overrides=changes))[0]
         used.append(np.abs(masses(model.grains.radius, model.grains.mass) - expected) / bound)
     print(
-        f"{count} grains: at most {np.max(used):.2f} of the bound, which is {np.max(bound / expected):.4f} of the mass of a class"
+        f"{count} grains: at most {np.max(used):.2f} of the bound, which is "
+        f"{np.max(bound / expected):.4f} of the mass of a class"
     )
     assert np.max(used) <= 1.0

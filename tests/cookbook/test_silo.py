@@ -1,9 +1,10 @@
 """`configs/silo.toml`: Beverloo's law in two dimensions, and Janssen's saturation of the stress.
 
-W. A. Beverloo, H. A. Leniger & J. van de Velde, Chem. Eng. Sci. 15, 260, 1961: grains fall freely from an arch as wide as the
-opening less k diameters, so that in two dimensions the flow rate W is proportional to (D − k d)^{3/2}, whatever lies above.
-H. A. Janssen, Z. Ver. Dtsch. Ing. 39, 1045, 1895: walls that carry τ = μ σ_xx = μ K σ_yy leave
-σ_yy = ρ g λ (1 − e^{−z/λ}) + q e^{−z/λ}, λ = width/(2 μ K), at the depth z below a height that bears q.
+W. A. Beverloo, H. A. Leniger & J. van de Velde, Chem. Eng. Sci. 15, 260, 1961: grains fall freely
+from an arch as wide as the opening less k diameters, so that in two dimensions the flow rate W is
+proportional to (D − k d)^{3/2}, whatever lies above. H. A. Janssen, Z. Ver. Dtsch. Ing. 39, 1045,
+1895: walls that carry τ = μ σ_xx = μ K σ_yy leave σ_yy = ρ g λ (1 − e^{−z/λ}) + q e^{−z/λ}, λ =
+width/(2 μ K), at the depth z below a height that bears q.
 """
 
 import math
@@ -59,8 +60,12 @@ def flow_rate(directory: Path) -> float:
     return float(np.ptp(left[chosen]) / np.ptp(time[chosen]))
 
 
-def test_the_flow_rate_follows_beverloo(silos: dict[tuple[int, int], Path], record_property: Callable[[str, object], None]) -> None:
-    """W^{2/3} is linear in D within 4 %: the rates of single runs have standard errors of 1 to 3 %."""
+def test_the_flow_rate_follows_beverloo(
+    silos: dict[tuple[int, int], Path], record_property: Callable[[str, object], None]
+) -> None:
+    """W^{2/3} is linear in D within 4 %: the rates of single runs have standard errors of 1 to 3
+    %.
+    """
     each = np.array([[flow_rate(silos[opening, seed]) for opening in OPENINGS] for seed in SEEDS])
     print(f"rates by seed: {each.round()}")
     rates = each.mean(axis=0)
@@ -68,7 +73,10 @@ def test_the_flow_rate_follows_beverloo(silos: dict[tuple[int, int], Path], reco
     slope, start = np.polyfit(OPENINGS, powers, 1)
     misfit = powers - np.polyval([slope, start], OPENINGS)
     keep(record_property, opening=OPENINGS, rate=each, slope=slope, start=start)
-    print(f"W = {rates.round()} grains/s at D/d = {OPENINGS}: k = {-start / slope:.2f}, misfit of W^(2/3) {misfit / powers}")
+    print(
+        f"W = {rates.round()} grains/s at D/d = {OPENINGS}: k = {-start / slope:.2f}, misfit of "
+        f"W^(2/3) {misfit / powers}"
+    )
     assert np.abs(misfit / powers).max() < 0.04
     assert 0.5 < -start / slope < 3.0
 
@@ -81,11 +89,15 @@ def test_both_materials_leave_as_they_come(silos: dict[tuple[int, int], Path]) -
 
 
 def stresses(directory: Path) -> tuple[np.ndarray, ...]:
-    """By bin: depth [m], σ_yy with its standard error, σ_xx [N/m]; and, the same for all, weight per area and the walls' μ."""
+    """By bin: depth [m], σ_yy with its standard error, σ_xx [N/m]; and, the same for all, weight
+    per area and the walls' μ.
+    """
     with multicor.open_run(directory) as run:
         chosen, model = Selection(start=steady(run)), run.model
         names = ("stress-xx", "stress-yy", "solid-fraction")
-        across, along, fill = (profile(run, of, chosen, bin_width=2.0, exclude_walls=0.0) for of in names)
+        across, along, fill = (
+            profile(run, of, chosen, bin_width=2.0, exclude_walls=0.0) for of in names
+        )
         frames = np.flatnonzero(run.frames.time >= steady(run))
         y = along.y + find_extent(run, frames).floor - BOTTOM
         series = run.series["time"] >= steady(run)
@@ -95,32 +107,62 @@ def stresses(directory: Path) -> tuple[np.ndarray, ...]:
     density = float(model.grains.mass.sum()) / (math.pi * float((model.grains.radius**2).sum()))
     load = np.full(int(deep.sum()), 9.81 * float(fill.value[deep].mean()) * density)
     friction = np.full(load.size, -float(left[1] + right[1]) / float(right[0] - left[0]))
-    return surface - y[deep], along.value[deep], along.error[deep], across.value[deep], load, friction
+    return (
+        surface - y[deep],
+        along.value[deep],
+        along.error[deep],
+        across.value[deep],
+        load,
+        friction,
+    )
 
 
 def test_the_stress_saturates_as_janssen_says(
     silos: dict[tuple[int, int], Path], record_property: Callable[[str, object], None]
 ) -> None:
-    """The curve of both seeds, by their standard errors: a bin of one run is known to 10 to 20 % only."""
-    depth, stress, error, across, load, friction = np.concatenate([stresses(silos[8, seed]) for seed in SEEDS], axis=1)
+    """The curve of both seeds, by their standard errors: a bin of one run is known to 10 to 20 %
+    only.
+    """
+    depth, stress, error, across, load, friction = np.concatenate(
+        [stresses(silos[8, seed]) for seed in SEEDS], axis=1
+    )
     load, friction = float(load.mean()), float(friction.mean())
 
     def janssen(z: np.ndarray, length: float, top: float) -> np.ndarray:
         return load * length * (1.0 - np.exp(-z / length)) + top * np.exp(-z / length)
 
-    (length, top), _ = curve_fit(janssen, depth, stress, (WIDTH, stress.min()), sigma=error, absolute_sigma=True)
+    (length, top), _ = curve_fit(
+        janssen, depth, stress, (WIDTH, stress.min()), sigma=error, absolute_sigma=True
+    )
     fitted = janssen(depth, length, top)
     misfit = float(np.sqrt(((fitted - stress) ** 2).mean()) / stress.max())
     by_error = float((((fitted - stress) / error) ** 2).sum() / (depth.size - 2))
     order = np.argsort(depth)
-    found = {"depth": depth / WIDTH, "stress": stress, "janssen": fitted, "weight": load * depth + top}
+    found = {
+        "depth": depth / WIDTH,
+        "stress": stress,
+        "janssen": fitted,
+        "weight": load * depth + top,
+    }
     keep(record_property, **{name: values[order] for name, values in found.items()})
     deepest = int(np.argmax(depth))
-    print(f"λ = {length / WIDTH:.2f} widths, rms misfit {misfit:.3f}, χ² {by_error:.2f} per degree, μ of the walls {friction:.3f}")
-    print(f"μK = {0.5 * WIDTH / length:.3f}, K = {0.5 * WIDTH / length / friction:.2f}; σ_xx/σ_yy = {(across / stress).mean():.2f}")
-    print(f"σ_yy at {depth[deepest] / WIDTH:.2f} widths: {stress[deepest]:.3f} N/m; all weight {load * depth[deepest] + top:.3f}")
+    print(
+        f"λ = {length / WIDTH:.2f} widths, rms misfit {misfit:.3f}, χ² {by_error:.2f} per degree, "
+        f"μ of the walls {friction:.3f}"
+    )
+    print(
+        f"μK = {0.5 * WIDTH / length:.3f}, K = {0.5 * WIDTH / length / friction:.2f}; σ_xx/σ_yy = "
+        f"{(across / stress).mean():.2f}"
+    )
+    print(
+        f"σ_yy at {depth[deepest] / WIDTH:.2f} widths: {stress[deepest]:.3f} N/m; all weight "
+        f"{load * depth[deepest] + top:.3f}"
+    )
     assert misfit < 0.1
     assert by_error < 3.0
     assert stress[deepest] < 0.6 * (load * depth[deepest] + top)
-    # Rankine's limits for the internal friction of these grains, sin φ = 0.35 (GDR MiDi, 2004, at small inertial numbers).
-    assert (1.0 - 0.35) / (1.0 + 0.35) < 0.5 * WIDTH / length / friction < (1.0 + 0.35) / (1.0 - 0.35)
+    # Rankine's limits for the internal friction of these grains, sin φ = 0.35 (GDR MiDi, 2004, at
+    # small inertial numbers).
+    assert (
+        (1.0 - 0.35) / (1.0 + 0.35) < 0.5 * WIDTH / length / friction < (1.0 + 0.35) / (1.0 - 0.35)
+    )

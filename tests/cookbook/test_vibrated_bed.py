@@ -1,4 +1,6 @@
-"""`configs/vibrated-bed.toml`: a layer takes off where the floor falls faster than it can, and the floor's work is what is lost."""
+"""`configs/vibrated-bed.toml`: a layer takes off where the floor falls faster than it can, and the
+floor's work is what is lost.
+"""
 
 import math
 from pathlib import Path
@@ -17,7 +19,9 @@ CONFIG = ROOT / "configs" / "vibrated-bed.toml"
 F, STEPS = 20.0, 500
 
 
-def floor_force(directory: Path, gamma: float, layers: int, cycles: int, *, per_layer: int = 19) -> np.ndarray:
+def floor_force(
+    directory: Path, gamma: float, layers: int, cycles: int, *, per_layer: int = 19
+) -> np.ndarray:
     """Force on the floor in every step, shape ``(cycles, steps of a cycle)``."""
     changes = [
         f"variables.Gamma={gamma}",
@@ -39,7 +43,9 @@ def test_one_layer_takes_off_at_gamma_one(gamma: float, flies: bool, tmp_path: P
 
 
 def time_of_flight(gamma: float) -> float:
-    """Cycles that a body flies that leaves at sin φ = 1/Γ and does not bounce (Mehta & Luck, Phys. Rev. Lett. 65, 393, 1990)."""
+    """Cycles that a body flies that leaves at sin φ = 1/Γ and does not bounce (Mehta & Luck, Phys.
+    Rev. Lett. 65, 393, 1990).
+    """
     phase = math.asin(1.0 / gamma)
 
     def height(angle: float) -> float:
@@ -59,16 +65,27 @@ def test_time_of_flight_of_discs_that_do_not_touch(tmp_path: Path) -> None:
 
 
 def test_the_work_of_the_floor_is_lost(tmp_path: Path) -> None:
-    """Its work is summed from what is recorded of its motion and its forces, not taken from the books."""
+    """Its work is summed from what is recorded of its motion and its forces, not taken from the
+    books.
+    """
     floor_force(tmp_path / "run", 3.0, layers=6, cycles=10)
     info = run_info(tmp_path / "run")
     with multicor.open_run(tmp_path / "run") as run:
-        y, force = np.asarray(run.series["wall_position"])[:, 0, 1], np.asarray(run.series["wall_force"])[1:, 0, 1]
+        y, force = (
+            np.asarray(run.series["wall_position"])[:, 0, 1],
+            np.asarray(run.series["wall_force"])[1:, 0, 1],
+        )
         kinetic = np.asarray(run.series["kinetic"])
-        mass, height = run.model.grains.mass, [frame.position[:, 1] for frame in (run.frames[0], run.frames[-1])]
+        mass, height = (
+            run.model.grains.mass,
+            [frame.position[:, 1] for frame in (run.frames[0], run.frames[-1])],
+        )
     work = -float((force * np.diff(y)).sum())
     books = info["books"]
     lost = books["friction_loss"] + books["impact_loss"]
     stored = float(kinetic[-1] - kinetic[0]) + 9.81 * float((mass * (height[1] - height[0])).sum())
-    print(f"work {work:.6g} J, lost {lost:.6g} J, stored {stored:.6g} J, of corrections {books['correction_work']:.3g} J")
+    print(
+        f"work {work:.6g} J, lost {lost:.6g} J, stored {stored:.6g} J, of corrections "
+        f"{books['correction_work']:.3g} J"
+    )
     assert work == pytest.approx(lost + stored, rel=0.01)

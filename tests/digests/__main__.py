@@ -1,7 +1,7 @@
 """Compares what short runs give on this machine with their frozen digests, or freezes them anew.
 
-python tests/digests [--threads N] [--json FILE] [CASE ...]     compare; exit code 1 if anything differs
-python tests/digests --write                                    freeze anew, and say what has changed
+python tests/digests [--threads N] [--json FILE] [CASE ...]   compare; exit code 1 if any differs
+python tests/digests --write                                  freeze, and say what has changed
 """
 
 from __future__ import annotations
@@ -18,23 +18,38 @@ from digest_cases import CASES  # noqa: E402
 from digest_run import FROZEN, differences, freeze, run_cases  # noqa: E402
 
 WHY = """\
-Results of the program have changed. If that was not meant, find out why before anything else. If it was: digests are what users
-compare runs with, and what says that two machines agree, so CHANGELOG.md gets an entry under "Results change" that says what
-changed, in which scenarios, by how much, and why."""
+Results of the program have changed. If that was not meant, find out why before anything else. If
+it was: digests are what users compare runs with, and what says that two machines agree, so
+CHANGELOG.md gets an entry under "Results change" that says what changed, in which scenarios, by how
+much, and why."""
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="python tests/digests", description=__doc__.splitlines()[0])
-    parser.add_argument("cases", nargs="*", metavar="CASE", help=f"cases to run; all if none is named: {', '.join(CASES)}")
+    parser = argparse.ArgumentParser(
+        prog="python tests/digests", description=__doc__.splitlines()[0]
+    )
+    parser.add_argument(
+        "cases",
+        nargs="*",
+        metavar="CASE",
+        help=f"cases to run; all if none is named: {', '.join(CASES)}",
+    )
     parser.add_argument("--threads", type=int, default=1, help="threads of each run (default 1)")
     parser.add_argument("--write", action="store_true", help="freeze what comes out")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write what comes out into FILE too")
+    parser.add_argument(
+        "--json", type=Path, metavar="FILE", help="write what comes out into FILE too"
+    )
     options = parser.parse_args(arguments)
     unknown = sorted(set(options.cases) - set(CASES))
     if unknown:
         parser.error(f"no such case: {', '.join(unknown)}")
     with tempfile.TemporaryDirectory() as folder:
-        found = run_cases(options.cases or list(CASES), Path(folder), options.threads, lambda line: print(line, flush=True))
+        found = run_cases(
+            options.cases or list(CASES),
+            Path(folder),
+            options.threads,
+            lambda line: print(line, flush=True),
+        )
     if options.json:
         options.json.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     changed = differences(found)

@@ -2,8 +2,9 @@
 
     python tests/digests/machines.py [--oldest] [--aarch64 FOLDER] [--only TEXT]
 
-``--oldest`` makes an environment with the oldest dependencies that pyproject.toml admits; ``--aarch64`` takes a root directory that
-`tests/digests/aarch64.sh` has made; ``--only`` leaves out machines whose names do not contain a text.
+``--oldest`` makes an environment with the oldest dependencies that pyproject.toml admits;
+``--aarch64`` takes a root directory that `tests/digests/aarch64.sh` has made; ``--only`` leaves out
+machines whose names do not contain a text.
 """
 
 from __future__ import annotations
@@ -24,9 +25,14 @@ from pathlib import Path
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 
-# Names of one feature differ between versions of the C library: those it does not know it passes over.
-GLIBC = "glibc.cpu.hwcaps=-AVX512F,-AVX512DQ,-AVX512BW,-AVX512VL,-AVX2,-FMA,-FMA4,-AVX2_Usable,-FMA_Usable"
-BLAS = ("Prescott", "Haswell") if platform.machine() == "x86_64" else ("ARMV8", "NEOVERSEN1")  # kernels of OpenBLAS
+# Names of one feature differ between versions of the C library: those it does not know it passes
+# over.
+GLIBC = (
+    "glibc.cpu.hwcaps=-AVX512F,-AVX512DQ,-AVX512BW,-AVX512VL,-AVX2,-FMA,-FMA4,-AVX2_Usable,"
+    "-FMA_Usable"
+)
+# Kernels of OpenBLAS
+BLAS = ("Prescott", "Haswell") if platform.machine() == "x86_64" else ("ARMV8", "NEOVERSEN1")
 
 
 def optional_features() -> str:
@@ -51,7 +57,11 @@ def machines() -> dict[str, tuple[dict[str, str], int]]:
     every = another_machine()
     return {
         **{f"{count} thread{'s' if count > 1 else ''}": ({}, count) for count in (1, 2, 4)},
-        **{f"{name}={value}": ({name: value}, 2) for name, value in every.items() if name != "OPENBLAS_CORETYPE"},
+        **{
+            f"{name}={value}": ({name: value}, 2)
+            for name, value in every.items()
+            if name != "OPENBLAS_CORETYPE"
+        },
         **{f"OPENBLAS_CORETYPE={kernel}": ({"OPENBLAS_CORETYPE": kernel}, 2) for kernel in BLAS},
         "all of these": (every, 2),
     }
@@ -70,20 +80,46 @@ def oldest(folder: Path) -> str:
 def check(python: list[str], environment: dict[str, str], threads: int) -> str:
     """Last words of a comparison: how many digests are as frozen; what differs otherwise."""
     command = [*python, str(HERE), "--threads", str(threads)]
-    done = subprocess.run(command, env={**os.environ, **environment}, capture_output=True, text=True, check=False)
-    lines = [line for line in done.stdout.splitlines() if line.startswith("differs: ") or line.endswith("as frozen")]
+    done = subprocess.run(
+        command, env={**os.environ, **environment}, capture_output=True, text=True, check=False
+    )
+    lines = [
+        line
+        for line in done.stdout.splitlines()
+        if line.startswith("differs: ") or line.endswith("as frozen")
+    ]
     return "; ".join(lines) if lines else f"failed: {done.stderr.strip()[-300:]}"
 
 
 def emulated(root: Path) -> str:
-    """The same in a root directory of another architecture; the package and the tests are copied there first."""
+    """The same in a root directory of another architecture; the package and the tests are copied
+    there first.
+    """
     target = root / "opt" / "multicor"
     shutil.rmtree(target, ignore_errors=True)
-    for name in ("multicor_cli", "tests", "configs"):  # with the times of the files: kernels of unchanged ones stay compiled
+    # With the times of the files: kernels of unchanged ones stay compiled
+    for name in ("multicor_cli", "tests", "configs"):
         shutil.copytree(ROOT / name, target / name, ignore=shutil.ignore_patterns("__pycache__"))
-    command = ["chroot", str(root), "/usr/bin/env", "-i", "HOME=/root", "PATH=/usr/bin:/bin", "PYTHONPATH=/opt/site"]
-    done = subprocess.run([*command, "python3", "/opt/multicor/tests/digests"], capture_output=True, text=True, check=False)
-    lines = [line for line in done.stdout.splitlines() if line.startswith("differs: ") or line.endswith("as frozen")]
+    command = [
+        "chroot",
+        str(root),
+        "/usr/bin/env",
+        "-i",
+        "HOME=/root",
+        "PATH=/usr/bin:/bin",
+        "PYTHONPATH=/opt/site",
+    ]
+    done = subprocess.run(
+        [*command, "python3", "/opt/multicor/tests/digests"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    lines = [
+        line
+        for line in done.stdout.splitlines()
+        if line.startswith("differs: ") or line.endswith("as frozen")
+    ]
     return "; ".join(lines) if lines else f"failed: {done.stderr.strip()[-300:]}"
 
 
@@ -99,13 +135,28 @@ def _results(options: argparse.Namespace, folder: Path) -> Iterator[tuple[str, C
 
 
 def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="python tests/digests/machines.py", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        prog="python tests/digests/machines.py", description=__doc__.splitlines()[0]
+    )
     parser.add_argument("--oldest", action="store_true", help="the oldest dependencies too")
-    parser.add_argument("--aarch64", type=Path, metavar="FOLDER", help="a root directory of AArch64 too (tests/digests/aarch64.sh)")
-    parser.add_argument("--only", default="", metavar="TEXT", help="only machines whose names contain it")
+    parser.add_argument(
+        "--aarch64",
+        type=Path,
+        metavar="FOLDER",
+        help="a root directory of AArch64 too (tests/digests/aarch64.sh)",
+    )
+    parser.add_argument(
+        "--only", default="", metavar="TEXT", help="only machines whose names contain it"
+    )
     options = parser.parse_args(arguments)
     versions = ", ".join(f"{name} {metadata.version(name)}" for name in ("numpy", "numba", "h5py"))
-    print(f"{platform.machine()}, Python {platform.python_version()}, {versions}\n\n| machine | digests |\n|---|---|", flush=True)
+    print(
+        (
+            f"{platform.machine()}, Python {platform.python_version()}, {versions}\n\n"
+            "| machine | digests |\n|---|---|"
+        ),
+        flush=True,
+    )
     found = []
     with tempfile.TemporaryDirectory() as folder:
         for name, result in _results(options, Path(folder)):

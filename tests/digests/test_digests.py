@@ -1,4 +1,6 @@
-"""Short runs end with their frozen digests: here, and on a machine that has as little in common with this one as can be had."""
+"""Short runs end with their frozen digests: here, and on a machine that has as little in common
+with this one as can be had.
+"""
 
 from __future__ import annotations
 
@@ -18,15 +20,19 @@ from multicor_cli.model.state import VARIABLE, nudge_seed
 
 HERE = Path(__file__).parent
 
-pytestmark = pytest.mark.skipif(nudge_seed() is not None, reason=f"{VARIABLE} moves the positions whose bits are frozen")
+pytestmark = pytest.mark.skipif(
+    nudge_seed() is not None, reason=f"{VARIABLE} moves the positions whose bits are frozen"
+)
 
 
 FOREIGN = (
     "packing-lattice-square", "packing-random-dense", "packing-compacted", "packing-tile-deposited",
     "sizes-lognormal-mass", "sizes-power-number", "sizes-uniform-mass",
-    "law-rough-drum", "law-moving-walls", "law-friction-of-temperature", "law-heat-everything-implicit", "law-heat-of-impacts",
+    "law-rough-drum", "law-moving-walls", "law-friction-of-temperature",
+    "law-heat-everything-implicit", "law-heat-of-impacts",
 )  # fmt: skip
-"""Cases for the other machine: every elementary function and kind of law. `machines.py` takes all cases."""
+"""Cases for the other machine: every elementary function and kind of law. `machines.py` takes all
+cases."""
 
 PROBLEM = DATA / "bed-1008.npz"
 
@@ -38,8 +44,11 @@ from multicor_cli.engine import ContactProblem, Settings, solve_contacts
 
 values = np.linspace(1e-3, 1.0, 1001)
 found = solve_contacts(ContactProblem.load(sys.argv[1]), Settings())
-results = [found.impulse, found.velocity, *(getattr(elementwise, name)(values) for name in ("exp", "log1p", "sin", "cos", "acos"))]
-print(*(hashlib.blake2b(np.ascontiguousarray(result).tobytes(), digest_size=8).hexdigest() for result in results))
+functions = (getattr(elementwise, name) for name in ("exp", "log1p", "sin", "cos", "acos"))
+results = [found.impulse, found.velocity, *(function(values) for function in functions)]
+for result in results:
+    digest = hashlib.blake2b(np.ascontiguousarray(result).tobytes(), digest_size=8)
+    print(digest.hexdigest(), end=" ")
 """
 """Prints digests of a solved contact problem and of elementary functions of arrays."""
 
@@ -57,20 +66,35 @@ def test_frozen_digests_hold_here(tmp_path):
 def call(*arguments: str, **environment: str) -> str:
     """Run Python elsewhere; what it prints."""
     everything = {**os.environ, **environment, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run([sys.executable, *arguments], env=everything, capture_output=True, text=True, timeout=500, check=False)
+    done = subprocess.run(
+        [sys.executable, *arguments],
+        env=everything,
+        capture_output=True,
+        text=True,
+        timeout=500,
+        check=False,
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
 
 def test_frozen_digests_hold_on_another_machine(tmp_path):
     """No optional instruction in NumPy, the C library and OpenBLAS; four threads."""
-    elsewhere = {name: value for name, value in another_machine().items() if name != "NUMBA_CPU_NAME"}
-    call(str(HERE), "--threads", "4", "--json", str(tmp_path / "digests.json"), *FOREIGN, **elsewhere)
-    assert json.loads((tmp_path / "digests.json").read_text()) == {name: frozen()[name] for name in FOREIGN}
+    elsewhere = {
+        name: value for name, value in another_machine().items() if name != "NUMBA_CPU_NAME"
+    }
+    call(
+        str(HERE), "--threads", "4", "--json", str(tmp_path / "digests.json"), *FOREIGN, **elsewhere
+    )
+    assert json.loads((tmp_path / "digests.json").read_text()) == {
+        name: frozen()[name] for name in FOREIGN
+    }
 
 
 def test_kernels_of_another_machine_give_the_same_bits():
-    """No optional instruction in the kernels either; few of them, as they have to be compiled for it."""
+    """No optional instruction in the kernels either; few of them, as they have to be compiled for
+    it.
+    """
     assert call("-c", SOLVE, str(PROBLEM), **another_machine()) == call("-c", SOLVE, str(PROBLEM))
 
 
@@ -78,7 +102,10 @@ def test_another_machine_is_another_one():
     features = json.loads(
         call(
             "-c",
-            "import json; from numpy._core import _multiarray_umath as n; print(json.dumps(n.__cpu_features__))",
+            (
+                "import json; from numpy._core import _multiarray_umath as n; "
+                "print(json.dumps(n.__cpu_features__))"
+            ),
             **another_machine(),
         )
     )

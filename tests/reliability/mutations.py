@@ -3,8 +3,9 @@
     python tests/reliability/mutations.py            # all
     python tests/reliability/mutations.py fsync lock # those whose names contain one of the words
 
-Each mutant of ``mutants.toml`` is a copy of the repository with one change; the tests named beside it must fail there, and pass
-without the change. Exit code 1 if one survives, 2 if a test fails without any change.
+Each mutant of ``mutants.toml`` is a copy of the repository with one change; the tests named beside
+it must fail there, and pass without the change. Exit code 1 if one survives, 2 if a test fails
+without any change.
 
 Fields of a state are taken away by `test_saved_states.py` itself.
 """
@@ -55,10 +56,15 @@ def read_mutants() -> list[Mutant]:
 
 
 def main(words: list[str]) -> int:
-    chosen = [mutant for mutant in read_mutants() if not words or any(word in mutant.name for word in words)]
+    chosen = [
+        mutant
+        for mutant in read_mutants()
+        if not words or any(word in mutant.name for word in words)
+    ]
     survivors = 0
     with tempfile.TemporaryDirectory() as directory:
-        copy = Path(directory) / "repository"  # always the same, so that Numba finds the kernels that it has compiled
+        # Always the same, so that Numba finds the kernels that it has compiled
+        copy = Path(directory) / "repository"
         for tests in dict.fromkeys(mutant.tests for mutant in chosen):
             make_copy(copy)
             failure = first_failure(copy, tests, FORMS[:1])
@@ -79,13 +85,22 @@ def main(words: list[str]) -> int:
 def make_copy(copy: Path) -> None:
     """The repository as it is, anew."""
     shutil.rmtree(copy, ignore_errors=True)
-    shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns("__pycache__", ".*", "runs", "benchmarks"))
+    shutil.copytree(
+        ROOT, copy, ignore=shutil.ignore_patterns("__pycache__", ".*", "runs", "benchmarks")
+    )
 
 
 def first_failure(copy: Path, tests: tuple[str, ...], forms: tuple[str, ...]) -> str | None:
     """The test that fails first, of the short forms or else of the long ones, and why."""
     for form in forms:
-        arguments = [*(f"tests/{test}" for test in tests), "-x", "-m", form, "-p", "no:cacheprovider"]
+        arguments = [
+            *(f"tests/{test}" for test in tests),
+            "-x",
+            "-m",
+            form,
+            "-p",
+            "no:cacheprovider",
+        ]
         done = subprocess.run(
             [sys.executable, "-m", "pytest", *arguments, "--basetemp", str(copy.parent / "tmp")],
             cwd=copy,

@@ -1,4 +1,6 @@
-"""Values that are not finite, or absurd, stop the run where they are; what is on disk stays right."""
+"""Values that are not finite, or absurd, stop the run where they are; what is on disk stays
+right.
+"""
 
 from __future__ import annotations
 
@@ -20,11 +22,23 @@ from multicor_cli.model import State
 
 WORKER = SUPPORT / "poison_worker.py"
 VALUES = ("nan", "inf", "-inf", "1e308", "-1e308")
-EMPTY = ("stage_notes", "wall_origin", "wall_surface", "heat_before", "released", "outlet_flow", "exchange")
-"""The conditions of these stages have nothing to note, no wall has to know where it was, no surface runs, the run does not go on
-from another, and no grain comes or goes."""
+EMPTY = (
+    "stage_notes",
+    "wall_origin",
+    "wall_surface",
+    "heat_before",
+    "released",
+    "outlet_flow",
+    "exchange",
+)
+"""The conditions of these stages have nothing to note, no wall has to know where it was, no surface
+runs, the run does not go on from another, and no grain comes or goes."""
 
-FLOATS = tuple(f.name for f in fields(State) if "Ints" not in str(f.type) and "int" not in str(f.type) and f.name not in EMPTY)
+FLOATS = tuple(
+    f.name
+    for f in fields(State)
+    if "Ints" not in str(f.type) and "int" not in str(f.type) and f.name not in EMPTY
+)
 """Fields of a state that hold numbers with a fraction."""
 
 REPLACED = {
@@ -39,7 +53,9 @@ REPLACED = {
 }
 """Fields that a step may make right by itself, and why."""
 
-OF_GRAINS = {name: name for name in ("position", "velocity", "heat", "wear")} | {"generated": "heat generated"}
+OF_GRAINS = {name: name for name in ("position", "velocity", "heat", "wear")} | {
+    "generated": "heat generated"
+}
 """Fields with a row per grain, and what messages call them."""
 
 ROWS = {"books": 12}
@@ -69,7 +85,9 @@ def test_fields_are_all_that_have_a_fraction() -> None:
 
 @trials(short=1, long=5)
 def test_spoiled_states_stop_the_run(tmp_path: Path, count: int) -> None:
-    """Every field of the state (in CI every other one), spoiled in a moving step, in a frozen one, and after it."""
+    """Every field of the state (in CI every other one), spoiled in a moving step, in a frozen one,
+    and after it.
+    """
     rng = np.random.default_rng(9)
     steps = (7, 13, 19, 23, 27)
     cases = [
@@ -87,8 +105,14 @@ def test_spoiled_states_stop_the_run(tmp_path: Path, count: int) -> None:
             found["code"] == 4 and named is not None and step <= int(named[1]) <= step + 2
         )  # rows of series are 2 steps apart
         if name in OF_GRAINS:
-            is_stopped = is_stopped and f"{OF_GRAINS[name]} of grain {found['row']} is" in found["message"]
+            is_stopped = (
+                is_stopped and f"{OF_GRAINS[name]} of grain {found['row']} is" in found["message"]
+            )
         is_right = is_stopped or (found["code"] == 0 and name in REPLACED)
-        if not is_right or found["findings"] or (is_stopped and max(found["checkpoint"], found["last_frame"]) > step):
+        if (
+            not is_right
+            or found["findings"]
+            or (is_stopped and max(found["checkpoint"], found["last_frame"]) > step)
+        ):
             wrong.append((case, found))
     assert not wrong, "\n".join(map(str, wrong))

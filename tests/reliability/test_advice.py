@@ -1,4 +1,6 @@
-"""What one message advises, the next command can do: a state, the command that speaks, the advice, and what follows it."""
+"""What one message advises, the next command can do: a state, the command that speaks, the advice,
+and what follows it.
+"""
 
 from __future__ import annotations
 
@@ -66,22 +68,56 @@ VERIFY, AGAIN, ANEW = ("verify", "run"), RUN, (*RUN, "--overwrite")
 ELSEWHERE = ("run", "small.toml", "-o", "other", "-q")
 ROWS = {
     "segments gone": Row(
-        lambda r: shutil.rmtree(r / "segments"), VERIFY, "begin again with the same command and --overwrite", ANEW
+        lambda r: shutil.rmtree(r / "segments"),
+        VERIFY,
+        "begin again with the same command and --overwrite",
+        ANEW,
     ),
-    "segments gone, elsewhere": Row(lambda r: shutil.rmtree(r / "segments"), AGAIN, "in another directory with -o", ELSEWHERE),
-    "manifest gone": Row(lambda r: (r / "segments/MANIFEST.jsonl").unlink(), VERIFY, "continue the run to repair it", AGAIN),
+    "segments gone, elsewhere": Row(
+        lambda r: shutil.rmtree(r / "segments"), AGAIN, "in another directory with -o", ELSEWHERE
+    ),
+    "manifest gone": Row(
+        lambda r: (r / "segments/MANIFEST.jsonl").unlink(),
+        VERIFY,
+        "continue the run to repair it",
+        AGAIN,
+    ),
     "manifest short": Row(shorten_manifest, VERIFY, "continue the run to repair it", AGAIN),
-    "first segment cut": Row(lambda r: cut(r / "segments/000000.h5"), AGAIN, "begin again .* --overwrite", ANEW),
-    "all checkpoints cut": Row(lambda r: [cut(p) for p in r.glob("checkpoints/*.h5")], AGAIN, "begin again .* --overwrite", ANEW),
-    "last segment gone": Row(lambda r: newest(r, "segments/*.h5").unlink(), AGAIN, "going back to an older checkpoint", VERIFY),
-    "newest checkpoint cut": Row(lambda r: cut(newest(r, "checkpoints/*.h5")), AGAIN, "going back to an older checkpoint", VERIFY),
+    "first segment cut": Row(
+        lambda r: cut(r / "segments/000000.h5"), AGAIN, "begin again .* --overwrite", ANEW
+    ),
+    "all checkpoints cut": Row(
+        lambda r: [cut(p) for p in r.glob("checkpoints/*.h5")],
+        AGAIN,
+        "begin again .* --overwrite",
+        ANEW,
+    ),
+    "last segment gone": Row(
+        lambda r: newest(r, "segments/*.h5").unlink(),
+        AGAIN,
+        "going back to an older checkpoint",
+        VERIFY,
+    ),
+    "newest checkpoint cut": Row(
+        lambda r: cut(newest(r, "checkpoints/*.h5")),
+        AGAIN,
+        "going back to an older checkpoint",
+        VERIFY,
+    ),
     "left by a kill": Row(lambda r: None, VERIFY, "the next start removes it", AGAIN),
     "scenario changed": Row(
-        spoil_scenario, AGAIN, "put the original back", AGAIN, lambda r: shutil.copy(r.parent / "kept.toml", r / "scenario.toml")
+        spoil_scenario,
+        AGAIN,
+        "put the original back",
+        AGAIN,
+        lambda r: shutil.copy(r.parent / "kept.toml", r / "scenario.toml"),
     ),
     "scenario changed, another": Row(spoil_scenario, AGAIN, "or start another run", ELSEWHERE),
     "other tolerance": Row(
-        lambda r: None, (*RUN, "--set", "solver.tolerance_rms=2e-3"), "undo the change to continue the run", AGAIN
+        lambda r: None,
+        (*RUN, "--set", "solver.tolerance_rms=2e-3"),
+        "undo the change to continue the run",
+        AGAIN,
     ),
     "other tolerance, elsewhere": Row(
         lambda r: None,
@@ -97,7 +133,9 @@ ROWS = {
     ),
     "more stages": Row(add_stage, AGAIN, "give --extend to add them", (*RUN, "--extend")),
     "more stages, anew": Row(add_stage, AGAIN, "start anew with --overwrite", ANEW),
-    "no run to extend": Row(shutil.rmtree, (*RUN, "--extend"), "leave --extend out to begin one", AGAIN),
+    "no run to extend": Row(
+        shutil.rmtree, (*RUN, "--extend"), "leave --extend out to begin one", AGAIN
+    ),
     "lock of another machine": Row(
         lambda r: (r / "lock").write_text('{"pid": 1, "host": "elsewhere"}'),
         AGAIN,
@@ -105,7 +143,9 @@ ROWS = {
         AGAIN,
         lambda r: (r / "lock").unlink(),
     ),
-    "lock is a link": Row(link_lock, AGAIN, "run/lock: .*; remove it", AGAIN, lambda r: (r / "lock").unlink()),
+    "lock is a link": Row(
+        link_lock, AGAIN, "run/lock: .*; remove it", AGAIN, lambda r: (r / "lock").unlink()
+    ),
     "foreign file": Row(
         lambda r: (r / "notes.txt").write_text("x"),
         ANEW,
@@ -113,14 +153,25 @@ ROWS = {
         ANEW,
         lambda r: (r / "notes.txt").rename(r.parent / "n"),
     ),
-    "run.json gone": Row(lambda r: (r / "run.json").unlink(), AGAIN, "choose another with -o", ELSEWHERE),
+    "run.json gone": Row(
+        lambda r: (r / "run.json").unlink(), AGAIN, "choose another with -o", ELSEWHERE
+    ),
     "run.json gone, emptied": Row(
-        lambda r: (r / "run.json").unlink(), AGAIN, "or empty it", AGAIN, lambda r: (shutil.rmtree(r), r.mkdir())
+        lambda r: (r / "run.json").unlink(),
+        AGAIN,
+        "or empty it",
+        AGAIN,
+        lambda r: (shutil.rmtree(r), r.mkdir()),
     ),
     "no file": Row(
-        lambda r: (r.parent / "small.toml").unlink(), AGAIN, "make one with: multicor new NAME", ("new", "small", "--overwrite")
+        lambda r: (r.parent / "small.toml").unlink(),
+        AGAIN,
+        "make one with: multicor new NAME",
+        ("new", "small", "--overwrite"),
     ),
-    "scenario there": Row(lambda r: None, ("new", "small"), "give --overwrite", ("new", "small", "--overwrite")),
+    "scenario there": Row(
+        lambda r: None, ("new", "small"), "give --overwrite", ("new", "small", "--overwrite")
+    ),
     "export there": Row(
         lambda r: call("export", "csv", "run", "-o", "out", cwd=r.parent),
         ("export", "csv", "run", "-o", "out"),

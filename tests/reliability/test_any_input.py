@@ -1,4 +1,6 @@
-"""Any scenario, and any file that it names, is right or refused: exit code 0 or 3 with a position, soon, never a traceback."""
+"""Any scenario, and any file that it names, is right or refused: exit code 0 or 3 with a position,
+soon, never a traceback.
+"""
 
 from __future__ import annotations
 
@@ -38,13 +40,61 @@ SOON = 1.0
 PLACED = 20.0
 """Time in which a few hundred grains are placed and moved by two steps [s]."""
 
-TILTED = SMALL.replace("[domain]", '[variables]\nd = 1e-3\nx = "= 2 * d"\n[domain]').replace("0.6e-3", '"= 0.3 * x"')
+TILTED = SMALL.replace("[domain]", '[variables]\nd = 1e-3\nx = "= 2 * d"\n[domain]').replace(
+    "0.6e-3", '"= 0.3 * x"'
+)
 TEMPLATES = [path.read_text() for path in (ROOT / "multicor_cli").rglob("templates/*.toml")]
 # Expressions are mutated as texts: here numbers are numbers.
-DOCUMENTS = [tomllib.loads(text) for text in (SMALL, WARM, TILTED, *TEMPLATES) if "[variables]" not in text]
-NUMBERS = (0, 1, -1, 2, 1e-12, 1e-6, 1e-3, 0.5, 1.5, 10.0, 1e6, 1e12, 1e308, float("nan"), float("inf"), True, 10**400)
-OTHERS = ("", "x", "*", "top", "a\nb\x1b[31m", "é" * 100, [], [[]], {}, [{}], {"kind": "random"}, "../../etc/passwd", "<script>")
-EXPRESSIONS = ("= 1", "= 1 / 3", "= -x", "= 2 * d", "= d - d", "= 10**6", "= 9**9**9", "=", "= (", "= 1e308 * 10", "= d.real")
+DOCUMENTS = [
+    tomllib.loads(text) for text in (SMALL, WARM, TILTED, *TEMPLATES) if "[variables]" not in text
+]
+NUMBERS = (
+    0,
+    1,
+    -1,
+    2,
+    1e-12,
+    1e-6,
+    1e-3,
+    0.5,
+    1.5,
+    10.0,
+    1e6,
+    1e12,
+    1e308,
+    float("nan"),
+    float("inf"),
+    True,
+    10**400,
+)
+OTHERS = (
+    "",
+    "x",
+    "*",
+    "top",
+    "a\nb\x1b[31m",
+    "é" * 100,
+    [],
+    [[]],
+    {},
+    [{}],
+    {"kind": "random"},
+    "../../etc/passwd",
+    "<script>",
+)
+EXPRESSIONS = (
+    "= 1",
+    "= 1 / 3",
+    "= -x",
+    "= 2 * d",
+    "= d - d",
+    "= 10**6",
+    "= 9**9**9",
+    "=",
+    "= (",
+    "= 1e308 * 10",
+    "= d.real",
+)
 ROOM = 1 << 30
 """Memory that a few hundred grains may take besides [bytes]."""
 
@@ -53,12 +103,22 @@ LARGEST = 400
 
 
 def places(node: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    entries = list(node.items()) if isinstance(node, dict) else list(enumerate(node)) if isinstance(node, list) else []
-    return [found for key, value in entries for found in ((*path, key), *places(value, (*path, key)))]
+    entries = (
+        list(node.items())
+        if isinstance(node, dict)
+        else list(enumerate(node))
+        if isinstance(node, list)
+        else []
+    )
+    return [
+        found for key, value in entries for found in ((*path, key), *places(value, (*path, key)))
+    ]
 
 
 def mutate(document: dict[str, Any], choose: random.Random) -> dict[str, Any]:
-    """One to three changes: a number scaled or replaced, a key removed, doubled or given another's value."""
+    """One to three changes: a number scaled or replaced, a key removed, doubled or given another's
+    value.
+    """
     document = copy.deepcopy(document)
     for _ in range(choose.choice((1, 1, 1, 2, 3))):
         *way, last = choose.choice(places(document))
@@ -95,7 +155,9 @@ def problems_of(text: str) -> list[str] | None:
             assert 1 <= problem.line <= lines or "more problems" in problem.message, str(problem)
             assert problem.message
             assert problem.remedy
-            assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f]", str(problem)), "control characters reach the terminal"
+            assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f]", str(problem)), (
+                "control characters reach the terminal"
+            )
     assert time.process_time() - before < SOON * 5, "the machine may be slow, but not that slow"
     return problems
 
@@ -148,8 +210,13 @@ HOSTILE = {
     "line": "# " + "x" * 990_000,
     "string": 'x = "' + "\\u0000" * 150_000 + '"',
     "errors": SMALL + "\n".join(f"[[walls]]\nname = {k}" for k in range(20_000)),
-    "array": SMALL + "\n[[particles]]\nname = 'n'\nsizes = { kind = 'list', radii = [" + "1," * 200_000 + "] }",
-    "expressions": SMALL + "[variables]\n" + "\n".join(f'a{k} = "= {"1.1**90*" * 23}x"' for k in range(4_000)),
+    "array": SMALL
+    + "\n[[particles]]\nname = 'n'\nsizes = { kind = 'list', radii = ["
+    + "1," * 200_000
+    + "] }",
+    "expressions": SMALL
+    + "[variables]\n"
+    + "\n".join(f'a{k} = "= {"1.1**90*" * 23}x"' for k in range(4_000)),
     "long expression": SMALL + '[variables]\na = "= ' + "(" * 990_000 + '"',
     "large": "x = 1\n" * 400_000,
     "bom": "\ufeff\ufeff" + SMALL,
@@ -158,14 +225,18 @@ HOSTILE = {
 
 
 def time_of_children() -> float:
-    """Processor time of the programs that were run and have ended [s]: that of others on the machine does not count."""
+    """Processor time of the programs that were run and have ended [s]: that of others on the
+    machine does not count.
+    """
     used = os.times()
     return used.children_user + used.children_system
 
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_hostile_texts_are_refused_soon(name: str, tmp_path: Path) -> None:
-    """Through the command line: exit code 3, a position, no traceback; a second, and what it takes to start Python."""
+    """Through the command line: exit code 3, a position, no traceback; a second, and what it takes
+    to start Python.
+    """
     (tmp_path / "hostile.toml").write_text(HOSTILE[name])
     start = time_of_children()
     call("--version", cwd=tmp_path)
@@ -182,7 +253,9 @@ def test_hostile_texts_are_refused_soon(name: str, tmp_path: Path) -> None:
 
 @trials(short=25, long=2_000)
 def test_what_is_right_can_be_placed_and_moved(count: int) -> None:
-    """Scenarios that pass the check: placed, planned, estimated and moved by two steps, or refused for what only placing shows."""
+    """Scenarios that pass the check: placed, planned, estimated and moved by two steps, or refused
+    for what only placing shows.
+    """
     room = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 + ROOM
     choose, outcomes = random.Random(9), {"moved": 0, "refused": 0, "physics": 0}
     while sum(outcomes.values()) < count:
@@ -217,19 +290,27 @@ def test_what_is_right_can_be_placed_and_moved(count: int) -> None:
 
 
 def is_large(document: dict[str, Any]) -> bool:
-    """More grains than a test has time for, or as many as fit into a region that is not bounded by the test."""
+    """More grains than a test has time for, or as many as fit into a region that is not bounded by
+    the test.
+    """
     counts = [group.get("count", 0) for group in document["particles"]]
     return sum(counts) > LARGEST or document["solver"].get("max_sweeps", 0) > 10_000
 
 
 @trials(short=60, long=3_000)
 def test_files_of_grains_are_right_or_refused(tmp_path: Path, count: int) -> None:
-    """CSV and HDF5 files with grains, damaged: exit code 0 or 3 in the terms of the command line."""
+    """CSV and HDF5 files with grains, damaged: exit code 0 or 3 in the terms of the command
+    line.
+    """
     choose, right = random.Random(10), 0
     rows = "\n".join(f"{0.001 + 0.001 * k:.4f},0.002,0.0004" for k in range(10))
     (tmp_path / "grains.csv").write_text(f"# made by hand\nx,y,radius\n{rows}\n")
     with h5py.File(tmp_path / "grains.h5", "w") as file:
-        for name, values in {"x": np.linspace(0.001, 0.01, 10), "y": np.full(10, 2e-3), "radius": np.full(10, 4e-4)}.items():
+        for name, values in {
+            "x": np.linspace(0.001, 0.01, 10),
+            "y": np.full(10, 2e-3),
+            "radius": np.full(10, 4e-4),
+        }.items():
             file[name] = values
     build(parse_scenario(with_file("grains.csv"), tmp_path / "a.toml"))
     build(parse_scenario(with_file("grains.h5"), tmp_path / "b.toml"))
@@ -250,15 +331,26 @@ def with_file(name: str) -> str:
     """A scenario whose grains are in a file."""
     document = tomllib.loads(SMALL)
     document["particles"] = [
-        {"name": "grains", "material": "glass", "shape": "disc", "thickness": 1e-3, "packing": {"kind": "file", "path": name}}
+        {
+            "name": "grains",
+            "material": "glass",
+            "shape": "disc",
+            "thickness": 1e-3,
+            "packing": {"kind": "file", "path": name},
+        }
     ]
     for wall, height, up in zip(document["walls"], (0.0, 0.01), (1.0, -1.0), strict=True):
-        wall |= {"geometry": {"kind": "plane", "point": [0.0, height], "normal": [0.0, up]}, "mass": 1.0}
+        wall |= {
+            "geometry": {"kind": "plane", "point": [0.0, height], "normal": [0.0, up]},
+            "mass": 1.0,
+        }
     return tomli_w.dumps(document)
 
 
 def test_the_schema_bounds_every_number_and_array() -> None:
-    """No number without a smallest and a largest value, no array without a largest length: no size is a surprise."""
+    """No number without a smallest and a largest value, no array without a largest length: no size
+    is a surprise.
+    """
     schema = scenario_schema()
     unbounded = []
     numbers = 0
@@ -269,7 +361,9 @@ def test_the_schema_bounds_every_number_and_array() -> None:
                 walk(value, f"{path}[{index}]")
         elif isinstance(node, dict):
             nonlocal numbers
-            is_number = not {"number", "integer"}.isdisjoint(np.atleast_1d(node.get("type", ())).tolist())
+            is_number = not {"number", "integer"}.isdisjoint(
+                np.atleast_1d(node.get("type", ())).tolist()
+            )
             numbers += is_number
             if is_number and "enum" not in node and "const" not in node:
                 has_low = "minimum" in node or "exclusiveMinimum" in node

@@ -13,7 +13,12 @@ from places import ROOT
 from scenes import SMALL, WARM
 
 CONFIGS = ROOT / "configs"
-FEW = ("particles.0.count=40", "loading.0.duration=0.003", "loading.2.duration=0.001", "loading.3.duration=0.001")
+FEW = (
+    "particles.0.count=40",
+    "loading.0.duration=0.003",
+    "loading.2.duration=0.001",
+    "loading.3.duration=0.001",
+)
 """Makes the warm scenario short enough to be interpreted."""
 
 SCENARIOS = {"small": SMALL, "warm": WARM}
@@ -23,14 +28,22 @@ def run(directory: Path, scenario: Path | str, name: str, *options: str, **varia
     """Run in ``directory`` with environment variables; the exit code."""
     arguments = [*command(), "run", str(scenario), "-o", name, "-q", *options]
     done = subprocess.run(
-        arguments, cwd=directory, env={**environment(), **variables}, capture_output=True, text=True, check=False, timeout=1800
+        arguments,
+        cwd=directory,
+        env={**environment(), **variables},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=1800,
     )
     assert done.returncode in (0, 75), done.stderr
     return done.returncode
 
 
 def largest_difference(one: h5py.Dataset, other: h5py.Dataset) -> float:
-    """Largest difference of two arrays, relative to the largest value in them; NaN stands for "none" in both."""
+    """Largest difference of two arrays, relative to the largest value in them; NaN stands for
+    "none" in both.
+    """
     first, second = (np.asarray(dataset[()], float) for dataset in (one, other))
     assert first.shape == second.shape
     assert np.array_equal(np.isnan(first), np.isnan(second))
@@ -39,13 +52,18 @@ def largest_difference(one: h5py.Dataset, other: h5py.Dataset) -> float:
 
 
 def test_interpreted_kernels_agree_with_compiled_ones(tmp_path: Path) -> None:
-    """Python itself refuses an index beyond the end of an array; its elementary functions differ in the last bit."""
+    """Python itself refuses an index beyond the end of an array; its elementary functions differ in
+    the last bit.
+    """
     (tmp_path / "warm.toml").write_text(WARM)
     options = [item for setting in FEW for item in ("--set", setting)]
     run(tmp_path, "warm.toml", "compiled", *options)
     run(tmp_path, "warm.toml", "interpreted", *options, NUMBA_DISABLE_JIT="1")
     compared = 0
-    with h5py.File(tmp_path / "compiled/results.h5") as one, h5py.File(tmp_path / "interpreted/results.h5") as other:
+    with (
+        h5py.File(tmp_path / "compiled/results.h5") as one,
+        h5py.File(tmp_path / "interpreted/results.h5") as other,
+    ):
         for group in ("particles", "walls", "contacts"):
             for name, dataset in one[group].items():
                 if dataset.dtype.kind in "fiu" and dataset.size:
@@ -63,9 +81,14 @@ def test_no_kernel_leaves_its_arrays(tmp_path: Path) -> None:
         (tmp_path / f"{name}.toml").write_text(text)
         run(tmp_path, f"{name}.toml", f"{name}-plain")
         run(tmp_path, f"{name}.toml", f"{name}-checked", **checked)
-        digests = {read_info(tmp_path / f"{name}-{how}")["data_digest"] for how in ("plain", "checked")}
+        digests = {
+            read_info(tmp_path / f"{name}-{how}")["data_digest"] for how in ("plain", "checked")
+        }
         assert len(digests) == 1
     shipped = [path for path in sorted(CONFIGS.glob("*.toml")) if path.stem != "million"]
     for path in shipped:
         run(tmp_path, path, path.stem, "--max-hours", "0.02", "--threads", "2", **checked)
-    print(f"{len(SCENARIOS)} scenarios with the same bits, {len(shipped)} shipped ones run with every index checked")
+    print(
+        f"{len(SCENARIOS)} scenarios with the same bits, {len(shipped)} shipped ones run with "
+        "every index checked"
+    )

@@ -35,7 +35,9 @@ def test_unconverged_steps_are_counted_and_told(tmp_path: Path) -> None:
 
 def test_or_stop_the_run_where_asked(tmp_path: Path) -> None:
     write_small(tmp_path)
-    done = call("run", "small.toml", "-o", "run", *FEW, "--set", 'solver.on_failure="error"', cwd=tmp_path)
+    done = call(
+        "run", "small.toml", "-o", "run", *FEW, "--set", 'solver.on_failure="error"', cwd=tmp_path
+    )
     assert done.returncode == 4
     assert re.search(r"step \d+: the contact solver did not converge in 3 sweeps: rms", done.stderr)
     assert "Traceback" not in done.stderr

@@ -1,4 +1,6 @@
-"""Damaged, missing, foreign and swapped files: noticed and named, or harmless; never a wrong number, a crash or a traceback."""
+"""Damaged, missing, foreign and swapped files: noticed and named, or harmless; never a wrong
+number, a crash or a traceback.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,9 @@ CODES = {0, 5, 6, 7}
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Runs: finished, killed between segment and checkpoint, killed before ``results.h5``; that file alone; and others."""
+    """Runs: finished, killed between segment and checkpoint, killed before ``results.h5``; that
+    file alone; and others.
+    """
     directory = tmp_path_factory.mktemp("runs")
     for group in ("these", "others"):
         (directory / group).mkdir()
@@ -51,17 +55,29 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def files_of(run: Path) -> list[str]:
     """Files that hold data: not the lock, and not the link to ``results.h5``."""
-    files = (path for path in run.rglob("*") if path.is_file() and not path.is_symlink() and path.name != "lock")
+    files = (
+        path
+        for path in run.rglob("*")
+        if path.is_file() and not path.is_symlink() and path.name != "lock"
+    )
     return sorted(str(path.relative_to(run)) for path in files)
 
 
 def outcomes(runs: Path, scratch: Path, cases: list[Case]) -> Iterator[tuple[Case, dict[str, Any]]]:
-    """What comes of the cases, one after the other; nothing more is tried if the next is not asked for."""
+    """What comes of the cases, one after the other; nothing more is tried if the next is not asked
+    for.
+    """
     log, wanted = scratch / "log", "".join(f"{json.dumps(case)}\n" for case in cases)
     (scratch / "cases").write_text(wanted)
     with (scratch / "cases").open() as source, log.open("w") as errors:
         worker = subprocess.Popen(
-            [sys.executable, SUPPORT / "damage_worker.py", runs / "these", runs / "others", scratch / "run"],
+            [
+                sys.executable,
+                SUPPORT / "damage_worker.py",
+                runs / "these",
+                runs / "others",
+                scratch / "run",
+            ],
             stdin=source,
             stdout=subprocess.PIPE,
             stderr=errors,
@@ -92,11 +108,16 @@ def faults(case: Case, found: dict[str, Any]) -> list[str]:
         wrong.append("a wrong number was read")
     if not found["same_end"]:
         wrong.append("the run went on to another end")
-    is_tail = case[1].endswith("MANIFEST.jsonl") and found["same"]  # lines after the newest checkpoint: as if never written
+    # Lines after the newest checkpoint: as if never written
+    is_tail = case[1].endswith("MANIFEST.jsonl") and found["same"]
     is_pruned = (
-        case[1].startswith("checkpoints/") and case[2] == "gone" and found["same"] and found["same_end"]
+        case[1].startswith("checkpoints/")
+        and case[2] == "gone"
+        and found["same"]
+        and found["same_end"]
     )  # an older one is there
-    is_beside = case[0] == "alone" and found["same"]  # bytes that hold nothing: no other file knows a digest of the whole
+    # Bytes that hold nothing: no other file knows a digest of the whole
+    is_beside = case[0] == "alone" and found["same"]
     if found["changed"] and not found["noticed"] and not (is_tail or is_pruned or is_beside):
         wrong.append("verify did not notice")
     return wrong
@@ -109,20 +130,35 @@ def is_thorough(kind: str, name: str) -> bool:
         "interrupted": ("model.h5", "MANIFEST.jsonl"),
         "alone": ("results.h5",),
     }
-    newest = {"interrupted": ("segments/000001.h5", "checkpoints/step-00000000030.h5", "checkpoints/step-00000000030.json")}
+    newest = {
+        "interrupted": (
+            "segments/000001.h5",
+            "checkpoints/step-00000000030.h5",
+            "checkpoints/step-00000000030.json",
+        )
+    }
     return name.endswith(once.get(kind, ())) or name in newest.get(kind, ())
 
 
 @pytest.mark.parametrize("kind", KINDS)
 @trials(short=1, long=200)
 def test_damaged_files(runs: Path, tmp_path: Path, kind: str, count: int) -> None:
-    """``count`` bits flipped in a file, a quarter as many cuts, pages zeroed and bytes inserted, and whole files replaced."""
+    """``count`` bits flipped in a file, a quarter as many cuts, pages zeroed and bytes inserted,
+    and whole files replaced.
+    """
     cases: list[Case] = []
     for name in files_of(runs / "these" / kind):
         flips = count if is_thorough(kind, name) else max(1, count // 10)
         cases += [(kind, name, "flip", seed) for seed in range(flips)]
-        cases += [(kind, name, how, seed) for how in ("cut", "zero", "shift") for seed in range(max(1, flips // 4))]
-        cases += [(kind, name, how, 0) for how in WHOLE_FILES if kind != "alone" or how != "another run's"]  # which is whole
+        cases += [
+            (kind, name, how, seed)
+            for how in ("cut", "zero", "shift")
+            for seed in range(max(1, flips // 4))
+        ]
+        # Which is whole
+        cases += [
+            (kind, name, how, 0) for how in WHOLE_FILES if kind != "alone" or how != "another run's"
+        ]
     random.Random(0).shuffle(cases)  # so that a safeguard that is missing shows soon
     if count < 10:
         del cases[5:]

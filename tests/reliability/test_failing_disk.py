@@ -1,4 +1,6 @@
-"""A disk that is full, breaks or turns read-only at any call: the run stops with exit code 5, loses nothing, and goes on later."""
+"""A disk that is full, breaks or turns read-only at any call: the run stops with exit code 5, loses
+nothing, and goes on later.
+"""
 
 from __future__ import annotations
 
@@ -20,12 +22,24 @@ from trials import thinned, trials
 from multicor_cli.running.outcome import ExitCode, exit_code_of
 from multicor_cli.store import DamagedRun, RunDirectory, StorageError, run_info
 
-GROWING = ("pwrite", "write", "posix_fallocate", "mkdir", "replace", "rename", "link", "symlink", "fsync")
+GROWING = (
+    "pwrite",
+    "write",
+    "posix_fallocate",
+    "mkdir",
+    "replace",
+    "rename",
+    "link",
+    "symlink",
+    "fsync",
+)
 """Calls that a full disk may refuse, besides the creation of files."""
 
 
 class Failing:
-    """Lets the ``k``-th call below a directory that a fault can hit fail, and all later ones if the fault stays."""
+    """Lets the ``k``-th call below a directory that a fault can hit fail, and all later ones if the
+    fault stays.
+    """
 
     def __init__(self, root: Path, number: int, k: int | None, *, stays: bool) -> None:
         self.count = 0
@@ -35,8 +49,14 @@ class Failing:
     def hook(self, name: str, args: tuple[Any, ...], call: Callable[[], Any]) -> Any:
         if self._is_ours(args) and self._can_fail(name, args):
             self.count += 1
-            if self._k is not None and (self.count == self._k or (self._stays and self.count > self._k)):
-                raise OSError(self._errno, os.strerror(self._errno), *(args[:1] if not isinstance(args[0], int) else ()))
+            if self._k is not None and (
+                self.count == self._k or (self._stays and self.count > self._k)
+            ):
+                raise OSError(
+                    self._errno,
+                    os.strerror(self._errno),
+                    *(args[:1] if not isinstance(args[0], int) else ()),
+                )
         result = call()
         if name == "open" and self._is_ours(args):
             self._open.add(result)
@@ -45,7 +65,11 @@ class Failing:
         return result
 
     def _is_ours(self, args: tuple[Any, ...]) -> bool:
-        return args[0] in self._open if isinstance(args[0], int) else Path(args[0]).absolute().is_relative_to(self._root)
+        return (
+            args[0] in self._open
+            if isinstance(args[0], int)
+            else Path(args[0]).absolute().is_relative_to(self._root)
+        )
 
     def _can_fail(self, name: str, args: tuple[Any, ...]) -> bool:
         if name == "close":
@@ -85,7 +109,9 @@ def test_any_call_may_fail(tmp_path: Path, number: int, stays: bool, count: int)
         continue_run(path)
         assert ends_of(path) == expected, where
         shutil.rmtree(path)
-    print(f"{len(range(1, whole.count + 1, -(-whole.count // count)))} of {whole.count} calls failed")
+    print(
+        f"{len(range(1, whole.count + 1, -(-whole.count // count)))} of {whole.count} calls failed"
+    )
 
 
 class Lying:
@@ -97,7 +123,11 @@ class Lying:
         self._open: dict[int, str] = {}
 
     def hook(self, name: str, args: tuple[Any, ...], call: Callable[[], Any]) -> Any:
-        if name == "pwrite" and self._open.get(args[0], "").endswith(".h5.tmp") and len(args[1]) > 64:
+        if (
+            name == "pwrite"
+            and self._open.get(args[0], "").endswith(".h5.tmp")
+            and len(args[1]) > 64
+        ):
             self.count += 1
             if self.count == self._k:
                 wrong = bytearray(args[1])
@@ -126,7 +156,9 @@ def begin_run(path: Path) -> None:
 @pytest.mark.parametrize("session", [begin_run, continue_run])
 @trials(short=2, long=100_000)
 def test_a_disk_that_lies(tmp_path: Path, session: Callable[[Path], None], count: int) -> None:
-    """What is not read back as it was written is never committed; a bit that nobody reads may be wrong."""
+    """What is not read back as it was written is never committed; a bit that nobody reads may be
+    wrong.
+    """
     continue_run(tmp_path / "whole")
     expected = ends_of(tmp_path / "whole")
     whole = Lying(tmp_path / "counted", None)
@@ -138,7 +170,8 @@ def test_a_disk_that_lies(tmp_path: Path, session: Callable[[Path], None], count
         with hooked(Lying(path, k).hook):
             try:
                 session(path)
-            except (DamagedRun, StorageError) as error:  # when it is compared, or already when HDF5 needs it again
+            # When it is compared, or already when HDF5 needs it again
+            except (DamagedRun, StorageError) as error:
                 failed = error
         noticed += failed is not None
         assert failed is None or str(path) in str(failed)
@@ -151,17 +184,24 @@ def test_a_disk_that_lies(tmp_path: Path, session: Callable[[Path], None], count
 
 
 def test_a_text_that_is_not_as_written_is_not_committed(tmp_path: Path) -> None:
-    """What ``results.h5`` says of the run beside its numbers; the segments, from which it could be made again, go after it."""
+    """What ``results.h5`` says of the run beside its numbers; the segments, from which it could be
+    made again, go after it.
+    """
     count = 0
 
     def hook(name: str, args: tuple[Any, ...], call: Callable[[], Any]) -> Any:
         nonlocal count
-        is_results = name == "pwrite" and Path(f"/proc/self/fd/{args[0]}").readlink().name == "results.h5.tmp"
+        is_results = (
+            name == "pwrite"
+            and Path(f"/proc/self/fd/{args[0]}").readlink().name == "results.h5.tmp"
+        )
         data = bytes(args[1]) if is_results else b""
         if b'"energy_closure"' not in data or count:
             return call()
         count += 1
-        return UNHOOKED_PWRITE(args[0], data.replace(b'"energy_closure"', b'"energy_closurf"'), args[2])
+        return UNHOOKED_PWRITE(
+            args[0], data.replace(b'"energy_closure"', b'"energy_closurf"'), args[2]
+        )
 
     begin_run(tmp_path / "run")
     with hooked(hook), pytest.raises(DamagedRun, match=r"results\.h5\.tmp"):
@@ -177,7 +217,12 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     """A file system of its own, whose size can be changed."""
     path = tmp_path / "disk"
     path.mkdir()
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", path], capture_output=True, text=True, check=False)
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", path],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     if mounted.returncode:
         pytest.skip(f"no file system can be mounted here: {mounted.stderr.strip()}")
     yield path
@@ -185,9 +230,17 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 
 
 @trials(short=1, long=24)
-def test_real_disk_of_any_size(tmp_path: Path, small_disk: Path, finished: Path, count: int) -> None:
-    """On a file system from one on which not even the scenario fits to one that has room for everything but ``results.h5``."""
-    need = sum(path.stat().st_size for path in finished.rglob("*") if path.is_file() and not path.is_symlink())
+def test_real_disk_of_any_size(
+    tmp_path: Path, small_disk: Path, finished: Path, count: int
+) -> None:
+    """On a file system from one on which not even the scenario fits to one that has room for
+    everything but ``results.h5``.
+    """
+    need = sum(
+        path.stat().st_size
+        for path in finished.rglob("*")
+        if path.is_file() and not path.is_symlink()
+    )
     write_small(tmp_path)
     codes = []
     for k in range(count):
@@ -219,9 +272,13 @@ RESULTS = {
 
 
 @pytest.mark.parametrize("command", thinned(RESULTS, 3))
-def test_full_disk_leaves_nothing_of_what_is_made_of_a_run(command: tuple[str, ...], small_disk: Path, finished: Path) -> None:
+def test_full_disk_leaves_nothing_of_what_is_made_of_a_run(
+    command: tuple[str, ...], small_disk: Path, finished: Path
+) -> None:
     (small_disk / "data").write_bytes(bytes(56_000))
-    words = [word.replace("RUN", str(finished)).replace("DISK", str(small_disk)) for word in command]
+    words = [
+        word.replace("RUN", str(finished)).replace("DISK", str(small_disk)) for word in command
+    ]
     done = call_outside(*words, cwd=finished.parent)
     assert done.returncode == 5, done.stderr
     assert "no space left" in done.stderr
@@ -230,7 +287,9 @@ def test_full_disk_leaves_nothing_of_what_is_made_of_a_run(command: tuple[str, .
     assert [path.name for path in small_disk.iterdir()] == ["data"]
 
 
-def test_full_disk_keeps_the_scenario_that_was_to_be_replaced(small_disk: Path, finished: Path) -> None:
+def test_full_disk_keeps_the_scenario_that_was_to_be_replaced(
+    small_disk: Path, finished: Path
+) -> None:
     (small_disk / "mine.toml").write_text("precious")
     (small_disk / "data").write_bytes(bytes(56_000))
     assert call("new", small_disk / "mine", "--overwrite", cwd=finished.parent).returncode == 5

@@ -1,4 +1,6 @@
-"""Files made to mislead the program: refused by name, nothing outside the run is touched, nothing hangs."""
+"""Files made to mislead the program: refused by name, nothing outside the run is touched, nothing
+hangs.
+"""
 
 from __future__ import annotations
 
@@ -46,11 +48,18 @@ def test_links_are_not_followed_where_something_is_written(copy: Path, tmp_path:
     assert precious.read_text() == "precious"
 
 
-@pytest.mark.parametrize("name", thinned(["run.json", "scenario.toml", "scenario.resolved.toml", "results.h5", "lock"], 3))
+@pytest.mark.parametrize(
+    "name",
+    thinned(["run.json", "scenario.toml", "scenario.resolved.toml", "results.h5", "lock"], 3),
+)
 def test_pipes_are_not_waited_for(copy: Path, tmp_path: Path, name: str) -> None:
     (copy / name).unlink()
     os.mkfifo(copy / name)
-    for arguments in (["info", "run"], ["verify", "run"], ["run", copy / "scenario.resolved.toml", "-o", "run"]):
+    for arguments in (
+        ["info", "run"],
+        ["verify", "run"],
+        ["run", copy / "scenario.resolved.toml", "-o", "run"],
+    ):
         if not (name == "scenario.resolved.toml" and arguments[0] == "run"):
             assert call(*arguments, cwd=tmp_path).returncode in KNOWN  # fails after a minute
 
@@ -86,7 +95,9 @@ SPOILED: dict[str, Callable[[h5py.File], None]] = {
 
 
 @pytest.mark.parametrize("what", thinned(list(SPOILED), 2))
-def test_results_that_lie_are_refused_or_read_as_they_are(copy: Path, tmp_path: Path, what: str) -> None:
+def test_results_that_lie_are_refused_or_read_as_they_are(
+    copy: Path, tmp_path: Path, what: str
+) -> None:
     with h5py.File(copy / "results.h5", "r+") as file:
         SPOILED[what](file)
     shutil.move(copy / "results.h5", tmp_path / "alone.h5")
@@ -111,9 +122,18 @@ def test_names_do_not_command_the_terminal() -> None:
 
 @pytest.mark.parametrize(("stream", "code"), [(">&-", 0), (">/dev/full", 5)])
 @pytest.mark.parametrize("arguments", ["--help", "schema", "info run"])
-def test_output_that_cannot_be_written(copy: Path, tmp_path: Path, arguments: str, stream: str, code: int) -> None:
+def test_output_that_cannot_be_written(
+    copy: Path, tmp_path: Path, arguments: str, stream: str, code: int
+) -> None:
     line = f"{' '.join(command())} {arguments} {stream}"
-    done = subprocess.run(["sh", "-c", line], cwd=tmp_path, env=environment(), stderr=subprocess.PIPE, text=True, check=False)
+    done = subprocess.run(
+        ["sh", "-c", line],
+        cwd=tmp_path,
+        env=environment(),
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
     assert done.returncode == code, done.stderr
     assert "Traceback" not in done.stderr
     assert code == 0 or "standard output: No space left" in done.stderr
@@ -128,7 +148,9 @@ def test_figures_do_not_replace_pipes(finished: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_stopped_exports_leave_nothing_half_written(finished: Path, tmp_path: Path, number: signal.Signals) -> None:
+def test_stopped_exports_leave_nothing_half_written(
+    finished: Path, tmp_path: Path, number: signal.Signals
+) -> None:
     slow = (
         "import signal, sys, time; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "sys.argv = ['multicor', 'export', 'csv', sys.argv[1], '-o', 'tables']\n"

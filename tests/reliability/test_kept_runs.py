@@ -1,7 +1,8 @@
-"""Runs that versions of the file format have left, kept in ``tests/data``: read, verified and continued to the bit.
+"""Runs that versions of the file format have left, kept in ``tests/data``: read, verified and
+continued to the bit.
 
-Each archive is made once for its version, by ``tests/support/keep_run.py``: a scenario, a finished run of it, and one that was
-killed at step 60 of 75, after a checkpoint at step 55.
+Each archive is made once for its version, by ``tests/support/keep_run.py``: a scenario, a finished
+run of it, and one that was killed at step 60 of 75, after a checkpoint at step 55.
 """
 
 from __future__ import annotations
@@ -18,17 +19,35 @@ from multicor_cli.model.state import VARIABLE, nudge_seed
 from multicor_cli.store import open_run, verify
 from multicor_cli.store.schema import FORMAT_VERSION
 
-VERSIONS = sorted(path.name.removeprefix("format-").removesuffix(".tar.xz") for path in DATA.glob("format-*.tar.xz"))
+VERSIONS = sorted(
+    path.name.removeprefix("format-").removesuffix(".tar.xz")
+    for path in DATA.glob("format-*.tar.xz")
+)
 
 ENDS = {
-    "1.0": {"state": "f509c443bfae08289eebacfcf2a9b7d0", "data": "2ede725dfe6d09f5f08204aa6147ae3e"},
-    "1.1": {"state": "68c62c79694b24f452861aa8892c80bb", "data": "89cd8ffd19c905f955706e29d0d9b5cc"},
-    "1.2": {"state": "68c62c79694b24f452861aa8892c80bb", "data": "5938026dc50e64b853eb36be2f73938a"},
-    "1.3": {"state": "68c62c79694b24f452861aa8892c80bb", "data": "29f0e0f8bf354f7fae89b84102a749e4"},
-    "1.4": {"state": "7568bad5b8be37ab17b8da4a7da76efd", "data": "4daa144c3cdfb4df87530e78689fbcb1"},
+    "1.0": {
+        "state": "f509c443bfae08289eebacfcf2a9b7d0",
+        "data": "2ede725dfe6d09f5f08204aa6147ae3e",
+    },
+    "1.1": {
+        "state": "68c62c79694b24f452861aa8892c80bb",
+        "data": "89cd8ffd19c905f955706e29d0d9b5cc",
+    },
+    "1.2": {
+        "state": "68c62c79694b24f452861aa8892c80bb",
+        "data": "5938026dc50e64b853eb36be2f73938a",
+    },
+    "1.3": {
+        "state": "68c62c79694b24f452861aa8892c80bb",
+        "data": "29f0e0f8bf354f7fae89b84102a749e4",
+    },
+    "1.4": {
+        "state": "7568bad5b8be37ab17b8da4a7da76efd",
+        "data": "4daa144c3cdfb4df87530e78689fbcb1",
+    },
 }
-"""Digests with which the unfinished run of each version ends, whose files stay of that version. They are frozen anew when results
-change (CHANGELOG.md), the archive stays."""
+"""Digests with which the unfinished run of each version ends, whose files stay of that version.
+They are frozen anew when results change (CHANGELOG.md), the archive stays."""
 
 
 @pytest.fixture(params=VERSIONS)
@@ -60,14 +79,18 @@ def test_finished_runs_are_read(kept: Path) -> None:
 
 
 def test_finished_runs_are_extended_and_gone_on_from(kept: Path) -> None:
-    """Files of an earlier version become those of a longer run of that version; a new run takes its state from them."""
+    """Files of an earlier version become those of a longer run of that version; a new run takes its
+    state from them.
+    """
     text = (kept / "kept.toml").read_text(encoding="utf-8")
     begin, end = text.index("[[particles]]"), text.index("[[walls]]")
     new = text[:begin] + '[start]\nrun = "finished"\n' + text[end:]
     (kept / "new.toml").write_text(new, encoding="utf-8")
     assert call("run", "new.toml", "-o", "new", cwd=kept).returncode == 0
     stage = "\n[[loading]]\nduration = 0.002\n"
-    (kept / "longer.toml").write_text(text.replace("[solver]", f"{stage}[solver]"), encoding="utf-8")
+    (kept / "longer.toml").write_text(
+        text.replace("[solver]", f"{stage}[solver]"), encoding="utf-8"
+    )
     done = call("run", "longer.toml", "-o", "finished", "--extend", cwd=kept)
     assert done.returncode == 0, done.stderr
     assert verify(kept / "finished") == []
@@ -78,7 +101,9 @@ def test_finished_runs_are_extended_and_gone_on_from(kept: Path) -> None:
         assert second.info["summary"]["heat_closure"] < 1e-12
 
 
-@pytest.mark.skipif(nudge_seed() is not None, reason=f"{VARIABLE} moves the positions whose bits are frozen")
+@pytest.mark.skipif(
+    nudge_seed() is not None, reason=f"{VARIABLE} moves the positions whose bits are frozen"
+)
 def test_unfinished_runs_are_continued(version: str, kept: Path) -> None:
     assert verify(kept / "unfinished") == []
     done = call("run", "kept.toml", "-o", "unfinished", cwd=kept)

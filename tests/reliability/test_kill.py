@@ -1,7 +1,8 @@
-"""A run is killed at any moment, again and again: the same command goes on, and the end is the same to the bit.
+"""A run is killed at any moment, again and again: the same command goes on, and the end is the same
+to the bit.
 
-After every kill: nothing committed is damaged, files once committed are never touched again, and no step is lost that a
-checkpoint had saved.
+After every kill: nothing committed is damaged, files once committed are never touched again, and no
+step is lost that a checkpoint had saved.
 """
 
 from __future__ import annotations
@@ -72,11 +73,16 @@ class Watch:
         self._files = {str(file.relative_to(self._run)): stamp(file) for file in self._committed()}
 
     def _committed(self) -> list[Path]:
-        """Files that belong to the newest checkpoint; what was written after it is set aside and written anew."""
+        """Files that belong to the newest checkpoint; what was written after it is set aside and
+        written anew.
+        """
         sidecars = sorted(self._run.glob("checkpoints/step-*.json"))
         if not sidecars:
             return []
-        segments = [self._run / "segments" / segment["name"] for segment in json.loads(sidecars[-1].read_text())["segments"]]
+        segments = [
+            self._run / "segments" / segment["name"]
+            for segment in json.loads(sidecars[-1].read_text())["segments"]
+        ]
         files = [*segments, *self._run.glob("checkpoints/*.h5"), self._run / "model.h5"]
         return [file for file in files if file.exists()]
 

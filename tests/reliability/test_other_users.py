@@ -1,4 +1,6 @@
-"""Another user of the machine gets nothing run as the owner of a study: here no port is open, and jobs want a key."""
+"""Another user of the machine gets nothing run as the owner of a study: here no port is open, and
+jobs want a key.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,10 @@ distributed = pytest.importorskip("distributed")
 
 NOBODY = 65534
 STUDY = '[study]\nname = "s"\nscenario = "small.toml"\nseeds = 2\n\n[compute]\n'
-JOBS = 'slurm = { queue = "debug", memory = "1GB", walltime = "00:10:00", jobs = 2, scheduler_options = { SCHEDULER } }\n'
+JOBS = (
+    'slurm = { queue = "debug", memory = "1GB", walltime = "00:10:00", jobs = 2, '
+    "scheduler_options = { SCHEDULER } }\n"
+)
 SCHEDULERS = {"everywhere": "", "on loopback": 'host = "127.0.0.1"'}
 """Where the scheduler of jobs listens."""
 
@@ -40,7 +45,9 @@ if user is not None:  # the interpreter may be closed to others: what it has loa
     os.setgroups([])
     os.setgid(user)
     os.setuid(user)
-touch = {"function": dumps(pathlib.Path.touch), "args": dumps((pathlib.Path(mark),)), "kwargs": dumps({})}
+path = dumps((pathlib.Path(mark),))
+touch = {"function": dumps(pathlib.Path.touch), "args": path, "kwargs": dumps({})}
+pages = "metrics health status info/main/workers.html json/counts.json json/identity.json api/v1"
 
 async def ask(protocol, port, operation):
     args = securities[protocol].get_connection_args("client")
@@ -59,11 +66,14 @@ async def main():
         for protocol in securities:
             for operation in ("run", "run_function"):
                 attempts[f"{protocol} {port} {operation}"] = ask(protocol, port, operation)
-        for page in ("metrics", "health", "status", "info/main/workers.html", "json/counts.json", "json/identity.json", "api/v1"):
+        for page in pages.split():
             attempts[f"http {port} {page}"] = asyncio.to_thread(read, port, page)
     return await all_of(attempts)
 
-answers = {what: "answered" if found is None else type(found).__name__ for what, found in asyncio.run(main()).items()}
+answers = {
+    what: "answered" if error is None else type(error).__name__
+    for what, error in asyncio.run(main()).items()
+}
 for secret in secrets:
     try:
         pathlib.Path(secret).read_bytes()
@@ -75,11 +85,21 @@ print(json.dumps(answers))
 
 
 def attack(mark: Path, ports: list[int], secrets: Sequence[Path] = ()) -> dict[str, str]:
-    """What another user, or this one without a key where nobody can become another, is answered who tries to have a file made."""
+    """What another user, or this one without a key where nobody can become another, is answered who
+    tries to have a file made.
+    """
     user = NOBODY if os.getuid() == 0 else None
-    given = json.dumps([user, str(mark), ports, [str(secret) for secret in secrets if user is not None]])
+    given = json.dumps(
+        [user, str(mark), ports, [str(secret) for secret in secrets if user is not None]]
+    )
     done = subprocess.run(
-        [sys.executable, "-P", "-c", ATTACK], input=given, cwd="/", capture_output=True, text=True, check=False, timeout=400
+        [sys.executable, "-P", "-c", ATTACK],
+        input=given,
+        cwd="/",
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=400,
     )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
@@ -90,7 +110,11 @@ def listening(processes: list[psutil.Process]) -> list[int]:
     found = set()
     for process in processes:
         try:
-            found |= {at.laddr.port for at in process.net_connections(kind="inet") if at.status == psutil.CONN_LISTEN}
+            found |= {
+                at.laddr.port
+                for at in process.net_connections(kind="inet")
+                if at.status == psutil.CONN_LISTEN
+            }
         except psutil.NoSuchProcess:
             continue
     return sorted(found)
@@ -102,7 +126,12 @@ def studying(folder: Path, compute: str, **variables: str) -> Iterator[list[psut
     (folder / "small.toml").write_text(SMALL.replace("value = 0.15", "value = 1000.0"))
     (folder / "s.toml").write_text(STUDY + compute)
     tag = {TAG: str(folder), **variables}
-    with subprocess.Popen(command("study", "run", "s.toml"), cwd=folder, env=environment(**tag), stderr=subprocess.PIPE) as client:
+    with subprocess.Popen(
+        command("study", "run", "s.toml"),
+        cwd=folder,
+        env=environment(**tag),
+        stderr=subprocess.PIPE,
+    ) as client:
         try:
             end = time.monotonic() + 200.0
             while len(list(folder.glob("studies/s/cases/*/progress.json"))) < 2:
@@ -117,7 +146,9 @@ def studying(folder: Path, compute: str, **variables: str) -> Iterator[list[psut
     assert client.returncode == 130, errors
     assert "Traceback" not in errors, errors
     end = time.monotonic() + 30.0
-    while (left := [process.cmdline() for process in processes_of(tag[TAG])]) and time.monotonic() < end:
+    while (
+        left := [process.cmdline() for process in processes_of(tag[TAG])]
+    ) and time.monotonic() < end:
         time.sleep(0.5)
     assert not left
 
@@ -125,11 +156,19 @@ def studying(folder: Path, compute: str, **variables: str) -> Iterator[list[psut
 def test_a_cluster_without_keys_is_open_to_everybody(tmp_path: Path) -> None:
     """The attack is one."""
     with distributed.LocalCluster(
-        n_workers=1, processes=False, protocol="tcp://", host="127.0.0.1", dashboard_address="127.0.0.1:0"
+        n_workers=1,
+        processes=False,
+        protocol="tcp://",
+        host="127.0.0.1",
+        dashboard_address="127.0.0.1:0",
     ) as there:
         answers = attack(tmp_path / "mark", listening([psutil.Process()]))
         assert (tmp_path / "mark").exists(), answers
-        assert [what for what, answer in answers.items() if what.startswith("http") and answer == "answered"], answers
+        assert [
+            what
+            for what, answer in answers.items()
+            if what.startswith("http") and answer == "answered"
+        ], answers
         assert there.scheduler_address
 
 
@@ -137,7 +176,12 @@ def test_a_study_here_listens_nowhere(tmp_path: Path) -> None:
     with studying(tmp_path, "workers = 2\n") as processes:
         assert len(processes) >= 4  # client, the process that forks, two cases
         assert listening(processes) == []
-        paths = [at.laddr for process in processes for at in process.net_connections(kind="unix") if at.laddr]
+        paths = [
+            at.laddr
+            for process in processes
+            for at in process.net_connections(kind="unix")
+            if at.laddr
+        ]
         assert paths == []
 
 
@@ -163,11 +207,18 @@ def test_jobs_work_for_nobody_else(scheduler: str, tmp_path: Path) -> None:
 
 
 def test_a_scheduler_without_keys_is_warned_of(tmp_path: Path) -> None:
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, host="127.0.0.1", dashboard_address=None) as there:
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
+    ) as there:
         (tmp_path / "small.toml").write_text(SMALL)
         (tmp_path / "s.toml").write_text(f'{STUDY}scheduler = "{there.scheduler_address}"\n')
         done = subprocess.run(
-            command("study", "run", "s.toml"), cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False
+            command("study", "run", "s.toml"),
+            cwd=tmp_path,
+            env=environment(),
+            capture_output=True,
+            text=True,
+            check=False,
         )
     assert done.returncode == 0, done.stderr
     assert f"warning: Dask at {there.scheduler_address} asks for no certificate" in done.stderr
@@ -176,17 +227,35 @@ def test_a_scheduler_without_keys_is_warned_of(tmp_path: Path) -> None:
 def test_a_scheduler_with_keys_of_ones_own(tmp_path: Path) -> None:
     keys = distributed.Security.temporary()
     variables = {}
-    for name, text in (("CA_FILE", keys.tls_ca_file), ("CLIENT__CERT", keys.tls_client_cert), ("CLIENT__KEY", keys.tls_client_key)):
+    for name, text in (
+        ("CA_FILE", keys.tls_ca_file),
+        ("CLIENT__CERT", keys.tls_client_cert),
+        ("CLIENT__KEY", keys.tls_client_key),
+    ):
         (tmp_path / name).write_text(text)
         variables[f"DASK_DISTRIBUTED__COMM__TLS__{name}"] = str(tmp_path / name)
     with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, host="127.0.0.1", dashboard_address=None, security=keys, protocol="tls://"
+        n_workers=1,
+        threads_per_worker=1,
+        host="127.0.0.1",
+        dashboard_address=None,
+        security=keys,
+        protocol="tls://",
     ) as there:
         (tmp_path / "small.toml").write_text(SMALL)
         (tmp_path / "s.toml").write_text(f'{STUDY}scheduler = "{there.scheduler_address}"\n')
         words = command("study", "run", "s.toml")
-        refused = subprocess.run(words, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False)
-        done = subprocess.run(words, cwd=tmp_path, env=environment(**variables), capture_output=True, text=True, check=False)
+        refused = subprocess.run(
+            words, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False
+        )
+        done = subprocess.run(
+            words,
+            cwd=tmp_path,
+            env=environment(**variables),
+            capture_output=True,
+            text=True,
+            check=False,
+        )
     assert refused.returncode == 5, refused.stderr
     assert "Traceback" not in refused.stderr
     assert "wants a certificate: set DASK_DISTRIBUTED__COMM__TLS__CA_FILE" in refused.stderr

@@ -1,4 +1,6 @@
-"""A folder in which somebody has put modules runs none of them, whatever is started there: each kind of child is."""
+"""A folder in which somebody has put modules runs none of them, whatever is started there: each
+kind of child is.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +16,10 @@ from pretended_slurm import pretend_slurm
 from scenes import SMALL
 
 NAMES = (
-    "random", "json", "socket", "struct", "tempfile", "subprocess", "threading", "site", "sitecustomize", "usercustomize", "numba",
-    "numpy", "llvmlite", "h5py", "pydantic", "lazy_loader", "yaml", "dask", "distributed", "tornado", "msgpack", "multicor_cli",
+    "random", "json", "socket", "struct", "tempfile", "subprocess", "threading", "site",
+    "sitecustomize", "usercustomize", "numba",
+    "numpy", "llvmlite", "h5py", "pydantic", "lazy_loader", "yaml", "dask", "distributed",
+    "tornado", "msgpack", "multicor_cli",
     "multicor_cli.running", "multicor_cli.studies", "multicor_cli.bench", "multicor_cli.engine",
 )  # fmt: skip
 PLANTED = """\
@@ -27,7 +31,10 @@ COMMAND = "from multicor_cli.__main__ import main\n\nif __name__ == '__main__':\
 """As the installed command: what stands first on its path is its own folder."""
 
 STUDY = '[study]\nname = "s"\nscenario = "small.toml"\n\n[compute]\n'
-JOBS = 'slurm = { queue = "debug", memory = "1GB", walltime = "00:10:00", scheduler_options = { host = "127.0.0.1" } }\n'
+JOBS = (
+    'slurm = { queue = "debug", memory = "1GB", walltime = "00:10:00", scheduler_options = { host '
+    '= "127.0.0.1" } }\n'
+)
 
 SECOND_PROCESS = """\
 import time
@@ -58,7 +65,9 @@ def plant(folder: Path, marks: Path) -> None:
         path.with_suffix(".py").write_text(PLANTED.format(marks=str(marks), name=name))
 
 
-def run_there(tmp_path: Path, program: str, *arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
+def run_there(
+    tmp_path: Path, program: str, *arguments: str, **variables: str
+) -> subprocess.CompletedProcess[str]:
     """Run a program, whose file lies elsewhere, among planted modules; none of them may run."""
     there, marks = tmp_path / "there", tmp_path / "marks"
     there.mkdir(exist_ok=True)
@@ -67,7 +76,8 @@ def run_there(tmp_path: Path, program: str, *arguments: str, **variables: str) -
     (tmp_path / "bin" / "multicor").write_text(program)
     done = subprocess.run(
         [sys.executable, tmp_path / "bin" / "multicor", *arguments],
-        cwd=there, env=environment(**variables), capture_output=True, text=True, timeout=500, check=False,
+        cwd=there, env=environment(**variables), capture_output=True, text=True, timeout=500,
+        check=False,
     )  # fmt: skip
     assert not list(marks.iterdir()), (list(marks.iterdir()), done.stderr)
     assert done.returncode == 0, done.stderr
@@ -84,7 +94,9 @@ def write_study(tmp_path: Path, compute: str) -> None:
 
 def test_such_a_module_is_run_if_nobody_minds(tmp_path: Path) -> None:
     plant(tmp_path, tmp_path / "marks")
-    subprocess.run([sys.executable, "-c", "import random"], cwd=tmp_path, check=False, capture_output=True)
+    subprocess.run(
+        [sys.executable, "-c", "import random"], cwd=tmp_path, check=False, capture_output=True
+    )
     assert (tmp_path / "marks" / "random").exists()
 
 
@@ -107,7 +119,9 @@ def test_a_study_here(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("path", [str(ROOT), f"{os.pathsep}{ROOT}{os.pathsep}."])
 def test_a_study_in_jobs(path: str, tmp_path: Path) -> None:
-    """Jobs begin in the working directory of who submits them. The client gets another path than they."""
+    """Jobs begin in the working directory of who submits them. The client gets another path than
+    they.
+    """
     pytest.importorskip("dask_jobqueue")
     write_study(tmp_path, JOBS)
     slurm = pretend_slurm(tmp_path / "slurm")
@@ -120,7 +134,10 @@ def test_a_study_in_jobs(path: str, tmp_path: Path) -> None:
 @pytest.mark.reliability
 @pytest.mark.parametrize(
     "words",
-    [("run", "small.toml", "-o", "run", "--threads", "2"), ("bench", "bed", "--grains", "100", "--rounds", "1", "--compilation")],
+    [
+        ("run", "small.toml", "-o", "run", "--threads", "2"),
+        ("bench", "bed", "--grains", "100", "--rounds", "1", "--compilation"),
+    ],
 )
 def test_whole_commands_without_kernels(words: tuple[str, ...], tmp_path: Path) -> None:
     write_study(tmp_path, "")

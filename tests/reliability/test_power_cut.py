@@ -1,7 +1,9 @@
-"""Cut the power after any call that changes a file: whatever the disk has kept is whole, and no checkpoint that was made is lost.
+"""Cut the power after any call that changes a file: whatever the disk has kept is whole, and no
+checkpoint that was made is lost.
 
-The disk is a model (`disk_model`): what was not given to ``fsync`` may be there or not, names and bytes apart. Every distinct
-directory that a cut can leave is checked, and the run is continued from it to its end.
+The disk is a model (`disk_model`): what was not given to ``fsync`` may be there or not, names and
+bytes apart. Every distinct directory that a cut can leave is checked, and the run is continued from
+it to its end.
 """
 
 from __future__ import annotations
@@ -54,7 +56,9 @@ class Promises:
             self.step, self.is_finished = kept
 
     def assert_kept(self, run: Path) -> None:
-        """Nothing that counts is damaged, and the newest checkpoint promised, or a later one, is there."""
+        """Nothing that counts is damaged, and the newest checkpoint promised, or a later one, is
+        there.
+        """
         if not RunDirectory.is_run(run):
             assert self.step < 0, f"the run is gone, which had a checkpoint at step {self.step}"
             return
@@ -67,7 +71,9 @@ class Promises:
 
 @trials(short=4, long=100_000)
 def test_power_cut(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int) -> None:
-    """``count`` is the largest number of directories looked at; they are spread evenly over the run."""
+    """``count`` is the largest number of directories looked at; they are spread evenly over the
+    run.
+    """
     continue_run(tmp_path / "whole")
     expected = run_info(tmp_path / "whole")
     promises, total = Promises(monkeypatch), 0
@@ -87,7 +93,12 @@ def test_power_cut(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int) 
             if found % every == 0:
                 left.write(tmp_path / "left")
                 with promises.frozen():
-                    look(tmp_path / "left" / "run", promises, expected, f"power cut after {call}: {left.reason}")
+                    look(
+                        tmp_path / "left" / "run",
+                        promises,
+                        expected,
+                        f"power cut after {call}: {left.reason}",
+                    )
 
     follow(tmp_path / "second", inspect, promises)
     assert found == pytest.approx(total, rel=0.05)  # times of day have more or fewer digits
@@ -99,7 +110,10 @@ def look(run: Path, promises: Promises, expected: dict[str, Any], where: str) ->
         promises.assert_kept(run)
         continue_run(run)
         info = run_info(run)
-        assert (info["data_digest"], info["state_digest"]) == (expected["data_digest"], expected["state_digest"])
+        assert (info["data_digest"], info["state_digest"]) == (
+            expected["data_digest"],
+            expected["state_digest"],
+        )
     except Exception as error:
         raise AssertionError(where) from error
 

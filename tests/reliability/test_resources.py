@@ -1,4 +1,6 @@
-"""Memory is bounded and predicted, and what runs for long leaks nothing: no memory, no open files, no energy."""
+"""Memory is bounded and predicted, and what runs for long leaks nothing: no memory, no open files,
+no energy.
+"""
 
 from __future__ import annotations
 
@@ -26,18 +28,26 @@ SHORT = ("loading.0.duration=0.001",)
 CASES = {
     "small": ("shear-gravity-free.toml", ("loading.0.until.strain.value=0.02",)),
     "10^5": ("million.toml", ("particles.0.count=100000", *SHORT)),
-    "10^5 with contacts": ("million.toml", ("particles.0.count=100000", "output.contacts=true", *SHORT)),
+    "10^5 with contacts": (
+        "million.toml",
+        ("particles.0.count=100000", "output.contacts=true", *SHORT),
+    ),
     "heat": ("lattice14.toml", ()),
-    "3 10^5 with contacts": ("million.toml", ("particles.0.count=300000", "output.contacts=true", *SHORT)),
+    "3 10^5 with contacts": (
+        "million.toml",
+        ("particles.0.count=300000", "output.contacts=true", *SHORT),
+    ),
     "10^6": ("million.toml", SHORT),
 }
 
 
 def peak_memory(*arguments: object, cwd: Path) -> int:
-    """Largest resident memory of a command [bytes]; a small process starts it, for a new process counts that of its parent."""
+    """Largest resident memory of a command [bytes]; a small process starts it, for a new process
+    counts that of its parent.
+    """
     measure = (
-        "import resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True, stderr=subprocess.DEVNULL); "
-        "print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"
+        "import resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True, "
+        "stderr=subprocess.DEVNULL); print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"
     )
     done = subprocess.run(
         [sys.executable, "-c", measure, *command(*arguments)],
@@ -57,7 +67,8 @@ def test_memory_is_as_predicted(tmp_path: Path, count: int) -> None:
         options = [word for change in changes for word in ("--set", change)]
         done = call("validate", CONFIGS / config, *options, "--json", cwd=tmp_path)
         predicted = json.loads(done.stdout)["estimate"]["memory_bytes"]
-        call("run", CONFIGS / config, "--dry-run", *options, cwd=tmp_path)  # compilation has a memory of its own
+        # Compilation has a memory of its own
+        call("run", CONFIGS / config, "--dry-run", *options, cwd=tmp_path)
         used = peak_memory("run", CONFIGS / config, "-o", tmp_path / name, *options, cwd=tmp_path)
         print(f"{name}: {predicted / 1e6:.0f} MB predicted, {used / 1e6:.0f} MB used")
         if not abs(predicted - used) < WITHIN * used:
@@ -86,12 +97,31 @@ def test_too_little_memory(tmp_path: Path, count: int) -> None:
     codes = []
     # Kernels are compiled first: what LLVM does without memory is not what is looked at.
     assert (
-        call("run", CONFIGS / "million.toml", "-o", "small", "-q", "--set", "particles.0.count=1000", cwd=tmp_path).returncode == 0
+        call(
+            "run",
+            CONFIGS / "million.toml",
+            "-o",
+            "small",
+            "-q",
+            "--set",
+            "particles.0.count=1000",
+            cwd=tmp_path,
+        ).returncode
+        == 0
     )
     for trial, memory in enumerate(np.linspace(0.9e9, 1.6e9, count).astype(int).tolist()):
         run = tmp_path / str(trial)
-        options = ("--set", "particles.0.count=1000000", "--set", "output.contacts=true", "--set", "loading.0.duration=0.001")
-        done = limited("run", CONFIGS / "million.toml", "-o", run, "-q", *options, cwd=tmp_path, memory=memory)
+        options = (
+            "--set",
+            "particles.0.count=1000000",
+            "--set",
+            "output.contacts=true",
+            "--set",
+            "loading.0.duration=0.001",
+        )
+        done = limited(
+            "run", CONFIGS / "million.toml", "-o", run, "-q", *options, cwd=tmp_path, memory=memory
+        )
         codes.append(done.returncode)
         assert done.returncode in (0, 5), done.stderr
         assert "Traceback" not in done.stderr
@@ -121,13 +151,19 @@ run("soak.toml", "run", overrides=["output.checkpoint_interval=1.0"], observer=S
 @trials(short=1_000, long=1_000_000)
 @pytest.mark.timeout(7200)
 def test_soak(tmp_path: Path, count: int) -> None:
-    """A million steps of a shaken, heated layer: memory and open files as after a tenth of them, books closed to rounding."""
+    """A million steps of a shaken, heated layer: memory and open files as after a tenth of them,
+    books closed to rounding.
+    """
     intervals = f"frame_interval = {5e-4 * count / 100}\nseries_interval = {5e-4 * count / 1000}"
     duration = ("duration = 0.01", f"duration = {5e-4 * count}")
-    (tmp_path / "soak.toml").write_text(changed(SOAK, duration, ("frame_interval = 2e-3\nseries_interval = 1e-3", intervals)))
+    (tmp_path / "soak.toml").write_text(
+        changed(SOAK, duration, ("frame_interval = 2e-3\nseries_interval = 1e-3", intervals))
+    )
     call("run", "soak.toml", "--dry-run", cwd=tmp_path)
     watched = [sys.executable, "-c", WATCHED_RUN, str(count)]
-    done = subprocess.run(watched, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        watched, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
     info = read_info(tmp_path / "run")
     assert info["step"] >= count
@@ -138,8 +174,14 @@ def test_soak(tmp_path: Path, count: int) -> None:
     samples = np.array([line.split() for line in done.stdout.splitlines()], int)
     assert len(samples) >= SAMPLES
     memory, files = samples[SAMPLES // 10 :].T
-    print(f"{info['step']} steps: closures {info['energy_closure']:.1e} and {info['heat_closure']:.1e}")
-    print("memory in eighths of the run [MB]:", *(f"{np.median(part) / 1e6:.1f}" for part in np.array_split(memory, 8)))
+    print(
+        f"{info['step']} steps: closures {info['energy_closure']:.1e} and "
+        f"{info['heat_closure']:.1e}"
+    )
+    print(
+        "memory in eighths of the run [MB]:",
+        *(f"{np.median(part) / 1e6:.1f}" for part in np.array_split(memory, 8)),
+    )
     growth = 1.02 if count >= 100_000 else 1.1  # machine code is loaded when it is first needed
     eighth = len(memory) // 8
     assert np.median(memory[-eighth:]) < growth * np.median(memory[:eighth])

@@ -20,8 +20,9 @@ from multicor_cli.running.session import Session
 from multicor_cli.store import DamagedRun, RunDirectory, Snapshot, run_info
 
 STOPS = {"small": (SMALL, (45, 90)), "warm": (WARM, (7, 22, 30))}
-"""Scenarios that together use all fields, and steps at which they are stopped: after the peak of kinetic energy of a stage that
-looks at it, in a later stage; between two rows of the series, in the frozen stage, after it."""
+"""Scenarios that together use all fields, and steps at which they are stopped: after the peak of
+kinetic energy of a stage that looks at it, in a later stage; between two rows of the series, in the
+frozen stage, after it."""
 
 FIELDS = tuple(f.name for f in fields(State))
 FOLLOWS = {
@@ -47,19 +48,29 @@ def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     for name, (text, _) in STOPS.items():
         (directory / f"{name}.toml").write_text(text)
         run_scenario(directory / f"{name}.toml", directory / name)
-        found[name] = run_info(directory / name)["state_digest"] + run_info(directory / name)["data_digest"]
+        found[name] = (
+            run_info(directory / name)["state_digest"] + run_info(directory / name)["data_digest"]
+        )
     return found
 
 
 @trials(short=1, long=len(FIELDS))
-def test_every_field_counts(tmp_path: Path, ends: dict[str, str], monkeypatch: pytest.MonkeyPatch, count: int) -> None:
-    """A run that is continued without one of the fields, and only such a run, ends in other bits (or does not end)."""
+def test_every_field_counts(
+    tmp_path: Path, ends: dict[str, str], monkeypatch: pytest.MonkeyPatch, count: int
+) -> None:
+    """A run that is continued without one of the fields, and only such a run, ends in other bits
+    (or does not end).
+    """
     carry_on = Session._carry_on
     lost = ""
 
-    def forgetful(self: Session, directory: Any, scenario: Any, model: Any, state: State, **options: Any) -> Any:
+    def forgetful(
+        self: Session, directory: Any, scenario: Any, model: Any, state: State, **options: Any
+    ) -> Any:
         if lost and state.step:
-            setattr(state, lost, getattr(State.at_rest(model, np.zeros((model.grain_count, 2))), lost))
+            setattr(
+                state, lost, getattr(State.at_rest(model, np.zeros((model.grain_count, 2))), lost)
+            )
         return carry_on(self, directory, scenario, model, state, **options)
 
     monkeypatch.setattr(Session, "_carry_on", forgetful)
@@ -101,7 +112,9 @@ BROKEN = {
 
 @pytest.mark.parametrize("what", BROKEN)
 def test_states_that_cannot_be_are_refused(tmp_path: Path, what: str) -> None:
-    """With right digests, as an attacker may write them who wants the program to read where it should not."""
+    """With right digests, as an attacker may write them who wants the program to read where it
+    should not.
+    """
     model = make_model()
     with make_run(tmp_path / "run") as run:
         state, writer = start(model), run.writer(model)
@@ -116,5 +129,8 @@ def test_states_that_cannot_be_are_refused(tmp_path: Path, what: str) -> None:
         else:
             changed = value
         run.checkpoint(replace(state, **{name: changed}), writer)
-    with RunDirectory.resume(tmp_path / "run") as again, pytest.raises(DamagedRun, match="does not fit the model"):
+    with (
+        RunDirectory.resume(tmp_path / "run") as again,
+        pytest.raises(DamagedRun, match="does not fit the model"),
+    ):
         again.load_checkpoint()

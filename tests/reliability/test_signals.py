@@ -1,4 +1,6 @@
-"""Ctrl-C, SIGTERM and SIGHUP at any moment end the program within two seconds; one run at a time in a directory."""
+"""Ctrl-C, SIGTERM and SIGHUP at any moment end the program within two seconds; one run at a time in
+a directory.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,9 @@ def wait_until(is_reached, process: subprocess.Popen[str], seconds: float = 300.
 
 @trials(short=2, long=30)
 def test_signals_end_the_program_soon(tmp_path: Path, count: int) -> None:
-    """Thousands of grains dropped at once: placing them, compiling, a first step of thousands of sweeps, checkpoints, frames."""
+    """Thousands of grains dropped at once: placing them, compiling, a first step of thousands of
+    sweeps, checkpoints, frames.
+    """
     grains = BIG["short" if count < 10 else "long"]
     rng, waited, codes = random.Random(5), [], []
     options = (
@@ -60,7 +64,8 @@ def test_signals_end_the_program_soon(tmp_path: Path, count: int) -> None:
     for trial in range(count):
         number = rng.choice(list(CODES))
         process = start("run", CONFIGS / "million.toml", "-o", str(trial), *options, cwd=tmp_path)
-        time.sleep(rng.uniform(0.7, min(30.0, 2.0 * began + 5.0)))  # Python itself needs some tenths before it can listen
+        # Python itself needs some tenths before it can listen
+        time.sleep(rng.uniform(0.7, min(30.0, 2.0 * began + 5.0)))
         sent = time.monotonic()
         process.send_signal(number)
         process.communicate(timeout=60)
@@ -69,7 +74,9 @@ def test_signals_end_the_program_soon(tmp_path: Path, count: int) -> None:
         assert process.returncode == CODES[number]
         if (tmp_path / str(trial) / "run.json").exists():
             assert errors_of(tmp_path / str(trial)) == []
-    print(f"{count} signals, at most {max(waited):.2f} s, median {sorted(waited)[count // 2]:.2f} s")
+    print(
+        f"{count} signals, at most {max(waited):.2f} s, median {sorted(waited)[count // 2]:.2f} s"
+    )
     assert max(waited) < (PROMISED if count >= 10 else 3.0 * PROMISED)  # machines of CI are busy
 
 
@@ -78,13 +85,16 @@ def test_of_two_runs_that_start_together_one_goes_on(tmp_path: Path, count: int)
     write_small(tmp_path, LASTING)
     for trial in range(count):
         both = [start("run", "small.toml", "-o", str(trial), cwd=tmp_path) for _ in range(2)]
-        wait_until(lambda both=both: any(process.poll() is not None for process in both), both[0], 60.0)
+        wait_until(
+            lambda both=both: any(process.poll() is not None for process in both), both[0], 60.0
+        )
         ended = [process for process in both if process.poll() is not None]
         running = [process for process in both if process.poll() is None]
         assert len(ended) == 1
         assert ended[0].returncode == 6
         message = ended[0].communicate()[1]
-        assert f"process {running[0].pid}" in message or "holds a run" in message  # it came before the lock, or after
+        # it came before the lock, or after
+        assert f"process {running[0].pid}" in message or "holds a run" in message
         running[0].send_signal(signal.SIGTERM)
         running[0].communicate(timeout=30)
         assert running[0].returncode == 143
@@ -101,17 +111,23 @@ def kill_a_run(directory: Path) -> tuple[int, Path]:
     return process.pid, directory / "run" / "lock"
 
 
-def test_lock_of_a_dead_process_is_taken_over_and_that_of_another_host_is_not(tmp_path: Path) -> None:
+def test_lock_of_a_dead_process_is_taken_over_and_that_of_another_host_is_not(
+    tmp_path: Path,
+) -> None:
     number, lock = kill_a_run(tmp_path)
     holder = json.loads(lock.read_text())
     assert holder["pid"] == number
     lock.write_text(json.dumps({**holder, "host": "elsewhere"}))
-    files = {path: path.stat().st_mtime_ns for path in (tmp_path / "run").rglob("*") if path != lock}
+    files = {
+        path: path.stat().st_mtime_ns for path in (tmp_path / "run").rglob("*") if path != lock
+    }
     refused = call("run", "small.toml", "-o", "run", cwd=tmp_path)
     assert refused.returncode == 6
     assert "on elsewhere" in refused.stderr
     assert str(lock.relative_to(tmp_path)) in refused.stderr  # what to delete if nobody runs there
-    assert {path: path.stat().st_mtime_ns for path in (tmp_path / "run").rglob("*") if path != lock} == files
+    assert {
+        path: path.stat().st_mtime_ns for path in (tmp_path / "run").rglob("*") if path != lock
+    } == files
     lock.write_text(json.dumps(holder))
     assert call("run", "small.toml", "-o", "run", cwd=tmp_path).returncode == 0
     assert read_info(tmp_path / "run")["status"] == "finished"

@@ -1,6 +1,8 @@
-"""Studies lose nothing and do nothing twice, whoever dies: client, worker, case or the scheduler, at random moments.
+"""Studies lose nothing and do nothing twice, whoever dies: client, worker, case or the scheduler,
+at random moments.
 
-A case is done once: after it has been seen finished its files are never touched again. The digests are those of the cases alone.
+A case is done once: after it has been seen finished its files are never touched again. The digests
+are those of the cases alone.
 """
 
 from __future__ import annotations
@@ -79,12 +81,16 @@ class Finished:
                 str(file): (file.stat().st_mtime_ns, file.stat().st_size)
                 for file in document.parent.iterdir() if file.name in ("run.json", "results.h5")
             }  # fmt: skip
-            assert self.seen.setdefault(document.parent.name, now) == now, f"{document.parent.name} was done twice"
+            assert self.seen.setdefault(document.parent.name, now) == now, (
+                f"{document.parent.name} was done twice"
+            )
 
 
 @dataclass
 class Cluster:
-    """A Dask scheduler with two workers, processes of their own; those that die are started again."""
+    """A Dask scheduler with two workers, processes of their own; those that die are started
+    again.
+    """
 
     folder: Path
     processes: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
@@ -101,19 +107,43 @@ class Cluster:
                 process.wait()
             self.processes.clear()
             (self.folder / "scheduler.json").unlink(missing_ok=True)
-            self._start("scheduler", "--host", "127.0.0.1", "--port", "0", "--dashboard-address", ":0", "--scheduler-file")
+            self._start(
+                "scheduler",
+                "--host",
+                "127.0.0.1",
+                "--port",
+                "0",
+                "--dashboard-address",
+                ":0",
+                "--scheduler-file",
+            )
             while not (self.folder / "scheduler.json").exists():
                 time.sleep(0.1)
         for name in ("worker 1", "worker 2"):
             if name not in self.processes or self.processes[name].poll() is not None:
                 self._start(
-                    name, "--nthreads", "1", "--no-dashboard", "--local-directory", str(self.folder), "--nanny", "--scheduler-file"
+                    name,
+                    "--nthreads",
+                    "1",
+                    "--no-dashboard",
+                    "--local-directory",
+                    str(self.folder),
+                    "--nanny",
+                    "--scheduler-file",
                 )
 
     def _start(self, name: str, *options: str) -> None:
-        words = [sys.executable, "-m", "distributed.cli.dask_" + name.split()[0], *options, str(self.folder / "scheduler.json")]
+        words = [
+            sys.executable,
+            "-m",
+            "distributed.cli.dask_" + name.split()[0],
+            *options,
+            str(self.folder / "scheduler.json"),
+        ]
         with (self.folder / f"{name}.log").open("ab") as log:
-            self.processes[name] = subprocess.Popen(words, cwd=self.folder, env=environment(), stdout=log, stderr=log)
+            self.processes[name] = subprocess.Popen(
+                words, cwd=self.folder, env=environment(), stdout=log, stderr=log
+            )
 
 
 @contextmanager
@@ -123,7 +153,11 @@ def cluster(folder: Path) -> Iterator[Cluster]:
         yield found
     finally:
         for process in found.processes.values():
-            for child in psutil.Process(process.pid).children(recursive=True) if process.poll() is None else ():
+            for child in (
+                psutil.Process(process.pid).children(recursive=True)
+                if process.poll() is None
+                else ()
+            ):
                 child.kill()
             process.kill()
             process.wait()
@@ -152,8 +186,12 @@ def victims(client: subprocess.Popen[str], there: Cluster | None) -> dict[str, l
     return found
 
 
-def disturb(folder: Path, chance: random.Random, there: Cluster | None, most: int, only: str = "") -> Counter[str]:
-    """One study from its beginning to its end, with some kills at most, of one kind if that is asked; who was killed."""
+def disturb(
+    folder: Path, chance: random.Random, there: Cluster | None, most: int, only: str = ""
+) -> Counter[str]:
+    """One study from its beginning to its end, with some kills at most, of one kind if that is
+    asked; who was killed.
+    """
     (folder / "small.toml").write_text(SCENARIO)
     (folder / "s.toml").write_text(STUDY + ("workers = 2\n" if there is None else ""))
     killed: Counter[str] = Counter()
@@ -199,20 +237,26 @@ def disturb(folder: Path, chance: random.Random, there: Cluster | None, most: in
 @pytest.mark.parametrize("only", ["fork server", "worker", "scheduler"])
 def test_one_dies(only: str, tmp_path: Path, alone: dict[str, str]) -> None:
     with cluster(tmp_path) as there:
-        killed = disturb(tmp_path, random.Random(only), None if only == "fork server" else there, 1, only)
+        killed = disturb(
+            tmp_path, random.Random(only), None if only == "fork server" else there, 1, only
+        )
     assert killed == {only: 1}
     require_undisturbed(tmp_path, alone)
 
 
 @pytest.mark.reliability
 @pytest.mark.parametrize("kind", ["here", "scheduler"])
-def test_anybody_dies_at_25_random_moments(kind: str, tmp_path: Path, alone: dict[str, str]) -> None:
+def test_anybody_dies_at_25_random_moments(
+    kind: str, tmp_path: Path, alone: dict[str, str]
+) -> None:
     chance, killed = random.Random(kind), Counter[str]()
     for number in range(25):
         folder = tmp_path / str(number)
         folder.mkdir()
         with cluster(folder) as there:
-            killed += disturb(folder, chance, there if kind == "scheduler" else None, 25 - killed.total())
+            killed += disturb(
+                folder, chance, there if kind == "scheduler" else None, 25 - killed.total()
+            )
         require_undisturbed(folder, alone)
         if killed.total() == 25:
             break

@@ -1,4 +1,6 @@
-"""What surrounds a run does not change it: threads, threading layers, clocks, time zones, readers, no home, a stale cache."""
+"""What surrounds a run does not change it: threads, threading layers, clocks, time zones, readers,
+no home, a stale cache.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,14 @@ from trials import thinned, trials
 from multicor_cli.store import open_run
 
 CONFIGS = ROOT / "configs"
-MANY = ("--set", "particles.0.count=5000", "--set", "loading.0.duration=0.004", "--set", "solver.max_sweeps=60")
+MANY = (
+    "--set",
+    "particles.0.count=5000",
+    "--set",
+    "loading.0.duration=0.004",
+    "--set",
+    "solver.max_sweeps=60",
+)
 """So many grains that several threads are used, few steps."""
 
 
@@ -29,12 +38,25 @@ MANY = ("--set", "particles.0.count=5000", "--set", "loading.0.duration=0.004", 
 @pytest.mark.parametrize("count", [30])
 def test_threads_and_layers(tmp_path: Path, count: int) -> None:
     """1, 2, 3, 4, 7 threads with both threading layers, each three times: the same bits."""
-    choices = [(threads, layer) for _ in range(3) for threads in (2, 1, 3, 4, 7) for layer in ("workqueue", "omp")][:count]
+    choices = [
+        (threads, layer)
+        for _ in range(3)
+        for threads in (2, 1, 3, 4, 7)
+        for layer in ("workqueue", "omp")
+    ][:count]
     found = set()
     for number, (threads, layer) in enumerate(choices):
         run = tmp_path / str(number)
         done = call(
-            "run", CONFIGS / "million.toml", "-o", run, "--threads", threads, *MANY, cwd=tmp_path, NUMBA_THREADING_LAYER=layer
+            "run",
+            CONFIGS / "million.toml",
+            "-o",
+            run,
+            "--threads",
+            threads,
+            *MANY,
+            cwd=tmp_path,
+            NUMBA_THREADING_LAYER=layer,
         )
         assert done.returncode == 0, done.stderr
         assert read_info(run)["provenance"]["threads"] == threads
@@ -47,12 +69,17 @@ def test_clocks_that_jump_and_time_zones(zone: str, finished: Path, tmp_path: Pa
     """The wall clock is for people: nothing that is computed, and no interval, hangs on it."""
     write_small(tmp_path)
     jumping = (
-        "import random, sys, time; sys.argv = ['multicor', 'run', 'small.toml', '-o', 'run', '--max-hours', '1']\n"
-        "time.time = lambda: random.choice([0.0, 1e9, 4e9, -1e6])\n"
+        "import random, sys, time; sys.argv = ['multicor', 'run', 'small.toml', '-o', 'run', "
+        "'--max-hours', '1']\ntime.time = lambda: random.choice([0.0, 1e9, 4e9, -1e6])\n"
         "from multicor_cli.cli.app import main; main()"
     )
     done = subprocess.run(
-        [sys.executable, "-c", jumping], cwd=tmp_path, env=environment(TZ=zone), capture_output=True, text=True, check=False
+        [sys.executable, "-c", jumping],
+        cwd=tmp_path,
+        env=environment(TZ=zone),
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     assert ends_of(tmp_path / "run") == ends_of(finished)
@@ -60,10 +87,16 @@ def test_clocks_that_jump_and_time_zones(zone: str, finished: Path, tmp_path: Pa
 
 @trials(short=5, long=50)
 def test_reading_while_it_runs(tmp_path: Path, count: int) -> None:
-    """Every reading is the beginning of what is there at the end, and no shorter than the one before."""
-    text = changed(SMALL, ("duration = 0.004", "duration = 0.4" if count < 10 else "duration = 4.0"))
+    """Every reading is the beginning of what is there at the end, and no shorter than the one
+    before.
+    """
+    text = changed(
+        SMALL, ("duration = 0.004", "duration = 0.4" if count < 10 else "duration = 4.0")
+    )
     write_small(tmp_path, text)
-    process = start("run", "small.toml", "-o", "run", "--set", "output.checkpoint_interval=0.01", cwd=tmp_path)
+    process = start(
+        "run", "small.toml", "-o", "run", "--set", "output.checkpoint_interval=0.01", cwd=tmp_path
+    )
     end = time.monotonic() + 120.0
     while not (tmp_path / "run" / "model.h5").exists() and time.monotonic() < end:
         time.sleep(0.01)
@@ -119,7 +152,9 @@ def test_results_may_be_written_under_any_name(finished: Path, tmp_path: Path) -
     }
     done = {word: call(*arguments, cwd=tmp_path) for word, arguments in commands.items()}
     codes = {word: result.returncode for word, result in done.items()}
-    assert codes == {"report": 0, "map": 0, "csv": 0, "fclib": 0, "gsd": 6}, {word: r.stderr for word, r in done.items()}
+    assert codes == {"report": 0, "map": 0, "csv": 0, "fclib": 0, "gsd": 6}, {
+        word: r.stderr for word, r in done.items()
+    }
     assert "not UTF-8" in done["gsd"].stderr  # the library cannot
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
         [name, *(f"{name}{end}" for end in (".html", ".png", "-csv", ".h5"))]
@@ -166,7 +201,11 @@ def test_directories_that_may_not_be_written(nobodys: Path) -> None:
     """A run says so; kernels find another place for their machine code."""
     try:
         (nobodys / "closed").mkdir(mode=0o555)
-        refused = as_nobody(["-m", "multicor_cli", "run", "small.toml", "-o", "closed/run"], nobodys, HOME="/nonexistent")
+        refused = as_nobody(
+            ["-m", "multicor_cli", "run", "small.toml", "-o", "closed/run"],
+            nobodys,
+            HOME="/nonexistent",
+        )
         assert refused.returncode == 5, refused.stderr
         assert "closed/run: Permission denied" in refused.stderr
         (nobodys / "home").mkdir(mode=0o555)
@@ -181,8 +220,14 @@ def test_directories_that_may_not_be_written(nobodys: Path) -> None:
 
 
 def test_stale_machine_code_is_never_used(tmp_path: Path) -> None:
-    """Numba does not notice that a function called by a cached one has changed: a copy of the program, edited between two runs."""
-    shutil.copytree(ROOT / "multicor_cli", tmp_path / "multicor_cli", ignore=shutil.ignore_patterns("__pycache__"))
+    """Numba does not notice that a function called by a cached one has changed: a copy of the
+    program, edited between two runs.
+    """
+    shutil.copytree(
+        ROOT / "multicor_cli",
+        tmp_path / "multicor_cli",
+        ignore=shutil.ignore_patterns("__pycache__"),
+    )
     kernel = tmp_path / "multicor_cli" / "packing" / "probe.py"
     formula = tmp_path / "multicor_cli" / "scenario" / "probe.py"
     kernel.write_text(
@@ -192,22 +237,40 @@ def test_stale_machine_code_is_never_used(tmp_path: Path) -> None:
         "def ask(x):\n"
         "    return answer(x)\n"
     )
-    script = "from multicor_cli.packing.probe import ask; print(ask(1.0)); print(sum(ask.stats.cache_hits.values()))"
+    script = (
+        "from multicor_cli.packing.probe import ask; print(ask(1.0)); "
+        "print(sum(ask.stats.cache_hits.values()))"
+    )
     seen = []
     for value in (1.0, 1.0, 2.0, 1.0):
         formula.write_text(
-            f"from multicor_cli.engine.jit.formulas import formula\n@formula\ndef answer(x):\n    return {value} * x\n"
+            "from multicor_cli.engine.jit.formulas import formula\n@formula\ndef answer(x):\n"
+            f"    return {value} * x\n"
         )
-        # Python's own files of compiled code do not tell sources of one size, written within a second, apart: without them.
-        env = {**environment(NUMBA_CACHE_DIR=str(tmp_path / "cache"), PYTHONDONTWRITEBYTECODE="1"), "PYTHONPATH": str(tmp_path)}
-        done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, env=env, capture_output=True, text=True, check=True)
+        # Python's own files of compiled code do not tell sources of one size, written within a
+        # second, apart: without them.
+        env = {
+            **environment(NUMBA_CACHE_DIR=str(tmp_path / "cache"), PYTHONDONTWRITEBYTECODE="1"),
+            "PYTHONPATH": str(tmp_path),
+        }
+        done = subprocess.run(
+            [sys.executable, "-c", script],
+            cwd=tmp_path,
+            env=env,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
         seen.append(tuple(float(word) for word in done.stdout.split()))
-    assert seen == [(1.0, 0.0), (1.0, 1.0), (2.0, 0.0), (1.0, 1.0)]  # the first sources come back, and with them their cache
+    # The first sources come back, and with them their cache
+    assert seen == [(1.0, 0.0), (1.0, 1.0), (2.0, 0.0), (1.0, 1.0)]
 
 
 @pytest.mark.reliability
 def test_heat_and_stages_too(tmp_path: Path) -> None:
-    """The scenario that uses every field of the state, on both threading layers and in pieces of a second."""
+    """The scenario that uses every field of the state, on both threading layers and in pieces of a
+    second.
+    """
     (tmp_path / "warm.toml").write_text(WARM)
     found = set()
     for name, layer in (("a", "workqueue"), ("b", "omp")):

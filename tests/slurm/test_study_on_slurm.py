@@ -46,10 +46,17 @@ def slurm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
 
 
 def begin(
-    folder: Path, slurm: dict[str, str], *, seeds: int = 2, walltime: str = "00:10:00", strain: float = 2.0
+    folder: Path,
+    slurm: dict[str, str],
+    *,
+    seeds: int = 2,
+    walltime: str = "00:10:00",
+    strain: float = 2.0,
 ) -> subprocess.Popen[str]:
     if not (folder / "s.toml").exists():
-        (folder / "s.toml").write_text(STUDY.replace("SEEDS", str(seeds)).replace("WALLTIME", walltime))
+        (folder / "s.toml").write_text(
+            STUDY.replace("SEEDS", str(seeds)).replace("WALLTIME", walltime)
+        )
         (folder / "small.toml").write_text(SMALL.replace("value = 0.15", f"value = {strain}"))
     return subprocess.Popen(
         command("study", "run", "s.toml"),
@@ -62,14 +69,18 @@ def begin(
 
 
 def ask(slurm: dict[str, str], *words: str) -> str:
-    return subprocess.run(words, env={**os.environ, **slurm}, check=True, capture_output=True, text=True).stdout
+    return subprocess.run(
+        words, env={**os.environ, **slurm}, check=True, capture_output=True, text=True
+    ).stdout
 
 
 def wait_until_running(folder: Path, process: subprocess.Popen[str]) -> None:
     directory = StudyDirectory(folder / "studies" / "s")
     for _ in range(2400):
         assert process.poll() is None, process.communicate()
-        if directory.exists and any(directory.state(case).status is CaseStatus.RUNNING for case in directory.cases()):
+        if directory.exists and any(
+            directory.state(case).status is CaseStatus.RUNNING for case in directory.cases()
+        ):
             return
         time.sleep(0.05)
     raise AssertionError("no case ran")
@@ -93,7 +104,9 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory, slurm: dict[str, str])
     return digests(folder)
 
 
-def test_a_job_that_is_cancelled_is_followed_by_another(tmp_path: Path, slurm: dict[str, str], undisturbed: list[str]) -> None:
+def test_a_job_that_is_cancelled_is_followed_by_another(
+    tmp_path: Path, slurm: dict[str, str], undisturbed: list[str]
+) -> None:
     process = begin(tmp_path, slurm)
     wait_until_running(tmp_path, process)
     job = ask(slurm, "squeue", "-h", "-o", "%i", "-t", "R").split()[0]
@@ -118,13 +131,16 @@ def test_a_walltime_that_is_too_short_is_no_end(tmp_path: Path, slurm: dict[str,
     finish(begin(tmp_path, slurm, seeds=1, walltime="00:01:00", strain=100.0))
 
 
-def test_a_node_that_goes_down(tmp_path: Path, slurm: dict[str, str], undisturbed: list[str]) -> None:
+def test_a_node_that_goes_down(
+    tmp_path: Path, slurm: dict[str, str], undisturbed: list[str]
+) -> None:
     process = begin(tmp_path, slurm)
     wait_until_running(tmp_path, process)
     node = ask(slurm, "sinfo", "-h", "-o", "%n").strip()
     ask(slurm, "scontrol", "update", f"nodename={node}", "state=down", "reason=test")
     time.sleep(5.0)
     resume = ["scontrol", "update", f"nodename={node}", "state=resume"]
-    subprocess.run(resume, env={**os.environ, **slurm}, check=False, capture_output=True)  # refused if it came back by itself
+    # Refused if it came back by itself
+    subprocess.run(resume, env={**os.environ, **slurm}, check=False, capture_output=True)
     finish(process)
     assert digests(tmp_path) == undisturbed

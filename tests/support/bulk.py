@@ -1,4 +1,6 @@
-"""State of the bulk of a plane shear flow, from a run directory: inertial number, μ*, solid fraction, spin."""
+"""State of the bulk of a plane shear flow, from a run directory: inertial number, μ*, solid
+fraction, spin.
+"""
 
 from dataclasses import dataclass
 
@@ -22,14 +24,17 @@ class Bulk:
 
     def __str__(self):
         return (
-            f"I = {self.inertial_number:.4g}, μ* = {self.friction:.4f} ± {self.friction_error:.4f}, "
-            f"ν = {self.solid_fraction:.4f} ± {self.solid_fraction_error:.4f}, "
-            f"spin over γ̇ = {self.spin_ratio:.3f} ± {self.spin_ratio_error:.3f}"
+            f"I = {self.inertial_number:.4g}, μ* = {self.friction:.4f} ± "
+            f"{self.friction_error:.4f}, ν = {self.solid_fraction:.4f} ± "
+            f"{self.solid_fraction_error:.4f}, spin over γ̇ = {self.spin_ratio:.3f} ± "
+            f"{self.spin_ratio_error:.3f}"
         )
 
 
 def measure_bulk(directory, *, load, strain=6.0):
-    """Average over the frames whose shear strain exceeds ``strain``; ``load`` is the force on the upper wall [N]."""
+    """Average over the frames whose shear strain exceeds ``strain``; ``load`` is the force on the
+    upper wall [N].
+    """
     with open_run(directory) as run:
         series = run.series
         began = series["time"][np.argmax(series["strain"] > strain)]

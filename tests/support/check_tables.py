@@ -1,4 +1,6 @@
-"""The tables of docs/reference/checks.md: ``python tests/support/check_tables.py`` writes them anew."""
+"""The tables of docs/reference/checks.md: ``python tests/support/check_tables.py`` writes them
+anew.
+"""
 
 from __future__ import annotations
 

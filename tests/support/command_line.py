@@ -20,12 +20,17 @@ from multicor_cli.cli.app import main
 from multicor_cli.cli.guard import set_crash_directory
 
 _parser = functools.cache(typer.main.get_command)
-"""The commands as typer parses them: made once for all calls in this process, which takes as long as most commands."""
+"""The commands as typer parses them: made once for all calls in this process, which takes as long
+as most commands."""
 
 
 def environment(**extra: str) -> dict[str, str]:
     """The environment of a command: this source tree, and nothing of the terminal."""
-    kept = {name: value for name, value in os.environ.items() if name not in ("NO_COLOR", "FORCE_COLOR", "NUMBA_NUM_THREADS")}
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in ("NO_COLOR", "FORCE_COLOR", "NUMBA_NUM_THREADS")
+    }
     return {**kept, "PYTHONPATH": str(ROOT), "COLUMNS": "120", **extra}
 
 
@@ -38,7 +43,9 @@ _ASKED_INSIDE = {"COLUMNS", "_MULTICOR_COMPLETE", "COMP_WORDS", "COMP_CWORD"}
 
 
 def call(*arguments: object, cwd: Path, **extra: str) -> subprocess.CompletedProcess[str]:
-    """Run a command to its end: in this process, which need not start another, or in one of its own if it is to be different."""
+    """Run a command to its end: in this process, which need not start another, or in one of its own
+    if it is to be different.
+    """
     if extra.keys() - _ASKED_INSIDE or "--threads" in arguments:
         return call_outside(*arguments, cwd=cwd, **extra)
     words, out, err = ["multicor", *map(str, arguments)], io.StringIO(), io.StringIO()
@@ -62,14 +69,25 @@ def call(*arguments: object, cwd: Path, **extra: str) -> subprocess.CompletedPro
 def call_outside(*arguments: object, cwd: Path, **extra: str) -> subprocess.CompletedProcess[str]:
     """Run a command to its end in a process of its own."""
     return subprocess.run(
-        command(*arguments), cwd=cwd, env=environment(**extra), capture_output=True, text=True, timeout=300, check=False
+        command(*arguments),
+        cwd=cwd,
+        env=environment(**extra),
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
     )
 
 
 def start(*arguments: object, cwd: Path) -> subprocess.Popen[str]:
     """Start a command and leave it running."""
     return subprocess.Popen(
-        command(*arguments), cwd=cwd, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        command(*arguments),
+        cwd=cwd,
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
 
 

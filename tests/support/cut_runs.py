@@ -10,12 +10,19 @@ from scenes import SMALL, WARM, changed
 from multicor_cli.model import State
 
 _SHAKE = "drives.floor = { x = { velocity = { sine = { amplitude = 0.2, period = 0.005 } } } }"
-_LID = "drives.top = { y = { force = -0.1, damping = 0.1 }, x = { velocity = { ramp = [0.0, 0.1], duration = 0.03 } } }"
+_LID = (
+    "drives.top = { y = { force = -0.1, damping = 0.1 }, x = { velocity = { ramp = [0.0, 0.1], "
+    "duration = 0.03 } } }"
+)
 
-NAMED = changed(SMALL, ("drives.top = { x = { velocity = { ramp = [0.0, 0.1], duration = 0.03 } } }", _LID))
+NAMED = changed(
+    SMALL, ("drives.top = { x = { velocity = { ramp = [0.0, 0.1], duration = 0.03 } } }", _LID)
+)
 """The small scene, whose second stage names all drives: nothing is kept from the first."""
 
-STICKY = changed(NAMED, ("restitution = 0.3", "restitution = 0.3\nadhesion = 1e-3\nrolling_friction = 0.05"))
+STICKY = changed(
+    NAMED, ("restitution = 0.3", "restitution = 0.3\nadhesion = 1e-3\nrolling_friction = 0.05")
+)
 """The same with adhesion and rolling resistance."""
 
 HOT = changed(
@@ -23,7 +30,10 @@ HOT = changed(
     ('name = "wait"', 'name = "wait"\n'),
     (
         'name = "shake-again"\nduration = 0.005',
-        f'name = "shake-again"\nduration = 0.005\n{_SHAKE}\nthermal.floor = {{ temperature = 330.0 }}',
+        (
+            f'name = "shake-again"\nduration = 0.005\n{_SHAKE}\n'
+            f"thermal.floor = {{ temperature = 330.0 }}"
+        ),
     ),
 )
 """The warm scene: heat of all kinds, averages, a frozen stage; its third stage names all drives."""
@@ -82,7 +92,10 @@ frame_interval = 0.005
 
 BODY = changed(
     BOX,
-    ("density = 2500.0", "density = 2500.0\nyoung = 70e9\npoisson = 0.22\nconductivity = 1.0\nheat_capacity = 800.0"),
+    (
+        "density = 2500.0",
+        "density = 2500.0\nyoung = 70e9\npoisson = 0.22\nconductivity = 1.0\nheat_capacity = 800.0",
+    ),
     ('name = "large"', 'name = "large"\ntemperature = 350.0'),
     ("[[contacts]]", "[heat]\ntemperature = 300.0\n[[contacts]]"),
     (
@@ -100,7 +113,8 @@ drives.intruder = { x = { velocity = 0.1 } }
     ),
     ("duration = 0.02\n", "duration = 0.02\ndrives.intruder = { x = { velocity = -0.02 } }\n"),
 )
-"""The same with a solid disc that has a temperature of its own, and is pulled to where grains have been."""
+"""The same with a solid disc that has a temperature of its own, and is pulled to where grains have
+been."""
 
 BELT = changed(
     BOX,
@@ -136,8 +150,10 @@ groups = ["large"]
 """The same with a sieve that only the large grains meet, in their middle at first."""
 
 TAKEN = (
-    "position", "image", "velocity", "wall_position", "wall_velocity", "wall_surface", "contact_i", "contact_j", "contact_impulse",
-    "contact_couple", "last_dt", "heat", "heat_dt", "wall_temperature", "mean_i", "mean_j", "mean_force", "mean_age",
+    "position", "image", "velocity", "wall_position", "wall_velocity", "wall_surface", "contact_i",
+    "contact_j", "contact_impulse",
+    "contact_couple", "last_dt", "heat", "heat_dt", "wall_temperature", "mean_i", "mean_j",
+    "mean_force", "mean_age",
 )  # fmt: skip
 """Fields of a state that depend on nothing but what the next step depends on."""
 
@@ -149,16 +165,28 @@ def shortened(text: str, stages: int) -> str:
 
 
 def going_on(text: str, stages: int, run: str, moment: str = "") -> str:
-    """A scenario without its first stages and without grains of its own, that goes on from a run of these."""
+    """A scenario without its first stages and without grains of its own, that goes on from a run of
+    these.
+    """
     head, loading, tail = _parts(text)
     begin, end = head.index("[[particles]]"), head.index("[[walls]]")
-    return head[:begin] + f'[start]\nrun = "{run}"\n{moment}\n' + head[end:] + "".join(loading[stages:]) + tail
+    return (
+        head[:begin]
+        + f'[start]\nrun = "{run}"\n{moment}\n'
+        + head[end:]
+        + "".join(loading[stages:])
+        + tail
+    )
 
 
 def _parts(text: str) -> tuple[str, list[str], str]:
     """What stands before the loading stages, these, and what stands after them."""
     head, *loading = text.split("[[loading]]")
-    end = min(found for found in (loading[-1].find("\n[solver]"), loading[-1].find("\n[output]")) if found >= 0)
+    end = min(
+        found
+        for found in (loading[-1].find("\n[solver]"), loading[-1].find("\n[output]"))
+        if found >= 0
+    )
     last, tail = loading[-1][:end], loading[-1][end:]
     return head, [f"[[loading]]{stage}" for stage in [*loading[:-1], last]], tail
 

@@ -1,6 +1,8 @@
-"""Damages copies of runs and looks at them as users do; a process of its own, for a library that meets nonsense may crash.
+"""Damages copies of runs and looks at them as users do; a process of its own, for a library that
+meets nonsense may crash.
 
-Each line of stdin is a case: ``[kind of run, file, damage, seed]``. Each line of stdout says what came of it.
+Each line of stdin is a case: ``[kind of run, file, damage, seed]``. Each line of stdout says what
+came of it.
 """
 
 from __future__ import annotations
@@ -45,7 +47,12 @@ def shift(data: bytes, choose: random.Random) -> bytes:
     return data[:at] + bytes([choose.randrange(256)]) + data[at:]
 
 
-BYTES: dict[str, Callable[[bytes, random.Random], bytes]] = {"flip": flip, "cut": cut, "zero": zero_page, "shift": shift}
+BYTES: dict[str, Callable[[bytes, random.Random], bytes]] = {
+    "flip": flip,
+    "cut": cut,
+    "zero": zero_page,
+    "shift": shift,
+}
 
 
 def damage(file: Path, how: str, seed: int, other: Path) -> bool:
@@ -65,7 +72,9 @@ def damage(file: Path, how: str, seed: int, other: Path) -> bool:
     elif how == "another run's":
         file.write_bytes(other.read_bytes())
     elif how == "sibling's":
-        siblings = sorted(path for path in file.parent.glob(f"*{file.suffix}") if path != file and path.is_file())
+        siblings = sorted(
+            path for path in file.parent.glob(f"*{file.suffix}") if path != file and path.is_file()
+        )
         if siblings:
             file.write_bytes(siblings[0].read_bytes())
     else:
@@ -104,7 +113,9 @@ def opened(run: Path) -> Path:
 
 
 def contents_of(path: Path, scratch: Path) -> set[str]:
-    """Digests of what may be read of the run: all of it, or without what was written after its newest checkpoint."""
+    """Digests of what may be read of the run: all of it, or without what was written after its
+    newest checkpoint.
+    """
     found = {read_all(opened(path))}
     manifest = scratch / "segments" / "MANIFEST.jsonl"
     shutil.copytree(path, scratch, symlinks=True)
@@ -168,7 +179,8 @@ def main(runs: Path, others: Path, scratch: Path) -> None:
             "changed": is_changed,
             "noticed": findings[0] != 0 or bool(findings[1]),
             "codes": [findings[0], reading, state, info, going_on],
-            "same": (reading != 0 or value in whole[kind]) and (state != 0 or digest in states[kind]),
+            "same": (reading != 0 or value in whole[kind])
+            and (state != 0 or digest in states[kind]),
             "same_end": going_on != 0 or end == ends[kind],
             "message": [findings[1], value, digest, end],
         }

@@ -1,6 +1,8 @@
-"""Short runs whose bits are frozen: every shipped scenario, every packing, size distribution and kind of law.
+"""Short runs whose bits are frozen: every shipped scenario, every packing, size distribution and
+kind of law.
 
-Two of them, the million and the large heated bed, have enough contacts for several threads to share them.
+Two of them, the million and the large heated bed, have enough contacts for several threads to share
+them.
 """
 
 from __future__ import annotations
@@ -27,8 +29,16 @@ class Case:
 
 
 SHIPPED = {
-    "shear": ("loading.0.duration=2e-3", "loading.1.until.strain.value=0.001", "output.frame_interval=2e-3"),
-    "shear-dynamic": ("loading.0.duration=2e-3", "loading.1.until.strain.value=0.01", "output.frame_interval=2e-3"),
+    "shear": (
+        "loading.0.duration=2e-3",
+        "loading.1.until.strain.value=0.001",
+        "output.frame_interval=2e-3",
+    ),
+    "shear-dynamic": (
+        "loading.0.duration=2e-3",
+        "loading.1.until.strain.value=0.01",
+        "output.frame_interval=2e-3",
+    ),
     "shear-gravity-free": ("loading.0.until.strain.value=0.3",),
     "column-collapse": ("loading.0.duration=0.01", "loading.1.duration=0.01"),
     "drum": ("loading.0.duration=0.02", "loading.1.duration=0.02"),
@@ -50,10 +60,20 @@ SHIPPED = {
         "variables.height=10",
     ),
     "vibrated-bed": ("variables.cycles=1", "variables.layers=2"),
-    "silo": ("loading.0.duration=0.03", "loading.1.duration=0.2", "variables.fill=150", "variables.drop=5"),
+    "silo": (
+        "loading.0.duration=0.03",
+        "loading.1.duration=0.2",
+        "variables.fill=150",
+        "variables.drop=5",
+    ),
     "heap": ("variables.plate=20", "loading.0.duration=0.02", "loading.1.duration=0.02"),
     "sieve-curve": ("variables.count=300", "loading.0.duration=0.02", "loading.1.duration=0.02"),
-    "intruder": ("particles.0.count=400", "variables.depth=13", "loading.0.duration=0.02", "loading.1.duration=0.02"),
+    "intruder": (
+        "particles.0.count=400",
+        "variables.depth=13",
+        "loading.0.duration=0.02",
+        "loading.1.duration=0.02",
+    ),
     "annular-shear": ("variables.turns=0.02",),
     "biaxial": (
         "variables.side=16",
@@ -132,7 +152,11 @@ material = "glass"
 geometry = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
 """
 
-_LID = _FLOOR.replace("floor", "lid").replace("[0.0, 0.0]", "[0.0, 0.05]").replace("[0.0, 1.0]", "[0.0, -1.0]")
+_LID = (
+    _FLOOR.replace("floor", "lid")
+    .replace("[0.0, 0.0]", "[0.0, 0.05]")
+    .replace("[0.0, 1.0]", "[0.0, -1.0]")
+)
 
 _UNIFORM = '{ kind = "uniform", min = 0.4e-3, max = 0.6e-3 }'
 _DISC = 'shape = "disc"\nthickness = 1e-3'
@@ -165,19 +189,34 @@ def _region(top: float) -> str:
 
 _SIZES = {
     "list-number": '{ kind = "list", radii = [0.4e-3, 0.5e-3, 0.7e-3], fractions = [0.2, 0.5, 0.3] }',
-    "list-mass": '{ kind = "list", radii = [0.4e-3, 0.5e-3, 0.7e-3], fractions = [0.2, 0.5, 0.3], by = "mass" }',
+    "list-mass": (
+        '{ kind = "list", radii = [0.4e-3, 0.5e-3, 0.7e-3], fractions = [0.2, 0.5, 0.3], by = '
+        '"mass" }'
+    ),
     "uniform-number": _UNIFORM,
     "uniform-mass": '{ kind = "uniform", min = 0.3e-3, max = 0.6e-3, by = "mass" }',
     "lognormal-number": '{ kind = "lognormal", median = 0.5e-3, sigma = 0.3, min = 0.25e-3, max = 0.9e-3 }',
-    "lognormal-mass": '{ kind = "lognormal", median = 0.5e-3, sigma = 0.3, min = 0.25e-3, max = 0.9e-3, by = "mass" }',
+    "lognormal-mass": (
+        '{ kind = "lognormal", median = 0.5e-3, sigma = 0.3, min = 0.25e-3, max = 0.9e-3, by = '
+        '"mass" }'
+    ),
     "power-number": '{ kind = "power", exponent = 2.5, min = 0.25e-3, max = 0.9e-3 }',
     "power-mass": '{ kind = "power", exponent = 1.5, min = 0.25e-3, max = 0.9e-3, by = "mass" }',
 }
 
 _PACKINGS = {
-    "lattice-triangular": {"packing": '{ kind = "lattice", lattice = "triangular", spacing = 1.4e-3, jitter = 0.05 }'},
-    "lattice-square": {"packing": '{ kind = "lattice", lattice = "square", spacing = 1.5e-3, jitter = 0.1 }', "shape": _SPHERE},
-    "random-fill": {"packing": '{ kind = "random", separation = 0.05 }', "number": "fill = 0.3", "region": _region(0.012)},
+    "lattice-triangular": {
+        "packing": '{ kind = "lattice", lattice = "triangular", spacing = 1.4e-3, jitter = 0.05 }'
+    },
+    "lattice-square": {
+        "packing": '{ kind = "lattice", lattice = "square", spacing = 1.5e-3, jitter = 0.1 }',
+        "shape": _SPHERE,
+    },
+    "random-fill": {
+        "packing": '{ kind = "random", separation = 0.05 }',
+        "number": "fill = 0.3",
+        "region": _region(0.012),
+    },
     "random-dense": {"number": "fill = 0.78", "region": _region(0.008)},
     "deposited": {"packing": '{ kind = "deposited" }', "region": _region(0.03)},
     "compacted": {
@@ -186,12 +225,18 @@ _PACKINGS = {
         "region": _region(0.008),
     },
     "tile-random": {
-        "packing": '{ kind = "tile", source = { kind = "random" }, tile = [0.01, 0.01], tile_fill = 0.7, repeat = [3, 2] }',
+        "packing": (
+            '{ kind = "tile", source = { kind = "random" }, tile = [0.01, 0.01], tile_fill = 0.7, '
+            "repeat = [3, 2] }"
+        ),
         "number": "",
         "region": _region(0.03),
     },
     "tile-deposited": {
-        "packing": '{ kind = "tile", source = { kind = "deposited" }, tile = [0.015, 0.02], tile_count = 60, repeat = [2, 1] }',
+        "packing": (
+            '{ kind = "tile", source = { kind = "deposited" }, tile = [0.015, 0.02], tile_count = '
+            "60, repeat = [2, 1] }"
+        ),
         "number": "",
         "region": _region(0.03),
     },
@@ -219,18 +264,23 @@ inertia = 1e-8
 """
 
 _SHAKE = (
-    "drives.shaker = { x = { velocity = { sine = { amplitude = 0.2, period = 0.007, phase = 0.4 } } } }\n"
-    "drives.paddle = { x = { fixed = true }, y = { force = -0.02, damping = 0.1 }, "
-    "spin = { force = { sine = { amplitude = 1e-5, period = 0.01 } } } }"
+    "drives.shaker = { x = { velocity = { sine = { amplitude = 0.2, period = 0.007, phase = 0.4 } "
+    "} } }\n"
+    "drives.paddle = { x = { fixed = true }, y = { force = -0.02, damping = 0.1 }, spin = { force "
+    "= { sine = { amplitude = 1e-5, period = 0.01 } } } }"
 )
 
 _PULL = (
     "drives.shaker = { x = { position = { sine = { amplitude = 2e-4, period = 0.007 } } } }\n"
-    'drives.paddle = { x = { stress = 1.0, between = ["shaker", "lid"] }, y = { force = -0.02, spring = { stiffness = 20.0 } }, '
+    'drives.paddle = { x = { stress = 1.0, between = ["shaker", "lid"] }, y = { force = -0.02, '
+    "spring = { stiffness = 20.0 } }, "
     "spin = { spring = { stiffness = 1e-3, anchor = { ramp = [0.0, 0.5], duration = 0.01 } } } }"
 )
 
-_WARM_FLOOR = _FLOOR + "thermal = { temperature = { sine = { mean = 350.0, amplitude = 20.0, period = 0.01 } } }\n"
+_WARM_FLOOR = (
+    _FLOOR
+    + "thermal = { temperature = { sine = { mean = 350.0, amplitude = 20.0, period = 0.01 } } }\n"
+)
 
 _HEAT = """
 [heat]
@@ -279,7 +329,11 @@ def _all_heat(**choices: str) -> str:
 
 
 _HEAT_OF_IMPACTS = _all_heat(
-    collisional="true", correlation="gunn", fluid=_AIR + ", porosity = 0.5", partition="conductivity", force="{ prescribed = 0.01 }"
+    collisional="true",
+    correlation="gunn",
+    fluid=_AIR + ", porosity = 0.5",
+    partition="conductivity",
+    force="{ prescribed = 0.01 }",
 ).replace('conduction = "rough"', 'conduction = "hertz"')
 
 _SOFT = "{ softening = 2e-3, reference = 300.0, value = 0.4, min = 0.1, max = 0.5 }"
@@ -313,13 +367,22 @@ _LAWS = {
         "drives": _PULL,
         "second": 'duration = 0.005\ncontacts = [{ pair = ["*", "*"], friction = 0.1 }]',
     },
-    "friction-of-speed": {"friction": _SPEEDS, "packing": '{ kind = "deposited" }', "region": _region(0.03)},
+    "friction-of-speed": {
+        "friction": _SPEEDS,
+        "packing": '{ kind = "deposited" }',
+        "region": _region(0.03),
+    },
     "friction-of-temperature": {**_BED, "friction": _SOFT, "heat": _HEAT},
     "heat": {**_BED, "heat": _HEAT, "second": "frozen = true\nduration = 20.0\ndt = 0.5"},
     "heat-everything-implicit": {**_BED, "wear": "wear = 1e-4", "heat": _all_heat()},
     "heat-everything-explicit": {
         **_BED,
-        "heat": _all_heat(integrator="explicit", correlation="li-mason", fluid=_AIR + ", porosity = 0.5", gas="batchelor"),
+        "heat": _all_heat(
+            integrator="explicit",
+            correlation="li-mason",
+            fluid=_AIR + ", porosity = 0.5",
+            gas="batchelor",
+        ),
     },
     "heat-of-impacts": {
         **_BED,
@@ -333,10 +396,16 @@ _LATTICE_FILE = (CONFIGS / "lattice14.csv").as_posix()
 
 _BROUGHT = {
     "packing-file": _scene(
-        packing=f'{{ kind = "file", path = "{_LATTICE_FILE}", shift = [0.01, 0.01] }}', sizes="", number="", periodic="false"
+        packing=f'{{ kind = "file", path = "{_LATTICE_FILE}", shift = [0.01, 0.01] }}',
+        sizes="",
+        number="",
+        periodic="false",
     ),
     "packing-run": replace(
-        _scene(packing='{ kind = "run", path = "packing-deposited", frame = 1 }', sizes="", number=""), after="packing-deposited"
+        _scene(
+            packing='{ kind = "run", path = "packing-deposited", frame = 1 }', sizes="", number=""
+        ),
+        after="packing-deposited",
     ),
 }
 

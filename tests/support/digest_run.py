@@ -16,16 +16,21 @@ from multicor_cli.store import run_info
 FROZEN = DATA / "digests.toml"
 
 _HEAD = """\
-# What the short runs of tests/support/digest_cases.py end with, on every machine. `python tests/digests` compares this machine with
-# them, `python tests/digests --write` freezes them anew: a change of results, which belongs into CHANGELOG.md.
+# What the short runs of tests/support/digest_cases.py end with, on every machine. `python
+# tests/digests` compares this machine with them, `python tests/digests --write` freezes them again:
+# a change of results, which belongs into CHANGELOG.md.
 
 """
 
 Digests = dict[str, dict[str, str]]
 
 
-def run_cases(names: Iterable[str], folder: Path, threads: int, say: Callable[[str], None] = lambda _: None) -> Digests:
-    """Run cases (and those they start from) into directories of their names; the digests of each by name."""
+def run_cases(
+    names: Iterable[str], folder: Path, threads: int, say: Callable[[str], None] = lambda _: None
+) -> Digests:
+    """Run cases (and those they start from) into directories of their names; the digests of each by
+    name.
+    """
     found: Digests = {}
     for name in names:
         for each in (CASES[name].after, name):
@@ -63,7 +68,10 @@ def frozen() -> Digests:
 def freeze(found: Digests) -> None:
     """Write digests in the order of the cases; those of cases that are not in ``found`` stay."""
     known = {**(frozen() if FROZEN.exists() else {}), **found}
-    FROZEN.write_text(_HEAD + tomli_w.dumps({name: known[name] for name in CASES if name in known}), encoding="utf-8")
+    FROZEN.write_text(
+        _HEAD + tomli_w.dumps({name: known[name] for name in CASES if name in known}),
+        encoding="utf-8",
+    )
 
 
 def differences(found: Digests) -> list[str]:
@@ -76,5 +84,7 @@ def differences(found: Digests) -> list[str]:
             lines.append(f"{name}: new")
         elif before != digests:
             what = [key for key in ("state", "data") if before[key] != digests[key]]
-            lines.append(f"{name}: {' and '.join(what)} changed from {before[what[0]]} to {digests[what[0]]}")
+            lines.append(
+                f"{name}: {' and '.join(what)} changed from {before[what[0]]} to {digests[what[0]]}"
+            )
     return lines

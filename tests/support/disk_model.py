@@ -1,9 +1,12 @@
-"""A disk that forgets: what may be left of a directory after a power cut, from a record of all calls that changed it.
+"""A disk that forgets: what may be left of a directory after a power cut, from a record of all
+calls that changed it.
 
-POSIX promises little. Bytes are on the disk once their file has been given to ``fsync``; names are once their directory has. Until
-then each may be there or not: a file may have its new name and none of its bytes, or a directory may still show what had been
-removed. `PowerCuts` records the calls of a program, and builds the directories that a cut between two of them may leave: of every
-directory the present names or those of its last ``fsync``, and of all files the present bytes or those of their last ``fsync``.
+POSIX promises little. Bytes are on the disk once their file has been given to ``fsync``; names are
+once their directory has. Until then each may be there or not: a file may have its new name and none
+of its bytes, or a directory may still show what had been removed. `PowerCuts` records the calls of
+a program, and builds the directories that a cut between two of them may leave: of every directory
+the present names or those of its last ``fsync``, and of all files the present bytes or those of
+their last ``fsync``.
 """
 
 from __future__ import annotations
@@ -73,13 +76,14 @@ class Directory:
 class PowerCuts:
     """Follows the calls of a program about one directory; give `hook` to ``system_calls.hooked``.
 
-    After every call ``inspect`` gets its name and the directories that a power cut now could leave, as far as none like them came
-    before in the same era.
+    After every call ``inspect`` gets its name and the directories that a power cut now could leave,
+    as far as none like them came before in the same era.
 
     Args:
         root: An empty directory.
         inspect: Called after every call that changes something below ``root``.
-        era: What the program has promised so far: a directory that was right before may be wrong after a promise.
+        era: What the program has promised so far: a directory that was right before may be wrong
+            after a promise.
     """
 
     def __init__(self, root: Path, inspect: Inspect, era: Callable[[], Hashable]) -> None:
@@ -134,7 +138,8 @@ class PowerCuts:
 
     def _on_write(self, _path: Path, args: tuple[Any, ...], written: int) -> None:
         descriptor, data = args
-        self._put(descriptor, bytes(data)[:written], len(self._file(descriptor).data))  # all our descriptors of this kind append
+        # All our descriptors of this kind append
+        self._put(descriptor, bytes(data)[:written], len(self._file(descriptor).data))
 
     def _put(self, descriptor: int, data: bytes, offset: int) -> None:
         content = self._file(descriptor).data
@@ -198,26 +203,47 @@ class PowerCuts:
         pending = [p for p, d in self._directories.items() if d.names != d.synced]
         for is_data_there in (False, True):
             for choice in itertools.product((False, True), repeat=len(pending)):
-                current = {path for path, is_current in zip(pending, choice, strict=True) if is_current}
+                current = {
+                    path for path, is_current in zip(pending, choice, strict=True) if is_current
+                }
                 content = dict(self._content(self.root, current, is_data_there=is_data_there))
-                identity = hash((self._era(), *sorted((name, hash(data)) for name, data in content.items())))
+                identity = hash(
+                    (self._era(), *sorted((name, hash(data)) for name, data in content.items()))
+                )
                 if identity in self._seen:
                     continue
                 self._seen.add(identity)
-                shown = ", ".join(str(path.relative_to(self.root)) for path in sorted(current)) or "no directory"
-                yield Left(f"new names in {shown}; {'all' if is_data_there else 'only synced'} bytes", content)
+                shown = (
+                    ", ".join(str(path.relative_to(self.root)) for path in sorted(current))
+                    or "no directory"
+                )
+                yield Left(
+                    f"new names in {shown}; {'all' if is_data_there else 'only synced'} bytes",
+                    content,
+                )
 
-    def _content(self, path: Path, current: set[Path], *, is_data_there: bool) -> Iterator[tuple[str, bytes | str | None]]:
+    def _content(
+        self, path: Path, current: set[Path], *, is_data_there: bool
+    ) -> Iterator[tuple[str, bytes | str | None]]:
         directory = self._directories[path]
         for name, file in (directory.names if path in current else directory.synced).items():
             inner = path / name
             relative = str(inner.relative_to(self.root))
             if file is not None:
-                yield relative, file.target if file.target is not None else bytes(file.data) if is_data_there else file.synced
+                yield (
+                    relative,
+                    file.target
+                    if file.target is not None
+                    else bytes(file.data)
+                    if is_data_there
+                    else file.synced,
+                )
             else:
                 yield relative, None
                 yield from self._content(inner, current, is_data_there=is_data_there)
 
     def as_seen(self) -> Content:
-        """What the program sees: to be compared with the real directory, so that no call is overlooked."""
+        """What the program sees: to be compared with the real directory, so that no call is
+        overlooked.
+        """
         return dict(self._content(self.root, set(self._directories), is_data_there=True))

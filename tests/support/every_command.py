@@ -1,6 +1,8 @@
-"""Every command once, with its help and a wrong line, of the package that is installed for the interpreter that runs this.
+"""Every command once, with its help and a wrong line, of the package that is installed for the
+interpreter that runs this.
 
-Prints what went wrong, a line each, and how many lines were tried; needs all extras, and nothing of the tests' own.
+Prints what went wrong, a line each, and how many lines were tried; needs all extras, and nothing of
+the tests' own.
 """
 
 from __future__ import annotations
@@ -86,7 +88,11 @@ def run_here(words: list[str]) -> subprocess.CompletedProcess[str]:
     from multicor_cli.cli.app import main
 
     out, err = io.StringIO(), io.StringIO()
-    with mock.patch.object(sys, "argv", ["multicor", *words]), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+    with (
+        mock.patch.object(sys, "argv", ["multicor", *words]),
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+    ):
         try:
             main()
             code = 0
@@ -98,14 +104,22 @@ def run_here(words: list[str]) -> subprocess.CompletedProcess[str]:
 def run(folder: Path, words: list[str]) -> subprocess.CompletedProcess[str]:
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     command = [sys.executable, "-P", "-m", "multicor_cli", *words]
-    return subprocess.run(command, cwd=folder, env=kept, capture_output=True, text=True, timeout=900, check=False)
+    return subprocess.run(
+        command, cwd=folder, env=kept, capture_output=True, text=True, timeout=900, check=False
+    )
 
 
 def fault(words: list[str], done: subprocess.CompletedProcess[str], code: int) -> str:
     """What is wrong with how a command ended; empty if nothing is."""
     said = done.stdout + done.stderr
-    is_right = done.returncode == code and not any(word in said for word in ("Traceback", "internal error", "Warning:"))
-    return "" if is_right else f"{' '.join(words)}: exit code {done.returncode}, not {code}: {said.strip()[-400:]}"
+    is_right = done.returncode == code and not any(
+        word in said for word in ("Traceback", "internal error", "Warning:")
+    )
+    return (
+        ""
+        if is_right
+        else f"{' '.join(words)}: exit code {done.returncode}, not {code}: {said.strip()[-400:]}"
+    )
 
 
 def main() -> int:
@@ -120,7 +134,12 @@ def main() -> int:
     texts = [([*path, "--help"], 0) for path in known]
     texts += [([*path, "--no-such-option"], 2) for path in known]
     texts += [(list(path), 2) for path, is_whole in known.items() if not is_whole]
-    texts += [(["--help"], 0), (["--version"], 0), (["nonsense"], 2), (["new", "x", "--template", "none"], 2)]
+    texts += [
+        (["--help"], 0),
+        (["--version"], 0),
+        (["nonsense"], 2),
+        (["new", "x", "--template", "none"], 2),
+    ]
     faults += [text for words, code in texts if (text := fault(words, run_here(words), code))]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -1,4 +1,6 @@
-"""The tables of the schema in the pages about the file format: ``python tests/support/format_tables.py`` writes them anew."""
+"""The tables of the schema in the pages about the file format:
+``python tests/support/format_tables.py`` writes them anew.
+"""
 
 from __future__ import annotations
 

@@ -14,8 +14,16 @@ from multicor_cli.model import HEAT_BOOK_NAMES, State, Thermal
 
 
 def make_heat_laws(*, density=7500.0, capacity=500.0, wear=0.0, **properties):
-    """Laws of one material, steel but for what is given; ``wear`` is Archard's coefficient over the hardness [1/Pa]."""
-    others = {"conductivity": 15.0, "young": 193e9, "poisson": 0.29, "emissivity": 0.0, **properties}
+    """Laws of one material, steel but for what is given; ``wear`` is Archard's coefficient over the
+    hardness [1/Pa].
+    """
+    others = {
+        "conductivity": 15.0,
+        "young": 193e9,
+        "poisson": 0.29,
+        "emissivity": 0.0,
+        **properties,
+    }
     rough = {"roughness": 1e-6, "asperity_slope": 0.1, "microhardness": 3e9}
     material = {"density": density, "heat_capacity": capacity, "hardness": 1.0, **others, **rough}
     return heat_laws([material], "half", np.array([[wear]]))
@@ -37,38 +45,70 @@ def with_heat(model, start, *, capacity=None, specific=500.0):
 
 def warm_model(radius=(1.0,), start=300.0, shapes=(), *, capacity=None, **choices):
     """Spheres at ``start`` [K] on a floor, or on nothing."""
-    model = make_model(radius, shapes, ("floor",) if shapes else (), **{"shape": "sphere", **choices})
+    model = make_model(
+        radius, shapes, ("floor",) if shapes else (), **{"shape": "sphere", **choices}
+    )
     return with_heat(model, start, capacity=capacity)
 
 
-def coupled_engine(model, positions, velocities=None, conditions=None, *, laws=None, solver=TIGHT, drives=None, **settings):
+def coupled_engine(
+    model,
+    positions,
+    velocities=None,
+    conditions=None,
+    *,
+    laws=None,
+    solver=TIGHT,
+    drives=None,
+    **settings,
+):
     """Mechanics and heat together, both switched on."""
     state = State.at_rest(model, np.asarray(positions, float))
     if velocities is not None:
         state.velocity[:] = velocities
-    engine = Engine(model, state, threads=1, heat=HeatSettings(laws or make_heat_laws(), **settings))
+    engine = Engine(
+        model, state, threads=1, heat=HeatSettings(laws or make_heat_laws(), **settings)
+    )
     engine.begin(Orders(drives, solver, conditions=conditions))
     return engine
 
 
 def heat_engine(model, positions, *, conditions=None, laws=None, **settings):
     """Heat alone, of bodies that stand still."""
-    return frozen_engine(model, State.at_rest(model, np.asarray(positions, float)), conditions, laws, **settings)
+    return frozen_engine(
+        model, State.at_rest(model, np.asarray(positions, float)), conditions, laws, **settings
+    )
 
 
 def frozen_engine(model, state, conditions=None, laws=None, **settings):
     """Heat alone, in a state."""
-    engine = Engine(model, state, threads=1, heat=HeatSettings(laws or make_heat_laws(), **settings))
+    engine = Engine(
+        model, state, threads=1, heat=HeatSettings(laws or make_heat_laws(), **settings)
+    )
     engine.resume(Orders(conditions=conditions, is_frozen=True))
     return engine
 
 
-def touching_engine(positions, start, *, conditions=None, capacity=1.0, shapes=(), walls=(), period=0.0, radius=1.0, **settings):
-    """A heat engine over bodies that stand still and touch; every contact conducts 1 W/K between grains.
+def touching_engine(
+    positions,
+    start,
+    *,
+    conditions=None,
+    capacity=1.0,
+    shapes=(),
+    walls=(),
+    period=0.0,
+    radius=1.0,
+    **settings,
+):
+    """A heat engine over bodies that stand still and touch; every contact conducts 1 W/K between
+    grains.
 
     The prescribed force is chosen for it: H = 2 λ (3 F a*/4E*)^⅓ with a* = a/2.
     """
-    model = make_model(np.full(len(positions), radius), shapes, walls, period=period, shape="sphere")
+    model = make_model(
+        np.full(len(positions), radius), shapes, walls, period=period, shape="sphere"
+    )
     model = with_heat(model, start, capacity=capacity)
     laws = make_heat_laws(emissivity=settings.pop("emissivity", 0.0))
     spot = 1.0 / (2.0 * 15.0)
@@ -78,8 +118,12 @@ def touching_engine(positions, start, *, conditions=None, capacity=1.0, shapes=(
 
 
 def on_floor(condition, start=300.0, positions=((0.0, 1.0),), **settings):
-    """A heat engine over grains that stand on a floor; between it and a grain H is 2^⅓ W/K, as a* = a."""
-    return touching_engine(positions, start, conditions=[condition], shapes=FLOOR, walls=("floor",), **settings)
+    """A heat engine over grains that stand on a floor; between it and a grain H is 2^⅓ W/K, as a* =
+    a.
+    """
+    return touching_engine(
+        positions, start, conditions=[condition], shapes=FLOOR, walls=("floor",), **settings
+    )
 
 
 def temperatures(engine):

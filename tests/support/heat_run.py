@@ -1,4 +1,6 @@
-"""A run directory with known temperatures, velocities and contacts: a column of equal grains between two planes."""
+"""A run directory with known temperatures, velocities and contacts: a column of equal grains
+between two planes.
+"""
 
 from __future__ import annotations
 
@@ -34,16 +36,30 @@ def heated_model(*, heat: bool = True) -> Model:
     """The model; the grains have different heat capacities."""
     model = between_planes([RADIUS] * GRAINS)
     capacity = 1.0 + np.arange(GRAINS)
-    return replace(model, thermal=Thermal(capacity, np.full(GRAINS, 300.0), np.full(GRAINS, 0.3)) if heat else None)
+    return replace(
+        model,
+        thermal=Thermal(capacity, np.full(GRAINS, 300.0), np.full(GRAINS, 0.3)) if heat else None,
+    )
 
 
 def column(model: Model) -> State:
     """The grains on top of each other, at rest."""
-    return State.at_rest(model, np.column_stack([np.full(GRAINS, 2.0), RADIUS + 2.0 * RADIUS * np.arange(GRAINS)]))
+    return State.at_rest(
+        model, np.column_stack([np.full(GRAINS, 2.0), RADIUS + 2.0 * RADIUS * np.arange(GRAINS)])
+    )
 
 
-def write_frames(run: RunDirectory, model: Model, advance: Callable[[State], None], frames: int, *, contacts: bool = True) -> None:
-    """Write frames of a column, each with a row of the time series; ``advance`` leads from one to the next."""
+def write_frames(
+    run: RunDirectory,
+    model: Model,
+    advance: Callable[[State], None],
+    frames: int,
+    *,
+    contacts: bool = True,
+) -> None:
+    """Write frames of a column, each with a row of the time series; ``advance`` leads from one to
+    the next.
+    """
     writer, state = run.writer(model), column(model)
     for frame in range(frames):
         if frame:
@@ -54,12 +70,21 @@ def write_frames(run: RunDirectory, model: Model, advance: Callable[[State], Non
 
 
 def write_heated_run(
-    path: Path, *, heat: bool = True, frames: int = 5, walls: tuple[float, float] = (300.0, 320.0), contacts: bool = True
+    path: Path,
+    *,
+    heat: bool = True,
+    frames: int = 5,
+    walls: tuple[float, float] = (300.0, 320.0),
+    contacts: bool = True,
 ) -> Model:
-    """Write a finished run. Its frame 0 is at 300 K and before any step; ``walls`` are the temperatures of bottom and top."""
+    """Write a finished run. Its frame 0 is at 300 K and before any step; ``walls`` are the
+    temperatures of bottom and top.
+    """
     model = heated_model(heat=heat)
     with RunDirectory.create(path, "", "", {"seed": 1}, stages=("shear",)) as run:
-        write_frames(run, model, lambda state: _advance(state, model, walls), frames, contacts=contacts)
+        write_frames(
+            run, model, lambda state: _advance(state, model, walls), frames, contacts=contacts
+        )
         run.finish("finished")
     return model
 
@@ -76,18 +101,32 @@ def _advance(state: State, model: Model, walls: tuple[float, float]) -> None:
     state.heat = model.thermal.capacity * GRADIENT * y
     state.generated = RATES * state.time
     state.wall_temperature[:] = walls
-    books = {"stored": float(state.heat.sum()), "closure": 1e-15, "sub_steps": 7.0, "max_biot": 0.23}
+    books = {
+        "stored": float(state.heat.sum()),
+        "closure": 1e-15,
+        "sub_steps": 7.0,
+        "max_biot": 0.23,
+    }
     for name, value in books.items():
         state.heat_books[HEAT_BOOK_NAMES.index(name)] = value
 
 
 def contact_rows(state: State) -> ContactTable:
-    """Every grain on the next one with a normal force of 1, 2, … N, and the last one on the top plane; every third one slides."""
+    """Every grain on the next one with a normal force of 1, 2, … N, and the last one on the top
+    plane; every third one slides.
+    """
     i = np.arange(GRAINS, dtype=np.int32)
     j = i + np.int32(1)
     j[-1] = GRAINS + 1
     force = np.column_stack([1.0 + i, -0.1 * (1.0 + i)])
     heat = (1e-6 * force[:, 0], force[:, 0]) if state.heat.size else (None, None)
     return ContactTable(
-        i, j, np.tile([0.0, -1.0], (GRAINS, 1)), np.zeros(GRAINS), force * state.last_dt, np.zeros(GRAINS), i % 3 == 0, *heat
+        i,
+        j,
+        np.tile([0.0, -1.0], (GRAINS, 1)),
+        np.zeros(GRAINS),
+        force * state.last_dt,
+        np.zeros(GRAINS),
+        i % 3 == 0,
+        *heat,
     )

@@ -1,9 +1,10 @@
-"""Makes the archive of a run in the file format of now: `tests/data/format-MAJOR.MINOR.tar.xz`, once for each version of it.
+"""Makes the archive of a run in the file format of now: `tests/data/format-MAJOR.MINOR.tar.xz`,
+once for each version of it.
 
 python tests/support/keep_run.py
 
-It holds a scenario with heat and friction that depends on it (every dataset of the format), a finished run of it, and one that was
-killed at step 60 of 75, after a checkpoint at step 55.
+It holds a scenario with heat and friction that depends on it (every dataset of the format), a
+finished run of it, and one that was killed at step 60 of 75, after a checkpoint at step 55.
 """
 
 from __future__ import annotations
@@ -44,13 +45,17 @@ def main() -> None:
             run("kept.toml", "unfinished", observer=Killed())
         os.wait()
         run("kept.toml", "finished")
-        with tarfile.open(DATA / f"format-{'.'.join(map(str, FORMAT_VERSION))}.tar.xz", "w:xz") as archive:
+        with tarfile.open(
+            DATA / f"format-{'.'.join(map(str, FORMAT_VERSION))}.tar.xz", "w:xz"
+        ) as archive:
             for name in ("kept.toml", "finished", "unfinished"):
                 archive.add(name, filter=_kept)
 
 
 def _kept(entry: tarfile.TarInfo) -> tarfile.TarInfo | None:
-    """What belongs into the archive, without its owner: no lock, which names a process, and no heartbeat."""
+    """What belongs into the archive, without its owner: no lock, which names a process, and no
+    heartbeat.
+    """
     if Path(entry.name).name in ("lock", "progress.json"):
         return None
     entry.uid = entry.gid = 0

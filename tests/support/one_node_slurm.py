@@ -1,4 +1,6 @@
-"""A SLURM on this machine alone: its daemons with a configuration of their own, started as root and ended again."""
+"""A SLURM on this machine alone: its daemons with a configuration of their own, started as root and
+ended again.
+"""
 
 from __future__ import annotations
 
@@ -56,10 +58,14 @@ def one_node_slurm(folder: Path) -> Iterator[dict[str, str]]:
     for name in ("state", "spool"):
         (folder / name).mkdir()
     configuration = folder / "slurm.conf"
-    configuration.write_text(CONFIGURATION.format(host=host, folder=folder, cpus=os.cpu_count(), ports=_free_ports()))
+    configuration.write_text(
+        CONFIGURATION.format(host=host, folder=folder, cpus=os.cpu_count(), ports=_free_ports())
+    )
     _start_munge()
     daemons = [
-        subprocess.Popen([name, "-D", "-f", configuration], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        subprocess.Popen(
+            [name, "-D", "-f", configuration], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
         for name in ("slurmctld", "slurmd")
     ]
     found = {"SLURM_CONF": str(configuration)}
@@ -67,7 +73,12 @@ def one_node_slurm(folder: Path) -> Iterator[dict[str, str]]:
         _wait_until_idle({**os.environ, **found}, folder)
         yield found
     finally:
-        subprocess.run(["scancel", "--user=root"], env={**os.environ, **found}, check=False, capture_output=True)
+        subprocess.run(
+            ["scancel", "--user=root"],
+            env={**os.environ, **found},
+            check=False,
+            capture_output=True,
+        )
         for daemon in reversed(daemons):
             daemon.terminate()
         for daemon in daemons:
@@ -91,19 +102,33 @@ def _start_munge() -> None:
         path.mkdir(parents=True, exist_ok=True)
     if not KEY.exists():
         KEY.write_bytes(secrets.token_bytes(1024))
-    for path in (Path("/run/munge"), Path("/var/log/munge"), Path("/var/lib/munge"), KEY.parent, KEY):
+    for path in (
+        Path("/run/munge"),
+        Path("/var/log/munge"),
+        Path("/var/lib/munge"),
+        KEY.parent,
+        KEY,
+    ):
         shutil.chown(path, "munge", "munge")
     KEY.chmod(0o400)
     KEY.parent.chmod(0o700)
     Path("/run/munge").chmod(0o755)
     subprocess.run(
-        ["setpriv", "--reuid=munge", "--regid=munge", "--clear-groups", "munged", "--force"], check=True, capture_output=True
+        ["setpriv", "--reuid=munge", "--regid=munge", "--clear-groups", "munged", "--force"],
+        check=True,
+        capture_output=True,
     )
 
 
 def _wait_until_idle(environment: dict[str, str], folder: Path) -> None:
     for _ in range(150):
-        done = subprocess.run(["sinfo", "-h", "-o", "%T"], env=environment, check=False, capture_output=True, text=True)
+        done = subprocess.run(
+            ["sinfo", "-h", "-o", "%T"],
+            env=environment,
+            check=False,
+            capture_output=True,
+            text=True,
+        )
         if "idle" in done.stdout:
             return
         time.sleep(0.2)

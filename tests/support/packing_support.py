@@ -29,16 +29,24 @@ def generator(seed: int = 3) -> Stream:
     return Stream(np.random.Philox(seed))
 
 
-def scenario(*overrides: str, text: str = PACKED, extra: str = "", path: str | Path = "test.toml") -> Scenario:
+def scenario(
+    *overrides: str, text: str = PACKED, extra: str = "", path: str | Path = "test.toml"
+) -> Scenario:
     return parse_scenario(text + extra, path, overrides)
 
 
 def wall(name: str, geometry: str, rest: str = "") -> str:
-    return f'\n[[walls]]\nname = "{name}"\nmaterial = "steel"\ngeometry = {{ {geometry} }}\n{rest}\n'
+    return (
+        f'\n[[walls]]\nname = "{name}"\nmaterial = "steel"\ngeometry = {{ {geometry} }}\n{rest}\n'
+    )
 
 
-def pair_gaps(position: np.ndarray, radius: np.ndarray, cutoff: float, period: float = 0.0) -> tuple[np.ndarray, ...]:
-    """Grains i, j and the gaps of all pairs closer than ``cutoff``, independently of how the packing was made."""
+def pair_gaps(
+    position: np.ndarray, radius: np.ndarray, cutoff: float, period: float = 0.0
+) -> tuple[np.ndarray, ...]:
+    """Grains i, j and the gaps of all pairs closer than ``cutoff``, independently of how the
+    packing was made.
+    """
     pairs = find_pairs(position[:, :2].copy(), radius, Obstacles.none(), cutoff, period)
     i = np.repeat(np.arange(radius.size), np.diff(pairs.row))
     j = pairs.partner

@@ -1,7 +1,9 @@
-"""Runs a scenario whose state is spoiled behind its back; a process of its own, for machine code that meets nonsense may crash.
+"""Runs a scenario whose state is spoiled behind its back; a process of its own, for machine code
+that meets nonsense may crash.
 
-Each line of stdin is a case: ``[field, entry, value, step]``. Each line of stdout is its outcome: exit code, message, step of the
-last checkpoint, row of the entry, and whether frames and checkpoint are sound.
+Each line of stdin is a case: ``[field, entry, value, step]``. Each line of stdout is its outcome:
+exit code, message, step of the last checkpoint, row of the entry, and whether frames and checkpoint
+are sound.
 """
 
 from __future__ import annotations

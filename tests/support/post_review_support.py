@@ -1,7 +1,8 @@
-"""Made-up runs with random grains, contacts and moving walls, and what tables must say of them, by plain loops.
+"""Made-up runs with random grains, contacts and moving walls, and what tables must say of them, by
+plain loops.
 
-Nothing of `multicor_cli.post` is used here: areas come from the primitive of the chord of a disc, averages from loops over frames,
-grains, contacts and bins.
+Nothing of `multicor_cli.post` is used here: areas come from the primitive of the chord of a disc,
+averages from loops over frames, grains, contacts and bins.
 """
 
 from __future__ import annotations
@@ -35,38 +36,69 @@ def heights_of_walls(frame: int) -> tuple[float, float]:
 
 
 def random_model(*, is_periodic: bool, seed: int) -> Model:
-    """Grains of three sizes between rows of glued grains, with different masses and heat capacities."""
+    """Grains of three sizes between rows of glued grains, with different masses and heat
+    capacities.
+    """
     rng = np.random.default_rng(seed)
     places = np.arange(0.0, PERIOD, 0.5)
-    glued = [(ShapeKind.DISC, wall, (x, y, GLUED, 0.0)) for wall, y in enumerate((FLOOR, LID)) for x in places]
-    sides = [(ShapeKind.PLANE, 2, (0.0, 0.0, 1.0, 0.0)), (ShapeKind.PLANE, 3, (PERIOD, 0.0, -1.0, 0.0))]
+    glued = [
+        (ShapeKind.DISC, wall, (x, y, GLUED, 0.0))
+        for wall, y in enumerate((FLOOR, LID))
+        for x in places
+    ]
+    sides = [
+        (ShapeKind.PLANE, 2, (0.0, 0.0, 1.0, 0.0)),
+        (ShapeKind.PLANE, 3, (PERIOD, 0.0, -1.0, 0.0)),
+    ]
     period = PERIOD if is_periodic else 0.0
-    model = make_model(rng.choice(RADII, GRAINS), [*glued, *sides], ("floor", "lid", "left", "right"), period=period)
+    model = make_model(
+        rng.choice(RADII, GRAINS),
+        [*glued, *sides],
+        ("floor", "lid", "left", "right"),
+        period=period,
+    )
     return replace(
         model,
         grains=replace(model.grains, mass=model.grains.mass * rng.uniform(0.5, 1.5, GRAINS)),
-        thermal=Thermal(rng.uniform(1.0, 2.0, GRAINS), np.full(GRAINS, 300.0), np.full(GRAINS, 0.1)),
+        thermal=Thermal(
+            rng.uniform(1.0, 2.0, GRAINS), np.full(GRAINS, 300.0), np.full(GRAINS, 0.1)
+        ),
     )
 
 
 def random_contacts(state: State, model: Model, rng: np.random.Generator) -> ContactTable:
-    """Random pairs; every fifth carries nothing, a tenth hangs on glued grains. Branches stay between the walls."""
+    """Random pairs; every fifth carries nothing, a tenth hangs on glued grains. Branches stay
+    between the walls.
+    """
     n, count = model.grain_count, 90
-    pairs = sorted({(int(a), int(b)) for a, b in np.sort(rng.integers(0, n, (count, 2)), axis=1) if a < b})
-    pairs = sorted({*pairs, *((int(k), n + int(rng.integers(0, 12))) for k in rng.integers(0, n, 10))})
+    pairs = sorted(
+        {(int(a), int(b)) for a, b in np.sort(rng.integers(0, n, (count, 2)), axis=1) if a < b}
+    )
+    pairs = sorted(
+        {*pairs, *((int(k), n + int(rng.integers(0, 12))) for k in rng.integers(0, n, 10))}
+    )
     i, j = (np.array(column, np.int32) for column in zip(*pairs, strict=True))
     turn = rng.uniform(0.0, 2.0 * pi, i.size)
     normal = np.column_stack([np.cos(turn), np.sin(turn)])
     middle = state.wall_position[:2, 1].mean() + 0.5 * (FLOOR + LID)
-    normal[:, 1] = np.where((state.position[i, 1] > middle) == (normal[:, 1] > 0.0), normal[:, 1], -normal[:, 1])  # ends inwards
+    # Ends inwards
+    normal[:, 1] = np.where(
+        (state.position[i, 1] > middle) == (normal[:, 1] > 0.0), normal[:, 1], -normal[:, 1]
+    )
     impulse = np.column_stack([rng.exponential(0.1, i.size), rng.normal(0.0, 0.03, i.size)])
     impulse[::5] = 0.0
     none = np.zeros(i.size)
-    return ContactTable(i, j, normal, rng.normal(0.0, 1e-4, i.size), impulse, none, rng.random(i.size) < 0.3)
+    return ContactTable(
+        i, j, normal, rng.normal(0.0, 1e-4, i.size), impulse, none, rng.random(i.size) < 0.3
+    )
 
 
-def write_random_run(path: Path, *, is_periodic: bool = True, seed: int = 0, is_finished: bool = True) -> Run:
-    """Write a run whose frames are unevenly spaced in time; two rows of the time series for each frame."""
+def write_random_run(
+    path: Path, *, is_periodic: bool = True, seed: int = 0, is_finished: bool = True
+) -> Run:
+    """Write a run whose frames are unevenly spaced in time; two rows of the time series for each
+    frame.
+    """
     rng = np.random.default_rng(seed)
     model = random_model(is_periodic=is_periodic, seed=seed)
     with RunDirectory.create(path, "", "", {"seed": seed}, stages=("shear",)) as run:
@@ -75,7 +107,11 @@ def write_random_run(path: Path, *, is_periodic: bool = True, seed: int = 0, is_
         for frame in range(FRAMES):
             if frame:
                 advance(state, model, frame, rng, writer)
-            contacts = ContactTable.empty() if frame in WITHOUT_CONTACTS else random_contacts(state, model, rng)
+            contacts = (
+                ContactTable.empty()
+                if frame in WITHOUT_CONTACTS
+                else random_contacts(state, model, rng)
+            )
             writer.frame(Snapshot(state, model, contacts))
             if frame % 4 == 0:
                 run.checkpoint(state, writer)
@@ -94,15 +130,22 @@ def random_places(model: Model, frame: int, rng: np.random.Generator) -> Floats:
     return np.column_stack([rng.uniform(0.0, room, GRAINS), rng.uniform(bottom, top)])
 
 
-def advance(state: State, model: Model, frame: int, rng: np.random.Generator, writer: object) -> None:
-    """Grains go anywhere, and across the ends of the period; what they hold grows by random amounts."""
+def advance(
+    state: State, model: Model, frame: int, rng: np.random.Generator, writer: object
+) -> None:
+    """Grains go anywhere, and across the ends of the period; what they hold grows by random
+    amounts.
+    """
     lapse = LAPSE * (1.0 + 0.5 * (frame % 3))
     for _ in range(2):
         state.time += 0.5 * lapse
         state.step += 1
         state.window[0] = 0.5 * lapse
         state.window_wall_impulse[:] = rng.normal([0.3, 0.0, 0.0], 0.1, (4, 3)) * 0.5 * lapse
-        state.window_wall_impulse[0, 1], state.window_wall_impulse[1] = -lapse, [-0.3 * lapse, 1.1 * lapse, 0.0]
+        state.window_wall_impulse[0, 1], state.window_wall_impulse[1] = (
+            -lapse,
+            [-0.3 * lapse, 1.1 * lapse, 0.0],
+        )
         writer.series_row(Snapshot(state, model))  # type: ignore[attr-defined]
     state.last_dt = 0.01
     state.position[:, :2] = random_places(model, frame, rng)
@@ -130,14 +173,23 @@ class Layer:
 
 
 def layer(run: Run, frame: Frame, count: int, left_out: float = 0.0) -> Layer:
-    """Bins from the row of glued grains below to the one above, less what is left out, in equal parts."""
-    low, high = FLOOR + frame.wall_position[0, 1] + left_out, LID + frame.wall_position[1, 1] - left_out
+    """Bins from the row of glued grains below to the one above, less what is left out, in equal
+    parts.
+    """
+    low, high = (
+        FLOOR + frame.wall_position[0, 1] + left_out,
+        LID + frame.wall_position[1, 1] - left_out,
+    )
     x, a = frame.position[:, 0], run.model.grains.radius
-    return Layer(np.linspace(low, high, count + 1), run.period or float((x + a).max() - (x - a).min()))
+    return Layer(
+        np.linspace(low, high, count + 1), run.period or float((x + a).max() - (x - a).min())
+    )
 
 
 def area_between(low: float, high: float, radius: float) -> float:
-    """Area of a disc between two heights above its center: the integral of its chord 2√(a² − u²)."""
+    """Area of a disc between two heights above its center: the integral of its chord 2√(a² −
+    u²).
+    """
 
     def primitive(u: float) -> float:
         u = min(max(u, -radius), radius)
@@ -149,11 +201,15 @@ def area_between(low: float, high: float, radius: float) -> float:
 def areas(y: Floats, radius: Floats, edges: Floats) -> Floats:
     """Area of each grain in each bin, shape ``(n, b)``."""
     grains = zip(y, radius, strict=True)
-    return np.array([[area_between(a - h, b - h, r) for a, b in pairwise(edges)] for h, r in grains])
+    return np.array(
+        [[area_between(a - h, b - h, r) for a, b in pairwise(edges)] for h, r in grains]
+    )
 
 
 def branches(run: Run, frame: Frame) -> list[tuple[int, int, Floats, Floats]]:
-    """Of each contact that carries a force: i, j, the force on i, and the way from the center of j to that of i."""
+    """Of each contact that carries a force: i, j, the force on i, and the way from the center of j
+    to that of i.
+    """
     model, contacts, found = run.model, frame.contacts, []
     n = model.grain_count
     for c in range(contacts.count):
@@ -176,26 +232,36 @@ def parts(start: float, end: float, edges: Floats) -> Floats:
 
 
 def hats(y: Floats, edges: Floats) -> Floats:
-    """Values of the piecewise linear functions that are 1 at one knot and 0 at the others, shape ``(n, knots)``."""
+    """Values of the piecewise linear functions that are 1 at one knot and 0 at the others, shape
+    ``(n, knots)``.
+    """
     return np.column_stack([np.interp(y, edges, row) for row in np.eye(edges.size)])
 
 
 def fluctuations(run: Run, chosen: list[int], spacing: float) -> list[Floats]:
-    """Velocities about the lines between knots with the smallest weighted squares, over all frames at once."""
+    """Velocities about the lines between knots with the smallest weighted squares, over all frames
+    at once.
+    """
     mean = np.mean([np.diff(layer(run, run.frames[k], 1).edges)[0] for k in chosen])
     knots = max(round(mean / spacing), 1)
     radius = run.model.grains.radius
-    bases = [hats(run.frames[k].position[:, 1], layer(run, run.frames[k], knots).edges) for k in chosen]
+    bases = [
+        hats(run.frames[k].position[:, 1], layer(run, run.frames[k], knots).edges) for k in chosen
+    ]
     speeds = [run.frames[k].velocity[:, :2] for k in chosen]
     weight = np.tile(radius, len(chosen))[:, np.newaxis]
-    fit = np.linalg.lstsq(weight * np.concatenate(bases), weight * np.concatenate(speeds), rcond=None)[0]
+    fit = np.linalg.lstsq(
+        weight * np.concatenate(bases), weight * np.concatenate(speeds), rcond=None
+    )[0]
     return [speed - base @ fit for speed, base in zip(speeds, bases, strict=True)]
 
 
 def remembering_error(values: list[tuple[Floats, Floats]]) -> Floats:
-    """Standard errors of ratios of sums over rows of numerators and denominators, which may remember each other; in plain loops.
+    """Standard errors of ratios of sums over rows of numerators and denominators, which may
+    remember each other; in plain loops.
 
-    What a row adds to the ratio is n times the ratio less n − 1 times that without the row; nan where one of these is not there.
+    What a row adds to the ratio is n times the ratio less n − 1 times that without the row; nan
+    where one of these is not there.
     """
     n, errors = len(values), []
     for b in range(values[0][0].size):

@@ -17,7 +17,9 @@ def column_problem(count, weight=9.81e-3):
     lever = np.zeros((count, 2, 2))
     lever[:, 0, 1], lever[:, 1, 1] = -0.5, 0.5
     normal = np.tile([0.0, 1.0], (count, 1))
-    return ContactProblem(inverse, velocity, pair, normal, lever, np.zeros(count), np.full(count, 0.5))
+    return ContactProblem(
+        inverse, velocity, pair, normal, lever, np.zeros(count), np.full(count, 0.5)
+    )
 
 
 def heap_problem(seed=0, columns=6, rows=5, friction=0.5, restitution=0.0):
@@ -26,7 +28,9 @@ def heap_problem(seed=0, columns=6, rows=5, friction=0.5, restitution=0.0):
     n = columns * rows
     radius = rng.uniform(0.4, 0.6, n)
     k = np.arange(n)
-    positions = np.column_stack([0.7 + (k % columns) * 1.21 + 0.05 * rng.random(n), 0.7 + (k // columns) * 1.21])
+    positions = np.column_stack(
+        [0.7 + (k % columns) * 1.21 + 0.05 * rng.random(n), 0.7 + (k // columns) * 1.21]
+    )
     shapes = [
         (ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0)),
         (ShapeKind.PLANE, 0, (0.0, 0.0, 1.0, 0.0)),
@@ -40,9 +44,19 @@ def heap_problem(seed=0, columns=6, rows=5, friction=0.5, restitution=0.0):
 
 
 def tilted(problem):
-    """The same problem with slightly unequal inverse masses in x and y: no longer discs, so solved in the general form."""
+    """The same problem with slightly unequal inverse masses in x and y: no longer discs, so solved
+    in the general form.
+    """
     inverse = problem.inverse_mass * np.array([1.0, 1.0 + 1e-9, 1.0])
-    return ContactProblem(inverse, problem.velocity, problem.pair, problem.normal, problem.lever, problem.bias, problem.friction)
+    return ContactProblem(
+        inverse,
+        problem.velocity,
+        problem.pair,
+        problem.normal,
+        problem.lever,
+        problem.bias,
+        problem.friction,
+    )
 
 
 def dense_delassus(problem):
@@ -54,7 +68,11 @@ def dense_delassus(problem):
     for side, sign in ((0, 1.0), (1, -1.0)):
         body = 3 * problem.pair[:, side]
         k = np.arange(c)
-        h[2 * k, body], h[2 * k, body + 1], h[2 * k, body + 2] = sign * nx, sign * ny, sign * levers[:, side, 0]
+        h[2 * k, body], h[2 * k, body + 1], h[2 * k, body + 2] = (
+            sign * nx,
+            sign * ny,
+            sign * levers[:, side, 0],
+        )
         h[2 * k + 1, body], h[2 * k + 1, body + 1] = -sign * ny, sign * nx
         h[2 * k + 1, body + 2] = sign * levers[:, side, 1]
     w = (h * problem.inverse_mass.ravel()) @ h.T

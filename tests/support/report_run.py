@@ -17,24 +17,38 @@ from multicor_cli.model import Model, State
 from multicor_cli.store import RunDirectory
 
 EVIL = "</script><script>window.broken = 1</script><img src=x onerror='window.broken = 2'>&amp;"
-"""What must arrive in the page as text and nothing else; JSON and TOML strings may hold it as it is."""
+"""What must arrive in the page as text and nothing else; JSON and TOML strings may hold it as it
+is."""
 
 
-def write_evil_run(path: Path, *, frames: int = 6, is_finished: bool = True, is_crossing: bool = True) -> Model:
-    """A run with heat whose every text is `EVIL`, with a plane, a glued disc, a segment and a circle that move."""
+def write_evil_run(
+    path: Path, *, frames: int = 6, is_finished: bool = True, is_crossing: bool = True
+) -> Model:
+    """A run with heat whose every text is `EVIL`, with a plane, a glued disc, a segment and a
+    circle that move.
+    """
     model = heated_model()
     names = (f"bottom {EVIL}", "top")
     shapes = replace(
         model.shapes,
         kind=np.array([1, 1, 0, 2, 4], np.int32),
         wall=np.array([0, 1, 1, 1, 0], np.int32),
-        geometry=np.array([[0, 0, 0, 1], [0, 1, 0, -1], [1, 1, 0.1, 0], [0.5, 0.2, 1, 0.4], [2, 0.5, 0.6, 0]], np.float64),
+        geometry=np.array(
+            [[0, 0, 0, 1], [0, 1, 0, -1], [1, 1, 0.1, 0], [0.5, 0.2, 1, 0.4], [2, 0.5, 0.6, 0]],
+            np.float64,
+        ),
         material=np.zeros(5, np.int32),
     )
-    model = replace(model, walls=replace(model.walls, names=names), shapes=shapes, groups=(EVIL, "other"))
-    model = replace(model, grains=replace(model.grains, group=np.arange(GRAINS, dtype=np.int32) % 2))
+    model = replace(
+        model, walls=replace(model.walls, names=names), shapes=shapes, groups=(EVIL, "other")
+    )
+    model = replace(
+        model, grains=replace(model.grains, group=np.arange(GRAINS, dtype=np.int32) % 2)
+    )
     source = f"# {EVIL}\n[scenario]\nname = '''{EVIL}'''\ndescription = '''{EVIL}'''\n"
-    with RunDirectory.create(path, source, source, {"seed": 1, "command": EVIL}, stages=(EVIL,)) as run:
+    with RunDirectory.create(
+        path, source, source, {"seed": 1, "command": EVIL}, stages=(EVIL,)
+    ) as run:
         write_frames(run, model, lambda state: _advance(state, model, is_crossing), frames)
         if is_finished:
             run.finish("finished")
@@ -42,7 +56,9 @@ def write_evil_run(path: Path, *, frames: int = 6, is_finished: bool = True, is_
 
 
 def _advance(state: State, model: Model, is_crossing: bool) -> None:
-    """The column of grains goes round the period, each grain with a speed, spin and heat of its own."""
+    """The column of grains goes round the period, each grain with a speed, spin and heat of its
+    own.
+    """
     number = np.arange(GRAINS)
     state.step += 1
     state.time += 0.5
@@ -57,18 +73,26 @@ def _advance(state: State, model: Model, is_crossing: bool) -> None:
 
 
 def read_page(page: str) -> tuple[dict[str, Any], list[dict[str, np.ndarray]], np.ndarray]:
-    """What the scripts of a page find: the JSON, the integers of each frame by name, and the radii."""
+    """What the scripts of a page find: the JSON, the integers of each frame by name, and the
+    radii.
+    """
     meta = json.loads(_element(page, "meta"))
     frames = []
     for number, about in enumerate(meta["frames"]):
         data, arrays = zlib.decompress(base64.b64decode(_element(page, f"frame-{number}"))), {}
         for name, width, count in about["arrays"]:
-            planes = np.frombuffer(data[: width * count], np.uint8).reshape(width, count).astype(np.int64)
+            planes = (
+                np.frombuffer(data[: width * count], np.uint8)
+                .reshape(width, count)
+                .astype(np.int64)
+            )
             arrays[name] = (planes * 256 ** np.arange(width)[:, np.newaxis]).sum(axis=0)
             data = data[width * count :]
         assert not data
         frames.append(arrays)
-    planes = np.frombuffer(zlib.decompress(base64.b64decode(_element(page, "radii"))), np.uint8).reshape(4, -1)
+    planes = np.frombuffer(
+        zlib.decompress(base64.b64decode(_element(page, "radii"))), np.uint8
+    ).reshape(4, -1)
     return meta, frames, np.ascontiguousarray(planes.T).view("<f4")[:, 0]
 
 
@@ -80,6 +104,10 @@ def decode(meta: dict[str, Any], name: str, codes: np.ndarray) -> np.ndarray:
     """Numbers of integers, as ``data.js`` computes them."""
     code = meta["codes"][name]
     share = codes / code["largest"]
-    place = {"even": share, "square": share**2, "signed": 0.5 + 0.5 * (2.0 * share - 1.0) * np.abs(2.0 * share - 1.0)}
+    place = {
+        "even": share,
+        "square": share**2,
+        "signed": 0.5 + 0.5 * (2.0 * share - 1.0) * np.abs(2.0 * share - 1.0),
+    }
     numbers = code["low"] + (code["high"] - code["low"]) * place[code["spacing"]]
     return np.where(codes > code["largest"], np.nan, numbers)

@@ -1,4 +1,6 @@
-"""An engine that only counts, a recorder that remembers, and an observer that stops a run: for tests of the controller."""
+"""An engine that only counts, a recorder that remembers, and an observer that stops a run: for
+tests of the controller.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +50,9 @@ def digests(directory: Path) -> tuple[str, str]:
     return info["state_digest"], info["data_digest"]
 
 
-def in_pieces(given: Scenario | Path, directory: Path, *steps: int, **options: Any) -> tuple[str, str]:
+def in_pieces(
+    given: Scenario | Path, directory: Path, *steps: int, **options: Any
+) -> tuple[str, str]:
     """Carry a run out, stopped after each of these steps; its digests at the end."""
     for step in steps:
         assert not run(given, directory, observer=StopAt(step), **options).is_finished
@@ -57,12 +61,15 @@ def in_pieces(given: Scenario | Path, directory: Path, *steps: int, **options: A
 
 
 class FakeEngine:
-    """Moves the walls as their drives say and damps the kinetic energy; every number is a function of the state."""
+    """Moves the walls as their drives say and damps the kinetic energy; every number is a function
+    of the state.
+    """
 
     def __init__(self, model: Model, state: State | None = None, decay: float = 0.5) -> None:
         self.model = model
         self.state = state or State.at_rest(
-            model, np.column_stack([np.arange(model.grain_count) * 0.3, 0.5 * np.ones(model.grain_count)])
+            model,
+            np.column_stack([np.arange(model.grain_count) * 0.3, 0.5 * np.ones(model.grain_count)]),
         )
         self.settings = Settings()
         self.decay = decay
@@ -73,7 +80,8 @@ class FakeEngine:
     def begin(self, orders: Orders) -> None:
         self._take_up(orders, "begin")
         if self.state.step > 0:
-            self.state.books[KINETIC] += 1.0  # the switch of a wall's kinetic energy: must happen once per stage
+            # The switch of a wall's kinetic energy: must happen once per stage
+            self.state.books[KINETIC] += 1.0
 
     def resume(self, orders: Orders) -> None:
         self._take_up(orders, "resume")
@@ -85,7 +93,9 @@ class FakeEngine:
     def pass_grains(self) -> None:
         """No grain comes or goes."""
 
-    def step(self, dt: float, t: float, should_stop: Callable[[], bool] | None = None) -> StepReport:
+    def step(
+        self, dt: float, t: float, should_stop: Callable[[], bool] | None = None
+    ) -> StepReport:
         state = self.state
         self.before_step(state.step)
         if should_stop is not None and should_stop():
@@ -110,7 +120,9 @@ class FakeEngine:
 
 
 class MemoryRecorder:
-    """Remembers what it is given; `rewind` brings back what a checkpoint held, as a resumed run directory does."""
+    """Remembers what it is given; `rewind` brings back what a checkpoint held, as a resumed run
+    directory does.
+    """
 
     def __init__(self) -> None:
         self.frames: list[tuple[int, float, int]] = []
@@ -165,7 +177,9 @@ def rest_reached(ratio: float) -> RestReached:
 
 
 def make_plan(model: Model, *, checkpoint_interval: float = 1e9) -> RunPlan:
-    """Settle (until rest or 20 steps), shear to a strain of 0.5 at 0.025 per step, then 7 steps of another length."""
+    """Settle (until rest or 20 steps), shear to a strain of 0.5 at 0.025 per step, then 7 steps of
+    another length.
+    """
     settings, sheared = Settings(), strain_reached(Spacing.between(model, "bottom", "top"), 0.5)
     stages = (
         StagePlan("settle", 0.01, 20, rest_reached(1e-3), 4, 2, settings, shear(0.0)),
@@ -181,4 +195,6 @@ def make_plan(model: Model, *, checkpoint_interval: float = 1e9) -> RunPlan:
         ),
         StagePlan("hold", 0.5, 7, None, 100, 100, settings, shear(0.0)),
     )
-    return RunPlan("fake", stages, Output(frame_interval=1.0, checkpoint_interval=checkpoint_interval))
+    return RunPlan(
+        "fake", stages, Output(frame_interval=1.0, checkpoint_interval=checkpoint_interval)
+    )

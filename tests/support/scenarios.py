@@ -79,7 +79,9 @@ def plane(height: float = 0.0, facing: int = 1) -> dict[str, Any]:
 def rows_of(grains: Sequence[Sequence[float]]) -> dict[str, Any]:
     """A packing from rows of x, y, radius [m] and, if longer, v_x, v_y [m/s] and spin [rad/s]."""
     width = max(3, *map(len, grains))
-    rows = [",".join(repr(float(value)) for value in (*row, 0.0, 0.0, 0.0)[:width]) for row in grains]
+    rows = [
+        ",".join(repr(float(value)) for value in (*row, 0.0, 0.0, 0.0)[:width]) for row in grains
+    ]
     text = "\n".join([",".join(("x", "y", "radius", "vx", "vy", "spin")[:width]), *rows, ""])
     path = _files() / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.csv"
     path.write_text(text)
@@ -110,13 +112,17 @@ def document(text: str = "", **said: Any) -> dict[str, Any]:
     keys = {key: said.pop(key) for key in [*said] if key in _TABLE_OF}
     grains, walls = said.pop("grains", None), said.get("walls")
     if isinstance(walls, dict):
-        said["walls"] = [{"name": name, **(wall if "geometry" in wall else {"geometry": wall})} for name, wall in walls.items()]
+        said["walls"] = [
+            {"name": name, **(wall if "geometry" in wall else {"geometry": wall})}
+            for name, wall in walls.items()
+        ]
     tables: dict[str, Any] = deepcopy(_TABLES)
     if grains is not None:
         default = tables["particles"][0]
         tables["particles"] = [
             {**default, "count": grains} if isinstance(grains, int)
-            else (grains if "packing" in grains else {**default, **grains}) if isinstance(grains, dict)
+            else (grains if "packing" in grains else {**default, **grains}) if isinstance(grains,
+                dict)
             else rows_of(grains)
         ]  # fmt: skip
     for name, table in said.items():

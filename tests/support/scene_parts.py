@@ -6,32 +6,63 @@ import numpy as np
 
 from multicor_cli.engine import Engine, Orders, Settings
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
-from multicor_cli.model import BOOK_NAMES, TALLY_NAMES, ContactLaws, Grains, Model, ShapeKind, State, Walls, WallShapes
+from multicor_cli.model import (
+    BOOK_NAMES,
+    TALLY_NAMES,
+    ContactLaws,
+    Grains,
+    Model,
+    ShapeKind,
+    State,
+    Walls,
+    WallShapes,
+)
 
 G = 9.81
 FLOOR = [(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0))]
-TIGHT = Settings(tolerance_rms=1e-12, tolerance_max=1e-10, tolerance_energy=1e-12, max_sweeps=200_000)
+TIGHT = Settings(
+    tolerance_rms=1e-12, tolerance_max=1e-10, tolerance_energy=1e-12, max_sweeps=200_000
+)
 FIXED = DofDrive()
 SPEED = 1.5
 """Of walls, and of surfaces that run along them [m/s]."""
 
 
 def make_laws(friction=0.5, restitution=0.0, table=None, *, adhesion=0.0, rolling=0.0):
-    further = {name: np.full((1, 1), value) for name, value in (("adhesion", adhesion), ("rolling", rolling)) if value}
+    further = {
+        name: np.full((1, 1), value)
+        for name, value in (("adhesion", adhesion), ("rolling", rolling))
+        if value
+    }
     if table is None:
         none = np.zeros(0)
-        number, start, speed, values = np.full((1, 1), -1, np.int32), np.zeros(1, np.int32), none, none
+        number, start, speed, values = (
+            np.full((1, 1), -1, np.int32),
+            np.zeros(1, np.int32),
+            none,
+            none,
+        )
     else:
         number, start = np.zeros((1, 1), np.int32), np.array([0, len(table[0])], np.int32)
         speed, values = np.array(table[0], float), np.array(table[1], float)
-    return ContactLaws(np.full((1, 1), friction), np.full((1, 1), restitution), number, start, speed, values, **further)
+    return ContactLaws(
+        np.full((1, 1), friction),
+        np.full((1, 1), restitution),
+        number,
+        start,
+        speed,
+        values,
+        **further,
+    )
 
 
 def make_shapes(shapes):
     """Shapes of walls from (kind, wall, four numbers)."""
     kind, wall, geometry = zip(*shapes, strict=True) if shapes else ((), (), ())
     numbers = np.array(geometry, float).reshape(len(kind), 4)
-    return WallShapes(np.array(kind, np.int32), np.array(wall, np.int32), numbers, np.zeros(len(kind), np.int32))
+    return WallShapes(
+        np.array(kind, np.int32), np.array(wall, np.int32), numbers, np.zeros(len(kind), np.int32)
+    )
 
 
 def make_model(
@@ -60,16 +91,37 @@ def make_model(
         grain_mass, factor = density * np.pi * radius**2, 2.0
     else:
         grain_mass, factor = density * 4.0 / 3.0 * np.pi * radius**3, 2.5
-    grains = Grains(radius, grain_mass, grain_mass * radius**2 / factor, np.zeros(n, np.int32), np.zeros(n, np.int32))
+    grains = Grains(
+        radius,
+        grain_mass,
+        grain_mass * radius**2 / factor,
+        np.zeros(n, np.int32),
+        np.zeros(n, np.int32),
+    )
     fill = lambda value: np.full(w, np.nan if value is None else value, float)  # noqa: E731
     bodies = Walls(tuple(walls), fill(mass), fill(inertia), np.full(w, wall_gravity), fill(length))
     laws = make_laws(friction, restitution, table, adhesion=adhesion, rolling=rolling)
-    return Model(grains, make_shapes(shapes), bodies, laws, ("steel",), ("grains",), period, np.array(gravity, float), factor)
+    return Model(
+        grains,
+        make_shapes(shapes),
+        bodies,
+        laws,
+        ("steel",),
+        ("grains",),
+        period,
+        np.array(gravity, float),
+        factor,
+    )
 
 
 def between_planes(radii=(0.1, 0.1)):
-    """Model of grains between two planes at y = 0 and y = 1 that are called bottom and top; the period is 4 m."""
-    planes = [(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0)), (ShapeKind.PLANE, 1, (0.0, 1.0, 0.0, -1.0))]
+    """Model of grains between two planes at y = 0 and y = 1 that are called bottom and top; the
+    period is 4 m.
+    """
+    planes = [
+        (ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0)),
+        (ShapeKind.PLANE, 1, (0.0, 1.0, 0.0, -1.0)),
+    ]
     return make_model(radii, planes, ("bottom", "top"), period=4.0)
 
 
@@ -119,10 +171,12 @@ def tally(state, name):
 
 
 def shear_scene(
-    columns=16, rows=14, *, seed=0, friction=0.4, restitution=0.0, spread=0.2, gravity=(0.0, 0.0), load=1.0, speed=SPEED,
+    columns=16, rows=14, *, seed=0, friction=0.4, restitution=0.0, spread=0.2, gravity=(0.0, 0.0),
+    load=1.0, speed=SPEED,
     adhesion=0.0, rolling=0.0,
 ):  # fmt: skip
-    """Loose discs of mean mass and diameter 1 between two rough walls; the upper one is sheared under a load per length.
+    """Loose discs of mean mass and diameter 1 between two rough walls; the upper one is sheared
+    under a load per length.
 
     Returns the model, positions (with the walls' reference points) and drives.
     """
@@ -131,20 +185,26 @@ def shear_scene(
     radius = 0.5 * (1.0 + spread * (2.0 * rng.random(n) - 1.0))
     period = 1.25 * columns
     k = np.arange(n)
-    positions = np.column_stack([(k % columns + 0.5 * (k // columns % 2) + 0.25) * 1.25, 1.15 + (k // columns) * 1.1])
+    positions = np.column_stack(
+        [(k % columns + 0.5 * (k // columns % 2) + 0.25) * 1.25, 1.15 + (k // columns) * 1.1]
+    )
     glued = round(period)
     width = period / glued
     line = [((m + 0.5) * width - 0.5 * period, 0.0, 0.5 * width, 0.0) for m in range(glued)]
     shapes = [(ShapeKind.DISC, 0, g) for g in line] + [(ShapeKind.DISC, 1, g) for g in line]
     model = make_model(
-        radius, shapes, ("bottom", "top"), friction=friction, restitution=restitution, gravity=gravity, period=period,
+        radius, shapes, ("bottom", "top"), friction=friction, restitution=restitution,
+        gravity=gravity, period=period,
         mass=20.0, length=period, density=4.0 / np.pi, adhesion=adhesion, rolling=rolling,
     )  # fmt: skip
     height = 1.15 + rows * 1.1
     origins = np.array([[0.5 * period, 0.0, 0.0], [0.5 * period, height, 0.0]])
     drives = [
         WallDrive(),
-        WallDrive(x=DofDrive(velocity=Constant(speed)), y=DofDrive(force=Constant(-load * period), damping=0.0)),
+        WallDrive(
+            x=DofDrive(velocity=Constant(speed)),
+            y=DofDrive(force=Constant(-load * period), damping=0.0),
+        ),
     ]
     return model, positions, origins, drives
 
@@ -167,7 +227,9 @@ def bed(seed=1, columns=8, rows=3, **keys):
     n = columns * rows
     k = np.arange(n)
     radius = rng.uniform(0.3, 0.45, n)
-    positions = np.column_stack([k % columns + 0.5 + 0.02 * rng.random(n), 0.47 + 0.95 * (k // columns)])
+    positions = np.column_stack(
+        [k % columns + 0.5 + 0.02 * rng.random(n), 0.47 + 0.95 * (k // columns)]
+    )
     return make_model(radius, FLOOR, period=float(columns), **keys), positions
 
 
@@ -175,7 +237,15 @@ def surface_engine(settings=None, threads=1, columns=8, rows=3, load=120.0, spee
     """A bed between a running floor and a lid under a load whose surface runs too."""
     model, positions = bed(columns=columns, rows=rows)
     planes = [*FLOOR, (ShapeKind.PLANE, 1, (0.0, 0.0, 0.0, -1.0))]
-    model = make_model(model.grains.radius, planes, ("floor", "lid"), period=model.period, mass=2.0, gravity=(0.0, 0.0), **laws)
+    model = make_model(
+        model.grains.radius,
+        planes,
+        ("floor", "lid"),
+        period=model.period,
+        mass=2.0,
+        gravity=(0.0, 0.0),
+        **laws,
+    )
     drives = [running(speed), running(-0.5 * speed, y=DofDrive(force=Constant(-load)))]
     engine = make_engine(model, positions, settings=settings, drives=drives, threads=threads)
     engine.state.wall_position[1, 1] = 0.95 * rows + 0.1

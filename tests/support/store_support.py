@@ -1,4 +1,6 @@
-"""A tiny run without an engine: a model, a deterministic state, and a driver that is killed and resumed in tests."""
+"""A tiny run without an engine: a model, a deterministic state, and a driver that is killed and
+resumed in tests.
+"""
 
 from __future__ import annotations
 
@@ -47,11 +49,22 @@ def make_model(grains: int = 5, *, walls: bool = True, heat: bool = False) -> Mo
     radius = np.linspace(1.0, 2.0, grains) * 1e-3
     kinds = [ShapeKind.PLANE, ShapeKind.DISC, ShapeKind.DISC][:m]
     return Model(
-        grains=Grains(radius, radius**2 * 1e3, radius**4 * 5e2, np.zeros(grains, np.int32), np.zeros(grains, np.int32)),
-        shapes=WallShapes(
-            np.array(kinds, np.int32), np.array([0, 1, 1], np.int32)[:m], np.ones((m, 4)) * 1e-3, np.ones(m, np.int32)
+        grains=Grains(
+            radius,
+            radius**2 * 1e3,
+            radius**4 * 5e2,
+            np.zeros(grains, np.int32),
+            np.zeros(grains, np.int32),
         ),
-        walls=Walls(names, np.full(w, np.nan), np.full(w, np.nan), np.zeros(w, np.bool_), np.ones(w)),
+        shapes=WallShapes(
+            np.array(kinds, np.int32),
+            np.array([0, 1, 1], np.int32)[:m],
+            np.ones((m, 4)) * 1e-3,
+            np.ones(m, np.int32),
+        ),
+        walls=Walls(
+            names, np.full(w, np.nan), np.full(w, np.nan), np.zeros(w, np.bool_), np.ones(w)
+        ),
         laws=ContactLaws(
             np.full((2, 2), 0.3),
             np.full((2, 2), 0.1),
@@ -59,21 +72,36 @@ def make_model(grains: int = 5, *, walls: bool = True, heat: bool = False) -> Mo
             np.array([0, 2], np.int32),
             np.array([0.0, 1.0]),
             np.array([0.3, 0.2]),
-            *([np.full((2, 2), 1e-3), np.full((2, 2), 293.15), np.full((2, 2), 0.1), np.ones((2, 2))] if heat else []),
-            **({"adhesion": np.full((2, 2), 1e-5), "rolling": np.full((2, 2), 0.2)} if heat else {}),
+            *(
+                [
+                    np.full((2, 2), 1e-3),
+                    np.full((2, 2), 293.15),
+                    np.full((2, 2), 0.1),
+                    np.ones((2, 2)),
+                ]
+                if heat
+                else []
+            ),
+            **(
+                {"adhesion": np.full((2, 2), 1e-5), "rolling": np.full((2, 2), 0.2)} if heat else {}
+            ),
         ),
         materials=("steel", "glass"),
         groups=("grains",),
         period=0.1,
         gravity=np.array([0.0, -9.81]),
         shape_factor=2.0,
-        thermal=Thermal(radius**2 * 5e5, 290.0 + np.arange(grains), 4.0 * np.pi * radius**2) if heat else None,
+        thermal=Thermal(radius**2 * 5e5, 290.0 + np.arange(grains), 4.0 * np.pi * radius**2)
+        if heat
+        else None,
     )
 
 
 def start(model: Model) -> State:
     n = model.grain_count
-    state = State.at_rest(model, np.stack([np.linspace(0.0, 0.09, n), np.linspace(0.0, 0.05, n)], axis=1))
+    state = State.at_rest(
+        model, np.stack([np.linspace(0.0, 0.09, n), np.linspace(0.0, 0.05, n)], axis=1)
+    )
     state.velocity[:, 0] = 1.0
     return state
 
@@ -90,7 +118,8 @@ def advance(state: State, model: Model, dt: float = 1e-3) -> None:
     state.position[:, 0] -= wraps * model.period
     state.image += wraps.astype(np.int64)
     state.wall_position += dt * 0.5
-    count = (3 * state.step) % (model.grain_count + 1) if model.grain_count > 1 else 0  # some steps without contacts
+    # Some steps without contacts
+    count = (3 * state.step) % (model.grain_count + 1) if model.grain_count > 1 else 0
     pairs = [(k, k + 1) for k in range(min(count, model.grain_count - 1))]
     if model.shape_count and count:
         pairs.append((model.grain_count - 1, model.grain_count + 2))
@@ -144,11 +173,17 @@ def contact_rows(state: State) -> ContactTable:
 
 
 def make_run(path: Path, **options: object) -> RunDirectory:
-    return RunDirectory.create(path, SOURCE, RESOLVED, PROVENANCE, stages=("load", "shear"), **options)  # type: ignore[arg-type]
+    return RunDirectory.create(
+        path, SOURCE, RESOLVED, PROVENANCE, stages=("load", "shear"), **options
+    )  # type: ignore[arg-type]
 
 
-def drive(run: RunDirectory, model: Model, *, steps: int, checkpoint_every: int, finish: bool = True) -> State:
-    """From the checkpoint, or the start, to ``steps``: a frame every 5 steps, a row of the series every 2."""
+def drive(
+    run: RunDirectory, model: Model, *, steps: int, checkpoint_every: int, finish: bool = True
+) -> State:
+    """From the checkpoint, or the start, to ``steps``: a frame every 5 steps, a row of the series
+    every 2.
+    """
     found = run.load_checkpoint()
     state = found.state if found else start(model)
     writer = run.writer(model)
@@ -172,11 +207,23 @@ def drive(run: RunDirectory, model: Model, *, steps: int, checkpoint_every: int,
 
 
 def run_whole(
-    path: Path, model: Model | None = None, *, steps: int = 40, checkpoint_every: int = 15, finish: bool = True, **options: object
+    path: Path,
+    model: Model | None = None,
+    *,
+    steps: int = 40,
+    checkpoint_every: int = 15,
+    finish: bool = True,
+    **options: object,
 ) -> State:
     """A run from its beginning to its end, or to where it would be finished."""
     with make_run(path, **options) as run:
-        return drive(run, model or make_model(), steps=steps, checkpoint_every=checkpoint_every, finish=finish)
+        return drive(
+            run,
+            model or make_model(),
+            steps=steps,
+            checkpoint_every=checkpoint_every,
+            finish=finish,
+        )
 
 
 def continue_run(path: Path) -> None:
@@ -233,4 +280,8 @@ def set_text(file: h5py.File, name: str, text: str) -> None:
 def set_value(file: h5py.File, path: str, row: int, value: float) -> None:
     """Change a value and the digest of its dataset, as a faulty program would."""
     file[path][row] = value
-    write_text(file[path], "blake2b", hashlib.blake2b(file[path][...].tobytes(), digest_size=16).hexdigest())
+    write_text(
+        file[path],
+        "blake2b",
+        hashlib.blake2b(file[path][...].tobytes(), digest_size=16).hexdigest(),
+    )

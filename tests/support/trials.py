@@ -9,18 +9,29 @@ import pytest
 
 
 def trials(short: int, long: int) -> pytest.MarkDecorator:
-    """Give a test the argument ``count``: ``short`` trials, and with ``-m reliability`` ``long`` ones."""
+    """Give a test the argument ``count``: ``short`` trials, and with ``-m reliability`` ``long``
+    ones.
+    """
     return pytest.mark.parametrize(
         "count",
         [
             pytest.param(short, id="short"),
-            pytest.param(long, id="long", marks=[pytest.mark.reliability, pytest.mark.timeout(3600)]),
+            pytest.param(
+                long, id="long", marks=[pytest.mark.reliability, pytest.mark.timeout(3600)]
+            ),
         ],
     )
 
 
 def thinned(values: Sequence[Any] | Mapping[str, Any], every: int) -> list[Any]:
-    """Parameters of which CI takes every third, say, and ``-m reliability`` the others; the keys of a mapping are their names."""
-    named = values.items() if isinstance(values, Mapping) else [(str(value), value) for value in values]
+    """Parameters of which CI takes every third, say, and ``-m reliability`` the others; the keys of
+    a mapping are their names.
+    """
+    named = (
+        values.items() if isinstance(values, Mapping) else [(str(value), value) for value in values]
+    )
     others = pytest.mark.reliability
-    return [pytest.param(value, id=name, marks=[] if k % every == 0 else others) for k, (name, value) in enumerate(named)]
+    return [
+        pytest.param(value, id=name, marks=[] if k % every == 0 else others)
+        for k, (name, value) in enumerate(named)
+    ]

@@ -1,12 +1,14 @@
-"""Short runs between walls of every kind, to be read: some sixty grains that are pressed, heated from the floor, and moved."""
+"""Short runs between walls of every kind, to be read: some sixty grains that are pressed, heated
+from the floor, and moved.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 FLOOR, LID, PERIOD = 0.005, 0.045, 0.06
-"""Heights of the floor and, at the start, of the lid [m], where grains touch planes and where glued grains have their centers; and
-the period [m]."""
+"""Heights of the floor and, at the start, of the lid [m], where grains touch planes and where glued
+grains have their centers; and the period [m]."""
 
 FRICTION, COUNT = 0.4, 60
 
@@ -66,29 +68,45 @@ def _level(floor: str, lid: str) -> tuple[str, str]:
     """Geometries of a floor and a lid across the period, each between two points at its height."""
     ends = "[0, {0}]", "[0.06, {0}]"
     low, high = ([end.format(y) for end in ends] for y in (FLOOR, LID))
-    return floor.replace("ENDS", f"from = {low[0]}, to = {low[1]}"), lid.replace("ENDS", f"from = {high[0]}, to = {high[1]}")
+    return floor.replace("ENDS", f"from = {low[0]}, to = {low[1]}"), lid.replace(
+        "ENDS", f"from = {high[0]}, to = {high[1]}"
+    )
 
 
 def _rough(sizes: str) -> tuple[str, str]:
-    return _level(f'kind = "rough", ENDS, side = "left"{sizes}', f'kind = "rough", ENDS, side = "right"{sizes}')
+    return _level(
+        f'kind = "rough", ENDS, side = "left"{sizes}',
+        f'kind = "rough", ENDS, side = "right"{sizes}',
+    )
 
 
 LAYERS = {
-    "planes": ('kind = "plane", point = [0, 0.005], normal = [0, 1]', 'kind = "plane", point = [0, 0.045], normal = [0, -1]'),
+    "planes": (
+        'kind = "plane", point = [0, 0.005], normal = [0, 1]',
+        'kind = "plane", point = [0, 0.045], normal = [0, -1]',
+    ),
     "lines": (
         'kind = "polyline", points = [[0, 0.005], [0.06, 0.005]]',
         'kind = "polyline", points = [[0, 0.045], [0.03, 0.045], [0.06, 0.045]]',
     ),
     "polygons": (
-        'kind = "polygon", points = [[0.002, 0], [0.058, 0], [0.058, 0.005], [0.002, 0.005]], grains = "outside"',
-        'kind = "polygon", points = [[0.002, 0.045], [0.058, 0.045], [0.058, 0.05], [0.002, 0.05]], grains = "outside"',
+        (
+            'kind = "polygon", points = [[0.002, 0], [0.058, 0], [0.058, 0.005], [0.002, 0.005]], '
+            'grains = "outside"'
+        ),
+        (
+            'kind = "polygon", points = [[0.002, 0.045], [0.058, 0.045], [0.058, 0.05], [0.002, '
+            '0.05]], grains = "outside"'
+        ),
     ),
     "boxes": (
         'kind = "box", min = [0, 0.005], max = [0.06, 0.02], open = ["left", "right", "top"]',
         'kind = "box", min = [0, 0.03], max = [0.06, 0.045], open = ["left", "right", "bottom"]',
     ),
     "rough": _rough(""),
-    "rough, one larger": _rough(', sizes = { kind = "list", radii = [1.8e-3, 2.5e-3], fractions = [0.9, 0.1] }'),
+    "rough, one larger": _rough(
+        ', sizes = { kind = "list", radii = [1.8e-3, 2.5e-3], fractions = [0.9, 0.1] }'
+    ),
     "rough, unequal": _rough(', sizes = { kind = "uniform", min = 1e-3, max = 4e-3 }'),
     "rough, of few grains": _rough(', sizes = { kind = "list", radii = [6e-3, 9e-3] }'),
     "clusters": (
@@ -117,7 +135,11 @@ ROOMS = {
     "closed box": {"box": f'kind = "box", {_INSIDE}'},
     "open box": {"box": f'kind = "box", {_INSIDE}, open = ["top"]'},
     "polygon": {"room": f'kind = "polygon", points = {_CORNERS}, grains = "inside"'},
-    "box of planes": {"floor": LAYERS["planes"][0], "lid": LAYERS["planes"][1].replace("0.045", "0.065"), **_SIDES},
+    "box of planes": {
+        "floor": LAYERS["planes"][0],
+        "lid": LAYERS["planes"][1].replace("0.045", "0.065"),
+        **_SIDES,
+    },
     "no walls": {},
 }
 """Geometries of what grains lie in, by the names of the walls; the first one is hot."""
@@ -125,7 +147,10 @@ ROOMS = {
 CHANNELS = {
     "channel": {"floor": LAYERS["rough"][0]},
     "smooth channel": {"floor": LAYERS["planes"][0]},
-    "channel under a lid": {"floor": LAYERS["rough"][0], "lid": LAYERS["rough"][1].replace("0.045", "0.075")},
+    "channel under a lid": {
+        "floor": LAYERS["rough"][0],
+        "lid": LAYERS["rough"][1].replace("0.045", "0.075"),
+    },
 }
 """Floors that grains fall on, in a periodic domain; the floor is hot."""
 
@@ -150,7 +175,11 @@ class Walled:
     @property
     def walls(self) -> dict[str, str]:
         """Geometries by the names of the walls."""
-        return dict(zip(("floor", "lid"), LAYERS[self.kind], strict=True)) if self.is_layer else {**ROOMS, **CHANNELS}[self.kind]
+        return (
+            dict(zip(("floor", "lid"), LAYERS[self.kind], strict=True))
+            if self.is_layer
+            else {**ROOMS, **CHANNELS}[self.kind]
+        )
 
     @property
     def bounds(self) -> tuple[str, str]:
@@ -165,9 +194,24 @@ class Walled:
     @property
     def text(self) -> str:
         """The scenario."""
-        walls = [_WALL.format(name, shape, "" if k else _HOT) for k, (name, shape) in enumerate(self.walls.items())]
-        low, high = (0.017, 0.034) if "few" in self.kind else (0.0095, 0.0405) if self.is_layer else (0.01, 0.06)
-        sides = (0.0, PERIOD) if self.is_periodic else (0.012, 0.048) if "drum" in self.kind else (0.008, 0.052)
+        walls = [
+            _WALL.format(name, shape, "" if k else _HOT)
+            for k, (name, shape) in enumerate(self.walls.items())
+        ]
+        low, high = (
+            (0.017, 0.034)
+            if "few" in self.kind
+            else (0.0095, 0.0405)
+            if self.is_layer
+            else (0.01, 0.06)
+        )
+        sides = (
+            (0.0, PERIOD)
+            if self.is_periodic
+            else (0.012, 0.048)
+            if "drum" in self.kind
+            else (0.008, 0.052)
+        )
         if "drum" in self.kind:
             low, high, move = 0.012, 0.048, "drives.drum = { spin = { velocity = 5.0 } }"
         else:
@@ -179,7 +223,9 @@ class Walled:
             "GRAVITY": "[0, 0]" if self.is_layer or not self.walls else "[0, -50]",
             "REGION": f"{{ min = [{sides[0]}, {low}], max = [{sides[1]}, {high}] }}",
             "WALLS": "".join(walls),
-            "GATHER": "drives.lid = { y = { force = -0.5, damping = 0.5 } }" if self.is_layer else "",
+            "GATHER": "drives.lid = { y = { force = -0.5, damping = 0.5 } }"
+            if self.is_layer
+            else "",
             "MOVE": move,
         }
         text = _SCENARIO
@@ -188,4 +234,6 @@ class Walled:
         return text
 
 
-RUNS = [Walled(kind, seed) for kind in (*LAYERS, *ROOMS, *CHANNELS) for seed in SEEDS.get(kind, (1,))]
+RUNS = [
+    Walled(kind, seed) for kind in (*LAYERS, *ROOMS, *CHANNELS) for seed in SEEDS.get(kind, (1,))
+]

@@ -1,4 +1,6 @@
-"""``python tests/tutorial``: executes the tutorial and writes what its commands print, and its pictures, into its pages."""
+"""``python tests/tutorial``: executes the tutorial and writes what its commands print, and its
+pictures, into its pages.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The pages of the tutorial as one story: their commands, executed in order in one directory, and what they print."""
+"""The pages of the tutorial as one story: their commands, executed in order in one directory, and
+what they print.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,10 @@ FOLDER = ROOT / "docs" / "tutorial"
 PAGES = ("shear", "change", "heat", "many-runs", "own-problem")
 """In the order in which they are read; the index only says how to install the program."""
 
-_BLOCK = re.compile(r"^```sh\n(?P<commands>.*?)^```\n(?:\n```text\n(?P<printed>.*?)^```\n)?", re.MULTILINE | re.DOTALL)
+_BLOCK = re.compile(
+    r"^```sh\n(?P<commands>.*?)^```\n(?:\n```text\n(?P<printed>.*?)^```\n)?",
+    re.MULTILINE | re.DOTALL,
+)
 _PICTURE = re.compile(r"!\[[^\]]*\]\(pictures/([^)]+)\)")
 _CLAIM = re.compile(r"\*\*(−?[\d.,]+)\*\*")
 _OWN = [
@@ -31,7 +36,9 @@ _OWN = [
 ]
 """Beginnings of lines of which the rest is the machine's own."""
 
-_PASSING = re.compile(r"^( *\d+\.\d %  |writing |packing |making |frame \d+ of |case \d+ of |grains \d+ of ).*")
+_PASSING = re.compile(
+    r"^( *\d+\.\d %  |writing |packing |making |frame \d+ of |case \d+ of |grains \d+ of ).*"
+)
 """Lines that come or not, as time goes by."""
 
 
@@ -62,12 +69,16 @@ def claims(text: str) -> list[str]:
 
 
 def perform(commands: str, directory: Path) -> str:
-    """What commands print, on either stream, with ``...`` for what is the machine's own; a failure with its exit code."""
+    """What commands print, on either stream, with ``...`` for what is the machine's own; a failure
+    with its exit code.
+    """
     programs = directory / ".programs"
     if not programs.exists():
         programs.mkdir()
         program = programs / "multicor"
-        program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m multicor_cli "$@"\n', encoding="utf-8")
+        program.write_text(
+            f'#!/bin/sh\nexec "{sys.executable}" -m multicor_cli "$@"\n', encoding="utf-8"
+        )
         program.chmod(0o755)
     environment = {
         **os.environ,
@@ -77,10 +88,13 @@ def perform(commands: str, directory: Path) -> str:
         "NO_COLOR": "1",
     }
     done = subprocess.run(
-        ["bash", "-eo", "pipefail", "-c", commands], cwd=directory, env=environment, stdout=subprocess.PIPE,
+        ["bash", "-eo", "pipefail", "-c", commands], cwd=directory, env=environment,
+        stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT, text=True, check=False,
     )  # fmt: skip
-    lines = [_masked(line.rstrip()) for line in done.stdout.splitlines() if not _PASSING.match(line)]
+    lines = [
+        _masked(line.rstrip()) for line in done.stdout.splitlines() if not _PASSING.match(line)
+    ]
     if done.returncode:
         lines.append(f"exit code {done.returncode}")
     return "\n".join(lines).strip("\n") + "\n"

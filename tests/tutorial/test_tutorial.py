@@ -40,7 +40,8 @@ def test_every_page_is_executed():
 
 def test_a_page_that_says_something_else_is_noticed(directory):
     assert (
-        perform("echo wall time 3 s; echo 'wall time   3 s'; false", directory) == "wall time ...\nwall time   ...\nexit code 1\n"
+        perform("echo wall time 3 s; echo 'wall time   3 s'; false", directory)
+        == "wall time ...\nwall time   ...\nexit code 1\n"
     )
     [block] = blocks("```sh\necho 1\n```\n\n```text\n2\n```\n")
     assert perform(block.commands, directory) != block.printed

@@ -1,4 +1,6 @@
-"""μ*(I), solid fraction and mean spin of gravity-free plane shear against the independent soft-disc results of theory §15.4."""
+"""μ*(I), solid fraction and mean spin of gravity-free plane shear against the independent soft-disc
+results of theory §15.4.
+"""
 
 import numpy as np
 import pytest
@@ -31,10 +33,14 @@ def solid_fraction_of(inertial_number):
 @pytest.mark.validation
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize(
-    ("overrides", "expected", "seeds"), [([], 0.1, (2005, 7)), (SLOW, 0.01, (2005, 7, 1, 2))], ids=["I=0.1", "I=0.01"]
+    ("overrides", "expected", "seeds"),
+    [([], 0.1, (2005, 7)), (SLOW, 0.01, (2005, 7, 1, 2))],
+    ids=["I=0.1", "I=0.01"],
 )
 def test_rheology(tmp_path, record_property, overrides, expected, seeds):
-    """How much of the shear the middle takes differs from seed to seed (at I = 0.01 by a tenth): its mean is compared."""
+    """How much of the shear the middle takes differs from seed to seed (at I = 0.01 by a tenth):
+    its mean is compared.
+    """
     flows = []
     for seed in seeds:
         scenario = multicor.load_scenario(CONFIG, overrides=[*overrides, f"scenario.seed={seed}"])
@@ -45,5 +51,8 @@ def test_rheology(tmp_path, record_property, overrides, expected, seeds):
         assert abs(bulk.friction - friction_of(bulk.inertial_number)) < 0.04
         assert abs(bulk.solid_fraction - solid_fraction_of(bulk.inertial_number)) < 0.01
         assert abs(bulk.spin_ratio + 0.5) < 0.03
-    keep(record_property, **{name: [getattr(bulk, name) for bulk in flows] for name in vars(flows[0])})
+    keep(
+        record_property,
+        **{name: [getattr(bulk, name) for bulk in flows] for name in vars(flows[0])},
+    )
     assert np.mean([bulk.inertial_number for bulk in flows]) == pytest.approx(expected, rel=0.25)

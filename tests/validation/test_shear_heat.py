@@ -1,4 +1,5 @@
-"""Where the heat of a sheared layer goes (theory §15.4): isothermal walls against conduction measured apart, adiabatic walls.
+"""Where the heat of a sheared layer goes (theory §15.4): isothermal walls against conduction
+measured apart, adiabatic walls.
 
 python -m pytest -m validation tests/validation/test_shear_heat.py -s
 """
@@ -19,8 +20,9 @@ from multicor_cli.model import State
 pytestmark = [pytest.mark.validation, pytest.mark.timeout(1200)]
 
 SPEED, DT = 0.06, 0.2
-"""I = γ̇ √(m/P) is near 0.006: networks last long enough for a frozen one to stand for the moving ones. At I = 0.06 it does not
-(the flow stays 15 to 35 % cooler than its frozen networks say, since contacts come and go faster than heat)."""
+"""I = γ̇ √(m/P) is near 0.006: networks last long enough for a frozen one to stand for the moving
+ones. At I = 0.06 it does not (the flow stays 15 to 35 % cooler than its frozen networks say, since
+contacts come and go faster than heat)."""
 
 BINS, COLUMNS, ROWS, AMBIENT = 12, 12, 12, 300.0
 
@@ -36,10 +38,14 @@ def parabola(y, height, source, conductivity):
 
 
 class Layer:
-    """A sheared layer between two rough walls, without gravity; mean mass, diameter and pressure are 1."""
+    """A sheared layer between two rough walls, without gravity; mean mass, diameter and pressure
+    are 1.
+    """
 
     def __init__(self, conductivity, conditions, seed):
-        model, positions, origins, drives = shear_scene(columns=COLUMNS, rows=ROWS, seed=seed, speed=SPEED)
+        model, positions, origins, drives = shear_scene(
+            columns=COLUMNS, rows=ROWS, seed=seed, speed=SPEED
+        )
         self.model = with_heat(model, AMBIENT, specific=1.0)
         laws = make_heat_laws(conductivity=conductivity, young=2e6 * (1.0 - 0.3**2), poisson=0.3)
         self.settings = HeatSettings(laws, impact=True)
@@ -66,23 +72,35 @@ class Layer:
 
     def bins(self):
         low = self.state.wall_position[0, 1] + 0.5
-        return np.clip(((self.state.position[:, 1] - low) / self.height * BINS).astype(int), 0, BINS - 1)
+        return np.clip(
+            ((self.state.position[:, 1] - low) / self.height * BINS).astype(int), 0, BINS - 1
+        )
 
     def rise(self):
         return self.state.temperature(self.model.thermal) - AMBIENT
 
     def conduct(self):
-        """Steady conduction through the frozen grains from a wall 1 K warmer: flow, and mean temperature by bin.
+        """Steady conduction through the frozen grains from a wall 1 K warmer: flow, and mean
+        temperature by bin.
 
-        Grains that hang in no network take no part; in the flow they do, and count in its temperatures.
+        Grains that hang in no network take no part; in the flow they do, and count in its
+        temperatures.
         """
         state = copy_of(self.state)
         state.heat[:] = 0.0
         model = replace(
-            self.model, thermal=replace(self.model.thermal, initial_temperature=np.full(self.model.grain_count, AMBIENT + 0.5))
+            self.model,
+            thermal=replace(
+                self.model.thermal,
+                initial_temperature=np.full(self.model.grain_count, AMBIENT + 0.5),
+            ),
         )
         engine = Engine(model, state, threads=1, heat=self.settings)
-        engine.resume(Orders(conditions=[at_temperature(AMBIENT), at_temperature(AMBIENT + 1.0)], is_frozen=True))
+        engine.resume(
+            Orders(
+                conditions=[at_temperature(AMBIENT), at_temperature(AMBIENT + 1.0)], is_frozen=True
+            )
+        )
         engine.step(1e5, 0.0)
         before = state.wall_heat[1, 0]
         engine.step(1e4, 0.0)
@@ -95,7 +113,9 @@ class Layer:
 
 @pytest.mark.parametrize(("conductivity", "seed"), [(20.0, 1), (10.0, 2)])
 def test_isothermal_walls(record_property, conductivity, seed):
-    """T(y) in the flow = measured source through the resistance of the frozen packing, within 10 % in every bin."""
+    """T(y) in the flow = measured source through the resistance of the frozen packing, within 10 %
+    in every bin.
+    """
     layer = Layer(conductivity, [at_temperature(AMBIENT)] * 2, seed)
     layer.run(9.0)
     rise, count, source = np.zeros(BINS), np.zeros(BINS), np.zeros(BINS)
@@ -133,16 +153,27 @@ def test_isothermal_walls(record_property, conductivity, seed):
     mean_source = source.sum() / (layer.model.period * height)
     # A uniform source between walls that add a resistance of their own: a parabola upon a jump.
     face = 0.5 * (layer.model.period / np.mean(flows) - height / bulk)
-    simple = np.array([parabola(v, height, mean_source, bulk) for v in y]) + 0.5 * mean_source * height * face
+    simple = (
+        np.array([parabola(v, height, mean_source, bulk) for v in y])
+        + 0.5 * mean_source * height * face
+    )
     print(
-        f"\nλ = {conductivity}, I = {rate:.4f}: D_cond = {conduction:.4f}, D_mix = {mixing:.2e} ({conduction / mixing:.0f} times), "
-        f"relaxation after a strain of {relaxation:.2f}\nk_eff {bulk:.4f} ± "
-        f"{np.std(flows) / np.mean(flows) / np.sqrt(len(flows)):.1%}, s h²/(8 k_eff) = {peak(height, mean_source, bulk):.4f}, "
-        f"jump at the walls {0.5 * mean_source * height * face:.4f}\n"
-        f"measured {np.round(measured, 4)}\nexpected {np.round(expected, 4)}\nratio    {np.round(measured / expected, 3)}\n"
+        "\n"
+        f"λ = {conductivity}, I = {rate:.4f}: D_cond = {conduction:.4f}, D_mix = {mixing:.2e} "
+        f"({conduction / mixing:.0f} times), relaxation after a strain of {relaxation:.2f}\n"
+        f"k_eff {bulk:.4f} ± {np.std(flows) / np.mean(flows) / np.sqrt(len(flows)):.1%}, s h²/(8 "
+        f"k_eff) = {peak(height, mean_source, bulk):.4f}, jump at the walls "
+        f"{0.5 * mean_source * height * face:.4f}\nmeasured {np.round(measured, 4)}\n"
+        f"expected {np.round(expected, 4)}\nratio    {np.round(measured / expected, 3)}\n"
         f"parabola {np.round(simple, 4)}\nsource   {np.round(source / source.mean(), 3)}"
     )
-    keep(record_property, conductivity=conductivity, height=y / height, rise=measured, expected=expected)
+    keep(
+        record_property,
+        conductivity=conductivity,
+        height=y / height,
+        rise=measured,
+        expected=expected,
+    )
     assert conduction > 20.0 * mixing
     assert relaxation * 5.0 < 9.0
     assert measured == pytest.approx(expected, rel=0.10)
@@ -155,7 +186,11 @@ def test_adiabatic_walls(seed):
     layer = Layer(5.0, [WallHeat(), WallHeat()], seed)
     layer.run(3.0)
     state = layer.state
-    stored, losses, time = state.heat.sum(), book(state, "friction_loss") + book(state, "impact_loss"), state.time
+    stored, losses, time = (
+        state.heat.sum(),
+        book(state, "friction_loss") + book(state, "impact_loss"),
+        state.time,
+    )
     state.window_wall_impulse[:] = 0.0
     heights = []
     end = layer.strain + 12.0
@@ -172,6 +207,8 @@ def test_adiabatic_walls(seed):
     capacity = layer.model.thermal.capacity.sum()
     density = capacity / (layer.model.period * height)
     expected = effective * 1.0 * rate / density
-    print(f"\nμ* = {effective:.4f}, dT/dt = {heating / capacity:.5e}, μ* P γ̇/(ρ φ c) = {expected:.5e}")
+    print(
+        f"\nμ* = {effective:.4f}, dT/dt = {heating / capacity:.5e}, μ* P γ̇/(ρ φ c) = {expected:.5e}"
+    )
     assert heating / capacity == pytest.approx(expected, rel=0.02)
     assert heat_book(state, "closure") < 1e-10

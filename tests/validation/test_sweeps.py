@@ -1,4 +1,6 @@
-"""The accelerated solve needs no more sweeps than the plain one: same states, same tolerances, on every shipped shear scene."""
+"""The accelerated solve needs no more sweeps than the plain one: same states, same tolerances, on
+every shipped shear scene.
+"""
 
 import numpy as np
 import pytest
@@ -44,5 +46,8 @@ def test_accelerated_needs_no_more_sweeps(name):
                 counts.append(_sweeps_from(model, state, drives, dt, k * dt))
             engine.step(dt, k * dt)
     accelerated, plain = np.mean(counts, axis=0)
-    print(f"{name}: {accelerated:.0f} sweeps accelerated, {plain:.0f} plain, ratio {plain / accelerated:.1f}")
+    print(
+        f"{name}: {accelerated:.0f} sweeps accelerated, {plain:.0f} plain, ratio "
+        f"{plain / accelerated:.1f}"
+    )
     assert accelerated <= plain

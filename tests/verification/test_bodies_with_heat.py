@@ -1,4 +1,6 @@
-"""Walls with a heat capacity: one temperature, which what they exchange with the grains and what they rub changes."""
+"""Walls with a heat capacity: one temperature, which what they exchange with the grains and what
+they rub changes.
+"""
 
 import numpy as np
 import pytest
@@ -28,13 +30,17 @@ def test_a_grain_and_a_body_reach_a_common_temperature(integrator, order, monkey
     mean = (300.0 + CAPACITY * 400.0) / (1.0 + CAPACITY)
     errors = []
     for count in (8, 16, 32, 64):
-        engine = on_floor(WallHeat("capacity", capacity=CAPACITY), integrator=integrator, tolerance=1e9)
+        engine = on_floor(
+            WallHeat("capacity", capacity=CAPACITY), integrator=integrator, tolerance=1e9
+        )
         state = engine.state
         state.wall_temperature[0] = 400.0
         (grain,), body = advanced(engine, tau, count), state.wall_temperature[0]
         errors.append(abs(grain - (mean - 75.0 * np.exp(-1.0))))
         assert grain + CAPACITY * body == pytest.approx(300.0 + CAPACITY * 400.0, rel=1e-14)
-        assert abs(body - (mean + 25.0 * np.exp(-1.0))) == pytest.approx(errors[-1] / CAPACITY, rel=1e-6, abs=1e-11)
+        assert abs(body - (mean + 25.0 * np.exp(-1.0))) == pytest.approx(
+            errors[-1] / CAPACITY, rel=1e-6, abs=1e-11
+        )
         assert state.wall_heat[0].tolist() == pytest.approx([state.heat[0], 0.0], rel=1e-13)
         assert heat_book(state, "closure") < 1e-14
     ratios = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
@@ -43,16 +49,21 @@ def test_a_grain_and_a_body_reach_a_common_temperature(integrator, order, monkey
 
 @pytest.mark.parametrize("conduction", ["hertz", "none"])
 def test_a_body_gets_its_share_of_the_heat_of_friction(conduction):
-    """A grain that slides to rest or to rolling on a body: what the motion lost is in the two, half of it each at first."""
+    """A grain that slides to rest or to rolling on a body: what the motion lost is in the two, half
+    of it each at first.
+    """
     model = warm_model([1e-2], shapes=FLOOR, friction=0.3, density=7500.0)
     engine = coupled_engine(
-        model, [[0.0, 1e-2]], [[1.0, 0.0, 0.0]], [WallHeat("capacity", capacity=0.5, initial=310.0)],
+        model, [[0.0, 1e-2]], [[1.0, 0.0, 0.0]],
+        [WallHeat("capacity", capacity=0.5, initial=310.0)],
         laws=make_heat_laws(), conduction=conduction,
     )  # fmt: skip
     begin(engine, is_new=np.array([True]))
     state = engine.state
     advance(engine, 1e-4, 2000)
-    lost = 0.5 * float(model.grains.mass[0]) - float(0.5 * model.grains.mass[0] * (1.0 + 0.4) * state.velocity[0, 0] ** 2)
+    lost = 0.5 * float(model.grains.mass[0]) - float(
+        0.5 * model.grains.mass[0] * (1.0 + 0.4) * state.velocity[0, 0] ** 2
+    )
     gained = float(state.heat[0]) + 0.5 * (float(state.wall_temperature[0]) - 310.0)
     assert gained == pytest.approx(lost, rel=1e-9)
     assert state.wall_heat[0, 1] == pytest.approx(0.5 * lost, rel=1e-9)
@@ -100,7 +111,10 @@ def test_a_body_goes_on_after_a_stop(whole, tmp_path):
     ("condition", "words"),
     [
         ("{ capacity = 0.0 }", "must be positive"),
-        ("{ capacity = 1.0, temperature = 300.0 }", "exactly one of temperature, flow, capacity, insulated"),
+        (
+            "{ capacity = 1.0, temperature = 300.0 }",
+            "exactly one of temperature, flow, capacity, insulated",
+        ),
         ("{ initial = 300.0 }", "exactly one of"),
         ("{ capacity = 1.0, initial = -20 }", "kelvin"),
     ],

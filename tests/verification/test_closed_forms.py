@@ -1,9 +1,22 @@
-"""Closed-form solutions (theory §15.1, §15.2): equation in each test, tolerance from the order of the scheme."""
+"""Closed-form solutions (theory §15.1, §15.2): equation in each test, tolerance from the order of
+the scheme.
+"""
 
 import numpy as np
 import pytest
 from recorded import keep
-from scene_parts import FIXED, FLOOR, TIGHT, G, advance, book, make_engine, make_model, resume, tally
+from scene_parts import (
+    FIXED,
+    FLOOR,
+    TIGHT,
+    G,
+    advance,
+    book,
+    make_engine,
+    make_model,
+    resume,
+    tally,
+)
 
 from multicor_cli.engine import Settings
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
@@ -11,7 +24,9 @@ from multicor_cli.model import ShapeKind
 
 
 def slide(dt, shape="disc"):
-    """A body after 0.2 s on a floor with μ = 0.3, on which it was thrown at 1 m/s without spin; its first kinetic energy."""
+    """A body after 0.2 s on a floor with μ = 0.3, on which it was thrown at 1 m/s without spin; its
+    first kinetic energy.
+    """
     model = make_model([1.0], FLOOR, friction=0.3, shape=shape)
     engine = make_engine(model, [[0.0, 1.0]], [[1.0, 0.0, 0.0]], settings=TIGHT)
     return advance(engine, dt, int(0.2 / dt)), 0.5 * model.grains.mass[0]
@@ -20,7 +35,9 @@ def slide(dt, shape="disc"):
 @pytest.mark.parametrize(("shape", "ratio"), [("disc", 0.5), ("sphere", 0.4)])
 @pytest.mark.parametrize("dt", [1e-2, 3.7e-3, 1e-3])
 def test_sliding_body_ends_rolling_with_the_exact_velocity_and_heat(shape, ratio, dt):
-    """v = v0/(1 + I/(m a²)) whatever Δt; the mid-step rule dissipates exactly I/(m a²)/(1 + I/(m a²)) of the energy."""
+    """v = v0/(1 + I/(m a²)) whatever Δt; the mid-step rule dissipates exactly I/(m a²)/(1 + I/(m
+    a²)) of the energy.
+    """
     state, energy = slide(dt, shape)
     assert state.velocity[0, 0] == pytest.approx(1.0 / (1.0 + ratio), abs=1e-12)
     assert state.velocity[0, 2] == pytest.approx(-state.velocity[0, 0], abs=1e-12)
@@ -29,7 +46,9 @@ def test_sliding_body_ends_rolling_with_the_exact_velocity_and_heat(shape, ratio
 
 @pytest.mark.parametrize(("dt", "expected"), [(1e-2, 0.304474540), (1e-3, 0.330395371)])
 def test_sliding_disc_end_of_step_rule(dt, expected):
-    """The paper's rule μ|u_t⁺| r_n Δt misses part of it; the values that the scheme gives (theory §15.1)."""
+    """The paper's rule μ|u_t⁺| r_n Δt misses part of it; the values that the scheme gives (theory
+    §15.1).
+    """
     state, energy = slide(dt)
     assert book(state, "friction_sliding") / energy == pytest.approx(expected, abs=1e-9)
 
@@ -37,7 +56,9 @@ def test_sliding_disc_end_of_step_rule(dt, expected):
 @pytest.mark.parametrize(("factor", "rolls"), [(1.01, True), (0.99, False)])
 @pytest.mark.parametrize(("shape", "threshold"), [("disc", 1.0 / 3.0), ("sphere", 2.0 / 7.0)])
 def test_rolling_threshold_on_an_incline(shape, threshold, factor, rolls):
-    """On a slope of 20° a disc rolls if μ ≥ tan θ/3 (a sphere 2 tan θ/7); then a = g sin θ/(1 + I/(m a²))."""
+    """On a slope of 20° a disc rolls if μ ≥ tan θ/3 (a sphere 2 tan θ/7); then a = g sin θ/(1 +
+    I/(m a²)).
+    """
     slope = np.radians(20.0)
     gravity, friction = (G * np.sin(slope), -G * np.cos(slope)), factor * threshold * np.tan(slope)
     model = make_model([1.0], FLOOR, friction=friction, gravity=gravity, shape=shape)
@@ -49,7 +70,9 @@ def test_rolling_threshold_on_an_incline(shape, threshold, factor, rolls):
 
 
 def _rebound_height(restitution, dt):
-    """Largest height after the first impact of a ball dropped from 1 m, and the state soon after it."""
+    """Largest height after the first impact of a ball dropped from 1 m, and the state soon after
+    it.
+    """
     model = make_model([0.05], FLOOR, restitution=restitution)
     engine = make_engine(model, [[0.0, 1.05]])
     best, hit = 0.0, False
@@ -63,11 +86,14 @@ def _rebound_height(restitution, dt):
 
 @pytest.mark.parametrize("restitution", [0.5, 0.9])
 def test_bouncing_ball_is_first_order(restitution):
-    """h₁ = e² h₀; the impact is found at the end of a step, so the error is at most of the order of Δt·v."""
+    """h₁ = e² h₀; the impact is found at the end of a step, so the error is at most of the order of
+    Δt·v.
+    """
     steps = np.array([6.4e-3, 3.2e-3, 1.6e-3, 8e-4, 4e-4])
     impact_speed = np.sqrt(2.0 * G)
     errors = np.array([_rebound_height(restitution, dt)[0] - restitution**2 for dt in steps])
-    # First order with a constant that depends on where in its step the impact falls: bounded by one step of free fall.
+    # First order with a constant that depends on where in its step the impact falls: bounded by one
+    # step of free fall.
     assert (np.abs(errors) <= steps * impact_speed * (1.0 + restitution)).all()
     assert np.abs(errors[-1]) < 0.25 * steps[0] * impact_speed
 
@@ -93,14 +119,19 @@ def test_ball_without_restitution_stays_down_and_dissipates_its_fall():
     ids=["three that touch", "five that touch", "with gaps", "without restitution"],
 )
 def test_cradle(restitution, pitch, dt, steps, error, ends):
-    """Balls of which the first moves. Touching, with Newton's e = 1, the impacts are simultaneous: the first approaches the second
-    only, the others take part because they touch. With gaps they are sequential. With e = 0 all move on with v0/n.
+    """Balls of which the first moves. Touching, with Newton's e = 1, the impacts are simultaneous:
+    the first approaches the second only, the others take part because they touch. With gaps they
+    are sequential. With e = 0 all move on with v0/n.
     """
     count = len(ends)
-    model = make_model(np.full(count, 0.5), walls=(), restitution=restitution, gravity=(0.0, 0.0), friction=0.0)
+    model = make_model(
+        np.full(count, 0.5), walls=(), restitution=restitution, gravity=(0.0, 0.0), friction=0.0
+    )
     velocities = np.zeros((count, 3))
     velocities[0, 0] = 1.0
-    engine = make_engine(model, [[pitch * k, 0.0] for k in range(count)], velocities, settings=TIGHT)
+    engine = make_engine(
+        model, [[pitch * k, 0.0] for k in range(count)], velocities, settings=TIGHT
+    )
     v = advance(engine, dt, steps).velocity[:, 0]
     assert v == pytest.approx(ends, abs=error)
     assert (v**2).sum() == pytest.approx(1.0 if restitution else 0.2, abs=error)
@@ -112,7 +143,9 @@ def test_cradle(restitution, pitch, dt, steps, error, ends):
 )
 def test_oblique_impact(tangential, p_n, p_t, u_t, loss_n, loss_t):
     """Two equal discs of mass 1, u = (−1, u_t), e_n = 0.5, e_t = 0, μ = 0.2 (theory §15.1)."""
-    model = make_model([0.5, 0.5], walls=(), restitution=0.5, gravity=(0.0, 0.0), friction=0.2, density=4.0 / np.pi)
+    model = make_model(
+        [0.5, 0.5], walls=(), restitution=0.5, gravity=(0.0, 0.0), friction=0.2, density=4.0 / np.pi
+    )
     # i = 0 to the right of j = 1: n = (1, 0), t = (0, 1); contact exactly at mid-step.
     dt = 1e-3
     positions = [[1.0 + 0.5 * dt, -0.5 * dt * tangential], [0.0, 0.0]]
@@ -142,18 +175,24 @@ def test_three_disc_pyramid_threshold():
         top = engine.state.position[2, 1]
         state = advance(engine, dt, 1000)
         fallen = (top - state.position[2, 1]) / radius
-        assert (fallen < 1e-3) == rests, f"μ = {factor} tan 15°: the top disc sank by {fallen:.2e} R"
+        assert (fallen < 1e-3) == rests, (
+            f"μ = {factor} tan 15°: the top disc sank by {fallen:.2e} R"
+        )
 
 
 def test_frictionless_pyramid_accelerations():
-    """μ = 0: the top disc falls with g/7, the base discs spread with √3 g/7; the ground carries 20/21 of the weight."""
+    """μ = 0: the top disc falls with g/7, the base discs spread with √3 g/7; the ground carries
+    20/21 of the weight.
+    """
     engine, _ = _pyramid(0.0)
     resume(engine, settings=TIGHT)
     dt = 1e-6
     engine.step(dt, 0.0)
     state = engine.state
     assert -state.velocity[2, 1] / dt == pytest.approx(G / 7.0, rel=1e-6)
-    assert np.abs(state.velocity[:2, 0]) / dt == pytest.approx([np.sqrt(3.0) * G / 7.0] * 2, rel=1e-6)
+    assert np.abs(state.velocity[:2, 0]) / dt == pytest.approx(
+        [np.sqrt(3.0) * G / 7.0] * 2, rel=1e-6
+    )
     weight = engine.model.grains.mass.sum() * G * dt
     assert -state.window_wall_impulse[0, 1] / weight == pytest.approx(20.0 / 21.0, rel=1e-6)
 
@@ -172,23 +211,37 @@ def test_column_forces():
 
 
 def test_lattice_forces_between_rows():
-    """Triangular lattice, periodic: row k below the top presses with k m g/√3 through each inclined contact (theory §15.2)."""
+    """Triangular lattice, periodic: row k below the top presses with k m g/√3 through each inclined
+    contact (theory §15.2).
+    """
     columns, rows, radius = 8, 7, 0.5
     model = make_model(np.full(columns * rows, radius), FLOOR, period=2.0 * radius * columns)
     pitch = np.sqrt(3.0) * radius
-    positions = [[2 * radius * (c + 0.5 * (r % 2)), radius + r * pitch] for r in range(rows) for c in range(columns)]
-    engine = make_engine(model, positions, settings=Settings(tolerance_rms=1e-10, tolerance_max=1e-8, tolerance_energy=1e-8))
+    positions = [
+        [2 * radius * (c + 0.5 * (r % 2)), radius + r * pitch]
+        for r in range(rows)
+        for c in range(columns)
+    ]
+    engine = make_engine(
+        model,
+        positions,
+        settings=Settings(tolerance_rms=1e-10, tolerance_max=1e-8, tolerance_energy=1e-8),
+    )
     dt = 1e-3
     advance(engine, dt, 2)
     contacts = engine.contacts()
     weight = model.grains.mass[0] * G * dt
-    # The vertical force between rows: sum over the two contacts of a grain, whatever the horizontal contacts carry.
+    # The vertical force between rows: sum over the two contacts of a grain, whatever the horizontal
+    # contacts carry.
     n = model.grain_count
     between = contacts.j < n
     lower = np.minimum(contacts.i // columns, contacts.j // columns)[between]
     upper = np.maximum(contacts.i // columns, contacts.j // columns)[between]
     tangent_y = contacts.normal[between, 0]
-    vertical = contacts.impulse[between, 0] * contacts.normal[between, 1] + contacts.impulse[between, 1] * tangent_y
+    vertical = (
+        contacts.impulse[between, 0] * contacts.normal[between, 1]
+        + contacts.impulse[between, 1] * tangent_y
+    )
     sign = np.where(contacts.i[between] // columns > contacts.j[between] // columns, 1.0, -1.0)
     for row in range(rows - 1):
         mask = (lower == row) & (upper == row + 1)
@@ -200,7 +253,9 @@ def test_lattice_forces_between_rows():
 
 def test_loaded_wall_reaches_its_terminal_velocity(record_property):
     """M V̇ = F − c V: V = F/c (1 − exp(−c t/M)); second order in Δt."""
-    model = make_model([0.1], [(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, -1.0))], ("lid",), gravity=(0.0, 0.0), mass=2.0)
+    model = make_model(
+        [0.1], [(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, -1.0))], ("lid",), gravity=(0.0, 0.0), mass=2.0
+    )
     drive = WallDrive(y=DofDrive(force=Constant(3.0), damping=4.0))
     errors = []
     for dt in (0.02, 0.01, 0.005):
@@ -230,7 +285,9 @@ def test_loaded_lid_presses_with_its_load_and_weight():
 
 @pytest.mark.parametrize(("speed", "mu"), [(0.0, 0.5), (0.5, 0.4), (2.0, 0.2), (9.0, 0.1)])
 def test_friction_that_depends_on_speed(speed, mu):
-    """A disc held from spinning by its inertia slides with μ(v) of the table: one step's impulse is μ(|u_t⁻|) m g Δt."""
+    """A disc held from spinning by its inertia slides with μ(v) of the table: one step's impulse is
+    μ(|u_t⁻|) m g Δt.
+    """
     model = make_model([1.0], FLOOR, table=([0.0, 1.0, 3.0], [0.5, 0.3, 0.1]))
     engine = make_engine(model, [[0.0, 1.0]], [[speed, 0.0, 0.0]], settings=TIGHT)
     slowed = speed - advance(engine, 1e-3, 1).velocity[0, 0]
@@ -239,10 +296,15 @@ def test_friction_that_depends_on_speed(speed, mu):
 
 def test_ball_on_the_end_of_a_segment_sees_a_point():
     """A vertex pushes along the line to the center; the segment next to it stays silent."""
-    shapes = [(ShapeKind.SEGMENT, 0, (-1.0, 0.0, 0.0, 0.0)), (ShapeKind.VERTEX, 0, (0.0, 0.0, 0.0, -1.0))]
+    shapes = [
+        (ShapeKind.SEGMENT, 0, (-1.0, 0.0, 0.0, 0.0)),
+        (ShapeKind.VERTEX, 0, (0.0, 0.0, 0.0, -1.0)),
+    ]
     model = make_model([1.0], shapes, friction=0.0, gravity=(0.0, 0.0))
     direction = np.array([np.sin(0.5), np.cos(0.5)])
-    engine = make_engine(model, [1.0 * direction], [[-direction[0], -direction[1], 0.0]], settings=TIGHT)
+    engine = make_engine(
+        model, [1.0 * direction], [[-direction[0], -direction[1], 0.0]], settings=TIGHT
+    )
     engine.step(1e-6, 0.0)
     contacts = engine.contacts()
     assert contacts.i.size == 1
@@ -251,7 +313,9 @@ def test_ball_on_the_end_of_a_segment_sees_a_point():
 
 
 def test_drum_carries_its_grain_up():
-    """A disc in a turning drum rolls without slip (as a pendulum about the lowest point) and stays on the drum."""
+    """A disc in a turning drum rolls without slip (as a pendulum about the lowest point) and stays
+    on the drum.
+    """
     shapes = [(ShapeKind.CIRCLE, 0, (0.0, 0.0, 1.0, 0.0))]
     model = make_model([0.1], shapes, ("drum",), friction=0.8)
     drive = WallDrive(spin=DofDrive(velocity=Constant(0.2)))
@@ -261,7 +325,8 @@ def test_drum_carries_its_grain_up():
     mean_spin = 0.2 * 1.0 / 0.1
     assert abs(state.velocity[0, 2] - mean_spin) < 0.5 * mean_spin
     assert book(state, "closure") < 1e-12
-    assert np.hypot(*state.position[0, :2]) == pytest.approx(0.9, abs=5e-4 * 0.1)  # the overlap that is left alone
+    # The overlap that is left alone
+    assert np.hypot(*state.position[0, :2]) == pytest.approx(0.9, abs=5e-4 * 0.1)
     assert tally(state, "max_overlap") < 1e-3
 
 

@@ -1,8 +1,19 @@
-"""Conduction through networks of touching grains against closed forms (theory §15.3), every integrator."""
+"""Conduction through networks of touching grains against closed forms (theory §15.3), every
+integrator.
+"""
 
 import numpy as np
 import pytest
-from heat_parts import advanced, at_temperature, chain, exact_temperatures, heat_book, on_floor, rows, touching_engine
+from heat_parts import (
+    advanced,
+    at_temperature,
+    chain,
+    exact_temperatures,
+    heat_book,
+    on_floor,
+    rows,
+    touching_engine,
+)
 from recorded import keep
 
 from multicor_cli.engine import PhysicsError
@@ -23,12 +34,18 @@ def pair(**settings):
     [("explicit", 1.0, 1), ("explicit", 0.0, 3), ("implicit", 0.0, 2)],
     ids=["Euler", "SSPRK", "TR-BDF2"],
 )
-def test_two_bodies_to_the_order_of_the_integrator(integrator, euler, order, monkeypatch, record_property):
+def test_two_bodies_to_the_order_of_the_integrator(
+    integrator, euler, order, monkeypatch, record_property
+):
     """ΔT decays with τ = C/(2H); after one τ the hot body is at 74.7152 (theory §15.3)."""
-    monkeypatch.setattr(integration, "SHARPNESS", 1e-24)  # stages to rounding, although the tolerance lets every step pass
+    # Stages to rounding, although the tolerance lets every step pass
+    monkeypatch.setattr(integration, "SHARPNESS", 1e-24)
     monkeypatch.setattr(integration, "EULER", euler)
     errors = [
-        abs(advanced(pair(integrator=integrator, tolerance=ONE_STEP), 0.5, n)[0] - (60.0 + 40.0 * np.exp(-1.0)))
+        abs(
+            advanced(pair(integrator=integrator, tolerance=ONE_STEP), 0.5, n)[0]
+            - (60.0 + 40.0 * np.exp(-1.0))
+        )
         for n in (8, 16, 32, 64)
     ]
     assert 60.0 + 40.0 * np.exp(-1.0) == pytest.approx(74.7152, abs=5e-5)
@@ -40,7 +57,13 @@ def test_two_bodies_to_the_order_of_the_integrator(integrator, euler, order, mon
 
 def test_unequal_bodies_reach_the_common_temperature():
     """τ = C_1 C_2/((C_1 + C_2) H), T_∞ = 40 for capacities 1 and 3."""
-    engine = touching_engine(chain(2), [100.0, 20.0], capacity=np.array([1.0, 3.0]), integrator="implicit", tolerance=1e-9)
+    engine = touching_engine(
+        chain(2),
+        [100.0, 20.0],
+        capacity=np.array([1.0, 3.0]),
+        integrator="implicit",
+        tolerance=1e-9,
+    )
     tau = 0.75
     assert advanced(engine, tau)[0] == pytest.approx(40.0 + 60.0 * np.exp(-1.0), abs=1e-5)
     assert advanced(engine, 40.0 * tau) == pytest.approx([40.0, 40.0], abs=1e-5)
@@ -57,7 +80,12 @@ def links_of(points, links):
     if links is not None:
         return links
     n = len(points)
-    return [(i, j) for i in range(n) for j in range(i + 1, n) if np.hypot(*(points[i] - points[j])) < 2.0 + 1e-9]
+    return [
+        (i, j)
+        for i in range(n)
+        for j in range(i + 1, n)
+        if np.hypot(*(points[i] - points[j])) < 2.0 + 1e-9
+    ]
 
 
 @pytest.mark.parametrize("name", NETWORKS)
@@ -92,13 +120,18 @@ def test_fourteen_discs(counts, bonds, expected):
 
 
 def test_chain_on_a_wall_decays_at_the_slowest_rate():
-    """4 sin²(π/(4n+2)) H/C for n grains between a wall and nothing: 0.0223383 for n = 10; H to the wall is that between grains."""
-    # A wall has a* = a: twice that between grains, so its spot is 2^(1/3) wider. Glue on a grain instead: a first grain that stays.
+    """4 sin²(π/(4n+2)) H/C for n grains between a wall and nothing: 0.0223383 for n = 10; H to the
+    wall is that between grains.
+    """
+    # A wall has a* = a: twice that between grains, so its spot is 2^(1/3) wider. Glue on a grain
+    # instead: a first grain that stays.
     capacity = np.ones(11)
     capacity[0] = 1e12
     start = np.full(11, 1.0)
     start[0] = 0.0
-    engine = touching_engine(chain(11), start, capacity=capacity, integrator="implicit", tolerance=1e-10)
+    engine = touching_engine(
+        chain(11), start, capacity=capacity, integrator="implicit", tolerance=1e-10
+    )
     first = advanced(engine, 150.0)[1:]
     second = advanced(engine, 20.0)[1:]
     rate = -np.log(second / first) / 20.0
@@ -112,7 +145,9 @@ def test_semi_infinite_chain():
     capacity[0] = 1e15
     start = np.zeros(120)
     start[0] = 1.0
-    engine = touching_engine(chain(120), start, capacity=capacity, integrator="implicit", tolerance=1e-7)
+    engine = touching_engine(
+        chain(120), start, capacity=capacity, integrator="implicit", tolerance=1e-7
+    )
     assert advanced(engine, 50.0)[10] == pytest.approx(0.317311, abs=2e-6)
 
 
@@ -127,16 +162,22 @@ def test_a_wall_of_known_temperature_has_the_radius_of_the_grain(integrator):
 
 def test_a_wall_whose_temperature_rises():
     """T_w = a t: T = a (t − τ (1 − exp(−t/τ))) above the start."""
-    engine = on_floor(WallHeat("temperature", Ramp(300.0, 400.0, 10.0)), integrator="implicit", tolerance=1e-8)
+    engine = on_floor(
+        WallHeat("temperature", Ramp(300.0, 400.0, 10.0)), integrator="implicit", tolerance=1e-8
+    )
     tau = 2.0 ** (-1.0 / 3.0)
     t = 5.0
-    assert advanced(engine, t, 10)[0] - 300.0 == pytest.approx(10.0 * (t - tau * (1.0 - np.exp(-t / tau))), rel=2e-6)
+    assert advanced(engine, t, 10)[0] - 300.0 == pytest.approx(
+        10.0 * (t - tau * (1.0 - np.exp(-t / tau))), rel=2e-6
+    )
 
 
 @pytest.mark.parametrize("integrator", ["explicit", "implicit"])
 def test_a_wall_of_known_flow_gives_exactly_that(integrator):
     positions = [[0.0, 1.0], [2.0, 1.0], [4.0, 1.0]]
-    engine = on_floor(WallHeat("flow", Ramp(0.0, 6.0, 2.0)), positions=positions, integrator=integrator)
+    engine = on_floor(
+        WallHeat("flow", Ramp(0.0, 6.0, 2.0)), positions=positions, integrator=integrator
+    )
     advanced(engine, 2.0, 400)
     assert engine.state.heat.sum() == pytest.approx(6.0, rel=1e-9)
     assert engine.state.wall_heat[0, 0] == pytest.approx(6.0, rel=1e-9)
@@ -145,10 +186,16 @@ def test_a_wall_of_known_flow_gives_exactly_that(integrator):
 
 @pytest.mark.parametrize(
     ("flow", "lost", "error"),
-    [(Ramp(2.0, 2.0, 1.0), 2.0, 1e-6), (Sine(0.0, 2.0, 1.0), 4.0 / np.pi, 1e-2), (Sine(0.0, 2.0, 0.1), 4.0 / np.pi, 1e-2)],
+    [
+        (Ramp(2.0, 2.0, 1.0), 2.0, 1e-6),
+        (Sine(0.0, 2.0, 1.0), 4.0 / np.pi, 1e-2),
+        (Sine(0.0, 2.0, 0.1), 4.0 / np.pi, 1e-2),
+    ],
 )
 def test_a_flow_that_reaches_no_grain_is_reported_whatever_its_period(flow, lost, error):
-    """A sine of a period of a step, or of a part of one, is zero in the middle: ∫|sin| dt is 2/π of the time."""
+    """A sine of a period of a step, or of a part of one, is zero in the middle: ∫|sin| dt is 2/π of
+    the time.
+    """
     engine = on_floor(WallHeat("flow", flow), positions=[[0.0, 1.5]])
     advanced(engine, 3.0, 3)
     assert engine.state.heat.sum() == 0.0
@@ -168,9 +215,13 @@ def test_no_grain_below_absolute_zero(integrator):
         on_floor(WallHeat("flow", Constant(-10.0)), integrator=integrator).step(100.0, 0.0)
 
 
-@pytest.mark.parametrize(("kind", "base", "factor"), [("flow", 0.0, 1.0), ("temperature", 300.0, 2.0 ** (1.0 / 3.0))])
+@pytest.mark.parametrize(
+    ("kind", "base", "factor"), [("flow", 0.0, 1.0), ("temperature", 300.0, 2.0 ** (1.0 / 3.0))]
+)
 def test_a_pulse_between_two_steps_is_felt(kind, base, factor):
-    """60 J within 7 s of a step of 60 s: all of a flow arrives; of a temperature, H ∫(T_w − T) dt."""
+    """60 J within 7 s of a step of 60 s: all of a flow arrives; of a temperature, H ∫(T_w − T)
+    dt.
+    """
     values = tuple(base + value for value in (0.0, 0.0, 10.0, 10.0, 0.0, 0.0))
     pulse = Interpolated((0.0, 20.0, 21.0, 26.0, 27.0, 1e4), values)
     engine = on_floor(WallHeat(kind, pulse), capacity=1e6, integrator="implicit")
@@ -179,7 +230,9 @@ def test_a_pulse_between_two_steps_is_felt(kind, base, factor):
 
 
 def test_sub_steps_of_a_grain_that_is_alone():
-    """No difference of temperatures to measure the error by: the change within the sub-step is one too."""
+    """No difference of temperatures to measure the error by: the change within the sub-step is one
+    too.
+    """
     engine = on_floor(WallHeat("flow", Sine(1.0, 5.0, 60.0)), integrator="implicit")
     engine.step(60.0, 0.0)
     assert engine.state.heat[0] == pytest.approx(60.0, abs=1.0)

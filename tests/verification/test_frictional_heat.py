@@ -1,4 +1,6 @@
-"""Heat of friction and impacts, its partition, wear and friction that depends on temperature: closed forms (theory §15.1)."""
+"""Heat of friction and impacts, its partition, wear and friction that depends on temperature:
+closed forms (theory §15.1).
+"""
 
 from dataclasses import replace
 
@@ -38,7 +40,9 @@ def slide(shape="disc", dt=1e-3, conditions=None, model=None, duration=0.2, **se
 def with_law(model, rate, lowest=0.0):
     """μ(T) = μ_0 [1 − rate (T − 300 K)], between ``lowest`` and 1."""
     one = np.ones((1, 1))
-    return replace(model, laws=with_softening(model.laws, rate * one, 300.0 * one, lowest * one, one))
+    return replace(
+        model, laws=with_softening(model.laws, rate * one, 300.0 * one, lowest * one, one)
+    )
 
 
 @pytest.mark.parametrize(("shape", "share"), [("disc", 1.0 / 3.0), ("sphere", 2.0 / 7.0)])
@@ -48,13 +52,17 @@ def test_slide_to_roll_heat_is_exact(shape, share, dt):
     energy = 0.5 * engine.model.grains.mass[0]
     assert engine.state.heat[0] / energy == pytest.approx(share, abs=1e-12)
     assert engine.state.generated[0] == engine.state.heat[0]
-    assert heat_book(engine.state, "friction") == pytest.approx(book(engine.state, "friction_loss"), rel=1e-14)
+    assert heat_book(engine.state, "friction") == pytest.approx(
+        book(engine.state, "friction_loss"), rel=1e-14
+    )
 
 
 @pytest.mark.parametrize(("dt", "share"), [(1e-2, 0.304474540), (1e-3, 0.330395371)])
 def test_the_paper_s_rule_misses_part_of_it(dt, share):
     engine = slide(dt=dt, friction="sliding")
-    assert engine.state.heat[0] / (0.5 * engine.model.grains.mass[0]) == pytest.approx(share, abs=1e-9)
+    assert engine.state.heat[0] / (0.5 * engine.model.grains.mass[0]) == pytest.approx(
+        share, abs=1e-9
+    )
     assert heat_book(engine.state, "closure") < 1e-14
 
 
@@ -82,10 +90,14 @@ def test_wear_is_archard_s():
 
 
 def test_friction_that_falls_with_temperature():
-    """μ(T) = μ_0 [1 − c (T − T_r)] with T of the grain: dv/dt = −μ g, and all heat of sliding stays in it (first order in Δt)."""
+    """μ(T) = μ_0 [1 − c (T − T_r)] with T of the grain: dv/dt = −μ g, and all heat of sliding stays
+    in it (first order in Δt).
+    """
     rate, heat_per_speed = 1e-2, 2.0
     model = make_model([1.0], FLOOR, friction=MU, shape="sphere")
-    model = with_law(with_heat(model, 300.0, capacity=model.grains.mass[0] * heat_per_speed * 1e-3), rate, 0.05)
+    model = with_law(
+        with_heat(model, 300.0, capacity=model.grains.mass[0] * heat_per_speed * 1e-3), rate, 0.05
+    )
     dt = 1e-5
     engine = slide(model=model, dt=dt, duration=0.02)
     # dT/dt = μ g u/(C/m), du/dt = −3.5 μ g, so C/m (T − T_r) = (u0² − u²)/7 and dμ follows.
@@ -104,8 +116,12 @@ def test_friction_that_falls_with_temperature():
 
 def impact(steps=1, shape="disc", restitution=0.5, **settings):
     """Steps of two grains that meet at 1 m/s in free flight."""
-    model = warm_model([1.0, 1.0], [300.0, 400.0], restitution=restitution, gravity=(0.0, 0.0), shape=shape)
-    engine = coupled_engine(model, [[0.0, 0.0], [2.0, 0.0]], [[0.5, 0.0, 0.0], [-0.5, 0.0, 0.0]], **settings)
+    model = warm_model(
+        [1.0, 1.0], [300.0, 400.0], restitution=restitution, gravity=(0.0, 0.0), shape=shape
+    )
+    engine = coupled_engine(
+        model, [[0.0, 0.0], [2.0, 0.0]], [[0.5, 0.0, 0.0], [-0.5, 0.0, 0.0]], **settings
+    )
     advance(engine, 1e-3, steps)
     return engine
 
@@ -115,12 +131,16 @@ def test_impacts_heat_where_asked():
     engine = impact(impact=True, conduction="none")
     mass = engine.model.grains.mass[0]
     assert engine.state.heat == pytest.approx(np.full(2, 0.25 * mass * 0.75 * 0.5), rel=1e-12)
-    assert heat_book(engine.state, "impact") == pytest.approx(book(engine.state, "impact_loss"), rel=1e-14)
+    assert heat_book(engine.state, "impact") == pytest.approx(
+        book(engine.state, "impact_loss"), rel=1e-14
+    )
     assert np.abs(impact(conduction="none").state.heat).max() == 0.0
 
 
 def test_a_collision_conducts_by_its_own_law():
-    """Sun & Chen: heat per kelvin of one impact, independent of Δt; the mass, radius and speed of this one."""
+    """Sun & Chen: heat per kelvin of one impact, independent of Δt; the mass, radius and speed of
+    this one.
+    """
     from multicor_cli.engine.heat.friction import impact_exchange
 
     engine = impact(collisional=True)
@@ -132,7 +152,9 @@ def test_a_collision_conducts_by_its_own_law():
 
 
 def test_running_average_of_the_force():
-    """A grain at rest: F̄ = F from the first step on; the sum kept in the state grows as 1 − exp(−t/τ)."""
+    """A grain at rest: F̄ = F from the first step on; the sum kept in the state grows as 1 −
+    exp(−t/τ).
+    """
     model = warm_model(shapes=FLOOR)
     engine = coupled_engine(model, [[0.0, 1.0]], force=ContactForce("average", 0.01))
     advance(engine, 1e-3, 20)
@@ -146,7 +168,14 @@ ALL_ON = {
     "impact": True,
     "mechanisms": (
         Gas(0.026, reach=0.5),
-        Ambient(350.0, correlation="whitaker", conductivity=0.026, viscosity=1.6e-5, prandtl=0.7, velocity=(0.3, 0.0)),
+        Ambient(
+            350.0,
+            correlation="whitaker",
+            conductivity=0.026,
+            viscosity=1.6e-5,
+            prandtl=0.7,
+            velocity=(0.3, 0.0),
+        ),
         Radiation(surroundings=250.0, reach=0.4),
     ),
 }
@@ -157,7 +186,9 @@ CONDITIONS = [WallHeat("temperature", Sine(320.0, 30.0, 0.3)), WallHeat("flow", 
 
 def shear(steps=200, dt=0.02, solver=None, conditions=None, specific=1e-3, **settings):
     model, positions, origins, drives = shear_scene(columns=8, rows=6, gravity=(0.0, -0.02))
-    model = with_heat(model, 300.0 + 40.0 * np.random.default_rng(1).random(model.grain_count), specific=specific)
+    model = with_heat(
+        model, 300.0 + 40.0 * np.random.default_rng(1).random(model.grain_count), specific=specific
+    )
     laws = make_heat_laws(conductivity=5.0, emissivity=0.8)
     engine = coupled_engine(
         model,
@@ -174,21 +205,36 @@ def shear(steps=200, dt=0.02, solver=None, conditions=None, specific=1e-3, **set
 
 
 @pytest.mark.parametrize(("integrator", "specific"), [("explicit", 3e-2), ("implicit", 1e-3)])
-@pytest.mark.parametrize("settings", [ALL_ON, {**ALL_ON, "force": ContactForce("average", 0.1), "collisional": True}])
+@pytest.mark.parametrize(
+    "settings", [ALL_ON, {**ALL_ON, "force": ContactForce("average", 0.1), "collisional": True}]
+)
 def test_first_law_closes_with_everything_on(integrator, specific, settings):
-    """Explicit sub-steps are as short as the smallest C/ΣH: grains of a larger capacity need thirty times fewer."""
+    """Explicit sub-steps are as short as the smallest C/ΣH: grains of a larger capacity need thirty
+    times fewer.
+    """
     state = shear(integrator=integrator, specific=specific, **settings).state
     assert heat_book(state, "closure") < 1e-12
     assert heat_book(state, "exchanged") > 0.0
-    for name in ("friction", "impact", "to_walls", "from_walls", "from_ambient", "from_surroundings"):
+    for name in (
+        "friction",
+        "impact",
+        "to_walls",
+        "from_walls",
+        "from_ambient",
+        "from_surroundings",
+    ):
         assert heat_book(state, name) != 0.0, name
 
 
 @pytest.mark.parametrize("integrator", ["explicit", "implicit"])
 def test_insulated_grains_store_what_friction_and_impacts_lose(integrator):
-    """Stored heat = mechanical losses, to round-off, though the contact solver is far from converged."""
+    """Stored heat = mechanical losses, to round-off, though the contact solver is far from
+    converged.
+    """
     insulated = [WallHeat(), WallHeat()]
-    state = shear(conditions=insulated, impact=True, integrator=integrator, solver=Settings(max_sweeps=10)).state
+    state = shear(
+        conditions=insulated, impact=True, integrator=integrator, solver=Settings(max_sweeps=10)
+    ).state
     losses = book(state, "friction_loss") + book(state, "impact_loss")
     assert losses > 0.0
     assert state.heat.sum() == pytest.approx(losses, rel=1e-12)
@@ -197,14 +243,21 @@ def test_insulated_grains_store_what_friction_and_impacts_lose(integrator):
 
 
 def test_heat_does_not_move_a_grain():
-    """Heat acts back on the mechanics through the friction coefficient only: without it the motion is the same to the bit."""
+    """Heat acts back on the mechanics through the friction coefficient only: without it the motion
+    is the same to the bit.
+    """
     heated, cold = shear(**ALL_ON), shear(friction="none", conduction="none")
     assert np.array_equal(heated.state.position, cold.state.position)
 
 
 def test_a_state_goes_on_to_the_bit_from_a_copy():
     """Everything that the future depends on is in the state: averages and sub-steps included."""
-    settings = {**ALL_ON, "force": ContactForce("average", 0.1), "integrator": "implicit", "collisional": True}
+    settings = {
+        **ALL_ON,
+        "force": ContactForce("average", 0.1),
+        "integrator": "implicit",
+        "collisional": True,
+    }
     through = shear(steps=40, **settings)
     half = shear(steps=20, **settings)
     assert advance(continued(half), 0.02, 20, first=20).digest() == through.state.digest()
@@ -217,7 +270,11 @@ def test_frozen_frames_keep_the_forces_beside_averages():
     state = engine.state
     carried = state.contact_impulse[0, 0]
     # Grain 1 has left the floor: an average without a force.
-    state.contact_i, state.contact_j, state.contact_impulse = state.contact_i[:1], state.contact_j[:1], state.contact_impulse[:1]
+    state.contact_i, state.contact_j, state.contact_impulse = (
+        state.contact_i[:1],
+        state.contact_j[:1],
+        state.contact_impulse[:1],
+    )
     resume(engine, is_frozen=True)
     engine.step(1.0, 0.0)
     table = engine.contacts()
@@ -230,13 +287,17 @@ def test_frozen_frames_keep_the_forces_beside_averages():
 def test_friction_knows_the_wall_from_the_first_step():
     """μ = 0.3 [1 − 10⁻³ (600 − 300)] at the mean of a grain at 300 K and a wall at 900 K."""
     model = with_law(warm_model(shapes=FLOOR, friction=0.3), 1e-3)
-    engine = slide(model=model, duration=1e-3, conditions=[at_temperature(900.0)], conduction="none")
+    engine = slide(
+        model=model, duration=1e-3, conditions=[at_temperature(900.0)], conduction="none"
+    )
     assert engine.moved.contacts.frame[0, 4] == pytest.approx(0.21, rel=1e-12)
 
 
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
 def test_an_impact_in_free_flight_is_over_after_its_step(restitution):
-    """Without loads and gravity nothing pushes afterwards: the impulse must not act twice, nor heat turn into motion."""
+    """Without loads and gravity nothing pushes afterwards: the impulse must not act twice, nor heat
+    turn into motion.
+    """
     state = impact(4, "sphere", restitution, impact=True, conduction="none").state
     assert state.velocity[1, 0] == pytest.approx(0.5 * restitution, abs=1e-12)
     lost = (1.0 - restitution**2) * book(state, "kinetic_start")

@@ -1,4 +1,6 @@
-"""What must not change: momentum, the energy balance, and trajectories under scaling, reflection, threads and resume."""
+"""What must not change: momentum, the energy balance, and trajectories under scaling, reflection,
+threads and resume.
+"""
 
 from dataclasses import replace
 
@@ -45,26 +47,32 @@ def test_isolated_cluster_keeps_momentum_and_angular_momentum(restitution):
     def moments():
         linear = (grains.mass[:, None] * state.velocity[:, :2]).sum(axis=0)
         x, y, vx, vy = *state.position[:, :2].T, *state.velocity[:, :2].T
-        return *linear, (grains.mass * (x * vy - y * vx) + grains.inertia * state.velocity[:, 2]).sum()
+        return *linear, (
+            grains.mass * (x * vy - y * vx) + grains.inertia * state.velocity[:, 2]
+        ).sum()
 
     before = moments()
     advance(engine, 2e-3, 1000)
     scale = (grains.mass * np.hypot(*state.velocity[:, :2].T)).sum()
     assert tally(state, "sweeps") > 0
     assert moments()[:2] == pytest.approx(before[:2], abs=1e-12 * scale)
-    # A contact with a small gap or overlap acts at one point of each grain; the couple of that gap vanishes with Δt
-    # (measured: 8e-3, 1.3e-3, 4e-4 for Δt = 4, 2, 1 ms, where the scale is about 15).
+    # A contact with a small gap or overlap acts at one point of each grain; the couple of that gap
+    # vanishes with Δt (measured: 8e-3, 1.3e-3, 4e-4 for Δt = 4, 2, 1 ms, where the scale is about
+    # 15).
     assert moments()[2] == pytest.approx(before[2], abs=1e-3 * scale)
 
 
-@pytest.mark.parametrize(("restitution", "gravity", "damping"), [(0.0, 0.0, 0.0), (0.5, -0.05, 0.0), (0.2, -0.05, 3.0)])
+@pytest.mark.parametrize(
+    ("restitution", "gravity", "damping"), [(0.0, 0.0, 0.0), (0.5, -0.05, 0.0), (0.2, -0.05, 3.0)]
+)
 def test_energy_books_close(restitution, gravity, damping):
     """Kinetic change = works − losses, to round-off, converged or not (theory §8)."""
     engine = shear_engine(restitution=restitution, gravity=(0.0, gravity))
     model = engine.model
     load = DofDrive(force=Constant(-model.period), damping=damping)
     begin(engine, drives=[WallDrive(), WallDrive(x=DofDrive(velocity=Constant(1.5)), y=load)])
-    resume(engine, settings=replace(engine.orders.settings, max_sweeps=15))  # deliberately unconverged
+    # Deliberately unconverged
+    resume(engine, settings=replace(engine.orders.settings, max_sweeps=15))
     state = advance(engine, 0.1, 300)
     assert tally(state, "unconverged_steps") > 0
     assert book(state, "closure") < 1e-12
@@ -88,17 +96,25 @@ def test_switching_a_moving_wall_from_prescribed_to_driven_is_booked():
     engine = shear_engine()
     advance(engine, 0.1, 20)
     load = DofDrive(force=Constant(0.0))
-    begin(engine, drives=[WallDrive(), WallDrive(x=load, y=DofDrive(force=Constant(-engine.model.period)))])
+    begin(
+        engine,
+        drives=[WallDrive(), WallDrive(x=load, y=DofDrive(force=Constant(-engine.model.period)))],
+    )
     state = advance(engine, 0.1, 50)
     assert book(state, "closure") < 1e-12
 
 
 @pytest.mark.parametrize(
     ("make", "load", "dt", "laws"),
-    [(shear_engine, 1.0, 0.1, {}), (surface_engine, 120.0, 2e-3, {"friction": 0.5, "rolling": 0.1})],
+    [
+        (shear_engine, 1.0, 0.1, {}),
+        (surface_engine, 120.0, 2e-3, {"friction": 0.5, "rolling": 0.1}),
+    ],
 )
 def test_scaling_of_gravity_free_shear_is_exact(make, load, dt, laws):
-    """V/2, loads/4, 2Δt: the same positions to the bit at equal strain (rigid grains know the inertial number alone)."""
+    """V/2, loads/4, 2Δt: the same positions to the bit at equal strain (rigid grains know the
+    inertial number alone).
+    """
     first = make(load=load, speed=SPEED, restitution=0.25, **laws)
     second = make(load=0.25 * load, speed=0.5 * SPEED, restitution=0.25, **laws)
     for _ in range(4):
@@ -116,10 +132,14 @@ def test_reflection_gives_the_mirror_image():
     rng = np.random.default_rng(5)
     radius = rng.uniform(0.4, 0.6, 30)
     k = np.arange(30)
-    positions = np.column_stack([(k % 5) * 1.21 - 2.4 + 0.05 * rng.random(30), 0.7 + (k // 5) * 1.21])
+    positions = np.column_stack(
+        [(k % 5) * 1.21 - 2.4 + 0.05 * rng.random(30), 0.7 + (k // 5) * 1.21]
+    )
     engines = []
     for sign in (1.0, -1.0):
-        model = make_model(radius, [(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0))], gravity=(0.0, -1.0))
+        model = make_model(
+            radius, [(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0))], gravity=(0.0, -1.0)
+        )
         engines.append(make_engine(model, positions * [sign, 1.0], settings=TIGHT))
     for engine in engines:
         advance(engine, 0.01, 150)
@@ -129,9 +149,13 @@ def test_reflection_gives_the_mirror_image():
     assert left.velocity[:, 2] == pytest.approx(-right.velocity[:, 2], abs=1e-5)
 
 
-@pytest.mark.parametrize(("make", "dt", "columns", "rows"), [(shear_engine, 0.1, 40, 36), (surface_engine, 2e-3, 40, 20)])
+@pytest.mark.parametrize(
+    ("make", "dt", "columns", "rows"), [(shear_engine, 0.1, 40, 36), (surface_engine, 2e-3, 40, 20)]
+)
 def test_neither_threads_nor_a_new_engine_change_a_bit(make, dt, columns, rows, monkeypatch):
-    """Tiled sweeps, chunked sums: one digest for 1 and 2 threads, for the parallel and the serial sweep, and after a resume."""
+    """Tiled sweeps, chunked sums: one digest for 1 and 2 threads, for the parallel and the serial
+    sweep, and after a resume.
+    """
     monkeypatch.setattr(engine_module, "PARALLEL_GRAINS", 1)
     digests = set()
     for threads, parallel_from in ((1, 1), (2, 1), (2, 10**9)):
@@ -158,10 +182,15 @@ def test_overlaps_stay_small_in_a_long_shear():
 
 
 def test_over_compaction_between_prescribed_walls_stops_and_names_the_grains():
-    shapes = [(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0)), (ShapeKind.PLANE, 1, (0.0, 0.0, 0.0, -1.0))]
+    shapes = [
+        (ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0)),
+        (ShapeKind.PLANE, 1, (0.0, 0.0, 0.0, -1.0)),
+    ]
     model = make_model([0.5, 0.5], shapes, ("floor", "lid"), gravity=(0.0, 0.0))
     drives = [WallDrive(), WallDrive(y=DofDrive(velocity=Constant(-0.1)))]
-    engine = make_engine(model, [[0.0, 0.5], [0.0, 1.5]], drives=drives, settings=Settings(max_sweeps=50))
+    engine = make_engine(
+        model, [[0.0, 0.5], [0.0, 1.5]], drives=drives, settings=Settings(max_sweeps=50)
+    )
     engine.state.wall_position[1, 1] = 2.01
     with pytest.raises(PhysicsError, match=r"grain \d.*overlap"):
         advance(engine, 1e-2, 100)

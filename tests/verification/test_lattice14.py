@@ -1,4 +1,6 @@
-"""Study 4.1, one hot grain among 14: the shipped scenario against closed forms and against finite elements inside the grains."""
+"""Study 4.1, one hot grain among 14: the shipped scenario against closed forms and against finite
+elements inside the grains.
+"""
 
 import re
 import tomllib
@@ -39,7 +41,10 @@ def write_rows(path, rows):
     lines = ["x,y,radius"]
     for row, count in enumerate(rows):
         height = RADIUS * (1.0 + np.sqrt(3.0) * (len(rows) - 1 - row))
-        lines += [f"{RADIUS * (5 - count + 1 + 2 * k)!r},{float(height)!r},{RADIUS!r}" for k in range(count)]
+        lines += [
+            f"{RADIUS * (5 - count + 1 + 2 * k)!r},{float(height)!r},{RADIUS!r}"
+            for k in range(count)
+        ]
     path.write_text("\n".join(lines) + "\n")
 
 
@@ -63,7 +68,11 @@ def durations(count):
 def test_closed_form_of_the_network(rows, tmp_path):
     """dT_i/dt = H/C Σ_j (T_j − T_i); the implicit method to its tolerance."""
     write_rows(tmp_path / "grains.csv", rows)
-    overrides = [f'particles.0.packing.path="{tmp_path}/grains.csv"', "heat.tolerance=1e-8", *durations(5)]
+    overrides = [
+        f'particles.0.packing.path="{tmp_path}/grains.csv"',
+        "heat.tolerance=1e-8",
+        *durations(5),
+    ]
     times, temperatures, info = conduct(tmp_path / "run", *overrides)
     conductance, capacity = hertz_numbers()
     for unit, expected in CLOSED_FORM[rows].items():
@@ -80,7 +89,9 @@ def test_all_grains_end_at_the_mean_temperature(tmp_path):
 
 
 def test_explicit_integration_stays_within_its_tolerance(tmp_path):
-    """With frames only, and with steps as short as Euler's rule takes: each to its tolerance of the spread at t = C/H."""
+    """With frames only, and with steps as short as Euler's rule takes: each to its tolerance of the
+    spread at t = C/H.
+    """
     conductance, capacity = hertz_numbers()
     for steps, tolerance in ((1, 1e-4), (1, 1e-7), (2000, 1e-4)):
         overrides = ['heat.integrator="explicit"', f"heat.tolerance={tolerance}", *durations(1)]
@@ -104,16 +115,20 @@ def test_stored_curve_holds_for_the_shipped_scenario(finite_elements):
     rows, (conductance, capacity, biot, half_width) = finite_elements
     scenario = tomllib.loads(CONFIG.read_text())
     assert (conductance, capacity) == pytest.approx(hertz_numbers(), rel=1e-9)
-    assert biot == pytest.approx(conductance / (15.0 * scenario["particles"][0]["thickness"]), rel=1e-9)
+    assert biot == pytest.approx(
+        conductance / (15.0 * scenario["particles"][0]["thickness"]), rel=1e-9
+    )
     assert half_width == pytest.approx(np.pi / 48, rel=1e-8)
     assert rows[-1, 0] == scenario["loading"][0]["duration"]
 
 
 def test_shipped_scenario_against_finite_elements(finite_elements, tmp_path):
-    """Same conductance: 1.57 % of 80 K apart, since the constriction inside the discs comes on top in the finite elements.
+    """Same conductance: 1.57 % of 80 K apart, since the constriction inside the discs comes on top
+    in the finite elements.
 
-    With that constriction in the conductance, H_eff = H/(1 + 2 Bi λ h R_0), R_0 = [ln(a/b) + 13/8 − ln 2]/(π λ h), the remaining
-    difference is that of one temperature per grain: 0.092 % of 80 K. The force for H_eff follows from H ∝ F^⅓.
+    With that constriction in the conductance, H_eff = H/(1 + 2 Bi λ h R_0), R_0 = [ln(a/b) + 13/8 −
+    ln 2]/(π λ h), the remaining difference is that of one temperature per grain: 0.092 % of 80 K.
+    The force for H_eff follows from H ∝ F^⅓.
     """
     rows, (_, _, biot, half_width) = finite_elements
     times, temperatures, info = conduct(tmp_path / "same")
@@ -123,7 +138,9 @@ def test_shipped_scenario_against_finite_elements(finite_elements, tmp_path):
     assert info["heat_closure"] < 1e-10
 
     share = 1.0 / (1.0 + 2.0 * biot * (np.log(1.0 / half_width) + 13.0 / 8.0 - np.log(2.0)) / np.pi)
-    _, temperatures, _ = conduct(tmp_path / "effective", f"heat.force.prescribed={float(FORCE * share**3)!r}")
+    _, temperatures, _ = conduct(
+        tmp_path / "effective", f"heat.force.prescribed={float(FORCE * share**3)!r}"
+    )
     assert np.abs(temperatures[:, WATCHED] - rows[:, 1:]).max() / 80.0 < 0.0010
 
 
@@ -136,7 +153,9 @@ def finite_element_modules():
 
 @pytest.mark.usefixtures("finite_element_modules")
 def test_stored_curve_is_what_the_benchmark_computes(finite_elements):
-    """On a mesh with a quarter of the triangles; 10⁻⁴ of 80 K covers the difference (order 3 in the edge)."""
+    """On a mesh with a quarter of the triangles; 10⁻⁴ of 80 K covers the difference (order 3 in the
+    edge).
+    """
     from disc_mesh import MeshChoice
     from stored import stored_curve
 
@@ -147,11 +166,15 @@ def test_stored_curve_is_what_the_benchmark_computes(finite_elements):
 
 @pytest.mark.usefixtures("finite_element_modules")
 def test_resistances_inside_a_disc():
-    """Constriction of a meshed disc against the closed form (leading order in b), and two discs through an interface."""
+    """Constriction of a meshed disc against the closed form (leading order in b), and two discs
+    through an interface.
+    """
     from constriction import effective_share, measured_resistance, measured_share, own_resistance
     from disc_mesh import MeshChoice
     from finite_elements import make_disc
 
     disc = make_disc(MeshChoice(halvings=1))
     assert measured_resistance(disc) == pytest.approx(own_resistance(disc.half_width), rel=3e-4)
-    assert measured_share(disc, 0.1) == pytest.approx(effective_share(0.1, disc.half_width), rel=3e-4)
+    assert measured_share(disc, 0.1) == pytest.approx(
+        effective_share(0.1, disc.half_width), rel=3e-4
+    )

@@ -1,4 +1,6 @@
-"""The heated triangular lattice under gravity (theory §15.3): mechanics, freezing and conduction together."""
+"""The heated triangular lattice under gravity (theory §15.3): mechanics, freezing and conduction
+together.
+"""
 
 import numpy as np
 import pytest
@@ -26,8 +28,12 @@ def lattice():
 def settled():
     """The lattice after three steps to tight tolerances."""
     radius = np.full(ROWS * COLUMNS, RADIUS)
-    model = warm_model(radius, 298.15, FLOOR, friction=0.0, period=COLUMNS * 2.0 * RADIUS, density=7500.0)
-    settings = Settings(tolerance_rms=1e-6, tolerance_max=1e-4, tolerance_energy=1e-6, max_sweeps=50_000)
+    model = warm_model(
+        radius, 298.15, FLOOR, friction=0.0, period=COLUMNS * 2.0 * RADIUS, density=7500.0
+    )
+    settings = Settings(
+        tolerance_rms=1e-6, tolerance_max=1e-4, tolerance_energy=1e-6, max_sweeps=50_000
+    )
     engine = make_engine(model, lattice(), settings=settings)
     for k in range(3):
         assert engine.step(1e-3, k * 1e-3).converged
@@ -45,15 +51,23 @@ def theta(model, state, **settings):
 
 
 def test_forces_grow_from_row_to_row(settled):
-    """Σ over a row = 2 columns·k m g/√3 with k rows above; one by one they may differ, since horizontal contacts may press too."""
+    """Σ over a row = 2 columns·k m g/√3 with k rows above; one by one they may differ, since
+    horizontal contacts may press too.
+    """
     model, state = settled
     weight = model.grains.mass[0] * 9.81
     i, j, force = state.contact_i, state.contact_j, state.contact_impulse[:, 0] / state.last_dt
     inclined = (j < model.grain_count) & (i // COLUMNS != j // COLUMNS)
-    by_row = np.bincount(i[inclined] // COLUMNS, weights=force[inclined], minlength=ROWS)[: ROWS - 1]
+    by_row = np.bincount(i[inclined] // COLUMNS, weights=force[inclined], minlength=ROWS)[
+        : ROWS - 1
+    ]
     above = ROWS - 1 - np.arange(ROWS - 1)
-    assert by_row == pytest.approx(2.0 * COLUMNS * above * weight / np.sqrt(3.0), abs=1e-3 * ROWS * COLUMNS * weight)
-    assert force[j >= model.grain_count].sum() == pytest.approx(model.grain_count * weight, rel=1e-3)
+    assert by_row == pytest.approx(
+        2.0 * COLUMNS * above * weight / np.sqrt(3.0), abs=1e-3 * ROWS * COLUMNS * weight
+    )
+    assert force[j >= model.grain_count].sum() == pytest.approx(
+        model.grain_count * weight, rel=1e-3
+    )
 
 
 @pytest.mark.parametrize(

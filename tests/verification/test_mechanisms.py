@@ -28,10 +28,18 @@ RADIUS, CENTER = 1e-4, [[0.0, 0.0]]
 def test_radiation_of_one_grain_to_the_surroundings():
     """C dT/dt = ε σ A (T_s⁴ − T⁴): cooling towards 0 K, T^-3 = T_0^-3 + 3 ε σ A t/C."""
     laws, mechanisms = make_heat_laws(emissivity=0.5), (Radiation(surroundings=1e-3),)
-    engine = heat_engine(warm_model(start=1000.0, capacity=1.0), CENTER, laws=laws, mechanisms=mechanisms, tolerance=1e-9)
+    engine = heat_engine(
+        warm_model(start=1000.0, capacity=1.0),
+        CENTER,
+        laws=laws,
+        mechanisms=mechanisms,
+        tolerance=1e-9,
+    )
     t, coefficient = 20.0e-3, 0.5 * 5.670374419e-8 * 4.0 * np.pi
     engine.step(t, 0.0)
-    assert temperatures(engine)[0] == pytest.approx((1e-9 + 3.0 * coefficient * t) ** (-1.0 / 3.0), rel=1e-6)
+    assert temperatures(engine)[0] == pytest.approx(
+        (1e-9 + 3.0 * coefficient * t) ** (-1.0 / 3.0), rel=1e-6
+    )
 
 
 def radiating_grain(start, wall, *, surroundings=None, **settings):
@@ -40,14 +48,24 @@ def radiating_grain(start, wall, *, surroundings=None, **settings):
     conditions = [WallHeat() if wall is None else at_temperature(wall)]
     radiation = Radiation(surroundings, reach=0.0 if wall is None else 0.4)
     laws = make_heat_laws(emissivity=0.8)
-    return heat_engine(model, [[0.0, 1.1 * RADIUS]], conditions=conditions, laws=laws, mechanisms=(radiation,), **settings)
+    return heat_engine(
+        model,
+        [[0.0, 1.1 * RADIUS]],
+        conditions=conditions,
+        laws=laws,
+        mechanisms=(radiation,),
+        **settings,
+    )
 
 
 def cooled(start, sink, rate, t):
     """T after t of dT/dt = rate (sink⁴ − T⁴), by the closed form for the time to reach T."""
 
     def time_to(temperature):
-        primitive = lambda x: np.log((x + sink) / abs(x - sink)) / (4.0 * sink**3) + np.arctan(x / sink) / (2.0 * sink**3)  # noqa: E731
+        def primitive(x):
+            logarithm = np.log((x + sink) / abs(x - sink))
+            return (0.5 * logarithm + np.arctan(x / sink)) / (2.0 * sink**3)
+
         return (primitive(temperature) - primitive(start)) / rate
 
     low, high = sink * (1.0 + 1e-14), start
@@ -60,12 +78,16 @@ def cooled(start, sink, rate, t):
 @pytest.mark.parametrize("start", [1500.0, 3000.0])
 @pytest.mark.parametrize("dt", [10.0, 100.0, 1e4])
 def test_a_hot_grain_cools_to_a_wall_however_long_the_step(start, dt):
-    """Radiation is stiff where the grain is far hotter than what it sees: the stages must be solved, or the step refused."""
+    """Radiation is stiff where the grain is far hotter than what it sees: the stages must be
+    solved, or the step refused.
+    """
     engine = radiating_grain(start, 300.0)
     engine.step(dt, 0.0)
     capacity = engine.model.thermal.capacity[0]
     rate = STEFAN_BOLTZMANN * np.pi * RADIUS**2 / (2.0 / 0.8 - 1.0) / capacity
-    assert temperatures(engine)[0] == pytest.approx(cooled(start, 300.0, rate, dt), abs=2e-3 * (start - 300.0))
+    assert temperatures(engine)[0] == pytest.approx(
+        cooled(start, 300.0, rate, dt), abs=2e-3 * (start - 300.0)
+    )
 
 
 @pytest.mark.parametrize(("wall", "surroundings"), [(3000.0, None), (None, 3000.0)])
@@ -91,7 +113,9 @@ def test_a_contact_conducts_however_short_the_reach_of_the_gas():
     model = warm_model(shapes=FLOOR)
     given = []
     for gas in ((), (Gas(1e-6, reach=1e-3),)):
-        engine = coupled_engine(model, [[0.0, 1.02]], [[0.0, -4.0, 0.0]], [at_temperature(400.0)], mechanisms=gas)
+        engine = coupled_engine(
+            model, [[0.0, 1.02]], [[0.0, -4.0, 0.0]], [at_temperature(400.0)], mechanisms=gas
+        )
         engine.step(5e-3, 0.0)
         given.append(engine.state.wall_heat[0, 0])
     assert given[0] > 0.0
@@ -101,7 +125,9 @@ def test_a_contact_conducts_however_short_the_reach_of_the_gas():
 def test_gas_under_a_moving_wall_fills_the_gap_of_the_middle_of_the_step():
     model = warm_model(shapes=FLOOR, gravity=(0.0, 0.0))
     drives = [WallDrive(y=DofDrive(velocity=Constant(1.0)))]
-    engine = coupled_engine(model, [[0.0, 1.2]], None, [at_temperature(400.0)], drives=drives, mechanisms=(Gas(0.026),))
+    engine = coupled_engine(
+        model, [[0.0, 1.2]], None, [at_temperature(400.0)], drives=drives, mechanisms=(Gas(0.026),)
+    )
     engine.state.wall_velocity[0, 1] = 1.0
     engine.step(0.1, 0.0)
     expected = 0.1 * 100.0 * parallel_conductance_wall(0.026, 1.0, 0.0, 0.15)
@@ -109,22 +135,36 @@ def test_gas_under_a_moving_wall_fills_the_gap_of_the_middle_of_the_step():
 
 
 def conductance_of_a_pair(**choices):
-    """What crosses the gap between two grains of 1.5 mm that touch, in air [W/K], and the largest Biot number."""
+    """What crosses the gap between two grains of 1.5 mm that touch, in air [W/K], and the largest
+    Biot number.
+    """
     positions = chain(2, 1.5e-3)
-    engine = heat_engine(warm_model([1.5e-3] * 2, [300.0, 400.0], density=7500.0), positions, mechanisms=(Gas(0.026),), **choices)
+    engine = heat_engine(
+        warm_model([1.5e-3] * 2, [300.0, 400.0], density=7500.0),
+        positions,
+        mechanisms=(Gas(0.026),),
+        **choices,
+    )
     engine.step(1e-6, 0.0)
     return engine.state.heat[0] / 1e-6 / 100.0, heat_book(engine.state, "max_biot")
 
 
 def test_gas_conducts_no_more_where_grains_press_less():
-    """The solid's own resistance bounds what isothermal surfaces would let through a contact without force (3.45·10⁻³ W/K)."""
+    """The solid's own resistance bounds what isothermal surfaces would let through a contact
+    without force (3.45·10⁻³ W/K).
+    """
     whole, _ = conductance_of_a_pair(conduction="none")
     assert whole == pytest.approx(batchelor_conductance(0.026, 15.0, 0.75e-3, 0.0, 0.0), rel=0.05)
 
 
 def test_the_biot_number_counts_the_gas():
-    """Poor conductors in air: Bi of the contact alone is 0.002, but what crosses contact and gas together exceeds λ a."""
-    laws, force = make_heat_laws(conductivity=0.2, density=2500.0, capacity=800.0), ContactForce("prescribed", 1e-3)
+    """Poor conductors in air: Bi of the contact alone is 0.002, but what crosses contact and gas
+    together exceeds λ a.
+    """
+    laws, force = (
+        make_heat_laws(conductivity=0.2, density=2500.0, capacity=800.0),
+        ContactForce("prescribed", 1e-3),
+    )
     whole, biot = conductance_of_a_pair(laws=laws, force=force)
     assert biot == pytest.approx(whole / (0.2 * 1.5e-3), rel=1e-3)
 
@@ -132,7 +172,9 @@ def test_the_biot_number_counts_the_gas():
 def test_frozen_grains_stand_still_in_the_fluid():
     """Nu = 2, whatever velocity they will have when they move on."""
     model = warm_model([1e-3], gravity=(0.0, 0.0), density=7500.0)
-    ambient = Ambient(400.0, correlation="ranz-marshall", conductivity=0.026, viscosity=1.6e-5, prandtl=0.7)
+    ambient = Ambient(
+        400.0, correlation="ranz-marshall", conductivity=0.026, viscosity=1.6e-5, prandtl=0.7
+    )
     engine = coupled_engine(model, CENTER, [[5.0, 0.0, 0.0]], mechanisms=(ambient,))
     resume(engine, is_frozen=True)
     engine.step(1e-3, 0.0)
@@ -142,16 +184,27 @@ def test_frozen_grains_stand_still_in_the_fluid():
 
 @pytest.mark.parametrize("integrator", ["explicit", "implicit"])
 def test_mechanisms_of_one_kind_add_up(integrator):
-    """Two fluids are one of the mean temperature; emissivities of 0.5 and 0.8 give 1/3 and 2/3 of what black bodies exchange."""
-    fluids, fluid = (Ambient(400.0, coefficient=2.0), Ambient(300.0, coefficient=2.0)), (Ambient(350.0, coefficient=4.0),)
+    """Two fluids are one of the mean temperature; emissivities of 0.5 and 0.8 give 1/3 and 2/3 of
+    what black bodies exchange.
+    """
+    fluids, fluid = (
+        (Ambient(400.0, coefficient=2.0), Ambient(300.0, coefficient=2.0)),
+        (Ambient(350.0, coefficient=4.0),),
+    )
     near = Radiation(reach=0.4)
     choices = {"conduction": "none", "integrator": integrator, "tolerance": 1e-9}
-    several = touching_engine(chain(2), [300.0, 900.0], emissivity=0.5, mechanisms=(*fluids, near, near), **choices)
-    single = touching_engine(chain(2), [300.0, 900.0], emissivity=0.8, mechanisms=(*fluid, near), **choices)
+    several = touching_engine(
+        chain(2), [300.0, 900.0], emissivity=0.5, mechanisms=(*fluids, near, near), **choices
+    )
+    single = touching_engine(
+        chain(2), [300.0, 900.0], emissivity=0.8, mechanisms=(*fluid, near), **choices
+    )
     for engine in (several, single):
         for k in range(5):
             engine.step(1e-3, k * 1e-3)
     assert several.state.heat == pytest.approx(single.state.heat, rel=1e-6)  # sub-steps differ
     assert several.state.heat[0] > 1.0
-    assert heat_book(several.state, "from_ambient") == pytest.approx(several.state.heat.sum(), rel=1e-10)
+    assert heat_book(several.state, "from_ambient") == pytest.approx(
+        several.state.heat.sum(), rel=1e-10
+    )
     assert heat_book(several.state, "closure") < 1e-13

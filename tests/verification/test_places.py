@@ -1,16 +1,30 @@
-"""What a wall does to a grain does not depend on the number of its pieces: heat and adhesion by the place."""
+"""What a wall does to a grain does not depend on the number of its pieces: heat and adhesion by the
+place.
+"""
 
 import itertools
 
 import numpy as np
 import pytest
-from heat_parts import at_temperature, coupled_engine, heat_book, heat_engine, make_heat_laws, with_heat
+from heat_parts import (
+    at_temperature,
+    coupled_engine,
+    heat_book,
+    heat_engine,
+    make_heat_laws,
+    with_heat,
+)
 from scene_parts import TIGHT, G, advance, book, make_engine, make_model, resume
 
 from multicor_cli.engine.geometry.places import RISE
 from multicor_cli.engine.heat.conduction import ContactForce, hertz_conductance
 from multicor_cli.engine.heat.friction import impact_exchange
-from multicor_cli.engine.heat.gas import Gas, batchelor_conductance, parallel_conductance_wall, vargas_conductance
+from multicor_cli.engine.heat.gas import (
+    Gas,
+    batchelor_conductance,
+    parallel_conductance_wall,
+    vargas_conductance,
+)
 from multicor_cli.engine.heat.hertz import contact_radius, rough_conductance
 from multicor_cli.engine.heat.radiation import Radiation, cylinder_view_factor, linear_coefficient
 from multicor_cli.engine.heat.walls import WallHeat
@@ -29,10 +43,15 @@ def outline(points, wall, first, *, closed=False):
     """Shapes of a polyline; ``first`` is the number of its first shape."""
     points = np.asarray(points, float)
     count = len(points) if closed else len(points) - 1
-    segments = [(ShapeKind.SEGMENT, wall, (*points[k], *points[(k + 1) % len(points)])) for k in range(count)]
+    segments = [
+        (ShapeKind.SEGMENT, wall, (*points[k], *points[(k + 1) % len(points)]))
+        for k in range(count)
+    ]
     before = [first + (k - 1) % count if closed or k > 0 else -1 for k in range(len(points))]
     after = [first + k if k < count else -1 for k in range(len(points))]
-    return segments + [(ShapeKind.VERTEX, wall, (*p, b, a)) for p, b, a in zip(points, before, after, strict=True)]
+    return segments + [
+        (ShapeKind.VERTEX, wall, (*p, b, a)) for p, b, a in zip(points, before, after, strict=True)
+    ]
 
 
 def walls_of(lines, *, closed=False):
@@ -44,7 +63,9 @@ def walls_of(lines, *, closed=False):
 
 
 def heavy(lines, **choices):
-    """A sphere of 1 m at 300 K, of heat capacity 1 GJ/K, between walls; and what they are kept at."""
+    """A sphere of 1 m at 300 K, of heat capacity 1 GJ/K, between walls; and what they are kept
+    at.
+    """
     shapes, names = walls_of(lines)
     model = make_model([1.0], shapes, names, **{"shape": "sphere", **choices})
     return with_heat(model, 300.0, capacity=1e9), [WARM] * len(names)
@@ -63,7 +84,9 @@ FLOORS = {
     "one piece": [level(-8.0, 8.0)],
     "two pieces": [level(-8.0, 0.0, 8.0)],
     "twenty pieces": [level(*np.linspace(-8.0, 8.0, 21))],
-    **{f"two walls, {x} beside": [level(-8.0, x), level(x, 8.0)] for x in (0.0, 0.1, 0.5, 1.0, 2.0)},
+    **{
+        f"two walls, {x} beside": [level(-8.0, x), level(x, 8.0)] for x in (0.0, 0.1, 0.5, 1.0, 2.0)
+    },
     "tiles on an edge": tiles(0.25, 0.0),
     "tiles off an edge": tiles(0.25, 0.1),
     "small tiles": tiles(0.0625, 0.03125),
@@ -86,7 +109,9 @@ MECHANISMS = {
 
 
 def closed_form(mechanism, radius=1.0):
-    """Conductance between a grain of radius 1 and what it touches with the effective radius given [W/K]."""
+    """Conductance between a grain of radius 1 and what it touches with the effective radius given
+    [W/K].
+    """
     modulus = LAWS.modulus[0, 0]
     spot = contact_radius(FORCE, radius, modulus)
     if mechanism == "rough":
@@ -95,7 +120,8 @@ def closed_form(mechanism, radius=1.0):
     return {
         "hertz": hertz_conductance(15.0, spot),
         "parallel": parallel_conductance_wall(GAS, 1.0, GAS / 15.0, 0.0),
-        "batchelor": hertz_conductance(15.0, spot) + batchelor_conductance(GAS, 15.0, 1.0, spot, 0.0),
+        "batchelor": hertz_conductance(15.0, spot)
+        + batchelor_conductance(GAS, 15.0, 1.0, spot, 0.0),
         "vargas": vargas_conductance(GAS, 1.0, spot),
         "radiation": linear_coefficient(np.pi / (2.0 / 0.9 - 1.0), 300.0, 300.0),
     }[mechanism]
@@ -107,9 +133,15 @@ def conductances(engine):
     return engine.state.wall_heat[:, 0] / 1e-3 / (300.0001 - 300.0)
 
 
-def resting(shapes, names, positions, *, conditions=None, shape="sphere", period=0.0, pose=None, **settings):
-    """Heat of one grain at 300 K, of heat capacity 1 GJ/K, between walls that are a little warmer."""
-    model = with_heat(make_model([1.0], shapes, names, period=period, shape=shape), 300.0, capacity=1e9)
+def resting(
+    shapes, names, positions, *, conditions=None, shape="sphere", period=0.0, pose=None, **settings
+):
+    """Heat of one grain at 300 K, of heat capacity 1 GJ/K, between walls that are a little
+    warmer.
+    """
+    model = with_heat(
+        make_model([1.0], shapes, names, period=period, shape=shape), 300.0, capacity=1e9
+    )
     conditions = conditions or [WARM] * len(names)
     settings = {"force": ContactForce("prescribed", FORCE), **settings}
     engine = heat_engine(model, positions, conditions=conditions, laws=LAWS, **settings)
@@ -133,7 +165,9 @@ def test_a_plane_that_coincides_with_a_polyline_is_one_floor():
     shapes, _ = walls_of([level(-8.0, 8.0)])
     shapes.append((ShapeKind.PLANE, 1, (0.0, 0.0, 0.0, 1.0)))
     for mechanism in MECHANISMS:
-        found = conductances(resting(shapes, ("line", "plane"), [[0.5, 1.0]], **MECHANISMS[mechanism]))
+        found = conductances(
+            resting(shapes, ("line", "plane"), [[0.5, 1.0]], **MECHANISMS[mechanism])
+        )
         assert found == pytest.approx(np.full(2, 0.5 * closed_form(mechanism)), rel=1e-6)
 
 
@@ -141,7 +175,9 @@ def test_a_plane_that_coincides_with_a_polyline_is_one_floor():
 def test_a_joint_at_the_edge_of_the_period_is_a_joint(mechanism):
     shapes, names = walls_of([level(-5.0, 0.0), level(0.0, 5.0)])
     for x in (-5.0, 5.0, 4.9, -4.7):
-        found = conductances(resting(shapes, names, [[x, 1.0]], period=10.0, **MECHANISMS[mechanism]))
+        found = conductances(
+            resting(shapes, names, [[x, 1.0]], period=10.0, **MECHANISMS[mechanism])
+        )
         assert found.sum() == pytest.approx(closed_form(mechanism), rel=1e-6)
 
 
@@ -149,20 +185,31 @@ def test_a_joint_at_the_edge_of_the_period_is_a_joint(mechanism):
 def test_a_cylinder_sees_a_floor_once(gap):
     view = cylinder_view_factor(1.0, 1.0, gap) * 4.0 * np.pi / (2.0 / 0.9 - 1.0)
     for floor in ("one piece", "two walls, 0.0 beside", "small tiles", "tiles on an edge"):
-        engine = resting(*walls_of(FLOORS[floor]), [[0.0, 1.0 + gap]], shape="disc", **MECHANISMS["radiation"])
-        assert conductances(engine).sum() == pytest.approx(linear_coefficient(view, 300.0, 300.0), rel=1e-6)
+        engine = resting(
+            *walls_of(FLOORS[floor]), [[0.0, 1.0 + gap]], shape="disc", **MECHANISMS["radiation"]
+        )
+        assert conductances(engine).sum() == pytest.approx(
+            linear_coefficient(view, 300.0, 300.0), rel=1e-6
+        )
 
 
 @pytest.mark.parametrize(("count", "insides"), [(2, (60, 90, 120, 150)), (1, (165, 170, 175, 179))])
 @pytest.mark.parametrize("of_walls", [1, 2])
 @pytest.mark.parametrize("mechanism", MECHANISMS)
-def test_a_concave_corner_is_two_places_and_one_if_it_is_as_flat_as_that_of_a_round_polygon(mechanism, of_walls, count, insides):
-    found = [conductances(resting(*corner(inside, of_walls), **MECHANISMS[mechanism])).sum() for inside in insides]
+def test_a_concave_corner_is_two_places_and_one_if_it_is_as_flat_as_that_of_a_round_polygon(
+    mechanism, of_walls, count, insides
+):
+    found = [
+        conductances(resting(*corner(inside, of_walls), **MECHANISMS[mechanism])).sum()
+        for inside in insides
+    ]
     assert found == pytest.approx([count * closed_form(mechanism)] * 4, rel=1e-6)
 
 
 def corner(inside, of_walls):
-    """Two lines that meet below a grain which touches both; the angle in which it lies in degrees."""
+    """Two lines that meet below a grain which touches both; the angle in which it lies in
+    degrees.
+    """
     half = np.radians(0.5 * inside)
     left, right = [np.array([sign * np.sin(half), np.cos(half)]) * 9.0 for sign in (-1.0, 1.0)]
     bottom = np.array([0.0, 0.0])
@@ -185,7 +232,9 @@ def test_a_fine_polygon_is_one_place_like_a_circle(mechanism, where, sides):
     """Its sides are flat: the spot is that on a plane, (1 − a/R)^⅓ of that in the circle."""
     circle, distance = 4.0, 3.0
     angle = 2.0 * np.pi * np.arange(sides) / sides
-    shapes, names = walls_of([circle * np.column_stack([np.cos(angle), np.sin(angle)])], closed=True)
+    shapes, names = walls_of(
+        [circle * np.column_stack([np.cos(angle), np.sin(angle)])], closed=True
+    )
     half = np.pi / sides
     if where == "corner":
         way, distance = 0.0, circle - 1.0 / np.cos(half)
@@ -214,19 +263,29 @@ def test_walls_that_meet_below_a_grain_share_what_they_give():
             ([WARM, WallHeat()], [0.5, 0.0]),
             ([WARM, at_temperature(299.9999)], [0.5, -0.5]),
         ):
-            found = conductances(resting(shapes, names, [[0.0, 1.0]], conditions=conditions, **choices))
+            found = conductances(
+                resting(shapes, names, [[0.0, 1.0]], conditions=conditions, **choices)
+            )
             assert found == pytest.approx(whole * np.array(expected), rel=1e-6)
-        beside = conductances(resting(*walls_of([level(-8.0, 0.1), level(0.1, 8.0)]), [[0.0, 1.0]], **choices))
+        beside = conductances(
+            resting(*walls_of([level(-8.0, 0.1), level(0.1, 8.0)]), [[0.0, 1.0]], **choices)
+        )
         assert beside == pytest.approx([whole, 0.0], rel=1e-6)
 
 
 def test_a_flow_goes_to_grains_in_proportion_to_places():
-    """Two walls whose flow is known, and a grain on their joint beside one on the first: each wall shares its own by H."""
+    """Two walls whose flow is known, and a grain on their joint beside one on the first: each wall
+    shares its own by H.
+    """
     shapes, names = walls_of([level(-8.0, 0.0), level(0.0, 8.0)])
     model = with_heat(make_model([1.0, 1.0], shapes, names, shape="sphere"), 300.0, capacity=1e9)
     conditions = [WallHeat("flow", Constant(3.0)), WallHeat("flow", Constant(0.5))]
     engine = heat_engine(
-        model, [[-4.0, 1.0], [0.0, 1.0]], conditions=conditions, laws=LAWS, force=ContactForce("prescribed", FORCE)
+        model,
+        [[-4.0, 1.0], [0.0, 1.0]],
+        conditions=conditions,
+        laws=LAWS,
+        force=ContactForce("prescribed", FORCE),
     )
     engine.step(1.0, 0.0)
     assert engine.state.heat == pytest.approx([2.0, 1.5], rel=1e-9)
@@ -242,7 +301,9 @@ def test_the_biot_number_is_that_of_a_place():
 def rolling(lines, **settings):
     """Heat that a grain has got that rolls over walls, which carry its weight."""
     model, conditions = heavy(lines)
-    engine = coupled_engine(model, [[-0.5, 1.0]], [[0.3, 0.0, -0.3]], conditions, laws=LAWS, friction="none", **settings)
+    engine = coupled_engine(
+        model, [[-0.5, 1.0]], [[0.3, 0.0, -0.3]], conditions, laws=LAWS, friction="none", **settings
+    )
     first = advance(engine, 0.01, 1).heat[0]  # in which the contact is new
     advance(engine, 0.01, 220)
     assert engine.state.position[0, 0] > 0.1
@@ -260,24 +321,47 @@ def rolling(lines, **settings):
         {"mechanisms": (Gas(GAS), Radiation(reach=0.4))},
         {"mechanisms": (Gas(GAS, "batchelor"),)},
     ],
-    ids=["step", "average", "prescribed", "collisional", "rough", "parallel and radiation", "batchelor"],
+    ids=[
+        "step",
+        "average",
+        "prescribed",
+        "collisional",
+        "rough",
+        "parallel and radiation",
+        "batchelor",
+    ],
 )
 def test_a_grain_that_rolls_over_pieces_gets_what_it_gets_on_one(settings):
-    """Exactly within one wall. At the end of another it is lifted and slowed by some (vΔt/a)², which its heat follows."""
+    """Exactly within one wall. At the end of another it is lifted and slowed by some (vΔt/a)²,
+    which its heat follows.
+    """
     expected = rolling(FLOORS["one piece"], **settings)
     assert rolling(FLOORS["twenty pieces"], **settings) == pytest.approx(expected, rel=1e-12)
     for name in ("two walls, 0.0 beside", "tiles off an edge", "small tiles"):
         assert rolling(FLOORS[name], **settings) == pytest.approx(expected, rel=1e-4)
 
 
-@pytest.mark.parametrize("name", ["one piece", "two walls, 0.0 beside", "tiles on an edge", "coincident"])
+@pytest.mark.parametrize(
+    "name", ["one piece", "two walls, 0.0 beside", "tiles on an edge", "coincident"]
+)
 def test_an_impact_on_a_joint_conducts_as_one(name):
     """Sun & Chen's formula once, with the mass of the grain and its speed."""
     model, conditions = heavy(FLOORS[name], gravity=(0.0, 0.0), restitution=0.5)
     hot = [at_temperature(301.0)] * len(conditions)
-    engine = coupled_engine(model, [[0.0, 1.001]], [[0.0, -0.5, 0.0]], hot, laws=LAWS, friction="none", collisional=True)
+    engine = coupled_engine(
+        model, [[0.0, 1.001]], [[0.0, -0.5, 0.0]], hot, laws=LAWS, friction="none", collisional=True
+    )
     advance(engine, 0.005, 4)
-    expected = impact_exchange(model.grains.mass[0], 1.0, LAWS.modulus[0, 0], 0.5, 15.0, 7500.0 * 500.0, 15.0, 7500.0 * 500.0)
+    expected = impact_exchange(
+        model.grains.mass[0],
+        1.0,
+        LAWS.modulus[0, 0],
+        0.5,
+        15.0,
+        7500.0 * 500.0,
+        15.0,
+        7500.0 * 500.0,
+    )
     assert engine.state.heat[0] == pytest.approx(expected, rel=1e-6)
 
 
@@ -309,24 +393,34 @@ def test_adhesion_in_a_concave_corner_counts_its_places(of_walls, inside, count)
     tilt = np.sin(np.radians(0.5 * inside))  # of each force against the middle line
     for factor, holds in ((1.01, True), (0.99, False)):
         adhesion = factor * WEIGHT / (count * tilt)
-        model = make_model([1.0], shapes, names, shape="sphere", adhesion=adhesion, gravity=(0.0, G), friction=0.0)
+        model = make_model(
+            [1.0], shapes, names, shape="sphere", adhesion=adhesion, gravity=(0.0, G), friction=0.0
+        )
         state = advance(make_engine(model, [[0.0, height]], settings=TIGHT), 1e-3, 50)
         assert (abs(state.velocity[0, 1]) < 1e-9) == holds
 
 
-@pytest.mark.parametrize("name", ["one piece", "twenty pieces", "two walls, 0.0 beside", "small tiles"])
+@pytest.mark.parametrize(
+    "name", ["one piece", "twenty pieces", "two walls, 0.0 beside", "small tiles"]
+)
 def test_a_grain_that_rolls_along_a_ceiling_of_pieces_stays_up(name):
-    """Until the contact with the next piece is known, adhesion is that of the place, not that of the piece left behind."""
+    """Until the contact with the next piece is known, adhesion is that of the place, not that of
+    the piece left behind.
+    """
     shapes, names = walls_of(CEILINGS[name])
     model = make_model([1.0], shapes, names, shape="sphere", adhesion=1.2 * WEIGHT)
-    state = advance(make_engine(model, [[-2.0, -1.0]], [[0.5, 0.0, 0.5]], settings=TIGHT), 0.01, 700)
+    state = advance(
+        make_engine(model, [[-2.0, -1.0]], [[0.5, 0.0, 0.5]], settings=TIGHT), 0.01, 700
+    )
     assert state.position[0, 0] > 1.0
     assert state.position[0, 1] == pytest.approx(-1.0, abs=1e-4)
 
 
 def test_tension_in_a_frozen_stage_counts_the_adhesion_of_a_joint_once():
     shapes, names = walls_of(CEILINGS["two walls, 0.0 beside"])
-    model = with_heat(make_model([1.0], shapes, names, shape="sphere", adhesion=3.0 * WEIGHT), 300.0)
+    model = with_heat(
+        make_model([1.0], shapes, names, shape="sphere", adhesion=3.0 * WEIGHT), 300.0
+    )
     engine = coupled_engine(model, [[0.0, -1.0]])
     for is_frozen in (False, True):
         resume(engine, is_frozen=is_frozen)
@@ -335,14 +429,17 @@ def test_tension_in_a_frozen_stage_counts_the_adhesion_of_a_joint_once():
 
 
 def test_a_moving_and_turning_floor_of_tiles_conducts_as_one():
-    """It carries the grain along as it rises, drifts and turns; at the ends of walls the grain is lifted a little, as above."""
+    """It carries the grain along as it rises, drifts and turns; at the ends of walls the grain is
+    lifted a little, as above.
+    """
     heats = []
     for name in ("one piece", "tiles on an edge", "two walls, 0.1 beside"):
         model, conditions = heavy(FLOORS[name], friction=0.0)
         x, y, spin = (DofDrive(velocity=Constant(value)) for value in (0.4, 0.3, 0.05))
         engine = coupled_engine(
             model, [[0.0, 1.0]], [[0.0, 0.3, 0.0]], conditions, laws=LAWS, friction="none",
-            drives=[WallDrive(x=x, y=y, spin=spin)] * len(conditions), force=ContactForce("prescribed", 10.0),
+            drives=[WallDrive(x=x, y=y, spin=spin)] * len(conditions),
+            force=ContactForce("prescribed", 10.0),
             mechanisms=(Gas(GAS),),
         )  # fmt: skip
         advance(engine, 0.01, 100)

@@ -1,4 +1,6 @@
-"""Every profile of random runs with moving walls against plain loops, and what must be conserved."""
+"""Every profile of random runs with moving walls against plain loops, and what must be
+conserved.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ ALL = Selection(frames=slice(None))
 
 @pytest.fixture(scope="module", params=[True, False], ids=["periodic", "bounded"])
 def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Run:
-    return write_random_run(tmp_path_factory.mktemp("random") / "run", is_periodic=request.param, seed=5)
+    return write_random_run(
+        tmp_path_factory.mktemp("random") / "run", is_periodic=request.param, seed=5
+    )
 
 
 def _grain_values(run: Run, of: str, chosen: list[int], spacing: float) -> dict[int, Floats]:
@@ -62,7 +66,11 @@ def _grain_values(run: Run, of: str, chosen: list[int], spacing: float) -> dict[
 
 def _contact_sum(run: Run, of: str, k: int, edges: Floats) -> Floats:
     """Force times branch in each bin."""
-    axes = [(0, 0), (1, 1)] if of == "pressure" else [tuple("xy".index(axis) for axis in of.rsplit("-", 1)[1])]
+    axes = (
+        [(0, 0), (1, 1)]
+        if of == "pressure"
+        else [tuple("xy".index(axis) for axis in of.rsplit("-", 1)[1])]
+    )
     total = np.zeros(edges.size - 1)
     frame = run.frames[k]
     for i, _, force, way in branches(run, frame):
@@ -72,10 +80,14 @@ def _contact_sum(run: Run, of: str, k: int, edges: Floats) -> Floats:
     return total
 
 
-def direct(run: Run, of: str, chosen: list[int], count: int, left_out: float) -> tuple[Floats, Floats]:
+def direct(
+    run: Run, of: str, chosen: list[int], count: int, left_out: float
+) -> tuple[Floats, Floats]:
     """Values and standard errors of the bins by loops over frames, grains and bins."""
     radius, rows = run.model.grains.radius, []
-    mean = float(np.mean([np.diff(layer(run, run.frames[k], 1, left_out).edges)[0] for k in chosen]))
+    mean = float(
+        np.mean([np.diff(layer(run, run.frames[k], 1, left_out).edges)[0] for k in chosen])
+    )
     layers = {k: layer(run, run.frames[k], count, left_out) for k in chosen}
     if of == "heat":
         for before, after in pairwise(chosen):
@@ -86,7 +98,10 @@ def direct(run: Run, of: str, chosen: list[int], count: int, left_out: float) ->
             plane = 0.5 * (layers[before].plane + layers[after].plane)
             rows.append((gain @ inside, np.diff(edges) * plane * (second.time - first.time)))
     elif PROFILED[of].of_contacts is not None:
-        rows = [(_contact_sum(run, of, k, layers[k].edges), np.diff(layers[k].edges) * layers[k].plane) for k in chosen]
+        rows = [
+            (_contact_sum(run, of, k, layers[k].edges), np.diff(layers[k].edges) * layers[k].plane)
+            for k in chosen
+        ]
     else:
         spacing = min(mean / count, float(2.0 * radius.mean()))
         values = {} if of == "solid-fraction" else _grain_values(run, of, chosen, spacing)
@@ -104,9 +119,12 @@ def direct(run: Run, of: str, chosen: list[int], count: int, left_out: float) ->
 
 @pytest.mark.parametrize("of", list(PROFILED))
 @pytest.mark.parametrize(
-    ("frames", "count", "left_out"), [(slice(None), 9, 0.0), (slice(2, 12, 3), 30, 0.0), (slice(5, 9), 4, 2.0)]
+    ("frames", "count", "left_out"),
+    [(slice(None), 9, 0.0), (slice(2, 12, 3), 30, 0.0), (slice(5, 9), 4, 2.0)],
 )
-def test_profile_agrees_with_plain_loops(run: Run, of: str, frames: slice, count: int, left_out: float) -> None:
+def test_profile_agrees_with_plain_loops(
+    run: Run, of: str, frames: slice, count: int, left_out: float
+) -> None:
     chosen = list(range(FRAMES)[frames])
     if PROFILED[of].needs_contacts:
         chosen = [k for k in chosen if k not in BEFORE_FORCES]
@@ -119,11 +137,17 @@ def test_profile_agrees_with_plain_loops(run: Run, of: str, frames: slice, count
     assert table.error == pytest.approx(error, rel=1e-7, abs=1e-9 * scale, nan_ok=True)
     if PROFILED[of].kind != "rate":
         looked_at = [run.frames[k] for k in chosen]
-        covered = [areas(f.position[:, 1], run.model.grains.radius, layer(run, f, count, edge).edges) for f in looked_at]
+        covered = [
+            areas(f.position[:, 1], run.model.grains.radius, layer(run, f, count, edge).edges)
+            for f in looked_at
+        ]
         assert table.area == pytest.approx(np.mean(covered, axis=0).sum(axis=0))
     if len(chosen) < 5 and np.isfinite(error).any():
         assert "too few frames for good errors of" in table.note
-    spans = [1.6 + f.wall_position[1, 1] - 0.4 - f.wall_position[0, 1] for f in (run.frames[k] for k in chosen)]
+    spans = [
+        1.6 + f.wall_position[1, 1] - 0.4 - f.wall_position[0, 1]
+        for f in (run.frames[k] for k in chosen)
+    ]
     assert table.height == pytest.approx(np.mean(spans))
     assert table.width == pytest.approx((np.mean(spans) - 2.0 * edge) / count)
     assert table.y == pytest.approx(edge + (np.arange(count) + 0.5) * table.width)
@@ -131,7 +155,9 @@ def test_profile_agrees_with_plain_loops(run: Run, of: str, frames: slice, count
 
 @pytest.mark.parametrize("count", [1, 7, 200])
 def test_nothing_is_lost_between_moving_walls(run: Run, count: int) -> None:
-    """Sums over the bins are those over the grains and contacts, though the lid moves up and down by several grains."""
+    """Sums over the bins are those over the grains and contacts, though the lid moves up and down
+    by several grains.
+    """
     area = float((np.pi * run.model.grains.radius**2).sum())
     fraction = profile(run, "solid-fraction", ALL, count)
     assert fraction.value.sum() * fraction.bin_area == pytest.approx(area, rel=1e-12)
@@ -143,14 +169,26 @@ def test_nothing_is_lost_between_moving_walls(run: Run, count: int) -> None:
     total = float((ends[1].generated - ends[0].generated).sum()) / (ends[1].time - ends[0].time)
     assert heat.value.sum() * heat.bin_area == pytest.approx(total, rel=1e-12)
     frames = [run.frames[k] for k in range(FRAMES) if k not in BEFORE_FORCES]
-    for of, a, b in (("stress-xx", 0, 0), ("stress-xy", 0, 1), ("stress-yx", 1, 0), ("stress-yy", 1, 1)):
+    for of, a, b in (
+        ("stress-xx", 0, 0),
+        ("stress-xy", 0, 1),
+        ("stress-yx", 1, 0),
+        ("stress-yy", 1, 1),
+    ):
         stress = profile(run, of, ALL, count)
-        virial = np.mean([sum(force[a] * way[b] for _, _, force, way in branches(run, frame)) for frame in frames])
+        virial = np.mean(
+            [
+                sum(force[a] * way[b] for _, _, force, way in branches(run, frame))
+                for frame in frames
+            ]
+        )
         assert stress.value.sum() * stress.bin_area == pytest.approx(virial, rel=1e-9)
 
 
 def test_mean_number_of_contacts_is_that_of_all_grains(run: Run) -> None:
-    """One bin: twice the contacts between grains and once those with walls, over the grains: sizes do not count."""
+    """One bin: twice the contacts between grains and once those with walls, over the grains: sizes
+    do not count.
+    """
     chosen, n = Selection(frames=slice(6, 7)), run.model.grain_count
     found = branches(run, run.frames[6])
     expected = sum(2 if j < n else 1 for _, j, _, _ in found) / n
@@ -173,7 +211,8 @@ def test_a_linear_flow_has_no_fluctuations_whatever_the_bins(run: Run) -> None:
         frame.velocity[:, 1] = 0.4 * sign
         frames.append(frame)
     source = source_of(run.model, frames)
-    # the same grains at other places: 0.4 upwards and 0.4 downwards are no flow, but for what few grains at a knot leave of it
+    # the same grains at other places: 0.4 upwards and 0.4 downwards are no flow, but for what few
+    # grains at a knot leave of it
     for frame in frames:
         frame.velocity[:, 1] = 0.0
     for count in (1, 5, 40):
@@ -204,9 +243,14 @@ def test_normalized_temperature_needs_that_of_the_walls_in_every_frame(run: Run)
 
 @pytest.mark.parametrize("frames", [slice(3, 4), slice(3, 5), slice(3, 6)])
 def test_errors_of_few_frames(run: Run, frames: slice) -> None:
-    """One frame: none. Two and three: as of so many numbers, the grains being the same in all frames."""
+    """One frame: none. Two and three: as of so many numbers, the grains being the same in all
+    frames.
+    """
     table = profile(run, "spin", Selection(frames=frames), 1)
-    means = [profile(run, "spin", Selection(frames=slice(k, k + 1)), 1).value for k in range(FRAMES)[frames]]
+    means = [
+        profile(run, "spin", Selection(frames=slice(k, k + 1)), 1).value
+        for k in range(FRAMES)[frames]
+    ]
     expected = remembering_error([(mean, np.ones(1)) for mean in means])
     assert table.error[0] == pytest.approx(expected[0], nan_ok=True)
     if len(means) == 2:
@@ -225,7 +269,9 @@ def test_a_run_that_still_goes_on_gives_the_same_numbers(tmp_path: Path) -> None
 
 
 def test_what_does_not_change_has_no_error(run: Run) -> None:
-    """The same frame eleven times, as in a stage of frozen mechanics: rounding of sums is no scatter."""
+    """The same frame eleven times, as in a stage of frozen mechanics: rounding of sums is no
+    scatter.
+    """
     source = source_of(run.model, [run.frames[6]] * 11)
     for of in ("solid-fraction", "velocity", "stress-yy"):
         table = profile(source, of, ALL, 7)

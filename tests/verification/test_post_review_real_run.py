@@ -1,4 +1,6 @@
-"""What post-processing says of a small sheared layer that was really computed, against what its walls feel."""
+"""What post-processing says of a small sheared layer that was really computed, against what its
+walls feel.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,8 @@ OVERRIDES = (
     "output.frame_interval=5e-4",
     "output.series_interval=5e-5",
 )
-"""150 grains of two sizes, without gravity, under a load of 20 N/m; a row of the time series for every step."""
+"""150 grains of two sizes, without gravity, under a load of 20 N/m; a row of the time series for
+every step."""
 
 
 @pytest.fixture(scope="module")
@@ -49,9 +52,11 @@ def wall_forces(run: Run, frames: np.ndarray) -> np.ndarray:
 
 
 def test_stress_next_to_the_walls_is_their_force_per_length(run: Run) -> None:
-    """A thin bin at the line of glued grains is crossed by the contacts with the wall and by nothing else.
+    """A thin bin at the line of glued grains is crossed by the contacts with the wall and by
+    nothing else.
 
-    So it carries, frame by frame, exactly what the wall feels; what is left are positions half a step later than contacts.
+    So it carries, frame by frame, exactly what the wall feels; what is left are positions half a
+    step later than contacts.
     """
     chosen = Selection(frames=slice(-30, None))
     tables = {of: profile(run, of, chosen, 400) for of in ("stress-xy", "stress-yy")}
@@ -63,7 +68,9 @@ def test_stress_next_to_the_walls_is_their_force_per_length(run: Run) -> None:
 
 
 def test_stress_does_not_fade_towards_rough_walls(run: Run) -> None:
-    """Without gravity σ_yy is the load per length at all heights, in the bins at the walls too; those hold half as many grains."""
+    """Without gravity σ_yy is the load per length at all heights, in the bins at the walls too;
+    those hold half as many grains.
+    """
     chosen = Selection(start=0.4 * float(run.frames.time[-1]))
     kinetic = profile(run, "kinetic-stress-yy", chosen, 12).value
     stress = profile(run, "stress-yy", chosen, 12)
@@ -84,17 +91,23 @@ def test_area_and_virial_are_kept_while_the_lid_moves(run: Run) -> None:
     area = float((np.pi * run.model.grains.radius**2).sum())
     assert fraction.value.sum() * fraction.width * run.period == pytest.approx(area, rel=1e-9)
     coarse, fine = (profile(run, "stress-yy", everything, count) for count in (1, 50))
-    assert coarse.value[0] * coarse.bin_area == pytest.approx(fine.value.sum() * fine.bin_area, rel=1e-9)
+    assert coarse.value[0] * coarse.bin_area == pytest.approx(
+        fine.value.sum() * fine.bin_area, rel=1e-9
+    )
 
 
 def test_stress_of_frames_is_the_recorded_virial(run: Run) -> None:
-    """Grain–grain contacts: Σ f ℓ of the series in the same steps. Contacts with walls come on top of it."""
+    """Grain–grain contacts: Σ f ℓ of the series in the same steps. Contacts with walls come on top
+    of it.
+    """
     from multicor_cli.post.contacts import loaded_contacts
 
     steps = np.asarray(run.series["step"])
     for frame in run.frames[-10:]:
         contacts = loaded_contacts(frame, run.model)
-        found = np.array([[contacts.virial(a, b)[~contacts.is_wall].sum() for b in (0, 1)] for a in (0, 1)])
+        found = np.array(
+            [[contacts.virial(a, b)[~contacts.is_wall].sum() for b in (0, 1)] for a in (0, 1)]
+        )
         row = int(np.flatnonzero(steps == frame.step)[0])
         assert found == pytest.approx(run.series["virial_rate"][row], rel=1e-9, abs=1e-12)
 

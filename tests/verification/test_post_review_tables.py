@@ -1,4 +1,6 @@
-"""Rheology, forces, maps, θ–η and comparisons of random runs against plain loops; windows; data as it leaves the program."""
+"""Rheology, forces, maps, θ–η and comparisons of random runs against plain loops; windows; data as
+it leaves the program.
+"""
 
 from __future__ import annotations
 
@@ -87,7 +89,9 @@ def direct_interval(run: Run, first: Any, second: Any, edge: float, slip: Any) -
     between = 0.5 * (np.array(bulk_of(first, edge)) + bulk_of(second, edge))
     halfway = 0.5 * (first.position[:, 1] + y)
     near = (halfway > between[0]) & (halfway < between[1])
-    way_x = (second.position[:, 0] - first.position[:, 0] + PERIOD * (second.image - first.image))[near]
+    way_x = (second.position[:, 0] - first.position[:, 0] + PERIOD * (second.image - first.image))[
+        near
+    ]
     weight = ((halfway - between[0]) * (between[1] - halfway))[near]
     turn = (second.angle - first.angle)[near]
     rows = [k for k, t in enumerate(run.series["time"]) if first.time < t <= second.time]
@@ -136,7 +140,9 @@ def derived(rows: list[dict[str, Any]], run: Run) -> dict[str, float]:
         "coordination": s["contacts"] / s["grains"],
         "coordination_loaded": s["heavy"] / s["heavies"],
         "fabric_anisotropy": 2.0 * (values[1] - values[0]) / s["middle"],
-        "fabric_direction": np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])) % 180.0 if s["middle"] > 0 else np.nan,
+        "fabric_direction": np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])) % 180.0
+        if s["middle"] > 0
+        else np.nan,
         "spin_ratio": s["turn"] / s["strain"],
         "granular_temperature": s["kinetic"] / s["grains"],
     }
@@ -151,28 +157,47 @@ def test_rheology_agrees_with_plain_loops(run: Run, frames: slice) -> None:
     spacing = min(mean / round(mean / run.model.mean_diameter), run.model.mean_diameter)
     slips = fluctuations(run, chosen, spacing)
     found = [run.frames[k] for k in chosen]
-    rows = [direct_interval(run, a, b, edge, slip) for a, b, slip in zip(found[:-1], found[1:], slips[1:], strict=True)]
+    rows = [
+        direct_interval(run, a, b, edge, slip)
+        for a, b, slip in zip(found[:-1], found[1:], slips[1:], strict=True)
+    ]
     assert table.mean == pytest.approx(derived(rows, run), rel=1e-8, nan_ok=True)
     assert table.time.tolist() == [frame.time for frame in found[1:]]
     for k, row in enumerate(rows):
         if row["contacts"]:
-            assert {name: values[k] for name, values in table.values.items()} == pytest.approx(derived([row], run), rel=1e-8)
+            assert {name: values[k] for name, values in table.values.items()} == pytest.approx(
+                derived([row], run), rel=1e-8
+            )
     n, whole = len(rows), derived(rows, run)
     rest = [derived(rows[:k] + rows[k + 1 :], run) for k in range(n)] if n > 1 else []
-    for name in ("shear_rate", "inertial_number", "solid_fraction", "spin_ratio", "granular_temperature", "friction_walls"):
+    for name in (
+        "shear_rate",
+        "inertial_number",
+        "solid_fraction",
+        "spin_ratio",
+        "granular_temperature",
+        "friction_walls",
+    ):
         added = np.array([n * whole[name] - (n - 1) * without[name] for without in rest])
         expected = error_of_mean(added) if n > 1 else np.nan
         assert table.error[name] == pytest.approx(expected, rel=1e-8, nan_ok=True), name
 
 
 def test_where_nothing_presses_ratios_have_no_value(run: Run) -> None:
-    """Neither infinity nor a number for I and μ* where the walls are loose; what the grains do is still known."""
-    series = {name: np.array(run.series[name]) for name in ("time", "window_duration", "wall_force")}
+    """Neither infinity nor a number for I and μ* where the walls are loose; what the grains do is
+    still known.
+    """
+    series = {
+        name: np.array(run.series[name]) for name in ("time", "window_duration", "wall_force")
+    }
     series["wall_force"][:] = 0.0
     series["wall_force"][:, 0, 0] = 1.0
     loose = SimpleNamespace(model=run.model, frames=run.frames, series=series)
     mean = rheology(loose, ALL, margin=1.0).mean
-    assert all(np.isnan(mean[name]) for name in ("inertial_number", "inertial_number_density", "friction_walls"))
+    assert all(
+        np.isnan(mean[name])
+        for name in ("inertial_number", "inertial_number_density", "friction_walls")
+    )
     assert mean["pressure"] == 0.0
     assert np.isfinite(mean["shear_rate"])
 
@@ -206,7 +231,9 @@ def test_force_distribution_agrees_with_plain_loops(run: Run) -> None:
     assert table.tangential == pytest.approx(tangential / total / np.diff(table.edges))
     assert table.mean == pytest.approx(np.mean([row[1] for rows in frames for row in rows]))
     # the mean of f/<f> is 1: the first moment of the density, to the width of the bins
-    assert (table.normal * np.diff(table.edges) * table.center).sum() == pytest.approx(1.0, rel=0.05)
+    assert (table.normal * np.diff(table.edges) * table.center).sum() == pytest.approx(
+        1.0, rel=0.05
+    )
 
 
 def test_angular_distribution_agrees_with_plain_loops(run: Run) -> None:
@@ -219,14 +246,21 @@ def test_angular_distribution_agrees_with_plain_loops(run: Run) -> None:
         assert table.density[b] == pytest.approx(len(mine) / len(both) / (np.pi / 6.0))
         assert table.normal[b] == pytest.approx(mine[:, 1].mean() / rows[:, 1].mean())
         assert table.tangential[b] == pytest.approx(mine[:, 2].mean() / rows[:, 1].mean())
-    tensor = np.mean([np.outer(n, n) for n in np.column_stack([np.cos(rows[:, 0]), np.sin(rows[:, 0])])], axis=0)
+    tensor = np.mean(
+        [np.outer(n, n) for n in np.column_stack([np.cos(rows[:, 0]), np.sin(rows[:, 0])])], axis=0
+    )
     assert table.moments["a_c"] == pytest.approx(2.0 * np.ptp(np.linalg.eigvalsh(tensor)))
 
 
 def test_anisotropies_make_up_the_stress_ratio() -> None:
-    """(σ₁ − σ₂)/(σ₁ + σ₂) = (a_c + a_n + a_t)/2 for aligned anisotropies: the signs of forces and angles are one convention."""
+    """(σ₁ − σ₂)/(σ₁ + σ₂) = (a_c + a_n + a_t)/2 for aligned anisotropies: the signs of forces and
+    angles are one convention.
+    """
     theta = (np.arange(20_000) + 0.5) * np.pi / 10_000
-    keep = np.random.default_rng(3).random(theta.size) < (1.0 + 0.1 * np.cos(2.0 * (theta - 2.2))) / 1.1
+    keep = (
+        np.random.default_rng(3).random(theta.size)
+        < (1.0 + 0.1 * np.cos(2.0 * (theta - 2.2))) / 1.1
+    )
     theta = theta[keep]
     f, g = 1.0 + 0.06 * np.cos(2.0 * (theta - 2.2)), -0.04 * np.sin(2.0 * (theta - 2.2))
     normal = np.column_stack([np.cos(theta), np.sin(theta)])
@@ -241,7 +275,9 @@ def test_anisotropies_make_up_the_stress_ratio() -> None:
     )
     source = source_of(between_planes(), [SimpleNamespace(dt=1.0, contacts=contacts)])
     moments = angular_distribution(source, ALL).moments
-    force = f[:, np.newaxis] * normal + g[:, np.newaxis] * np.column_stack([-normal[:, 1], normal[:, 0]])
+    force = f[:, np.newaxis] * normal + g[:, np.newaxis] * np.column_stack(
+        [-normal[:, 1], normal[:, 0]]
+    )
     small, large = np.linalg.eigvalsh(0.5 * (force.T @ normal + normal.T @ force))
     expected = 0.5 * (moments["a_c"] + moments["a_n"] + moments["a_t"])
     assert (large - small) / (large + small) == pytest.approx(expected, rel=0.02)
@@ -277,7 +313,9 @@ def test_maps_agree_with_plain_loops(run: Run) -> None:
         load[i] += push
         if j < load.size:
             load[j] += push
-    assert grain_map(run, "stress", 8).value == pytest.approx(load / (2.0 * np.pi * run.model.grains.radius))
+    assert grain_map(run, "stress", 8).value == pytest.approx(
+        load / (2.0 * np.pi * run.model.grains.radius)
+    )
     heat = (frame.generated - before.generated) / (frame.time - before.time)
     assert grain_map(run, "heat", 8).value == pytest.approx(heat)
     mean = np.diff(bulk_of(frame, 0.0))[0]
@@ -311,7 +349,9 @@ def test_theta_eta_agrees_with_plain_loops(run: Run, wall: str, temperature: flo
 
 
 def test_a_wall_at_the_temperature_of_the_grains_gives_no_theta(run: Run) -> None:
-    """A mean of equal temperatures with weights is 1e-13 beside them: that is not a difference of temperatures."""
+    """A mean of equal temperatures with weights is 1e-13 beside them: that is not a difference of
+    temperatures.
+    """
     rng = np.random.default_rng(1)
     for _ in range(20):
         capacity = rng.uniform(1.0, 2.0, run.model.grain_count)
@@ -327,7 +367,9 @@ def test_a_wall_at_the_temperature_of_the_grains_gives_no_theta(run: Run) -> Non
 
 
 def test_ends_of_a_window_count_though_times_are_rounded(tmp_path: Path) -> None:
-    """A frame after 300 steps of 0.2 ms is at 0.06 s for people, and at 0.060000000000000005 s in the file; 0.3 likewise."""
+    """A frame after 300 steps of 0.2 ms is at 0.06 s for people, and at 0.060000000000000005 s in
+    the file; 0.3 likewise.
+    """
     write_heated_run(tmp_path / "run")
     with open_run(tmp_path / "run") as run:
         times = np.array([0.0, 300 * 0.0002, 0.1 + 0.2, 1648 * 0.00028, 1.1 - 0.2])
@@ -382,7 +424,8 @@ SIDES = [[0.0, 0.0, 1.0, 0.0], [PERIOD, 0.0, -1.0, 0.0]]
         ([0.0, 0.3, 3.0, 0.2], [0.0, 1.9, 3.0, 1.9], 0, 1),  # a little tilted: its middle counts
         ([0.0, 0.2, 3.0, 0.85], [0.0, 1.9, 3.0, 1.9], None, 1),  # grains lie below its middle
         ([1.0, 1.9, 1.0, 2.9], [0.0, 2.5, 3.0, 2.5], None, 1),  # a gate that was lifted is no lid
-        ([0.2, 1.0, 0.3, 1.0], [0.0, 0.1, 3.0, 0.1], 1, None),  # a plate amid the grains bounds nothing
+        # a plate amid the grains bounds nothing
+        ([0.2, 1.0, 0.3, 1.0], [0.0, 0.1, 3.0, 0.1], 1, None),
     ],
 )
 def test_only_walls_that_bound_the_grains_count(
@@ -404,7 +447,9 @@ def test_comparison_agrees_with_plain_loops(tmp_path: Path) -> None:
     runs = [write_random_run(tmp_path / f"run-{seed}", seed=seed) for seed in (1, 2)]
     found = compare(*[_with_scenario(run) for run in runs], of=["spin"], selection=ALL, bins=5)
     tables = [post.profile(run, "spin", ALL, 5) for run in runs]  # without the layers at the walls
-    ratio = (tables[1].value - tables[0].value) / np.sqrt(tables[0].error ** 2 + tables[1].error ** 2)
+    ratio = (tables[1].value - tables[0].value) / np.sqrt(
+        tables[0].error ** 2 + tables[1].error ** 2
+    )
     pair = found.profiles["spin"]
     assert pair.ratio == pytest.approx(ratio)
     assert pair.rms_ratio == pytest.approx(np.sqrt(np.mean(ratio**2)))
@@ -414,11 +459,15 @@ def test_comparison_agrees_with_plain_loops(tmp_path: Path) -> None:
     for name in ("shear_rate", "solid_fraction", "spin_ratio"):
         one, two = (flow.mean[name] for flow in flows)
         error = np.sqrt(sum(flow.error[name] ** 2 for flow in flows))
-        assert (numbers[name].difference, numbers[name].ratio) == pytest.approx((two - one, (two - one) / error))
+        assert (numbers[name].difference, numbers[name].ratio) == pytest.approx(
+            (two - one, (two - one) / error)
+        )
 
 
 def _with_scenario(run: Run) -> Any:
-    return SimpleNamespace(model=run.model, frames=run.frames, series=run.series, scenario_resolved="")
+    return SimpleNamespace(
+        model=run.model, frames=run.frames, series=run.series, scenario_resolved=""
+    )
 
 
 COMMANDS: list[list[str]] = [
@@ -438,7 +487,9 @@ COMMANDS: list[list[str]] = [
 
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
 def test_data_are_strict_json_and_csv_of_full_precision(run: Run, command: list[str]) -> None:
-    """No NaN or Infinity in JSON; every number of the CSV that is in the JSON is there to the last bit."""
+    """No NaN or Infinity in JSON; every number of the CSV that is in the JSON is there to the last
+    bit.
+    """
     words = ["post", command[0], str(run.path), *command[1:]]
     done = [CliRunner().invoke(app, [*words, extra]) for extra in ("--json", "--csv")]
     assert [result.exit_code for result in done] == [0, 0], done[0].stderr

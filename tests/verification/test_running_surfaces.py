@@ -4,7 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scene_parts import FLOOR, SPEED, TIGHT, G, advance, bed, begin, book, make_engine, make_model, running, surface_engine
+from scene_parts import (
+    FLOOR,
+    SPEED,
+    TIGHT,
+    G,
+    advance,
+    bed,
+    begin,
+    book,
+    make_engine,
+    make_model,
+    running,
+    surface_engine,
+)
 
 from multicor_cli.engine import Settings, solve_contacts
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, WallDrive
@@ -21,7 +34,9 @@ def started(engine, *speeds):
 @pytest.mark.parametrize("shape", ["disc", "sphere"])
 @pytest.mark.parametrize("dt", [1e-2, 3.7e-3, 1e-3])
 def test_a_grain_put_on_a_belt_slides_and_then_rolls(shape, dt):
-    """v = μ g t until the contact sticks at v = V/(1 + m a²/I), V/3 of a disc and 2V/7 of a sphere; half of the work is heat."""
+    """v = μ g t until the contact sticks at v = V/(1 + m a²/I), V/3 of a disc and 2V/7 of a sphere;
+    half of the work is heat.
+    """
     model = make_model([1.0], FLOOR, friction=0.3, shape=shape)
     engine = started(make_engine(model, [[0.0, 1.0]], settings=TIGHT, drives=[running()]), SPEED)
     early = int(0.5 * SPEED / (0.3 * G * (1.0 + model.shape_factor)) / dt)
@@ -40,7 +55,9 @@ def test_a_grain_put_on_a_belt_slides_and_then_rolls(shape, dt):
 
 
 def test_a_surface_that_begins_to_run_has_its_speed_at_the_end_of_the_first_step():
-    """V⁻ is that of the step before, as of all prescribed motion: the mean slip of a sliding grain in the first step is −½V."""
+    """V⁻ is that of the step before, as of all prescribed motion: the mean slip of a sliding grain
+    in the first step is −½V.
+    """
     model = make_model([1.0], FLOOR, friction=0.01)
     engine = make_engine(model, [[0.0, 1.0]], settings=TIGHT, drives=[running()])
     engine.step(1e-3, 0.0)
@@ -51,14 +68,17 @@ def test_a_surface_that_begins_to_run_has_its_speed_at_the_end_of_the_first_step
 
 
 def test_a_belt_carries_up_what_friction_holds_and_both_its_sides_run():
-    """On a segment inclined by 20°, solid on both sides: to the right above it, to the left below it (μ > tan 20°, no spin: three
-    discs glued by rolling resistance beyond all they can do)."""
+    """On a segment inclined by 20°, solid on both sides: to the right above it, to the left below
+    it (μ > tan 20°, no spin: three discs glued by rolling resistance beyond all they can do).
+    """
     slope = np.radians(20.0)
     segment = [(ShapeKind.SEGMENT, 0, (-50.0, 0.0, 50.0, 0.0))]
     for side in (1.0, -1.0):
         gravity = (-G * np.sin(slope), -side * G * np.cos(slope))
         model = make_model([0.1], segment, friction=0.6, gravity=gravity, rolling=50.0)
-        state = advance(make_engine(model, [[0.0, side * 0.1]], settings=TIGHT, drives=[running()]), 1e-3, 1500)
+        state = advance(
+            make_engine(model, [[0.0, side * 0.1]], settings=TIGHT, drives=[running()]), 1e-3, 1500
+        )
         assert state.velocity[0, 0] == pytest.approx(side * SPEED, abs=1e-9)
         assert book(state, "closure") < 1e-12
 
@@ -96,16 +116,22 @@ def in_a_circle(rolling=0.0):
     k = np.arange(30)
     positions = np.column_stack([(k % 6) * 0.5 - 1.25, (k // 6) * 0.5 - 1.75])
     circle = [(ShapeKind.CIRCLE, 0, (0.0, 0.0, 2.5, 0.0))]
-    return make_model(radius, circle, friction=0.4, restitution=0.2, rolling=rolling, mass=40.0, inertia=250.0), positions
+    return make_model(
+        radius, circle, friction=0.4, restitution=0.2, rolling=rolling, mass=40.0, inertia=250.0
+    ), positions
 
 
 @pytest.mark.parametrize("rolling", [0.0, 0.05])
 def test_a_circle_whose_surface_runs_is_a_drum_that_turns(rolling):
-    """V = Ω R of a smooth drum: to the right at its bottom, so counter-clockwise; with rolling resistance too, since its material
-    turns as it runs round."""
+    """V = Ω R of a smooth drum: to the right at its bottom, so counter-clockwise; with rolling
+    resistance too, since its material turns as it runs round.
+    """
     model, positions = in_a_circle(rolling)
     drives = WallDrive(spin=DofDrive(velocity=Constant(0.6))), running(0.6 * 2.5)
-    turned, ran = (advance(make_engine(model, positions, settings=TIGHT, drives=[drive]), 2e-3, 200) for drive in drives)
+    turned, ran = (
+        advance(make_engine(model, positions, settings=TIGHT, drives=[drive]), 2e-3, 200)
+        for drive in drives
+    )
     assert np.allclose(ran.position, turned.position, atol=1e-8)
     assert book(ran, "friction_loss") > 0.0
     for name in ("wall_work", "friction_loss", "impact_loss"):
@@ -117,16 +143,21 @@ def test_a_circle_whose_surface_runs_is_a_drum_that_turns(rolling):
 
 @pytest.mark.parametrize("rolling", [0.0, 0.05])
 def test_a_roll_that_is_pressed_down_is_one_that_turns_and_feels_the_reaction(rolling):
-    """A disc driven by a force in y and held in x: diagonal contacts of the floor, general ones of the roll. Its surface runs
-    clockwise, as Ω = −V/R."""
+    """A disc driven by a force in y and held in x: diagonal contacts of the floor, general ones of
+    the roll. Its surface runs clockwise, as Ω = −V/R.
+    """
     shapes = [*FLOOR, (ShapeKind.DISC, 1, (0.0, 0.0, 0.8, 0.0))]
     model, positions = bed(friction=0.4)
     model = make_model(
-        model.grains.radius, shapes, ("floor", "roll"), friction=0.4, period=model.period, mass=3.0, inertia=1.0,
+        model.grains.radius, shapes, ("floor", "roll"), friction=0.4, period=model.period, mass=3.0,
+        inertia=1.0,
         wall_gravity=True, rolling=rolling,
     )  # fmt: skip
     press, ends = DofDrive(force=Constant(-20.0), damping=1.0), []
-    for drive in (WallDrive(y=press, spin=DofDrive(velocity=Constant(-SPEED / 0.8))), running(SPEED, y=press)):
+    for drive in (
+        WallDrive(y=press, spin=DofDrive(velocity=Constant(-SPEED / 0.8))),
+        running(SPEED, y=press),
+    ):
         engine = make_engine(model, positions, settings=TIGHT, drives=[WallDrive(), drive])
         engine.state.wall_position[1] = 4.0, 3.9, 0.0
         ends.append(advance(engine, 2e-3, 300))
@@ -142,10 +173,14 @@ def test_a_roll_that_is_pressed_down_is_one_that_turns_and_feels_the_reaction(ro
 
 
 def test_a_free_plate_under_a_running_surface_recoils():
-    """Without gravity, pressed between two grains of equal kind: momentum of plate and grain is that of the press alone, 0 in x."""
+    """Without gravity, pressed between two grains of equal kind: momentum of plate and grain is
+    that of the press alone, 0 in x.
+    """
     model = make_model([0.1], FLOOR, friction=0.3, mass=0.2, inertia=1.0)
     drive = running(SPEED, x=DofDrive(force=Constant(0.0)))
-    state = advance(started(make_engine(model, [[0.0, 0.1]], settings=TIGHT, drives=[drive]), SPEED), 1e-3, 400)
+    state = advance(
+        started(make_engine(model, [[0.0, 0.1]], settings=TIGHT, drives=[drive]), SPEED), 1e-3, 400
+    )
     mass = model.grains.mass[0]
     assert mass * state.velocity[0, 0] == pytest.approx(-0.2 * state.wall_velocity[0, 0], rel=1e-10)
     # Sticking: v + a ω = V_x + V, with a ω = β v.
@@ -162,7 +197,10 @@ def test_it_adds_to_the_motion_of_the_wall():
     assert state.velocity[0, 0] == pytest.approx(SPEED - 0.4, abs=1e-9)
 
 
-@pytest.mark.parametrize("settings", [Settings(max_sweeps=15), Settings(method="gauss-seidel"), Settings(local="bipotential")])
+@pytest.mark.parametrize(
+    "settings",
+    [Settings(max_sweeps=15), Settings(method="gauss-seidel"), Settings(local="bipotential")],
+)
 def test_books_close_whatever_the_solver_does(settings):
     state = advance(surface_engine(settings, restitution=0.3, rolling=0.2), 2e-3, 200)
     assert book(state, "closure") < 1e-12
@@ -170,7 +208,9 @@ def test_books_close_whatever_the_solver_does(settings):
 
 
 def test_the_problem_of_a_step_knows_it(tmp_path):
-    """`solve_contacts` finds the impulses of the engine, from the problem as it is and as it is read from its file."""
+    """`solve_contacts` finds the impulses of the engine, from the problem as it is and as it is
+    read from its file.
+    """
     engine = surface_engine(TIGHT)
     advance(engine, 2e-3, 240)
     problem, start = engine.next_start(2e-3, 0.48)
@@ -180,7 +220,9 @@ def test_the_problem_of_a_step_knows_it(tmp_path):
     engine.step(2e-3, 0.48)
     table: ContactTable = engine.contacts()
     assert solution.impulse == pytest.approx(table.impulse, abs=1e-9 * np.abs(table.impulse).max())
-    assert solution.velocity[: len(engine.state.velocity), 0] == pytest.approx(engine.state.velocity[:, 0], abs=1e-8)
+    assert solution.velocity[: len(engine.state.velocity), 0] == pytest.approx(
+        engine.state.velocity[:, 0], abs=1e-8
+    )
 
 
 def test_the_light_form_of_a_problem_knows_it():
@@ -189,7 +231,12 @@ def test_the_light_form_of_a_problem_knows_it():
     engine = make_engine(model, [[0.0, 0.5]], settings=TIGHT, drives=[running()])
     problem, _ = engine.next_start(1e-2, 0.0)
     light = solve_contacts(problem, TIGHT)
-    heavy = solve_contacts(replace(problem, inverse_mass=np.where(problem.inverse_mass > 0.0, problem.inverse_mass, 1e-30)), TIGHT)
+    heavy = solve_contacts(
+        replace(
+            problem, inverse_mass=np.where(problem.inverse_mass > 0.0, problem.inverse_mass, 1e-30)
+        ),
+        TIGHT,
+    )
     assert light.impulse[0, 1] == pytest.approx(-0.3 * light.impulse[0, 0], rel=1e-12)
     assert heavy.impulse == pytest.approx(light.impulse, rel=1e-9)
 

@@ -1,4 +1,6 @@
-"""The contact solver on its own: agreement of methods, budgets of sweeps, files, and an independent solver."""
+"""The contact solver on its own: agreement of methods, budgets of sweeps, files, and an independent
+solver.
+"""
 
 import os
 import shutil
@@ -13,19 +15,30 @@ from scene_parts import shear_engine
 from multicor_cli.engine import ContactProblem, Settings, solve_contacts
 from multicor_cli.engine.contact.acceleration import PATIENCE
 
-TIGHT = {"tolerance_rms": 1e-11, "tolerance_max": 1e-9, "tolerance_energy": 1e-9, "max_sweeps": 100_000}
-METHODS = [(m, local) for m in ("gauss-seidel", "accelerated") for local in ("exact", "bipotential")]
+TIGHT = {
+    "tolerance_rms": 1e-11,
+    "tolerance_max": 1e-9,
+    "tolerance_energy": 1e-9,
+    "max_sweeps": 100_000,
+}
+METHODS = [
+    (m, local) for m in ("gauss-seidel", "accelerated") for local in ("exact", "bipotential")
+]
 
 
 def test_column_from_a_cold_start_meets_the_budget():
-    """116 layers: ≤ 500 sweep-equivalents to rms 10⁻⁴ g Δt, ≤ 700 to a force error of 10⁻⁴ (benchmarks/README.md)."""
+    """116 layers: ≤ 500 sweep-equivalents to rms 10⁻⁴ g Δt, ≤ 700 to a force error of 10⁻⁴
+    (benchmarks/README.md).
+    """
     problem = column_problem(116)
     loose = {"tolerance_max": 1.0, "tolerance_energy": 1e9, "tolerance_rms": 1e-4}
     solution = solve_contacts(problem, Settings(**loose), reference_velocity=9.81e-3)
     assert solution.converged
     assert solution.sweeps <= 500
     exact = 9.81e-3 * np.arange(116, 0, -1)
-    tight = solve_contacts(problem, Settings(**{**loose, "tolerance_rms": 1e-6}), reference_velocity=9.81e-3)
+    tight = solve_contacts(
+        problem, Settings(**{**loose, "tolerance_rms": 1e-6}), reference_velocity=9.81e-3
+    )
     assert np.abs(tight.impulse[:, 0] - exact).max() / exact[0] < 1e-4
     assert tight.sweeps <= 700
 
@@ -33,8 +46,15 @@ def test_column_from_a_cold_start_meets_the_budget():
 def test_plain_sweeps_need_what_theory_says():
     """4 ln(10⁴)/π² n² sweeps for a column (theory §5.1), which the accelerated method must beat."""
     problem = column_problem(20)
-    settings = {"tolerance_max": 1.0, "tolerance_energy": 1e9, "tolerance_rms": 1e-7, "max_sweeps": 100_000}
-    plain = solve_contacts(problem, Settings(method="gauss-seidel", **settings), reference_velocity=9.81e-3)
+    settings = {
+        "tolerance_max": 1.0,
+        "tolerance_energy": 1e9,
+        "tolerance_rms": 1e-7,
+        "max_sweeps": 100_000,
+    }
+    plain = solve_contacts(
+        problem, Settings(method="gauss-seidel", **settings), reference_velocity=9.81e-3
+    )
     fast = solve_contacts(problem, Settings(**settings), reference_velocity=9.81e-3)
     assert plain.converged
     assert plain.sweeps > 1000
@@ -43,7 +63,8 @@ def test_plain_sweeps_need_what_theory_says():
 
 @pytest.mark.parametrize(("restitution", "friction"), [(0.0, 0.5), (0.0, 0.0), (0.4, 0.3)])
 def test_all_methods_agree(restitution, friction):
-    """Plain and accelerated, exact and bipotential, disc and general form: one velocity field, to the tolerance.
+    """Plain and accelerated, exact and bipotential, disc and general form: one velocity field, to
+    the tolerance.
 
     These problems have one; with friction not every problem does (`benchmarks/uniqueness`).
     """
@@ -53,9 +74,16 @@ def test_all_methods_agree(restitution, friction):
     scale = np.abs(reference.velocity[:, :2]).max()
     for method, local in METHODS:
         for variant in (problem, tilted(problem)):
-            solution = solve_contacts(variant, Settings(method=method, local=local, **TIGHT), start=0.9 * reference.impulse)
+            solution = solve_contacts(
+                variant,
+                Settings(method=method, local=local, **TIGHT),
+                start=0.9 * reference.impulse,
+            )
             assert solution.converged, (method, local)
-            assert np.abs(solution.velocity - reference.velocity)[:, :2].max() < 1e-7 * scale, (method, local)
+            assert np.abs(solution.velocity - reference.velocity)[:, :2].max() < 1e-7 * scale, (
+                method,
+                local,
+            )
 
 
 def test_solution_satisfies_the_law_and_the_dynamics():
@@ -71,10 +99,18 @@ def test_solution_satisfies_the_law_and_the_dynamics():
     assert (np.abs(p_t) <= problem.friction * p_n * (1.0 + 1e-12)).all()
     sliding = np.abs(u[:, 1]) > 1e-6 * scale
     assert sliding.any()
-    assert p_t[sliding] == pytest.approx(-(problem.friction * p_n * np.sign(u[:, 1]))[sliding], abs=1e-9 * p_n.max())
+    assert p_t[sliding] == pytest.approx(
+        -(problem.friction * p_n * np.sign(u[:, 1]))[sliding], abs=1e-9 * p_n.max()
+    )
     # Momentum: M (v − v_free) = Hᵀ p, seen through the velocities of the contacts.
     recomputed = ContactProblem(
-        problem.inverse_mass, solution.velocity, problem.pair, problem.normal, problem.lever, problem.bias, problem.friction
+        problem.inverse_mass,
+        solution.velocity,
+        problem.pair,
+        problem.normal,
+        problem.lever,
+        problem.bias,
+        problem.friction,
     )
     assert dense_delassus(recomputed)[1] == pytest.approx(u.ravel(), abs=1e-9 * scale)
 
@@ -108,7 +144,13 @@ def _siconos_python():
     """The interpreter that can import Siconos, or None."""
     for name in (os.environ.get("SICONOS_PYTHON"), "/usr/bin/python3", "python3"):
         python = shutil.which(name or "")
-        if python and subprocess.run([python, "-c", "import siconos.numerics"], capture_output=True, check=False).returncode == 0:
+        if (
+            python
+            and subprocess.run(
+                [python, "-c", "import siconos.numerics"], capture_output=True, check=False
+            ).returncode
+            == 0
+        ):
             return python
     return None
 
@@ -116,7 +158,9 @@ def _siconos_python():
 @pytest.mark.siconos
 @pytest.mark.parametrize(("seed", "friction"), [(0, 0.5), (1, 0.3), (2, 0.05)])
 def test_siconos_finds_the_same_solution(tmp_path, seed, friction):
-    """The same velocities by fc2d_nsgs in these problems (with friction neither forces nor velocities need be unique)."""
+    """The same velocities by fc2d_nsgs in these problems (with friction neither forces nor
+    velocities need be unique).
+    """
     python = _siconos_python()
     if python is None:
         pytest.skip("Siconos is not installed (set SICONOS_PYTHON to an interpreter that has it)")
@@ -124,7 +168,9 @@ def test_siconos_finds_the_same_solution(tmp_path, seed, friction):
     w, q = dense_delassus(problem)
     np.savez(tmp_path / "in.npz", W=w, q=q, mu=problem.friction, tolerance=1e-12)
     worker = SUPPORT / "siconos_worker.py"
-    subprocess.run([python, worker, tmp_path / "in.npz", tmp_path / "out.npz"], check=True, timeout=300)
+    subprocess.run(
+        [python, worker, tmp_path / "in.npz", tmp_path / "out.npz"], check=True, timeout=300
+    )
     with np.load(tmp_path / "out.npz") as out:
         theirs, status = out["reaction"], int(out["status"])
     assert status == 0
@@ -135,7 +181,9 @@ def test_siconos_finds_the_same_solution(tmp_path, seed, friction):
 
 def test_the_bipotential_solves_flows_before_there_are_patches():
     """With the momentum of exact local solves it cycled for ever."""
-    engine = shear_engine(columns=24, rows=20, settings=Settings(local="bipotential", max_sweeps=int(PATIENCE)))
+    engine = shear_engine(
+        columns=24, rows=20, settings=Settings(local="bipotential", max_sweeps=int(PATIENCE))
+    )
     reports = [engine.step(0.02, 0.02 * k) for k in range(60)]
     assert reports[-1].contacts > 10
     assert all(report.converged for report in reports)

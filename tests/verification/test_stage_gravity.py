@@ -1,4 +1,6 @@
-"""Gravity that a stage changes: free flight, a plane that tilts, energy books, resumed runs, and what later stages keep."""
+"""Gravity that a stage changes: free flight, a plane that tilts, energy books, resumed runs, and
+what later stages keep.
+"""
 
 import dataclasses
 import itertools
@@ -19,11 +21,18 @@ from multicor_cli.store import run_info
 
 TILTED = changed(
     SMALL,
-    ('name = "shear"\n', 'name = "shear"\ngravity = { angle = { ramp = [0.0, 30.0], duration = 0.04 } }\n'),
-    ('name = "settle"\n', 'name = "settle"\ngravity = [{ sine = { amplitude = 2.0, period = 0.01 } }, -9.81]\n'),
+    (
+        'name = "shear"\n',
+        'name = "shear"\ngravity = { angle = { ramp = [0.0, 30.0], duration = 0.04 } }\n',
+    ),
+    (
+        'name = "settle"\n',
+        'name = "settle"\ngravity = [{ sine = { amplitude = 2.0, period = 0.01 } }, -9.81]\n',
+    ),
     ('[[loading]]\nname = "settle"', 'mass = 1e-3\ngravity = true\n\n[[loading]]\nname = "settle"'),
 )
-"""Shaken while it settles under a heavy lid, tilted while it is sheared; the last stage keeps the tilt."""
+"""Shaken while it settles under a heavy lid, tilted while it is sheared; the last stage keeps the
+tilt."""
 
 
 def flight(dt, duration):
@@ -45,7 +54,8 @@ def test_free_flight_is_of_second_order():
 
 @pytest.mark.parametrize("dt", [1e-2, 3e-3])
 def test_a_block_slips_when_the_tangent_of_the_tilt_is_the_friction(dt):
-    """Gravity acts at mid-step: the first step that moves the block is the first with tan θ(t + Δt/2) > μ, at rate θ̇.
+    """Gravity acts at mid-step: the first step that moves the block is the first with tan θ(t +
+    Δt/2) > μ, at rate θ̇.
 
     Then v̇ = g (sin θ − μ cos θ). A grain with m a²/I → 0 cannot be turned: a block.
     """
@@ -63,7 +73,8 @@ def test_a_block_slips_when_the_tangent_of_the_tilt_is_the_friction(dt):
     end = rate * len(speeds) * dt
     start = math.atan(mu)
     exact = G / rate * (math.cos(start) - math.cos(end) - mu * (math.sin(end) - math.sin(start)))
-    assert speeds[-1] == pytest.approx(exact, abs=G * rate * dt * dt)  # midpoint rule, and where in its step the slip begins
+    # Midpoint rule, and where in its step the slip begins
+    assert speeds[-1] == pytest.approx(exact, abs=G * rate * dt * dt)
 
 
 def test_tilt_and_components_are_the_same_vector():
@@ -79,10 +90,14 @@ def test_a_stage_without_gravity_keeps_what_there_was_at_the_end():
     settle, shear, on = stage_gravity(scenario)
     starts = [0.0, 0.02, 0.05]
     assert settle.started(starts).value(0.0025) == pytest.approx([2.0, -9.81])
-    assert shear.started(starts).value(0.02) == pytest.approx([G * math.sin(math.radians(15.0)), -G * math.cos(math.radians(15.0))])
+    assert shear.started(starts).value(0.02) == pytest.approx(
+        [G * math.sin(math.radians(15.0)), -G * math.cos(math.radians(15.0))]
+    )
     kept = math.radians(22.5)  # the shear stage lasted three quarters of its ramp
     for t in (0.0, 0.01):
-        assert on.started(starts).value(t) == pytest.approx([G * math.sin(kept), -G * math.cos(kept)], rel=1e-12)
+        assert on.started(starts).value(t) == pytest.approx(
+            [G * math.sin(kept), -G * math.cos(kept)], rel=1e-12
+        )
     first, *_ = stage_gravity(parse_scenario(SMALL, "small.toml"))
     assert first.started([0.0]).value(1.0).tolist() == [0.0, -9.81]
 
@@ -95,7 +110,9 @@ def whole(tmp_path_factory):
 
 
 def test_books_close_with_gravity_that_varies(whole):
-    """A bed between rough walls, with a heavy lid whose weight turns too, and with projections of positions."""
+    """A bed between rough walls, with a heavy lid whose weight turns too, and with projections of
+    positions.
+    """
     info = run_info(whole)
     assert info["energy_closure"] < 1e-13
     assert info["books"]["gravity_work"] != 0.0

@@ -1,7 +1,8 @@
-"""Every command, and the frozen digests, with the lowest and the newest libraries that pyproject.toml admits.
+"""Every command, and the frozen digests, with the lowest and the newest libraries that
+pyproject.toml admits.
 
-Environments are made with uv, of a source distribution. ``MULTICOR_PYTHONS`` names interpreters, separated by colons; without it
-there is the one that runs the tests.
+Environments are made with uv, of a source distribution. ``MULTICOR_PYTHONS`` names interpreters,
+separated by colons; without it there is the one that runs the tests.
 """
 
 from __future__ import annotations
@@ -22,7 +23,9 @@ PYTHONS = os.environ.get("MULTICOR_PYTHONS", sys.executable).split(":")
 
 def call(*words: str | Path, cwd: Path, **variables: str) -> str:
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    done = subprocess.run(words, cwd=cwd, env={**kept, **variables}, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        words, cwd=cwd, env={**kept, **variables}, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, f"{words}\n{done.stdout}{done.stderr}"
     return done.stdout
 
@@ -40,12 +43,26 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("resolution", ["lowest-direct", "highest"])
 @pytest.mark.parametrize("python", PYTHONS)
-def test_every_command_and_every_digest(python: str, resolution: str, source: Path, tmp_path: Path) -> None:
+def test_every_command_and_every_digest(
+    python: str, resolution: str, source: Path, tmp_path: Path
+) -> None:
     call("uv", "venv", "--python", python, tmp_path / "venv", cwd=tmp_path)
     there = tmp_path / "venv" / "bin" / "python"
-    wheels = ("--only-binary", ":all:", "--no-binary", "multicor-cli")  # the lowest for which there are wheels
+    # The lowest for which there are wheels
+    wheels = ("--only-binary", ":all:", "--no-binary", "multicor-cli")
     what = f"{source}[plots,gsd,study]"
-    call("uv", "pip", "install", "--python", there, "--resolution", resolution, *wheels, what, cwd=tmp_path)
+    call(
+        "uv",
+        "pip",
+        "install",
+        "--python",
+        there,
+        "--resolution",
+        resolution,
+        *wheels,
+        what,
+        cwd=tmp_path,
+    )
     print(call("uv", "pip", "list", "--python", there, cwd=tmp_path))
     cache = {"NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
     print(call(there, source / "tests" / "support" / "every_command.py", cwd=tmp_path, **cache))

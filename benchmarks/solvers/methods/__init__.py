@@ -32,7 +32,8 @@ class Method:
         about: What it is.
         run: Does it.
         parameters: Its numbers.
-        times_itself: Whether it leaves its time in the log, because its iterations are not of one kind.
+        times_itself: Whether it leaves its time in the log, because its iterations are not of one
+            kind.
     """
 
     name: str
@@ -46,8 +47,18 @@ class Method:
         return self.run(system, iterations, np.array(self.parameters, np.float64), log)
 
 
-def _momentum(name: str, about: str, *, growth: float = 1.5, goes_back: bool = False, period: int = 0, inner: int = 1) -> Method:
-    return Method(name, about, run_momentum, (growth, float(goes_back), float(period), float(inner)))
+def _momentum(
+    name: str,
+    about: str,
+    *,
+    growth: float = 1.5,
+    goes_back: bool = False,
+    period: int = 0,
+    inner: int = 1,
+) -> Method:
+    return Method(
+        name, about, run_momentum, (growth, float(goes_back), float(period), float(inner))
+    )
 
 
 _LIST = [
@@ -57,14 +68,24 @@ _LIST = [
     Method("engine", "accelerated Gauss–Seidel of the program", run_engine),
     _momentum("restart-2", "its momentum alone, restart at growth 2", growth=2.0),
     _momentum("restart-1.5", "its momentum alone, restart at growth 1.5 as there"),
-    _momentum("skip", "as restart-1.5, contacts far from closing looked at in every tenth sweep only", period=10),
+    _momentum(
+        "skip",
+        "as restart-1.5, contacts far from closing looked at in every tenth sweep only",
+        period=10,
+    ),
     _momentum("tiles-2", "as restart-1.5, each tile twice in a row", inner=2),
     _momentum("tiles-3", "as restart-1.5, each tile three times in a row", inner=3),
     _momentum("sym", "as restart-1.5, forward and backward in each iteration", goes_back=True),
     Method("cpg", "conjugate projected gradient of Renouf & Alart", run_conjugate),
     Method("apgd", "accelerated projected gradient", run_gradient),
     Method("anderson-5", "Anderson acceleration, 5 earlier sweeps", run_anderson, (5.0,)),
-    Method("levels", "engine, and a uniform stress for each 12 grains every 20 sweeps", run_multilevel, (12.0, 20.0), True),
+    Method(
+        "levels",
+        "engine, and a uniform stress for each 12 grains every 20 sweeps",
+        run_multilevel,
+        (12.0, 20.0),
+        True,
+    ),
     Method("newton", "engine, then semi-smooth Newton steps with sparse LU", run_newton, (), True),
 ]
 

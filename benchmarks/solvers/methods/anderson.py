@@ -1,4 +1,6 @@
-"""Anderson acceleration of sweeps: the combination of the last few sweeps whose change is smallest in the metric of the masses."""
+"""Anderson acceleration of sweeps: the combination of the last few sweeps whose change is smallest
+in the metric of the masses.
+"""
 
 from __future__ import annotations
 
@@ -34,9 +36,15 @@ def _coefficients(changes: Floats, count: int) -> Floats:
 
 @kernel
 def run_anderson(s: System, iterations: int, parameters: Floats, log: Log) -> int:
-    """The iteration; parameter: how many earlier sweeps are combined. It starts anew when the change has doubled."""
+    """The iteration; parameter: how many earlier sweeps are combined. It starts anew when the
+    change has doubled.
+    """
     depth, bodies = int(parameters[0]) + 1, s.inverse.shape[0]
-    impulse, partial, root = all_impulses(s), np.empty(s.tile_start.size - 1), np.sqrt(start_momentum(s).weight)
+    impulse, partial, root = (
+        all_impulses(s),
+        np.empty(s.tile_start.size - 1),
+        np.sqrt(start_momentum(s).weight),
+    )
     changes, images = np.empty((depth, 4 * bodies)), np.empty((depth, impulse.shape[0], 2))
     last, count, lowest = copy_impulses(s), 0, np.inf
     for number in range(iterations):

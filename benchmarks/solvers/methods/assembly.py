@@ -23,7 +23,8 @@ class Assembly(NamedTuple):
         inverse: Diagonal of M⁻¹, shape ``(3 b,)``.
         bias: b, shape ``(c,)`` [m/s].
         friction: μ, shape ``(c,)``.
-        slide: s, by which surfaces of walls run ahead of them, shape ``(c,)`` [m/s]; 0 where a body of the system runs with it.
+        slide: s, by which surfaces of walls run ahead of them, shape ``(c,)`` [m/s]; 0 where a body
+            of the system runs with it.
     """
 
     normal: Any
@@ -41,7 +42,9 @@ class Assembly(NamedTuple):
     def relative(self, velocity: Floats) -> tuple[Floats, Floats]:
         """u_n + b and u_t that go with velocities of shape ``(b, 3)``."""
         flat = velocity.ravel()
-        return np.asarray(self.normal @ flat + self.bias), np.asarray(self.tangent @ flat - self.slide)
+        return np.asarray(self.normal @ flat + self.bias), np.asarray(
+            self.tangent @ flat - self.slide
+        )
 
 
 def assemble(s: System) -> Assembly:
@@ -50,24 +53,36 @@ def assemble(s: System) -> Assembly:
     diagonals, count = len(diagonal.pair), s.contacts
     pair = np.concatenate([diagonal.pair, s.general_pair]).astype(np.int64)
     nx, ny, bias, friction = (
-        np.concatenate([diagonal.frame[:, column], s.general_frame[:, column]]) for column in (NX, NY, BIAS, MU)
+        np.concatenate([diagonal.frame[:, column], s.general_frame[:, column]])
+        for column in (NX, NY, BIAS, MU)
     )
     lever = np.zeros((count, 2, 2))
     lever[:diagonals, FIRST, TANGENTIAL], lever[:diagonals, SECOND, TANGENTIAL] = -1.0, 1.0
     lever[diagonals:] = s.general_lever
     matrices = []
     for direction, along_x, along_y in ((NORMAL, nx, ny), (TANGENTIAL, -ny, nx)):
-        values = [along_x, along_y, lever[:, FIRST, direction], -along_x, -along_y, -lever[:, SECOND, direction]]
+        values = [
+            along_x,
+            along_y,
+            lever[:, FIRST, direction],
+            -along_x,
+            -along_y,
+            -lever[:, SECOND, direction],
+        ]
         places = [3 * pair[:, side] + d for side in (0, 1) for d in range(3)]
         rows = np.tile(np.arange(count), 6)
         shape = (count, 3 * bodies)
-        matrices.append(sparse.csr_matrix((np.concatenate(values), (rows, np.concatenate(places))), shape=shape))
+        matrices.append(
+            sparse.csr_matrix((np.concatenate(values), (rows, np.concatenate(places))), shape=shape)
+        )
     slide = np.concatenate([np.zeros(diagonals), s.general_frame[:, SLIDE]])
     return Assembly(matrices[0], matrices[1], _inverse_masses(s).ravel(), bias, friction, slide)
 
 
 def _inverse_masses(s: System) -> Floats:
-    """Per degree of freedom, shape ``(b, 3)``: from the diagonal form for grains, from the general one for walls."""
+    """Per degree of freedom, shape ``(b, 3)``: from the diagonal form for grains, from the general
+    one for walls.
+    """
     inverse = s.velocity[:, 3:4] * np.array([1.0, 1.0, s.spin_factor])
     bodies = s.inverse.shape[0]
     is_wall: NDArray[np.bool_] = (s.velocity[:bodies, 3] == 0.0) & s.inverse.any(axis=1)

@@ -1,8 +1,10 @@
-"""The conjugate projected gradient method after Renouf & Alart (Comput. Methods Appl. Mech. Engrg. 194, 2005), preconditioned.
+"""The conjugate projected gradient method after Renouf & Alart (Comput. Methods Appl. Mech. Engrg.
+194, 2005), preconditioned.
 
-Unknowns are the impulses. Each iteration takes an exact step of the quadratic energy along a direction conjugate to the last one in
-the constraints that are active, then cuts the impulses to the cone, whose opening is that of the normal impulses of the moment.
-Theirs takes a contact to slide if its impulse lies on the cone; here it does if the step of steepest descent leaves the cone.
+Unknowns are the impulses. Each iteration takes an exact step of the quadratic energy along a
+direction conjugate to the last one in the constraints that are active, then cuts the impulses to
+the cone, whose opening is that of the normal impulses of the moment. Theirs takes a contact to
+slide if its impulse lies on the cone; here it does if the step of steepest descent leaves the cone.
 """
 
 from __future__ import annotations
@@ -32,10 +34,14 @@ def _cut(impulse: Floats, scales: Floats) -> None:
 
 
 @kernel
-def _choose_directions(impulse: Floats, scales: Floats, gradient: Floats, steepest: Floats, direction: Floats) -> None:
-    """The preconditioned step of steepest descent, cut to the cone; the last direction is freed of what the cone does not allow.
+def _choose_directions(
+    impulse: Floats, scales: Floats, gradient: Floats, steepest: Floats, direction: Floats
+) -> None:
+    """The preconditioned step of steepest descent, cut to the cone; the last direction is freed of
+    what the cone does not allow.
 
-    What slides goes to its cone and no farther: its tangential gradient stays large and would spoil the length of the step.
+    What slides goes to its cone and no farther: its tangential gradient stays large and would spoil
+    the length of the step.
     """
     for c in range(gradient.shape[0]):
         p_n, p_t, mu = impulse[c, 0], impulse[c, 1], scales[c, 2]

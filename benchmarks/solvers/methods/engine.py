@@ -13,16 +13,20 @@ from multicor_cli.model.model import Floats
 
 
 class Loop:
-    """The loop of the program on a system, a few sweeps at a time. It never stops by itself, and its clock runs while it sweeps.
+    """The loop of the program on a system, a few sweeps at a time. It never stops by itself, and
+    its clock runs while it sweeps.
 
     Attributes:
-        system: What is solved. After `sweep` its velocities are ahead of the last iterate by the extrapolation.
+        system: What is solved. After `sweep` its velocities are ahead of the last iterate by the
+            extrapolation.
         work: Sweep-equivalents so far.
         seconds: Time so far [s].
     """
 
     def __init__(self, system: System, rms: float) -> None:
-        """Begin with the present impulses; ``rms`` is the tolerance near which the loop calms down [m/s]."""
+        """Begin with the present impulses; ``rms`` is the tolerance near which the loop calms down
+        [m/s].
+        """
         self.system = system
         self.work = 0.0
         self.seconds = 0.0
@@ -39,7 +43,18 @@ class Loop:
         """Do some sweeps."""
         started = time.perf_counter()
         limit = int(self._memory["sweeps"][0]) + count
-        iterate(self.system, self._momentum, EXACT, True, False, limit, False, self._tolerance, self._memory, self._partial)
+        iterate(
+            self.system,
+            self._momentum,
+            EXACT,
+            True,
+            False,
+            limit,
+            False,
+            self._tolerance,
+            self._memory,
+            self._partial,
+        )
         self.seconds += time.perf_counter() - started
         self.work += count
 
@@ -51,7 +66,9 @@ class Loop:
         s.velocity[:bodies] = m.velocity
 
     def advance(self) -> None:
-        """Extrapolate again, from wherever the system is now: a move since `retreat` does not count as momentum."""
+        """Extrapolate again, from wherever the system is now: a move since `retreat` does not count
+        as momentum.
+        """
         s, m = self.system, self._momentum
         ahead, impulse, general_impulse = self._left
         now = s.velocity[: len(ahead)].copy()
@@ -62,14 +79,18 @@ class Loop:
         m.before.general_impulse[:] += s.general_impulse - general_impulse
 
     def note(self, log: Log, row: int) -> bool:
-        """Write the errors, the work and the time of the present iterate; whether the residual is below ``log.stop``."""
+        """Write the errors, the work and the time of the present iterate; whether the residual is
+        below ``log.stop``.
+        """
         if row < len(log.rows):
             log.rows[row, TIME] = self.seconds
         return bool(record(self.system, log, row, self.work))
 
 
 def run_engine(s: System, iterations: int, parameters: Floats, log: Log) -> int:
-    """The loop of the program; its checks of the residual are left out, as for all methods. No parameters."""
+    """The loop of the program; its checks of the residual are left out, as for all methods. No
+    parameters.
+    """
     loop = Loop(s, float(log.stop[0]))
     if len(log.rows) == 0:
         loop.sweep(iterations)

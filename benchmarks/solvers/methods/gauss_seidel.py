@@ -11,7 +11,9 @@ from multicor_cli.model.model import Floats
 
 @kernel
 def run_gauss_seidel(s: System, iterations: int, parameters: Floats, log: Log) -> int:
-    """Sweeps; parameters: factor ω on the corrections of forward sweeps, and 1 if every second sweep goes backward (else 0)."""
+    """Sweeps; parameters: factor ω on the corrections of forward sweeps, and 1 if every second
+    sweep goes backward (else 0).
+    """
     way, alternates = Relaxation(parameters[0], parameters[0], 0.0), parameters[1] > 0.0
     before, partial = copy_impulses(s), np.empty(s.tile_start.size - 1)
     for number in range(iterations):

@@ -1,8 +1,9 @@
-"""Accelerated projected gradient descent, after Mazhar, Heyn, Negrut & Tasora (ACM Trans. Graph. 34, 2015, 32), preconditioned.
+"""Accelerated projected gradient descent, after Mazhar, Heyn, Negrut & Tasora (ACM Trans. Graph.
+34, 2015, 32), preconditioned.
 
-Nesterov's method on the impulses, with a step found by backtracking and a restart when the step points uphill. Theirs solves a
-convexified problem, in which sliding contacts dilate; here impulses are cut to Coulomb's cone along the tangent, so that the
-solution is that of all other methods.
+Nesterov's method on the impulses, with a step found by backtracking and a restart when the step
+points uphill. Theirs solves a convexified problem, in which sliding contacts dilate; here impulses
+are cut to Coulomb's cone along the tangent, so that the solution is that of all other methods.
 """
 
 from __future__ import annotations
@@ -48,7 +49,9 @@ def _products(change: Floats, image: Floats, scales: Floats) -> tuple[float, flo
 
 @kernel
 def run_gradient(s: System, iterations: int, parameters: Floats, log: Log) -> int:
-    """The iteration; no parameters. A sweep is counted for each product with the operator, more than one to backtrack."""
+    """The iteration; no parameters. A sweep is counted for each product with the operator, more
+    than one to backtrack.
+    """
     scales, last = contact_scales(s), all_impulses(s)
     ahead, new = last.copy(), np.empty_like(last)
     gradient, image, ahead_gradient = np.empty_like(last), np.empty_like(last), np.empty_like(last)

@@ -1,10 +1,13 @@
-"""Sweeps with Nesterov's momentum by the program's own rules, in variants, to find out what matters about them.
+"""Sweeps with Nesterov's momentum by the program's own rules, in variants, to find out what matters
+about them.
 
 Parameters, in this order:
 
-0. growth of the change per sweep over its lowest value since the last restart at which the momentum restarts;
+0. growth of the change per sweep over its lowest value since the last restart at which the momentum
+   restarts;
 1. 1 if every iteration sweeps forward and backward (else 0);
-2. sweeps between two looks at contacts that carry nothing and do not close (these are left out meanwhile); 0 leaves none out;
+2. sweeps between two looks at contacts that carry nothing and do not close (these are left out
+   meanwhile); 0 leaves none out;
 3. inner sweeps: how often each tile is relaxed before the next one.
 """
 
@@ -14,7 +17,15 @@ import numpy as np
 
 from methods.operators import Log, copy_impulses, kernel, record, sweep_backward
 from multicor_cli.engine.contact.acceleration import move_on, start_loop, start_momentum
-from multicor_cli.engine.contact.sweep import EXACT, Before, Relaxation, System, relax_general, relax_lane, sweep
+from multicor_cli.engine.contact.sweep import (
+    EXACT,
+    Before,
+    Relaxation,
+    System,
+    relax_general,
+    relax_lane,
+    sweep,
+)
 from multicor_cli.engine.contact.vector_sweep import relax_batches
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import BIAS, FIRST, NORMAL, NX, NY, SECOND, X, Y
@@ -25,24 +36,41 @@ from multicor_cli.model.model import Floats, Ints
 def _relax_generals(s: System, before: Before, factor: float) -> float:
     """The general contacts as in the program's sweep."""
     return relax_general(
-        s.velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever, s.general_impulse, before.general_impulse,
+        s.velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever, s.general_impulse,
+        before.general_impulse,
         True, factor,
     )  # fmt: skip
 
 
 @kernel
 def _sweep_tiles(s: System, before: Before, spare: Before, factor: float, inner: int) -> float:
-    """Each tile several times; the contacts beyond the colors and the general ones once. Returns the squares of the last turn.
+    """Each tile several times; the contacts beyond the colors and the general ones once. Returns
+    the squares of the last turn.
 
-    Impulses are extrapolated by ``factor`` in the first turn; in the others ``spare`` takes the last ones.
+    Impulses are extrapolated by ``factor`` in the first turn; in the others ``spare`` takes the
+    last ones.
     """
-    velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
-    last, scratch, start, beta = before.impulse.reshape(-1), spare.impulse.reshape(-1), s.tile_start, s.spin_factor
+    velocity, pair, frame, impulse = (
+        s.velocity.reshape(-1),
+        s.pair.reshape(-1),
+        s.frame.reshape(-1),
+        s.impulse.reshape(-1),
+    )
+    last, scratch, start, beta = (
+        before.impulse.reshape(-1),
+        spare.impulse.reshape(-1),
+        s.tile_start,
+        s.spin_factor,
+    )
     total = 0.0
     for t in range(start.size - 1):
-        square = relax_batches(start[t], start[t + 1], velocity, pair, frame, impulse, last, beta, 1.0, 1.0, factor)
+        square = relax_batches(
+            start[t], start[t + 1], velocity, pair, frame, impulse, last, beta, 1.0, 1.0, factor
+        )
         for _ in range(1, inner if t < s.color_start[-1] else 1):
-            square = relax_batches(start[t], start[t + 1], velocity, pair, frame, impulse, scratch, beta, 1.0, 1.0, 0.0)
+            square = relax_batches(
+                start[t], start[t + 1], velocity, pair, frame, impulse, scratch, beta, 1.0, 1.0, 0.0
+            )
         total += square
     return total + _relax_generals(s, before, factor)
 
@@ -50,16 +78,24 @@ def _sweep_tiles(s: System, before: Before, spare: Before, factor: float, inner:
 @kernel
 def _sweep_some(s: System, before: Before, factor: float, some: Ints) -> float:
     """As the program's sweep, over the diagonal contacts in some lanes and all general ones."""
-    velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
+    velocity, pair, frame, impulse = (
+        s.velocity.reshape(-1),
+        s.pair.reshape(-1),
+        s.frame.reshape(-1),
+        s.impulse.reshape(-1),
+    )
     last, way, total = before.impulse.reshape(-1), Relaxation(1.0, 1.0, factor), 0.0
     for lane in some:
-        total += relax_lane(np.uint64(lane), velocity, pair, frame, impulse, last, s.spin_factor, EXACT, way)
+        total += relax_lane(
+            np.uint64(lane), velocity, pair, frame, impulse, last, s.spin_factor, EXACT, way
+        )
     return total + _relax_generals(s, before, factor)
 
 
 @kernel
 def _list_near(s: System, before: Before, near: Ints) -> int:
-    """List the lanes of contacts that carry an impulse, did before the last sweep or would close soon; returns their number.
+    """List the lanes of contacts that carry an impulse, did before the last sweep or would close
+    soon; returns their number.
 
     All others have no impulse to extrapolate.
     """
@@ -80,7 +116,12 @@ def _list_near(s: System, before: Before, near: Ints) -> int:
 @kernel
 def run_momentum(s: System, iterations: int, parameters: Floats, log: Log) -> int:
     """The sweeps with momentum."""
-    growth, goes_back, period, inner = parameters[0], parameters[1] > 0.0, int(parameters[2]), int(parameters[3])
+    growth, goes_back, period, inner = (
+        parameters[0],
+        parameters[1] > 0.0,
+        int(parameters[2]),
+        int(parameters[3]),
+    )
     m, memory, partial = start_momentum(s), start_loop(1), np.empty(s.tile_start.size - 1)
     spare, near, loop = copy_impulses(s), np.empty(s.slot.size, np.int32), memory[0]
     count, work = 0, 0.0

@@ -1,9 +1,11 @@
-"""Two levels: the engine's sweeps, and from time to time a correction by a stress that is uniform in each group of grains.
+"""Two levels: the engine's sweeps, and from time to time a correction by a stress that is uniform
+in each group of grains.
 
-What sweeps are slow at in an elastic body are smooth stresses. Here each group of neighboring grains has three unknowns σ_xx, σ_yy,
-σ_xy; a loaded contact with normal n gets the impulse σ n (its mean over the two groups it joins), a sliding one the part of it that
-keeps it on its cone. The small system for these unknowns is factorized, and the correction is kept if it lowers the energy that the
-sweeps minimize, halved up to three times if it does not.
+What sweeps are slow at in an elastic body are smooth stresses. Here each group of neighboring
+grains has three unknowns σ_xx, σ_yy, σ_xy; a loaded contact with normal n gets the impulse σ n (its
+mean over the two groups it joins), a sliding one the part of it that keeps it on its cone. The
+small system for these unknowns is factorized, and the correction is kept if it lowers the energy
+that the sweeps minimize, halved up to three times if it does not.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ _SMALL = 1e-6
 
 
 def run_multilevel(s: System, iterations: int, parameters: Floats, log: Log) -> int:
-    """Bursts of sweeps with a correction between them; parameters: grains of a group, sweeps of a burst.
+    """Bursts of sweeps with a correction between them; parameters: grains of a group, sweeps of a
+    burst.
 
     It ends after ``iterations`` sweep-equivalents; a correction is counted as two.
     """
@@ -54,13 +57,17 @@ def run_multilevel(s: System, iterations: int, parameters: Floats, log: Log) -> 
 
 
 def group_grains(s: System, size: int) -> NDArray[np.int64]:
-    """A number of a group for each body (-1: fixed), by walking over contacts from grain to grain."""
+    """A number of a group for each body (-1: fixed), by walking over contacts from grain to
+    grain.
+    """
     is_grain = s.velocity[:, 3] > 0.0
     pair = flatten(s).pair
     pair = pair[is_grain[pair].all(axis=1)].astype(np.int64)
     bodies = is_grain.size
     ones = np.ones(2 * len(pair))
-    graph = sparse.csr_matrix((ones, (np.concatenate(pair.T), np.concatenate(pair.T[::-1]))), shape=(bodies, bodies))
+    graph = sparse.csr_matrix(
+        (ones, (np.concatenate(pair.T), np.concatenate(pair.T[::-1]))), shape=(bodies, bodies)
+    )
     group = np.full(bodies, -1, np.int64)
     count = 0
     for seed in np.flatnonzero(is_grain):
@@ -113,8 +120,12 @@ def _apply(s: System, m: Assembly, change: Floats, u_n: Floats, u_t: Floats) -> 
             return
 
 
-def _stress_columns(diagonal: OneByOne, groups: NDArray[np.int64], loaded: Any, sliding: Any) -> tuple[Any, Any]:
-    """Matrices from the stresses of the groups to p_n of loaded contacts, and to p_t of those that stick."""
+def _stress_columns(
+    diagonal: OneByOne, groups: NDArray[np.int64], loaded: Any, sliding: Any
+) -> tuple[Any, Any]:
+    """Matrices from the stresses of the groups to p_n of loaded contacts, and to p_t of those that
+    stick.
+    """
     nx, ny = diagonal.frame[:, NX], diagonal.frame[:, NY]
     to_n = np.column_stack([nx * nx, ny * ny, 2.0 * nx * ny]) * loaded[:, None]
     to_t = np.column_stack([-nx * ny, nx * ny, nx * nx - ny * ny]) * (loaded & ~sliding)[:, None]
@@ -124,6 +135,10 @@ def _stress_columns(diagonal: OneByOne, groups: NDArray[np.int64], loaded: Any, 
     columns = [(3 * group[:, None] + np.arange(3)).ravel() for group in (first, second)]
     shape = (len(nx), 3 * (int(groups.max(initial=0)) + 1))
     matrices = [
-        sum(sparse.csr_matrix((0.5 * values.ravel(), (rows, places)), shape=shape) for places in columns) for values in (to_n, to_t)
+        sum(
+            sparse.csr_matrix((0.5 * values.ravel(), (rows, places)), shape=shape)
+            for places in columns
+        )
+        for values in (to_n, to_t)
     ]
     return matrices[0], matrices[1]

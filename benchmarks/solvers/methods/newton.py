@@ -1,8 +1,9 @@
 """Semi-smooth Newton on the law of Alart & Curnier with a sparse factorization, for high accuracy.
 
-The engine's sweeps come first and are the safeguard: a Newton step is kept only if it halves the residual, otherwise there are
-more sweeps before the next try. Contact forces of rigid grains are not unique, nor with friction are velocities: the matrix is
-singular without the small term that keeps the impulses near where they are (a proximal step).
+The engine's sweeps come first and are the safeguard: a Newton step is kept only if it halves the
+residual, otherwise there are more sweeps before the next try. Contact forces of rigid grains are
+not unique, nor with friction are velocities: the matrix is singular without the small term that
+keeps the impulses near where they are (a proximal step).
 """
 
 from __future__ import annotations
@@ -26,7 +27,9 @@ _ENOUGH = 0.5
 
 
 def run_newton(s: System, iterations: int, parameters: Floats, log: Log) -> int:
-    """Bursts of sweeps and Newton steps, up to ``iterations`` sweep-equivalents; no parameters. A Newton step is counted as one."""
+    """Bursts of sweeps and Newton steps, up to ``iterations`` sweep-equivalents; no parameters. A
+    Newton step is counted as one.
+    """
     loop = Loop(s, 0.0)
     started = time.perf_counter()
     matrices = assemble(s)
@@ -48,7 +51,9 @@ def run_newton(s: System, iterations: int, parameters: Floats, log: Log) -> int:
 
 
 def _step(loop: Loop, matrices: Assembly) -> bool:
-    """One Newton step; taken back unless it lowers the residual enough. The residual that decides is part of its cost."""
+    """One Newton step; taken back unless it lowers the residual enough. The residual that decides
+    is part of its cost.
+    """
     started = time.perf_counter()
     s = loop.system
     saved = s.velocity.copy(), s.impulse.copy(), s.general_impulse.copy()
@@ -64,7 +69,9 @@ def _step(loop: Loop, matrices: Assembly) -> bool:
 
 
 def _solve(m: Assembly, impulse: Floats, velocity: Floats) -> Floats:
-    """The change of the impulses that solves the law with the states of the contacts as they are predicted now."""
+    """The change of the impulses that solves the law with the states of the contacts as they are
+    predicted now.
+    """
     w_n = m.normal.multiply(m.normal) @ m.inverse
     w_t = m.tangent.multiply(m.tangent) @ m.inverse
     u_n, u_t = m.relative(velocity)
@@ -73,14 +80,23 @@ def _solve(m: Assembly, impulse: Floats, velocity: Floats) -> Floats:
     stuck = loaded & (np.abs(tau_t) <= m.friction * tau_n)
     slip = np.where(loaded & ~stuck, np.sign(tau_t) * m.friction, 0.0)
     # Contacts that open or slide have part of their impulses given: these act first.
-    known = np.column_stack([np.where(loaded, 0.0, -impulse[:, 0]), np.where(stuck, 0.0, slip * impulse[:, 0] - impulse[:, 1])])
+    known = np.column_stack(
+        [
+            np.where(loaded, 0.0, -impulse[:, 0]),
+            np.where(stuck, 0.0, slip * impulse[:, 0] - impulse[:, 1]),
+        ]
+    )
     u_n, u_t = m.relative(velocity + m.push(known))
     rows = sparse.vstack([m.normal[loaded], m.tangent[stuck]]).tocsr()
-    moves = sparse.vstack([m.normal[loaded] + sparse.diags(slip[loaded]) @ m.tangent[loaded], m.tangent[stuck]]).tocsr()
-    matrix = rows @ sparse.diags(m.inverse) @ moves.T + sparse.diags(_PROXIMAL * np.concatenate([w_n[loaded], w_t[stuck]]))
-    solution = splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(
-        -np.concatenate([u_n[loaded], u_t[stuck]])
+    moves = sparse.vstack(
+        [m.normal[loaded] + sparse.diags(slip[loaded]) @ m.tangent[loaded], m.tangent[stuck]]
+    ).tocsr()
+    matrix = rows @ sparse.diags(m.inverse) @ moves.T + sparse.diags(
+        _PROXIMAL * np.concatenate([w_n[loaded], w_t[stuck]])
     )
+    solution = splu(
+        matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}
+    ).solve(-np.concatenate([u_n[loaded], u_t[stuck]]))
     count = int(loaded.sum())
     change = known
     change[loaded, 0] += solution[:count]

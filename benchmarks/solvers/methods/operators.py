@@ -1,11 +1,14 @@
-"""What all methods are made of: sweeps in any order, the product with the Delassus operator, and the record of errors.
+"""What all methods are made of: sweeps in any order, the product with the Delassus operator, and
+the record of errors.
 
-A method is a function ``run(system, iterations, parameters, log)``. It changes impulses and velocities of the system, and returns
-the number of iterations done. If the log has rows, iteration k leaves its errors and its sweep-equivalents in row k, and the
-method ends once its residual is below ``log.stop``; without rows nothing but the method itself is done, which is what is timed.
+A method is a function ``run(system, iterations, parameters, log)``. It changes impulses and
+velocities of the system, and returns the number of iterations done. If the log has rows, iteration
+k leaves its errors and its sweep-equivalents in row k, and the method ends once its residual is
+below ``log.stop``; without rows nothing but the method itself is done, which is what is timed.
 
-Sweeps work on the batches of a system. Where a method has a row for each contact, these are the diagonal ones in the order of the
-sweep, as `multicor_cli.engine.contact.system.flatten` gives them, then the general ones.
+Sweeps work on the batches of a system. Where a method has a row for each contact, these are the
+diagonal ones in the order of the sweep, as `multicor_cli.engine.contact.system.flatten` gives them,
+then the general ones.
 """
 
 from __future__ import annotations
@@ -27,7 +30,15 @@ from multicor_cli.engine.contact.sweep import (
     relax_general,
     relax_lane,
 )
-from multicor_cli.engine.contact.vector_sweep import BIAS_, NY_, SECOND_, SURFACE_, Y_, frame_place, pair_place
+from multicor_cli.engine.contact.vector_sweep import (
+    BIAS_,
+    NY_,
+    SECOND_,
+    SURFACE_,
+    Y_,
+    frame_place,
+    pair_place,
+)
 from multicor_cli.engine.jit.formulas import F, formula
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import BIAS, MASS, MU, NORMAL, TANGENTIAL, W_NN, W_TT
@@ -35,7 +46,9 @@ from multicor_cli.model.model import Floats
 
 
 def kernel(function: F) -> F:
-    """As that of the program, but compiled anew in each run: its cache would not notice changes in these files."""
+    """As that of the program, but compiled anew in each run: its cache would not notice changes in
+    these files.
+    """
     return numba.njit(error_model="numpy")(function)  # type: ignore[return-value]
 
 
@@ -48,10 +61,12 @@ class Log(NamedTuple):
     """What a method is watched with.
 
     Attributes:
-        rows: One for each iteration, see `RMS` and following; none if it is not recorded. **Modified.**
+        rows: One for each iteration, see `RMS` and following; none if it is not recorded.
+            **Modified.**
         stop: rms and maximum [m/s] and energy [J] at which a method may stop.
         reference: Velocities of a solution, as those of `System`, bodies only.
-        weight: Mass of each velocity over the mass of all bodies, shape ``(b, 4)``, 0 where nothing can be moved.
+        weight: Mass of each velocity over the mass of all bodies, shape ``(b, 4)``, 0 where nothing
+            can be moved.
     """
 
     rows: Floats
@@ -72,7 +87,9 @@ def distance(velocity: Floats, reference: Floats, weight: Floats) -> float:
 
 @kernel
 def record(s: System, log: Log, row: int, work: float) -> bool:
-    """Write the errors of the present iterate into a row of the log; whether all three residuals are below ``log.stop``."""
+    """Write the errors of the present iterate into a row of the log; whether all three residuals
+    are below ``log.stop``.
+    """
     if row >= log.rows.shape[0]:
         return False
     rms, largest, energy, _ = measure_residual(s, False)
@@ -84,7 +101,9 @@ def record(s: System, log: Log, row: int, work: float) -> bool:
 
 @kernel
 def copy_impulses(s: System) -> Before:
-    """The impulses of now: what sweeps without extrapolation may take for the last ones, and write over."""
+    """The impulses of now: what sweeps without extrapolation may take for the last ones, and write
+    over.
+    """
     return Before(s.impulse.copy(), s.general_impulse.copy(), s.couples.impulse.copy())
 
 
@@ -99,21 +118,44 @@ def sweep_backward(s: System, before: Before) -> float:
     Returns:
         Sum of the squares of the velocity corrections [m²/s²].
     """
-    velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
+    velocity, pair, frame, impulse = (
+        s.velocity.reshape(-1),
+        s.pair.reshape(-1),
+        s.frame.reshape(-1),
+        s.impulse.reshape(-1),
+    )
     last, way, lanes = before.impulse.reshape(-1), Relaxation(1.0, 1.0, 0.0), s.slot.size
     total = relax_general(
-        s.velocity, s.inverse, s.general_pair[::-1], s.general_frame[::-1], s.general_lever[::-1], s.general_impulse[::-1],
+        s.velocity, s.inverse, s.general_pair[::-1], s.general_frame[::-1], s.general_lever[::-1],
+        s.general_impulse[::-1],
         before.general_impulse[::-1], True, 0.0,
     )  # fmt: skip
     for lane in range(lanes):
-        total += relax_lane(np.uint64(lanes - 1 - lane), velocity, pair, frame, impulse, last, s.spin_factor, EXACT, way)
+        total += relax_lane(
+            np.uint64(lanes - 1 - lane),
+            velocity,
+            pair,
+            frame,
+            impulse,
+            last,
+            s.spin_factor,
+            EXACT,
+            way,
+        )
     return total
 
 
 @kernel
 def spread_impulses(s: System, impulse: Floats, velocity: Floats) -> None:
-    """Add M⁻¹ H p to velocities (**modified**), whose last column holds inverse masses as that of the system does."""
-    slot, pair, frame, flat = s.slot.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), velocity.reshape(-1)
+    """Add M⁻¹ H p to velocities (**modified**), whose last column holds inverse masses as that of
+    the system does.
+    """
+    slot, pair, frame, flat = (
+        s.slot.reshape(-1),
+        s.pair.reshape(-1),
+        s.frame.reshape(-1),
+        velocity.reshape(-1),
+    )
     k = 0
     for lane in range(slot.size):
         if slot[lane] >= 0:
@@ -123,13 +165,22 @@ def spread_impulses(s: System, impulse: Floats, velocity: Floats) -> None:
             k += 1
     for g in range(s.general_pair.shape[0]):
         d_n, d_t = impulse[k + g, NORMAL], impulse[k + g, TANGENTIAL]
-        push_general(g, d_n, d_t, velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever)
+        push_general(
+            g, d_n, d_t, velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever
+        )
 
 
 @kernel
 def gather_velocities(s: System, velocity: Floats, with_bias: bool, relative: Floats) -> None:
-    """Relative velocities Hᵀ v of all contacts (and the bias, if asked for), shape as the impulses."""
-    slot, pair, frame, flat = s.slot.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), velocity.reshape(-1)
+    """Relative velocities Hᵀ v of all contacts (and the bias, if asked for), shape as the
+    impulses.
+    """
+    slot, pair, frame, flat = (
+        s.slot.reshape(-1),
+        s.pair.reshape(-1),
+        s.frame.reshape(-1),
+        velocity.reshape(-1),
+    )
     k = 0
     for lane in range(slot.size):
         if slot[lane] >= 0:
@@ -155,7 +206,11 @@ def contact_scales(s: System) -> Floats:
         for lane in range(LANES):
             if s.slot[q, lane] >= 0:
                 w_inverse = s.frame[q, MASS, lane]
-                scales[k, 0], scales[k, 1], scales[k, 2] = w_inverse, w_inverse / (1.0 + s.spin_factor), s.frame[q, MU, lane]
+                scales[k, 0], scales[k, 1], scales[k, 2] = (
+                    w_inverse,
+                    w_inverse / (1.0 + s.spin_factor),
+                    s.frame[q, MU, lane],
+                )
                 k += 1
     for g in range(s.general_pair.shape[0]):
         f = s.general_frame[g]
@@ -171,7 +226,10 @@ def all_impulses(s: System) -> Floats:
     for q in range(s.slot.shape[0]):
         for lane in range(LANES):
             if s.slot[q, lane] >= 0:
-                impulse[k, NORMAL], impulse[k, TANGENTIAL] = s.impulse[q, NORMAL, lane], s.impulse[q, TANGENTIAL, lane]
+                impulse[k, NORMAL], impulse[k, TANGENTIAL] = (
+                    s.impulse[q, NORMAL, lane],
+                    s.impulse[q, TANGENTIAL, lane],
+                )
                 k += 1
     impulse[k:] = s.general_impulse
     return impulse
@@ -185,14 +243,19 @@ def set_impulses(s: System, impulse: Floats) -> None:
     for q in range(s.slot.shape[0]):
         for lane in range(LANES):
             if s.slot[q, lane] >= 0:
-                s.impulse[q, NORMAL, lane], s.impulse[q, TANGENTIAL, lane] = impulse[k, NORMAL], impulse[k, TANGENTIAL]
+                s.impulse[q, NORMAL, lane], s.impulse[q, TANGENTIAL, lane] = (
+                    impulse[k, NORMAL],
+                    impulse[k, TANGENTIAL],
+                )
                 k += 1
     s.general_impulse[:] = impulse[k:]
 
 
 @formula
 def cut_to_cone(p_n: float, p_t: float, mu: float) -> tuple[float, float]:
-    """The nearest impulses along the tangent that Coulomb's law allows: p_n ≥ 0, then \\|p_t\\| ≤ μ p_n."""
+    """The nearest impulses along the tangent that Coulomb's law allows: p_n ≥ 0, then \\|p_t\\| ≤ μ
+    p_n.
+    """
     new_n = p_n if p_n > 0.0 else 0.0
     bound = mu * new_n
     return new_n, min(max(p_t, -bound), bound)

@@ -1,21 +1,27 @@
-"""The loop of the global solve: plain or accelerated Gauss–Seidel sweeps until the residual is small enough.
+"""The loop of the global solve: plain or accelerated Gauss–Seidel sweeps until the residual is
+small enough.
 
-The accelerated method extrapolates the sweep as Nesterov does, y = x + ω (x − x_last), on impulses and velocities alike (they are
-linear in each other). Friction makes the problem no minimization, and unguarded momentum cycles in sliding states. Four guards:
+The accelerated method extrapolates the sweep as Nesterov does, y = x + ω (x − x_last), on impulses
+and velocities alike (they are linear in each other). Friction makes the problem no minimization,
+and unguarded momentum cycles in sliding states. Four guards:
 
 * the momentum restarts when the new change points against the extrapolation (gradient restart);
-* it restarts when the change per sweep has grown to 1.5 times its lowest value since the last restart (any growth: 1.5 to 3 times
-  as many sweeps in shear; growth by 2: more sweeps, and fewer errors left at the same residual; by 5 and more: some sliding states
-  cycle). A solve that is still not done after 250 sweeps has errors of long wavelength, which only a long run of momentum removes:
-  the change may then grow threefold (a bed of 116 layers from a cold start: 1,350 sweeps instead of 8,645; flows that need so many
-  sweeps: up to a quarter more);
-* near the tolerance momentum's own noise in a few contacts keeps the residual up: thirty sweeps with half of the normal
-  corrections calm it, in very long solves only (earlier it would end them with more of the smooth errors left);
-* where nothing has been gained for long and the change per sweep is above the tolerance of the rms, a cluster of contacts may
-  cycle. The loop says that it is stuck: such a cluster has to be solved in another way (`multicor_cli.engine.contact.patches`);
-* so it may where the largest correction alone misses its tolerance and does not become lower. Among 10⁵ contacts a cluster that
-  cycles keeps neither the rms nor the change per sweep above theirs (a collapse of 10⁵ grains: five steps ended unconverged after
-  60,000 sweeps, which take 600 to 1,000 with this).
+* it restarts when the change per sweep has grown to 1.5 times its lowest value since the last
+  restart (any growth: 1.5 to 3 times as many sweeps in shear; growth by 2: more sweeps, and fewer
+  errors left at the same residual; by 5 and more: some sliding states cycle). A solve that is still
+  not done after 250 sweeps has errors of long wavelength, which only a long run of momentum
+  removes: the change may then grow threefold (a bed of 116 layers from a cold start: 1,350 sweeps
+  instead of 8,645; flows that need so many sweeps: up to a quarter more);
+* near the tolerance momentum's own noise in a few contacts keeps the residual up: thirty sweeps
+  with half of the normal corrections calm it, in very long solves only (earlier it would end them
+  with more of the smooth errors left);
+* where nothing has been gained for long and the change per sweep is above the tolerance of the rms,
+  a cluster of contacts may cycle. The loop says that it is stuck: such a cluster has to be solved
+  in another way (`multicor_cli.engine.contact.patches`);
+* so it may where the largest correction alone misses its tolerance and does not become lower. Among
+  10⁵ contacts a cluster that cycles keeps neither the rms nor the change per sweep above theirs (a
+  collapse of 10⁵ grains: five steps ended unconverged after 60,000 sweeps, which take 600 to 1,000
+  with this).
 """
 
 from __future__ import annotations
@@ -41,7 +47,8 @@ class Momentum(NamedTuple):
     Attributes:
         velocity: Last velocities of the bodies; the last column as in `System`.
         change: Their last change; 0 in the last column.
-        weight: Mass of each velocity [kg] (m, m, m/β; of walls M, M, J), 0 where nothing can be moved.
+        weight: Mass of each velocity [kg] (m, m, m/β; of walls M, M, J), 0 where nothing can be
+            moved.
         before: Last impulses.
     """
 
@@ -95,17 +102,21 @@ _CROSS, _SQUARE = 0, 1  # columns of partial products
 
 FAST, CALM = 0, 1
 MODES = np.array([[1.0, 1.0, 1.5], [0.5, 1.0, 1.2]])
-"""Rows: factors on the normal and tangential corrections; growth of the change per sweep over its lowest value since the last
-restart, at which the momentum restarts."""
+"""Rows: factors on the normal and tangential corrections; growth of the change per sweep over its
+lowest value since the last restart, at which the momentum restarts."""
 GROWTH = 2  # its column
-CAREFUL = 1.0  # growth for local solves that are not exact: with more, they and the momentum drive each other
-LONG_FROM, LONG_TO, LONG_GROWTH = 250.0, 1000.0, 3.0  # sweeps between which `FAST` has another growth, unless it was stuck
-CALM_BELOW, CALM_AFTER, CALM_FOR = 2.0, 1000.0, 30.0  # times the tolerance; sweeps in `FAST` before; sweeps in `CALM`
+# Growth for local solves that are not exact: with more, they and the momentum drive each other
+CAREFUL = 1.0
+# Sweeps between which `FAST` has another growth, unless it was stuck
+LONG_FROM, LONG_TO, LONG_GROWTH = 250.0, 1000.0, 3.0
+# Times the tolerance; sweeps in `FAST` before; sweeps in `CALM`
+CALM_BELOW, CALM_AFTER, CALM_FOR = 2.0, 1000.0, 30.0
 GAIN = 0.9  # the loop has gained if the change per sweep is lower by this factor
 PATIENCE = 1000.0  # sweeps without gain after which the loop is stuck
 PEAK_PATIENCE = 200.0  # the same where the maximum alone misses its tolerance
 PATIENCE_AFTER = 15.0  # the same after a patch: what is unstable grows again
-PATCHES = 20  # after which patches take turns with long sweeping again: these have not helped, and they cost more
+# After which patches take turns with long sweeping again: these have not helped, and they cost more
+PATCHES = 20
 
 
 @kernel
@@ -136,13 +147,22 @@ def start_momentum(s: System) -> Momentum:
                 weight[b, d] = 1.0 / s.inverse[b, d]
     velocity = s.velocity[:bodies].copy()
     return Momentum(
-        velocity, np.zeros((bodies, 4)), weight, Before(s.impulse.copy(), s.general_impulse.copy(), s.couples.impulse.copy())
+        velocity,
+        np.zeros((bodies, 4)),
+        weight,
+        Before(s.impulse.copy(), s.general_impulse.copy(), s.couples.impulse.copy()),
     )
 
 
 @loop_body
 def extrapolate_scalar(
-    first: int, last: int, now: Floats, before: Floats, change: Floats, weight: Floats, factor: float
+    first: int,
+    last: int,
+    now: Floats,
+    before: Floats,
+    change: Floats,
+    weight: Floats,
+    factor: float,
 ) -> tuple[float, float]:
     """Record velocities and their change, and move them on by ``factor`` times the change.
 
@@ -156,8 +176,8 @@ def extrapolate_scalar(
         factor: ω.
 
     Returns:
-        Products of the new change with the last one and with itself in the metric of the kinetic energy [J]: component by
-        component, then over the components.
+        Products of the new change with the last one and with itself in the metric of the kinetic
+        energy [J]: component by component, then over the components.
     """
     cross, square = 0.0, 0.0
     for column in range(4):
@@ -181,7 +201,9 @@ extrapolate = extrapolate_rows if HAS_VECTORS else extrapolate_scalar
 
 
 @threaded_loop
-def _extrapolate_chunks(now: Floats, before: Floats, change: Floats, weight: Floats, factor: float, partial: Floats) -> None:
+def _extrapolate_chunks(
+    now: Floats, before: Floats, change: Floats, weight: Floats, factor: float, partial: Floats
+) -> None:
     for chunk in prange(partial.shape[0]):
         last = min(before.size // 4, (chunk + 1) * CHUNK)
         cross, square = extrapolate(chunk * CHUNK, last, now, before, change, weight, factor)
@@ -189,9 +211,16 @@ def _extrapolate_chunks(now: Floats, before: Floats, change: Floats, weight: Flo
 
 
 @kernel
-def _extrapolate_bodies(s: System, m: Momentum, factor: float, parallel: bool) -> tuple[float, float]:
+def _extrapolate_bodies(
+    s: System, m: Momentum, factor: float, parallel: bool
+) -> tuple[float, float]:
     """As `extrapolate_scalar` over all bodies, in fixed chunks."""
-    now, before, change, weight = s.velocity.reshape(-1), m.velocity.reshape(-1), m.change.reshape(-1), m.weight.reshape(-1)
+    now, before, change, weight = (
+        s.velocity.reshape(-1),
+        m.velocity.reshape(-1),
+        m.change.reshape(-1),
+        m.weight.reshape(-1),
+    )
     bodies = m.velocity.shape[0]
     chunks = -(-bodies // CHUNK)
     cross, square = 0.0, 0.0
@@ -203,7 +232,9 @@ def _extrapolate_bodies(s: System, m: Momentum, factor: float, parallel: bool) -
             square += partial[chunk, _SQUARE]
         return cross, square
     for chunk in range(chunks):
-        a, b = extrapolate(chunk * CHUNK, min(bodies, (chunk + 1) * CHUNK), now, before, change, weight, factor)
+        a, b = extrapolate(
+            chunk * CHUNK, min(bodies, (chunk + 1) * CHUNK), now, before, change, weight, factor
+        )
         cross += a
         square += b
     return cross, square
@@ -216,7 +247,9 @@ def _switch(mode: int, loop: Any) -> None:
 
 @kernel
 def _choose_mode(change: float, tolerance: float, loop: Any) -> None:
-    """Calm down where the tolerance is near, and come back; say so where nothing has been gained for long though it is not near."""
+    """Calm down where the tolerance is near, and come back; say so where nothing has been gained
+    for long though it is not near.
+    """
     if change < GAIN * loop["best"]:
         loop["best"], loop["best_at"] = change, loop["sweeps"]
     in_mode = loop["sweeps"] - loop["since"]
@@ -231,7 +264,9 @@ def _choose_mode(change: float, tolerance: float, loop: Any) -> None:
 
 @kernel
 def begin_again(s: System, m: Momentum, is_patched: bool, loop: Any) -> None:
-    """Go on with fresh momentum after the loop was stuck, from impulses and velocities that a patch may have changed."""
+    """Go on with fresh momentum after the loop was stuck, from impulses and velocities that a patch
+    may have changed.
+    """
     velocity = m.velocity.reshape(-1)
     copy_into(velocity, s.velocity.reshape(-1)[: velocity.size])
     m.change[:] = 0.0
@@ -273,7 +308,9 @@ def restart(change: float, loop: Any) -> float:
 
 @kernel
 def choose_factor(change: float, growth: float, loop: Any) -> float:
-    """The factor ω of the next extrapolation, unless the gradient wants a restart (see `move_on`)."""
+    """The factor ω of the next extrapolation, unless the gradient wants a restart (see
+    `move_on`).
+    """
     if change > growth * loop["lowest"]:
         return restart(change, loop)
     loop["lowest"] = min(loop["lowest"], change)
@@ -281,8 +318,11 @@ def choose_factor(change: float, growth: float, loop: Any) -> float:
 
 
 @kernel
-def move_on(s: System, m: Momentum, change: float, growth: float, loop: Any, parallel: bool) -> None:
-    """Record the new velocities and move them on, with the two restarts; the next sweep does the same with the impulses.
+def move_on(
+    s: System, m: Momentum, change: float, growth: float, loop: Any, parallel: bool
+) -> None:
+    """Record the new velocities and move them on, with the two restarts; the next sweep does the
+    same with the impulses.
 
     Args:
         s: The problem. **Velocities modified.**
@@ -292,7 +332,8 @@ def move_on(s: System, m: Momentum, change: float, growth: float, loop: Any, par
         loop: Record of `LOOP`; its ``factor`` is that of the next sweep on return. **Modified.**
         parallel: Use several threads; the result is the same.
     """
-    # Velocities are moved on as if the gradient did not mind, in the pass that finds out whether it does: it seldom does.
+    # Velocities are moved on as if the gradient did not mind, in the pass that finds out whether it
+    # does: it seldom does.
     factor = choose_factor(change, growth, loop)
     cross, square = _extrapolate_bodies(s, m, factor, parallel)
     if loop["factor"] * cross > square:
@@ -303,10 +344,12 @@ def move_on(s: System, m: Momentum, change: float, growth: float, loop: Any, par
 
 @kernel
 def step_back(s: System, m: Momentum) -> None:
-    """Take velocities back to where the impulses are, after a call of `iterate` that its limit has ended.
+    """Take velocities back to where the impulses are, after a call of `iterate` that its limit has
+    ended.
 
-    `move_on` moves velocities on and leaves the impulses to the next sweep. Whoever does not sweep next, but solves some contacts
-    or begins again, would work with velocities that no impulses have made, and that no book knows of.
+    `move_on` moves velocities on and leaves the impulses to the next sweep. Whoever does not sweep
+    next, but solves some contacts or begins again, would work with velocities that no impulses have
+    made, and that no book knows of.
 
     Args:
         s: The problem. **Velocities modified.**
@@ -322,7 +365,9 @@ def is_converged(s: System, tolerance: Tolerances, loop: Any, parallel: bool) ->
     loop["checks"] += 1.0
     loop["rms"], loop["maximum"], loop["energy"] = rms, largest, energy
     loop["active"] = max(1.0, active)
-    excess = max(rms / tolerance.rms, largest / tolerance.maximum, np.sqrt(energy / tolerance.energy))
+    excess = max(
+        rms / tolerance.rms, largest / tolerance.maximum, np.sqrt(energy / tolerance.energy)
+    )
     # A residual far above its tolerance is not worth looking at again soon.
     loop["next_check"] = loop["sweeps"] + (2.0 if excess < 1.5 else 4.0 if excess < 4.0 else 8.0)
     if rms <= tolerance.rms and largest <= tolerance.maximum and energy <= tolerance.energy:

@@ -1,8 +1,10 @@
-"""From the neighbor list to the contacts of one step: gaps, frames, relative velocities, laws, adhesion, rolling, warm start.
+"""From the neighbor list to the contacts of one step: gaps, frames, relative velocities, laws,
+adhesion, rolling, warm start.
 
-Bodies are rows of one velocity array: grains ``0 … n-1`` hold (v_x, v_y, s = a ω, 1/m); walls ``n … n+w-1`` hold (V_x, V_y, Ω, s),
-with s = −V_s where a drive lets the surface of the wall run. With the surface speed s instead of the spin, a contact of discs needs
-no radius: u_t = (v_i − v_j)·t − s_i − s_j, and s_j of a wall is what its surface adds to its velocity at the contact.
+Bodies are rows of one velocity array: grains ``0 … n-1`` hold (v_x, v_y, s = a ω, 1/m); walls
+``n … n+w-1`` hold (V_x, V_y, Ω, s), with s = −V_s where a drive lets the surface of the wall run.
+With the surface speed s instead of the spin, a contact of discs needs no radius: u_t = (v_i −
+v_j)·t − s_i − s_j, and s_j of a wall is what its surface adds to its velocity at the contact.
 """
 
 from __future__ import annotations
@@ -58,13 +60,15 @@ class StepContacts(NamedTuple):
     Attributes:
         i: Grain, shape ``(c,)``.
         j: Grain or wall shape, shape ``(c,)``.
-        frame: Normal n_x, n_y (from j to i), gap at q_m [m], bias b [m/s], friction μ, shape ``(c, 5)``.
+        frame: Normal n_x, n_y (from j to i), gap at q_m [m], bias b [m/s], friction μ, shape
+            ``(c, 5)``.
         before: u_n⁻, u_t⁻ [m/s], shape ``(c, 2)``.
         impulse: p_n, p_t [N s], shape ``(c, 2)``.
         lever: From the wall's reference point to the contact [m]; 0 for grains, shape ``(c, 2)``.
-        attraction: F_a Δt of adhesive contacts [N s], shape ``(c,)``; ``impulse`` then holds q_n = p_n + F_a Δt in place of p_n.
-            Of size 0 if no pair of materials has adhesion.
-        rolling: μ_r, a* [m], u_r⁻ [m/s], p_r [N s], shape ``(c, 4)``; of size 0 if no pair of materials has rolling resistance.
+        attraction: F_a Δt of adhesive contacts [N s], shape ``(c,)``; ``impulse`` then holds q_n =
+            p_n + F_a Δt in place of p_n. Of size 0 if no pair of materials has adhesion.
+        rolling: μ_r, a* [m], u_r⁻ [m/s], p_r [N s], shape ``(c, 4)``; of size 0 if no pair of
+            materials has rolling resistance.
     """
 
     i: Ints
@@ -78,7 +82,9 @@ class StepContacts(NamedTuple):
 
 
 class WarmStart(NamedTuple):
-    """Impulses of the step before, by grain: those of grain i are ``row[i]:row[i+1]``; couples where there are any [N m s]."""
+    """Impulses of the step before, by grain: those of grain i are ``row[i]:row[i+1]``; couples
+    where there are any [N m s].
+    """
 
     row: NDArray[np.int64]
     j: Ints
@@ -87,21 +93,29 @@ class WarmStart(NamedTuple):
 
 
 @formula
-def _wall_lever(scene: Scene, i: int, wall: int, nx: float, ny: float, gap: float) -> tuple[float, float]:
+def _wall_lever(
+    scene: Scene, i: int, wall: int, nx: float, ny: float, gap: float
+) -> tuple[float, float]:
     """From the reference point of a wall to the point of the wall that is closest to grain i."""
     branch_length = scene.radius[i] + gap
     dx = scene.position[i, X] - scene.wall_position[wall, X]
-    if scene.period > 0.0:  # the image of the point on the wall counts: the grain may lie beyond half a period
+    # The image of the point on the wall counts: the grain may lie beyond half a period
+    if scene.period > 0.0:
         dx -= scene.period * floor((dx - branch_length * nx) / scene.period + 0.5)
-    return dx - branch_length * nx, scene.position[i, Y] - scene.wall_position[wall, Y] - branch_length * ny
+    return dx - branch_length * nx, scene.position[i, Y] - scene.wall_position[
+        wall, Y
+    ] - branch_length * ny
 
 
 @formula
 def relative_velocity(
     velocity: Floats, i: int, body_j: int, nx: float, ny: float, is_wall: bool, lx: float, ly: float
 ) -> tuple[float, float]:
-    """u_n, u_t of grain i relative to grain ``body_j``, or to the point (lx, ly) of the wall in row ``body_j`` [m/s]."""
-    # Number by number: a row taken out of an array would count as a reference to it, and threads count one after the other.
+    """u_n, u_t of grain i relative to grain ``body_j``, or to the point (lx, ly) of the wall in row
+    ``body_j`` [m/s].
+    """
+    # Number by number: a row taken out of an array would count as a reference to it, and threads
+    # count one after the other.
     if is_wall:
         dx = velocity[i, X] - (velocity[body_j, X] - velocity[body_j, SURFACE] * ly)
         dy = velocity[i, Y] - (velocity[body_j, Y] + velocity[body_j, SURFACE] * lx)
@@ -111,7 +125,9 @@ def relative_velocity(
 
 
 @formula
-def _normal_velocity(scene: Scene, velocity: Floats, i: int, j: int, nx: float, ny: float, gap: float) -> float:
+def _normal_velocity(
+    scene: Scene, velocity: Floats, i: int, j: int, nx: float, ny: float, gap: float
+) -> float:
     count = scene.radius.size
     if j < count:
         return relative_velocity(velocity, i, j, nx, ny, False, 0.0, 0.0)[0]
@@ -132,7 +148,8 @@ def measure_pairs(
     normal: Floats,
     fastest: Floats,
 ) -> None:
-    """Gaps and normals of all listed pairs at q_m, and the largest approach speed among those nearer than ``cutoff``.
+    """Gaps and normals of all listed pairs at q_m, and the largest approach speed among those
+    nearer than ``cutoff``.
 
     Args:
         scene: Shapes at q_m.
@@ -143,8 +160,8 @@ def measure_pairs(
         cutoff: No pair farther apart can touch in this step [m].
         gap: Gaps [m], shape ``(pairs,)``. **Modified.**
         normal: Normals n_x, n_y, from j to i, shape ``(pairs, 2)``. **Modified.**
-        fastest: Largest approach speed in each chunk of grains, at the start or free [m/s]; 0 if nothing approaches, shape
-            ``(chunks, 1)``. **Modified.**
+        fastest: Largest approach speed in each chunk of grains, at the start or free [m/s]; 0 if
+            nothing approaches, shape ``(chunks, 1)``. **Modified.**
     """
     count = scene.radius.size
     for chunk in prange(fastest.shape[0]):
@@ -175,7 +192,9 @@ def count_contacts(row: NDArray[np.int64], gap: Floats, margin: float) -> NDArra
 
 @formula
 def friction_of(laws: ContactLaws, a: int, b: int, speed: float) -> float:
-    """μ of a pair of materials at a sliding speed [m/s]: the table of the pair, linear between its points, or a constant."""
+    """μ of a pair of materials at a sliding speed [m/s]: the table of the pair, linear between its
+    points, or a constant.
+    """
     table = laws.table[a, b]
     if table < 0:
         return laws.friction[a, b]
@@ -185,18 +204,26 @@ def friction_of(laws: ContactLaws, a: int, b: int, speed: float) -> float:
     for k in range(first, last):
         if speed < laws.table_speed[k + 1]:
             share = (speed - laws.table_speed[k]) / (laws.table_speed[k + 1] - laws.table_speed[k])
-            return laws.table_friction[k] + share * (laws.table_friction[k + 1] - laws.table_friction[k])
+            return laws.table_friction[k] + share * (
+                laws.table_friction[k + 1] - laws.table_friction[k]
+            )
     return laws.table_friction[last]
 
 
 @kernel
 def _softened(laws: ContactLaws, a: int, b: int, mu: float, first: float, second: float) -> float:
-    """μ at the mean of two temperatures [K]; the second may be nan (a wall without temperature), then the first counts."""
+    """μ at the mean of two temperatures [K]; the second may be nan (a wall without temperature),
+    then the first counts.
+    """
     rate = laws.softening_rate[a, b]
     if rate == 0.0:
         return mu
     mean = first if np.isnan(second) else 0.5 * (first + second)
-    start, lowest, highest = laws.softening_start[a, b], laws.softening_lowest[a, b], laws.softening_highest[a, b]
+    start, lowest, highest = (
+        laws.softening_start[a, b],
+        laws.softening_lowest[a, b],
+        laws.softening_highest[a, b],
+    )
     return softened_friction(mu, rate, mean, start, lowest, highest)
 
 
@@ -214,7 +241,9 @@ def _fill_contact(
     dt: float,
     out: StepContacts,
 ) -> float:
-    """Fill row ``c`` of ``out``, impulses left out; returns min(u_n⁻, 0) if the contact closes within the step, else 0."""
+    """Fill row ``c`` of ``out``, impulses left out; returns min(u_n⁻, 0) if the contact closes
+    within the step, else 0.
+    """
     count = scene.radius.size
     lx, ly = 0.0, 0.0
     if j < count:
@@ -237,12 +266,19 @@ def _fill_contact(
 
 
 @formula
-def _start_warm(c: int, j: int, k: int, last: int, warm: WarmStart, scale: float, out: StepContacts) -> int:
-    """Start contact ``c`` with j from the impulses of the step before, if it is among ``k … last-1``; returns where to go on."""
+def _start_warm(
+    c: int, j: int, k: int, last: int, warm: WarmStart, scale: float, out: StepContacts
+) -> int:
+    """Start contact ``c`` with j from the impulses of the step before, if it is among
+    ``k … last-1``; returns where to go on.
+    """
     while k < last and warm.j[k] < j:  # both ascend
         k += 1
     if k < last and warm.j[k] == j:
-        out.impulse[c, NORMAL], out.impulse[c, TANGENTIAL] = scale * warm.impulse[k, NORMAL], scale * warm.impulse[k, TANGENTIAL]
+        out.impulse[c, NORMAL], out.impulse[c, TANGENTIAL] = (
+            scale * warm.impulse[k, NORMAL],
+            scale * warm.impulse[k, TANGENTIAL],
+        )
     else:
         out.impulse[c, NORMAL], out.impulse[c, TANGENTIAL] = 0.0, 0.0
     return k
@@ -281,9 +317,10 @@ def fill_contacts(
         warm: Impulses of the step before.
         scale: Ratio of this time step to that of the warm start.
         out: The contacts. **Modified.**
-        speeds: For each chunk of grains the sum of min(u_n⁻, 0)² over the contacts that close within the step [m²/s²] and their
-            number; the sum of |u_t⁻| over the contacts of two grains that carried an impulse [m/s] and their number; shape
-            ``(chunks, 4)``. **Modified.**
+        speeds: For each chunk of grains the sum of min(u_n⁻, 0)² over the contacts that close
+            within the step [m²/s²] and their number; the sum of |u_t⁻| over the contacts of two
+            grains that carried an impulse [m/s] and their number; shape ``(chunks, 4)``.
+            **Modified.**
     """
     count = row.size - 1
     for chunk in prange(speeds.shape[0]):
@@ -294,7 +331,9 @@ def fill_contacts(
             for p in range(row[i], row[i + 1]):
                 if gap[p] <= margin:
                     j = partner[p]
-                    u = _fill_contact(c, i, j, gap[p], normal[p, X], normal[p, Y], scene, laws, start, dt, out)
+                    u = _fill_contact(
+                        c, i, j, gap[p], normal[p, X], normal[p, Y], scene, laws, start, dt, out
+                    )
                     k = _start_warm(c, j, k, last, warm, scale, out)
                     squares += u * u
                     closing += 1.0 if u < 0.0 else 0.0
@@ -330,10 +369,12 @@ def find_missed(
     dt: float,
     worst: Floats,
 ) -> None:
-    """Largest approach speed of a pair that was left out although it closes within the step; 0 if there is none.
+    """Largest approach speed of a pair that was left out although it closes within the step; 0 if
+    there is none.
 
-    Args as `fill_contacts`; ``after`` are the velocities v⁺, ``cutoff`` the distance that no pair can close [m] and ``worst`` the
-    result per chunk of grains [m/s], shape ``(chunks, 1)``, **modified**.
+    Args as `fill_contacts`; ``after`` are the velocities v⁺, ``cutoff`` the distance that no pair
+    can close [m] and ``worst`` the result per chunk of grains [m/s], shape ``(chunks, 1)``,
+    **modified**.
     """
     count = row.size - 1
     for chunk in prange(worst.shape[0]):
@@ -342,14 +383,18 @@ def find_missed(
             for p in range(row[i], row[i + 1]):
                 g = gap[p]
                 if g > margin and g < cutoff:
-                    u_n = _normal_velocity(scene, after, i, partner[p], normal[p, X], normal[p, Y], g)
+                    u_n = _normal_velocity(
+                        scene, after, i, partner[p], normal[p, X], normal[p, Y], g
+                    )
                     if g + dt * u_n < 0.0:
                         best = max(best, -u_n)
         worst[chunk, 0] = best
 
 
 @formula
-def contact_after(c: int, scene: Scene, contacts: StepContacts, after: Floats) -> tuple[float, float]:
+def contact_after(
+    c: int, scene: Scene, contacts: StepContacts, after: Floats
+) -> tuple[float, float]:
     """u_n⁺ and u_t⁺ of a contact, in the frame at q_m [m/s]."""
     i, j = contacts.i[c], contacts.j[c]
     count = scene.radius.size
@@ -357,15 +402,19 @@ def contact_after(c: int, scene: Scene, contacts: StepContacts, after: Floats) -
     if j < count:
         return relative_velocity(after, i, j, nx, ny, False, 0.0, 0.0)
     body = count + scene.wall[j - count]
-    return relative_velocity(after, i, body, nx, ny, True, contacts.lever[c, X], contacts.lever[c, Y])
+    return relative_velocity(
+        after, i, body, nx, ny, True, contacts.lever[c, X], contacts.lever[c, Y]
+    )
 
 
 # ---- Adhesion: contacts that touch bear tension up to a force F_a; its range is zero.
 #
-# The law is that of Signorini and Coulomb for q_n = p_n + F_a Δt in place of p_n (theory §3.1). F_a is known before the step is
-# solved, so it is given to the free velocities, as an attraction of the two bodies, and the solver looks for q: no sweep knows of
-# it. A place has one F_a: pieces of walls that a grain touches in one place (`engine/geometry/places.py`) divide it among them. In
-# `StepContacts` `impulse` holds q and `attraction` F_a Δt; p, the impulse of one body on the other, is their difference.
+# The law is that of Signorini and Coulomb for q_n = p_n + F_a Δt in place of p_n (theory §3.1). F_a
+# is known before the step is solved, so it is given to the free velocities, as an attraction of the
+# two bodies, and the solver looks for q: no sweep knows of it. A place has one F_a: pieces of walls
+# that a grain touches in one place (`engine/geometry/places.py`) divide it among them. In
+# `StepContacts` `impulse` holds q and `attraction` F_a Δt; p, the impulse of one body on the other,
+# is their difference.
 
 TOUCHING = 1e-9
 """Largest gap, over the radius, of bodies that touch as far as rounded positions tell."""
@@ -378,12 +427,19 @@ def attraction_of(c: int, contacts: StepContacts) -> float:
 
 
 @kernel
-def attractions(scene: Scene, laws: ContactLaws, contacts: StepContacts, bodies: Floats, warm: WarmStart, dt: float) -> Floats:
+def attractions(
+    scene: Scene,
+    laws: ContactLaws,
+    contacts: StepContacts,
+    bodies: Floats,
+    warm: WarmStart,
+    dt: float,
+) -> Floats:
     """F_a Δt of all contacts [N s], shape ``(c,)``; 0 where a contact is not adhesive in this step.
 
-    Adhesive are contacts without a gap (but for rounding), and those whose place carried an impulse in the step before and that
-    adhesion alone would close within this one, ``gap ≤ F_a Δt² W_nn`` (of the grains): contacts turn, which leaves a gap of second
-    order.
+    Adhesive are contacts without a gap (but for rounding), and those whose place carried an impulse
+    in the step before and that adhesion alone would close within this one, ``gap ≤ F_a Δt² W_nn``
+    (of the grains): contacts turn, which leaves a gap of second order.
 
     Args:
         scene: Shapes at q_m.
@@ -414,7 +470,9 @@ def attractions(scene: Scene, laws: ContactLaws, contacts: StepContacts, bodies:
 
 
 def closing_distance(laws: ContactLaws, grains: Grains, dt: float) -> float:
-    """No adhesive contact has a larger gap [m]; 0 if no pair of materials has adhesion. Arguments as `attractions`."""
+    """No adhesive contact has a larger gap [m]; 0 if no pair of materials has adhesion. Arguments
+    as `attractions`.
+    """
     if not laws.adhesion.size:
         return 0.0
     fastest = dt * dt * 2.0 * float(laws.adhesion.max()) / float(grains.mass.min())
@@ -422,7 +480,8 @@ def closing_distance(laws: ContactLaws, grains: Grains, dt: float) -> float:
 
 
 def attract(scene: Scene, contacts: StepContacts, free: Floats, wall_inverse: Floats) -> Floats:
-    """Free velocities after the attraction of adhesive contacts; ``free`` itself where there is none.
+    """Free velocities after the attraction of adhesive contacts; ``free`` itself where there is
+    none.
 
     Args:
         scene: Shapes at q_m.
@@ -466,22 +525,29 @@ def net_impulses(reaction: Floats, attraction: Floats) -> Floats:
 
 
 def resting_attraction(laws: ContactLaws, scene: Scene, i: Ints, j: Ints, dt: float) -> Floats:
-    """F_a Δt of contacts that are known to touch [N s], shape ``(c,)``; of size 0 if no pair of materials has adhesion."""
+    """F_a Δt of contacts that are known to touch [N s], shape ``(c,)``; of size 0 if no pair of
+    materials has adhesion.
+    """
     if not laws.adhesion.size:
         return np.empty(0)
     sharing = totals_of_places(find_places(scene, i, j)[0], np.ones(i.size))
     return dt * laws.adhesion[scene.material[i], scene.material[j]] / sharing
 
 
-# ---- Rolling resistance of contacts: what it is in a step, and where its couples stand in the sweep (theory §3.2)
+# ---- Rolling resistance of contacts: what it is in a step, and where its couples stand in the
+#      sweep (theory §3.2)
 
 
 @formula
 def _rolling_velocity(scene: Scene, i: int, j: int, arm: float, velocity: Floats) -> float:
-    """u_r = a* (ω_i − ω_j) of a pair [m/s]; ``velocity`` of grains and walls, shape ``(bodies, 4)``."""
+    """u_r = a* (ω_i − ω_j) of a pair [m/s]; ``velocity`` of grains and walls, shape
+    ``(bodies, 4)``.
+    """
     count = scene.radius.size
     if j < count:
-        return arm * (velocity[i, SURFACE] / scene.radius[i] - velocity[j, SURFACE] / scene.radius[j])
+        return arm * (
+            velocity[i, SURFACE] / scene.radius[i] - velocity[j, SURFACE] / scene.radius[j]
+        )
     body = count + scene.wall[j - count]
     turning = arm * surface_turning(scene, j, velocity[body, BELT])
     return arm * (velocity[i, SURFACE] / scene.radius[i] - velocity[body, SURFACE]) - turning
@@ -489,7 +555,12 @@ def _rolling_velocity(scene: Scene, i: int, j: int, arm: float, velocity: Floats
 
 @kernel
 def rolling_of_contacts(
-    scene: Scene, laws: ContactLaws, contacts: StepContacts, start: Floats, warm: WarmStart, scale: float
+    scene: Scene,
+    laws: ContactLaws,
+    contacts: StepContacts,
+    start: Floats,
+    warm: WarmStart,
+    scale: float,
 ) -> Floats:
     """Rolling resistance of all contacts, as in `StepContacts`.
 
@@ -512,7 +583,9 @@ def rolling_of_contacts(
 
 @formula
 def rolling_loss(c: int, scene: Scene, contacts: StepContacts, after: Floats) -> float:
-    """Energy that the couple of a contact takes in a step, −p_r ½(u_r⁻ + u_r⁺) [J]; ``after`` are the velocities v⁺."""
+    """Energy that the couple of a contact takes in a step, −p_r ½(u_r⁻ + u_r⁺) [J]; ``after`` are
+    the velocities v⁺.
+    """
     if not contacts.rolling.size or contacts.rolling[c, COUPLE] == 0.0:
         return 0.0
     u_r = _rolling_velocity(scene, contacts.i[c], contacts.j[c], contacts.rolling[c, ARM], after)
@@ -521,7 +594,9 @@ def rolling_loss(c: int, scene: Scene, contacts: StepContacts, after: Floats) ->
 
 @formula
 def rolled_loss(c: int, scene: Scene, contacts: StepContacts, after: Floats) -> float:
-    """What the couple of a contact that rolls takes by the rule of the end of the step, |p_r u_r⁺| [J]."""
+    """What the couple of a contact that rolls takes by the rule of the end of the step, |p_r u_r⁺|
+    [J].
+    """
     if not contacts.rolling.size or contacts.rolling[c, COUPLE] == 0.0:
         return 0.0
     u_r = _rolling_velocity(scene, contacts.i[c], contacts.j[c], contacts.rolling[c, ARM], after)
@@ -530,17 +605,27 @@ def rolled_loss(c: int, scene: Scene, contacts: StepContacts, after: Floats) -> 
 
 @formula
 def couple_of(c: int, contacts: StepContacts) -> float:
-    """Impulse of the couple of a contact on its first body [N m s]; 0 without rolling resistance."""
+    """Impulse of the couple of a contact on its first body [N m s]; 0 without rolling
+    resistance.
+    """
     return contacts.rolling[c, ARM] * contacts.rolling[c, COUPLE] if contacts.rolling.size else 0.0
 
 
 def couples_of_contacts(contacts: StepContacts) -> Floats:
-    """`couple_of` of all contacts, shape ``(c,)``; of size 0 if no pair of materials has rolling resistance."""
+    """`couple_of` of all contacts, shape ``(c,)``; of size 0 if no pair of materials has rolling
+    resistance.
+    """
     return np.asarray(contacts.rolling[:, ARM] * contacts.rolling[:, COUPLE])
 
 
 def pack_couples(
-    scene: Scene, contacts: StepContacts, belt: Floats, slot: Ints, general: Ints, place: Ints, inverse: Floats
+    scene: Scene,
+    contacts: StepContacts,
+    belt: Floats,
+    slot: Ints,
+    general: Ints,
+    place: Ints,
+    inverse: Floats,
 ) -> Couples:
     """The couples of the contacts that have rolling resistance, in the order of these.
 
@@ -551,7 +636,8 @@ def pack_couples(
         slot: Contact in each lane, -1 if there is none, shape ``(q, 4)``.
         general: General contacts, shape ``(g,)``.
         place: Row of each grain, shape ``(n,)``; walls follow the grains.
-        inverse: Inverse mass per degree of freedom of grains and walls, in these rows, shape ``(n + w, 3)``.
+        inverse: Inverse mass per degree of freedom of grains and walls, in these rows, shape
+            ``(n + w, 3)``.
     """
     if not contacts.rolling.size:
         return NO_COUPLES
@@ -560,14 +646,24 @@ def pack_couples(
     is_wall, effective = j >= scene.radius.size, contacts.rolling[contact, ARM]
     body, arm = np.empty((contact.size, 2), np.int32), np.empty((contact.size, 2))
     body[:, FIRST], arm[:, FIRST] = place[i], effective / scene.radius[i]
-    body[~is_wall, SECOND], arm[~is_wall, SECOND] = place[j[~is_wall]], effective[~is_wall] / scene.radius[j[~is_wall]]
-    body[is_wall, SECOND], arm[is_wall, SECOND] = scene.radius.size + scene.wall[j[is_wall] - scene.radius.size], effective[is_wall]
+    body[~is_wall, SECOND], arm[~is_wall, SECOND] = (
+        place[j[~is_wall]],
+        effective[~is_wall] / scene.radius[j[~is_wall]],
+    )
+    body[is_wall, SECOND], arm[is_wall, SECOND] = (
+        scene.radius.size + scene.wall[j[is_wall] - scene.radius.size],
+        effective[is_wall],
+    )
     spins = inverse[body, SPIN]
-    mobility = spins[:, FIRST] * (arm[:, FIRST] * arm[:, FIRST]) + spins[:, SECOND] * (arm[:, SECOND] * arm[:, SECOND])
+    mobility = spins[:, FIRST] * (arm[:, FIRST] * arm[:, FIRST]) + spins[:, SECOND] * (
+        arm[:, SECOND] * arm[:, SECOND]
+    )
     where = _places(slot, general, contacts.i.size)[contact]
     limit, impulse = contacts.rolling[contact, LIMIT], contacts.rolling[contact, COUPLE]
     turning = effective * _turning(scene, j, belt)
-    return Couples(contact.astype(np.int32), where, body, arm, limit, 1.0 / mobility, impulse, turning)
+    return Couples(
+        contact.astype(np.int32), where, body, arm, limit, 1.0 / mobility, impulse, turning
+    )
 
 
 @kernel
@@ -604,21 +700,38 @@ def gather_contacts(
 ) -> tuple[StepContacts, Floats]:
     """Contacts with a gap up to ``margin`` [m], sorted by key; arguments as `fill_contacts`.
 
-    Also returns the sum of min(u_n⁻, 0)² over closing contacts [m²/s²] and their number, and the sum of |u_t⁻| over the contacts
-    of two grains that carried an impulse [m/s] and their number, shape ``(4,)``.
+    Also returns the sum of min(u_n⁻, 0)² over closing contacts [m²/s²] and their number, and the
+    sum of |u_t⁻| over the contacts of two grains that carried an impulse [m/s] and their number,
+    shape ``(4,)``.
     """
     kept = count_contacts(lists.row, lists.gap, margin)
     count = int(kept[-1])
     contacts = StepContacts(
-        np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, 5)), np.empty((count, 2)),
+        np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, 5)),
+        np.empty((count, 2)),
         np.empty((count, 2)), np.empty((count, 2)),
     )  # fmt: skip
     speeds = chunks_for(lists.row.size - 1, 4)
     fill_contacts(
-        scene, laws, lists.row, lists.partner, lists.gap, lists.normal, margin, kept, start, dt, warm, ratio, contacts, speeds
+        scene,
+        laws,
+        lists.row,
+        lists.partner,
+        lists.gap,
+        lists.normal,
+        margin,
+        kept,
+        start,
+        dt,
+        warm,
+        ratio,
+        contacts,
+        speeds,
     )
     if laws.adhesion.size:
         contacts = contacts._replace(attraction=attractions(scene, laws, contacts, start, warm, dt))
     if laws.rolling.size:
-        contacts = contacts._replace(rolling=rolling_of_contacts(scene, laws, contacts, start, warm, ratio))
+        contacts = contacts._replace(
+            rolling=rolling_of_contacts(scene, laws, contacts, start, warm, ratio)
+        )
     return contacts, column_totals(speeds)

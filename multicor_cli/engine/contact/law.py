@@ -1,7 +1,9 @@
-"""Unilateral contact with Coulomb friction, one contact at a time, and friction that depends on temperature.
+"""Unilateral contact with Coulomb friction, one contact at a time, and friction that depends on
+temperature.
 
-Frame: n points from body j to body i, t is n turned by +90°; u is the velocity of i relative to j and p the impulse of j on i.
-The law: ``ũ_n = u_n⁺ + b``, ``0 ≤ p_n ⟂ ũ_n ≥ 0``, ``|p_t| ≤ μ p_n`` with ``p_t`` opposing slip.
+Frame: n points from body j to body i, t is n turned by +90°; u is the velocity of i relative to j
+and p the impulse of j on i. The law: ``ũ_n = u_n⁺ + b``, ``0 ≤ p_n ⟂ ũ_n ≥ 0``, ``|p_t| ≤ μ p_n``
+with ``p_t`` opposing slip.
 
 Plain scalar functions: the kernels compile them, the tests call them as they are.
 """
@@ -17,8 +19,9 @@ from multicor_cli.engine.jit.formulas import formula
 def bias(gap: float, normal_velocity: float, restitution: float, dt: float) -> float:
     """The term b that is added to u_n⁺ in the contact law [m/s].
 
-    A contact that closes within the step rebounds by Newton's law, ``b = e·min(u_n⁻, 0)``; any other may approach no further
-    than its gap allows, ``b = max(gap, 0)/Δt`` (theory §3). Letting both act on one contact never converges with Δt.
+    A contact that closes within the step rebounds by Newton's law, ``b = e·min(u_n⁻, 0)``; any
+    other may approach no further than its gap allows, ``b = max(gap, 0)/Δt`` (theory §3). Letting
+    both act on one contact never converges with Δt.
     """
     # Conditional expressions compile to selections, the built-in min and max to branches.
     closing = normal_velocity if normal_velocity < 0.0 else 0.0
@@ -29,7 +32,13 @@ def bias(gap: float, normal_velocity: float, restitution: float, dt: float) -> f
 
 @formula
 def solve_exact(
-    p_n: float, p_t: float, u_n: float, u_t: float, w_n_inverse: float, w_t_inverse: float, mu: float
+    p_n: float,
+    p_t: float,
+    u_n: float,
+    u_t: float,
+    w_n_inverse: float,
+    w_t_inverse: float,
+    mu: float,
 ) -> tuple[float, float]:
     """Exact solution of one contact whose Delassus matrix is diagonal (discs, spheres).
 
@@ -43,10 +52,11 @@ def solve_exact(
         mu: Coefficient of friction μ.
 
     Returns:
-        The impulses (p_n, p_t) that satisfy the law with all other contacts held (theory §4: the normal impulse first,
-        then the tangential one cut to the cone; W_nt = 0 decouples them).
+        The impulses (p_n, p_t) that satisfy the law with all other contacts held (theory §4: the
+        normal impulse first, then the tangential one cut to the cone; W_nt = 0 decouples them).
     """
-    # Conditional expressions compile to selections; the built-in min and max to branches, which cost twice the time here.
+    # Conditional expressions compile to selections; the built-in min and max to branches, which
+    # cost twice the time here.
     new_n = p_n - u_n * w_n_inverse
     new_n = new_n if new_n > 0.0 else 0.0
     bound = mu * new_n
@@ -58,7 +68,9 @@ def solve_exact(
 
 @formula
 def project_on_cone(tau_n: float, tau_t: float, mu: float) -> tuple[float, float]:
-    """Orthogonal projection of (τ_n, τ_t) on Coulomb's cone: open, stick or slip (de Saxcé & Feng; Fortin et al. 2005)."""
+    """Orthogonal projection of (τ_n, τ_t) on Coulomb's cone: open, stick or slip (de Saxcé & Feng;
+    Fortin et al. 2005).
+    """
     size = abs(tau_t)
     if mu * size <= -tau_n:
         return 0.0, 0.0
@@ -70,13 +82,18 @@ def project_on_cone(tau_n: float, tau_t: float, mu: float) -> tuple[float, float
 
 @formula
 def bipotential_parameter(w_n_inverse: float, w_t_inverse: float) -> float:
-    """ρ = 1/√(W_nn W_tt) [kg], inside the admissible range 0 < ρ < 2/W_tt of the predictor–corrector (W_tt ≤ 3.5 W_nn)."""
+    """ρ = 1/√(W_nn W_tt) [kg], inside the admissible range 0 < ρ < 2/W_tt of the
+    predictor–corrector (W_tt ≤ 3.5 W_nn).
+    """
     return sqrt(w_n_inverse * w_t_inverse)
 
 
 @formula
-def predict_and_correct(p_n: float, p_t: float, u_n: float, u_t: float, rho: float, mu: float) -> tuple[float, float]:
-    """Predictor ``τ = p − ρ (u + μ|u_t| n)``, corrector the projection on the cone (Fortin, Millet & de Saxcé 2005).
+def predict_and_correct(
+    p_n: float, p_t: float, u_n: float, u_t: float, rho: float, mu: float
+) -> tuple[float, float]:
+    """Predictor ``τ = p − ρ (u + μ|u_t| n)``, corrector the projection on the cone (Fortin, Millet
+    & de Saxcé 2005).
 
     Arguments as `solve_exact`, with ρ [kg].
     """
@@ -85,20 +102,32 @@ def predict_and_correct(p_n: float, p_t: float, u_n: float, u_t: float, rho: flo
 
 @formula
 def solve_bipotential(
-    p_n: float, p_t: float, u_n: float, u_t: float, w_n_inverse: float, w_t_inverse: float, mu: float
+    p_n: float,
+    p_t: float,
+    u_n: float,
+    u_t: float,
+    w_n_inverse: float,
+    w_t_inverse: float,
+    mu: float,
 ) -> tuple[float, float]:
-    """One predictor–corrector step of the bipotential method with its own ρ; arguments as `solve_exact`."""
-    return predict_and_correct(p_n, p_t, u_n, u_t, bipotential_parameter(w_n_inverse, w_t_inverse), mu)
+    """One predictor–corrector step of the bipotential method with its own ρ; arguments as
+    `solve_exact`.
+    """
+    return predict_and_correct(
+        p_n, p_t, u_n, u_t, bipotential_parameter(w_n_inverse, w_t_inverse), mu
+    )
 
 
 @formula
 def solve_full(
     p_n: float, p_t: float, u_n: float, u_t: float, w_nn: float, w_nt: float, w_tt: float, mu: float
 ) -> tuple[float, float]:
-    """Exact solution of one contact with a full 2×2 Delassus matrix, by enumeration of open, stick and both slips.
+    """Exact solution of one contact with a full 2×2 Delassus matrix, by enumeration of open, stick
+    and both slips.
 
-    Arguments as `solve_exact`, with the matrix itself [1/kg]. Of several solutions (possible only if ``W_nn < μ|W_nt|``)
-    the first in the order open, stick, slip is taken; if rounding leaves none, the sliding one with the larger impulse.
+    Arguments as `solve_exact`, with the matrix itself [1/kg]. Of several solutions (possible only
+    if ``W_nn < μ|W_nt|``) the first in the order open, stick, slip is taken; if rounding leaves
+    none, the sliding one with the larger impulse.
     """
     # Velocities if this contact carried nothing.
     q_n = u_n - w_nn * p_n - w_nt * p_t
@@ -125,14 +154,17 @@ def solve_full(
     return best_n, best_t
 
 
-# ---- A coefficient of friction that depends on temperature: `μ(T) = μ_0 [1 − c (T − T_r)]`, cut to a range (phenomenological).
+# ---- A coefficient of friction that depends on temperature: `μ(T) = μ_0 [1 − c (T − T_r)]`, cut to
+#      a range (phenomenological).
 #
-# Validity: the linear law has no universal source: its rate is a fit to a material pair over the measured range, and T is the
-# temperature of the grains, not that of the spot.
+# Validity: the linear law has no universal source: its rate is a fit to a material pair over the
+# measured range, and T is the temperature of the grains, not that of the spot.
 
 
 @formula
-def softened_friction(mu: float, rate: float, temperature: float, start: float, lowest: float, highest: float) -> float:
+def softened_friction(
+    mu: float, rate: float, temperature: float, start: float, lowest: float, highest: float
+) -> float:
     """Coefficient of friction ``μ_0 [1 − c (T − T_r)]``, cut to [lowest, highest].
 
     Args:

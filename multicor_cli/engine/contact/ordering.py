@@ -1,9 +1,12 @@
-"""The order in which contacts are relaxed: square tiles in four colors that share no body, batches of four, and their schedule.
+"""The order in which contacts are relaxed: square tiles in four colors that share no body, batches
+of four, and their schedule.
 
-The order is a pure function of the contacts and positions of the step, hence the same for any number of threads. Within a tile
-the contacts are ordered by key, which keeps the propagation of a serial sweep, cut into `STREAMS` parts from which one contact is
-taken in turn: neighbors by key share a grain, and could not lie in one batch. Tiles also keep the bodies of a thread in its cache.
-Contacts with fixed or prescribed walls do not tie tiles together. Crowded grains (many contacts) come last, serially.
+The order is a pure function of the contacts and positions of the step, hence the same for any
+number of threads. Within a tile the contacts are ordered by key, which keeps the propagation of a
+serial sweep, cut into `STREAMS` parts from which one contact is taken in turn: neighbors by key
+share a grain, and could not lie in one batch. Tiles also keep the bodies of a thread in its cache.
+Contacts with fixed or prescribed walls do not tie tiles together. Crowded grains (many contacts)
+come last, serially.
 """
 
 from __future__ import annotations
@@ -31,12 +34,15 @@ STREAMS = 4  # parts of a tile whose contacts take turns
 
 
 @kernel
-def classify_contacts(scene: Scene, contacts: StepContacts, wall_is_free: NDArray[np.bool_]) -> tuple[NDArray[np.int8], float]:
+def classify_contacts(
+    scene: Scene, contacts: StepContacts, wall_is_free: NDArray[np.bool_]
+) -> tuple[NDArray[np.int8], float]:
     """Say how each contact is relaxed.
 
     Returns:
-        Class of each contact (`TILED`, `CROWDED`, or `GENERAL`: with a wall that has a free degree of freedom), shape ``(c,)``, and
-        the largest distance in x or y between the grains of a tiled contact [m].
+        Class of each contact (`TILED`, `CROWDED`, or `GENERAL`: with a wall that has a free degree
+        of freedom), shape ``(c,)``, and the largest distance in x or y between the grains of a
+        tiled contact [m].
     """
     n = scene.radius.size
     degree = np.zeros(n, np.int32)
@@ -95,7 +101,8 @@ def assign_tiles(
     height: float,
     color_start: NDArray[np.int64],
 ) -> Ints:
-    """Tile of each contact, shape ``(c,)``: that of its grain i; one more for all crowded contacts, and -1 for general ones.
+    """Tile of each contact, shape ``(c,)``: that of its grain i; one more for all crowded contacts,
+    and -1 for general ones.
 
     Args:
         scene: Positions at q_m.
@@ -134,7 +141,8 @@ def order_contacts(tile: Ints, tiles: int) -> tuple[Ints, Ints, NDArray[np.int64
         tiles: Number of tiles, that of the crowded contacts included.
 
     Returns:
-        Diagonal contacts in the order of the sweep, general contacts, and the start of each tile in it, shape ``(tiles + 1,)``.
+        Diagonal contacts in the order of the sweep, general contacts, and the start of each tile in
+        it, shape ``(tiles + 1,)``.
     """
     start = np.zeros(tiles + 1, np.int64)
     for c in range(tile.size):
@@ -159,7 +167,9 @@ def order_contacts(tile: Ints, tiles: int) -> tuple[Ints, Ints, NDArray[np.int64
 
 @kernel
 def _interleave(order: Ints, start: NDArray[np.int64]) -> None:
-    """Deal the contacts of each tile out to `STREAMS` parts of equal length and take one from each part in turn."""
+    """Deal the contacts of each tile out to `STREAMS` parts of equal length and take one from each
+    part in turn.
+    """
     longest = 0
     for t in range(start.size - 1):
         longest = max(longest, start[t + 1] - start[t])
@@ -179,12 +189,16 @@ def _interleave(order: Ints, start: NDArray[np.int64]) -> None:
 
 
 @kernel
-def number_bodies(i: Ints, j: Ints, order: Ints, general: Ints, grains: int, walls: int) -> tuple[Ints, Ints, int]:
-    """Rows of the bodies in the velocities of the sweep: grains in the order in which the sweep first meets them, walls, proxies.
+def number_bodies(
+    i: Ints, j: Ints, order: Ints, general: Ints, grains: int, walls: int
+) -> tuple[Ints, Ints, int]:
+    """Rows of the bodies in the velocities of the sweep: grains in the order in which the sweep
+    first meets them, walls, proxies.
 
-    However grains are numbered, a tile then reads and writes one piece of memory: three times faster where the velocities of all
-    grains do not fit into the caches. A prescribed wall is replaced by one *proxy* per contact: a body of infinite mass that has
-    the velocity of the wall at the contact. The sweep then needs no branch, and no two contacts share a proxy.
+    However grains are numbered, a tile then reads and writes one piece of memory: three times
+    faster where the velocities of all grains do not fit into the caches. A prescribed wall is
+    replaced by one *proxy* per contact: a body of infinite mass that has the velocity of the wall
+    at the contact. The sweep then needs no branch, and no two contacts share a proxy.
 
     Args:
         i: Grain of each contact.
@@ -195,8 +209,8 @@ def number_bodies(i: Ints, j: Ints, order: Ints, general: Ints, grains: int, wal
         walls: Number of walls.
 
     Returns:
-        Row of each grain, shape ``(n,)``; rows of the bodies of each diagonal contact in the order of the sweep, shape
-        ``(k, 2)``; and the number of rows.
+        Row of each grain, shape ``(n,)``; rows of the bodies of each diagonal contact in the order
+        of the sweep, shape ``(k, 2)``; and the number of rows.
     """
     place = np.full(grains, -1, np.int32)
     pair = np.empty((order.size, 2), np.int32)
@@ -226,18 +240,19 @@ def number_bodies(i: Ints, j: Ints, order: Ints, general: Ints, grains: int, wal
     return place, pair, rows
 
 
-# ---- Puts the diagonal contacts of a step into batches of four that share no body, for the vector loops.
+# ---- Puts the diagonal contacts of a step into batches of four that share no body, for the vector
+#      loops.
 #
-# The order of the sweep is kept: a contact goes into the first batch with an empty lane that comes `SPACING` batches or more after
-# the last one with one of its bodies. Contacts that share no body commute, so the iterates are those of a sweep contact by contact
-# in the given order. (The order above, four places of a tile in turn, fills 96 to 99 % of the
-# lanes.)
+# The order of the sweep is kept: a contact goes into the first batch with an empty lane that comes
+# `SPACING` batches or more after the last one with one of its bodies. Contacts that share no body
+# commute, so the iterates are those of a sweep contact by contact in the given order. (The order
+# above, four places of a tile in turn, fills 96 to 99 % of the lanes.)
 
 SPACING = 3
 """A body comes again after so many batches at the earliest.
 
-The vector sweep gathers a batch before the last one is applied, which asks for 2; with 3 it waits less (by a tenth), with 4 more
-lanes are empty.
+The vector sweep gathers a batch before the last one is applied, which asks for 2; with 3 it waits
+less (by a tenth), with 4 more lanes are empty.
 """
 
 
@@ -247,7 +262,8 @@ class _Work(NamedTuple):
     Attributes:
         ready: First batch that each body may come in; zeros between tiles.
         filled: Filled lanes of each batch of a tile.
-        following: Where to look for an empty lane from each batch on: there itself, or at a later one.
+        following: Where to look for an empty lane from each batch on: there itself, or at a later
+            one.
     """
 
     ready: Ints
@@ -265,7 +281,9 @@ def _open(batch: int, base: int, slot: Ints, work: _Work) -> None:
 
 @kernel
 def _schedule(pair: Ints, first: int, last: int, base: int, slot: Ints, work: _Work) -> int:
-    """Write the contacts ``first … last-1`` of a tile into ``slot`` from batch ``base`` on; returns the number of batches."""
+    """Write the contacts ``first … last-1`` of a tile into ``slot`` from batch ``base`` on; returns
+    the number of batches.
+    """
     ready, filled, following = work.ready, work.filled, work.following
     count = 0
     for k in range(first, last):
@@ -299,7 +317,9 @@ def _schedule(pair: Ints, first: int, last: int, base: int, slot: Ints, work: _W
 
 
 @kernel
-def make_batches(pair: Ints, tile_start: NDArray[np.int64], bodies: int) -> tuple[Ints, NDArray[np.int64]]:
+def make_batches(
+    pair: Ints, tile_start: NDArray[np.int64], bodies: int
+) -> tuple[Ints, NDArray[np.int64]]:
     """Batches of the contacts of each tile.
 
     Args:
@@ -308,7 +328,8 @@ def make_batches(pair: Ints, tile_start: NDArray[np.int64], bodies: int) -> tupl
         bodies: Number of bodies.
 
     Returns:
-        Contact in each lane, -1 if there is none, shape ``(q, 4)``, and the first batch of each tile, shape ``(tiles + 1,)``.
+        Contact in each lane, -1 if there is none, shape ``(q, 4)``, and the first batch of each
+        tile, shape ``(tiles + 1,)``.
     """
     longest = 0
     for t in range(tile_start.size - 1):
@@ -319,20 +340,26 @@ def make_batches(pair: Ints, tile_start: NDArray[np.int64], bodies: int) -> tupl
     slot = np.empty((SPACING * (pair.shape[0] + tile_start.size), LANES), np.int32)
     start = np.zeros(tile_start.size, np.int64)
     for t in range(tile_start.size - 1):
-        start[t + 1] = start[t] + _schedule(pair, tile_start[t], tile_start[t + 1], start[t], slot, work)
+        start[t + 1] = start[t] + _schedule(
+            pair, tile_start[t], tile_start[t + 1], start[t], slot, work
+        )
     return slot[: start[-1]].copy(), start
 
 
 @kernel
-def fill_lanes(order: Ints, bodies: Ints, rows: int, tile_start: NDArray[np.int64], slot: Ints, pair: Ints) -> None:
+def fill_lanes(
+    order: Ints, bodies: Ints, rows: int, tile_start: NDArray[np.int64], slot: Ints, pair: Ints
+) -> None:
     """Put the bodies of the contacts into their lanes.
 
     Args:
         order: Contacts in the order of the sweep, shape ``(k,)``.
         bodies: Rows of their bodies, shape ``(k, 2)``.
-        rows: Number of rows; two for the empty lanes of each tile follow, so that no two tiles share a body.
+        rows: Number of rows; two for the empty lanes of each tile follow, so that no two tiles
+            share a body.
         tile_start: First batch of each tile, shape ``(tiles + 1,)``.
-        slot: From `make_batches`, shape ``(q, 4)``; on return the contacts themselves in place of their ranks. **Modified.**
+        slot: From `make_batches`, shape ``(q, 4)``; on return the contacts themselves in place of
+            their ranks. **Modified.**
         pair: Four times the rows of the bodies, shape ``(q, 2, 4)``. **Modified.**
     """
     for t in range(tile_start.size - 1):
@@ -341,12 +368,19 @@ def fill_lanes(order: Ints, bodies: Ints, rows: int, tile_start: NDArray[np.int6
                 k = slot[q, lane]
                 if k >= 0:
                     slot[q, lane] = order[k]
-                    pair[q, FIRST, lane], pair[q, SECOND, lane] = 4 * bodies[k, FIRST], 4 * bodies[k, SECOND]
+                    pair[q, FIRST, lane], pair[q, SECOND, lane] = (
+                        4 * bodies[k, FIRST],
+                        4 * bodies[k, SECOND],
+                    )
                 else:
-                    pair[q, FIRST, lane], pair[q, SECOND, lane] = 4 * (rows + 2 * t), 4 * (rows + 2 * t + 1)
+                    pair[q, FIRST, lane], pair[q, SECOND, lane] = (
+                        4 * (rows + 2 * t),
+                        4 * (rows + 2 * t + 1),
+                    )
 
 
-# ---- Which contact is relaxed when, and where its bodies lie: everything about a sweep that forces and velocities do not change
+# ---- Which contact is relaxed when, and where its bodies lie: everything about a sweep that forces
+#      and velocities do not change
 
 TILE = 16.0  # width of a tile in mean diameters: a few hundred contacts
 
@@ -360,7 +394,8 @@ class Schedule(NamedTuple):
         tile_start: First batch of each tile, shape ``(tiles + 1,)``.
         color_start: First tile of each color, shape ``(colors + 1,)``.
         general: General contacts, shape ``(g,)``.
-        place: Row of each grain, shape ``(n,)``; walls follow the grains, then come the wall proxies.
+        place: Row of each grain, shape ``(n,)``; walls follow the grains, then come the wall
+            proxies.
         rows: Number of all these rows. Two rows for the empty lanes of each tile follow.
     """
 
@@ -374,7 +409,8 @@ class Schedule(NamedTuple):
 
 
 class Scheduler:
-    """Makes schedules, and keeps the last one for as long as the same contacts lie in the same tiles, as they do at rest.
+    """Makes schedules, and keeps the last one for as long as the same contacts lie in the same
+    tiles, as they do at rest.
 
     A schedule is a pure function of these: keeping it changes nothing but the time.
     """
@@ -383,7 +419,13 @@ class Scheduler:
         self._last: Schedule | None = None
         self._key: tuple[Ints, Ints, Ints] = (np.empty(0, np.int32),) * 3
 
-    def schedule(self, scene: Scene, contacts: StepContacts, wall_is_free: NDArray[np.bool_], mean_diameter: float) -> Schedule:
+    def schedule(
+        self,
+        scene: Scene,
+        contacts: StepContacts,
+        wall_is_free: NDArray[np.bool_],
+        mean_diameter: float,
+    ) -> Schedule:
         """The schedule of the contacts of a step.
 
         Args:
@@ -395,16 +437,23 @@ class Scheduler:
         classes, span = classify_contacts(scene, contacts, wall_is_free)
         columns, rows, corner, width, height = _grid(scene, max(TILE * mean_diameter, 2.2 * span))
         color_start = color_tiles(columns, rows)
-        tile = assign_tiles(scene, contacts, classes, columns, rows, corner, width, height, color_start)
+        tile = assign_tiles(
+            scene, contacts, classes, columns, rows, corner, width, height, color_start
+        )
         key = (contacts.i, contacts.j, tile)
         last = self._last
-        if last is None or not (np.array_equal(last.color_start, color_start) and all(map(np.array_equal, self._key, key))):
+        if last is None or not (
+            np.array_equal(last.color_start, color_start)
+            and all(map(np.array_equal, self._key, key))
+        ):
             last = _make(contacts, tile, color_start, scene.radius.size, wall_is_free.size)
             self._last, self._key = last, key
         return last
 
 
-def _make(contacts: StepContacts, tile: Ints, color_start: NDArray[np.int64], grains: int, walls: int) -> Schedule:
+def _make(
+    contacts: StepContacts, tile: Ints, color_start: NDArray[np.int64], grains: int, walls: int
+) -> Schedule:
     tiles = int(color_start[-1]) + 1
     order, general, start = order_contacts(tile, tiles)
     place, bodies, rows = number_bodies(contacts.i, contacts.j, order, general, grains, walls)
@@ -415,7 +464,9 @@ def _make(contacts: StepContacts, tile: Ints, color_start: NDArray[np.int64], gr
 
 
 def _grid(scene: Scene, width: float) -> tuple[int, int, Floats, float, float]:
-    """Numbers of columns and rows, the corner and the size of the tiles; at least ``width`` wide and high."""
+    """Numbers of columns and rows, the corner and the size of the tiles; at least ``width`` wide
+    and high.
+    """
     left, right, bottom, top = extent_of(scene.position)
     low = np.array([left, bottom])
     size = np.array([right - left, top - bottom])

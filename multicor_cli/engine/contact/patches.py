@@ -1,16 +1,19 @@
-"""Solves the contacts around the worst one exactly and all at once, with the impulses of all others held.
+"""Solves the contacts around the worst one exactly and all at once, with the impulses of all others
+held.
 
-Where friction and unilaterality chase each other around a small cluster of contacts, sweeps may go on for ever: the solution of
-the cluster is an unstable fixed point of the sweep. In two dimensions Coulomb's law is a linear complementarity problem without any
-approximation (Pfeiffer & Glocker 1996). With σ = p_t + μ p_n and τ = μ p_n − p_t, what is left to either edge of the cone,
-and u_t = u₊ − u₋,
+Where friction and unilaterality chase each other around a small cluster of contacts, sweeps may go
+on for ever: the solution of the cluster is an unstable fixed point of the sweep. In two dimensions
+Coulomb's law is a linear complementarity problem without any approximation (Pfeiffer & Glocker
+1996). With σ = p_t + μ p_n and τ = μ p_n − p_t, what is left to either edge of the cone, and u_t =
+u₊ − u₋,
 
     u_n = q_n + W_nn p_n + W_nt (σ − μ p_n)              0 ≤ u_n ⟂ p_n ≥ 0
     u₊  = q_t + W_tn p_n + W_tt (σ − μ p_n) + u₋         0 ≤ u₊ ⟂ σ ≥ 0
     τ   = 2 μ p_n − σ                                    0 ≤ τ ⟂ u₋ ≥ 0
 
-where W is the Delassus matrix of the cluster and q its velocities without its impulses. A finite number of pivots solves it.
-Couples of rolling resistance are further rows with friction: u_r and p_r in place of u_t and p_t, and μ_r of μ.
+where W is the Delassus matrix of the cluster and q its velocities without its impulses. A finite
+number of pivots solves it. Couples of rolling resistance are further rows with friction: u_r and
+p_r in place of u_t and p_t, and μ_r of μ.
 """
 
 from __future__ import annotations
@@ -30,12 +33,33 @@ from multicor_cli.engine.contact.sweep import (
     push_general,
     push_lane,
 )
-from multicor_cli.engine.contact.vector_sweep import MASS_, MU_, NY_, TANGENTIAL_, frame_place, impulse_place, lane_of_impulse
+from multicor_cli.engine.contact.vector_sweep import (
+    MASS_,
+    MU_,
+    NY_,
+    TANGENTIAL_,
+    frame_place,
+    impulse_place,
+    lane_of_impulse,
+)
 from multicor_cli.engine.jit.compile import kernel, loop_body
-from multicor_cli.model.columns import FIRST, INVERSE_MASS, MU, NORMAL, NX, NY, SECOND, SPIN, TANGENTIAL, X, Y
+from multicor_cli.model.columns import (
+    FIRST,
+    INVERSE_MASS,
+    MU,
+    NORMAL,
+    NX,
+    NY,
+    SECOND,
+    SPIN,
+    TANGENTIAL,
+    X,
+    Y,
+)
 from multicor_cli.model.model import Floats, Ints
 
-# ---- Linear complementarity problems `w = q + M z, 0 ≤ w ⟂ z ≥ 0`, by Lemke's method (Cottle, Pang & Stone 1992, chapter 4)
+# ---- Linear complementarity problems `w = q + M z, 0 ≤ w ⟂ z ≥ 0`, by Lemke's method (Cottle, Pang
+#      & Stone 1992, chapter 4)
 
 SMALLEST = 1e-11
 """Pivots below this are rounding errors, in a problem whose numbers are of order 1."""
@@ -57,7 +81,8 @@ def _exchange(table: Floats, row: int, column: int) -> None:
     for k in range(table.shape[1]):
         table[row, k] *= -pivot
     table[row, column] = pivot
-    source = table[row].copy()  # of which the compiler knows that no other row changes it: this is where time goes
+    # of which the compiler knows that no other row changes it: this is where time goes
+    source = table[row].copy()
     for i in range(table.shape[0]):
         factor = table[i, column]
         if i != row and factor != 0.0:
@@ -69,7 +94,8 @@ def _exchange(table: Floats, row: int, column: int) -> None:
 def _leaving_row(table: Floats, column: int, basic: Ints, artificial: int) -> int:
     """The row that first becomes negative as the variable of a column grows; -1 if none does.
 
-    Of several the artificial variable's, for then the problem is solved, or else the one with the largest pivot.
+    Of several the artificial variable's, for then the problem is solved, or else the one with the
+    largest pivot.
     """
     last = table.shape[1] - 1
     least = np.inf
@@ -105,7 +131,8 @@ def solve_complementarity(matrix: Floats, vector: Floats, limit: int, solution: 
     row = int(np.argmin(vector))
     if vector[row] >= 0.0:
         return True
-    table = np.empty((n, n + 2))  # basic variables as functions of the others: of z (or w), of the artificial one, and constants
+    # Basic variables as functions of the others: of z (or w), of the artificial one, and constants
+    table = np.empty((n, n + 2))
     for i in range(n):
         for k in range(n):
             table[i, k] = matrix[i, k]
@@ -132,19 +159,23 @@ def solve_complementarity(matrix: Floats, vector: Floats, limit: int, solution: 
     return False
 
 
-# ---- Solves the contacts around the worst one exactly and all at once, with the impulses of all others held
+# ---- Solves the contacts around the worst one exactly and all at once, with the impulses of all
+#      others held
 
 SIZES = (50, 50, 70, 70, 100)
-"""Contacts of the first patch of a solve, of the second, and so on. The work grows with the third power."""
+"""Contacts of the first patch of a solve, of the second, and so on. The work grows with the third
+power."""
 
 BLOCKS = (50, 70, 100, 200)
-"""The same of those after these, which are solved by turns with sweeps over all other contacts; further ones are as the last."""
+"""The same of those after these, which are solved by turns with sweeps over all other contacts;
+further ones are as the last."""
 
 SMALL = 100
 """A system with no more contacts than that is one cluster."""
 
 PEAK, SHARE = 5.0, 0.5
-"""Contacts whose e_c is that many times the rms are a peak; where peaks hold that share of Σ e_c², errors are those of clusters."""
+"""Contacts whose e_c is that many times the rms are a peak; where peaks hold that share of Σ e_c²,
+errors are those of clusters."""
 
 PIVOTS = 10
 """Cap on the number of pivots, per unknown."""
@@ -184,24 +215,36 @@ def _contact_of(couple: int, s: System) -> int:
 
 @kernel
 def _measure(s: System) -> tuple[NDArray[np.bool_], Floats]:
-    """Contacts that carry an impulse or would, and e_c² of all, with e_r² of their couples [m²/s²]."""
+    """Contacts that carry an impulse or would, and e_c² of all, with e_r² of their couples
+    [m²/s²].
+    """
     lanes = s.slot.size
-    velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
+    velocity, pair, frame, impulse = (
+        s.velocity.reshape(-1),
+        s.pair.reshape(-1),
+        s.frame.reshape(-1),
+        s.impulse.reshape(-1),
+    )
     active = np.empty(lanes + s.general_pair.shape[0], np.bool_)
     square = np.empty(active.size)
     for k in range(active.size):
         if k < lanes:
-            square[k], _, _, active[k] = measure_lane(np.uint64(k), velocity, pair, frame, impulse, s.spin_factor)
+            square[k], _, _, active[k] = measure_lane(
+                np.uint64(k), velocity, pair, frame, impulse, s.spin_factor
+            )
         else:
             square[k], _, _, active[k] = measure_general(k - lanes, s)
     for r in range(s.couples.impulse.size):
-        square[_contact_of(r, s)] += couple_square(r, s.couples, s.velocity, impulse, s.general_impulse)
+        square[_contact_of(r, s)] += couple_square(
+            r, s.couples, s.velocity, impulse, s.general_impulse
+        )
     return active, square
 
 
 @kernel
 def has_clusters(s: System) -> bool:
-    """Whether errors are those of small clusters, and not spread over many contacts, where a patch would gain nothing.
+    """Whether errors are those of small clusters, and not spread over many contacts, where a patch
+    would gain nothing.
 
     A small system is one cluster.
     """
@@ -220,7 +263,9 @@ def has_clusters(s: System) -> bool:
 
 
 @kernel
-def _contacts_by_body(active: NDArray[np.bool_], s: System) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _contacts_by_body(
+    active: NDArray[np.bool_], s: System
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Active contacts of each body: those of body b are ``contact[start[b]:start[b+1]]``."""
     start = np.zeros(s.velocity.shape[0] + 1, np.int64)
     for k in range(active.size):
@@ -241,7 +286,9 @@ def _contacts_by_body(active: NDArray[np.bool_], s: System) -> tuple[NDArray[np.
 
 @kernel
 def _around(worst: int, size: int, active: NDArray[np.bool_], s: System) -> NDArray[np.int64]:
-    """Up to ``size`` active contacts: the worst one, then those that share a movable body with one that is chosen already."""
+    """Up to ``size`` active contacts: the worst one, then those that share a movable body with one
+    that is chosen already.
+    """
     start, contact = _contacts_by_body(active, s)
     chosen, is_left = np.empty(size, np.int64), active.copy()
     chosen[0], is_left[worst] = worst, False
@@ -262,8 +309,8 @@ def _around(worst: int, size: int, active: NDArray[np.bool_], s: System) -> NDAr
 class _Patch(NamedTuple):
     """Contacts of a patch, ``k`` of them, and their couples of rolling resistance, ``r``.
 
-    Its rows are u_n of all contacts, u_t of all contacts, then u_r of all couples: k + f of them, f = k + r with friction. What
-    counts rows has the shape ``(k + f,)``.
+    Its rows are u_n of all contacts, u_t of all contacts, then u_r of all couples: k + f of them, f
+    = k + r with friction. What counts rows has the shape ``(k + f,)``.
 
     Attributes:
         contact: Numbers of the contacts, shape ``(k,)``.
@@ -291,7 +338,12 @@ class _Patch(NamedTuple):
 @kernel
 def _gather(contact: NDArray[np.int64], s: System) -> _Patch:
     count, lanes, couples = contact.size, s.slot.size, s.couples
-    velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
+    velocity, pair, frame, impulse = (
+        s.velocity.reshape(-1),
+        s.pair.reshape(-1),
+        s.frame.reshape(-1),
+        s.impulse.reshape(-1),
+    )
     place = np.full(lanes + s.general_pair.shape[0] if couples.impulse.size else 0, -1, np.int64)
     for k in range(count if place.size else 0):
         place[contact[k]] = k
@@ -299,7 +351,8 @@ def _gather(contact: NDArray[np.int64], s: System) -> _Patch:
     with_friction = count + couple.size
     rows = count + with_friction
     patch = _Patch(
-        contact, couple, np.empty(rows, np.int64), np.empty((count, 2), np.int64), np.empty((count, 2)), np.empty((rows, 2)),
+        contact, couple, np.empty(rows, np.int64), np.empty((count, 2), np.int64),
+        np.empty((count, 2)), np.empty((rows, 2)),
         np.empty(with_friction), np.empty(rows), np.empty(rows),
     )  # fmt: skip
     for k in range(count):
@@ -311,25 +364,40 @@ def _gather(contact: NDArray[np.int64], s: System) -> _Patch:
             lane = np.uint64(c)
             f, p = frame_place(lane), impulse_place(lane)
             u_n, u_t = lane_velocity(lane, velocity, pair, frame)
-            patch.normal[k, X], patch.normal[k, Y], patch.friction[k] = frame[f], frame[f + NY_], frame[f + MU_]
+            patch.normal[k, X], patch.normal[k, Y], patch.friction[k] = (
+                frame[f],
+                frame[f + NY_],
+                frame[f + MU_],
+            )
             patch.lever[k], patch.lever[t] = 0.0, -1.0
             patch.impulse[k], patch.impulse[t] = impulse[p], impulse[p + TANGENTIAL_]
         else:
             g = c - lanes
-            u_n, u_t = general_velocity(g, s.velocity, s.general_pair, s.general_frame, s.general_lever)
+            u_n, u_t = general_velocity(
+                g, s.velocity, s.general_pair, s.general_frame, s.general_lever
+            )
             patch.normal[k, X], patch.normal[k, Y] = s.general_frame[g, NX], s.general_frame[g, NY]
             patch.friction[k] = s.general_frame[g, MU]
             for row, direction in ((k, NORMAL), (t, TANGENTIAL)):
                 patch.lever[row, FIRST] = s.general_lever[g, FIRST, direction]
                 patch.lever[row, SECOND] = -s.general_lever[g, SECOND, direction]
-            patch.impulse[k], patch.impulse[t] = s.general_impulse[g, NORMAL], s.general_impulse[g, TANGENTIAL]
+            patch.impulse[k], patch.impulse[t] = (
+                s.general_impulse[g, NORMAL],
+                s.general_impulse[g, TANGENTIAL],
+            )
         patch.velocity[k], patch.velocity[t] = u_n, u_t
     for r in range(couple.size):
         row = 2 * count + r
         patch.owner[row] = place[_contact_of(couple[r], s)]
-        patch.lever[row, FIRST], patch.lever[row, SECOND] = couples.arm[couple[r], FIRST], -couples.arm[couple[r], SECOND]
+        patch.lever[row, FIRST], patch.lever[row, SECOND] = (
+            couples.arm[couple[r], FIRST],
+            -couples.arm[couple[r], SECOND],
+        )
         patch.friction[count + r] = couples.limit[couple[r]]
-        patch.impulse[row], patch.velocity[row] = couples.impulse[couple[r]], couple_velocity(couple[r], couples, s.velocity)
+        patch.impulse[row], patch.velocity[row] = (
+            couples.impulse[couple[r]],
+            couple_velocity(couple[r], couples, s.velocity),
+        )
     return patch
 
 
@@ -372,19 +440,24 @@ def _delassus(patch: _Patch, s: System) -> Floats:
                     if body == patch.body[b, other]:
                         for d in range(3):
                             m = _mobility(body, d, s)
-                            matrix[row, column] += _row(row, side, d, patch) * m * _row(column, other, d, patch)
+                            matrix[row, column] += (
+                                _row(row, side, d, patch) * m * _row(column, other, d, patch)
+                            )
     return matrix
 
 
 @kernel
 def _solve(patch: _Patch, s: System) -> tuple[bool, Floats]:
-    """Impulses of the rows with all others held, shape ``(k + f,)``, and whether they were found."""
+    """Impulses of the rows with all others held, shape ``(k + f,)``, and whether they were
+    found.
+    """
     count, rows, with_friction = patch.contact.size, patch.owner.size, patch.friction.size
     w = _delassus(patch, s)
     mean = 0.0
     for k in range(count):
         mean += w[k, k] / count
-    mass = 1.0 / mean  # impulses are found in units of this mass times a velocity: numbers are of order 1
+    # Impulses are found in units of this mass times a velocity: numbers are of order 1
+    mass = 1.0 / mean
     q, scale = np.empty(rows), 0.0
     for k in range(rows):
         q[k] = patch.velocity[k]
@@ -394,7 +467,10 @@ def _solve(patch: _Patch, s: System) -> tuple[bool, Floats]:
     new = np.zeros(rows)
     if scale == 0.0:
         return True, new
-    matrix, vector = np.zeros((rows + with_friction, rows + with_friction)), np.zeros(rows + with_friction)
+    matrix, vector = (
+        np.zeros((rows + with_friction, rows + with_friction)),
+        np.zeros(rows + with_friction),
+    )
     for k in range(rows):
         vector[k] = q[k] / scale
         for c in range(count):
@@ -441,7 +517,12 @@ def solve_patch(s: System, contact: NDArray[np.int64]) -> bool:
     if not is_solved:
         return False
     lanes = s.slot.size
-    velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
+    velocity, pair, frame, impulse = (
+        s.velocity.reshape(-1),
+        s.pair.reshape(-1),
+        s.frame.reshape(-1),
+        s.impulse.reshape(-1),
+    )
     count = patch.contact.size
     for k in range(count):
         c = patch.contact[k]
@@ -454,7 +535,9 @@ def solve_patch(s: System, contact: NDArray[np.int64]) -> bool:
         else:
             g = c - lanes
             s.general_impulse[g, NORMAL], s.general_impulse[g, TANGENTIAL] = p_n, p_t
-            push_general(g, d_n, d_t, s.velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever)
+            push_general(
+                g, d_n, d_t, s.velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever
+            )
     for r in range(patch.couple.size):
         row, couple = 2 * count + r, patch.couple[r]
         s.couples.impulse[couple] = new[row]

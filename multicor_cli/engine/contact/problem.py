@@ -52,11 +52,14 @@ _SHAPES = {
 
 @dataclass(frozen=True)
 class ContactProblem:
-    """Find impulses p with ``u = u_free + W p``, ``0 ≤ p_n ⟂ u_n + b ≥ 0``, ``|p_t| ≤ μ p_n`` opposing slip.
+    """Find impulses p with ``u = u_free + W p``, ``0 ≤ p_n ⟂ u_n + b ≥ 0``, ``|p_t| ≤ μ p_n``
+    opposing slip.
 
-    u_t is that of the bodies less ``slide``, by which the surface of j runs ahead of it along t (n turned by +90°).
+    u_t is that of the bodies less ``slide``, by which the surface of j runs ahead of it along t (n
+    turned by +90°).
 
-    ``b`` bodies, ``c`` contacts. A body that cannot be moved has inverse masses 0 (and may have a velocity).
+    ``b`` bodies, ``c`` contacts. A body that cannot be moved has inverse masses 0 (and may have a
+    velocity).
 
     Attributes:
         inverse_mass: 1/m in x and y [1/kg] and 1/I [1/(kg m²)], shape ``(b, 3)``.
@@ -66,8 +69,8 @@ class ContactProblem:
         lever: From the center of body i, and of body j, to the contact [m], shape ``(c, 2, 2)``.
         bias: b, the term added to u_n [m/s], shape ``(c,)``.
         friction: Coefficients of friction μ, shape ``(c,)``.
-        slide: What is taken from u_t: the speed along t with which the surface of body j runs over it [m/s], shape ``(c,)``;
-            default: 0.
+        slide: What is taken from u_t: the speed along t with which the surface of body j runs over
+            it [m/s], shape ``(c,)``; default: 0.
     """
 
     inverse_mass: Floats
@@ -109,7 +112,10 @@ class ContactProblem:
         (nx, ny), levers = self.normal.T, np.empty((len(self.pair), 2, 2))
         for side in (FIRST, SECOND):
             lx, ly = self.lever[:, side].T
-            levers[:, side, NORMAL], levers[:, side, TANGENTIAL] = lx * ny - ly * nx, lx * nx + ly * ny
+            levers[:, side, NORMAL], levers[:, side, TANGENTIAL] = (
+                lx * ny - ly * nx,
+                lx * nx + ly * ny,
+            )
         return levers
 
     def delassus(self) -> Floats:
@@ -124,7 +130,11 @@ class ContactProblem:
     def load(cls, path: str | Path) -> ContactProblem:
         """Read a problem written by `save`; raises `ValueError` or `KeyError` for anything else."""
         with np.load(path, allow_pickle=False) as data:
-            arrays = {f.name: np.asarray(data[f.name]) for f in fields(cls) if f.name in data or f.name != "slide"}
+            arrays = {
+                f.name: np.asarray(data[f.name])
+                for f in fields(cls)
+                if f.name in data or f.name != "slide"
+            }
         pair = arrays.pop("pair").astype(np.int32)
         return cls(pair=pair, **{name: array.astype(np.float64) for name, array in arrays.items()})
 
@@ -159,13 +169,14 @@ def solve_contacts(
     reference_velocity: float | None = None,
     start: Floats | None = None,
 ) -> ContactSolution:
-    """Solve one contact problem with the solver of the engine, on one thread, in the given order of contacts.
+    """Solve one contact problem with the solver of the engine, on one thread, in the given order of
+    contacts.
 
     Args:
         problem: The problem.
         settings: Methods, tolerances and cap; default `Settings()`.
-        reference_velocity: u_ref, what residuals are measured against [m/s]; default the rms of ``min(u_n + b, 0)`` over the
-            contacts where the free velocity violates the law.
+        reference_velocity: u_ref, what residuals are measured against [m/s]; default the rms of
+            ``min(u_n + b, 0)`` over the contacts where the free velocity violates the law.
         start: Impulses to start from, shape ``(c, 2)``; default zero.
 
     Raises:
@@ -180,15 +191,36 @@ def solve_contacts(
     if reference_velocity is None:
         reference_velocity = _closing_velocity(problem)
     movable = problem.inverse_mass[:, X] > 0.0
-    energy = 0.5 * total(1.0 / problem.inverse_mass[movable, X]) * (reference_velocity * reference_velocity)
+    energy = (
+        0.5
+        * total(1.0 / problem.inverse_mass[movable, X])
+        * (reference_velocity * reference_velocity)
+    )
     add_impulses(system)
-    outcome = solve_system(system, ResidualScale(reference_velocity, reference_velocity, energy), settings, ThreadChoice())
+    outcome = solve_system(
+        system,
+        ResidualScale(reference_velocity, reference_velocity, energy),
+        settings,
+        ThreadChoice(),
+    )
     velocity = system.velocity[: len(problem.velocity), :INVERSE_MASS].copy()
     if arm is not None:
         spin = velocity[:, SURFACE] / np.where(arm > 0.0, arm, 1.0)
         velocity[:, SPIN] = np.where(arm > 0.0, spin, problem.velocity[:, SPIN])
-    result = by_slot(system.slot, system.impulse, len(problem.pair)) if arm is not None else system.general_impulse.copy()
-    return ContactSolution(result, velocity, outcome.converged, outcome.sweeps, outcome.rms, outcome.maximum, outcome.energy)
+    result = (
+        by_slot(system.slot, system.impulse, len(problem.pair))
+        if arm is not None
+        else system.general_impulse.copy()
+    )
+    return ContactSolution(
+        result,
+        velocity,
+        outcome.converged,
+        outcome.sweeps,
+        outcome.rms,
+        outcome.maximum,
+        outcome.energy,
+    )
 
 
 def free_velocity(problem: ContactProblem) -> Floats:
@@ -196,8 +228,18 @@ def free_velocity(problem: ContactProblem) -> Floats:
     vi, vj = problem.velocity[problem.pair[:, FIRST]], problem.velocity[problem.pair[:, SECOND]]
     (nx, ny), lever = problem.normal.T, problem.levers()
     dx, dy = vi[:, X] - vj[:, X], vi[:, Y] - vj[:, Y]
-    u_n = dx * nx + dy * ny + vi[:, SPIN] * lever[:, FIRST, NORMAL] - vj[:, SPIN] * lever[:, SECOND, NORMAL]
-    u_t = dy * nx - dx * ny + vi[:, SPIN] * lever[:, FIRST, TANGENTIAL] - vj[:, SPIN] * lever[:, SECOND, TANGENTIAL]
+    u_n = (
+        dx * nx
+        + dy * ny
+        + vi[:, SPIN] * lever[:, FIRST, NORMAL]
+        - vj[:, SPIN] * lever[:, SECOND, NORMAL]
+    )
+    u_t = (
+        dy * nx
+        - dx * ny
+        + vi[:, SPIN] * lever[:, FIRST, TANGENTIAL]
+        - vj[:, SPIN] * lever[:, SECOND, TANGENTIAL]
+    )
     return np.column_stack([u_n, u_t - problem.slide])
 
 
@@ -217,25 +259,40 @@ def _general_system(problem: ContactProblem, impulse: Floats) -> System:
     velocity[:, :INVERSE_MASS] = problem.velocity
     nothing = OneByOne(np.empty((0, 2), np.int32), np.empty((0, 5)), np.empty((0, 2)))
     return _system(
-        batch(nothing, velocity), problem.inverse_mass.copy(), problem.pair.astype(np.int32), frame, problem.levers(), impulse, 1.0
+        batch(nothing, velocity),
+        problem.inverse_mass.copy(),
+        problem.pair.astype(np.int32),
+        frame,
+        problem.levers(),
+        impulse,
+        1.0,
     )
 
 
 def _system(
-    diagonal: Batches, inverse: Floats, pair: Ints, frame: Floats, lever: Floats, impulse: Floats, spin_factor: float
+    diagonal: Batches,
+    inverse: Floats,
+    pair: Ints,
+    frame: Floats,
+    lever: Floats,
+    impulse: Floats,
+    spin_factor: float,
 ) -> System:
     """A system of diagonal contacts in one tile, and general ones."""
     count = int(np.count_nonzero(diagonal.slot >= 0)) + len(pair)
     return System(
-        diagonal.velocity, inverse, diagonal.slot, diagonal.pair, diagonal.frame, diagonal.impulse, diagonal.tile_start,
+        diagonal.velocity, inverse, diagonal.slot, diagonal.pair, diagonal.frame, diagonal.impulse,
+        diagonal.tile_start,
         np.array([0, 1]), pair, frame, lever, impulse, spin_factor, count,
     )  # fmt: skip
 
 
 def _disc_system(problem: ContactProblem, impulse: Floats) -> tuple[System, Floats] | None:
-    """The diagonal form, if every movable body is a disc or sphere of one kind and levers lie along the normals; else None.
+    """The diagonal form, if every movable body is a disc or sphere of one kind and levers lie along
+    the normals; else None.
 
-    Also returns the radius of each body (0 for bodies that cannot be moved): the third velocity is a ω.
+    Also returns the radius of each body (0 for bodies that cannot be moved): the third velocity is
+    a ω.
     """
     inverse, lever = problem.inverse_mass, problem.levers()
     movable = np.asarray(inverse.any(axis=1))
@@ -247,7 +304,10 @@ def _disc_system(problem: ContactProblem, impulse: Floats) -> tuple[System, Floa
     if not movable.any() or (arm[movable] <= 0.0).any() or (inverse[movable, X] == 0.0).any():
         return None
     expected = np.zeros_like(lever)
-    expected[:, FIRST, TANGENTIAL], expected[:, SECOND, TANGENTIAL] = -arm[problem.pair[:, FIRST]], arm[problem.pair[:, SECOND]]
+    expected[:, FIRST, TANGENTIAL], expected[:, SECOND, TANGENTIAL] = (
+        -arm[problem.pair[:, FIRST]],
+        arm[problem.pair[:, SECOND]],
+    )
     fixed_j = ~movable[problem.pair[:, SECOND]]
     relevant = np.ones_like(lever, bool)
     relevant[fixed_j, SECOND] = False
@@ -274,18 +334,29 @@ def _disc_system(problem: ContactProblem, impulse: Floats) -> tuple[System, Floa
     velocity[bodies:, SURFACE] = problem.slide[fixed_j]
     frame = np.empty((len(pair), 5))
     frame[:, [NX, NY]] = problem.normal
-    frame[:, MASS] = 1.0 / (velocity[pair[:, FIRST], INVERSE_MASS] + velocity[pair[:, SECOND], INVERSE_MASS])
+    frame[:, MASS] = 1.0 / (
+        velocity[pair[:, FIRST], INVERSE_MASS] + velocity[pair[:, SECOND], INVERSE_MASS]
+    )
     frame[:, BIAS], frame[:, MU] = problem.bias, problem.friction
     diagonal = batch(OneByOne(pair, frame, impulse), velocity)
     nothing = np.empty((0, 2), np.int32)
     system = _system(
-        diagonal, np.zeros((bodies, 3)), nothing, np.empty((0, 8)), np.empty((0, 2, 2)), np.empty((0, 2)), float(beta[0])
+        diagonal,
+        np.zeros((bodies, 3)),
+        nothing,
+        np.empty((0, 8)),
+        np.empty((0, 2, 2)),
+        np.empty((0, 2)),
+        float(beta[0]),
     )
     return system, arm
 
 
-def problem_of_step(scene: Scene, contacts: StepContacts, free: Floats, wall_inverse: Floats, spin_factor: float) -> ContactProblem:
-    """The contact problem of a step of the engine, in physical velocities; bodies are the grains, then the walls.
+def problem_of_step(
+    scene: Scene, contacts: StepContacts, free: Floats, wall_inverse: Floats, spin_factor: float
+) -> ContactProblem:
+    """The contact problem of a step of the engine, in physical velocities; bodies are the grains,
+    then the walls.
 
     Args:
         scene: Shapes at q_m.
@@ -317,13 +388,16 @@ def problem_of_step(scene: Scene, contacts: StepContacts, free: Floats, wall_inv
     lever[:, SECOND] = contacts.lever
     lever[~is_wall, SECOND] = scene.radius[j[~is_wall]][:, None] * normal[~is_wall]
     return ContactProblem(
-        inverse, velocity, np.column_stack([i, body]), normal, lever, contacts.frame[:, BIAS].copy(), contacts.frame[:, MU].copy(),
+        inverse, velocity, np.column_stack([i, body]), normal, lever,
+        contacts.frame[:, BIAS].copy(), contacts.frame[:, MU].copy(),
         np.where(is_wall, free[body, BELT], 0.0),
     )  # fmt: skip
 
 
 def delassus(pair: Ints, normal: Floats, lever: Floats, inverse: Floats) -> Floats:
-    """W_nn, W_nt, W_tt of contacts between bodies with an inverse mass per degree of freedom, shape ``(g, 3)`` [1/kg]."""
+    """W_nn, W_nt, W_tt of contacts between bodies with an inverse mass per degree of freedom, shape
+    ``(g, 3)`` [1/kg].
+    """
     nx, ny = normal.T
     w_nn, w_nt, w_tt = np.zeros((3, len(pair)))
     for side in (FIRST, SECOND):

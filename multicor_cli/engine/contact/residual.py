@@ -1,11 +1,19 @@
-"""How far impulses are from satisfying the contact law: the only stopping criterion of the solver (theory §5.3)."""
+"""How far impulses are from satisfying the contact law: the only stopping criterion of the solver
+(theory §5.3).
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from multicor_cli.engine.contact.law import solve_exact
-from multicor_cli.engine.contact.sweep import System, correction, general_solution, general_velocity, measure_couples
+from multicor_cli.engine.contact.sweep import (
+    System,
+    correction,
+    general_solution,
+    general_velocity,
+    measure_couples,
+)
 from multicor_cli.engine.contact.vector_sweep import (
     BIAS_,
     MASS_,
@@ -32,8 +40,12 @@ _BATCHES = CHUNK // LANES  # of a chunk
 
 
 @formula
-def lane_velocity(lane: np.uint64, velocity: Floats, pair: Ints, frame: Floats) -> tuple[float, float]:
-    """u_n + b and u_t of a diagonal contact [m/s]; arrays as in `multicor_cli.engine.contact.sweep.relax_lane`."""
+def lane_velocity(
+    lane: np.uint64, velocity: Floats, pair: Ints, frame: Floats
+) -> tuple[float, float]:
+    """u_n + b and u_t of a diagonal contact [m/s]; arrays as in
+    `multicor_cli.engine.contact.sweep.relax_lane`.
+    """
     q, f = pair_place(lane), frame_place(lane)
     i, j = np.uint64(pair[q]), np.uint64(pair[q + SECOND_])
     nx, ny = frame[f], frame[f + NY_]
@@ -46,7 +58,8 @@ def lane_velocity(lane: np.uint64, velocity: Floats, pair: Ints, frame: Floats) 
 def measure_lane(
     lane: np.uint64, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float
 ) -> tuple[float, float, float, bool]:
-    """Square of e_c of a diagonal contact, the powers p_n e_n and p_t e_t [J], and whether it carries an impulse or would.
+    """Square of e_c of a diagonal contact, the powers p_n e_n and p_t e_t [J], and whether it
+    carries an impulse or would.
 
     Arrays as in `multicor_cli.engine.contact.sweep.relax_lane`.
     """
@@ -65,17 +78,20 @@ def measure_lane(
 def measure_scalar(
     first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float
 ) -> tuple[float, float, float, float, float]:
-    """Residuals of the diagonal contacts of batches ``first … last-1``; arrays as in `measure_lane`.
+    """Residuals of the diagonal contacts of batches ``first … last-1``; arrays as in
+    `measure_lane`.
 
-    Returns the sums of the squares of e_c and of both powers, the largest square, and the number of contacts with p_n > 0 or
-    e_c > 0. Sums are taken lane by lane, then over the lanes.
+    Returns the sums of the squares of e_c and of both powers, the largest square, and the number of
+    contacts with p_n > 0 or e_c > 0. Sums are taken lane by lane, then over the lanes.
     """
     squares, normal, tangential, largest, active = 0.0, 0.0, 0.0, 0.0, 0.0
     for column in range(LANES):
         lane_squares, lane_normal, lane_tangential = 0.0, 0.0, 0.0
         for batch in range(first, last):
             lane = np.uint64(LANES * batch + column)
-            square, of_normal, of_tangential, is_active = measure_lane(lane, velocity, pair, frame, impulse, beta)
+            square, of_normal, of_tangential, is_active = measure_lane(
+                lane, velocity, pair, frame, impulse, beta
+            )
             lane_squares += square
             lane_normal += of_normal
             lane_tangential += of_tangential
@@ -92,17 +108,36 @@ _measure = measure_batches if HAS_VECTORS else measure_scalar
 
 @loop_body
 def _measure_chunk(
-    chunk: int, batches: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float, partial: Floats
+    chunk: int,
+    batches: int,
+    velocity: Floats,
+    pair: Ints,
+    frame: Floats,
+    impulse: Floats,
+    beta: float,
+    partial: Floats,
 ) -> None:
     last = min(batches, (chunk + 1) * _BATCHES)
-    squares, normal, tangential, largest, active = _measure(chunk * _BATCHES, last, velocity, pair, frame, impulse, beta)
-    partial[chunk, _SQUARES], partial[chunk, _NORMAL], partial[chunk, _TANGENTIAL] = squares, normal, tangential
+    squares, normal, tangential, largest, active = _measure(
+        chunk * _BATCHES, last, velocity, pair, frame, impulse, beta
+    )
+    partial[chunk, _SQUARES], partial[chunk, _NORMAL], partial[chunk, _TANGENTIAL] = (
+        squares,
+        normal,
+        tangential,
+    )
     partial[chunk, _LARGEST], partial[chunk, _ACTIVE] = largest, active
 
 
 @threaded_loop
 def _measure_chunks(
-    batches: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float, partial: Floats
+    batches: int,
+    velocity: Floats,
+    pair: Ints,
+    frame: Floats,
+    impulse: Floats,
+    beta: float,
+    partial: Floats,
 ) -> None:
     for chunk in prange(partial.shape[0]):
         _measure_chunk(chunk, batches, velocity, pair, frame, impulse, beta, partial)
@@ -128,12 +163,19 @@ def measure_residual(s: System, parallel: bool) -> tuple[float, float, float, fl
         parallel: Use several threads; the result is the same.
 
     Returns:
-        rms and maximum of e_c, the velocity correction that an exact local solve of contact c would make with the others held
-        (natural map in velocity units), over contacts with p_n > 0 or e_c > 0 [m/s], couples counting as further contacts; the
-        energy residual Σ(|Σ p_n e_n| + |Σ p_t e_t|), with the inner sums over `CHUNK` lanes of diagonal contacts in the order of
-        the sweep, or over all general contacts, and |Σ p_r e_r| of all couples [J]; and the number of these contacts and couples.
+        rms and maximum of e_c, the velocity correction that an exact local solve of contact c would
+        make with the others held (natural map in velocity units), over contacts with p_n > 0 or e_c
+        > 0 [m/s], couples counting as further contacts; the energy residual Σ(|Σ p_n e_n| + |Σ p_t
+        e_t|), with the inner sums over `CHUNK` lanes of diagonal contacts in the order of the
+        sweep, or over all general contacts, and |Σ p_r e_r| of all couples [J]; and the number of
+        these contacts and couples.
     """
-    velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
+    velocity, pair, frame, impulse = (
+        s.velocity.reshape(-1),
+        s.pair.reshape(-1),
+        s.frame.reshape(-1),
+        s.impulse.reshape(-1),
+    )
     batches = s.slot.shape[0]
     partial = np.empty((-(-batches // _BATCHES), 5))
     if parallel:
@@ -156,7 +198,9 @@ def measure_residual(s: System, parallel: bool) -> tuple[float, float, float, fl
             largest = max(largest, square)
         normal += of_normal
         tangential += of_tangential
-    of_couples, peak, rolling, rolled = measure_couples(s.velocity, s.couples, impulse, s.general_impulse)
+    of_couples, peak, rolling, rolled = measure_couples(
+        s.velocity, s.couples, impulse, s.general_impulse
+    )
     squares += of_couples
     active += rolled
     largest = max(largest, peak)

@@ -1,4 +1,6 @@
-"""The global solve of one contact problem, in slices short enough to be interrupted, on one thread or several."""
+"""The global solve of one contact problem, in slices short enough to be interrupted, on one thread
+or several.
+"""
 
 from __future__ import annotations
 
@@ -23,12 +25,21 @@ from multicor_cli.engine.contact.acceleration import (
     start_momentum,
     step_back,
 )
-from multicor_cli.engine.contact.patches import BLOCKS, SIZES, choose_patch, has_clusters, hold, release, solve_patch
+from multicor_cli.engine.contact.patches import (
+    BLOCKS,
+    SIZES,
+    choose_patch,
+    has_clusters,
+    hold,
+    release,
+    solve_patch,
+)
 from multicor_cli.engine.contact.sweep import BIPOTENTIAL, EXACT, System
 from multicor_cli.engine.orders import Interrupted, PhysicsError, Settings
 from multicor_cli.model.model import Floats
 
-# ---- One thread or several: whichever has been faster lately. Results do not depend on it, so it may follow the clock
+# ---- One thread or several: whichever has been faster lately. Results do not depend on it, so it
+#      may follow the clock
 
 SLICE = 2_000_000
 """Contact relaxations between two looks at the signals and the clock: well under 0.2 s."""
@@ -37,14 +48,16 @@ PARALLEL_FROM = 6_000
 """Contacts from which several threads pay; the result is the same either way."""
 
 _LATEST = 0.3  # weight of the latest measurement in the running average
-_PATIENCE = 40.0  # work between two tries of the other way, in units of `SLICE`; more if it was much slower
+# Work between two tries of the other way, in units of `SLICE`; more if it was much slower
+_PATIENCE = 40.0
 
 
 class ThreadChoice:
     """Learns what a contact relaxation costs on one thread and on several.
 
-    On idle cores, threads pay from some thousand contacts on. On cores that other programs use too, they can cost
-    many times what they save, because the tiles of one color wait for the slowest thread four times in every sweep.
+    On idle cores, threads pay from some thousand contacts on. On cores that other programs use too,
+    they can cost many times what they save, because the tiles of one color wait for the slowest
+    thread four times in every sweep.
 
     Attributes:
         threads: Number of threads that may be used.
@@ -59,7 +72,9 @@ class ThreadChoice:
 
     @property
     def favorite(self) -> int:
-        """Number of threads for everything that is not measured: as many as may be used unless one has been faster."""
+        """Number of threads for everything that is not measured: as many as may be used unless one
+        has been faster.
+        """
         return 1 if self._cost[False] < self._cost[True] else self.threads
 
     def choose(self, contacts: int) -> bool:
@@ -92,7 +107,9 @@ class ThreadChoice:
         other = self._cost[not is_parallel]
         was_try = not math.isnan(other) and not math.isnan(before) and before > other
         # A try counts in full: what was measured long ago says little.
-        self._cost[is_parallel] = cost if math.isnan(before) or was_try else (1.0 - _LATEST) * before + _LATEST * cost
+        self._cost[is_parallel] = (
+            cost if math.isnan(before) or was_try else (1.0 - _LATEST) * before + _LATEST * cost
+        )
         self._work = 0.0 if was_try or math.isnan(before) else self._work + relaxations / SLICE
 
 
@@ -125,7 +142,9 @@ class Outcome:
     energy: float
 
     def require_convergence(self, settings: Settings, step: int) -> None:
-        """Raise `PhysicsError` at ``step`` if the solve has failed and that is an error by ``settings``."""
+        """Raise `PhysicsError` at ``step`` if the solve has failed and that is an error by
+        ``settings``.
+        """
         if self.converged or settings.on_failure == "warn":
             return
         message = (
@@ -145,7 +164,8 @@ def solve_system(
     """Sweep until the three tolerances are met or the cap is reached.
 
     Args:
-        system: The problem, with velocities that match its impulses. **Impulses and velocities modified.**
+        system: The problem, with velocities that match its impulses. **Impulses and velocities
+            modified.**
         scale: Scale of the residuals.
         settings: Method, tolerances, cap.
         pace: Decides between one thread and several, and takes note of what they cost.
@@ -158,14 +178,17 @@ def solve_system(
     if count == 0 or scale.velocity == 0.0:
         return Outcome(0.0, True, 0.0, 0.0, 0.0)
     tolerance = Tolerances(
-        settings.tolerance_rms * scale.rms, settings.tolerance_max * scale.velocity, settings.tolerance_energy * scale.energy
+        settings.tolerance_rms * scale.rms,
+        settings.tolerance_max * scale.velocity,
+        settings.tolerance_energy * scale.energy,
     )
     memory, momentum = start_loop(count), start_momentum(system)
     loop = memory[0]
     partial = np.empty(system.tile_start.size - 1)
     local = EXACT if settings.local == "exact" else BIPOTENTIAL
     slice_ = max(1, SLICE // count)
-    outside = numba.get_num_threads()  # this also starts them: kernels that might use them must find them
+    # This also starts them: kernels that might use them must find them
+    outside = numba.get_num_threads()
     try:
         while not loop["is_converged"] and loop["sweeps"] < settings.max_sweeps:
             limit = min(int(loop["sweeps"]) + slice_, settings.max_sweeps)
@@ -174,8 +197,24 @@ def solve_system(
             if parallel:
                 numba.set_num_threads(pace.threads)
             done, started = float(loop["sweeps"]), time.perf_counter()
-            iterate(system, momentum, local, settings.method == "accelerated", parallel, limit, is_last, tolerance, memory, partial)
-            pace.note(count, parallel, (float(loop["sweeps"]) - done) * count, time.perf_counter() - started)
+            iterate(
+                system,
+                momentum,
+                local,
+                settings.method == "accelerated",
+                parallel,
+                limit,
+                is_last,
+                tolerance,
+                memory,
+                partial,
+            )
+            pace.note(
+                count,
+                parallel,
+                (float(loop["sweeps"]) - done) * count,
+                time.perf_counter() - started,
+            )
             if loop["is_stuck"]:
                 is_clustered = bool(loop["is_peak"]) or has_clusters(system)
                 done = int(loop["patches"])
@@ -183,7 +222,17 @@ def solve_system(
                     solve_patch(system, choose_patch(system, SIZES[done]))
                 elif is_clustered:
                     contact = choose_patch(system, BLOCKS[min(done - len(SIZES), len(BLOCKS) - 1)])
-                    _take_turns(system, contact, momentum, local, parallel, tolerance, memory, partial, should_stop)
+                    _take_turns(
+                        system,
+                        contact,
+                        momentum,
+                        local,
+                        parallel,
+                        tolerance,
+                        memory,
+                        partial,
+                        should_stop,
+                    )
                 begin_again(system, momentum, is_clustered, loop)
             _ask(should_stop)
     finally:
@@ -218,11 +267,13 @@ def _take_turns(
     partial: Floats,
     should_stop: Callable[[], bool] | None,
 ) -> None:
-    """Solve a patch exactly and sweep over all other contacts, by turns: block Gauss–Seidel with one block that is not a contact.
+    """Solve a patch exactly and sweep over all other contacts, by turns: block Gauss–Seidel with
+    one block that is not a contact.
 
-    A patch that is solved once and then swept over like everything else is left again, because its solution is an unstable fixed
-    point of the sweep. Held, it cannot be left. Slow shear of rough grains (μ = 0.8, I = 0.003) had a step in two thousand that
-    50,000 sweeps and patches of all sizes did not solve; these take one to three thousand sweeps.
+    A patch that is solved once and then swept over like everything else is left again, because its
+    solution is an unstable fixed point of the sweep. Held, it cannot be left. Slow shear of rough
+    grains (μ = 0.8, I = 0.003) had a step in two thousand that 50,000 sweeps and patches of all
+    sizes did not solve; these take one to three thousand sweeps.
     """
     loop, best, since = memory[0], np.inf, 0
     for _ in range(TURNS):
@@ -234,6 +285,17 @@ def _take_turns(
             return
         begin_again(system, momentum, False, loop)
         mass = hold(system, contact)
-        iterate(system, momentum, local, True, parallel, int(loop["sweeps"]) + SWEEPS, False, NEVER, memory, partial)
+        iterate(
+            system,
+            momentum,
+            local,
+            True,
+            parallel,
+            int(loop["sweeps"]) + SWEEPS,
+            False,
+            NEVER,
+            memory,
+            partial,
+        )
         step_back(system, momentum)
         release(system, contact, mass)

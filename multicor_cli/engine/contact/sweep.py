@@ -1,11 +1,12 @@
-"""Gauss–Seidel sweeps over contacts, in the matrix-free form: velocities are updated in place after each contact.
+"""Gauss–Seidel sweeps over contacts, in the matrix-free form: velocities are updated in place after
+each contact.
 
 Two kinds of contact, and couples of rolling resistance, relaxed after them:
 
-* *diagonal* ones between bodies with one inverse mass (grains, wall proxies): the Delassus matrix is diagonal,
-  W_nn = 1/m_i + 1/m_j and W_tt = (1 + β) W_nn with β = m a²/I. They lie in batches of four that share no body
-  (`multicor_cli.engine.contact.ordering`) and are relaxed as vectors (`multicor_cli.engine.contact.vector_sweep`); `relax_scalar`
-  here says what that computes;
+* *diagonal* ones between bodies with one inverse mass (grains, wall proxies): the Delassus matrix
+  is diagonal, W_nn = 1/m_i + 1/m_j and W_tt = (1 + β) W_nn with β = m a²/I. They lie in batches of
+  four that share no body (`multicor_cli.engine.contact.ordering`) and are relaxed as vectors
+  (`multicor_cli.engine.contact.vector_sweep`); `relax_scalar` here says what that computes;
 * *general* ones, relaxed serially after the others.
 """
 
@@ -16,7 +17,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.law import predict_and_correct, solve_bipotential, solve_exact, solve_full
+from multicor_cli.engine.contact.law import (
+    predict_and_correct,
+    solve_bipotential,
+    solve_exact,
+    solve_full,
+)
 from multicor_cli.engine.contact.vector_sweep import (
     BIAS_,
     INVERSE_MASS_,
@@ -55,23 +61,27 @@ from multicor_cli.model.columns import (
 )
 from multicor_cli.model.model import Floats, Ints
 
-# ---- The couples of rolling resistance in the sweep: each is one more unknown, relaxed after all contacts (theory §3.2).
+# ---- The couples of rolling resistance in the sweep: each is one more unknown, relaxed after all
+#      contacts (theory §3.2).
 #
-# In velocity units a couple is friction on the rolling velocity u_r = a* (ω_i − ω_j): |p_r| ≤ μ_r q_n, where p_r is the impulse of
-# the couple over a*. It acts on spins alone and takes its bound from the normal impulse of its contact, so neither the contacts nor
-# their vectors know of it. Couples are relaxed serially, in the order of their contacts; one takes some three times as long as a
-# diagonal contact, which is one of four in a vector (14 and 5 ns in a bed of 18,000 contacts).
+# In velocity units a couple is friction on the rolling velocity u_r = a* (ω_i − ω_j): |p_r| ≤ μ_r
+# q_n, where p_r is the impulse of the couple over a*. It acts on spins alone and takes its bound
+# from the normal impulse of its contact, so neither the contacts nor their vectors know of it.
+# Couples are relaxed serially, in the order of their contacts; one takes some three times as long
+# as a diagonal contact, which is one of four in a vector (14 and 5 ns in a bed of 18,000 contacts).
 
 
 class Couples(NamedTuple):
-    """The couples of a `System`, ``k`` rows; arrays without rows where there is no rolling resistance.
+    """The couples of a `System`, ``k`` rows; arrays without rows where there is no rolling
+    resistance.
 
     Attributes:
         contact: Contact behind each, shape ``(k,)``.
-        place: Where its normal impulse is: in the flat ``impulse`` of the system, or -1 - g for the general contact g,
-            shape ``(k,)``.
+        place: Where its normal impulse is: in the flat ``impulse`` of the system, or -1 - g for the
+            general contact g, shape ``(k,)``.
         body: Rows of its bodies, shape ``(k, 2)``.
-        arm: What the third velocities of both bodies count in u_r: a*/a for grains, a* [m] for walls, shape ``(k, 2)``.
+        arm: What the third velocities of both bodies count in u_r: a*/a for grains, a* [m] for
+            walls, shape ``(k, 2)``.
         limit: μ_r, shape ``(k,)``.
         inverse: 1/W_rr [kg], shape ``(k,)``.
         impulse: p_r [N s], shape ``(k,)``. **Modified by sweeps.**
@@ -90,13 +100,15 @@ class Couples(NamedTuple):
 
 _NONE = np.empty(0)
 NO_COUPLES = Couples(
-    np.empty(0, np.int32), np.empty(0, np.int64), np.empty((0, 2), np.int32), np.empty((0, 2)), _NONE, _NONE, _NONE, _NONE
+    np.empty(0, np.int32), np.empty(0, np.int64), np.empty((0, 2), np.int32), np.empty((0, 2)),
+    _NONE, _NONE, _NONE, _NONE
 )  # fmt: skip
 
 
 @formula
 def solve_rolling(p_r: float, u_r: float, w_inverse: float, bound: float) -> float:
-    """Exact p_r of one couple with all else held [N s]: stick, cut to ± ``bound`` = μ_r q_n (theory §3.2).
+    """Exact p_r of one couple with all else held [N s]: stick, cut to ± ``bound`` = μ_r q_n (theory
+    §3.2).
 
     Args:
         p_r: Impulse now [N s].
@@ -119,7 +131,9 @@ def _bound(k: int, couples: Couples, impulse: Floats, general_impulse: Floats) -
 def couple_velocity(k: int, couples: Couples, velocity: Floats) -> float:
     """u_r [m/s]; ``velocity`` as in `System`."""
     i, j = couples.body[k, FIRST], couples.body[k, SECOND]
-    turning = couples.arm[k, FIRST] * velocity[i, SURFACE] - couples.arm[k, SECOND] * velocity[j, SURFACE]
+    turning = (
+        couples.arm[k, FIRST] * velocity[i, SURFACE] - couples.arm[k, SECOND] * velocity[j, SURFACE]
+    )
     return turning - couples.turning[k]
 
 
@@ -133,13 +147,14 @@ def push_couple(k: int, d_r: float, couples: Couples, velocity: Floats, inverse:
 
 @loop_body
 def relax_couples(
-    velocity: Floats, inverse: Floats, couples: Couples, impulse: Floats, general_impulse: Floats, before: Floats,
+    velocity: Floats, inverse: Floats, couples: Couples, impulse: Floats, general_impulse: Floats,
+    before: Floats,
     extrapolation: float,
 ) -> float:  # fmt: skip
     """Relax all couples; returns the sum of the squares of the velocity corrections [m²/s²].
 
-    Arrays as in `System`, the impulses of diagonal contacts flat, and the last impulses of the couples, ``before``, from which they
-    are extrapolated first.
+    Arrays as in `System`, the impulses of diagonal contacts flat, and the last impulses of the
+    couples, ``before``, from which they are extrapolated first.
     """
     total = 0.0
     for k in range(couples.impulse.size):
@@ -155,10 +170,14 @@ def relax_couples(
 
 
 @loop_body
-def couple_square(k: int, couples: Couples, velocity: Floats, impulse: Floats, general_impulse: Floats) -> float:
+def couple_square(
+    k: int, couples: Couples, velocity: Floats, impulse: Floats, general_impulse: Floats
+) -> float:
     """Square of e_r of one couple [m²/s²], arguments as `relax_couples`."""
     p_r, bound = couples.impulse[k], _bound(k, couples, impulse, general_impulse)
-    correction = (solve_rolling(p_r, couple_velocity(k, couples, velocity), couples.inverse[k], bound) - p_r) / couples.inverse[k]
+    correction = (
+        solve_rolling(p_r, couple_velocity(k, couples, velocity), couples.inverse[k], bound) - p_r
+    ) / couples.inverse[k]
     return correction * correction
 
 
@@ -168,8 +187,8 @@ def measure_couples(
 ) -> tuple[float, float, float, float]:
     """Residuals of the couples, arguments as `relax_couples`.
 
-    Returns the sum of the squares of their velocity corrections e_r and the largest of them [m²/s²], the sum of the powers p_r e_r
-    [J], and the number of couples with p_r ≠ 0 or e_r ≠ 0.
+    Returns the sum of the squares of their velocity corrections e_r and the largest of them
+    [m²/s²], the sum of the powers p_r e_r [J], and the number of couples with p_r ≠ 0 or e_r ≠ 0.
     """
     squares, largest, power, active = 0.0, 0.0, 0.0, 0.0
     for k in range(couples.impulse.size):
@@ -186,13 +205,21 @@ def measure_couples(
 
 # ---- General contacts: with walls that have free degrees of freedom, or of arbitrary problems.
 #
-# Their Delassus matrix is full and every degree of freedom has its inverse mass; they are relaxed one after the other. A flow has
-# few of them, but those of a loaded lid are in every sweep: the loops take single numbers out of arrays, never rows.
+# Their Delassus matrix is full and every degree of freedom has its inverse mass; they are relaxed
+# one after the other. A flow has few of them, but those of a loaded lid are in every sweep: the
+# loops take single numbers out of arrays, never rows.
 
 
 @loop_body
 def push_general(
-    g: int, d_n: float, d_t: float, velocity: Floats, inverse: Floats, pair: Ints, frame: Floats, lever: Floats
+    g: int,
+    d_n: float,
+    d_t: float,
+    velocity: Floats,
+    inverse: Floats,
+    pair: Ints,
+    frame: Floats,
+    lever: Floats,
 ) -> None:
     """Change the velocities of the two bodies of a contact by an impulse. Arrays as in `System`."""
     nx, ny = frame[g, NX], frame[g, NY]
@@ -200,14 +227,20 @@ def push_general(
     i, j = pair[g, FIRST], pair[g, SECOND]
     velocity[i, X] += inverse[i, X] * px
     velocity[i, Y] += inverse[i, Y] * py
-    velocity[i, SURFACE] += inverse[i, SPIN] * (d_n * lever[g, FIRST, NORMAL] + d_t * lever[g, FIRST, TANGENTIAL])
+    velocity[i, SURFACE] += inverse[i, SPIN] * (
+        d_n * lever[g, FIRST, NORMAL] + d_t * lever[g, FIRST, TANGENTIAL]
+    )
     velocity[j, X] -= inverse[j, X] * px
     velocity[j, Y] -= inverse[j, Y] * py
-    velocity[j, SURFACE] -= inverse[j, SPIN] * (d_n * lever[g, SECOND, NORMAL] + d_t * lever[g, SECOND, TANGENTIAL])
+    velocity[j, SURFACE] -= inverse[j, SPIN] * (
+        d_n * lever[g, SECOND, NORMAL] + d_t * lever[g, SECOND, TANGENTIAL]
+    )
 
 
 @loop_body
-def general_velocity(g: int, velocity: Floats, pair: Ints, frame: Floats, lever: Floats) -> tuple[float, float]:
+def general_velocity(
+    g: int, velocity: Floats, pair: Ints, frame: Floats, lever: Floats
+) -> tuple[float, float]:
     """u_n + b and u_t of a contact [m/s]. Arrays as in `System`."""
     i, j = pair[g, FIRST], pair[g, SECOND]
     nx, ny = frame[g, NX], frame[g, NY]
@@ -219,13 +252,17 @@ def general_velocity(g: int, velocity: Floats, pair: Ints, frame: Floats, lever:
 
 
 @loop_body
-def general_solution(g: int, frame: Floats, p_n: float, p_t: float, u_n: float, u_t: float, is_exact: bool) -> tuple[float, float]:
+def general_solution(
+    g: int, frame: Floats, p_n: float, p_t: float, u_n: float, u_t: float, is_exact: bool
+) -> tuple[float, float]:
     """Impulses of a contact after a local solve with the others held."""
     w_nn, w_nt, w_tt, mu = frame[g, W_NN], frame[g, W_NT], frame[g, W_TT], frame[g, MU]
     if is_exact:
         return solve_full(p_n, p_t, u_n, u_t, w_nn, w_nt, w_tt, mu)
     # The predictor-corrector needs ρ < 2 over the largest eigenvalue; the trace bounds that.
-    rho = min(1.0 / np.sqrt(w_nn * w_tt), 1.5 / (w_nn + w_tt) if w_nt != 0.0 else 1.9 / max(w_nn, w_tt))
+    rho = min(
+        1.0 / np.sqrt(w_nn * w_tt), 1.5 / (w_nn + w_tt) if w_nt != 0.0 else 1.9 / max(w_nn, w_tt)
+    )
     return predict_and_correct(p_n, p_t, u_n, u_t, rho, mu)
 
 
@@ -237,12 +274,15 @@ def correction(g: int, frame: Floats, d_n: float, d_t: float) -> tuple[float, fl
 
 @loop_body
 def relax_general(
-    velocity: Floats, inverse: Floats, pair: Ints, frame: Floats, lever: Floats, impulse: Floats, before: Floats,
+    velocity: Floats, inverse: Floats, pair: Ints, frame: Floats, lever: Floats, impulse: Floats,
+    before: Floats,
     is_exact: bool, extrapolation: float,
 ) -> float:  # fmt: skip
-    """Relax all general contacts; returns the sum of the squares of the velocity corrections [m²/s²].
+    """Relax all general contacts; returns the sum of the squares of the velocity corrections
+    [m²/s²].
 
-    Arrays as in `System`, and the last impulses ``before``, from which impulses are extrapolated first.
+    Arrays as in `System`, and the last impulses ``before``, from which impulses are extrapolated
+    first.
     """
     total = 0.0
     for g in range(pair.shape[0]):
@@ -261,7 +301,8 @@ def relax_general(
     return total
 
 
-# ---- Gauss–Seidel sweeps over contacts, in the matrix-free form: velocities are updated in place after each contact
+# ---- Gauss–Seidel sweeps over contacts, in the matrix-free form: velocities are updated in place
+#      after each contact
 
 EXACT, BIPOTENTIAL = 0, 1
 
@@ -270,10 +311,11 @@ class Relaxation(NamedTuple):
     """How contacts are relaxed.
 
     Attributes:
-        normal: Factor on the normal correction of the exact local solve of diagonal contacts: 1 solves the contact, less goes part
-            of the way.
+        normal: Factor on the normal correction of the exact local solve of diagonal contacts: 1
+            solves the contact, less goes part of the way.
         tangential: The same for the tangential correction.
-        extrapolation: ω; impulses of all contacts are moved on by ω times their last change before they are relaxed.
+        extrapolation: ω; impulses of all contacts are moved on by ω times their last change before
+            they are relaxed.
     """
 
     normal: float
@@ -282,24 +324,29 @@ class Relaxation(NamedTuple):
 
 
 class System(NamedTuple):
-    """A contact problem in the order of the sweep: ``q`` batches of four diagonal contacts, ``g`` general contacts, ``b`` bodies.
+    """A contact problem in the order of the sweep: ``q`` batches of four diagonal contacts, ``g``
+    general contacts, ``b`` bodies.
 
-    A lane of a batch without contact joins two bodies of its tile that nothing moves. Arrays begin at cache lines.
+    A lane of a batch without contact joins two bodies of its tile that nothing moves. Arrays begin
+    at cache lines.
 
     Attributes:
-        velocity: Bodies: v_x, v_y [m/s], s (a ω for grains [m/s], Ω for walls [rad/s]), 1/m [1/kg]; then wall proxies, then
-            bodies of empty lanes. **Modified by sweeps.**
+        velocity: Bodies: v_x, v_y [m/s], s (a ω for grains [m/s], Ω for walls [rad/s]), 1/m [1/kg];
+            then wall proxies, then bodies of empty lanes. **Modified by sweeps.**
         inverse: Bodies: inverse mass per degree of freedom, for general contacts, shape ``(b, 3)``.
         slot: Contact in each lane, -1 if there is none, shape ``(q, 4)``.
-        pair: Bodies of the diagonal contacts: four times the row of the first, and that of the second, shape ``(q, 2, 4)``.
+        pair: Bodies of the diagonal contacts: four times the row of the first, and that of the
+            second, shape ``(q, 2, 4)``.
         frame: Diagonal: n_x, n_y, 1/W_nn [kg], bias b [m/s], μ, shape ``(q, 5, 4)``.
         impulse: Diagonal: p_n, p_t [N s], shape ``(q, 2, 4)``. **Modified by sweeps.**
         tile_start: First batch of each tile, shape ``(tiles + 1,)``; no tile has a single batch.
-        color_start: First tile of each color, shape ``(colors + 1,)``; the last tile may be of no color and is relaxed serially.
+        color_start: First tile of each color, shape ``(colors + 1,)``; the last tile may be of no
+            color and is relaxed serially.
         general_pair: Bodies of the general contacts, shape ``(g, 2)``.
-        general_frame: n_x, n_y, W_nn, b, μ, W_nt, W_tt, and the surface speed of j that is taken from u_t, shape ``(g, 8)``.
-        general_lever: What the third velocity of body i adds to u_n and u_t, and what that of j takes from them, shape
-            ``(g, 2, 2)``.
+        general_frame: n_x, n_y, W_nn, b, μ, W_nt, W_tt, and the surface speed of j that is taken
+            from u_t, shape ``(g, 8)``.
+        general_lever: What the third velocity of body i adds to u_n and u_t, and what that of j
+            takes from them, shape ``(g, 2, 2)``.
         general_impulse: p_n, p_t [N s], shape ``(g, 2)``. **Modified by sweeps.**
         spin_factor: β = m a²/I of the diagonal contacts.
         contacts: Number of contacts of both kinds.
@@ -324,7 +371,9 @@ class System(NamedTuple):
 
 
 class Before(NamedTuple):
-    """Impulses before the last sweep [N s]: diagonal contacts, ``(q, 2, 4)``, general ones, ``(g, 2)``, couples, ``(k,)``."""
+    """Impulses before the last sweep [N s]: diagonal contacts, ``(q, 2, 4)``, general ones,
+    ``(g, 2)``, couples, ``(k,)``.
+    """
 
     impulse: Floats
     general_impulse: Floats
@@ -333,18 +382,30 @@ class Before(NamedTuple):
 
 @formula
 def relax_lane(
-    lane: np.uint64, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, before: Floats, beta: float, local: int,
+    lane: np.uint64, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, before: Floats,
+    beta: float, local: int,
     way: Relaxation,
 ) -> float:  # fmt: skip
     """Relax one diagonal contact; returns the square of the velocity correction [m²/s²].
 
-    The arrays are those of `System`, flat; ``lane`` counts the lanes of all batches. Velocities are read once.
+    The arrays are those of `System`, flat; ``lane`` counts the lanes of all batches. Velocities are
+    read once.
     """
     q, f, p = pair_place(lane), frame_place(lane), impulse_place(lane)
     i, j = np.uint64(pair[q]), np.uint64(pair[q + SECOND_])
     nx, ny, w_inverse, mu = frame[f], frame[f + NY_], frame[f + MASS_], frame[f + MU_]
-    xi, yi, si, mi = velocity[i], velocity[i + Y_], velocity[i + SURFACE_], velocity[i + INVERSE_MASS_]
-    xj, yj, sj, mj = velocity[j], velocity[j + Y_], velocity[j + SURFACE_], velocity[j + INVERSE_MASS_]
+    xi, yi, si, mi = (
+        velocity[i],
+        velocity[i + Y_],
+        velocity[i + SURFACE_],
+        velocity[i + INVERSE_MASS_],
+    )
+    xj, yj, sj, mj = (
+        velocity[j],
+        velocity[j + Y_],
+        velocity[j + SURFACE_],
+        velocity[j + INVERSE_MASS_],
+    )
     dx, dy = xi - xj, yi - yj
     u_n = dx * nx + dy * ny + frame[f + BIAS_]
     u_t = dy * nx - dx * ny - (si + sj)
@@ -363,8 +424,16 @@ def relax_lane(
     px = d_n * nx - d_t * ny
     py = d_n * ny + d_t * nx
     spin = beta * d_t
-    velocity[i], velocity[i + Y_], velocity[i + SURFACE_] = xi + mi * px, yi + mi * py, si - mi * spin
-    velocity[j], velocity[j + Y_], velocity[j + SURFACE_] = xj - mj * px, yj - mj * py, sj - mj * spin
+    velocity[i], velocity[i + Y_], velocity[i + SURFACE_] = (
+        xi + mi * px,
+        yi + mi * py,
+        si - mi * spin,
+    )
+    velocity[j], velocity[j + Y_], velocity[j + SURFACE_] = (
+        xj - mj * px,
+        yj - mj * py,
+        sj - mj * spin,
+    )
     w = mi + mj
     c_n, c_t = w * d_n, w * (1.0 + beta) * d_t
     return c_n * c_n + c_t * c_t
@@ -372,26 +441,36 @@ def relax_lane(
 
 @loop_body
 def relax_scalar(
-    first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, before: Floats, beta: float, local: int,
+    first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
+    before: Floats, beta: float, local: int,
     way: Relaxation,
 ) -> float:  # fmt: skip
-    """Relax the diagonal contacts of batches ``first … last-1`` one by one; arrays as in `relax_lane`.
+    """Relax the diagonal contacts of batches ``first … last-1`` one by one; arrays as in
+    `relax_lane`.
 
-    Returns the sum of the squares of the velocity corrections [m²/s²]: lane by lane, then over the lanes.
+    Returns the sum of the squares of the velocity corrections [m²/s²]: lane by lane, then over the
+    lanes.
     """
     a, b, c, d = 0.0, 0.0, 0.0, 0.0
     for batch in range(first, last):
         lane = np.uint64(LANES * batch)
         a += relax_lane(lane, velocity, pair, frame, impulse, before, beta, local, way)
-        b += relax_lane(lane + np.uint64(1), velocity, pair, frame, impulse, before, beta, local, way)
-        c += relax_lane(lane + np.uint64(2), velocity, pair, frame, impulse, before, beta, local, way)
-        d += relax_lane(lane + np.uint64(3), velocity, pair, frame, impulse, before, beta, local, way)
+        b += relax_lane(
+            lane + np.uint64(1), velocity, pair, frame, impulse, before, beta, local, way
+        )
+        c += relax_lane(
+            lane + np.uint64(2), velocity, pair, frame, impulse, before, beta, local, way
+        )
+        d += relax_lane(
+            lane + np.uint64(3), velocity, pair, frame, impulse, before, beta, local, way
+        )
     return a + b + c + d
 
 
 @loop_body
 def _relax_exact_scalar(
-    first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, before: Floats, beta: float,
+    first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
+    before: Floats, beta: float,
     normal: float, tangential: float, extrapolation: float,
 ) -> float:  # fmt: skip
     way = Relaxation(normal, tangential, extrapolation)
@@ -403,61 +482,104 @@ _relax_exact = relax_batches if HAS_VECTORS else _relax_exact_scalar
 
 @loop_body
 def _relax_range(
-    first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, before: Floats, beta: float, local: int,
+    first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
+    before: Floats, beta: float, local: int,
     way: Relaxation,
 ) -> float:  # fmt: skip
     if local == EXACT:
         return _relax_exact(
-            first, last, velocity, pair, frame, impulse, before, beta, way.normal, way.tangential, way.extrapolation
+            first, last, velocity, pair, frame, impulse, before, beta, way.normal, way.tangential,
+            way.extrapolation
         )  # fmt: skip
     return relax_scalar(first, last, velocity, pair, frame, impulse, before, beta, BIPOTENTIAL, way)
 
 
 @threaded_loop
 def _relax_tiles_on_threads(
-    color_start: NDArray[np.int64], tile_start: NDArray[np.int64], velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
+    color_start: NDArray[np.int64], tile_start: NDArray[np.int64], velocity: Floats, pair: Ints,
+    frame: Floats, impulse: Floats,
     before: Floats, beta: float, local: int, way: Relaxation, partial: Floats,
 ) -> None:  # fmt: skip
     for color in range(color_start.size - 1):
         for t in prange(color_start[color], color_start[color + 1]):
-            partial[t] = _relax_range(tile_start[t], tile_start[t + 1], velocity, pair, frame, impulse, before, beta, local, way)
+            partial[t] = _relax_range(
+                tile_start[t],
+                tile_start[t + 1],
+                velocity,
+                pair,
+                frame,
+                impulse,
+                before,
+                beta,
+                local,
+                way,
+            )
 
 
 @kernel
-def sweep(s: System, before: Before, local: int, way: Relaxation, parallel: bool, partial: Floats) -> float:
+def sweep(
+    s: System, before: Before, local: int, way: Relaxation, parallel: bool, partial: Floats
+) -> float:
     """One Gauss–Seidel sweep over all contacts and couples.
 
     Args:
         s: The problem. **Impulses and velocities modified.**
         before: Impulses before the last sweep; before this one on return. **Modified.**
         local: `EXACT` or `BIPOTENTIAL`.
-        way: Factors of the exact local solve, and of the extrapolation of impulses (velocities are extrapolated already).
+        way: Factors of the exact local solve, and of the extrapolation of impulses (velocities are
+            extrapolated already).
         parallel: Relax the tiles of one color on several threads; the result is the same.
         partial: Work space, shape ``(tiles,)``.
 
     Returns:
         Sum of the squares of the velocity corrections [m²/s²].
     """
-    velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
+    velocity, pair, frame, impulse = (
+        s.velocity.reshape(-1),
+        s.pair.reshape(-1),
+        s.frame.reshape(-1),
+        s.impulse.reshape(-1),
+    )
     last, start, beta = before.impulse.reshape(-1), s.tile_start, s.spin_factor
     first = 0
     if parallel:
-        _relax_tiles_on_threads(s.color_start, start, velocity, pair, frame, impulse, last, beta, local, way, partial)
+        _relax_tiles_on_threads(
+            s.color_start, start, velocity, pair, frame, impulse, last, beta, local, way, partial
+        )
         first = s.color_start[-1]
     for t in range(first, start.size - 1):
-        partial[t] = _relax_range(start[t], start[t + 1], velocity, pair, frame, impulse, last, beta, local, way)
+        partial[t] = _relax_range(
+            start[t], start[t + 1], velocity, pair, frame, impulse, last, beta, local, way
+        )
     total = 0.0
     for t in range(partial.size):
         total += partial[t]
     total += relax_general(
-        s.velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever, s.general_impulse, before.general_impulse,
+        s.velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever, s.general_impulse,
+        before.general_impulse,
         local == EXACT, way.extrapolation,
     )  # fmt: skip
-    return total + relax_couples(s.velocity, s.inverse, s.couples, impulse, s.general_impulse, before.couple, way.extrapolation)
+    return total + relax_couples(
+        s.velocity,
+        s.inverse,
+        s.couples,
+        impulse,
+        s.general_impulse,
+        before.couple,
+        way.extrapolation,
+    )
 
 
 @formula
-def push_lane(lane: np.uint64, d_n: float, d_t: float, velocity: Floats, pair: Ints, frame: Floats, beta: float) -> None:
+def push_lane(
+    lane: np.uint64,
+    d_n: float,
+    d_t: float,
+    velocity: Floats,
+    pair: Ints,
+    frame: Floats,
+    beta: float,
+) -> None:
     """Change the velocities of the two bodies of a diagonal contact by an impulse; arrays flat."""
     q, f = pair_place(lane), frame_place(lane)
     i, j = np.uint64(pair[q]), np.uint64(pair[q + SECOND_])
@@ -475,14 +597,31 @@ def push_lane(lane: np.uint64, d_n: float, d_t: float, velocity: Floats, pair: I
 
 @kernel
 def add_impulses(s: System) -> None:
-    """Add the effect of the impulses to the velocities: free velocities become v_free + M⁻¹ H p. In the order of the sweep."""
-    velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
+    """Add the effect of the impulses to the velocities: free velocities become v_free + M⁻¹ H p. In
+    the order of the sweep.
+    """
+    velocity, pair, frame, impulse = (
+        s.velocity.reshape(-1),
+        s.pair.reshape(-1),
+        s.frame.reshape(-1),
+        s.impulse.reshape(-1),
+    )
     for k in range(s.slot.size):
         p = impulse_place(np.uint64(k))
         if impulse[p] != 0.0 or impulse[p + TANGENTIAL_] != 0.0:
-            push_lane(np.uint64(k), impulse[p], impulse[p + TANGENTIAL_], velocity, pair, frame, s.spin_factor)
+            push_lane(
+                np.uint64(k),
+                impulse[p],
+                impulse[p + TANGENTIAL_],
+                velocity,
+                pair,
+                frame,
+                s.spin_factor,
+            )
     for g in range(s.general_pair.shape[0]):
         d_n, d_t = s.general_impulse[g, NORMAL], s.general_impulse[g, TANGENTIAL]
-        push_general(g, d_n, d_t, s.velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever)
+        push_general(
+            g, d_n, d_t, s.velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever
+        )
     for c in range(s.couples.impulse.size):
         push_couple(c, s.couples.impulse[c], s.couples, s.velocity, s.inverse)

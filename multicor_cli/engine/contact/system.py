@@ -1,4 +1,6 @@
-"""Puts the contacts of a step into the arrays of the sweep, takes them out again, and into a table that is stored."""
+"""Puts the contacts of a step into the arrays of the sweep, takes them out again, and into a table
+that is stored.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.contacts import StepContacts, contact_after, couples_of_contacts, net_impulses, pack_couples
+from multicor_cli.engine.contact.contacts import (
+    StepContacts,
+    contact_after,
+    couples_of_contacts,
+    net_impulses,
+    pack_couples,
+)
 from multicor_cli.engine.contact.ordering import Schedule, make_batches
 from multicor_cli.engine.contact.sweep import System, add_impulses
 from multicor_cli.engine.geometry.scene import Scene
@@ -70,10 +78,16 @@ class Batches(NamedTuple):
 
 
 def flatten(system: System) -> OneByOne:
-    """The diagonal contacts of a system, in an order of which its batches make the same sweep. Copies."""
+    """The diagonal contacts of a system, in an order of which its batches make the same sweep.
+    Copies.
+    """
     has = system.slot.reshape(-1) >= 0
-    pair, frame, impulse = (_rows(blocks)[has] for blocks in (system.pair, system.frame, system.impulse))
-    return OneByOne(np.ascontiguousarray(pair // 4), np.ascontiguousarray(frame), np.ascontiguousarray(impulse))
+    pair, frame, impulse = (
+        _rows(blocks)[has] for blocks in (system.pair, system.frame, system.impulse)
+    )
+    return OneByOne(
+        np.ascontiguousarray(pair // 4), np.ascontiguousarray(frame), np.ascontiguousarray(impulse)
+    )
 
 
 def batch(contacts: OneByOne, velocity: Floats) -> Batches:
@@ -87,17 +101,27 @@ def batch(contacts: OneByOne, velocity: Floats) -> Batches:
     slot, start = make_batches(contacts.pair, np.array([0, len(contacts.pair)]), bodies)
     has = slot.reshape(-1) >= 0
     rows = slot.reshape(-1)[has]
-    pair, frame, impulse = np.empty((has.size, 2), np.int32), np.zeros((has.size, 5)), np.zeros((has.size, 2))
+    pair, frame, impulse = (
+        np.empty((has.size, 2), np.int32),
+        np.zeros((has.size, 5)),
+        np.zeros((has.size, 2)),
+    )
     pair[:] = bodies, bodies + 1  # of the lanes without contact: nothing moves them
     frame[:, MASS] = 1.0
-    pair[has], frame[has], impulse[has] = contacts.pair[rows], contacts.frame[rows], contacts.impulse[rows]
+    pair[has], frame[has], impulse[has] = (
+        contacts.pair[rows],
+        contacts.frame[rows],
+        contacts.impulse[rows],
+    )
     full = aligned((bodies + 2, 4))
     full[:bodies], full[bodies:] = velocity, 0.0
     return Batches(full, slot, _blocks(4 * pair), _blocks(frame), _blocks(impulse), start)
 
 
 def by_slot(slot: Ints, impulse: Floats, count: int) -> Floats:
-    """Impulses of ``count`` contacts, as ``slot`` numbers them, from their batches; shape ``(count, 2)``."""
+    """Impulses of ``count`` contacts, as ``slot`` numbers them, from their batches; shape
+    ``(count, 2)``.
+    """
     has = slot.reshape(-1) >= 0
     result = np.zeros((count, 2))
     result[slot.reshape(-1)[has]] = _rows(impulse)[has]
@@ -117,7 +141,8 @@ def _blocks(rows: NDArray[Any]) -> NDArray[Any]:
     return blocks
 
 
-# ---- Between the contacts and bodies of a step and the arrays of the sweep: once a step, and memory is what takes time
+# ---- Between the contacts and bodies of a step and the arrays of the sweep: once a step, and
+#      memory is what takes time
 
 
 @kernel
@@ -134,7 +159,8 @@ def pack_bodies(free: Floats, place: Ints, velocity: Floats) -> None:
         for d in range(4):
             velocity[row, d] = free[b, d]
         if b >= place.size:
-            velocity[row, INVERSE_MASS] = 0.0  # the inverse masses of walls stand elsewhere, and their surfaces in the contacts
+            # The inverse masses of walls stand elsewhere, and their surfaces in the contacts
+            velocity[row, INVERSE_MASS] = 0.0
 
 
 @loop_body
@@ -148,7 +174,14 @@ def _leave_empty(q: int, lane: int, frame: Floats, impulse: Floats) -> None:
 
 @parallel_kernel
 def pack_contacts(
-    scene: Scene, contacts: StepContacts, belt: Floats, slot: Ints, pair: Ints, velocity: Floats, frame: Floats, impulse: Floats
+    scene: Scene,
+    contacts: StepContacts,
+    belt: Floats,
+    slot: Ints,
+    pair: Ints,
+    velocity: Floats,
+    frame: Floats,
+    impulse: Floats,
 ) -> None:
     """Copy contacts into their lanes, and give the proxies of walls their velocities.
 
@@ -178,7 +211,10 @@ def pack_contacts(
                 velocity[j, INVERSE_MASS] = 0.0
             frame[q, NX, lane], frame[q, NY, lane] = contacts.frame[c, NX], contacts.frame[c, NY]
             frame[q, MASS, lane] = 1.0 / (velocity[i, INVERSE_MASS] + velocity[j, INVERSE_MASS])
-            frame[q, BIAS, lane], frame[q, MU, lane] = contacts.frame[c, BIAS], contacts.frame[c, MU]
+            frame[q, BIAS, lane], frame[q, MU, lane] = (
+                contacts.frame[c, BIAS],
+                contacts.frame[c, MU],
+            )
             impulse[q, NORMAL, lane] = contacts.impulse[c, NORMAL]
             impulse[q, TANGENTIAL, lane] = contacts.impulse[c, TANGENTIAL]
 
@@ -211,10 +247,17 @@ def pack_general(
         frame[g, NX], frame[g, NY] = nx, ny
         frame[g, BIAS], frame[g, MU] = contacts.frame[c, BIAS], contacts.frame[c, MU]
         frame[g, SLIDE] = belt[scene.wall[contacts.j[c] - n]]
-        impulse[g, NORMAL], impulse[g, TANGENTIAL] = contacts.impulse[c, NORMAL], contacts.impulse[c, TANGENTIAL]
-        # u_t gains −s from the grain's surface speed; u_n and u_t −Ω (l_x n_y − l_y n_x) and −Ω (l_x n_x + l_y n_y) from the wall.
+        impulse[g, NORMAL], impulse[g, TANGENTIAL] = (
+            contacts.impulse[c, NORMAL],
+            contacts.impulse[c, TANGENTIAL],
+        )
+        # u_t gains −s from the grain's surface speed; u_n and u_t −Ω (l_x n_y − l_y n_x) and −Ω
+        # (l_x n_x + l_y n_y) from the wall.
         lever[g, FIRST, NORMAL], lever[g, FIRST, TANGENTIAL] = 0.0, -1.0
-        lever[g, SECOND, NORMAL], lever[g, SECOND, TANGENTIAL] = lx * ny - ly * nx, lx * nx + ly * ny
+        lever[g, SECOND, NORMAL], lever[g, SECOND, TANGENTIAL] = (
+            lx * ny - ly * nx,
+            lx * nx + ly * ny,
+        )
         for side in range(2):
             m, l_n, l_t = inverse[pair[g, side]], lever[g, side, NORMAL], lever[g, side, TANGENTIAL]
             frame[g, W_NN] += m[X] * (nx * nx) + m[Y] * (ny * ny) + m[SPIN] * (l_n * l_n)
@@ -224,7 +267,9 @@ def pack_general(
 
 
 @kernel
-def unpack(slot: Ints, impulse: Floats, place: Ints, velocity: Floats, by_contact: Floats, by_body: Floats) -> None:
+def unpack(
+    slot: Ints, impulse: Floats, place: Ints, velocity: Floats, by_contact: Floats, by_body: Floats
+) -> None:
     """Back from the arrays of the sweep.
 
     Args:
@@ -267,7 +312,9 @@ class OrderedSystem:
     belt: Floats
 
     def collect(self, contacts: StepContacts) -> Floats:
-        """Write impulses and couples back into ``contacts``; returns the velocities of grains and walls, shape ``(n + w, 4)``."""
+        """Write impulses and couples back into ``contacts``; returns the velocities of grains and
+        walls, shape ``(n + w, 4)``.
+        """
         system = self.system
         after = np.empty((system.inverse.shape[0], 4))
         unpack(system.slot, system.impulse, self.place, system.velocity, contacts.impulse, after)
@@ -279,7 +326,12 @@ class OrderedSystem:
 
 
 def assemble(
-    scene: Scene, contacts: StepContacts, schedule: Schedule, free: Floats, wall_inverse: Floats, spin_factor: float
+    scene: Scene,
+    contacts: StepContacts,
+    schedule: Schedule,
+    free: Floats,
+    wall_inverse: Floats,
+    spin_factor: float,
 ) -> OrderedSystem:
     """Build the arrays of the sweep.
 
@@ -314,7 +366,8 @@ def assemble(
     return OrderedSystem(system, general, place, belt)
 
 
-# ---- From the contacts of a step, as the solver has them, to a table that can be stored or looked at
+# ---- From the contacts of a step, as the solver has them, to a table that can be stored or looked
+#      at
 
 
 class Moved(NamedTuple):
@@ -324,7 +377,8 @@ class Moved(NamedTuple):
         scene: Shapes at q_m.
         contacts: Contacts with their impulses.
         after: Body velocities v⁺, shape ``(bodies, 4)``.
-        loaded_i: First shapes of the contacts that carried an impulse in the step before, ascending.
+        loaded_i: First shapes of the contacts that carried an impulse in the step before,
+            ascending.
         loaded_j: Their second shapes.
     """
 
@@ -349,7 +403,8 @@ def tabulate_contacts(moved: Moved | None) -> ContactTable:
         return ContactTable.empty()
     scene, contacts, after = moved[:3]
     q_n, p_t = contacts.impulse.T
-    # The local solve cuts p_t to ±μ q_n exactly, so equality means sliding; only a rounding of the product is allowed for.
+    # The local solve cuts p_t to ±μ q_n exactly, so equality means sliding; only a rounding of the
+    # product is allowed for.
     sliding = (q_n > 0.0) & (np.abs(p_t) >= contacts.frame[:, MU] * q_n * (1.0 - 1e-12))
     return ContactTable(
         contacts.i,

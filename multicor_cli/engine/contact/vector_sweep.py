@@ -1,7 +1,8 @@
 """The loops of the solver over diagonal contacts, four at a time: sweep, residual, extrapolation.
 
-What they compute is defined by their scalar twins, `relax_scalar`, `measure_scalar` and `extrapolate_scalar`, to the bit. Arrays
-are those of `multicor_cli.engine.contact.sweep.System`, flat.
+What they compute is defined by their scalar twins, `relax_scalar`, `measure_scalar` and
+`extrapolate_scalar`, to the bit. Arrays are those of `multicor_cli.engine.contact.sweep.System`,
+flat.
 """
 
 from __future__ import annotations
@@ -13,10 +14,23 @@ import numpy as np
 
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import LANES, Vector, Writer, vector_loop
-from multicor_cli.model.columns import BIAS, FIRST, INVERSE_MASS, MASS, MU, NORMAL, NX, NY, SECOND, SURFACE, TANGENTIAL, Y
+from multicor_cli.model.columns import (
+    BIAS,
+    FIRST,
+    INVERSE_MASS,
+    MASS,
+    MU,
+    NORMAL,
+    NX,
+    NY,
+    SECOND,
+    SURFACE,
+    TANGENTIAL,
+    Y,
+)
 
-# ---- Where the numbers of a contact lie in the flat arrays of the sweep: blocks of rows of four, a lane for each contact of a
-# batch.
+# ---- Where the numbers of a contact lie in the flat arrays of the sweep: blocks of rows of four, a
+#      lane for each contact of a batch.
 #
 # Offsets are unsigned, so that no negative index has to be wrapped.
 
@@ -24,7 +38,9 @@ PAIR_ROWS, FRAME_ROWS, IMPULSE_ROWS = 2, 5, 2
 """Rows of the blocks."""
 
 _LANES, _SHIFT, _MASK = np.uint64(LANES), np.uint64(2), np.uint64(LANES - 1)
-_PAIR, _FRAME, _IMPULSE = (np.uint64(LANES * rows) for rows in (PAIR_ROWS, FRAME_ROWS, IMPULSE_ROWS))
+_PAIR, _FRAME, _IMPULSE = (
+    np.uint64(LANES * rows) for rows in (PAIR_ROWS, FRAME_ROWS, IMPULSE_ROWS)
+)
 
 Y_, SURFACE_, INVERSE_MASS_ = np.uint64(Y), np.uint64(SURFACE), np.uint64(INVERSE_MASS)
 NY_, MASS_, BIAS_, MU_ = (np.uint64(LANES * column) for column in (NY, MASS, BIAS, MU))
@@ -34,7 +50,9 @@ SECOND_, TANGENTIAL_ = np.uint64(LANES * SECOND), np.uint64(LANES * TANGENTIAL)
 
 @formula
 def pair_place(lane: np.uint64) -> np.uint64:
-    """Place of the first body of a contact among the pairs; ``lane`` counts the lanes of all batches."""
+    """Place of the first body of a contact among the pairs; ``lane`` counts the lanes of all
+    batches.
+    """
     return _PAIR * (lane >> _SHIFT) + (lane & _MASK)
 
 
@@ -56,31 +74,46 @@ def lane_of_impulse(place: int) -> int:
     return place // (IMPULSE_ROWS * LANES) * LANES + place % LANES
 
 
-# ---- The loops of the solver over diagonal contacts, four at a time: sweep, residual, extrapolation
+# ---- The loops of the solver over diagonal contacts, four at a time: sweep, residual,
+#      extrapolation
 
 _Value = Any  # of LLVM
 
 
 OPPOSITE = (True, True, False, False)
-"""What has the other sign for the second body of a contact: forces have, surface speeds and inverse masses add."""
+"""What has the other sign for the second body of a contact: forces have, surface speeds and inverse
+masses add."""
 
 
-def _between(code: Writer, velocity: _Value, i: Sequence[_Value], j: Sequence[_Value]) -> list[Vector]:
-    """v_i - v_j in x and y, s_i + s_j and 1/m_i + 1/m_j of the contacts of a batch, from the rows of their bodies."""
+def _between(
+    code: Writer, velocity: _Value, i: Sequence[_Value], j: Sequence[_Value]
+) -> list[Vector]:
+    """v_i - v_j in x and y, s_i + s_j and 1/m_i + 1/m_j of the contacts of a batch, from the rows
+    of their bodies.
+    """
     pairs = zip(i, j, strict=True)
-    return code.transpose([code.load(velocity, a) + code.load(velocity, b).flipped(OPPOSITE) for a, b in pairs])
+    return code.transpose(
+        [code.load(velocity, a) + code.load(velocity, b).flipped(OPPOSITE) for a, b in pairs]
+    )
 
 
 class _Sweep:
-    """The three stages of relaxing a batch: gather its velocities, solve its contacts, apply the changes to its bodies."""
+    """The three stages of relaxing a batch: gather its velocities, solve its contacts, apply the
+    changes to its bodies.
+    """
 
-    def __init__(self, code: Writer, arrays: Sequence[_Value], beta: _Value, way: Sequence[_Value]) -> None:
+    def __init__(
+        self, code: Writer, arrays: Sequence[_Value], beta: _Value, way: Sequence[_Value]
+    ) -> None:
         self.code = code
         self.velocity, self.pair, self.frame, self.impulse, self.before = arrays
         normal, tangential, extrapolation = way
         one, spin = code.number(1.0), code.spread(beta)
         self.beta, self.one_plus_beta = spin, one + spin
-        self.normal, self.tangential = code.spread(normal), code.spread(tangential) * (one / self.one_plus_beta)
+        self.normal, self.tangential = (
+            code.spread(normal),
+            code.spread(tangential) * (one / self.one_plus_beta),
+        )
         self.extrapolation = code.spread(extrapolation)
         self.squares = code.keep([code.number(0.0)])
 
@@ -131,21 +164,28 @@ class _Sweep:
 
     def _bodies(self, batch: _Value) -> list[list[_Value]]:
         start = self.code.times(batch, LANES * PAIR_ROWS)
-        return [self.code.indices(self.pair, self.code.offset(start, LANES * side)) for side in (FIRST, SECOND)]
+        return [
+            self.code.indices(self.pair, self.code.offset(start, LANES * side))
+            for side in (FIRST, SECOND)
+        ]
 
 
 @vector_loop(results=1)
 def relax_batches(
-    code: Writer, first: _Value, last: _Value, velocity: _Value, pair: _Value, frame: _Value, impulse: _Value, before: _Value,
+    code: Writer, first: _Value, last: _Value, velocity: _Value, pair: _Value, frame: _Value,
+    impulse: _Value, before: _Value,
     beta: _Value, normal: _Value, tangential: _Value, extrapolation: _Value,
 ) -> list[_Value]:  # fmt: skip
     """As `relax_scalar` for the exact law.
 
-    A pipeline, for a processor would wait for the results of one batch before it could begin the next: while the changes of a batch
-    are applied, the next is solved and the one after that is gathered. A body comes again after two batches at the earliest, and
-    there are at least two batches or none.
+    A pipeline, for a processor would wait for the results of one batch before it could begin the
+    next: while the changes of a batch are applied, the next is solved and the one after that is
+    gathered. A body comes again after two batches at the earliest, and there are at least two
+    batches or none.
     """
-    sweep = _Sweep(code, (velocity, pair, frame, impulse, before), beta, (normal, tangential, extrapolation))
+    sweep = _Sweep(
+        code, (velocity, pair, frame, impulse, before), beta, (normal, tangential, extrapolation)
+    )
     with code.if_any(first, last):
         solved = code.keep(sweep.solve(first, *sweep.gather(first)))
         gathered = code.keep(sweep.gather(code.offset(first, 1)))
@@ -161,7 +201,14 @@ def relax_batches(
 
 @vector_loop(results=5)
 def measure_batches(
-    code: Writer, first: _Value, last: _Value, velocity: _Value, pair: _Value, frame: _Value, impulse: _Value, beta: _Value
+    code: Writer,
+    first: _Value,
+    last: _Value,
+    velocity: _Value,
+    pair: _Value,
+    frame: _Value,
+    impulse: _Value,
+    beta: _Value,
 ) -> list[_Value]:
     """As `measure_scalar`."""
     zero, one = code.number(0.0), code.number(1.0)
@@ -181,21 +228,44 @@ def measure_batches(
         square = c_n * c_n + c_t * c_t
         squares, normal, tangential, largest, active = sums.get()
         is_active = p_n.larger(square).where_positive(one)
-        sums.put([squares + square, normal + p_n * c_n, tangential + p_t * c_t, square.larger(largest), active + is_active])
+        sums.put(
+            [
+                squares + square,
+                normal + p_n * c_n,
+                tangential + p_t * c_t,
+                square.larger(largest),
+                active + is_active,
+            ]
+        )
     squares, normal, tangential, largest, active = sums.get()
-    return [code.total(squares), code.total(normal), code.total(tangential), code.largest(largest), code.total(active)]
+    return [
+        code.total(squares),
+        code.total(normal),
+        code.total(tangential),
+        code.largest(largest),
+        code.total(active),
+    ]
 
 
 @vector_loop(results=2)
 def extrapolate_rows(
-    code: Writer, first: _Value, last: _Value, now: _Value, before: _Value, change: _Value, weight: _Value, factor: _Value
+    code: Writer,
+    first: _Value,
+    last: _Value,
+    now: _Value,
+    before: _Value,
+    change: _Value,
+    weight: _Value,
+    factor: _Value,
 ) -> list[_Value]:
     """As `extrapolate_scalar`."""
     zero, by = code.number(0.0), code.spread(factor)
     sums = code.keep([zero, zero])
     with code.each(first, last) as row:
         at = code.times(row, LANES)
-        new, old, last_change, mass = (code.load(array, at) for array in (now, before, change, weight))
+        new, old, last_change, mass = (
+            code.load(array, at) for array in (now, before, change, weight)
+        )
         step = new - old
         code.store(change, at, step)
         code.store(before, at, new)

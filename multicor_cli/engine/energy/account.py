@@ -1,4 +1,6 @@
-"""The energy books, and what the contacts of a step add to them: where the energy went, and what the grains exert on the walls."""
+"""The energy books, and what the contacts of a step add to them: where the energy went, and what
+the grains exert on the walls.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,8 @@ from multicor_cli.model.state import State
 # ---- The contacts of one step
 
 FRICTION, IMPACT, SLIDING, NEGATIVE, VIRIAL, LARGEST, LOADED = 0, 1, 2, 3, 4, 8, 9
-"""Columns of the sums: losses [J], virial (four columns, xx xy yx yy) [J s], largest p_n [N s], number of loaded contacts."""
+"""Columns of the sums: losses [J], virial (four columns, xx xy yx yy) [J s], largest p_n [N s],
+number of loaded contacts."""
 
 SUMS = 10
 _ALONG = 3  # column of the impulses of walls, after x, y and spin
@@ -44,8 +47,9 @@ class ContactSums(NamedTuple):
     Attributes:
         total: Sums over the contacts, shape ``(SUMS,)``.
         wall_impulse: Impulse and angular impulse on the walls, shape ``(w, 3)``.
-        belt_impulse: What the surface of each wall takes up along it, conjugate to its speed `BELT`: −Σ (p_t + κ C) with the
-            curvature κ of the surface and the couple C on the grain [N s], shape ``(w,)``.
+        belt_impulse: What the surface of each wall takes up along it, conjugate to its speed
+            `BELT`: −Σ (p_t + κ C) with the curvature κ of the surface and the couple C on the grain
+            [N s], shape ``(w,)``.
     """
 
     total: Floats
@@ -54,25 +58,50 @@ class ContactSums(NamedTuple):
 
 
 @formula
-def _push_wall(c: int, scene: Scene, contacts: StepContacts, px: float, py: float, chunk: int, wall_impulse: Floats) -> None:
+def _push_wall(
+    c: int,
+    scene: Scene,
+    contacts: StepContacts,
+    px: float,
+    py: float,
+    chunk: int,
+    wall_impulse: Floats,
+) -> None:
     wall = scene.wall[contacts.j[c] - scene.radius.size]
     wall_impulse[chunk, wall, X] -= px
     wall_impulse[chunk, wall, Y] -= py
-    wall_impulse[chunk, wall, SPIN] -= contacts.lever[c, X] * py - contacts.lever[c, Y] * px + couple_of(c, contacts)
+    wall_impulse[chunk, wall, SPIN] -= (
+        contacts.lever[c, X] * py - contacts.lever[c, Y] * px + couple_of(c, contacts)
+    )
     wall_impulse[chunk, wall, _ALONG] -= contacts.impulse[c, TANGENTIAL]
     if contacts.rolling.size:
-        wall_impulse[chunk, wall, _ALONG] -= surface_turning(scene, contacts.j[c], 1.0) * couple_of(c, contacts)
+        wall_impulse[chunk, wall, _ALONG] -= surface_turning(scene, contacts.j[c], 1.0) * couple_of(
+            c, contacts
+        )
 
 
 @formula
 def _account_chunk(
-    chunk: int, first: int, last: int, scene: Scene, contacts: StepContacts, after: Floats, partial: Floats, wall_impulse: Floats
+    chunk: int,
+    first: int,
+    last: int,
+    scene: Scene,
+    contacts: StepContacts,
+    after: Floats,
+    partial: Floats,
+    wall_impulse: Floats,
 ) -> None:
-    """Write the sums over contacts ``first … last-1``. Numbers, not elements of an array, are added to: twice as fast."""
+    """Write the sums over contacts ``first … last-1``. Numbers, not elements of an array, are added
+    to: twice as fast.
+    """
     friction, impact, sliding, negative, largest, loaded = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     xx, xy, yx, yy = 0.0, 0.0, 0.0, 0.0
     for c in range(first, last):
-        q_n, p_t, attraction = contacts.impulse[c, NORMAL], contacts.impulse[c, TANGENTIAL], attraction_of(c, contacts)
+        q_n, p_t, attraction = (
+            contacts.impulse[c, NORMAL],
+            contacts.impulse[c, TANGENTIAL],
+            attraction_of(c, contacts),
+        )
         if q_n == 0.0 and attraction == 0.0:
             continue
         p_n = q_n - attraction
@@ -80,7 +109,9 @@ def _account_chunk(
         nx, ny = contacts.frame[c, NX], contacts.frame[c, NY]
         u_n, u_t = contact_after(c, scene, contacts, after)
         impact_loss = -p_n * 0.5 * (contacts.before[c, NORMAL] + u_n)
-        friction_loss = -p_t * 0.5 * (contacts.before[c, TANGENTIAL] + u_t) + rolling_loss(c, scene, contacts, after)
+        friction_loss = -p_t * 0.5 * (contacts.before[c, TANGENTIAL] + u_t) + rolling_loss(
+            c, scene, contacts, after
+        )
         friction += friction_loss
         impact += impact_loss
         sliding += contacts.frame[c, MU] * abs(u_t) * q_n
@@ -104,7 +135,9 @@ def _account_chunk(
 
 
 @parallel_kernel
-def _account_chunks(scene: Scene, contacts: StepContacts, after: Floats, partial: Floats, wall_impulse: Floats) -> None:
+def _account_chunks(
+    scene: Scene, contacts: StepContacts, after: Floats, partial: Floats, wall_impulse: Floats
+) -> None:
     count = contacts.i.size
     for chunk in prange(partial.shape[0]):
         last = min(count, (chunk + 1) * CHUNK)
@@ -114,8 +147,8 @@ def _account_chunks(scene: Scene, contacts: StepContacts, after: Floats, partial
 def account_contacts(scene: Scene, contacts: StepContacts, after: Floats) -> ContactSums:
     """Sum losses, virial and wall impulses over the contacts of a step, in fixed chunks.
 
-    The losses are −p·½(u⁻+u⁺), exact for the scheme whether or not the solver has converged (Moreau–Jean energy identity). p is
-    what acts, adhesion taken off; couples count as friction.
+    The losses are −p·½(u⁻+u⁺), exact for the scheme whether or not the solver has converged
+    (Moreau–Jean energy identity). p is what acts, adhesion taken off; couples count as friction.
 
     Args:
         scene: Shapes at q_m.
@@ -132,13 +165,16 @@ def account_contacts(scene: Scene, contacts: StepContacts, after: Floats) -> Con
 
 
 def warm_start_of(contacts: StepContacts) -> tuple[Ints, Ints, Floats, Floats]:
-    """Shapes i, j, impulses [N s] and couples [N m s] of the contacts that carry an impulse, in the same order.
+    """Shapes i, j, impulses [N s] and couples [N m s] of the contacts that carry an impulse, in the
+    same order.
 
-    Shapes ``(k,), (k,), (k, 2)``, and ``(k,)``, or ``(0,)`` without rolling resistance. With adhesion impulses are those of
-    `StepContacts`.
+    Shapes ``(k,), (k,), (k, 2)``, and ``(k,)``, or ``(0,)`` without rolling resistance. With
+    adhesion impulses are those of `StepContacts`.
     """
     couple = couples_of_contacts(contacts)
-    return *_carrying(contacts), couple[contacts.impulse[:, NORMAL] > 0.0] if couple.size else couple
+    return *_carrying(contacts), couple[
+        contacts.impulse[:, NORMAL] > 0.0
+    ] if couple.size else couple
 
 
 @kernel
@@ -152,12 +188,16 @@ def _carrying(contacts: StepContacts) -> tuple[Ints, Ints, Floats]:
     for c in range(contacts.i.size):
         if contacts.impulse[c, NORMAL] > 0.0:
             i[k], j[k] = contacts.i[c], contacts.j[c]
-            impulse[k, NORMAL], impulse[k, TANGENTIAL] = contacts.impulse[c, NORMAL], contacts.impulse[c, TANGENTIAL]
+            impulse[k, NORMAL], impulse[k, TANGENTIAL] = (
+                contacts.impulse[c, NORMAL],
+                contacts.impulse[c, TANGENTIAL],
+            )
             k += 1
     return i, j, impulse
 
 
-# ---- Energy books: kinetic change = gravity work + wall work + load work − friction − impact − damping − correction.
+# ---- Energy books: kinetic change = gravity work + wall work + load work − friction − impact −
+#      damping − correction.
 #
 # Where grains come and go, plus what they bring with them, minus what they take along.
 
@@ -168,14 +208,18 @@ _WINDOW = {name: k for k, name in enumerate(WINDOW_NAMES)}
 
 
 SUMMED_SHARE = 2.0**-8
-"""Share of the kinetic energy that an imbalance is compared with at least: what its sum is rounded by is far below 10⁻¹⁰ of it."""
+"""Share of the kinetic energy that an imbalance is compared with at least: what its sum is rounded
+by is far below 10⁻¹⁰ of it."""
 
 ROUNDED_SHARE = 2.0**-14
-"""The same for each step taken: a step rounds every velocity, by up to 2⁻⁵³ of it, perhaps always in the same direction."""
+"""The same for each step taken: a step rounds every velocity, by up to 2⁻⁵³ of it, perhaps always
+in the same direction."""
 
 
 def open_books(state: State, model: Model, motion: WallMotion) -> None:
-    """Open the books with the kinetic energy of the initial state; once more if that has changed before the first step."""
+    """Open the books with the kinetic energy of the initial state; once more if that has changed
+    before the first step.
+    """
     grains = model.grains
     u, v, spin = state.velocity.T
     kinetic = total(0.5 * grains.mass * (u * u + v * v) + 0.5 * grains.inertia * (spin * spin))
@@ -185,14 +229,18 @@ def open_books(state: State, model: Model, motion: WallMotion) -> None:
 
 
 def switch_wall_kinetic(state: State, change: float) -> None:
-    """Book the kinetic energy that appears when a moving wall changes between prescribed and driven as work of the wall."""
+    """Book the kinetic energy that appears when a moving wall changes between prescribed and driven
+    as work of the wall.
+    """
     state.books[_BOOK["kinetic"]] += change
     state.books[_BOOK["wall_work"]] += change
     state.books[_BOOK["terms"]] += 2.0 * abs(change)
 
 
 def book_exchange(state: State, brought: float, taken: float) -> None:
-    """Enter the kinetic energy that grains bring with them and take along [J] where the books are open."""
+    """Enter the kinetic energy that grains bring with them and take along [J] where the books are
+    open.
+    """
     state.exchange[_EXCHANGE["kinetic_in"]] += brought
     state.exchange[_EXCHANGE["kinetic_out"]] += taken
     state.books[_BOOK["kinetic"]] += brought - taken
@@ -200,7 +248,9 @@ def book_exchange(state: State, brought: float, taken: float) -> None:
 
 
 def _brought_in(state: State) -> float:
-    """Kinetic energy that came with grains less what went with them [J]; 0 where none comes or goes."""
+    """Kinetic energy that came with grains less what went with them [J]; 0 where none comes or
+    goes.
+    """
     if not state.exchange.size:
         return 0.0
     return float(state.exchange[_EXCHANGE["kinetic_in"]] - state.exchange[_EXCHANGE["kinetic_out"]])
@@ -263,21 +313,33 @@ def book_step(
 def _close(state: State) -> None:
     """Strike the balance.
 
-    An imbalance is compared with the terms; where little has worked on the grains, with a share of their energy (theory §8).
+    An imbalance is compared with the terms; where little has worked on the grains, with a share of
+    their energy (theory §8).
     """
     books = state.books
     works = books[_BOOK["gravity_work"]] + books[_BOOK["wall_work"]] + books[_BOOK["load_work"]]
-    losses = books[_BOOK["friction_loss"]] + books[_BOOK["impact_loss"]] + books[_BOOK["damping_loss"]]
+    losses = (
+        books[_BOOK["friction_loss"]] + books[_BOOK["impact_loss"]] + books[_BOOK["damping_loss"]]
+    )
     gain = books[_BOOK["kinetic"]] - books[_BOOK["kinetic_start"]]
     imbalance = gain - (works - losses - books[_BOOK["correction_work"]]) - _brought_in(state)
     books[_BOOK["imbalance"]] = imbalance
-    kinetic, steps = max(float(books[_BOOK["kinetic"]]), float(books[_BOOK["kinetic_start"]])), state.step + 1
-    scale = max(float(books[_BOOK["terms"]]), SUMMED_SHARE * kinetic, ROUNDED_SHARE * steps * float(books[_BOOK["kinetic"]]))
+    kinetic, steps = (
+        max(float(books[_BOOK["kinetic"]]), float(books[_BOOK["kinetic_start"]])),
+        state.step + 1,
+    )
+    scale = max(
+        float(books[_BOOK["terms"]]),
+        SUMMED_SHARE * kinetic,
+        ROUNDED_SHARE * steps * float(books[_BOOK["kinetic"]]),
+    )
     if scale > 0.0:
         books[_BOOK["closure"]] = max(books[_BOOK["closure"]], abs(imbalance) / scale)
 
 
-def _tally(state: State, sums: ContactSums, correction: Correction, outcome: Outcome, dt: float) -> None:
+def _tally(
+    state: State, sums: ContactSums, correction: Correction, outcome: Outcome, dt: float
+) -> None:
     tallies = state.tallies
     tallies[_TALLY["sweeps"]] += outcome.sweeps
     tallies[_TALLY["unconverged_steps"]] += not outcome.converged

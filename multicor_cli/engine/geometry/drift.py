@@ -1,8 +1,10 @@
-"""How fast shapes can come closer to each other: far slower than they move in a flow, where neighbors move alike.
+"""How fast shapes can come closer to each other: far slower than they move in a flow, where
+neighbors move alike.
 
-The vectors of the grains (displacements, or velocities) are split into an affine field a + G x, fitted by least squares, and the
-rest. Two discs at a distance D approach by |G| D and twice the largest rest at most. In a sheared layer this does not depend on its
-height, which the largest speed does.
+The vectors of the grains (displacements, or velocities) are split into an affine field a + G x,
+fitted by least squares, and the rest. Two discs at a distance D approach by |G| D and twice the
+largest rest at most. In a sheared layer this does not depend on its height, which the largest speed
+does.
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ from multicor_cli.model.columns import SPIN, TAIL_X, TAIL_Y, X, Y
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.shapes import ShapeKind
 
-# ---- Motions split into an affine field and a rest: grains and walls come nearer to each other only by the rest
+# ---- Motions split into an affine field and a rest: grains and walls come nearer to each other
+#      only by the rest
 
 _DISC = int(ShapeKind.DISC)
 _PLANE = int(ShapeKind.PLANE)
@@ -29,7 +32,9 @@ _PLANE = int(ShapeKind.PLANE)
 AT_ORIGIN, PER_X, PER_Y = range(3)
 """Rows of a fit: the field at the first grain, its change per length in x and in y."""
 
-_SUM_X, _SUM_Y, _SUM_XX, _SUM_XY, _SUM_YY, _SUM_U, _SUM_V, _SUM_XU, _SUM_XV, _SUM_YU, _SUM_YV = range(11)
+_SUM_X, _SUM_Y, _SUM_XX, _SUM_XY, _SUM_YY, _SUM_U, _SUM_V, _SUM_XU, _SUM_XV, _SUM_YU, _SUM_YV = (
+    range(11)
+)
 _DEVIATION, _LARGEST_U, _LARGEST_V = range(3)
 
 
@@ -46,10 +51,31 @@ def _vector(i: int, vectors: Floats, origin: Floats, period: float) -> tuple[flo
 
 @formula
 def _add_sums(
-    first: int, last: int, vectors: Floats, origin: Floats, position: Floats, period: float, row: int, out: Floats
+    first: int,
+    last: int,
+    vectors: Floats,
+    origin: Floats,
+    position: Floats,
+    period: float,
+    row: int,
+    out: Floats,
 ) -> None:
-    """Write the sums of a chunk of grains. Numbers, not elements of an array, are added to: three times faster."""
-    sx, sy, sxx, sxy, syy, su, sv, sxu, sxv, syu, syv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    """Write the sums of a chunk of grains. Numbers, not elements of an array, are added to: three
+    times faster.
+    """
+    sx, sy, sxx, sxy, syy, su, sv, sxu, sxv, syu, syv = (
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+    )
     for i in range(first, last):
         x, y = position[i, X] - position[0, X], position[i, Y] - position[0, Y]
         u, v = _vector(i, vectors, origin, period)
@@ -71,10 +97,27 @@ def _add_sums(
 
 @formula
 def _compare_with_fit(
-    first: int, last: int, vectors: Floats, origin: Floats, position: Floats, period: float, fit: Floats, row: int, out: Floats
+    first: int,
+    last: int,
+    vectors: Floats,
+    origin: Floats,
+    position: Floats,
+    period: float,
+    fit: Floats,
+    row: int,
+    out: Floats,
 ) -> None:
-    """Write the largest square of a deviation from the fit and the largest components in a chunk of grains."""
-    a_x, a_y, xx, xy, yx, yy = fit[AT_ORIGIN, X], fit[AT_ORIGIN, Y], fit[PER_X, X], fit[PER_X, Y], fit[PER_Y, X], fit[PER_Y, Y]
+    """Write the largest square of a deviation from the fit and the largest components in a chunk of
+    grains.
+    """
+    a_x, a_y, xx, xy, yx, yy = (
+        fit[AT_ORIGIN, X],
+        fit[AT_ORIGIN, Y],
+        fit[PER_X, X],
+        fit[PER_X, Y],
+        fit[PER_Y, X],
+        fit[PER_Y, Y],
+    )
     deviation, largest_u, largest_v = 0.0, 0.0, 0.0
     for i in range(first, last):
         x, y = position[i, X] - position[0, X], position[i, Y] - position[0, Y]
@@ -84,17 +127,25 @@ def _compare_with_fit(
         deviation = max(deviation, du * du + dv * dv)
         largest_u = max(largest_u, abs(u))
         largest_v = max(largest_v, abs(v))
-    out[row, _DEVIATION], out[row, _LARGEST_U], out[row, _LARGEST_V] = deviation, largest_u, largest_v
+    out[row, _DEVIATION], out[row, _LARGEST_U], out[row, _LARGEST_V] = (
+        deviation,
+        largest_u,
+        largest_v,
+    )
 
 
 @formula
 def _least_squares(count: int, sums: Floats, is_periodic: bool, fit: Floats) -> None:
     """The fit out of the first row of the sums."""
     mean_x, mean_y = sums[0, _SUM_X] / count, sums[0, _SUM_Y] / count
-    # A little more on the diagonal: places may lie on one line. Any fit is good, only the bound grows.
+    # A little more on the diagonal: places may lie on one line. Any fit is good, only the bound
+    # grows.
     more = 1e-9 * (sums[0, _SUM_XX] + sums[0, _SUM_YY])
     more = more if more > 0.0 else 1.0
-    xx, yy = sums[0, _SUM_XX] - count * mean_x * mean_x + more, sums[0, _SUM_YY] - count * mean_y * mean_y + more
+    xx, yy = (
+        sums[0, _SUM_XX] - count * mean_x * mean_x + more,
+        sums[0, _SUM_YY] - count * mean_y * mean_y + more,
+    )
     xy = 0.0 if is_periodic else sums[0, _SUM_XY] - count * mean_x * mean_y
     for d in range(2):
         total = sums[0, _SUM_U + d]
@@ -114,7 +165,9 @@ def _fold(rows: Floats, is_maximum: bool) -> None:
 
 
 @parallel_kernel
-def fit_affine(vectors: Floats, origin: Floats, position: Floats, period: float, fit: Floats, out: Floats) -> None:
+def fit_affine(
+    vectors: Floats, origin: Floats, position: Floats, period: float, fit: Floats, out: Floats
+) -> None:
     """Split vectors into an affine field, fitted by least squares, and a rest.
 
     Args:
@@ -122,9 +175,11 @@ def fit_affine(vectors: Floats, origin: Floats, position: Floats, period: float,
         origin: What is taken from them, nearest image, shape ``(n, 2)``; nothing if empty.
         position: Grains, shape ``(n, ≥ 2)``.
         period: Period in x [m] or 0; the field does not depend on x if there is one.
-        fit: The field: its value at the first grain, its changes per length in x and in y, shape ``(3, 2)``. **Modified.**
-        out: One row per chunk of grains, shape ``(chunks, 11)``. **Modified**: the first row begins with the largest square
-            of a deviation from the field, and the largest components in x and in y.
+        fit: The field: its value at the first grain, its changes per length in x and in y, shape
+            ``(3, 2)``. **Modified.**
+        out: One row per chunk of grains, shape ``(chunks, 11)``. **Modified**: the first row begins
+            with the largest square of a deviation from the field, and the largest components in x
+            and in y.
     """
     count = position.shape[0]
     for has_fit in range(2):  # one loop for both passes compiles faster than two
@@ -141,7 +196,13 @@ def fit_affine(vectors: Floats, origin: Floats, position: Floats, period: float,
 
 @kernel
 def shape_bounds(
-    kind: Ints, world: Floats, vectors: Floats, turn: Floats, center: Floats, fit: Floats, largest: Floats
+    kind: Ints,
+    world: Floats,
+    vectors: Floats,
+    turn: Floats,
+    center: Floats,
+    fit: Floats,
+    largest: Floats,
 ) -> tuple[float, float, float]:
     """How far the motion of wall shapes is from that of the grains.
 
@@ -149,14 +210,16 @@ def shape_bounds(
         kind: `ShapeKind` of the wall shapes, shape ``(m,)``.
         world: Their geometry in the world, shape ``(m, 4)``.
         vectors: Displacements or velocities of their reference points, shape ``(m, 2)``.
-        turn: What turning adds to the motion of any of their points that a grain may meet, shape ``(m,)``; discs do without.
+        turn: What turning adds to the motion of any of their points that a grain may meet, shape
+            ``(m,)``; discs do without.
         center: Where x and y of the fit are counted from, shape ``(2,)``.
         fit: As in `fit_affine`.
         largest: Largest components of the grains' vectors, shape ``(2,)``.
 
     Returns:
-        Of the discs the largest deviation from the affine field and the largest vector; of all other shapes the largest bound on
-        how a grain and the shape come closer. Of planes only what is along their normal counts.
+        Of the discs the largest deviation from the affine field and the largest vector; of all
+        other shapes the largest bound on how a grain and the shape come closer. Of planes only what
+        is along their normal counts.
     """
     square, fastest, wall = 0.0, 0.0, 0.0
     for k in range(kind.size):
@@ -168,17 +231,32 @@ def shape_bounds(
             square, fastest = max(square, du * du + dv * dv), max(fastest, u * u + v * v)
         elif kind[k] == _PLANE:
             nx, ny = world[k, TAIL_X], world[k, TAIL_Y]
-            wall = max(wall, abs(nx) * largest[X] + abs(ny) * largest[Y] + abs(nx * u + ny * v) + turn[k])
+            wall = max(
+                wall, abs(nx) * largest[X] + abs(ny) * largest[Y] + abs(nx * u + ny * v) + turn[k]
+            )
         else:
-            wall = max(wall, np.sqrt(largest[X] * largest[X] + largest[Y] * largest[Y]) + np.sqrt(u * u + v * v) + turn[k])
+            wall = max(
+                wall,
+                np.sqrt(largest[X] * largest[X] + largest[Y] * largest[Y])
+                + np.sqrt(u * u + v * v)
+                + turn[k],
+            )
     return np.sqrt(square), np.sqrt(fastest), wall
 
 
 @kernel
 def shape_velocities(
-    kind: Ints, wall: Ints, world: Floats, wall_position: Floats, velocity: Floats, extent: Floats, vectors: Floats, turn: Floats
+    kind: Ints,
+    wall: Ints,
+    world: Floats,
+    wall_position: Floats,
+    velocity: Floats,
+    extent: Floats,
+    vectors: Floats,
+    turn: Floats,
 ) -> None:
-    """Velocities of the reference points of wall shapes: of the centers of discs, of the walls' own points otherwise.
+    """Velocities of the reference points of wall shapes: of the centers of discs, of the walls' own
+    points otherwise.
 
     Args:
         kind: `ShapeKind` of the wall shapes, shape ``(m,)``.
@@ -231,12 +309,15 @@ def fit_drift(vectors: Floats, position: Floats, period: float, origin: Floats =
         vectors: Vectors in the first two columns, shape ``(≥ n, ≥ 2)``.
         position: Grains, shape ``(n, ≥ 2)``.
         period: Period in x [m] or 0; the field does not depend on x if there is one.
-        origin: What is taken from the vectors, nearest image: where the grains were, shape ``(n, 2)``. Nothing if empty.
+        origin: What is taken from the vectors, nearest image: where the grains were, shape
+            ``(n, 2)``. Nothing if empty.
     """
     fit, chunks = np.empty((3, 2)), chunks_for(len(position), 11)
     fit_affine(vectors, origin, position, period, fit, chunks)
     gradient = math.sqrt(total(fit[1:] * fit[1:]))
-    return Drift(position[0, :2].copy(), fit, gradient, math.sqrt(chunks[0, 0]), chunks[0, 1:3].copy())
+    return Drift(
+        position[0, :2].copy(), fit, gradient, math.sqrt(chunks[0, 0]), chunks[0, 1:3].copy()
+    )
 
 
 @dataclass(frozen=True)
@@ -262,11 +343,16 @@ class ApproachBound:
     def or_faster(self, other: ApproachBound) -> ApproachBound:
         """Bounds that hold for both."""
         return ApproachBound(
-            max(self.rest, other.rest), max(self.gradient, other.gradient), max(self.disc, other.disc), max(self.wall, other.wall)
+            max(self.rest, other.rest),
+            max(self.gradient, other.gradient),
+            max(self.disc, other.disc),
+            max(self.wall, other.wall),
         )
 
     def cutoff(self, dt: float, diameter: float) -> float:
-        """Gap [m] that no pair closes in a time step, given velocities and the largest diameter of a disc [m]."""
+        """Gap [m] that no pair closes in a time step, given velocities and the largest diameter of
+        a disc [m].
+        """
         growth = dt * self.gradient
         cutoff = dt * self.disc
         if growth < 1.0:
@@ -274,7 +360,9 @@ class ApproachBound:
         return max(cutoff, dt * self.wall)
 
 
-def bound_approach(kind: Ints, drift: Drift, world: Floats, vectors: Floats, turn: Floats) -> ApproachBound:
+def bound_approach(
+    kind: Ints, drift: Drift, world: Floats, vectors: Floats, turn: Floats
+) -> ApproachBound:
     """Bounds of grains and wall shapes together.
 
     Args:
@@ -282,8 +370,11 @@ def bound_approach(kind: Ints, drift: Drift, world: Floats, vectors: Floats, tur
         drift: Vectors of the grains.
         world: Wall shapes, shape ``(m, 4)``.
         vectors: Displacements or velocities of their reference points, shape ``(m, 2)``.
-        turn: What turning adds to the motion of any of their points that a grain may meet, shape ``(m,)``; discs do without.
+        turn: What turning adds to the motion of any of their points that a grain may meet, shape
+            ``(m,)``; discs do without.
     """
-    rest, fastest, wall = shape_bounds(kind, world, vectors, turn, drift.center, drift.fit, drift.largest)
+    rest, fastest, wall = shape_bounds(
+        kind, world, vectors, turn, drift.center, drift.fit, drift.largest
+    )
     fastest = max(fastest, hypot(*drift.largest.tolist()))
     return ApproachBound(2.0 * max(drift.rest, rest), drift.gradient, 2.0 * fastest, wall)

@@ -1,7 +1,9 @@
-"""Neighbor list: all pairs of shapes whose gap is below a cutoff, in O(N) time and memory for any mixture of sizes.
+"""Neighbor list: all pairs of shapes whose gap is below a cutoff, in O(N) time and memory for any
+mixture of sizes.
 
-Discs are binned on several grids, one per class of radii (factor two), so that a few large grains do not make the cells of the
-small ones large. Each grain owns the row of its partners with a higher shape number.
+Discs are binned on several grids, one per class of radii (factor two), so that a few large grains
+do not make the cells of the small ones large. Each grain owns the row of its partners with a higher
+shape number.
 """
 
 from __future__ import annotations
@@ -22,7 +24,8 @@ from multicor_cli.model.columns import RADIUS, TAIL_X, TAIL_Y, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.shapes import ShapeKind
 
-# ---- Cell grids for discs of any mixture of sizes: one grid for each class of radii, with no more cells than a few per disc
+# ---- Cell grids for discs of any mixture of sizes: one grid for each class of radii, with no more
+#      cells than a few per disc
 
 
 class SizeClasses(NamedTuple):
@@ -65,8 +68,11 @@ def classify(radius: Floats) -> SizeClasses:
     return SizeClasses(level.astype(np.int32), largest)
 
 
-def make_grids(classes: SizeClasses, low: Floats, high: Floats, period: float, cutoff: float) -> Grids:
-    """Grids for discs with centers between the corners ``low`` and ``high``; cells grow where these are far apart.
+def make_grids(
+    classes: SizeClasses, low: Floats, high: Floats, period: float, cutoff: float
+) -> Grids:
+    """Grids for discs with centers between the corners ``low`` and ``high``; cells grow where these
+    are far apart.
 
     Args:
         classes: Classes of the discs.
@@ -76,7 +82,10 @@ def make_grids(classes: SizeClasses, low: Floats, high: Floats, period: float, c
         cutoff: Gap up to which pairs will be looked for [m].
     """
     cutoff = max(cutoff, 0.0)
-    origin, size = np.array(low, np.float64), np.maximum(high - low, 2.0 * classes.radius.max() + cutoff)
+    origin, size = (
+        np.array(low, np.float64),
+        np.maximum(high - low, 2.0 * classes.radius.max() + cutoff),
+    )
     if period > 0.0:
         origin[X], size[X] = 0.0, period
     cells, shape = np.empty((classes.radius.size, 2)), np.empty((classes.radius.size, 2), np.int32)
@@ -109,7 +118,12 @@ CROWDED = 100  # discs side by side in cells, above which those near a grain are
 
 @kernel
 def bin_discs(
-    center: Floats, level: Ints, level_cells: Floats, origin: Floats, level_start: Ints, level_shape: Ints
+    center: Floats,
+    level: Ints,
+    level_cells: Floats,
+    origin: Floats,
+    level_start: Ints,
+    level_shape: Ints,
 ) -> tuple[Ints, Ints]:
     """Sort discs into the cells of their level.
 
@@ -122,7 +136,8 @@ def bin_discs(
         level_shape: Number of cells in x and y of each level, shape ``(levels, 2)``.
 
     Returns:
-        Start of each cell in the sorted list, shape ``(cells + 1,)``, and the discs sorted by cell (ascending within a cell).
+        Start of each cell in the sorted list, shape ``(cells + 1,)``, and the discs sorted by cell
+        (ascending within a cell).
     """
     cell = np.empty(level.size, np.int32)
     start = np.zeros(level_start[-1] + 1, np.int32)
@@ -166,8 +181,8 @@ def _scan_row(
 ) -> int:
     """Partners of grain ``i`` with a higher number go to ``out[offset:]``; returns how many.
 
-    With a negative ``offset`` only a bound of their number is returned: all discs in the cells around, unless these are crowded
-    (one grain that has flown far away makes all cells large).
+    With a negative ``offset`` only a bound of their number is returned: all discs in the cells
+    around, unless these are crowded (one grain that has flown far away makes all cells large).
     """
     found = 0
     x, y, r = center[i, X], center[i, Y], radius[i]
@@ -176,7 +191,8 @@ def _scan_row(
         columns, rows = level_shape[k, X], level_shape[k, Y]
         first_y = max(int(np.floor((y - span - origin[Y]) / level_cells[k, Y])), 0)
         last_y = min(int(np.floor((y + span - origin[Y]) / level_cells[k, Y])), rows - 1)
-        # Cells beyond the last row or column are merged into it, so a disc outside the grid is still found there.
+        # Cells beyond the last row or column are merged into it, so a disc outside the grid is
+        # still found there.
         first_y = min(first_y, rows - 1)
         last_y = max(last_y, 0)
         first_x = int(np.floor((x - span - origin[X]) / level_cells[k, X]))
@@ -189,7 +205,8 @@ def _scan_row(
         for cy in range(first_y, last_y + 1):
             base = level_start[k] + cy * columns
             column = first_x
-            while column <= last_x:  # cells side by side are one run of discs, except across the period
+            # Cells side by side are one run of discs, except across the period
+            while column <= last_x:
                 cx = column % columns if period > 0.0 else column
                 run = min(last_x + 1 - column, columns - cx)
                 column += run
@@ -204,7 +221,9 @@ def _scan_row(
                     near = r + sorted_radius[place] + cutoff
                     if other > i and dx * dx + dy * dy < near * near:
                         if offset >= 0:
-                            out[offset + found] = other if other < grain_count else shape_of[other - grain_count]
+                            out[offset + found] = (
+                                other if other < grain_count else shape_of[other - grain_count]
+                            )
                         found += 1
     return found
 
@@ -292,13 +311,15 @@ def list_pairs(
         cell_disc: Discs sorted by cell.
 
     Returns:
-        ``row`` of shape ``(n + 1,)`` and ``partner``: the shapes near grain i, ascending, are ``partner[row[i]:row[i+1]]``.
+        ``row`` of shape ``(n + 1,)`` and ``partner``: the shapes near grain i, ascending, are
+        ``partner[row[i]:row[i+1]]``.
     """
     row = np.zeros(grain_count + 1, np.int64)
     chunks = max(1, -(-grain_count // CHUNK))
     begin = np.zeros(chunks + 1, np.int64)
     found_pairs = np.empty(0, np.int32)
-    # The same loop first finds how much room each chunk of grains needs at most, then fills its part from the start on.
+    # The same loop first finds how much room each chunk of grains needs at most, then fills its
+    # part from the start on.
     for is_writing in range(2):
         for number in prange(chunks):
             chunk: int = np.int64(number)  # type: ignore[assignment]  # unsigned, the functions below would be compiled once more
@@ -306,11 +327,25 @@ def list_pairs(
             room = 0
             for grain in range(chunk * CHUNK, min(grain_count, (chunk + 1) * CHUNK)):
                 found = _scan_row(
-                    grain, grain_count, center, radius, shape_of, cutoff, period, level_cells, level_radius, origin, level_start,
-                    level_shape, cell_start, sorted_x, sorted_y, sorted_radius, cell_disc, found_pairs, at,
+                    grain, grain_count, center, radius, shape_of, cutoff, period, level_cells,
+                    level_radius, origin, level_start,
+                    level_shape, cell_start, sorted_x, sorted_y, sorted_radius, cell_disc,
+                    found_pairs, at,
                 )  # fmt: skip
                 beyond = at + found if is_writing else -1
-                found += _scan_shapes(grain, grain_count, center, radius, others, kind, world, cutoff, period, found_pairs, beyond)
+                found += _scan_shapes(
+                    grain,
+                    grain_count,
+                    center,
+                    radius,
+                    others,
+                    kind,
+                    world,
+                    cutoff,
+                    period,
+                    found_pairs,
+                    beyond,
+                )
                 if is_writing:
                     _sort(found_pairs, at, at + found)
                     row[grain + 1] = found
@@ -369,7 +404,9 @@ def find_near(
     cutoff: float,
     period: float,
 ) -> tuple[NDArray[np.int64], Ints]:
-    """All pairs with a gap below ``cutoff`` [m], whatever the grids are; arguments and result as of `list_pairs`."""
+    """All pairs with a gap below ``cutoff`` [m], whatever the grids are; arguments and result as of
+    `list_pairs`.
+    """
     _, cells, largest, origin, start, shape = grids
     cell_start, cell_disc = bin_discs(center, grids.level, cells, origin, start, shape)
     row, partner = list_pairs(
@@ -389,7 +426,8 @@ SKIN = 0.3  # of the mean diameter: what is listed beyond the cutoff of a step
 class NeighborList:
     """All pairs of shapes closer than a cutoff, with a skin that lets the list serve many steps.
 
-    A grain and a wall that its group does not meet are never a pair: no contact, no heat and no correction joins them.
+    A grain and a wall that its group does not meet are never a pair: no contact, no heat and no
+    correction joins them.
 
     The list is only a superset of the contacts of a step: results do not depend on its age.
 
@@ -411,7 +449,9 @@ class NeighborList:
         self._others = np.flatnonzero(kind != ShapeKind.DISC).astype(np.int32)
         self._planes = np.flatnonzero(kind == ShapeKind.PLANE)
         self._shape_of = (model.grain_count + self._disc_shapes).astype(np.int32)
-        self._radius = np.concatenate([model.grains.radius, model.shapes.geometry[self._disc_shapes, RADIUS]])
+        self._radius = np.concatenate(
+            [model.grains.radius, model.shapes.geometry[self._disc_shapes, RADIUS]]
+        )
         self.largest = 2.0 * float(self._radius.max())
         self._classes = classify(self._radius)
         self._skin = SKIN * model.mean_diameter
@@ -446,13 +486,21 @@ class NeighborList:
         drift = fit_drift(position, self._reference, self._model.period, self._reference)
         change = world - self._reference_world
         turn = np.zeros(len(world))
-        turn[self._others] = hypot(change[self._others, TAIL_X], change[self._others, TAIL_Y])  # see `Tail`
+        # See `Tail`
+        turn[self._others] = hypot(change[self._others, TAIL_X], change[self._others, TAIL_Y])
         if self._planes.size:  # a tilting plane moves in proportion to the distance from its point
             move = change[self._planes, :2]
-            turn[self._planes] *= self._extent + hypot(move[:, X], move[:, Y]) + arithmetic.hypot(*drift.largest.tolist())
+            turn[self._planes] *= (
+                self._extent
+                + hypot(move[:, X], move[:, Y])
+                + arithmetic.hypot(*drift.largest.tolist())
+            )
         kind = self._model.shapes.kind
-        closing = bound_approach(kind, drift, self._reference_world, np.ascontiguousarray(change[:, :2]), turn)
-        # Discs that are not listed are at least this far apart; for those farther apart there is more room than they can lose.
+        closing = bound_approach(
+            kind, drift, self._reference_world, np.ascontiguousarray(change[:, :2]), turn
+        )
+        # Discs that are not listed are at least this far apart; for those farther apart there is
+        # more room than they can lose.
         return closing.over(self.largest + self._cutoff)
 
     def _build(self, position: Floats, world: Floats, cutoff: float) -> None:
@@ -464,24 +512,46 @@ class NeighborList:
         grids = make_grids(self._classes, low, high, model.period, cutoff)
         shapes = model.shapes
         self.row, self.partner = find_near(
-            grids, model.grain_count, centers, self._radius, self._shape_of, self._others, shapes.kind, world, cutoff, model.period
+            grids,
+            model.grain_count,
+            centers,
+            self._radius,
+            self._shape_of,
+            self._others,
+            shapes.kind,
+            world,
+            cutoff,
+            model.period,
         )
         if model.walls.meets.size:
-            self.row, self.partner = leave_out_unmet(self.row, self.partner, model.grains.group, shapes.wall, model.walls.meets)
+            self.row, self.partner = leave_out_unmet(
+                self.row, self.partner, model.grains.group, shapes.wall, model.walls.meets
+            )
         pairs = self.partner.size
-        self.gap, self.normal, self.gap_after = np.empty(pairs), np.empty((pairs, 2)), np.empty(pairs)
+        self.gap, self.normal, self.gap_after = (
+            np.empty(pairs),
+            np.empty((pairs, 2)),
+            np.empty(pairs),
+        )
         self._cutoff = cutoff
         self._reference = position[:, :2].copy()
         self._reference_world = world.copy()
         # Planes pass anywhere: their lever is the farthest grain from any of their points.
-        self._extent = arithmetic.hypot(*np.ptp(centers, axis=0).tolist()) + float(np.abs(world[self._planes, :2]).max(initial=0.0))
+        self._extent = arithmetic.hypot(*np.ptp(centers, axis=0).tolist()) + float(
+            np.abs(world[self._planes, :2]).max(initial=0.0)
+        )
         self.builds += 1
 
     def _box(self, centers: Floats, cutoff: float) -> tuple[Floats, Floats]:
         """Corners of what the grids cover. What lies beyond is found in the cells at the edge."""
         low, high = centers.min(axis=0), centers.max(axis=0)
-        if cell_count(high - low, 2.0 * float(self._classes.radius.min()) + cutoff) > cells_for(len(centers)):
-            # A few grains that have flown far away must not make all cells large, and all grains neighbors.
+        if cell_count(high - low, 2.0 * float(self._classes.radius.min()) + cutoff) > cells_for(
+            len(centers)
+        ):
+            # A few grains that have flown far away must not make all cells large, and all grains
+            # neighbors.
             few = int(OUTSIDE * len(centers))
-            low, high = np.partition(centers, (few, len(centers) - 1 - few), axis=0)[[few, -1 - few]]
+            low, high = np.partition(centers, (few, len(centers) - 1 - few), axis=0)[
+                [few, -1 - few]
+            ]
         return low, high

@@ -1,20 +1,23 @@
 """Places: what a grain meets of the walls in one direction, of however many pieces it is made.
 
-A grain that lies on a joint of two walls, on the corner of a tile or in the corner of a polygon that stands for a circle has
-several contacts, but it touches in one place: there is one spot, one film of gas, one view of the wall, one force of adhesion.
-A concave corner of a hopper or a box is two places.
+A grain that lies on a joint of two walls, on the corner of a tile or in the corner of a polygon
+that stands for a circle has several contacts, but it touches in one place: there is one spot, one
+film of gas, one view of the wall, one force of adhesion. A concave corner of a hopper or a box is
+two places.
 
-Let P and Q be the nearest points of two wall shapes, P not farther than Q from the center of the grain, at the distance r_P in
-the direction −n_P. Q is of the place of P if it lies on the tangent plane at P or below it, or above it by no more than a small
-part of the distance:
+Let P and Q be the nearest points of two wall shapes, P not farther than Q from the center of the
+grain, at the distance r_P in the direction −n_P. Q is of the place of P if it lies on the tangent
+plane at P or below it, or above it by no more than a small part of the distance:
 
 ``(Q − P)·n_P = r_P − r_Q n_P·n_Q ≤ (1 − cos δ₀) r_P``
 
-The rest of a flat floor lies in the tangent plane; what is behind a wall or around a convex corner lies below. Two sides that a
-grain touches at once are one place if they meet at an angle below δ₀. The points of contact are then less than 0.3 a apart, and
-at least half of what the film of gas around a point conducts passes within this distance of it (with `gas.CORE` at its largest):
-the two films are one for the greater part, and such a corner is that of a curve cut into pieces. Polygons of 21 sides or more are
-round. (Derived. What is covered by a piece that another covers is of the place of that: a place has one nearest point.)
+The rest of a flat floor lies in the tangent plane; what is behind a wall or around a convex corner
+lies below. Two sides that a grain touches at once are one place if they meet at an angle below δ₀.
+The points of contact are then less than 0.3 a apart, and at least half of what the film of gas
+around a point conducts passes within this distance of it (with `gas.CORE` at its largest): the two
+films are one for the greater part, and such a corner is that of a curve cut into pieces. Polygons
+of 21 sides or more are round. (Derived. What is covered by a piece that another covers is of the
+place of that: a place has one nearest point.)
 
 Grains and discs are bodies of their own: each is a place.
 """
@@ -67,7 +70,11 @@ def share_place(scene: Scene, i: int, j: int, k: int) -> bool:
         return False
     gap_j, x_j, y_j = known_geometry(scene, i, j)
     gap_k, x_k, y_k = known_geometry(scene, i, k)
-    return is_covered(scene.radius[i] + min(gap_j, gap_k), scene.radius[i] + max(gap_j, gap_k), x_j * x_k + y_j * y_k)
+    return is_covered(
+        scene.radius[i] + min(gap_j, gap_k),
+        scene.radius[i] + max(gap_j, gap_k),
+        x_j * x_k + y_j * y_k,
+    )
 
 
 @kernel
@@ -80,8 +87,9 @@ def find_places(scene: Scene, i: Ints, j: Ints) -> tuple[Ints, Floats]:
         j: Grains or wall shapes, shape ``(c,)``, ascending for each grain.
 
     Returns:
-        The number of the pair with the nearest point of the place, and the share: 1 of the nearest point, divided equally where
-        several are equally near, and 0 of others; both of shape ``(c,)``.
+        The number of the pair with the nearest point of the place, and the share: 1 of the nearest
+        point, divided equally where several are equally near, and 0 of others; both of shape
+        ``(c,)``.
     """
     place, share = np.arange(i.size).astype(np.int32), np.ones(i.size)
     first = 0
@@ -97,7 +105,9 @@ def find_places(scene: Scene, i: Ints, j: Ints) -> tuple[Ints, Floats]:
 
 
 @kernel
-def _join(scene: Scene, i: Ints, j: Ints, first: int, last: int, place: Ints, share: Floats) -> None:
+def _join(
+    scene: Scene, i: Ints, j: Ints, first: int, last: int, place: Ints, share: Floats
+) -> None:
     """Fill ``place`` and ``share`` for the pairs ``first … last-1`` of one grain."""
     distance, normal = np.full(last - first, np.inf), np.zeros((last - first, 2))
     for c in range(first, last):
@@ -109,7 +119,9 @@ def _join(scene: Scene, i: Ints, j: Ints, first: int, last: int, place: Ints, sh
         if not _is_piece(scene, j[first + far]):
             continue
         for near in range(last - first):
-            if distance[near] < distance[best] or (distance[near] == distance[best] and near < best):
+            if distance[near] < distance[best] or (
+                distance[near] == distance[best] and near < best
+            ):
                 cosine = normal[near, X] * normal[far, X] + normal[near, Y] * normal[far, Y]
                 if is_covered(distance[near], distance[far], cosine):
                     best = near
@@ -139,7 +151,9 @@ def totals_of_places(place: Ints, values: Floats) -> Floats:
 
 @kernel
 def largest_of_places(place: Ints, values: Floats) -> Floats:
-    """Largest of the values, none below 0, of all pairs of the place of each pair, shape ``(c,)``."""
+    """Largest of the values, none below 0, of all pairs of the place of each pair, shape
+    ``(c,)``.
+    """
     largest, found = np.zeros(place.size), np.empty(place.size)
     for c in range(place.size):
         largest[place[c]] = max(largest[place[c]], values[c])
@@ -149,8 +163,11 @@ def largest_of_places(place: Ints, values: Floats) -> Floats:
 
 
 @kernel
-def met_before(scene: Scene, row: NDArray[np.int64], known_j: Ints, i: Ints, j: Ints) -> NDArray[np.bool_]:
-    """Whether a grain has met the place of each pair before, on whatever piece of it, shape ``(c,)``.
+def met_before(
+    scene: Scene, row: NDArray[np.int64], known_j: Ints, i: Ints, j: Ints
+) -> NDArray[np.bool_]:
+    """Whether a grain has met the place of each pair before, on whatever piece of it, shape
+    ``(c,)``.
 
     Args:
         scene: Shapes.

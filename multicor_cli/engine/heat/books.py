@@ -1,4 +1,5 @@
-"""Heat books: stored = friction + impact − to walls + from walls + from the fluid + from the surroundings.
+"""Heat books: stored = friction + impact − to walls + from walls + from the fluid + from the
+surroundings.
 
 Where grains come and go, what they take along is added to what is stored.
 """
@@ -21,19 +22,25 @@ _HEAT_OUT = EXCHANGE_NAMES.index("heat_out")
 
 
 def book_generated(state: State, friction: float, impact: float, to_walls: Floats) -> None:
-    """Enter the heat generated in one step [J]; ``to_walls`` of shape ``(w,)`` is what of it went into the walls."""
+    """Enter the heat generated in one step [J]; ``to_walls`` of shape ``(w,)`` is what of it went
+    into the walls.
+    """
     _enter(state, {"friction": friction, "impact": impact, "to_walls": total(to_walls)})
     state.wall_heat[:, RECEIVED] += to_walls
 
 
 def book_flow(state: State, flow: Flow, undelivered: float) -> None:
-    """Enter the heat that has flowed; ``undelivered`` [J] is what walls of prescribed flow that touch no grain could not give."""
+    """Enter the heat that has flowed; ``undelivered`` [J] is what walls of prescribed flow that
+    touch no grain could not give.
+    """
     outside = dict(zip(OUTSIDE_BOOKS, flow.outside.tolist(), strict=True))
     _enter(state, {"from_walls": total(flow.walls), **outside}, total(np.abs(flow.walls)))
     state.wall_heat[:, GIVEN] += flow.walls
     book_undelivered(state, undelivered)
     state.heat_books[_BOOK["sub_steps"]] += flow.sub_steps
-    state.heat_books[_BOOK["integration_error"]] = max(state.heat_books[_BOOK["integration_error"]], flow.error)
+    state.heat_books[_BOOK["integration_error"]] = max(
+        state.heat_books[_BOOK["integration_error"]], flow.error
+    )
 
 
 def _enter(state: State, entries: dict[str, float], walls: float | None = None) -> None:
@@ -60,7 +67,9 @@ def book_heat_out(state: State, contents: Floats) -> None:
 
 
 def note_contacts(state: State, biot: float, gas_ratio: tuple[float, float]) -> None:
-    """Keep the largest Biot number of a contact, and the range of λ_s s/(λ_f a) of the last step."""
+    """Keep the largest Biot number of a contact, and the range of λ_s s/(λ_f a) of the last
+    step.
+    """
     books = state.heat_books
     books[_BOOK["max_biot"]] = max(books[_BOOK["max_biot"]], biot)
     books[_BOOK["solid_gas_min"]], books[_BOOK["solid_gas_max"]] = gas_ratio
@@ -83,4 +92,6 @@ def strike_balance(state: State) -> None:
     # Σ C_i |T_i − T_i0| = Σ |Q_i|.
     scale = books[_BOOK["exchanged"]] + total(np.abs(state.heat))
     if scale > 0.0:
-        books[_BOOK["closure"]] = max(books[_BOOK["closure"]], abs(books[_BOOK["imbalance"]]) / scale)
+        books[_BOOK["closure"]] = max(
+            books[_BOOK["closure"]], abs(books[_BOOK["imbalance"]]) / scale
+        )

@@ -1,19 +1,23 @@
 """Conduction through the contact spot of two smooth elastic spheres.
 
-Formula: Hertz' contact radius ``a_c = (3 F a*/4E*)^⅓`` and the constriction of the heat flow on both sides of an isothermal spot
-between half-spaces in series, ``H = 2 λ_h a_c`` with ``λ_h = 2 λ_i λ_j/(λ_i + λ_j)``.
+Formula: Hertz' contact radius ``a_c = (3 F a*/4E*)^⅓`` and the constriction of the heat flow on
+both sides of an isothermal spot between half-spaces in series, ``H = 2 λ_h a_c`` with
+``λ_h = 2 λ_i λ_j/(λ_i + λ_j)``.
 
-Source: K. L. Johnson, Contact Mechanics (1985), eq. 4.22–4.24 (radius, approach, pressure); R. Holm, Electric Contacts (1967),
-and G. K. Batchelor & R. W. O'Brien, Proc. R. Soc. Lond. A 355 (1977) 313 (constriction); W. L. Vargas & J. J. McCarthy, AIChE
-J. 47 (2001) 1052 (use for grains).
+Source: K. L. Johnson, Contact Mechanics (1985), eq. 4.22–4.24 (radius, approach, pressure); R.
+Holm, Electric Contacts (1967), and G. K. Batchelor & R. W. O'Brien, Proc. R. Soc. Lond. A 355
+(1977) 313 (constriction); W. L. Vargas & J. J. McCarthy, AIChE J. 47 (2001) 1052 (use for grains).
 
-Validity: smooth, elastic, non-adhesive spheres with ``a_c ≪ a`` in vacuum; the grains must be nearly isothermal inside, which the
-Biot number ``H/(λ a) ≪ 1`` measures. Steel of 215 MPa yields first at the center of the spot where ``p_0 ≈ 1.6 σ_y``, already at
-0.011 N for grains of 3 mm; the spot is then larger than computed. Contacts in parallel on one grain do not disturb each other.
-Pieces of walls that a grain touches in one place (`engine/geometry/places.py`) have one spot, which the sum of their forces makes,
-and share its conductance in proportion to their forces. Inside a circle of radius R ``1/a* = 1/a − 1/R``.
-Discs and circles are treated as spheres of their radius: a line contact in two dimensions has no conductance that is independent of
-the size of the bodies (its constriction resistance is logarithmic).
+Validity: smooth, elastic, non-adhesive spheres with ``a_c ≪ a`` in vacuum; the grains must be
+nearly isothermal inside, which the Biot number ``H/(λ a) ≪ 1`` measures. Steel of 215 MPa yields
+first at the center of the spot where ``p_0 ≈ 1.6 σ_y``, already at
+0.011 N for grains of 3 mm; the spot is then larger than computed. Contacts in parallel on one grain
+do not disturb each other. Pieces of walls that a grain touches in one place
+(`engine/geometry/places.py`) have one spot, which the sum of their forces makes, and share its
+conductance in proportion to their forces. Inside a circle of radius R ``1/a* = 1/a − 1/R``. Discs
+and circles are treated as spheres of their radius: a line contact in two dimensions has no
+conductance that is independent of the size of the bodies (its constriction resistance is
+logarithmic).
 """
 
 from __future__ import annotations
@@ -41,8 +45,8 @@ class ContactForce:
     """Which normal force makes the Hertz contact radius.
 
     Attributes:
-        kind: ``"step"``: that of the step p_n/Δt; ``"average"``: a running average; ``"prescribed"``: the same for all contacts
-            that carry a force.
+        kind: ``"step"``: that of the step p_n/Δt; ``"average"``: a running average;
+            ``"prescribed"``: the same for all contacts that carry a force.
         value: Averaging time [s], or the prescribed force [N].
     """
 
@@ -51,19 +55,24 @@ class ContactForce:
 
 
 def harmonic_mean(first: float, second: float) -> float:
-    """Harmonic mean, of conductivities ``λ_h = 2 λ_i λ_j/(λ_i + λ_j)`` [W/(m K)]: two half-spaces in series (Holm)."""
+    """Harmonic mean, of conductivities ``λ_h = 2 λ_i λ_j/(λ_i + λ_j)`` [W/(m K)]: two half-spaces
+    in series (Holm).
+    """
     return 2.0 * first * second / (first + second)
 
 
 @formula
 def hertz_conductance(harmonic: float, contact_radius: float) -> float:
-    """Conductance of the spot ``H = 2 λ_h a_c`` [W/K]; λ_h [W/(m K)], a_c [m] (Holm; Batchelor & O'Brien 1977)."""
+    """Conductance of the spot ``H = 2 λ_h a_c`` [W/K]; λ_h [W/(m K)], a_c [m] (Holm; Batchelor &
+    O'Brien 1977).
+    """
     return 2.0 * harmonic * contact_radius
 
 
 @formula
 def biot_number(conductance: float, conductivity: float, radius: float) -> float:
-    """Biot number ``Bi = H/(λ a)``: the resistance inside a grain over that of its contact; it should be far below 1.
+    """Biot number ``Bi = H/(λ a)``: the resistance inside a grain over that of its contact; it
+    should be far below 1.
 
     Args:
         conductance: H [W/K].
@@ -96,7 +105,8 @@ def contact_spots(
         laws: Properties of materials.
         is_rough: Whether micro-contacts add their resistance.
         spot: Radii a_c of the spots of their places [m], shape ``(c,)``. **Modified.**
-        conductance: H_c, of a place in proportion to the forces [W/K], shape ``(c,)``. **Modified.**
+        conductance: H_c, of a place in proportion to the forces [W/K], shape ``(c,)``.
+            **Modified.**
     """
     count = i.size
     for chunk in prange((count + CHUNK - 1) // CHUNK):
@@ -104,18 +114,31 @@ def contact_spots(
             spot[c], conductance[c] = 0.0, 0.0
             if force[c] > 0.0:
                 a, b = scene.material[i[c]], scene.material[j[c]]
-                curvature, modulus, harmonic = hertz_radius(scene, i[c], j[c]), laws.modulus[a, b], laws.harmonic[a, b]
+                curvature, modulus, harmonic = (
+                    hertz_radius(scene, i[c], j[c]),
+                    laws.modulus[a, b],
+                    laws.harmonic[a, b],
+                )
                 radius = contact_radius(total[c], curvature, modulus)
                 h = hertz_conductance(harmonic, radius)
                 if is_rough:
-                    sigma, slope, hardness = laws.roughness[a, b], laws.slope[a, b], laws.microhardness[a, b]
-                    h = rough_conductance(total[c], radius, modulus, curvature, harmonic, sigma, slope, hardness)
+                    sigma, slope, hardness = (
+                        laws.roughness[a, b],
+                        laws.slope[a, b],
+                        laws.microhardness[a, b],
+                    )
+                    h = rough_conductance(
+                        total[c], radius, modulus, curvature, harmonic, sigma, slope, hardness
+                    )
                 spot[c], conductance[c] = radius, h * (force[c] / total[c])
 
 
 @kernel
-def largest_biot(scene: Scene, i: Ints, j: Ints, place: Ints, conductance: Floats, laws: HeatLaws) -> float:
-    """Largest Biot number H/(λ a) of the grains at some links, of a place as a whole; 0 if there are none.
+def largest_biot(
+    scene: Scene, i: Ints, j: Ints, place: Ints, conductance: Floats, laws: HeatLaws
+) -> float:
+    """Largest Biot number H/(λ a) of the grains at some links, of a place as a whole; 0 if there
+    are none.
 
     Arguments as `contact_spots`; ``place`` of each link is as `find_places` has it.
     """
@@ -123,7 +146,15 @@ def largest_biot(scene: Scene, i: Ints, j: Ints, place: Ints, conductance: Float
     total = totals_of_places(place, conductance)
     for k in range(i.size):
         if conductance[k] > 0.0:
-            most = max(most, biot_number(total[k], laws.conductivity[scene.material[i[k]]], scene.radius[i[k]]))
+            most = max(
+                most,
+                biot_number(total[k], laws.conductivity[scene.material[i[k]]], scene.radius[i[k]]),
+            )
             if j[k] < grains:
-                most = max(most, biot_number(total[k], laws.conductivity[scene.material[j[k]]], scene.radius[j[k]]))
+                most = max(
+                    most,
+                    biot_number(
+                        total[k], laws.conductivity[scene.material[j[k]]], scene.radius[j[k]]
+                    ),
+                )
     return most

@@ -1,15 +1,18 @@
-"""Convection between a grain and the fluid around it: Nusselt numbers as functions of Reynolds and Prandtl number.
+"""Convection between a grain and the fluid around it: Nusselt numbers as functions of Reynolds and
+Prandtl number.
 
 Formula: ``Q = h A (T_f − T)``, ``h = Nu λ_f/d``, ``Re = |v − v_f| d/ν_f``.
 
-Sources: W. E. Ranz & W. R. Marshall, Chem. Eng. Prog. 48 (1952) 141; S. Whitaker, AIChE J. 18 (1972) 361; D. J. Gunn, Int. J.
-Heat Mass Transf. 21 (1978) 467; J. Li & D. J. Mason, Powder Technol. 112 (2000) 273.
+Sources: W. E. Ranz & W. R. Marshall, Chem. Eng. Prog. 48 (1952) 141; S. Whitaker, AIChE J. 18
+(1972) 361; D. J. Gunn, Int. J. Heat Mass Transf. 21 (1978) 467; J. Li & D. J. Mason, Powder
+Technol. 112 (2000) 273.
 
-Validity: *Ranz & Marshall* one sphere, measured for Re < 200, used up to 5·10⁴, 0.6 < Pr < 380; *Whitaker* one sphere, 3.5 < Re
-< 7.6·10⁴, 0.7 < Pr < 380, here without the ratio of viscosities at fluid and surface temperature (valid for gases and small
-differences); *Gunn* beds of porosity 0.35 to 1, Re < 10⁵; *Li & Mason* dilute (exponent 3.5) and dense (4.75) suspensions. The
-fluid has one temperature and one velocity: what the grains do to it is not computed. Nu = 2 at Re = 0 is diffusion into an
-infinite fluid, which grains in a bed do not have around them.
+Validity: *Ranz & Marshall* one sphere, measured for Re < 200, used up to 5·10⁴, 0.6 < Pr < 380;
+*Whitaker* one sphere, 3.5 < Re < 7.6·10⁴, 0.7 < Pr < 380, here without the ratio of viscosities at
+fluid and surface temperature (valid for gases and small differences); *Gunn* beds of porosity 0.35
+to 1, Re < 10⁵; *Li & Mason* dilute (exponent 3.5) and dense (4.75) suspensions. The fluid has one
+temperature and one velocity: what the grains do to it is not computed. Nu = 2 at Re = 0 is
+diffusion into an infinite fluid, which grains in a bed do not have around them.
 """
 
 from __future__ import annotations
@@ -54,7 +57,8 @@ class Ambient(Mechanism):
         viscosity: Kinematic viscosity ν_f [m²/s].
         prandtl: Prandtl number.
         porosity: Volume fraction of the fluid, for Gunn and Li & Mason.
-        velocity: Velocity of the fluid (x, y) [m/s]; the Reynolds number takes the grain's velocity relative to it.
+        velocity: Velocity of the fluid (x, y) [m/s]; the Reynolds number takes the grain's velocity
+            relative to it.
     """
 
     temperature: float
@@ -67,9 +71,15 @@ class Ambient(Mechanism):
     velocity: tuple[float, float] = (0.0, 0.0)
 
     def outside(self, velocity: Floats, laws: HeatLaws, model: Model) -> Outside:
-        """The fluid; the conductance is the coefficient of convection times the surface of each grain."""
+        """The fluid; the conductance is the coefficient of convection times the surface of each
+        grain.
+        """
         assert model.thermal is not None
-        return Outside("from_ambient", self.temperature, self._coefficient(velocity, model) * model.thermal.surface)
+        return Outside(
+            "from_ambient",
+            self.temperature,
+            self._coefficient(velocity, model) * model.thermal.surface,
+        )
 
     def _coefficient(self, velocity: Floats, model: Model) -> Floats | float:
         if self.correlation == "constant":
@@ -77,7 +87,8 @@ class Ambient(Mechanism):
         slip = velocity - np.array(self.velocity)
         coefficient = np.empty(len(velocity))
         convection_coefficients(
-            _NUMBER[self.correlation], hypot(slip[:, X], slip[:, Y]), model.grains.radius, self.conductivity, self.viscosity,
+            _NUMBER[self.correlation], hypot(slip[:, X], slip[:, Y]), model.grains.radius,
+            self.conductivity, self.viscosity,
             self.prandtl, self.porosity, coefficient,
         )  # fmt: skip
         return coefficient
@@ -103,14 +114,18 @@ def ranz_marshall(re: float, pr: float) -> float:
 
 @formula
 def whitaker(re: float, pr: float) -> float:
-    """Nusselt number ``2 + (0.4 Re^½ + 0.06 Re^⅔) Pr^0.4`` (Whitaker 1972), fluid at one temperature."""
+    """Nusselt number ``2 + (0.4 Re^½ + 0.06 Re^⅔) Pr^0.4`` (Whitaker 1972), fluid at one
+    temperature.
+    """
     root = cbrt(re)
     return 2.0 + (0.4 * sqrt(re) + 0.06 * root * root) * power(pr, 0.4)
 
 
 @formula
 def gunn(re: float, pr: float, porosity: float) -> float:
-    """Nusselt number ``(7 − 10ε + 5ε²)(1 + 0.7 Re^0.2 Pr^⅓) + (1.33 − 2.4ε + 1.2ε²) Re^0.7 Pr^⅓``, porosity ε (Gunn 1978)."""
+    """Nusselt number ``(7 − 10ε + 5ε²)(1 + 0.7 Re^0.2 Pr^⅓) + (1.33 − 2.4ε + 1.2ε²) Re^0.7 Pr^⅓``,
+    porosity ε (Gunn 1978).
+    """
     p = porosity
     root = cbrt(pr)
     low = (7.0 - 10.0 * p + 5.0 * p * p) * (1.0 + 0.7 * power(re, 0.2) * root)
@@ -122,9 +137,10 @@ def gunn(re: float, pr: float, porosity: float) -> float:
 def li_mason(re: float, pr: float, porosity: float, exponent: float) -> float:
     """Nusselt number in suspensions (Li & Mason 2000), porosity ε and exponent n.
 
-    ``2 + 0.6 ε^n Re^½ Pr^⅓`` for Re < 200; ``2 + ε^n (0.5 Re^½ + 0.02 Re^0.8) Pr^⅓`` for 200 ≤ Re < 1500;
-    ``2 + 4.5·10⁻⁵ ε^n Re^1.8`` above. The branches do not join: Nu − 2 falls by 0.33 % at Re = 200, and at Re = 1500 it changes
-    by the factor 0.891 Pr^−⅓, as the last branch does not depend on Pr (+0.4 % for Pr = 0.7, −11 % for Pr = 1).
+    ``2 + 0.6 ε^n Re^½ Pr^⅓`` for Re < 200; ``2 + ε^n (0.5 Re^½ + 0.02 Re^0.8) Pr^⅓`` for 200 ≤ Re <
+    1500; ``2 + 4.5·10⁻⁵ ε^n Re^1.8`` above. The branches do not join: Nu − 2 falls by 0.33 % at Re
+    = 200, and at Re = 1500 it changes by the factor 0.891 Pr^−⅓, as the last branch does not depend
+    on Pr (+0.4 % for Pr = 0.7, −11 % for Pr = 1).
 
     Args:
         re: Reynolds number.
@@ -142,7 +158,9 @@ def li_mason(re: float, pr: float, porosity: float, exponent: float) -> float:
 
 @formula
 def coefficient_of(nusselt: float, conductivity: float, diameter: float) -> float:
-    """Coefficient of heat transfer ``h = Nu λ_f/d`` [W/(m² K)]; λ_f of the fluid [W/(m K)], diameter d of the grain [m]."""
+    """Coefficient of heat transfer ``h = Nu λ_f/d`` [W/(m² K)]; λ_f of the fluid [W/(m K)],
+    diameter d of the grain [m].
+    """
     return nusselt * conductivity / diameter
 
 

@@ -1,10 +1,10 @@
 """Heat that contacts generate: sliding friction, its share in each body, wear, and impacts.
 
-Formulas: the energy lost in a step, ``−p_t ½(u_t⁻ + u_t⁺)`` and ``−p_n ½(u_n⁻ + u_n⁺)``, or ``Q = μ F_n |u_t|`` (both derived: the
-work of Coulomb's law).
+Formulas: the energy lost in a step, ``−p_t ½(u_t⁻ + u_t⁺)`` and ``−p_n ½(u_n⁻ + u_n⁺)``, or
+``Q = μ F_n |u_t|`` (both derived: the work of Coulomb's law).
 
-Validity: the power is that of a contact that slides with the velocity u_t all through the step. Temperatures are those of grains;
-the spot itself may be much hotter for an instant.
+Validity: the power is that of a contact that slides with the velocity u_t all through the step.
+Temperatures are those of grains; the spot itself may be much hotter for an instant.
 """
 
 from __future__ import annotations
@@ -17,7 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import power
-from multicor_cli.engine.contact.contacts import StepContacts, attraction_of, contact_after, rolled_loss, rolling_loss
+from multicor_cli.engine.contact.contacts import (
+    StepContacts,
+    attraction_of,
+    contact_after,
+    rolled_loss,
+    rolling_loss,
+)
 from multicor_cli.engine.geometry.places import totals_of_places
 from multicor_cli.engine.geometry.radii import hertz_radius
 from multicor_cli.engine.geometry.scene import Scene
@@ -32,14 +38,15 @@ from multicor_cli.model.model import Floats, Ints
 #
 # Formula: volume `V = K F s/H`. Source: J. F. Archard, J. Appl. Phys. 24 (1953) 981.
 #
-# Validity: steady adhesive or abrasive wear below the load at which it becomes severe; K (10⁻⁸ to 10⁻³; dry steel on steel some
-# 10⁻⁴) is a measurement on the pair of materials and known to a factor of ten at best. Grains keep their size: the volume is an
-# output.
+# Validity: steady adhesive or abrasive wear below the load at which it becomes severe; K (10⁻⁸ to
+# 10⁻³; dry steel on steel some 10⁻⁴) is a measurement on the pair of materials and known to a
+# factor of ten at best. Grains keep their size: the volume is an output.
 
 
 @formula
 def rubbing_of(normal: float, slip: float, work: float, mu: float) -> float:
-    """Normal load times slipped distance F s [N m]: the work of friction over μ, so that a contact that sticks does not wear.
+    """Normal load times slipped distance F s [N m]: the work of friction over μ, so that a contact
+    that sticks does not wear.
 
     Args:
         normal: Normal impulse F Δt [N s].
@@ -61,18 +68,21 @@ def archard_volume(coefficient_over_hardness: float, rubbing: float) -> float:
     return coefficient_over_hardness * rubbing
 
 
-# ---- Which share of the heat of friction goes into each of the two bodies: β into body i, 1 − β into body j.
+# ---- Which share of the heat of friction goes into each of the two bodies: β into body i, 1 − β
+#      into body j.
 #
-# Formulas and sources: *effusivity* `β = e_i/(e_i + e_j)`, `e = √(λρc)` (F. Charron, Publ. Sci. Tech. Min. Air 182 (1943));
-# *conductivity* `β = λ_i/(λ_i + λ_j)` (steady conduction from one spot, J. C. Jaeger, Proc. R. Soc. NSW 76 (1942) 203);
-# *electrothermal* `β = ½ [ρ_i/(ρ_i + ρ_j) + λ_i/(λ_i + λ_j)]` with the electrical resistivities ρ (the coefficient of Mokrani
-# and Bourouga used by Nguyen et al., J. Mech. Mater. Struct. 4 (2009) 413).
+# Formulas and sources: *effusivity* `β = e_i/(e_i + e_j)`, `e = √(λρc)` (F. Charron, Publ. Sci.
+# Tech. Min. Air 182 (1943)); *conductivity* `β = λ_i/(λ_i + λ_j)` (steady conduction from one spot,
+# J. C. Jaeger, Proc. R. Soc. NSW 76 (1942) 203); *electrothermal*
+# `β = ½ [ρ_i/(ρ_i + ρ_j) + λ_i/(λ_i + λ_j)]` with the electrical resistivities ρ (the coefficient
+# of Mokrani and Bourouga used by Nguyen et al., J. Mech. Mater. Struct. 4 (2009) 413).
 #
-# Validity: all take perfect contact of the two surfaces and both bodies at one temperature far from the spot. *effusivity* holds
-# for contacts shorter than the diffusion time over the spot (both bodies semi-infinite): sliding, impacts. *conductivity* holds
-# for lasting contacts, steady on the scale of the spot. *electrothermal* describes the heat of an electric current through the
-# interface; it has no meaning for friction. It equals ½ for one material, as do the others, and is offered to repeat published
-# results.
+# Validity: all take perfect contact of the two surfaces and both bodies at one temperature far from
+# the spot. *effusivity* holds for contacts shorter than the diffusion time over the spot (both
+# bodies semi-infinite): sliding, impacts. *conductivity* holds for lasting contacts, steady on the
+# scale of the spot. *electrothermal* describes the heat of an electric current through the
+# interface; it has no meaning for friction. It equals ½ for one material, as do the others, and is
+# offered to repeat published results.
 
 Partition = Literal["effusivity", "conductivity", "half", "electrothermal"]
 
@@ -88,12 +98,17 @@ def effusivity_share(e_i: float, e_j: float) -> float:
 
 
 def conductivity_share(k_i: float, k_j: float) -> float:
-    """Share of body i ``λ_i/(λ_i + λ_j)`` from the conductivities [W/(m K)] (Jaeger 1942, steady)."""
+    """Share of body i ``λ_i/(λ_i + λ_j)`` from the conductivities [W/(m K)] (Jaeger 1942,
+    steady).
+    """
     return k_i / (k_i + k_j)
 
 
-def electrothermal_share(resistivity_i: float, resistivity_j: float, k_i: float, k_j: float) -> float:
-    """Share of body i ``½ [ρ_i/(ρ_i + ρ_j) + λ_i/(λ_i + λ_j)]`` (Mokrani & Bourouga): of the heat of a *current*, not of friction.
+def electrothermal_share(
+    resistivity_i: float, resistivity_j: float, k_i: float, k_j: float
+) -> float:
+    """Share of body i ``½ [ρ_i/(ρ_i + ρ_j) + λ_i/(λ_i + λ_j)]`` (Mokrani & Bourouga): of the heat
+    of a *current*, not of friction.
 
     Args:
         resistivity_i: Electrical resistivity ρ_i [Ω m].
@@ -104,7 +119,9 @@ def electrothermal_share(resistivity_i: float, resistivity_j: float, k_i: float,
     return 0.5 * (resistivity_i / (resistivity_i + resistivity_j) + k_i / (k_i + k_j))
 
 
-def _by_effusivity(k_i: float, rho_i: float, c_i: float, k_j: float, rho_j: float, c_j: float) -> float:
+def _by_effusivity(
+    k_i: float, rho_i: float, c_i: float, k_j: float, rho_j: float, c_j: float
+) -> float:
     return effusivity_share(effusivity(k_i, rho_i, c_i), effusivity(k_j, rho_j, c_j))
 
 
@@ -135,7 +152,8 @@ def share_out(
     wear: Floats,
     wall_wear: Floats,
 ) -> None:
-    """Give the heat of each contact to its two bodies; a wall that takes none leaves it all to the grain.
+    """Give the heat of each contact to its two bodies; a wall that takes none leaves it all to the
+    grain.
 
     Args:
         scene: Shapes.
@@ -145,7 +163,8 @@ def share_out(
         rubbing: Force times slipped distance [N m], shape ``(c,)``.
         laws: Properties of materials.
         takes_heat: Whether a wall takes its share, shape ``(w,)``.
-        source: Heat received by the grains in this step [J], shape ``(n,)``. **Modified** (added to).
+        source: Heat received by the grains in this step [J], shape ``(n,)``. **Modified** (added
+            to).
         wall_source: The same for the walls, shape ``(w,)``. **Modified.**
         wear: Volume worn off the grains [m³], shape ``(n,)``. **Modified.**
         wall_wear: The same for the walls, shape ``(w,)``. **Modified.**
@@ -172,23 +191,26 @@ def share_out(
 
 # ---- Heat conducted during one elastic impact.
 #
-# Formula: contact time `t_c = 2.87 (m²/(a* E*² v))^⅕`, largest spot `R = (15 m a*² v²/16E*)^⅕` with the reduced mass m, and
-# the heat `E/ΔT = C π R² √t_c/(b_1^−½ + b_2^−½)`, `b = ρcλ`, where C(Fo, c) corrects the one-dimensional solution (C = 1
-# nearly) for the spreading of heat from a spot; `Fo = λ_1 t_c/(ρ_1 c_1 R²)`, `c = ρ_1 c_1/(ρ_2 c_2)`.
+# Formula: contact time `t_c = 2.87 (m²/(a* E*² v))^⅕`, largest spot `R = (15 m a*² v²/16E*)^⅕` with
+# the reduced mass m, and the heat `E/ΔT = C π R² √t_c/(b_1^−½ + b_2^−½)`, `b = ρcλ`, where C(Fo, c)
+# corrects the one-dimensional solution (C = 1 nearly) for the spreading of heat from a spot;
+# `Fo = λ_1 t_c/(ρ_1 c_1 R²)`, `c = ρ_1 c_1/(ρ_2 c_2)`.
 #
-# Source: J. Sun & M. M. Chen, Int. J. Heat Mass Transf. 31 (1988) 969; fit of C by Z. Y. Zhou, A. B. Yu & M. Horio, Chem. Eng. J.
-# 139 (2008) 408.
+# Source: J. Sun & M. M. Chen, Int. J. Heat Mass Transf. 31 (1988) 969; fit of C by Z. Y. Zhou, A.
+# B. Yu & M. Horio, Chem. Eng. J. 139 (2008) 408.
 #
-# Validity: elastic, smooth, head-on impact of spheres that touch nothing else meanwhile; Fo of order 1 or less (it is 0.16 for
-# steel grains of 3 mm at 0.1 m/s, and goes as 1/v). The fit is not symmetric in the two bodies; here body 1 is the one with the
-# smaller ρc, so that c ≤ 1, where C changes little, and what one body loses the other gains. For c well below 1 the square root
-# in the fit ends near Fo = 16; beyond, it is held at 0. Lasting contacts carry far more: 3·10⁻⁷ of the heat capacity of such a
-# grain per impact.
+# Validity: elastic, smooth, head-on impact of spheres that touch nothing else meanwhile; Fo of
+# order 1 or less (it is 0.16 for steel grains of 3 mm at 0.1 m/s, and goes as 1/v). The fit is not
+# symmetric in the two bodies; here body 1 is the one with the smaller ρc, so that c ≤ 1, where C
+# changes little, and what one body loses the other gains. For c well below 1 the square root in the
+# fit ends near Fo = 16; beyond, it is held at 0. Lasting contacts carry far more: 3·10⁻⁷ of the
+# heat capacity of such a grain per impact.
 
 
 @formula
 def impact_time(m_eff: float, a_eff: float, modulus: float, speed: float) -> float:
-    """Duration of an elastic impact ``t_c = 2.87 (m²/(a* E*² v))^⅕`` [s] (Hertz); infinite for a speed that is not positive.
+    """Duration of an elastic impact ``t_c = 2.87 (m²/(a* E*² v))^⅕`` [s] (Hertz); infinite for a
+    speed that is not positive.
 
     Args:
         m_eff: Reduced mass m_i m_j/(m_i + m_j) [kg].
@@ -203,7 +225,9 @@ def impact_time(m_eff: float, a_eff: float, modulus: float, speed: float) -> flo
 
 @formula
 def impact_radius(m_eff: float, a_eff: float, modulus: float, speed: float) -> float:
-    """Largest radius of the contact spot ``R = (15 m a*² v²/(16 E*))^⅕`` [m] (Hertz); arguments as `impact_time`."""
+    """Largest radius of the contact spot ``R = (15 m a*² v²/(16 E*))^⅕`` [m] (Hertz); arguments as
+    `impact_time`.
+    """
     return power(0.9375 * m_eff * a_eff * a_eff * speed * speed / modulus, 0.2)
 
 
@@ -222,10 +246,11 @@ def fourier_number(conductivity: float, volumetric: float, time: float, radius: 
 
 @formula
 def impact_coefficient(fo: float, ratio: float) -> float:
-    """Correction C of the one-dimensional solution (Zhou, Yu & Horio 2008) from the Fourier number and c = ρ_1 c_1/(ρ_2 c_2).
+    """Correction C of the one-dimensional solution (Zhou, Yu & Horio 2008) from the Fourier number
+    and c = ρ_1 c_1/(ρ_2 c_2).
 
-    ``C = 0.435 (√(C_2² − 4 C_1 (C_3 − Fo)) − C_2)/C_1`` with quadratic C_k(c). Where C_2 > 0 it is written with the conjugate
-    root, which is the same number and finite where C_1 = 0.
+    ``C = 0.435 (√(C_2² − 4 C_1 (C_3 − Fo)) − C_2)/C_1`` with quadratic C_k(c). Where C_2 > 0 it is
+    written with the conjugate root, which is the same number and finite where C_1 = 0.
     """
     c_1 = (-2.300 * ratio + 8.909) * ratio - 4.235
     c_2 = (8.169 * ratio - 33.770) * ratio + 24.885
@@ -249,9 +274,11 @@ def impact_exchange(
     conductivity_j: float,
     volumetric_j: float,
 ) -> float:
-    """Heat conducted by one impact per difference of temperature ``C π R² √t_c/(b_i^−½ + b_j^−½)`` [J/K] (Sun & Chen 1988).
+    """Heat conducted by one impact per difference of temperature ``C π R² √t_c/(b_i^−½ + b_j^−½)``
+    [J/K] (Sun & Chen 1988).
 
-    Symmetric in the two bodies: body 1 of the fit is that with the smaller ρc, at equal ρc that with the larger λ.
+    Symmetric in the two bodies: body 1 of the fit is that with the smaller ρc, at equal ρc that
+    with the larger λ.
 
     Args:
         m_eff: Reduced mass [kg].
@@ -267,7 +294,9 @@ def impact_exchange(
         return 0.0
     time = impact_time(m_eff, a_eff, modulus, speed)
     radius = impact_radius(m_eff, a_eff, modulus, speed)
-    is_first = volumetric_i < volumetric_j or (volumetric_i == volumetric_j and conductivity_i > conductivity_j)
+    is_first = volumetric_i < volumetric_j or (
+        volumetric_i == volumetric_j and conductivity_i > conductivity_j
+    )
     k_1 = conductivity_i if is_first else conductivity_j
     v_1 = volumetric_i if is_first else volumetric_j
     ratio = v_1 / (volumetric_j if is_first else volumetric_i)
@@ -287,9 +316,11 @@ def collide(
     dt: float,
     conductance: Floats,
 ) -> None:
-    """Replace the conductance of contacts that are new in this step by that of an impact, spread over the step (Sun & Chen).
+    """Replace the conductance of contacts that are new in this step by that of an impact, spread
+    over the step (Sun & Chen).
 
-    A place is hit once: its contacts share the impact in proportion to their impulses. Circles of walls have the a* of Hertz.
+    A place is hit once: its contacts share the impact in proportion to their impulses. Circles of
+    walls have the a* of Hertz.
 
     Args:
         scene: Shapes.
@@ -310,7 +341,8 @@ def collide(
             a, b = scene.material[i], scene.material[j]
             m = mass[i] * mass[j] / (mass[i] + mass[j]) if j < grains else mass[i]
             exchange = impact_exchange(
-                m, hertz_radius(scene, i, j), laws.modulus[a, b], speed, laws.conductivity[a], laws.volumetric[a],
+                m, hertz_radius(scene, i, j), laws.modulus[a, b], speed, laws.conductivity[a],
+                laws.volumetric[a],
                 laws.conductivity[b], laws.volumetric[b],
             )  # fmt: skip
             conductance[c] = exchange / dt * (contacts.impulse[c, NORMAL] / total[c])
@@ -332,14 +364,22 @@ def sliding_power(mu: float, normal_force: float, slip_speed: float) -> float:
 
 @parallel_kernel
 def generated_heat(
-    scene: Scene, contacts: StepContacts, after: Floats, rule: int, has_impact: bool, heat: Floats, rubbing: Floats
+    scene: Scene,
+    contacts: StepContacts,
+    after: Floats,
+    rule: int,
+    has_impact: bool,
+    heat: Floats,
+    rubbing: Floats,
 ) -> None:
-    """Heat generated in each contact of a step, and the product of force and slipped distance that wears.
+    """Heat generated in each contact of a step, and the product of force and slipped distance that
+    wears.
 
-    ``"energy"``: −p_t ½(u_t⁻+u_t⁺), exact and signed; ``"sliding"``: μ|u_t⁺| p_n (the paper's E_f); impacts: −p_n ½(u_n⁻+u_n⁺).
-    Couples of rolling resistance add −p_r ½(u_r⁻+u_r⁺), or |p_r u_r⁺|, to friction. With adhesion q_n = p_n + F_a Δt takes the
-    place of p_n in Coulomb's law.
-    Rubbing is the work of friction over μ: p_n times the slipped distance where a contact slides, less where it sticks.
+    ``"energy"``: −p_t ½(u_t⁻+u_t⁺), exact and signed; ``"sliding"``: μ|u_t⁺| p_n (the paper's E_f);
+    impacts: −p_n ½(u_n⁻+u_n⁺). Couples of rolling resistance add −p_r ½(u_r⁻+u_r⁺), or |p_r u_r⁺|,
+    to friction. With adhesion q_n = p_n + F_a Δt takes the place of p_n in Coulomb's law. Rubbing
+    is the work of friction over μ: p_n times the slipped distance where a contact slides, less
+    where it sticks.
 
     Args:
         scene: Shapes at q_m.
@@ -354,7 +394,11 @@ def generated_heat(
     for chunk in prange((count + CHUNK - 1) // CHUNK):
         for c in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             heat[c, FRICTION], heat[c, IMPACT], rubbing[c] = 0.0, 0.0, 0.0
-            q_n, p_t, attraction = contacts.impulse[c, NORMAL], contacts.impulse[c, TANGENTIAL], attraction_of(c, contacts)
+            q_n, p_t, attraction = (
+                contacts.impulse[c, NORMAL],
+                contacts.impulse[c, TANGENTIAL],
+                attraction_of(c, contacts),
+            )
             if q_n > 0.0 or attraction > 0.0:
                 u_n, u_t = contact_after(c, scene, contacts, after)
                 mu, slip = contacts.frame[c, MU], 0.5 * (contacts.before[c, TANGENTIAL] + u_t)
@@ -362,7 +406,9 @@ def generated_heat(
                 if rule == ENERGY:
                     heat[c, FRICTION] = work + rolling_loss(c, scene, contacts, after)
                 elif rule == SLIDING:
-                    heat[c, FRICTION] = sliding_power(mu, q_n, u_t) + rolled_loss(c, scene, contacts, after)
+                    heat[c, FRICTION] = sliding_power(mu, q_n, u_t) + rolled_loss(
+                        c, scene, contacts, after
+                    )
                 if has_impact:
                     heat[c, IMPACT] = -(q_n - attraction) * 0.5 * (contacts.before[c, NORMAL] + u_n)
                 rubbing[c] = rubbing_of(q_n, slip, work, mu)

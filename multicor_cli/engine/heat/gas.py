@@ -2,20 +2,23 @@
 
 Formulas and sources:
 
-* *parallel*: heat flows along straight lines parallel to the line of centers, through the local gap width; the integral
-  ``H = 2π λ_f ∫_s^a ρ dρ/(h + 2a − 2√(a²−ρ²))`` in closed form (derived; the assumption is that of D. Rong & M. Horio, CFD in
-  the Minerals and Process Industries (1999) 65).
-* *batchelor*: asymptotics of the boundary-value problem for nearly touching spheres, G. K. Batchelor & R. W. O'Brien,
-  Proc. R. Soc. Lond. A 355 (1977) 313.
-* *vargas*: closed form for touching spheres of one size, W. L. Vargas & J. J. McCarthy, Int. J. Heat Mass Transf. 45 (2002) 4847.
+* *parallel*: heat flows along straight lines parallel to the line of centers, through the local gap
+  width; the integral ``H = 2π λ_f ∫_s^a ρ dρ/(h + 2a − 2√(a²−ρ²))`` in closed form (derived; the
+  assumption is that of D. Rong & M. Horio, CFD in the Minerals and Process Industries (1999) 65).
+* *batchelor*: asymptotics of the boundary-value problem for nearly touching spheres, G. K.
+  Batchelor & R. W. O'Brien, Proc. R. Soc. Lond. A 355 (1977) 313.
+* *vargas*: closed form for touching spheres of one size, W. L. Vargas & J. J. McCarthy, Int. J.
+  Heat Mass Transf. 45 (2002) 4847.
 
-Validity: stagnant gas without convection in the pores, a continuum (gaps wide against the mean free path), and grains nearly
-isothermal inside. *parallel* and *vargas* take the surfaces as isothermal, that is ``λ_s ≫ λ_f``, and add to the conductance
-of the contact spot; *batchelor* needs ``λ_s/λ_f ≫ 1`` (10 at least) and counts the gradient in the solid near the spot. All
-reach to the rim of the smaller sphere, so shares of neighboring gaps may overlap: an upper estimate. A circle of radius R
-counts as a plane, which it is along the axis of a drum: the film there conducts 1/√(1 − a/R) times as much to leading order,
-and a polygon that stands for the circle is flat too. Gas may be left out only if ``λ_s s/(λ_f a) ≫ 1``
-(`solid_to_gas_ratio`), which fails in air for steel grains of millimeters under their own weight.
+Validity: stagnant gas without convection in the pores, a continuum (gaps wide against the mean free
+path), and grains nearly isothermal inside. *parallel* and *vargas* take the surfaces as isothermal,
+that is ``λ_s ≫ λ_f``, and add to the conductance of the contact spot; *batchelor* needs
+``λ_s/λ_f ≫ 1`` (10 at least) and counts the gradient in the solid near the spot. All reach to the
+rim of the smaller sphere, so shares of neighboring gaps may overlap: an upper estimate. A circle of
+radius R counts as a plane, which it is along the axis of a drum: the film there conducts 1/√(1 −
+a/R) times as much to leading order, and a polygon that stands for the circle is flat too. Gas may
+be left out only if ``λ_s s/(λ_f a) ≫ 1`` (`solid_to_gas_ratio`), which fails in air for steel
+grains of millimeters under their own weight.
 """
 
 from __future__ import annotations
@@ -45,10 +48,12 @@ PARALLEL, BATCHELOR, VARGAS = 0, 1, 2
 _NUMBER: dict[GasModel, int] = {"parallel": PARALLEL, "batchelor": BATCHELOR, "vargas": VARGAS}
 
 CORE = 0.1
-"""Largest radius, over that of the grain, within which the solid is taken to resist more than the gas."""
+"""Largest radius, over that of the grain, within which the solid is taken to resist more than the
+gas."""
 
 SMALLEST_SPOT = 1e-9
-"""Spot radius below which the integral of touching spheres is not carried on [m]: atoms end the continuum, and the log diverges."""
+"""Spot radius below which the integral of touching spheres is not carried on [m]: atoms end the
+continuum, and the log diverges."""
 
 
 @dataclass(frozen=True)
@@ -69,25 +74,39 @@ class Gas(Mechanism):
         """The conductance of the gas around each contact and in each gap."""
         conductance = np.zeros(near.i.size)
         ratio = gas_conductances(
-            scene, laws, _NUMBER[self.model], self.conductivity, near.i, near.j, near.gap, near.spot, conductance
+            scene,
+            laws,
+            _NUMBER[self.model],
+            self.conductivity,
+            near.i,
+            near.j,
+            near.gap,
+            near.spot,
+            conductance,
         )
         return PairTransfer(conductance, gas_ratio=ratio)
 
 
 @formula
-def parallel_conductance(gas_conductivity: float, radius_i: float, radius_j: float, spot: float, gap: float) -> float:
-    """Parallel-flux conductance of the gas between two spheres ``H = π λ_f [D ln((D−y)/(D−z)) − (z − y)]`` [W/K].
+def parallel_conductance(
+    gas_conductivity: float, radius_i: float, radius_j: float, spot: float, gap: float
+) -> float:
+    """Parallel-flux conductance of the gas between two spheres
+    ``H = π λ_f [D ln((D−y)/(D−z)) − (z − y)]`` [W/K].
 
-    ``z = √(a²−s²)``, ``y = √(a²−r²)``, ``D = a + h/2``, ``a = 2a*``, r the smaller radius. For equal spheres y = 0 and it is
-    the exact integral, touching (h = 0) or not. Unequal ones have the gap of equal ones of the same a*, right near the axis
-    where most heat passes, up to the rim r of the smaller. This is too large by at most 1.6 % at a size ratio of 1.5, 2.8 % at
-    2, 4.2 % at 3 and 8 % at any, for gaps up to 0.4 r, and by half of that or less where they touch and s is below r/100.
+    ``z = √(a²−s²)``, ``y = √(a²−r²)``, ``D = a + h/2``, ``a = 2a*``, r the smaller radius. For
+    equal spheres y = 0 and it is the exact integral, touching (h = 0) or not. Unequal ones have the
+    gap of equal ones of the same a*, right near the axis where most heat passes, up to the rim r of
+    the smaller. This is too large by at most 1.6 % at a size ratio of 1.5, 2.8 % at 2, 4.2 % at 3
+    and 8 % at any, for gaps up to 0.4 r, and by half of that or less where they touch and s is
+    below r/100.
 
     Args:
         gas_conductivity: λ_f [W/(m K)].
         radius_i: Radius of the one sphere [m].
         radius_j: Radius of the other [m].
-        spot: Radius s of the contact spot [m]; at least `SMALLEST_SPOT` is taken. From r on no gap is left: 0.
+        spot: Radius s of the contact spot [m]; at least `SMALLEST_SPOT` is taken. From r on no gap
+            is left: 0.
         gap: Gap h between the surfaces [m]; an overlap counts as 0.
     """
     small = radius_i if radius_i < radius_j else radius_j
@@ -105,15 +124,20 @@ def parallel_conductance(gas_conductivity: float, radius_i: float, radius_j: flo
 
 
 @formula
-def parallel_conductance_wall(gas_conductivity: float, radius: float, spot: float, gap: float) -> float:
-    """Parallel-flux conductance of the gas between a sphere and a plane ``H = 2π λ_f [D ln(D/(D−z)) − z]`` [W/K], exact.
+def parallel_conductance_wall(
+    gas_conductivity: float, radius: float, spot: float, gap: float
+) -> float:
+    """Parallel-flux conductance of the gas between a sphere and a plane
+    ``H = 2π λ_f [D ln(D/(D−z)) − z]`` [W/K], exact.
 
-    ``z = √(a²−s²)`` and ``D = a + h``; at the same spot and h = 0 twice the conductance between two such spheres.
+    ``z = √(a²−s²)`` and ``D = a + h``; at the same spot and h = 0 twice the conductance between two
+    such spheres.
 
     Args:
         gas_conductivity: λ_f [W/(m K)].
         radius: Radius a of the sphere [m].
-        spot: Radius s of the contact spot [m]; at least `SMALLEST_SPOT` is taken. From a on no gap is left: 0.
+        spot: Radius s of the contact spot [m]; at least `SMALLEST_SPOT` is taken. From a on no gap
+            is left: 0.
         gap: Gap h between the surfaces [m]; an overlap counts as 0.
     """
     s = spot if spot > SMALLEST_SPOT else SMALLEST_SPOT
@@ -127,17 +151,24 @@ def parallel_conductance_wall(gas_conductivity: float, radius: float, spot: floa
 
 @formula
 def batchelor_conductance(
-    gas_conductivity: float, solid_conductivity: float, effective_radius: float, spot: float, gap: float
+    gas_conductivity: float,
+    solid_conductivity: float,
+    effective_radius: float,
+    spot: float,
+    gap: float,
 ) -> float:
-    """What the gas adds to the conductance 2λ_s s of the contact spot, after Batchelor & O'Brien [W/K].
+    """What the gas adds to the conductance 2λ_s s of the contact spot, after Batchelor & O'Brien
+    [W/K].
 
     With κ = λ_s/λ_f the total is ``2π a* λ_f (ln κ² + f)``:
 
-    * touching, ``η = κ s/(2a*)``: f = 0.17 η² for η ≤ 1, f = 2η/π − 2 ln η for η ≥ 100. Between, the smaller of the two is
-      taken; they cross once, at η = 1.313, so H is continuous. (The second is lowest at η = π: the total then lies 0.29/ln κ²,
-      2 % for steel in air, below that of η = 0, which is the error of the asymptotics.)
-    * separated, ``Λ = κ² h/(2a*)``: f = 0 for small Λ, ``ln κ² + f = ln(1 + R²/(2a* h))`` for large Λ with R = 2a*, which is
-      the radius for which it joins the expansion of the inner problem. Again the smaller is taken; they cross at Λ = 1, nearly.
+    * touching, ``η = κ s/(2a*)``: f = 0.17 η² for η ≤ 1, f = 2η/π − 2 ln η for η ≥ 100. Between,
+      the smaller of the two is taken; they cross once, at η = 1.313, so H is continuous. (The
+      second is lowest at η = π: the total then lies 0.29/ln κ², 2 % for steel in air, below that of
+      η = 0, which is the error of the asymptotics.)
+    * separated, ``Λ = κ² h/(2a*)``: f = 0 for small Λ, ``ln κ² + f = ln(1 + R²/(2a* h))`` for large
+      Λ with R = 2a*, which is the radius for which it joins the expansion of the inner problem.
+      Again the smaller is taken; they cross at Λ = 1, nearly.
 
     A spot of radius 0 at h = 0 belongs to both cases with the same value.
 
@@ -145,7 +176,8 @@ def batchelor_conductance(
         gas_conductivity: λ_f [W/(m K)].
         solid_conductivity: λ_s of the spheres, λ_h if they differ [W/(m K)]; at least 10 λ_f.
         effective_radius: a* [m]; the radius, on a plane wall.
-        spot: Radius s of the contact spot [m]; where it is not 0 the bodies touch, and the gap does not count. From 2a* on: 0.
+        spot: Radius s of the contact spot [m]; where it is not 0 the bodies touch, and the gap does
+            not count. From 2a* on: 0.
         gap: Gap h between the surfaces [m]; an overlap counts as 0.
     """
     ratio = solid_conductivity / gas_conductivity
@@ -167,7 +199,8 @@ def batchelor_conductance(
 
 @formula
 def vargas_conductance(gas_conductivity: float, radius: float, spot: float) -> float:
-    """Gas between touching spheres of one size ``H = 2π λ_f (1 − ½(s/a)²)(a − s)/(1 − π/4)`` [W/K] (Vargas & McCarthy 2002).
+    """Gas between touching spheres of one size ``H = 2π λ_f (1 − ½(s/a)²)(a − s)/(1 − π/4)`` [W/K]
+    (Vargas & McCarthy 2002).
 
     Args:
         gas_conductivity: λ_f [W/(m K)].
@@ -177,18 +210,35 @@ def vargas_conductance(gas_conductivity: float, radius: float, spot: float) -> f
     if spot >= radius:
         return 0.0
     share = spot / radius
-    return 2.0 * pi * gas_conductivity * (1.0 - 0.5 * share * share) * (radius - spot) / (1.0 - 0.25 * pi)
+    return (
+        2.0
+        * pi
+        * gas_conductivity
+        * (1.0 - 0.5 * share * share)
+        * (radius - spot)
+        / (1.0 - 0.25 * pi)
+    )
 
 
 @formula
 def solid_to_gas_ratio(solid: float, spot: float, gas: float, radius: float) -> float:
-    """``λ_s s/(λ_f a)``, far above 1 where the gas may be left out (Batchelor & O'Brien 1977); λ [W/(m K)], s and a [m]."""
+    """``λ_s s/(λ_f a)``, far above 1 where the gas may be left out (Batchelor & O'Brien 1977); λ
+    [W/(m K)], s and a [m].
+    """
     return solid * spot / (gas * radius)
 
 
 @kernel
 def gas_conductances(
-    scene: Scene, laws: HeatLaws, model: int, gas_conductivity: float, i: Ints, j: Ints, gap: Floats, spot: Floats, out: Floats
+    scene: Scene,
+    laws: HeatLaws,
+    model: int,
+    gas_conductivity: float,
+    i: Ints,
+    j: Ints,
+    gap: Floats,
+    spot: Floats,
+    out: Floats,
 ) -> tuple[float, float]:
     """Conductance of the gas around each contact and in each gap [W/K], added to ``out``.
 
@@ -212,7 +262,8 @@ def gas_conductances(
         radius, other = scene.radius[i[k]], other_radius(scene, j[k])
         open_gap = max(gap[k], 0.0)
         mean_radius = 2.0 * effective_radius(radius, other) if other > 0.0 else radius
-        # Nearer to the axis than this the solid resists more than the gas, whose flux would grow without bound.
+        # Nearer to the axis than this the solid resists more than the gas, whose flux would grow
+        # without bound.
         core = max(spot[k], mean_radius * min(CORE, gas_conductivity / laws.harmonic[a, b]))
         if model == PARALLEL and other > 0.0:
             out[k] += parallel_conductance(gas_conductivity, radius, other, core, open_gap)
@@ -220,7 +271,11 @@ def gas_conductances(
             out[k] += parallel_conductance_wall(gas_conductivity, radius, core, open_gap)
         elif model == BATCHELOR:
             out[k] += batchelor_conductance(
-                gas_conductivity, laws.harmonic[a, b], pair_radius(scene, i[k], j[k]), spot[k], open_gap
+                gas_conductivity,
+                laws.harmonic[a, b],
+                pair_radius(scene, i[k], j[k]),
+                spot[k],
+                open_gap,
             )
         elif spot[k] > 0.0 or gap[k] <= 0.0:  # a formula for spheres that touch
             out[k] += vargas_conductance(gas_conductivity, mean_radius, spot[k])

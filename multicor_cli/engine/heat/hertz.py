@@ -1,6 +1,8 @@
-"""Elastic contact of spheres, smooth and rough: the spot that conducts, and the deflection that rigid grains leave out. No kernels.
+"""Elastic contact of spheres, smooth and rough: the spot that conducts, and the deflection that
+rigid grains leave out. No kernels.
 
-Source: K. L. Johnson, Contact Mechanics (1985), eq. 4.22–4.24. Discs are treated as spheres of their radius.
+Source: K. L. Johnson, Contact Mechanics (1985), eq. 4.22–4.24. Discs are treated as spheres of
+their radius.
 """
 
 from __future__ import annotations
@@ -17,13 +19,16 @@ from multicor_cli.model.model import Model
 
 
 def contact_modulus(young_i: float, poisson_i: float, young_j: float, poisson_j: float) -> float:
-    """Contact modulus E* [Pa] with ``1/E* = (1−ν_i²)/E_i + (1−ν_j²)/E_j``; E Young's modulus [Pa], ν Poisson's ratio (Hertz)."""
+    """Contact modulus E* [Pa] with ``1/E* = (1−ν_i²)/E_i + (1−ν_j²)/E_j``; E Young's modulus [Pa],
+    ν Poisson's ratio (Hertz).
+    """
     return 1.0 / ((1.0 - poisson_i * poisson_i) / young_i + (1.0 - poisson_j * poisson_j) / young_j)
 
 
 @formula
 def contact_radius(force: float, effective_radius: float, modulus: float) -> float:
-    """Radius of the contact spot ``a_c = (3 F a*/4E*)^⅓`` [m] (Johnson, eq. 4.22); 0 for a force that is not positive.
+    """Radius of the contact spot ``a_c = (3 F a*/4E*)^⅓`` [m] (Johnson, eq. 4.22); 0 for a force
+    that is not positive.
 
     Args:
         force: Normal force F [N].
@@ -43,7 +48,8 @@ def approach(contact_radius: float, effective_radius: float) -> float:
 def relative_deflection(force: float, radius: float, young: float, poisson: float) -> float:
     """Deflection of two equal elastic spheres pressed together, over their diameter: δ/(2a).
 
-    δ = a_c²/a* with the contact radius a_c and a* = a/2. Discs are treated as spheres of their radius.
+    δ = a_c²/a* with the contact radius a_c and a* = a/2. Discs are treated as spheres of their
+    radius.
 
     Args:
         force: Normal force F [N].
@@ -56,8 +62,11 @@ def relative_deflection(force: float, radius: float, young: float, poisson: floa
     return approach(contact_radius(force, effective, modulus), effective) / (2.0 * radius)
 
 
-def largest_deflection(model: Model, force: float, elastic: Mapping[str, tuple[float, float]]) -> float | None:
-    """The largest `relative_deflection` of two equal grains, the smallest of each material; None if ``elastic`` has none of theirs.
+def largest_deflection(
+    model: Model, force: float, elastic: Mapping[str, tuple[float, float]]
+) -> float | None:
+    """The largest `relative_deflection` of two equal grains, the smallest of each material; None if
+    ``elastic`` has none of theirs.
 
     Args:
         model: Grains and their materials.
@@ -72,20 +81,24 @@ def largest_deflection(model: Model, force: float, elastic: Mapping[str, tuple[f
     return max(found, default=None)
 
 
-# ---- Conduction through a contact of rough, elastic spheres: constriction of the spot and of the asperities inside it in series.
+# ---- Conduction through a contact of rough, elastic spheres: constriction of the spot and of the
+#      asperities inside it in series.
 #
-# Formula: `H = 1/(R_L + R_s)` in vacuum, `R_L = 1/(2 λ_h a_c)`, `R_s = (H'/p_0)^0.96 · 1.184/(π a_c² λ_h) · σ/m`.
+# Formula: `H = 1/(R_L + R_s)` in vacuum, `R_L = 1/(2 λ_h a_c)`,
+# `R_s = (H'/p_0)^0.96 · 1.184/(π a_c² λ_h) · σ/m`.
 #
-# Source: M. Bahrami, M. M. Yovanovich & J. R. Culham, Int. J. Heat Mass Transf. 49 (2006) 3691 (R_L); J. T. Van Lew,
-# thesis, UCLA (2016), in the form used by C. Beaulieu, thesis, Polytechnique Montréal (2020) (R_s with exponent 0.96 and 1.184 =
-# (1 + 0.96/2)/1.25, the mean over the pressures of a Hertz contact of M. G. Cooper, B. B. Mikic & M. M. Yovanovich, Int. J. Heat
-# Mass Transf. 12 (1969) 279; their own exponent is 0.95).
+# Source: M. Bahrami, M. M. Yovanovich & J. R. Culham, Int. J. Heat Mass Transf. 49 (2006) 3691
+# (R_L); J. T. Van Lew, thesis, UCLA (2016), in the form used by C. Beaulieu, thesis, Polytechnique
+# Montréal (2020) (R_s with exponent 0.96 and 1.184 = (1 + 0.96/2)/1.25, the mean over the pressures
+# of a Hertz contact of M. G. Cooper, B. B. Mikic & M. M. Yovanovich, Int. J. Heat Mass Transf. 12
+# (1969) 279; their own exponent is 0.95).
 #
-# Validity: isotropic Gaussian roughness, plastic asperities of microhardness H' on elastic spheres, p_0 < H', asperity spots
-# small against a_c and a_c ≪ a. The spot is that of smooth spheres: Hertz' radius holds for σ well below the approach δ, as
-# roughness widens the spot; R_s depends on the force and hardly on the spot, R_L is then an upper estimate (1 µm on each surface
-# nearly doubles the resistance of 1 N on steel of 3 mm, but exceeds its δ = 0.4 µm). σ and m are root sums of squares of the two
-# surfaces, H' the harmonic mean.
+# Validity: isotropic Gaussian roughness, plastic asperities of microhardness H' on elastic spheres,
+# p_0 < H', asperity spots small against a_c and a_c ≪ a. The spot is that of smooth spheres: Hertz'
+# radius holds for σ well below the approach δ, as roughness widens the spot; R_s depends on the
+# force and hardly on the spot, R_L is then an upper estimate (1 µm on each surface nearly doubles
+# the resistance of 1 N on steel of 3 mm, but exceeds its δ = 0.4 µm). σ and m are root sums of
+# squares of the two surfaces, H' the harmonic mean.
 
 
 @formula
@@ -96,9 +109,15 @@ def macro_resistance(contact_radius: float, harmonic: float) -> float:
 
 @formula
 def micro_resistance(
-    contact_radius: float, peak_pressure: float, harmonic: float, roughness: float, slope: float, microhardness: float
+    contact_radius: float,
+    peak_pressure: float,
+    harmonic: float,
+    roughness: float,
+    slope: float,
+    microhardness: float,
 ) -> float:
-    """Resistance of the asperities ``R_s = (H'/p_0)^0.96 · 1.184/(π a_c² λ_h) · σ/m`` [K/W] (Bahrami et al.; Van Lew).
+    """Resistance of the asperities ``R_s = (H'/p_0)^0.96 · 1.184/(π a_c² λ_h) · σ/m`` [K/W]
+    (Bahrami et al.; Van Lew).
 
     Args:
         contact_radius: a_c [m].
@@ -123,7 +142,8 @@ def rough_conductance(
     slope: float,
     microhardness: float,
 ) -> float:
-    """Conductance of a rough contact in vacuum ``1/(R_L + R_s)`` [W/K]; 0 without force (Bahrami et al. 2006).
+    """Conductance of a rough contact in vacuum ``1/(R_L + R_s)`` [W/K]; 0 without force (Bahrami et
+    al. 2006).
 
     Args:
         force: Normal force F [N].

@@ -1,23 +1,28 @@
-"""How heat flow is integrated over a step: in sub-steps whose error is controlled, cut where signals of walls bend.
+"""How heat flow is integrated over a step: in sub-steps whose error is controlled, cut where
+signals of walls bend.
 
 Three schemes, each for what it does best. With τ = C/ΣH the shortest time constant of a grain:
 
-- **Euler's forward rule**, one step, where Δt is short against τ, as in most flows. It lets a difference decay at a rate that is
-  off by ½ Δt/τ, relatively, where one grain changes alone, and by Δt/τ at most (two equal grains): no mode is faster than 2/τ.
-- **SSPRK(3,3)**, explicit, where Δt is longer (C.-W. Shu & S. Osher, J. Comput. Phys. 77, 1988, 439): third order, made of Euler
-  steps none of which lets a mode overshoot. The second of its three solutions, of second order, gives the error::
+- **Euler's forward rule**, one step, where Δt is short against τ, as in most flows. It lets a
+  difference decay at a rate that is off by ½ Δt/τ, relatively, where one grain changes alone, and
+  by Δt/τ at most (two equal grains): no mode is faster than 2/τ.
+- **SSPRK(3,3)**, explicit, where Δt is longer (C.-W. Shu & S. Osher, J. Comput. Phys. 77, 1988,
+  439): third order, made of Euler steps none of which lets a mode overshoot. The second of its
+  three solutions, of second order, gives the error::
 
-      T_1 = T_0 + h F_0,   T_½ = T_0 + h (F_0 + F_1)/4,   T = T_0 + h (F_0 + F_1 + 4 F_½)/6,   F = rate/C
+      T_1 = T_0 + h F_0,   T_½ = T_0 + h (F_0 + F_1)/4,   T = T_0 + h (F_0 + F_1 + 4 F_½)/6,
+        F = rate/C
 
-- **TR-BDF2**, implicit, of second order and L-stable, where many time constants go by (R. E. Bank et al., IEEE Trans. Electron
-  Devices 32, 1985, 1992; coefficients and error estimate of M. E. Hosea & L. F. Shampine, Appl. Numer. Math. 20, 1996, 21): with
-  γ = 2 − √2, d = γ/2, w = √2/4::
+- **TR-BDF2**, implicit, of second order and L-stable, where many time constants go by (R. E. Bank
+  et al., IEEE Trans. Electron Devices 32, 1985, 1992; coefficients and error estimate of M. E.
+  Hosea & L. F. Shampine, Appl. Numer. Math. 20, 1996, 21): with γ = 2 − √2, d = γ/2, w = √2/4::
 
       T_γ = T_0 + d h (F_0 + F_γ),   T = T_0 + h (w F_0 + w F_γ + d F_1)
 
   and the embedded solution of third order has the weights (1−w)/3, (3w+1)/3, d/3.
 
-Heat flows at the rates of the stages, so that the books close to round-off however exactly the stages have been solved.
+Heat flows at the rates of the stages, so that the books close to round-off however exactly the
+stages have been solved.
 """
 
 from __future__ import annotations
@@ -31,18 +36,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import cbrt
-from multicor_cli.engine.heat.rates import Flow, Network, Rates, rates_at, solve_linear, stop_if_asked, total_conductance
+from multicor_cli.engine.heat.rates import (
+    Flow,
+    Network,
+    Rates,
+    rates_at,
+    solve_linear,
+    stop_if_asked,
+    total_conductance,
+)
 from multicor_cli.engine.heat.walls import WallValues
 from multicor_cli.model.model import Floats
 
 EULER = 10.0
 """Longest single step of Euler's rule over τ, as a multiple of the tolerance.
 
-Sub-steps of the other schemes have errors up to the tolerance, and some ten of them go by within a time constant.
+Sub-steps of the other schemes have errors up to the tolerance, and some ten of them go by within a
+time constant.
 """
 
 STIFF = 100.0
-"""Longest step over τ that ``"auto"`` integrates explicitly while grains move: TR-BDF2 takes fewer evaluations beyond it."""
+"""Longest step over τ that ``"auto"`` integrates explicitly while grains move: TR-BDF2 takes fewer
+evaluations beyond it."""
 
 GAMMA = 2.0 - math.sqrt(2.0)
 DIAGONAL = 0.5 * GAMMA
@@ -56,7 +71,8 @@ SHARPNESS = 1e-3
 """Error of an implicit stage over the tolerance of a sub-step."""
 
 ROUNDING = 1e-13
-"""What is left of an implicit stage when rounding lets it be solved no further, over the temperature."""
+"""What is left of an implicit stage when rounding lets it be solved no further, over the
+temperature."""
 
 NOISE = 1e-10
 """Smallest error of a sub-step that is told from rounding, over the temperature."""
@@ -65,7 +81,8 @@ BELOW_ZERO = -1e-9
 """Lowest temperature that rounding explains, over the highest."""
 
 TRIALS, NEWTON_LIMIT = 100, 50
-"""Most attempts at one sub-step, each shorter than the one before, and most iterations of a stage."""
+"""Most attempts at one sub-step, each shorter than the one before, and most iterations of a
+stage."""
 
 SUB_STEPS = 1e8
 """Most explicit sub-steps of a step; more would take hours."""
@@ -92,7 +109,8 @@ class Integration:
 
     Attributes:
         integrator: ``"auto"``: implicit in frozen stages and beyond `STIFF`, else explicit.
-        sub_step: Largest explicit sub-step over the longest that lets no mode overshoot: h ≤ sub_step τ/2.
+        sub_step: Largest explicit sub-step over the longest that lets no mode overshoot: h ≤
+            sub_step τ/2.
         tolerance: Largest error of a sub-step over the spread of the temperatures.
     """
 
@@ -120,7 +138,8 @@ def integrate(
         net: The network.
         capacity: C [J/K], shape ``(n,)``.
         temperature: T at the start [K], shape ``(n,)``. **Modified.**
-        walls: Temperatures or flows of the walls as functions of the time since the start of ``dt``.
+        walls: Temperatures or flows of the walls as functions of the time since the start of
+            ``dt``.
         source: Heat generated within ``dt`` [J], shape ``(n,)``.
         dt: Duration [s].
         first: Sub-step that is tried first [s]; 0: the whole duration.
@@ -130,7 +149,8 @@ def integrate(
 
     Raises:
         Interrupted: If ``should_stop`` says so.
-        CannotIntegrate: If a temperature would fall below absolute zero, or no sub-step is short enough.
+        CannotIntegrate: If a temperature would fall below absolute zero, or no sub-step is short
+            enough.
     """
     flow = Flow.empty(capacity.size, walls.count)
     flow.next_step = first
@@ -143,7 +163,8 @@ def integrate(
             total_conductance(net, temperature, values(0.0), total)
             stiffness = length * float((total / capacity).max())
         if not is_implicit and stiffness <= min(EULER * choices.tolerance, 0.5 * choices.sub_step):
-            rates = rates_at(net, temperature, values(0.5 * length))  # the middle is exact for signals that rise linearly
+            # The middle is exact for signals that rise linearly
+            rates = rates_at(net, temperature, values(0.5 * length))
             flow.add(rates, length)
             temperature += length * (rates.nodes + power) / capacity
             if _is_below_zero(temperature).any():
@@ -152,14 +173,23 @@ def integrate(
         else:
             is_stiff = choices.integrator == "auto" and stiffness > STIFF
             scheme = _Implicit if is_implicit or is_stiff else _Explicit
-            _march(scheme, _Problem(net, capacity, values, power, choices), temperature, length, flow, should_stop)
+            _march(
+                scheme,
+                _Problem(net, capacity, values, power, choices),
+                temperature,
+                length,
+                flow,
+                should_stop,
+            )
     flow.received += source
     return flow
 
 
 @dataclass(frozen=True)
 class _Problem:
-    """What all sub-steps of a step have in common; ``power`` is the heat generated [W], shape ``(n,)``."""
+    """What all sub-steps of a step have in common; ``power`` is the heat generated [W], shape
+    ``(n,)``.
+    """
 
     net: Network
     capacity: Floats
@@ -176,7 +206,9 @@ def _march(
     flow: Flow,
     should_stop: Callable[[], bool] | None,
 ) -> None:
-    """Go ``dt`` on in sub-steps of a scheme, whose errors stay below the tolerance; arguments and errors as `integrate`."""
+    """Go ``dt`` on in sub-steps of a scheme, whose errors stay below the tolerance; arguments and
+    errors as `integrate`.
+    """
     done, trials, bound = 0.0, 0, math.inf
     step = min(flow.next_step, dt) if flow.next_step > 0.0 else dt
     flow.next_step = 0.0
@@ -189,7 +221,8 @@ def _march(
         step = dt - done if is_last else step
         trial = scheme(problem, temperature, done, step)
         error = trial.error() if trial.is_solved else math.inf
-        factor = MOST if error == 0.0 else min(MOST, max(LEAST, SAFETY / cbrt(error)))  # the least if it is not a number
+        # The least if it is not a number
+        factor = MOST if error == 0.0 else min(MOST, max(LEAST, SAFETY / cbrt(error)))
         if error <= 1.0 and not trial.falls_below_zero():
             trial.commit(flow, temperature)
             flow.note_sub_step(error * problem.choices.tolerance)
@@ -200,7 +233,10 @@ def _march(
             continue
         trials += 1
         if trials > TRIALS or done + step == done:
-            raise CannotIntegrate(trial.fastest(), f"changes so fast that no sub-step of its heat is short enough ({step:.3g} s)")
+            raise CannotIntegrate(
+                trial.fastest(),
+                f"changes so fast that no sub-step of its heat is short enough ({step:.3g} s)",
+            )
         step *= min(factor, SAFETY) if error > 1.0 else LEAST
 
 
@@ -225,7 +261,9 @@ class _SubStep:
 
     @staticmethod
     def bound(problem: _Problem, temperature: Floats, t: float, end: float) -> float:
-        """Longest sub-step between ``t`` and ``end``, whatever its error [s]; `CannotIntegrate` if too many would be needed."""
+        """Longest sub-step between ``t`` and ``end``, whatever its error [s]; `CannotIntegrate` if
+        too many would be needed.
+        """
         return math.inf
 
     def _solve(self) -> Floats:
@@ -233,17 +271,26 @@ class _SubStep:
         raise NotImplementedError
 
     def _damping(self) -> Floats | float:
-        """Heat capacity that the rates of stiff links add, as far as the scheme damps their errors [J/K]."""
+        """Heat capacity that the rates of stiff links add, as far as the scheme damps their errors
+        [J/K].
+        """
         return 0.0
 
     def _add_stage(self, temperature: Floats) -> None:
-        self._rates.append(rates_at(self._problem.net, temperature, self._values[len(self._stages)]))
+        self._rates.append(
+            rates_at(self._problem.net, temperature, self._values[len(self._stages)])
+        )
         self._stages.append(temperature)
 
     def _heat(self, weights: tuple[float, ...]) -> Floats:
-        """Heat that the rates of the first stages and the sources give, each with its weight [J], shape ``(n,)``."""
+        """Heat that the rates of the first stages and the sources give, each with its weight [J],
+        shape ``(n,)``.
+        """
         power = self._problem.power
-        return np.asarray(self._step * sum(w * (rate.nodes + power) for w, rate in zip(weights, self._rates, strict=False)))
+        return np.asarray(
+            self._step
+            * sum(w * (rate.nodes + power) for w, rate in zip(weights, self._rates, strict=False))
+        )
 
     def _ahead(self, weights: tuple[float, ...]) -> Floats:
         """Temperatures that this heat makes [K], shape ``(n,)``."""
@@ -252,21 +299,32 @@ class _SubStep:
     def error(self) -> float:
         """Estimated error over the tolerance."""
         problem = self._problem
-        spread = max(self._spread, _spread(problem.net, self._end, self._values[-1]), float(np.abs(self._end - self._start).max()))
-        defect = float(np.abs(self._heat(self.defects) / (problem.capacity + self._damping())).max())
+        spread = max(
+            self._spread,
+            _spread(problem.net, self._end, self._values[-1]),
+            float(np.abs(self._end - self._start).max()),
+        )
+        defect = float(
+            np.abs(self._heat(self.defects) / (problem.capacity + self._damping())).max()
+        )
         # Where nothing differs from anything, what is left is rounding.
-        return defect / max(problem.choices.tolerance * spread, NOISE * float(np.abs(self._start).max()))
+        return defect / max(
+            problem.choices.tolerance * spread, NOISE * float(np.abs(self._start).max())
+        )
 
     def falls_below_zero(self) -> bool:
         """Whether a temperature is below absolute zero at the end.
 
         Raises:
-            CannotIntegrate: If one would lose heat even at absolute zero: no shorter sub-step can help.
+            CannotIntegrate: If one would lose heat even at absolute zero: no shorter sub-step can
+                help.
         """
         is_below = _is_below_zero(self._end)
         if not is_below.any():
             return False
-        rate = rates_at(self._problem.net, np.maximum(self._end, 0.0), self._values[int(np.argmax(self.times))]).nodes
+        rate = rates_at(
+            self._problem.net, np.maximum(self._end, 0.0), self._values[int(np.argmax(self.times))]
+        ).nodes
         sinks = np.flatnonzero(is_below & (rate + self._problem.power < 0.0))
         if sinks.size:
             raise CannotIntegrate(int(sinks[np.argmin(self._end[sinks])]), DRAINED)
@@ -274,14 +332,18 @@ class _SubStep:
 
     def fastest(self) -> int:
         """The node that changes fastest at the start."""
-        return int(np.argmax(np.abs((self._rates[0].nodes + self._problem.power) / self._problem.capacity)))
+        return int(
+            np.argmax(np.abs((self._rates[0].nodes + self._problem.power) / self._problem.capacity))
+        )
 
     def commit(self, flow: Flow, temperature: Floats) -> None:
         """Enter the heat of this sub-step into ``flow`` and move ``temperature`` [K] on."""
         before = flow.received.copy()
         for weight, rates in zip(self.weights, self._rates, strict=True):
             flow.add(rates, self._step * weight)
-        temperature += (flow.received - before + self._step * self._problem.power) / self._problem.capacity
+        temperature += (
+            flow.received - before + self._step * self._problem.power
+        ) / self._problem.capacity
 
 
 class _Explicit(_SubStep):
@@ -293,14 +355,22 @@ class _Explicit(_SubStep):
 
     @staticmethod
     def bound(problem: _Problem, temperature: Floats, t: float, end: float) -> float:
-        """The longest that lets no mode overshoot: rates of decay are at most twice the largest ΣH/C (Gershgorin) [s]."""
+        """The longest that lets no mode overshoot: rates of decay are at most twice the largest
+        ΣH/C (Gershgorin) [s].
+        """
         total = np.empty(problem.capacity.size)
         total_conductance(problem.net, temperature, problem.walls(t), total)
         rates = 2.0 * total / problem.capacity
         node = int(np.argmax(rates))
         count = (end - t) * float(rates[node]) / problem.choices.sub_step
         if not count <= SUB_STEPS:
-            raise CannotIntegrate(node, f'exchanges heat so fast that it takes {count:.2g} explicit sub-steps; use "implicit"')
+            raise CannotIntegrate(
+                node,
+                (
+                    f"exchanges heat so fast that it takes {count:.2g} explicit sub-steps; use "
+                    '"implicit"'
+                ),
+            )
         return (end - t) / count if count > 0.0 else math.inf
 
     def _solve(self) -> Floats:
@@ -315,7 +385,11 @@ class _Implicit(_SubStep):
 
     times = (0.0, GAMMA, 1.0)
     weights = (WEIGHT, WEIGHT, DIAGONAL)
-    defects = (WEIGHT - (1.0 - WEIGHT) / 3.0, WEIGHT - (3.0 * WEIGHT + 1.0) / 3.0, DIAGONAL - DIAGONAL / 3.0)
+    defects = (
+        WEIGHT - (1.0 - WEIGHT) / 3.0,
+        WEIGHT - (3.0 * WEIGHT + 1.0) / 3.0,
+        DIAGONAL - DIAGONAL / 3.0,
+    )
 
     def _solve(self) -> Floats:
         self._add_stage(self._start)
@@ -332,14 +406,28 @@ class _Implicit(_SubStep):
         rates = rates_at(problem.net, guess, value)
         change, total = np.empty(guess.size), np.empty(guess.size)
         # The spread may grow from zero within the step: then rounding sets the target.
-        target = max(SHARPNESS * problem.choices.tolerance * self._spread, ROUNDING * float(np.abs(known).max()))
+        target = max(
+            SHARPNESS * problem.choices.tolerance * self._spread,
+            ROUNDING * float(np.abs(known).max()),
+        )
         for _ in range(NEWTON_LIMIT):
-            residual = problem.capacity * (known - guess) + (DIAGONAL * h) * (rates.nodes + problem.power)
+            residual = problem.capacity * (known - guess) + (DIAGONAL * h) * (
+                rates.nodes + problem.power
+            )
             if float(np.abs(residual / problem.capacity).max()) <= target:
                 break
             total_conductance(problem.net, guess, value, total)
             diagonal = problem.capacity + (DIAGONAL * h) * total
-            solve_linear(problem.net, diagonal, DIAGONAL * h, guess, residual, problem.capacity, 0.1 * target, change)
+            solve_linear(
+                problem.net,
+                diagonal,
+                DIAGONAL * h,
+                guess,
+                residual,
+                problem.capacity,
+                0.1 * target,
+                change,
+            )
             guess += change
             if not bool(np.isfinite(guess).all()):
                 self.is_solved = False

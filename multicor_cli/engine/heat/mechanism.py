@@ -1,4 +1,6 @@
-"""What a heat mechanism beside the contact spots is: choices, and what they carry between near bodies or from outside."""
+"""What a heat mechanism beside the contact spots is: choices, and what they carry between near
+bodies or from outside.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +19,16 @@ class HeatLaws(NamedTuple):
         volumetric: ρ c_p [J/(m³ K)], shape ``(k,)``.
         modulus: Contact modulus E* with 1/E* = (1−ν_i²)/E_i + (1−ν_j²)/E_j [Pa], shape ``(k, k)``.
         harmonic: λ_h = 2 λ_i λ_j/(λ_i+λ_j) [W/(m K)], shape ``(k, k)``.
-        share: β, the share of the heat of friction that goes into the first body, shape ``(k, k)``; ``β_ij + β_ji = 1``.
+        share: β, the share of the heat of friction that goes into the first body, shape ``(k, k)``;
+            ``β_ij + β_ji = 1``.
         emissivity: ε, shape ``(k,)``; 0 where not given.
         emission: Emission factor of radiation between two surfaces, shape ``(k, k)``.
-        roughness: σ, root of the sum of the squared roughnesses of the two surfaces [m], shape ``(k, k)``; 0 where not given.
+        roughness: σ, root of the sum of the squared roughnesses of the two surfaces [m], shape
+            ``(k, k)``; 0 where not given.
         slope: Root of the sum of the squared mean slopes of the asperities, shape ``(k, k)``.
         microhardness: Harmonic mean of the microhardnesses [Pa], shape ``(k, k)``.
-        wear: Archard's coefficient over the hardness of the first material K/H_i [1/Pa], shape ``(k, k)``; 0: no wear.
+        wear: Archard's coefficient over the hardness of the first material K/H_i [1/Pa], shape
+            ``(k, k)``; 0: no wear.
     """
 
     conductivity: Floats
@@ -58,7 +63,8 @@ class NearPairs:
 
 @dataclass(frozen=True)
 class PairTransfer:
-    """What a mechanism carries between near bodies; what lies beyond its reach is left out by whoever asks.
+    """What a mechanism carries between near bodies; what lies beyond its reach is left out by
+    whoever asks.
 
     Attributes:
         conductance: H [W/K], shape ``(e,)``, or None.
@@ -90,15 +96,20 @@ class Outside:
 
 @dataclass(frozen=True)
 class Mechanism:
-    """A mechanism that a run has; its attributes are its choices, named as the keys of its table in a scenario."""
+    """A mechanism that a run has; its attributes are its choices, named as the keys of its table in
+    a scenario.
+    """
 
     reach = 0.0
-    """Largest gap that it crosses, over the smaller radius; 0: it carries nothing between near bodies."""
+    """Largest gap that it crosses, over the smaller radius; 0: it carries nothing between near
+    bodies."""
 
     def between(self, near: NearPairs, scene: Scene, laws: HeatLaws, model: Model) -> PairTransfer:
         """What it carries between near bodies; asked only with a reach."""
         raise NotImplementedError
 
     def outside(self, velocity: Floats, laws: HeatLaws, model: Model) -> Outside | None:
-        """What it exchanges with the outside, if anything; ``velocity`` of the grains of shape ``(n, 2)`` [m/s]."""
+        """What it exchanges with the outside, if anything; ``velocity`` of the grains of shape
+        ``(n, 2)`` [m/s].
+        """
         return None

@@ -1,4 +1,6 @@
-"""The network through which heat flows: links made of contacts, gaps, walls and surroundings, sorted by their other end."""
+"""The network through which heat flows: links made of contacts, gaps, walls and surroundings,
+sorted by their other end.
+"""
 
 from __future__ import annotations
 
@@ -23,14 +25,17 @@ from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.shapes import ShapeKind
 
-# ---- Sorts the links of a network by what is at their other end: a grain or a body, a wall of known temperature, or of known flow
+# ---- Sorts the links of a network by what is at their other end: a grain or a body, a wall of
+#      known temperature, or of known flow
 
 INSULATED, KNOWN, FLOW, BODY = 0, 1, 2, 3
 """Kinds of walls."""
 
 
 class Ends(NamedTuple):
-    """Links by what is at their other end; attributes as in `multicor_cli.engine.heat.rates.Network`."""
+    """Links by what is at their other end; attributes as in
+    `multicor_cli.engine.heat.rates.Network`.
+    """
 
     i: Ints
     j: Ints
@@ -47,9 +52,11 @@ class Ends(NamedTuple):
 
 @kernel
 def split_links(
-    grains: int, i: Ints, j: Ints, conductance: Floats, area: Floats, wall: Ints, kind: Ints, node: Ints
+    grains: int, i: Ints, j: Ints, conductance: Floats, area: Floats, wall: Ints, kind: Ints,
+    node: Ints
 ) -> Ends:  # fmt: skip
-    """Split links. Those to insulated walls are left out; a prescribed flow is shared by conductance; bodies are like grains.
+    """Split links. Those to insulated walls are left out; a prescribed flow is shared by
+    conductance; bodies are like grains.
 
     Args:
         grains: Number of grains.
@@ -78,8 +85,10 @@ def split_links(
     between, known, flowing = count
     has_area = min(area.size, 1)
     ends = Ends(
-        np.empty(between, np.int32), np.empty(between, np.int32), np.empty(between), np.empty(has_area * between),
-        np.empty(known, np.int32), np.empty(known, np.int32), np.empty(known), np.empty(has_area * known),
+        np.empty(between, np.int32), np.empty(between, np.int32), np.empty(between),
+        np.empty(has_area * between),
+        np.empty(known, np.int32), np.empty(known, np.int32), np.empty(known),
+        np.empty(has_area * known),
         np.empty(flowing, np.int32), np.empty(flowing, np.int32), np.empty(flowing),
     )  # fmt: skip
     count[:] = 0
@@ -87,7 +96,11 @@ def split_links(
         is_grain = j[k] < grains
         if is_grain or kind[wall[j[k] - grains]] == BODY:
             at = count[INSULATED]
-            ends.i[at], ends.j[at], ends.conductance[at] = i[k], j[k] if is_grain else node[wall[j[k] - grains]], conductance[k]
+            ends.i[at], ends.j[at], ends.conductance[at] = (
+                i[k],
+                j[k] if is_grain else node[wall[j[k] - grains]],
+                conductance[k],
+            )
             if has_area:
                 ends.area[at] = area[k]
             count[INSULATED] += 1
@@ -101,7 +114,11 @@ def split_links(
             count[KNOWN] += 1
         elif kind[w] == FLOW and conductance[k] > 0.0:
             at = count[FLOW]
-            ends.flow_i[at], ends.flow_wall[at], ends.flow_share[at] = i[k], w, conductance[k] / total[w]
+            ends.flow_i[at], ends.flow_wall[at], ends.flow_share[at] = (
+                i[k],
+                w,
+                conductance[k] / total[w],
+            )
             count[FLOW] += 1
     return ends
 
@@ -135,8 +152,11 @@ class Links:
     gas_ratio: tuple[float, float]
 
 
-def links_of(scene: Scene, spots: Spots, near: Pairs | None, settings: HeatSettings, model: Model) -> Links:
-    """Contacts, and the gaps that mechanisms cross: a gap once for each place, from its nearest point.
+def links_of(
+    scene: Scene, spots: Spots, near: Pairs | None, settings: HeatSettings, model: Model
+) -> Links:
+    """Contacts, and the gaps that mechanisms cross: a gap once for each place, from its nearest
+    point.
 
     Args:
         scene: Shapes.
@@ -150,7 +170,9 @@ def links_of(scene: Scene, spots: Spots, near: Pairs | None, settings: HeatSetti
         loaded = spots.conductance > 0.0
         i, j, conductance = spots.i[loaded], spots.j[loaded], spots.conductance[loaded]
         place, _ = find_places(scene, i, j)
-        return Links(i, j, conductance, area, largest_biot(scene, i, j, place, conductance, laws), (0.0, 0.0))
+        return Links(
+            i, j, conductance, area, largest_biot(scene, i, j, place, conductance, laws), (0.0, 0.0)
+        )
     i, j, gap = _with_contacts(scene, near, spots)
     row = warm_rows(model.grain_count, spots.i)
     conductance, spot = np.empty(i.size), np.empty(i.size)
@@ -169,11 +191,15 @@ def links_of(scene: Scene, spots: Spots, near: Pairs | None, settings: HeatSetti
         if carried.area is not None:
             area = np.where(is_within, share * carried.area, 0.0) + (area if area.size else 0.0)
         ratio = carried.gas_ratio or ratio
-    return Links(i, j, conductance, area, largest_biot(scene, i, j, place, conductance, laws), ratio)
+    return Links(
+        i, j, conductance, area, largest_biot(scene, i, j, place, conductance, laws), ratio
+    )
 
 
 def _with_contacts(scene: Scene, near: Pairs, spots: Spots) -> Pairs:
-    """Near pairs and all contacts that conduct: at q_m a grain that lands within the step may be farther than the reach."""
+    """Near pairs and all contacts that conduct: at q_m a grain that lands within the step may be
+    farther than the reach.
+    """
     shapes = scene.radius.size + scene.kind.size
     key_near = near[0].astype(np.int64) * shapes + near[1]
     key_spot = spots.i.astype(np.int64) * shapes + spots.j
@@ -199,9 +225,15 @@ def _is_within(scene: Scene, i: Ints, j: Ints, gap: Floats, reach: float) -> NDA
 
 
 def network_of(
-    links: Links, scene: Scene, conditions: list[WallHeat], velocity: Floats, model: Model, settings: HeatSettings
+    links: Links,
+    scene: Scene,
+    conditions: list[WallHeat],
+    velocity: Floats,
+    model: Model,
+    settings: HeatSettings,
 ) -> Network:
-    """The network of a step, of grains and then bodies: walls with a heat capacity. Links to insulated walls are left out.
+    """The network of a step, of grains and then bodies: walls with a heat capacity. Links to
+    insulated walls are left out.
 
     Args:
         links: Pairs between which heat flows.
@@ -228,7 +260,9 @@ def network_of(
 
 
 def _rows(values: Sequence[Floats | float], n: int, nodes: int) -> Floats:
-    """One row for each of ``values``, arrays of length ``n`` or single numbers: nothing outside reaches the bodies that follow."""
+    """One row for each of ``values``, arrays of length ``n`` or single numbers: nothing outside
+    reaches the bodies that follow.
+    """
     table = np.zeros((len(values), nodes))
     for row, value in zip(table, values, strict=True):
         row[:n] = value

@@ -1,16 +1,19 @@
 """Thermal radiation between neighboring grains, and to surroundings.
 
-Formula: ``Q = σ X (T_j⁴ − T_i⁴)`` with an area factor X [m²]. Two surfaces that see only each other:
-``X = A/(1/ε_i + 1/ε_j − 1)``. Two spheres are given the area ``A = π a²`` of the smaller one's cross-section, as parallel plates.
+Formula: ``Q = σ X (T_j⁴ − T_i⁴)`` with an area factor X [m²]. Two surfaces that see only each
+other: ``X = A/(1/ε_i + 1/ε_j − 1)``. Two spheres are given the area ``A = π a²`` of the smaller
+one's cross-section, as parallel plates.
 
-This is an upper estimate: six neighbors take 1.5 times what a grain radiates, and none hides another or the surroundings.
-A grain in black surroundings has ``X = ε · surface``.
+This is an upper estimate: six neighbors take 1.5 times what a grain radiates, and none hides
+another or the surroundings. A grain in black surroundings has ``X = ε · surface``.
 
-Source: Stefan–Boltzmann; M. F. Modest, Radiative Heat Transfer (parallel plates, crossed strings for cylinders).
+Source: Stefan–Boltzmann; M. F. Modest, Radiative Heat Transfer (parallel plates, crossed strings
+for cylinders).
 
-Validity: gray, diffuse, opaque surfaces, large against the wavelength (grains above 0.1 mm at room temperature), a gas that
-does not absorb. The exchange of neighbors takes no account of what other grains hide or reflect. For steel of emissivity 0.3 at
-310 K it is some percent of the conduction of one lightly loaded contact; it counts at high temperature and for poor conductors.
+Validity: gray, diffuse, opaque surfaces, large against the wavelength (grains above 0.1 mm at room
+temperature), a gas that does not absorb. The exchange of neighbors takes no account of what other
+grains hide or reflect. For steel of emissivity 0.3 at 310 K it is some percent of the conduction of
+one lightly loaded contact; it counts at high temperature and for poor conductors.
 """
 
 from __future__ import annotations
@@ -42,7 +45,8 @@ class Radiation(Mechanism):
 
     Attributes:
         surroundings: Temperature of the surroundings, a black body [K], or None: none.
-        reach: Largest gap across which grains and walls exchange radiation, over the smaller radius; 0: they do not.
+        reach: Largest gap across which grains and walls exchange radiation, over the smaller
+            radius; 0: they do not.
     """
 
     surroundings: float | None = None
@@ -52,7 +56,11 @@ class Radiation(Mechanism):
         """The area factors of neighbors."""
         assert model.thermal is not None
         is_sphere = model.shape_factor == SHAPE_FACTOR["sphere"]
-        return PairTransfer(area=radiating_areas(scene, laws, model.thermal.surface, is_sphere, near.i, near.j, near.gap))
+        return PairTransfer(
+            area=radiating_areas(
+                scene, laws, model.thermal.surface, is_sphere, near.i, near.j, near.gap
+            )
+        )
 
     def outside(self, velocity: Floats, laws: HeatLaws, model: Model) -> Outside | None:
         """The surroundings; the area factor is the emissivity times the surface of each grain."""
@@ -64,7 +72,9 @@ class Radiation(Mechanism):
 
 
 def emission_factor(e_i: float, e_j: float) -> float:
-    """``1/(1/ε_i + 1/ε_j − 1)`` of two gray surfaces that see only each other (Modest); 0 if one emissivity ε is 0."""
+    """``1/(1/ε_i + 1/ε_j − 1)`` of two gray surfaces that see only each other (Modest); 0 if one
+    emissivity ε is 0.
+    """
     if e_i <= 0.0 or e_j <= 0.0:
         return 0.0
     return 1.0 / (1.0 / e_i + 1.0 / e_j - 1.0)
@@ -72,23 +82,28 @@ def emission_factor(e_i: float, e_j: float) -> float:
 
 @formula
 def sphere_area_factor(emission: float, radius_i: float, radius_j: float) -> float:
-    """Area factor of two neighboring spheres ``X = π a²·emission`` [m²]: a the smaller radius [m], `emission_factor` of the two."""
+    """Area factor of two neighboring spheres ``X = π a²·emission`` [m²]: a the smaller radius [m],
+    `emission_factor` of the two.
+    """
     a = radius_i if radius_i < radius_j else radius_j
     return pi * a * a * emission
 
 
 @formula
 def linear_coefficient(area_factor: float, T_i: float, T_j: float) -> float:
-    """Conductance ``σ X (T_i² + T_j²)(T_i + T_j)`` [W/K]: the exchange is this times T_j − T_i; X [m²], temperatures [K]."""
+    """Conductance ``σ X (T_i² + T_j²)(T_i + T_j)`` [W/K]: the exchange is this times T_j − T_i; X
+    [m²], temperatures [K].
+    """
     return STEFAN_BOLTZMANN * area_factor * (T_i * T_i + T_j * T_j) * (T_i + T_j)
 
 
 @formula
 def cylinder_view_factor(radius_i: float, radius_j: float, gap: float) -> float:
-    """Share of what a long cylinder i radiates that falls on a parallel cylinder j (crossed strings; Modest, appendix D).
+    """Share of what a long cylinder i radiates that falls on a parallel cylinder j (crossed
+    strings; Modest, appendix D).
 
-    ``F = [π + √(A²−(B+1)²) − √(A²−(B−1)²) + (B−1) acos((B−1)/A) − (B+1) acos((B+1)/A)]/2π``, ``B = r_j/r_i``,
-    ``A = 1 + B + h/r_i``.
+    ``F = [π + √(A²−(B+1)²) − √(A²−(B−1)²) + (B−1) acos((B−1)/A) − (B+1) acos((B+1)/A)]/2π``,
+    ``B = r_j/r_i``, ``A = 1 + B + h/r_i``.
 
     Args:
         radius_i: Radius r_i [m].
@@ -100,15 +115,20 @@ def cylinder_view_factor(radius_i: float, radius_j: float, gap: float) -> float:
     a = 1.0 + b + opening
     outer = sqrt(opening * (a + b + 1.0))
     inner = sqrt((a - b + 1.0) * (a + b - 1.0))
-    return (pi + outer - inner + (b - 1.0) * acos((b - 1.0) / a) - (b + 1.0) * acos((b + 1.0) / a)) / (2.0 * pi)
+    return (
+        pi + outer - inner + (b - 1.0) * acos((b - 1.0) / a) - (b + 1.0) * acos((b + 1.0) / a)
+    ) / (2.0 * pi)
 
 
 @kernel
-def radiating_areas(scene: Scene, laws: HeatLaws, surface: Floats, is_sphere: bool, i: Ints, j: Ints, gap: Floats) -> Floats:
+def radiating_areas(
+    scene: Scene, laws: HeatLaws, surface: Floats, is_sphere: bool, i: Ints, j: Ints, gap: Floats
+) -> Floats:
     """Area factors of radiation between near bodies [m²], shape ``(e,)``.
 
-    Spheres: the smaller cross-section π a² times the emission factor. Discs: the view factor of two parallel cylinders times the
-    surface of the first and the emission factor; a line or circle of a wall counts as a sphere or cylinder of the grain's radius.
+    Spheres: the smaller cross-section π a² times the emission factor. Discs: the view factor of two
+    parallel cylinders times the surface of the first and the emission factor; a line or circle of a
+    wall counts as a sphere or cylinder of the grain's radius.
 
     Args:
         scene: Shapes.

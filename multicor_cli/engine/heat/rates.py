@@ -1,8 +1,9 @@
-"""Heat flow in a network of grains and walls: the rates, the linear systems of the implicit integrator, and what has flowed.
+"""Heat flow in a network of grains and walls: the rates, the linear systems of the implicit
+integrator, and what has flowed.
 
-Nodes are grains, and then the walls that have a heat capacity (bodies); walls of known temperature and what is outside are what the
-network exchanges heat with. Every rate is applied with opposite signs to the two ends, so heat is conserved to round-off whatever
-the temperatures are.
+Nodes are grains, and then the walls that have a heat capacity (bodies); walls of known temperature
+and what is outside are what the network exchanges heat with. Every rate is applied with opposite
+signs to the two ends, so heat is conserved to round-off whatever the temperatures are.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ class Network(NamedTuple):
         i: First grain of each link between grains, shape ``(e,)``.
         j: Second grain, shape ``(e,)``.
         conductance: H [W/K], shape ``(e,)``.
-        area: Area factor of radiation along the link [m²], shape ``(e,)``; of size 0 without radiation between neighbors.
+        area: Area factor of radiation along the link [m²], shape ``(e,)``; of size 0 without
+            radiation between neighbors.
         wall_i: Grain of each link to a wall of known temperature, shape ``(b,)``.
         wall: The wall, shape ``(b,)``.
         wall_conductance: H [W/K], shape ``(b,)``.
@@ -69,7 +71,8 @@ class Network(NamedTuple):
 
 @kernel
 def _link(conductance: float, area: Floats, k: int, a: float, b: float) -> float:
-    """Heat flow through a link from the temperature ``b`` to ``a`` [W]; nothing below absolute zero radiates.
+    """Heat flow through a link from the temperature ``b`` to ``a`` [W]; nothing below absolute zero
+    radiates.
 
     Stages of an integrator may get there, on the way to a sub-step that does not.
     """
@@ -77,12 +80,21 @@ def _link(conductance: float, area: Floats, k: int, a: float, b: float) -> float
         return conductance * (b - a)
     if a < 0.0 or b < 0.0:
         warm_a, warm_b = max(a, 0.0), max(b, 0.0)
-        return conductance * (b - a) + linear_coefficient(area[k], warm_a, warm_b) * (warm_b - warm_a)
+        return conductance * (b - a) + linear_coefficient(area[k], warm_a, warm_b) * (
+            warm_b - warm_a
+        )
     return (conductance + linear_coefficient(area[k], a, b)) * (b - a)
 
 
 @kernel
-def heat_rates(net: Network, temperature: Floats, wall_value: Floats, rate: Floats, wall_rate: Floats, outside: Floats) -> None:
+def heat_rates(
+    net: Network,
+    temperature: Floats,
+    wall_value: Floats,
+    rate: Floats,
+    wall_rate: Floats,
+    outside: Floats,
+) -> None:
     """Heat flow into every grain [W], and what walls and the outside give.
 
     Args:
@@ -120,16 +132,20 @@ def heat_rates(net: Network, temperature: Floats, wall_value: Floats, rate: Floa
 
 @kernel
 def _steepest(conductance: float, area: Floats, k: int, a: float, b: float) -> float:
-    """Largest derivative of the flow of a link by the temperature of one end: that of T⁴ at the hotter end [W/K]."""
+    """Largest derivative of the flow of a link by the temperature of one end: that of T⁴ at the
+    hotter end [W/K].
+    """
     hotter = max(a, b, 0.0)
     return conductance + linear_coefficient(area[k], hotter, hotter) if area.size else conductance
 
 
 @kernel
 def total_conductance(net: Network, temperature: Floats, wall_value: Floats, total: Floats) -> None:
-    """ΣH of every grain [W/K], radiation at its steepest, shape ``(n,)``; ``total`` is **modified**. Arguments as `heat_rates`.
+    """ΣH of every grain [W/K], radiation at its steepest, shape ``(n,)``; ``total`` is
+    **modified**. Arguments as `heat_rates`.
 
-    This bounds the stable step of the explicit integrator, and lets Newton's method approach the solution from one side.
+    This bounds the stable step of the explicit integrator, and lets Newton's method approach the
+    solution from one side.
     """
     total[:] = 0.0
     for k in range(net.i.size):
@@ -138,16 +154,30 @@ def total_conductance(net: Network, temperature: Floats, wall_value: Floats, tot
         total[net.j[k]] += h
     for k in range(net.wall_i.size):
         total[net.wall_i[k]] += _steepest(
-            net.wall_conductance[k], net.wall_area, k, temperature[net.wall_i[k]], wall_value[net.wall[k]]
+            net.wall_conductance[k],
+            net.wall_area,
+            k,
+            temperature[net.wall_i[k]],
+            wall_value[net.wall[k]],
         )
     for s in range(net.outside_temperature.size):
         for k in range(total.size):
-            total[k] += _steepest(net.outside_conductance[s, k], net.outside_area[s], k, temperature[k], net.outside_temperature[s])
+            total[k] += _steepest(
+                net.outside_conductance[s, k],
+                net.outside_area[s],
+                k,
+                temperature[k],
+                net.outside_temperature[s],
+            )
 
 
 @kernel
-def _apply(net: Network, diagonal: Floats, step: float, temperature: Floats, x: Floats, y: Floats) -> None:
-    """``y = diagonal·x − step·(links between grains)·x``: the matrix C + step K of the implicit stages."""
+def _apply(
+    net: Network, diagonal: Floats, step: float, temperature: Floats, x: Floats, y: Floats
+) -> None:
+    """``y = diagonal·x − step·(links between grains)·x``: the matrix C + step K of the implicit
+    stages.
+    """
     for k in range(x.size):
         y[k] = diagonal[k] * x[k]
     for k in range(net.i.size):
@@ -159,12 +189,20 @@ def _apply(net: Network, diagonal: Floats, step: float, temperature: Floats, x: 
 
 @kernel
 def solve_linear(
-    net: Network, diagonal: Floats, step: float, temperature: Floats, rhs: Floats, scale: Floats, target: float, x: Floats
+    net: Network,
+    diagonal: Floats,
+    step: float,
+    temperature: Floats,
+    rhs: Floats,
+    scale: Floats,
+    target: float,
+    x: Floats,
 ) -> int:
     """Solve (C + step K) x = rhs by conjugate gradients, preconditioned by the diagonal.
 
-    The loop ends when the largest |residual|/scale falls to ``target``, or when rounding lets it fall no further (1,000
-    iterations at most): what is left only adds to the error of a stage, never to the heat balance.
+    The loop ends when the largest |residual|/scale falls to ``target``, or when rounding lets it
+    fall no further (1,000 iterations at most): what is left only adds to the error of a stage,
+    never to the heat balance.
 
     Args:
         net: The network; walls and the outside enter through ``diagonal``.
@@ -230,7 +268,9 @@ class Rates(NamedTuple):
 
 def rates_at(net: Network, temperature: Floats, wall_value: Floats) -> Rates:
     """Rates at these temperatures [K]; arguments as `heat_rates`."""
-    rates = Rates(np.empty(temperature.size), np.empty(wall_value.size), np.empty(len(OUTSIDE_BOOKS)))
+    rates = Rates(
+        np.empty(temperature.size), np.empty(wall_value.size), np.empty(len(OUTSIDE_BOOKS))
+    )
     heat_rates(net, temperature, wall_value, *rates)
     return rates
 

@@ -32,7 +32,8 @@ _STEP = ContactForce()
 
 @dataclass(frozen=True)
 class HeatSettings(Integration):
-    """Choices about heat, named as the keys of ``[heat]``; everything beyond conduction and friction is off by default.
+    """Choices about heat, named as the keys of ``[heat]``; everything beyond conduction and
+    friction is off by default.
 
     Attributes:
         laws: Properties of the materials.
@@ -40,7 +41,8 @@ class HeatSettings(Integration):
         force: Force of the Hertz contact radius.
         friction: Rule of the heat of friction.
         impact: Whether the energy lost in impacts becomes heat too.
-        collisional: Whether a contact that is new in a step conducts by the formula for impacts instead.
+        collisional: Whether a contact that is new in a step conducts by the formula for impacts
+            instead.
         mechanisms: What carries heat beside the contact spots.
     """
 
@@ -61,7 +63,8 @@ class HeatSettings(Integration):
 # ---- Properties of materials and of their pairs: one record, for kernels and for all other code
 
 UNUSED_STIFFNESS = 1.0
-"""Modulus and microhardness [Pa] of pairs that do not have them: nothing uses them, and they can be divided by."""
+"""Modulus and microhardness [Pa] of pairs that do not have them: nothing uses them, and they can be
+divided by."""
 
 Properties = Mapping[str, Any]
 """Properties of a material by name; None, or left out: not given."""
@@ -70,8 +73,9 @@ Properties = Mapping[str, Any]
 def heat_laws(materials: Sequence[Properties], partition: Partition, wear: Floats) -> HeatLaws:
     """Thermal properties of materials and of their pairs.
 
-    Properties that a material does not give are not needed in this run (loading the scenario has checked that). They are 0 in
-    these arrays, except the modulus and the microhardness of such pairs, which are 1 Pa, and their shares, which are ½.
+    Properties that a material does not give are not needed in this run (loading the scenario has
+    checked that). They are 0 in these arrays, except the modulus and the microhardness of such
+    pairs, which are 1 Pa, and their shares, which are ½.
 
     Args:
         materials: Their properties.
@@ -83,7 +87,9 @@ def heat_laws(materials: Sequence[Properties], partition: Partition, wear: Float
         return np.array([_value(formula, names, 0.0, one) for one in materials], float)
 
     def of_pairs(formula: Callable[..., float], *names: str, missing: float = 0.0) -> Floats:
-        return np.array([[_value(formula, names, missing, a, b) for b in materials] for a in materials], float)
+        return np.array(
+            [[_value(formula, names, missing, a, b) for b in materials] for a in materials], float
+        )
 
     hardness = np.array([[one.get("hardness") or inf] for one in materials])
     formula, names = SHARES[partition]
@@ -102,14 +108,20 @@ def heat_laws(materials: Sequence[Properties], partition: Partition, wear: Float
     )
 
 
-def _value(formula: Callable[..., float], names: Sequence[str], missing: float, *bodies: Properties) -> float:
-    """The formula of the properties of one body, or of the first and then the second; ``missing`` if one is not given."""
+def _value(
+    formula: Callable[..., float], names: Sequence[str], missing: float, *bodies: Properties
+) -> float:
+    """The formula of the properties of one body, or of the first and then the second; ``missing``
+    if one is not given.
+    """
     values = [body.get(name) for body in bodies for name in names]
     return missing if None in values else formula(*values)
 
 
 def _complementary(share: Floats) -> Floats:
-    """Shares of the first body; that of the second is what remains, so that nothing is lost to rounding."""
+    """Shares of the first body; that of the second is what remains, so that nothing is lost to
+    rounding.
+    """
     lower = np.tril_indices(len(share), -1)
     share[lower] = 1.0 - share.T[lower]
     np.fill_diagonal(share, 0.5)

@@ -1,4 +1,6 @@
-"""The pairs of bodies between which heat may flow, and the contacts of a step, or of a state at rest, as the heat sees them."""
+"""The pairs of bodies between which heat may flow, and the contacts of a step, or of a state at
+rest, as the heat sees them.
+"""
 
 from __future__ import annotations
 
@@ -20,12 +22,16 @@ from multicor_cli.model.columns import GAP, NORMAL, X, Y
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.state import State
 
-# ---- Pairs of bodies between which heat may flow: their radii, which are near, and values kept for them
+# ---- Pairs of bodies between which heat may flow: their radii, which are near, and values kept for
+#      them
 
 
 @kernel
-def near_pairs(scene: Scene, row: NDArray[np.int64], partner: Ints, reach: float) -> tuple[Ints, Ints, Floats]:
-    """Pairs whose gap does not exceed ``reach`` times the smaller radius: i, j and gap [m], sorted by (i, j).
+def near_pairs(
+    scene: Scene, row: NDArray[np.int64], partner: Ints, reach: float
+) -> tuple[Ints, Ints, Floats]:
+    """Pairs whose gap does not exceed ``reach`` times the smaller radius: i, j and gap [m], sorted
+    by (i, j).
 
     Args:
         scene: Shapes.
@@ -47,13 +53,17 @@ def near_pairs(scene: Scene, row: NDArray[np.int64], partner: Ints, reach: float
 
 @kernel
 def resting_contacts(scene: Scene, i: Ints, j: Ints, gap: Floats, normal: Floats) -> None:
-    """Gaps [m] and normals of pairs in a state at rest, shapes ``(c,)`` and ``(c, 2)``; the last two are **modified**."""
+    """Gaps [m] and normals of pairs in a state at rest, shapes ``(c,)`` and ``(c, 2)``; the last
+    two are **modified**.
+    """
     for k in range(i.size):
         gap[k], normal[k, X], normal[k, Y] = known_geometry(scene, i[k], j[k])
 
 
 @kernel
-def look_up(row: NDArray[np.int64], known_j: Ints, values: Floats, i: Ints, j: Ints, found: Floats) -> None:
+def look_up(
+    row: NDArray[np.int64], known_j: Ints, values: Floats, i: Ints, j: Ints, found: Floats
+) -> None:
     """Values of pairs in a table sorted by (i, j); 0 for pairs that are not in it.
 
     Args:
@@ -72,10 +82,14 @@ def look_up(row: NDArray[np.int64], known_j: Ints, values: Floats, i: Ints, j: I
 
 
 @kernel
-def hand_on(scene: Scene, row: NDArray[np.int64], j: Ints, known_i: Ints, known_j: Ints, values: Floats) -> Floats:
-    """Values known of some pairs, for others; what a pair had that is gone goes to another pair of its place, if there is one.
+def hand_on(
+    scene: Scene, row: NDArray[np.int64], j: Ints, known_i: Ints, known_j: Ints, values: Floats
+) -> Floats:
+    """Values known of some pairs, for others; what a pair had that is gone goes to another pair of
+    its place, if there is one.
 
-    A grain that rolls over a wall of many pieces leaves one behind and meets the next: in the same place.
+    A grain that rolls over a wall of many pieces leaves one behind and meets the next: in the same
+    place.
 
     Args:
         scene: Shapes.
@@ -105,7 +119,8 @@ def hand_on(scene: Scene, row: NDArray[np.int64], j: Ints, known_i: Ints, known_
 # ---- Contacts: forces, spots and conductances
 
 TOUCHING = 1e-4
-"""Largest gap, over the smaller radius, of pairs that touch when no step has said which contacts carry a force."""
+"""Largest gap, over the smaller radius, of pairs that touch when no step has said which contacts
+carry a force."""
 
 
 @dataclass(frozen=True)
@@ -125,12 +140,16 @@ class Spots:
     conductance: Floats
 
 
-def forces_of_step(state: State, scene: Scene, contacts: StepContacts, settings: HeatSettings, dt: float) -> Floats:
-    """Normal forces that make the spots [N], shape ``(c,)``; keeps the running averages of ``state`` where they are used.
+def forces_of_step(
+    state: State, scene: Scene, contacts: StepContacts, settings: HeatSettings, dt: float
+) -> Floats:
+    """Normal forces that make the spots [N], shape ``(c,)``; keeps the running averages of
+    ``state`` where they are used.
 
-    An average counts the time without force, and ends when the pair leaves the reach of the contact solver, unless the grain has
-    only rolled on to another piece of the same place. It is divided by 1 − exp(−age/τ), the weight of the time that it knows. What
-    is apart conducts nothing, whatever its average; where another piece of its place is touched, that has it.
+    An average counts the time without force, and ends when the pair leaves the reach of the contact
+    solver, unless the grain has only rolled on to another piece of the same place. It is divided by
+    1 − exp(−age/τ), the weight of the time that it knows. What is apart conducts nothing, whatever
+    its average; where another piece of its place is touched, that has it.
     """
     carried = contacts.impulse[:, NORMAL]
     if settings.force.kind == "prescribed":
@@ -144,19 +163,25 @@ def forces_of_step(state: State, scene: Scene, contacts: StepContacts, settings:
     state.mean_age += dt
     place, _ = find_places(scene, contacts.i, contacts.j)
     touches = (carried > 0.0) | (contacts.frame[:, GAP] <= 0.0)
-    apart = totals_of_places(place, np.where(touches, 0.0, mean)) / np.maximum(totals_of_places(place, touches.astype(float)), 1.0)
+    apart = totals_of_places(place, np.where(touches, 0.0, mean)) / np.maximum(
+        totals_of_places(place, touches.astype(float)), 1.0
+    )
     return np.where(touches, (mean + apart) / _known_weight(state, settings), 0.0)
 
 
 def _shares(scene: Scene, i: Ints, j: Ints, carried: Floats) -> Floats:
-    """Share of each contact in what its place carries, of which nothing is below 0; 0 where that is nothing, shape ``(c,)``."""
+    """Share of each contact in what its place carries, of which nothing is below 0; 0 where that is
+    nothing, shape ``(c,)``.
+    """
     total = totals_of_places(find_places(scene, i, j)[0], carried)
     return np.where(total > 0.0, carried / np.where(total > 0.0, total, 1.0), 0.0)
 
 
 def _averages(state: State, scene: Scene, i: Ints, j: Ints) -> Floats:
     """Running averages of the forces of some pairs [N]; 0 for pairs without."""
-    return hand_on(scene, warm_rows(len(state.position), i), j, state.mean_i, state.mean_j, state.mean_force)
+    return hand_on(
+        scene, warm_rows(len(state.position), i), j, state.mean_i, state.mean_j, state.mean_force
+    )
 
 
 def _known_weight(state: State, settings: HeatSettings) -> float:
@@ -165,26 +190,44 @@ def _known_weight(state: State, settings: HeatSettings) -> float:
 
 
 def loaded_pairs(state: State, scene: Scene, settings: HeatSettings) -> tuple[Ints, Ints, Floats]:
-    """Contacts that carried a force in the last step: i, j and normal force [N] (averaged, where averages are kept)."""
+    """Contacts that carried a force in the last step: i, j and normal force [N] (averaged, where
+    averages are kept).
+    """
     force, i, j = settings.force, state.contact_i, state.contact_j
     if force.kind == "average" and state.mean_age > 0.0:
         return i, j, _averages(state, scene, i, j) / _known_weight(state, settings)
     carried = state.contact_impulse[:, NORMAL]
-    return i, j, force.value * _shares(scene, i, j, carried) if force.kind == "prescribed" else carried / state.last_dt
+    return (
+        i,
+        j,
+        force.value * _shares(scene, i, j, carried)
+        if force.kind == "prescribed"
+        else carried / state.last_dt,
+    )
 
 
-def pairs_at_rest(scene: Scene, near: tuple[Ints, Ints, Floats], settings: HeatSettings) -> tuple[Ints, Ints, Floats]:
-    """Pairs that touch in a state in which no step has been taken, under the prescribed force; without one it is 0."""
+def pairs_at_rest(
+    scene: Scene, near: tuple[Ints, Ints, Floats], settings: HeatSettings
+) -> tuple[Ints, Ints, Floats]:
+    """Pairs that touch in a state in which no step has been taken, under the prescribed force;
+    without one it is 0.
+    """
     i, j, _ = near
     force = settings.force.value if settings.force.kind == "prescribed" else 0.0
     return i, j, force * _shares(scene, i, j, np.ones(i.size))
 
 
-def conducting_spots(scene: Scene, i: Ints, j: Ints, force: Floats, laws: HeatLaws, settings: HeatSettings) -> Spots:
-    """Radii and conductances of contacts under given normal forces [N]; the contacts of a place have one spot."""
+def conducting_spots(
+    scene: Scene, i: Ints, j: Ints, force: Floats, laws: HeatLaws, settings: HeatSettings
+) -> Spots:
+    """Radii and conductances of contacts under given normal forces [N]; the contacts of a place
+    have one spot.
+    """
     radius, conductance = np.empty(i.size), np.empty(i.size)
     total = totals_of_places(find_places(scene, i, j)[0], force)
-    contact_spots(scene, i, j, force, total, laws, settings.conduction == "rough", radius, conductance)
+    contact_spots(
+        scene, i, j, force, total, laws, settings.conduction == "rough", radius, conductance
+    )
     if settings.conduction == "none":
         conductance[:] = 0.0
     return Spots(i, j, radius, conductance)

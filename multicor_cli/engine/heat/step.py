@@ -13,8 +13,21 @@ from multicor_cli.engine.contact.system import Moved
 from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.engine.geometry.places import find_places, met_before
 from multicor_cli.engine.geometry.scene import Scene, scene_of
-from multicor_cli.engine.heat.books import book_flow, book_generated, book_undelivered, note_contacts, strike_balance
-from multicor_cli.engine.heat.friction import ENERGY, NO_FRICTION, SLIDING, collide, generated_heat, share_out
+from multicor_cli.engine.heat.books import (
+    book_flow,
+    book_generated,
+    book_undelivered,
+    note_contacts,
+    strike_balance,
+)
+from multicor_cli.engine.heat.friction import (
+    ENERGY,
+    NO_FRICTION,
+    SLIDING,
+    collide,
+    generated_heat,
+    share_out,
+)
 from multicor_cli.engine.heat.integration import CannotIntegrate, integrate
 from multicor_cli.engine.heat.network import Links, Pairs, links_of, network_of
 from multicor_cli.engine.heat.settings import HeatSettings
@@ -40,11 +53,12 @@ _RULES = {"none": NO_FRICTION, "energy": ENERGY, "sliding": SLIDING}
 
 
 class HeatStep:
-    """The heat of the grains that are present, and of walls that have a heat capacity: the part of an engine that knows heat.
+    """The heat of the grains that are present, and of walls that have a heat capacity: the part of
+    an engine that knows heat.
 
     Attributes:
-        of_contacts: Heat generated [J] and conductance H_c [W/K] of the contacts of the last step, for
-            frames; None before the first one of a stage.
+        of_contacts: Heat generated [J] and conductance H_c [W/K] of the contacts of the last step,
+            for frames; None before the first one of a stage.
     """
 
     def __init__(self, model: Model, state: State, settings: HeatSettings) -> None:
@@ -65,21 +79,28 @@ class HeatStep:
         return NeighborList(self._model)  # where no grain is present there is none
 
     def begin(self, conditions: Sequence[WallHeat]) -> None:
-        """Take up the thermal conditions of the walls, one for each; their signals count from the start of the stage."""
+        """Take up the thermal conditions of the walls, one for each; their signals count from the
+        start of the stage.
+        """
         self.of_contacts: tuple[Floats, Floats] | None = None
         self._conditions = list(conditions)
         self._bodies = np.flatnonzero([condition.kind == "capacity" for condition in conditions])
-        self._capacity = np.append(self._thermal.capacity, [self._conditions[w].capacity for w in self._bodies])
+        self._capacity = np.append(
+            self._thermal.capacity, [self._conditions[w].capacity for w in self._bodies]
+        )
         self._resting: tuple[Links, Spots] | None = None
 
     def shape_temperatures(self, t: float) -> Floats:
-        """Temperatures of grains and wall shapes [K]; nan for walls that have none, shape ``(n + m,)``.
+        """Temperatures of grains and wall shapes [K]; nan for walls that have none, shape
+        ``(n + m,)``.
 
         Args:
             t: Time since the start of the stage [s].
         """
         walls = WallValues(self._conditions, t).temperatures(0.0, self._state.wall_temperature)
-        return np.concatenate([self._state.temperature(self._thermal), walls[self._model.shapes.wall]])
+        return np.concatenate(
+            [self._state.temperature(self._thermal), walls[self._model.shapes.wall]]
+        )
 
     def flow(self, moved: Moved, dt: float, t: float) -> None:
         """Heat of a step in which grains moved.
@@ -108,26 +129,49 @@ class HeatStep:
         scene = self._resting_scene()
         links, spots = self._rest(scene)
         self.of_contacts = np.zeros(spots.i.size), spots.conductance
-        self._integrate(links, scene, np.zeros(self._capacity.size), dt, t, is_frozen=True, should_stop=should_stop)
+        self._integrate(
+            links,
+            scene,
+            np.zeros(self._capacity.size),
+            dt,
+            t,
+            is_frozen=True,
+            should_stop=should_stop,
+        )
 
     def flow_nowhere(self, dt: float, t: float) -> None:
-        """Where no grain is present walls keep their heat, and those of prescribed flow cannot deliver theirs."""
+        """Where no grain is present walls keep their heat, and those of prescribed flow cannot
+        deliver theirs.
+        """
         self._note_walls(dt, t)
-        book_undelivered(self._state, WallValues(self._conditions, t).undelivered(dt, np.zeros(0, np.int32)))
+        book_undelivered(
+            self._state, WallValues(self._conditions, t).undelivered(dt, np.zeros(0, np.int32))
+        )
 
     def skip(self, dt: float, t: float) -> None:
-        """A step in which heat is off: running averages of forces are not kept up to date, walls follow their signals."""
+        """A step in which heat is off: running averages of forces are not kept up to date, walls
+        follow their signals.
+        """
         state = self._state
         if state.mean_age > 0.0:
             none = np.zeros(0, np.int32)
-            state.mean_i, state.mean_j, state.mean_force, state.mean_age = none, none, np.zeros(0), 0.0
+            state.mean_i, state.mean_j, state.mean_force, state.mean_age = (
+                none,
+                none,
+                np.zeros(0),
+                0.0,
+            )
         self._note_walls(dt, t)
 
     def _note_walls(self, dt: float, t: float) -> None:
-        self._state.wall_temperature = WallValues(self._conditions, t).temperatures(dt, self._state.wall_temperature)
+        self._state.wall_temperature = WallValues(self._conditions, t).temperatures(
+            dt, self._state.wall_temperature
+        )
 
     def resting_table(self, laws: ContactLaws) -> ContactTable:
-        """The contacts through which heat flows while nothing moves, with the impulses of the last step."""
+        """The contacts through which heat flows while nothing moves, with the impulses of the last
+        step.
+        """
         state, scene = self._state, self._resting_scene()
         spots = self._rest(scene)[1]
         i, j = spots.i, spots.j
@@ -136,10 +180,14 @@ class HeatStep:
         none = np.zeros(i.size)
         impulse, couple = np.zeros((i.size, 2)), none
         if state.last_dt > 0.0:
-            impulse = net_impulses(state.contact_impulse, resting_attraction(laws, scene, i, j, state.last_dt))
+            impulse = net_impulses(
+                state.contact_impulse, resting_attraction(laws, scene, i, j, state.last_dt)
+            )
             couple = state.contact_couple
         sticking = np.zeros(i.size, np.bool_)
-        return ContactTable(i, j, normal, gap, impulse, none, sticking, couple=couple if laws.rolling.size else None)
+        return ContactTable(
+            i, j, normal, gap, impulse, none, sticking, couple=couple if laws.rolling.size else None
+        )
 
     def _rest(self, scene: Scene) -> tuple[Links, Spots]:
         """Links and contacts of a frozen stage, found once."""
@@ -162,11 +210,22 @@ class HeatStep:
         count = contacts.i.size
         heat, rubbing = np.empty((count, 2)), np.empty(count)
         settings = self._settings
-        generated_heat(moved.scene, contacts, moved.after, _RULES[settings.friction], settings.impact, heat, rubbing)
+        generated_heat(
+            moved.scene,
+            contacts,
+            moved.after,
+            _RULES[settings.friction],
+            settings.impact,
+            heat,
+            rubbing,
+        )
         source, to_walls = np.zeros(model.grain_count), np.zeros(model.wall_count)
-        takes_heat = np.array([c.kind in ("temperature", "capacity") for c in self._conditions], np.bool_)
+        takes_heat = np.array(
+            [c.kind in ("temperature", "capacity") for c in self._conditions], np.bool_
+        )
         share_out(
-            moved.scene, contacts.i, contacts.j, heat, rubbing, self._settings.laws, takes_heat, source, to_walls, state.wear,
+            moved.scene, contacts.i, contacts.j, heat, rubbing, self._settings.laws, takes_heat,
+            source, to_walls, state.wear,
             state.wall_wear,
         )  # fmt: skip
         state.generated += source
@@ -177,12 +236,23 @@ class HeatStep:
     def _spots(self, moved: Moved, dt: float) -> Spots:
         contacts, settings = moved.contacts, self._settings
         force = forces_of_step(self._state, moved.scene, contacts, settings, dt)
-        spots = conducting_spots(moved.scene, contacts.i, contacts.j, force, self._settings.laws, settings)
+        spots = conducting_spots(
+            moved.scene, contacts.i, contacts.j, force, self._settings.laws, settings
+        )
         if settings.collisional:
             row = warm_rows(self._model.grain_count, moved.loaded_i)
             is_known = met_before(moved.scene, row, moved.loaded_j, contacts.i, contacts.j)
             place, _ = find_places(moved.scene, contacts.i, contacts.j)
-            collide(moved.scene, self._model.grains.mass, contacts, place, is_known, self._settings.laws, dt, spots.conductance)
+            collide(
+                moved.scene,
+                self._model.grains.mass,
+                contacts,
+                place,
+                is_known,
+                self._settings.laws,
+                dt,
+                spots.conductance,
+            )
         return spots
 
     def _near(self, scene: Scene) -> Pairs | None:
@@ -192,7 +262,9 @@ class HeatStep:
 
     def _pairs(self, scene: Scene, reach: float) -> Pairs:
         """Pairs whose gap is at most ``reach`` times the smaller radius."""
-        self._list.update(scene.position, scene.world, reach * float(self._model.grains.radius.max()))
+        self._list.update(
+            scene.position, scene.world, reach * float(self._model.grains.radius.max())
+        )
         return near_pairs(scene, self._list.row, self._list.partner, reach)
 
     def _integrate(
@@ -209,21 +281,38 @@ class HeatStep:
         """Advance the temperatures and close the books."""
         state, settings = self._state, self._settings
         if not float(np.abs(state.heat).max()) <= LARGEST:
-            raise PhysicsError(state.step, find_absurd_value(state, self._model) or "a temperature is not finite")
+            raise PhysicsError(
+                state.step, find_absurd_value(state, self._model) or "a temperature is not finite"
+            )
         velocity = np.zeros((len(state.velocity), 2)) if is_frozen else state.velocity[:, :2]
         net = network_of(links, scene, self._conditions, velocity, self._model, settings)
         walls, n = WallValues(self._conditions, t), self._model.grain_count
-        temperature = np.append(state.temperature(self._thermal), state.wall_temperature[self._bodies])
+        temperature = np.append(
+            state.temperature(self._thermal), state.wall_temperature[self._bodies]
+        )
         try:
             flow = integrate(
-                net, self._capacity, temperature, walls, source, dt, state.heat_dt, settings, should_stop, is_frozen=is_frozen
+                net,
+                self._capacity,
+                temperature,
+                walls,
+                source,
+                dt,
+                state.heat_dt,
+                settings,
+                should_stop,
+                is_frozen=is_frozen,
             )
         except CannotIntegrate as error:
             what = find_absurd_value(state, self._model) or f"{self._name(error.node)} {error.why}"
             raise PhysicsError(state.step, what) from error
         if not np.isfinite(temperature).all():
             raise PhysicsError(
-                state.step, f"the temperature of {self._name(int(np.argmin(np.isfinite(temperature))))} is not finite"
+                state.step,
+                (
+                    f"the temperature of {self._name(int(np.argmin(np.isfinite(temperature))))} "
+                    "is not finite"
+                ),
             )
         state.heat += flow.received[:n]
         state.heat_dt = flow.next_step
@@ -236,4 +325,8 @@ class HeatStep:
 
     def _name(self, node: int) -> str:
         n = self._model.grain_count
-        return self._model.name_of(node) if node < n else f"wall {self._model.walls.names[self._bodies[node - n]]}"
+        return (
+            self._model.name_of(node)
+            if node < n
+            else f"wall {self._model.walls.names[self._bodies[node - n]]}"
+        )

@@ -25,8 +25,9 @@ class WallHeat:
     """Thermal condition of one wall during a stage.
 
     Attributes:
-        kind: ``"insulated"``; ``"temperature"``: prescribed [K]; ``"flow"``: heat flow into the grains that touch it [W], shared
-            in proportion to their conductances; ``"capacity"``: a body with one temperature, which changes.
+        kind: ``"insulated"``; ``"temperature"``: prescribed [K]; ``"flow"``: heat flow into the
+            grains that touch it [W], shared in proportion to their conductances; ``"capacity"``: a
+            body with one temperature, which changes.
         signal: The prescribed value as a function of the time since the start of the stage.
         capacity: Heat capacity of a body [J/K].
         initial: Its temperature when the condition begins [K]; nan: the one that it has.
@@ -40,7 +41,9 @@ class WallHeat:
     fallback: float = math.nan
 
 
-def begin_bodies(conditions: Sequence[WallHeat], is_new: NDArray[np.bool_], temperature: Floats) -> None:
+def begin_bodies(
+    conditions: Sequence[WallHeat], is_new: NDArray[np.bool_], temperature: Floats
+) -> None:
     """Give walls with a heat capacity whose condition is new the temperature with which they begin.
 
     Args:
@@ -75,17 +78,25 @@ class WallValues:
         return len(self.conditions)
 
     def pieces(self, dt: float) -> list[tuple[WallValues, float]]:
-        """The step, cut where signals bend: for each piece the values and its length [s]. No pulse falls between two steps."""
+        """The step, cut where signals bend: for each piece the values and its length [s]. No pulse
+        falls between two steps.
+        """
         corners = {
-            time for wall in self.conditions if wall.kind in PRESCRIBED for time in wall.signal.corners(self.start, self.start + dt)
+            time
+            for wall in self.conditions
+            if wall.kind in PRESCRIBED
+            for time in wall.signal.corners(self.start, self.start + dt)
         }
         if not corners:
             return [(self, dt)]
         edges = [self.start, *sorted(corners), self.start + dt]
-        return [(WallValues(self.conditions, a), b - a) for a, b in itertools.pairwise(edges) if b > a]
+        return [
+            (WallValues(self.conditions, a), b - a) for a, b in itertools.pairwise(edges) if b > a
+        ]
 
     def temperatures(self, t: float, bodies: Floats) -> Floats:
-        """Temperatures of the walls ``t`` seconds after the start of the step [K]; nan where there is none, shape ``(w,)``.
+        """Temperatures of the walls ``t`` seconds after the start of the step [K]; nan where there
+        is none, shape ``(w,)``.
 
         Args:
             t: Time since the start of the step [s].
@@ -96,11 +107,22 @@ class WallValues:
         return np.where(known, self(t), np.where(has_own, bodies, np.nan))
 
     def undelivered(self, dt: float, reached: Ints) -> float:
-        """Heat that walls of prescribed flow could not pass on within ``dt`` [J]: all but those ``reached`` touch nothing."""
+        """Heat that walls of prescribed flow could not pass on within ``dt`` [J]: all but those
+        ``reached`` touch nothing.
+        """
         idle = np.array([c.kind == "flow" for c in self.conditions], np.bool_)
         idle[reached] = False
-        return math.fsum(total(np.abs(values(0.5 * length)[idle])) * length for values, length in self.pieces(dt))
+        return math.fsum(
+            total(np.abs(values(0.5 * length)[idle])) * length for values, length in self.pieces(dt)
+        )
 
     def __call__(self, t: float) -> Floats:
-        """Values ``t`` seconds after the start of the step; 0 where nothing is prescribed, shape ``(w,)``."""
-        return np.array([c.signal.value(self.start + t) if c.kind in PRESCRIBED else 0.0 for c in self.conditions])
+        """Values ``t`` seconds after the start of the step; 0 where nothing is prescribed, shape
+        ``(w,)``.
+        """
+        return np.array(
+            [
+                c.signal.value(self.start + t) if c.kind in PRESCRIBED else 0.0
+                for c in self.conditions
+            ]
+        )

@@ -1,7 +1,8 @@
-"""Grains that come and go: who comes and goes before a step, where there is room, the books of it, and who is present.
+"""Grains that come and go: who comes and goes before a step, where there is room, the books of it,
+and who is present.
 
-Who comes and goes is a function of the state alone. The step itself knows only grains that are present: those that wait or have
-gone cost nothing, and no loop can meet one.
+Who comes and goes is a function of the state alone. The step itself knows only grains that are
+present: those that wait or have gone cost nothing, and no loop can meet one.
 """
 
 from __future__ import annotations
@@ -28,7 +29,13 @@ from multicor_cli.model.state import Presence, State
 
 @kernel
 def first_free(
-    place: Floats, radius: float, disc: Floats, kind: Ints, world: Floats, is_met: NDArray[np.bool_], period: float
+    place: Floats,
+    radius: float,
+    disc: Floats,
+    kind: Ints,
+    world: Floats,
+    is_met: NDArray[np.bool_],
+    period: float,
 ) -> int:
     """The first place where a grain overlaps nothing; −1 if there is none.
 
@@ -53,13 +60,18 @@ def first_free(
         for shape in range(kind.size):
             if not is_free:
                 break
-            is_free = not is_met[shape] or gap_to_shape(x, y, radius, shape, kind, world, period)[0] >= 0.0
+            is_free = (
+                not is_met[shape]
+                or gap_to_shape(x, y, radius, shape, kind, world, period)[0] >= 0.0
+            )
         if is_free:
             return k
     return -1
 
 
-def find_room(release: Release, number: int, grain: int, model: Model, state: State) -> tuple[float, float] | None:
+def find_room(
+    release: Release, number: int, grain: int, model: Model, state: State
+) -> tuple[float, float] | None:
     """Where a waiting grain can be released now [m]; None if it finds no room.
 
     Args:
@@ -76,12 +88,22 @@ def find_room(release: Release, number: int, grain: int, model: Model, state: St
     scene = scene_of(model, state.position, state.wall_position)
     shapes = np.arange(model.shape_count)
     is_met = model.is_met(np.full(shapes.size, grain), shapes)
-    found = first_free(place, radius, _discs_near(low, high, model, state), scene.kind, scene.world, is_met, model.period)
+    found = first_free(
+        place,
+        radius,
+        _discs_near(low, high, model, state),
+        scene.kind,
+        scene.world,
+        is_met,
+        model.period,
+    )
     return None if found < 0 else (float(place[found, X]), float(place[found, Y]))
 
 
 def _discs_near(low: Floats, high: Floats, model: Model, state: State) -> Floats:
-    """x, y and radius of the grains that are there and reach into a rectangle [m], shape ``(d, 3)``."""
+    """x, y and radius of the grains that are there and reach into a rectangle [m], shape
+    ``(d, 3)``.
+    """
     here = state.here
     position, radius = state.position[here], model.grains.radius[here]
     offset = np.abs(position[:, :2] - 0.5 * (low + high))
@@ -91,10 +113,12 @@ def _discs_near(low: Floats, high: Floats, model: Model, state: State) -> Floats
     return np.column_stack([position[near, :2], radius[near]])
 
 
-# ---- Books of grains that come and go: their numbers and masses, and the energy and heat that go with them.
+# ---- Books of grains that come and go: their numbers and masses, and the energy and heat that go
+#      with them.
 #
-# A grain enters the energy books with the kinetic energy of its release, and leaves them with what it has then. Its heat content
-# counts from the temperature with which it came, so that it brings none, and takes along what it has received.
+# A grain enters the energy books with the kinetic energy of its release, and leaves them with what
+# it has then. Its heat content counts from the temperature with which it came, so that it brings
+# none, and takes along what it has received.
 
 _BOOK = {name: k for k, name in enumerate(EXCHANGE_NAMES)}
 
@@ -123,7 +147,9 @@ def book_returned(state: State, model: Model, grains: NDArray[np.int64]) -> None
 
 
 def note_presence(state: State, model: Model, behind: int) -> None:
-    """Count who is there and who waits, and compare all masses; ``behind`` are the releases that found no room."""
+    """Count who is there and who waits, and compare all masses; ``behind`` are the releases that
+    found no room.
+    """
     books, mass = state.exchange, model.grains.mass
     for name, status in (("waiting", Presence.WAITS), ("present", Presence.THERE)):
         which = np.flatnonzero(state.presence == status)
@@ -146,11 +172,15 @@ def _add(state: State, name: str, value: float) -> None:
 
 
 def _energies(state: State, model: Model, grains: NDArray[np.int64]) -> tuple[float, float]:
-    """Kinetic energy, and energy in the gravity of the domain −m g·r, zero at the origin [J]; x is unwrapped."""
+    """Kinetic energy, and energy in the gravity of the domain −m g·r, zero at the origin [J]; x is
+    unwrapped.
+    """
     (u, v), spin = state.velocity[grains, :SPIN].T, state.velocity[grains, SPIN]
     mass, (gx, gy) = model.grains.mass[grains], model.gravity.tolist()
     x = state.position[grains, X] + model.period * state.image[grains]
-    kinetic = total(0.5 * mass * (u * u + v * v) + 0.5 * model.grains.inertia[grains] * (spin * spin))
+    kinetic = total(
+        0.5 * mass * (u * u + v * v) + 0.5 * model.grains.inertia[grains] * (spin * spin)
+    )
     return kinetic, -total(mass * (gx * x + gy * state.position[grains, Y]))
 
 
@@ -165,7 +195,9 @@ ROUNDING = 1e-9
 _GRAINS, _MASS = 0, 1  # columns of State.released and State.outlet_flow
 
 
-def pass_grains(rules: InflowRules, model: Model, state: State, keep: Callable[[], None]) -> NDArray[np.int64] | None:
+def pass_grains(
+    rules: InflowRules, model: Model, state: State, keep: Callable[[], None]
+) -> NDArray[np.int64] | None:
     """Let grains go, then let grains come.
 
     Args:
@@ -211,14 +243,24 @@ def _lose(rules: InflowRules, model: Model, state: State, keep: Callable[[], Non
 
 
 def _describe_lost(lost: NDArray[np.int64], state: State) -> str:
-    places = [f"grain {k} at ({state.position[k, X]:.4g}, {state.position[k, Y]:.4g}) m" for k in lost[:NAMED].tolist()]
+    places = [
+        f"grain {k} at ({state.position[k, X]:.4g}, {state.position[k, Y]:.4g}) m"
+        for k in lost[:NAMED].tolist()
+    ]
     more = f" and {lost.size - NAMED} more" if lost.size > NAMED else ""
     verb = "is" if lost.size == 1 else "are"
     remedy = 'close the walls, add an outlet, or let them go with [domain] lost = "remove"'
     return f"{', '.join(places)}{more} {verb} beyond the domain; {remedy}"
 
 
-def _let_out(rules: InflowRules, number: int, outlet: Outlet, model: Model, state: State, keep: Callable[[], None]) -> None:
+def _let_out(
+    rules: InflowRules,
+    number: int,
+    outlet: Outlet,
+    model: Model,
+    state: State,
+    keep: Callable[[], None],
+) -> None:
     here = np.flatnonzero(state.presence == Presence.THERE)
     leaving = here[outlet.region.holds(state.position[here])]
     if not leaving.size:
@@ -228,7 +270,9 @@ def _let_out(rules: InflowRules, number: int, outlet: Outlet, model: Model, stat
     state.outlet_flow[number] += float(leaving.size), total(model.grains.mass[leaving])
     state.presence[leaving] = Presence.LEFT
     groups = [release.group for release in rules.releases]
-    returning = leaving[np.isin(model.grains.group[leaving], groups)] if outlet.returns else leaving[:0]
+    returning = (
+        leaving[np.isin(model.grains.group[leaving], groups)] if outlet.returns else leaving[:0]
+    )
     if returning.size:
         book_returned(state, model, returning)
         state.presence[returning] = Presence.WAITS
@@ -238,13 +282,17 @@ def _let_in(release: Release, model: Model, state: State, keep: Callable[[], Non
     """Release the grains of a group that are due; returns how many of them found no room."""
     group = release.group
     allowed, column = release.allowed(state.time), _MASS if release.is_mass else _GRAINS
-    queue = np.flatnonzero((state.presence == Presence.WAITS) & (model.grains.group == group)).tolist()
+    queue = np.flatnonzero(
+        (state.presence == Presence.WAITS) & (model.grains.group == group)
+    ).tolist()
     for number, grain in enumerate(queue):
         unit = float(model.grains.mass[grain]) if release.is_mass else 1.0
         owed = allowed - float(state.released[group, column])
         if owed < -ROUNDING * unit:
             return 0
-        place = find_room(release, round(float(state.released[group, _GRAINS])), grain, model, state)
+        place = find_room(
+            release, round(float(state.released[group, _GRAINS])), grain, model, state
+        )
         if place is None:
             return min(int((owed + ROUNDING * unit) / unit) + 1, len(queue) - number)
         keep()
@@ -252,7 +300,9 @@ def _let_in(release: Release, model: Model, state: State, keep: Callable[[], Non
     return 0
 
 
-def _put(grain: int, place: tuple[float, float], release: Release, model: Model, state: State) -> None:
+def _put(
+    grain: int, place: tuple[float, float], release: Release, model: Model, state: State
+) -> None:
     x, y = place
     state.position[grain] = x - model.period if 0.0 < model.period <= x else x, y, 0.0
     state.image[grain] = 0
@@ -272,10 +322,16 @@ def _forget_contacts(state: State, stayed: NDArray[np.bool_]) -> None:
     state.contact_i, state.contact_j = state.contact_i[kept], state.contact_j[kept]
     state.contact_impulse = state.contact_impulse[kept]
     kept = _among(state.mean_i, state.mean_j, stayed)
-    state.mean_i, state.mean_j, state.mean_force = state.mean_i[kept], state.mean_j[kept], state.mean_force[kept]
+    state.mean_i, state.mean_j, state.mean_force = (
+        state.mean_i[kept],
+        state.mean_j[kept],
+        state.mean_force[kept],
+    )
 
 
-def _among(first: NDArray[np.int32], second: NDArray[np.int32], chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _among(
+    first: NDArray[np.int32], second: NDArray[np.int32], chosen: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
     """Which pairs are of chosen grains, or of one of them and a wall shape."""
     last = chosen.size - 1
     return np.asarray(chosen[first] & ((second > last) | chosen[np.minimum(second, last)]))
@@ -291,7 +347,9 @@ def _fields_of(*dims: str) -> tuple[str, ...]:
 _OF_GRAINS = _fields_of("grain", "heat_grain")
 _SHAPES = ("contact_i", "contact_j", "mean_i", "mean_j")
 _SHARED = tuple(
-    name for name in stored_fields(State) if name not in (*_OF_GRAINS, *_SHAPES, *_fields_of("exchange_grain", "exchange_group"))
+    name
+    for name in stored_fields(State)
+    if name not in (*_OF_GRAINS, *_SHAPES, *_fields_of("exchange_grain", "exchange_group"))
 )
 """What the state of the grains that are present has in common with that of all grains."""
 
@@ -314,7 +372,9 @@ class Population:
         self._select()
 
     def pass_grains(self) -> bool:
-        """Let grains go and come, once before each step; returns whether any did. Raises as `pass_grains`."""
+        """Let grains go and come, once before each step; returns whether any did. Raises as
+        `pass_grains`.
+        """
         if self._has_passed:
             return False
         came = pass_grains(self._rules, self._model, self._state, self._keep)
@@ -325,11 +385,15 @@ class Population:
         return came is not None
 
     def gather(self) -> None:
-        """Let the grains that are present know what has changed in the state of all grains, but for grains themselves."""
+        """Let the grains that are present know what has changed in the state of all grains, but for
+        grains themselves.
+        """
         _share(self._state, self.present)
 
     def scatter(self) -> None:
-        """Enter into the state of all grains what has become of those that are present, at the end of a step."""
+        """Enter into the state of all grains what has become of those that are present, at the end
+        of a step.
+        """
         state, present = self._state, self.present
         _share(present, state)
         for name in _OF_GRAINS:
@@ -341,7 +405,9 @@ class Population:
         self._settle()
 
     def go_back(self) -> bool:
-        """Undo what `pass_grains` did before a step that was interrupted; returns whether there was anything."""
+        """Undo what `pass_grains` did before a step that was interrupted; returns whether there was
+        anything.
+        """
         before = self._before
         if before is not None:
             vars(self._state).update(vars(before))
@@ -356,7 +422,9 @@ class Population:
     def _keep(self) -> None:
         """Remember the state before grains come and go."""
         if self._before is None:
-            self._before = State.from_dict({name: value.copy() for name, value in self._state.as_dict().items()})
+            self._before = State.from_dict(
+                {name: value.copy() for name, value in self._state.as_dict().items()}
+            )
 
     def _select(self) -> None:
         model, state = self._model, self._state

@@ -27,16 +27,19 @@ class Rectangle:
     def holds(self, position: Floats) -> NDArray[np.bool_]:
         """Which of the points, shape ``(k, ≥ 2)``, lie in it, shape ``(k,)``."""
         x, y = position[:, X], position[:, Y]
-        return np.asarray((x >= self.low[X]) & (x <= self.high[X]) & (y >= self.low[Y]) & (y <= self.high[Y]))
+        return np.asarray(
+            (x >= self.low[X]) & (x <= self.high[X]) & (y >= self.low[Y]) & (y <= self.high[Y])
+        )
 
 
 @dataclass(frozen=True)
 class Release:
     """How the waiting grains of a group come: one after the other, in the order of their numbers.
 
-    The k-th release (from 0) is due at ``start`` + k/rate, or, with a rate of mass, at ``start`` + the mass released before it over
-    the rate. A grain takes the first of the places that ``draw(k)`` gives where it overlaps nothing; if there is none it waits, and
-    the same places are tried before the next step.
+    The k-th release (from 0) is due at ``start`` + k/rate, or, with a rate of mass, at ``start`` +
+    the mass released before it over the rate. A grain takes the first of the places that
+    ``draw(k)`` gives where it overlaps nothing; if there is none it waits, and the same places are
+    tried before the next step.
 
     Attributes:
         group: The group.
@@ -44,9 +47,11 @@ class Release:
         is_mass: Whether it is a rate of mass.
         start: Time of the first release [s].
         region: Where; grains lie wholly in it.
-        spans_period: Whether the region is the whole period wide: grains may then lie across its ends.
+        spans_period: Whether the region is the whole period wide: grains may then lie across its
+            ends.
         velocity: Velocity [m/s] and spin [rad/s] that grains come with.
-        draw: Numbers in [0, 1) for the places tried, shape ``(tries, 2)``, given the number of the release.
+        draw: Numbers in [0, 1) for the places tried, shape ``(tries, 2)``, given the number of the
+            release.
     """
 
     group: int
@@ -59,7 +64,9 @@ class Release:
     draw: Callable[[int], Floats]
 
     def allowed(self, time: float) -> float:
-        """What may have been released before the next one at a time [s]: grains, or mass [kg]; negative before the start."""
+        """What may have been released before the next one at a time [s]: grains, or mass [kg];
+        negative before the start.
+        """
         return self.rate * (time - self.start)
 
 

@@ -1,8 +1,10 @@
-"""What must be chosen before Numba is imported: where compiled kernels are kept between runs, and the threading layer.
+"""What must be chosen before Numba is imported: where compiled kernels are kept between runs, and
+the threading layer.
 
-Numba does not notice that a function *called by* a cached function has changed: the stale machine code is used without a word.
-So the cache directory is named after a digest of all sources that kernels are made of, of the Numba and Python versions and of the
-processor: an edit anywhere in them simply starts a new one, and other edits need no new compilation.
+Numba does not notice that a function *called by* a cached function has changed: the stale machine
+code is used without a word. So the cache directory is named after a digest of all sources that
+kernels are made of, of the Numba and Python versions and of the processor: an edit anywhere in them
+simply starts a new one, and other edits need no new compilation.
 """
 
 from __future__ import annotations
@@ -28,21 +30,24 @@ KEPT = 3
 """How many cache directories survive pruning."""
 
 MIN_AGE = 3600.0
-"""A cache directory used within this time [s] is never pruned: another run may still be compiling into it."""
+"""A cache directory used within this time [s] is never pruned: another run may still be compiling
+into it."""
 
 SPACE = 64 << 20
-"""A directory with less free space than this [bytes] is passed over: Numba cannot cope with a full disk."""
+"""A directory with less free space than this [bytes] is passed over: Numba cannot cope with a full
+disk."""
 
 _IMPORT = re.compile(r"^ *from (multicor_cli[\w.]*) import (\([^)]*\)|.*)$", re.MULTILINE)
 _NAME = re.compile(r"kernels-[0-9a-f]{16}-numba[\w.+]+-[\w.-]+-[0-9a-f]{8}")
 
 
 def configure_cache() -> Path | None:
-    """Set ``NUMBA_CACHE_DIR`` to a directory that holds kernels compiled from exactly these sources.
+    """Set ``NUMBA_CACHE_DIR`` to a directory that holds kernels compiled from exactly these
+    sources.
 
-    The directory lies in ``$NUMBA_CACHE_DIR`` if the user has set it, else in the user's cache directory, else (nothing
-    writable) in the temporary directory. With ``MULTICOR_NO_CACHE=1`` kernels go to a private directory that is deleted at
-    exit.
+    The directory lies in ``$NUMBA_CACHE_DIR`` if the user has set it, else in the user's cache
+    directory, else (nothing writable) in the temporary directory. With ``MULTICOR_NO_CACHE=1``
+    kernels go to a private directory that is deleted at exit.
 
     Returns:
         The cache directory, or None if nothing outlives this process.
@@ -62,14 +67,19 @@ def configure_cache() -> Path | None:
 
 
 def is_compiled() -> bool:
-    """Whether `configure_cache` has found kernels of these sources, so that (most of) the compilation is done."""
+    """Whether `configure_cache` has found kernels of these sources, so that (most of) the
+    compilation is done.
+    """
     directory = os.environ.get("NUMBA_CACHE_DIR", "")
     return bool(directory) and next(Path(directory).rglob("*.nbi"), None) is not None
 
 
 def is_kept() -> bool:
     """Whether another process with the same environment finds what is compiled here."""
-    return _may_keep() and _NAME.fullmatch(Path(os.environ.get("NUMBA_CACHE_DIR", "")).name) is not None
+    return (
+        _may_keep()
+        and _NAME.fullmatch(Path(os.environ.get("NUMBA_CACHE_DIR", "")).name) is not None
+    )
 
 
 def _may_keep() -> bool:
@@ -78,11 +88,21 @@ def _may_keep() -> bool:
 
 def cache_name() -> str:
     """Name of the cache directory of this package, interpreter and processor."""
-    return f"kernels-{_source_digest()}-numba{metadata.version('numba')}-{sys.implementation.cache_tag}-{_processor_digest()}"
+    compiler = f"numba{metadata.version('numba')}"
+    return "-".join(
+        [
+            "kernels",
+            _source_digest(),
+            compiler,
+            str(sys.implementation.cache_tag),
+            _processor_digest(),
+        ]
+    )
 
 
 def kernel_sources(root: Path) -> list[Path]:
-    """Files that machine code is made of: modules with kernels, and whatever those import from the package, near or far.
+    """Files that machine code is made of: modules with kernels, and whatever those import from the
+    package, near or far.
 
     Args:
         root: Directory of the package.
@@ -108,7 +128,11 @@ def _dotted(path: Path, root: Path) -> str:
 def _imports(text: str, known: Container[str]) -> Iterator[str]:
     """Modules of the package that a module imports, or names from."""
     for module, names in _IMPORT.findall(text):
-        yield from (name for name in (module, *(f"{module}.{word}" for word in re.findall(r"\w+", names))) if name in known)
+        yield from (
+            name
+            for name in (module, *(f"{module}.{word}" for word in re.findall(r"\w+", names)))
+            if name in known
+        )
 
 
 def _source_digest() -> str:
@@ -121,13 +145,17 @@ def _source_digest() -> str:
 
 
 def _processor_digest() -> str:
-    """Digest of the processor's name and instruction sets: a home directory may be shared by unlike machines."""
+    """Digest of the processor's name and instruction sets: a home directory may be shared by unlike
+    machines.
+    """
     try:
         lines = Path("/proc/cpuinfo").read_text(errors="replace").splitlines()
     except OSError:
         lines = []
     text = sorted({line for line in lines if line.startswith(("model name", "flags", "Features"))})
-    return hashlib.blake2b("\n".join([platform.machine(), *text]).encode(), digest_size=4).hexdigest()
+    return hashlib.blake2b(
+        "\n".join([platform.machine(), *text]).encode(), digest_size=4
+    ).hexdigest()
 
 
 def _candidates() -> Iterator[Path]:
@@ -148,7 +176,9 @@ def _candidates() -> Iterator[Path]:
 
 
 def _prepare(base: Path, name: str) -> Path | None:
-    """Create ``base/name``; None if that is impossible or if others could write to it (the cache is code that we run)."""
+    """Create ``base/name``; None if that is impossible or if others could write to it (the cache is
+    code that we run).
+    """
     directory = base / name
     try:
         base.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -200,13 +230,16 @@ def _announce(directory: Path) -> None:
 # ---- Which threading layer Numba takes. To be chosen before Numba is imported
 
 PRIORITY = "omp tbb workqueue"
-"""OpenMP first: under TBB, which Numba prefers where some other program has installed it, sweeps do not gain from threads."""
+"""OpenMP first: under TBB, which Numba prefers where some other program has installed it, sweeps do
+not gain from threads."""
 
 _CHOICES = ("NUMBA_THREADING_LAYER", "NUMBA_THREADING_LAYER_PRIORITY")
 
 
 def prefer_openmp() -> None:
-    """Prefer OpenMP unless the user's environment chooses a layer. Results do not depend on it, only speed does."""
+    """Prefer OpenMP unless the user's environment chooses a layer. Results do not depend on it,
+    only speed does.
+    """
     if any(os.environ.get(name) for name in _CHOICES):
         return
     os.environ["NUMBA_THREADING_LAYER_PRIORITY"] = PRIORITY
@@ -216,7 +249,9 @@ def prefer_openmp() -> None:
 
 
 def describe_layer() -> str:
-    """The threading layer that kernels get here, found by starting its threads; in words, also if there is none."""
+    """The threading layer that kernels get here, found by starting its threads; in words, also if
+    there is none.
+    """
     prefer_openmp()
     import numba
 
@@ -237,18 +272,26 @@ class NoThreadingLayer(Exception):
 
 
 def require_layer() -> None:
-    """Start the threads of a layer that the environment chooses: Numba complains of one that is not there in the midst of a kernel.
+    """Start the threads of a layer that the environment chooses: Numba complains of one that is not
+    there in the midst of a kernel.
 
     Raises:
         NoThreadingLayer: If it is not there.
     """
     import numba
 
-    chosen = [f"{name}={os.environ[name]}" for name in _CHOICES if os.environ.get(name) not in (None, "", PRIORITY)]
+    chosen = [
+        f"{name}={os.environ[name]}"
+        for name in _CHOICES
+        if os.environ.get(name) not in (None, "", PRIORITY)
+    ]
     if not chosen:
         return
     try:
         numba.get_num_threads()  # starts them
     except ValueError as error:
-        message = f"{', '.join(chosen)}: Numba has no such threading layer here; unset it, or choose omp or workqueue"
+        message = (
+            f"{', '.join(chosen)}: Numba has no such threading layer here; unset it, or choose "
+            "omp or workqueue"
+        )
         raise NoThreadingLayer(message) from error

@@ -1,4 +1,6 @@
-"""The decorators of all kernels, in one place: cached, IEEE arithmetic (no fastmath), division by zero gives inf."""
+"""The decorators of all kernels, in one place: cached, IEEE arithmetic (no fastmath), division by
+zero gives inf.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,8 @@ require_layer()
 F = TypeVar("F", bound=Callable[..., Any])
 
 _WITHOUT_COUNTING: dict[str, Any] = {"_nrt": False}  # known to Numba, not to its stubs
-_NO_C: dict[str, Any] = {"no_cfunc_wrapper": True}  # no second copy of a kernel for callers in C: there are none
+# no second copy of a kernel for callers in C: there are none
+_NO_C: dict[str, Any] = {"no_cfunc_wrapper": True}
 
 prange = numba.prange
 
@@ -40,15 +43,18 @@ IS_COMPILING = not numba.config.DISABLE_JIT  # type: ignore[attr-defined]
 def _inlined(function: Callable[..., Any]) -> None:
     """Let kernels call a formula.
 
-    Inlining is forced: LLVM otherwise leaves a call with some thirty arguments in the innermost loop, at three times its cost.
-    It must not allocate: Numba then need not count references to the arrays of its arguments (an atomic addition for each array
-    that is taken out of a tuple, which made the kernels over pairs 2 to 7 times slower).
+    Inlining is forced: LLVM otherwise leaves a call with some thirty arguments in the innermost
+    loop, at three times its cost. It must not allocate: Numba then need not count references to the
+    arrays of its arguments (an atomic addition for each array that is taken out of a tuple, which
+    made the kernels over pairs 2 to 7 times slower).
     """
     register_jitable(error_model="numpy", forceinline=True, **_NO_C, **_WITHOUT_COUNTING)(function)
 
 
 def _called(*modules: ModuleType) -> None:
-    """Let kernels call the functions of modules that know nothing of kernels; they are too long to be inlined everywhere."""
+    """Let kernels call the functions of modules that know nothing of kernels; they are too long to
+    be inlined everywhere.
+    """
     for module in modules:
         for function in vars(module).values():
             if inspect.isfunction(function) and function.__module__ == module.__name__:
@@ -61,22 +67,31 @@ compile_with(_inlined)
 
 def kernel(function: F) -> F:
     """Compile a serial kernel."""
-    return numba.njit(cache=True, error_model="numpy", **_NO_C)(function)  # type: ignore[return-value]
+    return numba.njit(cache=True, error_model=("numpy"), **_NO_C)(function)  # type: ignore[return-value]
 
 
 def threaded_loop(function: F) -> F:
     """Compile a kernel whose ``prange`` loops run on several threads, for other kernels to call."""
-    return numba.njit(cache=True, error_model="numpy", parallel=True, **_NO_C)(function)  # type: ignore[return-value]
+    return numba.njit(cache=True, error_model=("numpy"), parallel=True, **_NO_C)(function)  # type: ignore[return-value]
 
 
 def parallel_kernel(function: F) -> F:
-    """Compile a kernel whose ``prange`` loops run on several threads: twice, each version when it is first needed.
+    """Compile a kernel whose ``prange`` loops run on several threads: twice, each version when it
+    is first needed.
 
-    The one for a single thread compiles in half the time, and small problems need no other. Both compute the same bits. Where the
-    one for several threads is there it serves a single thread as well.
+    The one for a single thread compiles in half the time, and small problems need no other. Both
+    compute the same bits. Where the one for several threads is there it serves a single thread as
+    well.
     """
-    twin = FunctionType(function.__code__, function.__globals__, function.__name__, function.__defaults__, function.__closure__)
-    twin.__qualname__ = f"{function.__qualname__}_on_threads"  # Numba's cache knows functions by their names alone
+    twin = FunctionType(
+        function.__code__,
+        function.__globals__,
+        function.__name__,
+        function.__defaults__,
+        function.__closure__,
+    )
+    # Numba's cache knows functions by their names alone
+    twin.__qualname__ = f"{function.__qualname__}_on_threads"
     twin.__module__, twin.__annotations__ = function.__module__, function.__annotations__
     alone, on_threads = kernel(function), threaded_loop(twin)
     has_threads = False
@@ -93,9 +108,12 @@ def parallel_kernel(function: F) -> F:
 def loop_body(function: F) -> F:
     """Compile the inner loop of serial and parallel kernels into both.
 
-    For loops over whole arrays in the solver: as a `formula` the same loop takes the solve a fifth longer.
+    For loops over whole arrays in the solver: as a `formula` the same loop takes the solve a fifth
+    longer.
     """
-    return numba.njit(cache=True, error_model="numpy", forceinline=True, **_NO_C, **_WITHOUT_COUNTING)(function)  # type: ignore[return-value]
+    return numba.njit(
+        cache=True, error_model="numpy", forceinline=True, **_NO_C, **_WITHOUT_COUNTING
+    )(function)  # type: ignore[return-value]
 
 
 def elementwise(function: Callable[[float], float]) -> Callable[[Floats], Floats]:

@@ -1,4 +1,6 @@
-"""The functions of `multicor_cli.arithmetic` applied to float64 arrays of any shape; each is compiled when it is first called."""
+"""The functions of `multicor_cli.arithmetic` applied to float64 arrays of any shape; each is
+compiled when it is first called.
+"""
 
 from __future__ import annotations
 

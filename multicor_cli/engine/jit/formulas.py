@@ -1,4 +1,6 @@
-"""Scalar formulas: plain Python where Python calls them, machine code where kernels do. Does not load Numba."""
+"""Scalar formulas: plain Python where Python calls them, machine code where kernels do. Does not
+load Numba.
+"""
 
 from __future__ import annotations
 

@@ -1,11 +1,14 @@
 """Vectors of four doubles for the innermost loops of the solver, as instructions of LLVM.
 
-The four contacts of a batch share no body, so one instruction may do all four. LLVM does not find that out by itself (a contact
-reads and writes bodies that an index names), so the loop is written with vectors: a function with the decorator `vector_loop`
-writes the instructions at the place where a kernel calls it. LLVM turns them into what the processor has: AVX, or two halves of
-SSE2 or NEON. No instruction carries a fast-math flag and none is fused, so the bits are those of the scalar formula.
+The four contacts of a batch share no body, so one instruction may do all four. LLVM does not find
+that out by itself (a contact reads and writes bodies that an index names), so the loop is written
+with vectors: a function with the decorator `vector_loop` writes the instructions at the place where
+a kernel calls it. LLVM turns them into what the processor has: AVX, or two halves of SSE2 or NEON.
+No instruction carries a fast-math flag and none is fused, so the bits are those of the scalar
+formula.
 
-Where nothing is compiled (``NUMBA_DISABLE_JIT``) there are no vectors; every such loop has a scalar twin with the same bits.
+Where nothing is compiled (``NUMBA_DISABLE_JIT``) there are no vectors; every such loop has a scalar
+twin with the same bits.
 """
 
 from __future__ import annotations
@@ -31,7 +34,8 @@ _VECTOR = ir.VectorType(_DOUBLE, LANES)
 _UNDEFINED = ir.Constant(_VECTOR, ir.Undefined)
 _ZERO = ir.Constant(_VECTOR, [0.0] * LANES)
 _SIGN = 1 << 63  # bit of a double
-_EVEN, _ODD, _LOW, _HIGH = (0, 4, 2, 6), (1, 5, 3, 7), (0, 1, 4, 5), (2, 3, 6, 7)  # lanes of two vectors, side by side
+# Lanes of two vectors, side by side
+_EVEN, _ODD, _LOW, _HIGH = (0, 4, 2, 6), (1, 5, 3, 7), (0, 1, 4, 5), (2, 3, 6, 7)
 
 
 class Vector:
@@ -61,7 +65,9 @@ class Vector:
     def __abs__(self) -> Vector:
         name = f"llvm.fabs.v{LANES}f64"
         module = self.builder.module
-        function = module.globals.get(name) or ir.Function(module, ir.FunctionType(_VECTOR, [_VECTOR]), name)
+        function = module.globals.get(name) or ir.Function(
+            module, ir.FunctionType(_VECTOR, [_VECTOR]), name
+        )
         return Vector(self.builder, self.builder.call(function, [self.value]))
 
     def larger(self, other: Vector) -> Vector:
@@ -90,7 +96,9 @@ class Vector:
 
 
 class Writer:
-    """Writes the instructions of a vector loop. Indices are LLVM values of 64 bits, arrays pointers to their first element."""
+    """Writes the instructions of a vector loop. Indices are LLVM values of 64 bits, arrays pointers
+    to their first element.
+    """
 
     def __init__(self, builder: ir.IRBuilder) -> None:
         self.builder = builder
@@ -160,7 +168,9 @@ class Writer:
         """Sum of the lanes in order, from 0."""
         result: ir.Value = _DOUBLE(0.0)
         for lane in range(LANES):
-            result = self.builder.fadd(result, self.builder.extract_element(vector.value, _INT(lane)))
+            result = self.builder.fadd(
+                result, self.builder.extract_element(vector.value, _INT(lane))
+            )
         return result
 
     def largest(self, vector: Vector) -> ir.Value:
@@ -168,14 +178,18 @@ class Writer:
         result: ir.Value = _DOUBLE(0.0)
         for lane in range(LANES):
             element = self.builder.extract_element(vector.value, _INT(lane))
-            result = self.builder.select(self.builder.fcmp_ordered(">", element, result), element, result)
+            result = self.builder.select(
+                self.builder.fcmp_ordered(">", element, result), element, result
+            )
         return result
 
     def _place(self, array: ir.Value, at: ir.Value) -> ir.Value:
         return self.builder.bitcast(self.builder.gep(array, [at]), _VECTOR.as_pointer())
 
     def _shuffle(self, a: ir.Value, b: ir.Value, lanes: Sequence[int]) -> ir.Value:
-        return self.builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_INT, LANES), list(lanes)))
+        return self.builder.shuffle_vector(
+            a, b, ir.Constant(ir.VectorType(_INT, LANES), list(lanes))
+        )
 
 
 class Kept:
@@ -196,27 +210,41 @@ class Kept:
 
 
 def vector_loop(results: int) -> Callable[[Callable[..., Sequence[ir.Value]]], Callable[..., Any]]:
-    """Decorator of a function that writes a loop: makes a function of numbers and flat arrays that kernels can call.
+    """Decorator of a function that writes a loop: makes a function of numbers and flat arrays that
+    kernels can call.
 
-    The function gets a `Writer` and the arguments, arrays as pointers to their first element, and returns ``results`` numbers: what
-    a kernel gets from the call (one by itself, several as a tuple).
+    The function gets a `Writer` and the arguments, arrays as pointers to their first element, and
+    returns ``results`` numbers: what a kernel gets from the call (one by itself, several as a
+    tuple).
     """
 
     def decorate(write: Callable[..., Sequence[ir.Value]]) -> Callable[..., Any]:
         def loop(typingctx: Any, *arguments: types.Type) -> tuple[Any, Callable[..., ir.Value]]:
             del typingctx
             kinds = [_kind(argument) for argument in arguments]
-            back = types.none if results == 0 else types.float64 if results == 1 else types.UniTuple(types.float64, results)
+            back = (
+                types.none
+                if results == 0
+                else types.float64
+                if results == 1
+                else types.UniTuple(types.float64, results)
+            )
 
-            def generate(context: Any, builder: ir.IRBuilder, sig: Any, values: Sequence[ir.Value]) -> ir.Value:
+            def generate(
+                context: Any, builder: ir.IRBuilder, sig: Any, values: Sequence[ir.Value]
+            ) -> ir.Value:
                 given = [
-                    context.make_array(kind)(context, builder, value=value).data if isinstance(kind, types.Array) else value
+                    context.make_array(kind)(context, builder, value=value).data
+                    if isinstance(kind, types.Array)
+                    else value
                     for kind, value in zip(sig.args, values, strict=True)
                 ]
                 made = write(Writer(builder), *given)
                 if results == 0:
                     return context.get_dummy_value()
-                return made[0] if results == 1 else context.make_tuple(builder, sig.return_type, made)
+                return (
+                    made[0] if results == 1 else context.make_tuple(builder, sig.return_type, made)
+                )
 
             return back(*kinds), generate
 
@@ -228,7 +256,11 @@ def vector_loop(results: int) -> Callable[[Callable[..., Sequence[ir.Value]]], C
 
 
 def _kind(argument: types.Type) -> types.Type:
-    """The type that an argument is passed as: an array as it is, any integer with 64 bits, any other number as a double."""
+    """The type that an argument is passed as: an array as it is, any integer with 64 bits, any
+    other number as a double.
+    """
     if isinstance(argument, types.Array):
         return argument
-    return types.int64 if isinstance(argument, types.Integer | types.IntegerLiteral) else types.float64
+    return (
+        types.int64 if isinstance(argument, types.Integer | types.IntegerLiteral) else types.float64
+    )

@@ -1,1 +1,3 @@
-"""How bodies move: predicted and final positions, drives of walls, and the correction of overlaps."""
+"""How bodies move: predicted and final positions, drives of walls, and the correction of
+overlaps.
+"""

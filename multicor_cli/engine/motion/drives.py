@@ -14,7 +14,8 @@ from multicor_cli.arithmetic import cos, hypot, sin
 from multicor_cli.model.model import Floats
 
 REVERSAL = 0.01
-"""Share of its swing by which a table has to turn back for that to be an oscillation: measured values are noisy."""
+"""Share of its swing by which a table has to turn back for that to be an oscillation: measured
+values are noisy."""
 
 
 @dataclass(frozen=True)
@@ -40,11 +41,15 @@ class Constant:
         return 0.0
 
     def shortest_period(self, start: float, end: float) -> float:
-        """Shortest period of what it does between ``start`` and ``end`` [s]; infinite if it does not go up and down."""
+        """Shortest period of what it does between ``start`` and ``end`` [s]; infinite if it does
+        not go up and down.
+        """
         return math.inf
 
     def corners(self, start: float, end: float) -> list[float]:
-        """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]."""
+        """Times between ``start`` and ``end`` at which an integrator should begin a new step
+        [s].
+        """
         return []
 
 
@@ -75,11 +80,15 @@ class Ramp:
         return abs(self.end - self.start)
 
     def shortest_period(self, start: float, end: float) -> float:
-        """Shortest period of what it does between ``start`` and ``end`` [s]; infinite if it does not go up and down."""
+        """Shortest period of what it does between ``start`` and ``end`` [s]; infinite if it does
+        not go up and down.
+        """
         return math.inf
 
     def corners(self, start: float, end: float) -> list[float]:
-        """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]."""
+        """Times between ``start`` and ``end`` at which an integrator should begin a new step
+        [s].
+        """
         return [self.duration] if start < self.duration < end else []
 
 
@@ -109,18 +118,24 @@ class Sine:
         return 2.0 * abs(self.amplitude)
 
     def shortest_period(self, start: float, end: float) -> float:
-        """Shortest period of what it does between ``start`` and ``end`` [s]; infinite if it does not go up and down."""
+        """Shortest period of what it does between ``start`` and ``end`` [s]; infinite if it does
+        not go up and down.
+        """
         return self.period if self.amplitude else math.inf
 
     def corners(self, start: float, end: float) -> list[float]:
-        """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]: 16 in a period."""
+        """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]:
+        16 in a period.
+        """
         part = self.period / 16.0
         return [k * part for k in range(math.floor(start / part) + 1, math.ceil(end / part))]
 
 
 @dataclass(frozen=True)
 class Interpolated:
-    """Linear interpolation between ``(times, values)``; constant before the first and after the last time."""
+    """Linear interpolation between ``(times, values)``; constant before the first and after the
+    last time.
+    """
 
     times: tuple[float, ...]
     values: tuple[float, ...]
@@ -143,30 +158,41 @@ class Interpolated:
     def steepest(self) -> float:
         """Largest magnitude of its rate of change [1/s]."""
         rows = list(zip(self.times, self.values, strict=True))
-        return max((abs((v1 - v0) / (t1 - t0)) for (t0, v0), (t1, v1) in itertools.pairwise(rows)), default=0.0)
+        return max(
+            (abs((v1 - v0) / (t1 - t0)) for (t0, v0), (t1, v1) in itertools.pairwise(rows)),
+            default=0.0,
+        )
 
     def swing(self) -> float:
         """How far apart its values are at most."""
         return max(self.values) - min(self.values)
 
     def shortest_period(self, start: float, end: float) -> float:
-        """Shortest period of what it does between ``start`` and ``end`` [s]; infinite if it does not go up and down.
+        """Shortest period of what it does between ``start`` and ``end`` [s]; infinite if it does
+        not go up and down.
 
-        That is twice the shortest time from the middle of a rise to the middle of the fall that follows, or the other way round.
-        What turns back by no more than `REVERSAL` of the swing belongs to the rise or fall in which it lies.
+        That is twice the shortest time from the middle of a rise to the middle of the fall that
+        follows, or the other way round. What turns back by no more than `REVERSAL` of the swing
+        belongs to the rise or fall in which it lies.
         """
         times = [start, *self.corners(start, end), *([end] if end < math.inf else [])]
         middles = _middles(times, [self.value(t) for t in times], REVERSAL * self.swing())
         return 2.0 * min((b - a for a, b in itertools.pairwise(middles)), default=math.inf)
 
     def corners(self, start: float, end: float) -> list[float]:
-        """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]."""
-        return list(self.times[bisect.bisect_right(self.times, start) : bisect.bisect_left(self.times, end)])
+        """Times between ``start`` and ``end`` at which an integrator should begin a new step
+        [s].
+        """
+        return list(
+            self.times[bisect.bisect_right(self.times, start) : bisect.bisect_left(self.times, end)]
+        )
 
 
 @dataclass(frozen=True)
 class Shifted:
-    """A signal of an earlier stage that goes on; ``offset`` [s] is the time from that stage's start to this stage's."""
+    """A signal of an earlier stage that goes on; ``offset`` [s] is the time from that stage's start
+    to this stage's.
+    """
 
     signal: Constant | Ramp | Sine | Interpolated
     offset: float
@@ -188,19 +214,27 @@ class Shifted:
         return self.signal.swing()
 
     def shortest_period(self, start: float, end: float) -> float:
-        """Shortest period of what it does between ``start`` and ``end`` [s]; infinite if it does not go up and down."""
+        """Shortest period of what it does between ``start`` and ``end`` [s]; infinite if it does
+        not go up and down.
+        """
         return self.signal.shortest_period(self.offset + start, self.offset + end)
 
     def corners(self, start: float, end: float) -> list[float]:
-        """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]."""
-        return [t - self.offset for t in self.signal.corners(self.offset + start, self.offset + end)]
+        """Times between ``start`` and ``end`` at which an integrator should begin a new step
+        [s].
+        """
+        return [
+            t - self.offset for t in self.signal.corners(self.offset + start, self.offset + end)
+        ]
 
 
 Signal = Constant | Ramp | Sine | Interpolated | Shifted
 
 
 def _middles(times: Sequence[float], values: Sequence[float], least: float) -> list[float]:
-    """When the rises and falls of a broken line are halfway, one after the other [s]; each changes by more than ``least``."""
+    """When the rises and falls of a broken line are halfway, one after the other [s]; each changes
+    by more than ``least``.
+    """
     turns, farthest, way = [0], 0, 0.0
     for k, value in enumerate(values):
         change = value - values[farthest]
@@ -211,13 +245,19 @@ def _middles(times: Sequence[float], values: Sequence[float], least: float) -> l
             farthest, way = k, -way
     ends = list(itertools.pairwise([*turns, farthest] if way else []))
     halves = [0.5 * (values[a] + values[b]) for a, b in ends]
-    # The first and the last may be parts of longer ones: they are halfway where those beside them are, as far as they get there.
+    # The first and the last may be parts of longer ones: they are halfway where those beside them
+    # are, as far as they get there.
     beside = [*halves[1:2], *halves[1:-1], *halves[-2:-1]] if len(ends) > 1 else halves
-    return [_passing(times[a : b + 1], values[a : b + 1], half) for (a, b), half in zip(ends, beside, strict=True)]
+    return [
+        _passing(times[a : b + 1], values[a : b + 1], half)
+        for (a, b), half in zip(ends, beside, strict=True)
+    ]
 
 
 def _passing(times: Sequence[float], values: Sequence[float], level: float) -> float:
-    """When a broken line last passes a level on its way up or down [s]; its end if it does not get there, or begins beyond it."""
+    """When a broken line last passes a level on its way up or down [s]; its end if it does not get
+    there, or begins beyond it.
+    """
     sign = math.copysign(1.0, values[-1] - values[0])
     before = [k for k, value in enumerate(values) if sign * value <= sign * level]
     if not before:
@@ -245,18 +285,22 @@ class Spring:
 class DofDrive:
     """What happens to one degree of freedom of a wall during a stage.
 
-    Its motion is prescribed by ``velocity`` or ``position``, or it is driven by any of ``force``, ``stress`` and ``spring``, which
-    add up; nothing means held fixed.
+    Its motion is prescribed by ``velocity`` or ``position``, or it is driven by any of ``force``,
+    ``stress`` and ``spring``, which add up; nothing means held fixed.
 
     Attributes:
         velocity: Prescribed velocity [m/s], or spin [rad/s].
-        position: Prescribed displacement [m], or angle [rad], since the drive was named; 0 at that time.
+        position: Prescribed displacement [m], or angle [rad], since the drive was named; 0 at that
+            time.
         force: Force [N], or torque [N m].
         stress: Force per length [N/m], of x or y.
-        between: Names of the two walls whose distance across the axis is that length; None: the length of the wall itself.
+        between: Names of the two walls whose distance across the axis is that length; None: the
+            length of the wall itself.
         spring: A spring.
-        damping: Damping of a driven degree of freedom [N s/m], or [N m s]; it acts at the mid-step velocity.
-        is_kept: Whether displacements count from where they did in the stage before: the drive was named earlier.
+        damping: Damping of a driven degree of freedom [N s/m], or [N m s]; it acts at the mid-step
+            velocity.
+        is_kept: Whether displacements count from where they did in the stage before: the drive was
+            named earlier.
     """
 
     velocity: Signal | None = None
@@ -281,14 +325,15 @@ class DofDrive:
 
 @dataclass(frozen=True)
 class WallDrive:
-    """The three degrees of freedom of one wall during a stage, and its surface; default: held fixed.
+    """The three degrees of freedom of one wall during a stage, and its surface; default: held
+    fixed.
 
     Attributes:
         x: Horizontal motion.
         y: Vertical motion.
         spin: Rotation.
-        surface: V_s, with which the material of the surface runs along it while the shape stays where it is: along the normal
-            (wall → grain) turned by −90° [m/s]; None: it does not.
+        surface: V_s, with which the material of the surface runs along it while the shape stays
+            where it is: along the normal (wall → grain) turned by −90° [m/s]; None: it does not.
     """
 
     x: DofDrive = DofDrive()
@@ -329,13 +374,16 @@ class Gravity:
         return x, y, hypot(x, y)
 
     def shortest_period(self, start: float, end: float) -> float:
-        """Shortest period of its components between ``start`` and ``end`` [s]; infinite if neither goes up and down."""
+        """Shortest period of its components between ``start`` and ``end`` [s]; infinite if neither
+        goes up and down.
+        """
         return min(self.x.shortest_period(start, end), self.y.shortest_period(start, end))
 
 
 @dataclass(frozen=True)
 class TiltedGravity:
-    """Gravity by its magnitude [m/s²] and the angle [degrees] by which it is turned, counter-clockwise, from −y towards +x.
+    """Gravity by its magnitude [m/s²] and the angle [degrees] by which it is turned,
+    counter-clockwise, from −y towards +x.
 
     g = (g sin θ, −g cos θ): what a floor feels that is tilted by θ so that it descends towards +x.
     """
@@ -356,8 +404,8 @@ class TiltedGravity:
     def shortest_period(self, start: float, end: float) -> float:
         """As `Gravity.shortest_period`.
 
-        An angle that sweeps over half a turn or more goes round as fast as its steepest part would. The frequencies of angle and
-        magnitude add up, as those of factors do.
+        An angle that sweeps over half a turn or more goes round as fast as its steepest part would.
+        The frequencies of angle and magnitude add up, as those of factors do.
         """
         turn = 360.0 / self.angle.steepest() if self.angle.swing() >= 180.0 else math.inf
         angle = min(turn, self.angle.shortest_period(start, end))

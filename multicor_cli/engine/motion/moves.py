@@ -1,4 +1,6 @@
-"""Prediction and motion of the grains: q_m = q + ½Δt v, free velocities, and q⁺ = q_m + ½Δt v⁺ (Moreau–Jean, θ = ½)."""
+"""Prediction and motion of the grains: q_m = q + ½Δt v, free velocities, and q⁺ = q_m + ½Δt v⁺
+(Moreau–Jean, θ = ½).
+"""
 
 from __future__ import annotations
 
@@ -34,10 +36,11 @@ def predict(
         gravity: Acceleration of gravity [m/s²], shape ``(2,)``.
         dt: Time step [s].
         middle: q_m, shape ``(n, 3)``. **Modified.**
-        start: Bodies (v_x, v_y, a ω, 1/m) at the start of the step, shape ``(bodies, 4)``. **Grains modified.**
+        start: Bodies (v_x, v_y, a ω, 1/m) at the start of the step, shape ``(bodies, 4)``. **Grains
+            modified.**
         free: The same with the free velocities. **Grains modified.**
-        fastest: Largest speed in each chunk of grains, at the start or free [m/s]; ``nan`` if a number is not finite or absurd,
-            shape ``(chunks, 1)``. **Modified.**
+        fastest: Largest speed in each chunk of grains, at the start or free [m/s]; ``nan`` if a
+            number is not finite or absurd, shape ``(chunks, 1)``. **Modified.**
     """
     count = radius.size
     half = 0.5 * dt
@@ -51,9 +54,20 @@ def predict(
             start[i, X], start[i, Y] = vx, vy
             start[i, SURFACE], start[i, INVERSE_MASS] = radius[i] * velocity[i, SPIN], 1.0 / mass[i]
             fx, fy = vx + dt * gravity[X], vy + dt * gravity[Y]
-            free[i, X], free[i, Y], free[i, SURFACE], free[i, INVERSE_MASS] = fx, fy, start[i, SURFACE], start[i, INVERSE_MASS]
+            free[i, X], free[i, Y], free[i, SURFACE], free[i, INVERSE_MASS] = (
+                fx,
+                fy,
+                start[i, SURFACE],
+                start[i, INVERSE_MASS],
+            )
             square = max(vx * vx + vy * vy, fx * fx + fy * fy)
-            size = np.sqrt(square) + abs(start[i, SURFACE]) + abs(middle[i, X]) + abs(middle[i, Y]) + abs(middle[i, ANGLE])
+            size = (
+                np.sqrt(square)
+                + abs(start[i, SURFACE])
+                + abs(middle[i, X])
+                + abs(middle[i, Y])
+                + abs(middle[i, ANGLE])
+            )
             if not size <= LARGEST:  # or nan
                 bad = True
             best = max(best, square)
@@ -85,10 +99,11 @@ def move(
         gravity: Acceleration of gravity [m/s²], shape ``(2,)``.
         spin_factor: β = m a²/I.
         dt: Time step [s].
-        position: Positions at the end of the step (x not yet wrapped), shape ``(n, 3)``. **Modified.**
+        position: Positions at the end of the step (x not yet wrapped), shape ``(n, 3)``.
+            **Modified.**
         velocity: Velocities and spins v⁺, shape ``(n, 3)``. **Modified.**
-        sums: For each chunk of grains the kinetic energy at the end [J] and the work of gravity ΣF·½Δt(v⁻+v⁺) [J], shape
-            ``(chunks, 2)``. **Modified.**
+        sums: For each chunk of grains the kinetic energy at the end [J] and the work of gravity
+            ΣF·½Δt(v⁻+v⁺) [J], shape ``(chunks, 2)``. **Modified.**
     """
     count = radius.size
     half = 0.5 * dt
@@ -108,7 +123,9 @@ def move(
 
 @kernel
 def wrap(position: Floats, image: np.ndarray, period: float) -> None:
-    """Bring x back into [0, period) and count how often. **Modifies** ``position`` ``(n, 3)`` and ``image`` ``(n,)``."""
+    """Bring x back into [0, period) and count how often. **Modifies** ``position`` ``(n, 3)`` and
+    ``image`` ``(n,)``.
+    """
     for i in range(position.shape[0]):
         if position[i, X] >= period:
             position[i, X] -= period

@@ -1,12 +1,15 @@
-"""Position correction after a step: the overlaps that it leaves, and how the grains around them are pushed apart.
+"""Position correction after a step: the overlaps that it leaves, and how the grains around them are
+pushed apart.
 
-The correction is the smallest one in the metric of the masses, min ½ Σ m δq² with gap + n·δq ≥ −target for all near pairs. That is
-a convex problem, a contact problem without friction whose velocities are displacements; it is solved by accelerated sweeps, with
-the walls that a force drives taking part. (Pushing pairs apart one by one never ends under a heavy lid.)
+The correction is the smallest one in the metric of the masses, min ½ Σ m δq² with gap + n·δq ≥
+−target for all near pairs. That is a convex problem, a contact problem without friction whose
+velocities are displacements; it is solved by accelerated sweeps, with the walls that a force drives
+taking part. (Pushing pairs apart one by one never ends under a heavy lid.)
 
-In a flow a few contacts overlap a little in nearly every step. Every loaded contact around them can take a part of the correction
-up to the target, so that it is enough to move the grains nearby, with all others and the walls held: the first rounds do that, and
-the following ones move everything if need be.
+In a flow a few contacts overlap a little in nearly every step. Every loaded contact around them can
+take a part of the correction up to the target, so that it is enough to move the grains nearby, with
+all others and the walls held: the first rounds do that, and the following ones move everything if
+need be.
 """
 
 from __future__ import annotations
@@ -53,10 +56,12 @@ def measure_overlaps(
         gap: Gaps at q_m [m].
         cutoff: Pairs farther apart at q_m cannot overlap now [m].
         tolerance: Allowed overlap over the smaller radius.
-        gap_after: Gaps at q⁺ [m], infinite for pairs that are farther apart at q_m, shape ``(pairs,)``. **Modified.**
-        flagged: Whether grain i has a pair in its row that overlaps more, shape ``(n,)``. **Modified.**
-        found: For each chunk of grains the largest overlap over the smaller radius (0 if there is none) and the number of flagged
-            grains, shape ``(chunks, 2)``. **Modified.**
+        gap_after: Gaps at q⁺ [m], infinite for pairs that are farther apart at q_m, shape
+            ``(pairs,)``. **Modified.**
+        flagged: Whether grain i has a pair in its row that overlaps more, shape ``(n,)``.
+            **Modified.**
+        found: For each chunk of grains the largest overlap over the smaller radius (0 if there is
+            none) and the number of flagged grains, shape ``(chunks, 2)``. **Modified.**
     """
     count = row.size - 1
     for chunk in prange(found.shape[0]):
@@ -70,7 +75,9 @@ def measure_overlaps(
                     j = partner[p]
                     gap_after[p] = pair_geometry(scene, i, j)[0]
                     if gap_after[p] < 0.0:
-                        smaller = min(scene.radius[i], scene.radius[j]) if j < count else scene.radius[i]
+                        smaller = (
+                            min(scene.radius[i], scene.radius[j]) if j < count else scene.radius[i]
+                        )
                         overlap = -gap_after[p] / smaller
                         best = max(best, overlap)
                         if overlap > tolerance:
@@ -87,8 +94,12 @@ RESTART_GROWTH = 1.5  # of the change per sweep, at which the momentum restarts
 
 
 @kernel
-def pairs_within(row: NDArray[np.int64], partner: Ints, gap: Floats, near: float) -> tuple[Ints, Ints]:
-    """Pairs of the neighbor list with a ``gap`` up to ``near`` [m]: grains i, and grains or wall shapes j."""
+def pairs_within(
+    row: NDArray[np.int64], partner: Ints, gap: Floats, near: float
+) -> tuple[Ints, Ints]:
+    """Pairs of the neighbor list with a ``gap`` up to ``near`` [m]: grains i, and grains or wall
+    shapes j.
+    """
     found = 0
     for p in range(partner.size):
         if gap[p] <= near:
@@ -109,7 +120,8 @@ def surround(i: Ints, j: Ints, rings: int, marked: NDArray[np.bool_]) -> int:
 
     Args:
         i: Grain of each pair of neighbors.
-        j: The other grain, or a wall shape (a number beyond those of the grains), which is never marked.
+        j: The other grain, or a wall shape (a number beyond those of the grains), which is never
+            marked.
         rings: Number of rings, fewer than 100.
         marked: Shape ``(n,)``. **Modified.**
 
@@ -173,11 +185,14 @@ def _bodies(marked: NDArray[np.bool_], mass: Floats, wall_inverse: Floats) -> _B
 
 
 @kernel
-def _measure(scene: Scene, bodies: _Bodies, i: Ints, j: Ints, target: float, allowed: float) -> tuple[Ints, Floats]:
-    """Pairs that can be moved: their bodies; their normal, how far they may still close [m] and 1/W [kg].
+def _measure(
+    scene: Scene, bodies: _Bodies, i: Ints, j: Ints, target: float, allowed: float
+) -> tuple[Ints, Floats]:
+    """Pairs that can be moved: their bodies; their normal, how far they may still close [m] and 1/W
+    [kg].
 
-    A pair with a held body keeps an overlap between ``target`` and ``allowed``: a grain between two held ones could not be freed
-    of both.
+    A pair with a held body keeps an overlap between ``target`` and ``allowed``: a grain between two
+    held ones could not be freed of both.
     """
     n, held = scene.radius.size, bodies.mobility.shape[0] - 1
     pair, frame = np.empty((i.size, 2), np.int32), np.empty((i.size, 4))
@@ -188,20 +203,31 @@ def _measure(scene: Scene, bodies: _Bodies, i: Ints, j: Ints, target: float, all
         if a == held and b == held:
             continue
         gap, nx, ny = pair_geometry(scene, i[c], j[c])
-        give = (bodies.mobility[a, X] + bodies.mobility[b, X]) * nx * nx + (bodies.mobility[a, Y] + bodies.mobility[b, Y]) * ny * ny
+        give = (bodies.mobility[a, X] + bodies.mobility[b, X]) * nx * nx + (
+            bodies.mobility[a, Y] + bodies.mobility[b, Y]
+        ) * ny * ny
         if give > 0.0:
-            smaller = min(scene.radius[i[c]], scene.radius[j[c]]) if j[c] < n else scene.radius[i[c]]
+            smaller = (
+                min(scene.radius[i[c]], scene.radius[j[c]]) if j[c] < n else scene.radius[i[c]]
+            )
             left = target * smaller
             if (a == held or b == held) and left < -gap <= allowed * smaller:
                 left = -gap
             pair[found, FIRST], pair[found, SECOND] = a, b
-            frame[found, NX], frame[found, NY], frame[found, GAP], frame[found, _MASS] = nx, ny, gap + left, 1.0 / give
+            frame[found, NX], frame[found, NY], frame[found, GAP], frame[found, _MASS] = (
+                nx,
+                ny,
+                gap + left,
+                1.0 / give,
+            )
             found += 1
     return pair[:found], frame[:found]
 
 
 @formula
-def _push_apart(c: int, pair: Ints, frame: Floats, push: Floats, mobility: Floats, shift: Floats) -> float:
+def _push_apart(
+    c: int, pair: Ints, frame: Floats, push: Floats, mobility: Floats, shift: Floats
+) -> float:
     """Relax a pair; returns by how much it opens or closes [m]."""
     a, b = pair[c, FIRST], pair[c, SECOND]
     nx, ny = frame[c, NX], frame[c, NY]
@@ -218,15 +244,23 @@ def _push_apart(c: int, pair: Ints, frame: Floats, push: Floats, mobility: Float
 
 
 @kernel
-def _solve(pair: Ints, frame: Floats, bodies: _Bodies, enough: float, sweeps: int, memory: NDArray[np.void]) -> Floats:
-    """Displacements of the bodies [m], shape ``(b + 1, 4)``: accelerated sweeps, as in the solver of the contacts.
+def _solve(
+    pair: Ints, frame: Floats, bodies: _Bodies, enough: float, sweeps: int, memory: NDArray[np.void]
+) -> Floats:
+    """Displacements of the bodies [m], shape ``(b + 1, 4)``: accelerated sweeps, as in the solver
+    of the contacts.
 
-    ``memory`` is that of `start_loop`. It belongs to the caller: Numba frees an array after its last use, while a record of it is
-    still in use.
+    ``memory`` is that of `start_loop`. It belongs to the caller: Numba frees an array after its
+    last use, while a record of it is still in use.
     """
     shift, push = np.zeros_like(bodies.mobility), np.zeros(frame.shape[0])
     before, change, last_push = np.zeros_like(shift), np.zeros_like(shift), np.zeros_like(push)
-    now, then, last, weight = shift.reshape(-1), before.reshape(-1), change.reshape(-1), bodies.weight.reshape(-1)
+    now, then, last, weight = (
+        shift.reshape(-1),
+        before.reshape(-1),
+        change.reshape(-1),
+        bodies.weight.reshape(-1),
+    )
     loop = memory[0]
     for _ in range(sweeps):
         largest, squares = 0.0, 0.0
@@ -263,9 +297,11 @@ def separate(
     enough: float,
     sweeps: int,
 ) -> Floats:
-    """Move the marked grains by the smallest mass-weighted displacements that leave no more than a target of overlap.
+    """Move the marked grains by the smallest mass-weighted displacements that leave no more than a
+    target of overlap.
 
-    Solves min ½ Σ m δq² with gap + n·δq ≥ −target for all pairs that can be moved, linearized at the present positions.
+    Solves min ½ Σ m δq² with gap + n·δq ≥ −target for all pairs that can be moved, linearized at
+    the present positions.
 
     Args:
         scene: Shapes. **Positions modified.**
@@ -273,7 +309,8 @@ def separate(
         j: Grain or wall shape of each near pair.
         marked: Grains that may be moved, shape ``(n,)``.
         mass: Masses of the grains [kg], shape ``(n,)``.
-        wall_inverse: Inverse masses of the walls in x and y, 0 for those that are held [1/kg], shape ``(w, 2)``.
+        wall_inverse: Inverse masses of the walls in x and y, 0 for those that are held [1/kg],
+            shape ``(w, 2)``.
         target: Overlap over the smaller radius that is left.
         allowed: Overlap over the smaller radius up to which a pair with a held body is left alone.
         enough: Largest displacement of a sweep with which it ends [m].
@@ -297,15 +334,18 @@ def separate(
 # ---- No overlap may exceed 5·10⁻⁴ of the smaller radius
 
 ALLOWED = 5e-4  # overlap over the smaller radius that is left alone
-TARGET = 2.5e-4  # what the correction leaves, so that a loaded contact stays closed and the next correction is far
+# What the correction leaves, so that a loaded contact stays closed and the next correction is far
+TARGET = 2.5e-4
 FORBIDDEN = 1e-3  # a run that cannot get below this stops
 ROUNDS = 20  # of linearized corrections
 LOCAL_ROUNDS = 3  # of them with only the grains nearby
 RINGS = 4  # of neighbors that make up "nearby"
 LOCAL_SHARE = 0.5  # of all grains; if more are nearby, all are moved at once
-ENOUGH = 0.3 * ALLOWED  # largest displacement of a sweep, over the smallest radius, with which a round ends
+# Largest displacement of a sweep, over the smallest radius, with which a round ends
+ENOUGH = 0.3 * ALLOWED
 ROUND_SWEEPS = 2_000  # cap of a round
-LOCAL_SWEEPS = 200  # cap of a round with the grains nearby: some twenty do, unless what is held leaves no room
+# Cap of a round with the grains nearby: some twenty do, unless what is held leaves no room
+LOCAL_SWEEPS = 200
 
 
 @dataclass(frozen=True)
@@ -354,14 +394,16 @@ def correct_positions(
     if count == 0:
         return Correction(overlap, 0.0, 0.0, 0)
     before, wall_before = scene.position[:, :2].copy(), scene.wall_position.copy()
-    inverse = np.ascontiguousarray(motion.mobility[:, :2])  # walls are not turned; kernels are compiled anew for another layout
+    # Walls are not turned; kernels are compiled anew for another layout
+    inverse = np.ascontiguousarray(motion.mobility[:, :2])
     rounds = 0
     while count and rounds < ROUNDS:
         # Pairs that a chain of corrections may close: a few of the largest overlaps away.
         near = min(cutoff, 20.0 * overlap * float(model.grains.radius.max()))
         _correct_once(scene, model, lists, near, flagged, inverse, rounds < LOCAL_ROUNDS)
         rounds += 1
-        # Grains pushed apart may have been pushed into others that were not near at q_m: look a little farther.
+        # Grains pushed apart may have been pushed into others that were not near at q_m: look a
+        # little farther.
         overlap, count = _overlaps(scene, lists, cutoff + 0.1 * model.mean_diameter, flagged)
     if overlap > FORBIDDEN:
         raise PhysicsError(step, _name_overlap(scene, model, lists, flagged, overlap))
@@ -373,11 +415,19 @@ def correct_positions(
 
 
 def _correct_once(
-    scene: Scene, model: Model, lists: NeighborList, near: float, flagged: NDArray[np.bool_], inverse: Floats, is_local: bool
+    scene: Scene,
+    model: Model,
+    lists: NeighborList,
+    near: float,
+    flagged: NDArray[np.bool_],
+    inverse: Floats,
+    is_local: bool,
 ) -> None:
-    """One linearized correction: of the grains around the ``flagged`` ones (**modified**), or of everything.
+    """One linearized correction: of the grains around the ``flagged`` ones (**modified**), or of
+    everything.
 
-    ``inverse`` are the inverse masses of the walls in x and y, shape ``(w, 2)``; they move with everything only.
+    ``inverse`` are the inverse masses of the walls in x and y, shape ``(w, 2)``; they move with
+    everything only.
     """
     i, j = pairs_within(lists.row, lists.partner, lists.gap_after, near)
     sweeps = LOCAL_SWEEPS
@@ -386,24 +436,36 @@ def _correct_once(
     else:
         inverse = np.zeros_like(inverse)
     enough = ENOUGH * float(model.grains.radius.min())
-    shift = separate(scene, i, j, flagged, model.grains.mass, inverse, TARGET, ALLOWED, enough, sweeps)
+    shift = separate(
+        scene, i, j, flagged, model.grains.mass, inverse, TARGET, ALLOWED, enough, sweeps
+    )
     scene.wall_position[:, :2] += shift
     place_shapes(scene.kind, scene.wall, model.shapes.geometry, scene.wall_position, scene.world)
 
 
-def _overlaps(scene: Scene, lists: NeighborList, cutoff: float, flagged: NDArray[np.bool_]) -> tuple[float, int]:
-    """Largest overlap over the smaller radius, and number of grains flagged for one above `ALLOWED`; gaps go into the list."""
+def _overlaps(
+    scene: Scene, lists: NeighborList, cutoff: float, flagged: NDArray[np.bool_]
+) -> tuple[float, int]:
+    """Largest overlap over the smaller radius, and number of grains flagged for one above
+    `ALLOWED`; gaps go into the list.
+    """
     found = chunks_for(flagged.size, 2)
-    measure_overlaps(scene, lists.row, lists.partner, lists.gap, cutoff, ALLOWED, lists.gap_after, flagged, found)
+    measure_overlaps(
+        scene, lists.row, lists.partner, lists.gap, cutoff, ALLOWED, lists.gap_after, flagged, found
+    )
     return float(found[:, 0].max()), round(total(found[:, 1]))
 
 
-def _name_overlap(scene: Scene, model: Model, lists: NeighborList, flagged: NDArray[np.bool_], overlap: float) -> str:
+def _name_overlap(
+    scene: Scene, model: Model, lists: NeighborList, flagged: NDArray[np.bool_], overlap: float
+) -> str:
     """Name the pair that overlaps most."""
     worst, pair = -1.0, (0, 0)
     for i in np.flatnonzero(flagged).tolist():
         for j in lists.partner[lists.row[i] : lists.row[i + 1]].tolist():
-            smaller = min(scene.radius[i], scene.radius[j]) if j < model.grain_count else scene.radius[i]
+            smaller = (
+                min(scene.radius[i], scene.radius[j]) if j < model.grain_count else scene.radius[i]
+            )
             depth = -pair_geometry(scene, i, j)[0] / smaller
             if depth > worst:
                 worst, pair = depth, (i, j)
@@ -411,6 +473,6 @@ def _name_overlap(scene: Scene, model: Model, lists: NeighborList, flagged: NDAr
     n = model.grain_count
     other = model.name_of(j) if j < n else f"wall '{model.walls.names[model.shapes.wall[j - n]]}'"
     return (
-        f"{model.name_of(i)} and {other} overlap by {overlap:.2e} of the smaller radius and no admissible positions were found "
-        "(too many grains between prescribed walls?)"
+        f"{model.name_of(i)} and {other} overlap by {overlap:.2e} of the smaller radius and no "
+        "admissible positions were found (too many grains between prescribed walls?)"
     )

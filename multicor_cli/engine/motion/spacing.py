@@ -14,7 +14,8 @@ from multicor_cli.model.state import State
 
 @dataclass(frozen=True)
 class Spacing:
-    """Measures the distance between two walls along an axis, positive if the second one lies further along it.
+    """Measures the distance between two walls along an axis, positive if the second one lies
+    further along it.
 
     Attributes:
         lower: Index of the first wall.
@@ -48,11 +49,15 @@ class Spacing:
 
     def of(self, state: State) -> float:
         """The distance [m]."""
-        return self.distance + float(state.wall_position[self.upper, self.axis] - state.wall_position[self.lower, self.axis])
+        return self.distance + float(
+            state.wall_position[self.upper, self.axis] - state.wall_position[self.lower, self.axis]
+        )
 
 
 def wall_places(model: Model, axis: int) -> Floats:
-    """Place of each wall along an axis in its frame: the mean over its shapes [m], shape ``(w,)``; 0 without shapes."""
+    """Place of each wall along an axis in its frame: the mean over its shapes [m], shape ``(w,)``;
+    0 without shapes.
+    """
     shapes = model.shapes
     place = shapes.geometry[:, axis].copy()
     has_end = TAIL[shapes.kind] == Tail.POINT

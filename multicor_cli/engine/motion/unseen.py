@@ -1,14 +1,16 @@
 """What no step looks at: the way from q to q_m of a body whose velocity no step before has seen.
 
-A step looks for contacts at q_m and lets no pair approach by more than its gap there. So the next q_m is admissible, if that step
-is no longer, and so is the way there: nothing can be passed. This does not hold for the first step of a run, for grains that have
-just come, for the longer part of a step that is longer than the one before, and for walls that have to be elsewhere than their
-velocity leads.
+A step looks for contacts at q_m and lets no pair approach by more than its gap there. So the next
+q_m is admissible, if that step is no longer, and so is the way there: nothing can be passed. This
+does not hold for the first step of a run, for grains that have just come, for the longer part of a
+step that is longer than the one before, and for walls that have to be elsewhere than their velocity
+leads.
 
-Where such a way leads through a wall or another grain, it ends where they meet: q_m is the place at which they touch, and the
-contact law of the step does the rest, as for any impact. From there on a grain goes with the wall, or with the mean motion of two
-grains that meet; a third one goes with what it meets. Times of contact are found by conservative advancement: a gap that closes no
-faster than L lasts for gap/L (Mirtich 1996).
+Where such a way leads through a wall or another grain, it ends where they meet: q_m is the place at
+which they touch, and the contact law of the step does the rest, as for any impact. From there on a
+grain goes with the wall, or with the mean motion of two grains that meet; a third one goes with
+what it meets. Times of contact are found by conservative advancement: a gap that closes no faster
+than L lasts for gap/L (Mirtich 1996).
 """
 
 from __future__ import annotations
@@ -22,7 +24,14 @@ from numpy.typing import NDArray
 from multicor_cli.arithmetic import cos, sin
 from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.engine.geometry.radii import smaller_radius
-from multicor_cli.engine.geometry.scene import Scene, disc_disc, distance_to_whole, nearest_image, placed_shape, scene_of
+from multicor_cli.engine.geometry.scene import (
+    Scene,
+    disc_disc,
+    distance_to_whole,
+    nearest_image,
+    placed_shape,
+    scene_of,
+)
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.motion.separation import ALLOWED
 from multicor_cli.engine.motion.walls import WallMotion
@@ -32,14 +41,18 @@ from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.state import State
 
 SHORTEST = math.sqrt(2.0 * ALLOWED)
-"""Half of the shortest way through a disc or a point, over the smaller radius, that goes deeper than overlaps may be."""
+"""Half of the shortest way through a disc or a point, over the smaller radius, that goes deeper
+than overlaps may be."""
 
 _OWN = -1
-"""Motion of a grain that has met nothing; then that of a wall, by its number, or of grains that have met, by higher ones."""
+"""Motion of a grain that has met nothing; then that of a wall, by its number, or of grains that
+have met, by higher ones."""
 
 
 class Unseen(NamedTuple):
-    """Which bodies go somewhere that no step has looked at: grains, shape ``(n,)``, and walls, shape ``(w,)``."""
+    """Which bodies go somewhere that no step has looked at: grains, shape ``(n,)``, and walls,
+    shape ``(w,)``.
+    """
 
     grains: NDArray[np.bool_]
     walls: NDArray[np.bool_]
@@ -56,7 +69,8 @@ class Paths(NamedTuple):
         motion: What each grain goes with, shape ``(n,)``.
         since: Time since which it does [s], shape ``(n,)``.
         place: Its center at that time [m], shape ``(n, 2)``.
-        velocity: Its velocity from then on, at a wall that of the wall's reference point [m/s], shape ``(n, 2)``.
+        velocity: Its velocity from then on, at a wall that of the wall's reference point [m/s],
+            shape ``(n, 2)``.
     """
 
     scene: Scene
@@ -69,8 +83,11 @@ class Paths(NamedTuple):
     velocity: Floats
 
 
-def find_unseen(state: State, newcomers: NDArray[np.int64], model: Model, motion: WallMotion, dt: float) -> Unseen | None:
-    """Who goes farther in the next half step than has been looked at; None if nobody does, but for ways too short to pass anything.
+def find_unseen(
+    state: State, newcomers: NDArray[np.int64], model: Model, motion: WallMotion, dt: float
+) -> Unseen | None:
+    """Who goes farther in the next half step than has been looked at; None if nobody does, but for
+    ways too short to pass anything.
 
     Args:
         state: The state before the step.
@@ -87,7 +104,9 @@ def find_unseen(state: State, newcomers: NDArray[np.int64], model: Model, motion
         grains[newcomers] = True
         far = max(far, 0.5 * dt * _fastest(state.velocity[newcomers]))
     jump = np.abs(0.5 * (dt * motion.before - seen * state.wall_velocity))
-    jumps = np.sqrt(jump[:, X] * jump[:, X] + jump[:, Y] * jump[:, Y]) + jump[:, SPIN] * motion.extent
+    jumps = (
+        np.sqrt(jump[:, X] * jump[:, X] + jump[:, Y] * jump[:, Y]) + jump[:, SPIN] * motion.extent
+    )
     limit = 0.5 * SHORTEST * float(model.grains.radius.min())
     if max(far, float(jumps.max(initial=0.0))) <= limit:
         return None
@@ -100,7 +119,13 @@ def _fastest(velocity: Floats) -> float:
 
 
 def stop_unseen(
-    state: State, model: Model, motion: WallMotion, unseen: Unseen, lists: NeighborList, dt: float, middle: Floats
+    state: State,
+    model: Model,
+    motion: WallMotion,
+    unseen: Unseen,
+    lists: NeighborList,
+    dt: float,
+    middle: Floats,
 ) -> Floats | None:
     """Let ways that nobody has looked at end where they meet something, if any leads through it.
 
@@ -114,23 +139,31 @@ def stop_unseen(
         middle: q_m, shape ``(n, 3)``. **Modified.**
 
     Returns:
-        How far grains are from where they would have been [m], shape ``(n, 2)``; None if nothing is passed.
+        How far grains are from where they would have been [m], shape ``(n, 2)``; None if nothing is
+        passed.
 
     Raises:
         PhysicsError: If a grain is caught between two walls.
     """
     n = model.grain_count
     paths = Paths(
-        scene_of(model, state.position, state.wall_position), model.shapes.geometry, motion.before, model.grains.mass,
-        np.full(n, _OWN, np.int32), np.zeros(n), state.position[:, :2].copy(), state.velocity[:, :2].copy(),
+        scene_of(model, state.position, state.wall_position), model.shapes.geometry, motion.before,
+        model.grains.mass,
+        np.full(n, _OWN, np.int32), np.zeros(n), state.position[:, :2].copy(),
+        state.velocity[:, :2].copy(),
     )  # fmt: skip
     passing = np.zeros(n, np.bool_)
-    if not find_passing(paths, lists.row, lists.partner, unseen.grains, unseen.walls, 0.5 * dt, passing):
+    if not find_passing(
+        paths, lists.row, lists.partner, unseen.grains, unseen.walls, 0.5 * dt, passing
+    ):
         return None
     owner = np.repeat(np.arange(n, dtype=np.int32), np.diff(lists.row))
     caught, time = meet(paths, owner, lists.partner, 0.5 * dt, passing)
     if caught >= 0:
-        raise PhysicsError(state.step, _name_caught(model, paths, int(owner[caught]), int(lists.partner[caught]), time))
+        raise PhysicsError(
+            state.step,
+            _name_caught(model, paths, int(owner[caught]), int(lists.partner[caught]), time),
+        )
     free = middle[:, :2].copy()
     place_grains(paths, 0.5 * dt, middle)
     return middle[:, :2] - free
@@ -141,8 +174,9 @@ def _name_caught(model: Model, paths: Paths, grain: int, shape: int, time: float
     other = paths.motion[shape] if shape < n else model.shapes.wall[shape - n]
     first, second = model.walls.names[paths.motion[grain]], model.walls.names[other]
     return (
-        f"{model.name_of(grain)} is caught between the walls '{first}' and '{second}' in the first half of a step; "
-        f"take steps of at most {2.0 * time:.3g} s, or let the walls begin more slowly"
+        f"{model.name_of(grain)} is caught between the walls '{first}' and '{second}' in the "
+        f"first half of a step; take steps of at most {2.0 * time:.3g} s, or let the walls begin "
+        "more slowly"
     )
 
 
@@ -159,7 +193,13 @@ def _grain_at(paths: Paths, k: int, t: float) -> tuple[float, float, float, floa
     ly = y - frame[Y] - paths.since[k] * v
     c, s = cos(ago * spin), sin(ago * spin)
     rx, ry = c * lx - s * ly, s * lx + c * ly
-    return x + ago * u + rx - lx, y + ago * v + ry - ly, u - spin * ry, v + spin * rx, spin * spin * np.sqrt(lx * lx + ly * ly)
+    return (
+        x + ago * u + rx - lx,
+        y + ago * v + ry - ly,
+        u - spin * ry,
+        v + spin * rx,
+        spin * spin * np.sqrt(lx * lx + ly * ly),
+    )
 
 
 @kernel
@@ -177,7 +217,9 @@ def _approach(paths: Paths, i: int, j: int, t: float, end: float) -> tuple[float
     shape, w = j - count, scene.wall[j - count]
     frame, move = scene.wall_position[w], paths.wall_velocity[w]
     fx, fy, spin = frame[X] + t * move[X], frame[Y] + t * move[Y], move[SPIN]
-    g0, g1, g2, g3 = placed_shape(scene.kind[shape], paths.local, shape, fx, fy, frame[ANGLE] + t * spin)
+    g0, g1, g2, g3 = placed_shape(
+        scene.kind[shape], paths.local, shape, fx, fy, frame[ANGLE] + t * spin
+    )
     distance, nx, ny = distance_to_whole(x, y, scene.kind[shape], g0, g1, g2, g3, scene.period)
     # In the frame of the wall the rate of a gap is at most the speed of the center.
     u, v = u - move[X], v - move[Y]
@@ -215,10 +257,14 @@ def meeting_time(paths: Paths, i: int, j: int, begin: float, end: float) -> floa
 
 @kernel
 def _is_seen(paths: Paths, i: int, j: int, met: float, end: float) -> bool:
-    """Whether a pair that has met is found at q_m as the contact that it is: closing, and not too deep in each other."""
+    """Whether a pair that has met is found at q_m as the contact that it is: closing, and not too
+    deep in each other.
+    """
     gap, rate, fastest = _approach(paths, i, j, end, end)
     is_elsewhere = 0.0 < paths.scene.period < 2.0 * fastest * (end - met)
-    return gap <= 0.0 and rate < 0.0 and -gap <= smaller_radius(paths.scene, i, j) and not is_elsewhere
+    return (
+        gap <= 0.0 and rate < 0.0 and -gap <= smaller_radius(paths.scene, i, j) and not is_elsewhere
+    )
 
 
 @kernel
@@ -256,18 +302,28 @@ def find_passing(
 
 
 @kernel
-def _join(paths: Paths, k: int, t: float, motion: int, u: float, v: float, changed: NDArray[np.bool_]) -> None:
+def _join(
+    paths: Paths, k: int, t: float, motion: int, u: float, v: float, changed: NDArray[np.bool_]
+) -> None:
     """Let a grain go on with a motion from a time on, unless it does."""
     if paths.motion[k] != motion:
         x, y, _, _, _ = _grain_at(paths, k, t)
         paths.motion[k], paths.since[k] = motion, t
-        paths.place[k, X], paths.place[k, Y], paths.velocity[k, X], paths.velocity[k, Y] = x, y, u, v
+        paths.place[k, X], paths.place[k, Y], paths.velocity[k, X], paths.velocity[k, Y] = (
+            x,
+            y,
+            u,
+            v,
+        )
         changed[k] = True
 
 
 @kernel
-def meet(paths: Paths, owner: Ints, partner: Ints, end: float, changed: NDArray[np.bool_]) -> tuple[int, float]:
-    """Go from one meeting to the next: of two motions both go on with the older one; walls come first.
+def meet(
+    paths: Paths, owner: Ints, partner: Ints, end: float, changed: NDArray[np.bool_]
+) -> tuple[int, float]:
+    """Go from one meeting to the next: of two motions both go on with the older one; walls come
+    first.
 
     So the motion of a grain only ever becomes an older one, and meetings come to an end.
 
@@ -290,7 +346,9 @@ def meet(paths: Paths, owner: Ints, partner: Ints, end: float, changed: NDArray[
             i, j = owner[p], partner[p]
             if changed[i] or (j < count and changed[j]):
                 mine = paths.motion[i]
-                is_one = mine >= 0 and mine == (paths.motion[j] if j < count else scene.wall[j - count])
+                is_one = mine >= 0 and mine == (
+                    paths.motion[j] if j < count else scene.wall[j - count]
+                )
                 time[p] = np.inf if is_one else meeting_time(paths, i, j, now, end)
             if time[p] < end and (first < 0 or time[p] < time[first]):
                 first = p
@@ -313,7 +371,11 @@ def meet(paths: Paths, owner: Ints, partner: Ints, end: float, changed: NDArray[
             motion, u, v = other, paths.wall_velocity[other, X], paths.wall_velocity[other, Y]
         else:
             leader = i if other < 0 or 0 <= mine < other else j
-            motion, u, v = paths.motion[leader], paths.velocity[leader, X], paths.velocity[leader, Y]
+            motion, u, v = (
+                paths.motion[leader],
+                paths.velocity[leader, X],
+                paths.velocity[leader, Y],
+            )
         _join(paths, i, now, motion, u, v, changed)
         if j < count:
             _join(paths, j, now, motion, u, v, changed)
@@ -321,7 +383,9 @@ def meet(paths: Paths, owner: Ints, partner: Ints, end: float, changed: NDArray[
 
 @kernel
 def place_grains(paths: Paths, t: float, middle: Floats) -> None:
-    """Put the grains that have met something where they are at a time; ``middle`` of shape ``(n, ≥ 2)`` is **modified**."""
+    """Put the grains that have met something where they are at a time; ``middle`` of shape
+    ``(n, ≥ 2)`` is **modified**.
+    """
     for k in range(paths.motion.size):
         if paths.motion[k] >= 0:
             middle[k, X], middle[k, Y], _, _, _ = _grain_at(paths, k, t)

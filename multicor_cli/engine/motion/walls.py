@@ -1,4 +1,6 @@
-"""Motion of the walls in a step: prescribed velocities and positions, and degrees of freedom driven by loads and springs."""
+"""Motion of the walls in a step: prescribed velocities and positions, and degrees of freedom driven
+by loads and springs.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.engine.geometry.drift import ApproachBound, Drift, bound_approach, shape_velocities
+from multicor_cli.engine.geometry.drift import (
+    ApproachBound,
+    Drift,
+    bound_approach,
+    shape_velocities,
+)
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.motion.drives import DofDrive, Signal, WallDrive
 from multicor_cli.engine.motion.spacing import Spacing
@@ -19,9 +26,10 @@ from multicor_cli.model.state import State
 class WallMotion:
     """The drives of one stage, evaluated step by step.
 
-    Conventions (theory §2): V⁻ is the wall's velocity at the end of the previous step, V⁺ = V(t + Δt); where the position is
-    prescribed, both follow from it. Loads act at t + ½Δt, damping and springs at the mean velocity and displacement of the step,
-    so that the effective mass is M + ½cΔt + ¼kΔt².
+    Conventions (theory §2): V⁻ is the wall's velocity at the end of the previous step, V⁺ = V(t +
+    Δt); where the position is prescribed, both follow from it. Loads act at t + ½Δt, damping and
+    springs at the mean velocity and displacement of the step, so that the effective mass is M +
+    ½cΔt + ¼kΔt².
 
     Attributes:
         driven: Which degrees of freedom loads or springs drive, shape ``(w, 3)``.
@@ -30,14 +38,16 @@ class WallMotion:
         damping: Damping coefficients of driven degrees of freedom, shape ``(w, 3)``.
         stiffness: Stiffness of their springs, shape ``(w, 3)``.
         before: V⁻, shape ``(w, 3)``; set by `predict`.
-        load: Forces and torques at mid-step, gravity left out, but those of springs at the start of the step, shape ``(w, 3)``; set
-            by `predict`.
+        load: Forces and torques at mid-step, gravity left out, but those of springs at the start of
+            the step, shape ``(w, 3)``; set by `predict`.
         weight: Weights of the driven degrees of freedom, shape ``(w, 3)``; set by `predict`.
         mobility: Inverse masses, 0 where not driven, shape ``(w, 3)``.
-        inverse: Inverse effective masses of the step, 0 where not driven, shape ``(w, 3)``; set by `predict`.
+        inverse: Inverse effective masses of the step, 0 where not driven, shape ``(w, 3)``; set by
+            `predict`.
         belt_before: −V_s⁻, as in column `BELT` of the bodies, shape ``(w,)``; set by `predict`.
         belt: −V_s⁺, shape ``(w,)``; set by `predict`.
-        extent: How far the shapes of each wall reach from its reference point [m]; planes are given 1 m, shape ``(w,)``.
+        extent: How far the shapes of each wall reach from its reference point [m]; planes are given
+            1 m, shape ``(w,)``.
     """
 
     def __init__(self, model: Model, drives: list[WallDrive]) -> None:
@@ -46,16 +56,26 @@ class WallMotion:
             raise ValueError(message)
         w = model.wall_count
         dofs = [drive.dofs() for drive in drives]
-        self._drives = [(wall, d, drive) for wall, of_wall in enumerate(dofs) for d, drive in enumerate(of_wall)]
-        self.driven: NDArray[np.bool_] = np.array([drive.is_driven for _, _, drive in self._drives], bool).reshape(w, 3)
+        self._drives = [
+            (wall, d, drive) for wall, of_wall in enumerate(dofs) for d, drive in enumerate(of_wall)
+        ]
+        self.driven: NDArray[np.bool_] = np.array(
+            [drive.is_driven for _, _, drive in self._drives], bool
+        ).reshape(w, 3)
         self.is_free: NDArray[np.bool_] = np.asarray(self.driven.any(axis=1))
-        masses = np.column_stack([model.walls.mass, model.walls.mass, model.walls.inertia]).reshape(w, 3)
+        masses = np.column_stack([model.walls.mass, model.walls.mass, model.walls.inertia]).reshape(
+            w, 3
+        )
         if np.isnan(masses[self.driven]).any():
             message = "a wall driven by a force needs a mass, and one driven by a torque an inertia"
             raise ValueError(message)
         self.mass: Floats = np.where(self.driven, masses, 0.0)
-        self.damping: Floats = np.array([drive.damping for _, _, drive in self._drives]).reshape(w, 3)
-        springs = [0.0 if drive.spring is None else drive.spring.stiffness for _, _, drive in self._drives]
+        self.damping: Floats = np.array([drive.damping for _, _, drive in self._drives]).reshape(
+            w, 3
+        )
+        springs = [
+            0.0 if drive.spring is None else drive.spring.stiffness for _, _, drive in self._drives
+        ]
         self.stiffness: Floats = np.array(springs).reshape(w, 3)
         self.weight: Floats = np.zeros((w, 3))
         self._is_heavy: NDArray[np.bool_] = self.driven & model.walls.has_gravity[:, None]
@@ -66,14 +86,18 @@ class WallMotion:
         self.inverse: Floats = np.zeros((w, 3))
         self.belt_before: Floats = np.zeros(w)
         self.belt: Floats = np.zeros(w)
-        self._surfaces = [(wall, drive.surface) for wall, drive in enumerate(drives) if drive.surface is not None]
+        self._surfaces = [
+            (wall, drive.surface) for wall, drive in enumerate(drives) if drive.surface is not None
+        ]
         self._start: Floats = np.zeros((w, 3))
         self._length: Floats = np.repeat(model.walls.length[:, None], 3, axis=1)
         self._spacings = _spacings(model, self._drives)
         self.extent: Floats = _extents(model)
 
     def origins(self, state: State) -> Floats:
-        """What `State.wall_origin` is from the start of the stage on: a drive that is kept counts from where it did."""
+        """What `State.wall_origin` is from the start of the stage on: a drive that is kept counts
+        from where it did.
+        """
         if not any(drive.has_origin for _, _, drive in self._drives):
             return np.empty((0, 3))
         origin = state.wall_position.copy()
@@ -83,7 +107,8 @@ class WallMotion:
         return origin
 
     def predict(self, state: State, gravity: Floats, t: float, dt: float) -> Floats:
-        """Velocities V⁺ of the prescribed degrees of freedom and free velocities of the driven ones, shape ``(w, 3)``.
+        """Velocities V⁺ of the prescribed degrees of freedom and free velocities of the driven
+        ones, shape ``(w, 3)``.
 
         Args:
             state: The state before the step.
@@ -96,7 +121,11 @@ class WallMotion:
         for (w, d), spacing in self._spacings.items():
             self._length[w, d] = abs(spacing.of(state))
         for w, d, drive in self._drives:
-            u = float(state.wall_position[w, d] - state.wall_origin[w, d]) if drive.has_origin else 0.0
+            u = (
+                float(state.wall_position[w, d] - state.wall_origin[w, d])
+                if drive.has_origin
+                else 0.0
+            )
             if drive.is_driven:
                 self.load[w, d] = _load(drive, float(self._length[w, d]), u, t + 0.5 * dt)
             elif drive.position is not None:
@@ -113,7 +142,9 @@ class WallMotion:
         return after
 
     def _set_free(self, after: Floats, gravity: Floats, dt: float) -> None:
-        """Free velocities of the driven degrees of freedom: (M + h) V⁺ = (M − h) V⁻ + Δt F with h = ½cΔt + ¼kΔt²."""
+        """Free velocities of the driven degrees of freedom: (M + h) V⁺ = (M − h) V⁻ + Δt F with h =
+        ½cΔt + ¼kΔt².
+        """
         driven = self.driven
         self.weight = np.where(self._is_heavy, self.mass * np.append(gravity, 0.0), 0.0)
         half = 0.5 * dt * self.damping + 0.25 * dt * dt * self.stiffness
@@ -122,16 +153,24 @@ class WallMotion:
         after[driven] = free[driven]
 
     def surface_after(self, state: State) -> Floats:
-        """What `State.wall_surface` is after the step: V_s⁺, or nothing as long as no surface has ever run."""
+        """What `State.wall_surface` is after the step: V_s⁺, or nothing as long as no surface has
+        ever run.
+        """
         return 0.0 - self.belt if self._surfaces or state.wall_surface.size else state.wall_surface
 
     def pressure(self) -> float:
         """Largest load per length of a wall [N/m]."""
-        loads = ((abs(self.load[w, d] + self.weight[w, d]), self._length[w, d]) for w, d in self._pushed if d < SPIN)
+        loads = (
+            (abs(self.load[w, d] + self.weight[w, d]), self._length[w, d])
+            for w, d in self._pushed
+            if d < SPIN
+        )
         return float(max((force / length for force, length in loads if length > 0.0), default=0.0))
 
     def load_work(self, mean: Floats, dt: float) -> float:
-        """Work of the loads and springs on walls that move with ``mean`` = ½(V⁻ + V⁺), shape ``(w, 3)``, in a step [J]."""
+        """Work of the loads and springs on walls that move with ``mean`` = ½(V⁻ + V⁺), shape
+        ``(w, 3)``, in a step [J].
+        """
         return dt * total((self.load - 0.5 * dt * self.stiffness * mean) * mean)
 
     def shift_work(self, end: Floats, shift: Floats) -> float:
@@ -148,20 +187,35 @@ class WallMotion:
         return total(0.5 * self.mass * velocity * velocity)
 
     def closing(self, drift: Drift, scene: Scene, *velocities: Floats) -> ApproachBound:
-        """Bounds on how fast shapes come closer [m/s], given velocities of the grains and one or more of the walls ``(w, 3)``."""
+        """Bounds on how fast shapes come closer [m/s], given velocities of the grains and one or
+        more of the walls ``(w, 3)``.
+        """
         vectors, turn = np.empty((len(scene.world), 2)), np.empty(len(scene.world))
         closing = ApproachBound(0.0, 0.0, 0.0, 0.0)
         for velocity in velocities:
-            shape_velocities(scene.kind, scene.wall, scene.world, scene.wall_position, velocity, self.extent, vectors, turn)
-            closing = closing.or_faster(bound_approach(scene.kind, drift, scene.world, vectors, turn))
+            shape_velocities(
+                scene.kind,
+                scene.wall,
+                scene.world,
+                scene.wall_position,
+                velocity,
+                self.extent,
+                vectors,
+                turn,
+            )
+            closing = closing.or_faster(
+                bound_approach(scene.kind, drift, scene.world, vectors, turn)
+            )
         return closing
 
 
 def follow(position: Signal, u: float, t: float, dt: float) -> tuple[float, float]:
-    """Velocities V⁻ and V⁺ of a step whose displacement ½Δt (V⁻ + V⁺) leads to where the signal s is after it (derived; theory §2).
+    """Velocities V⁻ and V⁺ of a step whose displacement ½Δt (V⁻ + V⁺) leads to where the signal s
+    is after it (derived; theory §2).
 
-    V⁺ = [s(t + 2Δt) − s(t)]/2Δt, the velocity at t + Δt to second order, depends on the signal alone, so that no oscillation can
-    build up, and adds up to the displacement over many steps. V⁻ makes good what is left.
+    V⁺ = [s(t + 2Δt) − s(t)]/2Δt, the velocity at t + Δt to second order, depends on the signal
+    alone, so that no oscillation can build up, and adds up to the displacement over many steps. V⁻
+    makes good what is left.
 
     Args:
         position: Displacement since the drive was named [m], or angle [rad].
@@ -174,7 +228,9 @@ def follow(position: Signal, u: float, t: float, dt: float) -> tuple[float, floa
 
 
 def _load(drive: DofDrive, length: float, u: float, t: float) -> float:
-    """Force or torque on a driven degree of freedom with the displacement ``u``, at the time ``t``."""
+    """Force or torque on a driven degree of freedom with the displacement ``u``, at the time
+    ``t``.
+    """
     load = 0.0 if drive.force is None else drive.force.value(t)
     if drive.stress is not None:
         load += drive.stress.value(t) * length
@@ -183,9 +239,17 @@ def _load(drive: DofDrive, length: float, u: float, t: float) -> float:
     return load
 
 
-def _spacings(model: Model, drives: list[tuple[int, int, DofDrive]]) -> dict[tuple[int, int], Spacing]:
-    """What measures the length for a stress, where that is the distance of two walls across the axis."""
-    return {(w, d): Spacing.between(model, *drive.between, Y if d == X else X) for w, d, drive in drives if drive.between}
+def _spacings(
+    model: Model, drives: list[tuple[int, int, DofDrive]]
+) -> dict[tuple[int, int], Spacing]:
+    """What measures the length for a stress, where that is the distance of two walls across the
+    axis.
+    """
+    return {
+        (w, d): Spacing.between(model, *drive.between, Y if d == X else X)
+        for w, d, drive in drives
+        if drive.between
+    }
 
 
 def _inverse_where(chosen: NDArray[np.bool_], values: Floats) -> Floats:
@@ -194,7 +258,9 @@ def _inverse_where(chosen: NDArray[np.bool_], values: Floats) -> Floats:
 
 
 def _extents(model: Model) -> Floats:
-    """How far the shapes of each wall reach from its reference point [m]; planes reach across all grains and are given 1 m."""
+    """How far the shapes of each wall reach from its reference point [m]; planes reach across all
+    grains and are given 1 m.
+    """
     kind, (x, y, u, v) = model.shapes.kind, model.shapes.geometry.T
     head, tail = np.sqrt(x * x + y * y), np.sqrt(u * u + v * v)
     outermost = np.where(TAIL[kind] == Tail.POINT, np.maximum(head, tail), head)

@@ -10,7 +10,9 @@ __all__ = ["check_all"]
 
 
 def check_all(tables: PartialScenario) -> list[Refused]:
-    """All findings about how the tables fit together; tables that are invalid on their own are passed over."""
+    """All findings about how the tables fit together; tables that are invalid on their own are
+    passed over.
+    """
     checks = (
         laws.check,
         grains.check,

@@ -1,4 +1,6 @@
-"""Groups of grains and walls fit together, into the domain and into their regions; grains that come and go find their places."""
+"""Groups of grains and walls fit together, into the domain and into their regions; grains that come
+and go find their places.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,8 @@ from multicor_cli.scenario.walls import Glued, Wall
 # ---- Groups of grains fit together, into the domain and into their regions
 
 MAX_GRAINS = 50_000_000
-"""More grains than any machine can hold today; a file that claims more is refused before memory is taken."""
+"""More grains than any machine can hold today; a file that claims more is refused before memory is
+taken."""
 _SLACK = 1e-9
 
 
@@ -47,7 +50,11 @@ def double_names(names: Sequence[str | None], table: str) -> Iterator[Refused]:
     first: dict[str, int] = {}
     for k, name in enumerate(names):
         if name is not None and first.setdefault(name, k) != k:
-            yield Refused((table, k, "name"), f"{show(name)} is also the name of {table}.{first[name]}", "give another name")
+            yield Refused(
+                (table, k, "name"),
+                f"{show(name)} is also the name of {table}.{first[name]}",
+                "give another name",
+            )
 
 
 def _unlike_shapes(tables: PartialScenario) -> Iterator[Refused]:
@@ -67,20 +74,35 @@ def _unlike_starts(tables: PartialScenario) -> Iterator[Refused]:
         if tables.has_start:
             kind = "no packing" if group.packing is None else f'kind = "{group.packing.kind}"'
             what = f"{kind} beside a table [start], whose run has all the grains"
-            remedy = 'remove [[particles]], or [start]; packing = { kind = "start" } names a group of the run'
+            remedy = (
+                'remove [[particles]], or [start]; packing = { kind = "start" } names a group of '
+                "the run"
+            )
         else:
-            what, remedy = 'kind = "start" without a table [start]', 'add [start] with run = "...", or use another packing'
+            what, remedy = (
+                'kind = "start" without a table [start]',
+                'add [start] with run = "...", or use another packing',
+            )
         yield Refused(("particles", k, "packing"), what, remedy)
 
 
 def _check_group(path: KeyPath, group: ParticleGroup, domain: Domain) -> Iterator[Refused]:
     region = group.placed_in(domain)
     if domain.periodic and not (region.left >= 0.0 and region.right <= domain.size[0]):
-        what = f"reaches from x = {region.left:g} to {region.right:g}, beyond the period from 0 to {domain.size[0]:g}"
+        what = (
+            f"reaches from x = {region.left:g} to {region.right:g}, beyond the period from 0 to "
+            f"{domain.size[0]:g}"
+        )
         yield Refused((*path, "region"), what, "keep it inside [domain] size")
-    if isinstance(group.packing, CompactedPacking | TilePacking) and not isinstance(region, RectangleRegion):
+    if isinstance(group.packing, CompactedPacking | TilePacking) and not isinstance(
+        region, RectangleRegion
+    ):
         what = f'packing kind = "{group.packing.kind}" fills rectangles only, not the {region}'
-        yield Refused((*path, "region"), what, 'use region = { min, max }, or packing kind = "lattice", "random" or "deposited"')
+        yield Refused(
+            (*path, "region"),
+            what,
+            'use region = { min, max }, or packing kind = "lattice", "random" or "deposited"',
+        )
     if isinstance(group.packing, DepositedPacking) and domain.gravity[1] >= 0.0:
         yield _no_weight((*path, "packing"), domain)
     if group.sizes is not None:
@@ -89,18 +111,27 @@ def _check_group(path: KeyPath, group: ParticleGroup, domain: Domain) -> Iterato
         yield from _check_tile(path, group.packing, region, domain)
 
 
-def _check_sizes(path: KeyPath, group: ParticleGroup, region: Region, domain: Domain) -> Iterator[Refused]:
+def _check_sizes(
+    path: KeyPath, group: ParticleGroup, region: Region, domain: Domain
+) -> Iterator[Refused]:
     assert group.sizes is not None
     diameter = 2.0 * group.sizes.largest
     tile = group.packing.tile if isinstance(group.packing, TilePacking) else (math.inf, math.inf)
     room = min(region.room, *tile)
     if diameter > room * (1.0 + _SLACK):
         is_plain = isinstance(region, RectangleRegion)
-        place = f"{min(region.width, tile[0]):g} × {min(region.height, tile[1]):g} m" if is_plain else f"the {region}"
+        place = (
+            f"{min(region.width, tile[0]):g} × {min(region.height, tile[1]):g} m"
+            if is_plain
+            else f"the {region}"
+        )
         what = f"grains of diameter {diameter:g} m do not fit into {place}"
         yield Refused((*path, "sizes"), what, "give radii and lengths in meters")
     elif domain.periodic and domain.size[0] < LEAST_DIAMETERS * diameter:
-        what = f"the period {domain.size[0]:g} m is less than four of the largest diameters, {diameter:g} m"
+        what = (
+            f"the period {domain.size[0]:g} m is less than four of the largest diameters, "
+            f"{diameter:g} m"
+        )
         yield Refused((*path, "sizes"), what, "widen the domain or use smaller grains")
     elif group.count is not None and _least_area(group, group.count) > region.area().size:
         what = f"{group.count} grains cover more than the {region}"
@@ -112,7 +143,9 @@ def _least_area(group: ParticleGroup, count: int) -> float:
     return count * math.pi * group.sizes.smallest * group.sizes.smallest
 
 
-def _check_tile(path: KeyPath, packing: TilePacking, region: Region, domain: Domain) -> Iterator[Refused]:
+def _check_tile(
+    path: KeyPath, packing: TilePacking, region: Region, domain: Domain
+) -> Iterator[Refused]:
     width, height = (packing.tile[axis] * packing.repeat[axis] for axis in (0, 1))
     if width > region.width * (1.0 + _SLACK) or height > region.height * (1.0 + _SLACK):
         covered = f"{packing.repeat[0]} × {packing.repeat[1]} tiles cover {width:g} × {height:g} m"
@@ -128,7 +161,9 @@ def _no_weight(path: KeyPath, domain: Domain) -> Refused:
 
 
 def _too_many(tables: PartialScenario) -> Iterator[Refused]:
-    """The total number of grains is bounded; counted from below where it follows from an area fraction."""
+    """The total number of grains is bounded; counted from below where it follows from an area
+    fraction.
+    """
     total = 0.0
     for k, group in enumerate(tables.particles):
         if group is None or tables.domain is None:
@@ -136,7 +171,11 @@ def _too_many(tables: PartialScenario) -> Iterator[Refused]:
         total += _least_count(group, tables.domain)
         if total > MAX_GRAINS:
             what = f"there would be at least {total:.3g} grains, more than {MAX_GRAINS:.3g}"
-            yield Refused(("particles", k), what, "use fewer or larger grains; radii and lengths are in meters")
+            yield Refused(
+                ("particles", k),
+                what,
+                "use fewer or larger grains; radii and lengths are in meters",
+            )
             return
 
 
@@ -146,18 +185,24 @@ def _least_count(group: ParticleGroup, domain: Domain) -> float:
         return 0.0
     largest_area = math.pi * sizes.largest * sizes.largest
     if isinstance(packing, TilePacking):
-        one = packing.tile_count or (packing.tile_fill or 0.0) * packing.tile[0] * packing.tile[1] / largest_area
+        one = (
+            packing.tile_count
+            or (packing.tile_fill or 0.0) * packing.tile[0] * packing.tile[1] / largest_area
+        )
         return one * packing.repeat[0] * packing.repeat[1]
     region = group.placed_in(domain)
     return group.count or (group.fill or 0.0) * region.area().size / largest_area
 
 
-# ---- Grains that come and go find their places: releases and outlets fit into the domain, and to each other
+# ---- Grains that come and go find their places: releases and outlets fit into the domain, and to
+#      each other
 
 
 def check_exchange(tables: PartialScenario) -> Iterator[Refused]:
     """Findings about releases and outlets."""
-    yield from double_names([outlet.name if outlet else None for outlet in tables.outlets], "outlets")
+    yield from double_names(
+        [outlet.name if outlet else None for outlet in tables.outlets], "outlets"
+    )
     for k, group in enumerate(tables.particles):
         if group is not None and group.release is not None and tables.domain is not None:
             yield from _check_release(("particles", k), group, tables.domain)
@@ -169,32 +214,66 @@ def check_exchange(tables: PartialScenario) -> Iterator[Refused]:
 def _check_release(path: KeyPath, group: ParticleGroup, domain: Domain) -> Iterator[Refused]:
     assert group.release is not None
     region, (width, height) = group.release.region, domain.size
-    if not (region.min[0] >= 0.0 and region.max[0] <= width and region.min[1] >= 0.0 and region.max[1] <= height):
-        what = f"reaches from {list(region.min)} to {list(region.max)} m, beyond the domain of {width:g} × {height:g} m"
-        yield Refused((*path, "release", "region"), what, "keep it inside [domain] size, or enlarge that")
+    if not (
+        region.min[0] >= 0.0
+        and region.max[0] <= width
+        and region.min[1] >= 0.0
+        and region.max[1] <= height
+    ):
+        what = (
+            f"reaches from {list(region.min)} to {list(region.max)} m, beyond the domain of "
+            f"{width:g} × {height:g} m"
+        )
+        yield Refused(
+            (*path, "release", "region"), what, "keep it inside [domain] size, or enlarge that"
+        )
     if group.sizes is not None:
         diameter = 2.0 * group.sizes.largest
         if diameter > min(region.width, region.height) * (1.0 + _SLACK):
-            what = f"grains of diameter {diameter:g} m never fit into the region of {region.width:g} × {region.height:g} m"
-            yield Refused((*path, "release", "region"), what, "enlarge it: grains are released wholly inside")
-    if group.packing is None and isinstance(group.temperature, GradientTemperature | RegionsTemperature):
+            what = (
+                f"grains of diameter {diameter:g} m never fit into the region of {region.width:g} "
+                f"× {region.height:g} m"
+            )
+            yield Refused(
+                (*path, "release", "region"), what, "enlarge it: grains are released wholly inside"
+            )
+    if group.packing is None and isinstance(
+        group.temperature, GradientTemperature | RegionsTemperature
+    ):
         what = "the temperature depends on the place, but grains that wait have none"
-        yield Refused((*path, "temperature"), what, "give one temperature [K], or one for each grain")
+        yield Refused(
+            (*path, "temperature"), what, "give one temperature [K], or one for each grain"
+        )
 
 
 def _check_outlet(path: KeyPath, outlet: Outlet, tables: PartialScenario) -> Iterator[Refused]:
     groups = [(k, group) for k, group in enumerate(tables.particles) if group is not None]
     for k, group in groups:
         if group.release is not None and _overlap(outlet.region, group.release.region):
-            what = f"overlaps the release region of particles.{k}: grains would leave where they come"
+            what = (
+                f"overlaps the release region of particles.{k}: grains would leave where they come"
+            )
             yield Refused((*path, "region"), what, "move one of the two")
-    if outlet.then == "release" and len(groups) == len(tables.particles) and not any(group.release for _, group in groups):
+    if (
+        outlet.then == "release"
+        and len(groups) == len(tables.particles)
+        and not any(group.release for _, group in groups)
+    ):
         what = "grains are to be released again, but no group has a release"
-        yield Refused((*path, "then"), what, 'give a group release = { rate = ..., region = ... }, or use then = "remove"')
+        yield Refused(
+            (*path, "then"),
+            what,
+            'give a group release = { rate = ..., region = ... }, or use then = "remove"',
+        )
     domain = tables.domain
-    if domain is not None and domain.periodic and not (outlet.region.min[0] >= 0.0 and outlet.region.max[0] <= domain.size[0]):
+    if (
+        domain is not None
+        and domain.periodic
+        and not (outlet.region.min[0] >= 0.0 and outlet.region.max[0] <= domain.size[0])
+    ):
         what = (
-            f"reaches from x = {outlet.region.min[0]:g} to {outlet.region.max[0]:g}, beyond the period from 0 to {domain.size[0]:g}"
+            f"reaches from x = {outlet.region.min[0]:g} to {outlet.region.max[0]:g}, beyond the "
+            f"period from 0 to {domain.size[0]:g}"
         )
         yield Refused((*path, "region"), what, "keep it within the period: x is counted there")
 
@@ -240,7 +319,8 @@ def _check_glued(path: KeyPath, glued: Glued, tables: PartialScenario) -> Iterat
         yield from _check_room(path, glued, named)
     elif named is not None and named not in tables.group_names:
         known = [name for name in tables.group_names if name]
-        if not known or len(known) < len(tables.group_names):  # the group that is meant may be one without a name
+        # The group that is meant may be one without a name
+        if not known or len(known) < len(tables.group_names):
             return
         remedy = did_you_mean(named, known) or f"use one of {name_list(known)}, or a table of sizes"
         yield Refused(path, f"there is no group of particles {show(named)}", remedy)
@@ -249,14 +329,19 @@ def _check_glued(path: KeyPath, glued: Glued, tables: PartialScenario) -> Iterat
         yield from _check_borrowed(path, glued, group, tables)
 
 
-def _check_borrowed(path: KeyPath, glued: Glued, group: ParticleGroup | None, tables: PartialScenario) -> Iterator[Refused]:
+def _check_borrowed(
+    path: KeyPath, glued: Glued, group: ParticleGroup | None, tables: PartialScenario
+) -> Iterator[Refused]:
     """Glued grains with the sizes of a group of free grains."""
     if group is None:
         return
     if group.sizes is None:
         what = f"the group '{group.name}' has no sizes that the glued grains could have"
-        yield Refused(path, what, 'give them here, as { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }')
-    elif tables.domain and 2.0 * group.sizes.largest <= min(tables.domain.size):  # if larger, the group itself is told
+        yield Refused(
+            path, what, 'give them here, as { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }'
+        )
+    # if larger, the group itself is told
+    elif tables.domain and 2.0 * group.sizes.largest <= min(tables.domain.size):
         yield from _check_room(path, glued, group.sizes)
 
 

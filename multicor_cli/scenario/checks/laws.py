@@ -1,4 +1,6 @@
-"""Materials are defined, every pair that can touch has one contact law, and heat has what it needs."""
+"""Materials are defined, every pair that can touch has one contact law, and heat has what it
+needs.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +8,14 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import combinations_with_replacement
 
 from multicor_cli.scenario.loading import AnyCondition, FlowCondition, TemperatureCondition
-from multicor_cli.scenario.materials import MAX_MATERIALS, ContactPair, Heat, Material, Need, PairFriction
+from multicor_cli.scenario.materials import (
+    MAX_MATERIALS,
+    ContactPair,
+    Heat,
+    Material,
+    Need,
+    PairFriction,
+)
 from multicor_cli.scenario.model import PartialScenario
 from multicor_cli.scenario.problems import KeyPath, Refused, name_list, show
 from multicor_cli.scenario.translate import did_you_mean
@@ -40,13 +49,27 @@ def _lists(tables: PartialScenario) -> Iterator[tuple[KeyPath, Entries]]:
 def _undefined_materials(tables: PartialScenario) -> Iterator[Refused]:
     used: list[tuple[KeyPath, str]] = []
     for path, entries in _lists(tables):
-        used += [((*path, k, "pair", e), name) for k, c in _given(entries) for e, name in enumerate(c.pair) if name != "*"]
-    used += [(("particles", k, "material"), group.material) for k, group in enumerate(tables.particles) if group]
-    used += [(("walls", k, "material"), wall.material) for k, wall in enumerate(tables.walls) if wall]
+        used += [
+            ((*path, k, "pair", e), name)
+            for k, c in _given(entries)
+            for e, name in enumerate(c.pair)
+            if name != "*"
+        ]
+    used += [
+        (("particles", k, "material"), group.material)
+        for k, group in enumerate(tables.particles)
+        if group
+    ]
+    used += [
+        (("walls", k, "material"), wall.material) for k, wall in enumerate(tables.walls) if wall
+    ]
     known = tables.material_names
     for path, name in used:
         if known and name not in known:
-            remedy = did_you_mean(name, known) or f"add [materials.{name}], or use one of {name_list(known)}"
+            remedy = (
+                did_you_mean(name, known)
+                or f"add [materials.{name}], or use one of {name_list(known)}"
+            )
             yield Refused(path, f"there is no material {show(name)}", remedy)
 
 
@@ -59,7 +82,9 @@ def _key(a: str, b: str) -> tuple[str, str]:
 
 
 def _covering(a: str, b: str) -> set[tuple[str, str]]:
-    """All pairs that an entry about the materials ``a`` and ``b`` can have; "*" sorts before all names."""
+    """All pairs that an entry about the materials ``a`` and ``b`` can have; "*" sorts before all
+    names.
+    """
     return {_key(a, b), ("*", a), ("*", b), ("*", "*")}
 
 
@@ -75,18 +100,27 @@ def _double_entries(path: KeyPath, entries: Entries) -> Iterator[Refused]:
     first = _by_pair(entries)
     for k, entry in _given(entries):
         if (before := first[_key(*entry.pair)]) != k:
-            what = f"the pair {_show_pair(entry.pair)} is given twice, first in {_dotted(path)}.{before}"
+            what = (
+                f"the pair {_show_pair(entry.pair)} is given twice, first in "
+                f"{_dotted(path)}.{before}"
+            )
             yield Refused((*path, k, "pair"), what, "remove one of the two")
 
 
 def touching_pairs(tables: PartialScenario) -> list[tuple[str, str]]:
-    """Pairs of defined materials that can touch: grains with grains and with the walls that they meet."""
+    """Pairs of defined materials that can touch: grains with grains and with the walls that they
+    meet.
+    """
     known, groups = set(tables.material_names), [group for group in tables.particles if group]
     grains = sorted({group.material for group in groups} & known)
     pairs = set(combinations_with_replacement(grains, 2))
     for wall in tables.walls:
         if wall and wall.material in known:
-            met = {group.material for group in groups if wall.groups is None or group.name in wall.groups}
+            met = {
+                group.material
+                for group in groups
+                if wall.groups is None or group.name in wall.groups
+            }
             pairs |= {_key(material, wall.material) for material in met & known}
     return sorted(pairs)
 
@@ -100,7 +134,9 @@ def _dotted(path: KeyPath) -> str:
 
 
 def _ambiguous_pairs(path: KeyPath, entries: Entries, tables: PartialScenario) -> Iterator[Refused]:
-    """Pairs that two entries such as ["a", "*"] and ["b", "*"] cover, without an entry of their own."""
+    """Pairs that two entries such as ["a", "*"] and ["b", "*"] cover, without an entry of their
+    own.
+    """
     first = _by_pair(entries)
     told: set[int] = set()
     for a, b in touching_pairs(tables):
@@ -109,11 +145,15 @@ def _ambiguous_pairs(path: KeyPath, entries: Entries, tables: PartialScenario) -
             told.add(rivals[1])
             one, other = (f"{_dotted(path)}.{rival}" for rival in rivals)
             what = f"{one} and {other} both apply to the pair {_show_pair((a, b))}"
-            yield Refused((*path, rivals[1], "pair"), what, f"add an entry with pair = {_show_pair((a, b))}")
+            yield Refused(
+                (*path, rivals[1], "pair"), what, f"add an entry with pair = {_show_pair((a, b))}"
+            )
 
 
 def _uncovered_pairs(tables: PartialScenario) -> Iterator[Refused]:
-    """One finding for all pairs without a law, unless an entry that is wrong may be the one that is meant for them."""
+    """One finding for all pairs without a law, unless an entry that is wrong may be the one that is
+    meant for them.
+    """
     named = {name for _, entry in _given(tables.contacts) for name in entry.pair if name != "*"}
     if None in tables.contacts or not named <= set(tables.material_names):
         return
@@ -122,12 +162,19 @@ def _uncovered_pairs(tables: PartialScenario) -> Iterator[Refused]:
     if not uncovered:
         return
     pairs = ", ".join(_show_pair(pair) for pair in uncovered[:_MAX_NAMED_PAIRS])
-    more = f" and {len(uncovered) - _MAX_NAMED_PAIRS} more" if len(uncovered) > _MAX_NAMED_PAIRS else ""
-    remedy = f'add [[contacts]] with pair = {_show_pair(uncovered[0])}, or ["*", "*"] for all others'
+    more = (
+        f" and {len(uncovered) - _MAX_NAMED_PAIRS} more"
+        if len(uncovered) > _MAX_NAMED_PAIRS
+        else ""
+    )
+    remedy = (
+        f'add [[contacts]] with pair = {_show_pair(uncovered[0])}, or ["*", "*"] for all others'
+    )
     yield Refused(("contacts",), f"no contact law for {pairs}{more}", remedy)
 
 
-# ---- Thermal keys have an effect: `[heat]` is there where it is needed, and stages, walls and gas can do what is asked of them
+# ---- Thermal keys have an effect: `[heat]` is there where it is needed, and stages, walls and gas
+#      can do what is asked of them
 
 
 def check_heat(tables: PartialScenario) -> Iterator[Refused]:
@@ -145,40 +192,68 @@ def check_heat(tables: PartialScenario) -> Iterator[Refused]:
 def _without_heat(tables: PartialScenario) -> Iterator[Refused]:
     """Keys that mean nothing without ``[heat]``."""
     for path in _thermal_keys(tables):
-        yield Refused(path, f"there is no heat in this scenario, but {path[-1]} needs it", "add a table [heat], or remove the key")
+        yield Refused(
+            path,
+            f"there is no heat in this scenario, but {path[-1]} needs it",
+            "add a table [heat], or remove the key",
+        )
 
 
 def _thermal_keys(tables: PartialScenario) -> Iterator[KeyPath]:
     for k, entry in enumerate(tables.contacts):
         for keys in entry.thermal_keys if entry else ():
             yield ("contacts", k, *keys)
-    yield from (("particles", k, "temperature") for k, group in enumerate(tables.particles) if group and group.temperature)
-    yield from (("walls", k, "thermal") for k, wall in enumerate(tables.walls) if wall and wall.thermal)
+    yield from (
+        ("particles", k, "temperature")
+        for k, group in enumerate(tables.particles)
+        if group and group.temperature
+    )
+    yield from (
+        ("walls", k, "thermal") for k, wall in enumerate(tables.walls) if wall and wall.thermal
+    )
     for k, stage in enumerate(tables.loading):
         if stage is None:
             continue
         for e, softer in enumerate(stage.contacts):
             for keys in softer.thermal_keys:
                 yield ("loading", k, "contacts", e, *keys)
-        given = {"thermal": bool(stage.thermal), "frozen": stage.frozen, "heat": stage.heat is not None}
+        given = {
+            "thermal": bool(stage.thermal),
+            "frozen": stage.frozen,
+            "heat": stage.heat is not None,
+        }
         yield from (("loading", k, key) for key, is_given in given.items() if is_given)
 
 
 def _never_on(tables: PartialScenario) -> Iterator[Refused]:
     """A table ``[heat]`` that no stage uses."""
-    if tables.loading and all(stage is not None and stage.heat is False for stage in tables.loading):
-        yield Refused(("heat",), "all stages have heat = false: no temperature ever changes", "remove [heat], or one heat = false")
+    if tables.loading and all(
+        stage is not None and stage.heat is False for stage in tables.loading
+    ):
+        yield Refused(
+            ("heat",),
+            "all stages have heat = false: no temperature ever changes",
+            "remove [heat], or one heat = false",
+        )
 
 
 def _check_frozen(tables: PartialScenario, heat: Heat) -> Iterator[Refused]:
-    """Contact spots need forces, which only a step of the mechanics finds out, here or in the run of ``[start]``."""
+    """Contact spots need forces, which only a step of the mechanics finds out, here or in the run
+    of ``[start]``.
+    """
     knows_spots = tables.has_start or not heat.needs_forces
     for k, stage in enumerate(tables.loading):
         if stage is None or not stage.frozen:
             return
         if not knows_spots:
-            what = "the forces of the contacts are not known before the first step, and conduction needs them"
-            remedy = "add a stage of at least one step before it, or give [heat] force = { prescribed = ... }"
+            what = (
+                "the forces of the contacts are not known before the first step, and conduction "
+                "needs them"
+            )
+            remedy = (
+                "add a stage of at least one step before it, or give [heat] force = { prescribed "
+                "= ... }"
+            )
             yield Refused(("loading", k, "frozen"), what, remedy)
             return
 
@@ -190,10 +265,20 @@ def _check_conditions(tables: PartialScenario, heat: Heat) -> Iterator[Refused]:
     has_effect = heat.has_sources or heat.crosses_gaps
     for path, condition in _conditions(tables):
         if isinstance(condition, FlowCondition):
-            what = 'no heat can flow from the wall into grains with conduction = "none" and without gas'
-            yield Refused((*path, "flow"), what, "let contacts conduct, or prescribe the temperature of the wall")
+            what = (
+                'no heat can flow from the wall into grains with conduction = "none" and without '
+                "gas"
+            )
+            yield Refused(
+                (*path, "flow"),
+                what,
+                "let contacts conduct, or prescribe the temperature of the wall",
+            )
         elif isinstance(condition, TemperatureCondition) and not has_effect:
-            what = 'the wall cannot heat grains with conduction = "none" and without gas, friction or radiation of neighbors'
+            what = (
+                'the wall cannot heat grains with conduction = "none" and without gas, friction '
+                "or radiation of neighbors"
+            )
             yield Refused((*path, "temperature"), what, "let contacts conduct, or remove it")
 
 
@@ -207,14 +292,19 @@ def _conditions(tables: PartialScenario) -> Iterator[tuple[KeyPath, AnyCondition
 
 
 def _check_sizes(tables: PartialScenario, heat: Heat) -> Iterator[Refused]:
-    """The gas model for equal grains; groups that bring their grains are checked when they are made."""
+    """The gas model for equal grains; groups that bring their grains are checked when they are
+    made.
+    """
     sizes = [group.sizes for group in tables.particles if group and group.sizes]
     if heat.gas is None or not sizes:
         return
-    yield from heat.gas.misfits(min(table.smallest for table in sizes), max(table.largest for table in sizes))
+    yield from heat.gas.misfits(
+        min(table.smallest for table in sizes), max(table.largest for table in sizes)
+    )
 
 
-# ---- Materials have the properties that the chosen heat mechanisms and contact laws need, and are fit for them
+# ---- Materials have the properties that the chosen heat mechanisms and contact laws need, and are
+#      fit for them
 
 
 def check_thermal_materials(tables: PartialScenario) -> Iterator[Refused]:
@@ -236,16 +326,26 @@ def check_thermal_materials(tables: PartialScenario) -> Iterator[Refused]:
 
 def _missing(name: str, material: Material, needs: Iterable[Need]) -> Iterator[Refused]:
     """One finding for all that a material lacks."""
-    lacking = {key: {why for why, keys in needs if key in keys} for key, value in material if value is None}
+    lacking = {
+        key: {why for why, keys in needs if key in keys} for key, value in material if value is None
+    }
     missing = [key for key, reasons in lacking.items() if reasons]
     if missing:
         reasons = sorted(set().union(*lacking.values()))
         what = f"'{name}' has no {', '.join(missing)}; needed by {', '.join(reasons)}"
-        yield Refused(("materials", name), what, f"add {', '.join(map(Material.with_unit, missing))}")
+        yield Refused(
+            ("materials", name), what, f"add {', '.join(map(Material.with_unit, missing))}"
+        )
 
 
 def _laws(tables: PartialScenario) -> dict[tuple[str, str], ContactPair]:
     """The laws of the pairs of materials that can touch, as far as they are known."""
     entries = [entry for entry in tables.contacts if entry]
-    covering = {pair: [entry for entry in entries if entry.covers(*pair)] for pair in touching_pairs(tables)}
-    return {pair: max(found, key=lambda entry: entry.specificity) for pair, found in covering.items() if found}
+    covering = {
+        pair: [entry for entry in entries if entry.covers(*pair)] for pair in touching_pairs(tables)
+    }
+    return {
+        pair: max(found, key=lambda entry: entry.specificity)
+        for pair, found in covering.items()
+        if found
+    }

@@ -1,4 +1,6 @@
-"""Loading stages name walls that exist, wait for what can come, and their steps, durations and intervals go together."""
+"""Loading stages name walls that exist, wait for what can come, and their steps, durations and
+intervals go together.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,11 @@ def check(tables: PartialScenario) -> Iterator[Refused]:
     yield from _nothing_to_tilt(tables)
     if len(set(tables.wall_names) - {None}) < len(tables.wall_names):
         return  # a name is missing or double, and may be the one that is meant below
-    unknown = [finding for k, stage in _stages(tables) for finding in _unknown_walls(("loading", k), stage, tables)]
+    unknown = [
+        finding
+        for k, stage in _stages(tables)
+        for finding in _unknown_walls(("loading", k), stage, tables)
+    ]
     yield from unknown
     if not unknown:
         for index, wall in enumerate(tables.walls):
@@ -56,7 +62,10 @@ def _unknown_walls(path: KeyPath, stage: Stage, tables: PartialScenario) -> Iter
     used += [((*path, "thermal", name), name) for name in stage.thermal]
     used += [((*path, "until", *keys), name) for keys, name in walls_of(stage.until).items()]
     for wall, dof, table in _loads(stage):
-        used += [((*path, "drives", wall, dof, "between", e), name) for e, name in enumerate(table.between or ())]
+        used += [
+            ((*path, "drives", wall, dof, "between", e), name)
+            for e, name in enumerate(table.between or ())
+        ]
     for place, name in used:
         if name not in known:
             remedy = did_you_mean(name, known) or f"the walls are {name_list(known) or 'none'}"
@@ -76,20 +85,37 @@ def _check_lengths(wall: Wall, tables: PartialScenario) -> Iterator[Refused]:
     """A stress acts between two other walls that lie apart across its axis."""
     if tables.domain is None:
         return
-    origins = {other.name: other.geometry.body(tables.domain).origin for other in tables.walls if other}
+    origins = {
+        other.name: other.geometry.body(tables.domain).origin for other in tables.walls if other
+    }
     for k, stage in _stages(tables):
         for name, dof, load in _loads(stage):
             if name != wall.name or load.between is None or not set(load.between) <= origins.keys():
                 continue
-            path, across = ("loading", k, "drives", name, dof, "between"), "y" if dof == "x" else "x"
+            path, across = (
+                ("loading", k, "drives", name, dof, "between"),
+                "y" if dof == "x" else "x",
+            )
             first, second = (float(origins[other]["xy".index(across)]) for other in load.between)
             if name in load.between:
                 yield Refused(
-                    path, f"the stress on '{name}' cannot act between '{name}' and another wall", "name its two neighbors"
+                    path,
+                    f"the stress on '{name}' cannot act between '{name}' and another wall",
+                    "name its two neighbors",
                 )
             elif abs(first - second) <= _LEVEL * max(tables.domain.size):
-                what = f"there is no length between '{load.between[0]}' and '{load.between[1]}': both lie at {across} = {first:g}"
-                yield Refused(path, what, f"name two walls apart in {across}, or remove it: the length is then that of '{name}'")
+                what = (
+                    f"there is no length between '{load.between[0]}' and '{load.between[1]}': "
+                    f"both lie at {across} = {first:g}"
+                )
+                yield Refused(
+                    path,
+                    what,
+                    (
+                        f"name two walls apart in {across}, or remove it: the length is then that "
+                        f"of '{name}'"
+                    ),
+                )
 
 
 def _nothing_to_tilt(tables: PartialScenario) -> Iterator[Refused]:
@@ -103,19 +129,28 @@ def _nothing_to_tilt(tables: PartialScenario) -> Iterator[Refused]:
             and not any(tables.domain.gravity)
         ):
             what = "[domain] has gravity = [0, 0], which no angle turns"
-            yield Refused(("loading", k, "gravity"), what, "add magnitude [m/s²], as magnitude = 9.81")
+            yield Refused(
+                ("loading", k, "gravity"), what, "add magnitude [m/s²], as magnitude = 9.81"
+            )
 
 
 def _check_turning(wall: Wall, tables: PartialScenario) -> Iterator[Refused]:
     """A wall that reaches from one period to the next has no center to turn about."""
     geometry = wall.geometry
-    if tables.domain is None or any(geometry.misfits(tables.domain)) or not geometry.spans_period(tables.domain):
+    if (
+        tables.domain is None
+        or any(geometry.misfits(tables.domain))
+        or not geometry.spans_period(tables.domain)
+    ):
         return
     for k, stage in _stages(tables):
         drives = stage.drives.get(wall.name)
         if drives is not None and drives.spin is not None and moves(drives.spin):
             what = f"the wall '{wall.name}' cannot turn: it reaches from one period to the next"
-            remedy = "remove spin, make it narrower than the period in all directions, or use periodic = false"
+            remedy = (
+                "remove spin, make it narrower than the period in all directions, or use periodic "
+                "= false"
+            )
             yield Refused(("loading", k, "drives", wall.name, "spin"), what, remedy)
 
 
@@ -130,14 +165,26 @@ def _check_inertia(path: KeyPath, wall: Wall, tables: PartialScenario) -> Iterat
                 driven.setdefault(dof, k)
     moved = [dof for dof in ("x", "y") if dof in driven]
     if moved and wall.mass is None and not weighs:
-        what = f"the wall '{wall.name}' has no mass, but a force drives its {moved[0]} in loading.{driven[moved[0]]}"
+        what = (
+            f"the wall '{wall.name}' has no mass, but a force drives its {moved[0]} in "
+            f"loading.{driven[moved[0]]}"
+        )
         yield Refused((*path, "mass"), what, "add mass [kg]")
     if "spin" in driven and wall.inertia is None and not weighs:
-        what = f"the wall '{wall.name}' has no moment of inertia, but a torque drives its spin in loading.{driven['spin']}"
+        what = (
+            f"the wall '{wall.name}' has no moment of inertia, but a torque drives its spin in "
+            f"loading.{driven['spin']}"
+        )
         yield Refused((*path, "inertia"), what, "add inertia [kg m²]")
     if wall.gravity and not moved and None not in tables.loading:
-        what = f"no force drives the wall '{wall.name}' in any stage, so that gravity cannot act on it"
-        yield Refused((*path, "gravity"), what, "remove gravity = true, or drive x or y by a force (which may be 0)")
+        what = (
+            f"no force drives the wall '{wall.name}' in any stage, so that gravity cannot act on it"
+        )
+        yield Refused(
+            (*path, "gravity"),
+            what,
+            "remove gravity = true, or drive x or y by a force (which may be 0)",
+        )
 
 
 def _weighs(wall: Wall, tables: PartialScenario) -> bool:
@@ -163,31 +210,48 @@ def check_ends(tables: PartialScenario) -> Iterator[Refused]:
         return  # a name is double
     for k, (stage, dofs) in enumerate(zip(stages, resolve_dofs(stages, names), strict=True)):
         if set(walls_of(stage.until).values()) <= by_name.keys():
-            yield from _check_stage(("loading", k, "until"), stage, by_name, dict(zip(names, dofs, strict=True)))
+            yield from _check_stage(
+                ("loading", k, "until"), stage, by_name, dict(zip(names, dofs, strict=True))
+            )
 
 
-def _check_stage(path: KeyPath, stage: Stage, walls: dict[str, Wall], dofs: dict[str, WallDofs]) -> Iterator[Refused]:
+def _check_stage(
+    path: KeyPath, stage: Stage, walls: dict[str, Wall], dofs: dict[str, WallDofs]
+) -> Iterator[Refused]:
     until = stage.until
     if isinstance(until, UntilStrain):
         yield from _check_pair((*path, "strain"), until.strain.walls, "x", "y", walls, dofs)
         drives = [dofs[name][0].dof for name in until.strain.walls]
-        if stage.duration is None and any(map(moves, drives)) and not any(map(keeps_moving, drives)):
+        if (
+            stage.duration is None
+            and any(map(moves, drives))
+            and not any(map(keeps_moving, drives))
+        ):
             lower, upper = until.strain.walls
             what = f"'{lower}' and '{upper}' come to a stop, so that the stage may never end"
             yield Refused((*path, "strain"), what, "give duration [s] too, as its upper bound")
     elif isinstance(until, UntilAxialStrain):
         axis = until.axial_strain.axis
-        yield from _check_pair((*path, "axial_strain"), until.axial_strain.walls, axis, axis, walls, dofs)
+        yield from _check_pair(
+            (*path, "axial_strain"), until.axial_strain.walls, axis, axis, walls, dofs
+        )
     elif isinstance(until, UntilDisplacement):
         end = until.displacement
         if not moves(dofs[end.wall][DOF_NAMES.index(end.axis)].dof):
             doing = "turn" if end.axis == "spin" else f"move in {end.axis}"
             remedy = f"drive it, as drives.{end.wall}.{end.axis} = {{ velocity = 0.1 }}"
-            yield Refused((*path, "displacement"), f"'{end.wall}' does not {doing} in this stage", remedy)
+            yield Refused(
+                (*path, "displacement"), f"'{end.wall}' does not {doing} in this stage", remedy
+            )
 
 
 def _check_pair(
-    path: KeyPath, pair: tuple[str, str], moved: str, apart: str, walls: dict[str, Wall], dofs: dict[str, WallDofs]
+    path: KeyPath,
+    pair: tuple[str, str],
+    moved: str,
+    apart: str,
+    walls: dict[str, Wall],
+    dofs: dict[str, WallDofs],
 ) -> Iterator[Refused]:
     """Two walls that move relative to each other along one axis and lie apart along another."""
     lower, upper = pair
@@ -196,12 +260,19 @@ def _check_pair(
         return
     heights = [walls[name].geometry.height for name in pair]
     if apart == "y" and heights[0] is not None and heights[0] == heights[1]:
-        what = f"'{lower}' and '{upper}' both lie at y = {heights[0]:g}: there is no strain between them"
+        what = (
+            f"'{lower}' and '{upper}' both lie at y = {heights[0]:g}: there is no strain between "
+            "them"
+        )
         yield Refused((*path, "walls"), what, "name two walls at different heights")
     drives = [dofs[name][DOF_NAMES.index(moved)].dof for name in pair]
     if not any(map(moves, drives)) or (drives[0] == drives[1] and is_prescribed(drives[0])):
-        what = f"neither '{lower}' nor '{upper}' moves in {moved} relative to the other in this stage"
-        yield Refused(path, what, f"drive one of them, as drives.{upper}.{moved} = {{ velocity = 0.1 }}")
+        what = (
+            f"neither '{lower}' nor '{upper}' moves in {moved} relative to the other in this stage"
+        )
+        yield Refused(
+            path, what, f"drive one of them, as drives.{upper}.{moved} = {{ velocity = 0.1 }}"
+        )
 
 
 # ---- Time steps, durations and intervals of output go together
@@ -224,14 +295,17 @@ def check_timing(tables: PartialScenario) -> Iterator[Refused]:
 def _time_steps(tables: PartialScenario) -> list[float]:
     """Time steps of the stages in which something moves, as far as they are known.
 
-    A frozen stage is left out: its time step is the interval at which temperatures are evaluated, and output waits for it.
+    A frozen stage is left out: its time step is the interval at which temperatures are evaluated,
+    and output waits for it.
     """
     steps = [_time_step(tables, stage) for stage in tables.loading if stage and not stage.frozen]
     return [dt for dt in steps if dt is not None]
 
 
 def _time_step(tables: PartialScenario, stage: Stage) -> float | None:
-    """Time step of a stage; None if it is not known yet: an automatic one suits the output whatever it is."""
+    """Time step of a stage; None if it is not known yet: an automatic one suits the output whatever
+    it is.
+    """
     dt = stage.dt
     if dt is None:
         if stage.frozen:
@@ -247,7 +321,11 @@ def _check_durations(tables: PartialScenario) -> Iterator[Refused]:
             continue
         path = ("loading", k, "duration")
         if stage.duration < dt * (1.0 - _SLACK):
-            yield Refused(path, f"{stage.duration:g} s is shorter than the time step dt = {dt:g} s", "lower dt")
+            yield Refused(
+                path,
+                f"{stage.duration:g} s is shorter than the time step dt = {dt:g} s",
+                "lower dt",
+            )
         elif stage.duration > MAX_STEPS * dt:
             what = f"{stage.duration:g} s are {stage.duration / dt:.2g} steps of dt = {dt:g} s"
             yield Refused(path, what, f"stay below {MAX_STEPS:g} steps; times are in seconds")
@@ -261,7 +339,8 @@ def _check_intervals(tables: PartialScenario) -> Iterator[Refused]:
     if output.frame_interval < longest * (1.0 - _SLACK):
         what = f"{output.frame_interval:g} s is less than the time step dt = {longest:g} s"
         yield Refused(("output", "frame_interval"), what, "make it at least dt")
-    elif output.series_interval < longest * (1.0 - _SLACK) and not output.has_default_series:  # else there is one row per step
+    # Else there is one row per step
+    elif output.series_interval < longest * (1.0 - _SLACK) and not output.has_default_series:
         what = f"{output.series_interval:g} s is less than the time step dt = {longest:g} s"
         yield Refused(("output", "series_interval"), what, "make it at least dt, or remove it")
 
@@ -272,12 +351,18 @@ def _check_amounts(tables: PartialScenario) -> Iterator[Refused]:
     if output is None:
         return
     stages = [stage for stage in tables.loading if stage]
-    limits = (("frame_interval", output.frame_interval, MAX_FRAMES), ("series_interval", output.series_interval, MAX_ROWS))
+    limits = (
+        ("frame_interval", output.frame_interval, MAX_FRAMES),
+        ("series_interval", output.series_interval, MAX_ROWS),
+    )
     for key, interval, most in limits:
         times = math.fsum((stage.duration or 0.0) / _between(stage, interval) for stage in stages)
         if times > most:
             total = math.fsum(stage.duration or 0.0 for stage in stages)
-            what = f"{total:g} s of loading at intervals of {interval:g} s are written {times:.2g} times"
+            what = (
+                f"{total:g} s of loading at intervals of {interval:g} s are written {times:.2g} "
+                "times"
+            )
             yield Refused(("output", key), what, f"stay below {most:g}; times are in seconds")
             return
 

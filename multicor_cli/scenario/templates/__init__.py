@@ -5,7 +5,17 @@ from __future__ import annotations
 import re
 from importlib.resources import files
 
-COOKBOOK = ("chute", "dense-packing", "vibrated-bed", "intruder", "silo", "annular-shear", "biaxial", "heap", "sieve-curve")
+COOKBOOK = (
+    "chute",
+    "dense-packing",
+    "vibrated-bed",
+    "intruder",
+    "silo",
+    "annular-shear",
+    "biaxial",
+    "heap",
+    "sieve-curve",
+)
 """Templates that are shipped as scenarios, too (docs/how-to/cookbook/index.md)."""
 
 TEMPLATES = ("shear", "column", "hopper", "drum", *COOKBOOK)
@@ -23,18 +33,28 @@ def new_scenario(name: str, template: str = "shear") -> str:
         template: One of `TEMPLATES`.
 
     Raises:
-        ValueError: The name has other characters, or there is no such template; the message is fit for users.
+        ValueError: The name has other characters, or there is no such template; the message is fit
+            for users.
     """
     if template not in TEMPLATES:
         raise ValueError(f"there is no template '{template}': use one of {', '.join(TEMPLATES)}")
     if not _NAME.fullmatch(name):
-        raise ValueError(f"'{name}' cannot name a scenario: use letters, digits and . _ - (a letter or digit first)")
+        raise ValueError(
+            f"'{name}' cannot name a scenario: use letters, digits and . _ - (a letter or digit "
+            "first)"
+        )
     return _text(f"{template}.toml").replace(_PLACE, name)
 
 
 def template_table(template: str) -> str | None:
-    """Text of the file NAME.csv that a scenario made from a template reads; None if it reads none."""
-    return _text(f"{template}.csv") if files(__package__).joinpath(f"{template}.csv").is_file() else None
+    """Text of the file NAME.csv that a scenario made from a template reads; None if it reads
+    none.
+    """
+    return (
+        _text(f"{template}.csv")
+        if files(__package__).joinpath(f"{template}.csv").is_file()
+        else None
+    )
 
 
 def _text(file: str) -> str:

@@ -1,8 +1,9 @@
-"""The tables of every dataset in the files of a run: one row each, the same for segments, `model.h5` and `results.h5`.
+"""The tables of every dataset in the files of a run: one row each, the same for segments,
+`model.h5` and `results.h5`.
 
-A row says what a dataset is, where its values come from, and what shows it; writers, readers and exports follow the tables. Rows
-that only some runs have name the feature of the run that they belong to; a run with that feature has all of them, a run without
-it none (`select`).
+A row says what a dataset is, where its values come from, and what shows it; writers, readers and
+exports follow the tables. Rows that only some runs have name the feature of the run that they
+belong to; a run with that feature has all of them, a run without it none (`select`).
 """
 
 from multicor_cli.model.books import Feature, stored_fields
@@ -31,14 +32,23 @@ RESULTS_TABLE = SCENARIO + MODEL + FRAME_TABLE + SERIES
 """Everything in ``results.h5``."""
 
 CHECKPOINT = tuple(
-    Dataset(f"state/{name}", about.dtype, about.dims, about.unit, about.meaning, finite=False, since=about.since)
+    Dataset(
+        f"state/{name}",
+        about.dtype,
+        about.dims,
+        about.unit,
+        about.meaning,
+        finite=False,
+        since=about.since,
+    )
     for name, about in stored_fields(State).items()
 )
-"""Everything in a checkpoint: the fields of `State`. Those that belong to heat are there, but empty, in runs without."""
+"""Everything in a checkpoint: the fields of `State`. Those that belong to heat are there, but
+empty, in runs without."""
 
 FORMAT_VERSION = max(row.since for row in RESULTS_TABLE + CHECKPOINT)
-"""Major and minor version of the file format, in which the newest dataset appeared. A reader refuses another major version and
-ignores unknown datasets."""
+"""Major and minor version of the file format, in which the newest dataset appeared. A reader
+refuses another major version and ignores unknown datasets."""
 
 __all__ = [
     "CHECKPOINT",

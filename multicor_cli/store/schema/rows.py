@@ -1,4 +1,6 @@
-"""Every dataset in one row: where its values come from, and where they go; what is written once, of a frame, of the time series."""
+"""Every dataset in one row: where its values come from, and where they go; what is written once, of
+a frame, of the time series.
+"""
 
 from __future__ import annotations
 
@@ -50,9 +52,11 @@ class Dataset:
         path: Name inside the file, without the leading slash.
         dtype: Stored type.
         dims: Shape: named lengths and numbers.
-        unit: SI unit, one per column (separated by commas) where they differ; ``1`` if dimensionless.
+        unit: SI unit, one per column (separated by commas) where they differ; ``1`` if
+            dimensionless.
         long_name: What it is, in a sentence.
-        value: What is stored of a moment; None where the writer knows by itself, or a getter of its own does.
+        value: What is stored of a moment; None where the writer knows by itself, or a getter of its
+            own does.
         finite: Whether every value must be finite.
         since: Format version in which the dataset appeared.
         only_with: Feature of the runs that have it, or None if all have it.
@@ -97,7 +101,8 @@ class Reader(Protocol):
 
 @dataclass(frozen=True)
 class Column(Dataset, Generic[T]):
-    """A row about frames, which is also the attribute by which a frame gives it: read when it is first used, and kept.
+    """A row about frames, which is also the attribute by which a frame gives it: read when it is
+    first used, and kept.
 
     Attributes:
         convert: Makes the value of the attribute of what is stored.
@@ -138,11 +143,19 @@ def _describe(column: Column[Any]) -> str:
     text += f" [{column.unit}]" if column.unit != "1" else ""
     text += f", shape ``({', '.join(dims)}{',' * (len(dims) == 1)})``" if dims else ""
     text += f"; None in a run without {column.only_with}" if column.only_with else ""
-    return text + (f"; None in a run of an older format than {column.since[0]}.{column.since[1]}" if column.since > (1, 0) else "")
+    return text + (
+        f"; None in a run of an older format than {column.since[0]}.{column.since[1]}"
+        if column.since > (1, 0)
+        else ""
+    )
 
 
-def select(table: tuple[Dataset, ...], features: Set[str], version: Version | None = None) -> tuple[Dataset, ...]:
-    """The rows of a table that a run with these features has, in order; of an older version of the format if it is given."""
+def select(
+    table: tuple[Dataset, ...], features: Set[str], version: Version | None = None
+) -> tuple[Dataset, ...]:
+    """The rows of a table that a run with these features has, in order; of an older version of the
+    format if it is given.
+    """
     known = (row for row in table if version is None or row.since <= version)
     return tuple(row for row in known if row.only_with is None or row.only_with in features)
 
@@ -169,14 +182,18 @@ def names(table: tuple[Dataset, ...]) -> tuple[str, ...]:
 
 
 def markdown(table: tuple[Dataset, ...]) -> str:
-    """A table of the format documents: path, type, shape, unit, meaning, and since which version (in runs with which feature)."""
+    """A table of the format documents: path, type, shape, unit, meaning, and since which version
+    (in runs with which feature).
+    """
     symbols = _DIM_SYMBOL | {dim: str(count) for dim, count in entry_counts().items()}
     lines = ["| path | type | shape | unit | meaning | since |", "|---|---|---|---|---|---|"]
     for row in table:
         shape = ", ".join(symbols[d] if isinstance(d, str) else str(d) for d in row.dims)
         since = ".".join(map(str, row.since)) + (f", {row.only_with}" if row.only_with else "")
         meaning = row.long_name.replace("|", "\\|")
-        lines.append(f"| `{row.path}` | {row.dtype} | ({shape}) | {row.unit} | {meaning} | {since} |")
+        lines.append(
+            f"| `{row.path}` | {row.dtype} | ({shape}) | {row.unit} | {meaning} | {since} |"
+        )
     return "\n".join(lines)
 
 
@@ -228,35 +245,50 @@ def _thermal(name: str, unit: str, long_name: str, attribute: str = "") -> Datas
 
 
 def _law(name: str, dtype: DType, dims: Shape, unit: str, long_name: str) -> Dataset:
-    return Dataset(f"model/laws/{name}", dtype, dims, unit, long_name, lambda m: getattr(m.model.laws, name))
+    return Dataset(
+        f"model/laws/{name}", dtype, dims, unit, long_name, lambda m: getattr(m.model.laws, name)
+    )
 
 
 def _softening(name: str, unit: str, long_name: str) -> Dataset:
-    return replace(_law(f"softening_{name}", "f8", ("material", "material"), unit, long_name), only_with="softening")
+    return replace(
+        _law(f"softening_{name}", "f8", ("material", "material"), unit, long_name),
+        only_with="softening",
+    )
 
 
 def _pair(name: str, unit: str, long_name: str, feature: Feature) -> Dataset:
-    return replace(_law(name, "f8", ("material", "material"), unit, long_name), only_with=feature, since=(1, 1))
+    return replace(
+        _law(name, "f8", ("material", "material"), unit, long_name), only_with=feature, since=(1, 1)
+    )
 
 
 MODEL: tuple[Dataset, ...] = (
-    Dataset("model/radius", "f8", ("grain",), "m", "radius of each grain", lambda m: m.model.grains.radius),
-    Dataset("model/mass", "f8", ("grain",), "kg", "mass of each grain", lambda m: m.model.grains.mass),
+    Dataset("model/radius", "f8", ("grain",), "m", "radius of each grain",
+        lambda m: m.model.grains.radius),
+    Dataset("model/mass", "f8", ("grain",), "kg", "mass of each grain",
+        lambda m: m.model.grains.mass),
     Dataset(
-        "model/inertia", "f8", ("grain",), "kg m2", "moment of inertia of each grain about its center",
+        "model/inertia", "f8", ("grain",), "kg m2",
+        "moment of inertia of each grain about its center",
         lambda m: m.model.grains.inertia,
     ),
     Dataset(
-        "model/material", "i4", ("grain",), "1", "material of each grain, a row of model/material_names",
+        "model/material", "i4", ("grain",), "1", ("material of each grain, a row of "
+            "model/material_names"),
         lambda m: m.model.grains.material,
     ),
     Dataset(
-        "model/group", "i4", ("grain",), "1", "particle group of each grain, a row of model/group_names",
+        "model/group", "i4", ("grain",), "1", ("particle group of each grain, a row of "
+            "model/group_names"),
         lambda m: m.model.grains.group,
     ),
-    Dataset("model/material_names", "str", ("material",), "1", "names of the materials", lambda m: m.model.materials),
-    Dataset("model/group_names", "str", ("group",), "1", "names of the particle groups", lambda m: m.model.groups),
-    Dataset("model/walls/names", "str", ("wall",), "1", "names of the walls", lambda m: m.model.walls.names),
+    Dataset("model/material_names", "str", ("material",), "1", "names of the materials",
+        lambda m: m.model.materials),
+    Dataset("model/group_names", "str", ("group",), "1", "names of the particle groups",
+        lambda m: m.model.groups),
+    Dataset("model/walls/names", "str", ("wall",), "1", "names of the walls",
+        lambda m: m.model.walls.names),
     Dataset(
         "model/walls/mass", "f8", ("wall",), "kg", "mass that a load moves; nan if none was given",
         lambda m: m.model.walls.mass, finite=False,
@@ -270,35 +302,44 @@ MODEL: tuple[Dataset, ...] = (
         lambda m: m.model.walls.has_gravity,
     ),
     Dataset(
-        "model/walls/length", "f8", ("wall",), "m", "length over which a load on the wall spreads", lambda m: m.model.walls.length,
+        "model/walls/length", "f8", ("wall",), "m", "length over which a load on the wall spreads",
+        lambda m: m.model.walls.length,
     ),
     Dataset(
-        "model/walls/runs", "u1", ("wall",), "1", "whether a drive lets the surface of the wall run along it: 0 or 1",
+        "model/walls/runs", "u1", ("wall",), "1", ("whether a drive lets the surface of the wall "
+            "run along it: 0 or 1"),
         lambda m: m.model.walls.runs, only_with="surface", since=(1, 3),
     ),
     Dataset(
-        "model/walls/meets", "u1", ("wall", "group"), "1", "whether grains of the group meet the wall: 0 (they pass through) or 1",
+        "model/walls/meets", "u1", ("wall", "group"), "1", ("whether grains of the group meet the "
+            "wall: 0 (they pass through) or 1"),
         lambda m: m.model.walls.meets, only_with="groups", since=(1, 3),
     ),
     Dataset(
-        "model/shapes/kind", "i4", ("shape",), "1", ", ".join(f"{kind:d} {shape.name}" for kind, shape in SHAPES.items()),
+        "model/shapes/kind", "i4", ("shape",), "1",
+        ", ".join(f"{kind:d} {shape.name}" for kind, shape in SHAPES.items()),
         lambda m: m.model.shapes.kind,
     ),
     Dataset(
-        "model/shapes/wall", "i4", ("shape",), "1", "wall that carries the shape, a row of model/walls/names",
+        "model/shapes/wall", "i4", ("shape",), "1", ("wall that carries the shape, a row of "
+            "model/walls/names"),
         lambda m: m.model.shapes.wall,
     ),
     Dataset(
-        "model/shapes/geometry", "f8", ("shape", 4), "m", "four numbers in the frame of the wall; see the table of kinds",
+        "model/shapes/geometry", "f8", ("shape", 4), "m", ("four numbers in the frame of the "
+            "wall; see the table of kinds"),
         lambda m: m.model.shapes.geometry,
     ),
     Dataset(
-        "model/shapes/material", "i4", ("shape",), "1", "material of the shape, a row of model/material_names",
+        "model/shapes/material", "i4", ("shape",), "1", ("material of the shape, a row of "
+            "model/material_names"),
         lambda m: m.model.shapes.material,
     ),
-    _law("friction", "f8", ("material", "material"), "1", "coefficient of friction where laws/table is -1"),
+    _law("friction", "f8", ("material", "material"), "1", ("coefficient of friction where "
+        "laws/table is -1")),
     _law("restitution", "f8", ("material", "material"), "1", "coefficient of normal restitution"),
-    _law("table", "i4", ("material", "material"), "1", "table of friction against sliding speed, or -1"),
+    _law("table", "i4", ("material", "material"), "1", ("table of friction against sliding speed, "
+        "or -1")),
     _law("table_start", "i4", ("table_edge",), "1", "first row of each table in the two below"),
     _law("table_speed", "f8", ("table_row",), "m/s", "sliding speeds, ascending within a table"),
     _law("table_friction", "f8", ("table_row",), "1", "coefficient of friction at these speeds"),
@@ -309,7 +350,8 @@ MODEL: tuple[Dataset, ...] = (
     _pair("adhesion", "N", "tension that a contact bears", "adhesion"),
     _pair("rolling", "1", "coefficient of rolling resistance", "rolling"),
     _thermal("capacity", "J/K", "heat capacity of each grain"),
-    _thermal("start", "K", "temperature of each grain at the start of the run", "initial_temperature"),
+    _thermal("start", "K", "temperature of each grain at the start of the run",
+        "initial_temperature"),
     _thermal("surface", "m2", "area through which each grain meets fluid and surroundings"),
     Dataset(
         "model/outlets", "str", ("outlet",), "1", "names of the outlets",
@@ -317,13 +359,17 @@ MODEL: tuple[Dataset, ...] = (
     ),
     Dataset(
         "model/start_speed", "f8", ("one",), "m/s",
-        "speed of the fastest grain, surface of a grain or wall at the start, but for the shear that walls impose",
+        ("speed of the fastest grain, surface of a grain or wall at the start, but for the shear "
+            "that walls impose"),
         lambda m: m.model.start_speed, only_with="motion", since=(1, 3),
     ),
-    Dataset("model/period", "f8", ("one",), "m", "period in x; 0 if the domain is not periodic", lambda m: m.model.period),
-    Dataset("model/gravity", "f8", (2,), "m/s2", "acceleration of gravity (x, y)", lambda m: m.model.gravity),
+    Dataset("model/period", "f8", ("one",), "m", "period in x; 0 if the domain is not periodic",
+        lambda m: m.model.period),
+    Dataset("model/gravity", "f8", (2,), "m/s2", "acceleration of gravity (x, y)",
+        lambda m: m.model.gravity),
     Dataset(
-        "model/shape_factor", "f8", ("one",), "1", "m a2/I of every grain: 2 for discs, 5/2 for spheres",
+        "model/shape_factor", "f8", ("one",), "1", ("m a2/I of every grain: 2 for discs, 5/2 for "
+            "spheres"),
         lambda m: m.model.shape_factor,
     ),
 )  # fmt: skip
@@ -331,16 +377,20 @@ MODEL: tuple[Dataset, ...] = (
 
 SCENARIO: tuple[Dataset, ...] = (
     Dataset("scenario/source", "str", ("one",), "1", "the scenario file as given"),
-    Dataset("scenario/resolved", "str", ("one",), "1", "the scenario with all defaults and overrides"),
+    Dataset(
+        "scenario/resolved", "str", ("one",), "1", "the scenario with all defaults and overrides"
+    ),
     Dataset("scenario/stages", "str", ("stage",), "1", "names of the loading stages"),
 )
 """Only in ``results.h5``; a running run has the same texts as files beside it."""
 
 
-# ---- What a frame holds: a row for every dataset, which is also the attribute by which `Frame` gives it.
+# ---- What a frame holds: a row for every dataset, which is also the attribute by which `Frame`
+#      gives it.
 #
-# A value of the moment is one more row in a class here. What the engine keeps from step to step, or makes in every contact, says
-# itself what it is (`model.state.FrameFields`, `model.contacts.ContactTable`); its rows follow from that.
+# A value of the moment is one more row in a class here. What the engine keeps from step to step, or
+# makes in every contact, says itself what it is (`model.state.FrameFields`,
+# `model.contacts.ContactTable`); its rows follow from that.
 
 Array = NDArray[Any]
 
@@ -362,30 +412,78 @@ def _flags(rows: Array) -> NDArray[np.bool_]:
 
 
 def _of_frame(
-    name: str, kind: Callable[[Any], T], dtype: DType, unit: str, meaning: str, value: Value, exports: tuple[Export, ...] = ()
+    name: str,
+    kind: Callable[[Any], T],
+    dtype: DType,
+    unit: str,
+    meaning: str,
+    value: Value,
+    exports: tuple[Export, ...] = (),
 ) -> Column[T]:
     path = f"steps/{name}"
-    return Column(path, dtype, ("frame",), unit, meaning, value, exports=exports, convert=lambda rows: kind(rows[0]))
+    return Column(
+        path,
+        dtype,
+        ("frame",),
+        unit,
+        meaning,
+        value,
+        exports=exports,
+        convert=lambda rows: kind(rows[0]),
+    )
 
 
 def _of_grains(
-    name: str, unit: str, meaning: str, value: Value, dtype: DType = "float", exports: tuple[Export, ...] = ("vtk",)
+    name: str,
+    unit: str,
+    meaning: str,
+    value: Value,
+    dtype: DType = "float",
+    exports: tuple[Export, ...] = ("vtk",),
 ) -> Column[Array]:
-    return Column(f"particles/{name}", dtype, ("particle_row",), unit, meaning, value, exports=exports)
+    return Column(
+        f"particles/{name}", dtype, ("particle_row",), unit, meaning, value, exports=exports
+    )
 
 
 class StepColumns:
     """One row per frame."""
 
-    step = _of_frame("step", int, "i8", "1", "steps done since the start of the run", lambda m: m.state.step, ("vtk",))
-    time = _of_frame("time", float, "f8", "s", "time since the start of the run", lambda m: m.state.time, ("gsd",))
+    step = _of_frame(
+        "step",
+        int,
+        "i8",
+        "1",
+        "steps done since the start of the run",
+        lambda m: m.state.step,
+        ("vtk",),
+    )
+    time = _of_frame(
+        "time",
+        float,
+        "f8",
+        "s",
+        "time since the start of the run",
+        lambda m: m.state.time,
+        ("gsd",),
+    )
     dt = _of_frame(
-        "dt", float, "f8", "s", "length of the last step; impulse/dt is its mean contact force; 0 before it",
+        "dt", float, "f8", "s", ("length of the last step; impulse/dt is its mean contact force; "
+            "0 before it"),
         lambda m: m.state.last_dt, ("vtk", "gsd"),
     )  # fmt: skip
-    stage = _of_frame("stage", int, "i4", "1", "loading stage, a row of scenario/stages", lambda m: m.state.stage, ("vtk", "gsd"))
+    stage = _of_frame(
+        "stage",
+        int,
+        "i4",
+        "1",
+        "loading stage, a row of scenario/stages",
+        lambda m: m.state.stage,
+        ("vtk", "gsd"),
+    )
     contacts_recorded = _of_frame(
-        "contacts_recorded", bool, "u1", "1", "1 if the contacts of the frame are in the file, 0 if not",
+        "contacts_recorded", bool, "u1", "1", ("1 if the contacts of the frame are in the file, 0 "
+            "if not"),
         lambda m: m.contacts is not None,
     )  # fmt: skip
 
@@ -394,22 +492,38 @@ class GrainColumns:
     """One row per grain and frame, in the order of the grains."""
 
     position = Column[Array](
-        "particles/position", "float", ("particle_row", 3), "m", "centers x, y, z; x wrapped into the period, z = 0",
+        "particles/position", "float", ("particle_row", 3), "m", ("centers x, y, z; x wrapped "
+            "into the period, z = 0"),
         lambda m: in_plane(m.state.position), columns=("x", "y"),
         convert=_in_plane, about="centers, x wrapped into the period",
     )  # fmt: skip
-    angle = _of_grains("angle", "rad", "rotation since the start of the run", lambda m: m.state.position[:, ANGLE])
+    angle = _of_grains(
+        "angle", "rad", "rotation since the start of the run", lambda m: m.state.position[:, ANGLE]
+    )
     image = _of_grains(
-        "image", "1", "periods by which x was wrapped: x + image*period is unwrapped", lambda m: m.state.image, "i8", ()
+        "image",
+        "1",
+        "periods by which x was wrapped: x + image*period is unwrapped",
+        lambda m: m.state.image,
+        "i8",
+        (),
     )
     velocity = Column[Array](
-        "particles/velocity", "float", ("particle_row", 3), "m/s", "velocities x, y, z of the centers; z = 0",
-        lambda m: in_plane(m.state.velocity), columns=("velocity_x", "velocity_y"), exports=("vtk",),
+        "particles/velocity", "float", ("particle_row", 3), "m/s", ("velocities x, y, z of the "
+            "centers; z = 0"),
+        lambda m: in_plane(m.state.velocity), columns=("velocity_x", "velocity_y"),
+        exports=("vtk",),
         convert=_in_plane, about="velocities of the centers",
     )  # fmt: skip
-    spin = _of_grains("spin", "rad/s", "angular velocity, counter-clockwise positive", lambda m: m.state.velocity[:, SPIN])
+    spin = _of_grains(
+        "spin",
+        "rad/s",
+        "angular velocity, counter-clockwise positive",
+        lambda m: m.state.velocity[:, SPIN],
+    )
     temperature = Column[Array | None](
-        "particles/temperature", "f8", ("particle_row",), "K", "temperature", lambda m: m.temperature,
+        "particles/temperature", "f8", ("particle_row",), "K", "temperature",
+        lambda m: m.temperature,
         only_with="heat", exports=("vtk", "gsd"),
     )  # fmt: skip
 
@@ -418,20 +532,25 @@ class WallColumns:
     """One row per frame and wall."""
 
     wall_position = Column[Array](
-        "walls/position", "f8", ("frame", "wall", 3), "m, m, rad", "reference point and angle of the wall",
+        "walls/position", "f8", ("frame", "wall", 3), "m, m, rad", ("reference point and angle of "
+            "the wall"),
         lambda m: m.state.wall_position, columns=("x", "y", "angle"),
         convert=_first, about="displacement and angle of the walls since the start",
     )  # fmt: skip
     wall_velocity = Column[Array](
-        "walls/velocity", "f8", ("frame", "wall", 3), "m/s, m/s, rad/s", "velocity and spin of the wall",
-        lambda m: m.state.wall_velocity, columns=("velocity_x", "velocity_y", "spin"), convert=_first,
+        "walls/velocity", "f8", ("frame", "wall", 3), "m/s, m/s, rad/s", ("velocity and spin of "
+            "the wall"),
+        lambda m: m.state.wall_velocity, columns=("velocity_x", "velocity_y", "spin"),
+        convert=_first,
     )  # fmt: skip
     wall_surface = Column[Array | None](
-        "walls/surface", "f8", ("frame", "wall"), "m/s", "velocity of the surface of the wall along it", lambda m: m.wall_surface,
+        "walls/surface", "f8", ("frame", "wall"), "m/s", ("velocity of the surface of the wall "
+            "along it"), lambda m: m.wall_surface,
         only_with="surface", since=(1, 3), convert=_first,
     )  # fmt: skip
     wall_temperature = Column[Array | None](
-        "walls/temperature", "f8", ("frame", "wall"), "K", "temperature of the wall; nan where none is prescribed",
+        "walls/temperature", "f8", ("frame", "wall"), "K", ("temperature of the wall; nan where "
+            "none is prescribed"),
         lambda m: m.state.wall_temperature, finite=False, only_with="heat", convert=_first,
     )  # fmt: skip
 
@@ -455,8 +574,10 @@ def _kept_of_grains(name: str, about: Stored) -> Column[Any]:
         ("vtk",) if about.only_with == "exchange" else ("vtk", "gsd")
     )  # GSD has those alone that are there
     return Column(
-        f"particles/{name}", about.dtype, ("particle_row", *about.dims[1:]), about.unit, about.meaning,
-        lambda m: getattr(m.state, name), since=about.since, only_with=about.only_with, columns=about.columns,
+        f"particles/{name}", about.dtype, ("particle_row", *about.dims[1:]), about.unit,
+        about.meaning,
+        lambda m: getattr(m.state, name), since=about.since, only_with=about.only_with,
+        columns=about.columns,
         exports=exports,
     )  # fmt: skip
 
@@ -464,8 +585,10 @@ def _kept_of_grains(name: str, about: Stored) -> Column[Any]:
 def _kept_of_walls(name: str, about: Stored) -> Column[Any]:
     """The row of what a state has for each wall."""
     return Column(
-        f"walls/{name.removeprefix('wall_')}", about.dtype, ("frame", "wall", *about.dims[1:]), about.unit, about.meaning,
-        lambda m: getattr(m.state, name), since=about.since, only_with=about.only_with, columns=about.columns, convert=_first,
+        f"walls/{name.removeprefix('wall_')}", about.dtype, ("frame", "wall", *about.dims[1:]),
+        about.unit, about.meaning,
+        lambda m: getattr(m.state, name), since=about.since, only_with=about.only_with,
+        columns=about.columns, convert=_first,
     )  # fmt: skip
 
 
@@ -473,7 +596,8 @@ def _of_contacts(name: str, about: Stored) -> Column[Any]:
     """The row of what a table of contacts has."""
     return Column(
         f"contacts/{name}", about.dtype, about.dims, about.unit, about.meaning,
-        lambda m: m.of_contacts(getattr(m.table, name)), since=about.since, only_with=about.only_with, columns=about.columns,
+        lambda m: m.of_contacts(getattr(m.table, name)), since=about.since,
+        only_with=about.only_with, columns=about.columns,
         exports=about.exports, convert=_flags if about.dtype == "u1" else _all,
     )  # fmt: skip
 
@@ -491,8 +615,14 @@ def _rows(owner: type) -> tuple[Column[Any], ...]:
 
 
 _KEPT = {name: stored_fields(State)[name] for name in FrameFields.__annotations__}
-_KEPT_OF_WALLS = {name: _kept_of_walls(name, about) for name, about in _KEPT.items() if name.startswith("wall_")}
-_KEPT_OF_GRAINS = {name: _kept_of_grains(name, about) for name, about in _KEPT.items() if name not in _KEPT_OF_WALLS}
+_KEPT_OF_WALLS = {
+    name: _kept_of_walls(name, about) for name, about in _KEPT.items() if name.startswith("wall_")
+}
+_KEPT_OF_GRAINS = {
+    name: _kept_of_grains(name, about)
+    for name, about in _KEPT.items()
+    if name not in _KEPT_OF_WALLS
+}
 _TABLE = {name: _of_contacts(name, about) for name, about in stored_fields(ContactTable).items()}
 _I, _J, *_MORE_OF_CONTACTS = _attach(ContactColumns, _TABLE)
 
@@ -500,8 +630,20 @@ STEPS = _rows(StepColumns)
 """One row per frame."""
 
 OFFSETS: tuple[Dataset, ...] = (
-    Dataset("steps/particle_offset", "i8", ("frame_edge",), "1", "rows offset[k]:offset[k+1] of particles/* are frame k"),
-    Dataset("steps/contact_offset", "i8", ("frame_edge",), "1", "rows offset[k]:offset[k+1] of contacts/* are frame k"),
+    Dataset(
+        "steps/particle_offset",
+        "i8",
+        ("frame_edge",),
+        "1",
+        "rows offset[k]:offset[k+1] of particles/* are frame k",
+    ),
+    Dataset(
+        "steps/contact_offset",
+        "i8",
+        ("frame_edge",),
+        "1",
+        "rows offset[k]:offset[k+1] of contacts/* are frame k",
+    ),
 )
 """Where the rows of each frame lie."""
 
@@ -520,7 +662,8 @@ FRAME_TABLE = STEPS + OFFSETS + PARTICLES + CONTACTS + WALLS
 
 # ---- The time series: a row for every dataset.
 #
-# A value of the moment is one more row here. The numbers that the engine keeps say themselves what they are (`model.books`).
+# A value of the moment is one more row here. The numbers that the engine keeps say themselves what
+# they are (`model.books`).
 
 
 def _scalar(
@@ -533,7 +676,16 @@ def _scalar(
     only_with: Feature | None = None,
     since: Version = (1, 0),
 ) -> Dataset:
-    return Dataset(f"series/{name}", dtype, ("series_row",), unit, long_name, value, only_with=only_with, since=since)
+    return Dataset(
+        f"series/{name}",
+        dtype,
+        ("series_row",),
+        unit,
+        long_name,
+        value,
+        only_with=only_with,
+        since=since,
+    )
 
 
 def _array(
@@ -548,11 +700,15 @@ def _array(
     since: Version = (1, 0),
 ) -> Dataset:
     path, shape = f"series/{name}", ("series_row", *dims)
-    return Dataset(path, "f8", shape, unit, long_name, value, only_with=only_with, since=since, columns=columns)
+    return Dataset(
+        path, "f8", shape, unit, long_name, value, only_with=only_with, since=since, columns=columns
+    )
 
 
 def _kept(
-    entries: tuple[Entry, ...], values: Callable[[Snapshot], dict[str, float]], only_with: Feature | None = None
+    entries: tuple[Entry, ...],
+    values: Callable[[Snapshot], dict[str, float]],
+    only_with: Feature | None = None,
 ) -> tuple[Dataset, ...]:
     """Rows of the numbers that the engine keeps, as far as they are in the time series."""
 
@@ -560,26 +716,38 @@ def _kept(
         def value(moment: Snapshot) -> float:
             return moment.per_step(entry.name) if entry.per_step else values(moment)[entry.name]
 
-        return _scalar(series, entry.unit, entry.meaning, value, entry.dtype, only_with=only_with, since=entry.since)
+        return _scalar(
+            series,
+            entry.unit,
+            entry.meaning,
+            value,
+            entry.dtype,
+            only_with=only_with,
+            since=entry.since,
+        )
 
     return tuple(row(entry, entry.series) for entry in entries if entry.series is not None)
 
 
 SERIES: tuple[Dataset, ...] = (
     _scalar("step", "1", "steps done since the start of the run", lambda m: m.state.step, "i8"),
-    _scalar("time", "s", "time since the start of the run, the end of the window", lambda m: m.state.time),
+    _scalar("time", "s", "time since the start of the run, the end of the window",
+        lambda m: m.state.time),
     _scalar("stage", "1", "loading stage, a row of scenario/stages", lambda m: m.state.stage, "i4"),
-    _scalar("strain", "1", "shear strain accumulated in this stage", lambda m: m.state.stage_strain),
+    _scalar("strain", "1", "shear strain accumulated in this stage",
+        lambda m: m.state.stage_strain),
     *_kept(BOOKS, lambda m: m.books),
     *_kept(measures_first(TALLIES), lambda m: m.tallies),
     *_kept(WINDOW, lambda m: m.window),
     _array(
         "virial_rate", (2, 2), "N m",
-        "window mean of sum f_a l_b over grain-grain contacts, l from j to i; over an area: mean stress, compression positive",
+        ("window mean of sum f_a l_b over grain-grain contacts, l from j to i; over an area: mean "
+            "stress, compression positive"),
         lambda m: m.rate(m.virial), ("virial_xx", "virial_xy", "virial_yx", "virial_yy"),
     ),
     _array(
-        "wall_force", ("wall", 3), "N, N, N m", "window mean of the force and torque exerted by the grains on each wall",
+        "wall_force", ("wall", 3), "N, N, N m", ("window mean of the force and torque exerted by "
+            "the grains on each wall"),
         lambda m: m.rate(m.state.window_wall_impulse), ("force_x", "force_y", "torque"),
     ),
     _array(
@@ -599,15 +767,19 @@ SERIES: tuple[Dataset, ...] = (
         "temperature_mean", "K", "mean temperature of the grains, weighted by heat capacity",
         lambda m: m.temperatures_here[0], only_with="heat",
     ),
-    _scalar("temperature_min", "K", "lowest temperature of a grain", lambda m: m.temperatures_here[1], only_with="heat"),
-    _scalar("temperature_max", "K", "highest temperature of a grain", lambda m: m.temperatures_here[2], only_with="heat"),
+    _scalar("temperature_min", "K", "lowest temperature of a grain",
+        lambda m: m.temperatures_here[1], only_with="heat"),
+    _scalar("temperature_max", "K", "highest temperature of a grain",
+        lambda m: m.temperatures_here[2], only_with="heat"),
     _array(
-        "wall_heat", ("wall", 2), "J", "heat given to the grains; heat of friction and impacts received",
+        "wall_heat", ("wall", 2), "J", ("heat given to the grains; heat of friction and impacts "
+            "received"),
         lambda m: m.state.wall_heat, ("heat_given", "heat_received"), only_with="heat",
     ),
     *_kept(EXCHANGE_BOOKS, lambda m: m.exchange, "exchange"),
     _array(
-        "outlet_flow", ("outlet", 2), "1, kg", "grains and mass that left through each outlet since the start",
+        "outlet_flow", ("outlet", 2), "1, kg", ("grains and mass that left through each outlet "
+            "since the start"),
         lambda m: m.state.outlet_flow, ("grains", "mass"), only_with="exchange", since=(1, 2),
     ),
 )  # fmt: skip

@@ -1,4 +1,6 @@
-"""The program's own elementary functions: accuracy against many digits, special values, and equal bits interpreted and compiled."""
+"""The program's own elementary functions: accuracy against many digits, special values, and equal
+bits interpreted and compiled.
+"""
 
 from __future__ import annotations
 
@@ -72,14 +74,20 @@ def test_functions_of_one_number_are_accurate(name):
 def test_functions_of_two_numbers_are_accurate(name):
     first, second, allowed = TWO[name]
     with mpmath.workprec(BITS):
-        exact = [getattr(mpmath, name)(mpmath.mpf(x), mpmath.mpf(y)) for x, y in zip(first, second, strict=True)]
+        exact = [
+            getattr(mpmath, name)(mpmath.mpf(x), mpmath.mpf(y))
+            for x, y in zip(first, second, strict=True)
+        ]
         assert max(errors(map(getattr(arithmetic, name), first, second), exact)) <= allowed
 
 
 def test_powers_are_accurate_where_results_are_huge_or_tiny():
     bases, exponents = sizes(-100, 100), uniform(-3, 3)
     with mpmath.workprec(BITS):
-        exact = [mpmath.power(mpmath.mpf(x), mpmath.mpf(y)) for x, y in zip(bases, exponents, strict=True)]
+        exact = [
+            mpmath.power(mpmath.mpf(x), mpmath.mpf(y))
+            for x, y in zip(bases, exponents, strict=True)
+        ]
         assert max(errors(map(arithmetic.power, bases, exponents), exact)) <= 3.0
 
 
@@ -171,9 +179,13 @@ def test_what_is_not_a_number(value):
     assert math.isnan(value)
 
 
-@pytest.mark.parametrize("name", [name for name in elementwise.__dict__ if name in {**ONE, "normal_quantile": 0}])
+@pytest.mark.parametrize(
+    "name", [name for name in elementwise.__dict__ if name in {**ONE, "normal_quantile": 0}]
+)
 def test_compiled_functions_have_the_bits_of_interpreted_ones(name):
-    arguments = uniform(1e-300, 1.0) + sizes(-290, -1) if name == "normal_quantile" else ONE[name][0]
+    arguments = (
+        uniform(1e-300, 1.0) + sizes(-290, -1) if name == "normal_quantile" else ONE[name][0]
+    )
     compiled = getattr(elementwise, name)(np.array(arguments))
     interpreted = np.array([getattr(arithmetic, name)(x) for x in arguments])
     assert (compiled.view(np.int64) == interpreted.view(np.int64)).all()
@@ -185,16 +197,22 @@ def test_sums(count):
     values = rng.standard_normal((count, 3)) * 10.0 ** rng.uniform(-8, 8, (count, 3))
     before = values.copy()
     allowed = 2e-16 * (FEW + max(1, count).bit_length())
-    assert sums.total(values) == pytest.approx(math.fsum(values.ravel().tolist()), rel=0, abs=2 * allowed * np.abs(values).sum())
+    assert sums.total(values) == pytest.approx(
+        math.fsum(values.ravel().tolist()), rel=0, abs=2 * allowed * np.abs(values).sum()
+    )
     for column, found in zip(values.T, sums.column_totals(values), strict=True):
-        assert found == pytest.approx(math.fsum(column.tolist()), rel=0, abs=allowed * np.abs(column).sum())
+        assert found == pytest.approx(
+            math.fsum(column.tolist()), rel=0, abs=allowed * np.abs(column).sum()
+        )
     assert (values == before).all()
     if count:
         assert sums.mean(values) == sums.total(values) / values.size
 
 
 def test_sums_have_the_stated_order():
-    assert sums.total(np.array([1.0, 1e16, -1.0, -1e16, 3.0])) == (((1.0 + 1e16) - 1.0) - 1e16) + 3.0
+    assert (
+        sums.total(np.array([1.0, 1e16, -1.0, -1e16, 3.0])) == (((1.0 + 1e16) - 1.0) - 1e16) + 3.0
+    )
     values = np.zeros(2 * FEW + 1)
     values[0], values[FEW], values[-1], values[1] = 1e16, -1e16, 3.0, 1.0
     assert sums.total(values) == ((1e16 - 1e16) + 3.0) + 1.0

@@ -1,4 +1,6 @@
-"""Benchmarks measure what they say: copies of a scene move like the scene, wrong physics gives no time, slower is noticed."""
+"""Benchmarks measure what they say: copies of a scene move like the scene, wrong physics gives no
+time, slower is noticed.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,15 @@ from scene_parts import advance, shear_engine
 from multicor_cli.bench import measuring, scenes, session, yardsticks
 from multicor_cli.bench.driving import QUIET, Rest, prepare, repeat_scene
 from multicor_cli.bench.measuring import Result, Task, find_faults, measure
-from multicor_cli.bench.recorded import MARGINS, RecordError, find_slower, ratios, read_record, slower_twice, write_record
+from multicor_cli.bench.recorded import (
+    MARGINS,
+    RecordError,
+    find_slower,
+    ratios,
+    read_record,
+    slower_twice,
+    write_record,
+)
 from multicor_cli.bench.scenes import SCENES
 from multicor_cli.bench.session import HEADINGS, Benchmark, notes, row
 from multicor_cli.bench.yardsticks import ReferenceStep, SweepTimes, compile_sweep, time_sweep
@@ -34,7 +44,13 @@ LOAD, SPEED, DT = 1.0, 0.3, 0.1
 
 
 def drives_of(period: float) -> list[WallDrive]:
-    return [WallDrive(), WallDrive(x=DofDrive(velocity=Constant(SPEED)), y=DofDrive(force=Constant(-LOAD * period), damping=0.0))]
+    return [
+        WallDrive(),
+        WallDrive(
+            x=DofDrive(velocity=Constant(SPEED)),
+            y=DofDrive(force=Constant(-LOAD * period), damping=0.0),
+        ),
+    ]
 
 
 def test_copies_of_a_sheared_layer_move_like_the_original() -> None:
@@ -48,19 +64,23 @@ def test_copies_of_a_sheared_layer_move_like_the_original() -> None:
     reports = [(engine.step(DT, 0.0), wide.step(DT, 0.0)) for _ in range(3)]
     for narrow, broad in reports:
         assert broad.candidates == 3 * narrow.candidates
-        assert broad.contacts == pytest.approx(3 * narrow.contacts, rel=0.03)  # the weakest forces are not unique
+        # The weakest forces are not unique
+        assert broad.contacts == pytest.approx(3 * narrow.contacts, rel=0.03)
     for copy in range(3):
         part = slice(copy * n, (copy + 1) * n)
         moved = (state.position[part, 0] - engine.state.position[:, 0]) / engine.model.period
         np.testing.assert_allclose(moved, np.rint(moved), atol=1e-4)
-        np.testing.assert_allclose(state.velocity[part], engine.state.velocity, atol=0.05)  # to the tolerance of the solver
+        # to the tolerance of the solver
+        np.testing.assert_allclose(state.velocity[part], engine.state.velocity, atol=0.05)
     assert np.median(np.abs(state.velocity[:n] - engine.state.velocity)) < 1e-3
     with pytest.raises(ValueError, match="periodic"):
         repeat_scene(replace(engine.model, period=0.0), engine.state, 2)
 
 
 def test_the_warm_start_of_copies_is_that_of_the_original() -> None:
-    """With all impulses in place the first residual of the copies is that of the original: nothing is joined wrongly."""
+    """With all impulses in place the first residual of the copies is that of the original: nothing
+    is joined wrongly.
+    """
     engine = shear_engine(columns=12, rows=8, load=LOAD, speed=SPEED)
     advance(engine, DT, 200)
     model, state = repeat_scene(engine.model, engine.state, 4)
@@ -73,7 +93,10 @@ def test_the_warm_start_of_copies_is_that_of_the_original() -> None:
     assert len(wide_problem.pair) == 4 * len(narrow_problem.pair)
     for own, copied in ((narrow_start, wide_start), (narrow_problem.bias, wide_problem.bias)):
         np.testing.assert_allclose(
-            np.sort(np.tile(own, (4,) + (1,) * (own.ndim - 1)), axis=0), np.sort(copied, axis=0), rtol=1e-9, atol=1e-11
+            np.sort(np.tile(own, (4,) + (1,) * (own.ndim - 1)), axis=0),
+            np.sort(copied, axis=0),
+            rtol=1e-9,
+            atol=1e-11,
         )
 
 
@@ -99,7 +122,9 @@ def test_c_sweep_is_ours_and_a_wrong_one_is_refused(monkeypatch: pytest.MonkeyPa
     assert times.contacts == np.count_nonzero(system.slot >= 0)
     assert times.ratio > 0.0
     assert system.impulse.tolist() == before.tolist()  # the problem itself is left alone
-    monkeypatch.setattr(yardsticks, "compile_sweep", lambda: lambda rows, velocity, beta, repeats: 0.0)
+    monkeypatch.setattr(
+        yardsticks, "compile_sweep", lambda: lambda rows, velocity, beta, repeats: 0.0
+    )
     with pytest.raises(RuntimeError, match="differs"):
         time_sweep(system, (1,))
 
@@ -110,7 +135,8 @@ def test_wrong_physics_is_found() -> None:
     assert find_faults(prepared, rounds) == []
     prepared.state.books[BOOK_NAMES.index("closure")] = 1e-3
     prepared.state.tallies[TALLY_NAMES.index("max_overlap")] = 0.1
-    rounds[0].reports[2] = replace(rounds[0].reports[2], converged=False)  # one of five: more than one in a hundred
+    # One of five: more than one in a hundred
+    rounds[0].reports[2] = replace(rounds[0].reports[2], converged=False)
     faults = " ".join(find_faults(prepared, rounds))
     assert all(text in faults for text in ("energy books", "overlap", "1 steps did not converge"))
 
@@ -118,14 +144,16 @@ def test_wrong_physics_is_found() -> None:
 def test_a_bed_that_floats_is_found() -> None:
     prepared = prepare(replace(SCENES["collapse"], is_weighed=True), 100)
     rounds = [prepared.take(3)]
-    assert any("of the weight" in fault for fault in find_faults(prepared, rounds))  # half of it is still in the air
+    # Half of it is still in the air
+    assert any("of the weight" in fault for fault in find_faults(prepared, rounds))
 
 
 def result(**changes: object) -> Result:
     sweep = SweepTimes(2000, 10**5, {1: 1.1e-8}, 1e-8, 1.1)
     phases = {"solve": 6e-4, "detect": 3e-4, "prepare": 1e-4}
     found = Result(
-        "bed", 1000, 1, 20, 3, candidates=2000.0, sweeps=35.0, median_sweeps=30.0, cold_sweeps=300.0, step=1e-3, phases=phases,
+        "bed", 1000, 1, 20, 3, candidates=2000.0, sweeps=35.0, median_sweeps=30.0,
+        cold_sweeps=300.0, step=1e-3, phases=phases,
         per_contact=1e-8, other_ratio=2.0, sweep=sweep,
     )  # fmt: skip
     return replace(found, **changes)
@@ -135,11 +163,23 @@ def test_ratios_and_shares() -> None:
     found = result()
     assert found.other == pytest.approx(4e-4)
     assert found.other_share == pytest.approx(4e-4 / (4e-4 + 30 * 2000 * 1e-8))
-    all_of_them = {"sweeps": 30.0, "cold_sweeps": 300.0, "sweep_over_c": 1.1, "solve_over_c": 1.0, "other_over_reference": 2.0}
+    all_of_them = {
+        "sweeps": 30.0,
+        "cold_sweeps": 300.0,
+        "sweep_over_c": 1.1,
+        "solve_over_c": 1.0,
+        "other_over_reference": 2.0,
+    }
     assert ratios(found) == pytest.approx(all_of_them)
-    assert ratios(result(sweep=None, cold_sweeps=None)) == {"sweeps": 30.0, "other_over_reference": 2.0}
-    assert "solve_over_c" not in ratios(result(cold_sweeps=None, median_sweeps=2.0))  # that would be the time of everything around
-    assert ratios(result(sweep=None, cold_sweeps=None, per_contact=None)) == {"other_over_reference": 2.0}
+    assert ratios(result(sweep=None, cold_sweeps=None)) == {
+        "sweeps": 30.0,
+        "other_over_reference": 2.0,
+    }
+    # That would be the time of everything around
+    assert "solve_over_c" not in ratios(result(cold_sweeps=None, median_sweeps=2.0))
+    assert ratios(result(sweep=None, cold_sweeps=None, per_contact=None)) == {
+        "other_over_reference": 2.0
+    }
     assert json.loads(json.dumps(found.as_dict()))["other_share"] == pytest.approx(0.4)
 
 
@@ -160,18 +200,33 @@ def test_what_is_slower_than_recorded_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "factor"), [("median_sweeps", 2.0), ("cold_sweeps", 2.0), ("per_contact", 2.0), ("other_ratio", 3.0), ("sweep", 2.0)]
+    ("name", "factor"),
+    [
+        ("median_sweeps", 2.0),
+        ("cold_sweeps", 2.0),
+        ("per_contact", 2.0),
+        ("other_ratio", 3.0),
+        ("sweep", 2.0),
+    ],
 )
-def test_whatever_takes_that_much_longer_is_slower(name: str, factor: float, tmp_path: Path) -> None:
+def test_whatever_takes_that_much_longer_is_slower(
+    name: str, factor: float, tmp_path: Path
+) -> None:
     path = tmp_path / "record.json"
     write_record(path, [result()])
     before = getattr(result(), name)
-    after = replace(before, ratio=factor * before.ratio) if isinstance(before, SweepTimes) else factor * before
+    after = (
+        replace(before, ratio=factor * before.ratio)
+        if isinstance(before, SweepTimes)
+        else factor * before
+    )
     assert len(find_slower([result(**{name: after})], read_record(path))) == 1
 
 
 def test_two_sweeps_more_are_not_twice_as_many(tmp_path: Path) -> None:
-    """A solve looks at its residual at 2, 5 or 8 sweep-equivalents: a median of 5 beside one of 2 is one look more."""
+    """A solve looks at its residual at 2, 5 or 8 sweep-equivalents: a median of 5 beside one of 2
+    is one look more.
+    """
     path = tmp_path / "record.json"
     write_record(path, [result(median_sweeps=2.0)])
     assert find_slower([result(median_sweeps=5.0)], read_record(path)) == []
@@ -183,13 +238,18 @@ def test_medians_of_seeds_are_recorded_and_slower_is_what_is_so_twice(tmp_path: 
     write_record(path, [result(median_sweeps=sweeps) for sweeps in (20.0, 90.0, 40.0)])
     record = read_record(path)
     assert record["bed-1000-threads-1"]["sweeps"] == 40.0
-    first, other = result(median_sweeps=90.0, other_ratio=9.0), result(median_sweeps=80.0, cold_sweeps=900.0)
+    first, other = (
+        result(median_sweeps=90.0, other_ratio=9.0),
+        result(median_sweeps=80.0, cold_sweeps=900.0),
+    )
     assert slower_twice([first], [other], record) == ["bed-1000-threads-1: sweeps 80, recorded 40"]
     assert slower_twice([first], [result(median_sweeps=41.0)], record) == []
 
 
 @pytest.mark.parametrize(("nudge", "seed"), [("1", 1), ("2", 2), ("3", 3)])
-def test_a_bed_rests_when_it_is_measured(nudge: str, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bed_rests_when_it_is_measured(
+    nudge: str, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv(VARIABLE, nudge)
     bed = small_bed(monkeypatch)
     prepared = prepare(bed, 60, seed=seed)
@@ -214,7 +274,9 @@ def small_bed(monkeypatch: pytest.MonkeyPatch, patience: float = 2.0) -> scenes.
     return replace(SCENES["bed"], tile=60)
 
 
-def test_a_bed_that_does_not_come_to_rest_is_a_fault_with_a_name(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bed_that_does_not_come_to_rest_is_a_fault_with_a_name(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     bed = small_bed(monkeypatch, patience=0.002)  # ten steps; it must rest for 286
     monkeypatch.setitem(SCENES, "bed", bed)
     found = measure(Task("bed", 60, 1, 1))
@@ -235,14 +297,19 @@ def test_the_command_ends_with_the_code_of_physics(monkeypatch: pytest.MonkeyPat
     assert asked == [Task("bed", 100, 1, 2, 7), Task("bed", 200, 1, 2, 7)]
 
 
-def test_what_looks_slower_is_measured_again_with_another_seed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_what_looks_slower_is_measured_again_with_another_seed(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     path, asked = tmp_path / "record.json", []
     write_record(path, [result(), result(scene="shear")])
 
     def run(factor: float, tasks: list[Task], **_: object) -> session.Benchmark:
         asked.extend(tasks)
         slow = [
-            result(scene=task.scene, other_ratio=2.0 * (factor ** (task.seed - 1) * 3.0 if task.scene == "bed" else 1.0))
+            result(
+                scene=task.scene,
+                other_ratio=2.0 * (factor ** (task.seed - 1) * 3.0 if task.scene == "bed" else 1.0),
+            )
             for task in tasks
         ]
         return Benchmark("some", {1: 1e9}, slow, None)
@@ -260,13 +327,22 @@ def test_moving_grains_begin_to_wait_anew() -> None:
     prepared = prepare(SCENES["collapse"], 100)
     state, rest = prepared.state, Rest(1.0, 3)
     kinetic = BOOK_NAMES.index("kinetic")
-    for energy, reached in ((0.5, False), (1.0, False), (1.1, False), (0.0, False), (0.0, False), (0.0, True)):
+    for energy, reached in (
+        (0.5, False),
+        (1.0, False),
+        (1.1, False),
+        (0.0, False),
+        (0.0, False),
+        (0.0, True),
+    ):
         state.books[kinetic] = energy
         rest.note(state)
         assert rest.is_reached is reached
 
 
-def test_physics_that_fails_while_a_scene_is_prepared_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_physics_that_fails_while_a_scene_is_prepared_is_a_fault(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     def fail(*_: object, **__: object) -> None:
         raise PhysicsError(7, "no admissible positions")
 
@@ -275,7 +351,9 @@ def test_physics_that_fails_while_a_scene_is_prepared_is_a_fault(monkeypatch: py
 
 
 def test_stages_that_take_longer_show_in_the_ratio() -> None:
-    """The yardstick does not slow down with the product: where steps take four times as long, the ratio exceeds its margin."""
+    """The yardstick does not slow down with the product: where steps take four times as long, the
+    ratio exceeds its margin.
+    """
     prepared = prepare(SCENES["collapse"], 100)
     yardstick = ReferenceStep(100)
 

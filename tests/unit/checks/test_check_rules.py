@@ -13,7 +13,12 @@ from multicor_cli.checks.check import Measured, judge_all
 
 def rule(**limits: float) -> Rule[list[float]]:
     return Rule(
-        "size", lambda values: [Measured(value, f"number {k}") for k, value in enumerate(values)], "means", "do", "m", **limits
+        "size",
+        lambda values: [Measured(value, f"number {k}") for k, value in enumerate(values)],
+        "means",
+        "do",
+        "m",
+        **limits,
     )
 
 
@@ -30,7 +35,9 @@ def rule(**limits: float) -> Rule[list[float]]:
         ({"least": 1.0}, [1e9, 0.0], Verdict.WARNING, "0 m (number 1)"),
     ],
 )
-def test_the_worst_number_counts(limits: dict[str, float], values: list[float], verdict: Verdict, text: str) -> None:
+def test_the_worst_number_counts(
+    limits: dict[str, float], values: list[float], verdict: Verdict, text: str
+) -> None:
     check = rule(**limits).judge(values)
     assert check is not None
     assert (check.verdict, check.text) == (verdict, text)

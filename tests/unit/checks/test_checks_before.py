@@ -23,7 +23,10 @@ OK, WARNING, BAD = Verdict.OK, Verdict.WARNING, Verdict.BAD
 
 
 def checked(directory: Path, text: str = SMALL, *changes: tuple[str, str]) -> dict[str, Check]:
-    return {check.name: check for check in check_scenario(write_small(directory, changed(text, *changes)))}
+    return {
+        check.name: check
+        for check in check_scenario(write_small(directory, changed(text, *changes)))
+    }
 
 
 def test_an_ordinary_scenario_is_ok(tmp_path: Path) -> None:
@@ -36,9 +39,15 @@ SINGLE = ("frame_interval = 0.002", 'frame_interval = 0.002\nprecision = "single
 
 def _at_height(height: float) -> list[tuple[str, str]]:
     return [
-        ("min = [0.0, 0.001], max = [0.02, 0.009]", f"min = [0.0, {height + 0.001}], max = [0.02, {height + 0.009}]"),
+        (
+            "min = [0.0, 0.001], max = [0.02, 0.009]",
+            f"min = [0.0, {height + 0.001}], max = [0.02, {height + 0.009}]",
+        ),
         ("from = [0.0, 0.0], to = [0.02, 0.0]", f"from = [0.0, {height}], to = [0.02, {height}]"),
-        ("from = [0.0, 0.01], to = [0.02, 0.01]", f"from = [0.0, {height + 0.01}], to = [0.02, {height + 0.01}]"),
+        (
+            "from = [0.0, 0.01], to = [0.02, 0.01]",
+            f"from = [0.0, {height + 0.01}], to = [0.02, {height + 0.01}]",
+        ),
     ]
 
 
@@ -68,30 +77,41 @@ SHIFTED, FAR = _at_height(1e3), _at_height(9e5)
         ("stored places", OK, [SINGLE]),
         ("stored places", BAD, [*SHIFTED, SINGLE]),
         ("grain diameter", WARNING, [
-            ("size = [0.02, 0.02]", "size = [20.0, 20.0]"), ("min = 0.4e-3, max = 0.6e-3", "min = 0.4, max = 0.6"),
+            ("size = [0.02, 0.02]", "size = [20.0, 20.0]"), ("min = 0.4e-3, max = 0.6e-3", ("min "
+                "= 0.4, max = 0.6")),
             ("min = [0.0, 0.001], max = [0.02, 0.009]", "min = [0.0, 1.0], max = [20.0, 9.0]"),
             ("from = [0.0, 0.0], to = [0.02, 0.0]", "from = [0.0, 0.0], to = [20.0, 0.0]"),
             ("from = [0.0, 0.01], to = [0.02, 0.01]", "from = [0.0, 10.0], to = [20.0, 10.0]"),
         ]),
     ],
 )  # fmt: skip
-def test_each_verdict(name: str, verdict: Verdict, changes: list[tuple[str, str]], tmp_path: Path) -> None:
+def test_each_verdict(
+    name: str, verdict: Verdict, changes: list[tuple[str, str]], tmp_path: Path
+) -> None:
     found = checked(tmp_path, SMALL, *changes)[name]
     assert found.verdict is verdict, found
 
 
 def test_upward_gravity(tmp_path: Path) -> None:
     assert (
-        checked(tmp_path, SMALL, ("periodic = true", "periodic = true\ngravity = [0.0, 9.81]"))["upward gravity"].verdict is WARNING
+        checked(tmp_path, SMALL, ("periodic = true", "periodic = true\ngravity = [0.0, 9.81]"))[
+            "upward gravity"
+        ].verdict
+        is WARNING
     )
 
 
 def test_temperatures_in_degrees(tmp_path: Path) -> None:
     assert checked(tmp_path, HEATED)["lowest temperature"].verdict is OK
-    found = checked(tmp_path, HEATED, ("ramp = [300.0, 350.0]", "ramp = [20.0, 70.0]"))["lowest temperature"]
+    found = checked(tmp_path, HEATED, ("ramp = [300.0, 350.0]", "ramp = [20.0, 70.0]"))[
+        "lowest temperature"
+    ]
     assert (found.verdict, found.value) == (WARNING, 20.0)
     assert "wall floor in stage fall" in found.text
-    assert checked(tmp_path, HEATED, ("value = 300.0,", "value = 20.0,"))["lowest temperature"].verdict is WARNING
+    assert (
+        checked(tmp_path, HEATED, ("value = 300.0,", "value = 20.0,"))["lowest temperature"].verdict
+        is WARNING
+    )
 
 
 @pytest.mark.parametrize(
@@ -104,7 +124,9 @@ def test_temperatures_in_degrees(tmp_path: Path) -> None:
         ([("value = 300.0,", "value = 5000.0,")], BAD, "a grain of"),
     ],
 )
-def test_temperatures_that_no_solid_bears(changes: list[tuple[str, str]], verdict: Verdict, what: str, tmp_path: Path) -> None:
+def test_temperatures_that_no_solid_bears(
+    changes: list[tuple[str, str]], verdict: Verdict, what: str, tmp_path: Path
+) -> None:
     found = checked(tmp_path, HEATED, *changes)["highest temperature"]
     assert found.verdict is verdict
     assert what in found.text
@@ -120,7 +142,12 @@ def test_predicted_biot_number(tmp_path: Path) -> None:
 
 def test_a_lid_whose_weight_outweighs_the_pull_is_no_lid_that_is_pulled(tmp_path: Path) -> None:
     heavy = ('side = "right" }', 'side = "right" }\nmass = 1.0\ngravity = true')
-    assert checked(tmp_path, SMALL, heavy, ("force = -0.1", "force = 0.1"))["load off the grains"].verdict is OK
+    assert (
+        checked(tmp_path, SMALL, heavy, ("force = -0.1", "force = 0.1"))[
+            "load off the grains"
+        ].verdict
+        is OK
+    )
 
 
 def test_impact_of_spheres() -> None:
@@ -133,7 +160,9 @@ def test_impact_of_spheres() -> None:
 
 
 @pytest.mark.parametrize(("share", "verdict"), [(0.1, OK), (0.8, WARNING), (1.5, BAD)])
-def test_disk(share: float, verdict: Verdict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_disk(
+    share: float, verdict: Verdict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     usage = namedtuple("usage", "free")
     monkeypatch.setattr(resolution.shutil, "disk_usage", lambda place: usage(10**9))
     needed = checked(tmp_path)["disk"].value * 1e9
@@ -142,7 +171,9 @@ def test_disk(share: float, verdict: Verdict, tmp_path: Path, monkeypatch: pytes
 
 
 @pytest.mark.parametrize(("share", "verdict"), [(0.1, OK), (0.8, WARNING), (1.5, BAD)])
-def test_memory(share: float, verdict: Verdict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_memory(
+    share: float, verdict: Verdict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(resolution, "available_memory", lambda: 10**9)
     needed = checked(tmp_path)["memory"].value * 1e9
     monkeypatch.setattr(resolution, "available_memory", lambda: int(needed / share))
@@ -151,13 +182,19 @@ def test_memory(share: float, verdict: Verdict, tmp_path: Path, monkeypatch: pyt
 
 WALL = '[[walls]]\nname = "w{k}"\nmaterial = "glass"\ngeometry = {geometry}\n'
 FLOOR = '{ kind = "plane", point = [0, 0], normal = [0, 1] }'
-CUP = '{ kind = "polyline", points = [[-0.001, 0.09], [-0.001, -0.001], [0.061, -0.001], [0.061, 0.09]] }'
+CUP = (
+    '{ kind = "polyline", points = [[-0.001, 0.09], [-0.001, -0.001], [0.061, -0.001], [0.061, '
+    "0.09]] }"
+)
 TABLE = '{ kind = "polyline", points = [[-0.001, -0.001], [0.061, -0.001]] }'
 HOPPER = (
     '{ kind = "polyline", points = [[-0.001, 0.09], [-0.001, -0.001], [0.02, -0.01]] }',
     ('{ kind = "polyline", points = [[0.061, 0.09], [0.061, -0.001], [0.04, -0.01]] }'),
 )
-LEFT, RIGHT = '{ kind = "plane", point = [0, 0], normal = [1, 0] }', '{ kind = "plane", point = [0.06, 0], normal = [-1, 0] }'
+LEFT, RIGHT = (
+    '{ kind = "plane", point = [0, 0], normal = [1, 0] }',
+    '{ kind = "plane", point = [0.06, 0], normal = [-1, 0] }',
+)
 DRUM = '{ kind = "circle", center = [0.03, 0.04], radius = 0.051 }'
 ROUGH = '{ kind = "rough", from = [-0.01, -0.001], to = [0.07, -0.001], side = "left" }'
 
@@ -165,20 +202,31 @@ ROUGH = '{ kind = "rough", from = [-0.01, -0.001], to = [0.07, -0.001], side = "
 @pytest.mark.parametrize(
     ("walls", "share"),
     [
-        ([], 1.0), ([FLOOR], 0.0), ([CUP], 0.0), ([TABLE], 1.0), ([TABLE, LEFT, RIGHT], 0.0), ([TABLE, LEFT], 1.0), (HOPPER, 1.0),
-        ([DRUM], 0.0), ([ROUGH], 1.0), ([ROUGH, LEFT, RIGHT], 0.0), ([*HOPPER, FLOOR.replace("[0, 0]", "[0, -0.1]")], 0.0),
+        ([], 1.0), ([FLOOR], 0.0), ([CUP], 0.0), ([TABLE], 1.0), ([TABLE, LEFT, RIGHT], 0.0),
+        ([TABLE, LEFT], 1.0), (HOPPER, 1.0),
+        ([DRUM], 0.0), ([ROUGH], 1.0), ([ROUGH, LEFT, RIGHT], 0.0), ([*HOPPER, FLOOR.replace(("[0, "
+            "0]"), ("[0, "
+            "-0.1]"))], 0.0),
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("turns", [0, 1, 2])
-def test_grains_that_can_get_out(walls: list[str], share: float, turns: int, tmp_path: Path) -> None:
+def test_grains_that_can_get_out(
+    walls: list[str], share: float, turns: int, tmp_path: Path
+) -> None:
     """Also with everything turned by right angles: gravity decides what is below."""
-    text = PACKED + "\n" + "\n".join(WALL.format(k=k, geometry=geometry) for k, geometry in enumerate(walls))
+    text = (
+        PACKED
+        + "\n"
+        + "\n".join(WALL.format(k=k, geometry=geometry) for k, geometry in enumerate(walls))
+    )
     model, state = build(load_scenario(write_small(tmp_path, text)))
     assert escape_share(model, state.position, state.wall_position, model.gravity) == share
     for _ in range(turns):
         model.gravity[:] = -model.gravity[1], model.gravity[0]
         state.position[:, :2] = np.column_stack([-state.position[:, 1], state.position[:, 0]])
-        state.wall_position[:, :2] = np.column_stack([-state.wall_position[:, 1], state.wall_position[:, 0]])
+        state.wall_position[:, :2] = np.column_stack(
+            [-state.wall_position[:, 1], state.wall_position[:, 0]]
+        )
         state.wall_position[:, 2] += 0.5 * math.pi
     assert escape_share(model, state.position, state.wall_position, model.gravity) == share
 
@@ -197,4 +245,6 @@ def test_a_floor_holds_those_alone_that_meet_it(tmp_path: Path) -> None:
 
 
 def test_no_floor_without_gravity(tmp_path: Path) -> None:
-    assert "grains without a floor" not in checked(tmp_path, SMALL, ("periodic = true", "periodic = true\ngravity = [0.0, 0.0]"))
+    assert "grains without a floor" not in checked(
+        tmp_path, SMALL, ("periodic = true", "periodic = true\ngravity = [0.0, 0.0]")
+    )

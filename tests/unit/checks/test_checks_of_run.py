@@ -1,4 +1,6 @@
-"""Each check of a run, provoked by a run that deserves it, or by numbers that no run should ever have."""
+"""Each check of a run, provoked by a run that deserves it, or by numbers that no run should ever
+have.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,15 @@ from places import ROOT
 from scenes import HEATED, LASTING, PACKED, SMALL, changed, write_small
 
 import multicor_cli as multicor
-from multicor_cli.checks import OF_RUN, Check, Recorded, Verdict, judge_all, resolution, worst_verdict
+from multicor_cli.checks import (
+    OF_RUN,
+    Check,
+    Recorded,
+    Verdict,
+    judge_all,
+    resolution,
+    worst_verdict,
+)
 from multicor_cli.checks.books import relative_drift
 from multicor_cli.store import open_run, run_info
 
@@ -28,7 +38,9 @@ CONFIGS = ROOT / "configs"
 OK, WARNING, BAD = Verdict.OK, Verdict.WARNING, Verdict.BAD
 
 
-def run_small(directory: Path, *changes: tuple[str, str], overrides: tuple[str, ...] = ()) -> dict[str, Check]:
+def run_small(
+    directory: Path, *changes: tuple[str, str], overrides: tuple[str, ...] = ()
+) -> dict[str, Check]:
     path = write_small(directory, changed(SMALL, *changes))
     multicor.run(path, directory / "run", overrides=overrides)
     return {check.name: check for check in multicor.check_run(directory / "run")}
@@ -59,7 +71,14 @@ def test_an_ordinary_run_has_nothing_bad(ordinary: Path) -> None:
     checks = multicor.check_run(ordinary)
     assert worst_verdict(checks) is not BAD, checks
     names = {check.name for check in checks}
-    assert {"time step", "time step for the flow", "negative losses", "overlap", "lost grains", "Hertz deflection"} <= names
+    assert {
+        "time step",
+        "time step for the flow",
+        "negative losses",
+        "overlap",
+        "lost grains",
+        "Hertz deflection",
+    } <= names
 
 
 @pytest.mark.parametrize(
@@ -72,7 +91,9 @@ def test_an_ordinary_run_has_nothing_bad(ordinary: Path) -> None:
         ("work of corrections", "books.correction_work", {0.0: OK}),
     ],
 )
-def test_limits_of_the_summary(name: str, key: str, values: dict[float, Verdict], recorded: Recorded) -> None:
+def test_limits_of_the_summary(
+    name: str, key: str, values: dict[float, Verdict], recorded: Recorded
+) -> None:
     for value, verdict in values.items():
         assert with_info(recorded, key, value)[name].verdict is verdict
 
@@ -82,20 +103,28 @@ def test_negative_losses_of_a_bed_at_rest_are_left_out(recorded: Recorded) -> No
     kick = 9.81 * 1e-4
     limit = steps * 0.5 * float(model.grains.mass.sum()) * kick**2
     recorded.info["books"] |= {"friction_loss": 0.2 * limit, "negative_loss": -0.3 * limit}
-    assert with_info(recorded, "books.impact_loss", 0.6 * limit)["negative losses"].verdict is not None
+    assert (
+        with_info(recorded, "books.impact_loss", 0.6 * limit)["negative losses"].verdict is not None
+    )
     assert "negative losses" not in with_info(recorded, "books.impact_loss", 0.4 * limit)
 
 
-@pytest.mark.parametrize(("restitution", "given_back"), [(0.0, 0.0), (0.5, 1.0 / 3.0), (0.9, 0.81 / 0.19)])
+@pytest.mark.parametrize(
+    ("restitution", "given_back"), [(0.0, 0.0), (0.5, 1.0 / 3.0), (0.9, 0.81 / 0.19)]
+)
 def test_negative_losses_are_compared_with_what_impacts_take_up(
     restitution: float, given_back: float, recorded: Recorded, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Impacts that lose 1 − e² of what they take up give back e² of it; where they give back all, the share says nothing."""
+    """Impacts that lose 1 − e² of what they take up give back e² of it; where they give back all,
+    the share says nothing.
+    """
     laws = recorded.run.model.laws
     monkeypatch.setattr(resolution, "_least_restitution", lambda model: restitution)
     recorded.info["books"] |= {"friction_loss": 3.0, "impact_loss": 2.0, "negative_loss": -0.5}
     expected = 0.5 / (3.0 + 2.0 + 0.5 + 2.0 * given_back)
-    assert with_info(recorded, "negative_loss_share", 0.5 / 5.5)["negative losses"].value == pytest.approx(expected)
+    assert with_info(recorded, "negative_loss_share", 0.5 / 5.5)[
+        "negative losses"
+    ].value == pytest.approx(expected)
     monkeypatch.undo()
     assert resolution._least_restitution(recorded.run.model) == float(laws.restitution.min())
     monkeypatch.setattr(resolution, "_least_restitution", lambda model: 1.0)
@@ -103,12 +132,18 @@ def test_negative_losses_are_compared_with_what_impacts_take_up(
 
 
 @pytest.mark.parametrize(("restitution", "dt"), [(0.0, "auto"), (0.9, "auto"), (0.9, 2.5e-3)])
-def test_negative_losses_of_shear_do_not_depend_on_restitution(restitution: float, dt: str | float, tmp_path: Path) -> None:
-    """At the automatic step the check has nothing to say, and a step fifteen times as long is found."""
+def test_negative_losses_of_shear_do_not_depend_on_restitution(
+    restitution: float, dt: str | float, tmp_path: Path
+) -> None:
+    """At the automatic step the check has nothing to say, and a step fifteen times as long is
+    found.
+    """
     overrides = (
-        f"contacts.0.restitution={restitution}", f"solver.dt={dt}", "loading.0.until.strain.value=2.0",
+        f"contacts.0.restitution={restitution}", f"solver.dt={dt}",
+        "loading.0.until.strain.value=2.0",
         "particles.0.count=330", "domain.size=[0.02,0.025]", "particles.0.region.max=[0.02,0.0178]",
-        "walls.0.geometry.to=[0.02,0.0]", "walls.1.geometry.from=[0.02,0.019]", "walls.1.geometry.to=[0.0,0.019]",
+        "walls.0.geometry.to=[0.02,0.0]", "walls.1.geometry.from=[0.02,0.019]",
+        "walls.1.geometry.to=[0.0,0.019]",
         'walls.1.geometry.side="left"', "variables.speed=0.72", "loading.0.drives.top.y.force=-0.2",
         "particles.0.shear_rate=37.9", "output.frame_interval=0.01",
     )  # fmt: skip
@@ -120,7 +155,9 @@ def test_negative_losses_of_shear_do_not_depend_on_restitution(restitution: floa
 
 
 def test_work_of_corrections_is_compared_with_what_was_put_in(recorded: Recorded) -> None:
-    given = recorded.book("kinetic_start") + sum(abs(recorded.book(f"{name}_work")) for name in ("gravity", "wall", "load"))
+    given = recorded.book("kinetic_start") + sum(
+        abs(recorded.book(f"{name}_work")) for name in ("gravity", "wall", "load")
+    )
     for share, verdict in ((0.02, WARNING), (-0.2, BAD)):
         check = with_info(recorded, "books.correction_work", share * given)["work of corrections"]
         assert (check.value, check.verdict) == (pytest.approx(abs(share)), verdict)
@@ -132,7 +169,10 @@ def test_heat_of_a_run(recorded: Recorded) -> None:
     checks = with_info(recorded, "heat", heat)
     assert checks["heat closure"].verdict is BAD
     assert checks["largest Biot number"].verdict is WARNING
-    assert (checks["heat not delivered"].value, checks["heat not delivered"].verdict) == (0.25, WARNING)
+    assert (checks["heat not delivered"].value, checks["heat not delivered"].verdict) == (
+        0.25,
+        WARNING,
+    )
     heat["max_biot"] = 2.0
     assert with_info(recorded, "heat", heat)["largest Biot number"].verdict is BAD
 
@@ -142,26 +182,49 @@ HOT_FLOOR = re.search(r"thermal = .*", HEATED)[0]  # type: ignore[index]
 
 @pytest.mark.parametrize(
     ("flow", "tolerance", "verdicts"),
-    [(0.1, 1e-4, (OK, OK)), (1e9, 1e-4, (BAD, OK)), (0.1, 1e-2, (OK, WARNING)), (0.1, 0.1, (OK, BAD))],
+    [
+        (0.1, 1e-4, (OK, OK)),
+        (1e9, 1e-4, (BAD, OK)),
+        (0.1, 1e-2, (OK, WARNING)),
+        (0.1, 0.1, (OK, BAD)),
+    ],
 )
-def test_what_heat_did(flow: float, tolerance: float, verdicts: tuple[Verdict, Verdict], tmp_path: Path) -> None:
+def test_what_heat_did(
+    flow: float, tolerance: float, verdicts: tuple[Verdict, Verdict], tmp_path: Path
+) -> None:
     """Grains hotter than any solid, and a tolerance that lets temperatures be off by percents."""
-    text = changed(HEATED, (HOT_FLOOR, f"thermal = {{ flow = {flow} }}"), ("[heat]", f"[heat]\ntolerance = {tolerance}"))
-    multicor.run(write_small(tmp_path, text + "[[loading]]\nfrozen = true\nduration = 1.0\ndt = 0.5\n"), tmp_path / "run")
+    text = changed(
+        HEATED,
+        (HOT_FLOOR, f"thermal = {{ flow = {flow} }}"),
+        ("[heat]", f"[heat]\ntolerance = {tolerance}"),
+    )
+    multicor.run(
+        write_small(tmp_path, text + "[[loading]]\nfrozen = true\nduration = 1.0\ndt = 0.5\n"),
+        tmp_path / "run",
+    )
     checks = {check.name: check for check in multicor.check_run(tmp_path / "run")}
-    assert (checks["highest temperature reached"].verdict, checks["error of temperatures"].verdict) == verdicts
+    assert (
+        checks["highest temperature reached"].verdict,
+        checks["error of temperatures"].verdict,
+    ) == verdicts
 
 
 def test_a_time_step_that_is_far_too_long(tmp_path: Path) -> None:
-    found = run_small(tmp_path, ("dt = 2e-4", "dt = 4e-3"), ("frame_interval = 0.002", "frame_interval = 0.004"))
+    found = run_small(
+        tmp_path, ("dt = 2e-4", "dt = 4e-3"), ("frame_interval = 0.002", "frame_interval = 0.004")
+    )
     assert found["time step"].verdict is BAD
     assert found["time step for the flow"].verdict is BAD
     assert found["time step for the flow"].value > 5.0
 
 
 @pytest.mark.parametrize(("pressure", "rate"), [(50.0, 1.0), (1e-3, 100.0)])
-def test_step_that_a_known_pressure_and_rate_of_shear_need(pressure: float, rate: float, recorded: Recorded) -> None:
-    """Limits 0.2 √(m/P) and 0.01/γ̇ of the automatic step (μ = 0.4 is below 0.5), for a stress P V and a work of sliding μ P V γ̇."""
+def test_step_that_a_known_pressure_and_rate_of_shear_need(
+    pressure: float, rate: float, recorded: Recorded
+) -> None:
+    """Limits 0.2 √(m/P) and 0.01/γ̇ of the automatic step (μ = 0.4 is below 0.5), for a stress P V
+    and a work of sliding μ P V γ̇.
+    """
     model, dt, rows = recorded.run.model, 1e-4, 11
     volume = math.pi * float((model.grains.radius**2).sum()) / 0.8
     time = 0.01 * np.arange(rows)
@@ -184,7 +247,9 @@ def test_step_that_a_known_pressure_and_rate_of_shear_need(pressure: float, rate
 
 
 def test_steps_that_did_not_converge(tmp_path: Path) -> None:
-    few = run_small(tmp_path, overrides=("solver.max_sweeps=3", "solver.tolerance_rms=1e-6"))["steps not converged"]
+    few = run_small(tmp_path, overrides=("solver.max_sweeps=3", "solver.tolerance_rms=1e-6"))[
+        "steps not converged"
+    ]
     assert few.verdict is BAD
     assert 0.05 < few.value <= 1.0
 
@@ -195,11 +260,19 @@ def test_soft_grains(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("floor", "verdict"), [([-1.0, 1.0], OK), ([0.0, 0.045], BAD)])
 def test_lost_grains(floor: list[float], verdict: Verdict, tmp_path: Path) -> None:
-    wall = f'geometry = {{ kind = "polyline", points = [[{floor[0]}, -0.002], [{floor[1]}, -0.002]] }}'
-    text = changed(
-        PACKED, ("duration = 1.0", "duration = 0.2"), ("dt = 1e-4", "dt = 1e-3"), ("size = [0.06, 0.08]", "size = [0.06, 0.02]")
+    wall = (
+        f'geometry = {{ kind = "polyline", points = [[{floor[0]}, -0.002], [{floor[1]}, -0.002]] }}'
     )
-    text = changed(text, ("count = 200", "count = 40")) + f'\n[[walls]]\nname = "floor"\nmaterial = "glass"\n{wall}\n'
+    text = changed(
+        PACKED,
+        ("duration = 1.0", "duration = 0.2"),
+        ("dt = 1e-4", "dt = 1e-3"),
+        ("size = [0.06, 0.08]", "size = [0.06, 0.02]"),
+    )
+    text = (
+        changed(text, ("count = 200", "count = 40"))
+        + f'\n[[walls]]\nname = "floor"\nmaterial = "glass"\n{wall}\n'
+    )
     multicor.run(write_small(tmp_path, text), tmp_path / "run")
     found = {check.name: check for check in multicor.check_run(tmp_path / "run")}["lost grains"]
     with open_run(tmp_path / "run") as run:
@@ -209,7 +282,9 @@ def test_lost_grains(floor: list[float], verdict: Verdict, tmp_path: Path) -> No
 
 
 def test_a_stage_that_timed_out(tmp_path: Path) -> None:
-    late = run_small(tmp_path, ("kinetic_energy_ratio = 1e-2", "kinetic_energy_ratio = 1e-9"))["stages timed out"]
+    late = run_small(tmp_path, ("kinetic_energy_ratio = 1e-2", "kinetic_energy_ratio = 1e-9"))[
+        "stages timed out"
+    ]
     assert (late.value, late.verdict) == (1.0, WARNING)
     assert "settle" in late.text
     assert "timed out after 0.03 s" in late.text
@@ -220,9 +295,14 @@ def test_gravity_is_that_of_the_stage(tmp_path: Path) -> None:
     floor = '{ kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }'
     text = changed(PACKED, ("duration = 1.0", "duration = 0.01"))
     text += f'\n[[walls]]\nname = "floor"\nmaterial = "glass"\ngeometry = {floor}\n'
-    tilt = '\n[[loading]]\nname = "tilt"\nduration = 0.02\ngravity = { angle = { ramp = [0.0, 90.0], duration = 0.02 } }\n'
+    tilt = (
+        '\n[[loading]]\nname = "tilt"\nduration = 0.02\n'
+        "gravity = { angle = { ramp = [0.0, 90.0], duration = 0.02 } }\n"
+    )
     path = write_small(tmp_path, text.replace("\n[solver]", tilt + "\n[solver]"))
-    before = {check.name: check for check in multicor.check_scenario(path)}["grains without a floor"]
+    before = {check.name: check for check in multicor.check_scenario(path)}[
+        "grains without a floor"
+    ]
     assert (before.value, "tilt" in before.text) == (1.0, True)
     multicor.run(path, tmp_path / "run")
     with open_run(tmp_path / "run") as run:
@@ -239,7 +319,9 @@ def test_drift_of_a_series() -> None:
     assert relative_drift(10.0 + noise) == 0.0
     assert relative_drift(np.repeat([1.0, 1.0, 2.0, 3.0], 100)) == pytest.approx(1.0 / 3.0)
     assert relative_drift(np.repeat([1.0, 1.0, -2.0, -1.0], 100)) == pytest.approx(0.5)
-    assert relative_drift(5.0 + np.repeat([0.0, 0.0, 0.0, 5.0], 1000) + noise) == pytest.approx(0.5, abs=0.05)
+    assert relative_drift(5.0 + np.repeat([0.0, 0.0, 0.0, 5.0], 1000) + noise) == pytest.approx(
+        0.5, abs=0.05
+    )
 
 
 def test_a_run_without_steps_has_few_checks(tmp_path: Path) -> None:
@@ -256,9 +338,15 @@ def test_frames_hold_the_contacts_that_carry_something(ordinary: Path) -> None:
         assert sum(map(len, (frame.contacts for frame in run.frames))) > 0
 
 
-@pytest.mark.parametrize(("change", "before", "code"), [((), False, 0), (("dt = 2e-4", "dt = 2e-3"), True, 4)])
-def test_strict(change: tuple[str, str] | tuple[()], before: bool, code: int, tmp_path: Path) -> None:
-    """A bad check before a run keeps it from beginning; afterwards `info` says the same; without the option nothing changes."""
+@pytest.mark.parametrize(
+    ("change", "before", "code"), [((), False, 0), (("dt = 2e-4", "dt = 2e-3"), True, 4)]
+)
+def test_strict(
+    change: tuple[str, str] | tuple[()], before: bool, code: int, tmp_path: Path
+) -> None:
+    """A bad check before a run keeps it from beginning; afterwards `info` says the same; without
+    the option nothing changes.
+    """
     write_small(tmp_path, changed(SMALL, *([change] if change else [])))
     assert call("validate", "small.toml", "--strict", cwd=tmp_path).returncode == code
     assert call("validate", "small.toml", cwd=tmp_path).returncode == 0
@@ -269,8 +357,13 @@ def test_strict(change: tuple[str, str] | tuple[()], before: bool, code: int, tm
     assert call("run", "small.toml", "-o", "run", "-q", cwd=tmp_path).returncode == 0
     assert call("info", "run", "--strict", cwd=tmp_path).returncode == code
     data = json.loads(call("info", "run", "--json", cwd=tmp_path).stdout)
-    assert data["verdict"] == ("bad" if code else worst_verdict(multicor.check_run(tmp_path / "run")).value)
-    assert all(check.keys() == {"name", "value", "text", "limit", "verdict", "meaning", "remedy"} for check in data["checks"])
+    assert data["verdict"] == (
+        "bad" if code else worst_verdict(multicor.check_run(tmp_path / "run")).value
+    )
+    assert all(
+        check.keys() == {"name", "value", "text", "limit", "verdict", "meaning", "remedy"}
+        for check in data["checks"]
+    )
     assert (data["progress"], data["pid"]) == (None, None)
 
 

@@ -10,10 +10,30 @@ from pathlib import Path
 from multicor_cli.engine.jit import cache
 from multicor_cli.running.compiling import shared_compilation
 
-HARD = {"has_clusters", "choose_patch", "solve_patch", "begin_again", "is_converged", "hold", "release", "step_back"}
+HARD = {
+    "has_clusters",
+    "choose_patch",
+    "solve_patch",
+    "begin_again",
+    "is_converged",
+    "hold",
+    "release",
+    "step_back",
+}
 """Kernels that only some steps need."""
 
-FIRST = {"neighbors", "affine", "scene", "placing", "overlap", "elementwise", "moves", "drift", "compile", "contacts"}
+FIRST = {
+    "neighbors",
+    "affine",
+    "scene",
+    "placing",
+    "overlap",
+    "elementwise",
+    "moves",
+    "drift",
+    "compile",
+    "contacts",
+}
 """Modules whose kernels are needed before the other process comes to them."""
 
 LIST = """
@@ -23,7 +43,8 @@ from numba.core.dispatcher import Dispatcher
 found = {{}}
 for one in gc.get_objects():
     if isinstance(one, Dispatcher) and one.stats.cache_hits:
-        found[one.py_func.__module__ + "." + one.py_func.__qualname__] = sorted(map(str, one.stats.cache_hits))
+        name = one.py_func.__module__ + "." + one.py_func.__qualname__
+        found[name] = sorted(map(str, one.stats.cache_hits))
 print(json.dumps(found))
 """
 PRECOMPILE = "from multicor_cli.engine.precompile import precompile\nprecompile()"
@@ -34,20 +55,32 @@ STEP = (
 
 
 def loaded(code: str) -> dict[str, list[str]]:
-    """Kernels that a process loads from the cache, and for which kinds of arguments; a first process has compiled them."""
+    """Kernels that a process loads from the cache, and for which kinds of arguments; a first
+    process has compiled them.
+    """
     for _ in range(2):
-        done = subprocess.run([sys.executable, "-c", LIST.format(code=code)], capture_output=True, text=True, check=True)
+        done = subprocess.run(
+            [sys.executable, "-c", LIST.format(code=code)],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
     return json.loads(done.stdout)
 
 
 def test_precompilation_compiles_what_a_run_asks_for_and_nothing_else():
     rehearsed, asked = loaded(PRECOMPILE), loaded(STEP)
     for name, kinds in rehearsed.items():
-        if name.rpartition(".")[2] not in HARD | {"pairs_within", "surround", "separate"}:  # the first steps have no overlaps
+        # The first steps have no overlaps
+        if name.rpartition(".")[2] not in HARD | {"pairs_within", "surround", "separate"}:
             assert set(kinds) <= set(asked[name]), name
     for name in asked.keys() - rehearsed.keys():
         assert set(name.split(".")) & FIRST, name
-    assert {name.rpartition(".")[2] for name in rehearsed} >= HARD | {"iterate", "generated_heat", "contact_spots"}
+    assert {name.rpartition(".")[2] for name in rehearsed} >= HARD | {
+        "iterate",
+        "generated_heat",
+        "contact_spots",
+    }
 
 
 def test_a_second_process_compiles_only_for_a_first_run_with_two_threads(tmp_path, monkeypatch):
@@ -80,7 +113,9 @@ def test_the_second_process_ends_with_the_first(tmp_path):
     )
     (tmp_path / cache.cache_name()).mkdir()
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / cache.cache_name())}
-    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+    )
     status = Path("/proc", done.stdout.strip(), "status")
     for _ in range(100):
         if not status.exists() or "State:\tZ" in status.read_text():

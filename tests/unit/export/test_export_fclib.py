@@ -1,4 +1,6 @@
-"""FCLib files: the problem that the run has solved, the matrix as FCLib wants it, and its solution."""
+"""FCLib files: the problem that the run has solved, the matrix as FCLib wants it, and its
+solution.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,14 @@ from scenes import SMALL, WARM, write_small
 from multicor_cli import load_scenario
 from multicor_cli import run as run_scenario
 from multicor_cli.engine import ContactProblem, Engine, Settings, solve_contacts
-from multicor_cli.export import ExportError, ExportRefused, export_fclib, frame_problem, read_fclib, write_fclib
+from multicor_cli.export import (
+    ExportError,
+    ExportRefused,
+    export_fclib,
+    frame_problem,
+    read_fclib,
+    write_fclib,
+)
 from multicor_cli.export.fclib_file import LocalForm, local_form
 from multicor_cli.store import DamagedRun, Run, StoreError, open_run
 
@@ -27,7 +36,9 @@ Solved = dict[int, tuple[ContactProblem, Any]]
 
 
 def record(path: Path, text: str) -> tuple[Path, Solved]:
-    """Run a scenario; gives its directory, and the problem of every step by the number of steps before it."""
+    """Run a scenario; gives its directory, and the problem of every step by the number of steps
+    before it.
+    """
     solved: Solved = {}
     step = Engine.step
 
@@ -46,12 +57,18 @@ def read_local_form(path: Path) -> LocalForm:
     """What other programs read: W, q and mu."""
     with h5py.File(path) as file:
         local = file["fclib_local"]
-        return LocalForm(*(local[f"W/{name}"][...] for name in "pix"), local["vectors/q"][...], local["vectors/mu"][...])
+        return LocalForm(
+            *(local[f"W/{name}"][...] for name in "pix"),
+            local["vectors/q"][...],
+            local["vectors/mu"][...],
+        )
 
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Solved]:
-    """Three stages with walls that a force moves, and a ramp that goes on from one stage into the next."""
+    """Three stages with walls that a force moves, and a ramp that goes on from one stage into the
+    next.
+    """
     return record(tmp_path_factory.mktemp("small"), SMALL)
 
 
@@ -69,10 +86,14 @@ def run(small: tuple[Path, Solved]) -> Iterator[Run]:
 
 def assert_same(one: ContactProblem, other: ContactProblem) -> None:
     for field in fields(ContactProblem):
-        np.testing.assert_array_equal(getattr(one, field.name), getattr(other, field.name), err_msg=field.name)
+        np.testing.assert_array_equal(
+            getattr(one, field.name), getattr(other, field.name), err_msg=field.name
+        )
 
 
-def test_the_problem_after_a_frame_is_the_one_that_the_run_has_solved(run: Run, small: tuple[Path, Solved]) -> None:
+def test_the_problem_after_a_frame_is_the_one_that_the_run_has_solved(
+    run: Run, small: tuple[Path, Solved]
+) -> None:
     """To the bit, in every stage and where one ends."""
     stages = set()
     for frame in list(run.frames)[:-1]:
@@ -82,7 +103,13 @@ def test_the_problem_after_a_frame_is_the_one_that_the_run_has_solved(run: Run, 
         np.testing.assert_array_equal(found.start, start)
         assert not found.is_beyond
         stages.add((run.stages[frame.stage], found.stage))
-    assert stages == {("settle", "settle"), ("settle", "shear"), ("shear", "shear"), ("shear", "on"), ("on", "on")}
+    assert stages == {
+        ("settle", "settle"),
+        ("settle", "shear"),
+        ("shear", "shear"),
+        ("shear", "on"),
+        ("on", "on"),
+    }
 
 
 def test_after_the_last_frame_the_last_stage_goes_on(run: Run) -> None:
@@ -92,8 +119,12 @@ def test_after_the_last_frame_the_last_stage_goes_on(run: Run) -> None:
     assert found.start.any()
 
 
-def test_exported_and_read_again_the_solution_is_the_same(run: Run, small: tuple[Path, Solved], tmp_path: Path) -> None:
-    """Of the first frame from the middle on whose problem sweeps can solve so closely: with friction not every one can be."""
+def test_exported_and_read_again_the_solution_is_the_same(
+    run: Run, small: tuple[Path, Solved], tmp_path: Path
+) -> None:
+    """Of the first frame from the middle on whose problem sweeps can solve so closely: with
+    friction not every one can be.
+    """
     for number in range(len(run.frames) // 2, len(run.frames) - 1):
         ours, our_start = small[1][run.frames[number].step]
         expected = solve_contacts(ours, TIGHT, start=our_start)
@@ -111,7 +142,9 @@ def test_exported_and_read_again_the_solution_is_the_same(run: Run, small: tuple
 
 @pytest.mark.parametrize("name", ["heap", "run"])
 def test_our_solution_solves_the_problem_in_the_file(name: str, run: Run, tmp_path: Path) -> None:
-    """With W, q and mu of the file alone: complementarity, Coulomb's cone, and friction against the slip."""
+    """With W, q and mu of the file alone: complementarity, Coulomb's cone, and friction against the
+    slip.
+    """
     problem = heap_problem() if name == "heap" else frame_problem(run, -2).problem
     write_fclib(problem, tmp_path / "a.hdf5", is_overwriting=True)
     form = read_local_form(tmp_path / "a.hdf5")
@@ -126,7 +159,9 @@ def test_our_solution_solves_the_problem_in_the_file(name: str, run: Run, tmp_pa
     assert np.abs(u_t * p_t + form.friction * p_n * np.abs(u_t)).max() <= 1e-7 * speed * push
 
 
-@pytest.mark.parametrize("problem", [column_problem(5), heap_problem(restitution=0.4), tilted(heap_problem(seed=1))])
+@pytest.mark.parametrize(
+    "problem", [column_problem(5), heap_problem(restitution=0.4), tilted(heap_problem(seed=1))]
+)
 def test_the_matrix_is_that_of_the_problem(problem: ContactProblem) -> None:
     form = local_form(problem)
     expected, q = dense_delassus(problem)
@@ -189,12 +224,16 @@ def test_the_guess_is_a_velocity_of_the_local_form(run: Run, tmp_path: Path) -> 
     form = read_local_form(tmp_path / "a.hdf5")
     with h5py.File(tmp_path / "a.hdf5") as file:
         assert file["guesses/1/r"][...].any()
-        np.testing.assert_allclose(file["guesses/1/u"][...], form.velocity(file["guesses/1/r"][...]), rtol=1e-12)
+        np.testing.assert_allclose(
+            file["guesses/1/u"][...], form.velocity(file["guesses/1/r"][...]), rtol=1e-12
+        )
 
 
 def test_problems_are_saved_and_loaded(tmp_path: Path) -> None:
     problem = heap_problem()
-    write_fclib(problem, tmp_path / "a.hdf5", start=np.ones((len(problem.pair), 2)), is_overwriting=True)
+    write_fclib(
+        problem, tmp_path / "a.hdf5", start=np.ones((len(problem.pair), 2)), is_overwriting=True
+    )
     assert_same(read_fclib(tmp_path / "a.hdf5")[0], problem)
     assert read_fclib(tmp_path / "a.hdf5")[1].tolist() == [[1.0, 1.0]] * len(problem.pair)
     write_fclib(problem, tmp_path / "a.hdf5", is_overwriting=True)
@@ -225,7 +264,13 @@ def test_a_guess_of_another_problem_is_refused(tmp_path: Path) -> None:
 def test_without_contacts_there_is_no_problem(tmp_path: Path) -> None:
     none = np.empty((0, 2))
     problem = ContactProblem(
-        np.ones((1, 3)), np.zeros((1, 3)), none.astype(np.int32), none, np.empty((0, 2, 2)), np.empty(0), np.empty(0)
+        np.ones((1, 3)),
+        np.zeros((1, 3)),
+        none.astype(np.int32),
+        none,
+        np.empty((0, 2, 2)),
+        np.empty(0),
+        np.empty(0),
     )
     with pytest.raises(ExportError, match="no contact"):
         write_fclib(problem, tmp_path / "a.hdf5")
@@ -233,7 +278,9 @@ def test_without_contacts_there_is_no_problem(tmp_path: Path) -> None:
 
 
 def test_runs_with_heat_that_softens_friction(warm: tuple[Path, Solved]) -> None:
-    """Temperatures are stored as such, the engine computes with heat contents: friction agrees to rounding, the rest exactly."""
+    """Temperatures are stored as such, the engine computes with heat contents: friction agrees to
+    rounding, the rest exactly.
+    """
     steps = 0
     with open_run(warm[0]) as run:
         for frame in list(run.frames)[:-1]:

@@ -84,7 +84,10 @@ def test_the_box_has_the_period_and_holds_all_grains(run: Run, tmp_path: Path) -
         assert size[0] == np.float32(run.period)
         for frame in file:
             assert (np.abs(frame.particles.position[:, 0]) <= 0.5 * size[0] * (1.0 + 1e-6)).all()
-            assert (np.abs(frame.particles.position[:, 1]) + 0.5 * frame.particles.diameter <= 0.5 * size[1] * (1.0 + 1e-6)).all()
+            assert (
+                np.abs(frame.particles.position[:, 1]) + 0.5 * frame.particles.diameter
+                <= 0.5 * size[1] * (1.0 + 1e-6)
+            ).all()
 
 
 def test_bonds_are_the_contacts_that_carry_a_force(run: Run, tmp_path: Path) -> None:
@@ -97,14 +100,22 @@ def test_bonds_are_the_contacts_that_carry_a_force(run: Run, tmp_path: Path) -> 
             found += shown.sum()
             assert shown.sum() == theirs.bonds.N
             if shown.any():
-                np.testing.assert_array_equal(theirs.bonds.group, np.column_stack([contacts.i, contacts.j])[shown])
-                np.testing.assert_array_equal(theirs.log["bonds/normal_force"], contacts.force[shown, 0])
-                np.testing.assert_array_equal(theirs.log["bonds/tangential_force"], contacts.force[shown, 1])
+                np.testing.assert_array_equal(
+                    theirs.bonds.group, np.column_stack([contacts.i, contacts.j])[shown]
+                )
+                np.testing.assert_array_equal(
+                    theirs.log["bonds/normal_force"], contacts.force[shown, 0]
+                )
+                np.testing.assert_array_equal(
+                    theirs.log["bonds/tangential_force"], contacts.force[shown, 1]
+                )
     assert found > 2
 
 
 def test_frames_without_contacts_do_not_repeat_those_of_the_first_one(tmp_path: Path) -> None:
-    """What a GSD frame lacks is that of the first one: a frame without bonds has to say so, recorded or not."""
+    """What a GSD frame lacks is that of the first one: a frame without bonds has to say so,
+    recorded or not.
+    """
     model = heated_model()
     state = column(model)
     with RunDirectory.create(tmp_path / "run", "", "", {"seed": 1}, stages=("a",)) as run:
@@ -112,7 +123,10 @@ def test_frames_without_contacts_do_not_repeat_those_of_the_first_one(tmp_path: 
         state.last_dt = 0.1
         loaded = contact_rows(state)
         fields = {field.name: getattr(loaded, field.name) for field in dataclasses.fields(loaded)}
-        empty = dataclasses.replace(loaded, **{name: None if values is None else values[:0] for name, values in fields.items()})
+        empty = dataclasses.replace(
+            loaded,
+            **{name: None if values is None else values[:0] for name, values in fields.items()},
+        )
         for rows in (loaded, empty, None, loaded):
             writer.frame(Snapshot(state, model, rows))
             writer.series_row(Snapshot(state, model))
@@ -125,11 +139,18 @@ def test_frames_without_contacts_do_not_repeat_those_of_the_first_one(tmp_path: 
         frames = list(file)
     assert [frame.bonds.N for frame in frames] == [GRAINS - 1, 0, 0, GRAINS - 1]
     for name in ("normal_force", "tangential_force", "heat"):
-        assert [len(frame.log[f"bonds/{name}"]) for frame in frames] == [GRAINS - 1, 0, 0, GRAINS - 1]
+        assert [len(frame.log[f"bonds/{name}"]) for frame in frames] == [
+            GRAINS - 1,
+            0,
+            0,
+            GRAINS - 1,
+        ]
     assert [frame.log["contacts_recorded"].tolist() for frame in frames] == [[1], [1], [0], [1]]
 
 
-def test_runs_without_heat_and_with_single_precision(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_runs_without_heat_and_with_single_precision(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     run_whole(tmp_path / "run", make_model(walls=False), precision="single")
     with caplog.at_level(logging.WARNING), open_run(tmp_path / "run") as run:
         export_gsd(run, tmp_path / "a.gsd", slice(None, None, 4))
@@ -141,7 +162,12 @@ def test_runs_without_heat_and_with_single_precision(tmp_path: Path, caplog: pyt
 
 def test_the_progress_is_told(run: Run, tmp_path: Path) -> None:
     told: list[tuple[int, int]] = []
-    export_gsd(run, tmp_path / "a.gsd", slice(0, 3), progress=lambda done, total: told.append((done, total)))
+    export_gsd(
+        run,
+        tmp_path / "a.gsd",
+        slice(0, 3),
+        progress=lambda done, total: told.append((done, total)),
+    )
     assert told == [(1, 3), (2, 3), (3, 3)]
 
 
@@ -165,8 +191,13 @@ def test_files_of_the_run_are_never_overwritten(run: Run, directory: Path) -> No
         export_gsd(run, directory, is_overwriting=True)
 
 
-@pytest.mark.parametrize("name", ["checkpoints/step-00000000040.h5", "checkpoints/new.gsd", "segments/a.gsd", "results.h5.tmp"])
-def test_nothing_is_written_among_the_files_of_a_run(name: str, run: Run, directory: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "name",
+    ["checkpoints/step-00000000040.h5", "checkpoints/new.gsd", "segments/a.gsd", "results.h5.tmp"],
+)
+def test_nothing_is_written_among_the_files_of_a_run(
+    name: str, run: Run, directory: Path, tmp_path: Path
+) -> None:
     """By its own name, and by that of a link to the directory."""
     before = sorted(path.name for path in directory.rglob("*"))
     (tmp_path / "link").symlink_to(directory)

@@ -1,4 +1,6 @@
-"""The switch for tests that moves initial positions by an ulp: what it moves, how far, and that run.json tells of it."""
+"""The switch for tests that moves initial positions by an ulp: what it moves, how far, and that
+run.json tells of it.
+"""
 
 import json
 
@@ -18,7 +20,9 @@ def test_coordinates_move_by_one_number_at_most():
     position[0, :2] = 0.0
     position[1, 0] = np.nextafter(1.0, 0.0)
     moved = nudge(position, 1.0, 7)
-    steps = np.round((moved[:, :2] - position[:, :2]) / np.spacing(np.minimum(moved, position)[:, :2])).astype(int)
+    steps = np.round(
+        (moved[:, :2] - position[:, :2]) / np.spacing(np.minimum(moved, position)[:, :2])
+    ).astype(int)
     assert set(steps.ravel().tolist()) == {-1, 0, 1}
     assert (np.abs(steps) == 1).mean() > 0.6
     assert moved[0, :2].tolist() == [0.0, 0.0]

@@ -1,4 +1,6 @@
-"""Solid bodies and regions: what they are made of, what they weigh, and where packings put grains."""
+"""Solid bodies and regions: what they are made of, what they weigh, and where packings put
+grains.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,7 @@ from multicor_cli.scenario import ScenarioError
 DENSITY, THICKNESS = 7800.0, 2e-3  # of steel, and of the discs of the scenario
 TRIANGLE = [[0.02, 0.02], [0.05, 0.02], [0.02, 0.06]]
 SPHERES = ('particles.0={name="grains",material="glass",shape="sphere",sizes={kind="list",radii=[1e-3]},count=50,'
-           'packing={kind="random"}}')  # fmt: skip
+    'packing={kind="random"}}')  # fmt: skip
 
 
 def built(geometry: str, *overrides: str, rest: str = "") -> BuiltWalls:
@@ -33,7 +35,9 @@ def polygon(corners: object, more: str = 'grains = "outside"') -> str:
 
 
 def test_grains_around_a_disc_touch_it_and_each_other():
-    chain = chain_on_circle(0.01, uniform_sizes(0.4e-3, 1.6e-3, "number", 2), generator, is_outside=True)
+    chain = chain_on_circle(
+        0.01, uniform_sizes(0.4e-3, 1.6e-3, "number", 2), generator, is_outside=True
+    )
     np.testing.assert_allclose(np.hypot(chain[:, 0], chain[:, 1]) - chain[:, 2], 0.01, rtol=1e-13)
     after = np.roll(chain, -1, axis=0)
     gap = np.hypot(*(after[:, :2] - chain[:, :2]).T) - chain[:, 2] - after[:, 2]
@@ -48,7 +52,9 @@ def test_a_rough_disc_weighs_what_it_and_its_grains_weigh():
     assert len(discs) > 30
     mass = DENSITY * THICKNESS * math.pi * discs[:, 2] ** 2
     assert result.walls.mass[0] == pytest.approx(mass.sum(), rel=1e-12)
-    assert result.walls.inertia[0] == pytest.approx((mass * (0.5 * discs[:, 2] ** 2 + (discs[:, :2] ** 2).sum(axis=1))).sum())
+    assert result.walls.inertia[0] == pytest.approx(
+        (mass * (0.5 * discs[:, 2] ** 2 + (discs[:, :2] ** 2).sum(axis=1))).sum()
+    )
     assert result.position[0].tolist() == [0.03, 0.04, 0.0]
 
 
@@ -60,7 +66,9 @@ def test_a_smooth_disc_among_spheres_is_a_sphere():
 
 @pytest.mark.parametrize(("power", "overrides"), [(2, ()), (3, (SPHERES,))])
 def test_a_cluster_turns_about_its_center_of_mass(power, overrides):
-    result = built('kind = "cluster", discs = [[0.01, 0.02, 1e-3], [0.013, 0.02, 2e-3]]', *overrides)
+    result = built(
+        'kind = "cluster", discs = [[0.01, 0.02, 1e-3], [0.013, 0.02, 2e-3]]', *overrides
+    )
     share = 2.0**power / (1.0 + 2.0**power)
     assert result.position[0, :2] == pytest.approx([0.01 + 0.003 * share, 0.02])
     world = result.obstacles().world
@@ -77,14 +85,20 @@ def test_overlapping_grains_of_a_cluster_have_no_mass_of_their_own():
     assert math.isnan(built(geometry).walls.mass[0])
     with pytest.raises(ScenarioError, match="has no mass"):
         built(geometry, "loading.0.drives.w={x={force=0.0}}")
-    assert built(geometry, "loading.0.drives.w={x={force=0.0}}", rest="mass = 1e-3").walls.mass[0] == 1e-3
+    assert (
+        built(geometry, "loading.0.drives.w={x={force=0.0}}", rest="mass = 1e-3").walls.mass[0]
+        == 1e-3
+    )
 
 
 @pytest.mark.parametrize("order", [1, -1])
 def test_a_solid_polygon_weighs_its_area_and_lies_left_of_its_sides(order):
     result = built(polygon(TRIANGLE[::order]))
     assert result.walls.mass[0] == pytest.approx(DENSITY * THICKNESS * 0.5 * 0.03 * 0.04)
-    assert result.walls.inertia[0] == pytest.approx(result.walls.mass[0] * (0.03**2 + 0.04**2) / 18.0)  # of a right triangle
+    # of a right triangle
+    assert result.walls.inertia[0] == pytest.approx(
+        result.walls.mass[0] * (0.03**2 + 0.04**2) / 18.0
+    )
     assert result.position[0, :2] == pytest.approx([0.03, 0.1 / 3.0])
     assert result.walls.length[0] == pytest.approx(0.12)
     body = result.bodies[0]
@@ -112,7 +126,8 @@ def test_grains_glued_to_a_polygon_have_their_centers_on_its_sides():
     assert np.abs(Polygon(np.array(TRIANGLE)).depth(glued)).max() < 1e-12
     assert len(glued) == pytest.approx(0.12 / 2e-3, abs=3)
     assert result.walls.mass[0] == pytest.approx(DENSITY * THICKNESS * 6e-4)
-    assert len({round(radius, 12) for radius in result.bodies[0].glued[:, 2]}) > 0.9 * len(glued)  # each side draws its own
+    # Each side draws its own
+    assert len({round(radius, 12) for radius in result.bodies[0].glued[:, 2]}) > 0.9 * len(glued)
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -122,10 +137,15 @@ def test_the_gap_to_a_polygon_is_that_to_its_nearest_side_or_corner(seed):
     points = np.random.default_rng(seed + 50).uniform(0.0, 0.08, (300, 2))
     depth = Polygon(corners).depth(points)
     for (x, y), expected in zip(points[depth < 0.0], -depth[depth < 0.0], strict=True):
-        found = [gap_to_shape(x, y, 1e-3, k, obstacles.kind, obstacles.world, 0.0) for k in range(obstacles.kind.size)]
+        found = [
+            gap_to_shape(x, y, 1e-3, k, obstacles.kind, obstacles.world, 0.0)
+            for k in range(obstacles.kind.size)
+        ]
         gap, nx, ny = min(found)
         assert gap == pytest.approx(expected - 1e-3, abs=1e-15)
-        assert Polygon(corners).depth(np.array([[x - expected * nx, y - expected * ny]]))[0] == pytest.approx(0.0, abs=1e-12)
+        assert Polygon(corners).depth(np.array([[x - expected * nx, y - expected * ny]]))[
+            0
+        ] == pytest.approx(0.0, abs=1e-12)
 
 
 def star(rng: np.random.Generator) -> np.ndarray:
@@ -133,7 +153,9 @@ def star(rng: np.random.Generator) -> np.ndarray:
     count = int(rng.integers(3, 10))
     angle = 2.0 * np.pi * (np.arange(count) + rng.uniform(0.0, 0.9, count)) / count
     radius = rng.uniform(0.004, 0.018, count)
-    return np.array([0.03, 0.03]) + np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+    return np.array([0.03, 0.03]) + np.column_stack(
+        [radius * np.cos(angle), radius * np.sin(angle)]
+    )
 
 
 def is_wound(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -162,10 +184,14 @@ def group(packing: str, more: str = "") -> str:
 
 @pytest.mark.parametrize("seed", range(52))
 def test_no_grain_is_placed_in_solid_matter(seed):
-    """Random polygons and discs, large enough to hold grains that do not touch their outline; `build` refuses overlaps."""
+    """Random polygons and discs, large enough to hold grains that do not touch their outline;
+    `build` refuses overlaps.
+    """
     rng, packing = np.random.default_rng(seed), list(PACKINGS)[seed % len(PACKINGS)]
     corners, disc = star(rng), rng.uniform([0.01, 0.055, 2e-3], [0.05, 0.07, 9e-3])
-    walls = wall("p", polygon(corners)) + wall("d", f'kind = "disc", center = {disc[:2].tolist()}, radius = {disc[2]}')
+    walls = wall("p", polygon(corners)) + wall(
+        "d", f'kind = "disc", center = {disc[:2].tolist()}, radius = {disc[2]}'
+    )
     made = scenario(group(packing), "domain.gravity=[0.0,-9.81]", extra=walls)
     model, state = build(made)
     center, radius = state.position[:, :2], model.grains.radius
@@ -176,16 +202,30 @@ def test_no_grain_is_placed_in_solid_matter(seed):
 
 @pytest.mark.parametrize("packing", PACKINGS)
 def test_containers_keep_grains_inside(packing):
-    hopper = [[0.005, 0.07], [0.005, 0.03], [0.025, 0.005], [0.035, 0.005], [0.055, 0.03], [0.055, 0.07]]
+    hopper = [
+        [0.005, 0.07],
+        [0.005, 0.03],
+        [0.025, 0.005],
+        [0.035, 0.005],
+        [0.055, 0.03],
+        [0.055, 0.07],
+    ]
     table = group(packing).replace("fill=0.62", "count=900")  # 0.58 of the hopper
-    made = scenario(table, "domain.gravity=[0.0,-9.81]", extra=wall("p", polygon(hopper, 'grains = "inside"')))
+    made = scenario(
+        table, "domain.gravity=[0.0,-9.81]", extra=wall("p", polygon(hopper, 'grains = "inside"'))
+    )
     model, state = build(made)
-    assert (Polygon(np.array(hopper)).depth(state.position[:, :2]) >= model.grains.radius * (1.0 - 1e-3)).all()
+    assert (
+        Polygon(np.array(hopper)).depth(state.position[:, :2]) >= model.grains.radius * (1.0 - 1e-3)
+    ).all()
 
 
 REGIONS = {
     "circle": ('kind="circle",center=[0.03,0.035],radius=0.025', math.pi * 0.025**2),
-    "annulus": ('kind="annulus",center=[0.03,0.04],inner=0.012,outer=0.028', math.pi * (0.028**2 - 0.012**2)),
+    "annulus": (
+        'kind="annulus",center=[0.03,0.04],inner=0.012,outer=0.028',
+        math.pi * (0.028**2 - 0.012**2),
+    ),
     "polygon": ('kind="polygon",points=[[0.0,0.01],[0.06,0.01],[0.03,0.08]]', 0.5 * 0.06 * 0.07),
 }
 
@@ -193,7 +233,10 @@ REGIONS = {
 def distance_inside(region: str, center: np.ndarray) -> np.ndarray:
     """How far points are inside a region, written out."""
     if region == "polygon":
-        return np.minimum(center[:, 1] - 0.01, (0.08 - center[:, 1] - np.abs(center[:, 0] - 0.03) * 7 / 3) / math.hypot(1, 7 / 3))
+        return np.minimum(
+            center[:, 1] - 0.01,
+            (0.08 - center[:, 1] - np.abs(center[:, 0] - 0.03) * 7 / 3) / math.hypot(1, 7 / 3),
+        )
     if region == "circle":
         return 0.025 - np.hypot(*(center - (0.03, 0.035)).T)
     away = np.hypot(*(center - (0.03, 0.04)).T)
@@ -204,7 +247,9 @@ def distance_inside(region: str, center: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("region", REGIONS)
 def test_grains_lie_wholly_in_their_region(region, packing):
     text, size = REGIONS[region]
-    model, state = build(scenario(group(packing, f",region={{{text}}}"), "domain.gravity=[0.0,-9.81]"))
+    model, state = build(
+        scenario(group(packing, f",region={{{text}}}"), "domain.gravity=[0.0,-9.81]")
+    )
     radius = model.grains.radius
     assert (distance_inside(region, state.position[:, :2]) >= radius * (1.0 - 1e-3)).all()
     area = math.pi * (radius**2).sum()
@@ -221,7 +266,8 @@ def test_a_full_region_is_refused():
     for packing in ("random", "deposited"):
         with pytest.raises(ScenarioError, match="do not fit"):
             build(scenario(group(packing, small), "domain.gravity=[0.0,-9.81]"))
-    tiny = ',region={kind="polygon",points=[[0.0,0.0],[0.004,0.0],[0.002,0.004]]}'  # its inscribed circle is too small
+    # Its inscribed circle is too small
+    tiny = ',region={kind="polygon",points=[[0.0,0.0],[0.004,0.0],[0.002,0.004]]}'
     with pytest.raises(ScenarioError, match="holds no site"):
         build(scenario(group("lattice", tiny)))
 
@@ -245,17 +291,25 @@ def test_deposited_grains_pile_up_on_a_disc():
 
 @pytest.mark.parametrize(
     "geometry",
-    [polygon([[0.01, 0.01], [0.05, 0.01], [0.05, 0.05], [0.01, 0.05]]), 'kind = "disc", center = [0.03, 0.03], radius = 0.02'],
+    [
+        polygon([[0.01, 0.01], [0.05, 0.01], [0.05, 0.05], [0.01, 0.05]]),
+        'kind = "disc", center = [0.03, 0.03], radius = 0.02',
+    ],
 )
 def test_grains_from_a_file_in_solid_matter_are_refused(geometry, tmp_path: Path):
-    (tmp_path / "grains.csv").write_text("x,y,radius\n0.03,0.03,1e-3\n0.005,0.07,1e-3\n0.025,0.035,1e-3\n")
+    (tmp_path / "grains.csv").write_text(
+        "x,y,radius\n0.03,0.03,1e-3\n0.005,0.07,1e-3\n0.025,0.035,1e-3\n"
+    )
     grains = 'particles.0={name="grains",material="glass",shape="disc",thickness=2e-3,packing={kind="file",path="grains.csv"}}'
     made = scenario(grains, extra=wall("body", geometry), path=tmp_path / "test.toml")
     with pytest.raises(ScenarioError) as caught:
         build(made)
     (problem,) = caught.value.problems
     assert problem.key == "walls.0"
-    assert "in the solid matter of the wall 'body': grain 0 at (0.03, 0.03) m, grain 2 at" in problem.message
+    assert (
+        "in the solid matter of the wall 'body': grain 0 at (0.03, 0.03) m, grain 2 at"
+        in problem.message
+    )
     assert "grain 1" not in problem.message
 
 
@@ -264,8 +318,12 @@ def test_solid_bodies_repeat_with_the_period():
     disc = wall("d", 'kind = "disc", center = [0.001, 0.04], radius = 0.01')
     block = wall("p", polygon([[0.053, 0.06], [0.065, 0.06], [0.059, 0.07]]))
     for packing in PACKINGS:
-        made = scenario(group(packing), "domain.gravity=[0.0,-9.81]", "domain.periodic=true", extra=disc + block)
+        made = scenario(
+            group(packing), "domain.gravity=[0.0,-9.81]", "domain.periodic=true", extra=disc + block
+        )
         model, state = build(made)
         dx = state.position[:, 0] - 0.001
         dx -= 0.06 * np.round(dx / 0.06)
-        assert (np.hypot(dx, state.position[:, 1] - 0.04) >= (0.01 + model.grains.radius) * (1.0 - 1e-3)).all()
+        assert (
+            np.hypot(dx, state.position[:, 1] - 0.04) >= (0.01 + model.grains.radius) * (1.0 - 1e-3)
+        ).all()

@@ -1,4 +1,6 @@
-"""From a scenario to Model and State: bodies, laws, motion, groups after each other, and what is refused."""
+"""From a scenario to Model and State: bodies, laws, motion, groups after each other, and what is
+refused.
+"""
 
 import math
 
@@ -30,7 +32,10 @@ def test_masses_inertia_and_indices():
     assert model.materials == ("glass", "steel")
     np.testing.assert_array_equal(g.group, np.repeat([0, 1], [200, 100]))
     np.testing.assert_array_equal(g.material, np.repeat([0, 1], [200, 100]))
-    density, thickness = np.repeat([2500.0, 7800.0], [200, 100]), np.repeat([2e-3, 1e-3], [200, 100])
+    density, thickness = (
+        np.repeat([2500.0, 7800.0], [200, 100]),
+        np.repeat([2e-3, 1e-3], [200, 100]),
+    )
     np.testing.assert_allclose(g.mass, np.pi * g.radius**2 * thickness * density, rtol=1e-14)
     np.testing.assert_allclose(g.inertia, 0.5 * g.mass * g.radius**2, rtol=1e-14)
     assert model.shape_factor == 2.0
@@ -42,22 +47,28 @@ def test_masses_inertia_and_indices():
 def test_spheres():
     text = changed(PACKED, ("thickness = 2e-3\n", ""), ('"disc"', '"sphere"'))
     model, _ = build(scenario("particles.0.count=20", text=text))
-    np.testing.assert_allclose(model.grains.mass, 4 / 3 * np.pi * model.grains.radius**3 * 2500.0, rtol=1e-14)
-    np.testing.assert_allclose(model.grains.inertia, 0.4 * model.grains.mass * model.grains.radius**2, rtol=1e-14)
+    np.testing.assert_allclose(
+        model.grains.mass, 4 / 3 * np.pi * model.grains.radius**3 * 2500.0, rtol=1e-14
+    )
+    np.testing.assert_allclose(
+        model.grains.inertia, 0.4 * model.grains.mass * model.grains.radius**2, rtol=1e-14
+    )
     assert model.shape_factor == 2.5
 
 
 def test_motion():
-    _, state = build(scenario("particles.0.velocity=[1, 2]", "particles.0.spin=3", "particles.0.shear_rate=10"))
+    _, state = build(
+        scenario("particles.0.velocity=[1, 2]", "particles.0.spin=3", "particles.0.shear_rate=10")
+    )
     v, y = state.velocity, state.position[:, 1]
     np.testing.assert_allclose(v[:, 0], 1 + 10 * (y - 0.04), rtol=1e-13)
     np.testing.assert_array_equal(v[:, 1:], np.tile([2.0, -2.0], (200, 1)))
 
 
 def test_laws_of_all_touching_pairs():
-    extra = (
-        FLOOR
-        + '\n[[contacts]]\npair = ["glass", "steel"]\nfriction = { speed = [0.0, 1.0], values = [0.5, 0.1] }\nrestitution = 0.7\n'
+    extra = FLOOR + (
+        '\n[[contacts]]\npair = ["glass", "steel"]\n'
+        "friction = { speed = [0.0, 1.0], values = [0.5, 0.1] }\nrestitution = 0.7\n"
     )
     laws = build(scenario(extra=extra))[0].laws
     assert laws.friction[0, 0] == 0.4
@@ -77,14 +88,18 @@ def test_seed_decides_every_bit(kind):
 
 
 def test_wall_frames_start_at_their_reference_points():
-    model, state = build(scenario(extra=FLOOR + wall("drum", 'kind = "circle", center = [0.03, 0.04], radius = 0.2')))
+    model, state = build(
+        scenario(extra=FLOOR + wall("drum", 'kind = "circle", center = [0.03, 0.04], radius = 0.2'))
+    )
     np.testing.assert_array_equal(state.wall_position, [[0, 0, 0], [0.03, 0.04, 0]])
     np.testing.assert_array_equal(model.shapes.geometry[1], [0, 0, 0.2, 0])
     assert model.walls.names == ("floor", "drum")
 
 
 def test_periodic_lattice_on_a_floor_touches_it():
-    model, state = build(scenario(LATTICE, EQUAL, "domain.periodic=true", "particles.0.count=600", extra=FLOOR))
+    model, state = build(
+        scenario(LATTICE, EQUAL, "domain.periodic=true", "particles.0.count=600", extra=FLOOR)
+    )
     assert model.period == 0.06
     assert np.all((state.position[:, 0] >= 0) & (state.position[:, 0] < 0.06))
     _, _, gap = pair_gaps(state.position, model.grains.radius, 1e-9, 0.06)
@@ -124,11 +139,18 @@ def test_overlapping_groups_are_refused_by_number():
 
 
 def test_overlap_across_the_period(tmp_path):
-    (tmp_path / "g.csv").write_text("x,y,radius\n0.0002,0.01,1e-3\n0.0595,0.01,1e-3\n-0.03,0.02,1e-3\n")
+    (tmp_path / "g.csv").write_text(
+        "x,y,radius\n0.0002,0.01,1e-3\n0.0595,0.01,1e-3\n-0.03,0.02,1e-3\n"
+    )
     text = changed(UNCOUNTED, ('sizes = { kind = "uniform", min = 0.8e-3, max = 1.2e-3 }\n', ""))
 
     def attempt(*more):
-        loaded = scenario('particles.0.packing={kind="file", path="g.csv"}', *more, text=text, path=tmp_path / "s.toml")
+        loaded = scenario(
+            'particles.0.packing={kind="file", path="g.csv"}',
+            *more,
+            text=text,
+            path=tmp_path / "s.toml",
+        )
         return build(loaded)
 
     _, state = attempt()
@@ -167,7 +189,11 @@ def test_overlap_below_the_bound_is_accepted():
 
 
 def test_random_grains_keep_clear_of_walls():
-    extra = wall("plane", CUTS["plane"]) + wall("line", CUTS["polyline"]) + wall("rough", CUTS["rough"].replace("0.01]", "0.02]"))
+    extra = (
+        wall("plane", CUTS["plane"])
+        + wall("line", CUTS["polyline"])
+        + wall("rough", CUTS["rough"].replace("0.01]", "0.02]"))
+    )
     model, _ = build(scenario(extra=extra))
     assert model.grain_count == 200
 
@@ -206,7 +232,10 @@ def test_grains_before_a_rough_wall_are_taken():
 
 
 def tiled(source, repeat, *overrides):
-    packing = f'particles.0.packing={{kind="tile", source={{{source}}}, tile=[0.02, 0.02], tile_fill=0.7, repeat={repeat}}}'
+    packing = (
+        f'particles.0.packing={{kind="tile", source={{{source}}}, tile=[0.02, 0.02], '
+        f"tile_fill=0.7, repeat={repeat}}}"
+    )
     return build(scenario(packing, *overrides, text=UNCOUNTED))
 
 
@@ -234,7 +263,9 @@ def test_tile_with_a_floor_is_not_stacked():
         tiled('kind="deposited"', [3, 2], "domain.periodic=true")
 
 
-@pytest.mark.parametrize(("periodic", "friction", "low", "high"), [("true", 0.5, 0.75, 0.82), ("false", 0.0, 0.8, 0.86)])
+@pytest.mark.parametrize(
+    ("periodic", "friction", "low", "high"), [("true", 0.5, 0.75, 0.82), ("false", 0.0, 0.8, 0.86)]
+)
 def test_compacted_packing_is_dense_and_carries_itself(periodic, friction, low, high):
     packing = f'{{kind="compacted", pressure=50.0, friction={friction}, kinetic_energy_ratio=1e-5}}'
     overrides = (
@@ -256,14 +287,31 @@ def test_compacted_packing_is_dense_and_carries_itself(periodic, friction, low, 
 def test_pressure_of_a_compaction_does_not_matter_to_rigid_grains():
     results = []
     for pressure in (50.0, 200.0):
-        packing = f'particles.0.packing={{kind="compacted", pressure={pressure}, friction=0.5, kinetic_energy_ratio=1e-4}}'
-        results.append(build(scenario(packing, "domain.periodic=true", "particles.0.count=120", "domain.size=[0.02, 0.04]"))[1])
+        packing = (
+            f'particles.0.packing={{kind="compacted", pressure={pressure}, friction=0.5, '
+            f"kinetic_energy_ratio=1e-4}}"
+        )
+        results.append(
+            build(
+                scenario(
+                    packing,
+                    "domain.periodic=true",
+                    "particles.0.count=120",
+                    "domain.size=[0.02, 0.04]",
+                )
+            )[1]
+        )
     # A factor of four scales all times by an exact two, so not even rounding differs.
     np.testing.assert_array_equal(results[0].position, results[1].position)
 
 
 def test_large_lattice():
-    overrides = (LATTICE, 'particles.0.sizes={kind="list", radii=[1e-4]}', "particles.0.count=100000", "domain.size=[0.06, 0.08]")
+    overrides = (
+        LATTICE,
+        'particles.0.sizes={kind="list", radii=[1e-4]}',
+        "particles.0.count=100000",
+        "domain.size=[0.06, 0.08]",
+    )
     model, state = build(scenario(*overrides, extra=FLOOR))
     assert model.grain_count == 100_000
     assert math.isclose(state.position[:, 1].min(), 1e-4)
@@ -279,7 +327,11 @@ def test_a_fill_of_less_than_one_grain_is_refused(packing, fill):
         ("size = [0.06, 0.08]", "size = [0.06, 0.08]\ngravity = [0.0, -9.81]"),
     )
     with pytest.raises(
-        ScenarioError, match=rf"fill of {fill:g} is too small for grains of these sizes: 1 grain fill 0\.000\d+; give"
+        ScenarioError,
+        match=(
+            rf"fill of {fill:g} is too small for grains of these sizes: 1 grain fill 0\.000\d+; "
+            rf"give"
+        ),
     ):
         build(scenario(text=changed(PACKED, *changes)))
 

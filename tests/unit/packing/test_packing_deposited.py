@@ -16,11 +16,15 @@ WIDTH = 0.06
 
 def drop(radius, periodic=False, obstacles=None, height=10.0, seed=3):
     region = PackingRegion(0.0, 0.0, WIDTH, height, periodic)
-    return deposit(radius, region, obstacles if obstacles is not None else Obstacles.none(), generator(seed))
+    return deposit(
+        radius, region, obstacles if obstacles is not None else Obstacles.none(), generator(seed)
+    )
 
 
 def supports(position, radius, periodic):
-    """For each grain: is it on the floor, and has it contacts on its left and right, at least one of them below."""
+    """For each grain: is it on the floor, and has it contacts on its left and right, at least one
+    of them below.
+    """
     n, tolerance = radius.size, 1e-9 * radius.max()
     i, j, _ = pair_gaps(position, radius, tolerance, WIDTH if periodic else 0.0)
     a, b = np.concatenate([i, j]), np.concatenate([j, i])
@@ -40,7 +44,9 @@ def supports(position, radius, periodic):
 
 
 @pytest.mark.parametrize("periodic", [False, True])
-@pytest.mark.parametrize(("low", "high", "count"), [(1e-3, 1e-3, 3000), (0.8e-3, 1.2e-3, 3000), (0.1e-3, 2e-3, 3000)])
+@pytest.mark.parametrize(
+    ("low", "high", "count"), [(1e-3, 1e-3, 3000), (0.8e-3, 1.2e-3, 3000), (0.1e-3, 2e-3, 3000)]
+)
 def test_every_grain_rests_and_none_overlap(periodic, low, high, count):
     radius = uniform_sizes(low, high, "number", 2).draw(count, generator())
     position = drop(radius, periodic)
@@ -95,24 +101,47 @@ LIDS = {
     "polyline": 'kind = "polyline", points = [[0.01, 0.05], [0.05, 0.05]]',
     "box": 'kind = "box", min = [0, 0], max = [0.06, 0.05], open = ["left", "right", "bottom"]',
     "disc": 'kind = "disc", center = [0.03, 0.06], radius = 0.01',
-    "rough disc": 'kind = "disc", center = [0.03, 0.064], radius = 0.01, rough = { kind = "list", radii = [1e-3] }',
+    "rough disc": (
+        'kind = "disc", center = [0.03, 0.064], radius = 0.01, rough = { kind = "list", radii = '
+        "[1e-3] }"
+    ),
 }
 
 
 @pytest.mark.parametrize("top", [0.045, 0.049, 0.0499, 0.07])
 @pytest.mark.parametrize("kind", LIDS)
 def test_grains_are_deposited_below_a_lid_of_every_kind(kind, top):
-    """Also where the region reaches into a rough lid, or beyond it; a solid disc that lies in the region is piled upon."""
-    changes = ["particles.0.packing.kind = 'deposited'", f"particles.0.region = {{ min = [0.0, 0.0], max = [0.06, {top}] }}"]
-    changes += ["domain.gravity = [0.0, -9.81]", f"domain.periodic = {str(kind in ('rough', 'plane', 'box')).lower()}"]
-    model, state = build(scenario(*changes, "particles.0.count = 200", extra=wall("lid", LIDS[kind])))
+    """Also where the region reaches into a rough lid, or beyond it; a solid disc that lies in the
+    region is piled upon.
+    """
+    changes = [
+        "particles.0.packing.kind = 'deposited'",
+        f"particles.0.region = {{ min = [0.0, 0.0], max = [0.06, {top}] }}",
+    ]
+    changes += [
+        "domain.gravity = [0.0, -9.81]",
+        f"domain.periodic = {str(kind in ('rough', 'plane', 'box')).lower()}",
+    ]
+    model, state = build(
+        scenario(*changes, "particles.0.count = 200", extra=wall("lid", LIDS[kind]))
+    )
     assert state.position[:, 1].max() < 0.05
     assert model.grain_count == 200
 
 
 @pytest.mark.parametrize("top", [0.0495, 0.05, 0.07])
 def test_a_region_is_full_where_a_rough_lid_begins(top):
-    changes = ["particles.0.packing.kind = 'deposited'", f"particles.0.region = {{ min = [0.0, 0.0], max = [0.06, {top}] }}"]
-    changes += ["domain.gravity = [0.0, -9.81]", "domain.periodic = true", "particles.0.count = 900"]
-    with pytest.raises(ScenarioError, match=r"full up to the rough wall above them at y = 0\.048\d* m with \d\d\d of them"):
+    changes = [
+        "particles.0.packing.kind = 'deposited'",
+        f"particles.0.region = {{ min = [0.0, 0.0], max = [0.06, {top}] }}",
+    ]
+    changes += [
+        "domain.gravity = [0.0, -9.81]",
+        "domain.periodic = true",
+        "particles.0.count = 900",
+    ]
+    with pytest.raises(
+        ScenarioError,
+        match=r"full up to the rough wall above them at y = 0\.048\d* m with \d\d\d of them",
+    ):
         build(scenario(*changes, extra=wall("lid", LIDS["rough"])))

@@ -28,7 +28,10 @@ def hdf5(tmp_path, **columns):
 
 
 def test_csv_with_all_columns_in_any_order(tmp_path):
-    text = "# made by hand\nradius, x ,y,spin,angle,vx,vy\n1e-3,0.01,0.02,3,0.5,-1,2\n\n2e-3,0.03,0.04,0,0,0,0\n"
+    text = (
+        "# made by hand\nradius, x ,y,spin,angle,vx,vy\n1e-3,0.01,0.02,3,0.5,-1,2\n\n"
+        "2e-3,0.03,0.04,0,0,0,0\n"
+    )
     grains = read_grains(csv(tmp_path, text), (0.1, -0.01))
     np.testing.assert_array_equal(grains.radius, [1e-3, 2e-3])
     np.testing.assert_allclose(grains.position, [[0.11, 0.01, 0.5], [0.13, 0.03, 0.0]])
@@ -64,7 +67,10 @@ BAD_CSV = {
         "x,y,radius\n1,2,1e-300\n1,2,1e-60\n1,2,1e-12\n",
         "line 2: radius = 1e-300 m.*line 3: .*line 4: radius = 1e-12 m",
     ),
-    "large": ("x,y,radius\n1,2,1e5\n", "line 2: radius = 100000 m is not between 1e-09 and 10000 m"),
+    "large": (
+        "x,y,radius\n1,2,1e5\n",
+        "line 2: radius = 100000 m is not between 1e-09 and 10000 m",
+    ),
     "fast": ("x,y,radius,vx\n1,2,1,1\n1,2,1,-1e13\n", "line 3: vx = -1e.13 is not between"),
     "many": ("x,y,radius\n" + "a,b,c\n" * 20, "line 6: .*; and more"),
 }
@@ -113,17 +119,31 @@ def test_chunks_that_would_fill_the_memory_are_refused(tmp_path):
     with h5py.File(tmp_path / "bomb.h5", "w") as out:
         for name in ("x", "y"):
             out[name] = np.arange(3.0)
-        out.create_dataset("radius", shape=(3,), maxshape=(None,), chunks=(2**22,), dtype="f8", compression="gzip", data=np.ones(3))
+        out.create_dataset(
+            "radius",
+            shape=(3,),
+            maxshape=(None,),
+            chunks=(2**22,),
+            dtype="f8",
+            compression="gzip",
+            data=np.ones(3),
+        )
     with pytest.raises(Refused, match="radius is stored in chunks of 4194304 values"):
         read_grains(tmp_path / "bomb.h5", (0.0, 0.0))
 
 
 BAD_HDF5 = {
     "missing": ({"x": [1.0], "y": [1.0]}, "no dataset radius"),
-    "lengths": ({"x": [1.0, 2.0], "y": [1.0, 2.0], "radius": [1.0]}, "radius has 1 values and x has 2"),
+    "lengths": (
+        {"x": [1.0, 2.0], "y": [1.0, 2.0], "radius": [1.0]},
+        "radius has 1 values and x has 2",
+    ),
     "text": ({"x": [1.0], "y": [1.0], "radius": ["a"]}, "not a one-dimensional array of numbers"),
     "shape": ({"x": [[1.0]], "y": [1.0], "radius": [1.0]}, "x is not a one-dimensional"),
-    "row": ({"x": [1.0, 2.0], "y": [1.0, np.inf], "radius": [1.0, 1.0]}, "row 1: y = inf is not finite"),
+    "row": (
+        {"x": [1.0, 2.0], "y": [1.0, np.inf], "radius": [1.0, 1.0]},
+        "row 1: y = inf is not finite",
+    ),
     "result": ({"particles/x": [1.0], "model/radius": [1.0]}, "result of a run"),
 }
 
@@ -224,7 +244,9 @@ def test_coincident_grains_are_refused_in_bounded_memory():
     count = 100_000
     center, radius = np.full((count, 2), 0.01), np.full(count, 1e-4)
     assert thin_crowds(center, radius).size == CROWD
-    problems = overlap_problems(center, radius, np.zeros(count, np.int32), Obstacles.none(), np.zeros(0, np.int32), [], 0.0)
+    problems = overlap_problems(
+        center, radius, np.zeros(count, np.int32), Obstacles.none(), np.zeros(0, np.int32), [], 0.0
+    )
     assert "pairs at least" in str(problems[0])
     scattered = np.random.default_rng(1).uniform(0.0, 1.0, (count, 2))
     assert thin_crowds(scattered, np.full(count, 1e-3)).size == count

@@ -82,7 +82,10 @@ def test_jitter_moves_grains_but_never_into_each_other_or_out_of_the_region():
     np.testing.assert_array_equal(position, sites(count, spacing=2.5e-3, jitter=0.1))
 
 
-@pytest.mark.parametrize(("spacing", "jitter", "key"), [(1.9e-3, 0.0, "spacing"), (2.2e-3, 0.1, "jitter"), (None, 0.01, "jitter")])
+@pytest.mark.parametrize(
+    ("spacing", "jitter", "key"),
+    [(1.9e-3, 0.0, "spacing"), (2.2e-3, 0.1, "jitter"), (None, 0.01, "jitter")],
+)
 def test_overlapping_lattices_are_refused_at_their_key(spacing, jitter, key):
     with pytest.raises(Refused) as caught:
         sites(10, spacing=spacing, jitter=jitter)

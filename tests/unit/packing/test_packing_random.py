@@ -1,4 +1,6 @@
-"""Random packings: no overlaps at any fill that is reached, clear of obstacles, reproducible, refused where impossible."""
+"""Random packings: no overlaps at any fill that is reached, clear of obstacles, reproducible,
+refused where impossible.
+"""
 
 import re
 
@@ -18,7 +20,9 @@ WIDTH = 0.05
 
 
 def radii(fill, low=0.8e-3, high=1.2e-3):
-    return draw_to_total(uniform_sizes(low, high, "number", 2), disc_area, fill * WIDTH * WIDTH, generator)
+    return draw_to_total(
+        uniform_sizes(low, high, "number", 2), disc_area, fill * WIDTH * WIDTH, generator
+    )
 
 
 def pack(radius, periodic=False, obstacles=None, separation=0.0, seed=3, **options):
@@ -28,7 +32,9 @@ def pack(radius, periodic=False, obstacles=None, separation=0.0, seed=3, **optio
 
 
 @pytest.mark.parametrize("periodic", [False, True])
-@pytest.mark.parametrize(("fill", "low"), [(0.3, 0.8e-3), (0.55, 0.8e-3), (0.75, 0.8e-3), (0.8, 0.8e-3), (0.75, 0.1e-3)])
+@pytest.mark.parametrize(
+    ("fill", "low"), [(0.3, 0.8e-3), (0.55, 0.8e-3), (0.75, 0.8e-3), (0.8, 0.8e-3), (0.75, 0.1e-3)]
+)
 def test_fill_is_reached_without_overlap(periodic, fill, low):
     radius = radii(fill, low)
     assert disc_area(radius).sum() == pytest.approx(fill * WIDTH**2, rel=2e-3)
@@ -39,12 +45,15 @@ def test_fill_is_reached_without_overlap(periodic, fill, low):
         assert np.all((position[:, 0] >= 0.0) & (position[:, 0] < WIDTH))
         assert np.any(position[:, 0] < radius)  # some reach across the boundary
     else:
-        assert np.all((position[:, 0] - radius >= -1e-12) & (position[:, 0] + radius <= WIDTH + 1e-12))
+        assert np.all(
+            (position[:, 0] - radius >= -1e-12) & (position[:, 0] + radius <= WIDTH + 1e-12)
+        )
 
 
 def test_dense_packing_is_disordered():
     position = pack(radii(0.75), True)
-    # A lattice would show a strong peak here; the structure factor of a disordered packing stays of the order of one.
+    # A lattice would show a strong peak here; the structure factor of a disordered packing stays of
+    # the order of one.
     k = 2 * np.pi * np.arange(1, 60) / WIDTH
     factor = np.abs(np.exp(1j * np.outer(k, position[:, 0])).sum(axis=1)) ** 2 / len(position)
     assert factor.max() < 0.05 * len(position)
@@ -65,14 +74,27 @@ def test_same_seed_same_bits_other_seed_other_places():
 
 def test_obstacles_are_kept_clear_of():
     discs = np.array([[0.01, 0.01, 4e-3], [0.03, 0.035, 6e-3]])
-    kind = np.array([ShapeKind.CIRCLE, ShapeKind.SEGMENT, ShapeKind.VERTEX, ShapeKind.VERTEX], np.int32)
-    world = np.array([[0.025, 0.025, 0.025, 0.0], [0.01, 0.04, 0.04, 0.01], [0.01, 0.04, -1, 1], [0.04, 0.01, 1, -1]])
+    kind = np.array(
+        [ShapeKind.CIRCLE, ShapeKind.SEGMENT, ShapeKind.VERTEX, ShapeKind.VERTEX], np.int32
+    )
+    world = np.array(
+        [
+            [0.025, 0.025, 0.025, 0.0],
+            [0.01, 0.04, 0.04, 0.01],
+            [0.01, 0.04, -1, 1],
+            [0.04, 0.01, 1, -1],
+        ]
+    )
     radius = radii(0.4)
     position = pack(radius, obstacles=Obstacles(kind, world).with_discs(discs))
     for x, y, r in discs:
         assert np.all(np.hypot(position[:, 0] - x, position[:, 1] - y) >= radius + r - 1e-12)
-    assert np.all(np.hypot(position[:, 0] - 0.025, position[:, 1] - 0.025) + radius <= 0.025 + 1e-12)
-    along = np.clip(((position - world[1, :2]) @ (world[1, 2:] - world[1, :2])) / (2 * 0.03**2), 0, 1)
+    assert np.all(
+        np.hypot(position[:, 0] - 0.025, position[:, 1] - 0.025) + radius <= 0.025 + 1e-12
+    )
+    along = np.clip(
+        ((position - world[1, :2]) @ (world[1, 2:] - world[1, :2])) / (2 * 0.03**2), 0, 1
+    )
     foot = world[1, :2] + along[:, None] * (world[1, 2:] - world[1, :2])
     assert np.all(np.hypot(*(position - foot).T) >= radius - 1e-12)
 

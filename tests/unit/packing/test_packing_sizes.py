@@ -26,7 +26,11 @@ def power_mean(exponent: float) -> float:
     """Mean of the density r^-exponent on [LOW, HIGH]."""
 
     def integral(power: float) -> float:
-        return math.log(HIGH / LOW) if power == -1.0 else (HIGH ** (power + 1.0) - LOW ** (power + 1.0)) / (power + 1.0)
+        return (
+            math.log(HIGH / LOW)
+            if power == -1.0
+            else (HIGH ** (power + 1.0) - LOW ** (power + 1.0)) / (power + 1.0)
+        )
 
     return integral(1.0 - exponent) / integral(-exponent)
 
@@ -51,10 +55,22 @@ FAMILIES = {
     "power 1": (lambda by, p: power_sizes(1.0, LOW, HIGH, by, p), power_mean(1.0)),
     "power 2.5": (lambda by, p: power_sizes(2.5, LOW, HIGH, by, p), power_mean(2.5)),
     "power -2": (lambda by, p: power_sizes(-2.0, LOW, HIGH, by, p), power_mean(-2.0)),
-    "lognormal": (lambda by, p: lognormal_sizes(1e-3, 0.4, LOW, HIGH, by, p), lognormal_mean(1e-3, 0.4)),
-    "lognormal, tail": (lambda by, p: lognormal_sizes(0.5e-3, 0.1, LOW, HIGH, by, p), lognormal_mean(0.5e-3, 0.1)),
-    "normal": (lambda by, p: normal_sizes(1e-3, 0.3e-3, LOW, HIGH, by, p), normal_mean(1e-3, 0.3e-3)),
-    "normal, tail": (lambda by, p: normal_sizes(HIGH, 0.2e-3, LOW, HIGH, by, p), normal_mean(HIGH, 0.2e-3)),
+    "lognormal": (
+        lambda by, p: lognormal_sizes(1e-3, 0.4, LOW, HIGH, by, p),
+        lognormal_mean(1e-3, 0.4),
+    ),
+    "lognormal, tail": (
+        lambda by, p: lognormal_sizes(0.5e-3, 0.1, LOW, HIGH, by, p),
+        lognormal_mean(0.5e-3, 0.1),
+    ),
+    "normal": (
+        lambda by, p: normal_sizes(1e-3, 0.3e-3, LOW, HIGH, by, p),
+        normal_mean(1e-3, 0.3e-3),
+    ),
+    "normal, tail": (
+        lambda by, p: normal_sizes(HIGH, 0.2e-3, LOW, HIGH, by, p),
+        normal_mean(HIGH, 0.2e-3),
+    ),
     "table": (lambda by, p: table_sizes(*SIEVE, by, p), 0.25 * 0.65e-3 + 0.75 * 1.45e-3),
 }
 
@@ -78,7 +94,9 @@ def test_cumulated_mass_of_uniform_by_mass(power):
 
 
 def test_list_by_number_is_exact():
-    radii = list_sizes(np.array([1.0, 2.0, 3.0]), np.array([0.2, 0.3, 0.5]), "number", 2).draw(1000, generator())
+    radii = list_sizes(np.array([1.0, 2.0, 3.0]), np.array([0.2, 0.3, 0.5]), "number", 2).draw(
+        1000, generator()
+    )
     assert [np.count_nonzero(radii == r) for r in (1.0, 2.0, 3.0)] == [200, 300, 500]
     assert np.any(np.diff(radii) < 0)  # shuffled
 
@@ -94,7 +112,9 @@ def test_list_is_within_one_grain_of_its_fractions(count):
 
 @pytest.mark.parametrize("power", [2, 3])
 def test_list_by_mass(power):
-    radii = list_sizes(np.array([1e-3, 2e-3]), np.array([0.25, 0.75]), "mass", power).draw(10_000, generator())
+    radii = list_sizes(np.array([1e-3, 2e-3]), np.array([0.25, 0.75]), "mass", power).draw(
+        10_000, generator()
+    )
     mass = radii**power
     assert mass[radii == 1e-3].sum() / mass.sum() == pytest.approx(0.25, abs=5e-4)
 
@@ -132,4 +152,5 @@ def test_each_class_of_a_sieve_curve_has_its_share(by, power):
     weight = radii**power if by == "mass" else np.ones(N)
     shares = [weight[radii <= limit].sum() / weight.sum() for limit in SIEVE[0][1:]]
     assert shares == pytest.approx(SIEVE[1][1:].tolist(), abs=3e-4)
-    assert not ((radii > 0.8e-3) & (radii < 0.9e-3)).any()  # nothing is retained between these sieves
+    # Nothing is retained between these sieves
+    assert not ((radii > 0.8e-3) & (radii < 0.9e-3)).any()

@@ -12,7 +12,11 @@ from multicor_cli.packing.file import read_temperatures
 from multicor_cli.packing.initial_grains import InitialGrains
 from multicor_cli.scenario import Refused, ScenarioError
 
-HOT = ('heat={conduction="none", friction="none"}', "materials.glass.heat_capacity=800.0", "particles.0.count=50")
+HOT = (
+    'heat={conduction="none", friction="none"}',
+    "materials.glass.heat_capacity=800.0",
+    "particles.0.count=50",
+)
 
 
 def built(*overrides, extra="", path="test.toml"):
@@ -34,19 +38,27 @@ def test_without_heat_there_are_no_temperatures():
 
 
 def test_capacities_surfaces_and_states_of_discs():
-    model, state = built("materials.steel.heat_capacity=500.0", "particles.1.temperature=400", extra=SECOND)
+    model, state = built(
+        "materials.steel.heat_capacity=500.0", "particles.1.temperature=400", extra=SECOND
+    )
     thermal, grains = model.thermal, model.grains
-    np.testing.assert_allclose(thermal.capacity, grains.mass * np.repeat([800.0, 500.0], [50, 100]), rtol=1e-14)
+    np.testing.assert_allclose(
+        thermal.capacity, grains.mass * np.repeat([800.0, 500.0], [50, 100]), rtol=1e-14
+    )
     thickness = np.repeat([2e-3, 1e-3], [50, 100])
     np.testing.assert_allclose(thermal.surface, 2 * np.pi * grains.radius * thickness, rtol=1e-14)
-    np.testing.assert_array_equal(thermal.initial_temperature, np.repeat([293.15, 400.0], [50, 100]))
+    np.testing.assert_array_equal(
+        thermal.initial_temperature, np.repeat([293.15, 400.0], [50, 100])
+    )
     np.testing.assert_array_equal(state.temperature(thermal), thermal.initial_temperature)
 
 
 def test_surfaces_of_spheres():
     text = changed(PACKED, ("thickness = 2e-3\n", ""), ('"disc"', '"sphere"'))
     model, _ = build(scenario(*HOT, text=text))
-    np.testing.assert_allclose(model.thermal.surface, 4 * np.pi * model.grains.radius**2, rtol=1e-14)
+    np.testing.assert_allclose(
+        model.thermal.surface, 4 * np.pi * model.grains.radius**2, rtol=1e-14
+    )
 
 
 def test_the_temperature_of_the_heat_table_is_the_default():
@@ -55,15 +67,23 @@ def test_the_temperature_of_the_heat_table_is_the_default():
 
 
 def test_gradient():
-    model, state = built("particles.0.temperature={value=300, gradient=[100, -200], at=[0.03, 0.04]}")
+    model, state = built(
+        "particles.0.temperature={value=300, gradient=[100, -200], at=[0.03, 0.04]}"
+    )
     x, y = state.position[:, 0], state.position[:, 1]
-    np.testing.assert_allclose(model.thermal.initial_temperature, 300 + 100 * (x - 0.03) - 200 * (y - 0.04), rtol=1e-13)
+    np.testing.assert_allclose(
+        model.thermal.initial_temperature, 300 + 100 * (x - 0.03) - 200 * (y - 0.04), rtol=1e-13
+    )
 
 
 def test_gradient_over_a_period_takes_the_wrapped_place():
     packing = "particles.0.region={min=[0.0, 0.0], max=[0.06, 0.08]}"
-    model, state = built("domain.periodic=true", packing, "particles.0.temperature={value=300, gradient=[1000, 0]}")
-    np.testing.assert_allclose(model.thermal.initial_temperature, 300 + 1000 * state.position[:, 0], rtol=1e-13)
+    model, state = built(
+        "domain.periodic=true", packing, "particles.0.temperature={value=300, gradient=[1000, 0]}"
+    )
+    np.testing.assert_allclose(
+        model.thermal.initial_temperature, 300 + 1000 * state.position[:, 0], rtol=1e-13
+    )
 
 
 def test_gradient_to_below_absolute_zero_names_a_grain():
@@ -74,10 +94,16 @@ def test_gradient_to_below_absolute_zero_names_a_grain():
 
 
 def test_later_regions_win():
-    left, low = "{min=[0, 0], max=[0.03, 0.08], value=400}", "{min=[0, 0], max=[0.06, 0.04], value=500}"
+    left, low = (
+        "{min=[0, 0], max=[0.03, 0.08], value=400}",
+        "{min=[0, 0], max=[0.06, 0.04], value=500}",
+    )
     model, state = built(f"particles.0.temperature={{value=300, regions=[{left}, {low}]}}")
     x, y = state.position[:, 0], state.position[:, 1]
-    np.testing.assert_array_equal(model.thermal.initial_temperature, np.where(y <= 0.04, 500.0, np.where(x <= 0.03, 400.0, 300.0)))
+    np.testing.assert_array_equal(
+        model.thermal.initial_temperature,
+        np.where(y <= 0.04, 500.0, np.where(x <= 0.03, 400.0, 300.0)),
+    )
     assert len(set(model.thermal.initial_temperature)) == 3
 
 
@@ -85,7 +111,10 @@ def test_regions_of_any_kind_have_temperatures():
     ring = '{kind="annulus", center=[0.03, 0.04], inner=0.01, outer=0.03, value=400}'
     roof = '{kind="polygon", points=[[0.0, 0.06], [0.06, 0.06], [0.03, 0.08]], value=450}'
     spot = '{kind="circle", center=[0.03, 0.04], radius=0.01, value=500}'
-    model, state = built(f"particles.0.temperature={{value=300, regions=[{ring}, {roof}, {spot}]}}", "particles.0.count=150")
+    model, state = built(
+        f"particles.0.temperature={{value=300, regions=[{ring}, {roof}, {spot}]}}",
+        "particles.0.count=150",
+    )
     x, y = state.position[:, 0] - 0.03, state.position[:, 1] - 0.04
     away = np.hypot(x, y)
     expected = np.where(away <= 0.03, 400.0, 300.0)
@@ -107,7 +136,10 @@ def test_one_value_per_grain():
 def test_values_from_a_file(tmp_path):
     values = [300.0 + 0.5 * k for k in range(50)]
     file = tmp_path / "T.csv"
-    file.write_text("\ufeff# temperatures\n\n" + "\n".join(f" {value} # K" for value in values), encoding="utf-8")
+    file.write_text(
+        "\ufeff# temperatures\n\n" + "\n".join(f" {value} # K" for value in values),
+        encoding="utf-8",
+    )
     where = str(tmp_path / "test.toml")
     model, _ = built('particles.0.temperature={file="T.csv"}', path=where)
     np.testing.assert_array_equal(model.thermal.initial_temperature, values)
@@ -121,7 +153,10 @@ def test_values_from_a_file(tmp_path):
 BAD_FILES = {
     "word": ("300\n\nhot\n", "line 3: 'hot' is not a number"),
     "columns": ("300,301\n", "line 1: '300,301' is not a number"),
-    "celsius": ("300\n20\n-5\n", "line 3: temperature = -5 K is not between 1 and 100000 K (from degrees Celsius: 268.15)"),
+    "celsius": (
+        "300\n20\n-5\n",
+        "line 3: temperature = -5 K is not between 1 and 100000 K (from degrees Celsius: 268.15)",
+    ),
     "not finite": ("nan\n", "line 1: temperature = nan is not finite"),
     "too hot": ("1e6\n", "line 1: temperature = 1e+06 K is not between"),
     "long line": ("300" + " " * 5000 + "x\n300\n0.5\n", "line 3: temperature = 0.5 K is not"),
@@ -163,10 +198,14 @@ def brought(monkeypatch):
         grains = InitialGrains.at_rest(radius, np.array([[0.01, 0.01], [0.02, 0.01]]))
         given = InitialGrains(radius, grains.position, grains.velocity, temperature)
         monkeypatch.setattr("multicor_cli.packing.groups.read_frame", lambda *_: given)
-        text = changed(PACKED, ('sizes = { kind = "uniform", min = 0.8e-3, max = 1.2e-3 }\ncount = 200\n', ""))
+        text = changed(
+            PACKED, ('sizes = { kind = "uniform", min = 0.8e-3, max = 1.2e-3 }\ncount = 200\n', "")
+        )
         heat = [override for override in HOT if "count" not in override]
         run = 'particles.0.packing={kind="run", path="run"}'
-        return lambda *overrides: build(scenario(*heat, run, *overrides, text=text))[0].thermal.initial_temperature
+        return lambda *overrides: (
+            build(scenario(*heat, run, *overrides, text=text))[0].thermal.initial_temperature
+        )
 
     return bring
 
@@ -180,7 +219,11 @@ def test_a_run_brings_its_temperatures(brought):
 
 def test_gas_for_equal_grains_is_refused_for_unequal_ones_from_a_run(monkeypatch, brought):
     start = brought(None)
-    gas = ('heat.gas={conductivity=0.026, model="vargas"}', "materials.glass.conductivity=1", "materials.glass.young=7e10")
+    gas = (
+        'heat.gas={conductivity=0.026, model="vargas"}',
+        "materials.glass.conductivity=1",
+        "materials.glass.young=7e10",
+    )
     assert start(*gas, "materials.glass.poisson=0.2").size == 2
     grains = InitialGrains.at_rest(np.array([1e-3, 1.2e-3]), np.array([[0.01, 0.01], [0.02, 0.01]]))
     monkeypatch.setattr("multicor_cli.packing.groups.read_frame", lambda *_: grains)
@@ -190,21 +233,35 @@ def test_gas_for_equal_grains_is_refused_for_unequal_ones_from_a_run(monkeypatch
 
 def test_softening_of_pairs():
     floor = wall("floor", 'kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0]')
-    pair = '\n[[contacts]]\npair = ["glass", "steel"]\nfriction = { speed = [0, 1], values = [0.5, 0.1], '
+    pair = (
+        '\n[[contacts]]\npair = ["glass", "steel"]\n'
+        "friction = { speed = [0, 1], values = [0.5, 0.1], "
+    )
     soft = "softening = 2e-3, reference = 300, min = 0.05, max = 0.6 }\n"
     laws = built(extra=floor + pair + soft)[0].laws
     assert laws.friction[0, 0] == 0.4
     assert laws.table.tolist() == [[-1, 0], [0, -1]]
     assert laws.softening_rate.tolist() == [[0.0, 2e-3], [2e-3, 0.0]]
-    assert (laws.softening_start[0, 1], laws.softening_lowest[1, 0], laws.softening_highest[0, 1]) == (300.0, 0.05, 0.6)
+    assert (
+        laws.softening_start[0, 1],
+        laws.softening_lowest[1, 0],
+        laws.softening_highest[0, 1],
+    ) == (300.0, 0.05, 0.6)
     assert (laws.softening_lowest[0, 0], laws.softening_highest[0, 0]) == (0.0, 10.0)
     number = built("contacts.0.friction={value=0.3, softening=1e-3}")[0].laws
-    assert (number.friction[0, 0], number.softening_rate[0, 0], number.softening_start[0, 0]) == (0.3, 1e-3, 293.15)
+    assert (number.friction[0, 0], number.softening_rate[0, 0], number.softening_start[0, 0]) == (
+        0.3,
+        1e-3,
+        293.15,
+    )
 
 
 def test_compaction_takes_the_friction_at_the_reference_temperature():
     compact = 'particles.0.packing={kind="compacted", pressure=50.0, kinetic_energy_ratio=1e-3}'
     small = (compact, "domain.periodic=true", "particles.0.count=60", "domain.size=[0.02, 0.03]")
-    plain, soft = (built(*small, f"contacts.0.friction={mu}")[1] for mu in ("0.3", "{value=0.3, softening=1e-3}"))
+    plain, soft = (
+        built(*small, f"contacts.0.friction={mu}")[1]
+        for mu in ("0.3", "{value=0.3, softening=1e-3}")
+    )
     np.testing.assert_array_equal(plain.position, soft.position)
     assert math.isfinite(plain.position.sum())

@@ -1,4 +1,6 @@
-"""Wall geometries: chains of glued grains close, polylines know their corners, inertia and lengths."""
+"""Wall geometries: chains of glued grains close, polylines know their corners, inertia and
+lengths.
+"""
 
 import math
 
@@ -11,7 +13,13 @@ from multicor_cli.packing.sizes import list_sizes, uniform_sizes
 from multicor_cli.packing.walls import build_walls, chain_on_circle, chain_on_line, join_shapes
 from multicor_cli.scenario import Refused
 from multicor_cli.scenario.settings import Domain
-from multicor_cli.scenario.walls import BoxGeometry, CircleGeometry, PlaneGeometry, PolylineGeometry, WallGeometry
+from multicor_cli.scenario.walls import (
+    BoxGeometry,
+    CircleGeometry,
+    PlaneGeometry,
+    PolylineGeometry,
+    WallGeometry,
+)
 
 SIZES = {
     "equal": list_sizes(np.array([1e-3]), None, "number", 2),
@@ -50,7 +58,8 @@ def test_chain_in_a_circle_touches_the_circle_and_closes(sizes):
     gap = np.hypot(*(after[:, :2] - chain[:, :2]).T) - chain[:, 2] - after[:, 2]
     assert np.abs(gap).max() < 1e-12
     assert chain[:, 2].mean() == pytest.approx(
-        SIZES[sizes].draw(len(chain), generator()).mean(), rel=0.51 * 2 * SIZES[sizes].largest / (2 * math.pi * 0.019)
+        SIZES[sizes].draw(len(chain), generator()).mean(),
+        rel=0.51 * 2 * SIZES[sizes].largest / (2 * math.pi * 0.019),
     )
 
 
@@ -76,19 +85,30 @@ def test_open_polyline_corners_name_their_segments():
 
 
 def test_closed_polyline_has_no_loose_end():
-    body = body_of(PolylineGeometry(kind="polyline", points=((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)), closed=True))
+    body = body_of(
+        PolylineGeometry(kind="polyline", points=((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)), closed=True)
+    )
     assert body.geometry[3:, 2:].tolist() == [[2, 0], [0, 1], [1, 2]]
     assert body.length == pytest.approx(2 + math.sqrt(2))
 
 
 def test_a_line_through_the_period_is_cut_and_joined_to_its_image():
-    floor = PolylineGeometry(kind="polyline", points=((0.1, 0.2), (2.1, 0.2))).body(Domain(size=(2.0, 1.0), periodic=True))
+    floor = PolylineGeometry(kind="polyline", points=((0.1, 0.2), (2.1, 0.2))).body(
+        Domain(size=(2.0, 1.0), periodic=True)
+    )
     assert floor.kind.tolist() == [ShapeKind.SEGMENT] * 3 + [ShapeKind.VERTEX] * 3
-    np.testing.assert_allclose(floor.geometry[:3, 0::2], np.array([[-1, -1 / 3], [-1 / 3, 1 / 3], [1 / 3, 1]]))
+    np.testing.assert_allclose(
+        floor.geometry[:3, 0::2], np.array([[-1, -1 / 3], [-1 / 3, 1 / 3], [1 / 3, 1]])
+    )
     assert floor.geometry[3:, 2:].tolist() == [[2, 0], [0, 1], [1, 2]]
-    ramp = PolylineGeometry(kind="polyline", points=((0.1, 0.2), (2.1, 0.3))).body(Domain(size=(2.0, 1.0), periodic=True))
-    assert ramp.geometry[3:, 2:].tolist() == [[-1, 0], [0, 1], [1, 2], [2, -1]]  # it ends, one above the other
-    ring = body_of(PolylineGeometry(kind="polyline", points=((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, 0.0))))
+    ramp = PolylineGeometry(kind="polyline", points=((0.1, 0.2), (2.1, 0.3))).body(
+        Domain(size=(2.0, 1.0), periodic=True)
+    )
+    # it ends, one above the other
+    assert ramp.geometry[3:, 2:].tolist() == [[-1, 0], [0, 1], [1, 2], [2, -1]]
+    ring = body_of(
+        PolylineGeometry(kind="polyline", points=((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, 0.0)))
+    )
     assert ring.geometry[3:, 2:].tolist() == [[2, 0], [0, 1], [1, 2]]
 
 
@@ -100,7 +120,8 @@ def test_corners_refer_to_rows_of_the_joined_table():
     bodies = [body_of(geometry) for geometry in geometries]
     shapes = join_shapes(bodies, [0, 1])
     assert shapes.geometry[2:, 2:].tolist() == [[-1, 1], [1, -1]]
-    assert bodies[1].geometry[1:, 2:].tolist() == [[-1, 0], [0, -1]]  # the body itself is not changed
+    # The body itself is not changed
+    assert bodies[1].geometry[1:, 2:].tolist() == [[-1, 0], [0, -1]]
     assert shapes.wall.tolist() == [0, 1, 1, 1]
     assert shapes.material.tolist() == [0, 1, 1, 1]
 
@@ -113,10 +134,19 @@ def test_bodies_of_simple_geometries():
     box = body_of(BoxGeometry(kind="box", min=(0.0, 0.0), max=(2.0, 1.0), open=("top",)))
     np.testing.assert_allclose(box.origin, [1.0, 0.5])
     lines = [[-1, 0.5, -1, -0.5], [-1, -0.5, 1, -0.5], [1, -0.5, 1, 0.5]]
-    np.testing.assert_allclose(box.geometry, [*lines, [-1, 0.5, -1, 0], [-1, -0.5, 0, 1], [1, -0.5, 1, 2], [1, 0.5, 2, -1]])
+    np.testing.assert_allclose(
+        box.geometry, [*lines, [-1, 0.5, -1, 0], [-1, -0.5, 0, 1], [1, -0.5, 1, 2], [1, 0.5, 2, -1]]
+    )
     assert box.length == 4.0
     posts = body_of(BoxGeometry(kind="box", min=(0.0, 0.0), max=(2.0, 1.0), open=("top", "bottom")))
-    sides = [[1, -0.5, 1, 0.5], [1, -0.5, -1, 0], [1, 0.5, 0, -1], [-1, 0.5, -1, -0.5], [-1, 0.5, -1, 3], [-1, -0.5, 3, -1]]
+    sides = [
+        [1, -0.5, 1, 0.5],
+        [1, -0.5, -1, 0],
+        [1, 0.5, 0, -1],
+        [-1, 0.5, -1, -0.5],
+        [-1, 0.5, -1, 3],
+        [-1, -0.5, 3, -1],
+    ]
     np.testing.assert_allclose(posts.geometry, sides)
     closed = body_of(BoxGeometry(kind="box", min=(0.0, 0.0), max=(2.0, 1.0)))
     assert closed.geometry[4:, 2:].tolist() == [[3, 0], [0, 1], [1, 2], [2, 3]]
@@ -132,7 +162,14 @@ def test_shapes_stand_in_the_world_before_grains_are_placed():
         "b", f'kind = "polyline", points = {corners}'
     )
     solid = build_walls(scenario(extra=walls)).obstacles()
-    expected = [[0, 0, 0, 1], [0.01, 0, 0.03, 0], [0.03, 0, 0.02, 0.03], [0.01, 0, -1, 1], [0.03, 0, 1, 2], [0.02, 0.03, 2, -1]]
+    expected = [
+        [0, 0, 0, 1],
+        [0.01, 0, 0.03, 0],
+        [0.03, 0, 0.02, 0.03],
+        [0.01, 0, -1, 1],
+        [0.03, 0, 1, 2],
+        [0.02, 0.03, 2, -1],
+    ]
     np.testing.assert_allclose(solid.world, expected, atol=1e-15)
 
 
@@ -167,7 +204,9 @@ def test_mass_of_a_smooth_wall_is_unknown_unless_given():
     walls = built(geometry).walls
     assert math.isnan(walls.mass[0])
     assert math.isnan(walls.inertia[0])
-    walls = built(geometry, "mass = 1.5\ngravity = true", "loading.0.drives.w={y={force=0.0}}").walls
+    walls = built(
+        geometry, "mass = 1.5\ngravity = true", "loading.0.drives.w={y={force=0.0}}"
+    ).walls
     assert walls.mass[0] == 1.5
     assert math.isnan(walls.inertia[0])
     assert walls.has_gravity[0]
@@ -183,7 +222,9 @@ def test_rough_drum_keeps_its_circle():
 
 def test_glued_sizes_depend_on_seed_and_wall_only():
     alone = built(ROUGH).bodies[0].geometry
-    second = wall("other", ROUGH.replace("0.0], to", "0.01], to").replace("0.06, 0.0", "0.06, 0.01"))
+    second = wall(
+        "other", ROUGH.replace("0.0], to", "0.01], to").replace("0.06, 0.0", "0.06, 0.01")
+    )
     extra = wall("w", ROUGH) + second
     both = build_walls(scenario(extra=extra))
     np.testing.assert_array_equal(alone, both.bodies[0].geometry)

@@ -34,7 +34,10 @@ def test_all_pictures_share_part_of_the_plane_and_colors(run: Run) -> None:
         assert stage is not None
         pictures = [picture.copy() for picture in _draw_all(maps(run)(), stage, 600)]
     boxes = np.array([table.scene.box for table in maps(run)()])
-    assert stage.box.tolist() == [boxes[:, 0].min(axis=0).tolist(), boxes[:, 1].max(axis=0).tolist()]
+    assert stage.box.tolist() == [
+        boxes[:, 0].min(axis=0).tolist(),
+        boxes[:, 1].max(axis=0).tolist(),
+    ]
     assert (stage.scale[0].vmin, stage.scale[0].vmax) == pytest.approx((-0.9, 0.9))
     assert len({picture.shape for picture in pictures}) == 1
     height, width, _ = pictures[0].shape
@@ -71,18 +74,37 @@ def test_name_of_the_film(monkeypatch: pytest.MonkeyPatch) -> None:
     assert film_path(Path("a.mp4")) == Path("a.gif")
 
 
-@pytest.mark.skipif(not (shutil.which("ffmpeg") and shutil.which("ffprobe")), reason="needs ffmpeg and ffprobe")
+@pytest.mark.skipif(
+    not (shutil.which("ffmpeg") and shutil.which("ffprobe")), reason="needs ffmpeg and ffprobe"
+)
 def test_mp4_has_every_frame(run: Run, tmp_path: Path) -> None:
     told = []
-    film = write_film(maps(run), 6, tmp_path / "film.mp4", rate=5.0, progress=lambda done, total: told.append((done, total)))
+    film = write_film(
+        maps(run),
+        6,
+        tmp_path / "film.mp4",
+        rate=5.0,
+        progress=lambda done, total: told.append((done, total)),
+    )
     assert (film.path, film.frames, film.skipped) == (tmp_path / "film.mp4", 6, 0)
     assert told[-1] == (6, 6)
-    command = ["ffprobe", "-v", "error", "-count_frames", "-show_entries", "stream=nb_read_frames,r_frame_rate", "-of", "csv=p=0"]
+    command = [
+        "ffprobe",
+        "-v",
+        "error",
+        "-count_frames",
+        "-show_entries",
+        "stream=nb_read_frames,r_frame_rate",
+        "-of",
+        "csv=p=0",
+    ]
     said = subprocess.run([*command, film.path], capture_output=True, text=True, check=True).stdout
     assert said.strip() == "5/1,6"
 
 
-def test_what_ffmpeg_says_is_passed_on(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_ffmpeg_says_is_passed_on(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "ffmpeg").write_text("#!/bin/sh\necho 'no codec' >&2\nexit 3\n")
     (tmp_path / "ffmpeg").chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path))

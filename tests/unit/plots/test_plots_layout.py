@@ -1,4 +1,6 @@
-"""Nothing is cut off and nothing overlaps: the places of all texts of all figures, for scenes of any shape."""
+"""Nothing is cut off and nothing overlaps: the places of all texts of all figures, for scenes of
+any shape.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,15 @@ from multicor_cli.post import (
 from multicor_cli.store import Run, open_run
 
 ALL = Selection(start=0.0)
-SHAPES = [(4.0, 4.0), (0.1, 0.1), (20.0, 1.0), (1.0, 20.0), (4.5e-3, 3.0e-3), (1234.5, 2345.6), (3.0, 2.2)]
+SHAPES = [
+    (4.0, 4.0),
+    (0.1, 0.1),
+    (20.0, 1.0),
+    (1.0, 20.0),
+    (4.5e-3, 3.0e-3),
+    (1234.5, 2345.6),
+    (3.0, 2.2),
+]
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +55,9 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
 def drawn(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Draws a table and gives the figure instead of writing it."""
     figures: list[Any] = []
-    monkeypatch.setattr(style, "save_figure", lambda figure, path: figures.append(figure) or check(figure))
+    monkeypatch.setattr(
+        style, "save_figure", lambda figure, path: figures.append(figure) or check(figure)
+    )
 
     def draw(table: Any) -> Any:
         plot(table, Path("figure.pdf"))
@@ -59,7 +71,12 @@ def check(figure: Any) -> None:
     figure.draw_without_rendering()
     renderer = figure._get_renderer()
     legends = [*figure.legends, *(axes.get_legend() for axes in figure.axes if axes.get_legend())]
-    names = [axis.label for axes in figure.axes if axes.name != "polar" for axis in (axes.xaxis, axes.yaxis)]
+    names = [
+        axis.label
+        for axes in figure.axes
+        if axes.name != "polar"
+        for axis in (axes.xaxis, axes.yaxis)
+    ]
     titles = [axes.title for axes in figure.axes]
     for text in (*names, *titles, *(text for legend in legends for text in legend.get_texts())):
         inside(text, figure, renderer)
@@ -69,15 +86,24 @@ def check(figure: Any) -> None:
 
 
 def check_axis(axis: Any, figure: Any, renderer: Any) -> None:
-    shown = [label for tick in axis._update_ticks() for label in (tick.label1, tick.label2)]  # ticks inside the limits
-    boxes = [inside(label, figure, renderer) for label in shown if label.get_visible() and label.get_text()]
+    # Ticks inside the limits
+    shown = [label for tick in axis._update_ticks() for label in (tick.label1, tick.label2)]
+    boxes = [
+        inside(label, figure, renderer)
+        for label in shown
+        if label.get_visible() and label.get_text()
+    ]
     if axis.axes.name == "polar":
         return
     inside(axis.offsetText, figure, renderer)
     along = 0 if axis.axis_name == "x" else 1
     boxes.sort(key=lambda box: box.min[along])
     texts = [label.get_text() for label in shown]
-    assert all(a.max[along] < b.min[along] for a, b in pairwise(boxes)), (axis.axes.get_xlabel(), axis.axes.get_ylabel(), texts)
+    assert all(a.max[along] < b.min[along] for a, b in pairwise(boxes)), (
+        axis.axes.get_xlabel(),
+        axis.axes.get_ylabel(),
+        texts,
+    )
     if axis.label.get_text():
         name = axis.label.get_window_extent(renderer)
         assert not any(name.overlaps(box) for box in boxes), (axis.label.get_text(), texts)
@@ -94,7 +120,10 @@ def inside(text: Any, figure: Any, renderer: Any) -> Any:
 
 def test_charts(run: Run, drawn: Any) -> None:
     for table in (
-        *(profiles(run, of, ALL) for of in ("velocity", "spin", "temperature", "stress", "kinetic-stress")),
+        *(
+            profiles(run, of, ALL)
+            for of in ("velocity", "spin", "temperature", "stress", "kinetic-stress")
+        ),
         profiles(run, "velocity", ALL).normalized(),
         theta_eta(run, wall="top"),
         energy(run),
@@ -116,7 +145,9 @@ def reshaped(table: Any, across: float, upwards: float) -> Any:
     box = np.array([[0.0, 0.0], [across, upwards]])
     lines = [outline for outline in scene.walls if outline.radius is None]
     radius = scene.radius * stretch.min()
-    return table.with_(scene=replace(scene, center=center, radius=radius, walls=lines, period=0.0, box=box))
+    return table.with_(
+        scene=replace(scene, center=center, radius=radius, walls=lines, period=0.0, box=box)
+    )
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: f"{shape[0]:g}x{shape[1]:g}")
@@ -126,7 +157,8 @@ def test_maps_of_any_shape(run: Run, drawn: Any, shape: tuple[float, float], of:
     figure = drawn(table)
     axes, bar = figure.axes
     box = axes.get_window_extent()
-    assert box.width / box.height == pytest.approx(shape[0] / shape[1], rel=1e-6)  # to scale, and no room is left empty
+    # to scale, and no room is left empty
+    assert box.width / box.height == pytest.approx(shape[0] / shape[1], rel=1e-6)
     assert not bar.get_window_extent().overlaps(box)
 
 

@@ -63,9 +63,17 @@ def test_grains_at_the_ends_of_the_period_are_drawn_twice(run: Run) -> None:
 
 
 def test_solid_polygons_are_filled_and_containers_are_not() -> None:
-    triangle, square = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 1.0]]), np.array([[5.0, 5.0], [9.0, 5.0], [9.0, 9.0], [5.0, 9.0]])
+    triangle, square = (
+        np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 1.0]]),
+        np.array([[5.0, 5.0], [9.0, 5.0], [9.0, 9.0], [5.0, 9.0]]),
+    )
     inner = square[::-1] * 3.0
-    sides = np.concatenate([np.stack([corners, np.roll(corners, -1, axis=0)], axis=1) for corners in (triangle, inner, square)])
+    sides = np.concatenate(
+        [
+            np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+            for corners in (triangle, inner, square)
+        ]
+    )
     found = solid_polygons(sides)
     assert [corners.tolist() for corners in found] == [triangle.tolist(), square.tolist()]
 
@@ -73,7 +81,11 @@ def test_solid_polygons_are_filled_and_containers_are_not() -> None:
 def test_color_scales(run: Run) -> None:
     temperature, spin, heat = (grain_map(run, of) for of in ("temperature", "spin", "heat"))
     norm, extend = color_scale(temperature)
-    assert (norm.vmin, norm.vmax, extend) == (temperature.value.min(), temperature.value.max(), "neither")
+    assert (norm.vmin, norm.vmax, extend) == (
+        temperature.value.min(),
+        temperature.value.max(),
+        "neither",
+    )
     norm, _ = color_scale(spin)
     assert norm.vmin == -norm.vmax
     norm, extend = color_scale(heat)
@@ -91,7 +103,9 @@ def test_lines_of_forces_are_as_wide_as_the_forces_are_large(run: Run) -> None:
     network = force_network(run)
     with house_style():
         panel = axes()
-        width = line_widths(panel, network.with_(force=network.force[:5], i=network.i[:5], j=network.j[:5]))
+        width = line_widths(
+            panel, network.with_(force=network.force[:5], i=network.i[:5], j=network.j[:5])
+        )
         draw_forces(panel, network)
     assert width / width[0] == pytest.approx([1.0, 2.0, 3.0, 4.0, 5.0])
     lines = panel.collections[-1]
@@ -125,7 +139,9 @@ def test_theta_eta_shows_grains_and_means(run: Run) -> None:
 
 def test_network_without_forces_is_drawn(run: Run) -> None:
     network = force_network(run)
-    empty = network.with_(i=network.i[:0], j=network.j[:0], force=network.force[:0], sliding=network.sliding[:0])
+    empty = network.with_(
+        i=network.i[:0], j=network.j[:0], force=network.force[:0], sliding=network.sliding[:0]
+    )
     with house_style():
         panel = axes()
         draw_forces(panel, empty)

@@ -1,4 +1,6 @@
-"""Figures of rheology, energy, force statistics, comparisons and streamlines: what is drawn. How they look is for eyes."""
+"""Figures of rheology, energy, force statistics, comparisons and streamlines: what is drawn. How
+they look is for eyes.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,15 @@ import numpy as np
 import pytest
 from heat_run import write_heated_run
 
-from multicor_cli.plots import draw_angles, draw_comparison, draw_distribution, draw_energy, draw_map, draw_rheology, plot
+from multicor_cli.plots import (
+    draw_angles,
+    draw_comparison,
+    draw_distribution,
+    draw_energy,
+    draw_map,
+    draw_rheology,
+    plot,
+)
 from multicor_cli.plots.fields import _draw_mesh
 from multicor_cli.plots.grain_map import place_scene, smooth_field
 from multicor_cli.plots.style import house_style
@@ -68,10 +78,17 @@ def test_energy_stacks_what_came_in_and_what_went_out(run: Run) -> None:
         figure = make_figure()
         draw_energy(figure, energy(run))
     labels = [axes.get_ylabel() for axes in figure.axes]
-    assert labels == ["energy since the start [J]", "heat since the start [J]", "closure [–]", "closure [–]"]
+    assert labels == [
+        "energy since the start [J]",
+        "heat since the start [J]",
+        "closure [–]",
+        "closure [–]",
+    ]
     heat = figure.axes[1]
     assert [text.get_text() for text in heat.get_legend().get_texts()] == ["stored"]
-    lowest = min(path.vertices[:, 1].min() for area in heat.collections for path in area.get_paths())
+    lowest = min(
+        path.vertices[:, 1].min() for area in heat.collections for path in area.get_paths()
+    )
     assert lowest == pytest.approx(-energy(run).books["heat_stored"][-1])
 
 
@@ -85,7 +102,9 @@ def test_distributions_show_bins_with_forces_only(run: Run) -> None:
 
 
 def test_a_polar_map_ends_where_the_grains_do(run: Run) -> None:
-    table = fields(run, ["velocity-t"], ALL, center=tuple(grain_map(run, "speed").scene.box[0]), reach=4.0)
+    table = fields(
+        run, ["velocity-t"], ALL, center=tuple(grain_map(run, "speed").scene.box[0]), reach=4.0
+    )
     with house_style():
         mesh, _ = _draw_mesh(make_figure().add_subplot(), table, table.of[0])
     shown = ~np.ma.getmaskarray(mesh.get_array()).reshape(table.points.shape[::-1]).T.ravel()
@@ -104,8 +123,12 @@ def test_angles_are_polar_histograms_with_their_second_harmonic(run: Run) -> Non
         draw_angles(figure, table)
     contacts, forces = figure.axes
     assert [bar.get_height() for bar in contacts.patches] == pytest.approx(table.density)
-    assert [bar.get_height() for bar in forces.patches] == pytest.approx(np.nan_to_num(table.normal))
-    assert contacts.lines[0].get_ydata().max() == pytest.approx(0.5 / np.pi * (1.0 + table.moments["a_c"]), rel=1e-3)
+    assert [bar.get_height() for bar in forces.patches] == pytest.approx(
+        np.nan_to_num(table.normal)
+    )
+    assert contacts.lines[0].get_ydata().max() == pytest.approx(
+        0.5 / np.pi * (1.0 + table.moments["a_c"]), rel=1e-3
+    )
     assert f"{table.moments['a_c']:.3f}" in contacts.get_title()
 
 
@@ -128,7 +151,9 @@ def make_vortex(n: int = 4000) -> GrainMap:
     vector = np.column_stack([0.5 - center[:, 1], center[:, 0] - 0.5])
     scene = GrainScene(center, np.full(n, 0.005), [], 0.0, np.array([[0.0, 0.0], [1.0, 1.0]]))
     speed = Column("value", "m/s", np.hypot(*vector.T))
-    return GrainMap((), {}, [speed], field=MAPPED["fluctuation"], scene=scene, vector=vector, names=())
+    return GrainMap(
+        (), {}, [speed], field=MAPPED["fluctuation"], scene=scene, vector=vector, names=()
+    )
 
 
 def test_smooth_field_is_the_local_mean() -> None:
@@ -148,9 +173,18 @@ def test_smooth_field_goes_around_the_ends_of_the_period_and_leaves_empty_region
     table = make_vortex()
     low = table.scene.center[:, 1] < 0.5
     for period in (0.0, 1.0):
-        scene = replace(table.scene, period=period, center=table.scene.center[low], radius=table.scene.radius[low])
+        scene = replace(
+            table.scene,
+            period=period,
+            center=table.scene.center[low],
+            radius=table.scene.radius[low],
+        )
         right = scene.center[:, 0] > 0.5
-        half = table.with_(scene=scene, value=table.value[low], vector=np.column_stack([np.where(right, 1.0, 0.0), 0.0 * right]))
+        half = table.with_(
+            scene=scene,
+            value=table.value[low],
+            vector=np.column_stack([np.where(right, 1.0, 0.0), 0.0 * right]),
+        )
         x, y, field = smooth_field(half)
         assert np.isnan(field[y > 0.7]).all()
         beside = field[10, 0, 0]  # next to x = 0, where the neighbors are beyond the period
@@ -168,7 +202,11 @@ def test_map_has_streamlines_or_arrows(run: Run) -> None:
             place = place_scene(make_figure(), table.scene)
             draw_map(place, table, has_streamlines=has_streamlines)
         axes = place.axes
-        lines = [c for c in axes.collections if isinstance(c, LineCollection) and len(c.get_segments()) > 5]
+        lines = [
+            c
+            for c in axes.collections
+            if isinstance(c, LineCollection) and len(c.get_segments()) > 5
+        ]
         assert bool(lines) is has_streamlines
         assert any(isinstance(c, Quiver) for c in axes.collections) is not has_streamlines
     with house_style():

@@ -72,5 +72,7 @@ def test_unknown_format_is_refused(tmp_path: Path) -> None:
 
 def test_missing_library_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(MissingLibrary, match="figures need matplotlib, which is not installed: pip install"):
+    with pytest.raises(
+        MissingLibrary, match="figures need matplotlib, which is not installed: pip install"
+    ):
         plot(make_table(), tmp_path / "a.png")

@@ -56,7 +56,9 @@ from multicor_cli.store import Run, open_run
         (298.15, 298.15, None),
     ],
 )
-def test_reference_is_a_round_temperature_near_the_lowest(low: float, high: float, expected: float | None) -> None:
+def test_reference_is_a_round_temperature_near_the_lowest(
+    low: float, high: float, expected: float | None
+) -> None:
     reference = rise_reference("K", low, high)
     if expected is None:
         assert reference is None
@@ -84,7 +86,11 @@ def test_profile_of_a_small_rise_has_no_offset_beside_its_label() -> None:
         figure.draw_without_rendering()
     assert axes.get_xlabel() == "temperature $T$ − 298.15 K [mK]"
     assert axes.xaxis.get_offset_text().get_text() == ""
-    shown = [float(label.get_text().replace("−", "-")) for label in axes.get_xticklabels() if label.get_text()]
+    shown = [
+        float(label.get_text().replace("−", "-"))
+        for label in axes.get_xticklabels()
+        if label.get_text()
+    ]
     assert 0.0 <= min(shown) < max(shown) <= 6.0
 
 
@@ -97,7 +103,9 @@ def area(chart: str) -> list[str]:
 
 
 def test_straight_line_goes_from_corner_to_corner_without_gaps() -> None:
-    chart = draw_text([TextLine("", np.array([1.0, 3.0]), np.array([-2.0, 5.0]))], "time [s]", "height [m]")
+    chart = draw_text(
+        [TextLine("", np.array([1.0, 3.0]), np.array([-2.0, 5.0]))], "time [s]", "height [m]"
+    )
     rows = area(chart)
     assert len(rows) == HEIGHT
     assert (rows[0][WIDTH - 1], rows[-1][0]) == ("*", "*")
@@ -114,26 +122,39 @@ def test_several_lines_have_letters_and_the_first_is_in_front() -> None:
     x = np.array([0.0, 1.0])
     chart = draw_text([TextLine("one", x, x), TextLine("two", x, 1.0 - x)], "x", "y")
     rows = area(chart)
-    assert (rows[0][WIDTH - 1], rows[-1][0], rows[0][0], rows[-1][WIDTH - 1]) == ("a", "a", "b", "b")
+    assert (rows[0][WIDTH - 1], rows[-1][0], rows[0][0], rows[-1][WIDTH - 1]) == (
+        "a",
+        "a",
+        "b",
+        "b",
+    )
     assert chart.splitlines()[-2:] == ["  a  one", "  b  two"]
     same = area(draw_text([TextLine("one", x, x), TextLine("two", x, x)], "x", "y"))
     assert not any("b" in row for row in same)
 
 
 def test_points_that_are_not_known_are_left_out() -> None:
-    chart = draw_text([TextLine("", np.array([0.0, 1.0, 2.0]), np.array([1.0, np.nan, 3.0]))], "x", "y")
+    chart = draw_text(
+        [TextLine("", np.array([0.0, 1.0, 2.0]), np.array([1.0, np.nan, 3.0]))], "x", "y"
+    )
     assert sum("*" in row for row in area(chart)) == HEIGHT
-    assert draw_text([TextLine("", np.array([0.0]), np.array([np.nan]))], "x", "y") == "y: nothing to draw"
+    assert (
+        draw_text([TextLine("", np.array([0.0]), np.array([np.nan]))], "x", "y")
+        == "y: nothing to draw"
+    )
     assert draw_text([], "x", "y") == "y: nothing to draw"
 
 
 def test_constant_and_single_points_lie_in_the_middle() -> None:
     rows = area(draw_text([TextLine("", np.array([2.0]), np.array([0.0]))], "x", "y"))
     assert "".join(rows).count("*") == 1
-    assert any(0.4 * HEIGHT < number < 0.6 * HEIGHT and "*" in row for number, row in enumerate(rows))
+    assert any(
+        0.4 * HEIGHT < number < 0.6 * HEIGHT and "*" in row for number, row in enumerate(rows)
+    )
 
 
-# ---- Figures for the terminal: every table has one, and pictures of grains have the colors of the figures in files
+# ---- Figures for the terminal: every table has one, and pictures of grains have the colors of the
+#      figures in files
 
 ALL = Selection(start=0.0)
 TERMINAL = Terminal(columns=40, rows=20)
@@ -166,10 +187,16 @@ def test_every_table_can_be_shown_in_a_terminal(run: Run) -> None:
 
 def test_logarithmic_axes() -> None:
     chart = draw_text(
-        [TextLine("", np.array([0.01, 1.0, 0.0]), np.array([1.0, 100.0, 5.0]))], "x", "y", rows=5, is_logarithmic=True
+        [TextLine("", np.array([0.01, 1.0, 0.0]), np.array([1.0, 100.0, 5.0]))],
+        "x",
+        "y",
+        rows=5,
+        is_logarithmic=True,
     )
     rows = [row.split(" |", 1)[1] for row in chart.splitlines() if " |" in row]
-    assert [row.index("*") for row in rows] == sorted((row.index("*") for row in rows), reverse=True)
+    assert [row.index("*") for row in rows] == sorted(
+        (row.index("*") for row in rows), reverse=True
+    )
     assert chart.splitlines()[1].startswith("100 |")
     assert chart.splitlines()[-1].split() == ["0.01", "x", "1"]  # the point at 0 is left out
 
@@ -188,10 +215,15 @@ def quarters(axes: Any) -> None:
 
 
 def test_picture_has_two_pixels_in_a_letter() -> None:
-    picture = draw_picture(scene(1.0, 1.0), quarters, Terminal(columns=8, rows=50, colors="truecolor"))
+    picture = draw_picture(
+        scene(1.0, 1.0), quarters, Terminal(columns=8, rows=50, colors="truecolor")
+    )
     lines = picture.splitlines()
     assert len(lines) == 4
-    cells = [re.findall(r"\x1b\[38;2;(\d+);(\d+);(\d+);48;2;(\d+);(\d+);(\d+)m(▀+)", line) for line in lines]
+    cells = [
+        re.findall(r"\x1b\[38;2;(\d+);(\d+);(\d+);48;2;(\d+);(\d+);(\d+)m(▀+)", line)
+        for line in lines
+    ]
     white, red, blue = ["255"] * 3, ["255", "0", "0"], ["0", "0", "255"]
     for row, found in enumerate(cells):
         letters = [(list(cell[:3]), list(cell[3:6])) for cell in found for _ in cell[6]]
@@ -200,12 +232,22 @@ def test_picture_has_two_pixels_in_a_letter() -> None:
 
 
 def test_picture_without_colors_tells_dark_from_light() -> None:
-    upper, lower = draw_picture(scene(1.0, 1.0), quarters, Terminal(columns=4, rows=50)).splitlines()
+    upper, lower = draw_picture(
+        scene(1.0, 1.0), quarters, Terminal(columns=4, rows=50)
+    ).splitlines()
     assert (upper[:2], len(lower)) == ("  ", 2)  # white
     assert upper[2] == upper[3] == lower[0] == lower[1] != " "  # red and blue are a third as light
 
 
-@pytest.mark.parametrize(("across", "upwards", "size"), [(1.0, 1.0, (20, 10)), (4.0, 1.0, (30, 4)), (1.0, 3.0, (7, 10))])
-def test_picture_fits_into_the_terminal(across: float, upwards: float, size: tuple[int, int]) -> None:
-    lines = draw_picture(scene(across, upwards), lambda axes: axes.axvspan(-9.0, 9.0, color="black"), Terminal(30, 10)).splitlines()
+@pytest.mark.parametrize(
+    ("across", "upwards", "size"), [(1.0, 1.0, (20, 10)), (4.0, 1.0, (30, 4)), (1.0, 3.0, (7, 10))]
+)
+def test_picture_fits_into_the_terminal(
+    across: float, upwards: float, size: tuple[int, int]
+) -> None:
+    lines = draw_picture(
+        scene(across, upwards),
+        lambda axes: axes.axvspan(-9.0, 9.0, color="black"),
+        Terminal(30, 10),
+    ).splitlines()
     assert (max(map(len, lines)), len(lines)) == pytest.approx(size, abs=1)

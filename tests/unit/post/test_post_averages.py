@@ -1,4 +1,6 @@
-"""Errors of means over series whose errors are known: autoregressive ones of first order, with and without drift."""
+"""Errors of means over series whose errors are known: autoregressive ones of first order, with and
+without drift.
+"""
 
 from __future__ import annotations
 
@@ -27,10 +29,14 @@ def variance_of_mean(phi: float, rows: int) -> float:
 
 @pytest.mark.parametrize("phi", [0.0, 0.5, 0.8, 0.9])
 def test_errors_are_true_and_intervals_cover(phi: float) -> None:
-    """800 series of 800 rows: ±2 errors would cover 95.4 % if they were known; four deviations of a binomial are 3 %."""
+    """800 series of 800 rows: ±2 errors would cover 95.4 % if they were known; four deviations of a
+    binomial are 3 %.
+    """
     series = autoregressive(phi, 800, 800)
     found = spread(series)
-    assert np.sqrt((found.error**2).mean() / variance_of_mean(phi, 800)) == pytest.approx(1.0, abs=0.12)
+    assert np.sqrt((found.error**2).mean() / variance_of_mean(phi, 800)) == pytest.approx(
+        1.0, abs=0.12
+    )
     assert np.median(found.memory) == pytest.approx((1.0 + phi) / (1.0 - phi), rel=0.2)
     cover = (np.abs(series.mean(axis=0)) < 2.0 * found.error).mean()
     assert 0.92 < cover < 0.985
@@ -59,11 +65,14 @@ def test_drift_is_the_slope_and_is_told() -> None:
     assert found.is_drifting.mean() > 0.95
     one = spread(series[:, 0] + time, time)
     assert one.note() == "drifts"
-    assert not (one.error < found.drift_error[0] / 10.0)  # the drift is in the error, or there is none
+    # The drift is in the error, or there is none
+    assert not (one.error < found.drift_error[0] / 10.0)
 
 
 def test_errors_of_few_rows_are_told_to_be_a_guess() -> None:
-    """Eight independent rows: the errors are true on average, but ±2 of them cover less, and drifts cannot be told."""
+    """Eight independent rows: the errors are true on average, but ±2 of them cover less, and drifts
+    cannot be told.
+    """
     series = autoregressive(0.0, 8, 4000)
     found = spread(series)
     assert np.isfinite(found.error).mean() > 0.9

@@ -21,7 +21,11 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> tuple[Run, Run]:
     """The small run twice, with another seed and a faster wall."""
     path = tmp_path_factory.mktemp("pair")
     write_small(path)
-    common = ["loading.0.duration=0.01", "loading.1.until.strain.value=0.5", "output.frame_interval=0.001"]
+    common = [
+        "loading.0.duration=0.01",
+        "loading.1.until.strain.value=0.5",
+        "output.frame_interval=0.001",
+    ]
     other = ["scenario.seed=4", "loading.1.drives.top.x.velocity.ramp=[0.0, 0.2]"]
     multicor.run(path / "small.toml", path / "a", overrides=common, threads=1)
     multicor.run(path / "small.toml", path / "b", overrides=[*common, *other], threads=1)
@@ -32,7 +36,9 @@ def test_books_balance_in_every_row(pair: tuple[Run, Run]) -> None:
     table = energy(pair[0])
     books = table.books
     came = sum(entry.sign * books[entry.name] for entry in table.entries if entry.sign)
-    assert books["kinetic_gain"] - came == pytest.approx(books["imbalance"], abs=1e-12 * float(np.abs(books["wall_work"]).max()))
+    assert books["kinetic_gain"] - came == pytest.approx(
+        books["imbalance"], abs=1e-12 * float(np.abs(books["wall_work"]).max())
+    )
     assert table.heat_closure is None
     assert table.closure[-1] <= 1e-10
     labels = dict(table.rows)
@@ -45,20 +51,26 @@ def test_books_balance_in_every_row(pair: tuple[Run, Run]) -> None:
 
 
 def test_books_add_up_where_grains_come_and_go() -> None:
-    """Made-up books: grains bring 5 J and take 2 J along, gravity works 1 J, friction takes 0.5 J; heat likewise."""
+    """Made-up books: grains bring 5 J and take 2 J along, gravity works 1 J, friction takes 0.5 J;
+    heat likewise.
+    """
     names = [e.name for e in (*MECHANICAL, *HEAT) if e.name != "kinetic_gain"]
     values = {
-        "kinetic_in": 5.0, "kinetic_out": 2.0, "gravity_work": 1.0, "friction_loss": 0.5, "kinetic": 3.5, "heat_friction": 0.5,
+        "kinetic_in": 5.0, "kinetic_out": 2.0, "gravity_work": 1.0, "friction_loss": 0.5,
+        "kinetic": 3.5, "heat_friction": 0.5,
         "heat_out": 0.2, "heat_stored": 0.3,
     }  # fmt: skip
     series = {
-        name: np.array([0.0, values.get(name, 0.0)]) for name in (*names, "kinetic", "kinetic_start", "closure", "heat_closure")
+        name: np.array([0.0, values.get(name, 0.0)])
+        for name in (*names, "kinetic", "kinetic_start", "closure", "heat_closure")
     }
     table = energy(SimpleNamespace(series={"time": np.array([0.0, 1.0]), **series}))
     ends = {entry.name: entry.sign * table.books[entry.name][-1] for entry in table.entries}
     mechanical = sum(value for name, value in ends.items() if not name.startswith("heat"))
     assert mechanical == pytest.approx(table.books["kinetic_gain"][-1])
-    assert sum(value for name, value in ends.items() if name.startswith("heat")) == pytest.approx(table.books["heat_stored"][-1])
+    assert sum(value for name, value in ends.items() if name.startswith("heat")) == pytest.approx(
+        table.books["heat_stored"][-1]
+    )
     assert dict(table.rows)["brought by grains that came [J]"] == 5.0
     assert dict(table.rows)["heat taken along by grains that went [J]"] == 0.2
 
@@ -96,11 +108,15 @@ def test_comparison_of_two_runs(pair: tuple[Run, Run]) -> None:
     one, two = (rheology(run, later) for run in pair)
     rate = numbers["shear_rate"]
     assert rate.difference == pytest.approx(two.mean["shear_rate"] - one.mean["shear_rate"])
-    assert rate.ratio == pytest.approx(rate.difference / np.hypot(one.error["shear_rate"], two.error["shear_rate"]), nan_ok=True)
+    assert rate.ratio == pytest.approx(
+        rate.difference / np.hypot(one.error["shear_rate"], two.error["shear_rate"]), nan_ok=True
+    )
     speed = found.profiles["velocity"]
     assert speed.first.value.tolist() == profile(pair[0], "velocity", later).value.tolist()
     assert speed.second.y.size == speed.first.y.size
-    expected = (speed.second.value - speed.first.value) / np.hypot(speed.first.error, speed.second.error)
+    expected = (speed.second.value - speed.first.value) / np.hypot(
+        speed.first.error, speed.second.error
+    )
     assert speed.ratio == pytest.approx(expected, nan_ok=True)
     known = expected[np.isfinite(expected)]
     assert known.size
@@ -111,14 +127,19 @@ def test_comparison_of_two_runs(pair: tuple[Run, Run]) -> None:
 
 
 def test_a_run_does_not_differ_from_itself(pair: tuple[Run, Run]) -> None:
-    found = compare(pair[0], pair[0], selection=Selection(start=0.012))  # over less, errors may not be known
+    # Over less, errors may not be known
+    found = compare(pair[0], pair[0], selection=Selection(start=0.012))
     assert found.keys == ()
     assert all(p.difference == 0.0 or np.isnan(p.difference) for p in found.numbers)
     assert found.profiles["velocity"].rms_ratio == 0.0
 
 
-def test_runs_that_are_not_alike_compare_in_what_they_share(pair: tuple[Run, Run], tmp_path: Path) -> None:
-    """The column of made-up grains has heat and does not move: no heat in common, one bin per grain."""
+def test_runs_that_are_not_alike_compare_in_what_they_share(
+    pair: tuple[Run, Run], tmp_path: Path
+) -> None:
+    """The column of made-up grains has heat and does not move: no heat in common, one bin per
+    grain.
+    """
     write_heated_run(tmp_path / "run")
     with open_run(tmp_path / "run") as other:
         found = compare(other, pair[0], selection=Selection(frames=slice(-3, None)))

@@ -1,4 +1,6 @@
-"""Flows through a line, columns of the time series, and parts of a run by group, against counts by hand."""
+"""Flows through a line, columns of the time series, and parts of a run by group, against counts by
+hand.
+"""
 
 from __future__ import annotations
 
@@ -18,15 +20,22 @@ from multicor_cli.store.frames import NamedColumn
 ALL = Selection(frames=slice(None))
 
 
-def falling(position: np.ndarray, numbers: list[list[int]] | None = None, *, period: float = 4.0) -> Any:
-    """Frames with the centers ``position``, shape ``(frames, n, 2)``, of grains of radius 0.1 and, of the second half, 0.2."""
+def falling(
+    position: np.ndarray, numbers: list[list[int]] | None = None, *, period: float = 4.0
+) -> Any:
+    """Frames with the centers ``position``, shape ``(frames, n, 2)``, of grains of radius 0.1 and,
+    of the second half, 0.2.
+    """
     n = position.shape[1]
     model = replace(between_planes(np.repeat([0.1, 0.2], [n // 2, n - n // 2])), period=period)
     frames = []
     for k, at in enumerate(position):
         frame = SimpleNamespace(position=at, unwrapped=at, velocity=np.full((n, 3), 2.0))
         if numbers is not None:
-            frame.number, frame.model = np.array(numbers[k]), model.with_grains(np.array(numbers[k]))
+            frame.number, frame.model = (
+                np.array(numbers[k]),
+                model.with_grains(np.array(numbers[k])),
+            )
             frame.position = frame.unwrapped = at[frame.number]
             frame.velocity = frame.velocity[frame.number]
         frames.append(frame)
@@ -36,7 +45,9 @@ def falling(position: np.ndarray, numbers: list[list[int]] | None = None, *, per
 def test_grains_that_cross_are_counted_with_their_mass() -> None:
     """Four grains: one falls through the line, one beside it, one comes back, one goes up."""
     x = np.array([1.0, 3.5, 1.5, 2.0])
-    heights = np.array([[0.9, 0.9, 0.6, 0.2], [0.6, 0.6, 0.4, 0.3], [0.3, 0.3, 0.7, 0.4], [0.1, 0.1, 0.8, 0.7]])
+    heights = np.array(
+        [[0.9, 0.9, 0.6, 0.2], [0.6, 0.6, 0.4, 0.3], [0.3, 0.3, 0.7, 0.4], [0.1, 0.1, 0.8, 0.7]]
+    )
     position = np.stack([np.stack([x, y], axis=1) for y in heights])
     source = falling(position)
     table = flow_through(source, ((3.0, 0.5), (0.0, 0.5)), ALL)  # its left is below
@@ -57,13 +68,21 @@ def test_grains_that_cross_are_counted_with_their_mass() -> None:
 
 
 def test_every_passage_through_a_periodic_cell_counts() -> None:
-    """Grains that go round: through x = 1 and its images once per period, however many periods a step takes them."""
-    x = np.array([0.5, 3.9])[np.newaxis] + np.array([[0.0, 0.0], [1.0, 1.2], [9.0, 9.2], [8.0, 8.0]])
+    """Grains that go round: through x = 1 and its images once per period, however many periods a
+    step takes them.
+    """
+    x = np.array([0.5, 3.9])[np.newaxis] + np.array(
+        [[0.0, 0.0], [1.0, 1.2], [9.0, 9.2], [8.0, 8.0]]
+    )
     source = falling(np.stack([x, np.full_like(x, 0.5)], axis=2))
     table = flow_through(source, ((1.0, 1.0), (1.0, 0.0)), ALL)  # its left is towards +x
     expected = np.diff(np.floor((x - 1.0) / 4.0), axis=0)
     assert table.crossed["grains"].tolist() == expected.sum(axis=1).tolist()
-    alone = flow_through(falling(np.stack([x, np.full_like(x, 0.5)], axis=2), period=0.0), ((1.0, 1.0), (1.0, 0.0)), ALL)
+    alone = flow_through(
+        falling(np.stack([x, np.full_like(x, 0.5)], axis=2), period=0.0),
+        ((1.0, 1.0), (1.0, 0.0)),
+        ALL,
+    )
     assert alone.crossed["grains"].tolist() == [1, 0, 0]
 
 
@@ -75,7 +94,9 @@ def test_grains_that_come_and_go_count_while_they_are_there() -> None:
 
 
 def test_grains_that_an_outlet_takes_and_gives_back_do_not_cross_back() -> None:
-    """Falling through a line at 0.5; between the second and the third frame the outlet has given the first one back, 9 higher."""
+    """Falling through a line at 0.5; between the second and the third frame the outlet has given
+    the first one back, 9 higher.
+    """
     heights = np.array([[0.9, 0.8], [0.4, 0.3], [9.4, 0.1]])
     position = np.stack([np.stack([np.full(2, 1.0), y], axis=1) for y in heights])
     table = flow_through(falling(position, [[0, 1]] * 3), ((2.0, 0.5), (0.0, 0.5)), ALL)
@@ -88,8 +109,11 @@ def columns(rows: int) -> Any:
     time = np.arange(rows) * 0.1
     return SimpleNamespace(
         series_columns=[
-            NamedColumn("time", "s", time), NamedColumn("kinetic", "J", 2.0 * time), NamedColumn("floor: force_x", "N", time - 1.0),
-            NamedColumn("lid: force_x", "N", 1.0 - time), NamedColumn("lid: force_y", "N", np.ones(rows)),
+            NamedColumn("time", "s", time), NamedColumn("kinetic", "J", 2.0 * time),
+            NamedColumn(("floor: "
+                "force_x"), "N", time - 1.0),
+            NamedColumn("lid: force_x", "N", 1.0 - time),
+            NamedColumn("lid: force_y", "N", np.ones(rows)),
         ]
     )  # fmt: skip
 
@@ -97,17 +121,31 @@ def columns(rows: int) -> Any:
 def test_columns_of_the_series_by_name_by_wall_and_in_part() -> None:
     source = columns(21)
     everything = series(source)
-    assert [column.name for column in everything.quantities] == ["kinetic", "floor: force_x", "lid: force_x", "lid: force_y"]
+    assert [column.name for column in everything.quantities] == [
+        "kinetic",
+        "floor: force_x",
+        "lid: force_x",
+        "lid: force_y",
+    ]
     assert everything.rows[0][:2] == ("kinetic [J]", pytest.approx(2.0))
     assert everything.rows[0][3:7] == pytest.approx((4.0, 0.0, 4.0, 4.0))
     assert everything.rows[3][2] == 0.0
     later = series(source, ["force_x", "lid"], 0.5, 1.0)
-    assert [column.name for column in later.quantities] == ["floor: force_x", "lid: force_x", "lid: force_y"]
+    assert [column.name for column in later.quantities] == [
+        "floor: force_x",
+        "lid: force_x",
+        "lid: force_y",
+    ]
     assert later.time == pytest.approx(np.arange(5, 11) * 0.1)
     assert later.detail_rows[0] == pytest.approx((0.5, -0.5, 0.5, 1.0))
     assert later.as_dict()["mean"]["lid: force_y"] == 1.0
-    assert [column.name for column in everything.overview().quantities] == [column.name for column in everything.quantities]
-    crowd = SeriesTable(everything.time, [everything.quantities[1]._replace(name=f"w{k}: force_x") for k in range(9)])
+    assert [column.name for column in everything.overview().quantities] == [
+        column.name for column in everything.quantities
+    ]
+    crowd = SeriesTable(
+        everything.time,
+        [everything.quantities[1]._replace(name=f"w{k}: force_x") for k in range(9)],
+    )
     assert len(crowd.overview().quantities) == 1  # nine lines of one unit could not be told apart
     with pytest.raises(PostError, match="no 'pressure'; choose from: kinetic, floor: force_x"):
         series(source, ["pressure"])
@@ -122,8 +160,10 @@ def mixture() -> Any:
     model = replace(model, groups=("light", "heavy"), grains=replace(model.grains, group=group))
     frames = [
         SimpleNamespace(
-            position=np.column_stack([rng.uniform(0.0, 4.0, 40), rng.uniform(0.1, 0.9, 40)]), velocity=rng.normal(size=(40, 2)),
-            wall_position=np.zeros((2, 3)), wall_velocity=np.zeros((2, 3)), contacts=None, spin=np.zeros(40), temperature=None,
+            position=np.column_stack([rng.uniform(0.0, 4.0, 40), rng.uniform(0.1, 0.9, 40)]),
+            velocity=rng.normal(size=(40, 2)),
+            wall_position=np.zeros((2, 3)), wall_velocity=np.zeros((2, 3)), contacts=None,
+            spin=np.zeros(40), temperature=None,
         )
         for _ in range(3)
     ]  # fmt: skip
@@ -134,7 +174,9 @@ def mixture() -> Any:
 def test_groups_add_up_to_the_whole(period: float) -> None:
     source = mixture()
     source.model = replace(source.model, period=period)
-    whole, light, heavy = (profile(source, "solid-fraction", ALL, 4, groups=g) for g in ((), ("light",), ("heavy",)))
+    whole, light, heavy = (
+        profile(source, "solid-fraction", ALL, 4, groups=g) for g in ((), ("light",), ("heavy",))
+    )
     assert light.value + heavy.value == pytest.approx(whole.value)
     assert light.area + heavy.area == pytest.approx(whole.area)
     both = profile(source, "velocity", ALL, 4, groups=("heavy", "light"))

@@ -1,4 +1,6 @@
-"""Contact forces: networks and scenes of made-up frames, and distributions that were drawn from known ones."""
+"""Contact forces: networks and scenes of made-up frames, and distributions that were drawn from
+known ones.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,14 @@ from made_up_frames import source_of
 from scene_parts import between_planes, make_model
 
 from multicor_cli.model import ShapeKind
-from multicor_cli.post import PostError, Selection, angular_distribution, force_distribution, force_network, make_scene
+from multicor_cli.post import (
+    PostError,
+    Selection,
+    angular_distribution,
+    force_distribution,
+    force_network,
+    make_scene,
+)
 from multicor_cli.post.grain_map import images
 from multicor_cli.store import Run, open_run
 
@@ -26,7 +35,9 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 
 def test_numbers_of_a_network(run: Run) -> None:
-    """Nine contacts between ten grains and one with the top plane, with 1 … 10 N; the lowest grain has only one contact."""
+    """Nine contacts between ten grains and one with the top plane, with 1 … 10 N; the lowest grain
+    has only one contact.
+    """
     network = force_network(run)
     assert network.summary == pytest.approx(
         {
@@ -72,20 +83,33 @@ def test_frames_without_forces_are_refused(tmp_path: Path, run: Run) -> None:
     with pytest.raises(PostError, match="no frame -6"):
         force_network(run, -6)
     write_heated_run(tmp_path / "run", contacts=False)
-    with open_run(tmp_path / "run") as silent, pytest.raises(PostError, match=r"contacts = true in \[output\]"):
+    with (
+        open_run(tmp_path / "run") as silent,
+        pytest.raises(PostError, match=r"contacts = true in \[output\]"),
+    ):
         force_network(silent)
 
 
 def test_images_of_what_crosses_the_ends_of_the_period() -> None:
     which, shift = images(np.array([0.1, 2.0, 3.9]), np.full(3, 0.2), 4.0)
-    assert sorted(zip(which.tolist(), shift.tolist(), strict=True)) == [(0, 0.0), (0, 4.0), (1, 0.0), (2, -4.0), (2, 0.0)]
+    assert sorted(zip(which.tolist(), shift.tolist(), strict=True)) == [
+        (0, 0.0),
+        (0, 4.0),
+        (1, 0.0),
+        (2, -4.0),
+        (2, 0.0),
+    ]
     assert images(np.array([-1.0]), np.ones(1), 0.0)[0].tolist() == [0]
 
 
-def scene_of(kinds: list[ShapeKind], geometry: list[list[float]], pose: list[float], *, period: float = 0.0):
+def scene_of(
+    kinds: list[ShapeKind], geometry: list[list[float]], pose: list[float], *, period: float = 0.0
+):
     shapes = [(kind, 0, numbers) for kind, numbers in zip(kinds, geometry, strict=True)]
     model = make_model([0.5, 0.5], shapes, ("bottom", "top"), period=period)
-    frame = SimpleNamespace(position=np.array([[0.5, 0.5], [4.5, 0.5]]), wall_position=np.array([pose, [0.0, 0.0, 0.0]]))
+    frame = SimpleNamespace(
+        position=np.array([[0.5, 0.5], [4.5, 0.5]]), wall_position=np.array([pose, [0.0, 0.0, 0.0]])
+    )
     return make_scene(SimpleNamespace(model=model), frame)
 
 
@@ -115,13 +139,18 @@ def test_box_holds_the_grains_and_the_walls_nearby() -> None:
     assert periodic.walls[0].points[0, 0, 0] == pytest.approx(4.0)
 
 
-# ---- Distributions of forces and contact directions that were drawn from known ones, and the forces of a small run
+# ---- Distributions of forces and contact directions that were drawn from known ones, and the
+#      forces of a small run
 
 ALL = Selection(start=0.0)
 
 
-def make_source(normal: np.ndarray, force: np.ndarray, *, frames: int = 1, scale: float = 1.0) -> Any:
-    """Contacts between two grains with these normals and forces; those of the frame of number k are ``scale``ᵏ times as large."""
+def make_source(
+    normal: np.ndarray, force: np.ndarray, *, frames: int = 1, scale: float = 1.0
+) -> Any:
+    """Contacts between two grains with these normals and forces; those of the frame of number k are
+    ``scale``ᵏ times as large.
+    """
     count = len(force)
     found = [
         SimpleNamespace(
@@ -180,19 +209,34 @@ def test_contacts_without_friction_have_no_tangential_distribution() -> None:
 
 @pytest.mark.parametrize("turned", [False, True])
 def test_angular_distribution_gives_the_anisotropies_back(turned: bool) -> None:
-    """Evenly spaced directions weighted by number: contacts drawn with a_c = 0.4 at 120°, forces with a_n = 0.3, a_t = 0.1."""
+    """Evenly spaced directions weighted by number: contacts drawn with a_c = 0.4 at 120°, forces
+    with a_n = 0.3, a_t = 0.1.
+    """
     u = (np.arange(400_000) + 0.5) / 400_000 * 2.0 * np.pi
     theta = u.copy()
     for _ in range(50):  # invert the cumulative distribution θ + a/2 (sin 2(θ − c) + sin 2c) = u
-        theta = u - 0.2 * (np.sin(2.0 * (theta - np.radians(120.0))) + np.sin(2.0 * np.radians(120.0)))
+        theta = u - 0.2 * (
+            np.sin(2.0 * (theta - np.radians(120.0))) + np.sin(2.0 * np.radians(120.0))
+        )
     if turned:
         theta = theta[::-1] + np.pi  # each contact seen from its other grain
     f = 2.0 * (1.0 + 0.3 * np.cos(2.0 * (theta - np.radians(130.0))))
     g = -2.0 * 0.1 * np.sin(2.0 * (theta - np.radians(140.0)))
-    table = angular_distribution(make_source(np.column_stack([np.cos(theta), np.sin(theta)]), np.column_stack([f, g])), ALL)
-    expected = {"a_c": 0.4, "a_n": 0.3, "a_t": 0.1, "theta_c": 120.0, "theta_n": 130.0, "theta_t": 140.0}
+    table = angular_distribution(
+        make_source(np.column_stack([np.cos(theta), np.sin(theta)]), np.column_stack([f, g])), ALL
+    )
+    expected = {
+        "a_c": 0.4,
+        "a_n": 0.3,
+        "a_t": 0.1,
+        "theta_c": 120.0,
+        "theta_n": 130.0,
+        "theta_t": 140.0,
+    }
     assert table.moments == pytest.approx(expected, rel=2e-2)
-    assert table.density == pytest.approx((1.0 + 0.4 * np.cos(2.0 * (table.angle - np.radians(120.0)))) / (2.0 * np.pi), rel=0.02)
+    assert table.density == pytest.approx(
+        (1.0 + 0.4 * np.cos(2.0 * (table.angle - np.radians(120.0)))) / (2.0 * np.pi), rel=0.02
+    )
     assert table.density.sum() * 2.0 * np.pi / table.angle.size == pytest.approx(1.0)
     half = table.angle.size // 2
     assert table.density[:half].tolist() == table.density[half:].tolist()

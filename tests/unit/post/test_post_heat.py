@@ -113,7 +113,9 @@ def test_theta_eta_from_the_top_and_from_the_bottom(run: Run) -> None:
     assert table.mean == pytest.approx(HEIGHTS[::-1])
     assert table.center == pytest.approx(HEIGHTS)
     assert table.count.tolist() == [1] * GRAINS
-    assert (table.reference, table.wall_temperature, table.height) == pytest.approx((300.0, 320.0, 1.0))
+    assert (table.reference, table.wall_temperature, table.height) == pytest.approx(
+        (300.0, 320.0, 1.0)
+    )
     with pytest.raises(PostError, match="--reference"):
         theta_eta(run, wall="bottom")
     up = theta_eta(run, wall="bottom", reference=290.0, bins=GRAINS)
@@ -183,7 +185,10 @@ def test_fluctuation_keeps_the_vertical_velocity(run: Run) -> None:
 
 
 def test_maps_refuse_what_is_not_there(run: Run) -> None:
-    with pytest.raises(PostError, match="choose from: velocity, velocity-y, speed, displacement, rotation, spin, temperature"):
+    with pytest.raises(
+        PostError,
+        match="choose from: velocity, velocity-y, speed, displacement, rotation, spin, temperature",
+    ):
         grain_map(run, "wetness")
     with pytest.raises(PostError, match="frame 0 has none"):
         grain_map(run, "heat", 0)

@@ -14,8 +14,10 @@ FLIGHT = {
     "contacts": [{"pair": ["*", "*"], "friction": 0.3}],
     "particles": [
         {
-            "name": "one", "material": "glass", "shape": "disc", "thickness": 1e-3, "count": 1, "velocity": [1.0, -0.1],
-            "spin": -7.0, "sizes": {"kind": "list", "radii": [0.5e-3]}, "packing": {"kind": "random"},
+            "name": "one", "material": "glass", "shape": "disc", "thickness": 1e-3, "count": 1,
+            "velocity": [1.0, -0.1],
+            "spin": -7.0, "sizes": {"kind": "list", "radii": [0.5e-3]},
+            "packing": {"kind": "random"},
             "region": {"min": [0.0, 0.012], "max": [0.02, 0.014]},
         }
     ],
@@ -36,11 +38,15 @@ def flight(tmp_path_factory):
 @pytest.mark.parametrize(("of", "rate"), [("displacement", np.hypot(1.0, 0.1)), ("rotation", -7.0)])
 def test_a_grain_that_flies_freely_comes_as_far_as_its_velocity_says(flight, of, rate):
     for k, frame in enumerate(flight.frames):  # it passes the ends of the period twice
-        assert post.grain_map(flight, of, k).value == pytest.approx(rate * frame.time, rel=1e-12, abs=1e-15)
+        assert post.grain_map(flight, of, k).value == pytest.approx(
+            rate * frame.time, rel=1e-12, abs=1e-15
+        )
 
 
 def test_vertical_velocities_are_those_of_the_frame(flight):
-    assert np.array_equal(post.grain_map(flight, "velocity-y").value, flight.frames[-1].velocity[:, 1])
+    assert np.array_equal(
+        post.grain_map(flight, "velocity-y").value, flight.frames[-1].velocity[:, 1]
+    )
 
 
 @pytest.mark.parametrize("of", ["velocity-y", "rotation", "spin"])
@@ -60,12 +66,20 @@ def test_widths_in_the_legend_are_those_of_the_forces(flight):
     force = np.column_stack([[1.0, 2.0, 3.0, 2.0], np.zeros(count)])  # mean 2
     scene = post.make_scene(flight, flight.frames[0])
     ends = np.linspace(0.0, 0.01, count)[:, np.newaxis] + np.zeros(2)
-    contacts = {"i": np.arange(count), "j": np.arange(count), "start": ends, "end": ends + 1e-3, "sliding": np.zeros(count, bool)}
+    contacts = {
+        "i": np.arange(count),
+        "j": np.arange(count),
+        "start": ends,
+        "end": ends + 1e-3,
+        "sliding": np.zeros(count, bool),
+    }
     network = post.force_network(flight).with_(scene=scene, force=force, **contacts)
     figure = Figure()
     axes = figure.add_subplot()
     draw_forces(axes, network)
-    legend = {text.get_text(): line.get_linewidth() for text, line in zip(*_legend(figure), strict=True)}
+    legend = {
+        text.get_text(): line.get_linewidth() for text, line in zip(*_legend(figure), strict=True)
+    }
     drawn = axes.collections[-1].get_linewidths()
     assert legend["2 N"] == pytest.approx(drawn[1])
     assert legend["6 N"] == pytest.approx(3.0 * drawn[1])

@@ -33,16 +33,25 @@ class Frame:
 
 
 def make_source(
-    y: NDArray[np.float64], radius: NDArray[np.float64], speed: NDArray[np.float64], *, lid: float = 0.0, lid_speed: float = 1.0
+    y: NDArray[np.float64],
+    radius: NDArray[np.float64],
+    speed: NDArray[np.float64],
+    *,
+    lid: float = 0.0,
+    lid_speed: float = 1.0,
 ) -> Any:
-    """Frames with heights ``y`` and velocities ``speed``, both ``(frames, n)``, between walls at 0 and 1 + lid."""
+    """Frames with heights ``y`` and velocities ``speed``, both ``(frames, n)``, between walls at 0
+    and 1 + lid.
+    """
     model = between_planes(radius)
     frames = []
     for heights, values in zip(y, speed, strict=True):
         position = np.column_stack([np.zeros_like(heights), heights, np.zeros_like(heights)])
         velocity = np.column_stack([values, np.zeros_like(values), np.zeros_like(values)])
         walls = np.array([[0.0, 0.0, 0.0], [0.0, lid, 0.0]])
-        frames.append(Frame(position, velocity, walls, np.array([[0.0, 0.0, 0.0], [lid_speed, 0.0, 0.0]])))
+        frames.append(
+            Frame(position, velocity, walls, np.array([[0.0, 0.0, 0.0], [lid_speed, 0.0, 0.0]]))
+        )
     return source_of(model, frames)
 
 
@@ -54,7 +63,9 @@ def random_source(frames: int = 7, n: int = 60, seed: int = 1) -> Any:
 
 
 def numeric_area(height: float, radius: float, low: float, high: float) -> float:
-    """Area of a disc between two heights by Gauss–Chebyshev quadrature of its width (second kind)."""
+    """Area of a disc between two heights by Gauss–Chebyshev quadrature of its width (second
+    kind).
+    """
     a, b = np.clip([low - height, high - height], -radius, radius)
     angle = np.linspace(np.arcsin(a / radius), np.arcsin(b / radius), 2_001)
     return float(np.trapezoid(2.0 * radius**2 * np.cos(angle) ** 2, angle))
@@ -64,16 +75,25 @@ def test_area_below_a_line() -> None:
     """Half a disc, a whole one, none, and the cap of height a/2: a²(2π/3 − √3/4) below."""
     a = np.full(5, 2.0)
     area = area_below(np.array([0.0, 2.0, -2.0, 9.0, 1.0]), a)
-    assert area == pytest.approx([2 * np.pi, 4 * np.pi, 0.0, 4 * np.pi, 4 * (2 * np.pi / 3 + np.sqrt(3) / 4)])
+    assert area == pytest.approx(
+        [2 * np.pi, 4 * np.pi, 0.0, 4 * np.pi, 4 * (2 * np.pi / 3 + np.sqrt(3) / 4)]
+    )
 
 
 @settings(max_examples=50, deadline=None)
-@given(st.lists(st.tuples(st.floats(-3, 3), st.floats(0.01, 2)), min_size=1, max_size=20), st.integers(1, 30))
-def test_shares_add_up_to_the_area_of_the_discs(discs: list[tuple[float, float]], count: int) -> None:
+@given(
+    st.lists(st.tuples(st.floats(-3, 3), st.floats(0.01, 2)), min_size=1, max_size=20),
+    st.integers(1, 30),
+)
+def test_shares_add_up_to_the_area_of_the_discs(
+    discs: list[tuple[float, float]], count: int
+) -> None:
     """Bins that cover everything share out π a² of every grain."""
     y, radius = (np.array(column) for column in zip(*discs, strict=True))
     shares = share_discs(y, radius, -6.0, 12.0 / count, count)
-    assert np.bincount(shares.grain, weights=shares.area, minlength=y.size) == pytest.approx(np.pi * radius**2, rel=1e-9)
+    assert np.bincount(shares.grain, weights=shares.area, minlength=y.size) == pytest.approx(
+        np.pi * radius**2, rel=1e-9
+    )
     assert shares.bin.min() >= 0
     assert shares.bin.max() < count
 
@@ -81,7 +101,9 @@ def test_shares_add_up_to_the_area_of_the_discs(discs: list[tuple[float, float]]
 def test_shares_of_a_disc_agree_with_quadrature() -> None:
     shares = share_discs(np.array([0.37]), np.array([0.3]), 0.0, 0.11, 6)
     expected = [numeric_area(0.37, 0.3, 0.11 * k, 0.11 * (k + 1)) for k in range(6)]
-    assert np.bincount(shares.bin, weights=shares.area, minlength=6) == pytest.approx(expected, rel=1e-6)
+    assert np.bincount(shares.bin, weights=shares.area, minlength=6) == pytest.approx(
+        expected, rel=1e-6
+    )
 
 
 def test_uniform_field_is_found_exactly() -> None:
@@ -96,7 +118,9 @@ def test_uniform_field_is_found_exactly() -> None:
 
 
 def test_linear_profile_of_a_dense_stack() -> None:
-    """Equal discs at every height: the average over a bin is the field at its center, except where the walls cut the stack."""
+    """Equal discs at every height: the average over a bin is the field at its center, except where
+    the walls cut the stack.
+    """
     y = np.linspace(0.05, 0.95, 9001)[np.newaxis]
     source = make_source(y, np.full(9001, 0.05), 2.0 * y)
     table = profile(source, bins=10)
@@ -106,11 +130,19 @@ def test_linear_profile_of_a_dense_stack() -> None:
 def test_errors_are_those_of_the_frames_and_drifts_are_told() -> None:
     rng = np.random.default_rng(2)
     speed = np.repeat(rng.normal(size=(60, 1)), 2, axis=1)
-    table = profile(make_source(np.full((60, 2), 0.5), np.full(2, 0.1), speed), selection=Selection(start=0.0), bins=1)
+    table = profile(
+        make_source(np.full((60, 2), 0.5), np.full(2, 0.1), speed),
+        selection=Selection(start=0.0),
+        bins=1,
+    )
     assert table.error[0] == pytest.approx(float(standard_error(speed[:, 0])))
     assert table.note == ""
     drifting = speed + np.linspace(0.0, 10.0, 60)[:, np.newaxis]
-    note = profile(make_source(np.full((60, 2), 0.5), np.full(2, 0.1), drifting), selection=Selection(start=0.0), bins=1).note
+    note = profile(
+        make_source(np.full((60, 2), 0.5), np.full(2, 0.1), drifting),
+        selection=Selection(start=0.0),
+        bins=1,
+    ).note
     assert "1 bin drift, most in bin 1: by " in note
     assert float(note.split("by ")[1].split(";")[0]) == pytest.approx(
         np.polyfit(np.arange(60), drifting[:, 0], 1)[0] * 59, rel=0.05
@@ -156,7 +188,8 @@ def test_floor_without_lid_measures_from_the_floor() -> None:
     for frame in source.frames:
         frame.wall_position[:] = [[0.0, -0.05, 0.0], [0.0, 0.0, 0.0]]
     table = profile(
-        _with_shapes(source, [ShapeKind.SEGMENT, ShapeKind.PLANE], [[3, 0, 4, 0], [0, 0, 1, 0]]), selection=Selection(start=0.0)
+        _with_shapes(source, [ShapeKind.SEGMENT, ShapeKind.PLANE], [[3, 0, 4, 0], [0, 0, 1, 0]]),
+        selection=Selection(start=0.0),
     )
     assert table.walls == ("bottom", "")
     assert table.height == pytest.approx(0.55)
@@ -167,29 +200,44 @@ def test_a_solid_disc_below_most_grains_is_no_floor() -> None:
     for frame in source.frames:
         frame.wall_position[:] = [[0.0, -0.05, 0.0], [0.0, 0.05, 0.0]]
     table = profile(
-        _with_shapes(source, [ShapeKind.SEGMENT, ShapeKind.DISC], [[3, 0, 4, 0], [1, 0, 0.15, 0]]), selection=Selection(start=0.0)
+        _with_shapes(source, [ShapeKind.SEGMENT, ShapeKind.DISC], [[3, 0, 4, 0], [1, 0, 0.15, 0]]),
+        selection=Selection(start=0.0),
     )
     assert table.walls == ("bottom", "")
     assert table.height == pytest.approx(0.55)
 
 
-@pytest.mark.parametrize(("width", "height", "walls"), [(0.3, -1.0, ("", "")), (0.7, -1.0, ("bottom", "")), (0.7, -5.0, ("", ""))])
-def test_a_gate_that_was_dropped_is_no_floor(width: float, height: float, walls: tuple[str, str]) -> None:
-    """Heights count from the lowest point of the grains, not from where the gate of an opening lies now."""
+@pytest.mark.parametrize(
+    ("width", "height", "walls"),
+    [(0.3, -1.0, ("", "")), (0.7, -1.0, ("bottom", "")), (0.7, -5.0, ("", ""))],
+)
+def test_a_gate_that_was_dropped_is_no_floor(
+    width: float, height: float, walls: tuple[str, str]
+) -> None:
+    """Heights count from the lowest point of the grains, not from where the gate of an opening lies
+    now.
+    """
     source = make_source(np.array([[0.1, 0.3], [0.1, 0.4]]), np.full(2, 0.1), np.ones((2, 2)))
     for frame in source.frames:
         frame.wall_position[:] = [[0.4, height, 0.0], [0.0, 9.0, 0.0]]
         frame.position[:, 0] = [0.0, 1.0]
     shapes = [[0, 0, width, 0], [0, 0, 0.1, 0]]
-    table = profile(_with_shapes(source, [ShapeKind.SEGMENT, ShapeKind.SEGMENT], shapes), selection=Selection(start=0.0))
+    table = profile(
+        _with_shapes(source, [ShapeKind.SEGMENT, ShapeKind.SEGMENT], shapes),
+        selection=Selection(start=0.0),
+    )
     assert table.walls == walls
     assert table.height == pytest.approx(1.5 if walls[0] else 0.5)
 
 
 def test_heights_follow_the_lower_wall() -> None:
-    """Grains that move with the floor stay in their bins, and the height is that between the walls."""
+    """Grains that move with the floor stay in their bins, and the height is that between the
+    walls.
+    """
     rise = np.array([0.0, 0.4, 0.8])
-    source = make_source(rise[:, np.newaxis] + [[0.13, 0.87]], np.full(2, 0.1), np.full((3, 2), [1.0, 2.0]))
+    source = make_source(
+        rise[:, np.newaxis] + [[0.13, 0.87]], np.full(2, 0.1), np.full((3, 2), [1.0, 2.0])
+    )
     for frame, up in zip(source.frames, rise, strict=True):
         frame.wall_position[:, 1] = up
     table = profile(source, selection=Selection(start=0.0), bins=4)
@@ -210,7 +258,8 @@ def _times(table: ProfileTable) -> list[int]:
 def test_selection_of_frames() -> None:
     source = make_source(np.full((10, 2), 0.5), np.full(2, 0.1), np.ones((10, 2)))
     source.frames.stage = np.array([0] * 4 + [1] * 6)
-    assert _times(profile(source)) == [7, 8, 9]  # the last stage's frames are 4 … 9, its later half begins at 6.5
+    # The last stage's frames are 4 … 9, its later half begins at 6.5
+    assert _times(profile(source)) == [7, 8, 9]
     assert _times(profile(source, selection=Selection(start=2.0, end=4.5))) == [2, 3, 4]
     assert _times(profile(source, selection=Selection(end=1.0))) == [0, 1]
     assert _times(profile(source, selection=Selection(frames=slice(None, None, 4)))) == [0, 4, 8]
@@ -236,7 +285,10 @@ def test_the_layers_at_the_walls_are_left_out_unless_told_otherwise() -> None:
     edge = min(diameter, 0.125)
     assert table.y[0] - 0.5 * table.width == pytest.approx(edge)
     assert table.y[-1] + 0.5 * table.width == pytest.approx(1.0 - edge)
-    assert table.about_walls == f"left out next to 'bottom' and 'top': {edge / diameter:.3g} of a mean diameter"
+    assert (
+        table.about_walls
+        == f"left out next to 'bottom' and 'top': {edge / diameter:.3g} of a mean diameter"
+    )
     assert table.as_dict()["excluded_at_walls"] == pytest.approx(edge / diameter)
     assert whole.y[0] - 0.5 * whole.width == pytest.approx(0.0)
     assert whole.about_walls == ""
@@ -245,19 +297,38 @@ def test_the_layers_at_the_walls_are_left_out_unless_told_otherwise() -> None:
 def test_walls_may_be_named() -> None:
     """A grid inside the layer, which would bound nothing by itself, and a post that is upright."""
     model = between_planes(np.full(9, 0.05))
-    shapes = [(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0)), (ShapeKind.PLANE, 1, (0.0, 1.0, 0.0, -1.0))]
-    shapes += [(ShapeKind.SEGMENT, 2, (0.0, 0.6, 0.2, 0.6)), (ShapeKind.SEGMENT, 3, (1.0, 0.0, 1.0, 1.0))]
+    shapes = [
+        (ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0)),
+        (ShapeKind.PLANE, 1, (0.0, 1.0, 0.0, -1.0)),
+    ]
+    shapes += [
+        (ShapeKind.SEGMENT, 2, (0.0, 0.6, 0.2, 0.6)),
+        (ShapeKind.SEGMENT, 3, (1.0, 0.0, 1.0, 1.0)),
+    ]
     names = ("bottom", "top", "grid", "post")
     fill = np.full(4, np.nan)
-    bodies = replace(model.walls, names=names, mass=fill, inertia=fill, has_gravity=np.zeros(4, bool), length=np.ones(4))
+    bodies = replace(
+        model.walls,
+        names=names,
+        mass=fill,
+        inertia=fill,
+        has_gravity=np.zeros(4, bool),
+        length=np.ones(4),
+    )
     model = replace(model, shapes=make_shapes(shapes), walls=bodies)
     y = np.linspace(0.1, 0.9, 9)
-    frame = Frame(np.column_stack([np.full(9, 2.0), y]), np.column_stack([y, 0.0 * y]), np.zeros((4, 3)), np.zeros((4, 3)))
+    frame = Frame(
+        np.column_stack([np.full(9, 2.0), y]),
+        np.column_stack([y, 0.0 * y]),
+        np.zeros((4, 3)),
+        np.zeros((4, 3)),
+    )
     source = source_of(model, [frame])
     assert profile(source, "velocity", EVERY, 1).walls == ("bottom", "top")
     lower = profile(source, "velocity", EVERY, 1, between=("bottom", "grid"))
     assert (lower.walls, lower.height) == (("bottom", "grid"), pytest.approx(0.6))
-    assert lower.value[0] == pytest.approx(0.325, abs=0.01)  # of 0.1 to 0.5, and half of that at 0.6
+    # of 0.1 to 0.5, and half of that at 0.6
+    assert lower.value[0] == pytest.approx(0.325, abs=0.01)
     for walls, message in (
         (("grid", "bottom"), "'grid' is not below 'bottom'"),
         (("bottom", "lid"), "no wall 'lid'"),

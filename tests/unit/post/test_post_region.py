@@ -1,4 +1,6 @@
-"""What is in a region: closed forms for discs cut by a line, and sums that agree with profiles and with whole domains."""
+"""What is in a region: closed forms for discs cut by a line, and sums that agree with profiles and
+with whole domains.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,9 @@ def test_parts_of_discs_are_those_of_sampled_points() -> None:
     points = points[(points**2).sum(axis=1) <= 1.0]
     for depth in (-2.0, -0.7, 0.0, 0.3, 0.9, 1.5):
         sampled = np.mean(points[:, 0] >= -depth)
-        assert part_inside(np.array([2.0 * depth]), np.array([2.0]))[0] == pytest.approx(sampled, abs=1e-3)
+        assert part_inside(np.array([2.0 * depth]), np.array([2.0]))[0] == pytest.approx(
+            sampled, abs=1e-3
+        )
 
 
 def around(run: Run) -> Rectangle:
@@ -40,7 +44,11 @@ def around(run: Run) -> Rectangle:
     frames = range(len(run.frames))
     low = min(float(run.frames[k].position.min()) for k in frames) - 0.01
     high = max(float(run.frames[k].position.max()) for k in frames) + 0.01
-    return Rectangle((0.0, low), (run.model.period, high)) if run.model.period else Rectangle((low, low), (high, high))
+    return (
+        Rectangle((0.0, low), (run.model.period, high))
+        if run.model.period
+        else Rectangle((low, low), (high, high))
+    )
 
 
 def test_everything_is_all_grains(run: Run) -> None:
@@ -50,32 +58,46 @@ def test_everything_is_all_grains(run: Run) -> None:
     for k in range(len(run.frames)):
         frame = run.frames[k]
         assert table.grains[k] == len(frame.position)
-        assert table.values["solid_fraction"][k] == pytest.approx(cover.sum() / area.size, rel=1e-12)
-        assert table.values["velocity_x"][k] == pytest.approx(cover @ frame.velocity[:, 0] / cover.sum(), rel=1e-9)
+        assert table.values["solid_fraction"][k] == pytest.approx(
+            cover.sum() / area.size, rel=1e-12
+        )
+        assert table.values["velocity_x"][k] == pytest.approx(
+            cover @ frame.velocity[:, 0] / cover.sum(), rel=1e-9
+        )
 
 
 def test_a_layer_is_a_bin_of_a_profile(run: Run) -> None:
     """Also of grains that lie across the ends of a period."""
     last = Selection(frames=slice(-1, None))
-    found = {of: profile(run, of, last, bins=3) for of in ("solid-fraction", "stress-yy", "stress-xy")}
+    found = {
+        of: profile(run, of, last, bins=3) for of in ("solid-fraction", "stress-yy", "stress-xy")
+    }
     frame, extent = run.frames[-1], find_extent(run, last.indices(run.frames))
     height = found["stress-yy"].y[1] - found["stress-yy"].y[0]
     low = extent.origin(frame) + found["stress-yy"].y[1] - 0.5 * height
     area = Rectangle((around(run).low[0], low), (around(run).high[0], low + height))
     table = in_region(run, area, last)
     scale = (area.high[0] - area.low[0]) / plane_width(run, frame)
-    for name, of in (("solid_fraction", "solid-fraction"), ("stress_yy", "stress-yy"), ("stress_xy", "stress-xy")):
+    for name, of in (
+        ("solid_fraction", "solid-fraction"),
+        ("stress_yy", "stress-yy"),
+        ("stress_xy", "stress-xy"),
+    ):
         assert table.mean[name] * scale == pytest.approx(found[of].value[1], rel=2e-3)
 
 
 def test_parts_add_up_to_the_whole(run: Run) -> None:
-    """Layers that fill a rectangle; where nothing is periodic also its triangles and rings, but for corners and curvature."""
+    """Layers that fill a rectangle; where nothing is periodic also its triangles and rings, but for
+    corners and curvature.
+    """
     area = around(run)
     (x, y), (u, v) = area.low, area.high
     middle = float(run.frames[0].position[:, 1].mean())
     parts: list[list[Area]] = [[Rectangle((x, y), (u, middle)), Rectangle((x, middle), (u, v))]]
     if not run.model.period:
-        parts.append([Polygon(np.array(p)) for p in ([(x, y), (u, y), (u, v)], [(x, y), (u, v), (x, v)])])
+        parts.append(
+            [Polygon(np.array(p)) for p in ([(x, y), (u, y), (u, v)], [(x, y), (u, v), (x, v)])]
+        )
     whole = in_region(run, area, ALL)
     for pieces in parts:
         tables = [in_region(run, piece, ALL) for piece in pieces]
@@ -86,9 +108,13 @@ def test_parts_add_up_to_the_whole(run: Run) -> None:
 
 def test_rings_add_up_to_a_disc_but_for_their_curvature(run: Run) -> None:
     area = around(run)
-    center, radius = tuple(0.5 * (np.array(area.low) + np.array(area.high))), 0.3 * (run.model.period or area.high[0] - area.low[0])
+    center, radius = (
+        tuple(0.5 * (np.array(area.low) + np.array(area.high))),
+        0.3 * (run.model.period or area.high[0] - area.low[0]),
+    )
     ring, core, disc = (
-        in_region(run, Annulus(center, *radii), ALL) for radii in ((radius, 0.5 * radius), (0.5 * radius,), (radius,))
+        in_region(run, Annulus(center, *radii), ALL)
+        for radii in ((radius, 0.5 * radius), (0.5 * radius,), (radius,))
     )
     together = 0.75 * ring.values["solid_fraction"] + 0.25 * core.values["solid_fraction"]
     assert together == pytest.approx(disc.values["solid_fraction"], rel=1e-9)

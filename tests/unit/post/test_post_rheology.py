@@ -23,7 +23,9 @@ PRESS, SHEAR = 8.0, 2.4  # forces of the walls [N]
 
 
 def make_source(frames: int = 5, *, sign: float = 1.0, jitter: float = 0.0, seed: int = 0) -> Any:
-    """Homogeneous shear between planes at 0 and 1; every contact along 135° for a positive rate, one per pair of numbers."""
+    """Homogeneous shear between planes at 0 and 1; every contact along 135° for a positive rate,
+    one per pair of numbers.
+    """
     rng = np.random.default_rng(seed)
     model = between_planes([RADIUS] * N)
     x, y = rng.uniform(0.0, PERIOD, N), rng.uniform(RADIUS, 1.0 - RADIUS, N)
@@ -48,17 +50,27 @@ def make_source(frames: int = 5, *, sign: float = 1.0, jitter: float = 0.0, seed
 
 
 def make_contacts(sign: float) -> SimpleNamespace:
-    """Even grains press on the next odd ones with 5 N: one contact each; the first grain has two more."""
+    """Even grains press on the next odd ones with 5 N: one contact each; the first grain has two
+    more.
+    """
     i = np.concatenate([np.arange(0, N, 2), [0, 0]])
     j = np.concatenate([np.arange(1, N, 2), [3, 5]])
     normal = np.tile(np.array([-sign, 1.0]) / np.sqrt(2.0), (i.size, 1))
     return SimpleNamespace(
-        recorded=True, i=i, j=j, normal=normal, gap=np.zeros(i.size), force=np.tile([5.0, 0.0], (i.size, 1)), sliding=i < 0
+        recorded=True,
+        i=i,
+        j=j,
+        normal=normal,
+        gap=np.zeros(i.size),
+        force=np.tile([5.0, 0.0], (i.size, 1)),
+        sliding=i < 0,
     )
 
 
 def make_series(frames: int, sign: float) -> dict[str, np.ndarray]:
-    """Ten rows for each frame; the wall is pulled 10 % more in every second row. Forces are those on the walls."""
+    """Ten rows for each frame; the wall is pulled 10 % more in every second row. Forces are those
+    on the walls.
+    """
     rows = 10 * (frames - 1)
     shear = sign * SHEAR * np.where(np.arange(rows) % 2, 1.1, 0.9)
     force = np.zeros((rows, 2, 3))
@@ -81,7 +93,9 @@ def test_what_was_put_in_comes_out(sign: float) -> None:
     assert mean["shear_rate"] == pytest.approx(sign * RATE)
     assert mean["pressure"] == pytest.approx(PRESS / PERIOD)
     assert mean["inertial_number"] == pytest.approx(RATE * np.sqrt(mass / (PRESS / PERIOD)))
-    assert mean["inertial_number"] == pytest.approx(np.sqrt(np.pi / 4.0) * mean["inertial_number_density"])
+    assert mean["inertial_number"] == pytest.approx(
+        np.sqrt(np.pi / 4.0) * mean["inertial_number_density"]
+    )
     assert mean["friction_walls"] == pytest.approx(SHEAR / PRESS)
     assert mean["friction_bulk"] == pytest.approx(1.0)
     assert mean["spin_ratio"] == pytest.approx(-0.4)
@@ -91,7 +105,13 @@ def test_what_was_put_in_comes_out(sign: float) -> None:
     assert table.walls == ("bottom", "top")
     # every interval sees the same: no error, and the values over time are the means
     for quantity in QUANTITIES:
-        if quantity.name not in ("solid_fraction", "coordination", "coordination_loaded", "bulk_stress_yy", "granular_temperature"):
+        if quantity.name not in (
+            "solid_fraction",
+            "coordination",
+            "coordination_loaded",
+            "bulk_stress_yy",
+            "granular_temperature",
+        ):
             assert table.error[quantity.name] == pytest.approx(0.0, abs=1e-9)
             assert table.values[quantity.name] == pytest.approx(np.full(4, mean[quantity.name]))
 
@@ -105,11 +125,15 @@ def test_numbers_of_the_bulk_agree_with_direct_computation() -> None:
     counts[[0, 3, 5]] = 3.0, 2.0, 2.0
     assert table.mean["coordination"] == pytest.approx(counts[inside].mean())
     loaded = counts[inside & (counts >= 2)]
-    assert table.mean["coordination_loaded"] == pytest.approx(loaded.mean() if loaded.size else np.nan, nan_ok=True)
+    assert table.mean["coordination_loaded"] == pytest.approx(
+        loaded.mean() if loaded.size else np.nan, nan_ok=True
+    )
     # solid fraction: grains whose disc is cut by an edge count with the area inside
     fine = np.linspace(0.1, 0.9, 20_001)
     widths = sum(2.0 * np.sqrt(np.maximum(RADIUS**2 - (fine - h) ** 2, 0.0)) for h in y)
-    assert table.mean["solid_fraction"] == pytest.approx(float(np.trapezoid(widths, fine)) / (0.8 * PERIOD), rel=1e-4)
+    assert table.mean["solid_fraction"] == pytest.approx(
+        float(np.trapezoid(widths, fine)) / (0.8 * PERIOD), rel=1e-4
+    )
     # contact stress: 5 N along branches of 2a at 135°, with the part of each that lies in the bulk
     rise = np.sqrt(2.0) * RADIUS
     start = y[source.frames[0].contacts.i]
@@ -118,8 +142,12 @@ def test_numbers_of_the_bulk_agree_with_direct_computation() -> None:
 
 
 def test_granular_temperature_is_that_of_the_fluctuations() -> None:
-    """v_y = ±0.2 m/s in equal numbers; v_x follows the flow. A part of it counts as mean flow: 51 knots for 400 grains."""
-    found = rheology(make_source(jitter=0.2), Selection(start=0.0), margin=5.0).mean["granular_temperature"]
+    """v_y = ±0.2 m/s in equal numbers; v_x follows the flow. A part of it counts as mean flow: 51
+    knots for 400 grains.
+    """
+    found = rheology(make_source(jitter=0.2), Selection(start=0.0), margin=5.0).mean[
+        "granular_temperature"
+    ]
     assert found == pytest.approx(0.5 * 0.2**2 * (1.0 - 51 / 400), rel=0.05)
 
 
@@ -130,12 +158,17 @@ def test_means_are_ratios_of_sums_and_errors_are_those_of_the_ratio() -> None:
     source.series["wall_force"][:, 0, 1] *= factor
     table = rheology(source, Selection(start=0.0))
     force = source.series["wall_force"]
-    assert table.mean["friction_walls"] == pytest.approx(force[:, 0, 0].sum() / force[:, 1, 1].sum())
+    assert table.mean["friction_walls"] == pytest.approx(
+        force[:, 0, 0].sum() / force[:, 1, 1].sum()
+    )
     intervals = force.reshape(22, 10, 2, 3).sum(axis=1)
-    # the ratio of two sums, linearized: what each interval adds to shear − μ press, over the mean of press
+    # the ratio of two sums, linearized: what each interval adds to shear − μ press, over the mean
+    # of press
     shear, press = intervals[:, 0, 0], intervals[:, 1, 1]
     mu = shear.sum() / press.sum()
-    assert table.error["friction_walls"] == pytest.approx(float(standard_error(mu + (shear - mu * press) / press.mean())), rel=0.02)
+    assert table.error["friction_walls"] == pytest.approx(
+        float(standard_error(mu + (shear - mu * press) / press.mean())), rel=0.02
+    )
     assert table.drift["friction_walls"] == pytest.approx(
         np.polyfit(np.arange(22), (shear - mu * press) / press.mean(), 1)[0] * 21, rel=0.05
     )
@@ -149,24 +182,39 @@ def test_margin_is_eight_diameters_or_a_quarter_of_the_height() -> None:
     big = replace(source.model, grains=replace(source.model.grains, radius=np.full(N, 0.02)))
     thin = SimpleNamespace(model=big, frames=source.frames, series=source.series)
     assert rheology(thin, Selection(start=0.0)).margin == pytest.approx(0.25)
-    glued = make_shapes([(ShapeKind.DISC, wall, (x, float(wall), 0.03, 0.0)) for wall in (0, 1) for x in (0.0, 0.9 * PERIOD)])
-    rough = SimpleNamespace(model=replace(source.model, shapes=glued), frames=source.frames, series=source.series)
+    glued = make_shapes(
+        [
+            (ShapeKind.DISC, wall, (x, float(wall), 0.03, 0.0))
+            for wall in (0, 1)
+            for x in (0.0, 0.9 * PERIOD)
+        ]
+    )
+    rough = SimpleNamespace(
+        model=replace(source.model, shapes=glued), frames=source.frames, series=source.series
+    )
     table = rheology(rough, Selection(start=0.0), margin=5.0)
     y = source.frames[0].position[:, 1]
     counts = np.ones(N)
     counts[[0, 3, 5]] = 3.0, 2.0, 2.0
     assert table.mean["coordination"] == pytest.approx(counts[(y > 0.13) & (y < 0.87)].mean())
-    large = replace(glued, geometry=glued.geometry * [1.0, 1.0, 10.0, 1.0])  # leaves 0.4 m between grains of 0.3 m
-    narrow = SimpleNamespace(model=replace(source.model, shapes=large), frames=source.frames, series=source.series)
+    # Leaves 0.4 m between grains of 0.3 m
+    large = replace(glued, geometry=glued.geometry * [1.0, 1.0, 10.0, 1.0])
+    narrow = SimpleNamespace(
+        model=replace(source.model, shapes=large), frames=source.frames, series=source.series
+    )
     assert rheology(narrow, Selection(start=0.0)).margin == pytest.approx(0.4 / 3.0)
 
 
 def test_no_bulk_has_a_negative_area() -> None:
-    """In a frame in which the walls are nearer to each other than the margins of all frames together."""
+    """In a frame in which the walls are nearer to each other than the margins of all frames
+    together.
+    """
     source = make_source()
     source.frames[2].wall_position[1, 1] = -0.7
     assert rheology(source, Selection(start=0.0), margin=7.0).mean["solid_fraction"] > 0.0
-    with pytest.raises(PostError, match=r"where they come nearest, 0\.3 m: lower --margin, or choose other frames"):
+    with pytest.raises(
+        PostError, match=r"where they come nearest, 0\.3 m: lower --margin, or choose other frames"
+    ):
         rheology(source, Selection(start=0.0), margin=8.0)
 
 
@@ -176,7 +224,10 @@ def test_without_contacts_the_rest_is_still_measured() -> None:
         frame.contacts.recorded = False
     table = rheology(source, Selection(start=0.0))
     assert table.mean["friction_walls"] == pytest.approx(SHEAR / PRESS)
-    assert all(np.isnan(table.mean[name]) for name in ("friction_bulk", "coordination", "fabric_anisotropy", "bulk_stress_yy"))
+    assert all(
+        np.isnan(table.mean[name])
+        for name in ("friction_bulk", "coordination", "fabric_anisotropy", "bulk_stress_yy")
+    )
 
 
 def test_tables_hold_every_quantity() -> None:
@@ -192,7 +243,11 @@ def test_what_is_no_shear_is_refused(tmp_path: Any) -> None:
     source = make_source()
     with pytest.raises(PostError, match="needs two frames"):
         rheology(source, Selection(frames=slice(-1, None)))
-    for margin, message in ((50.0, "no bulk is left"), (24.99, "no two grains"), (-1.0, "must not be negative")):
+    for margin, message in (
+        (50.0, "no bulk is left"),
+        (24.99, "no two grains"),
+        (-1.0, "must not be negative"),
+    ):
         with pytest.raises(PostError, match=message):
             rheology(source, Selection(start=0.0), margin=margin)
     still = make_source()
@@ -200,11 +255,17 @@ def test_what_is_no_shear_is_refused(tmp_path: Any) -> None:
         frame.wall_velocity[:] = 0.0
     with pytest.raises(PostError, match="'bottom' and 'top' do not shear"):
         rheology(still, Selection(start=0.0))
-    box = SimpleNamespace(model=replace(source.model, period=0.0), frames=source.frames, series=source.series)
+    box = SimpleNamespace(
+        model=replace(source.model, period=0.0), frames=source.frames, series=source.series
+    )
     with pytest.raises(PostError, match="periodic in x"):
         rheology(box, Selection(start=0.0))
-    beside = make_shapes([(ShapeKind.PLANE, 0, (0.0, 0.0, 1.0, 0.0)), (ShapeKind.PLANE, 1, (4.0, 0.0, -1.0, 0.0))])
-    sides = SimpleNamespace(model=replace(source.model, shapes=beside), frames=source.frames, series=source.series)
+    beside = make_shapes(
+        [(ShapeKind.PLANE, 0, (0.0, 0.0, 1.0, 0.0)), (ShapeKind.PLANE, 1, (4.0, 0.0, -1.0, 0.0))]
+    )
+    sides = SimpleNamespace(
+        model=replace(source.model, shapes=beside), frames=source.frames, series=source.series
+    )
     with pytest.raises(PostError, match="a wall below and a wall above"):
         rheology(sides, Selection(start=0.0))
     write_heated_run(tmp_path / "run", frames=1)

@@ -1,4 +1,6 @@
-"""Stress and contacts of made-up runs against closed forms, and of a small real run against its wall forces."""
+"""Stress and contacts of made-up runs against closed forms, and of a small real run against its
+wall forces.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ ALL = Selection(start=0.0)
 
 @pytest.fixture(scope="module")
 def column(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """Ten grains on top of each other; the one of number k presses on the next with 1 + k N, and the last on the upper plane."""
+    """Ten grains on top of each other; the one of number k presses on the next with 1 + k N, and
+    the last on the upper plane.
+    """
     path = tmp_path_factory.mktemp("run") / "run"
     write_heated_run(path)
     return open_run(path)
@@ -38,7 +42,9 @@ SEEDS = (1, 2, 3, 4)
 
 @pytest.fixture(scope="module")
 def flows(tmp_path_factory: pytest.TempPathFactory) -> list[Run]:
-    """Two hundred grains sheared without gravity between rough walls (I = 0.03); a row of the time series for every step."""
+    """Two hundred grains sheared without gravity between rough walls (I = 0.03); a row of the time
+    series for every step.
+    """
     return [shear(tmp_path_factory.mktemp("sheared"), seed) for seed in SEEDS]
 
 
@@ -74,11 +80,16 @@ def shear(path: Path, seed: int) -> Run:
 
 
 @settings(max_examples=50, deadline=None)
-@given(st.lists(st.tuples(st.floats(-3, 3), st.floats(-3, 3)), min_size=1, max_size=20), st.integers(1, 30))
+@given(
+    st.lists(st.tuples(st.floats(-3, 3), st.floats(-3, 3)), min_size=1, max_size=20),
+    st.integers(1, 30),
+)
 def test_shares_of_lines_add_up_to_one(ends: list[tuple[float, float]], count: int) -> None:
     start, end = (np.array(values) for values in zip(*ends, strict=True))
     shares = share_lines(start, end, -6.0, 12.0 / count, count)
-    assert np.bincount(shares.grain, shares.area, minlength=start.size) == pytest.approx(np.ones(start.size))
+    assert np.bincount(shares.grain, shares.area, minlength=start.size) == pytest.approx(
+        np.ones(start.size)
+    )
     assert (shares.area >= 0.0).all()
 
 
@@ -91,29 +102,42 @@ def test_shares_of_lines_are_those_of_their_length() -> None:
 
 
 @settings(max_examples=50, deadline=None)
-@given(st.lists(st.tuples(st.floats(-3, 3), st.floats(-3, 3)), min_size=1, max_size=20), st.floats(-2, 2), st.floats(0.01, 3))
-def test_part_between_two_heights_is_the_share_of_one_bin(ends: list[tuple[float, float]], low: float, width: float) -> None:
+@given(
+    st.lists(st.tuples(st.floats(-3, 3), st.floats(-3, 3)), min_size=1, max_size=20),
+    st.floats(-2, 2),
+    st.floats(0.01, 3),
+)
+def test_part_between_two_heights_is_the_share_of_one_bin(
+    ends: list[tuple[float, float]], low: float, width: float
+) -> None:
     start, end = (np.array(values) for values in zip(*ends, strict=True))
     shares = share_lines(start, end, low, width, 1)
     expected = np.bincount(shares.grain, shares.area, minlength=start.size)
     long = np.abs(end - start) > 1e-6  # shorter ones are decided by rounding at the edges
-    assert part_between(start, end, low, low + width)[long] == pytest.approx(expected[long], abs=1e-6)
+    assert part_between(start, end, low, low + width)[long] == pytest.approx(
+        expected[long], abs=1e-6
+    )
 
 
 def test_stress_of_a_column_is_exact(column: Run) -> None:
-    """Bins are as high as grains: half a branch of 2a from below and from above lies in each, and half of that at the wall."""
+    """Bins are as high as grains: half a branch of 2a from below and from above lies in each, and
+    half of that at the wall.
+    """
     force = 1.0 + np.arange(GRAINS)
     below = np.concatenate([[0.0], force[:-1]])
     expected = RADIUS * (below + force) / (2.0 * RADIUS * column.period)
     found = {
-        table.field.name: table.value for table in profiles(column, "stress", Selection(frames=slice(-1, None)), GRAINS).tables
+        table.field.name: table.value
+        for table in profiles(column, "stress", Selection(frames=slice(-1, None)), GRAINS).tables
     }
     assert found["stress-yy"] == pytest.approx(expected)
     # f_t = −0.1 f_n along the tangent, which is +x for a normal that points down
     assert found["stress-xy"] == pytest.approx(0.1 * expected)
     assert found["stress-xx"] == pytest.approx(np.zeros(GRAINS), abs=1e-12)
     assert found["stress-yx"] == pytest.approx(np.zeros(GRAINS), abs=1e-12)
-    assert profile(column, "pressure", Selection(frames=slice(-1, None)), GRAINS).value == pytest.approx(0.5 * expected)
+    assert profile(
+        column, "pressure", Selection(frames=slice(-1, None)), GRAINS
+    ).value == pytest.approx(0.5 * expected)
 
 
 def test_stress_integrates_to_the_virial(column: Run) -> None:
@@ -145,9 +169,14 @@ def test_coordination_counts_walls_once(column: Run) -> None:
 def test_pressure_of_grains(column: Run) -> None:
     force = 1.0 + np.arange(GRAINS)
     table = grain_map(column, "stress")
-    assert table.value == pytest.approx((force + np.concatenate([[0.0], force[:-1]])) / (2.0 * np.pi * RADIUS))
-    # weighted with the areas of the grains, half the virial but for the branches beyond the outermost centers
-    assert (table.value * np.pi * RADIUS**2).sum() == pytest.approx(0.5 * (2.0 * RADIUS * 45.0 + RADIUS * 10.0))
+    assert table.value == pytest.approx(
+        (force + np.concatenate([[0.0], force[:-1]])) / (2.0 * np.pi * RADIUS)
+    )
+    # weighted with the areas of the grains, half the virial but for the branches beyond the
+    # outermost centers
+    assert (table.value * np.pi * RADIUS**2).sum() == pytest.approx(
+        0.5 * (2.0 * RADIUS * 45.0 + RADIUS * 10.0)
+    )
 
 
 def test_solid_fraction_integrates_to_the_area_of_the_grains(column: Run, sheared: Run) -> None:
@@ -159,15 +188,27 @@ def test_solid_fraction_integrates_to_the_area_of_the_grains(column: Run, sheare
 
 
 def test_kinetic_stress_agrees_with_direct_computation(sheared: Run) -> None:
-    """One bin: fluctuations about straight lines between knots a mean diameter apart, over the area of the layer."""
+    """One bin: fluctuations about straight lines between knots a mean diameter apart, over the area
+    of the layer.
+    """
     table = profiles(sheared, "kinetic-stress", Selection(frames=slice(-1, None)), 1)
     frame, grains = sheared.frames[-1], sheared.model.grains
-    knots = np.linspace(0.0, table.first.height, round(table.first.height / sheared.model.mean_diameter) + 1)
-    hats = np.column_stack([np.interp(frame.position[:, 1], knots, row) for row in np.eye(knots.size)])
+    knots = np.linspace(
+        0.0, table.first.height, round(table.first.height / sheared.model.mean_diameter) + 1
+    )
+    hats = np.column_stack(
+        [np.interp(frame.position[:, 1], knots, row) for row in np.eye(knots.size)]
+    )
     weight = grains.radius[:, np.newaxis]
-    slip = frame.velocity - hats @ np.linalg.lstsq(weight * hats, weight * frame.velocity, rcond=None)[0]
+    slip = (
+        frame.velocity
+        - hats @ np.linalg.lstsq(weight * hats, weight * frame.velocity, rcond=None)[0]
+    )
     area = table.first.height * sheared.period
-    expected = [float((grains.mass * slip[:, a] * slip[:, b]).sum()) / area for a, b in ((0, 0), (0, 1), (1, 1))]
+    expected = [
+        float((grains.mass * slip[:, a] * slip[:, b]).sum()) / area
+        for a, b in ((0, 0), (0, 1), (1, 1))
+    ]
     assert [float(part.value[0]) for part in table.tables] == pytest.approx(expected)
 
 
@@ -179,7 +220,9 @@ def test_bins_by_width_and_without_the_walls(column: Run) -> None:
     whole = profile(column, "velocity", ALL, bins=5)
     assert table.value == pytest.approx(whole.value[1:4])
     assert table.normalized().y == pytest.approx([0.3, 0.5, 0.7])
-    inner = profile(column, "stress-yy", Selection(frames=slice(-1, None)), bin_width=1.0, exclude_walls=3.0)
+    inner = profile(
+        column, "stress-yy", Selection(frames=slice(-1, None)), bin_width=1.0, exclude_walls=3.0
+    )
     outer = profile(column, "stress-yy", Selection(frames=slice(-1, None)), 10)
     assert inner.value == pytest.approx(outer.value[3:7])
     for options, message in (
@@ -196,8 +239,13 @@ def test_groups_of_fields_come_as_one_table(column: Run) -> None:
     found = profiles(column, "stress", ALL, 4)
     assert [table.field.name for table in found.tables] == list(PROFILE_GROUPS["stress"])
     assert len(found.headings) == len(found.rows[0]) == 10
-    assert found.as_dict()["fields"]["stress-yy"]["value"] == profile(column, "stress-yy", ALL, 4).value.tolist()
-    assert str(profiles(column, "velocity", ALL).as_dict()) == str(profile(column, "velocity", ALL).as_dict())
+    assert (
+        found.as_dict()["fields"]["stress-yy"]["value"]
+        == profile(column, "stress-yy", ALL, 4).value.tolist()
+    )
+    assert str(profiles(column, "velocity", ALL).as_dict()) == str(
+        profile(column, "velocity", ALL).as_dict()
+    )
     with pytest.raises(PostError, match="stress-xx, stress-xy"):
         profile(column, "stress")
     with pytest.raises(PostError, match="no normalized"):
@@ -220,7 +268,9 @@ def test_stresses_of_groups_add_up_to_that_of_all_and_contacts_count_whole(shear
     model = replace(model, groups=("many", "few"), grains=replace(model.grains, group=group))
     frames = [Regrouped(sheared.frames[k], model) for k in (-3, -2, -1)]
     source = source_of(model, frames)
-    whole, many, few = (profiles(source, "stress", ALL, 5, groups=names) for names in ((), ("many",), ("few",)))
+    whole, many, few = (
+        profiles(source, "stress", ALL, 5, groups=names) for names in ((), ("many",), ("few",))
+    )
     for all_, first, second in zip(whole.tables, many.tables, few.tables, strict=True):
         assert first.value + second.value == pytest.approx(all_.value)
         assert np.abs(second.value).max() > 0.0
@@ -233,7 +283,8 @@ def test_stresses_of_groups_add_up_to_that_of_all_and_contacts_count_whole(shear
         i, j = np.asarray(frame.contacts.i)[held], np.asarray(frame.contacts.j)[held]
         expected.append(np.mean([np.sum(i == k) + np.sum(j == k) for k in range(n) if chosen[k]]))
     assert table.value[0] == pytest.approx(np.mean(expected), rel=1e-6)
-    # A group that touches nothing of its own kind still bears half of what it exchanges with the other.
+    # A group that touches nothing of its own kind still bears half of what it exchanges with the
+    # other.
     contacts = loaded_contacts(frames[-1], model)
     frame = FrameOfGroups(frames[-1], model, np.array([1]))
     plain = [
@@ -249,25 +300,40 @@ def test_forces_of_wall_contacts_are_the_recorded_wall_forces(sheared: Run) -> N
     for frame in sheared.frames[-20:]:
         contacts = loaded_contacts(frame, model)
         walls = model.shapes.wall[contacts.j[contacts.is_wall] - model.grain_count]
-        on_walls = [np.bincount(walls, -contacts.vector[contacts.is_wall, axis], minlength=2) for axis in (0, 1)]
+        on_walls = [
+            np.bincount(walls, -contacts.vector[contacts.is_wall, axis], minlength=2)
+            for axis in (0, 1)
+        ]
         row = int(np.flatnonzero(series["step"] == frame.step)[0])
-        assert np.column_stack(on_walls) == pytest.approx(series["wall_force"][row, :, :2], rel=1e-9, abs=1e-12)
+        assert np.column_stack(on_walls) == pytest.approx(
+            series["wall_force"][row, :, :2], rel=1e-9, abs=1e-12
+        )
 
 
 def test_stress_equals_wall_forces_per_area(flows: list[Run]) -> None:
     """Momentum balance: on average the layer carries what the walls exert.
 
-    In single runs the two differ: over 32 seeds by 3.7 % (shear) and 2.7 % (normal stress), standard deviations, with means of 0 %.
+    In single runs the two differ: over 32 seeds by 3.7 % (shear) and 2.7 % (normal stress),
+    standard deviations, with means of 0 %.
     """
     ratios = []
     for run in flows:
         chosen = Selection(start=0.4 * float(run.frames.time[-1]))
-        layer = {of: float(profile(run, of, chosen, 1, exclude_walls=2.0).value[0]) for of in PROFILE_GROUPS["stress"]}
+        layer = {
+            of: float(profile(run, of, chosen, 1, exclude_walls=2.0).value[0])
+            for of in PROFILE_GROUPS["stress"]
+        }
         rows = run.series["time"] >= chosen.start
         force = run.series["wall_force"][rows].mean(axis=0) / run.period
         shear_force, press = 0.5 * (force[1, 0] - force[0, 0]), 0.5 * (force[1, 1] - force[0, 1])
         assert layer["stress-xy"] < 0.0 < layer["stress-yy"]
-        ratios.append([layer["stress-xy"] / shear_force, layer["stress-yx"] / shear_force, layer["stress-yy"] / press])
+        ratios.append(
+            [
+                layer["stress-xy"] / shear_force,
+                layer["stress-yx"] / shear_force,
+                layer["stress-yy"] / press,
+            ]
+        )
     deviation = np.abs(np.mean(ratios, axis=0) - 1.0)
     assert (deviation < 3.0 * np.array([0.037, 0.037, 0.027]) / np.sqrt(len(flows))).all(), ratios
 
@@ -279,6 +345,7 @@ def test_rheology_of_a_real_run_agrees_between_walls_and_bulk(sheared: Run) -> N
     assert abs(mean["friction_walls"] - mean["friction_bulk"]) < 3.0 * both
     assert 0.1 < mean["friction_walls"] < 0.8
     assert 0.6 < mean["solid_fraction"] < 0.9
-    assert 100.0 < mean["fabric_direction"] < 170.0  # contacts resist where the flow compresses: 135° for x upwards of y
+    # Contacts resist where the flow compresses: 135° for x upwards of y
+    assert 100.0 < mean["fabric_direction"] < 170.0
     assert mean["coordination_loaded"] > mean["coordination"] > 1.0
     assert -1.5 < mean["spin_ratio"] < 0.0

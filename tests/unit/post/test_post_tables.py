@@ -10,7 +10,14 @@ import pytest
 from heat_run import write_heated_run
 
 from multicor_cli.optional import MissingLibrary
-from multicor_cli.post import Selection, angular_distribution, energy, force_distribution, profile, theta_eta
+from multicor_cli.post import (
+    Selection,
+    angular_distribution,
+    energy,
+    force_distribution,
+    profile,
+    theta_eta,
+)
 from multicor_cli.post.compare import _labels
 from multicor_cli.post.sums import scatter
 from multicor_cli.store import Run, open_run
@@ -28,7 +35,12 @@ def test_frames_of_pandas_have_names_and_units(run: Run) -> None:
     table = profile(run, "temperature", Selection(start=0.0))
     frame = table.to_pandas()
     assert list(frame.columns) == ["y", "temperature", "standard error", "area"]
-    assert frame.attrs["units"] == {"y": "m", "temperature": "K", "standard error": "K", "area": "m2"}
+    assert frame.attrs["units"] == {
+        "y": "m",
+        "temperature": "K",
+        "standard error": "K",
+        "area": "m2",
+    }
     assert frame["temperature"].to_numpy() == pytest.approx(table.value, nan_ok=True)
     books = energy(run)
     at_end = books.to_pandas().set_index("quantity")
@@ -54,20 +66,36 @@ def test_tables_show_themselves(run: Run) -> None:
 def test_theta_of_several_frames(run: Run) -> None:
     chosen = Selection(frames=slice(-3, None))
     several = theta_eta(run, selection=chosen, wall="top", bins=4)
-    single = [theta_eta(run, int(k), wall="top", bins=4, height=several.height) for k in several.frames]
+    single = [
+        theta_eta(run, int(k), wall="top", bins=4, height=several.height) for k in several.frames
+    ]
     assert several.eta.size == sum(one.eta.size for one in single)
-    assert several.scatter == pytest.approx(np.std([one.mean for one in single], axis=0, ddof=1), nan_ok=True)
+    assert several.scatter == pytest.approx(
+        np.std([one.mean for one in single], axis=0, ddof=1), nan_ok=True
+    )
     assert np.isnan(single[0].scatter).all()
-    assert len(several.headings) == len(several.rows[0]) == 1 + len(single[0].headings) == 1 + len(single[0].rows[0])
+    assert (
+        len(several.headings)
+        == len(several.rows[0])
+        == 1 + len(single[0].headings)
+        == 1 + len(single[0].rows[0])
+    )
 
 
 def test_distributions_of_several_frames_scatter_as_those_of_each(run: Run) -> None:
     chosen = Selection(frames=slice(-3, None))
     for make, name in ((force_distribution, "normal"), (angular_distribution, "density")):
         several = make(run, chosen)
-        single = np.array([getattr(make(run, Selection(frames=slice(k, k + 1))), name) for k in several.frames.tolist()])
+        single = np.array(
+            [
+                getattr(make(run, Selection(frames=slice(k, k + 1))), name)
+                for k in several.frames.tolist()
+            ]
+        )
         assert getattr(several, f"{name}_scatter") == pytest.approx(np.std(single, axis=0, ddof=1))
-        assert np.isnan(getattr(make(run, Selection(frames=slice(-1, None))), f"{name}_scatter")).all()
+        assert np.isnan(
+            getattr(make(run, Selection(frames=slice(-1, None))), f"{name}_scatter")
+        ).all()
 
 
 def test_scatter_leaves_out_what_is_not_known() -> None:

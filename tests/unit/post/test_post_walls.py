@@ -1,4 +1,6 @@
-"""Which walls bound the grains: decided by what the walls look like, whatever their kind and the sizes of their grains."""
+"""Which walls bound the grains: decided by what the walls look like, whatever their kind and the
+sizes of their grains.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +16,19 @@ from multicor_cli.model import Model
 from multicor_cli.packing import build
 from multicor_cli.post.bins import Extent, find_extent
 
-GROUND = ("domain.periodic = true", "particles.0.count = 60", "particles.0.region = { min = [0.0, 0.015], max = [0.06, 0.045] }")
+GROUND = (
+    "domain.periodic = true",
+    "particles.0.count = 60",
+    "particles.0.region = { min = [0.0, 0.015], max = [0.06, 0.045] }",
+)
 LID = wall("lid", 'kind = "rough", from = [0, 0.055], to = [0.06, 0.055], side = "right"')
 
 BODIES = {
     "disc": 'kind = "disc", center = [0.03, 0.005], radius = RADIUS',
-    "rough disc": 'kind = "disc", center = [0.03, 0.005], radius = RADIUS, rough = { kind = "list", radii = [0.5e-3] }',
+    "rough disc": (
+        'kind = "disc", center = [0.03, 0.005], radius = RADIUS, rough = { kind = "list", radii = '
+        "[0.5e-3] }"
+    ),
     "rough disc, unequal": 'kind = "disc", center = [0.03, 0.005], radius = RADIUS, '
     'rough = { kind = "uniform", min = 0.3e-3, max = 0.6e-3 }',
     "cluster of one": 'kind = "cluster", discs = [[0.03, 0.005, RADIUS]]',
@@ -29,12 +38,16 @@ BODIES = {
 
 LEVELS = {
     "wedge": (
-        'kind = "polygon", points = [[0.003, 0.0], [0.057, 0.0], [0.057, 0.006], [0.003, 0.010]], grains = "outside"', 0.008),
+        ('kind = "polygon", points = [[0.003, 0.0], [0.057, 0.0], [0.057, 0.006], [0.003, '
+            '0.010]], grains = "outside"'), 0.008),
     "bevelled": (
-        'kind = "polygon", grains = "outside", points = [[0.01, 0], [0.05, 0], [0.055, 0.004], [0.05, 0.008], [0.01, 0.008]]',
+        ('kind = "polygon", grains = "outside", points = [[0.01, 0], [0.05, 0], [0.055, 0.004], '
+            '[0.05, 0.008], [0.01, 0.008]]'),
         (0.04 * 0.008 + 0.005 * 0.006) / 0.045),
-    "tray": ('kind = "polyline", points = [[0.004, 0.012], [0.004, 0.006], [0.056, 0.006], [0.056, 0.012]]', 0.006),
-    "bent": ('kind = "polyline", points = [[0, 0.004], [0.04, 0.004], [0.06, 0.010]]', (0.04 * 0.004 + 0.02 * 0.007) / 0.06),
+    "tray": (('kind = "polyline", points = [[0.004, 0.012], [0.004, 0.006], [0.056, 0.006], '
+        '[0.056, 0.012]]'), 0.006),
+    "bent": ('kind = "polyline", points = [[0, 0.004], [0.04, 0.004], [0.06, 0.010]]',
+        (0.04 * 0.004 + 0.02 * 0.007) / 0.06),
 }  # fmt: skip
 """Floors that are not level, or thick, and the mean height of what faces the grains [m]."""
 
@@ -58,10 +71,16 @@ def test_heights_count_from_what_faces_the_grains(kind: str) -> None:
     geometry, level = LEVELS[kind]
     _, frame, extent = extent_of(1, wall("floor", geometry), LID)
     assert (extent.origin(frame), extent.span(frame)) == pytest.approx((level, 0.055 - level))
-    turned = re.sub(r"\[([0-9.]+), ([0-9.]+)\]", lambda found: f"[{found[1]}, {0.06 - float(found[2]):.4f}]", geometry)
+    turned = re.sub(
+        r"\[([0-9.]+), ([0-9.]+)\]",
+        lambda found: f"[{found[1]}, {0.06 - float(found[2]):.4f}]",
+        geometry,
+    )
     plane = wall("plane", 'kind = "plane", point = [0, 0.001], normal = [0, 1]')
     _, frame, extent = extent_of(1, plane, wall("ceiling", turned))
-    assert (extent.origin(frame), extent.span(frame)) == pytest.approx((0.001, 0.06 - level - 0.001))
+    assert (extent.origin(frame), extent.span(frame)) == pytest.approx(
+        (0.001, 0.06 - level - 0.001)
+    )
 
 
 @pytest.mark.parametrize("radius", ["0.7e-3", "1.2e-3", "5e-3"])

@@ -1,4 +1,6 @@
-"""The packages are as docs/explanation/architecture.md says: contracts about imports, and a table with every package."""
+"""The packages are as docs/explanation/architecture.md says: contracts about imports, and a table
+with every package.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ LISTED = set(re.findall(r"^\| `([\w/]+)` \|", PAGE, re.MULTILINE))
 
 
 def test_packages_import_what_the_contracts_allow() -> None:
-    """``[tool.importlinter]`` in pyproject.toml; `lint-imports` says which import breaks which contract."""
+    """``[tool.importlinter]`` in pyproject.toml; `lint-imports` says which import breaks which
+    contract.
+    """
     command = [str(Path(sys.executable).with_name("lint-imports")), "--no-cache"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
@@ -24,7 +28,9 @@ def test_packages_import_what_the_contracts_allow() -> None:
 
 def test_every_package_is_in_the_table() -> None:
     package = ROOT / "multicor_cli"
-    packages = {path.parent.relative_to(package).as_posix() for path in package.rglob("__init__.py")} - {"."}
+    packages = {
+        path.parent.relative_to(package).as_posix() for path in package.rglob("__init__.py")
+    } - {"."}
     modules = {path.stem for path in package.glob("*.py")} - {"__init__", "__main__"}
     assert {name for name in packages if not name.startswith("scenario/")} | modules == LISTED
 
@@ -32,4 +38,6 @@ def test_every_package_is_in_the_table() -> None:
 def test_unit_tests_follow_the_packages() -> None:
     """What belongs to no package is in ``project``."""
     folder = ROOT / "tests" / "unit"
-    assert {path.parent.relative_to(folder).as_posix() for path in folder.rglob("*.py")} <= LISTED | {"project"}
+    assert {
+        path.parent.relative_to(folder).as_posix() for path in folder.rglob("*.py")
+    } <= LISTED | {"project"}

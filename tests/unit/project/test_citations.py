@@ -1,4 +1,6 @@
-"""Whatever the repository cites is in it: sections of the theory, files and headings behind links, no private documents."""
+"""Whatever the repository cites is in it: sections of the theory, files and headings behind links,
+no private documents.
+"""
 
 import re
 from pathlib import Path
@@ -21,11 +23,15 @@ LINK = re.compile(r"\]\(([^)\s]+)\)")
 def repository(root):
     """Text files of the repository by path relative to its root."""
     files = [path for path in root.iterdir() if path.is_file()]
-    files += [path for folder in FOLDERS for path in sorted((root / folder).rglob("*")) if path.is_file()]
+    files += [
+        path for folder in FOLDERS for path in sorted((root / folder).rglob("*")) if path.is_file()
+    ]
     texts = {}
     for path in files:
         inside = path.relative_to(root)
-        if path.suffix in ENDINGS and not any(part.startswith(".") and part != ".ci" for part in inside.parts):
+        if path.suffix in ENDINGS and not any(
+            part.startswith(".") and part != ".ci" for part in inside.parts
+        ):
             texts[inside.as_posix()] = path.read_text(encoding="utf-8", errors="replace")
     return texts
 
@@ -59,9 +65,15 @@ def wrong_citations(texts):
         if name == THIS:
             continue
         cited = text if name == THEORY else " ".join(CITATION.findall(text))
-        faults += [f"{name}: theory §{number}" for number in re.findall(r"§(\d+(?:\.\d+)?)", cited) if number not in known]
+        faults += [
+            f"{name}: theory §{number}"
+            for number in re.findall(r"§(\d+(?:\.\d+)?)", cited)
+            if number not in known
+        ]
         rest = "" if name == THEORY else CITATION.sub("", text)
-        faults += [f"{name}: a section of what? …{match}" for match in re.findall(r".{0,20}§.{0,5}", rest)]
+        faults += [
+            f"{name}: a section of what? …{match}" for match in re.findall(r".{0,20}§.{0,5}", rest)
+        ]
         faults += [f"{name}: {match}" for match in PRIVATE.findall(text)]
     return faults
 
@@ -77,11 +89,16 @@ def wrong_links(root, texts):
             path = root / Path(name).parent / target if target else root / name
             if "://" in link or link.startswith("mailto:"):
                 continue
-            if path.resolve().is_relative_to(root / "docs" / "reference") and path.parent.name in GENERATED:
+            if (
+                path.resolve().is_relative_to(root / "docs" / "reference")
+                and path.parent.name in GENERATED
+            ):
                 continue  # the site has them, and is built by a test of its own
             if not path.exists():
                 faults.append(f"{name}: {link}")
-            elif anchor and (path.suffix != ".md" or anchor not in anchors(path.read_text(encoding="utf-8"))):
+            elif anchor and (
+                path.suffix != ".md" or anchor not in anchors(path.read_text(encoding="utf-8"))
+            ):
                 faults.append(f"{name}: {link} (no such heading)")
     return faults
 
@@ -108,10 +125,15 @@ def test_links_lead_somewhere(texts):
 
 
 GOOD = {
-    THEORY: "# Theory\n## 1 Bodies\nSee §2.1.\n## 2 Steps\n### 2.1 Walls\n```sh\n## 9 no heading\n```\n"
-    "[1](#1-bodies), [2](heat.md#what-s-it)\n",
+    THEORY: (
+        "# Theory\n## 1 Bodies\nSee §2.1.\n## 2 Steps\n### 2.1 Walls\n```sh\n## 9 no heading\n"
+        "```\n[1](#1-bodies), [2](heat.md#what-s-it)\n"
+    ),
     "docs/explanation/heat.md": "# Heat\n## What `s-it`?\n[up](../../README.md) [web](https://example.org/no.md)\n",
-    "README.md": "[theory](docs/explanation/theory.md#21-walls) [folder](docs)\n```python\nframes[0](no.md)\n```\n",
+    "README.md": (
+        "[theory](docs/explanation/theory.md#21-walls) [folder](docs)\n```python\n"
+        "frames[0](no.md)\n```\n"
+    ),
     "multicor_cli/a.py": '"""As in theory §1 and §2.1 (theory.md\n§2), redesign."""\n',
 }
 
@@ -136,14 +158,30 @@ def test_a_right_repository_passes(tmp_path):
         ("multicor_cli/a.py", "# theory §3\n", "multicor_cli/a.py: theory §3"),
         ("multicor_cli/a.py", "# theory §1, §2.2\n", "multicor_cli/a.py: theory §2.2"),
         ("multicor_cli/a.py", "# theory §9\n", "multicor_cli/a.py: theory §9"),
-        ("multicor_cli/a.py", "# the rule (design §2)\n", "multicor_cli/a.py: a section of what? …# the rule (design §2)"),
+        (
+            "multicor_cli/a.py",
+            "# the rule (design §2)\n",
+            "multicor_cli/a.py: a section of what? …# the rule (design §2)",
+        ),
         ("multicor_cli/a.py", "# of physics.md\n", "multicor_cli/a.py: physics.md"),
         ("multicor_cli/a.py", "# see checkvalues.py\n", "multicor_cli/a.py: checkvalues"),
         (THEORY, "As §4 says.\n", f"{THEORY}: theory §4"),
         ("README.md", "[a](docs/none.md)\n", "README.md: docs/none.md"),
-        ("docs/explanation/heat.md", "[a](docs/explanation/heat.md)\n", "docs/explanation/heat.md: docs/explanation/heat.md"),
-        ("docs/explanation/heat.md", "[a](theory.md#walls)\n", "docs/explanation/heat.md: theory.md#walls (no such heading)"),
-        ("docs/explanation/heat.md", "[a](#9-no-heading)\n", "docs/explanation/heat.md: #9-no-heading (no such heading)"),
+        (
+            "docs/explanation/heat.md",
+            "[a](docs/explanation/heat.md)\n",
+            "docs/explanation/heat.md: docs/explanation/heat.md",
+        ),
+        (
+            "docs/explanation/heat.md",
+            "[a](theory.md#walls)\n",
+            "docs/explanation/heat.md: theory.md#walls (no such heading)",
+        ),
+        (
+            "docs/explanation/heat.md",
+            "[a](#9-no-heading)\n",
+            "docs/explanation/heat.md: #9-no-heading (no such heading)",
+        ),
     ],
 )
 def test_every_fault_is_found(tmp_path, name, more, expected):

@@ -1,4 +1,6 @@
-"""The package from Python: what it offers is found, explained, and costs nothing before it is used."""
+"""The package from Python: what it offers is found, explained, and costs nothing before it is
+used.
+"""
 
 from __future__ import annotations
 
@@ -12,16 +14,28 @@ import pytest
 import multicor_cli
 from multicor_cli import engine, post
 
-FUNCTIONS = [name for name in multicor_cli.__all__ if inspect.isfunction(getattr(multicor_cli, name))]
+FUNCTIONS = [
+    name for name in multicor_cli.__all__ if inspect.isfunction(getattr(multicor_cli, name))
+]
 
 
 def test_names_are_completed() -> None:
-    assert {"run", "open_run", "load_scenario", "check_run", "check_scenario", "study", "picture"} == set(FUNCTIONS)
+    assert {
+        "run",
+        "open_run",
+        "load_scenario",
+        "check_run",
+        "check_scenario",
+        "study",
+        "picture",
+    } == set(FUNCTIONS)
     assert set(multicor_cli.__all__) <= set(dir(multicor_cli))
 
 
 EXPLAINED = [getattr(multicor_cli, name) for name in FUNCTIONS] + [engine.solve_contacts]
-EXPLAINED += [getattr(post, name) for name in post.__all__ if inspect.isfunction(getattr(post, name))]
+EXPLAINED += [
+    getattr(post, name) for name in post.__all__ if inspect.isfunction(getattr(post, name))
+]
 
 
 @pytest.mark.parametrize("function", EXPLAINED, ids=lambda function: function.__name__)
@@ -29,7 +43,9 @@ def test_every_function_says_how_it_is_called(function: Callable[..., object]) -
     name = function.__name__
     text = inspect.getdoc(function) or ""
     for parameter in inspect.signature(function).parameters.values():
-        assert parameter.annotation is not inspect.Parameter.empty, f"{name}: {parameter.name} has no type"
+        assert parameter.annotation is not inspect.Parameter.empty, (
+            f"{name}: {parameter.name} has no type"
+        )
         assert f"    {parameter.name}: " in text, f"{name}: {parameter.name} is not explained"
     assert "Raises:" in text or name == "picture"  # it raises nothing
 
@@ -44,4 +60,9 @@ def test_every_class_is_explained(name: str) -> None:
 def test_importing_loads_nothing() -> None:
     heavy = "{'numba', 'numpy', 'h5py', 'pydantic', 'pandas', 'matplotlib'}"
     program = f"import sys, multicor_cli; print({heavy} & sys.modules.keys())"
-    assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout == "set()\n"
+    assert (
+        subprocess.run(
+            [sys.executable, "-c", program], capture_output=True, text=True, check=True
+        ).stdout
+        == "set()\n"
+    )

@@ -1,4 +1,6 @@
-"""The benchmark with other codes: what can be checked without them, and short runs where they are installed."""
+"""The benchmark with other codes: what can be checked without them, and short runs where they are
+installed.
+"""
 
 import subprocess
 import sys
@@ -23,10 +25,13 @@ def layer():
     radius = np.full(24, 1e-3)
     x, y = np.meshgrid(2e-3 * np.arange(8) + 1e-3, 2e-3 * np.arange(1, 4))
     row = 2e-3 * np.arange(8) + 1e-3
-    bottom, top = (Glued(np.column_stack([row, np.full(8, y)]), np.full(8, 1e-3)) for y in (0.0, 8e-3))
+    bottom, top = (
+        Glued(np.column_stack([row, np.full(8, y)]), np.full(8, 1e-3)) for y in (0.0, 8e-3)
+    )
     position = np.column_stack([x.ravel(), y.ravel()])
     return Layer(
-        position, np.zeros((24, 3)), radius, 2500.0, 0.5, bottom, top, 16e-3, speed=0.1, rise=0.0, wall_mass=1e-3, load=0.16,
+        position, np.zeros((24, 3)), radius, 2500.0, 0.5, bottom, top, 16e-3, speed=0.1, rise=0.0,
+        wall_mass=1e-3, load=0.16,
         wall_damping=0.1, height=8e-3,
     )  # fmt: skip
 
@@ -98,7 +103,9 @@ def test_measures_of_a_known_flow(layer):
         patch.setattr("measure.SKIPPED", 0.6)  # the layer is thin
         assert bulk_rate(layer, position, 3.0 * y) == pytest.approx(3.0)
         force = np.array([[-0.3, 1.0]] * 20)
-        found = measure_flow(layer, [Frames(np.array([position] * 20), np.array([3.0 * y] * 20), force)])
+        found = measure_flow(
+            layer, [Frames(np.array([position] * 20), np.array([3.0 * y] * 20), force)]
+        )
     assert found.friction.mean == pytest.approx(0.3)
     assert found.friction.error == pytest.approx(0.0, abs=1e-12)
     assert found.inertial.mean == pytest.approx(3.0 * layer.tau)
@@ -141,12 +148,22 @@ def test_scripts_name_the_same_contact(layer):
 def test_logs_and_dumps_are_read(tmp_path):
     from gran import parse_loops, read_averages, read_dump
 
-    loops = parse_loops("Loop time of 1.5 on 2 procs for 300 steps with 9 atoms\nx\nLoop time of 2e-3 on 2 procs for 7 steps\n")
+    loops = parse_loops(
+        "Loop time of 1.5 on 2 procs for 300 steps with 9 atoms\nx\n"
+        "Loop time of 2e-3 on 2 procs for 7 steps\n"
+    )
     assert [(loop.seconds, loop.steps) for loop in loops] == [(1.5, 300), (2e-3, 7)]
     box = "ITEM: BOX BOUNDS pp ff ff\n0 1\n0 1\n0 1\n"
-    frame = "ITEM: TIMESTEP\n{}\nITEM: NUMBER OF ATOMS\n2\n" + box + "ITEM: ATOMS id x y\n2 {} 4\n1 5 6\n"
+    frame = (
+        "ITEM: TIMESTEP\n{}\nITEM: NUMBER OF ATOMS\n2\n"
+        + box
+        + "ITEM: ATOMS id x y\n2 {} 4\n1 5 6\n"
+    )
     (tmp_path / "d").write_text(frame.format(0, 3) + frame.format(5, 7))
-    assert read_dump(tmp_path / "d", 2).tolist() == [[[5.0, 6.0], [3.0, 4.0]], [[5.0, 6.0], [7.0, 4.0]]]
+    assert read_dump(tmp_path / "d", 2).tolist() == [
+        [[5.0, 6.0], [3.0, 4.0]],
+        [[5.0, 6.0], [7.0, 4.0]],
+    ]
     (tmp_path / "a").write_text("# Time-averaged data\n# TimeStep v\n10 -1 2\n20 -3 4\n")
     assert read_averages(tmp_path / "a").tolist() == [[-1.0, 2.0], [-3.0, 4.0]]
 
@@ -156,7 +173,10 @@ def test_the_best_of_each_choice_is_taken():
     from lammps import LAMMPS
 
     tried = candidates(LAMMPS, 2)
-    times = {t: 1.0 - 0.1 * (t.style == "granular") - 0.1 * (t.skin == 0.4) + 0.1 * (t.grid == (1, 2)) for t in tried}
+    times = {
+        t: 1.0 - 0.1 * (t.style == "granular") - 0.1 * (t.skin == 0.4) + 0.1 * (t.grid == (1, 2))
+        for t in tried
+    }
     assert choose(times) == Tuning("granular", 0.4, (2, 1))
 
 
@@ -229,7 +249,8 @@ def _nested():
     row, rise, radius = 2e-3 * np.arange(8) + 5e-4, 3.0**0.5 * 1e-3, np.full(8, 1e-3)
     bottom, top = (Glued(np.column_stack([row, np.full(8, y)]), radius) for y in (0.0, 2.0 * rise))
     return Layer(
-        np.column_stack([row + 1e-3, np.full(8, rise)]), np.zeros((8, 3)), radius, 2500.0, 0.5, bottom, top, 16e-3,
+        np.column_stack([row + 1e-3, np.full(8, rise)]), np.zeros((8, 3)), radius, 2500.0, 0.5,
+        bottom, top, 16e-3,
         speed=1e-9, rise=0.0, wall_mass=1e-2, load=0.16, wall_damping=600.0, height=2.0 * rise,
     )  # fmt: skip
 
@@ -240,20 +261,33 @@ def test_a_loaded_wall_rests_where_the_springs_say(name, tmp_path):
     from case import FlowPlan, soft_contact
     from peers import find_peers, find_yade
 
-    peer = find_yade(1, 15.0) if name == "yade" else next(iter(find_peers([name], None, 1, 15.0)[0]), None)
+    peer = (
+        find_yade(1, 15.0)
+        if name == "yade"
+        else next(iter(find_peers([name], None, 1, 15.0)[0]), None)
+    )
     if peer is None:
         pytest.skip(f"{name} is not installed")
     layer = _nested()
     contact = soft_contact(1e5, 0.5, layer.mass, 0.1)
-    still = FlowPlan(settle=6e-9, strain=1e-9, between=1e-9)  # 24 ms; the wall sinks in 1 ms, so slowly that nothing slips
+    # 24 ms; the wall sinks in 1 ms, so slowly that nothing slips
+    still = FlowPlan(settle=6e-9, strain=1e-9, between=1e-9)
     run = peer.prepare_shear(layer, contact, still, tmp_path)[0](layer)
-    sunk = layer.height - (run.frames.position[-1, -8:, 1] - run.frames.position[-1, 8:16, 1]).mean()
+    sunk = (
+        layer.height - (run.frames.position[-1, -8:, 1] - run.frames.position[-1, 8:16, 1]).mean()
+    )
     each = layer.load / 16 / (0.75 * contact.stiffness + 0.25 * contact.tangential)
     assert run.frames.wall_force[-1, 1] == pytest.approx(layer.load, rel=1e-4)
     assert sunk == pytest.approx(2.0 * each, rel=1e-4)
 
 
 def test_it_says_what_it_can_do():
-    done = subprocess.run([sys.executable, "benchmarks/peers", "--help"], cwd=ROOT, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "benchmarks/peers", "--help"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 0
     assert "--kappa" in done.stdout

@@ -27,7 +27,9 @@ def test_it_needs_the_same():
         *(need.replace(">=", " >=") for need in PROJECT["project"]["dependencies"]),
     }
     assert set(RECIPE["requirements"]["run"]) == wanted
-    assert {need.replace(">=", " >=") for need in PROJECT["build-system"]["requires"]} < set(RECIPE["requirements"]["host"])
+    assert {need.replace(">=", " >=") for need in PROJECT["build-system"]["requires"]} < set(
+        RECIPE["requirements"]["host"]
+    )
 
 
 def test_it_installs_the_same_commands():

@@ -1,8 +1,10 @@
-"""What reaches a state is computed with operations that every machine rounds alike: a walk over the code finds every other call.
+"""What reaches a state is computed with operations that every machine rounds alike: a walk over the
+code finds every other call.
 
-IEEE 754 fixes + − × ÷ √, comparisons, rounding to integers, and splitting a number into fraction and exponent. `MATH` and `NUMPY`
-list what of ``math`` and of NumPy does nothing else, or only moves and compares values. Everything that is not listed is refused: a
-function that is missing here is looked up first, and added only if its definition leaves no choice to the library.
+IEEE 754 fixes + − × ÷ √, comparisons, rounding to integers, and splitting a number into fraction
+and exponent. `MATH` and `NUMPY` list what of ``math`` and of NumPy does nothing else, or only moves
+and compares values. Everything that is not listed is refused: a function that is missing here is
+looked up first, and added only if its definition leaves no choice to the library.
 """
 
 from __future__ import annotations
@@ -22,20 +24,29 @@ def _words(text: str) -> set[str]:
     return set(text.split())
 
 
-MATH = _words("ceil copysign floor frexp fsum inf isfinite isnan ldexp nan pi prod sqrt")  # fsum rounds once; prod: of integers
-TYPES = _words("bool_ bytes_ dtype float64 generic int8 int32 int64 ndarray uint8 uint32 uint64 void inf nan newaxis pi")
-LAYOUT = _words(
-    """append arange array asarray ascontiguousarray atleast_1d column_stack concatenate empty errstate fill_diagonal full load
-    loadtxt meshgrid ones ones_like repeat reshape roll savez_compressed stack tile tril_indices where zeros zeros_like"""
+# Fsum rounds once; prod: of integers
+MATH = _words("ceil copysign floor frexp fsum inf isfinite isnan ldexp nan pi prod sqrt")
+TYPES = _words(
+    "bool_ bytes_ dtype float64 generic int8 int32 int64 ndarray uint8 uint32 uint64 void inf nan "
+    "newaxis pi"
 )
-ROUNDED_ONCE = _words("abs add allclose clip diff divmod floor frexp isfinite isnan ldexp maximum minimum nextafter ptp rint sqrt")
+LAYOUT = _words(
+    """append arange array asarray ascontiguousarray atleast_1d column_stack concatenate empty
+    errstate fill_diagonal full load loadtxt meshgrid ones ones_like repeat reshape roll
+    savez_compressed stack tile tril_indices where zeros zeros_like"""
+)
+ROUNDED_ONCE = _words(
+    "abs add allclose clip diff divmod floor frexp isfinite isnan ldexp maximum minimum nextafter "
+    "ptp rint sqrt"
+)
 IN_ORDER = _words("bincount cumsum maximum.at")  # defined as one value after the other
 COMPARING = _words(
-    """all argmax argmin argsort argwhere array_equal count_nonzero flatnonzero isin lexsort nanmax partition searchsorted sort
-    unique"""
+    """all argmax argmin argsort argwhere array_equal count_nonzero flatnonzero isin lexsort nanmax
+    partition searchsorted sort unique"""
 )
 OF_INTEGERS = {"prod"}
-RANDOM = {"random.BitGenerator", "random.Philox", "random.SeedSequence"}  # raw numbers, which NumPy promises for all versions
+# Raw numbers, which NumPy promises for all versions
+RANDOM = {"random.BitGenerator", "random.Philox", "random.SeedSequence"}
 NUMPY = TYPES | LAYOUT | ROUNDED_ONCE | IN_ORDER | COMPARING | OF_INTEGERS | RANDOM
 
 SUMS = {"sum", "mean", "std", "var", "dot", "prod", "trace", "average", "cumprod", "round"}
@@ -49,13 +60,22 @@ INTEGERS = {
     "counts.sum()",
     "counts[start:stop].sum()",
     "sum(known)",
-    "sum((math.ceil(count / stage.frame_every) for count, stage in zip(known, plan.stages, strict=True)))",
-    "sum((math.ceil(count / stage.series_every) for count, stage in zip(known, plan.stages, strict=True)))",
+    (
+        "sum((math.ceil(count / stage.frame_every) for count, stage in zip(known, plan.stages, "
+        "strict=True)))"
+    ),
+    (
+        "sum((math.ceil(count / stage.series_every) for count, stage in zip(known, plan.stages, "
+        "strict=True)))"
+    ),
 }
 """Sums and products of integers."""
 
-ARRAYS_IN_TURN = {"sum((w * (rate.nodes + power) for w, rate in zip(weights, self._rates, strict=False)))"}
-"""Arrays added one after the other: Python's sum of numbers is compensated since 3.12, that of arrays is not."""
+ARRAYS_IN_TURN = {
+    "sum((w * (rate.nodes + power) for w, rate in zip(weights, self._rates, strict=False)))"
+}
+"""Arrays added one after the other: Python's sum of numbers is compensated since 3.12, that of
+arrays is not."""
 
 LISTED = INTEGERS | ARRAYS_IN_TURN
 STRANGERS = ("cmath", "random", "scipy", "statistics")
@@ -79,9 +99,17 @@ def strange_imports(node: ast.AST) -> Iterator[str]:
     if isinstance(node, ast.ImportFrom) and node.module == "math":
         yield from (f"math.{alias.name}" for alias in node.names if alias.name not in MATH)
     if isinstance(node, ast.Import | ast.ImportFrom):
-        names = [node.module or ""] if isinstance(node, ast.ImportFrom) else [alias.name for alias in node.names]
+        names = (
+            [node.module or ""]
+            if isinstance(node, ast.ImportFrom)
+            else [alias.name for alias in node.names]
+        )
         yield from (name for name in names if name.split(".")[0] in STRANGERS)
-        yield from ("from numpy import" for name in names if isinstance(node, ast.ImportFrom) and name == "numpy")
+        yield from (
+            "from numpy import"
+            for name in names
+            if isinstance(node, ast.ImportFrom) and name == "numpy"
+        )
 
 
 def strange_names(node: ast.AST, inner: set[int]) -> Iterator[str]:
@@ -103,10 +131,14 @@ def strange_calls(node: ast.AST, has_floats: bool) -> Iterator[str]:
     method = node.func.attr if isinstance(node.func, ast.Attribute) else ""
     if method in SUMS and name.split(".")[0] not in ("np", "math", "sums"):
         yield ast.unparse(node)
-    is_sorting = method == "argsort" and not any(k.arg == "kind" and ast.unparse(k.value) == "'stable'" for k in node.keywords)
+    is_sorting = method == "argsort" and not any(
+        k.arg == "kind" and ast.unparse(k.value) == "'stable'" for k in node.keywords
+    )
     if is_sorting:
         yield f"{ast.unparse(node)} without kind='stable'"
-    if name == "np.prod" and not any(k.arg == "dtype" and ast.unparse(k.value) == "np.int64" for k in node.keywords):
+    if name == "np.prod" and not any(
+        k.arg == "dtype" and ast.unparse(k.value) == "np.int64" for k in node.keywords
+    ):
         yield f"{ast.unparse(node)} without dtype=np.int64"
 
 
@@ -114,7 +146,9 @@ def strange_operators(node: ast.AST) -> Iterator[str]:
     if not isinstance(node, ast.BinOp | ast.AugAssign):
         return
     operands = (node.left, node.right) if isinstance(node, ast.BinOp) else (node.target, node.value)
-    if isinstance(node.op, ast.MatMult) or (isinstance(node.op, ast.Pow) and not all(map(is_literal, operands))):
+    if isinstance(node.op, ast.MatMult) or (
+        isinstance(node.op, ast.Pow) and not all(map(is_literal, operands))
+    ):
         yield ast.unparse(node)
 
 
@@ -124,7 +158,12 @@ def strange(text: str, has_floats: bool = True) -> list[str]:
     inner = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
     found = []
     for node in ast.walk(tree):
-        found += [*strange_imports(node), *strange_names(node, inner), *strange_calls(node, has_floats), *strange_operators(node)]
+        found += [
+            *strange_imports(node),
+            *strange_names(node, inner),
+            *strange_calls(node, has_floats),
+            *strange_operators(node),
+        ]
     return found
 
 
@@ -132,14 +171,22 @@ def strange(text: str, has_floats: bool = True) -> list[str]:
 def test_states_are_made_of_operations_that_machines_agree_on(package):
     modules = sorted((PACKAGE / package).rglob("*.py"))
     assert modules
-    found = {str(path.relative_to(PACKAGE)): strange(path.read_text(), package not in COUNTING) for path in modules}
+    found = {
+        str(path.relative_to(PACKAGE)): strange(path.read_text(), package not in COUNTING)
+        for path in modules
+    }
     assert {path: names for path, names in found.items() if names} == {}
 
 
 def test_every_exception_is_still_there():
     """An exception for a line that is gone could hide another one some day."""
     texts = [path.read_text() for package in WALKED for path in (PACKAGE / package).rglob("*.py")]
-    calls = {ast.unparse(node) for text in texts for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Call)}
+    calls = {
+        ast.unparse(node)
+        for text in texts
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.Call)
+    }
     assert calls >= LISTED
 
 

@@ -1,4 +1,6 @@
-"""The documentation: the site is built without a warning, and every key and command stands in it."""
+"""The documentation: the site is built without a warning, and every key and command stands in
+it.
+"""
 
 import io
 import json
@@ -27,7 +29,11 @@ from keys import SINCE, key_pages  # noqa: E402
 from multicor_cli.scenario.documents import in_line  # noqa: E402
 
 SCHEMA = json.loads((ROOT / "schema" / "multicor.schema.json").read_text(encoding="utf-8"))
-KEYS = [(model, key, node) for model, table in SCHEMA["$defs"].items() for key, node in table.get("properties", {}).items()]
+KEYS = [
+    (model, key, node)
+    for model, table in SCHEMA["$defs"].items()
+    for key, node in table.get("properties", {}).items()
+]
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +41,9 @@ def site(tmp_path_factory):
     folder = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "NO_MKDOCS_2_WARNING": "1"}
-    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "WARNING" not in done.stderr
     return folder
@@ -44,7 +52,11 @@ def site(tmp_path_factory):
 def test_nothing_comes_from_elsewhere(site):
     for page in site.rglob("*.html"):
         text = page.read_text(encoding="utf-8")
-        loaded = [part.split('"')[0] for mark in ('src="', '<link rel="stylesheet" href="') for part in text.split(mark)[1:]]
+        loaded = [
+            part.split('"')[0]
+            for mark in ('src="', '<link rel="stylesheet" href="')
+            for part in text.split(mark)[1:]
+        ]
         assert not [address for address in loaded if "//" in address], page
 
 
@@ -57,8 +69,8 @@ def test_asterisks_of_formulas_are_no_emphasis(site):
 
 _OVERFLOW = """() => [
     document.documentElement.scrollWidth - document.documentElement.clientWidth,
-    [...document.querySelectorAll(".md-typeset__scrollwrap")].filter((wrap) => wrap.scrollWidth > wrap.clientWidth + 2).length,
-    [...document.querySelectorAll(".equation")].filter((equation) => equation.scrollWidth > equation.clientWidth + 2).length,
+    ...[".md-typeset__scrollwrap", ".equation"].map((kind) => [...document.querySelectorAll(kind)]
+        .filter((part) => part.scrollWidth > part.clientWidth + 2).length),
 ]"""
 
 
@@ -66,7 +78,9 @@ _OVERFLOW = """() => [
 @pytest.mark.parametrize("width", [1400, 768, 360])
 def test_pages_fit_their_window(site, width):
     """No page scrolls sideways; tables and equations do, in themselves, on small screens only."""
-    sync_api = pytest.importorskip("playwright.sync_api", reason="needs the Python package playwright")
+    sync_api = pytest.importorskip(
+        "playwright.sync_api", reason="needs the Python package playwright"
+    )
     chromium = shutil.which("chromium") or shutil.which("chromium-browser")
     if chromium is None:
         pytest.skip("needs chromium")
@@ -95,13 +109,16 @@ def test_equations_are_set(site):
 
 
 def test_equations_look_as_tex_sets_them():
-    """Browsers put no space around the names of functions, and draw the sign of a root without that it stands in the text."""
+    """Browsers put no space around the names of functions, and draw the sign of a root without that
+    it stands in the text.
+    """
     equations = r"\(a \sin\alpha + \sin(x) + \dot x\)", r"\(\sqrt 2\)"
     page = ", as ".join(f'<span class="arithmatex">{equation}</span>' for equation in equations)
     found = set_equations(page)
     space = '<mspace width="0.167em"></mspace>'
     assert f"<mi>a</mi>{space}" in found
-    assert found.count(space) == 2  # around the first function; the other one has a + and a parenthesis beside it
+    # Around the first function; the other one has a + and a parenthesis beside it
+    assert found.count(space) == 2
     assert '<span class="unbroken"><math' in found
     font = TTFont(io.BytesIO(math_font([found])))
     assert ord("√") in font.getBestCmap()
@@ -117,7 +134,9 @@ def test_every_page_has_a_title(site):
         assert "<h1" in page.read_text(encoding="utf-8"), page
 
 
-@pytest.mark.parametrize(("model", "key", "node"), KEYS, ids=[f"{model}.{key}" for model, key, _ in KEYS])
+@pytest.mark.parametrize(
+    ("model", "key", "node"), KEYS, ids=[f"{model}.{key}" for model, key, _ in KEYS]
+)
 def test_every_key_says_what_it_is_and_is_used_in_a_scenario_that_loads(model, key, node):
     assert key == "kind" or node.get("description")
     assert (model, key) in examples()
@@ -147,13 +166,25 @@ def test_every_command_stands_on_a_page():
 
 
 def test_values_are_written_as_toml():
-    value = {"walls": ("a", "b"), "value": 1.0, "on": True, "n": 3, "deep": {"x": 1e-9, "third": 1.0 / 3.0}}
-    written = '{ walls = ["a", "b"], value = 1.0, on = true, n = 3, deep = { x = 1e-09, third = 0.333333 } }'
+    value = {
+        "walls": ("a", "b"),
+        "value": 1.0,
+        "on": True,
+        "n": 3,
+        "deep": {"x": 1e-9, "third": 1.0 / 3.0},
+    }
+    written = (
+        '{ walls = ["a", "b"], value = 1.0, on = true, n = 3, deep = { x = 1e-09, third = '
+        "0.333333 } }"
+    )
     assert in_line(shortened(value)) == written
 
 
 def test_examples_come_from_files_that_are_there():
-    assert all((ROOT / example.file).is_file() and example.file.startswith(FOLDERS) for example in examples().values())
+    assert all(
+        (ROOT / example.file).is_file() and example.file.startswith(FOLDERS)
+        for example in examples().values()
+    )
 
 
 def test_the_figure_of_performance_shows_the_recorded_tables():
@@ -167,6 +198,8 @@ def test_recorded_validation_holds_every_long_test():
         for path in (ROOT / "tests").rglob("test_*.py")
         if path.name != "test_site.py" and "mark.validation" in path.read_text(encoding="utf-8")
     ]
-    assert [path.name for path in marked if f"`{path.relative_to(ROOT).as_posix()}`" not in page] == []
+    assert [
+        path.name for path in marked if f"`{path.relative_to(ROOT).as_posix()}`" not in page
+    ] == []
     assert "failed**" not in page
     assert len(marked) > 10

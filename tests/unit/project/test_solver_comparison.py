@@ -1,4 +1,6 @@
-"""The comparison of solvers: all methods solve what has one solution, distances mean what they say, and the quick run works."""
+"""The comparison of solvers: all methods solve what has one solution, distances mean what they say,
+and the quick run works.
+"""
 
 import json
 from dataclasses import replace
@@ -17,7 +19,8 @@ from multicor_cli.model.columns import INVERSE_MASS
 pytest.importorskip("scipy")
 
 METHODS = [
-    "gs", "gs-sym", "sor-1.5", "engine", "restart-2", "restart-1.5", "skip", "tiles-2", "tiles-3", "sym", "cpg", "apgd",
+    "gs", "gs-sym", "sor-1.5", "engine", "restart-2", "restart-1.5", "skip", "tiles-2", "tiles-3",
+    "sym", "cpg", "apgd",
     "anderson-5", "levels", "newton",
 ]  # fmt: skip
 
@@ -38,7 +41,10 @@ QUICK = ("gs", "engine", "newton")
 
 
 # The others take a minute of compilation.
-@pytest.mark.parametrize("name", [pytest.param(name, marks=[] if name in QUICK else pytest.mark.validation) for name in METHODS])
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[] if name in QUICK else pytest.mark.validation) for name in METHODS],
+)
 def test_every_method_finds_the_weights_in_a_column(name):
     from methods import METHODS as THEIRS
     from problems import column
@@ -61,7 +67,8 @@ def test_the_distance_falls_with_the_residual():
     reference = solve_closely(problem)
     history = trace(problem, reference, THEIRS["engine"], 1e-5, 2000)
     assert reference.rms <= 1e-6
-    # Nothing moves in the solution, and everything by g dt at the start, which is what distances are measured in.
+    # Nothing moves in the solution, and everything by g dt at the start, which is what distances
+    # are measured in.
     assert history[0, DISTANCE] == pytest.approx(1.0, rel=1e-4)
     assert history[-1, RMS] <= 1e-5
     assert history[-1, DISTANCE] < 1e-3
@@ -72,7 +79,12 @@ def test_the_distance_falls_with_the_residual():
 def test_costs_are_read_off_the_right_rows():
     from comparison import Curve
 
-    rows = [[1.0, 9, 9, 0.5, 0, 0], [5e-4, 9, 9, 0.05, 1, 0.1], [9e-4, 1e-2, 1e-3, 0.2, 2, 0.2], [1e-5, 1e-5, 1e-5, 0.09, 3, 0.3]]
+    rows = [
+        [1.0, 9, 9, 0.5, 0, 0],
+        [5e-4, 9, 9, 0.05, 1, 0.1],
+        [9e-4, 1e-2, 1e-3, 0.2, 2, 0.2],
+        [1e-5, 1e-5, 1e-5, 0.09, 3, 0.3],
+    ]
     curve = Curve("some", np.array(rows))
     assert curve.first(1e-3) == (2.0, 0.2, 0.2)  # the second row is below in one of three only
     assert curve.first(1e-6) is None
@@ -88,7 +100,8 @@ def test_starts_keep_velocities_and_impulses_together():
     problem = column(12)
     problem.system.impulse[:, 0] = 1.0
     changed = _started(problem, STARTS["zero"](problem, None)).system
-    # Impulses of 1 N s everywhere act on the lowest grain's contact with the floor, taken away they move the top grain only.
+    # Impulses of 1 N s everywhere act on the lowest grain's contact with the floor, taken away they
+    # move the top grain only.
     assert not changed.impulse.any()
     moved = changed.velocity[:12, 1] - problem.system.velocity[:12, 1]
     assert moved == pytest.approx([0.0] * 11 + [-1.0], abs=1e-12)
@@ -104,12 +117,16 @@ def test_impulses_by_contact_and_in_batches_are_the_same():
     set_impulses(system, impulse)
     assert all_impulses(system).tolist() == impulse.tolist()
     assert flatten(system).impulse.tolist() == impulse.tolist()
-    assert system.velocity[:, :INVERSE_MASS] == pytest.approx(free[:, :INVERSE_MASS] + assemble(system).push(impulse), abs=1e-12)
+    assert system.velocity[:, :INVERSE_MASS] == pytest.approx(
+        free[:, :INVERSE_MASS] + assemble(system).push(impulse), abs=1e-12
+    )
 
 
 @pytest.mark.parametrize("is_diagonal", [True, False])
 def test_matrices_give_the_velocities_of_surfaces_that_run(is_diagonal):
-    """Two grains lie on a belt and against each other: u = Hᵀ v less the speed of the belt, whatever form the contacts have."""
+    """Two grains lie on a belt and against each other: u = Hᵀ v less the speed of the belt,
+    whatever form the contacts have.
+    """
     from methods.assembly import assemble
 
     rng = np.random.default_rng(5)
@@ -118,7 +135,9 @@ def test_matrices_give_the_velocities_of_surfaces_that_run(is_diagonal):
     inverse = np.array([[2.0, 2.0, 5.0], [3.0, 3.0, 7.5 if is_diagonal else 9.0], [0.0, 0.0, 0.0]])
     lever = np.stack([-normal, normal], axis=1)
     slide, velocity = np.array([0.0, 0.7, -0.4]), rng.uniform(-1.0, 1.0, (3, 3))
-    problem = ContactProblem(inverse, velocity, pair, normal, lever, rng.uniform(size=3), np.full(3, 0.5), slide=slide)
+    problem = ContactProblem(
+        inverse, velocity, pair, normal, lever, rng.uniform(size=3), np.full(3, 0.5), slide=slide
+    )
     discs = _disc_system(problem, np.zeros((3, 2)))
     system = _general_system(problem, np.zeros((3, 2))) if discs is None else discs[0]
     assert (discs is not None) == is_diagonal
@@ -162,9 +181,10 @@ def test_the_folder_of_a_run_is_a_source(tmp_path):
     assert not (tmp_path / "kept").exists()
 
 
-# Problems on file, solved from a cold start: in a flow computed here their sweeps would be luck, fivefold from step to step. They
-# are Engine.next_start of the `multicor bench` scenes of 1,008 grains where these are measured. Given are u_ref [m/s] (None:
-# default) and the sweeps, plain and accelerated; velocities moved by 10⁻⁶ of themselves change these by a thousandth.
+# Problems on file, solved from a cold start: in a flow computed here their sweeps would be luck,
+# fivefold from step to step. They are Engine.next_start of the `multicor bench` scenes of 1,008
+# grains where these are measured. Given are u_ref [m/s] (None: default) and the sweeps, plain and
+# accelerated; velocities moved by 10⁻⁶ of themselves change these by a thousandth.
 RECORDED = {"bed": (9.81 * 2e-4, 4304, 203), "shear": (None, 6165, 567)}
 
 
@@ -173,7 +193,11 @@ RECORDED = {"bed": (9.81 * 2e-4, 4304, 203), "shear": (None, 6165, 567)}
 def test_the_accelerated_method_needs_far_fewer_sweeps(name, seed):
     reference, plain, accelerated = RECORDED[name]
     problem = ContactProblem.load(DATA / f"{name}-1008.npz")
-    move = 1e-9 * np.random.default_rng(seed).uniform(-1.0, 1.0, problem.velocity.shape) if seed else 0.0
+    move = (
+        1e-9 * np.random.default_rng(seed).uniform(-1.0, 1.0, problem.velocity.shape)
+        if seed
+        else 0.0
+    )
     problem = replace(problem, velocity=problem.velocity * (1.0 + move))
     found = {}
     for method in ("gauss-seidel", "accelerated"):
@@ -190,7 +214,14 @@ def test_quick_run(tmp_path, capsys):
     from runpy import run_path
 
     main = run_path(str(ROOT / "benchmarks" / "solvers" / "__main__.py"))["main"]
-    files = ["--work", str(tmp_path / "kept"), "--json", str(tmp_path / "out.json"), "--plot", str(tmp_path / "out.png")]
+    files = [
+        "--work",
+        str(tmp_path / "kept"),
+        "--json",
+        str(tmp_path / "out.json"),
+        "--plot",
+        str(tmp_path / "out.png"),
+    ]
     assert main(["--quick", "--methods", "gs", "engine", "--starts", *files]) == 0
     text = capsys.readouterr().out
     assert "shear-1000, warm" in text
@@ -203,5 +234,9 @@ def test_quick_run(tmp_path, capsys):
     assert all(warm["methods"][name]["reached"]["0.001"][0] > 0 for name in ("gs", "engine"))
     distances = np.array(warm["methods"]["engine"]["distance"])
     assert distances[-1] < distances[0]
-    assert [cost["method"] for cost in found["sequences"][0]["costs"]] == ["program", "gs", "engine"]
+    assert [cost["method"] for cost in found["sequences"][0]["costs"]] == [
+        "program",
+        "gs",
+        "engine",
+    ]
     assert (tmp_path / "out.png").stat().st_size > 10_000

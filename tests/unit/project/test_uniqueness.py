@@ -1,4 +1,6 @@
-"""Contact problems with friction can have several solutions: two recorded ones, two by hand, one without friction."""
+"""Contact problems with friction can have several solutions: two recorded ones, two by hand, one
+without friction.
+"""
 
 import json
 from dataclasses import replace
@@ -12,7 +14,8 @@ from places import DATA
 from multicor_cli.engine import ContactProblem, Settings, solve_contacts
 
 RECORDED = DATA / "two-solutions.npz"
-EXACT = 1e-9  # of the largest approach velocity: round-off and the tolerance they were solved to, with room
+# of the largest approach velocity: round-off and the tolerance they were solved to, with room
+EXACT = 1e-9
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -30,27 +33,35 @@ def recorded():
 
 
 def test_a_recorded_problem_has_two_solutions(recorded):
-    """Both obey all laws to 1e-9 of the largest approach velocity, and contacts differ by more than a twentieth of it."""
+    """Both obey all laws to 1e-9 of the largest approach velocity, and contacts differ by more than
+    a twentieth of it.
+    """
     from law import approach_velocity, contact_velocity, pushed, violations
 
     problem, pairs = recorded
     for impulse, velocity in pairs:
         assert violations(problem, impulse, velocity).worst < EXACT
         assert violations(problem, impulse, pushed(problem, impulse)).worst < EXACT
-    one, other = (contact_velocity(problem, velocity) / approach_velocity(problem) for _, velocity in pairs)
+    one, other = (
+        contact_velocity(problem, velocity) / approach_velocity(problem) for _, velocity in pairs
+    )
     apart = np.linalg.norm(one - other, axis=1)
     assert apart.max() > 0.05
     assert (apart > 0.01).sum() >= 3
 
 
 def test_the_solver_accepts_both(recorded):
-    """From either solution it does not move: both pass its own residuals, far below what is asked for in a run."""
+    """From either solution it does not move: both pass its own residuals, far below what is asked
+    for in a run.
+    """
     from law import approach_velocity, contact_velocity
 
     problem, pairs = recorded
     for impulse, velocity in pairs:
         for method in ("gauss-seidel", "accelerated"):
-            found = solve_contacts(problem, Settings(method=method, tolerance_rms=1e-8), start=impulse)
+            found = solve_contacts(
+                problem, Settings(method=method, tolerance_rms=1e-8), start=impulse
+            )
             assert found.converged
             moved = contact_velocity(problem, found.velocity) - contact_velocity(problem, velocity)
             assert np.abs(moved).max() < 1e-6 * approach_velocity(problem)
@@ -61,14 +72,23 @@ def test_without_friction_the_same_problem_has_one(recorded):
 
     problem, pairs = recorded
     control = replace(problem, friction=np.zeros_like(problem.friction))
-    settings = {"tolerance_rms": 1e-12, "tolerance_max": 1e-10, "tolerance_energy": 1e-9, "max_sweeps": 50_000}
+    settings = {
+        "tolerance_rms": 1e-12,
+        "tolerance_max": 1e-10,
+        "tolerance_energy": 1e-9,
+        "max_sweeps": 50_000,
+    }
     starts = [np.zeros_like(pairs[0][0]), *(impulse * [1.0, 0.0] for impulse, _ in pairs)]
     found = [
-        solve_contacts(control, Settings(method=m, **settings), start=s) for m in ("gauss-seidel", "accelerated") for s in starts
+        solve_contacts(control, Settings(method=m, **settings), start=s)
+        for m in ("gauss-seidel", "accelerated")
+        for s in starts
     ]
     for solution in found:
         assert violations(control, solution.impulse, solution.velocity).worst < EXACT
-        apart = contact_velocity(control, solution.velocity) - contact_velocity(control, found[0].velocity)
+        apart = contact_velocity(control, solution.velocity) - contact_velocity(
+            control, found[0].velocity
+        )
         assert np.abs(apart).max() < 1e-8 * approach_velocity(control)
 
 
@@ -80,7 +100,10 @@ def test_the_check_sees_every_violation(recorded):
     impulse, velocity = pairs[0]
     scale = approach_velocity(problem)
     unit = scale / problem.inverse_mass[problem.pair, 0].sum(axis=1)
-    sticking = np.flatnonzero((impulse[:, 0] > 0.1 * unit) & (np.abs(impulse[:, 1]) < 0.4 * problem.friction * impulse[:, 0]))[0]
+    sticking = np.flatnonzero(
+        (impulse[:, 0] > 0.1 * unit)
+        & (np.abs(impulse[:, 1]) < 0.4 * problem.friction * impulse[:, 0])
+    )[0]
     broken = impulse.copy()
     broken[sticking, 0] = -0.1 * unit[sticking]
     assert violations(problem, broken, velocity).pull == pytest.approx(0.1)
@@ -97,7 +120,9 @@ def test_the_check_sees_every_violation(recorded):
 
 
 def test_a_disc_in_a_wedge_by_hand():
-    """It may leave or stay: both without rounding. Without friction, or with too little, it leaves."""
+    """It may leave or stay: both without rounding. Without friction, or with too little, it
+    leaves.
+    """
     from wedge import CHANGEABLE, FRICTION, as_problem, holding, is_solution, velocity_after
 
     assert velocity_after(CHANGEABLE) == (1, 0, 0)
@@ -112,7 +137,12 @@ def test_a_disc_in_a_wedge_by_hand():
     for impulses, speed in ((CHANGEABLE, 1.0), (holding(FRICTION), 0.0)):
         for method in ("gauss-seidel", "accelerated"):
             start = np.array(impulses, np.float64)
-            found = solve_contacts(problem, Settings(method=method, tolerance_rms=1e-9), reference_velocity=1.0, start=start)
+            found = solve_contacts(
+                problem,
+                Settings(method=method, tolerance_rms=1e-9),
+                reference_velocity=1.0,
+                start=start,
+            )
             assert found.converged
             assert found.velocity[0] == pytest.approx([speed, 0.0, 0.0], abs=1e-9)
 
@@ -131,7 +161,10 @@ def test_the_chance_of_a_shift():
 def test_forces_are_compared_contact_by_contact():
     from rest import apart
 
-    one, other = {(0, 1): np.array([3.0, 0.0])}, {(0, 1): np.array([3.0, 0.0]), (1, 2): np.array([0.0, 4.0])}
+    one, other = (
+        {(0, 1): np.array([3.0, 0.0])},
+        {(0, 1): np.array([3.0, 0.0]), (1, 2): np.array([0.0, 4.0])},
+    )
     assert apart(one, one) == 0.0
     assert apart(one, other) == pytest.approx(4.0 / np.sqrt(0.5 * (9.0 + 25.0)))
 
@@ -161,7 +194,9 @@ def test_small_parts_of_every_kind(tmp_path):
 
     kinds = [flows.shear_flow(60, 0.1, 0.3, 0.3, 1e-3)]
     steps = 6
-    plan = Plan(1, [30], {30: [0.03]}, 3_000, 1, kinds, (30, 0.15), (30, 0.08, 0.2), steps, siconos=False)
+    plan = Plan(
+        1, [30], {30: [0.03]}, 3_000, 1, kinds, (30, 0.15), (30, 0.08, 0.2), steps, siconos=False
+    )
     results = run_study(plan, ["problems", "flows", "rest"], lambda _: None)
     (problem,) = results.problems
     assert problem.row.solves == 8
@@ -174,7 +209,8 @@ def test_small_parts_of_every_kind(tmp_path):
     assert [one.scene for one in results.rests] == ["bed in a box", "pile"]
     for one in results.rests:
         duration = steps * 2e-4
-        for row in one.rows:  # the fastest grain may still be on its way: it goes on, or comes to a stop on the floor
+        # The fastest grain may still be on its way: it goes on, or comes to a stop on the floor
+        for row in one.rows:
             assert abs(row.floor) < 0.02 + 2.0 * one.speed / (9.81 * duration)
             assert row.moved < 0.02 + 2.0 * one.speed * duration / DIAMETER
             assert 1.0 / row.contacts <= row.participation <= 1.0
@@ -184,7 +220,9 @@ def test_small_parts_of_every_kind(tmp_path):
 
 
 def test_a_recorded_solution_is_one_of_a_family(recorded):
-    """Impulses may change along a line, either way: every point of it is a solution, and velocities differ."""
+    """Impulses may change along a line, either way: every point of it is a solution, and velocities
+    differ.
+    """
     from family import undetermined
     from law import approach_velocity, contact_velocity, pushed, violations
 

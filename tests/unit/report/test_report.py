@@ -1,4 +1,6 @@
-"""The report: what is packed is what the run holds, it keeps to its size, and no text of the user becomes markup."""
+"""The report: what is packed is what the run holds, it keeps to its size, and no text of the user
+becomes markup.
+"""
 
 from __future__ import annotations
 
@@ -25,9 +27,25 @@ from multicor_cli.post.energy import HEAT, EnergyTable
 from multicor_cli.post.quantities import color_range
 from multicor_cli.report import write_report
 from multicor_cli.report.figures import _book_lines, _Thinning
-from multicor_cli.report.pack import Code, ContactsView, _ends, _sane, compress, pack_frames, thin_frames, values_of
+from multicor_cli.report.pack import (
+    Code,
+    ContactsView,
+    _ends,
+    _sane,
+    compress,
+    pack_frames,
+    thin_frames,
+    values_of,
+)
 from multicor_cli.report.page import _solids
-from multicor_cli.report.tables import ReportRow, describe_forces, describe_rheology, describe_run, describe_stages, pretty
+from multicor_cli.report.tables import (
+    ReportRow,
+    describe_forces,
+    describe_rheology,
+    describe_run,
+    describe_stages,
+    pretty,
+)
 from multicor_cli.report.write import default_path
 from multicor_cli.store import RunDirectory, StoreError, open_run, run_info
 from multicor_cli.store.documents import StageEnd
@@ -40,33 +58,47 @@ def test_codes_are_as_fine_as_they_say(spacing, width: int) -> None:
     values = np.random.default_rng(1).uniform(-2.0, 6.0, 5000)
     error = np.abs(code.decode(code.encode(values)) - values)
     assert 0.3 * code.resolution * 8.0 < error.max() <= 0.5 * code.resolution * 8.0 * (1.0 + 1e-9)
-    assert code.decode(code.encode(np.array([-2.0, 6.0, -9.0, 9.0]))).tolist() == [-2.0, 6.0, -2.0, 6.0]
+    assert code.decode(code.encode(np.array([-2.0, 6.0, -9.0, 9.0]))).tolist() == [
+        -2.0,
+        6.0,
+        -2.0,
+        6.0,
+    ]
     assert np.isnan(code.decode(code.encode(np.array([np.nan])))).all()
 
 
 def test_square_codes_resolve_small_values() -> None:
     """1e-4 of the largest value to better than 1 %, where even steps of a byte see nothing."""
-    assert Code(0.0, 1.0, 2, "square").decode(Code(0.0, 1.0, 2, "square").encode(np.array([1e-4]))) == pytest.approx(
-        [1e-4], rel=0.01
-    )
+    assert Code(0.0, 1.0, 2, "square").decode(
+        Code(0.0, 1.0, 2, "square").encode(np.array([1e-4]))
+    ) == pytest.approx([1e-4], rel=0.01)
     assert Code(0.0, 1.0, 1).encode(np.array([1e-4])).tolist() == [0]
 
 
 def test_signed_codes_resolve_small_values_of_both_signs_and_zero() -> None:
     code = Code(-1.0, 1.0, 1, "signed")
-    assert code.decode(code.encode(np.array([-0.01, 0.0, 0.01]))) == pytest.approx([-0.01, 0.0, 0.01], rel=0.05, abs=0.0)
+    assert code.decode(code.encode(np.array([-0.01, 0.0, 0.01]))) == pytest.approx(
+        [-0.01, 0.0, 0.01], rel=0.05, abs=0.0
+    )
     assert Code(-1.0, 1.0, 1).decode(Code(-1.0, 1.0, 1).encode(np.array([0.003]))).tolist() == [0.0]
 
 
 def test_codes_of_a_constant() -> None:
     code = Code(3.0, 3.0, 2)
-    assert code.decode(code.encode(np.array([3.0, np.nan]))).tolist() == [3.0, pytest.approx(np.nan, nan_ok=True)]
+    assert code.decode(code.encode(np.array([3.0, np.nan]))).tolist() == [
+        3.0,
+        pytest.approx(np.nan, nan_ok=True),
+    ]
 
 
 def test_compression_separates_bytes() -> None:
     import zlib
 
-    data = zlib.decompress(compress([np.array([0x0102, 0x0304], "<u2"), np.array([7], np.uint8), np.array([1 << 24], "<u4")]))
+    data = zlib.decompress(
+        compress(
+            [np.array([0x0102, 0x0304], "<u2"), np.array([7], np.uint8), np.array([1 << 24], "<u4")]
+        )
+    )
     assert list(data) == [2, 4, 1, 3, 7, 0, 0, 0, 1]
 
 
@@ -113,22 +145,34 @@ def test_packed_numbers_are_those_of_the_run(evil: Path, page: str) -> None:
         for about, arrays in zip(meta["frames"], frames, strict=True):
             frame = run.frames[about["index"]]
             assert (about["time"], about["step"]) == (frame.time, frame.step)
-            assert decode(meta, "x", arrays["x"]) == pytest.approx(frame.position[:, 0], abs=4.0 / 65534)
-            assert decode(meta, "y", arrays["y"]) == pytest.approx(frame.position[:, 1], abs=1.0 / 65534)
-            assert decode(meta, "speed", arrays["speed"]) == pytest.approx(np.hypot(*frame.velocity.T), abs=2e-4)
+            assert decode(meta, "x", arrays["x"]) == pytest.approx(
+                frame.position[:, 0], abs=4.0 / 65534
+            )
+            assert decode(meta, "y", arrays["y"]) == pytest.approx(
+                frame.position[:, 1], abs=1.0 / 65534
+            )
+            assert decode(meta, "speed", arrays["speed"]) == pytest.approx(
+                np.hypot(*frame.velocity.T), abs=2e-4
+            )
             assert decode(meta, "spin", arrays["spin"]) == pytest.approx(frame.spin, abs=1e-3)
-            assert decode(meta, "temperature", arrays["temperature"]) == pytest.approx(frame.temperature, abs=1e-5)
+            assert decode(meta, "temperature", arrays["temperature"]) == pytest.approx(
+                frame.temperature, abs=1e-5
+            )
             assert about["walls"] == frame.wall_position.tolist()
 
 
 def test_packed_contacts_are_those_of_the_run(page: str) -> None:
-    """Grain k presses on k + 1 with k + 1 newtons, the last one on the wall above it (90 degrees: a quarter of 1024)."""
+    """Grain k presses on k + 1 with k + 1 newtons, the last one on the wall above it (90 degrees: a
+    quarter of 1024).
+    """
     meta, frames, _ = read_page(page)
     assert "contact_step" not in frames[0]  # no step was done before
     last = frames[-1]
     assert np.cumsum(last["contact_step"]).tolist() == list(range(GRAINS))
     assert last["contact_end"].tolist() == [*range(1, GRAINS), GRAINS + 256]
-    assert decode(meta, "contact", last["contact_force"]) == pytest.approx(1.0 + np.arange(GRAINS), rel=1e-4)
+    assert decode(meta, "contact", last["contact_force"]) == pytest.approx(
+        1.0 + np.arange(GRAINS), rel=1e-4
+    )
     assert decode(meta, "force", last["force"]) == pytest.approx(1.0 + np.arange(GRAINS), rel=1e-4)
     assert [frame["contactCount"] for frame in meta["frames"]] == [None, *[GRAINS] * 5]
 
@@ -136,7 +180,9 @@ def test_packed_contacts_are_those_of_the_run(page: str) -> None:
 def test_heat_is_a_rate_and_missing_in_the_first_frame(page: str) -> None:
     meta, frames, _ = read_page(page)
     assert "heat" not in frames[0]
-    assert decode(meta, "heat", frames[3]["heat"]) == pytest.approx(1e-3 * np.arange(GRAINS), abs=1e-6)
+    assert decode(meta, "heat", frames[3]["heat"]) == pytest.approx(
+        1e-3 * np.arange(GRAINS), abs=1e-6
+    )
 
 
 def test_temperatures_that_hardly_differ_count_from_a_round_one(page: str) -> None:
@@ -157,8 +203,16 @@ def test_nothing_of_the_user_becomes_markup(page: str) -> None:
     assert EVIL not in page
     assert "<img" not in page
     assert page.count("<script") == page.count("</script>") == 3 + 6  # JSON, radii, program; frames
-    text = unescape(re.sub(r"<script.*?</script>|<style.*?</style>|<svg.*?</svg>|<[^>]*>", "", page, flags=re.DOTALL))
-    # name twice (title, heading), description, wall, stage, command; three times in each of two scenarios
+    text = unescape(
+        re.sub(
+            r"<script.*?</script>|<style.*?</style>|<svg.*?</svg>|<[^>]*>",
+            "",
+            page,
+            flags=re.DOTALL,
+        )
+    )
+    # name twice (title, heading), description, wall, stage, command; three times in each of two
+    # scenarios
     assert text.count(EVIL) == 6 + 6
     meta, _, _ = read_page(page)
     assert meta["groups"][0] == meta["frames"][0]["stage"] == EVIL
@@ -180,18 +234,31 @@ def test_page_asks_for_nothing_from_anywhere(page: str) -> None:
 
 
 def test_page_names_what_was_run_and_how_good_it_is(page: str) -> None:
-    for words in ("What was run", "Checks", "Contact solver", "Energy books", "Books of heat", "heat closure", "energy closure"):
+    for words in (
+        "What was run",
+        "Checks",
+        "Contact solver",
+        "Energy books",
+        "Books of heat",
+        "heat closure",
+        "energy closure",
+    ):
         assert words in page
     assert "All 6 frames of the run" in page
     for title in ("Temperature over time", "Work of the solver", "Contacts that carry a force"):
         assert f'aria-label="{title}' in page
     assert "Energy books over time" not in page  # they are empty, as those of heat
-    assert 'steps not converged</th><td dir="auto">0 of the steps (0 of 5) <span class="ok">ok [none, bad above 0.05]' in page
+    assert (
+        'steps not converged</th><td dir="auto">0 of the steps (0 of 5) <span class="ok">ok '
+        "[none, bad above 0.05]"
+    ) in page
     assert page.index("multicor report") < 400
 
 
 @pytest.mark.usefixtures("no_figures")
-def test_small_budget_thins_frames_and_contacts_and_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_small_budget_thins_frames_and_contacts_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     write_evil_run(tmp_path / "run", frames=40)
     monkeypatch.setattr("multicor_cli.report.pack._CONTACT_SHARE", 0.1)
     with open_run(tmp_path / "run") as run:
@@ -216,9 +283,13 @@ def test_small_budget_thins_frames_and_contacts_and_says_so(tmp_path: Path, monk
 @pytest.mark.usefixtures("no_figures")
 def test_frames_can_be_limited(evil: Path, tmp_path: Path) -> None:
     calls = []
-    done = write_report(evil, tmp_path / "p.html", frames=2, progress=lambda k, total: calls.append((k, total)))
+    done = write_report(
+        evil, tmp_path / "p.html", frames=2, progress=lambda k, total: calls.append((k, total))
+    )
     assert (done.frames, done.frame_count, calls) == (2, 6, [(1, 2), (2, 2)])
-    assert [frame["index"] for frame in read_page((tmp_path / "p.html").read_text())[0]["frames"]] == [0, 5]
+    assert [
+        frame["index"] for frame in read_page((tmp_path / "p.html").read_text())[0]["frames"]
+    ] == [0, 5]
 
 
 @pytest.mark.usefixtures("no_figures")
@@ -238,11 +309,15 @@ def test_files_are_not_overwritten(evil: Path, tmp_path: Path) -> None:
 def test_default_file_lies_beside_the_run(tmp_path: Path) -> None:
     assert default_path(tmp_path / "runs" / "shear") == tmp_path / "runs" / "shear-report.html"
     (tmp_path / "results.h5").touch()
-    assert default_path(tmp_path / "results.h5") == tmp_path.with_name(f"{tmp_path.name}-report.html")
+    assert default_path(tmp_path / "results.h5") == tmp_path.with_name(
+        f"{tmp_path.name}-report.html"
+    )
 
 
 @pytest.mark.parametrize(
-    "options", [{"heat": False}, {"contacts": False}, {"frames": 1}], ids=["no heat", "no contacts", "one frame"]
+    "options",
+    [{"heat": False}, {"contacts": False}, {"frames": 1}],
+    ids=["no heat", "no contacts", "one frame"],
 )
 def test_runs_that_lack_something(options: dict, tmp_path: Path) -> None:
     write_heated_run(tmp_path / "run", **options)
@@ -274,27 +349,41 @@ def test_run_without_walls_with_one_grain(tmp_path: Path) -> None:
     ("name", "values", "grains", "expected"),
     [
         ("speed", np.zeros(9), 9, (0.0, 1.0)),  # nothing moves: no negative speeds
-        ("temperature", np.append(np.full(999, 300.0), 400.0), 10, (300.0, 400.0)),  # the one hot grain of few is what matters
-        ("temperature", np.append(np.linspace(300.0, 310.0, 1999), 900.0), 2000, (300.0, 309.95)),  # an outlier is not
-        ("temperature", np.linspace(300.0, 310.0, 1999), 2000, (300.0, 310.0)),  # nothing is gained by leaving out ends
+        # The one hot grain of few is what matters
+        ("temperature", np.append(np.full(999, 300.0), 400.0), 10, (300.0, 400.0)),
+        # an outlier is not
+        ("temperature", np.append(np.linspace(300.0, 310.0, 1999), 900.0), 2000, (300.0, 309.95)),
+        # Nothing is gained by leaving out ends
+        ("temperature", np.linspace(300.0, 310.0, 1999), 2000, (300.0, 310.0)),
         ("spin", np.linspace(-1.0, 3.0, 9), 9, (-3.0, 3.0)),
         ("speed", np.array([np.nan, 2.0, np.inf, 1e305]), 4, (0.0, 2.0)),
         ("heat", np.array([np.nan]), 1, (0.0, 1.0)),
     ],
 )
-def test_colors_span(name: str, values: np.ndarray, grains: int, expected: tuple[float, float]) -> None:
+def test_colors_span(
+    name: str, values: np.ndarray, grains: int, expected: tuple[float, float]
+) -> None:
     assert color_range(QUANTITIES[name], _sane(values), grains) == pytest.approx(expected, abs=0.01)
 
 
 def test_books_of_rounding_errors_are_not_drawn_but_those_that_do_not_close_are() -> None:
     time = np.linspace(0.0, 1.0, 5)
-    books = EnergyTable((), {"books": {"heat_stored": 1e-15 * time, "heat_imbalance": 1e-15 * time}})
+    books = EnergyTable(
+        (), {"books": {"heat_stored": 1e-15 * time, "heat_imbalance": 1e-15 * time}}
+    )
     assert _book_lines(books, HEAT, _Thinning(time), np.full(5, 1e-15)) == []
     assert len(_book_lines(books, HEAT, _Thinning(time), np.full(5, 1e-3))) == 2
 
 
 @pytest.mark.parametrize(
-    ("value", "text"), [(0.0, "0"), (-2.08123e-6, "−2.081·10⁻⁶"), (1.5e20, "1.5·10²⁰"), (0.25, "0.25"), (-1600, "−1,600")]
+    ("value", "text"),
+    [
+        (0.0, "0"),
+        (-2.08123e-6, "−2.081·10⁻⁶"),
+        (1.5e20, "1.5·10²⁰"),
+        (0.25, "0.25"),
+        (-1600, "−1,600"),
+    ],
 )
 def test_numbers_for_people(value: float, text: str) -> None:
     assert pretty(value) == text
@@ -312,7 +401,9 @@ ABSURD = {
 
 
 def test_absurd_numbers_of_a_damaged_file_spoil_nothing_else(evil: Path, tmp_path: Path) -> None:
-    """Scales, the place of everything else and the figures stay as they are, and nothing complains on the way."""
+    """Scales, the place of everything else and the figures stay as they are, and nothing complains
+    on the way.
+    """
     file = Path(shutil.copy(evil / "results.h5", tmp_path / "damaged.h5"))
     with h5py.File(file, "r+") as opened:
         for path, changes in ABSURD.items():
@@ -326,13 +417,20 @@ def test_absurd_numbers_of_a_damaged_file_spoil_nothing_else(evil: Path, tmp_pat
         last = run.frames[-1]
         assert np.isfinite(meta["box"]).all()
         assert decode(meta, "y", frames[-1]["y"]) == pytest.approx(last.position[:, 1], abs=1e-4)
-        assert decode(meta, "speed", frames[-1]["speed"]) == pytest.approx(np.hypot(*last.velocity.T), abs=1e-3)
-        assert decode(meta, "contact", frames[-1]["contact_force"]) == pytest.approx(1.0 + np.arange(GRAINS), rel=1e-3)
+        assert decode(meta, "speed", frames[-1]["speed"]) == pytest.approx(
+            np.hypot(*last.velocity.T), abs=1e-3
+        )
+        assert decode(meta, "contact", frames[-1]["contact_force"]) == pytest.approx(
+            1.0 + np.arange(GRAINS), rel=1e-3
+        )
     assert np.isnan(decode(meta, "temperature", frames[4]["temperature"])[2])
 
 
 def test_ends_ignore_what_is_no_number() -> None:
-    assert _ends([np.array([1.0, np.nan]), np.array([np.inf, -3.0, 1e301]), np.zeros(0)]) == (-3.0, 1.0)
+    assert _ends([np.array([1.0, np.nan]), np.array([np.inf, -3.0, 1e301]), np.zeros(0)]) == (
+        -3.0,
+        1.0,
+    )
     assert _ends([np.array([np.nan])]) == (0.0, 0.0)
 
 
@@ -341,7 +439,9 @@ def test_endless_names_are_cut_and_texts_keep_their_direction(tmp_path: Path) ->
     name = "שלום\u202e" + "x" * 10_000
     source = f"[scenario]\nname = '{name}'\ndescription = '{name}'\n"
     model = make_model()
-    with RunDirectory.create(tmp_path / "run", source, source, {"seed": 1}, stages=(name, "b")) as run:
+    with RunDirectory.create(
+        tmp_path / "run", source, source, {"seed": 1}, stages=(name, "b")
+    ) as run:
         drive(run, model, steps=20, checkpoint_every=10, finish=False)
         run.finish("failed", stop_reason=f"grain 3 is lost {name}", exit_code=4)
     write_report(tmp_path / "run", tmp_path / "page.html")
@@ -356,19 +456,50 @@ def test_endless_names_are_cut_and_texts_keep_their_direction(tmp_path: Path) ->
 
 def test_page_says_how_stages_ended(tmp_path: Path) -> None:
     with make_run(tmp_path / "run") as run:
-        end = StageEnd(0, "<i>wait</i>", "timeout", 20, 0.5, 0.5, "the mean force in y on lid", 3.0, "at least", 5.0, "N")
+        end = StageEnd(
+            0,
+            "<i>wait</i>",
+            "timeout",
+            20,
+            0.5,
+            0.5,
+            "the mean force in y on lid",
+            3.0,
+            "at least",
+            5.0,
+            "N",
+        )
         run.stage_ended(end)
         drive(run, make_model(), steps=40, checkpoint_every=15)
     assert describe_stages(run_info(tmp_path / "run")) == [ReportRow(end.name, end.text)]
     text = write_report(tmp_path / "run", tmp_path / "page.html").path.read_text()
     assert "Ends of the stages" in text
-    words = "t = 0.5 s, step 20: timed out after 0.5 s; the mean force in y on lid was 3 N, asked for was at least 5 N"
+    words = (
+        "t = 0.5 s, step 20: timed out after 0.5 s; the mean force in y on lid was 3 N, asked for "
+        "was at least 5 N"
+    )
     assert f'&lt;i&gt;wait&lt;/i&gt;</th><td dir="auto">{words}' in text
 
 
 def test_a_version_that_is_not_known_is_left_out() -> None:
-    known = {"status": "running", "stages": [], "walls": [], "frame_count": 1, "series_count": 1, "provenance": {}}
-    names = ("stop_reason", "time", "step", "grain_count", "started", "finished", "duration", "state_digest")
+    known = {
+        "status": "running",
+        "stages": [],
+        "walls": [],
+        "frame_count": 1,
+        "series_count": 1,
+        "provenance": {},
+    }
+    names = (
+        "stop_reason",
+        "time",
+        "step",
+        "grain_count",
+        "started",
+        "finished",
+        "duration",
+        "state_digest",
+    )
     rows = describe_run({**dict.fromkeys(names), **known})
     assert "version" not in [row.name for row in rows]
 
@@ -410,7 +541,10 @@ def test_run_that_is_going_on(tmp_path: Path) -> None:
 
 
 def test_run_without_frames_and_directory_without_run(tmp_path: Path) -> None:
-    with RunDirectory.create(tmp_path / "run", "", "", {"seed": 1}, stages=("a",)), pytest.raises((PostError, StoreError)):
+    with (
+        RunDirectory.create(tmp_path / "run", "", "", {"seed": 1}, stages=("a",)),
+        pytest.raises((PostError, StoreError)),
+    ):
         write_report(tmp_path / "run", tmp_path / "page.html")
     (tmp_path / "empty").mkdir()
     with pytest.raises(StoreError):
@@ -418,7 +552,9 @@ def test_run_without_frames_and_directory_without_run(tmp_path: Path) -> None:
     assert not (tmp_path / "page.html").exists()
 
 
-def test_without_matplotlib_the_page_says_so(evil: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_matplotlib_the_page_says_so(
+    evil: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert not write_report(evil, tmp_path / "page.html").has_figures
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
@@ -436,7 +572,9 @@ def test_rheology_and_forces_are_told_where_there_are_any(tmp_path: Path) -> Non
     write_heated_run(tmp_path / "run")
     with open_run(tmp_path / "run") as run:
         rows = {row.name: row.value for row in describe_rheology(run)}
-        assert rows["solid fraction in the bulk"].startswith(pretty(rheology(run).mean["solid_fraction"]))
+        assert rows["solid fraction in the bulk"].startswith(
+            pretty(rheology(run).mean["solid_fraction"])
+        )
         forces = {row.name: row.value for row in describe_forces(run)}
         assert forces["contacts that carry a force"] == pretty(force_network(run).rows[0][1])
     run_whole(tmp_path / "other")

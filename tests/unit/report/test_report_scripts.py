@@ -1,4 +1,6 @@
-"""The scripts of the report page are what a linter finds nothing in, joined as the page joins them."""
+"""The scripts of the report page are what a linter finds nothing in, joined as the page joins
+them.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +17,15 @@ from multicor_cli.report import page
 def lint(script: str, folder: Path) -> subprocess.CompletedProcess[str]:
     """Run oxlint on a script with the settings of the repository."""
     (folder / "joined.js").write_text(script, encoding="utf-8")
-    command = [str(Path(sys.executable).with_name("oxlint")), "--config", str(ROOT / ".oxlintrc.json"), "--deny-warnings"]
-    return subprocess.run([*command, str(folder / "joined.js")], capture_output=True, text=True, check=False)
+    command = [
+        str(Path(sys.executable).with_name("oxlint")),
+        "--config",
+        str(ROOT / ".oxlintrc.json"),
+        "--deny-warnings",
+    ]
+    return subprocess.run(
+        [*command, str(folder / "joined.js")], capture_output=True, text=True, check=False
+    )
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +43,8 @@ def test_the_linter_finds_nothing(joined: str, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stdout
 
 
-@pytest.mark.parametrize("line", ["nowhere();", "if (1 == 2) start();", "var x = 1; start(x);", "const unused = 1;"])
+@pytest.mark.parametrize(
+    "line", ["nowhere();", "if (1 == 2) start();", "var x = 1; start(x);", "const unused = 1;"]
+)
 def test_it_would(joined: str, line: str, tmp_path: Path) -> None:
     assert lint(f"{joined}\nfunction last() {{ {line} }}\nlast();\n", tmp_path).returncode != 0

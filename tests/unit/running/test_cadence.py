@@ -30,7 +30,8 @@ def test_steps_fit_a_duration(duration, dt, steps, end):
 
 
 @pytest.mark.parametrize(
-    ("interval", "dt", "steps"), [(1.0, 0.1, 10), (0.3, 0.1, 3), (1e-3, 0.1, 1), (0.25, 0.1, 2.5), (0.1 + 1e-12, 0.1, 1)]
+    ("interval", "dt", "steps"),
+    [(1.0, 0.1, 10), (0.3, 0.1, 3), (1e-3, 0.1, 1), (0.25, 0.1, 2.5), (0.1 + 1e-12, 0.1, 1)],
 )
 def test_steps_of_an_interval(interval, dt, steps):
     assert count_steps(interval, dt) == pytest.approx(steps, rel=1e-15)

@@ -1,4 +1,6 @@
-"""What a run takes of the machine: processes that find no module in the working directory, and memory that stays."""
+"""What a run takes of the machine: processes that find no module in the working directory, and
+memory that stays.
+"""
 
 from __future__ import annotations
 
@@ -14,27 +16,44 @@ from places import ROOT
 import multicor_cli
 from multicor_cli.running.compiling import python_child
 
-# ---- Python processes that this program starts find no module in the working directory, and everything where it is installed
+# ---- Python processes that this program starts find no module in the working directory, and
+#      everything where it is installed
 
-SHOW = "import sys, os, multicor_cli; print(os.getcwd() in sys.path or '' in sys.path, multicor_cli.__file__)"
+SHOW = (
+    "import sys, os, multicor_cli; print(os.getcwd() in sys.path or '' in sys.path, "
+    "multicor_cli.__file__)"
+)
 
 
-@pytest.mark.parametrize("path", ["", os.pathsep, f"{os.pathsep}/opt", f"/opt{os.pathsep}", ".", f"./{os.pathsep}/opt", "x/.."])
-def test_what_means_the_working_directory_goes(path: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    "path",
+    ["", os.pathsep, f"{os.pathsep}/opt", f"/opt{os.pathsep}", ".", f"./{os.pathsep}/opt", "x/.."],
+)
+def test_what_means_the_working_directory_goes(
+    path: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("PYTHONPATH", path)
     monkeypatch.chdir(tmp_path)
     command, environment = python_child("-c", SHOW)
-    said = subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.split()
+    said = subprocess.run(
+        command, env=environment, capture_output=True, text=True, check=True
+    ).stdout.split()
     assert said == ["False", multicor_cli.__file__]
     assert ("/opt" in environment["PYTHONPATH"].split(os.pathsep)) == ("/opt" in path)
 
 
-def test_what_the_child_starts_has_no_working_directory_either(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_the_child_starts_has_no_working_directory_either(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "random.py").write_text("raise SystemExit('run')")
-    grandchild = "import subprocess, sys; sys.exit(subprocess.call([sys.executable, '-c', 'import random']))"
+    grandchild = (
+        "import subprocess, sys; sys.exit(subprocess.call([sys.executable, '-c', 'import random']))"
+    )
     command, environment = python_child("-c", grandchild)
-    assert subprocess.run(command, env=environment, capture_output=True, check=False).returncode == 0
+    assert (
+        subprocess.run(command, env=environment, capture_output=True, check=False).returncode == 0
+    )
 
 
 def test_variables_and_packages_of_the_user_stay(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -48,16 +67,23 @@ def test_variables_and_packages_of_the_user_stay(monkeypatch: pytest.MonkeyPatch
 
 def test_nothing_else_starts_an_interpreter() -> None:
     """Nor processes that start one by themselves, with the working directory first."""
-    allowed = {"running/compiling.py", "cli/diagnosis.py", "studies/clusters.py"}  # the last two write its name down
+    # The last two write its name down
+    allowed = {"running/compiling.py", "cli/diagnosis.py", "studies/clusters.py"}
     for path in sorted((ROOT / "multicor_cli").rglob("*.py")):
         name = path.relative_to(ROOT / "multicor_cli").as_posix()
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Attribute) and ast.unparse(node) == "sys.executable":
                 assert name in allowed, f"{name} line {node.lineno}: use python_child"
             if isinstance(node, ast.Import | ast.ImportFrom):
-                modules = [node.module or ""] if isinstance(node, ast.ImportFrom) else [alias.name for alias in node.names]
+                modules = (
+                    [node.module or ""]
+                    if isinstance(node, ast.ImportFrom)
+                    else [alias.name for alias in node.names]
+                )
                 names = [alias.name for alias in node.names]
-                assert not {module.split(".")[0] for module in modules} & {"multiprocessing"}, f"{name} line {node.lineno}"
+                assert not {module.split(".")[0] for module in modules} & {"multiprocessing"}, (
+                    f"{name} line {node.lineno}"
+                )
                 assert "ProcessPoolExecutor" not in names, f"{name} line {node.lineno}"
 
 
@@ -80,7 +106,9 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 
 
 def faults(way):
-    done = subprocess.run([sys.executable, "-c", CODE, way], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", CODE, way], capture_output=True, text=True, check=True
+    )
     return done.stdout.strip()
 
 

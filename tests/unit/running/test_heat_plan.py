@@ -58,16 +58,25 @@ def test_choices_are_handed_on(heated):
     assert gas == Gas(0.026, "batchelor", 0.4)
     assert radiation == Radiation(293.15, 0.4)
     assert (ambient.temperature, ambient.correlation, ambient.coefficient) == (290.0, "gunn", 0.0)
-    assert (ambient.conductivity, ambient.viscosity, ambient.prandtl, ambient.porosity) == (0.026, 1.5e-5, 0.7, 0.4)
+    assert (ambient.conductivity, ambient.viscosity, ambient.prandtl, ambient.porosity) == (
+        0.026,
+        1.5e-5,
+        0.7,
+        0.4,
+    )
     assert (settings.integrator, settings.sub_step, settings.tolerance) == ("auto", 1.0, 1e-4)
 
 
 def test_other_choices(heated):
     table = (
-        'conduction="rough", force={prescribed=2.0}, friction="sliding", impact=true, collisional=true, integrator="explicit", '
-        "sub_step=0.5, tolerance=1e-6, ambient={temperature=280, coefficient=12}, radiation={surroundings=300}"
+        'conduction="rough", force={prescribed=2.0}, friction="sliding", impact=true, '
+        'collisional=true, integrator="explicit", '
+        "sub_step=0.5, tolerance=1e-6, ambient={temperature=280, coefficient=12}, "
+        "radiation={surroundings=300}"
     )
-    settings = heat_settings(parse_scenario(HEATED, "heated.toml", [f"heat={{{table}}}"]), heated[1])
+    settings = heat_settings(
+        parse_scenario(HEATED, "heated.toml", [f"heat={{{table}}}"]), heated[1]
+    )
     assert (settings.conduction, settings.friction, settings.impact, settings.collisional) == (
         "rough",
         "sliding",
@@ -83,8 +92,14 @@ def test_other_choices(heated):
 
 
 def test_the_tables_of_mechanisms_are_the_records_of_the_engine():
-    """A record is filled from the keys of its table by their names, so that every choice must be a key."""
-    tables = {key: _tables(field.annotation) for key, field in Heat.model_fields.items() if _tables(field.annotation)}
+    """A record is filled from the keys of its table by their names, so that every choice must be a
+    key.
+    """
+    tables = {
+        key: _tables(field.annotation)
+        for key, field in Heat.model_fields.items()
+        if _tables(field.annotation)
+    }
     assert tables.keys() == MECHANISMS.keys()
     for key, record in MECHANISMS.items():
         keys = {name for table in tables[key] for name in table.model_fields}
@@ -108,7 +123,9 @@ def test_laws_of_materials_and_pairs():
     np.testing.assert_array_equal(laws.conductivity, [1.0, 15.0, 0.0])
     np.testing.assert_array_equal(laws.volumetric, [2500.0 * 800.0, 7800.0 * 500.0, 0.0])
     np.testing.assert_array_equal(laws.emissivity, [0.9, 0.3, 0.0])
-    assert laws.modulus[GLASS, STEEL] == pytest.approx(1.0 / ((1 - 0.2**2) / 70e9 + (1 - 0.29**2) / 193e9), rel=1e-14)
+    assert laws.modulus[GLASS, STEEL] == pytest.approx(
+        1.0 / ((1 - 0.2**2) / 70e9 + (1 - 0.29**2) / 193e9), rel=1e-14
+    )
     assert laws.modulus[GLASS, GLASS] == pytest.approx(70e9 / (2 * (1 - 0.2**2)), rel=1e-14)
     assert laws.harmonic[GLASS, STEEL] == pytest.approx(2.0 * 15.0 / 16.0, rel=1e-14)
     assert laws.harmonic[STEEL, STEEL] == pytest.approx(15.0, rel=1e-14)
@@ -123,7 +140,12 @@ def test_laws_of_materials_and_pairs():
 def test_what_is_not_given_does_no_harm():
     laws = laws_of()
     assert laws.modulus[SPARE, GLASS] == laws.microhardness[SPARE, SPARE] == 1.0
-    assert laws.harmonic[SPARE, STEEL] == laws.roughness[GLASS, SPARE] == laws.wear[SPARE, GLASS] == 0.0
+    assert (
+        laws.harmonic[SPARE, STEEL]
+        == laws.roughness[GLASS, SPARE]
+        == laws.wear[SPARE, GLASS]
+        == 0.0
+    )
     assert laws.share[SPARE, GLASS] == 0.5
 
 
@@ -172,19 +194,30 @@ def test_a_kept_signal_goes_on(heated):
     fall, soak, stir = wall_heat(heated[0], ("floor", "lid"))
     starts = [0.0, 0.5, 1800.5]
     assert fall.started(starts[:1]) == list(fall.walls)
-    assert soak.started(starts[:2]) == [WallHeat("temperature", Shifted(RAMP, 0.5)), WallHeat("flow", WAVE)]
+    assert soak.started(starts[:2]) == [
+        WallHeat("temperature", Shifted(RAMP, 0.5)),
+        WallHeat("flow", WAVE),
+    ]
     assert soak.started(starts[:2])[FLOOR].signal.value(0.5) == RAMP.value(1.0) == 325.0
     assert stir.started(starts) == [WallHeat(), WallHeat("flow", Shifted(WAVE, 1800.0))]
 
 
 def test_a_signal_named_again_starts_anew():
-    again = ["loading.2.thermal={floor={temperature={ramp=[300.0, 350.0], duration=2.0}}, lid={flow=3}}"]
+    again = [
+        "loading.2.thermal={floor={temperature={ramp=[300.0, 350.0], duration=2.0}}, lid={flow=3}}"
+    ]
     stir = wall_heat(parse_scenario(HEATED, "heated.toml", again), ("floor", "lid"))[2]
-    assert stir.started([0.0, 1.0, 1801.0]) == [WallHeat("temperature", RAMP), WallHeat("flow", Constant(3.0))]
+    assert stir.started([0.0, 1.0, 1801.0]) == [
+        WallHeat("temperature", RAMP),
+        WallHeat("flow", Constant(3.0)),
+    ]
 
 
 def test_walls_come_in_the_order_asked_for_and_are_insulated_at_first(heated):
-    assert [wall.kind for wall in wall_heat(heated[0], ("lid", "floor"))[0].walls] == ["insulated", "temperature"]
+    assert [wall.kind for wall in wall_heat(heated[0], ("lid", "floor"))[0].walls] == [
+        "insulated",
+        "temperature",
+    ]
     cold = wall_heat(parse_scenario(SHEAR, "shear.toml"), ("bottom", "top", "paddle"))
     assert all(stage.walls == (WallHeat(),) * 3 for stage in cold)
 
@@ -192,5 +225,8 @@ def test_walls_come_in_the_order_asked_for_and_are_insulated_at_first(heated):
 def test_heat_that_oscillates_too_often_in_a_step_is_refused():
     """Each period is followed in 16 pieces: a list of 10¹⁰ of them would fill the memory."""
     scenario = parse_scenario(changed(WARM, ("period = 0.05", "period = 1e-12")), "warm.toml")
-    with pytest.raises(ScenarioError, match=r"wall 'floor' oscillates 5e\+08 times within one step of 0.0005 s; use a shorter dt"):
+    with pytest.raises(
+        ScenarioError,
+        match=r"wall 'floor' oscillates 5e\+08 times within one step of 0.0005 s; use a shorter dt",
+    ):
         make_plan(scenario, build(scenario)[0])

@@ -1,4 +1,6 @@
-"""Runs with adhesion and rolling resistance: books of energy and heat, frames, files, stopping, keys without effect."""
+"""Runs with adhesion and rolling resistance: books of energy and heat, frames, files, stopping,
+keys without effect.
+"""
 
 import re
 
@@ -47,7 +49,10 @@ def test_books_close_and_what_the_motion_loses_in_contacts_is_heat(reference):
     assert info["energy_closure"] < 1e-12
     assert info["heat_closure"] < 1e-12
     with multicor.open_run(reference) as run:
-        last = {name: float(run.series[name][-1]) for name in ("friction_loss", "impact_loss", "heat_friction", "heat_impact")}
+        last = {
+            name: float(run.series[name][-1])
+            for name in ("friction_loss", "impact_loss", "heat_friction", "heat_impact")
+        }
     assert last["heat_friction"] == pytest.approx(last["friction_loss"], rel=1e-12)
     assert last["heat_impact"] == pytest.approx(last["impact_loss"], rel=1e-12)
 
@@ -61,7 +66,9 @@ def test_frames_hold_tension_and_couples(reference):
             assert -2e-4 * (1.0 + 1e-12) <= force[:, 0].min() < 0.0 < force[:, 0].max()
             assert couple.any()
             arm = model.grains.radius.max()
-            assert (np.abs(couple) <= 0.2 * arm * frame.dt * (force[:, 0] + 2e-4) * (1.0 + 1e-6)).all()
+            assert (
+                np.abs(couple) <= 0.2 * arm * frame.dt * (force[:, 0] + 2e-4) * (1.0 + 1e-6)
+            ).all()
         network = force_network(run, -1)
         assert (network.force[:, 0] < 0.0).any()
 
@@ -72,15 +79,24 @@ def test_a_stopped_run_goes_on_to_the_same_bits(scenario, reference, tmp_path):
 
 
 def test_the_format_of_fclib_does_not_know_these_laws(reference, tmp_path):
-    with multicor.open_run(reference) as run, pytest.raises(ExportError, match="adhesion, which the format of FCLib does not know"):
+    with (
+        multicor.open_run(reference) as run,
+        pytest.raises(ExportError, match="adhesion, which the format of FCLib does not know"),
+    ):
         export_fclib(run, tmp_path / "a.hdf5")
 
 
-@pytest.mark.parametrize("keys", ["adhesion = 0.0", "rolling_friction = 0.0", "adhesion = 0\nrolling_friction = 0"])
+@pytest.mark.parametrize(
+    "keys", ["adhesion = 0.0", "rolling_friction = 0.0", "adhesion = 0\nrolling_friction = 0"]
+)
 def test_keys_of_zero_make_the_model_without_them(keys):
     """The same model and state are the same run, to the bit."""
     plain, state = build(parse_scenario(SMALL, "small.toml"))
-    zero, zero_state = build(parse_scenario(SMALL.replace("restitution = 0.3", f"restitution = 0.3\n{keys}"), "small.toml"))
+    zero, zero_state = build(
+        parse_scenario(
+            SMALL.replace("restitution = 0.3", f"restitution = 0.3\n{keys}"), "small.toml"
+        )
+    )
     assert model_digest(zero) == model_digest(plain)
     assert zero.laws.adhesion.size == zero.laws.rolling.size == 0
     assert zero_state.digest() == state.digest()

@@ -1,4 +1,6 @@
-"""The loop of a run with an engine that only counts: cadences, stages, stopping and exact resuming."""
+"""The loop of a run with an engine that only counts: cadences, stages, stopping and exact
+resuming.
+"""
 
 from __future__ import annotations
 
@@ -53,13 +55,32 @@ def reference() -> tuple[FakeEngine, MemoryRecorder]:
     return engine, recorder
 
 
-def test_cadences_are_counted_from_the_start_of_each_stage(reference: tuple[FakeEngine, MemoryRecorder]) -> None:
+def test_cadences_are_counted_from_the_start_of_each_stage(
+    reference: tuple[FakeEngine, MemoryRecorder],
+) -> None:
     _, recorder = reference
-    # settle: kinetic energy 1, 1/2, 1/4 … falls below 1e-3 after step 11; shear: 0.5 in steps of 0.025; hold: 7 steps.
+    # settle: kinetic energy 1, 1/2, 1/4 … falls below 1e-3 after step 11; shear: 0.5 in steps of
+    # 0.025; hold: 7 steps.
     steps = [frame[0] for frame in recorder.frames]
     assert steps == [0, 4, 8, 11, 17, 23, 29, 31, 38]
     assert [frame[2] for frame in recorder.frames] == [0, 0, 0, 0, 1, 1, 1, 1, 2]
-    assert [row[0] for row in recorder.rows] == [0, 2, 4, 6, 8, 10, 11, 14, 17, 20, 23, 26, 29, 31, 38]
+    assert [row[0] for row in recorder.rows] == [
+        0,
+        2,
+        4,
+        6,
+        8,
+        10,
+        11,
+        14,
+        17,
+        20,
+        23,
+        26,
+        29,
+        31,
+        38,
+    ]
     windows = [row[3] for row in recorder.rows]
     assert sum(windows) == 38  # every step lies in exactly one window
     assert windows[:3] == [0, 2, 2]
@@ -72,9 +93,12 @@ def test_times_are_products_not_sums(reference: tuple[FakeEngine, MemoryRecorder
     assert (engine.state.stage, engine.state.stage_step) == (3, 0)
 
 
-def test_settings_and_drives_of_each_stage_reach_the_engine(reference: tuple[FakeEngine, MemoryRecorder]) -> None:
+def test_settings_and_drives_of_each_stage_reach_the_engine(
+    reference: tuple[FakeEngine, MemoryRecorder],
+) -> None:
     engine, _ = reference
-    assert engine.calls == ["begin", "begin", "begin", "begin"]  # those of the first stage before the first row, too
+    # Those of the first stage before the first row, too
+    assert engine.calls == ["begin", "begin", "begin", "begin"]
     assert engine.settings.max_sweeps == 50_000
     assert engine.state.wall_position[1, 0] == pytest.approx(-0.5)
 
@@ -83,11 +107,17 @@ def test_drives_learn_when_the_stages_began() -> None:
     model = between_planes()
     plan = make_plan(model)
     run_all(plan, MemoryRecorder(), FakeEngine(model))
-    assert [stage.drives.starts[-1] for stage in plan.stages] == [[0.0], [0.0, 0.11], [0.0, 0.11, 0.11 + 20 * 0.025]]
+    assert [stage.drives.starts[-1] for stage in plan.stages] == [
+        [0.0],
+        [0.0, 0.11],
+        [0.0, 0.11, 0.11 + 20 * 0.025],
+    ]
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_resumed_run_equals_uninterrupted_run(seed: int, reference: tuple[FakeEngine, MemoryRecorder]) -> None:
+def test_resumed_run_equals_uninterrupted_run(
+    seed: int, reference: tuple[FakeEngine, MemoryRecorder]
+) -> None:
     """Signals, and crashes that lose everything since the last checkpoint, at random steps."""
     rng = random.Random(seed)
     model = between_planes()
@@ -97,7 +127,12 @@ def test_resumed_run_equals_uninterrupted_run(seed: int, reference: tuple[FakeEn
         fate, steps = rng.choice(["signal", "crash", "checkpoint"]), rng.randint(1, 9)
         first = engine.state.step
 
-        def act(step: int, fate: str = fate, last: int = first + steps, stop_signals: StopSignals = stop_signals) -> None:
+        def act(
+            step: int,
+            fate: str = fate,
+            last: int = first + steps,
+            stop_signals: StopSignals = stop_signals,
+        ) -> None:
             if fate == "checkpoint":
                 stop_signals.is_checkpoint_wanted = True
             elif step == last and fate == "signal":
@@ -107,7 +142,9 @@ def test_resumed_run_equals_uninterrupted_run(seed: int, reference: tuple[FakeEn
 
         engine.before_step = act
         try:
-            reason = Controller(make_plan(model), engine, recorder, stop_signals=stop_signals, clock=Clock()).run(is_new=is_new)
+            reason = Controller(
+                make_plan(model), engine, recorder, stop_signals=stop_signals, clock=Clock()
+            ).run(is_new=is_new)
         except PhysicsError:
             reason = None
         if reason is StopReason.FINISHED:
@@ -130,12 +167,17 @@ def test_interrupted_step_leaves_the_state_of_the_step_before(last: int) -> None
             stop_signals.stop_signal = signal.SIGTERM
 
     engine.before_step = act
-    reason = Controller(make_plan(model), engine, recorder, stop_signals=stop_signals, clock=Clock()).run(is_new=True)
+    reason = Controller(
+        make_plan(model), engine, recorder, stop_signals=stop_signals, clock=Clock()
+    ).run(is_new=True)
     assert reason is StopReason.TERMINATED
     state = recorder.rewind()
     assert state.step == last
     resumed = FakeEngine(model, state)
-    assert Controller(make_plan(model), resumed, recorder, clock=Clock()).run(is_new=False) is StopReason.FINISHED
+    assert (
+        Controller(make_plan(model), resumed, recorder, clock=Clock()).run(is_new=False)
+        is StopReason.FINISHED
+    )
     straight = FakeEngine(model)
     run_all(make_plan(model), MemoryRecorder(), straight)
     assert resumed.state.digest() == straight.state.digest()
@@ -145,7 +187,9 @@ def test_signal_during_the_first_step_waits_where_the_process_is_not_ours() -> N
     model = between_planes()
     engine, recorder, stop_signals = FakeEngine(model), MemoryRecorder(), StopSignals()
     engine.before_step = lambda _step: stop_signals._on_stop(signal.SIGINT, None)
-    reason = Controller(make_plan(model), engine, recorder, stop_signals=stop_signals, clock=Clock()).run(is_new=True)
+    reason = Controller(
+        make_plan(model), engine, recorder, stop_signals=stop_signals, clock=Clock()
+    ).run(is_new=True)
     assert reason is StopReason.INTERRUPTED
     assert engine.state.step == recorder.rewind().step == 0
 
@@ -153,7 +197,9 @@ def test_signal_during_the_first_step_waits_where_the_process_is_not_ours() -> N
 def test_time_limit_stops_with_a_checkpoint() -> None:
     model = between_planes()
     engine, recorder = FakeEngine(model), MemoryRecorder()
-    controller = Controller(make_plan(model), engine, recorder, deadline=50.0, clock=Clock(tick=1.0))
+    controller = Controller(
+        make_plan(model), engine, recorder, deadline=50.0, clock=Clock(tick=1.0)
+    )
     assert controller.run(is_new=True) is StopReason.TIME_LIMIT
     assert 0 < engine.state.step < 38
     assert recorder.checkpoints[-1][0].digest() == engine.state.digest()
@@ -176,8 +222,11 @@ def test_slow_checkpoints_are_rare() -> None:
     recorder = SlowRecorder(Clock(), 1.5)
     engine = FakeEngine(model)
     engine.before_step = lambda _step: setattr(recorder.clock, "now", recorder.clock.now + 3.0)
-    Controller(make_plan(model, checkpoint_interval=10.0), engine, recorder, clock=recorder.clock).run(is_new=True)
-    assert [checkpoint[0].step for checkpoint in recorder.checkpoints] == [0, 10, 20, 30, 38]  # 30 s apart: 20 times 1.5 s
+    Controller(
+        make_plan(model, checkpoint_interval=10.0), engine, recorder, clock=recorder.clock
+    ).run(is_new=True)
+    # 30 s apart: 20 times 1.5 s
+    assert [checkpoint[0].step for checkpoint in recorder.checkpoints] == [0, 10, 20, 30, 38]
 
 
 def test_checkpoints_follow_the_wall_clock() -> None:
@@ -190,7 +239,8 @@ def test_checkpoints_follow_the_wall_clock() -> None:
     assert [checkpoint[0].step for checkpoint in recorder.checkpoints] == [*range(0, 38, 4), 38]
     never = MemoryRecorder()
     run_all(make_plan(model), never, FakeEngine(model))
-    assert [checkpoint[0].step for checkpoint in never.checkpoints] == [0, 38]  # the start and the end
+    # The start and the end
+    assert [checkpoint[0].step for checkpoint in never.checkpoints] == [0, 38]
     assert never.frames == recorder.frames
     assert never.rows == recorder.rows
 
@@ -204,7 +254,11 @@ def test_checkpoint_on_request_goes_on() -> None:
             stop_signals._on_checkpoint(signal.SIGUSR1, None)
 
     engine.before_step = act
-    assert Controller(make_plan(model), engine, recorder, stop_signals=stop_signals, clock=Clock()).run(is_new=True).is_end
+    assert (
+        Controller(make_plan(model), engine, recorder, stop_signals=stop_signals, clock=Clock())
+        .run(is_new=True)
+        .is_end
+    )
     assert [checkpoint[0].step for checkpoint in recorder.checkpoints] == [0, 6, 38]
 
 
@@ -234,7 +288,9 @@ def test_finished_state_runs_nothing(reference: tuple[FakeEngine, MemoryRecorder
 def test_observer_sees_every_step_and_a_progress_that_grows() -> None:
     model = between_planes()
     listener = Listener()
-    Controller(make_plan(model), FakeEngine(model), MemoryRecorder(), observer=listener, clock=Clock()).run(is_new=True)
+    Controller(
+        make_plan(model), FakeEngine(model), MemoryRecorder(), observer=listener, clock=Clock()
+    ).run(is_new=True)
     assert [step for step, _, _ in listener.statuses] == list(range(1, 39))
     progress = [p for _, _, p in listener.statuses]
     assert progress == sorted(progress)
@@ -257,9 +313,16 @@ def test_strain_counts_to_and_fro() -> None:
 def test_strain_and_peak_begin_anew_in_each_stage() -> None:
     model = between_planes()
     until = strain_reached(Spacing.between(model, "bottom", "top"), 0.5)
-    stages = tuple(StagePlan(name, 0.025, None, until, 100, 100, Settings(), shear(1.0)) for name in ("forth", "on"))
+    stages = tuple(
+        StagePlan(name, 0.025, None, until, 100, 100, Settings(), shear(1.0))
+        for name in ("forth", "on")
+    )
     engine, recorder = FakeEngine(model), MemoryRecorder()
-    run_all(RunPlan("twice", stages, Output(frame_interval=1.0, checkpoint_interval=1e9)), recorder, engine)
+    run_all(
+        RunPlan("twice", stages, Output(frame_interval=1.0, checkpoint_interval=1e9)),
+        recorder,
+        engine,
+    )
     assert [frame[0] for frame in recorder.frames] == [0, 20, 40]
     assert (engine.state.stage_strain, engine.state.stage_peak) == (0.0, 0.0)
 
@@ -299,7 +362,10 @@ def test_rest_needs_motion_first_and_knows_the_initial_energy() -> None:
 
 
 def test_progress_by_steps_where_their_number_is_known() -> None:
-    stages = tuple(StagePlan(name, 0.1, limit, None, 1, 1, Settings(), shear(1.0)) for name, limit in (("a", 10), ("b", 30)))
+    stages = tuple(
+        StagePlan(name, 0.1, limit, None, 1, 1, Settings(), shear(1.0))
+        for name, limit in (("a", 10), ("b", 30))
+    )
     plan = RunPlan("p", stages, Output(frame_interval=1.0))
     state = State.at_rest(between_planes(), np.zeros((2, 2)))
     state.stage, state.stage_step = 1, 15

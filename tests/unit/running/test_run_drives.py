@@ -1,4 +1,6 @@
-"""Runs whose walls follow positions, hang on springs or bear stresses, and whose friction changes from stage to stage."""
+"""Runs whose walls follow positions, hang on springs or bear stresses, and whose friction changes
+from stage to stage.
+"""
 
 import math
 
@@ -20,7 +22,11 @@ from multicor_cli.running.time_step import find_scales
 from multicor_cli.scenario import parse_scenario
 from multicor_cli.store import run_info
 
-MASSES = changed(ONE, ('name = "lid"\n', 'name = "lid"\nmass = 0.1\n'), ('name = "side"\n', 'name = "side"\nmass = 0.2\n'))
+MASSES = changed(
+    ONE,
+    ('name = "lid"\n', 'name = "lid"\nmass = 0.1\n'),
+    ('name = "side"\n', 'name = "side"\nmass = 0.2\n'),
+)
 
 MOVING = """\
 drives.floor = { y = { position = { sine = { amplitude = 1e-3, frequency = 7.0 } } } }
@@ -31,7 +37,11 @@ drives.side = { x = { stress = { sine = { amplitude = 0.05, period = 0.3 } }, be
 
 
 def moving(text=MASSES):
-    return changed(text, ("duration = 0.5\nSTAGE", f"duration = 0.3\n{MOVING}"), ("duration = 0.01\n", "duration = 0.2\n"))
+    return changed(
+        text,
+        ("duration = 0.5\nSTAGE", f"duration = 0.3\n{MOVING}"),
+        ("duration = 0.01\n", "duration = 0.2\n"),
+    )
 
 
 def drives_of(text, stage):
@@ -48,7 +58,9 @@ def test_tables_become_drives():
 def test_what_is_kept_counts_from_where_it_did():
     floor, lid, side = drives_of(moving(), 1).started([0.0, 0.3])
     assert floor.y == DofDrive(position=Shifted(Sine(0.0, 1e-3, 1.0 / 7.0), 0.3), is_kept=True)
-    assert lid.y == DofDrive(spring=Spring(40.0, Shifted(Ramp(0.0, -0.02, 0.7), 0.3)), damping=0.1, is_kept=True)
+    assert lid.y == DofDrive(
+        spring=Spring(40.0, Shifted(Ramp(0.0, -0.02, 0.7), 0.3)), damping=0.1, is_kept=True
+    )
     assert side.x == DofDrive(stress=Shifted(Sine(0.0, 0.05, 0.3), 0.3), between=("floor", "lid"))
 
 
@@ -65,7 +77,9 @@ def test_positions_go_on_over_stages(reference):
     with multicor.open_run(reference) as run:
         assert len(run.frames) == 6
         for frame in run.frames:
-            assert frame.wall_position[0, 1] == pytest.approx(1e-3 * math.sin(14.0 * math.pi * frame.time), abs=1e-16)
+            assert frame.wall_position[0, 1] == pytest.approx(
+                1e-3 * math.sin(14.0 * math.pi * frame.time), abs=1e-16
+            )
         assert run.frames[-1].wall_position[1, 1] < 0.099  # it follows the anchor of its spring
 
 
@@ -76,7 +90,9 @@ def test_stopped_runs_go_on_to_the_same_bits(reference, tmp_path, step):
 
 
 def test_exported_problems_know_where_displacements_count_from(reference):
-    """Frame 4 is in the second stage: the floor goes on with the sine of the first, the lid hangs on its spring."""
+    """Frame 4 is in the second stage: the floor goes on with the sine of the first, the lid hangs
+    on its spring.
+    """
     mass, stiffness, damping, dt = 0.1, 40.0, 0.1, 1e-3
     with multicor.open_run(reference) as run:
         frame = run.frames[4]
@@ -95,7 +111,13 @@ SLIDING = changed(
     ONE,
     ('packing = { kind = "deposited" }', 'packing = { kind = "deposited" }\nvelocity = [0.1, 0.0]'),
     ("duration = 0.5\nSTAGE", 'duration = 0.1\ncontacts = [{ pair = ["*", "*"], friction = 0.0 }]'),
-    ("duration = 0.01\n", 'duration = 0.2\ncontacts = [{ pair = ["glass", "*"], friction = 0.2 }]\n[[loading]]\nduration = 0.1\n'),
+    (
+        "duration = 0.01\n",
+        (
+            'duration = 0.2\ncontacts = [{ pair = ["glass", "*"], friction = 0.2 }]\n[[loading]]\n'
+            "duration = 0.1\n"
+        ),
+    ),
 )
 """A disc slides without friction, and then until it rolls: v falls to 2/3 in v/(3 μ g) = 17 ms."""
 
@@ -114,7 +136,8 @@ def test_friction_changes_from_a_stage_on(tmp_path):
         lost = float(run.series["friction_loss"][-1])
         assert lost == pytest.approx(0.5 * run.model.grains.mass[0] * 0.1**2 / 3.0, rel=1e-6)
         assert run.series["friction_loss"][run.series["time"] <= 0.1].max() == 0.0
-    assert in_pieces(path, tmp_path / "other", 110) == digests(tmp_path / "run")  # stopped while it slides
+    # Stopped while it slides
+    assert in_pieces(path, tmp_path / "other", 110) == digests(tmp_path / "run")
 
 
 LAWS = """\
@@ -142,7 +165,11 @@ def test_laws_of_stages_differ_from_the_model_in_friction_alone():
     assert laws[0] is None
     assert laws[1] is laws[2]
     glass, wood = model.materials.index("glass"), model.materials.index("wood")
-    assert (laws[1].friction[glass, glass], laws[1].friction[glass, wood], laws[1].friction[wood, glass]) == (0.1, 0.0, 0.0)
+    assert (
+        laws[1].friction[glass, glass],
+        laws[1].friction[glass, wood],
+        laws[1].friction[wood, glass],
+    ) == (0.1, 0.0, 0.0)
     assert (laws[1].restitution[glass, wood], laws[1].adhesion[glass, wood]) == (0.4, 1e-3)
     assert laws[3].table[glass, wood] == laws[3].table[wood, glass] == 0
     assert laws[3].table_friction.tolist() == [0.5, 0.2]
@@ -152,20 +179,30 @@ def test_laws_of_stages_differ_from_the_model_in_friction_alone():
 
 
 def test_heat_of_friction_is_that_of_the_stage(tmp_path):
-    """Softening friction gives way to a number, and back to another softening; what is lost is heat all the time."""
+    """Softening friction gives way to a number, and back to another softening; what is lost is heat
+    all the time.
+    """
     path = tmp_path / "warm.toml"
-    again = 'contacts = [{ pair = ["steel", "*"], friction = { value = 0.6, softening = 2e-3, min = 0.2 } }]'
+    again = (
+        'contacts = [{ pair = ["steel", "*"], friction = { value = 0.6, softening = 2e-3, min = '
+        "0.2 } }]"
+    )
     path.write_text(
         changed(
             WARM,
-            ("duration = 0.01\n", 'duration = 0.01\ncontacts = [{ pair = ["*", "*"], friction = 0.0 }]\n'),
+            (
+                "duration = 0.01\n",
+                'duration = 0.01\ncontacts = [{ pair = ["*", "*"], friction = 0.0 }]\n',
+            ),
             ("duration = 0.005\n", f"duration = 0.005\n{again}\n"),
             ("\nheat = false", ""),
         )
     )
     multicor.run(path, tmp_path / "run")
     with multicor.open_run(tmp_path / "run") as run:
-        heat, loss, time = (run.series[name][:] for name in ("heat_friction", "friction_loss", "time"))
+        heat, loss, time = (
+            run.series[name][:] for name in ("heat_friction", "friction_loss", "time")
+        )
         assert abs(loss[time <= 0.01]).max() == 0.0
         assert heat[-1] == pytest.approx(loss[-1], rel=1e-12)
         assert heat[-1] > 0.0
@@ -189,13 +226,21 @@ def test_the_time_step_resolves_vibrations_and_springs():
     scales = find_scales(scenario, model, drives)
     assert scales.period == pytest.approx(1.0 / 7.0)
     assert 1.0 / scales.strain == pytest.approx((14.0 * math.pi * 1e-3 + 0.02 / 0.7) / 0.1)
-    stiff = [drives[0], drives[1].__class__(y=DofDrive(spring=Spring(4e4, Constant(0.0)))), drives[2]]
-    assert find_scales(scenario, model, stiff).period == pytest.approx(2.0 * math.pi * math.sqrt(0.1 / 4e4))
+    stiff = [
+        drives[0],
+        drives[1].__class__(y=DofDrive(spring=Spring(4e4, Constant(0.0)))),
+        drives[2],
+    ]
+    assert find_scales(scenario, model, stiff).period == pytest.approx(
+        2.0 * math.pi * math.sqrt(0.1 / 4e4)
+    )
     assert make_plan(scenario, model).stages[0].dt <= 0.02 / 7.0
 
 
 def test_the_time_step_knows_the_friction_of_a_stage():
-    text = changed(SLIDING, ("dt = 1e-3", 'dt = "auto"'), ('"*"], friction = 0.0', '"*"], friction = 1.0'))
+    text = changed(
+        SLIDING, ("dt = 1e-3", 'dt = "auto"'), ('"*"], friction = 0.0', '"*"], friction = 1.0')
+    )
     scenario = parse_scenario(text, "one.toml")
     rough, plain, _ = make_plan(scenario, build(scenario)[0]).stages
     assert rough.dt < plain.dt
@@ -205,12 +250,16 @@ def test_steps_to_a_strain_of_a_prescribed_position():
     """0.05 m over 0.1 m, by a ramp of 0.1 m/s: 0.5 s."""
     stage = """until = { strain = { walls = ["floor", "lid"], value = 0.5 } }
 drives.lid = { x = { position = { ramp = [0.0, 0.1], duration = 1.0 } } }"""
-    scenario = parse_scenario(changed(ONE, ("duration = 0.5\nSTAGE", f"duration = 2.0\n{stage}")), "one.toml")
+    scenario = parse_scenario(
+        changed(ONE, ("duration = 0.5\nSTAGE", f"duration = 2.0\n{stage}")), "one.toml"
+    )
     model, state = build(scenario)
     assert foresee_steps(make_plan(scenario, model), state)[0] == 500
 
 
-@pytest.mark.parametrize(("rows", "said"), [(2, "wall_origin has shape"), (3, "wall origin of wall lid is not finite")])
+@pytest.mark.parametrize(
+    ("rows", "said"), [(2, "wall_origin has shape"), (3, "wall origin of wall lid is not finite")]
+)
 def test_origins_that_do_not_fit_are_found(rows, said):
     scenario = parse_scenario(moving(), "one.toml")
     model, state = build(scenario)

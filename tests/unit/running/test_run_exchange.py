@@ -1,4 +1,6 @@
-"""Grains that come and go: closed forms, books of mass, energy and heat, conservation, and bits that depend on nothing else."""
+"""Grains that come and go: closed forms, books of mass, energy and heat, conservation, and bits
+that depend on nothing else.
+"""
 
 from __future__ import annotations
 
@@ -139,19 +141,28 @@ def test_a_grain_falls_from_its_release_to_the_outlet(tmp_path):
         series = run.series
         mass = float(run.model.grains.mass[0])
         present = series["present"]
-        # From y = 0.15 with -0.1 m/s to 0.02: t = (−v + √(v² + 2 g h))/g; rows are some steps apart.
+        # From y = 0.15 with -0.1 m/s to 0.02: t = (−v + √(v² + 2 g h))/g; rows are some steps
+        # apart.
         flight = (-0.1 + np.sqrt(0.1**2 + 2.0 * G * 0.13)) / G
         row = series["time"][1] - series["time"][0]
         assert series["time"][present > 0][0] == pytest.approx(0.01, abs=row + dt)
-        assert series["time"][series["left"] > 0][0] == pytest.approx(0.01 + flight, abs=row + 2.0 * dt)
+        assert series["time"][series["left"] > 0][0] == pytest.approx(
+            0.01 + flight, abs=row + 2.0 * dt
+        )
         last = {name: float(values[-1]) for name, values in series.items() if values.ndim == 1}
         state = run.state()
     speed, depth = abs(float(state.velocity[0, 1])), float(state.position[0, 1])
     assert 0.02 - 2.0 * speed * dt < depth <= 0.02
     inertia = 0.4 * mass * 1e-3**2
-    assert last["kinetic_in"] == pytest.approx(0.5 * mass * 0.1**2 + 0.5 * inertia * 5.0**2, rel=1e-13)
-    assert last["kinetic_out"] == pytest.approx(0.5 * mass * speed**2 + 0.5 * inertia * 5.0**2, rel=1e-13)
-    assert last["gravity_work"] == pytest.approx(last["potential_in"] - last["potential_out"], rel=1e-12)
+    assert last["kinetic_in"] == pytest.approx(
+        0.5 * mass * 0.1**2 + 0.5 * inertia * 5.0**2, rel=1e-13
+    )
+    assert last["kinetic_out"] == pytest.approx(
+        0.5 * mass * speed**2 + 0.5 * inertia * 5.0**2, rel=1e-13
+    )
+    assert last["gravity_work"] == pytest.approx(
+        last["potential_in"] - last["potential_out"], rel=1e-12
+    )
     assert last["potential_in"] == pytest.approx(mass * G * 0.15, rel=1e-13)
     assert last["kinetic"] == pytest.approx(0.0, abs=1e-15 * mass)
     assert last["closure"] < 1e-12
@@ -175,7 +186,11 @@ def test_rain_holds_as_many_grains_as_come_in_a_time_of_flight(tmp_path):
 def test_a_rate_of_mass_is_kept(tmp_path):
     run_scenario(drop(30, "mass_rate = 6e-4", duration=0.2), tmp_path / "run")
     with open_run(tmp_path / "run") as run:
-        mass, time, released = run.model.grains.mass[0], run.series["time"], run.series["mass_released"]
+        mass, time, released = (
+            run.model.grains.mass[0],
+            run.series["time"],
+            run.series["mass_released"],
+        )
     due = 6e-4 * (time - 0.01)
     late = time > 0.02
     assert ((released - due)[late] > -mass).all()
@@ -203,7 +218,9 @@ def test_the_books_of_a_silo_close(silos, then):
     assert info["energy_closure"] < 1e-12
     assert info["heat_closure"] < 1e-11
     assert exchange["heat_out"] != 0.0
-    assert exchange["present"] + exchange["waiting"] + exchange["left"] - exchange["returned"] == 100
+    assert (
+        exchange["present"] + exchange["waiting"] + exchange["left"] - exchange["returned"] == 100
+    )
     assert exchange["returned"] == (exchange["left"] if then == "release" else 0)
     assert exchange["outlets"]["floor"]["grains"] == exchange["left"]
     with open_run(silos[then]) as run:
@@ -213,7 +230,9 @@ def test_the_books_of_a_silo_close(silos, then):
         first = run.frames[0]
         at_first = G * (first.model.grains.mass * first.position[:, 1]).sum()
         net = exchange["potential_in"] - exchange["potential_out"]
-        assert series["gravity_work"][-1] == pytest.approx(at_first - potential + net, abs=1e-9 * abs(exchange["potential_in"]))
+        assert series["gravity_work"][-1] == pytest.approx(
+            at_first - potential + net, abs=1e-9 * abs(exchange["potential_in"])
+        )
         held = state.heat[here].sum()
         assert series["heat_stored"][-1] == pytest.approx(held, rel=1e-9, abs=1e-12)
     assert not verify(silos[then])
@@ -234,17 +253,29 @@ def test_tables_and_exports_hold_those_alone_that_are_there(silos, tmp_path):
         counts = [len(frame.position) for frame in run.frames]
         for frame in run.frames:
             here = frame.presence == Presence.THERE
-            assert len(frame.position) == len(frame.temperature) == frame.model.grain_count == np.count_nonzero(here)
+            assert (
+                len(frame.position)
+                == len(frame.temperature)
+                == frame.model.grain_count
+                == np.count_nonzero(here)
+            )
             assert frame.number.tolist() == np.flatnonzero(here).tolist()
             assert frame.presence.size == 100
             assert (frame.contacts.i < len(frame.number)).all()
             pairs = frame.contacts.j < len(frame.number)
             i, j = frame.contacts.i[pairs], frame.contacts.j[pairs]
-            gap = np.hypot(*(frame.position[i] - frame.position[j]).T) - frame.model.grains.radius[i] - frame.model.grains.radius[j]
-            assert np.abs(gap - frame.contacts.gap[pairs]).max(initial=0.0) < 1e-3  # positions are those at the end of the step
+            gap = (
+                np.hypot(*(frame.position[i] - frame.position[j]).T)
+                - frame.model.grains.radius[i]
+                - frame.model.grains.radius[j]
+            )
+            # Positions are those at the end of the step
+            assert np.abs(gap - frame.contacts.gap[pairs]).max(initial=0.0) < 1e-3
         assert min(counts) < 60 < max(counts)
         assert post.grain_map(run, "temperature", frame=12).value.size == counts[12]
-        assert post.profile(run, "velocity", selection=post.Selection(frames=slice(8, 12))).value.size
+        assert post.profile(
+            run, "velocity", selection=post.Selection(frames=slice(8, 12))
+        ).value.size
         with pytest.raises(PostError, match="come or gone"):
             post.profile(run, "heat", selection=post.Selection(frames=slice(1, 12)))
         rows = (tmp_path / "tables" / "grains-000012.csv").read_text(encoding="utf-8").splitlines()
@@ -266,7 +297,10 @@ def test_a_lost_grain_stops_the_run_or_is_removed(tmp_path):
 
 def test_grains_below_all_walls_are_told_of(tmp_path):
     body = DROP.format(count=1, rate="rate = 100.0").split("[[outlets]]")[0]
-    body = body.replace(body[body.index("release =") : body.index("\n", body.index("release ="))], 'packing = { kind = "random" }')
+    body = body.replace(
+        body[body.index("release =") : body.index("\n", body.index("release ="))],
+        'packing = { kind = "random" }',
+    )
     floor = """
 [[walls]]
 name = "ledge"
@@ -279,19 +313,74 @@ geometry = { kind = "polyline", points = [[0.2, 0.01], [0.3, 0.01]] }
 
 
 REFUSED = {
-    "outside": (("max = [0.051, 0.151]", "max = [0.2, 0.151]"), "particles.0.release.region", "beyond the domain", "[domain] size"),
-    "too small": (("min = [0.049, 0.149]", "min = [0.0499, 0.149]"), "particles.0.release.region", "never fit", "enlarge"),
+    "outside": (
+        ("max = [0.051, 0.151]", "max = [0.2, 0.151]"),
+        "particles.0.release.region",
+        "beyond the domain",
+        "[domain] size",
+    ),
+    "too small": (
+        ("min = [0.049, 0.149]", "min = [0.0499, 0.149]"),
+        "particles.0.release.region",
+        "never fit",
+        "enlarge",
+    ),
     "rate": (("rate = 100.0", "rate = 0.0"), "particles.0.release.rate", "rate", "0"),
-    "no rate": (("rate = 100.0, ", ""), "particles.0.release", "neither rate nor mass_rate", "give one"),
-    "two rates": (("rate = 100.0", "rate = 100.0, mass_rate = 1.0"), "particles.0.release", "both rate and mass_rate", "give one"),
-    "no heat": (("spin = 5.0", "temperature = 300.0"), "particles.0.temperature", "no heat", "[heat]"),
-    "profile": (("spin = 5.0", "shear_rate = 1.0"), "particles.0.shear_rate", "one velocity", "remove shear_rate"),
+    "no rate": (
+        ("rate = 100.0, ", ""),
+        "particles.0.release",
+        "neither rate nor mass_rate",
+        "give one",
+    ),
+    "two rates": (
+        ("rate = 100.0", "rate = 100.0, mass_rate = 1.0"),
+        "particles.0.release",
+        "both rate and mass_rate",
+        "give one",
+    ),
+    "no heat": (
+        ("spin = 5.0", "temperature = 300.0"),
+        "particles.0.temperature",
+        "no heat",
+        "[heat]",
+    ),
+    "profile": (
+        ("spin = 5.0", "shear_rate = 1.0"),
+        "particles.0.shear_rate",
+        "one velocity",
+        "remove shear_rate",
+    ),
     "no packing": (("release", "# release"), "particles.0.packing", "no packing", "release"),
-    "region": (("spin = 5.0", "region = { min = [0, 0], max = [0.1, 0.1] }"), "particles.0.region", "no meaning", "release.region"),
-    "overlap": (("max = [0.1, 0.02]", "max = [0.1, 0.15]"), "outlets.0.region", "leave where they come", "move"),
-    "double": (("[[outlets]]", OUTLET + "[[outlets]]"), "outlets.1.name", "is also the name of outlets.0", "another name"),
-    "nobody": (("release = {", 'packing = { kind = "random" } # {'), "outlets.0.then", "no group has a release", "remove"),
-    "period": (("[materials", "periodic = true\n[materials"), "outlets.0.region", "beyond the period", "within the period"),
+    "region": (
+        ("spin = 5.0", "region = { min = [0, 0], max = [0.1, 0.1] }"),
+        "particles.0.region",
+        "no meaning",
+        "release.region",
+    ),
+    "overlap": (
+        ("max = [0.1, 0.02]", "max = [0.1, 0.15]"),
+        "outlets.0.region",
+        "leave where they come",
+        "move",
+    ),
+    "double": (
+        ("[[outlets]]", OUTLET + "[[outlets]]"),
+        "outlets.1.name",
+        "is also the name of outlets.0",
+        "another name",
+    ),
+    "nobody": (
+        ("release = {", 'packing = { kind = "random" } # {'),
+        "outlets.0.then",
+        "no group has a release",
+        "remove",
+    ),
+    "period": (
+        ("[materials", "periodic = true\n[materials"),
+        "outlets.0.region",
+        "beyond the period",
+        "within the period",
+    ),
 }
 
 
@@ -313,7 +402,9 @@ def test_what_makes_no_sense_is_refused_with_place_and_remedy(name):
 
 
 def test_a_gradient_of_temperature_needs_places():
-    text = SILO.replace("THEN", "remove").replace("temperature = 350.0", "temperature = { value = 300.0, gradient = [1.0, 0.0] }")
+    text = SILO.replace("THEN", "remove").replace(
+        "temperature = 350.0", "temperature = { value = 300.0, gradient = [1.0, 0.0] }"
+    )
     with pytest.raises(ScenarioError, match="grains that wait have none"):
         scenario(text)
 
@@ -355,10 +446,14 @@ def test_a_run_that_lacks_a_part_of_it_is_damaged(silos, tmp_path, path):
 
 
 def test_a_run_goes_on_from_one_whose_grains_come_and_go(tmp_path):
-    """Who is there stays there, who waits goes on waiting, and who has gone stays away; a frame tells the same as the end."""
+    """Who is there stays there, who waits goes on waiting, and who has gone stays away; a frame
+    tells the same as the end.
+    """
     head, tail = HEAD.format(domain="", dt=2e-4, duration=0.05).split("[solver]")
     tail = "[solver]" + tail
-    walls = SILO[SILO.index("[[walls]]") : SILO.index("[[outlets]]")].replace("thermal = { temperature = 400.0 }\n", "")
+    walls = SILO[SILO.index("[[walls]]") : SILO.index("[[outlets]]")].replace(
+        "thermal = { temperature = 400.0 }\n", ""
+    )
     start = '[heat]\ntemperature = 300.0\n[start]\nrun = "before"\n'
     run_scenario(silo(duration=0.1), tmp_path / "before")
     with open_run(tmp_path / "before") as run:
@@ -379,7 +474,9 @@ def test_a_run_goes_on_from_one_whose_grains_come_and_go(tmp_path):
         temperature, before = state.temperature(found.model.thermal)[state.here], last.temperature
         assert temperature == pytest.approx(before, rel=1e-14)
     for body, name in ((walls, "closed"), (walls + OUTLET, "open")):
-        run_scenario(parse_scenario(head + start + body + tail, tmp_path / "next.toml"), tmp_path / name)
+        run_scenario(
+            parse_scenario(head + start + body + tail, tmp_path / "next.toml"), tmp_path / name
+        )
         info = run_info(tmp_path / name)
         exchange = info["exchange"]
         assert exchange["waiting"] == gone["waiting"]
@@ -414,9 +511,16 @@ region = { min = [0.0, 0.0], max = [0.1, 0.02] }
 
 
 def test_walls_that_wait_for_grains_do_what_others_do(tmp_path):
-    """A body keeps its temperature, follows its prescribed position, and rubs as stages say, before there is a grain and then."""
-    drives = "drives.plate = { y = { position = { sine = { amplitude = 1e-3, frequency = 40.0 } } } }\n"
-    more = '[[loading]]\nname = "smooth"\nduration = 0.03\ncontacts = [{ pair = ["*", "*"], friction = 0.0 }]\n'
+    """A body keeps its temperature, follows its prescribed position, and rubs as stages say, before
+    there is a grain and then.
+    """
+    drives = (
+        "drives.plate = { y = { position = { sine = { amplitude = 1e-3, frequency = 40.0 } } } }\n"
+    )
+    more = (
+        '[[loading]]\nname = "smooth"\nduration = 0.03\n'
+        'contacts = [{ pair = ["*", "*"], friction = 0.0 }]\n'
+    )
     head, tail = HEAD.format(domain="", dt=2e-4, duration=0.05).split("[solver]")
     text = head + BODY + "[solver]" + tail + drives + more + drives
     run_scenario(parse_scenario(text, "flow.toml"), tmp_path / "run")
@@ -425,7 +529,9 @@ def test_walls_that_wait_for_grains_do_what_others_do(tmp_path):
         assert len(frames[1].position) == 0
         for frame in frames:
             since = frame.time if frame.stage == 0 else frame.time - 0.05
-            assert frame.wall_position[0, 1] == pytest.approx(0.09 + 1e-3 * np.sin(80.0 * np.pi * since), abs=1e-12)
+            assert frame.wall_position[0, 1] == pytest.approx(
+                0.09 + 1e-3 * np.sin(80.0 * np.pi * since), abs=1e-12
+            )
         assert frames[1].wall_temperature[0] == 320.0
         assert frames[-1].wall_temperature[0] > 320.0
         last = run.series["friction_loss"]
@@ -433,7 +539,9 @@ def test_walls_that_wait_for_grains_do_what_others_do(tmp_path):
         assert info["heat_closure"] < 1e-12
         smooth = run.series["time"] > 0.05 + 2e-4
         assert np.ptp(last[smooth]) == 0.0
-    assert in_pieces(parse_scenario(text, "flow.toml"), tmp_path / "stopped", 70) == digests(tmp_path / "run")
+    assert in_pieces(parse_scenario(text, "flow.toml"), tmp_path / "stopped", 70) == digests(
+        tmp_path / "run"
+    )
 
 
 SHELF = """
@@ -453,7 +561,9 @@ geometry = {{ kind = "polyline", points = [[0.0, 0.1], [0.1, 0.1]] }}
 
 
 def shelf(speed: float, dt: float, rate: float = 1e5):
-    """Grains are released between 2 and 6 mm above a thin shelf; dt·speed is how far they fly in a step."""
+    """Grains are released between 2 and 6 mm above a thin shelf; dt·speed is how far they fly in a
+    step.
+    """
     return scenario(SHELF.format(speed=speed, rate=rate), dt=dt, duration=0.02)
 
 

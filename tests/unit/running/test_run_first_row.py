@@ -1,4 +1,6 @@
-"""The first row of the time series tells the start as it is, in runs that begin, that go on, and that are taken up."""
+"""The first row of the time series tells the start as it is, in runs that begin, that go on, and
+that are taken up.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,10 @@ MOVING = changed(
 )  # fmt: skip
 HEATED = changed(
     MOVING,
-    ("density = 2500.0", "density = 2500.0\nheat_capacity = 800.0\nyoung = 70e9\npoisson = 0.2\nconductivity = 1.0"),
+    (
+        "density = 2500.0",
+        "density = 2500.0\nheat_capacity = 800.0\nyoung = 70e9\npoisson = 0.2\nconductivity = 1.0",
+    ),
     ("[solver]", "[heat]\ntemperature = 310.0\n[solver]"),
 )
 FROZEN = changed(
@@ -40,7 +45,9 @@ FROZEN = changed(
 
 def kinetic(model: Model, velocity: Floats, spin: Floats) -> float:
     grains = model.grains
-    return float((0.5 * grains.mass * (velocity**2).sum(axis=1) + 0.5 * grains.inertia * spin**2).sum())
+    return float(
+        (0.5 * grains.mass * (velocity**2).sum(axis=1) + 0.5 * grains.inertia * spin**2).sum()
+    )
 
 
 def text_of(case: str) -> str:
@@ -54,26 +61,44 @@ def test_the_first_row_of_a_new_run(case: str, tmp_path: Path) -> None:
         first = {name: run.series[name][0] for name in run.series}
         expected = kinetic(run.model, run.frames[0].velocity, run.frames[0].spin)
         assert expected > 0.0
-        assert first["kinetic"] == first["kinetic_start"] == run.series["kinetic_start"][-1] == pytest.approx(expected, rel=1e-14)
+        assert (
+            first["kinetic"]
+            == first["kinetic_start"]
+            == run.series["kinetic_start"][-1]
+            == pytest.approx(expected, rel=1e-14)
+        )
         assert first["time"] == first["window_duration"] == first["imbalance"] == 0.0
         if case != "moving":
-            assert first["temperature_mean"] == first["temperature_min"] == first["temperature_max"] == 310.0
+            assert (
+                first["temperature_mean"]
+                == first["temperature_min"]
+                == first["temperature_max"]
+                == 310.0
+            )
         table = post.series(run, ["kinetic"], start=0.0)
         smallest = table.rows[0][table.headings.index("smallest")]
         assert smallest == run.series["kinetic"].min() > 0.0
     assert run_info(tmp_path / "run")["energy_closure"] < 1e-12
-    assert {check.name for check in check_run(tmp_path / "run") if check.verdict is Verdict.BAD} <= {"negative losses"}
+    assert {
+        check.name for check in check_run(tmp_path / "run") if check.verdict is Verdict.BAD
+    } <= {"negative losses"}
 
 
 def test_the_first_row_of_a_run_that_goes_on_from_another(tmp_path: Path) -> None:
-    """With a wall that a load moves: its kinetic energy is that of the last row of the run before."""
+    """With a wall that a load moves: its kinetic energy is that of the last row of the run
+    before.
+    """
     loaded = changed(MOVING, ('name = "lid"\n', 'name = "lid"\nmass = 0.1\n'))
     drives = "drives.lid = { y = { force = -0.4 } }\n"
-    before = changed(loaded, ('[[loading]]\nname = "second"\n', drives + '[[loading]]\nname = "second"\n'))
+    before = changed(
+        loaded, ('[[loading]]\nname = "second"\n', drives + '[[loading]]\nname = "second"\n')
+    )
     run_scenario(parse_scenario(before, "one.toml"), tmp_path / "before")
     group = loaded[loaded.index("[[particles]]") : loaded.index("[[walls]]")]
     second = changed(loaded, (group, '[start]\nrun = "before"\n'))
-    second = changed(second, ('[[loading]]\nname = "second"\n', drives + '[[loading]]\nname = "second"\n'))
+    second = changed(
+        second, ('[[loading]]\nname = "second"\n', drives + '[[loading]]\nname = "second"\n')
+    )
     run_scenario(parse_scenario(second, tmp_path / "next.toml"), tmp_path / "next")
     with open_run(tmp_path / "before") as a, open_run(tmp_path / "next") as b:
         wall = 0.5 * 0.1 * float(b.frames[0].wall_velocity[1, 1]) ** 2
@@ -83,7 +108,10 @@ def test_the_first_row_of_a_run_that_goes_on_from_another(tmp_path: Path) -> Non
     assert run_info(tmp_path / "next")["energy_closure"] < 1e-12
 
 
-@pytest.mark.parametrize(("case", "step"), [("moving", 1), ("moving", 20), ("frozen at first", 1), ("frozen at first", 12)])
+@pytest.mark.parametrize(
+    ("case", "step"),
+    [("moving", 1), ("moving", 20), ("frozen at first", 1), ("frozen at first", 12)],
+)
 def test_a_run_in_pieces_has_the_same_rows(case: str, step: int, tmp_path: Path) -> None:
     scenario = parse_scenario(text_of(case), "one.toml")
     assert in_pieces(scenario, tmp_path / "pieces", step) == in_pieces(scenario, tmp_path / "whole")

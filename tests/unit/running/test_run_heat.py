@@ -1,4 +1,6 @@
-"""Runs with heat: stages that move, stand still and move again; stopped and continued; drums; threads."""
+"""Runs with heat: stages that move, stand still and move again; stopped and continued; drums;
+threads.
+"""
 
 import numpy as np
 import pytest
@@ -40,29 +42,39 @@ def test_stages_move_stand_and_move_again(reference):
         assert len(still) == 5
         assert all(np.array_equal(frame.position, still[0].position) for frame in still)
         high = still[0].position[:, 1] > np.median(still[0].position[:, 1])
-        assert still[-1].temperature[high].mean() < still[0].temperature[high].mean() - 5.0  # it is cold outside
+        # it is cold outside
+        assert still[-1].temperature[high].mean() < still[0].temperature[high].mean() - 5.0
         assert still[-1].wall_temperature[0] == 330.0
         loaded = still[0].contacts.conductance
         assert (loaded > 0.0).sum() > 50
-        # The signal of the wall's own condition ended where the stage named the wall; what a stage says is kept.
+        # The signal of the wall's own condition ended where the stage named the wall; what a stage
+        # says is kept.
         assert frames[-1].wall_temperature[0] == 330.0
         moved = [frame for frame in frames if frame.stage == 2]
         assert not np.array_equal(moved[-1].position, still[0].position)
-        cold = [frame.temperature for frame, stage in zip(frames, stages, strict=True) if stage == 3]
+        cold = [
+            frame.temperature for frame, stage in zip(frames, stages, strict=True) if stage == 3
+        ]
         assert np.array_equal(cold[0], moved[-1].temperature)
         assert frames[-1].wear.sum() > 0.0
 
 
 @pytest.mark.parametrize("step", [5, 20, 22, 27])
 def test_a_stopped_run_goes_on_to_the_same_bits(step, scenario, reference, tmp_path):
-    """In the moving stage, at the end of it, in the frozen stage and after it; the averages of forces go on too."""
+    """In the moving stage, at the end of it, in the frozen stage and after it; the averages of
+    forces go on too.
+    """
     assert in_pieces(scenario, tmp_path / "run", step) == digests(reference)
 
 
 def test_drum_power_becomes_heat(tmp_path):
-    """Drum work − Δ(kinetic + potential) − correction = losses = heat (insulated); work = ∫ torque·ω (theory §15.2)."""
+    """Drum work − Δ(kinetic + potential) − correction = losses = heat (insulated); work = ∫
+    torque·ω (theory §15.2).
+    """
     changes = ["loading.0.duration=0.1", "loading.1.duration=0.3", "output.frame_interval=0.05"]
-    multicor.run(multicor.load_scenario(CONFIGS / "drum.toml", overrides=changes), tmp_path / "drum")
+    multicor.run(
+        multicor.load_scenario(CONFIGS / "drum.toml", overrides=changes), tmp_path / "drum"
+    )
     with multicor.open_run(tmp_path / "drum") as run:
         series, mass = run.series, run.model.grains.mass
         heights = [(mass * frame.position[:, 1]).sum() for frame in (run.frames[0], run.frames[-1])]
@@ -74,7 +86,9 @@ def test_drum_power_becomes_heat(tmp_path):
         assert work > 0.0
         scale = abs(potential) + abs(kinetic) + losses + work
         assert work - kinetic - potential - correction == pytest.approx(losses, abs=1e-10 * scale)
-        stored = sum((frame.temperature - 293.15) @ run.model.thermal.capacity for frame in [run.frames[-1]])
+        stored = sum(
+            (frame.temperature - 293.15) @ run.model.thermal.capacity for frame in [run.frames[-1]]
+        )
         assert series["heat_stored"][-1] == pytest.approx(losses, rel=1e-10)
         assert stored == pytest.approx(losses, rel=1e-6)
         steady = series["wall_velocity"][:, 0, 2] == 3.0

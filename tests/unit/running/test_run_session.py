@@ -1,4 +1,6 @@
-"""One session of a run in this process: how it ends, what ``run.json`` says, and that a resumed run is the same run."""
+"""One session of a run in this process: how it ends, what ``run.json`` says, and that a resumed run
+is the same run.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,14 @@ from multicor_cli import run as run_scenario
 from multicor_cli.engine import PhysicsError
 from multicor_cli.packing import Placed, build, place
 from multicor_cli.running import session as session_module
-from multicor_cli.running.outcome import ExitCode, RunOutcome, SilentObserver, Status, StopReason, exit_code_of
+from multicor_cli.running.outcome import (
+    ExitCode,
+    RunOutcome,
+    SilentObserver,
+    Status,
+    StopReason,
+    exit_code_of,
+)
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import stage_starts
 from multicor_cli.scenario import Scenario, load_scenario, parse_scenario
@@ -66,8 +75,12 @@ def stop_at(monkeypatch: pytest.MonkeyPatch, step: int, act: Callable[[Any], Any
 
 @pytest.fixture(scope="module")
 def scenario_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The small scenario with a fourth stage: the lid of the second one's ramp goes on through two stages."""
-    return write_small(tmp_path_factory.mktemp("scenario"), changed(SMALL, ("[solver]", KEPT + "\n[solver]")))
+    """The small scenario with a fourth stage: the lid of the second one's ramp goes on through two
+    stages.
+    """
+    return write_small(
+        tmp_path_factory.mktemp("scenario"), changed(SMALL, ("[solver]", KEPT + "\n[solver]"))
+    )
 
 
 @pytest.fixture(scope="module")
@@ -101,9 +114,13 @@ def test_stopped_run_goes_on_as_if_nothing_had_happened(
 def test_signals_kept_from_an_earlier_stage_survive_a_resume(
     back: int, scenario_path: Path, reference: RunOutcome, tmp_path: Path
 ) -> None:
-    """In the last stages the lid follows a ramp that began two stages before, at a time that only the frames tell."""
+    """In the last stages the lid follows a ramp that began two stages before, at a time that only
+    the frames tell.
+    """
     directory = tmp_path / "run"
-    stopped = run_scenario(scenario_path, directory, observer=StopAt(reference.step - back, signal.SIGINT))
+    stopped = run_scenario(
+        scenario_path, directory, observer=StopAt(reference.step - back, signal.SIGINT)
+    )
     assert stopped.reason is StopReason.INTERRUPTED
     assert run_scenario(scenario_path, directory).is_finished
     assert digest(directory) == digest(reference.directory)
@@ -127,21 +144,32 @@ def test_finished_run_is_left_alone(scenario_path: Path, reference: RunOutcome) 
     assert (again.step, again.time) == (reference.step, reference.time)
 
 
-def test_changed_scenario_is_refused_before_anything_is_touched(scenario_path: Path, reference: RunOutcome) -> None:
+def test_changed_scenario_is_refused_before_anything_is_touched(
+    scenario_path: Path, reference: RunOutcome
+) -> None:
     before = (reference.directory / "run.json").read_bytes()
     text = (
-        scenario_path.read_text().replace("size = [0.02, 0.02]", "size = [0.02, 0.03]").replace("friction = 0.4", "friction = 0.5")
+        scenario_path.read_text()
+        .replace("size = [0.02, 0.02]", "size = [0.02, 0.03]")
+        .replace("friction = 0.4", "friction = 0.5")
     )
     with pytest.raises(ScenarioError) as caught:
         run_scenario(parse_scenario(text, scenario_path), reference.directory)
-    assert [problem.key for problem in caught.value.problems] == ["domain.size.1", "contacts.0.friction"]
+    assert [problem.key for problem in caught.value.problems] == [
+        "domain.size.1",
+        "contacts.0.friction",
+    ]
     assert "was 0.02 when the run in" in str(caught.value)
     assert (reference.directory / "run.json").read_bytes() == before
 
 
-def test_a_changed_variable_is_refused_in_terms_of_the_keys_that_it_changes(scenario_path: Path, reference: RunOutcome) -> None:
+def test_a_changed_variable_is_refused_in_terms_of_the_keys_that_it_changes(
+    scenario_path: Path, reference: RunOutcome
+) -> None:
     text = changed(
-        scenario_path.read_text(), ("[domain]", "[variables]\nmu = 0.4\n[domain]"), ("friction = 0.4", 'friction = "= mu"')
+        scenario_path.read_text(),
+        ("[domain]", "[variables]\nmu = 0.4\n[domain]"),
+        ("friction = 0.4", 'friction = "= mu"'),
     )
     same = parse_scenario(text, scenario_path)
     assert run_scenario(same, reference.directory).reason is StopReason.ALREADY_FINISHED
@@ -166,7 +194,9 @@ def test_random_seed_is_drawn_once(scenario_path: Path, tmp_path: Path) -> None:
     assert digest(again) == digest(directory)
 
 
-def test_physics_error_keeps_checkpoint_and_frames(scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_physics_error_keeps_checkpoint_and_frames(
+    scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def fail(_engine: Any) -> None:
         raise PhysicsError(25, "the velocity of grain 7 is not finite")
 
@@ -184,7 +214,9 @@ def test_physics_error_keeps_checkpoint_and_frames(scenario_path: Path, tmp_path
         assert state.step == 0
 
 
-def test_nan_in_the_state_stops_the_run(scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nan_in_the_state_stops_the_run(
+    scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The real engine, with a velocity that becomes nan behind its back."""
 
     def poison(engine: Any) -> None:
@@ -201,7 +233,11 @@ def test_nan_in_the_state_stops_the_run(scenario_path: Path, tmp_path: Path, mon
     [(StorageFull(Path("x")), 5), (MemoryError(), 5), (ZeroDivisionError("oops"), 1)],
 )
 def test_other_failures_are_recorded(
-    error: Exception, code: int, scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    error: Exception,
+    code: int,
+    scenario_path: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def fail(_engine: Any) -> None:
         raise error
@@ -249,10 +285,14 @@ def test_domain_too_narrow_for_the_engine_is_a_problem_of_the_scenario(tmp_path:
         run_scenario(parse_scenario(text, tmp_path / "narrow.toml"), tmp_path / "run")
 
 
-def test_runs_in_other_threads_leave_signals_alone(scenario_path: Path, reference: RunOutcome, tmp_path: Path) -> None:
+def test_runs_in_other_threads_leave_signals_alone(
+    scenario_path: Path, reference: RunOutcome, tmp_path: Path
+) -> None:
     before = signal.getsignal(signal.SIGINT)
     found: list[RunOutcome] = []
-    worker = threading.Thread(target=lambda: found.append(run_scenario(scenario_path, reference.directory)))
+    worker = threading.Thread(
+        target=lambda: found.append(run_scenario(scenario_path, reference.directory))
+    )
     worker.start()
     worker.join()
     assert found[0].reason is StopReason.ALREADY_FINISHED
@@ -268,7 +308,9 @@ def test_observer_and_heartbeat(scenario_path: Path, tmp_path: Path) -> None:
     assert json.loads((tmp_path / "run" / "progress.json").read_text())["step"] == outcome.step
 
 
-def test_another_version_may_continue_with_a_warning(scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_version_may_continue_with_a_warning(
+    scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with monkeypatch.context() as patch:
         stop_at(patch, 3, lambda _engine: signal.raise_signal(signal.SIGINT))
         run_scenario(scenario_path, tmp_path / "run")

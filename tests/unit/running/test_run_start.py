@@ -1,4 +1,6 @@
-"""A run goes on from another: a run cut in two is the run that was not cut, and what does not fit is refused."""
+"""A run goes on from another: a run cut in two is the run that was not cut, and what does not fit
+is refused.
+"""
 
 from __future__ import annotations
 
@@ -61,18 +63,28 @@ def place_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_a_run_cut_in_two_is_the_run_that_was_not_cut(case: str, place_of: Callable[[str], Path]) -> None:
-    """In all that the next step depends on; in the box the grains outnumber nothing that runs on more than one thread."""
+def test_a_run_cut_in_two_is_the_run_that_was_not_cut(
+    case: str, place_of: Callable[[str], Path]
+) -> None:
+    """In all that the next step depends on; in the box the grains outnumber nothing that runs on
+    more than one thread.
+    """
     folder, (text, stages) = place_of(case), CASES[case]
     scenario = load_scenario(written(folder / "second.toml", going_on(text, stages, "first")))
     assert run_scenario(scenario, folder / "second", threads=2).is_finished
     whole, second = state_of(folder / "whole"), state_of(folder / "second")
     assert unlike(whole, second) == []
-    with open_run(folder / "whole") as a, open_run(folder / "first") as b, open_run(folder / "second") as c:
+    with (
+        open_run(folder / "whole") as a,
+        open_run(folder / "first") as b,
+        open_run(folder / "second") as c,
+    ):
         assert len(b.frames) + len(c.frames) - 1 == len(a.frames)
         assert np.array_equal(a.frames[-2].position, c.frames[-2].position)
         if a.model.thermal is not None and c.model.thermal is not None:
-            assert np.array_equal(whole.temperature(a.model.thermal), second.temperature(c.model.thermal))
+            assert np.array_equal(
+                whole.temperature(a.model.thermal), second.temperature(c.model.thermal)
+            )
             assert c.info["summary"]["heat_closure"] < 1e-13
         assert c.info["summary"]["energy_closure"] < 1e-13
         assert (second.stage, c.frames.time[0], c.frames.step[0]) == (len(c.stages), 0.0, 0)
@@ -80,8 +92,12 @@ def test_a_run_cut_in_two_is_the_run_that_was_not_cut(case: str, place_of: Calla
     assert verify(folder / "second") == []
 
 
-def test_a_run_that_goes_on_can_be_stopped_and_gone_on_from(place_of: Callable[[str], Path], tmp_path: Path) -> None:
-    """Stopped in its last stage, where a signal is kept; the run that it came from is gone by then. A third part follows."""
+def test_a_run_that_goes_on_can_be_stopped_and_gone_on_from(
+    place_of: Callable[[str], Path], tmp_path: Path
+) -> None:
+    """Stopped in its last stage, where a signal is kept; the run that it came from is gone by then.
+    A third part follows.
+    """
     folder = place_of("after frozen")
     shutil.copytree(folder / "first", tmp_path / "first")
     second = written(tmp_path / "second.toml", going_on(HOT, 2, "first"))
@@ -90,16 +106,22 @@ def test_a_run_that_goes_on_can_be_stopped_and_gone_on_from(place_of: Callable[[
     shutil.rmtree(tmp_path / "first")
     assert run_scenario(second, tmp_path / "second").is_finished
     assert unlike(state_of(folder / "whole"), state_of(tmp_path / "second")) == []
-    assert run_scenario(written(tmp_path / "third.toml", going_on(HOT, 2, "second")), tmp_path / "third").is_finished
+    assert run_scenario(
+        written(tmp_path / "third.toml", going_on(HOT, 2, "second")), tmp_path / "third"
+    ).is_finished
     info = run_info(tmp_path / "third")
     assert info["origin"]["run"] == str(tmp_path / "second")
     assert max(info["energy_closure"], info["heat_closure"]) < 1e-12
 
 
 def test_the_last_frame_is_the_end_where_frames_hold_all(place_of: Callable[[str], Path]) -> None:
-    """Without heat and adhesion, in double precision: positions are those of the state, and impulses are recorded."""
+    """Without heat and adhesion, in double precision: positions are those of the state, and
+    impulses are recorded.
+    """
     folder = place_of("small")
-    run_scenario(written(folder / "frame.toml", going_on(NAMED, 1, "first", "frame = -1")), folder / "frame")
+    run_scenario(
+        written(folder / "frame.toml", going_on(NAMED, 1, "first", "frame = -1")), folder / "frame"
+    )
     assert unlike(state_of(folder / "whole"), state_of(folder / "frame")) == []
     with open_run(folder / "frame") as run, open_run(folder / "first") as first:
         assert run.info["origin"]["frame"] == len(first.frames) - 1
@@ -107,7 +129,9 @@ def test_the_last_frame_is_the_end_where_frames_hold_all(place_of: Callable[[str
 
 def test_a_frame_gives_its_temperatures(place_of: Callable[[str], Path]) -> None:
     folder = place_of("after frozen")
-    placed = place(load_scenario(written(folder / "frame.toml", going_on(HOT, 2, "first", "frame = 3"))))
+    placed = place(
+        load_scenario(written(folder / "frame.toml", going_on(HOT, 2, "first", "frame = 3")))
+    )
     with open_run(folder / "first") as run:
         frame = run.frames[3]
         assert placed.model.thermal is not None
@@ -120,25 +144,34 @@ def test_a_frame_gives_its_temperatures(place_of: Callable[[str], Path]) -> None
     assert (placed.origin.frame, placed.origin.step) == (3, frame.step)
 
 
-def contacts_by_wall(scenario_model: object, state: State) -> dict[tuple[int, str], tuple[float, float]]:
+def contacts_by_wall(
+    scenario_model: object, state: State
+) -> dict[tuple[int, str], tuple[float, float]]:
     """Impulses of the contacts with walls that have one shape, by grain and wall."""
     model = scenario_model
     n = len(state.position)
     names = [model.walls.names[w] for w in model.shapes.wall]  # type: ignore[attr-defined]
     return {
         (int(i), names[j - n]): tuple(p)
-        for i, j, p in zip(state.contact_i, state.contact_j, state.contact_impulse.tolist(), strict=True)
+        for i, j, p in zip(
+            state.contact_i, state.contact_j, state.contact_impulse.tolist(), strict=True
+        )
         if j >= n
     }
 
 
 def test_walls_are_known_by_their_names(place_of: Callable[[str], Path]) -> None:
-    """In another order, one of them gone, one new, one that the file has elsewhere: where the run has moved it counts."""
+    """In another order, one of them gone, one new, one that the file has elsewhere: where the run
+    has moved it counts.
+    """
     folder = place_of("box")
     text = going_on(BOX, 1, "first")
     begin, end = text.index('[[walls]]\nname = "floor"'), text.index('[[walls]]\nname = "right"')
     floor, left = (f"[[walls]]{part}" for part in text[begin:end].split("[[walls]]")[1:])
-    lid = '[[walls]]\nname = "lid"\nmaterial = "glass"\ngeometry = { kind = "plane", point = [0.0, 0.02], normal = [0.0, -1.0] }\n'
+    lid = (
+        '[[walls]]\nname = "lid"\nmaterial = "glass"\n'
+        'geometry = { kind = "plane", point = [0.0, 0.02], normal = [0.0, -1.0] }\n'
+    )
     text = changed(text, (floor + left, ""), ("[[loading]]", floor + lid + "[[loading]]"))
     placed = place(load_scenario(written(folder / "walls.toml", text)))
     with open_run(folder / "first") as run:
@@ -146,8 +179,16 @@ def test_walls_are_known_by_their_names(place_of: Callable[[str], Path]) -> None
     assert state is not None
     assert placed.model.walls.names == ("right", "floor", "lid")
     assert placed.origin is not None
-    assert (placed.origin.walls, placed.origin.new_walls, placed.origin.lost_walls) == (("right", "floor"), ("lid",), ("left",))
-    assert placed.state.wall_position[0].tolist() == state.wall_position[2].tolist() != [0.012, 0.0, 0.0]
+    assert (placed.origin.walls, placed.origin.new_walls, placed.origin.lost_walls) == (
+        ("right", "floor"),
+        ("lid",),
+        ("left",),
+    )
+    assert (
+        placed.state.wall_position[0].tolist()
+        == state.wall_position[2].tolist()
+        != [0.012, 0.0, 0.0]
+    )
     assert placed.state.wall_velocity[0].tolist() == [-0.02, 0.0, 0.0]
     assert placed.state.wall_position[2].tolist() == [0.0, 0.02, 0.0]
     kept = {key: p for key, p in contacts_by_wall(before, state).items() if key[1] != "left"}
@@ -157,14 +198,18 @@ def test_walls_are_known_by_their_names(place_of: Callable[[str], Path]) -> None
     assert (np.diff(key) > 0).all()
 
 
-def test_rough_walls_are_those_of_the_run_whatever_the_seed(place_of: Callable[[str], Path]) -> None:
+def test_rough_walls_are_those_of_the_run_whatever_the_seed(
+    place_of: Callable[[str], Path],
+) -> None:
     folder = place_of("small")
     text = changed(going_on(NAMED, 1, "first"), ("seed = 3", 'seed = "random"'))
     run_scenario(written(folder / "seed.toml", text), folder / "seed")
     assert unlike(state_of(folder / "whole"), state_of(folder / "seed")) == []
 
 
-def test_a_wall_of_another_shape_stands_where_the_run_has_it_and_carries_nothing(place_of: Callable[[str], Path]) -> None:
+def test_a_wall_of_another_shape_stands_where_the_run_has_it_and_carries_nothing(
+    place_of: Callable[[str], Path],
+) -> None:
     folder = place_of("small")
     text = changed(
         going_on(NAMED, 1, "first"),
@@ -185,12 +230,25 @@ def test_materials_are_those_of_the_new_file(place_of: Callable[[str], Path]) ->
     """Grains whose heat capacity changes keep their temperature; their heat counts from there."""
     folder = place_of("after frozen")
     state = state_of(folder / "first")
-    placed = place(load_scenario(written(folder / "material.toml", changed(going_on(HOT, 2, "first"), ("7500.0", "5000.0")))))
+    placed = place(
+        load_scenario(
+            written(
+                folder / "material.toml", changed(going_on(HOT, 2, "first"), ("7500.0", "5000.0"))
+            )
+        )
+    )
     with open_run(folder / "first") as run:
-        assert np.allclose(placed.model.grains.mass, run.model.grains.mass * (5000.0 / 7500.0), rtol=1e-15, atol=0.0)
+        assert np.allclose(
+            placed.model.grains.mass,
+            run.model.grains.mass * (5000.0 / 7500.0),
+            rtol=1e-15,
+            atol=0.0,
+        )
         assert run.model.thermal is not None
         assert placed.model.thermal is not None
-        assert np.array_equal(placed.model.thermal.initial_temperature, state.temperature(run.model.thermal))
+        assert np.array_equal(
+            placed.model.thermal.initial_temperature, state.temperature(run.model.thermal)
+        )
     assert not placed.state.heat.any()
     assert placed.state.heat_before.size == 0
     assert np.array_equal(placed.state.velocity, state.velocity)
@@ -201,22 +259,48 @@ def test_another_adhesion_leaves_the_impulses_as_they_are(place_of: Callable[[st
     folder = place_of("sticky")
     text = going_on(STICKY, 1, "first")
     same = place(load_scenario(written(folder / "same.toml", text))).state
-    more = place(load_scenario(written(folder / "more.toml", changed(text, ("adhesion = 1e-3", "adhesion = 3e-3"))))).state
-    none = place(
-        load_scenario(written(folder / "none.toml", changed(text, ("adhesion = 1e-3\nrolling_friction = 0.05", ""))))
+    more = place(
+        load_scenario(
+            written(folder / "more.toml", changed(text, ("adhesion = 1e-3", "adhesion = 3e-3")))
+        )
     ).state
-    assert np.allclose(more.contact_impulse[:, 0] - same.contact_impulse[:, 0], 2e-3 * same.last_dt, rtol=1e-9, atol=0.0)
-    assert np.allclose(none.contact_impulse[:, 0], np.maximum(same.contact_impulse[:, 0] - 1e-3 * same.last_dt, 0.0), atol=1e-20)
+    none = place(
+        load_scenario(
+            written(
+                folder / "none.toml",
+                changed(text, ("adhesion = 1e-3\nrolling_friction = 0.05", "")),
+            )
+        )
+    ).state
+    assert np.allclose(
+        more.contact_impulse[:, 0] - same.contact_impulse[:, 0],
+        2e-3 * same.last_dt,
+        rtol=1e-9,
+        atol=0.0,
+    )
+    assert np.allclose(
+        none.contact_impulse[:, 0],
+        np.maximum(same.contact_impulse[:, 0] - 1e-3 * same.last_dt, 0.0),
+        atol=1e-20,
+    )
     assert none.contact_couple.size == 0
     assert same.contact_couple.size == same.contact_i.size
 
 
 def test_groups_may_be_named_to_change_them(place_of: Callable[[str], Path]) -> None:
     folder = place_of("box")
-    group = '[[particles]]\nname = "{}"\nmaterial = "glass"\nshape = "sphere"\npacking = {{ kind = "start" }}\n{}'
+    group = (
+        '[[particles]]\nname = "{}"\nmaterial = "glass"\nshape = "sphere"\n'
+        'packing = {{ kind = "start" }}\n{}'
+    )
     text = changed(
         going_on(BOX, 1, "first"),
-        ("[[walls]]", group.format("large", "velocity = [0.5, 0.0]\n") + group.format("small", "") + "[[walls]]"),
+        (
+            "[[walls]]",
+            group.format("large", "velocity = [0.5, 0.0]\n")
+            + group.format("small", "")
+            + "[[walls]]",
+        ),
     )
     placed = place(load_scenario(written(folder / "groups.toml", text)))
     state = state_of(folder / "first")
@@ -224,23 +308,75 @@ def test_groups_may_be_named_to_change_them(place_of: Callable[[str], Path]) -> 
     assert np.array_equal(placed.state.velocity[25:], state.velocity[25:])
 
 
-_GROUP = '[[particles]]\nname = "{}"\nmaterial = "glass"\nshape = "{}"\npacking = {{ kind = "{}" }}\n{}'
+_GROUP = (
+    '[[particles]]\nname = "{}"\nmaterial = "glass"\nshape = "{}"\npacking = {{ kind = "{}" }}\n{}'
+)
 _SIZES = 'count = 5\nsizes = { kind = "uniform", min = 1e-4, max = 2e-4 }\n'
 MORE = _GROUP.format("more", "sphere", "random", _SIZES) + "[[walls]]"
 STRANGE = _GROUP.format("more", "sphere", "start", "") + "[[walls]]"
-DISCS = "".join(_GROUP.format(name, "disc", "start", "thickness = 1e-3\n") for name in ("large", "small")) + "[[walls]]"
+DISCS = (
+    "".join(
+        _GROUP.format(name, "disc", "start", "thickness = 1e-3\n") for name in ("large", "small")
+    )
+    + "[[walls]]"
+)
 
 REFUSED = {
-    "no run": (('run = "first"', 'run = "nowhere"'), "start.run", "not a run directory", "give the directory"),
-    "no frame": (('run = "first"\n', 'run = "first"\nframe = 99'), "start.frame", "no frame 99", "choose another frame"),
-    "both": (('run = "first"\n', 'run = "first"\nat = "end"\nframe = 1'), "start.frame", "both", "one of them"),
+    "no run": (
+        ('run = "first"', 'run = "nowhere"'),
+        "start.run",
+        "not a run directory",
+        "give the directory",
+    ),
+    "no frame": (
+        ('run = "first"\n', 'run = "first"\nframe = 99'),
+        "start.frame",
+        "no frame 99",
+        "choose another frame",
+    ),
+    "both": (
+        ('run = "first"\n', 'run = "first"\nat = "end"\nframe = 1'),
+        "start.frame",
+        "both",
+        "one of them",
+    ),
     "unknown": (('run = "first"\n', 'run = "first"\nat = "now"'), "start.at", "'end'", "use it"),
-    "small domain": (("size = [0.012, 0.02]", "size = [0.006, 0.02]"), "domain.size", "grains of the run", "enlarge"),
-    "no material": (("[materials.glass]", "[materials.sand]"), "start.run", 'no material "glass"', "add [materials.glass]"),
-    "no law": (('[[contacts]]\npair = ["*", "*"]\nfriction = 0.3\nrestitution = 0.5', ""), "contacts", "no contact law", "add"),
-    "grains": (("[[walls]]", MORE), "particles.0.packing", "beside a table [start]", "remove [[particles]]"),
-    "other groups": (("[[walls]]", STRANGE), "particles", "has the groups large, small", "in their order"),
-    "other shape": (("[[walls]]", DISCS), "particles.0.shape", "other grains than discs", "shape that they have"),
+    "small domain": (
+        ("size = [0.012, 0.02]", "size = [0.006, 0.02]"),
+        "domain.size",
+        "grains of the run",
+        "enlarge",
+    ),
+    "no material": (
+        ("[materials.glass]", "[materials.sand]"),
+        "start.run",
+        'no material "glass"',
+        "add [materials.glass]",
+    ),
+    "no law": (
+        ('[[contacts]]\npair = ["*", "*"]\nfriction = 0.3\nrestitution = 0.5', ""),
+        "contacts",
+        "no contact law",
+        "add",
+    ),
+    "grains": (
+        ("[[walls]]", MORE),
+        "particles.0.packing",
+        "beside a table [start]",
+        "remove [[particles]]",
+    ),
+    "other groups": (
+        ("[[walls]]", STRANGE),
+        "particles",
+        "has the groups large, small",
+        "in their order",
+    ),
+    "other shape": (
+        ("[[walls]]", DISCS),
+        "particles.0.shape",
+        "other grains than discs",
+        "shape that they have",
+    ),
 }
 
 
@@ -261,19 +397,25 @@ def test_what_does_not_fit_is_refused(case: str, place_of: Callable[[str], Path]
 def test_another_period_is_refused(place_of: Callable[[str], Path]) -> None:
     folder = place_of("small")
     text = changed(going_on(NAMED, 1, "first"), ("periodic = true", "periodic = false"))
-    with pytest.raises(ScenarioError, match=r"the period is 0 m, that of the run '.*' 0\.02 m") as caught:
+    with pytest.raises(
+        ScenarioError, match=r"the period is 0 m, that of the run '.*' 0\.02 m"
+    ) as caught:
         place(load_scenario(written(folder / "period.toml", text)))
     assert caught.value.problems[0].key == "domain.size"
 
 
 def test_start_groups_need_a_start() -> None:
     text = changed(BOX, ('packing = { kind = "random" }', 'packing = { kind = "start" }'))
-    text = changed(text, ('sizes = { kind = "uniform", min = 0.5e-3, max = 0.7e-3 }\ncount = 25\n', ""))
+    text = changed(
+        text, ('sizes = { kind = "uniform", min = 0.5e-3, max = 0.7e-3 }\ncount = 25\n', "")
+    )
     with pytest.raises(ScenarioError, match=r"without a table \[start\]"):
         parse_scenario(text, "box.toml")
 
 
-def test_a_run_without_checkpoint_or_with_damage_is_refused(place_of: Callable[[str], Path], tmp_path: Path) -> None:
+def test_a_run_without_checkpoint_or_with_damage_is_refused(
+    place_of: Callable[[str], Path], tmp_path: Path
+) -> None:
     shutil.copytree(place_of("box") / "first", tmp_path / "first")
     path = written(tmp_path / "second.toml", going_on(BOX, 1, "first"))
     for file in (tmp_path / "first" / "checkpoints").glob("*.h5"):
@@ -297,7 +439,9 @@ def test_forces_are_needed_where_only_heat_flows(place_of: Callable[[str], Path]
     assert caught.value.problems[0].key == "loading.0.frozen"
 
 
-def test_a_run_does_not_replace_the_one_that_it_goes_on_from(place_of: Callable[[str], Path]) -> None:
+def test_a_run_does_not_replace_the_one_that_it_goes_on_from(
+    place_of: Callable[[str], Path],
+) -> None:
     folder = place_of("box")
     path = written(folder / "same.toml", going_on(BOX, 1, "first"))
     before = (folder / "first" / "run.json").read_bytes()
@@ -313,12 +457,16 @@ def test_a_run_begins_once_more_from_the_same_moment_only(
     shutil.copytree(place_of("box") / "first", tmp_path / "first")
     path = written(tmp_path / "second.toml", going_on(BOX, 1, "first"))
     with monkeypatch.context() as patch:
-        patch.setattr(session_module, "make_engine", lambda *_: signal.raise_signal(signal.SIGTERM) or exit(1))
+        patch.setattr(
+            session_module, "make_engine", lambda *_: signal.raise_signal(signal.SIGTERM) or exit(1)
+        )
         with pytest.raises(SystemExit):
             run_scenario(path, tmp_path / "second")
     assert run_info(tmp_path / "second")["step"] is None
     run_scenario(
-        written(tmp_path / "other.toml", changed(shortened(BOX, 1), ("seed = 11", "seed = 12"))), tmp_path / "first", overwrite=True
+        written(tmp_path / "other.toml", changed(shortened(BOX, 1), ("seed = 11", "seed = 12"))),
+        tmp_path / "first",
+        overwrite=True,
     )
     with pytest.raises(ScenarioError, match="began from digest"):
         run_scenario(path, tmp_path / "second")
@@ -330,8 +478,14 @@ def test_a_run_begins_once_more_from_the_same_moment_only(
 def test_commands_say_where_a_run_goes_on_from(place_of: Callable[[str], Path]) -> None:
     folder = place_of("box")
     digest = run_info(folder / "first")["state_digest"]
-    lid = '[[walls]]\nname = "lid"\nmaterial = "glass"\ngeometry = { kind = "plane", point = [0.0, 0.02], normal = [0.0, -1.0] }\n'
-    written(folder / "said.toml", changed(going_on(BOX, 1, "first"), ("[[loading]]", lid + "[[loading]]")))
+    lid = (
+        '[[walls]]\nname = "lid"\nmaterial = "glass"\n'
+        'geometry = { kind = "plane", point = [0.0, 0.02], normal = [0.0, -1.0] }\n'
+    )
+    written(
+        folder / "said.toml",
+        changed(going_on(BOX, 1, "first"), ("[[loading]]", lid + "[[loading]]")),
+    )
     done = call("validate", "said.toml", cwd=folder)
     assert done.returncode == 0, done.stderr
     assert digest in done.stdout

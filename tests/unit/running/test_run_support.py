@@ -31,7 +31,12 @@ from multicor_cli.scenario.settings import Output
 def reserved(code: str, **extra: str) -> str:
     script = f"from multicor_cli.running.compiling import reserve_threads\nimport os\n{code}"
     done = subprocess.run(
-        [sys.executable, "-c", script], env=environment(**extra), capture_output=True, text=True, check=True, timeout=60
+        [sys.executable, "-c", script],
+        env=environment(**extra),
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
     )
     return done.stdout.strip()
 
@@ -40,7 +45,10 @@ def test_more_threads_than_cores_are_reserved_before_numba_comes() -> None:
     assert reserved("print(reserve_threads(64), os.environ['NUMBA_NUM_THREADS'])") == "64 64"
     assert reserved("print(reserve_threads(0))") == str(available_cores())
     assert reserved("print(reserve_threads(0), reserve_threads(2))", NUMBA_NUM_THREADS="3") == "3 2"
-    assert reserved("reserve_threads(3); import numba; print(numba.config.NUMBA_NUM_THREADS, reserve_threads(1))").endswith(" 1")
+    assert reserved(
+        "reserve_threads(3); import numba; print(numba.config.NUMBA_NUM_THREADS, "
+        "reserve_threads(1))"
+    ).endswith(" 1")
 
 
 def test_too_many_threads_are_refused() -> None:
@@ -53,9 +61,17 @@ def test_too_many_threads_are_refused() -> None:
 
 
 def test_differences_name_every_key() -> None:
-    before = 'a = 1\nb = [1, 2]\n[c]\nd = "x"\ne = 1\n[output]\ncheckpoint_interval = 1.0\n[[f]]\ng = 1\n[[f]]\ng = 2'
-    after = 'a = 1.0\nb = [1, 3]\n[c]\nd = "y"\n[output]\ncheckpoint_interval = 2.0\nnew = true\n[[f]]\ng = 1\n[[f]]\ng = 3'
-    found = {".".join(map(str, d.path)): (d.before, d.after) for d in find_differences(before, after)}
+    before = (
+        'a = 1\nb = [1, 2]\n[c]\nd = "x"\ne = 1\n[output]\ncheckpoint_interval = 1.0\n[[f]]\n'
+        "g = 1\n[[f]]\ng = 2"
+    )
+    after = (
+        'a = 1.0\nb = [1, 3]\n[c]\nd = "y"\n[output]\ncheckpoint_interval = 2.0\nnew = true\n'
+        "[[f]]\ng = 1\n[[f]]\ng = 3"
+    )
+    found = {
+        ".".join(map(str, d.path)): (d.before, d.after) for d in find_differences(before, after)
+    }
     assert found == {
         "a": ("1", "1.0"),
         "b.1": ("2", "3"),
@@ -73,8 +89,14 @@ def test_lists_of_another_length_differ_as_a_whole() -> None:
 
 def test_variables_differ_by_the_keys_that_they_change() -> None:
     """What refers to a variable says so; a variable without effect may change."""
-    text = changed(SMALL, ("[domain]", "[variables]\nmu = 0.4\n[domain]"), ("friction = 0.4", 'friction = "= mu"'))
-    before, plain = (parse_scenario(content, "small.toml").resolved_toml() for content in (text, SMALL))
+    text = changed(
+        SMALL,
+        ("[domain]", "[variables]\nmu = 0.4\n[domain]"),
+        ("friction = 0.4", 'friction = "= mu"'),
+    )
+    before, plain = (
+        parse_scenario(content, "small.toml").resolved_toml() for content in (text, SMALL)
+    )
     after = parse_scenario(text, "small.toml", ["variables.mu=0.5"]).resolved_toml()
     assert find_differences(before, after) == [(("contacts", 0, "friction"), "0.4", "0.5")]
     assert find_differences(before, plain) == find_differences(plain, before) == []
@@ -84,10 +106,16 @@ def test_a_default_that_was_another_one_is_kept_by_runs_that_began_with_it():
     before, after = "[solver]\ntolerance_energy = 0.01", "[solver]\ntolerance_energy = 0.005"
     assert former_defaults(before, after, {"solver": {}}) == ["solver.tolerance_energy=0.01"]
     assert former_defaults(before, after, {}) == ["solver.tolerance_energy=0.01"]
-    assert former_defaults("[solver]\nmax_sweeps = 10000", "[solver]\nmax_sweeps = 50000", {}) == ["solver.max_sweeps=10000"]
-    assert former_defaults(before, after, {"solver": {"tolerance_energy": 0.005}}) == []  # the user's own
+    assert former_defaults("[solver]\nmax_sweeps = 10000", "[solver]\nmax_sweeps = 50000", {}) == [
+        "solver.max_sweeps=10000"
+    ]
+    # The user's own
+    assert former_defaults(before, after, {"solver": {"tolerance_energy": 0.005}}) == []
     assert former_defaults("[solver]\ntolerance_energy = 0.02", after, {}) == []  # never a default
-    assert former_defaults("[solver]\ntolerance_rms = 0.01", "[solver]\ntolerance_rms = 0.001", {}) == []
+    assert (
+        former_defaults("[solver]\ntolerance_rms = 0.01", "[solver]\ntolerance_rms = 0.001", {})
+        == []
+    )
 
 
 @pytest.mark.parametrize(
@@ -107,7 +135,9 @@ def test_steps_to_a_strain_are_foreseen(signal: Constant | Ramp | Sine, steps: i
     state = State.at_rest(model, np.zeros((2, 2)))
     found = foresee_steps(RunPlan("p", (stage,), Output(frame_interval=1.0)), state)
     assert found == [steps] or (steps is not None and abs(found[0] - steps) <= 1)
-    assert foresee_steps(RunPlan("p", (replace(stage, step_limit=7),), Output(frame_interval=1.0)), state) == [7]
+    assert foresee_steps(
+        RunPlan("p", (replace(stage, step_limit=7),), Output(frame_interval=1.0)), state
+    ) == [7]
 
 
 def test_force_driven_shear_is_not_foreseen() -> None:
@@ -146,9 +176,13 @@ def test_frames_of_the_estimate_are_those_of_the_run() -> None:
 
 
 def test_deflection_of_a_contact() -> None:
-    """R = 1.5 mm: an overlap of 55.28 nm has a contact radius of 6.4387 µm = √(R* δ), and F = 4/3 E* √R* δ^1.5."""
+    """R = 1.5 mm: an overlap of 55.28 nm has a contact radius of 6.4387 µm = √(R* δ), and F = 4/3
+    E* √R* δ^1.5.
+    """
     young, poisson, radius, depth = 193e9, 0.29, 1.5e-3, 55.28e-9
     modulus, reduced = young / (2.0 * (1.0 - poisson**2)), 0.5 * radius
     assert np.sqrt(reduced * depth) == pytest.approx(6.4387e-6, rel=1e-4)
     force = 4.0 / 3.0 * modulus * np.sqrt(reduced) * depth**1.5
-    assert relative_deflection(force, radius, young, poisson) == pytest.approx(depth / (2.0 * radius), rel=1e-12)
+    assert relative_deflection(force, radius, young, poisson) == pytest.approx(
+        depth / (2.0 * radius), rel=1e-12
+    )

@@ -59,7 +59,11 @@ def test_only_the_named_group_is_held(whole: Path) -> None:
         assert fell.sum() >= 3
         wall = found.model.shapes.wall
         for frame in found.frames:
-            of_sieve = [c for c, j in enumerate(frame.contacts.j) if j >= large.size and wall[j - large.size] == 3]
+            of_sieve = [
+                c
+                for c, j in enumerate(frame.contacts.j)
+                if j >= large.size and wall[j - large.size] == 3
+            ]
             assert large[frame.contacts.i[of_sieve]].all()
         start, radius = first.position[~large, 1], found.model.grains.radius[~large]
         assert (np.abs(start - HEIGHT) < radius).any()  # their packing lies across it
@@ -85,13 +89,17 @@ def test_the_exported_problem_is_the_one_that_the_engine_solves(whole: Path) -> 
 
 
 def test_a_program_lets_a_surface_run(tmp_path: Path) -> None:
-    """In a stage that it adds; what it reads, and the scenario with this stage, which gives the same bits."""
+    """In a stage that it adds; what it reads, and the scenario with this stage, which gives the
+    same bits.
+    """
     read = []
 
     def steer(now: LiveRun) -> None:
         read.append(now.walls["floor"].surface)
         if now.step == 20:
-            now.end_stage(then={"duration": 0.02, "drives": {"floor": {"surface": {"velocity": 0.05}}}})
+            now.end_stage(
+                then={"duration": 0.02, "drives": {"floor": {"surface": {"velocity": 0.05}}}}
+            )
         if now.step == 40:
             now.end_run()
 
@@ -118,27 +126,41 @@ def test_a_wall_cuts_those_alone_that_meet_it(tmp_path: Path) -> None:
     """Grains from a file across a wall: refused if they meet it, by their names."""
     written(tmp_path / "grains.csv", "x,y,radius\n0.006,0.0075,0.0006\n")
     begin, end = SIEVE.index('name = "large"'), SIEVE.index("[[walls]]")
-    one = '[[particles]]\nname = "{}"\nmaterial = "glass"\nshape = "sphere"\npacking = {{ kind = "file", path = "grains.csv" }}\n'
+    one = (
+        '[[particles]]\nname = "{}"\nmaterial = "glass"\nshape = "sphere"\n'
+        'packing = {{ kind = "file", path = "grains.csv" }}\n'
+    )
     head = SIEVE[:begin].removesuffix("[[particles]]\n")
     for names, is_cut in (("small", False), ("large", True)):
         text = (
-            head + one.format(names) + SIEVE[end:].replace('groups = ["large"]', f'groups = ["{"large" if is_cut else "other"}"]')
+            head
+            + one.format(names)
+            + SIEVE[end:].replace(
+                'groups = ["large"]', f'groups = ["{"large" if is_cut else "other"}"]'
+            )
         )
         if not is_cut:
-            text = text.replace("[[walls]]", one.format("other").replace("grains.csv", "other.csv") + "[[walls]]", 1)
+            text = text.replace(
+                "[[walls]]", one.format("other").replace("grains.csv", "other.csv") + "[[walls]]", 1
+            )
             written(tmp_path / "other.csv", "x,y,radius\n0.006,0.012,0.0006\n")
         scenario = load_scenario(written(tmp_path / "one.toml", text))
         if is_cut:
             with pytest.raises(ScenarioError, match="the wall 'sieve' cuts grains at the start"):
                 place(scenario)
         else:
-            assert place(scenario).model.walls.meets.tolist() == [[True, True]] * 3 + [[False, True]]
+            assert place(scenario).model.walls.meets.tolist() == [[True, True]] * 3 + [
+                [False, True]
+            ]
 
 
 def test_no_law_is_needed_with_walls_that_nobody_of_a_group_meets() -> None:
     text = changed(
         SIEVE,
-        ("[[contacts]]", "[materials.net]\ndensity = 1000.0\n[materials.sand]\ndensity = 1000.0\n[[contacts]]"),
+        (
+            "[[contacts]]",
+            "[materials.net]\ndensity = 1000.0\n[materials.sand]\ndensity = 1000.0\n[[contacts]]",
+        ),
         ('pair = ["*", "*"]', 'pair = ["glass", "*"]'),
         ('name = "small"\nmaterial = "glass"', 'name = "small"\nmaterial = "sand"'),
         ("[[particles]]", '[[contacts]]\npair = ["sand", "sand"]\nfriction = 0.1\n[[particles]]'),
@@ -152,7 +174,9 @@ def test_no_law_is_needed_with_walls_that_nobody_of_a_group_meets() -> None:
         parse_scenario(changed(text, ('groups = ["large"]', 'groups = ["small"]')), "sieve.toml")
 
 
-def test_going_on_leaves_out_contacts_with_walls_that_are_not_met_any_more(whole: Path, tmp_path: Path) -> None:
+def test_going_on_leaves_out_contacts_with_walls_that_are_not_met_any_more(
+    whole: Path, tmp_path: Path
+) -> None:
     begin, end = SIEVE.index("[[particles]]"), SIEVE.index("[[walls]]")
     text = SIEVE[:begin] + f'[start]\nrun = "{whole}"\n' + SIEVE[end:]
     model, state = build(load_scenario(written(tmp_path / "on.toml", text)))
@@ -169,9 +193,12 @@ def test_going_on_leaves_out_contacts_with_walls_that_are_not_met_any_more(whole
 def test_grains_are_released_in_a_wall_that_they_do_not_meet() -> None:
     """The first place is taken by nobody: in a plane below which no other group finds room."""
     release = "release = { rate = 1e3, region = { min = [0.002, 0.001], max = [0.01, 0.006] } }"
-    text = changed(SIEVE, ('count = 25\npacking = { kind = "random" }\nspin = 20.0', f"count = 25\n{release}"))
+    text = changed(
+        SIEVE, ('count = 25\npacking = { kind = "random" }\nspin = 20.0', f"count = 25\n{release}")
+    )
     text = text.replace(
-        'kind = "polyline", points = [[0.0, 0.008], [0.012, 0.007]]', 'kind = "plane", point = [0.0, 0.01], normal = [0.0, 1.0]'
+        'kind = "polyline", points = [[0.0, 0.008], [0.012, 0.007]]',
+        'kind = "plane", point = [0.0, 0.01], normal = [0.0, 1.0]',
     )
     from multicor_cli.engine.inflow.population import find_room
     from multicor_cli.running.plan import inflow_rules
@@ -186,8 +213,12 @@ def test_grains_are_released_in_a_wall_that_they_do_not_meet() -> None:
 
 
 def test_heat_goes_to_those_alone_that_meet_a_hot_wall(tmp_path: Path) -> None:
-    """By contact, through gas and by radiation; while nothing moves too. A wall keeps the groups apart."""
-    material = "young = 70e9\npoisson = 0.22\nconductivity = 1.0\nheat_capacity = 800.0\nemissivity = 0.9"
+    """By contact, through gas and by radiation; while nothing moves too. A wall keeps the groups
+    apart.
+    """
+    material = (
+        "young = 70e9\npoisson = 0.22\nconductivity = 1.0\nheat_capacity = 800.0\nemissivity = 0.9"
+    )
     heat = """\
 [heat]
 temperature = 300.0
@@ -206,7 +237,10 @@ geometry = { kind = "polyline", points = [[0.006, 0.0], [0.006, 0.04]] }
         shortened(SIEVE, 1),
         ("density = 2500.0", f"density = 2500.0\n{material}"),
         ("[[contacts]]", heat),
-        ('kind = "polyline", points = [[0.0, 0.008], [0.012, 0.007]]', 'kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0]'),
+        (
+            'kind = "polyline", points = [[0.0, 0.008], [0.012, 0.007]]',
+            'kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0]',
+        ),
         ('groups = ["large"]', 'groups = ["large"]\nthermal = { temperature = 400.0 }'),
         ('name = "large"', 'name = "large"\nregion = { min = [0.0, 0.0], max = [0.005, 0.02] }'),
         ('name = "small"', 'name = "small"\nregion = { min = [0.007, 0.0], max = [0.012, 0.02] }'),
@@ -225,7 +259,10 @@ geometry = { kind = "polyline", points = [[0.006, 0.0], [0.006, 0.04]] }
 def test_nothing_changes_where_all_groups_are_named() -> None:
     """The list is the same, and so is the state."""
     ends = []
-    for text in (SIEVE.replace('groups = ["large"]\n', ""), SIEVE.replace('["large"]', '["large", "small"]')):
+    for text in (
+        SIEVE.replace('groups = ["large"]\n', ""),
+        SIEVE.replace('["large"]', '["large", "small"]'),
+    ):
         model, state = build(parse_scenario(text, "sieve.toml"))
         engine = Engine(model, state, threads=1)
         for k in range(30):

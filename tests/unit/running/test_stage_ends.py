@@ -1,4 +1,6 @@
-"""What ends a stage, by scenes whose end is known in closed form; what happens when it does not; and who is told."""
+"""What ends a stage, by scenes whose end is known in closed form; what happens when it does not;
+and who is told.
+"""
 
 from __future__ import annotations
 
@@ -34,14 +36,21 @@ def run_one(folder: Path, stage: str) -> RunOutcome:
 
 
 ENDS = {
-    # A wall at rest is told v: it has moved v Δt (n − 1/2) after n steps. 0.05 m/s for 0.2 s out of 0.1 m: 10 % nearer.
+    # A wall at rest is told v: it has moved v Δt (n − 1/2) after n steps. 0.05 m/s for 0.2 s out of
+    # 0.1 m: 10 % nearer.
     "axial strain": (
-        'until = { axial_strain = { walls = ["floor", "lid"], below = -0.1 } }\ndrives.lid = { y = { velocity = -0.05 } }',
+        (
+            'until = { axial_strain = { walls = ["floor", "lid"], below = -0.1 } }\n'
+            "drives.lid = { y = { velocity = -0.05 } }"
+        ),
         201,
         -0.10025,
     ),
     "the first wall moves": (
-        'until = { axial_strain = { walls = ["lid", "floor"], above = 0.25 } }\ndrives.floor = { y = { velocity = -0.1 } }',
+        (
+            'until = { axial_strain = { walls = ["lid", "floor"], above = 0.25 } }\n'
+            "drives.floor = { y = { velocity = -0.1 } }"
+        ),
         251,
         0.2505,
     ),
@@ -53,18 +62,27 @@ drives.lid = { x = { velocity = { ramp = [0.0, 0.2], duration = 0.5 } } }""",
         0.018,
     ),
     "angle": (
-        'until = { displacement = { wall = "lid", axis = "spin", below = -0.02 } }\ndrives.lid = { spin = { velocity = -0.1 } }',
+        (
+            'until = { displacement = { wall = "lid", axis = "spin", below = -0.02 } }\n'
+            "drives.lid = { spin = { velocity = -0.1 } }"
+        ),
         201,
         -0.02005,
     ),
     # reached by the window that ends at 8 · 0.02 s: (8 − 1/2) · 0.02 · 10 = 1.5 m/s²
     "force": (
-        f'until = {{ force = {{ wall = "floor", axis = "y", below = {-1.45 * MASS!r}, window = 0.02 }} }}\n{HEAVIER}',
+        (
+            f'until = {{ force = {{ wall = "floor", axis = "y", below = {-1.45 * MASS!r}, window '
+            f"= 0.02 }} }}\n{HEAVIER}"
+        ),
         160,
         -1.5 * MASS,
     ),
     "stress": (
-        f'until = {{ stress = {{ wall = "floor", axis = "y", below = {-14.5 * MASS!r}, window = 0.02 }} }}\n{HEAVIER}',
+        (
+            f'until = {{ stress = {{ wall = "floor", axis = "y", below = {-14.5 * MASS!r}, window '
+            f"= 0.02 }} }}\n{HEAVIER}"
+        ),
         160,
         -15.0 * MASS,
     ),
@@ -80,7 +98,12 @@ def test_stages_end_when_they_are_to(name: str, tmp_path: Path) -> None:
     assert first.time == first.duration == pytest.approx(steps * 1e-3)
     # Forces are as exact as the solver's tolerances, places as rounding.
     assert first.value == pytest.approx(value, rel=1e-2 if name in ("force", "stress") else 1e-9)
-    assert (second.reason, second.step, second.value, second.goal) == ("duration", steps + 10, None, None)
+    assert (second.reason, second.step, second.value, second.goal) == (
+        "duration",
+        steps + 10,
+        None,
+        None,
+    )
 
 
 @pytest.mark.parametrize("name", ["axial strain", "displacement", "force"])
@@ -91,7 +114,10 @@ def test_a_stage_that_was_stopped_ends_as_if_it_was_not(name: str, tmp_path: Pat
     assert run_info(tmp_path / "run")["stage_ends"] == run_info(tmp_path / "whole")["stage_ends"]
 
 
-LATE = 'until = { displacement = { wall = "lid", axis = "y", below = -0.09 } }\ndrives.lid = { y = { velocity = -0.1 } }'
+LATE = (
+    'until = { displacement = { wall = "lid", axis = "y", below = -0.09 } }\n'
+    "drives.lid = { y = { velocity = -0.1 } }"
+)
 
 
 def test_a_timeout_goes_on_and_is_told(tmp_path: Path) -> None:
@@ -121,7 +147,9 @@ def test_a_timeout_goes_on_and_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("late", ["go on", "stop"])
-def test_an_end_that_was_lost_is_not_told(late: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_end_that_was_lost_is_not_told(
+    late: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The disk is full when the checkpoint behind it is due: it will come once more."""
     path, written = write(tmp_path, LATE + f'\non_timeout = "{late}"'), 0
 
@@ -137,17 +165,27 @@ def test_an_end_that_was_lost_is_not_told(late: str, tmp_path: Path, monkeypatch
         with pytest.raises(StorageFull):
             run_scenario(path, tmp_path / "run")
     info = read_info(tmp_path / "run")
-    assert (info["status"], info["exit_code"], info["step"], info["stage_ends"]) == ("failed", 5, 0, [])
+    assert (info["status"], info["exit_code"], info["step"], info["stage_ends"]) == (
+        "failed",
+        5,
+        0,
+        [],
+    )
     told = call("info", "run", cwd=tmp_path).stdout
     assert "no space left" in told
     assert "timed out" not in told
     more = ("--set", "loading.0.on_timeout=go on")
     assert call("run", "one.toml", "-o", "run", *more, cwd=tmp_path).returncode == 0
-    assert [end["reason"] for end in read_info(tmp_path / "run")["stage_ends"]] == ["timeout", "duration"]
+    assert [end["reason"] for end in read_info(tmp_path / "run")["stage_ends"]] == [
+        "timeout",
+        "duration",
+    ]
 
 
 def test_a_timeout_may_stop_the_run(tmp_path: Path) -> None:
-    """It stays where it is until it is told to go on, and then ends as a run that was never stopped."""
+    """It stays where it is until it is told to go on, and then ends as a run that was never
+    stopped.
+    """
     write(tmp_path, LATE + '\non_timeout = "stop"')
     for _ in range(2):
         done = call("run", "one.toml", "-o", "run", cwd=tmp_path)
@@ -155,7 +193,12 @@ def test_a_timeout_may_stop_the_run(tmp_path: Path) -> None:
         assert "stage first: t = 0.5 s, step 500: timed out" in done.stderr
         assert "--set 'loading.0.on_timeout=go on'" in done.stderr
         info = read_info(tmp_path / "run")
-        assert (info["status"], info["exit_code"], info["step"], info["stage"]) == ("failed", 4, 500, 0)
+        assert (info["status"], info["exit_code"], info["step"], info["stage"]) == (
+            "failed",
+            4,
+            500,
+            0,
+        )
         assert [end["reason"] for end in info["stage_ends"]] == ["timeout"]
     with pytest.raises(StageTimeout, match="timed out"):
         run_scenario(tmp_path / "one.toml", tmp_path / "run")
@@ -167,7 +210,9 @@ def test_a_timeout_may_stop_the_run(tmp_path: Path) -> None:
 
 
 def test_a_last_stage_that_timed_out_is_finished_by_going_on(tmp_path: Path) -> None:
-    text = ONE.replace("STAGE", LATE + '\non_timeout = "stop"').replace('[[loading]]\nname = "second"\nduration = 0.01\n', "")
+    text = ONE.replace("STAGE", LATE + '\non_timeout = "stop"').replace(
+        '[[loading]]\nname = "second"\nduration = 0.01\n', ""
+    )
     (tmp_path / "one.toml").write_text(text)
     with pytest.raises(StageTimeout):
         run_scenario(tmp_path / "one.toml", tmp_path / "run")

@@ -9,7 +9,16 @@ from scenes import ONE, SMALL, changed
 
 import multicor_cli as multicor
 from multicor_cli.model import State
-from multicor_cli.running.conditions import BLOCKS, DONE, HALF, KINETIC, Aim, Steady, StepDone, drift_of
+from multicor_cli.running.conditions import (
+    BLOCKS,
+    DONE,
+    HALF,
+    KINETIC,
+    Aim,
+    Steady,
+    StepDone,
+    drift_of,
+)
 from multicor_cli.store import run_info
 
 BLOCK = 10
@@ -20,7 +29,9 @@ def steady(*, across=None, wall=0, tolerance=0.05, skipped=0):
 
 
 def ends_after(condition, forces, others=None):
-    """Step after which the condition holds, given the force on a wall in each step; None if it never does."""
+    """Step after which the condition holds, given the force on a wall in each step; None if it
+    never does.
+    """
     state = State()
     state.stage_notes = condition.first_notes(state)
     for step, force in enumerate(forces, 1):
@@ -51,7 +62,9 @@ def test_the_drift_of_a_window():
 
 @pytest.mark.parametrize("seed", range(8))
 def test_stationary_noise_ends_and_a_drift_does_not(seed):
-    """Noise of 20 %: the mean of a half is known to 0.2/√80 = 2 %, the drift to 7 %. The other mean grows by 15 % in a window."""
+    """Noise of 20 %: the mean of a half is known to 0.2/√80 = 2 %, the drift to 7 %. The other mean
+    grows by 15 % in a window.
+    """
     window, steps = BLOCK * BLOCKS, np.arange(2_000)
     stationary = 5.0 * (1.0 + 0.2 * noise(steps.size, seed))
     assert ends_after(steady(tolerance=0.15), stationary) is not None
@@ -80,7 +93,9 @@ def test_time_that_is_left_out():
 
 
 def test_the_ratio_of_two_forces_and_the_kinetic_energy():
-    """Both forces grow, their ratio stays. A block in which nothing presses on the wall begins the window anew."""
+    """Both forces grow, their ratio stays. A block in which nothing presses on the wall begins the
+    window anew.
+    """
     growth = 1.0 + 0.01 * np.arange(1_000.0)
     assert ends_after(steady(), growth) is None
     assert ends_after(steady(across=0), 0.3 * growth, -growth) == BLOCK * BLOCKS
@@ -99,11 +114,16 @@ def test_notes_hold_what_files_can_hold():
     assert not condition.holds(state)
 
 
-WEIGHT = 'until = { steady = { of = "stress", wall = "floor", axis = "y", window = 0.08, tolerance = 0.02, after = 0.1 } }'
+WEIGHT = (
+    'until = { steady = { of = "stress", wall = "floor", axis = "y", window = 0.08, tolerance = '
+    "0.02, after = 0.1 } }"
+)
 
 
 def test_the_weight_on_a_floor_becomes_steady(tmp_path):
-    """Gravity grows for 0.2 s. The window that has left this behind is over at 0.28 s; one with its last bit may be steady too."""
+    """Gravity grows for 0.2 s. The window that has left this behind is over at 0.28 s; one with its
+    last bit may be steady too.
+    """
     path = tmp_path / "one.toml"
     heavier = "gravity = [0.0, { ramp = [-5.0, -10.0], duration = 0.2 }]"
     path.write_text(changed(ONE, ("STAGE", f"{WEIGHT}\n{heavier}")))
@@ -114,9 +134,16 @@ def test_the_weight_on_a_floor_becomes_steady(tmp_path):
     assert first.quantity == "the drift of the stress in y on floor"
 
 
-STEADY = 'steady = { of = "friction", wall = "top", axis = "x", window = 0.02, tolerance = 0.9, after = 0.01 }'
+STEADY = (
+    'steady = { of = "friction", wall = "top", axis = "x", window = 0.02, tolerance = 0.9, after '
+    "= 0.01 }"
+)
 FLOW = changed(
-    SMALL, ('until = { strain = { walls = ["bottom", "top"], value = 0.15 } }', f"duration = 0.06\nuntil = {{ {STEADY} }}")
+    SMALL,
+    (
+        'until = { strain = { walls = ["bottom", "top"], value = 0.15 } }',
+        f"duration = 0.06\nuntil = {{ {STEADY} }}",
+    ),
 )
 """Plane shear until friction drifts by less than it is itself."""
 

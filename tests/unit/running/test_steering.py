@@ -1,4 +1,6 @@
-"""A program steers a run: it ends stages, adds others, ends the run; what it did is kept, and can be done again without it."""
+"""A program steers a run: it ends stages, adds others, ends the run; what it did is kept, and can
+be done again without it.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,11 @@ drives.top = { x = { velocity = { ramp = [0.0, 0.1], duration = 0.008 } } }
 name = "on"
 duration = 0.002
 """
-SLOWER: dict[str, Any] = {"name": "slower", "duration": 0.004, "drives": {"top": {"x": {"velocity": 0.02}}}}
+SLOWER: dict[str, Any] = {
+    "name": "slower",
+    "duration": 0.004,
+    "drives": {"top": {"x": {"velocity": 0.02}}},
+}
 DT = 2e-4
 MIDDLE = 0.01
 """Where the top wall is at first, in x [m]."""
@@ -58,9 +64,14 @@ def at(step: int, do: Callable[[LiveRun], None]) -> Callable[[LiveRun], None]:
 
 
 def when_pushed(now: LiveRun) -> None:
-    """Count calls; slow down once when the top wall has been pushed for a while, then stop when it has gone far enough."""
+    """Count calls; slow down once when the top wall has been pushed for a while, then stop when it
+    has gone far enough.
+    """
     now.notes["calls"] = now.notes.get("calls", 0) + 1
-    now.notes["work"] = now.notes.get("work", 0.0) + float(now.walls["top"].force[0] * now.walls["top"].velocity[0]) * now.dt
+    now.notes["work"] = (
+        now.notes.get("work", 0.0)
+        + float(now.walls["top"].force[0] * now.walls["top"].velocity[0]) * now.dt
+    )
     if now.stage == "shear" and now.stage_time > 0.005:
         now.end_stage(then=SLOWER)
     elif now.stage == "slower" and now.walls["top"].position[0] > MIDDLE + 1.9e-4:
@@ -71,7 +82,10 @@ def test_ending_a_stage_is_a_shorter_stage(tmp_path: Path) -> None:
     run(scenario(), tmp_path / "steered", steer=at(35, LiveRun.end_stage))
     run(scenario().with_({"loading.1.duration": 15 * DT}), tmp_path / "short")
     assert digests(tmp_path / "steered") == digests(tmp_path / "short")
-    assert [(end["name"], end["reason"], end["step"]) for end in run_info(tmp_path / "steered")["stage_ends"]] == [
+    assert [
+        (end["name"], end["reason"], end["step"])
+        for end in run_info(tmp_path / "steered")["stage_ends"]
+    ] == [
         ("settle", "duration", 20),
         ("shear", "steered", 35),
         ("on", "duration", 45),
@@ -81,7 +95,11 @@ def test_ending_a_stage_is_a_shorter_stage(tmp_path: Path) -> None:
 
 def test_a_condition_in_the_program_is_one_in_the_file(tmp_path: Path) -> None:
     until = SHORT.replace(
-        'name = "shear"\n', 'name = "shear"\nuntil = { displacement = { wall = "top", axis = "x", above = 1.05e-4 } }\n'
+        'name = "shear"\n',
+        (
+            'name = "shear"\n'
+            'until = { displacement = { wall = "top", axis = "x", above = 1.05e-4 } }\n'
+        ),
     )
 
     def steer(now: LiveRun) -> None:
@@ -98,7 +116,10 @@ def test_another_drive_is_another_stage(tmp_path: Path) -> None:
     run(scenario(), tmp_path / "steered", steer=at(35, lambda now: now.end_stage(then=SLOWER)))
     loading = tomllib.loads(SHORT)["loading"]
     loading[1]["duration"] = 15 * DT
-    run(Scenario.from_dict(tomllib.loads(SMALL) | {"loading": [*loading[:2], SLOWER, loading[2]]}), tmp_path / "file")
+    run(
+        Scenario.from_dict(tomllib.loads(SMALL) | {"loading": [*loading[:2], SLOWER, loading[2]]}),
+        tmp_path / "file",
+    )
     assert digests(tmp_path / "steered") == digests(tmp_path / "file")
     with open_run(tmp_path / "steered") as steered:
         assert steered.stages == ("settle", "shear", "slower", "on")
@@ -112,7 +133,10 @@ def test_heat_and_gravity_are_changed_too(tmp_path: Path) -> None:
     run(warm, tmp_path / "steered", steer=at(5, lambda now: now.end_stage(then=then)))
     data = warm.as_dict()
     first, *rest = data["loading"]
-    run(Scenario.from_dict(data | {"loading": [{**first, "duration": 5 * dt}, then, *rest]}), tmp_path / "file")
+    run(
+        Scenario.from_dict(data | {"loading": [{**first, "duration": 5 * dt}, then, *rest]}),
+        tmp_path / "file",
+    )
     assert digests(tmp_path / "steered") == digests(tmp_path / "file")
 
 
@@ -129,25 +153,35 @@ def test_without_the_program_the_bits_are_the_same(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("stops", [(1, 7, 20, 33, 45, 46, 47, 50)])
-def test_a_run_that_is_stopped_goes_on_as_it_would_have(stops: tuple[int, ...], tmp_path: Path) -> None:
+def test_a_run_that_is_stopped_goes_on_as_it_would_have(
+    stops: tuple[int, ...], tmp_path: Path
+) -> None:
     """Stopped before, at and after decisions, with notes that must come back."""
     run(scenario(), tmp_path / "whole", steer=when_pushed, steer_every=2)
     last = run_info(tmp_path / "whole")["step"]
     assert [end["step"] for end in run_info(tmp_path / "whole")["stage_ends"]][1] == 46
     for step in stops:
         assert step < last
-        stopped = run(scenario(), tmp_path / "run", steer=when_pushed, steer_every=2, observer=StopAt(step))
+        stopped = run(
+            scenario(), tmp_path / "run", steer=when_pushed, steer_every=2, observer=StopAt(step)
+        )
         assert stopped.reason is StopReason.TERMINATED
         assert stopped.step == step
         assert verify(tmp_path / "run") == []
-    assert run(scenario(), tmp_path / "run", steer=when_pushed, steer_every=2, threads=2).is_finished
+    assert run(
+        scenario(), tmp_path / "run", steer=when_pushed, steer_every=2, threads=2
+    ).is_finished
     assert digests(tmp_path / "run") == digests(tmp_path / "whole")
     assert run_info(tmp_path / "run")["steering"] == run_info(tmp_path / "whole")["steering"]
     assert run_info(tmp_path / "run")["stages"] == run_info(tmp_path / "whole")["stages"]
 
 
-def test_decisions_after_the_last_checkpoint_are_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The process dies after a decision that no checkpoint has: run.json, which may know it already, is put right."""
+def test_decisions_after_the_last_checkpoint_are_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The process dies after a decision that no checkpoint has: run.json, which may know it
+    already, is put right.
+    """
     run(scenario(), tmp_path / "whole", steer=when_pushed)
     run(scenario(), tmp_path / "run", steer=when_pushed, observer=StopAt(40))
     script = tmp_path / "die.py"
@@ -203,14 +237,26 @@ def test_what_is_read_is_right_and_cannot_be_changed(tmp_path: Path) -> None:
     seen: dict[int, dict[str, Any]] = {}
 
     def steer(now: LiveRun) -> None:
-        arrays = {name: getattr(now, name) for name in ("position", "velocity", "spin", "angle", "temperature", "number")}
-        walls = [array for wall in now.walls.values() for array in (wall.position, wall.velocity, wall.force)]
+        arrays = {
+            name: getattr(now, name)
+            for name in ("position", "velocity", "spin", "angle", "temperature", "number")
+        }
+        walls = [
+            array
+            for wall in now.walls.values()
+            for array in (wall.position, wall.velocity, wall.force)
+        ]
         for array in [*arrays.values(), *walls, now.contacts.impulse, now.contacts.gap]:
             with pytest.raises(ValueError, match="read-only"):
                 array[...] = 0
         kept = {name: array.copy() for name, array in arrays.items()}
         force = {name: wall.force for name, wall in now.walls.items()}
-        seen[now.step] = kept | {"books": now.books, "gap": now.contacts.gap, "force": force, "time": now.time}
+        seen[now.step] = kept | {
+            "books": now.books,
+            "gap": now.contacts.gap,
+            "force": force,
+            "time": now.time,
+        }
 
     run(warm, tmp_path / "run", steer=steer)
     run(warm, tmp_path / "free")
@@ -227,7 +273,12 @@ def test_what_is_read_is_right_and_cannot_be_changed(tmp_path: Path) -> None:
             assert values["time"] == frame.time
             assert values["books"]["friction_loss"] == found.series["friction_loss"][row]
             for wall, name in enumerate(found.wall_names):
-                np.testing.assert_allclose(values["force"][name], found.series["wall_force"][row, wall], rtol=1e-12, atol=1e-15)
+                np.testing.assert_allclose(
+                    values["force"][name],
+                    found.series["wall_force"][row, wall],
+                    rtol=1e-12,
+                    atol=1e-15,
+                )
 
 
 def test_frozen_stages_are_not_steered(tmp_path: Path) -> None:
@@ -247,7 +298,10 @@ def test_a_steered_run_goes_on_with_its_program_only(tmp_path: Path) -> None:
     run(path, tmp_path / "run", steer=when_pushed, observer=StopAt(10))
     done = call("run", "small.toml", "-o", "run", cwd=tmp_path)
     assert done.returncode == 6
-    assert "run: is steered by the Python program test_steering.when_pushed; go on with it" in done.stderr.replace("\n", " ")
+    assert (
+        "run: is steered by the Python program test_steering.when_pushed; go on with it"
+        in done.stderr.replace("\n", " ")
+    )
     with pytest.raises(DirectoryRefused, match="no stages can be added"):
         run(path, tmp_path / "run", extend=True)
     with pytest.raises(DirectoryRefused, match="began with steer_every=1"):
@@ -255,7 +309,9 @@ def test_a_steered_run_goes_on_with_its_program_only(tmp_path: Path) -> None:
     assert run(path, tmp_path / "run", steer=when_pushed).is_finished
     assert run(path, tmp_path / "run").reason is StopReason.ALREADY_FINISHED
     shown = call("info", "run", cwd=tmp_path).stdout
-    assert "by the Python program test_steering.when_pushed, asked every 1 step: 2 decisions" in shown
+    assert (
+        "by the Python program test_steering.when_pushed, asked every 1 step: 2 decisions" in shown
+    )
     assert "ended by the program that steers the run" in shown
     run(path, tmp_path / "free", observer=StopAt(10))
     with pytest.raises(DirectoryRefused, match="began without steer"):
@@ -263,8 +319,14 @@ def test_a_steered_run_goes_on_with_its_program_only(tmp_path: Path) -> None:
 
 
 def test_the_example_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "how-to" / "steering.md").read_text(encoding="utf-8"), re.DOTALL)
-    loading = '[[loading]]\nname = "compress"\nduration = 0.1\ndrives.top = { y = { velocity = -0.1 } }\n'
+    (code,) = re.findall(
+        r"```python\n(.*?)```",
+        (ROOT / "docs" / "how-to" / "steering.md").read_text(encoding="utf-8"),
+        re.DOTALL,
+    )
+    loading = (
+        '[[loading]]\nname = "compress"\nduration = 0.1\ndrives.top = { y = { velocity = -0.1 } }\n'
+    )
     text = SMALL[: SMALL.index("[[loading]]")] + loading + SMALL[SMALL.index("[solver]") :]
     (tmp_path / "configs").mkdir()
     (tmp_path / "configs" / "biaxial.toml").write_text(text)
@@ -272,7 +334,9 @@ def test_the_example_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.Monkey
     exec(code.replace("LOW, HIGH, CYCLES = 4.0, 6.0, 3", "LOW, HIGH, CYCLES = 0.1, 1.0, 3"), {})
     info = run_info("runs/cycles")
     names = ["compress", "unload-0", "load-0", "unload-1", "load-1", "unload-2", "load-2"]
-    assert [(end["name"], end["reason"]) for end in info["stage_ends"]] == [(name, "steered") for name in names]
+    assert [(end["name"], end["reason"]) for end in info["stage_ends"]] == [
+        (name, "steered") for name in names
+    ]
     assert info["steering"]["notes"]["cycles"] == 3
 
 
@@ -301,7 +365,13 @@ class Watch:
 
 def test_an_observer_hears_of_every_step_and_what_is_none_is_refused(tmp_path):
     scene, watch = write_small(tmp_path), Watch()
-    outcome = run(scene, tmp_path / "run", overrides=["loading.1.until.strain.value=0.01"], observer=watch, threads=1)
+    outcome = run(
+        scene,
+        tmp_path / "run",
+        overrides=["loading.1.until.strain.value=0.01"],
+        observer=watch,
+        threads=1,
+    )
     assert (watch.steps, watch.ended) == (outcome.step, 1)
     with pytest.raises(TypeError, match="lacks message, warning, stepped, closed"):
         run(scene, tmp_path / "other", observer=print)

@@ -38,16 +38,24 @@ def test_slow_flows_and_tight_tolerances_need_more_sweeps() -> None:
     assert found == sorted(found)
     assert found[0] >= FEWEST * SWEEPS
     assert found[-1] == MOST * SWEEPS
-    assert sweeps_of_stage(scales(0.1), 0.1 * TOLERANCE) > 1.5 * sweeps_of_stage(scales(0.1), TOLERANCE)
+    assert sweeps_of_stage(scales(0.1), 0.1 * TOLERANCE) > 1.5 * sweeps_of_stage(
+        scales(0.1), TOLERANCE
+    )
 
 
 def test_time_is_that_of_its_parts() -> None:
     per_grain = CONTACTS_PER_GRAIN * 100.0 * SECONDS_PER_CONTACT + SECONDS_PER_GRAIN
-    assert seconds_per_step(1000, 100.0, STAGE, 1) == pytest.approx(SECONDS_PER_STEP + 1000 * per_grain)
+    assert seconds_per_step(1000, 100.0, STAGE, 1) == pytest.approx(
+        SECONDS_PER_STEP + 1000 * per_grain
+    )
     assert seconds_per_step(1000, 100.0, STAGE, 8) == seconds_per_step(1000, 100.0, STAGE, 1)
-    assert seconds_per_step(100_000, 100.0, STAGE, 2) < 0.7 * seconds_per_step(100_000, 100.0, STAGE, 1)
+    assert seconds_per_step(100_000, 100.0, STAGE, 2) < 0.7 * seconds_per_step(
+        100_000, 100.0, STAGE, 1
+    )
     hot = replace(STAGE, heat=StageHeat(conditions=None))  # type: ignore[arg-type]
     frozen = replace(STAGE, heat=StageHeat(conditions=None, is_frozen=True))  # type: ignore[arg-type]
     assert seconds_per_step(1000, 100.0, hot, 1) > seconds_per_step(1000, 100.0, STAGE, 1)
     assert seconds_per_step(1000, 0.0, frozen, 1) < seconds_per_step(1000, 0.0, STAGE, 1)
-    assert seconds_per_step(1000, 0.0, STAGE, 1, comes_and_goes=True) > seconds_per_step(1000, 0.0, STAGE, 1)
+    assert seconds_per_step(1000, 0.0, STAGE, 1, comes_and_goes=True) > seconds_per_step(
+        1000, 0.0, STAGE, 1
+    )

@@ -1,9 +1,19 @@
-"""From loading stages to the drives of the engine: what is not named again is kept, and its signal goes on."""
+"""From loading stages to the drives of the engine: what is not named again is kept, and its signal
+goes on.
+"""
 
 import pytest
 from scenes import SHEAR
 
-from multicor_cli.engine.motion.drives import Constant, DofDrive, Interpolated, Ramp, Shifted, Sine, WallDrive
+from multicor_cli.engine.motion.drives import (
+    Constant,
+    DofDrive,
+    Interpolated,
+    Ramp,
+    Shifted,
+    Sine,
+    WallDrive,
+)
 from multicor_cli.scenario import parse_scenario
 from multicor_cli.scenario.drives import NEVER
 
@@ -47,12 +57,19 @@ def test_a_kept_signal_goes_on_and_a_named_one_starts_anew():
 def test_only_kept_signals_that_vary_need_the_starts_of_stages():
     with pytest.raises(IndexError):
         SCENARIO.drives()[2].started([])
-    constant = parse_scenario(SHEAR, "s.toml", ["loading.0.drives.paddle.spin.force=0", "loading.1.drives.top.x.velocity=1"])
+    constant = parse_scenario(
+        SHEAR,
+        "s.toml",
+        ["loading.0.drives.paddle.spin.force=0", "loading.1.drives.top.x.velocity=1"],
+    )
     assert constant.drives()[2].started([]) == list(constant.drives()[2].walls)
 
 
 def test_naming_again_fixes_or_restarts():
-    again = ["loading.2.drives.top={x={fixed=true}, y={velocity=0.5}}", "loading.1.drives.paddle={spin={velocity=2}}"]
+    again = [
+        "loading.2.drives.top={x={fixed=true}, y={velocity=0.5}}",
+        "loading.1.drives.paddle={spin={velocity=2}}",
+    ]
     stages = parse_scenario(SHEAR, "s.toml", again).drives()
     assert stages[2].walls[TOP] == WallDrive(y=DofDrive(velocity=Constant(0.5)))
     assert stages[1].walls[PADDLE].spin == DofDrive(velocity=Constant(2.0))

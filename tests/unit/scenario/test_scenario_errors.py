@@ -12,22 +12,104 @@ PADDLE = 'kind = "polyline", points = [[0.01, 0.02], [0.02, 0.02]]'
 
 # change, key, where the problem points (text at that place), words that the message must have
 MISTAKES = {
-    "unknown key": (("density = 2500", "densty = 2500"), "materials.glass.densty", "densty", "unknown key", "'density'"),
-    "unit in key": (("density = 2500", "density_g = 2500"), "materials.glass.density_g", "density_g", "SI", "'density'"),
+    "unknown key": (
+        ("density = 2500", "densty = 2500"),
+        "materials.glass.densty",
+        "densty",
+        "unknown key",
+        "'density'",
+    ),
+    "unit in key": (
+        ("density = 2500", "density_g = 2500"),
+        "materials.glass.density_g",
+        "density_g",
+        "SI",
+        "'density'",
+    ),
     "unknown table": (("[output]", "[outputs]"), "outputs", "[outputs]", "unknown key", "'output'"),
-    "text for number": (("density = 2500", 'density = "2500"'), "materials.glass.density", 'density = "', "number", '"2500"'),
-    "bool for number": (("friction = 0.4", "friction = true"), "contacts.0.friction", "friction = true", "number", "true"),
-    "number for bool": (("periodic = true", "periodic = 1"), "domain.periodic", "periodic = 1", "true or false", "is 1"),
-    "number for fixed": (("fixed = true", "fixed = 1"), "loading.0.drives.paddle.x.fixed", "fixed = 1", "true or false"),
-    "not fixed": (("fixed = true", "fixed = false"), "loading.0.drives.paddle.x.fixed", "fixed = false", "velocity or force"),
-    "float for count": (("count = 100", "count = 100.0"), "particles.0.count", "count = 100.0", "whole number", "100.0"),
-    "date for number": (("count = 100", "count = 2020-01-01"), "particles.0.count", "count = 2020", "date", "2020-01-01"),
-    "negative radius": (("min = 0.4e-3", "min = -0.4e-3"), "particles.0.sizes.min", "min = -0.4", "positive", "-0.0004", "[m]"),
-    "crossed radii": (("min = 0.4e-3", "min = 0.8e-3"), "particles.0.sizes.max", "max = 0.6e-3", "0.0006", "0.0008"),
-    "not a number": (("min = 0.4e-3", "min = nan"), "particles.0.sizes.min", "min = nan", "finite", "nan"),
+    "text for number": (
+        ("density = 2500", 'density = "2500"'),
+        "materials.glass.density",
+        'density = "',
+        "number",
+        '"2500"',
+    ),
+    "bool for number": (
+        ("friction = 0.4", "friction = true"),
+        "contacts.0.friction",
+        "friction = true",
+        "number",
+        "true",
+    ),
+    "number for bool": (
+        ("periodic = true", "periodic = 1"),
+        "domain.periodic",
+        "periodic = 1",
+        "true or false",
+        "is 1",
+    ),
+    "number for fixed": (
+        ("fixed = true", "fixed = 1"),
+        "loading.0.drives.paddle.x.fixed",
+        "fixed = 1",
+        "true or false",
+    ),
+    "not fixed": (
+        ("fixed = true", "fixed = false"),
+        "loading.0.drives.paddle.x.fixed",
+        "fixed = false",
+        "velocity or force",
+    ),
+    "float for count": (
+        ("count = 100", "count = 100.0"),
+        "particles.0.count",
+        "count = 100.0",
+        "whole number",
+        "100.0",
+    ),
+    "date for number": (
+        ("count = 100", "count = 2020-01-01"),
+        "particles.0.count",
+        "count = 2020",
+        "date",
+        "2020-01-01",
+    ),
+    "negative radius": (
+        ("min = 0.4e-3", "min = -0.4e-3"),
+        "particles.0.sizes.min",
+        "min = -0.4",
+        "positive",
+        "-0.0004",
+        "[m]",
+    ),
+    "crossed radii": (
+        ("min = 0.4e-3", "min = 0.8e-3"),
+        "particles.0.sizes.max",
+        "max = 0.6e-3",
+        "0.0006",
+        "0.0008",
+    ),
+    "not a number": (
+        ("min = 0.4e-3", "min = nan"),
+        "particles.0.sizes.min",
+        "min = nan",
+        "finite",
+        "nan",
+    ),
     "infinite": (("dt = 2e-4", "dt = inf"), "solver.dt", "dt = inf", "finite", "inf"),
-    "unit slip of E": (("young = 70e9", "young = 193"), "materials.glass.young", "young", "193 Pa", "193e9"),
-    "unit slip of density": (("density = 7800.0", "density = 0.0078"), "materials.steel.density", "density = 0.0", "7.8"),
+    "unit slip of E": (
+        ("young = 70e9", "young = 193"),
+        "materials.glass.young",
+        "young",
+        "193 Pa",
+        "193e9",
+    ),
+    "unit slip of density": (
+        ("density = 7800.0", "density = 0.0078"),
+        "materials.steel.density",
+        "density = 0.0",
+        "7.8",
+    ),
     "E without Poisson": (("poisson = 0.2\n", ""), "materials.glass.young", "young", "poisson"),
     "friction of temperature": (
         ("{ speed = [0, 1.0]", "{ temperature = [0, 1.0]"),
@@ -36,12 +118,44 @@ MISTAKES = {
         "not a table of temperatures",
         "softening",
     ),
-    "negative adhesion": (("restitution = 0.5", "adhesion = -1"), "contacts.1.adhesion", "adhesion = -1", "-1", "[N]"),
-    "rolling too hard": (("restitution = 0.5", "rolling_friction = 11"), "contacts.1.rolling_friction", "rolling_f", "11", "10"),
-    "descending table": (("speed = [0, 1.0]", "speed = [1.0, 0]"), "contacts.1.friction.speed.1", "0], values", "ascend"),
-    "uneven table": (("[0.3, 0.2]", "[0.3]"), "contacts.1.friction.values", "values = [0.3]", "1 values for 2 speeds"),
-    "missing material": (('material = "steel"', 'material = "stele"'), "walls.2.material", 'material = "stele"', "'steel'"),
-    "uncovered pair": (('pair = ["*", "*"]', 'pair = ["steel", "*"]'), "contacts", "[[contacts]]", '["glass", "glass"]'),
+    "negative adhesion": (
+        ("restitution = 0.5", "adhesion = -1"),
+        "contacts.1.adhesion",
+        "adhesion = -1",
+        "-1",
+        "[N]",
+    ),
+    "rolling too hard": (
+        ("restitution = 0.5", "rolling_friction = 11"),
+        "contacts.1.rolling_friction",
+        "rolling_f",
+        "11",
+        "10",
+    ),
+    "descending table": (
+        ("speed = [0, 1.0]", "speed = [1.0, 0]"),
+        "contacts.1.friction.speed.1",
+        "0], values",
+        "ascend",
+    ),
+    "uneven table": (
+        ("[0.3, 0.2]", "[0.3]"),
+        "contacts.1.friction.values",
+        "values = [0.3]",
+        "1 values for 2 speeds",
+    ),
+    "missing material": (
+        ('material = "steel"', 'material = "stele"'),
+        "walls.2.material",
+        'material = "stele"',
+        "'steel'",
+    ),
+    "uncovered pair": (
+        ('pair = ["*", "*"]', 'pair = ["steel", "*"]'),
+        "contacts",
+        "[[contacts]]",
+        '["glass", "glass"]',
+    ),
     "pair given twice": (
         ('["steel", "glass"]', '["*", "*"]'),
         "contacts.1.pair",
@@ -49,7 +163,12 @@ MISTAKES = {
         "twice",
         "remove",
     ),
-    "wrong kind": (('kind = "random"', 'kind = "rndom"'), "particles.0.packing.kind", 'kind = "rndom"', "'random'"),
+    "wrong kind": (
+        ('kind = "random"', 'kind = "rndom"'),
+        "particles.0.packing.kind",
+        'kind = "rndom"',
+        "'random'",
+    ),
     "no kind": (('kind = "random", ', ""), "particles.0.packing.kind", "packing", "missing"),
     "key of another kind": (
         ("separation = 0.1", "pressure = 1"),
@@ -58,18 +177,67 @@ MISTAKES = {
         "unknown key",
         "'attempts'",
     ),
-    "wrong word": (('side = "left"', 'side = "up"'), "walls.0.geometry.side", 'side = "up"', "'left', 'right'"),
-    "missing key": (('material = "glass"\nshape', "shape"), "particles.0.material", "[[particles]]", "missing", "[materials.NAME]"),
-    "missing table": (("[output]\nframe_interval = 0.01\n", ""), "output", "[scenario]", "missing", "add [output]"),
-    "short vector": (("size = [0.03, 0.05]", "size = [0.03]"), "domain.size", "size = [0.03]", "too few"),
-    "long vector": (("size = [0.03, 0.05]", "size = [0.03, 0.05, 1]"), "domain.size", "size = [0.03", "at most 2", "has 3"),
+    "wrong word": (
+        ('side = "left"', 'side = "up"'),
+        "walls.0.geometry.side",
+        'side = "up"',
+        "'left', 'right'",
+    ),
+    "missing key": (
+        ('material = "glass"\nshape', "shape"),
+        "particles.0.material",
+        "[[particles]]",
+        "missing",
+        "[materials.NAME]",
+    ),
+    "missing table": (
+        ("[output]\nframe_interval = 0.01\n", ""),
+        "output",
+        "[scenario]",
+        "missing",
+        "add [output]",
+    ),
+    "short vector": (
+        ("size = [0.03, 0.05]", "size = [0.03]"),
+        "domain.size",
+        "size = [0.03]",
+        "too few",
+    ),
+    "long vector": (
+        ("size = [0.03, 0.05]", "size = [0.03, 0.05, 1]"),
+        "domain.size",
+        "size = [0.03",
+        "at most 2",
+        "has 3",
+    ),
     "single table": (("[[particles]]", "[particles]"), "particles", "[particles]", "[[particles]]"),
     "no thickness": (("thickness = 1e-3\n", ""), "particles.0", "[[particles]]", "thickness"),
     "no count": (("count = 100\n", ""), "particles.0", "[[particles]]", "neither count nor fill"),
-    "count and fill": (("count = 100\n", "count = 100\nfill = 0.5\n"), "particles.0.fill", "fill", "both"),
-    "too many grains": (("count = 100\n", "count = 100000\n"), "particles.0.count", "count", "100000", "region"),
-    "hostile count": (("count = 100\n", f"count = {10**400}\n"), "particles.0.count", "count", "more than 30 digits"),
-    "hostile hexadecimal": (("count = 100\n", f"count = 0x{'f' * 9999}\n"), "particles.0.count", "count", "more than 30 digits"),
+    "count and fill": (
+        ("count = 100\n", "count = 100\nfill = 0.5\n"),
+        "particles.0.fill",
+        "fill",
+        "both",
+    ),
+    "too many grains": (
+        ("count = 100\n", "count = 100000\n"),
+        "particles.0.count",
+        "count",
+        "100000",
+        "region",
+    ),
+    "hostile count": (
+        ("count = 100\n", f"count = {10**400}\n"),
+        "particles.0.count",
+        "count",
+        "more than 30 digits",
+    ),
+    "hostile hexadecimal": (
+        ("count = 100\n", f"count = 0x{'f' * 9999}\n"),
+        "particles.0.count",
+        "count",
+        "more than 30 digits",
+    ),
     "grains in mm": (
         ("min = 0.4e-3, max = 0.6e-3", "min = 0.4, max = 0.6"),
         "particles.0.sizes",
@@ -77,7 +245,13 @@ MISTAKES = {
         "1.2 m",
         "meters",
     ),
-    "region outside": (("max = [0.03, 0.049]", "max = [0.04, 0.049]"), "particles.0.region", "region", "0.04", "period"),
+    "region outside": (
+        ("max = [0.03, 0.049]", "max = [0.04, 0.049]"),
+        "particles.0.region",
+        "region",
+        "0.04",
+        "period",
+    ),
     "unknown kind of region": (
         (REGION, 'region = { kind = "cirle", center = [0, 0], radius = 1 }'),
         "particles.0.region.kind",
@@ -85,14 +259,20 @@ MISTAKES = {
         "'circle'",
     ),
     "annulus inside out": (
-        (REGION, 'region = { kind = "annulus", center = [0.015, 0.02], inner = 0.01, outer = 0.005 }'),
+        (
+            REGION,
+            'region = { kind = "annulus", center = [0.015, 0.02], inner = 0.01, outer = 0.005 }',
+        ),
         "particles.0.region.outer",
         "outer = 0.005",
         "0.005",
         "not larger than inner = 0.01",
     ),
     "polygon that crosses itself": (
-        (REGION, 'region = { kind = "polygon", points = [[0, 0], [0.03, 0.04], [0.03, 0], [0, 0.04]] }'),
+        (
+            REGION,
+            'region = { kind = "polygon", points = [[0, 0], [0.03, 0.04], [0.03, 0], [0, 0.04]] }',
+        ),
         "particles.0.region.points.0",
         "[0, 0], [0.03, 0.04]",
         "crosses",
@@ -105,7 +285,10 @@ MISTAKES = {
         "beyond the period",
     ),
     "narrow annulus": (
-        (REGION, 'region = { kind = "annulus", center = [0.015, 0.02], inner = 0.008, outer = 0.009 }'),
+        (
+            REGION,
+            'region = { kind = "annulus", center = [0.015, 0.02], inner = 0.008, outer = 0.009 }',
+        ),
         "particles.0.sizes",
         "sizes = { kind",
         "0.0012",
@@ -120,7 +303,10 @@ MISTAKES = {
     "compacted in a circle": (
         (
             f'{REGION}\npacking = {{ kind = "random", separation = 0.1 }}',
-            'region = { kind = "circle", center = [0.015, 0.02], radius = 0.01 }\npacking = { kind = "compacted", pressure = 1 }',
+            (
+                'region = { kind = "circle", center = [0.015, 0.02], radius = 0.01 }\n'
+                'packing = { kind = "compacted", pressure = 1 }'
+            ),
         ),
         "particles.0.region",
         "region = {",
@@ -152,7 +338,13 @@ MISTAKES = {
         "'outside', 'inside'",
     ),
     "wide polygon": (
-        (PADDLE, 'kind = "polygon", grains = "outside", points = [[0, 0.02], [0.029, 0.02], [0.01, 0.022]]'),
+        (
+            PADDLE,
+            (
+                'kind = "polygon", grains = "outside", points = [[0, 0.02], [0.029, 0.02], [0.01, '
+                "0.022]]"
+            ),
+        ),
         "walls.2.geometry.points",
         "points = [[0, 0.02]",
         "0.0320278 m wide when it is turned",
@@ -166,7 +358,13 @@ MISTAKES = {
         "periodic = false",
     ),
     "side shorter than a glued grain": (
-        (PADDLE, 'kind = "polygon", grains = "outside", rough = "grains", points = [[0.01, 0.02], [0.0105, 0.02], [0.01, 0.03]]'),
+        (
+            PADDLE,
+            (
+                'kind = "polygon", grains = "outside", rough = "grains", points = [[0.01, 0.02], '
+                "[0.0105, 0.02], [0.01, 0.03]]"
+            ),
+        ),
         "walls.2.geometry.rough",
         'rough = "grains"',
         "the shortest side is 0.0005 m long",
@@ -208,14 +406,24 @@ MISTAKES = {
         'name = "compress"\nuntil',
         "loading.0",
     ),
-    "unknown wall": (("drives.bottom", "drives.botom"), "loading.2.drives.botom", "drives.botom", "'bottom'"),
+    "unknown wall": (
+        ("drives.bottom", "drives.botom"),
+        "loading.2.drives.botom",
+        "drives.botom",
+        "'bottom'",
+    ),
     "unknown strain wall": (
         ('["bottom", "top"]', '["floor", "top"]'),
         "loading.1.until.strain.walls.0",
         '"floor"',
         "'bottom', 'top'",
     ),
-    "unknown group": (('sizes = "grains"', 'sizes = "grain"'), "walls.1.geometry.sizes", 'sizes = "grain"', "'grains'"),
+    "unknown group": (
+        ('sizes = "grains"', 'sizes = "grain"'),
+        "walls.1.geometry.sizes",
+        'sizes = "grain"',
+        "'grains'",
+    ),
     "torque without inertia": (
         ("inertia = 1e-8\n", ""),
         "walls.2.inertia",
@@ -230,16 +438,41 @@ MISTAKES = {
         "paddle",
     ),
     "turning wall": (
-        ("[solver]", "[[loading]]\nduration = 1.0\ndrives.top = { spin = { velocity = 1.0 } }\n\n[solver]"),
+        (
+            "[solver]",
+            "[[loading]]\nduration = 1.0\ndrives.top = { spin = { velocity = 1.0 } }\n\n[solver]",
+        ),
         "loading.3.drives.top.spin",
         "spin = { velocity = 1.0",
         "cannot turn",
         "periodic = false",
     ),
-    "stage without end": (("duration = 0.5\n", ""), "loading.2", "[[loading]]\ndrives.bottom", "has no end", "duration"),
-    "rest without bound": (("duration = 1.0\n", ""), "loading.0.until", "until = { kinetic", "may never end", "duration"),
-    "strain without motion": (("ramp = [0.0, 0.1]", "ramp = [0, 0]"), "loading.1.until.strain", "strain = {", "moves in x"),
-    "strain that stalls": (("ramp = [0.0, 0.1]", "ramp = [0.1, 0]"), "loading.1.until.strain", "strain = {", "never end"),
+    "stage without end": (
+        ("duration = 0.5\n", ""),
+        "loading.2",
+        "[[loading]]\ndrives.bottom",
+        "has no end",
+        "duration",
+    ),
+    "rest without bound": (
+        ("duration = 1.0\n", ""),
+        "loading.0.until",
+        "until = { kinetic",
+        "may never end",
+        "duration",
+    ),
+    "strain without motion": (
+        ("ramp = [0.0, 0.1]", "ramp = [0, 0]"),
+        "loading.1.until.strain",
+        "strain = {",
+        "moves in x",
+    ),
+    "strain that stalls": (
+        ("ramp = [0.0, 0.1]", "ramp = [0.1, 0]"),
+        "loading.1.until.strain",
+        "strain = {",
+        "never end",
+    ),
     "timeout without condition": (
         ("duration = 0.5\n", 'duration = 0.5\non_timeout = "stop"\n'),
         "loading.2.on_timeout",
@@ -278,33 +511,58 @@ MISTAKES = {
         "may never end",
     ),
     "axial strain of walls that stay": (
-        (WAIT, 'duration = 1.0\nuntil = { axial_strain = { walls = ["bottom", "paddle"], axis = "x", below = -0.1 } }'),
+        (
+            WAIT,
+            (
+                "duration = 1.0\n"
+                'until = { axial_strain = { walls = ["bottom", "paddle"], axis = "x", below = '
+                "-0.1 } }"
+            ),
+        ),
         "loading.0.until.axial_strain",
         "axial_strain",
         "moves in x",
     ),
     "displacement of a fixed wall": (
-        (WAIT, 'duration = 1.0\nuntil = { displacement = { wall = "bottom", axis = "y", above = 1 } }'),
+        (
+            WAIT,
+            'duration = 1.0\nuntil = { displacement = { wall = "bottom", axis = "y", above = 1 } }',
+        ),
         "loading.0.until.displacement",
         "displacement",
         "does not move in y",
         "drives.bottom.y",
     ),
     "displacement of no wall": (
-        (WAIT, 'duration = 1.0\nuntil = { displacement = { wall = "tpo", axis = "y", above = 1 } }'),
+        (
+            WAIT,
+            'duration = 1.0\nuntil = { displacement = { wall = "tpo", axis = "y", above = 1 } }',
+        ),
         "loading.0.until.displacement.wall",
         'wall = "tpo"',
         "'top'",
     ),
     "force in a long window": (
-        (WAIT, 'duration = 1.0\nuntil = { force = { wall = "top", axis = "y", above = 1, window = 2.0 } }'),
+        (
+            WAIT,
+            (
+                "duration = 1.0\n"
+                'until = { force = { wall = "top", axis = "y", above = 1, window = 2.0 } }'
+            ),
+        ),
         "loading.0.until",
         "until = { force",
         "no window of 2 s",
         "shorter windows",
     ),
     "stress by turning": (
-        (WAIT, 'duration = 1.0\nuntil = { stress = { wall = "top", axis = "spin", above = 1, window = 0.1 } }'),
+        (
+            WAIT,
+            (
+                "duration = 1.0\n"
+                'until = { stress = { wall = "top", axis = "spin", above = 1, window = 0.1 } }'
+            ),
+        ),
         "loading.0.until.stress.axis",
         'axis = "spin"',
         "'x', 'y'",
@@ -328,7 +586,10 @@ MISTAKES = {
         "exactly one of",
     ),
     "displacement that jumps": (
-        ("{ force = -0.015, damping = 0.02 }", "{ position = { ramp = [0.01, 0.02], duration = 1.0 } }"),
+        (
+            "{ force = -0.015, damping = 0.02 }",
+            "{ position = { ramp = [0.01, 0.02], duration = 1.0 } }",
+        ),
         "loading.0.drives.top.y.position",
         "position = { ramp",
         "begins with 0.01",
@@ -337,7 +598,10 @@ MISTAKES = {
     "vibration that jumps": (
         (
             "{ force = -0.015, damping = 0.02 }",
-            "{ position = { sine = { amplitude = 2e-3, frequency = 5, phase = 1.5707963267948966 } } }",
+            (
+                "{ position = { sine = { amplitude = 2e-3, frequency = 5, phase = "
+                "1.5707963267948966 } } }"
+            ),
         ),
         "loading.0.drives.top.y.position",
         "position = { sine",
@@ -410,7 +674,10 @@ MISTAKES = {
         "spring",
     ),
     "friction of no material": (
-        ("duration = 0.5\n", 'duration = 0.5\ncontacts = [{ pair = ["glas", "*"], friction = 0.1 }]\n'),
+        (
+            "duration = 0.5\n",
+            'duration = 0.5\ncontacts = [{ pair = ["glas", "*"], friction = 0.1 }]\n',
+        ),
         "loading.2.contacts.0.pair.0",
         '"glas"',
         "no material",
@@ -419,7 +686,11 @@ MISTAKES = {
     "friction twice": (
         (
             "duration = 0.5\n",
-            'duration = 0.5\ncontacts = [{ pair = ["*", "*"], friction = 0.1 }, { pair = ["*", "*"], friction = 0.2 }]\n',
+            (
+                "duration = 0.5\n"
+                'contacts = [{ pair = ["*", "*"], friction = 0.1 }, { pair = ["*", "*"], friction '
+                "= 0.2 }]\n"
+            ),
         ),
         "loading.2.contacts.1.pair",
         'pair = ["*", "*"], friction = 0.2',
@@ -428,7 +699,11 @@ MISTAKES = {
     "friction of two general entries": (
         (
             "duration = 0.5\n",
-            'duration = 0.5\ncontacts = [{ pair = ["*", "steel"], friction = 0.1 }, { pair = ["glass", "*"], friction = 0 }]\n',
+            (
+                "duration = 0.5\n"
+                'contacts = [{ pair = ["*", "steel"], friction = 0.1 }, { pair = ["glass", "*"], '
+                "friction = 0 }]\n"
+            ),
         ),
         "loading.2.contacts.1.pair",
         'pair = ["glass", "*"], friction = 0 ',
@@ -436,26 +711,53 @@ MISTAKES = {
         "add an entry",
     ),
     "restitution by stage": (
-        ("duration = 0.5\n", 'duration = 0.5\ncontacts = [{ pair = ["*", "*"], friction = 0.1, restitution = 0.2 }]\n'),
+        (
+            "duration = 0.5\n",
+            (
+                "duration = 0.5\n"
+                'contacts = [{ pair = ["*", "*"], friction = 0.1, restitution = 0.2 }]\n'
+            ),
+        ),
         "loading.2.contacts.0.restitution",
         "restitution = 0.2",
         "unknown key",
     ),
     "softening by stage without heat": (
-        ("duration = 0.5\n", 'duration = 0.5\ncontacts = [{ pair = ["*", "*"], friction = { value = 0.1, softening = 1e-3 } }]\n'),
+        (
+            "duration = 0.5\n",
+            (
+                "duration = 0.5\n"
+                'contacts = [{ pair = ["*", "*"], friction = { value = 0.1, softening = 1e-3 } '
+                "}]\n"
+            ),
+        ),
         "loading.2.contacts.0.friction.softening",
         "softening = 1e-3",
         "no heat",
         "[heat]",
     ),
     "steadiness of nothing": (
-        (WAIT, 'duration = 1.0\nuntil = { steady = { of = "force", wall = "top", window = 0.1, tolerance = 0.1 } }'),
+        (
+            WAIT,
+            (
+                "duration = 1.0\n"
+                'until = { steady = { of = "force", wall = "top", window = 0.1, tolerance = 0.1 } '
+                "}"
+            ),
+        ),
         "loading.0.until.steady",
         "steady",
         "axis is missing",
     ),
     "steadiness of a wall's motion": (
-        (WAIT, 'duration = 1.0\nuntil = { steady = { of = "kinetic_energy", wall = "top", window = 0.1, tolerance = 0.1 } }'),
+        (
+            WAIT,
+            (
+                "duration = 1.0\n"
+                'until = { steady = { of = "kinetic_energy", wall = "top", window = 0.1, '
+                "tolerance = 0.1 } }"
+            ),
+        ),
         "loading.0.until.steady.wall",
         'wall = "top"',
         "no meaning",
@@ -464,20 +766,38 @@ MISTAKES = {
     "steadiness of a turned stress": (
         (
             WAIT,
-            'duration = 1.0\nuntil = { steady = { of = "friction", wall = "top", axis = "spin", window = 0.1, tolerance = 0.1 } }',
+            (
+                "duration = 1.0\n"
+                'until = { steady = { of = "friction", wall = "top", axis = "spin", window = 0.1, '
+                "tolerance = 0.1 } }"
+            ),
         ),
         "loading.0.until.steady.axis",
         'axis = "spin"',
         "no component",
     ),
     "steadiness of no wall": (
-        (WAIT, 'duration = 1.0\nuntil = { steady = { of = "force", wall = "tpo", axis = "y", window = 0.1, tolerance = 0.1 } }'),
+        (
+            WAIT,
+            (
+                "duration = 1.0\n"
+                'until = { steady = { of = "force", wall = "tpo", axis = "y", window = 0.1, '
+                "tolerance = 0.1 } }"
+            ),
+        ),
         "loading.0.until.steady.wall",
         'wall = "tpo"',
         "'top'",
     ),
     "steadiness that comes too late": (
-        (WAIT, 'duration = 1.0\nuntil = { steady = { of = "kinetic_energy", window = 0.6, after = 0.5, tolerance = 0.1 } }'),
+        (
+            WAIT,
+            (
+                "duration = 1.0\n"
+                'until = { steady = { of = "kinetic_energy", window = 0.6, after = 0.5, tolerance '
+                "= 0.1 } }"
+            ),
+        ),
         "loading.0.until",
         "until = { steady",
         "1.1 s",
@@ -489,16 +809,34 @@ MISTAKES = {
         "drives.top.x",
         "ramp, sine, times",
     ),
-    "frames too often": (("frame_interval = 0.01", "frame_interval = 1e-4"), "output.frame_interval", "frame_interval", "0.0002"),
-    "too many steps": (("duration = 0.5", "duration = 1e9"), "loading.2.duration", "duration = 1e9", "steps"),
+    "frames too often": (
+        ("frame_interval = 0.01", "frame_interval = 1e-4"),
+        "output.frame_interval",
+        "frame_interval",
+        "0.0002",
+    ),
+    "too many steps": (
+        ("duration = 0.5", "duration = 1e9"),
+        "loading.2.duration",
+        "duration = 1e9",
+        "steps",
+    ),
     "plane across the period": (
-        ('{ kind = "polyline", points = [[0.01, 0.02], [0.02, 0.02]] }', '{ kind = "plane", point = [0, 0], normal = [1, 0] }'),
+        (
+            '{ kind = "polyline", points = [[0.01, 0.02], [0.02, 0.02]] }',
+            '{ kind = "plane", point = [0, 0], normal = [1, 0] }',
+        ),
         "walls.2.geometry.normal",
         "normal",
         "crosses",
         "[1.0, 0.0]",
     ),
-    "bad name": (('name = "shear"\nseed', 'name = "../shear"\nseed'), "scenario.name", 'name = "../', "letters, digits"),
+    "bad name": (
+        ('name = "shear"\nseed', 'name = "../shear"\nseed'),
+        "scenario.name",
+        'name = "../',
+        "letters, digits",
+    ),
     "wall of unknown groups": (
         ("gravity = true", 'gravity = true\ngroups = ["grain"]'),
         "walls.1.groups.0",
@@ -506,7 +844,12 @@ MISTAKES = {
         'there is no group of particles "grain"',
         "'grains'",
     ),
-    "wall of no group": (("gravity = true", "gravity = true\ngroups = []"), "walls.1.groups", "groups = []", "at least 1"),
+    "wall of no group": (
+        ("gravity = true", "gravity = true\ngroups = []"),
+        "walls.1.groups",
+        "groups = []",
+        "at least 1",
+    ),
     "wall of one group twice": (
         ("gravity = true", 'gravity = true\ngroups = ["grains", "grains"]'),
         "walls.1.groups.1",
@@ -560,15 +903,26 @@ def test_each_mistake_gives_one_problem_at_its_place(name):
 TILT = ("duration = 0.5\n", "duration = 0.5\ngravity = { angle = 10.0 }\n")
 NO_MASS = ("mass = 1e-3\n", "")
 NO_INERTIA = ("mass = 1e-3\ninertia = 1e-8\n", "")
-CONTAINER = 'kind = "polygon", points = [[0.005, 0.02], [0.015, 0.02], [0.01, 0.03]], grains = "inside"'
+CONTAINER = (
+    'kind = "polygon", points = [[0.005, 0.02], [0.015, 0.02], [0.01, 0.03]], grains = "inside"'
+)
 FROZEN = 'frozen = true\ncontacts = [{ pair = ["*", "*"], friction = 0.1 }]'
 
 # text, changes, key, words that the message must have
 TOGETHER = {
-    "nothing to tilt": (SHEAR, (TILT, ("[0, -9.81]", "[0, 0]")), "loading.2.gravity", "which no angle turns", "magnitude = 9.81"),
+    "nothing to tilt": (
+        SHEAR,
+        (TILT, ("[0, -9.81]", "[0, 0]")),
+        "loading.2.gravity",
+        "which no angle turns",
+        "magnitude = 9.81",
+    ),
     "two general entries for a pair": (
         SHEAR,
-        (('pair = ["*", "*"]', 'pair = ["glass", "*"]'), ('pair = ["steel", "glass"]', 'pair = ["steel", "*"]')),
+        (
+            ('pair = ["*", "*"]', 'pair = ["glass", "*"]'),
+            ('pair = ["steel", "glass"]', 'pair = ["steel", "*"]'),
+        ),
         "contacts.1.pair",
         'add an entry with pair = ["glass", "steel"]',
     ),
@@ -602,8 +956,18 @@ TOGETHER = {
         "walls.2.mass",
         "add mass [kg]",
     ),
-    "container without inertia": (SHEAR, (NO_INERTIA, (PADDLE, CONTAINER)), "walls.2.inertia", "add inertia"),
-    "friction of a frozen stage": (HEATED, (("frozen = true", FROZEN),), "loading.1.contacts", "nothing moves"),
+    "container without inertia": (
+        SHEAR,
+        (NO_INERTIA, (PADDLE, CONTAINER)),
+        "walls.2.inertia",
+        "add inertia",
+    ),
+    "friction of a frozen stage": (
+        HEATED,
+        (("frozen = true", FROZEN),),
+        "loading.1.contacts",
+        "nothing moves",
+    ),
 }
 
 
@@ -620,10 +984,16 @@ def test_gravity_that_is_there_can_be_tilted():
 
 
 @pytest.mark.parametrize(
-    "body", ['kind = "disc", center = [0.015, 0.02], radius = 2e-3', 'kind = "cluster", discs = [[0.015, 0.02, 2e-3]]']
+    "body",
+    [
+        'kind = "disc", center = [0.015, 0.02], radius = 2e-3',
+        'kind = "cluster", discs = [[0.015, 0.02, 2e-3]]',
+    ],
 )
 def test_solid_bodies_need_no_mass(body):
-    text = changed(SHEAR, ("x = { fixed = true }", "x = { force = 1.0 }"), NO_INERTIA, (PADDLE, body))
+    text = changed(
+        SHEAR, ("x = { fixed = true }", "x = { force = 1.0 }"), NO_INERTIA, (PADDLE, body)
+    )
     assert problems_of(text) == []
 
 
@@ -648,7 +1018,9 @@ def test_all_problems_are_told_at_once_in_the_order_of_the_file():
 
 
 def test_an_unknown_key_does_not_hide_what_else_is_wrong_with_its_table():
-    text = changed(SHEAR, ('material = "steel"\ngeometry', 'color = "red"\nmaterial = "stel"\ngeometry'))
+    text = changed(
+        SHEAR, ('material = "steel"\ngeometry', 'color = "red"\nmaterial = "stel"\ngeometry')
+    )
     assert [problem.key for problem in problems_of(text)] == ["walls.2.color", "walls.2.material"]
 
 
@@ -668,7 +1040,11 @@ def test_very_many_problems_are_cut_short():
     materials = "".join(f"[materials.m{k}]\n" for k in range(90))
     contacts = "".join(f'[[contacts]]\npair = ["x{k}", "*"]\n' for k in range(50))
     problems = problems_of(
-        changed(SHEAR, ("[[contacts]]", contacts + "[[contacts]]"), ("[[particles]]", materials + "[[particles]]"))
+        changed(
+            SHEAR,
+            ("[[contacts]]", contacts + "[[contacts]]"),
+            ("[[particles]]", materials + "[[particles]]"),
+        )
     )
     assert len(problems) == 101
     assert "more problems" in problems[-1].message
@@ -677,11 +1053,16 @@ def test_very_many_problems_are_cut_short():
 def test_a_problem_reads_as_file_line_column_key_and_shows_the_line():
     (problem,) = problems_of(changed(SHEAR, ("density = 2500", "\tdensty\t= 2500")))
     line = SHEAR[: SHEAR.index("density")].count("\n") + 1
-    assert str(problem) == f"shear.toml:{line}:2: materials.glass.densty: unknown key; did you mean 'density'?"
+    assert (
+        str(problem)
+        == f"shear.toml:{line}:2: materials.glass.densty: unknown key; did you mean 'density'?"
+    )
     assert problem.excerpt().splitlines() == ["     densty = 2500", "     ^"]
 
 
-@pytest.mark.parametrize(("word", "key"), [("timestep", "dt"), ("time_step", "dt"), ("Delta_t", "dt")])
+@pytest.mark.parametrize(
+    ("word", "key"), [("timestep", "dt"), ("time_step", "dt"), ("Delta_t", "dt")]
+)
 def test_words_of_other_programs_are_understood(word, key):
     (problem,) = problems_of(
         SHEAR + f"\n[solver]\n{word} = 1e-4\n"
@@ -692,7 +1073,9 @@ def test_words_of_other_programs_are_understood(word, key):
 
 
 def test_messages_carry_no_control_characters_and_long_lines_are_cut():
-    (problem,) = problems_of(changed(SHEAR, ("seed = 7", 'seed = 7\n"a\\u001b[2J\\nb' + "c" * 500 + '" = 1')))
+    (problem,) = problems_of(
+        changed(SHEAR, ("seed = 7", 'seed = 7\n"a\\u001b[2J\\nb' + "c" * 500 + '" = 1'))
+    )
     assert str(problem).isprintable()
     assert all(line.isprintable() and len(line) < 140 for line in problem.excerpt().splitlines())
     (problem,) = problems_of(changed(SHEAR, ("[0, 0.001]", "[0" + " " * 500 + ", -nan]")))

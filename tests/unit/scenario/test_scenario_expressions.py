@@ -41,7 +41,10 @@ def test_numbers_stand_where_expressions_stood():
     scenario = parsed(TILTED)
     tilt = 24 * math.pi / 180.0
     assert scenario.domain.gravity == (9.81 * arithmetic.sin(tilt), -9.81 * arithmetic.cos(tilt))
-    assert (scenario.particles[0].sizes.min, scenario.particles[0].sizes.max) == (0.4e-3, 0.6 * 1e-3)
+    assert (scenario.particles[0].sizes.min, scenario.particles[0].sizes.max) == (
+        0.4e-3,
+        0.6 * 1e-3,
+    )
     assert scenario.particles[0].count == 100
     assert type(scenario.particles[0].count) is int
     assert scenario.solver.dt == 1e-3 / 5
@@ -101,13 +104,22 @@ def test_strings_stay_strings_where_strings_stand():
     text = with_variables(("seed = 7", 'seed = 7\ndescription = "= 2 * d"'))
     assert parsed(text).description == "= 2 * d"
     path = "packing = { kind = 'file', path = '=grains.csv' }"
-    assert parsed(changed(with_variables(), ("count = 100\n", "")), *_file(path)).particles[0].packing.path == "=grains.csv"
+    assert (
+        parsed(changed(with_variables(), ("count = 100\n", "")), *_file(path))
+        .particles[0]
+        .packing.path
+        == "=grains.csv"
+    )
 
 
 def _file(packing):
     sizes = "{ kind = 'uniform', min = 0.4e-3, max = 0.6e-3 }"
     group = f"name = 'grains', material = 'glass', shape = 'disc', thickness = 1e-3, {packing}"
-    return f"particles=[{{ {group} }}]", f"walls.0.geometry.sizes={sizes}", f"walls.1.geometry.sizes={sizes}"
+    return (
+        f"particles=[{{ {group} }}]",
+        f"walls.0.geometry.sizes={sizes}",
+        f"walls.1.geometry.sizes={sizes}",
+    )
 
 
 @pytest.mark.parametrize(
@@ -146,7 +158,12 @@ WRONG = {
     "power": ("= 2 * d^2", "2 * d^2", "is no power", "**"),
     "division by zero": ("= 1 + d / (2 - 2)", "d / (2", "divides by zero", "divisor"),
     "zero to a negative power": ("= 0**-1", "0**", "divides by zero", "divisor"),
-    "root of a negative number": ("= 2 * sqrt(-d)", "sqrt", '"sqrt(-d)" is not a real number', "domain"),
+    "root of a negative number": (
+        "= 2 * sqrt(-d)",
+        "sqrt",
+        '"sqrt(-d)" is not a real number',
+        "domain",
+    ),
     "logarithm of zero": ("= log(0)", "log", '"log(0)" is not finite', "1e308"),
     "power of a negative number": ("= (-d)**0.5", "(-d", "is not a real number", "domain"),
     "huge power": ("= 9**9**9", "9**9**9", "is not finite", "1e308"),
@@ -200,13 +217,18 @@ def pointed_at(problem):
 def test_the_excerpt_points_into_the_expression():
     (problem,) = problems_of(with_variables(("dt = 2e-4", 'dt = "= d / rws"')))
     assert pointed_at(problem) == 'rws"'
-    (problem,) = problems_of(with_variables(("size = [0.03, 0.05]", "size = ['= 30 * d', '= 50 * e']")))
+    (problem,) = problems_of(
+        with_variables(("size = [0.03, 0.05]", "size = ['= 30 * d', '= 50 * e']"))
+    )
     assert pointed_at(problem) == "e']"
     (problem,) = problems_of(with_variables(("dt = 2e-4", r'dt = "\u003d d / rws"')))
-    assert pointed_at(problem) == r'dt = "\u003d d / rws"'  # the string is written in another way there
+    # The string is written in another way there
+    assert pointed_at(problem) == r'dt = "\u003d d / rws"'
 
 
-@pytest.mark.parametrize("override", ["solver.dt== d / rws", 'solver.dt="= d / rws"', "domain.size=['= d', '= d * rws']"])
+@pytest.mark.parametrize(
+    "override", ["solver.dt== d / rws", 'solver.dt="= d / rws"', "domain.size=['= d', '= d * rws']"]
+)
 def test_the_excerpt_points_into_the_command_line(override):
     (problem,) = problems_of(with_variables(), [override])
     assert (problem.file, problem.line, problem.source_line) == ("--set", 0, override)
@@ -218,11 +240,27 @@ def test_the_excerpt_points_into_the_command_line(override):
     ("change", "key", "message"),
     [
         (("dt = 2e-4", 'dt = "= -d"'), "solver.dt", 'must be positive, is -0.001 ("= -d")'),
-        (("size = [0.03, 0.05]", 'size = [0.03, "= -50 * d"]'), "domain.size.1", 'must be positive, is -0.05 ("= -50 * d")'),
-        (("young = 70e9", 'young = "= 193 * rows / 5"'), "materials.glass.young", '("= 193 * rows / 5" = 193.0)'),
+        (
+            ("size = [0.03, 0.05]", 'size = [0.03, "= -50 * d"]'),
+            "domain.size.1",
+            'must be positive, is -0.05 ("= -50 * d")',
+        ),
+        (
+            ("young = 70e9", 'young = "= 193 * rows / 5"'),
+            "materials.glass.young",
+            '("= 193 * rows / 5" = 193.0)',
+        ),
         (("min = 0.4e-3", 'min = "= 0.8*d"'), "particles.0.sizes.max", "0.0008"),
-        (("max = [0.03, 0.049]", 'max = ["= -d", "= -d"]'), "particles.0.region.max", '("= -d", "= -d")'),
-        (("count = 100", 'count = "= rows / 2"'), "particles.0.count", 'must be a whole number, is 2.5 ("= rows / 2")'),
+        (
+            ("max = [0.03, 0.049]", 'max = ["= -d", "= -d"]'),
+            "particles.0.region.max",
+            '("= -d", "= -d")',
+        ),
+        (
+            ("count = 100", 'count = "= rows / 2"'),
+            "particles.0.count",
+            'must be a whole number, is 2.5 ("= rows / 2")',
+        ),
         (("count = 100", 'count = "= -rows"'), "particles.0.count", 'is -5 ("= -rows")'),
         (("count = 100", 'count = "= 0.3 / 0.1"'), "particles.0.count", "is 2.9999999999999996"),
     ],
@@ -259,7 +297,9 @@ def test_each_wrong_variable_gives_one_problem_at_its_place(name):
     text = with_variables(variables=f"{VARIABLES}{table}\n")
     (problem,) = problems_of(text)
     assert problem.key in (f"variables.{variable}", f'variables."{variable}"')
-    assert problem.line == place_of(text, f"\n{variable} =" if variable.isascii() else '\n"φ"')[0] + 1
+    assert (
+        problem.line == place_of(text, f"\n{variable} =" if variable.isascii() else '\n"φ"')[0] + 1
+    )
     for word in words:
         assert word in str(problem)
 
@@ -273,7 +313,9 @@ def test_a_wrong_variable_is_one_problem_however_often_it_is_used():
 
 
 def test_other_problems_are_told_at_once():
-    problems = problems_of(changed(TILTED, ("d = 1e-3", 'd = "= 1e-3 +"'), ("density = 2500", "densty = 2500")))
+    problems = problems_of(
+        changed(TILTED, ("d = 1e-3", 'd = "= 1e-3 +"'), ("density = 2500", "densty = 2500"))
+    )
     assert [problem.key for problem in problems] == ["variables.d", "materials.glass.densty"]
 
 
@@ -311,4 +353,5 @@ def test_very_many_expressions_are_refused_once():
     text = with_variables(("values = [0, 0.5]", f"values = [{many}]"))
     (problem,) = problems_of(text)
     assert f"more than {MAX_EXPRESSIONS} expressions" in problem.message
-    assert problem.key == f"loading.2.drives.bottom.x.velocity.values.{MAX_EXPRESSIONS - 1}"  # one is a variable
+    # One is a variable
+    assert problem.key == f"loading.2.drives.bottom.x.velocity.values.{MAX_EXPRESSIONS - 1}"

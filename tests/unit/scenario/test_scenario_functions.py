@@ -1,4 +1,6 @@
-"""What an expression is worth: against Python's own reading, exact powers, and the program's elementary functions."""
+"""What an expression is worth: against Python's own reading, exact powers, and the program's
+elementary functions.
+"""
 
 import math
 from fractions import Fraction
@@ -57,7 +59,9 @@ def test_values_by_hand(text, expected):
 def test_elementary_functions_are_those_of_the_program(name):
     """The same bits as in a kernel, and hence on every machine."""
     arguments = (0.3, 0.7)[: FUNCTIONS[name].fewest]
-    assert value(f"= {name}({', '.join(map(repr, arguments))})") == getattr(arithmetic, name)(*arguments)
+    assert value(f"= {name}({', '.join(map(repr, arguments))})") == getattr(arithmetic, name)(
+        *arguments
+    )
 
 
 @pytest.mark.parametrize("name", ["tan", "atan", "radians", "degrees"])
@@ -100,17 +104,23 @@ PLAIN = [name for name, function in FUNCTIONS.items() if function.fewest == 1]
 
 def _grown(inner):
     return st.one_of(
-        st.tuples(inner, st.sampled_from("+-*/"), inner).map(lambda parts: "({} {} {})".format(*parts)),
+        st.tuples(inner, st.sampled_from("+-*/"), inner).map(
+            lambda parts: "({} {} {})".format(*parts)
+        ),
         inner.map(lambda part: f"-{part}"),
         st.tuples(st.sampled_from(PLAIN), inner).map(lambda parts: "{}({})".format(*parts)),
-        st.tuples(st.sampled_from(["min", "max", "atan2"]), inner, inner).map(lambda parts: "{}({}, {})".format(*parts)),
+        st.tuples(st.sampled_from(["min", "max", "atan2"]), inner, inner).map(
+            lambda parts: "{}({}, {})".format(*parts)
+        ),
     )
 
 
 @settings(max_examples=400, deadline=None)
 @given(st.recursive(LEAVES, _grown, max_leaves=6).filter(lambda text: len(text) < MAX_LENGTH))
 def test_expressions_mean_what_they_mean_in_python(text):
-    """To the bit; what Python cannot compute either, or ends in no finite number on the way, is refused."""
+    """To the bit; what Python cannot compute either, or ends in no finite number on the way, is
+    refused.
+    """
     functions = {name: function.compute for name, function in FUNCTIONS.items()}
     try:
         found = value(f"= {text}")
@@ -127,12 +137,15 @@ ANYTHING = st.one_of(
     st.text("0123456789.eE+-*/() ", max_size=40),
     st.text("dng sincoqrtmax123.+-*/()**,[]{}:=<>!&|^%~@;'\"#\\\n\0_éµ·²", max_size=30),
     st.text(max_size=20),
-    st.lists(st.sampled_from([*FUNCTIONS, *VALUES, "(", ")", ",", "**", "*", "+", "-", "/", "9", "1e308", " "]), max_size=20).map(
-        "".join
-    ),
-    st.sampled_from(["(", "-", "9**", "+", "~", "sin(", "not ", "lambda:", "1if 1 else ", "[", "x.", "1,"]).flatmap(
-        lambda part: st.integers(1, 400).map(lambda count: part * count + "1")
-    ),
+    st.lists(
+        st.sampled_from(
+            [*FUNCTIONS, *VALUES, "(", ")", ",", "**", "*", "+", "-", "/", "9", "1e308", " "]
+        ),
+        max_size=20,
+    ).map("".join),
+    st.sampled_from(
+        ["(", "-", "9**", "+", "~", "sin(", "not ", "lambda:", "1if 1 else ", "[", "x.", "1,"]
+    ).flatmap(lambda part: st.integers(1, 400).map(lambda count: part * count + "1")),
 )
 
 

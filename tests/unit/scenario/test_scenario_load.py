@@ -61,7 +61,11 @@ def test_what_other_packages_ask(write):
 
 def test_a_problem_found_later_has_its_position(write):
     path = write(SHEAR)
-    (problem,) = load_scenario(path).refuse(Refused(("walls", 2, "geometry", "points"), "it cuts a grain", "move it")).problems
+    (problem,) = (
+        load_scenario(path)
+        .refuse(Refused(("walls", 2, "geometry", "points"), "it cuts a grain", "move it"))
+        .problems
+    )
     assert str(problem).startswith(f"{path}:")
     assert problem.source_line.startswith('geometry = { kind = "polyline"')
     assert problem.source_line[problem.column - 1 :].startswith("points")
@@ -69,7 +73,10 @@ def test_a_problem_found_later_has_its_position(write):
 
 @pytest.mark.parametrize(
     ("encode", "name"),
-    [(lambda t: b"\xef\xbb\xbf" + t.encode(), "BOM"), (lambda t: t.replace("\n", "\r\n").encode(), "CRLF")],
+    [
+        (lambda t: b"\xef\xbb\xbf" + t.encode(), "BOM"),
+        (lambda t: t.replace("\n", "\r\n").encode(), "CRLF"),
+    ],
     ids=["bom", "crlf"],
 )
 def test_files_of_other_systems_are_read(write, encode, name):
@@ -78,7 +85,11 @@ def test_files_of_other_systems_are_read(write, encode, name):
         load_scenario(write(encode(changed(SHEAR, ("dt = 2e-4", "dt = 0")))))
     (problem,) = error.value.problems
     (expected,) = problems_of(changed(SHEAR, ("dt = 2e-4", "dt = 0")))
-    assert (problem.line, problem.column, problem.excerpt()) == (expected.line, expected.column, expected.excerpt())
+    assert (problem.line, problem.column, problem.excerpt()) == (
+        expected.line,
+        expected.column,
+        expected.excerpt(),
+    )
 
 
 @pytest.mark.parametrize(
@@ -102,7 +113,11 @@ def test_what_is_no_toml_is_refused_at_its_place(write, content, line, column, w
 
 
 def test_what_is_no_file_is_refused(tmp_path):
-    for path, word in ((tmp_path, "directory"), (tmp_path / "none.toml", "no such file"), ("a\0b", "")):
+    for path, word in (
+        (tmp_path, "directory"),
+        (tmp_path / "none.toml", "no such file"),
+        ("a\0b", ""),
+    ):
         with pytest.raises(ScenarioError) as error:
             load_scenario(path)
         (problem,) = error.value.problems
@@ -134,7 +149,9 @@ def test_a_scenario_without_a_table_solver_has_its_defaults():
 
 
 def test_the_resolved_scenario_loads_back_to_the_same():
-    scenario = parse_scenario(SHEAR, "shear.toml", ["loading.2.duration=0.25", "output.precision=single"])
+    scenario = parse_scenario(
+        SHEAR, "shear.toml", ["loading.2.duration=0.25", "output.precision=single"]
+    )
     again = parse_scenario(scenario.resolved_toml(), "resolved.toml")
     assert again == scenario
     assert again.resolved_toml() == scenario.resolved_toml()
@@ -148,7 +165,9 @@ def test_a_default_that_is_shorter_than_a_step_loads_back():
     scenario = parse_scenario(SHEAR, "shear.toml", ["output.frame_interval=4e-4"])
     assert scenario.output.series_interval < scenario.solver.dt
     assert parse_scenario(scenario.resolved_toml(), "resolved.toml") == scenario
-    assert [p.key for p in problems_of(SHEAR, ["output.series_interval=1e-5"])] == ["output.series_interval"]
+    assert [p.key for p in problems_of(SHEAR, ["output.series_interval=1e-5"])] == [
+        "output.series_interval"
+    ]
 
 
 def test_a_random_seed_is_drawn_once_and_recorded():
@@ -160,7 +179,9 @@ def test_a_random_seed_is_drawn_once_and_recorded():
 
 
 WITH_EXPRESSIONS = changed(
-    SHEAR, ("[domain]", '[variables]\nwidth = 0.03\nhalf = "= width / 2"\n[domain]'), ("size = [0.03, ", 'size = ["= 2 * half", ')
+    SHEAR,
+    ("[domain]", '[variables]\nwidth = 0.03\nhalf = "= width / 2"\n[domain]'),
+    ("size = [0.03, ", 'size = ["= 2 * half", '),
 )
 DOCUMENTS = (tomllib.loads(SHEAR), tomllib.loads(HEATED), tomllib.loads(WITH_EXPRESSIONS))
 HOSTILE = st.one_of(
@@ -191,15 +212,41 @@ HOSTILE = st.one_of(
             "= (",
         ]
     ),
-    st.sampled_from(["a\nb\x1b", "é" * 100, [], [[]], {}, [{}], {"kind": "random"}, {"kind": []}, {"kind": {"kind": 1}}]),
-    st.sampled_from([{"velocity": 1, "force": 1}, {"ramp": [1, 2]}, {"strain": 1}, {"times": [], "values": []}, [0.0] * 500]),
+    st.sampled_from(
+        [
+            "a\nb\x1b",
+            "é" * 100,
+            [],
+            [[]],
+            {},
+            [{}],
+            {"kind": "random"},
+            {"kind": []},
+            {"kind": {"kind": 1}},
+        ]
+    ),
+    st.sampled_from(
+        [
+            {"velocity": 1, "force": 1},
+            {"ramp": [1, 2]},
+            {"strain": 1},
+            {"times": [], "values": []},
+            [0.0] * 500,
+        ]
+    ),
     st.integers(-(10**9), 10**9),
     st.floats(allow_nan=False),
 )
 
 
 def places(node, path=()):
-    entries = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ()
+    entries = (
+        node.items()
+        if isinstance(node, dict)
+        else enumerate(node)
+        if isinstance(node, list)
+        else ()
+    )
     for key, value in entries:
         yield (*path, key)
         yield from places(value, (*path, key))
@@ -222,7 +269,13 @@ def check_mutant(document):
 
 @settings(max_examples=600, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(
-    st.sampled_from([(k, path) for k, document in enumerate(DOCUMENTS) for path in sorted(places(document), key=str)]),
+    st.sampled_from(
+        [
+            (k, path)
+            for k, document in enumerate(DOCUMENTS)
+            for path in sorted(places(document), key=str)
+        ]
+    ),
     st.sampled_from(["replace", "remove", "rename", "double"]),
     HOSTILE,
     st.data(),
@@ -241,13 +294,21 @@ def test_single_mutations_are_right_or_refused(place, action, value, data):
     elif isinstance(node, list):
         node.insert(last, copy.deepcopy(node[last]))
     else:
-        new = data.draw(st.sampled_from(["x", "kind", "", "a.b", last + "s", last[:-1], "temperature", "force", "min"]))
+        new = data.draw(
+            st.sampled_from(
+                ["x", "kind", "", "a.b", last + "s", last[:-1], "temperature", "force", "min"]
+            )
+        )
         node[new] = node.pop(last) if action == "rename" else copy.deepcopy(node[last])
     check_mutant(document)
 
 
 @settings(max_examples=200, deadline=None)
-@given(st.integers(0, len(SHEAR)), st.integers(0, 5), st.text("[]{}=\"'#\\,.\n\r\0\ufeffa1é-", max_size=4))
+@given(
+    st.integers(0, len(SHEAR)),
+    st.integers(0, 5),
+    st.text("[]{}=\"'#\\,.\n\r\0\ufeffa1é-", max_size=4),
+)
 def test_mutations_of_the_text_are_right_or_refused(at, cut, insert):
     problems_of(SHEAR[:at] + insert + SHEAR[at + cut :])
 
@@ -288,8 +349,14 @@ def test_values_are_toml():
 
 
 def test_words_are_strings():
-    scenario = with_set("scenario.name=run-2.b", "solver.method=gauss-seidel", "scenario.description=first try")
-    assert (scenario.name, scenario.solver.method, scenario.description) == ("run-2.b", "gauss-seidel", "first try")
+    scenario = with_set(
+        "scenario.name=run-2.b", "solver.method=gauss-seidel", "scenario.description=first try"
+    )
+    assert (scenario.name, scenario.solver.method, scenario.description) == (
+        "run-2.b",
+        "gauss-seidel",
+        "first try",
+    )
 
 
 def test_later_ones_win():
@@ -297,7 +364,9 @@ def test_later_ones_win():
 
 
 def test_keys_and_tables_that_are_missing_are_added():
-    scenario = with_set("solver.threads=2", "loading.2.solver.max_sweeps=5", "materials.wood.density=600")
+    scenario = with_set(
+        "solver.threads=2", "loading.2.solver.max_sweeps=5", "materials.wood.density=600"
+    )
     assert scenario.solver.threads == 2
     assert scenario.loading[2].solver.max_sweeps == 5
     assert scenario.materials["wood"].density == 600.0
@@ -347,6 +416,12 @@ def test_a_bad_one_is_one_problem_of_the_command_line(override, key, word):
 
 
 def test_problems_of_the_file_and_of_the_command_line_come_together():
-    problems = problems_of(changed(SHEAR, ("density = 2500", "density = -1")), ["solver.dt=0", "loading.9.dt=1"])
-    assert {problem.key for problem in problems} == {"loading.9.dt", "solver.dt", "materials.glass.density"}
+    problems = problems_of(
+        changed(SHEAR, ("density = 2500", "density = -1")), ["solver.dt=0", "loading.9.dt=1"]
+    )
+    assert {problem.key for problem in problems} == {
+        "loading.9.dt",
+        "solver.dt",
+        "materials.glass.density",
+    }
     assert {problem.file for problem in problems} == {"--set", "shear.toml"}

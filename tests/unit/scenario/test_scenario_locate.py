@@ -8,7 +8,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from multicor_cli.scenario.sources import MAX_NESTING, Lines, find_deep_nesting, locate_keys, parse_key
+from multicor_cli.scenario.sources import (
+    MAX_NESTING,
+    Lines,
+    find_deep_nesting,
+    locate_keys,
+    parse_key,
+)
 
 KEYS = st.one_of(
     st.text("abc019_-", min_size=1, max_size=4),
@@ -20,9 +26,15 @@ SCALARS = st.one_of(
     st.integers(-99, 99),
     st.booleans(),
     st.sampled_from([1.5, 1e-9, float("inf")]),
-    st.sampled_from(["1979-05-27 07:32:00", "1979-05-27T07:32:00Z", "07:32:00", "0x1F", "1_000", "-inf"]).map(lambda t: ("raw", t)),
+    st.sampled_from(
+        ["1979-05-27 07:32:00", "1979-05-27T07:32:00Z", "07:32:00", "0x1F", "1_000", "-inf"]
+    ).map(lambda t: ("raw", t)),
 )
-VALUES = st.recursive(SCALARS, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(KEYS, inner, max_size=3), max_leaves=8)
+VALUES = st.recursive(
+    SCALARS,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(KEYS, inner, max_size=3),
+    max_leaves=8,
+)
 DOCUMENTS = st.dictionaries(KEYS, VALUES, max_size=4)
 
 
@@ -59,7 +71,9 @@ class Writer:
         if "'" not in text and "\n" not in text:
             styles.append(f"'{text}'")
         if "'''" not in text and not text.endswith("'''"):
-            styles.append(f"'''\n{text}'''" if len(text) - len(text.rstrip("'")) <= 2 else styles[0])
+            styles.append(
+                f"'''\n{text}'''" if len(text) - len(text.rstrip("'")) <= 2 else styles[0]
+            )
         if "\\" not in text and '"""' not in text and len(text) - len(text.rstrip('"')) <= 2:
             styles.append(f'"""{text}"""')
         return self.choice.choice(styles)
@@ -99,7 +113,8 @@ class Writer:
         self.text += "}"
 
     def pair(self, path, key, value):
-        if isinstance(value, dict) and value and self.maybe():  # a dotted key for each of its entries
+        # a dotted key for each of its entries
+        if isinstance(value, dict) and value and self.maybe():
             for k, (inner_key, inner) in enumerate(value.items()):
                 self.text += ", " if k and not self.in_table else ""
                 self.pair(path, (*key, inner_key), inner)
@@ -120,7 +135,11 @@ class Writer:
     def table(self, path, names, table):
         later = []
         for key, value in table.items():
-            is_array = isinstance(value, list) and value and all(isinstance(element, dict) for element in value)
+            is_array = (
+                isinstance(value, list)
+                and value
+                and all(isinstance(element, dict) for element in value)
+            )
             if (isinstance(value, dict) or is_array) and self.maybe():
                 later.append((key, value))
             else:
@@ -143,7 +162,13 @@ class Writer:
 
 
 def all_paths(node, path=()):
-    entries = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ()
+    entries = (
+        node.items()
+        if isinstance(node, dict)
+        else enumerate(node)
+        if isinstance(node, list)
+        else ()
+    )
     for key, value in entries:
         yield (*path, key)
         yield from all_paths(value, (*path, key))
@@ -169,7 +194,14 @@ def test_an_explicit_header_wins_over_the_key_that_made_the_table():
 
 def test_lines_and_columns_count_from_one():
     lines = Lines("ab\nçd\r\n\nx")
-    assert [lines.position(offset) for offset in (0, 2, 3, 4, 7, 8)] == [(1, 1), (1, 3), (2, 1), (2, 2), (3, 1), (4, 1)]
+    assert [lines.position(offset) for offset in (0, 2, 3, 4, 7, 8)] == [
+        (1, 1),
+        (1, 3),
+        (2, 1),
+        (2, 2),
+        (3, 1),
+        (4, 1),
+    ]
     assert lines.line(2) == "çd"
     assert lines.line(9) == ""
 

@@ -6,7 +6,13 @@ import tomllib
 import pytest
 from places import ROOT
 
-from multicor_cli.scenario import TEMPLATES, new_scenario, parse_scenario, scenario_schema, schema_text
+from multicor_cli.scenario import (
+    TEMPLATES,
+    new_scenario,
+    parse_scenario,
+    scenario_schema,
+    schema_text,
+)
 from multicor_cli.scenario.model import ScenarioModel
 from multicor_cli.scenario.templates import COOKBOOK, template_table
 
@@ -15,13 +21,17 @@ SCHEMA_FILE = ROOT / "schema" / "multicor.schema.json"
 
 def test_the_schema_file_is_fresh():
     stored = json.loads(SCHEMA_FILE.read_text(encoding="utf-8"))
-    assert stored == scenario_schema(), "write it again: multicor schema > schema/multicor.schema.json"
+    assert stored == scenario_schema(), (
+        "write it again: multicor schema > schema/multicor.schema.json"
+    )
 
 
 def test_the_schema_says_what_the_models_say():
     schema = json.loads(schema_text())
     assert schema == scenario_schema()
-    assert set(schema["properties"]) == {field.alias or key for key, field in ScenarioModel.model_fields.items()}
+    assert set(schema["properties"]) == {
+        field.alias or key for key, field in ScenarioModel.model_fields.items()
+    }
     assert schema["additionalProperties"] is False
     rough = schema["$defs"]["RoughGeometry"]
     assert {"from", "to"} <= set(rough["properties"])
@@ -39,13 +49,21 @@ def test_every_key_is_described_and_none_may_be_null():
 
 def nodes(node):
     yield node
-    for value in node.values() if isinstance(node, dict) else node if isinstance(node, list) else ():
+    for value in (
+        node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
+    ):
         yield from nodes(value)
 
 
 def test_paragraphs_of_descriptions_are_lines_whatever_the_width_of_the_source():
     def texts(node):
-        for key, value in node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ():
+        for key, value in (
+            node.items()
+            if isinstance(node, dict)
+            else enumerate(node)
+            if isinstance(node, list)
+            else ()
+        ):
             yield from [value] if key == "description" and isinstance(value, str) else texts(value)
 
     described = list(texts(scenario_schema()))
@@ -56,11 +74,18 @@ def test_paragraphs_of_descriptions_are_lines_whatever_the_width_of_the_source()
 
 def test_editors_take_expressions_wherever_numbers_stand():
     """Bounds concern numbers, the pattern strings, so that neither gets in the way of the other."""
-    tables = [node for node in nodes(scenario_schema()) if isinstance(node, dict) and isinstance(node.get("type"), str | list)]
+    tables = [
+        node
+        for node in nodes(scenario_schema())
+        if isinstance(node, dict) and isinstance(node.get("type"), str | list)
+    ]
     assert not [node for node in tables if node["type"] in ("number", "integer")]
     numbers = [(node["type"], node["pattern"]) for node in tables if isinstance(node["type"], list)]
     assert len(numbers) > 100
-    assert all(kind in (["number", "string"], ["integer", "string"]) and pattern == "^=" for kind, pattern in numbers)
+    assert all(
+        kind in (["number", "string"], ["integer", "string"]) and pattern == "^="
+        for kind, pattern in numbers
+    )
     assert scenario_schema()["$defs"]["Material"]["properties"]["density"]["minimum"] == 1.0
 
 
@@ -81,13 +106,17 @@ def test_each_template_is_a_right_scenario_that_explains_itself(template, tmp_pa
 @pytest.mark.parametrize("name", COOKBOOK)
 def test_scenarios_of_the_cookbook_are_their_templates(name):
     text = (ROOT / "configs" / f"{name}.toml").read_text(encoding="utf-8")
-    shipped = text.partition("\n")[2].replace(f"configs/{name}.toml", f"{name}.toml")  # without the line for editors
+    # Without the line for editors
+    shipped = text.partition("\n")[2].replace(f"configs/{name}.toml", f"{name}.toml")
     assert new_scenario(name, name) == shipped
     table = ROOT / "configs" / f"{name}.csv"
     assert template_table(name) == (table.read_text(encoding="utf-8") if table.exists() else None)
 
 
-@pytest.mark.parametrize(("name", "template"), [("a", "sheer"), ("../a", "shear"), ("", "shear"), ("a b", "drum"), (".a", "drum")])
+@pytest.mark.parametrize(
+    ("name", "template"),
+    [("a", "sheer"), ("../a", "shear"), ("", "shear"), ("a b", "drum"), (".a", "drum")],
+)
 def test_bad_names_are_refused(name, template):
     with pytest.raises(ValueError, match=r"use "):
         new_scenario(name, template)

@@ -1,4 +1,6 @@
-"""Damaged files and those of other versions are detected, named and survived: never a wrong number, never a crash."""
+"""Damaged files and those of other versions are detected, named and survived: never a wrong number,
+never a crash.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,16 @@ import h5py
 import numpy as np
 import pytest
 import store_support
-from store_support import continue_run, drive, errors_of, make_model, make_run, replace, run_whole, set_text
+from store_support import (
+    continue_run,
+    drive,
+    errors_of,
+    make_model,
+    make_run,
+    replace,
+    run_whole,
+    set_text,
+)
 
 from multicor_cli.model import State
 from multicor_cli.store import (
@@ -26,14 +37,25 @@ from multicor_cli.store import (
     schema,
     verify,
 )
-from multicor_cli.store.documents import document_line, parse_document, read_document, write_document
+from multicor_cli.store.documents import (
+    document_line,
+    parse_document,
+    read_document,
+    write_document,
+)
 from multicor_cli.store.hdf5 import CheckedFile
 
 FLIPS = 25
-MANIFEST, NEWEST, LAST = "segments/MANIFEST.jsonl", "checkpoints/step-00000000040", "segments/000002.h5"
+MANIFEST, NEWEST, LAST = (
+    "segments/MANIFEST.jsonl",
+    "checkpoints/step-00000000040",
+    "segments/000002.h5",
+)
 
 
-def test_a_file_of_another_kind_is_no_run_and_results_by_another_name_are(copy: Path, tmp_path: Path) -> None:
+def test_a_file_of_another_kind_is_no_run_and_results_by_another_name_are(
+    copy: Path, tmp_path: Path
+) -> None:
     other = tmp_path / "shear.toml"
     other.write_text("[scenario]\n")
     with pytest.raises(DirectoryRefused, match="is no run; give the run directory, or its"):
@@ -65,7 +87,10 @@ def everything(path: Path) -> dict[str, bytes]:
                 if spec not in schema.OFFSETS:
                     data[f"{frame.index} {spec.path}"] = frame.column(spec.path).tobytes()
         model = run.model
-        data["radius"], data["wall"] = model.grains.radius.tobytes(), repr(model.walls.names).encode()
+        data["radius"], data["wall"] = (
+            model.grains.radius.tobytes(),
+            repr(model.walls.names).encode(),
+        )
         data["source"] = run.scenario_source.encode()
     return data
 
@@ -89,7 +114,9 @@ def test_flipped_bits_in_results_are_noticed_or_harmless(copy: Path) -> None:
     assert noticed > FLIPS // 2
 
 
-@pytest.mark.parametrize("name", ["segments/000001.h5", "checkpoints/step-00000000040.h5", "model.h5"])
+@pytest.mark.parametrize(
+    "name", ["segments/000001.h5", "checkpoints/step-00000000040.h5", "model.h5"]
+)
 def test_flipped_bits_in_digested_files_are_always_noticed(open_copy: Path, name: str) -> None:
     expected, original = everything(open_copy), (open_copy / name).read_bytes()
     for data in flips(original, 2)[:6]:
@@ -100,7 +127,9 @@ def test_flipped_bits_in_digested_files_are_always_noticed(open_copy: Path, name
         assert found == expected or (isinstance(found, StoreError) and findings)
 
 
-@pytest.mark.parametrize("name", ["results.h5", "run.json", "scenario.toml", "scenario.resolved.toml"])
+@pytest.mark.parametrize(
+    "name", ["results.h5", "run.json", "scenario.toml", "scenario.resolved.toml"]
+)
 def test_shortened_files_are_noticed(copy: Path, name: str) -> None:
     original = (copy / name).read_bytes()
     for length in [0, 1, len(original) // 3, len(original) - 2]:
@@ -135,7 +164,9 @@ def as_newer_minor_version(run: Path) -> None:
 
 def name_a_file_elsewhere(data: bytes) -> bytes:
     first, *others = data.splitlines(keepends=True)
-    return document_line({**parse_document(first.strip(), "test"), "name": "../../outside.h5"}) + b"".join(others)
+    return document_line(
+        {**parse_document(first.strip(), "test"), "name": "../../outside.h5"}
+    ) + b"".join(others)
 
 
 def swap_segments(run: Path) -> None:
@@ -152,30 +183,45 @@ def take_files_of_another_run(run: Path) -> None:
 Damage = tuple[Callable[[Path], object], str, int | str, str]
 DAMAGED: dict[str, Damage] = {
     "checkpoint cut": (edit(f"{NEWEST}.h5", lambda data: data[:-1]), "", 30, "040.h5: damaged"),
-    "page zeroed": (edit(f"{NEWEST}.h5", lambda data: data[:100] + b"\0" * 4096 + data[4196:]), "", 30, "040.h5: damaged"),
+    "page zeroed": (edit(f"{NEWEST}.h5", lambda data: data[:100] + b"\0" * 4096 + data[4196:]), "",
+        30, ("040.h5: "
+        "damaged")),
     "state gone": (lambda run: (run / f"{NEWEST}.h5").unlink(), "", 30, "040.h5: missing"),
-    "description gone": (lambda run: (run / f"{NEWEST}.json").unlink(), "", 30, "the checkpoint at step 40, of which"),
+    "description gone": (lambda run: (run / f"{NEWEST}.json").unlink(), "", 30, ("the checkpoint "
+        "at step 40, of which")),
     "description edited": (
-        edit(f"{NEWEST}.json", lambda data: data.replace(b'"last_frame_step": 40', b'"last_frame_step": 35')), "", 30, "edited",
+        edit(f"{NEWEST}.json",
+            lambda data: data.replace(b'"last_frame_step": 40', b'"last_frame_step": 35')), "", 30,
+            "edited",
     ),
     "last segment cut": (edit(LAST, lambda data: data[:-7]), "000002.h5", 30, "000002.h5: damaged"),
-    "first segment turned round": (edit("segments/000000.h5", lambda data: data[::-1]), "000000.h5", "--overwrite", "000000.h5"),
+    "first segment turned round": (edit("segments/000000.h5", lambda data: data[::-1]), "000000.h5",
+        "--overwrite", "000000.h5"),
     "segments swapped": (swap_segments, "00000", "--overwrite", r"00000\d.h5: damaged"),
     "manifest torn": (edit(MANIFEST, lambda data: data + b'{"name": "0000'), "", 40, ""),
-    "manifest edited": (edit(MANIFEST, lambda data: data.replace(b'"frames": 4', b'"frames": 3', 1)), "line 1", 40, "line 1"),
-    "manifest leads elsewhere": (edit(MANIFEST, name_a_file_elsewhere), "line 1: .*name is ../../outside.h5", 40, "line 1"),
-    "model of another run": (take_files_of_another_run, "another run", "belongs to another run", "belongs to another run"),
+    "manifest edited": (edit(MANIFEST,
+        lambda data: data.replace(b'"frames": 4', b'"frames": 3', 1)), ("line "
+        "1"), 40, ("line "
+        "1")),
+    "manifest leads elsewhere": (edit(MANIFEST, name_a_file_elsewhere), ("line 1: .*name is "
+        "../../outside.h5"), 40, ("line "
+        "1")),
+    "model of another run": (take_files_of_another_run, "another run", "belongs to another run",
+        ("belongs "
+        "to another run")),
     "version 2.0": (of_version([2, 0]), "", r"format version 2\.0", r"format version 2\.0"),
     "version 3": (of_version(3), "", "format version 3", "format version 3"),
     "no version": (of_version(None), "", "format version None", "format version None"),
     "newer minor version": (as_newer_minor_version, "", 40, ""),
 }  # fmt: skip
-"""What is done; what reading then says, or nothing: it reads what is there; the step from which the run goes on, or why it does
-not; what `verify` finds, or nothing."""
+"""What is done; what reading then says, or nothing: it reads what is there; the step from which the
+run goes on, or why it does not; what `verify` finds, or nothing."""
 
 
 @pytest.mark.parametrize("damage", DAMAGED)
-def test_an_interrupted_run_that_was_damaged(open_copy: Path, unfinished: Path, finished: Path, damage: str) -> None:
+def test_an_interrupted_run_that_was_damaged(
+    open_copy: Path, unfinished: Path, finished: Path, damage: str
+) -> None:
     act, reading, going_on, finding = DAMAGED[damage]
     act(open_copy)
     errors = errors_of(open_copy)
@@ -188,13 +234,16 @@ def test_an_interrupted_run_that_was_damaged(open_copy: Path, unfinished: Path, 
             kind = UnsupportedVersion if "version" in damage else DamagedRun
             with pytest.raises(kind, match=going_on):
                 run.load_checkpoint()
-            assert len(list((open_copy / "checkpoints").glob("*.h5"))) == 2  # nothing is begun again
+            # Nothing is begun again
+            assert len(list((open_copy / "checkpoints").glob("*.h5"))) == 2
             return
         checkpoint = run.load_checkpoint()
         assert checkpoint is not None
         assert checkpoint.state.step == going_on
         is_said = going_on < 40 and damage != "description gone"
-        assert [bool(re.search(finding, warning)) for warning in checkpoint.warnings] == [True] * is_said
+        assert [bool(re.search(finding, warning)) for warning in checkpoint.warnings] == [
+            True
+        ] * is_said
     continue_run(open_copy)
     assert verify(open_copy) == [] or [found.severity for found in verify(open_copy)] == ["warning"]
     assert run_info(open_copy)["data_digest"] == run_info(finished)["data_digest"]
@@ -216,10 +265,25 @@ DOCUMENTS: dict[str, tuple[Callable[[Path], object], str]] = {
     **{
         f"text {number}": (lambda file, text=text: replace(file, text.encode()), r"run\.json")  # type: ignore[misc]
         for number, text in enumerate(
-            ("", "[]", "null", "{", '{"check": 1}', '{"status": "finished", "check": ""}', "[" * 10**5, "\x00", "9" * 5000)
+            (
+                "",
+                "[]",
+                "null",
+                "{",
+                '{"check": 1}',
+                '{"status": "finished", "check": ""}',
+                "[" * 10**5,
+                "\x00",
+                "9" * 5000,
+            )
         )
     },
-    "edited": (lambda file: replace(file, file.read_bytes().replace(b'"max_overlap": 0.0', b'"max_overlap": 0.1')), "edited"),
+    "edited": (
+        lambda file: replace(
+            file, file.read_bytes().replace(b'"max_overlap": 0.0', b'"max_overlap": 0.1')
+        ),
+        "edited",
+    ),
     "version 2.3": (value(format_version=[2, 3]), r"format version 2\.3"),
     "version 3": (value(format_version=3), "format version 3"),
     "sessions": (value(sessions=[1]), r"sessions\.0 is 1"),
@@ -233,10 +297,16 @@ DOCUMENTS: dict[str, tuple[Callable[[Path], object], str]] = {
     "run_id": (value(run_id=3), "run_id is 3"),
     "provenance": (value(provenance={}), r"provenance\.seed"),
     "timings": (value(timings={"solve": "long"}), r"timings\.solve is long"),
-    "reason of an end": (value(stage_ends=[END | {"reason": "bored"}]), r"stage_ends\.0\.reason is bored"),
+    "reason of an end": (
+        value(stage_ends=[END | {"reason": "bored"}]),
+        r"stage_ends\.0\.reason is bored",
+    ),
     "step of an end": (value(stage_ends=[END | {"step": True}]), r"stage_ends\.0\.step is True"),
     "origin": (value(origin={"run": "elsewhere"}), r"origin\.run_id"),
-    "steering": (value(steering={"by": "me", "every": 1, "decisions": [{}], "notes": {}}), r"steering\.decisions\.0\.stage"),
+    "steering": (
+        value(steering={"by": "me", "every": 1, "decisions": [{}], "notes": {}}),
+        r"steering\.decisions\.0\.stage",
+    ),
     "extensions": (value(extensions=[{}]), r"extensions\.0\.started"),
     "books": (changed_summary(books={}), "summary"),
     "solver": (changed_summary(solver={"unconverged_steps": 0}), r"summary\.solver"),
@@ -281,7 +351,9 @@ def test_unknown_datasets_of_a_newer_minor_version_are_ignored(copy: Path, finis
 
 def test_missing_run_json_is_noticed_unless_results_lie_alone(copy: Path) -> None:
     (copy / "run.json").unlink()
-    assert [finding.file for finding in verify(copy) if finding.severity == "error"] == [str(copy / "run.json")]
+    assert [finding.file for finding in verify(copy) if finding.severity == "error"] == [
+        str(copy / "run.json")
+    ]
     for path in copy.iterdir():
         if path.name != "results.h5":
             shutil.rmtree(path) if path.is_dir() else path.unlink()
@@ -290,16 +362,24 @@ def test_missing_run_json_is_noticed_unless_results_lie_alone(copy: Path) -> Non
 
 @pytest.fixture(scope="module")
 def talkative(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A ``results.h5`` alone whose provenance is longer than 4 KiB: HDF5 has no checksum for it any more."""
+    """A ``results.h5`` alone whose provenance is longer than 4 KiB: HDF5 has no checksum for it any
+    more.
+    """
     path = tmp_path_factory.mktemp("talkative") / "run"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(store_support, "PROVENANCE", {**store_support.PROVENANCE, "command": "x" * 10_000})
+        patch.setattr(
+            store_support, "PROVENANCE", {**store_support.PROVENANCE, "command": "x" * 10_000}
+        )
         run_whole(path)
     return path / "results.h5"
 
 
-@pytest.mark.parametrize("name", ["summary", "provenance", "run_id", "data_digest", "attribute_digests"])
-def test_changed_text_of_results_that_lie_alone_is_noticed(talkative: Path, tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize(
+    "name", ["summary", "provenance", "run_id", "data_digest", "attribute_digests"]
+)
+def test_changed_text_of_results_that_lie_alone_is_noticed(
+    talkative: Path, tmp_path: Path, name: str
+) -> None:
     with h5py.File(talkative) as file:
         text = file.attrs[name]
     data = bytearray(talkative.read_bytes())
@@ -317,7 +397,9 @@ def test_every_field_of_the_state_is_in_a_checkpoint(open_copy: Path) -> None:
     assert found is not None
     digest = found.state.digest()
     for name, value in found.state.as_dict().items():
-        changed = found.state.as_dict() | {name: value + 1 if value.size else np.zeros((1, *value.shape[1:]), value.dtype)}
+        changed = found.state.as_dict() | {
+            name: value + 1 if value.size else np.zeros((1, *value.shape[1:]), value.dtype)
+        }
         assert State.from_dict(changed).digest() != digest, name
 
 

@@ -1,4 +1,6 @@
-"""The run directory as a place: who may use it, what may be removed, and what happens when the disk is full."""
+"""The run directory as a place: who may use it, what may be removed, and what happens when the disk
+is full.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from places import ROOT
-from store_support import PROVENANCE, RESOLVED, SOURCE, continue_run, drive, errors_of, make_model, make_run, run_whole, start
+from store_support import (
+    PROVENANCE,
+    RESOLVED,
+    SOURCE,
+    continue_run,
+    drive,
+    errors_of,
+    make_model,
+    make_run,
+    run_whole,
+    start,
+)
 
 from multicor_cli.model import State
 from multicor_cli.store import (
@@ -45,7 +58,9 @@ from multicor_cli.store.segments import keep_segments
 
 
 def listing(path: Path) -> dict[str, bytes]:
-    return {str(file.relative_to(path)): file.read_bytes() for file in path.rglob("*") if file.is_file()}
+    return {
+        str(file.relative_to(path)): file.read_bytes() for file in path.rglob("*") if file.is_file()
+    }
 
 
 def in_child(action: Callable[[], object]) -> int:
@@ -105,13 +120,17 @@ def test_directory_that_is_no_run_is_refused_and_untouched(tmp_path: Path, overw
 def test_runs_inside_a_directory_are_named(tmp_path: Path) -> None:
     for name in ("a", "b"):
         make_run(tmp_path / name)
-    with pytest.raises(DirectoryRefused, match=r"holds no run; name one of those in it: .*/a, .*/b$"):
+    with pytest.raises(
+        DirectoryRefused, match=r"holds no run; name one of those in it: .*/a, .*/b$"
+    ):
         open_run(tmp_path)
 
 
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc")
 def test_a_place_where_no_directory_can_be_made_is_refused_at_once() -> None:
-    with pytest.raises(DirectoryRefused, match="no directory can be made in /proc; choose another place with -o"):
+    with pytest.raises(
+        DirectoryRefused, match="no directory can be made in /proc; choose another place with -o"
+    ):
         check_usable(Path("/proc/run"), overwrite=False)
 
 
@@ -122,12 +141,20 @@ def test_existing_run_is_refused_unless_overwritten(copy: Path) -> None:
     assert listing(copy) == before
     with make_run(copy, overwrite=True) as run:
         assert run.load_checkpoint() is None
-        assert sorted(listing(copy)) == ["lock", "run.json", "scenario.resolved.toml", "scenario.toml"]
+        assert sorted(listing(copy)) == [
+            "lock",
+            "run.json",
+            "scenario.resolved.toml",
+            "scenario.toml",
+        ]
     run_whole(copy, overwrite=True)
     assert verify(copy) == []
 
 
-@pytest.mark.parametrize("name", ["figure.png", "segments/notes.txt", "checkpoints/step-1.h5", "results.h5.bak", "model.h5/"])
+@pytest.mark.parametrize(
+    "name",
+    ["figure.png", "segments/notes.txt", "checkpoints/step-1.h5", "results.h5.bak", "model.h5/"],
+)
 def test_overwriting_never_removes_foreign_files(tmp_path: Path, name: str) -> None:
     path = tmp_path / "run"
     with make_run(path) as run:
@@ -177,7 +204,12 @@ def test_stopped_and_failed_runs_can_be_continued(tmp_path: Path) -> None:
         drive(run, model, steps=12, checkpoint_every=5, finish=False)
         run.finish("stopped", stop_reason="Ctrl-C", exit_code=130, timings={"solve": 1.5})
     info = run_info(path)
-    assert (info["status"], info["stop_reason"], info["exit_code"], info["timings"]) == ("stopped", "Ctrl-C", 130, {"solve": 1.5})
+    assert (info["status"], info["stop_reason"], info["exit_code"], info["timings"]) == (
+        "stopped",
+        "Ctrl-C",
+        130,
+        {"solve": 1.5},
+    )
     with RunDirectory.resume(path) as run:
         assert run.status == "running"
         state = drive(run, model, steps=18, checkpoint_every=5, finish=False)
@@ -187,7 +219,8 @@ def test_stopped_and_failed_runs_can_be_continued(tmp_path: Path) -> None:
         run.finish("failed", stop_reason="step 19: grain 3 is not finite", exit_code=4)
     with open_run(path) as reader:
         assert reader.status == "failed"
-        assert reader.frames.step.tolist() == [0, 5, 10, 15, 20]  # the last one is there to look at, and will be computed again
+        # The last one is there to look at, and will be computed again
+        assert reader.frames.step.tolist() == [0, 5, 10, 15, 20]
     continue_run(path)
     run_whole(tmp_path / "whole")
     assert run_info(path)["data_digest"] == run_info(tmp_path / "whole")["data_digest"]
@@ -203,14 +236,20 @@ def test_finished_run_is_left_alone(copy: Path) -> None:
 
 
 def test_committed_files_are_read_only(unfinished: Path) -> None:
-    files = [file for pattern in ("segments/*.h5", "checkpoints/*.h5", "model.h5") for file in unfinished.glob(pattern)]
+    files = [
+        file
+        for pattern in ("segments/*.h5", "checkpoints/*.h5", "model.h5")
+        for file in unfinished.glob(pattern)
+    ]
     assert len(files) == 6
     assert not any(file.stat().st_mode & 0o222 for file in files)
 
 
 @pytest.mark.parametrize("name", ["mine.txt", "000000.h5.bak", "mine.tmp", "sub"])
 @pytest.mark.parametrize("is_finished", [False, True])
-def test_files_of_others_beside_the_segments_stay(tmp_path: Path, name: str, is_finished: bool) -> None:
+def test_files_of_others_beside_the_segments_stay(
+    tmp_path: Path, name: str, is_finished: bool
+) -> None:
     path = tmp_path / "run"
     run_whole(path, make_model(), steps=20, checkpoint_every=15, finish=is_finished)
     (path / "segments").mkdir(exist_ok=True)
@@ -249,7 +288,9 @@ def test_progress_never_fails(tmp_path: Path) -> None:
 
 
 def test_provenance_names_versions_and_machine() -> None:
-    found = collect_provenance(["multicor", "run", "a b.toml"], seed=3, threads=2, threading_layer="omp")
+    found = collect_provenance(
+        ["multicor", "run", "a b.toml"], seed=3, threads=2, threading_layer="omp"
+    )
     assert found["command"] == "multicor run 'a b.toml'"
     assert (found["seed"], found["threads"], found["threading_layer"]) == (3, 2, "omp")
     assert {"python", "numpy", "numba", "llvmlite", "h5py", "hdf5"} <= found["versions"].keys()
@@ -281,7 +322,9 @@ def test_lock_of_a_dead_process_is_taken_over(tmp_path: Path) -> None:
         "import sys, time, pathlib; from multicor_cli.store.lock import RunLock;"
         "lock = RunLock(pathlib.Path(sys.argv[1])); print(1, flush=True); time.sleep(60)"
     )
-    holder = subprocess.Popen([sys.executable, "-c", code, str(tmp_path / "lock")], stdout=subprocess.PIPE, cwd=ROOT)
+    holder = subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path / "lock")], stdout=subprocess.PIPE, cwd=ROOT
+    )
     assert holder.stdout is not None
     holder.stdout.readline()
     try:
@@ -302,10 +345,17 @@ def test_lock_of_a_dead_process_is_taken_over(tmp_path: Path) -> None:
 
 def test_lock_of_another_host_is_respected_unless_forced(tmp_path: Path) -> None:
     make_run(tmp_path / "run").close()
-    holder = {"pid": 17, "host": "elsewhere", "started": "2026-01-01T00:00:00+00:00", "start_ticks": 1}
+    holder = {
+        "pid": 17,
+        "host": "elsewhere",
+        "started": "2026-01-01T00:00:00+00:00",
+        "start_ticks": 1,
+    }
     (tmp_path / "run" / "lock").write_text(json.dumps(holder))
     assert is_alive(tmp_path / "run" / "lock")
-    with pytest.raises(RunLocked, match=r"process 17 on elsewhere; if it is no longer alive, delete .*lock"):
+    with pytest.raises(
+        RunLocked, match=r"process 17 on elsewhere; if it is no longer alive, delete .*lock"
+    ):
         RunDirectory.resume(tmp_path / "run")
     RunDirectory.resume(tmp_path / "run", force_unlock=True).close()
     RunDirectory.resume(tmp_path / "run").close()
@@ -323,7 +373,9 @@ def test_recycled_process_number_does_not_count_as_alive(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("limit_kb", [1, 60, 120, 180])
-def test_file_size_limit_stops_with_code_5_and_the_run_goes_on_later(tmp_path: Path, limit_kb: int) -> None:
+def test_file_size_limit_stops_with_code_5_and_the_run_goes_on_later(
+    tmp_path: Path, limit_kb: int
+) -> None:
     """`RLIMIT_FSIZE` fails the writes of a child in the same places as a full disk does."""
     path, model = tmp_path / "run", make_model(120)
 
@@ -342,14 +394,18 @@ def test_file_size_limit_stops_with_code_5_and_the_run_goes_on_later(tmp_path: P
     assert run_info(path)["data_digest"] == run_info(tmp_path / "whole")["data_digest"]
 
 
-def test_full_disk_is_noticed_before_a_file_is_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_full_disk_is_noticed_before_a_file_is_begun(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     model = make_model()
     with make_run(tmp_path / "run") as run:
         writer, state = run.writer(model), start(model)
         run.checkpoint(state, writer)
         state.step += 1
         writer.frame(Snapshot(state, model))
-        monkeypatch.setattr(os, "statvfs", lambda _: SimpleNamespace(f_bavail=300, f_frsize=4096, f_blocks=1000))
+        monkeypatch.setattr(
+            os, "statvfs", lambda _: SimpleNamespace(f_bavail=300, f_frsize=4096, f_blocks=1000)
+        )
         before = listing(tmp_path / "run")
         with pytest.raises(StorageFull, match="no space left") as caught:
             run.checkpoint(state, writer)
@@ -357,7 +413,8 @@ def test_full_disk_is_noticed_before_a_file_is_begun(tmp_path: Path, monkeypatch
         assert caught.value.free == 300 * 4096
         assert caught.value.needed > caught.value.free
         assert listing(tmp_path / "run") == before
-        run.finish("failed", stop_reason=str(caught.value), exit_code=5)  # run.json uses what is left in reserve
+        # run.json uses what is left in reserve
+        run.finish("failed", stop_reason=str(caught.value), exit_code=5)
         monkeypatch.undo()
         run.checkpoint(state, writer)  # nothing was lost
         with open_run(tmp_path / "run") as reader:
@@ -365,7 +422,9 @@ def test_full_disk_is_noticed_before_a_file_is_begun(tmp_path: Path, monkeypatch
     assert verify(tmp_path / "run") == []
 
 
-def test_guarded_file_keeps_the_first_error_and_swallows_the_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_guarded_file_keeps_the_first_error_and_swallows_the_rest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     import h5py
 
     def fail(*_: object) -> int:
@@ -382,7 +441,9 @@ def test_guarded_file_keeps_the_first_error_and_swallows_the_rest(tmp_path: Path
         assert caught.value.errno == errno.EIO
 
 
-def test_short_write_of_the_manifest_leaves_no_half_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_short_write_of_the_manifest_leaves_no_half_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from multicor_cli.store.atomic import append_line
 
     append_line(tmp_path / "lines", "test", b"first\n")
@@ -406,12 +467,16 @@ def test_directory_without_permission(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["openat", "replace", "fsync"])
-def test_errors_of_the_system_name_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+def test_errors_of_the_system_name_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
     def fail(*_: object, **__: object) -> int:
         raise PermissionError(errno.EACCES, "Permission denied")
 
     with make_run(tmp_path / "run") as run:
-        target = {"openat": (os, "open"), "replace": (Path, "replace"), "fsync": (os, "fsync")}[name]
+        target = {"openat": (os, "open"), "replace": (Path, "replace"), "fsync": (os, "fsync")}[
+            name
+        ]
         monkeypatch.setattr(*target, fail)
         with pytest.raises(StorageError, match=r"model\.h5: Permission denied"):
             run.writer(make_model())
@@ -420,7 +485,9 @@ def test_errors_of_the_system_name_the_file(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_reading_while_running(tmp_path: Path) -> None:
-    """Readers see whole frames only, at any moment, and the end of the run does not disturb them."""
+    """Readers see whole frames only, at any moment, and the end of the run does not disturb
+    them.
+    """
     path, seen = tmp_path / "run", 0
     child = os.fork()
     if child == 0:
@@ -452,7 +519,9 @@ def test_reading_while_running(tmp_path: Path) -> None:
 # --- the order of a commit
 
 
-def test_commit_flushes_file_and_directory_around_the_rename(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_commit_flushes_file_and_directory_around_the_rename(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A power cut cannot be tried here; the order of the calls that survive one can be seen."""
     from multicor_cli.store.atomic import commit_bytes
 
@@ -473,7 +542,9 @@ def test_commit_flushes_file_and_directory_around_the_rename(tmp_path: Path, mon
     assert calls == ["fsync file.tmp", "replace file.tmp file", f"fsync {tmp_path.name}"]
 
 
-def test_what_reads_back_differently_is_not_committed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_reads_back_differently_is_not_committed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     model = make_model(50)
     with make_run(tmp_path / "run") as run:
         state = drive(run, model, steps=10, checkpoint_every=5, finish=False)

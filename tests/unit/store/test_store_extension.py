@@ -1,15 +1,35 @@
-"""Stages are added to a run: its files are those of a longer run, whenever the process dies, and nothing of it is lost."""
+"""Stages are added to a run: its files are those of a longer run, whenever the process dies, and
+nothing of it is lost.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
-from store_support import PROVENANCE, RESOLVED, SOURCE, drive, errors_of, killed_at, make_model, replace, run_whole
+from store_support import (
+    PROVENANCE,
+    RESOLVED,
+    SOURCE,
+    drive,
+    errors_of,
+    killed_at,
+    make_model,
+    replace,
+    run_whole,
+)
 from trials import thinned
 
 from multicor_cli.model import Model
-from multicor_cli.store import DamagedRun, DirectoryRefused, RunDirectory, StorageFull, open_run, run_info, verify
+from multicor_cli.store import (
+    DamagedRun,
+    DirectoryRefused,
+    RunDirectory,
+    StorageFull,
+    open_run,
+    run_info,
+    verify,
+)
 from multicor_cli.store import atomic as atomic_module
 from multicor_cli.store import extension as extension_module
 from multicor_cli.store import segments as segments_module
@@ -18,20 +38,42 @@ from multicor_cli.store.extension import Extension
 from multicor_cli.store.segments import read_manifest
 
 LONGER = Extension(SOURCE + "# and on\n", RESOLVED + "[more]\n", ("load", "shear", "on"))
-LONGEST = Extension(SOURCE + "# and on and on\n", RESOLVED + "[more]\n[most]\n", ("load", "shear", "on", "further"))
+LONGEST = Extension(
+    SOURCE + "# and on and on\n", RESOLVED + "[more]\n[most]\n", ("load", "shear", "on", "further")
+)
 COMMIT = ("mid_tmp", "before_rename", "after_rename")
 POINTS = (
-    *("model.before_rename", "segment.mid_tmp", "segment.after_rename", "manifest.torn", "manifest.after_append"),
+    *(
+        "model.before_rename",
+        "segment.mid_tmp",
+        "segment.after_rename",
+        "manifest.torn",
+        "manifest.after_append",
+    ),
     *(f"{label}.{point}" for label in ("checkpoint", "checkpointjson") for point in COMMIT),
     "checkpoint.before_prune",
     *(f"scenario.{point}:{number}" for number in (1, 2, 3, 4) for point in COMMIT),
-    *("extension.before", "runjson.mid_tmp", "runjson.before_rename", "runjson.after_rename", "extension.after"),
-    *("runjson.before_rename:2", "segment.after_rename:3", "results.before_rename", "results.after_rename", "cleanup.mid"),
+    *(
+        "extension.before",
+        "runjson.mid_tmp",
+        "runjson.before_rename",
+        "runjson.after_rename",
+        "extension.after",
+    ),
+    *(
+        "runjson.before_rename:2",
+        "segment.after_rename:3",
+        "results.before_rename",
+        "results.after_rename",
+        "cleanup.mid",
+    ),
 )
 
 
 def go_on(path: Path, model: Model, steps: int = 60) -> None:
-    """What ``multicor run --extend`` does: add the stages unless the run has them, and carry them out."""
+    """What ``multicor run --extend`` does: add the stages unless the run has them, and carry them
+    out.
+    """
     has_them = run_info(path)["stages"] == list(LONGER.stages)
     with RunDirectory.resume(path, extension=None if has_them else LONGER) as run:
         if not run.is_finished:
@@ -48,7 +90,9 @@ def model() -> Model:
 def expected(model: Model, tmp_path_factory: pytest.TempPathFactory) -> str:
     """Digest of the run that had all stages from the start."""
     path = tmp_path_factory.mktemp("whole") / "run"
-    with RunDirectory.create(path, LONGER.source, LONGER.resolved, PROVENANCE, stages=LONGER.stages) as run:
+    with RunDirectory.create(
+        path, LONGER.source, LONGER.resolved, PROVENANCE, stages=LONGER.stages
+    ) as run:
         drive(run, model, steps=60, checkpoint_every=15)
     return str(run_info(path)["data_digest"])
 
@@ -85,9 +129,17 @@ def test_the_former_scenarios_are_kept(tmp_path: Path) -> None:
     with RunDirectory.resume(path, extension=LONGEST) as run:
         drive(run, model, steps=70, checkpoint_every=15)
     files = ("scenario.1.toml", "scenario.2.toml", "scenario.toml")
-    assert [(path / name).read_text().splitlines()[-1] for name in files] == ["name = 'tiny'", "# and on", "# and on and on"]
+    assert [(path / name).read_text().splitlines()[-1] for name in files] == [
+        "name = 'tiny'",
+        "# and on",
+        "# and on and on",
+    ]
     resolved = ("scenario.resolved.1.toml", "scenario.resolved.2.toml", "scenario.resolved.toml")
-    assert [(path / name).read_text() for name in resolved] == [RESOLVED, LONGER.resolved, LONGEST.resolved]
+    assert [(path / name).read_text() for name in resolved] == [
+        RESOLVED,
+        LONGER.resolved,
+        LONGEST.resolved,
+    ]
     assert [step["stages"] for step in run_info(path)["extensions"]] == [3, 4]
     assert verify(path) == []
     run_whole(path, model, overwrite=True)  # all of these are files of the run
@@ -95,7 +147,9 @@ def test_the_former_scenarios_are_kept(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("point", thinned(POINTS, 5))
-def test_killed_while_it_is_extended(tmp_path: Path, model: Model, expected: str, point: str) -> None:
+def test_killed_while_it_is_extended(
+    tmp_path: Path, model: Model, expected: str, point: str
+) -> None:
     path = tmp_path / "run"
     run_whole(path, model)
     assert killed_at(path, point, lambda path: go_on(path, model)), f"the run never came to {point}"
@@ -116,7 +170,9 @@ def test_killed_again_and_again(tmp_path: Path, model: Model, expected: str) -> 
     assert run_info(path)["data_digest"] == expected
 
 
-def test_a_long_run_is_copied_in_pieces(tmp_path: Path, model: Model, expected: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_long_run_is_copied_in_pieces(
+    tmp_path: Path, model: Model, expected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "run"
     run_whole(path, model)
     monkeypatch.setattr(extension_module, "SERIES_ROWS", 4)
@@ -139,7 +195,9 @@ def test_damaged_results_are_not_made_into_segments(tmp_path: Path) -> None:
     assert read_run_document(path) == document
 
 
-def test_a_full_disk_leaves_the_run_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_leaves_the_run_as_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "run"
     run_whole(path)
 

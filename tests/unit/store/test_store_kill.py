@@ -1,4 +1,6 @@
-"""Kill the process at every named point of the commit protocol: nothing committed is lost, the end is the same to the bit."""
+"""Kill the process at every named point of the commit protocol: nothing committed is lost, the end
+is the same to the bit.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +51,12 @@ def test_killed_once(tmp_path: Path, expected: dict[str, str], point: str) -> No
 
 
 @pytest.mark.parametrize(
-    "seed", [0, pytest.param(1, marks=pytest.mark.reliability), pytest.param(2, marks=pytest.mark.reliability)]
+    "seed",
+    [
+        0,
+        pytest.param(1, marks=pytest.mark.reliability),
+        pytest.param(2, marks=pytest.mark.reliability),
+    ],
 )
 def test_killed_again_and_again(tmp_path: Path, expected: dict[str, str], seed: int) -> None:
     choose, path = random.Random(seed), tmp_path / "run"
@@ -60,9 +67,12 @@ def test_killed_again_and_again(tmp_path: Path, expected: dict[str, str], seed: 
     assert outcome(path) == expected
 
 
-def test_segments_after_the_checkpoint_are_set_aside(tmp_path: Path, expected: dict[str, str]) -> None:
+def test_segments_after_the_checkpoint_are_set_aside(
+    tmp_path: Path, expected: dict[str, str]
+) -> None:
     path = tmp_path / "run"
-    killed_at(path, "checkpoint.after_tmp:3")  # the third checkpoint (step 40) is not there, its segment is
+    # The third checkpoint (step 40) is not there, its segment is
+    killed_at(path, "checkpoint.after_tmp:3")
     segments = path / "segments"
     committed = read_manifest(segments)
     assert len(committed) == 3
@@ -70,7 +80,11 @@ def test_segments_after_the_checkpoint_are_set_aside(tmp_path: Path, expected: d
     with RunDirectory.resume(path) as run:
         found = run.load_checkpoint()
         assert found is not None
-        assert (found.state.step, sum(segment.frames for segment in found.segments), found.last_steps) == (30, 7, (30, 30))
+        assert (
+            found.state.step,
+            sum(segment.frames for segment in found.segments),
+            found.last_steps,
+        ) == (30, 7, (30, 30))
         assert (segments / "000002.h5.orphan").is_file()
         assert read_manifest(segments) == committed[:2]
         assert [finding.severity for finding in verify(path)] == ["warning"]
@@ -92,7 +106,9 @@ def test_killed_while_setting_aside(tmp_path: Path, expected: dict[str, str]) ->
 def test_two_orphans_of_the_same_name(tmp_path: Path, expected: dict[str, str]) -> None:
     path = tmp_path / "run"
     for _ in range(3):
-        assert killed_at(path, "manifest.after_append:2" if not path.exists() else "manifest.after_append")
+        assert killed_at(
+            path, "manifest.after_append:2" if not path.exists() else "manifest.after_append"
+        )
     assert len(list((path / "segments").glob("000001.h5*.orphan"))) == 2
     continue_run(path)
     assert outcome(path) == expected

@@ -1,4 +1,6 @@
-"""Files that come from elsewhere: foreign, hostile, or whole by their digests and wrong; refused before memory is taken."""
+"""Files that come from elsewhere: foreign, hostile, or whole by their digests and wrong; refused
+before memory is taken.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +20,16 @@ from multicor_cli.store.documents import document_line, parse_document
 from multicor_cli.store.hdf5 import write_text
 
 HEAT_DATASETS = [
-    spec.path for spec in schema.RESULTS_TABLE if spec.only_with not in (None, "exchange", "surface", "groups", "motion")
+    spec.path
+    for spec in schema.RESULTS_TABLE
+    if spec.only_with not in (None, "exchange", "surface", "groups", "motion")
 ]
 
 
 @pytest.mark.parametrize("path", HEAT_DATASETS)
-def test_run_with_heat_that_lacks_a_part_of_it_is_damaged(heated: Path, tmp_path: Path, path: str) -> None:
+def test_run_with_heat_that_lacks_a_part_of_it_is_damaged(
+    heated: Path, tmp_path: Path, path: str
+) -> None:
     file = tmp_path / "results.h5"
     shutil.copy(heated / "results.h5", file)
     with h5py.File(file, "r+") as data:
@@ -50,7 +56,10 @@ def test_segment_with_other_features_than_the_model_is_damaged(tmp_path: Path) -
     replace(file, file.read_bytes())
     with h5py.File(file, "r+") as data:
         set_text(data, "features", "[]")
-    lines = [parse_document(line, "test") for line in (path / "segments" / "MANIFEST.jsonl").read_bytes().splitlines()]
+    lines = [
+        parse_document(line, "test")
+        for line in (path / "segments" / "MANIFEST.jsonl").read_bytes().splitlines()
+    ]
     lines[0] |= {"size": file.stat().st_size, "blake2b": file_digest(file)}
     replace(path / "segments" / "MANIFEST.jsonl", b"".join(map(document_line, lines)))
     findings = [finding for finding in verify(path) if finding.file.endswith("000000.h5")]
@@ -90,15 +99,31 @@ def lose_one_digest(file: h5py.File) -> None:
 
 UNPROTECTED: dict[str, tuple[Callable[[h5py.File], None], str]] = {
     "text of variable length": (lambda file: as_variable_length(file, "run_id"), "fixed length"),
-    "digests of variable length": (lambda file: as_variable_length(file, "attribute_digests"), "fixed length"),
-    "digest of variable length": (lambda file: as_variable_length(file["model/radius"], "blake2b"), "fixed length"),
-    "digest of the view of variable length": (lambda file: as_variable_length(file["VTKHDF"], "blake2b"), "fixed length"),
-    "texts without digests": (lambda file: file.attrs.__delitem__("attribute_digests"), "attribute_digests"),
+    "digests of variable length": (
+        lambda file: as_variable_length(file, "attribute_digests"),
+        "fixed length",
+    ),
+    "digest of variable length": (
+        lambda file: as_variable_length(file["model/radius"], "blake2b"),
+        "fixed length",
+    ),
+    "digest of the view of variable length": (
+        lambda file: as_variable_length(file["VTKHDF"], "blake2b"),
+        "fixed length",
+    ),
+    "texts without digests": (
+        lambda file: file.attrs.__delitem__("attribute_digests"),
+        "attribute_digests",
+    ),
     "text without digest": (lose_one_digest, "summary"),
-    "dataset without digest": (lambda file: file["model/radius"].attrs.__delitem__("blake2b"), "blake2b"),
+    "dataset without digest": (
+        lambda file: file["model/radius"].attrs.__delitem__("blake2b"),
+        "blake2b",
+    ),
     "no view": (lambda file: file.__delitem__("VTKHDF"), "VTKHDF"),
 }
-"""What has no digest, or lies where HDF5 has no checksum and may search forever; and what the message names."""
+"""What has no digest, or lies where HDF5 has no checksum and may search forever; and what the
+message names."""
 
 
 @pytest.mark.parametrize("what", UNPROTECTED)
@@ -129,7 +154,9 @@ def hostile(change: str, file: h5py.File, elsewhere: Path) -> None:
     elif change == "soft":
         file["particles/angle"] = h5py.SoftLink("/particles/spin")
     elif change == "raw":
-        file.create_dataset("particles/angle", shape=(rows,), dtype="f8", external=[(str(elsewhere), 0, 8 * rows)])
+        file.create_dataset(
+            "particles/angle", shape=(rows,), dtype="f8", external=[(str(elsewhere), 0, 8 * rows)]
+        )
     elif change == "virtual":
         layout = h5py.VirtualLayout(shape=(rows,), dtype="f8")
         layout[:] = h5py.VirtualSource(str(elsewhere), "x", shape=(rows,))
@@ -138,18 +165,28 @@ def hostile(change: str, file: h5py.File, elsewhere: Path) -> None:
         file["particles/angle"].attrs.update(attributes)
 
 
-@pytest.mark.parametrize("change", ["huge", "type", "rows", "shape", "group", "external", "soft", "raw", "virtual", "missing"])
-def test_hostile_datasets_are_refused_before_memory_is_taken(copy: Path, tmp_path: Path, change: str) -> None:
+@pytest.mark.parametrize(
+    "change",
+    ["huge", "type", "rows", "shape", "group", "external", "soft", "raw", "virtual", "missing"],
+)
+def test_hostile_datasets_are_refused_before_memory_is_taken(
+    copy: Path, tmp_path: Path, change: str
+) -> None:
     with h5py.File(tmp_path / "elsewhere.h5", "w") as file:
         file["x"] = np.zeros(45)
     with h5py.File(copy / "results.h5", "r+") as file:
         hostile(change, file, tmp_path / "elsewhere.h5")
-    with pytest.raises(DamagedRun, match=r"particles/angle|particle_offset"), open_run(copy / "results.h5") as run:
+    with (
+        pytest.raises(DamagedRun, match=r"particles/angle|particle_offset"),
+        open_run(copy / "results.h5") as run,
+    ):
         run.frames[0].angle  # noqa: B018
     assert len(verify(copy / "results.h5")) == 1
 
 
-@pytest.mark.parametrize("values", [[0, 5, 3, 15], [1, 5, 10, 15], [0, 5, 10, 10**9], [0, -5, 10, 15]])
+@pytest.mark.parametrize(
+    "values", [[0, 5, 3, 15], [1, 5, 10, 15], [0, 5, 10, 10**9], [0, -5, 10, 15]]
+)
 def test_offsets_that_lie_are_refused(copy: Path, values: list[int]) -> None:
     with h5py.File(copy / "results.h5", "r+") as file:
         offsets = file["steps/particle_offset"]
@@ -172,7 +209,9 @@ def test_offsets_that_lie_are_refused(copy: Path, values: list[int]) -> None:
         ("particles/spin", 3, 0.5, "do not match their digest"),
     ],
 )
-def test_verify_finds_wrong_values_with_right_digests(copy: Path, path: str, row: int, value: float, message: str) -> None:
+def test_verify_finds_wrong_values_with_right_digests(
+    copy: Path, path: str, row: int, value: float, message: str
+) -> None:
     with h5py.File(copy / "results.h5", "r+") as file:
         set_value(file, path, row, value)
     findings = verify(copy / "results.h5")
@@ -188,7 +227,9 @@ def test_model_with_indices_out_of_range_is_refused(copy: Path) -> None:
 
 
 @pytest.mark.parametrize(("name", "value"), [("i", -1), ("i", 10**6), ("j", -3), ("j", 10**6)])
-def test_contacts_of_shapes_that_do_not_exist_are_refused(name: str, value: int, copy: Path, tmp_path: Path) -> None:
+def test_contacts_of_shapes_that_do_not_exist_are_refused(
+    name: str, value: int, copy: Path, tmp_path: Path
+) -> None:
     alone = tmp_path / "elsewhere.h5"
     shutil.copy(copy / "results.h5", alone)
     with h5py.File(alone, "r+") as file:

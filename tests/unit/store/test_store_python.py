@@ -1,4 +1,6 @@
-"""What a run is in Python and in a notebook: a line, a picture, DataFrames, and what its grains are."""
+"""What a run is in Python and in a notebook: a line, a picture, DataFrames, and what its grains
+are.
+"""
 
 from __future__ import annotations
 
@@ -46,11 +48,17 @@ def test_everything_says_in_a_line_what_it_is(small: Run) -> None:
     last, time = small.frames[-1], f"{small.frames.time[-1]:.6g}"
     count = len(last.contacts)
     assert count > 1
-    assert repr(small) == f"<Run {small.path}: finished, 60 grains, t = {time} s, {len(small.frames)} frames>"
+    assert (
+        repr(small)
+        == f"<Run {small.path}: finished, 60 grains, t = {time} s, {len(small.frames)} frames>"
+    )
     assert repr(small.frames) == f"<{len(small.frames)} frames, t = 0 to {time} s>"
     assert repr(last) == f"<Frame {last.index}: 60 grains, t = {time} s, step {last.step}, stage 2>"
     assert repr(last.contacts) == f"<Contacts of frame {last.index}: {count} contacts>"
-    assert repr(small.series) == f"<Series: {small.series.row_count} points of {len(small.series)} quantities>"
+    assert (
+        repr(small.series)
+        == f"<Series: {small.series.row_count} points of {len(small.series)} quantities>"
+    )
     low, high = small.model.grains.radius.min(), small.model.grains.radius.max()
     assert repr(small.grains) == f"<Grains: 60 grains, radius {low:.4g} to {high:.4g} m>"
 
@@ -71,13 +79,21 @@ def test_grains_are_a_table(warm: Run) -> None:
     table = frame.to_pandas()
     assert table.index.name == "grain"
     np.testing.assert_array_equal(table.index, np.arange(len(frame.position)))
-    for names, values in {("x", "y"): frame.position, ("velocity_x", "velocity_y"): frame.velocity}.items():
+    for names, values in {
+        ("x", "y"): frame.position,
+        ("velocity_x", "velocity_y"): frame.velocity,
+    }.items():
         np.testing.assert_array_equal(table[list(names)], values)
     np.testing.assert_array_equal(table["spin"], frame.spin)
     np.testing.assert_array_equal(table["temperature"], frame.temperature)
     np.testing.assert_array_equal(table["radius"], warm.grains.radius)
     units = table.attrs["units"]
-    assert (units["velocity_x"], units["spin"], units["mass"], units["temperature"]) == ("m/s", "rad/s", "kg", "K")
+    assert (units["velocity_x"], units["spin"], units["mass"], units["temperature"]) == (
+        "m/s",
+        "rad/s",
+        "kg",
+        "K",
+    )
 
 
 def test_contacts_are_a_table(warm: Run) -> None:
@@ -97,15 +113,23 @@ def test_the_series_is_a_table(small: Run) -> None:
     np.testing.assert_array_equal(table.index, small.series["time"])
     np.testing.assert_array_equal(table["kinetic"], small.series["kinetic"])
     wall = small.wall_names.index("top")
-    np.testing.assert_array_equal(table[["top: force_x", "top: force_y", "top: torque"]], small.series["wall_force"][:, wall])
+    np.testing.assert_array_equal(
+        table[["top: force_x", "top: force_y", "top: torque"]], small.series["wall_force"][:, wall]
+    )
     assert table.attrs["units"]["top: torque"] == "N m"
 
 
-def test_without_pandas_a_message_says_what_to_install(small: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_pandas_a_message_says_what_to_install(
+    small: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
     for what in (small.series, small.frames[0], small.frames[0].contacts):
         with pytest.raises(
-            MissingLibrary, match=r"DataFrames need pandas, which is not installed: pip install 'multicor-cli\[study\]'"
+            MissingLibrary,
+            match=(
+                r"DataFrames need pandas, which is not installed: pip install "
+                r"'multicor-cli\[study\]'"
+            ),
         ):
             what.to_pandas()
 

@@ -1,4 +1,6 @@
-"""Everything that is written is read back: frames, series, model, state; from segments and from results.h5."""
+"""Everything that is written is read back: frames, series, model, state; from segments and from
+results.h5.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +14,31 @@ import numpy as np
 import pytest
 from format_tables import PAGES, with_tables
 from places import ROOT
-from store_support import RESOLVED, SOURCE, advance, contact_rows, drive, make_model, make_run, run_whole, start
+from store_support import (
+    RESOLVED,
+    SOURCE,
+    advance,
+    contact_rows,
+    drive,
+    make_model,
+    make_run,
+    run_whole,
+    start,
+)
 
 from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, Model, State
 from multicor_cli.model.books import BOOKS, HEAT_BOOKS
-from multicor_cli.store import Contacts, Frame, RunDirectory, Snapshot, open_run, run_info, schema, summarize, verify
+from multicor_cli.store import (
+    Contacts,
+    Frame,
+    RunDirectory,
+    Snapshot,
+    open_run,
+    run_info,
+    schema,
+    summarize,
+    verify,
+)
 from multicor_cli.store.checkpoint import _complete
 from multicor_cli.store.results import model_digest
 from multicor_cli.store.segments import columns_of
@@ -86,7 +108,12 @@ def check_frame(frame, state: State, tolerance: float) -> None:
     def same(found, expected) -> None:
         np.testing.assert_allclose(found, expected, rtol=tolerance, atol=tolerance)
 
-    assert (frame.step, frame.time, frame.dt, frame.stage) == (state.step, state.time, state.last_dt, state.stage)
+    assert (frame.step, frame.time, frame.dt, frame.stage) == (
+        state.step,
+        state.time,
+        state.last_dt,
+        state.stage,
+    )
     same(frame.position, state.position[:, :2])
     same(frame.angle, state.position[:, 2])
     same(frame.velocity, state.velocity[:, :2])
@@ -108,7 +135,9 @@ def check_frame(frame, state: State, tolerance: float) -> None:
 
 
 def check_heat(frame, state: State, model: Model, tolerance: float) -> None:
-    """Temperatures and heat are exact in single precision too; only those of contacts are rounded."""
+    """Temperatures and heat are exact in single precision too; only those of contacts are
+    rounded.
+    """
     names = ("temperature", "generated", "wear", "wall_temperature", "wall_heat", "wall_wear")
     if model.thermal is None:
         assert [getattr(frame, name) for name in names] == [None] * len(names)
@@ -202,7 +231,9 @@ def test_frames_are_a_sequence(finished: Path) -> None:
 
 def test_every_dataset_has_unit_long_name_and_checksum(heated: Path) -> None:
     with h5py.File(heated / "results.h5") as file:
-        for spec in schema.select(schema.RESULTS_TABLE, {"heat", "softening", "adhesion", "rolling"}):
+        for spec in schema.select(
+            schema.RESULTS_TABLE, {"heat", "softening", "adhesion", "rolling"}
+        ):
             dataset = file[spec.path]
             assert dataset.fletcher32, spec.path
             assert dataset.attrs["unit"] == spec.unit
@@ -217,7 +248,10 @@ def test_texts_that_are_read_have_a_fixed_length(finished: Path) -> None:
         texts = [(file, name) for name in file.attrs] + [
             (file[spec.path], "blake2b") for spec in schema.RESULTS_TABLE if spec.path in file
         ]
-        kinds = [h5py.check_string_dtype(node.attrs.get_id(name).dtype) for node, name in [*texts, (file["VTKHDF"], "blake2b")]]
+        kinds = [
+            h5py.check_string_dtype(node.attrs.get_id(name).dtype)
+            for node, name in [*texts, (file["VTKHDF"], "blake2b")]
+        ]
     assert sum(kind is not None for kind in kinds) > 20
     assert all(kind is None or kind.length is not None for kind in kinds)
 
@@ -255,7 +289,9 @@ def test_run_finished_while_it_is_read(tmp_path: Path) -> None:
 
 
 def test_run_finished_while_it_is_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The segments go between the moment when ``run.json`` is read and that when the manifest is."""
+    """The segments go between the moment when ``run.json`` is read and that when the manifest
+    is.
+    """
     from multicor_cli.store import reader
 
     read, path = reader.read_run_document, tmp_path / "run"
@@ -277,7 +313,12 @@ def test_info_has_what_the_command_line_promises(tmp_path: Path) -> None:
     state = run_whole(tmp_path / "run")
     info = run_info(tmp_path / "run")
     assert info["status"] == "finished"
-    assert (info["grain_count"], info["frame_count"], info["step"], info["time"]) == (5, 9, 40, state.time)
+    assert (info["grain_count"], info["frame_count"], info["step"], info["time"]) == (
+        5,
+        9,
+        40,
+        state.time,
+    )
     assert info["state_digest"] == state.digest()
     assert info["energy_closure"] == state.books[BOOK_NAMES.index("closure")]
     assert (info["heat_closure"], info["heat"]) == (None, None)
@@ -298,12 +339,19 @@ def test_info_of_a_run_with_heat(tmp_path: Path) -> None:
     heat = info["heat"]
     assert info["heat_closure"] == heat["books"]["closure"] == books["closure"]
     assert heat["books"] == {name: books[name] for name in HEAT_BOOK_NAMES[:11]}
-    assert (heat["sub_steps"], heat["max_biot"], heat["solid_gas_max"]) == (80, books["max_biot"], books["solid_gas_max"])
+    assert (heat["sub_steps"], heat["max_biot"], heat["solid_gas_max"]) == (
+        80,
+        books["max_biot"],
+        books["solid_gas_max"],
+    )
     assert model.thermal is not None
     temperature = state.temperature(model.thermal)
     mean = (temperature * model.thermal.capacity).sum() / model.thermal.capacity.sum()
     assert heat["temperature"]["mean"] == pytest.approx(mean, rel=1e-14)
-    assert (heat["temperature"]["min"], heat["temperature"]["max"]) == (temperature.min(), temperature.max())
+    assert (heat["temperature"]["min"], heat["temperature"]["max"]) == (
+        temperature.min(),
+        temperature.max(),
+    )
     state.heat_books[:] = 0.0
     assert summarize(state, model)["heat"]["solid_gas_max"] is None
 
@@ -344,10 +392,20 @@ def test_model_without_friction_by_temperature_has_none(tmp_path: Path) -> None:
     assert verify(tmp_path / "run") == []
 
 
-def test_runs_of_older_formats_are_whole_without_younger_datasets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_runs_of_older_formats_are_whole_without_younger_datasets(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for row in schema.RESULTS_TABLE:
-        if row.path in ("particles/wear", "walls/wear", "contacts/slip", "series/max_biot", "series/strain"):
-            monkeypatch.setitem(vars(row), "since", (schema.FORMAT_VERSION[0], schema.FORMAT_VERSION[1] + 1))
+        if row.path in (
+            "particles/wear",
+            "walls/wear",
+            "contacts/slip",
+            "series/max_biot",
+            "series/strain",
+        ):
+            monkeypatch.setitem(
+                vars(row), "since", (schema.FORMAT_VERSION[0], schema.FORMAT_VERSION[1] + 1)
+            )
     run_whole(tmp_path / "run", make_model(heat=True), steps=10)
     with open_run(tmp_path / "run") as run:
         assert verify(tmp_path / "run") == []
@@ -367,17 +425,29 @@ def test_what_older_checkpoints_lack_is_zero() -> None:
 
 def test_frames_say_what_they_hold_and_cannot_be_changed(finished: Path) -> None:
     assert Frame.wall_heat.__doc__ == (
-        "Heat given to the grains; heat of friction and impacts received [J], shape ``(w, 2)``; None in a run without heat"
+        "Heat given to the grains; heat of friction and impacts received [J], shape ``(w, 2)``; "
+        "None in a run without heat"
     )
-    assert Contacts.impulse.__doc__ == "Normal and tangential impulse on i in the last step [N s], shape ``(c, 2)``"
-    with open_run(finished) as run, pytest.raises(AttributeError, match="particles/spin is read from a file"):
+    assert (
+        Contacts.impulse.__doc__
+        == "Normal and tangential impulse on i in the last step [N s], shape ``(c, 2)``"
+    )
+    with (
+        open_run(finished) as run,
+        pytest.raises(AttributeError, match="particles/spin is read from a file"),
+    ):
         run.frames[0].spin = np.zeros(3)
 
 
 def test_info_of_a_run_that_has_just_begun(tmp_path: Path) -> None:
     with make_run(tmp_path / "run"):
         info = run_info(tmp_path / "run")
-    assert (info["status"], info["frame_count"], info["step"], info["state_digest"]) == ("running", 0, None, None)
+    assert (info["status"], info["frame_count"], info["step"], info["state_digest"]) == (
+        "running",
+        0,
+        None,
+        None,
+    )
     assert info["walls"] == []
     assert verify(tmp_path / "run") == []
 
@@ -386,14 +456,23 @@ def test_table_of_checkpoints_covers_the_state() -> None:
     state = start(make_model())
     assert list(schema.names(schema.CHECKPOINT)) == list(state.as_dict())
     assert {entry.series for entry in BOOKS + HEAT_BOOKS} <= set(schema.names(schema.SERIES))
-    for table in (schema.MODEL, schema.STEPS, schema.PARTICLES, schema.CONTACTS, schema.WALLS, schema.SERIES):
+    for table in (
+        schema.MODEL,
+        schema.STEPS,
+        schema.PARTICLES,
+        schema.CONTACTS,
+        schema.WALLS,
+        schema.SERIES,
+    ):
         assert all(row.value is not None for row in table)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_format_pages_hold_the_tables_of_the_schema(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
-    assert text.count("<!-- table ") == {"results": 5, "checkpoint": 1, "run-directory": 0}[page.stem]
+    assert (
+        text.count("<!-- table ") == {"results": 5, "checkpoint": 1, "run-directory": 0}[page.stem]
+    )
     assert with_tables(text) == text
 
 
@@ -413,7 +492,9 @@ def test_model_digest_depends_on_every_array() -> None:
         ("wall_velocity", np.inf, "walls/velocity is not finite"),
     ],
 )
-def test_writer_refuses_values_that_are_not_finite(tmp_path: Path, field: str, value: float, message: str) -> None:
+def test_writer_refuses_values_that_are_not_finite(
+    tmp_path: Path, field: str, value: float, message: str
+) -> None:
     model = make_model()
     with make_run(tmp_path / "run") as run:
         state = start(model)
@@ -454,8 +535,13 @@ def test_frames_are_copied(tmp_path: Path) -> None:
 
 
 def test_importing_the_package_loads_nothing_heavy() -> None:
-    code = "import sys, multicor_cli.store; print(sorted({'h5py', 'numpy', 'numba'} & set(sys.modules)))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    code = (
+        "import sys, multicor_cli.store; print(sorted({'h5py', 'numpy', 'numba'} & "
+        "set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT
+    )
     assert done.stdout.strip() == "[]"
 
 

@@ -1,4 +1,6 @@
-"""``/VTKHDF`` as the VTK library reads it back: every step, those without contacts included, without a warning."""
+"""``/VTKHDF`` as the VTK library reads it back: every step, those without contacts included,
+without a warning.
+"""
 
 from __future__ import annotations
 
@@ -63,14 +65,18 @@ def check_step(step: Any, frame: Frame, radius: np.ndarray) -> None:
     """One step of the view against the frame that the reader of the run gives."""
     n, contacts = len(radius), frame.contacts
     np.testing.assert_array_equal(points(step)[:n, :2], frame.position)
-    assert array(step.GetPointData(), "is_grain").tolist() == [1] * n + [0] * (step.GetNumberOfPoints() - n)
+    assert array(step.GetPointData(), "is_grain").tolist() == [1] * n + [0] * (
+        step.GetNumberOfPoints() - n
+    )
     np.testing.assert_array_equal(array(step.GetPointData(), "radius")[:n], radius)
     assert not array(step.GetPointData(), "radius")[n:].any()
     for name in FIELDS:
         if name in ("temperature", "generated", "wear") and not frame.has_heat:
             assert step.GetPointData().GetArray(name) is None
             continue
-        np.testing.assert_array_equal(array(step.GetPointData(), name)[:n], frame.column(f"particles/{name}"))
+        np.testing.assert_array_equal(
+            array(step.GetPointData(), name)[:n], frame.column(f"particles/{name}")
+        )
     assert array(step.GetFieldData(), "dt") == [frame.dt]
     assert array(step.GetFieldData(), "step") == [frame.step]
     check_contacts(step, contacts, n)
@@ -142,10 +148,15 @@ def rows_of(pairs: list[tuple[int, int]]) -> ContactTable:
     c = len(pairs)
     impulse = 1.0 + np.arange(2.0 * c).reshape(c, 2)
     normal = np.tile([-0.6, 0.8], (c, 1))
-    return ContactTable(i, j, normal, np.full(c, 1e-4), impulse, np.zeros(c), np.zeros(c, np.bool_), None, None)
+    return ContactTable(
+        i, j, normal, np.full(c, 1e-4), impulse, np.zeros(c), np.zeros(c, np.bool_), None, None
+    )
 
 
-@pytest.mark.parametrize("counts", [(0, 2, 0, 0, 3, 1, 0), (2, 1), (3, 0), (0, 0, 0), (1,), (0,), (2, 0, 0, 0, 1, 0, 2, 3, 0, 0)])
+@pytest.mark.parametrize(
+    "counts",
+    [(0, 2, 0, 0, 3, 1, 0), (2, 1), (3, 0), (0, 0, 0), (1,), (0,), (2, 0, 0, 0, 1, 0, 2, 3, 0, 0)],
+)
 def test_steps_without_contacts_anywhere(tmp_path: Path, counts: tuple[int, ...]) -> None:
     """Several versions of VTK misread the step after one without cells."""
     possible = [(0, 1), (1, 2), (2, 6)]
@@ -154,7 +165,9 @@ def test_steps_without_contacts_anywhere(tmp_path: Path, counts: tuple[int, ...]
 
 
 @pytest.mark.parametrize("rows", [1, 12, 13])
-def test_frames_are_written_in_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rows: int) -> None:
+def test_frames_are_written_in_blocks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rows: int
+) -> None:
     """Blocks of frames and chunks of rows end at different places."""
     monkeypatch.setattr("multicor_cli.store.vtkhdf.BLOCK_ROWS", rows)
     monkeypatch.setattr("multicor_cli.store.vtkhdf.CHUNK_ROWS", 5)
@@ -167,16 +180,22 @@ def test_contacts_that_were_not_recorded(tmp_path: Path) -> None:
     assert check_run(tmp_path / "run") == 2
 
 
-def test_contacts_with_walls_and_across_the_period_end_in_a_point_of_their_own(tmp_path: Path) -> None:
+def test_contacts_with_walls_and_across_the_period_end_in_a_point_of_their_own(
+    tmp_path: Path,
+) -> None:
     write_contacts(tmp_path / "run", [[(0, 1), (0, 4), (3, 5)]])
     (step,) = read_steps(tmp_path / "run" / "results.vtkhdf")
     radius = make_model().grains.radius
     where = State.at_rest(make_model(), np.zeros((5, 2))).position  # grain 0 lies at the origin
     assert joined(step).tolist() == [[0, 1], [0, 5], [3, 6]]
     reach = radius[0] + radius[4] + 1e-4
-    np.testing.assert_allclose(points(step)[5], where[0] + [0.6 * reach, -0.8 * reach, 0.0], rtol=1e-15)
+    np.testing.assert_allclose(
+        points(step)[5], where[0] + [0.6 * reach, -0.8 * reach, 0.0], rtol=1e-15
+    )
     reach = radius[3] + 1e-4
-    np.testing.assert_allclose(points(step)[6] - points(step)[3], [0.6 * reach, -0.8 * reach, 0.0], rtol=1e-12)
+    np.testing.assert_allclose(
+        points(step)[6] - points(step)[3], [0.6 * reach, -0.8 * reach, 0.0], rtol=1e-12
+    )
     assert np.isnan(array(step.GetPointData(), "spin")[5:]).all()
 
 
@@ -194,7 +213,9 @@ def test_the_second_name_follows_when_the_directory_is_moved(tmp_path: Path) -> 
     assert check_run(tmp_path / "elsewhere") == 9
 
 
-def test_a_file_system_without_links_does_no_harm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_system_without_links_does_no_harm(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def refuse(*_: object, **__: object) -> None:
         raise OSError(1, "no links here")
 

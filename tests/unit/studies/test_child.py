@@ -1,4 +1,6 @@
-"""The process of a case: of those that start together one compiles, and a case whose machine is gone is taken over."""
+"""The process of a case: of those that start together one compiles, and a case whose machine is
+gone is taken over.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ def compile_once(began: Event, may_go_on: Event) -> None:
 
 
 @pytest.mark.parametrize("is_killed", [False, True])
-def test_the_second_waits_for_the_first(is_killed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_second_waits_for_the_first(
+    is_killed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     context = multiprocessing.get_context("fork")
     events = [(context.Event(), context.Event()) for _ in range(2)]
@@ -59,14 +63,16 @@ def test_without_a_place_nobody_waits(tmp_path: Path, monkeypatch: pytest.Monkey
     assert list(tmp_path.iterdir()) == []
 
 
-# ---- A case whose lock names another machine: taken over once nothing moves there any more, and then out of reach of the other
+# ---- A case whose lock names another machine: taken over once nothing moves there any more, and
+#      then out of reach of the other
 
 
 def task(tmp_path: Path, **more: Any) -> dict[str, Any]:
     scenario = tmp_path / "small.toml"
     scenario.write_text(SMALL)
     return {
-        "scenario": str(scenario), "overrides": [], "directory": str(tmp_path / "run"), "threads": 1, "turn": "test",
+        "scenario": str(scenario), "overrides": [], "directory": str(tmp_path / "run"),
+        "threads": 1, "turn": "test",
         "max_hours": None, **more,
     }  # fmt: skip
 
@@ -83,14 +89,18 @@ class _Stopping(SilentObserver):
 
 
 def name_other_host(lock: Path) -> None:
-    lock.write_text(json.dumps({"pid": 4711, "host": "node-that-died", "started": "", "start_ticks": 1}))
+    lock.write_text(
+        json.dumps({"pid": 4711, "host": "node-that-died", "started": "", "start_ticks": 1})
+    )
 
 
 def test_a_case_of_a_machine_that_died_goes_on(tmp_path: Path) -> None:
     given = task(tmp_path, silence=1.0)
     multicor.run(given["scenario"], tmp_path / "whole", threads=1)
     with pytest.raises(ZeroDivisionError):
-        multicor.run(given["scenario"], given["directory"], threads=1, observer=_Stopping(50, lambda: 1 // 0))
+        multicor.run(
+            given["scenario"], given["directory"], threads=1, observer=_Stopping(50, lambda: 1 // 0)
+        )
     lock = tmp_path / "run" / "lock"
     name_other_host(lock)
     with pytest.raises(RunLocked, match="node-that-died"):
@@ -98,7 +108,10 @@ def test_a_case_of_a_machine_that_died_goes_on(tmp_path: Path) -> None:
     started = time.monotonic()
     assert run_task(given)["status"] == "finished"
     assert time.monotonic() - started >= 1.0
-    digests = [json.loads((tmp_path / name / "run.json").read_text())["summary"]["state_digest"] for name in ("whole", "run")]
+    digests = [
+        json.loads((tmp_path / name / "run.json").read_text())["summary"]["state_digest"]
+        for name in ("whole", "run")
+    ]
     assert digests[0] == digests[1]
 
 
@@ -126,9 +139,19 @@ def test_a_process_that_was_taken_for_dead_writes_nothing_more(tmp_path: Path) -
     def take() -> None:
         (path / "lock").unlink()
         name_other_host(path / "lock")
-        kept.update({str(file): file.read_bytes() for file in path.rglob("*") if file.is_file() and file.name != "progress.json"})
+        kept.update(
+            {
+                str(file): file.read_bytes()
+                for file in path.rglob("*")
+                if file.is_file() and file.name != "progress.json"
+            }
+        )
 
     with pytest.raises(RunLocked, match="process 4711 on node-that-died took over this run"):
         multicor.run(given["scenario"], path, threads=1, observer=_Stopping(50, take))
-    now = {str(file): file.read_bytes() for file in path.rglob("*") if file.is_file() and file.name != "progress.json"}
+    now = {
+        str(file): file.read_bytes()
+        for file in path.rglob("*")
+        if file.is_file() and file.name != "progress.json"
+    }
     assert now == kept

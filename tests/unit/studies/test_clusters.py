@@ -48,7 +48,14 @@ def keys(tmp_path: Path) -> Iterator[Any]:
 
 @pytest.mark.parametrize("name", LINES)
 def test_scripts_of_jobs(name: str, tmp_path: Path, keys: Any) -> None:
-    table = Queue(queue="main", walltime="02:00:00", cores=4, memory="8GB", jobs=3, job_extra_directives=["--account=me"])
+    table = Queue(
+        queue="main",
+        walltime="02:00:00",
+        cores=4,
+        memory="8GB",
+        jobs=3,
+        job_extra_directives=["--account=me"],
+    )
     with _cluster(name, table, tmp_path, parse_memory(table.memory), keys) as cluster:
         script = cluster.job_script()
         assert cluster.scheduler_address.startswith("tls://")
@@ -62,9 +69,18 @@ def test_scripts_of_jobs(name: str, tmp_path: Path, keys: Any) -> None:
     words = shlex.split(line)
     assert words[:3] == ["cd", "/", "&&"]
     start = words.index("-m")
-    assert words[start - 2 : start + 2] == [sys.executable, "-P", "-m", "distributed.cli.dask_worker"]
+    assert words[start - 2 : start + 2] == [
+        sys.executable,
+        "-P",
+        "-m",
+        "distributed.cli.dask_worker",
+    ]
     assert "PRIVATE KEY" not in script
-    for option, name in (("--tls-ca-file", "tls_ca_file"), ("--tls-cert", "tls_worker_cert"), ("--tls-key", "tls_worker_key")):
+    for option, name in (
+        ("--tls-ca-file", "tls_ca_file"),
+        ("--tls-cert", "tls_worker_cert"),
+        ("--tls-key", "tls_worker_key"),
+    ):
         file = Path(words[words.index(option) + 1])
         assert file == Path(getattr(keys, name))
         assert stat.S_IMODE(file.stat().st_mode) == 0o600
@@ -73,7 +89,9 @@ def test_scripts_of_jobs(name: str, tmp_path: Path, keys: Any) -> None:
 
 def test_the_interpreter_of_jobs_may_be_another(tmp_path: Path, keys: Any) -> None:
     with _cluster("slurm", Queue(python="/opt/bin/python -E"), tmp_path, 1e9, keys) as cluster:
-        assert " /opt/bin/python -E -P -m distributed.cli.dask_worker tls://" in cluster.job_script()
+        assert (
+            " /opt/bin/python -E -P -m distributed.cli.dask_worker tls://" in cluster.job_script()
+        )
 
 
 def test_files_of_keys_that_a_killed_client_has_left_are_removed(tmp_path: Path) -> None:
@@ -96,14 +114,20 @@ def test_an_option_that_the_batch_system_does_not_have(tmp_path: Path, keys: Any
 def test_what_is_missing_is_named(missing: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, missing, None)
     require_libraries(Compute(workers=2))  # here nothing is needed
-    with pytest.raises(MissingLibrary, match=f"need {missing.replace('_', '-')}, which is not installed: pip install"):
+    with pytest.raises(
+        MissingLibrary,
+        match=f"need {missing.replace('_', '-')}, which is not installed: pip install",
+    ):
         require_libraries(Compute(slurm=Queue()))
 
 
 class _Client:
     def __init__(self, *memories: float, address: str = "tls://10.0.0.1:8786") -> None:
         self.scheduler = SimpleNamespace(address=address)
-        self._workers = {str(k): {"nthreads": 2, "resources": {"memory": m} if m else {}} for k, m in enumerate(memories)}
+        self._workers = {
+            str(k): {"nthreads": 2, "resources": {"memory": m} if m else {}}
+            for k, m in enumerate(memories)
+        }
 
     def scheduler_info(self, n_workers: int) -> dict[str, Any]:
         return {"workers": self._workers}
@@ -113,7 +137,8 @@ def test_workers_that_say_how_much_memory_they_have() -> None:
     site = existing(_Client(8e9, 4e9), Compute(), Needs(1, 2e9))
     assert site.asked == {"memory": 2e9}
     assert site.slots == 4
-    assert existing(_Client(8e9, 0.0), Compute(), Needs(1, 2e9)).asked == {}  # one says nothing: it could never be asked
+    # One says nothing: it could never be asked
+    assert existing(_Client(8e9, 0.0), Compute(), Needs(1, 2e9)).asked == {}
     assert existing(_Client(), Compute(), Needs(1, 2e9)).asked == {}
     with pytest.raises(Refused, match="a case takes about 9 GB, workers offer 8 GB at most"):
         existing(_Client(8e9, 4e9), Compute(), Needs(1, 9e9))
@@ -121,17 +146,28 @@ def test_workers_that_say_how_much_memory_they_have() -> None:
 
 @pytest.mark.parametrize(
     ("options", "wanted"),
-    [({}, False), ({"host": "127.0.0.1"}, False), ({"dashboard_address": ":8787"}, True), ({"dashboard": True}, True)],
+    [
+        ({}, False),
+        ({"host": "127.0.0.1"}, False),
+        ({"dashboard_address": ":8787"}, True),
+        ({"dashboard": True}, True),
+    ],
 )
-def test_a_dashboard_is_there_only_if_asked_for(options: dict[str, Any], wanted: bool, tmp_path: Path, keys: Any) -> None:
+def test_a_dashboard_is_there_only_if_asked_for(
+    options: dict[str, Any], wanted: bool, tmp_path: Path, keys: Any
+) -> None:
     table = Queue(scheduler_options=options)
     assert _wants_dashboard(table) is wanted
     with _cluster("slurm", table, tmp_path, 1e9, keys) as cluster:
         assert cluster.scheduler_spec["options"]["dashboard"] is wanted
-        assert cluster.scheduler_spec["options"]["dashboard_address"] == options.get("dashboard_address", "127.0.0.1:0")
+        assert cluster.scheduler_spec["options"]["dashboard_address"] == options.get(
+            "dashboard_address", "127.0.0.1:0"
+        )
 
 
-@pytest.mark.parametrize("address", ["tcp://10.0.0.1:8786", "ucx://10.0.0.1:8786", "ws://10.0.0.1:8786"])
+@pytest.mark.parametrize(
+    "address", ["tcp://10.0.0.1:8786", "ucx://10.0.0.1:8786", "ws://10.0.0.1:8786"]
+)
 def test_a_scheduler_that_anybody_may_use(address: str) -> None:
     found = existing(_Client(8e9, address=address), Compute(), Needs(1, 2e9)).doubt
     assert found.startswith(f"Dask at {address} asks for no certificate")

@@ -12,21 +12,41 @@ import pytest
 from multicor_cli.plots.style import PlotError
 from multicor_cli.studies.directory import StudyDirectory
 from multicor_cli.studies.figure import draw, draw_letters, fit, formula
-from multicor_cli.studies.table import PlotRequest, Row, Series, StudyTable, make_panels, over_seeds, with_error
+from multicor_cli.studies.table import (
+    PlotRequest,
+    Row,
+    Series,
+    StudyTable,
+    make_panels,
+    over_seeds,
+    with_error,
+)
 
 FRICTION, SPEED, KIND = "contacts.0.friction", "variables.speed", "particles.0.shape"
 
 
-def table(*points: tuple[dict[str, Any], float], keys: tuple[str, ...] = (FRICTION, SPEED)) -> StudyTable:
+def table(
+    *points: tuple[dict[str, Any], float], keys: tuple[str, ...] = (FRICTION, SPEED)
+) -> StudyTable:
     rows = tuple(
-        Row(values, "finished", {"mu": (mu, 0.01, 3), "I": (2.0 * mu, 0.02, 3)}, {"mu": 0.02}, "ok", 0.1) for values, mu in points
+        Row(
+            values,
+            "finished",
+            {"mu": (mu, 0.01, 3), "I": (2.0 * mu, 0.02, 3)},
+            {"mu": 0.02},
+            "ok",
+            0.1,
+        )
+        for values, mu in points
     )
     return StudyTable(keys, ("mu", "I"), rows, is_mean=True, directory=StudyDirectory(Path("none")))
 
 
 def grid(*more: tuple[str, Any]) -> list[tuple[dict[str, Any], float]]:
     return [
-        ({FRICTION: friction, SPEED: speed, **dict(more)}, friction + speed) for speed in (3.0, 1.0, 2.0) for friction in (0.2, 0.4)
+        ({FRICTION: friction, SPEED: speed, **dict(more)}, friction + speed)
+        for speed in (3.0, 1.0, 2.0)
+        for friction in (0.2, 0.4)
     ]
 
 
@@ -65,7 +85,11 @@ def test_points_at_the_same_place_are_refused() -> None:
     found = table(*points, keys=(FRICTION, SPEED, KIND))
     assert len(make_panels(found, PlotRequest("mu", "speed"))[0].series) == 4
     with pytest.raises(
-        PlotError, match=r"points of friction = 0.2 differ by shape as well: choose with --by, --facet or --where shape"
+        PlotError,
+        match=(
+            r"points of friction = 0.2 differ by shape as well: choose with --by, --facet or "
+            r"--where shape"
+        ),
     ):
         make_panels(found, PlotRequest("mu", "speed", by="friction"))
     assert len(make_panels(found, PlotRequest("mu", "speed", by="friction", facet="shape"))) == 2
@@ -91,7 +115,15 @@ def test_figures_are_drawn(tmp_path: Path) -> None:
     found = table(*grid())
     panels = make_panels(found, question)
     fits = [[fit("line", line) for line in panel.series] for panel in panels]
-    draw(tmp_path / "a.svg", found, panels, question, fits, [formula("law: 1 + x"), formula("1 / (x - 1)")], log="xy")
+    draw(
+        tmp_path / "a.svg",
+        found,
+        panels,
+        question,
+        fits,
+        [formula("law: 1 + x"), formula("1 / (x - 1)")],
+        log="xy",
+    )
     text = (tmp_path / "a.svg").read_text()
     assert all(word in text for word in ("friction = 0.4", "law", "speed"))
     letters = draw_letters(found, panels, question)
@@ -100,7 +132,11 @@ def test_figures_are_drawn(tmp_path: Path) -> None:
 
 def test_fits_find_the_curves_that_made_the_points() -> None:
     x = np.geomspace(0.003, 0.3, 12)
-    for kind, y in (("line", 1.0 + 2.0 * x), ("power", 3.0 * x**0.4), ("mu-of-I", 0.25 + 0.5 / (1.0 + 0.2 / x))):
+    for kind, y in (
+        ("line", 1.0 + 2.0 * x),
+        ("power", 3.0 * x**0.4),
+        ("mu-of-I", 0.25 + 0.5 / (1.0 + 0.2 / x)),
+    ):
         found = fit(kind, Series("", x, y, np.full(12, 1e-3), np.full(12, math.nan)))
         assert found.value(x) == pytest.approx(y, rel=1e-6), kind
     with pytest.raises(PlotError, match="needs 4 points"):
@@ -120,8 +156,10 @@ def test_formulas() -> None:
 @pytest.mark.parametrize(
     ("value", "error", "text"),
     [
-        (0.25923, 0.00182, "0.2592 ± 0.0018"), (26.61, 0.4, "26.61 ± 0.40"), (0.5, math.nan, "0.5"), (math.nan, 1.0, "–"),
-        (1234567.0, 2300.0, "(1.2346 ± 0.0023)e+6"), (4e-9, 2e-10, "(4.00 ± 0.20)e-9"), (3.0, 0.0, "3"),
+        (0.25923, 0.00182, "0.2592 ± 0.0018"), (26.61, 0.4, "26.61 ± 0.40"), (0.5, math.nan, "0.5"),
+        (math.nan, 1.0, "–"),
+        (1234567.0, 2300.0, "(1.2346 ± 0.0023)e+6"), (4e-9, 2e-10, "(4.00 ± 0.20)e-9"),
+        (3.0, 0.0, "3"),
     ],
 )  # fmt: skip
 def test_numbers_with_errors(value: float, error: float, text: str) -> None:
@@ -129,9 +167,18 @@ def test_numbers_with_errors(value: float, error: float, text: str) -> None:
 
 
 def test_means_over_seeds() -> None:
-    rows = tuple(Row({FRICTION: 0.2, "scenario.seed": seed}, "finished", {"mu": (mu, 0.03, 1)}, {}, "ok", 0.1)
+    rows = tuple(Row({FRICTION: 0.2, "scenario.seed": seed}, "finished", {"mu": (mu, 0.03, 1)}, {},
+        "ok", 0.1)
                  for seed, mu in ((1, 0.1), (2, 0.2), (3, 0.6)))  # fmt: skip
-    mean = over_seeds(StudyTable((FRICTION, "scenario.seed"), ("mu",), rows, is_mean=False, directory=StudyDirectory(Path("none"))))
+    mean = over_seeds(
+        StudyTable(
+            (FRICTION, "scenario.seed"),
+            ("mu",),
+            rows,
+            is_mean=False,
+            directory=StudyDirectory(Path("none")),
+        )
+    )
     (row,) = mean.rows
     assert row.numbers["mu"] == pytest.approx((0.3, 0.03 / math.sqrt(3.0), 3))
     assert row.between["mu"] == pytest.approx(np.std([0.1, 0.2, 0.6], ddof=1) / math.sqrt(3.0))

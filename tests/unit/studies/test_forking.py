@@ -1,4 +1,6 @@
-"""Processes of cases are forked from one that has loaded the program; nobody is missed, whoever dies."""
+"""Processes of cases are forked from one that has loaded the program; nobody is missed, whoever
+dies.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,13 @@ def server() -> Iterator[ForkServer]:
 def task(folder: Path, name: str = "run") -> bytes:
     if not (folder / "small.toml").exists():  # a process that has been started may be reading it
         (folder / "small.toml").write_text(SMALL)
-    given = {"scenario": str(folder / "small.toml"), "overrides": [], "directory": str(folder / name), "threads": 1, "turn": "test"}
+    given = {
+        "scenario": str(folder / "small.toml"),
+        "overrides": [],
+        "directory": str(folder / name),
+        "threads": 1,
+        "turn": "test",
+    }
     return json.dumps(given).encode() + b"\n"
 
 
@@ -53,7 +61,10 @@ def test_several_at_a_time_each_with_streams_of_its_own(server: ForkServer, tmp_
     for process in reversed(processes):
         assert json.loads(said(process))["status"] == "finished"
         assert process.wait() == 0
-    ids = {json.loads((tmp_path / f"run-{number}" / "run.json").read_text())["run_id"] for number in range(3)}
+    ids = {
+        json.loads((tmp_path / f"run-{number}" / "run.json").read_text())["run_id"]
+        for number in range(3)
+    }
     assert len(ids) == 3
 
 
@@ -68,7 +79,11 @@ def test_how_a_process_ended(number: signal.Signals, server: ForkServer) -> None
 
 def test_whoever_waits_for_a_case_dies(server: ForkServer, tmp_path: Path) -> None:
     process = server.start()
-    process.stream.sendall(task(tmp_path).replace(b'"overrides": []', b'"overrides": ["loading.1.until.strain.value=1e3"]'))
+    process.stream.sendall(
+        task(tmp_path).replace(
+            b'"overrides": []', b'"overrides": ["loading.1.until.strain.value=1e3"]'
+        )
+    )
     while not (tmp_path / "run" / "progress.json").exists():
         time.sleep(0.05)
     process.stream.shutdown(socket.SHUT_WR)

@@ -1,4 +1,6 @@
-"""Cases on this machine are given to threads: each in its turn, cancelled if none has begun it, stopped if nobody waits."""
+"""Cases on this machine are given to threads: each in its turn, cancelled if none has begun it,
+stopped if nobody waits.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,10 @@ def test_as_many_at_a_time_as_there_are_workers() -> None:
 
     with LocalClient(2) as client:
         assert client.nthreads() == {"here": 2}
-        futures = [client.submit(meet, task(str(k)), key=str(k), resources=None, retries=0, pure=False) for k in range(4)]
+        futures = [
+            client.submit(meet, task(str(k)), key=str(k), resources=None, retries=0, pure=False)
+            for k in range(4)
+        ]
         assert [future.result(30.0)["name"] for future in futures] == ["0", "1", "2", "3"]
         assert {future.status for future in futures} == {"finished"}
     assert client.processing() == {"here": []}
@@ -54,7 +59,9 @@ def test_what_waits_can_be_cancelled_and_what_fails_says_so() -> None:
         assert client.run(len, "abc", on_error="ignore") == {"here": 3}
 
 
-def test_who_leaves_stops_what_runs_and_begins_nothing_more(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_leaves_stops_what_runs_and_begins_nothing_more(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     began, go_on, stopped, done = threading.Event(), threading.Event(), [], []
 
     def wait(given: dict[str, Any]) -> dict[str, Any]:

@@ -1,4 +1,6 @@
-"""Numbers taken from runs: those that the commands ``post …`` and ``info`` print, and those that no run can have."""
+"""Numbers taken from runs: those that the commands ``post …`` and ``info`` print, and those that no
+run can have.
+"""
 
 from __future__ import annotations
 
@@ -56,7 +58,11 @@ def printed(run: Path, *words: str) -> dict[str, Any]:
 def _numbers(found: dict[str, Any]) -> dict[str, Any]:
     """null means that there is no number."""
     return {
-        k: math.nan if v is None else [math.nan if x is None else x for x in v] if isinstance(v, list) else v
+        k: math.nan
+        if v is None
+        else [math.nan if x is None else x for x in v]
+        if isinstance(v, list)
+        else v
         for k, v in found.items()
     }
 
@@ -65,15 +71,21 @@ def test_rheology(run: Path) -> None:
     found = printed(run, "rheology", "--from", "0.02")
     for name in SOURCES["rheology"].names:
         pair = taken(run, post="rheology", value=name, after=LATE)
-        assert pair == pytest.approx((found["mean"][name], found["standard_error"][name]), nan_ok=True), name
+        assert pair == pytest.approx(
+            (found["mean"][name], found["standard_error"][name]), nan_ok=True
+        ), name
 
 
 def test_region(run: Path) -> None:
-    found = printed(run, "region", "--from", "0.02", "--in", "{ min = [0.0, 0.002], max = [0.02, 0.007] }")
+    found = printed(
+        run, "region", "--from", "0.02", "--in", "{ min = [0.0, 0.002], max = [0.02, 0.007] }"
+    )
     for name in SOURCES["region"].names:
         if name != "temperature":
             pair = taken(run, post="region", value=name, inside=BOX, after=LATE)
-            assert pair == pytest.approx((found["mean"][name], found["standard_error"][name]), nan_ok=True), name
+            assert pair == pytest.approx(
+                (found["mean"][name], found["standard_error"][name]), nan_ok=True
+            ), name
     with pytest.raises(Unobservable, match="no temperature"):
         taken(run, post="region", value="temperature", inside=BOX)
 
@@ -81,8 +93,17 @@ def test_region(run: Path) -> None:
 def test_profile(run: Path) -> None:
     found = printed(run, "profile", "--of", "solid-fraction", "--bins", "5", "--from", "0.02")
     for k, y in enumerate(found["y"]):
-        pair = taken(run, post="profile", value="solid-fraction", at=y + 0.4 * found["bin_width"], bins=5, after=LATE)
-        assert pair == pytest.approx((found["value"][k], found["standard_error"][k]), rel=0.0, abs=0.0, nan_ok=True)
+        pair = taken(
+            run,
+            post="profile",
+            value="solid-fraction",
+            at=y + 0.4 * found["bin_width"],
+            bins=5,
+            after=LATE,
+        )
+        assert pair == pytest.approx(
+            (found["value"][k], found["standard_error"][k]), rel=0.0, abs=0.0, nan_ok=True
+        )
     with pytest.raises(Unobservable, match="outside of the profile"):
         taken(run, post="profile", value="solid-fraction", at=1.0)
 
@@ -101,11 +122,16 @@ def test_forces(run: Path) -> None:
     network, angles = printed(run, "forces"), printed(run, "forces", "--angles")
     for name in SOURCES["forces"].names:
         expected = network[name] if name in network else angles[name]
-        assert taken(run, post="forces", value=name)[0] == pytest.approx(expected, nan_ok=True), name
+        assert taken(run, post="forces", value=name)[0] == pytest.approx(expected, nan_ok=True), (
+            name
+        )
 
 
 def test_energy_and_heat(run: Path, hot: Path) -> None:
-    assert taken(run, post="energy", value="wall_work")[0] == printed(run, "energy")["end"]["wall_work"]
+    assert (
+        taken(run, post="energy", value="wall_work")[0]
+        == printed(run, "energy")["end"]["wall_work"]
+    )
     found = printed(hot, "energy")
     assert taken(hot, post="energy", value="heat_stored")[0] == found["end"]["heat_stored"]
     assert taken(hot, post="energy", value="heat_closure")[0] == found["heat_closure"]
@@ -119,7 +145,9 @@ def test_theta_eta(hot: Path) -> None:
 
 
 def test_info(hot: Path) -> None:
-    assert taken(hot, info="heat.temperature.mean")[0] == run_info(hot)["heat"]["temperature"]["mean"]
+    assert (
+        taken(hot, info="heat.temperature.mean")[0] == run_info(hot)["heat"]["temperature"]["mean"]
+    )
 
 
 def test_every_number_of_info_is_known(run: Path) -> None:
@@ -128,7 +156,12 @@ def test_every_number_of_info_is_known(run: Path) -> None:
     def leaves(prefix: str, node: dict[str, Any]) -> list[str]:
         found = []
         for name, value in node.items():
-            if isinstance(value, dict) and name not in ("provenance", "progress", "origin", "worst_step"):
+            if isinstance(value, dict) and name not in (
+                "provenance",
+                "progress",
+                "origin",
+                "worst_step",
+            ):
                 found += leaves(f"{prefix}{name}.", value)
             elif isinstance(value, int | float) and not isinstance(value, bool):
                 found.append(prefix + name)
@@ -136,7 +169,12 @@ def test_every_number_of_info_is_known(run: Path) -> None:
 
     names = leaves("", run_info(run))
     assert "solver.sweeps_mean" in names
-    assert [finding.message for name in names if name != "exit_code" for finding in unknown([observable(info=name)])] == []
+    assert [
+        finding.message
+        for name in names
+        if name != "exit_code"
+        for finding in unknown([observable(info=name)])
+    ] == []
 
 
 STUDY = """\
@@ -162,20 +200,27 @@ def refuse_what_is_wrong(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("keys", "change", "what"),
     [
-        ('post = "rheology"\nvalue = "friction_wall"', ("", ""), "s.toml:8:1: observe.0.value: rheology has no friction_wall"),
-        ('post = "theta-eta"\nvalue = "theta"\nat = 0.5', ("", ""), "s.toml:8:1: observe.0.value: theta needs heat"),
-        ('series = "heat_stored"', ("", ""), "s.toml:7:1: observe.0.series: heat_stored needs heat"),
+        ('post = "rheology"\nvalue = "friction_wall"', ("", ""), ("s.toml:8:1: observe.0.value: "
+            "rheology has no friction_wall")),
+        ('post = "theta-eta"\nvalue = "theta"\nat = 0.5', ("", ""), ("s.toml:8:1: "
+            "observe.0.value: theta needs heat")),
+        ('series = "heat_stored"', ("", ""), ("s.toml:7:1: observe.0.series: heat_stored needs "
+            "heat")),
         ('info = "heat.temperature.mean"', ("", ""), "heat.temperature.mean needs heat"),
         ('info = "solver.sweeps"', ("", ""), "did you mean 'solver.sweeps_mean'"),
-        ('post = "rheology"\nvalue = "pressure"', BOXED, "rheology needs a domain that is periodic"),
+        ('post = "rheology"\nvalue = "pressure"', BOXED, ("rheology needs a domain that is "
+            "periodic")),
         ('post = "profile"\nvalue = "velocity-x"', ("", ""), 'post = "profile" needs at'),
         ('post = "region"\nvalue = "coordination"', ("", ""), 'post = "region" needs inside'),
         ('post = "rheology"\nvalue = "pressure"\nat = 0.5', ("", ""), "at belongs to"),
-        ('post = "energy"\nvalue = "wall_work"\nafter = { time = 0.1 }', ("", ""), "energy is about the end of a run"),
+        ('post = "energy"\nvalue = "wall_work"\nafter = { time = 0.1 }', ("", ""), ("energy is "
+            "about the end of a run")),
         ('series = "kinetic"\nafter = { strain = 3.0 }', SHORT, "ends at a strain of 0.15"),
     ],
 )  # fmt: skip
-def test_what_no_run_can_have(keys: str, change: tuple[str, str], what: str, tmp_path: Path) -> None:
+def test_what_no_run_can_have(
+    keys: str, change: tuple[str, str], what: str, tmp_path: Path
+) -> None:
     (tmp_path / "small.toml").write_text(SMALL.replace(*change))
     (tmp_path / "s.toml").write_text(STUDY.format(keys))
     with pytest.raises(ScenarioError) as caught:

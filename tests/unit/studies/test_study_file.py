@@ -55,13 +55,24 @@ def test_all_combinations_the_last_key_fastest(read: Read) -> None:
 
 
 def test_keys_without_quotes_are_the_same(read: Read) -> None:
-    text = f"[vary]\n{FRICTION} = [0.2, 0.4]\n{RESTITUTION} = {{ from = 0.0, to = 1.0, count = 3 }}\n"
-    assert expand(read(text)) == expand(read(text.replace(FRICTION, f'"{FRICTION}"').replace(RESTITUTION, f'"{RESTITUTION}"')))
+    text = (
+        f"[vary]\n{FRICTION} = [0.2, 0.4]\n{RESTITUTION} = {{ from = 0.0, to = 1.0, count = 3 }}\n"
+    )
+    assert expand(read(text)) == expand(
+        read(text.replace(FRICTION, f'"{FRICTION}"').replace(RESTITUTION, f'"{RESTITUTION}"'))
+    )
 
 
 def test_ranges(read: Read) -> None:
-    assert values(read(f'[vary]\n"{FRICTION}" = {{ from = 0.1, to = 0.4, count = 4 }}\n')) == [(0.1,), (0.2,), (0.3,), (0.4,)]
-    found = values(read(f'[vary]\n"{FRICTION}" = {{ from = 0.001, to = 1.0, count = 4, spacing = "log" }}\n'))
+    assert values(read(f'[vary]\n"{FRICTION}" = {{ from = 0.1, to = 0.4, count = 4 }}\n')) == [
+        (0.1,),
+        (0.2,),
+        (0.3,),
+        (0.4,),
+    ]
+    found = values(
+        read(f'[vary]\n"{FRICTION}" = {{ from = 0.001, to = 1.0, count = 4, spacing = "log" }}\n')
+    )
     assert found == [(0.001,), (0.01,), (0.1,), (1.0,)]
     counts = values(read('[vary]\n"particles.0.count" = { from = 10, to = 30, count = 3 }\n'))
     assert counts == [(10,), (20,), (30,)]
@@ -69,7 +80,10 @@ def test_ranges(read: Read) -> None:
 
 
 def test_values_that_go_together(read: Read) -> None:
-    text = f'[vary]\nzip = [["{FRICTION}", "{RESTITUTION}"]]\n"{FRICTION}" = [0.2, 0.4]\n"{RESTITUTION}" = [0.0, 0.5]\n'
+    text = (
+        f'[vary]\nzip = [["{FRICTION}", "{RESTITUTION}"]]\n"{FRICTION}" = [0.2, 0.4]\n'
+        f'"{RESTITUTION}" = [0.0, 0.5]\n'
+    )
     assert values(read(text + '"solver.dt" = [1e-4, 2e-4]\n')) == [
         (0.2, 0.0, 1e-4), (0.2, 0.0, 2e-4), (0.4, 0.5, 1e-4), (0.4, 0.5, 2e-4)
     ]  # fmt: skip
@@ -79,7 +93,9 @@ def test_values_that_go_together(read: Read) -> None:
 
 
 def test_rows_of_a_file(read: Read, tmp_path: Path) -> None:
-    (tmp_path / "cases.csv").write_text(f"# two of them\n{FRICTION},solver.dt\n0.2,1e-4\n0.4,auto\n")
+    (tmp_path / "cases.csv").write_text(
+        f"# two of them\n{FRICTION},solver.dt\n0.2,1e-4\n0.4,auto\n"
+    )
     assert values(read('[vary]\nfile = "cases.csv"\n')) == [(0.2, 1e-4), (0.4, "auto")]
     (tmp_path / "cases.csv").write_text(f"{FRICTION}\n0.2,3\n")
     assert "row 2" in problems(lambda: expand(read('[vary]\nfile = "cases.csv"\n')))[0]
@@ -88,20 +104,29 @@ def test_rows_of_a_file(read: Read, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", ["latin-hypercube", "sobol"])
 def test_points_of_a_box(kind: str, read: Read) -> None:
-    text = f'[vary]\nsample = {{ kind = "{kind}", count = 16 }}\n"{FRICTION}" = {{ from = 0.1, to = 0.9, count = 2 }}\n'
+    text = (
+        f'[vary]\nsample = {{ kind = "{kind}", count = 16 }}\n'
+        f'"{FRICTION}" = {{ from = 0.1, to = 0.9, count = 2 }}\n'
+    )
     text += '"solver.dt" = { from = 1e-5, to = 1e-3, count = 2, spacing = "log" }\n'
     found = values(read(text))
     assert found == values(read(text))
     assert found != values(read(text.replace("count = 16", "count = 16, seed = 2")))
     frictions, steps = zip(*found, strict=True)
-    for column, low, high in ((frictions, 0.1, 0.9), ([math.log10(step) for step in steps], -5.0, -3.0)):
+    for column, low, high in (
+        (frictions, 0.1, 0.9),
+        ([math.log10(step) for step in steps], -5.0, -3.0),
+    ):
         strata = sorted(int(16 * (value - low) / (high - low)) for value in column)
         assert strata == list(range(16))  # one in each sixteenth
 
 
 @pytest.mark.parametrize("kind", ["latin-hypercube", "sobol"])
 def test_ranges_from_which_points_are_drawn_need_no_count(kind: str, read: Read) -> None:
-    text = f'[vary]\nsample = {{ kind = "{kind}", count = 8 }}\n"{FRICTION}" = {{ from = 0.1, to = 0.9 }}\n'
+    text = (
+        f'[vary]\nsample = {{ kind = "{kind}", count = 8 }}\n'
+        f'"{FRICTION}" = {{ from = 0.1, to = 0.9 }}\n'
+    )
     text += '"solver.dt" = { from = 1e-5, to = 1e-3, spacing = "log" }\n'
     assert values(read(text)) == values(read(text.replace("0.9 }", "0.9, count = 5 }")))
     assert len(values(read(text + f'"{RESTITUTION}" = [0.1, 0.2]\n'))) == 16
@@ -120,24 +145,37 @@ def test_what_is_set_is_in_all_cases_and_no_name(read: Read) -> None:
     (case,) = expand(study)
     assert case.name == "friction=0.2"
     assert check_case(study, case).solver.dt == 1e-4
-    assert "set and varied" in problems(lambda: read(f'[set]\n"{FRICTION}" = 1.0\n[vary]\n"{FRICTION}" = [0.2]\n'))[0]
+    assert (
+        "set and varied"
+        in problems(lambda: read(f'[set]\n"{FRICTION}" = 1.0\n[vary]\n"{FRICTION}" = [0.2]\n'))[0]
+    )
 
 
 def test_names_tell_close_values_apart(read: Read) -> None:
     names = [case.name for case in expand(read(f'[vary]\n"{FRICTION}" = [0.2, 0.20000001]\n'))]
     assert names == ["friction=0.2", "friction=0.20000001"]
-    assert "comes twice" in problems(lambda: expand(read(f'[vary]\n"{FRICTION}" = [0.2, 0.2]\n')))[0]
+    assert (
+        "comes twice" in problems(lambda: expand(read(f'[vary]\n"{FRICTION}" = [0.2, 0.2]\n')))[0]
+    )
     long = "x" * 200
     (name,) = [case.name for case in expand(read(f'[vary]\n"scenario.description" = ["{long}"]\n'))]
     assert len(name) <= 120
-    (name,) = [case.name for case in expand(read('[vary]\n"scenario.description" = ["a/b ../c"]\n'))]
+    (name,) = [
+        case.name for case in expand(read('[vary]\n"scenario.description" = ["a/b ../c"]\n'))
+    ]
     assert "/" not in name
 
 
 def test_short_names() -> None:
-    assert short_names(["variables.I", "contacts.0.friction"]) == {"variables.I": "I", "contacts.0.friction": "friction"}
+    assert short_names(["variables.I", "contacts.0.friction"]) == {
+        "variables.I": "I",
+        "contacts.0.friction": "friction",
+    }
     found = short_names(["loading.0.duration", "loading.1.duration"])
-    assert found == {"loading.0.duration": "loading.0.duration", "loading.1.duration": "loading.1.duration"}
+    assert found == {
+        "loading.0.duration": "loading.0.duration",
+        "loading.1.duration": "loading.1.duration",
+    }
 
 
 BAD = [
@@ -146,16 +184,32 @@ BAD = [
     ("seeds = [1, 1]\n", 4, "twice"),
     ('[vary]\n"a.b" = []\n', 5, "at least 1"),
     ('[vary]\n"a.b" = { from = 1, to = 2 }\n', 5, 'vary."a.b".count: is missing'),
-    ("[vary]\na.b = { from = 1, to = 2 }\nc.d = { from = 1, to = 2 }\n", 6, "vary.c.d.count: is missing"),
+    (
+        "[vary]\na.b = { from = 1, to = 2 }\nc.d = { from = 1, to = 2 }\n",
+        6,
+        "vary.c.d.count: is missing",
+    ),
     ('[vary]\nsample = { kind = "dice", count = 4 }\n"a.b" = { from = 1, to = 2 }\n', 5, "sobol"),
-    ('[vary]\nsample = { kind = "sobol", count = 4 }\n"a.b" = { from = 2, to = 2 }\n', 6, "no length"),
-    ('[vary]\nsample = { kind = "sobol", count = 4 }\n"a.b" = { from = 1, to = 2, count = 0 }\n', 6, "at least 1"),
+    (
+        '[vary]\nsample = { kind = "sobol", count = 4 }\n"a.b" = { from = 2, to = 2 }\n',
+        6,
+        "no length",
+    ),
+    (
+        '[vary]\nsample = { kind = "sobol", count = 4 }\n"a.b" = { from = 1, to = 2, count = 0 }\n',
+        6,
+        "at least 1",
+    ),
     ('[vary]\n"a.b" = { from = 0, to = 2, count = 3, spacing = "log" }\n', 5, "positive"),
     ('[vary]\n"a.b" = { from = 2, to = 2, count = 3 }\n', 5, "no length"),
     ("[vary]\na.b = { from = 0, to = 2, count = 0 }\n", 5, "at least 1"),
     ('[[observe]]\nname = "mu"\n', 4, "one of them"),
     ('[[observe]]\nname = "mu"\npost = "rheology"\n', 4, "both"),
-    ('[[observe]]\nname = "a"\ninfo = "step"\n[[observe]]\nname = "a"\ninfo = "time"\n', 4, "same name"),
+    (
+        '[[observe]]\nname = "a"\ninfo = "step"\n[[observe]]\nname = "a"\ninfo = "time"\n',
+        4,
+        "same name",
+    ),
     ('[compute]\nworkers = 2\nscheduler = "tcp://a"\n', 6, "together"),
     ("[compute]\nworkers = 0\n", 5, "at least 1"),
 ]
@@ -169,7 +223,9 @@ def test_bad_files_are_refused_at_the_line(text: str, line: int, what: str, read
 
 
 def test_too_many_cases_are_counted_not_made(read: Read) -> None:
-    text = "".join(f'"loading.{k}.duration" = {{ from = 1, to = 2, count = 1000 }}\n' for k in range(3))
+    text = "".join(
+        f'"loading.{k}.duration" = {{ from = 1, to = 2, count = 1000 }}\n' for k in range(3)
+    )
     (problem,) = problems(lambda: expand(read("[vary]\n" + text)))
     assert "1e+09 combinations" in problem
 
@@ -177,12 +233,17 @@ def test_too_many_cases_are_counted_not_made(read: Read) -> None:
 def test_every_case_is_looked_at(read: Read) -> None:
     study = read(f'[vary]\n"{FRICTION}" = [0.2, -1.0]\n"contacts.0.frict" = [1.0]\n')
     found = problems(lambda: check_cases(study, expand(study)))
-    assert any("s.toml:6:" in problem and "did you mean 'friction'?" in problem for problem in found)
+    assert any(
+        "s.toml:6:" in problem and "did you mean 'friction'?" in problem for problem in found
+    )
     assert any("s.toml:5:" in problem and "must be at least 0" in problem for problem in found)
 
 
 def test_observables_that_no_run_has(read: Read) -> None:
-    text = '[[observe]]\nname = "a"\npost = "rheology"\nvalue = "frction_walls"\n[[observe]]\nname = "b"\nseries = "kinetik"\n'
+    text = (
+        '[[observe]]\nname = "a"\npost = "rheology"\nvalue = "frction_walls"\n[[observe]]\n'
+        'name = "b"\nseries = "kinetik"\n'
+    )
     study = read(text)
     found = [str(problem) for problem in study.refuse(*unknown(study.model.observe)).problems]
     assert "s.toml:7:" in found[0]
@@ -191,9 +252,13 @@ def test_observables_that_no_run_has(read: Read) -> None:
 
 
 def test_what_a_study_costs_is_the_sum_of_its_cases(read: Read) -> None:
-    text = '[set]\n"loading.0.until.kinetic_energy_ratio" = 1e-3\n[vary]\n"loading.2.duration" = [0.004, 0.008]\n'
+    text = (
+        '[set]\n"loading.0.until.kinetic_energy_ratio" = 1e-3\n[vary]\n'
+        '"loading.2.duration" = [0.004, 0.008]\n'
+    )
     one, both = (
-        forecast(study, expand(study), Path()) for study in (read(text.replace(", 0.008", "")), read("seeds = 3\n" + text))
+        forecast(study, expand(study), Path())
+        for study in (read(text.replace(", 0.008", "")), read("seeds = 3\n" + text))
     )
     assert one.hours is not None
     assert both.hours is not None

@@ -26,7 +26,15 @@ def test_a_mean_has_the_digits_that_its_error_leaves(mean, error, text):
 
 
 @pytest.mark.parametrize(
-    ("unit", "sign"), [("1", "–"), ("m2/s2", "m²/s²"), ("kg m2", "kg m²"), ("deg", "°"), ("1/s", "1/s"), ("m3", "m³")]
+    ("unit", "sign"),
+    [
+        ("1", "–"),
+        ("m2/s2", "m²/s²"),
+        ("kg m2", "kg m²"),
+        ("deg", "°"),
+        ("1/s", "1/s"),
+        ("m3", "m³"),
+    ],
 )
 def test_units_have_their_signs(unit, sign):
     assert unit_sign(unit) == sign
@@ -37,16 +45,27 @@ def test_brackets_that_are_no_units_stay():
     assert with_unit_signs("loading[1] is a stage") == "loading[1] is a stage"
 
 
-FIRST = "Run a scenario, or continue a run that was stopped: the same command does both, as often as it is given."
+FIRST = (
+    "Run a scenario, or continue a run that was stopped: the same command does both, as often as "
+    "it is given."
+)
 SECOND = "Ctrl-C stops after a checkpoint, a second one at once."
-ITEM = "- an item of a list, which may be longer than a line of the source is; the next one begins a line"
+ITEM = (
+    "- an item of a list, which may be longer than a line of the source is; the next one begins a "
+    "line"
+)
 EXAMPLE = "    multicor run configs/shear.toml   # as it stands"
 
 
 @pytest.mark.parametrize("width", [30, 60, 100, 132])
 @pytest.mark.parametrize("indent", ["", "    "])
 def test_a_docstring_says_the_same_however_its_source_is_wrapped(width, indent):
-    paragraphs = [fill(FIRST, width), fill(SECOND, width), f"{fill(ITEM, width, subsequent_indent='  ')}\n- second", EXAMPLE]
+    paragraphs = [
+        fill(FIRST, width),
+        fill(SECOND, width),
+        f"{fill(ITEM, width, subsequent_indent='  ')}\n- second",
+        EXAMPLE,
+    ]
     lines = "\n\n".join(paragraphs).splitlines()
     docstring = "\n".join([lines[0], *(indent + line if line else "" for line in lines[1:])])
     assert unwrapped(docstring) == f"{FIRST}\n\n{SECOND}\n\n{ITEM}\n- second\n\n{EXAMPLE}"

@@ -1,4 +1,6 @@
-"""Batches of four contacts: their schedule, and vector loops that give the bits of the scalar ones."""
+"""Batches of four contacts: their schedule, and vector loops that give the bits of the scalar
+ones.
+"""
 
 import os
 import subprocess
@@ -22,11 +24,18 @@ from multicor_cli.model.columns import INVERSE_MASS, NORMAL, SURFACE, TANGENTIAL
 needs_vectors = pytest.mark.skipif(not HAS_VECTORS, reason="kernels are not compiled")
 
 SIZES = [0, 1, 2, 3, 4, 5, 7, 8, 9, 12, 31, 200]
-WAYS = [Relaxation(1.0, 1.0, 0.0), Relaxation(1.0, 1.0, 0.7), Relaxation(0.5, 1.0, 0.3), Relaxation(1.0, 0.3, 0.0)]
+WAYS = [
+    Relaxation(1.0, 1.0, 0.0),
+    Relaxation(1.0, 1.0, 0.7),
+    Relaxation(0.5, 1.0, 0.3),
+    Relaxation(1.0, 0.3, 0.0),
+]
 
 
 def random_contacts(count, bodies, seed, held=0):
-    """Contacts between random bodies, the last ``held`` of which nothing moves, and the velocities."""
+    """Contacts between random bodies, the last ``held`` of which nothing moves, and the
+    velocities.
+    """
     random = np.random.default_rng(seed)
     first = random.integers(0, bodies - held, count)
     second = (first + random.integers(1, bodies, count)) % bodies
@@ -37,7 +46,9 @@ def random_contacts(count, bodies, seed, held=0):
     mass = 1.0 / (velocity[first, INVERSE_MASS] + velocity[second, INVERSE_MASS])
     some = random.uniform(size=count)
     friction = np.where(some < 0.2, 0.0, some)
-    frame = np.column_stack([np.cos(angle), np.sin(angle), mass, random.normal(size=count) * 0.1, friction])
+    frame = np.column_stack(
+        [np.cos(angle), np.sin(angle), mass, random.normal(size=count) * 0.1, friction]
+    )
     normal = np.maximum(random.normal(size=count), 0.0)
     impulse = np.column_stack([normal, friction * normal * random.uniform(-1.0, 1.0, count)])
     return OneByOne(np.column_stack([first, second]).astype(np.int32), frame, impulse), velocity
@@ -47,14 +58,17 @@ def system_of(contacts, velocity):
     diagonal = batch(contacts, velocity)
     nothing = np.empty((0, 2), np.int32)
     return System(
-        diagonal.velocity, np.zeros((len(velocity), 3)), diagonal.slot, diagonal.pair, diagonal.frame, diagonal.impulse,
+        diagonal.velocity, np.zeros((len(velocity), 3)), diagonal.slot, diagonal.pair,
+        diagonal.frame, diagonal.impulse,
         diagonal.tile_start, np.array([0, 1]), nothing, np.empty((0, 8)),
         np.empty((0, 2, 2)), np.empty((0, 2)), 2.0, len(contacts.pair),
     )  # fmt: skip
 
 
 def real_system(columns):
-    """The next problem of a sheared layer that has moved for a while: with anchors of walls, tiles, and a start."""
+    """The next problem of a sheared layer that has moved for a while: with anchors of walls, tiles,
+    and a start.
+    """
     engine = shear_engine(columns=columns, rows=6)
     advance(engine, 0.02, 60)
     return engine.next_system(0.02, 0.0).system
@@ -63,7 +77,10 @@ def real_system(columns):
 def systems():
     for count in SIZES:
         for bodies, held in ((4, 0), (9, 2), (300, 40)):
-            yield f"{count} of {bodies}", system_of(*random_contacts(count, bodies, 7 * count + bodies, held))
+            yield (
+                f"{count} of {bodies}",
+                system_of(*random_contacts(count, bodies, 7 * count + bodies, held)),
+            )
     for columns in (8, 30):
         yield f"{columns} columns", real_system(columns)
 
@@ -73,7 +90,10 @@ def copy(system):
 
 
 def flat(system, before):
-    return [array.reshape(-1) for array in (system.velocity, system.pair, system.frame, system.impulse, before)]
+    return [
+        array.reshape(-1)
+        for array in (system.velocity, system.pair, system.frame, system.impulse, before)
+    ]
 
 
 def bits(*arrays):
@@ -113,7 +133,11 @@ def test_rows_and_batches_are_each_other_s_reverse():
     contacts, velocity = random_contacts(50, 20, 1)
     system = system_of(contacts, velocity)
     assert by_slot(system.slot, system.impulse, 50).tolist() == contacts.impulse.tolist()
-    order = by_slot(system.slot, np.where(system.slot < 0, 0, system.slot)[:, None, :].repeat(2, 1).astype(float), 50)
+    order = by_slot(
+        system.slot,
+        np.where(system.slot < 0, 0, system.slot)[:, None, :].repeat(2, 1).astype(float),
+        50,
+    )
     assert order[:, 0].tolist() == list(range(50))
     rows = flatten(system)
     assert sorted(map(tuple, rows.frame.tolist())) == sorted(map(tuple, contacts.frame.tolist()))
@@ -121,11 +145,14 @@ def test_rows_and_batches_are_each_other_s_reverse():
 
 def one_sweep(contacts, velocity, beta):
     """Gauss–Seidel contact by contact, in Python."""
-    for (i, j), (nx, ny, mass, bias, mu), p in zip(contacts.pair, contacts.frame, contacts.impulse, strict=True):
+    for (i, j), (nx, ny, mass, bias, mu), p in zip(
+        contacts.pair, contacts.frame, contacts.impulse, strict=True
+    ):
         vi, vj = velocity[i], velocity[j]
         dx, dy = vi[X] - vj[X], vi[Y] - vj[Y]
         new_n, new_t = sweep.solve_exact(
-            p[NORMAL], p[TANGENTIAL], dx * nx + dy * ny + bias, dy * nx - dx * ny - (vi[SURFACE] + vj[SURFACE]),
+            p[NORMAL], p[TANGENTIAL], dx * nx + dy * ny + bias,
+            dy * nx - dx * ny - (vi[SURFACE] + vj[SURFACE]),
             mass, 1.0 / (1.0 + beta) * mass, mu,
         )  # fmt: skip
         d_n, d_t = new_n - p[NORMAL], new_t - p[TANGENTIAL]
@@ -151,7 +178,17 @@ def test_batches_make_the_sweep_of_one_contact_after_the_other(count):
 @kernel
 def relax_as_vectors(first, last, velocity, pair, frame, impulse, before, beta, way):
     return vector_sweep.relax_batches(
-        first, last, velocity, pair, frame, impulse, before, beta, way.normal, way.tangential, way.extrapolation
+        first,
+        last,
+        velocity,
+        pair,
+        frame,
+        impulse,
+        before,
+        beta,
+        way.normal,
+        way.tangential,
+        way.extrapolation,
     )
 
 
@@ -190,7 +227,8 @@ def test_residual_has_the_bits_of_the_scalar_one():
         for first, last in ((0, whole), (whole // 3, whole // 2)):
             vectors = measure_as_vectors(first, last, *arrays, system.spin_factor)
             assert vectors == measure_one_by_one(first, last, *arrays, system.spin_factor), name
-            assert vectors[4] <= np.count_nonzero(system.slot[first:last] >= 0), name  # empty lanes are never active
+            # Empty lanes are never active
+            assert vectors[4] <= np.count_nonzero(system.slot[first:last] >= 0), name
 
 
 @kernel
@@ -234,6 +272,9 @@ def test_without_compilation_the_bits_are_the_same():
     path = DATA / "two-solutions.npz"
     expected = solve_contacts(ContactProblem.load(path), Settings(max_sweeps=6))
     run = subprocess.run(
-        [sys.executable, "-c", FALLBACK, str(path)], env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, capture_output=True, check=True
+        [sys.executable, "-c", FALLBACK, str(path)],
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
+        capture_output=True,
+        check=True,
     )
     assert run.stdout == bits(expected.impulse, expected.velocity)

@@ -1,10 +1,25 @@
-"""The law of contacts, with adhesion and rolling resistance, against closed forms and independent computations (theory §3)."""
+"""The law of contacts, with adhesion and rolling resistance, against closed forms and independent
+computations (theory §3).
+"""
 
 import itertools
 
 import numpy as np
 import pytest
-from scene_parts import FLOOR, TIGHT, G, advance, book, continued, copy_of, make_engine, make_model, resume, shear_engine, tally
+from scene_parts import (
+    FLOOR,
+    TIGHT,
+    G,
+    advance,
+    book,
+    continued,
+    copy_of,
+    make_engine,
+    make_model,
+    resume,
+    shear_engine,
+    tally,
+)
 
 from multicor_cli.engine import Settings
 from multicor_cli.engine.contact import law as law
@@ -17,7 +32,12 @@ from multicor_cli.model import ContactLaws, ShapeKind
 
 @pytest.mark.parametrize(
     ("tau_t", "tau_n", "expected"),
-    [(0.1, 1.0, (0.1, 1.0)), (2.0, 1.0, (0.8, 1.6)), (0.5, -1.0, (0.0, 0.0)), (3.0, -0.5, (0.4, 0.8))],
+    [
+        (0.1, 1.0, (0.1, 1.0)),
+        (2.0, 1.0, (0.8, 1.6)),
+        (0.5, -1.0, (0.0, 0.0)),
+        (3.0, -0.5, (0.4, 0.8)),
+    ],
 )
 def test_projection_on_the_cone(tau_t, tau_n, expected):
     n, t = law.project_on_cone(tau_n, tau_t, 0.5)
@@ -35,7 +55,9 @@ def test_bipotential_iteration_finds_the_sliding_disc():
     for _ in range(200):
         p_n, p_t = law.solve_bipotential(p_n, p_t, -0.1 + p_n, 1.0 + 3.0 * p_t, 1.0, 1.0 / 3.0, 0.5)
     assert (p_n, p_t) == pytest.approx((0.1, -0.05), abs=1e-12)
-    assert p_n * (-0.1 + p_n) + p_t * (1.0 + 3.0 * p_t) + 0.5 * p_n * abs(1.0 + 3.0 * p_t) == pytest.approx(0.0, abs=1e-12)
+    assert p_n * (-0.1 + p_n) + p_t * (1.0 + 3.0 * p_t) + 0.5 * p_n * abs(
+        1.0 + 3.0 * p_t
+    ) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_bipotential_parameter_is_admissible():
@@ -60,7 +82,9 @@ GRID = list(itertools.product((-1.0, -0.2, 0.3), (-2.0, -0.1, 0.0, 0.7), (0.0, 0
 def test_exact_solution_satisfies_the_law_from_any_start(q_n, q_t, mu):
     w_n, w_t = 2.0, 6.0
     for start_n, start_t in ((0.0, 0.0), (0.4, -0.1)):
-        p_n, p_t = law.solve_exact(start_n, start_t, q_n + w_n * start_n, q_t + w_t * start_t, 1 / w_n, 1 / w_t, mu)
+        p_n, p_t = law.solve_exact(
+            start_n, start_t, q_n + w_n * start_n, q_t + w_t * start_t, 1 / w_n, 1 / w_t, mu
+        )
         _assert_law_holds(p_n, p_t, q_n + w_n * p_n, q_t + w_t * p_t, mu)
 
 
@@ -76,7 +100,9 @@ def test_full_solution_satisfies_the_law(q_n, q_t, mu, w_nt):
 def test_full_solution_equals_the_exact_one_for_a_diagonal_matrix():
     for q_n, q_t, mu in GRID:
         full = law.solve_full(0.0, 0.0, q_n, q_t, 2.0, 0.0, 6.0, mu)
-        assert full == pytest.approx(law.solve_exact(0.0, 0.0, q_n, q_t, 0.5, 1.0 / 6.0, mu), abs=1e-14)
+        assert full == pytest.approx(
+            law.solve_exact(0.0, 0.0, q_n, q_t, 0.5, 1.0 / 6.0, mu), abs=1e-14
+        )
 
 
 def test_bias():
@@ -87,18 +113,23 @@ def test_bias():
     assert law.bias(-0.01, 1.0, 0.5, dt) == 0.0  # separating overlap: no push
 
 
-# ---- Adhesion against closed forms (theory §3.1): F_a adds to what Signorini and Coulomb allow while two bodies touch
+# ---- Adhesion against closed forms (theory §3.1): F_a adds to what Signorini and Coulomb allow
+#      while two bodies touch
 
 CEILING = [(ShapeKind.PLANE, 0, (0.0, 1.0, 0.0, -1.0))]
 SIDE = [(ShapeKind.PLANE, 0, (0.0, 0.0, 1.0, 0.0))]
 
 
 def test_two_discs_come_apart_in_the_first_step_in_which_the_pull_exceeds_adhesion():
-    """The upper disc sticks to the ceiling; the weight of the lower one rises by m δ per step and parts them at m g > F_a."""
+    """The upper disc sticks to the ceiling; the weight of the lower one rises by m δ per step and
+    parts them at m g > F_a.
+    """
     model = make_model([0.1, 0.15], CEILING, gravity=(0.0, 0.0))
     mass, rise, last = model.grains.mass[1], 0.1, 37
     object.__setattr__(model.grains, "material", np.array([0, 1], np.int32))
-    object.__setattr__(model, "laws", _laws_of_two(strong=1e3 * mass, weak=(last + 0.5) * rise * mass))
+    object.__setattr__(
+        model, "laws", _laws_of_two(strong=1e3 * mass, weak=(last + 0.5) * rise * mass)
+    )
     engine = make_engine(model, [[0.0, 0.9], [0.0, 0.65]], settings=TIGHT)
     for k in range(60):
         resume(engine, gravity=Gravity.constant(np.array([0.0, -k * rise])))
@@ -108,11 +139,15 @@ def test_two_discs_come_apart_in_the_first_step_in_which_the_pull_exceeds_adhesi
 
 
 def _laws_of_two(strong: float, weak: float) -> ContactLaws:
-    """The ceiling holds grains of its material strongly, grains of two materials hold each other weakly."""
+    """The ceiling holds grains of its material strongly, grains of two materials hold each other
+    weakly.
+    """
     plain = make_model([1.0]).laws
     two = np.full((2, 2), 0.5)
     adhesion = np.array([[strong, weak], [weak, 0.0]])
-    return plain._replace(friction=two, restitution=0.0 * two, table=np.full((2, 2), -1, np.int32), adhesion=adhesion)
+    return plain._replace(
+        friction=two, restitution=0.0 * two, table=np.full((2, 2), -1, np.int32), adhesion=adhesion
+    )
 
 
 @pytest.mark.parametrize("settings", [TIGHT, None])
@@ -125,7 +160,8 @@ def test_a_disc_hangs_from_a_ceiling_by_an_adhesion_above_its_weight(factor, han
     state = advance(engine, dt, steps)
     if hangs:
         assert state.position[0, 1] == pytest.approx(0.9, abs=1e-12)
-        assert engine.contacts().impulse[0] == pytest.approx([-weight * dt, 0.0], rel=1e-9)  # tension, by the sign of p_n
+        # tension, by the sign of p_n
+        assert engine.contacts().impulse[0] == pytest.approx([-weight * dt, 0.0], rel=1e-9)
     else:  # F_a acts in the first step; then the contact is open
         assert state.velocity[0, 1] == pytest.approx(-G * dt * (steps - factor), rel=1e-9)
         assert book(state, "closure") < 1e-12
@@ -133,7 +169,9 @@ def test_a_disc_hangs_from_a_ceiling_by_an_adhesion_above_its_weight(factor, han
 
 @pytest.mark.parametrize(("factor", "rolls"), [(1.01, True), (0.99, False)])
 def test_adhesion_widens_the_cone_of_friction(factor, rolls):
-    """A disc on an upright wall, p_n = 0: rolls down with g β/(1 + β) if μ F_a ≥ m g/(1 + β), slides with g − μ F_a/m below."""
+    """A disc on an upright wall, p_n = 0: rolls down with g β/(1 + β) if μ F_a ≥ m g/(1 + β),
+    slides with g − μ F_a/m below.
+    """
     mass = make_model([0.1]).grains.mass[0]
     adhesion, friction = 7.0 * mass * G, factor / 21.0
     model = make_model([0.1], SIDE, friction=friction, adhesion=adhesion)
@@ -146,14 +184,19 @@ def test_adhesion_widens_the_cone_of_friction(factor, rolls):
 
 @pytest.mark.parametrize(("factor", "holds"), [(0.99, True), (1.01, False)])
 def test_a_loaded_plate_is_held_up_to_its_adhesion(factor, holds):
-    """A plate that a force pulls off a disc, which sticks to the floor: contacts of a body with a driven degree of freedom."""
+    """A plate that a force pulls off a disc, which sticks to the floor: contacts of a body with a
+    driven degree of freedom.
+    """
     planes = [*FLOOR, (ShapeKind.PLANE, 1, (0.0, 0.2, 0.0, -1.0))]
-    model = make_model([0.1], planes, ("floor", "plate"), gravity=(0.0, 0.0), mass=0.5, adhesion=3.0)
+    model = make_model(
+        [0.1], planes, ("floor", "plate"), gravity=(0.0, 0.0), mass=0.5, adhesion=3.0
+    )
     drives = [WallDrive(), WallDrive(y=DofDrive(force=Constant(factor * 3.0)))]
     engine = make_engine(model, [[0.0, 0.1]], settings=TIGHT, drives=drives)
     state = advance(engine, 1e-3, 50)
     assert (abs(state.wall_velocity[1, 1]) < 1e-12) == holds
-    assert holds or book(state, "closure") < 1e-12  # at rest there is nothing but rounding to compare
+    # at rest there is nothing but rounding to compare
+    assert holds or book(state, "closure") < 1e-12
 
 
 def test_bodies_that_do_not_touch_do_not_attract_each_other():
@@ -163,7 +206,9 @@ def test_bodies_that_do_not_touch_do_not_attract_each_other():
 
 
 def test_touching_bodies_at_rest_stay_and_remember_their_contact():
-    """Without weight or load: what is at rest together stays together, and is stretched by nothing."""
+    """Without weight or load: what is at rest together stays together, and is stretched by
+    nothing.
+    """
     model = make_model([0.1, 0.1], gravity=(0.0, 0.0), walls=(), adhesion=5.0)
     engine = make_engine(model, [[0.0, 0.0], [0.2, 0.0]])
     state = advance(engine, 1e-3, 50)
@@ -181,7 +226,9 @@ def test_a_rebound_that_is_faster_than_adhesion_loses_speed_to_first_order_only(
 
 
 def test_work_of_adhesion_is_in_the_books_of_a_flow():
-    """Plane shear with F_a ten times the load of a grain: tension exists, books close, and every step converges."""
+    """Plane shear with F_a ten times the load of a grain: tension exists, books close, and every
+    step converges.
+    """
     engine = shear_engine(adhesion=10.0)
     state = advance(engine, 0.02, 200)
     forces = engine.contacts().impulse[:, 0]
@@ -197,7 +244,9 @@ def test_work_of_adhesion_is_in_the_books_of_a_flow():
 @pytest.mark.parametrize("shape", ["disc", "sphere"])
 @pytest.mark.parametrize("factor", [0.98, 1.02])
 def test_a_body_rests_on_a_slope_up_to_the_coefficient_of_rolling_resistance(shape, factor):
-    """m g a sin α = μ_r a m g cos α at a plane: rests if tan α ≤ μ_r, else g (sin α − μ_r cos α) β/(1 + β)."""
+    """m g a sin α = μ_r a m g cos α at a plane: rests if tan α ≤ μ_r, else g (sin α − μ_r cos α)
+    β/(1 + β).
+    """
     mu_r, dt, steps = 0.2, 1e-3, 200
     slope = np.arctan(factor * mu_r)
     gravity = (G * np.sin(slope), -G * np.cos(slope))
@@ -207,25 +256,34 @@ def test_a_body_rests_on_a_slope_up_to_the_coefficient_of_rolling_resistance(sha
     rate = G * (np.sin(slope) - mu_r * np.cos(slope)) * beta / (1.0 + beta)
     assert state.velocity[0, 0] == pytest.approx(max(rate, 0.0) * dt * steps, abs=1e-10)
     assert state.velocity[0, 0] == pytest.approx(-0.3 * state.velocity[0, 2], abs=1e-10)
-    assert rate < 0.0 or book(state, "closure") < 1e-12  # at rest there is nothing but rounding to compare
+    # at rest there is nothing but rounding to compare
+    assert rate < 0.0 or book(state, "closure") < 1e-12
 
 
 @pytest.mark.parametrize("factor", [0.98, 1.02])
 def test_the_couple_between_unequal_radii_goes_with_their_effective_radius(factor):
-    """A disc a on top of a held one R, at an angle α from the top: rests if tan α ≤ μ_r a*/a = μ_r R/(a + R)."""
+    """A disc a on top of a held one R, at an angle α from the top: rests if tan α ≤ μ_r a*/a = μ_r
+    R/(a + R).
+    """
     a, big, mu_r = 0.1, 0.3, 0.2
     angle = np.arctan(factor * mu_r * big / (a + big))
     model = make_model([a], [(ShapeKind.DISC, 0, (0.0, 0.0, big, 0.0))], friction=5.0, rolling=mu_r)
-    engine = make_engine(model, [[(a + big) * np.sin(angle), (a + big) * np.cos(angle)]], settings=TIGHT)
+    engine = make_engine(
+        model, [[(a + big) * np.sin(angle), (a + big) * np.cos(angle)]], settings=TIGHT
+    )
     state = advance(engine, 1e-4, 50)
     assert (abs(state.velocity[0, 2]) < 1e-9) == (factor < 1.0)
 
 
 @pytest.mark.parametrize("shape", ["disc", "sphere"])
 def test_a_rolling_body_slows_down_at_the_rate_of_its_couple(shape):
-    """v = v₀ − μ_r g β/(1 + β) t on a plane, and what is lost is booked as friction, to round-off."""
+    """v = v₀ − μ_r g β/(1 + β) t on a plane, and what is lost is booked as friction, to
+    round-off.
+    """
     model = make_model([0.3], FLOOR, friction=5.0, shape=shape, rolling=0.1)
-    state = advance(make_engine(model, [[0.0, 0.3]], [[1.0, 0.0, -1.0 / 0.3]], settings=TIGHT), 1e-3, 400)
+    state = advance(
+        make_engine(model, [[0.0, 0.3]], [[1.0, 0.0, -1.0 / 0.3]], settings=TIGHT), 1e-3, 400
+    )
     beta = model.shape_factor
     speed = 1.0 - 0.1 * G * beta / (1.0 + beta) * 0.4
     assert state.velocity[0, 0] == pytest.approx(speed, rel=1e-10)
@@ -236,13 +294,17 @@ def test_a_rolling_body_slows_down_at_the_rate_of_its_couple(shape):
 
 def test_a_rolling_body_comes_to_rest_and_stays():
     model = make_model([0.3], FLOOR, friction=5.0, rolling=0.1)
-    state = advance(make_engine(model, [[0.0, 0.3]], [[0.1, 0.0, -0.1 / 0.3]], settings=TIGHT), 1e-3, 400)
+    state = advance(
+        make_engine(model, [[0.0, 0.3]], [[0.1, 0.0, -0.1 / 0.3]], settings=TIGHT), 1e-3, 400
+    )
     assert np.abs(state.velocity).max() < 1e-10
 
 
 @pytest.mark.parametrize("is_wall", [False, True])
 def test_relative_spin_of_bodies_that_stick_together_decays_and_angular_momentum_stays(is_wall):
-    """Pressed by adhesion alone, q_n = F_a Δt, without friction: I dω/dt = ∓ μ_r a* F_a; a free wall turns too."""
+    """Pressed by adhesion alone, q_n = F_a Δt, without friction: I dω/dt = ∓ μ_r a* F_a; a free
+    wall turns too.
+    """
     adhesion, mu_r, dt, steps = 2.0, 0.1, 1e-3, 40
     laws = {"friction": 0.0, "gravity": (0.0, 0.0), "adhesion": adhesion, "rolling": mu_r}
     if is_wall:
@@ -252,10 +314,15 @@ def test_relative_spin_of_bodies_that_stick_together_decays_and_angular_momentum
         arm, other = 0.1, 2e4  # so heavy that it hardly tilts
     else:
         model = make_model([0.1, 0.2], walls=(), **laws)
-        engine = make_engine(model, [[0.0, 0.0], [0.3, 0.0]], [[0.0, 0.0, 40.0], [0.0, 0.0, 0.0]], settings=TIGHT)
+        engine = make_engine(
+            model, [[0.0, 0.0], [0.3, 0.0]], [[0.0, 0.0, 40.0], [0.0, 0.0, 0.0]], settings=TIGHT
+        )
         arm, other = 0.1 * 0.2 / 0.3, model.grains.inertia[1]
     state = advance(engine, dt, steps)
-    first, second = state.velocity[0, 2], state.wall_velocity[0, 2] if is_wall else state.velocity[1, 2]
+    first, second = (
+        state.velocity[0, 2],
+        state.wall_velocity[0, 2] if is_wall else state.velocity[1, 2],
+    )
     inertia = model.grains.inertia[0]
     moment = mu_r * arm * adhesion * dt * steps
     assert first == pytest.approx(40.0 - moment / inertia, rel=1e-9)
@@ -265,21 +332,34 @@ def test_relative_spin_of_bodies_that_stick_together_decays_and_angular_momentum
 
 
 def test_a_common_rotation_is_not_resisted():
-    """Objectivity: a pair that turns as one body about its center of mass keeps its spin; adhesion holds it together."""
-    model = make_model([0.1, 0.1], gravity=(0.0, 0.0), walls=(), friction=1.0, adhesion=50.0, rolling=0.5)
+    """Objectivity: a pair that turns as one body about its center of mass keeps its spin; adhesion
+    holds it together.
+    """
+    model = make_model(
+        [0.1, 0.1], gravity=(0.0, 0.0), walls=(), friction=1.0, adhesion=50.0, rolling=0.5
+    )
     spin = 0.5
     engine = make_engine(model, [[-0.1, 0.0], [0.1, 0.0]], settings=TIGHT)
     engine.step(1e-3, 0.0)
     engine.state.velocity[:] = [[0.0, -0.1 * spin, spin], [0.0, 0.1 * spin, spin]]
     state = advance(engine, 1e-3, 200)
-    assert state.velocity[:, 2] == pytest.approx([spin, spin], rel=1e-4)  # the frame turns by Δt ω within a step
+    # The frame turns by Δt ω within a step
+    assert state.velocity[:, 2] == pytest.approx([spin, spin], rel=1e-4)
     assert np.hypot(*(state.position[0] - state.position[1])[:2]) == pytest.approx(0.2, rel=1e-6)
 
 
 @pytest.fixture(scope="module", params=["exact", "bipotential"])
 def sheared(request):
-    """Plane shear with both laws under a loaded lid; the state before the last step, and the engine after it."""
-    tight = Settings(tolerance_rms=1e-9, tolerance_max=1e-8, tolerance_energy=1e-9, max_sweeps=50_000, local=request.param)
+    """Plane shear with both laws under a loaded lid; the state before the last step, and the engine
+    after it.
+    """
+    tight = Settings(
+        tolerance_rms=1e-9,
+        tolerance_max=1e-8,
+        tolerance_energy=1e-9,
+        max_sweeps=50_000,
+        local=request.param,
+    )
     engine = shear_engine(columns=8, rows=8, adhesion=1.0, rolling=0.3)
     advance(engine, 0.02, 150)
     before = copy_of(engine.state)
@@ -289,14 +369,25 @@ def sheared(request):
 
 
 def _bodies(engine, before, after):
-    """Grain i, grain or -1 - wall j, lever of j, and both spins before and after of each contact, in plain Python."""
+    """Grain i, grain or -1 - wall j, lever of j, and both spins before and after of each contact,
+    in plain Python.
+    """
     scene, contacts, *_ = engine.moved
     n = engine.model.grain_count
     for c, (i, j) in enumerate(zip(contacts.i, contacts.j, strict=True)):
         wall = int(scene.wall[j - n]) if j >= n else -1
-        spins = [(s.velocity[i, 2], s.wall_velocity[wall, 2] if j >= n else s.velocity[j, 2]) for s in (before, after)]
+        spins = [
+            (s.velocity[i, 2], s.wall_velocity[wall, 2] if j >= n else s.velocity[j, 2])
+            for s in (before, after)
+        ]
         other = scene.radius[j] if j < n else (engine.model.shapes.geometry[j - n, 2])
-        yield c, int(i), int(j) if j < n else -1 - wall, scene.radius[i] * other / (scene.radius[i] + other), spins
+        yield (
+            c,
+            int(i),
+            int(j) if j < n else -1 - wall,
+            scene.radius[i] * other / (scene.radius[i] + other),
+            spins,
+        )
 
 
 def test_couples_of_a_flow_obey_their_law(sheared):
@@ -314,7 +405,9 @@ def test_couples_of_a_flow_obey_their_law(sheared):
 
 
 def test_impulses_and_couples_are_what_changes_velocities(sheared):
-    """M (v⁺ − v⁻) = Δt F + H p, body by body, with p_n of the table (tension is negative) and its couples."""
+    """M (v⁺ − v⁻) = Δt F + H p, body by body, with p_n of the table (tension is negative) and its
+    couples.
+    """
     before, engine = sheared
     table, model, after = engine.contacts(), engine.model, engine.state
     change = model.grains.mass[:, None] * (after.velocity[:, :2] - before.velocity[:, :2])
@@ -346,7 +439,9 @@ def test_a_patch_of_all_contacts_and_couples_is_the_solution():
     system = engine.next_system(0.02, 0.0).system
     couples = system.couples.impulse.copy()
     assert measure_residual(system, False)[1] > 1e-9
-    for _ in range(20):  # clusters that do not touch one another have a patch each, and contacts that were open may have closed
+    # Clusters that do not touch one another have a patch each, and contacts that were open may have
+    # closed
+    for _ in range(20):
         assert solve_patch(system, choose_patch(system, 10_000))
     rms, largest, energy, active = measure_residual(system, False)
     assert largest < 1e-12 * abs(system.velocity[:, :3]).max()
@@ -372,7 +467,8 @@ def test_patches_change_only_their_couples_and_keep_the_equation_of_motion():
 def _free(system):
     """Velocities of a system without its impulses and couples."""
     bare = system._replace(
-        velocity=system.velocity.copy(), impulse=-system.impulse, general_impulse=-system.general_impulse,
+        velocity=system.velocity.copy(), impulse=-system.impulse,
+        general_impulse=-system.general_impulse,
         couples=system.couples._replace(impulse=-system.couples.impulse),
     )  # fmt: skip
     add_impulses(bare)

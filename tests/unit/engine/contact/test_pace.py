@@ -1,4 +1,6 @@
-"""One thread or several: the faster way is found, tried again now and then, and never asked for where it cannot pay."""
+"""One thread or several: the faster way is found, tried again now and then, and never asked for
+where it cannot pay.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +11,12 @@ from multicor_cli.engine.contact.solve import PARALLEL_FROM, SLICE, ThreadChoice
 MANY = PARALLEL_FROM
 
 
-def carry_out(pace: ThreadChoice, slices: int, cost: dict[bool, float], relaxations: float = float(SLICE)) -> list[bool]:
-    """What is chosen for some slices, on a machine where a relaxation costs so much on one thread and on several."""
+def carry_out(
+    pace: ThreadChoice, slices: int, cost: dict[bool, float], relaxations: float = float(SLICE)
+) -> list[bool]:
+    """What is chosen for some slices, on a machine where a relaxation costs so much on one thread
+    and on several.
+    """
     chosen = []
     for _ in range(slices):
         way = pace.choose(MANY)
@@ -42,7 +48,8 @@ def test_it_follows_what_changes() -> None:
     pace = ThreadChoice(2)
     carry_out(pace, 100, {True: 5e-9, False: 1e-8})
     assert pace.favorite == 2
-    assert carry_out(pace, 300, {True: 1e-7, False: 1e-8})[-50:].count(False) >= 49  # another program has come
+    # Another program has come
+    assert carry_out(pace, 300, {True: 1e-7, False: 1e-8})[-50:].count(False) >= 49
     assert pace.favorite == 1
     assert carry_out(pace, 1500, {True: 5e-9, False: 1e-8})[-50:].count(True) >= 48  # and gone
     assert pace.favorite == 2

@@ -14,7 +14,14 @@ from multicor_cli.engine.contact.patches import choose_patch, solve_complementar
 from multicor_cli.engine.contact.problem import ContactProblem, _general_system
 from multicor_cli.engine.contact.residual import measure_residual
 from multicor_cli.engine.contact.solve import ResidualScale, ThreadChoice, solve_system
-from multicor_cli.engine.contact.sweep import EXACT, NO_COUPLES, System, add_impulses, push_general, push_lane
+from multicor_cli.engine.contact.sweep import (
+    EXACT,
+    NO_COUPLES,
+    System,
+    add_impulses,
+    push_general,
+    push_lane,
+)
 from multicor_cli.engine.contact.vector_sweep import TANGENTIAL_, impulse_place
 from multicor_cli.engine.jit.chunks import aligned
 from multicor_cli.engine.jit.compile import kernel
@@ -87,7 +94,10 @@ def test_one_contact_is_solved_as_by_enumeration(bias, tangential, friction):
     problem = on_the_ground(bias, tangential, friction)
     system = _general_system(problem, np.zeros((1, 2)))
     w_nn, w_nt, w_tt = problem.delassus()[0]
-    u_n, u_t = -1.0 + bias + 0.3 * problem.levers()[0, 0, 0], -tangential + 0.3 * problem.levers()[0, 0, 1]
+    u_n, u_t = (
+        -1.0 + bias + 0.3 * problem.levers()[0, 0, 0],
+        -tangential + 0.3 * problem.levers()[0, 0, 1],
+    )
     assert solve_patch(system, choose_patch(system, 5))
     expected = solve_full(0.0, 0.0, u_n, u_t, w_nn, w_nt, w_tt, friction)
     assert system.general_impulse[0] == pytest.approx(expected, abs=1e-12)
@@ -144,7 +154,9 @@ def test_a_patch_keeps_velocities_and_impulses_together():
     add_impulses(free._replace(impulse=-system.impulse, general_impulse=-system.general_impulse))
     assert solve_patch(system, choose_patch(system, 60))
     add_impulses(free._replace(impulse=system.impulse, general_impulse=system.general_impulse))
-    assert free.velocity == pytest.approx(system.velocity, rel=1e-9, abs=1e-9 * abs(system.velocity).max())
+    assert free.velocity == pytest.approx(
+        system.velocity, rel=1e-9, abs=1e-9 * abs(system.velocity).max()
+    )
 
 
 def test_held_contacts_stay_as_they_are():
@@ -153,7 +165,18 @@ def test_held_contacts_stay_as_they_are():
     frame, kept = system.frame.copy(), system.impulse.copy()
     mass = patches.hold(system, chosen)
     loop, momentum = start_loop(system.contacts), start_momentum(system)
-    iterate(system, momentum, EXACT, True, False, 10, False, NEVER, loop, np.empty(system.tile_start.size - 1))
+    iterate(
+        system,
+        momentum,
+        EXACT,
+        True,
+        False,
+        10,
+        False,
+        NEVER,
+        loop,
+        np.empty(system.tile_start.size - 1),
+    )
     changed = np.flatnonzero((system.impulse != kept).any(axis=1).reshape(-1))
     assert changed.size > 0
     assert not set(changed.tolist()) & set(chosen.tolist())
@@ -162,7 +185,9 @@ def test_held_contacts_stay_as_they_are():
 
 
 def hard_step():
-    """A step of plane shear at μ = 0.8, I = 0.003, that sweeps and patches which are swept over again do not solve."""
+    """A step of plane shear at μ = 0.8, I = 0.003, that sweeps and patches which are swept over
+    again do not solve.
+    """
     with np.load(DATA / "hard-step.npz") as file:
         stored = {name: file[name] for name in file.files}
     arrays = {}
@@ -172,7 +197,12 @@ def hard_step():
             arrays[name] = aligned(stored[name].shape)
             arrays[name][...] = stored[name]
     scale = ResidualScale(*stored["scale"].tolist())
-    return System(**arrays, spin_factor=float(stored["spin"][0]), contacts=int(stored["contacts"][0]), couples=NO_COUPLES), scale
+    return System(
+        **arrays,
+        spin_factor=float(stored["spin"][0]),
+        contacts=int(stored["contacts"][0]),
+        couples=NO_COUPLES,
+    ), scale
 
 
 def test_a_cluster_that_sweeps_leave_is_solved_by_turns(monkeypatch):
@@ -186,9 +216,12 @@ def test_a_cluster_that_sweeps_leave_is_solved_by_turns(monkeypatch):
 
 
 def test_a_cluster_that_only_the_largest_correction_sees_is_solved():
-    # Among 10⁵ contacts it keeps neither the rms nor the change per sweep above their tolerances; loose ones do the same to few.
+    # Among 10⁵ contacts it keeps neither the rms nor the change per sweep above their tolerances;
+    # loose ones do the same to few.
     system, scale = hard_step()
-    few_see_it = Settings(tolerance_rms=1.0, tolerance_energy=1.0, tolerance_max=0.01, max_sweeps=10_000)
+    few_see_it = Settings(
+        tolerance_rms=1.0, tolerance_energy=1.0, tolerance_max=0.01, max_sweeps=10_000
+    )
     found = solve_system(system, scale, few_see_it, ThreadChoice())
     assert found.converged
     assert found.sweeps < 5_000
@@ -197,7 +230,13 @@ def test_a_cluster_that_only_the_largest_correction_sees_is_solved():
 def test_plain_sweeps_solve_no_patch(monkeypatch):
     monkeypatch.setattr(solve, "solve_patch", lambda *_: pytest.fail("a patch"))
     system, scale = hard_step()
-    few_see_it = Settings("gauss-seidel", tolerance_rms=1.0, tolerance_energy=1.0, tolerance_max=1e-6, max_sweeps=2_000)
+    few_see_it = Settings(
+        "gauss-seidel",
+        tolerance_rms=1.0,
+        tolerance_energy=1.0,
+        tolerance_max=1e-6,
+        max_sweeps=2_000,
+    )
     assert not solve_system(system, scale, few_see_it, ThreadChoice()).converged
 
 
@@ -209,18 +248,33 @@ def pushed(s, velocity, impulse, general):
     for k in range(lanes):
         n = impulse_place(np.uint64(k))
         t = n + TANGENTIAL_
-        push_lane(np.uint64(k), now[n] - before[n], now[t] - before[t], velocity.reshape(-1), pair, frame, s.spin_factor)
+        push_lane(
+            np.uint64(k),
+            now[n] - before[n],
+            now[t] - before[t],
+            velocity.reshape(-1),
+            pair,
+            frame,
+            s.spin_factor,
+        )
     for g in range(s.general_pair.shape[0]):
         d_n, d_t = s.general_impulse[g, 0] - general[g, 0], s.general_impulse[g, 1] - general[g, 1]
-        push_general(g, d_n, d_t, velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever)
+        push_general(
+            g, d_n, d_t, velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever
+        )
 
 
 @pytest.mark.parametrize("turns", [1, 3, 40])
 def test_velocities_after_turns_are_those_that_the_impulses_make(monkeypatch, turns):
-    # Velocities run ahead of the impulses between two accelerated sweeps: whatever is done there would stay in no book.
+    # Velocities run ahead of the impulses between two accelerated sweeps: whatever is done there
+    # would stay in no book.
     monkeypatch.setattr(solve, "TURNS", turns)
     system, scale = hard_step()
-    velocity, impulse, general = system.velocity.copy(), system.impulse.copy(), system.general_impulse.copy()
+    velocity, impulse, general = (
+        system.velocity.copy(),
+        system.impulse.copy(),
+        system.general_impulse.copy(),
+    )
     solve_system(system, scale, Settings(max_sweeps=6_000), ThreadChoice())
     pushed(system, velocity, impulse, general)
     assert np.abs(system.velocity - velocity)[:, :3].max() < 1e-10 * np.abs(velocity[:, :3]).max()

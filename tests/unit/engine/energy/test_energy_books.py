@@ -1,4 +1,6 @@
-"""What the closure of the energy books measures: rounding where nothing is wrong, and every term that is."""
+"""What the closure of the energy books measures: rounding where nothing is wrong, and every term
+that is.
+"""
 
 import numpy as np
 import pytest
@@ -29,7 +31,9 @@ def spoil(monkeypatch, name, fault=FAULT):
 
 
 def sheared(fast=0.0):
-    """Discs of mass 1 that are sheared under a damped load, in oblique gravity; one far above them moves, if it is to be fast."""
+    """Discs of mass 1 that are sheared under a damped load, in oblique gravity; one far above them
+    moves, if it is to be fast.
+    """
     engine = shear_engine(restitution=0.2, gravity=(0.05, -0.05))
     model, state = engine.model, engine.state
     load = DofDrive(force=Constant(-model.period), damping=3.0)
@@ -60,7 +64,9 @@ def test_work_of_corrections_that_is_wrong_by_a_little_is_found(monkeypatch):
 
 @pytest.mark.parametrize("name", ["wall_work", "friction_loss", "impact_loss"])
 def test_one_fast_grain_does_not_hide_what_is_wrong_among_slow_ones(name, monkeypatch):
-    """Its kinetic energy is a thousand times what the others exchange: rounding of it alone is 10⁻¹³ of that."""
+    """Its kinetic energy is a thousand times what the others exchange: rounding of it alone is
+    10⁻¹³ of that.
+    """
     slow = book(advance(sheared(), 0.1, 100), "terms")
     fast = float(np.sqrt(2e3 * slow))
     assert book(advance(sheared(fast), 0.1, 100), "closure") < 1e-11
@@ -78,7 +84,10 @@ def test_a_fault_of_late_steps_is_found(monkeypatch):
     assert book(state, "closure") > CLOSURE_LIMIT
 
 
-V_SHAPE = [(ShapeKind.PLANE, 0, (0.0, 0.0, 0.6, 0.8)), (ShapeKind.PLANE, 0, (0.0, 0.0, -0.28, 0.96))]
+V_SHAPE = [
+    (ShapeKind.PLANE, 0, (0.0, 0.0, 0.6, 0.8)),
+    (ShapeKind.PLANE, 0, (0.0, 0.0, -0.28, 0.96)),
+]
 NONE = (0.0, 0.0)
 
 ALONE = {
@@ -113,11 +122,15 @@ def test_books_of_one_grain_close(case):
             engine.step(1e-3, k * 1e-3)
         assert book(engine.state, "closure") < 0.1 * CLOSURE_LIMIT
     assert book(engine.state, "kinetic_start") == pytest.approx(
-        0.5 * float(engine.model.grains.mass[0]) * (np.square(ALONE[case][3][:2]).sum() + 0.5 * (0.1 * ALONE[case][3][2]) ** 2)
+        0.5
+        * float(engine.model.grains.mass[0])
+        * (np.square(ALONE[case][3][:2]).sum() + 0.5 * (0.1 * ALONE[case][3][2]) ** 2)
     )
 
 
-@pytest.mark.parametrize("drive", [DofDrive(velocity=Constant(3.0)), DofDrive(force=Constant(2.0)), DofDrive()])
+@pytest.mark.parametrize(
+    "drive", [DofDrive(velocity=Constant(3.0)), DofDrive(force=Constant(2.0)), DofDrive()]
+)
 def test_books_close_where_a_wall_touches_nothing(drive):
     lid = [(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, -1.0))]
     for velocity in ((0.0, 0.0, 0.0), (0.37, 0.0, 1.3)):
@@ -130,9 +143,14 @@ def test_books_close_where_a_wall_touches_nothing(drive):
 def test_books_of_a_gas_close(restitution):
     rng = np.random.default_rng(8)
     radius, k = rng.uniform(0.3, 0.5, 600), np.arange(600)
-    box = [(ShapeKind.PLANE, 0, g) for g in ((-1, 0, 1, 0), (0, -1, 0, 1), (30, 0, -1, 0), (0, 26, 0, -1))]
+    box = [
+        (ShapeKind.PLANE, 0, g)
+        for g in ((-1, 0, 1, 0), (0, -1, 0, 1), (30, 0, -1, 0), (0, 26, 0, -1))
+    ]
     model = make_model(radius, box, gravity=NONE, restitution=restitution, friction=0.3)
-    engine = make_engine(model, np.column_stack([(k % 25) * 1.15, (k // 25) * 1.05]), rng.normal(size=(600, 3)))
+    engine = make_engine(
+        model, np.column_stack([(k % 25) * 1.15, (k // 25) * 1.05]), rng.normal(size=(600, 3))
+    )
     assert book(advance(engine, 5e-3, 400), "closure") < 0.01 * CLOSURE_LIMIT
 
 
@@ -140,10 +158,17 @@ def test_the_closure_does_not_depend_on_units_that_are_powers_of_two():
     """Lengths four times as large, times twice as large: the same bits."""
     found = []
     for length, time in ((1.0, 1.0), (4.0, 2.0)):
-        model = make_model([0.1 * length, 0.07 * length], FLOOR, gravity=(0.0, -G * length / time**2), restitution=0.5)
+        model = make_model(
+            [0.1 * length, 0.07 * length],
+            FLOOR,
+            gravity=(0.0, -G * length / time**2),
+            restitution=0.5,
+        )
         speed = length / time
         velocities = [(0.3 * speed, 0.0, 4.0 / time), (-0.2 * speed, 0.1 * speed, -1.0 / time)]
-        engine = make_engine(model, [[0.0, 0.3 * length], [0.25 * length, 0.35 * length]], velocities)
+        engine = make_engine(
+            model, [[0.0, 0.3 * length], [0.25 * length, 0.35 * length]], velocities
+        )
         found.append(book(advance(engine, 2e-3 * time, 500), "closure"))
     assert found[0] == found[1] > 0.0
 

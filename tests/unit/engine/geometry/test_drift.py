@@ -1,4 +1,6 @@
-"""Bounds on how fast shapes approach: never below what happens, and independent of the height of a sheared layer."""
+"""Bounds on how fast shapes approach: never below what happens, and independent of the height of a
+sheared layer.
+"""
 
 import numpy as np
 import pytest
@@ -11,7 +13,9 @@ from multicor_cli.model.shapes import ShapeKind
 
 
 def sheared(height, rng, rate=3.0, rest=0.01):
-    position = np.column_stack([rng.uniform(0.0, 10.0, 20 * height), rng.uniform(0.0, height, 20 * height)])
+    position = np.column_stack(
+        [rng.uniform(0.0, 10.0, 20 * height), rng.uniform(0.0, height, 20 * height)]
+    )
     velocity = np.column_stack([rate * position[:, 1] + 7.0, np.full(len(position), -2.0)])
     return position, velocity + rng.uniform(-rest, rest, velocity.shape)
 
@@ -33,7 +37,9 @@ def test_a_turning_heap_is_an_affine_field_unless_x_has_no_end():
     assert fit_drift(velocity, position, 10.0).rest > 1.0
 
 
-@pytest.mark.parametrize("position", [np.zeros((1, 2)), np.column_stack([np.arange(9.0), np.zeros(9)])])
+@pytest.mark.parametrize(
+    "position", [np.zeros((1, 2)), np.column_stack([np.arange(9.0), np.zeros(9)])]
+)
 def test_one_grain_or_a_row_of_grains_has_a_fit(position):
     drift = fit_drift(np.ones_like(position), position, 0.0)
     assert drift.rest < 1e-6
@@ -41,14 +47,22 @@ def test_one_grain_or_a_row_of_grains_has_a_fit(position):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_no_pair_closes_more_than_the_bound(seed):
-    """Random flows of discs, some of them parts of a wall: every pair, against its own relative velocity."""
+    """Random flows of discs, some of them parts of a wall: every pair, against its own relative
+    velocity.
+    """
     rng = np.random.default_rng(seed)
     grains, discs = 60, 10
     position = rng.uniform(0.0, 1.0, (grains + discs, 2))
-    velocity = position @ rng.normal(size=(2, 2)) + rng.normal(size=2) + 0.1 * rng.normal(size=position.shape)
+    velocity = (
+        position @ rng.normal(size=(2, 2))
+        + rng.normal(size=2)
+        + 0.1 * rng.normal(size=position.shape)
+    )
     world = np.column_stack([position[grains:], np.full(discs, 0.01), np.zeros(discs)])
     drift = fit_drift(velocity[:grains], position[:grains], 0.0)
-    closing = bound_approach(np.full(discs, ShapeKind.DISC, np.int32), drift, world, velocity[grains:], np.zeros(discs))
+    closing = bound_approach(
+        np.full(discs, ShapeKind.DISC, np.int32), drift, world, velocity[grains:], np.zeros(discs)
+    )
     apart = position[:, None] - position[None]
     distance = np.hypot(apart[..., 0], apart[..., 1])
     np.fill_diagonal(distance, 1.0)
@@ -65,12 +79,16 @@ def test_no_pair_closes_more_than_the_bound(seed):
 def test_planes_are_approached_along_their_normal_only():
     drift = fit_drift(np.array([[50.0, -0.25]]), np.zeros((1, 2)), 0.0)
     kind = np.array([ShapeKind.PLANE], np.int32)
-    closing = bound_approach(kind, drift, np.array([[0.0, 0.0, 0.0, 1.0]]), np.array([[80.0, 0.5]]), np.zeros(1))
+    closing = bound_approach(
+        kind, drift, np.array([[0.0, 0.0, 0.0, 1.0]]), np.array([[80.0, 0.5]]), np.zeros(1)
+    )
     assert closing.wall == pytest.approx(0.75)
 
 
 def test_a_list_stays_complete_while_a_layer_is_sheared():
-    """As the layer moves on, every pair within reach is listed, and the list is not built at each step."""
+    """As the layer moves on, every pair within reach is listed, and the list is not built at each
+    step.
+    """
     rng = np.random.default_rng(3)
     period, height = 40.0, 40.0
     x, y = np.meshgrid(np.arange(40.0) + 0.5, np.arange(40.0) + 0.5)
@@ -85,7 +103,13 @@ def test_a_list_stays_complete_while_a_layer_is_sheared():
         position[:, 1] = np.clip(position[:, 1], 0.0, height)
         lists.update(position, world, reach)
         wide = np.concatenate([position[:, :2] + (shift, 0.0) for shift in (0.0, period, -period)])
-        near = {tuple(sorted((a % 1600, b % 1600))) for a, b in cKDTree(wide).query_pairs(0.98 + reach)}
-        listed = {(i, j) for i in range(1600) for j in lists.partner[lists.row[i] : lists.row[i + 1]].tolist()}
+        near = {
+            tuple(sorted((a % 1600, b % 1600))) for a, b in cKDTree(wide).query_pairs(0.98 + reach)
+        }
+        listed = {
+            (i, j)
+            for i in range(1600)
+            for j in lists.partner[lists.row[i] : lists.row[i + 1]].tolist()
+        }
         assert near <= listed
     assert lists.builds < 10

@@ -10,7 +10,11 @@ from multicor_cli.model import ShapeKind
 
 
 def _listed(lists):
-    return {(i, int(j)) for i in range(len(lists.row) - 1) for j in lists.partner[lists.row[i] : lists.row[i + 1]]}
+    return {
+        (i, int(j))
+        for i in range(len(lists.row) - 1)
+        for j in lists.partner[lists.row[i] : lists.row[i + 1]]
+    }
 
 
 def _all_pairs(positions, radius, period, reach):
@@ -59,7 +63,9 @@ def test_list_is_kept_while_nothing_moves_far_and_rebuilt_in_time():
 
 
 def test_far_flying_grains_do_not_cost_memory():
-    positions = np.array([[0.0, 0.0, 0.0], [1e9, 0.0, 0.0], [1e9 + 0.5, 0.0, 0.0], [0.0, -1e9, 0.0]])
+    positions = np.array(
+        [[0.0, 0.0, 0.0], [1e9, 0.0, 0.0], [1e9 + 0.5, 0.0, 0.0], [0.0, -1e9, 0.0]]
+    )
     lists = NeighborList(make_model(np.full(4, 0.5), walls=()))
     lists.update(positions, np.empty((0, 4)), 0.1)
     assert _listed(lists) == {(1, 2)}
@@ -70,7 +76,9 @@ def test_far_flying_grains_do_not_make_all_others_neighbors():
     rng = np.random.default_rng(4)
     positions = np.zeros((2000, 3))
     positions[:, :2] = rng.uniform(0.0, 60.0, (2000, 2))
-    positions[:6, :2] += 1e6 * np.array([[1.0, 0.0], [1.0, 0.0], [-1.0, 3.0], [0.0, -1.0], [0.0, 2.0], [2.0, 2.0]])
+    positions[:6, :2] += 1e6 * np.array(
+        [[1.0, 0.0], [1.0, 0.0], [-1.0, 3.0], [0.0, -1.0], [0.0, 2.0], [2.0, 2.0]]
+    )
     positions[1, :2] = positions[0, :2] + (0.9, 0.0)
     radius = np.full(2000, 0.4)
     lists = NeighborList(make_model(radius, walls=()))
@@ -85,8 +93,14 @@ def test_far_flying_grains_do_not_make_all_others_neighbors():
 
 SHAPES = {
     "plane": ([(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0))], lambda x, y, a: y - a),
-    "circle": ([(ShapeKind.CIRCLE, 0, (0.0, 0.0, 5.0, 0.0))], lambda x, y, a: 5.0 - np.hypot(x, y) - a),
-    "disc": ([(ShapeKind.DISC, 0, (1.0, 1.0, 0.7, 0.0))], lambda x, y, a: np.hypot(x - 1.0, y - 1.0) - 0.7 - a),
+    "circle": (
+        [(ShapeKind.CIRCLE, 0, (0.0, 0.0, 5.0, 0.0))],
+        lambda x, y, a: 5.0 - np.hypot(x, y) - a,
+    ),
+    "disc": (
+        [(ShapeKind.DISC, 0, (1.0, 1.0, 0.7, 0.0))],
+        lambda x, y, a: np.hypot(x - 1.0, y - 1.0) - 0.7 - a,
+    ),
 }
 
 
@@ -100,7 +114,9 @@ def test_wall_shapes_are_listed(name):
     lists = NeighborList(make_model(radius, shapes))
     world = np.array([s[2] for s in shapes])
     lists.update(positions, world, 0.1)
-    near = {(int(i), n) for i in np.flatnonzero(gap(positions[:, 0], positions[:, 1], radius) < 0.1)}
+    near = {
+        (int(i), n) for i in np.flatnonzero(gap(positions[:, 0], positions[:, 1], radius) < 0.1)
+    }
     assert near <= _listed(lists)
     assert near
 

@@ -1,4 +1,6 @@
-"""Every kind of wall shape: what is compiled (gap and normal) agrees with what the table says (outline, motion with the wall)."""
+"""Every kind of wall shape: what is compiled (gap and normal) agrees with what the table says
+(outline, motion with the wall).
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,8 @@ EXAMPLES = {
     ShapeKind.CIRCLE: (0.2, 0.1, 2.5, 0.0),
     ShapeKind.SIDE: (0.4, -0.9, -0.6, 0.7),
 }
-"""Four numbers of a shape of each kind; all grains lie within a square of side 3 around the origin."""
+"""Four numbers of a shape of each kind; all grains lie within a square of side 3 around the
+origin."""
 
 RADIUS = 0.3
 GRAINS = np.random.default_rng(3).uniform(-1.5, 1.5, (200, 2))
@@ -25,18 +28,34 @@ NO_PERIOD = 0.0
 
 def world_of(kind: ShapeKind, pose: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> np.ndarray:
     world = np.empty((1, 4))
-    place_shapes(np.array([kind], np.int32), np.zeros(1, np.int32), np.array([EXAMPLES[kind]]), np.array([pose]), world)
+    place_shapes(
+        np.array([kind], np.int32),
+        np.zeros(1, np.int32),
+        np.array([EXAMPLES[kind]]),
+        np.array([pose]),
+        world,
+    )
     return world
 
 
 def gaps(kind: ShapeKind, grains: np.ndarray, world: np.ndarray) -> np.ndarray:
     """Gap and normal of each grain, shape ``(n, 3)``."""
-    return np.array([gap_to_shape(x, y, RADIUS, 0, np.array([kind], np.int32), world, NO_PERIOD) for x, y in grains])
+    return np.array(
+        [
+            gap_to_shape(x, y, RADIUS, 0, np.array([kind], np.int32), world, NO_PERIOD)
+            for x, y in grains
+        ]
+    )
 
 
 def are_near(kind: ShapeKind, grains: np.ndarray, cutoffs: np.ndarray) -> np.ndarray:
     shape, world = (0, np.array([kind], np.int32)), world_of(kind)
-    return np.array([is_near_shape(x, y, RADIUS, *shape, world, NO_PERIOD, c) for (x, y), c in zip(grains, cutoffs, strict=True)])
+    return np.array(
+        [
+            is_near_shape(x, y, RADIUS, *shape, world, NO_PERIOD, c)
+            for (x, y), c in zip(grains, cutoffs, strict=True)
+        ]
+    )
 
 
 def test_kinds_stand_in_the_order_of_their_numbers() -> None:
@@ -53,7 +72,10 @@ def test_grains_at_the_outline_overlap_by_their_radius(kind: ShapeKind) -> None:
         angle = np.linspace(0.0, 6.0, 20)
         points = points + outline.radius * np.column_stack([np.cos(angle), np.sin(angle)])
     if outline.normal is not None:
-        points = points + np.linspace(-3.0, 3.0, 20)[:, np.newaxis] * outline.normal[0, ::-1] * (-1, 1)
+        points = points + np.linspace(-3.0, 3.0, 20)[:, np.newaxis] * outline.normal[0, ::-1] * (
+            -1,
+            1,
+        )
     assert are_near(kind, points, np.full(len(points), 1e-9 - RADIUS)).all()
     gap = gaps(kind, points, world_of(kind))[:, 0]
     assert gap[np.isfinite(gap)] == pytest.approx(-RADIUS, abs=1e-12)
@@ -64,7 +86,10 @@ def test_shapes_turn_and_move_with_their_wall(kind: ShapeKind) -> None:
     angle = 0.7
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, s], [-s, c]])
-    before, after = gaps(kind, GRAINS, world_of(kind)), gaps(kind, GRAINS @ turn + (3.0, -2.0), world_of(kind, (3.0, -2.0, angle)))
+    before, after = (
+        gaps(kind, GRAINS, world_of(kind)),
+        gaps(kind, GRAINS @ turn + (3.0, -2.0), world_of(kind, (3.0, -2.0, angle))),
+    )
     assert np.isfinite(before[:, 0]).any()
     assert after[:, 0] == pytest.approx(before[:, 0], abs=1e-12)
     touching = np.isfinite(before[:, 0])
@@ -102,9 +127,13 @@ LINES = {
 }
 
 
-@pytest.mark.parametrize("pose", [(0.0, 0.0, 0.0), (-7.3, 0.2, 0.0), (0.55, 0.1, 0.9), (3.2, -0.1, -2.2)])
+@pytest.mark.parametrize(
+    "pose", [(0.0, 0.0, 0.0), (-7.3, 0.2, 0.0), (0.55, 0.1, 0.9), (3.2, -0.1, -2.2)]
+)
 @pytest.mark.parametrize("name", LINES)
-def test_a_line_in_a_periodic_domain_is_where_it_is_drawn(name: str, pose: tuple[float, float, float]) -> None:
+def test_a_line_in_a_periodic_domain_is_where_it_is_drawn(
+    name: str, pose: tuple[float, float, float]
+) -> None:
     """Against the distances to all images of the line, by brute force."""
     drawn, is_closed = LINES[name]
     if pose[2] and drawn[-1][0] - drawn[0][0] == PERIOD and drawn[-1][1] == drawn[0][1]:
@@ -112,7 +141,9 @@ def test_a_line_in_a_periodic_domain_is_where_it_is_drawn(name: str, pose: tuple
     points = np.array(drawn)
     body = WallBody.empty((0.0, 0.0), 1.0).with_line(points, PERIOD, is_closed=is_closed)
     world = np.empty(body.geometry.shape)
-    place_shapes(body.kind, np.zeros(len(body.kind), np.int32), body.geometry, np.array([pose]), world)
+    place_shapes(
+        body.kind, np.zeros(len(body.kind), np.int32), body.geometry, np.array([pose]), world
+    )
     turn = np.array([[np.cos(pose[2]), np.sin(pose[2])], [-np.sin(pose[2]), np.cos(pose[2])]])
     corners = points @ turn + pose[:2]
     ends = np.roll(corners, -1, axis=0) if is_closed else corners[1:]
@@ -121,8 +152,13 @@ def test_a_line_in_a_periodic_domain_is_where_it_is_drawn(name: str, pose: tuple
     for x, y in np.random.default_rng(5).uniform((0.0, -1.5), (PERIOD, 2.5), (300, 2)):
         images = np.column_stack([x + PERIOD * np.arange(-12, 13), np.full(25, y)])
         distance = min(distances(images, a, b).min() for a, b in zip(corners, ends, strict=False))
-        found = [gap_to_shape(x, y, radius, k, body.kind, world, PERIOD) for k in range(len(body.kind))]
-        listed = [is_near_shape(x, y, radius, k, body.kind, world, PERIOD, cutoff) for k in range(len(body.kind))]
+        found = [
+            gap_to_shape(x, y, radius, k, body.kind, world, PERIOD) for k in range(len(body.kind))
+        ]
+        listed = [
+            is_near_shape(x, y, radius, k, body.kind, world, PERIOD, cutoff)
+            for k in range(len(body.kind))
+        ]
         if distance < radius + cutoff:
             near += 1
             assert min(gap for gap, _, _ in found) == pytest.approx(distance - radius, abs=1e-9)

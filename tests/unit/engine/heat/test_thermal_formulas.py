@@ -1,4 +1,6 @@
-"""The formulas of heat against the published and independently computed check values, to the digits given there."""
+"""The formulas of heat against the published and independently computed check values, to the digits
+given there.
+"""
 
 from itertools import pairwise
 from math import inf, pi, sqrt
@@ -62,20 +64,27 @@ def peak_pressure(force):
 def test_approach_and_pressure_of_one_newton():
     assert hertz.approach(spot(1.0), A_EFF) == digits(4.07287e-7)
     assert peak_pressure(1.0) == digits(1.56307e9)
-    assert (1.6 * 215e6 / peak_pressure(1.0)) ** 3 == digits(0.0106595)  # load at first yield: p_0 goes as F^⅓
+    # Load at first yield: p_0 goes as F^⅓
+    assert (1.6 * 215e6 / peak_pressure(1.0)) ** 3 == digits(0.0106595)
 
 
 def test_one_hertz_formula():
-    """The deflection that is reported for rigid grains is that of the contact spot; δ = (3F/(4E* √a*))^⅔."""
+    """The deflection that is reported for rigid grains is that of the contact spot; δ = (3F/(4E*
+    √a*))^⅔.
+    """
     delta = (3.0 / (4.0 * MODULUS * sqrt(A_EFF))) ** (2.0 / 3.0)
-    assert hertz.relative_deflection(1.0, A, YOUNG, POISSON) == pytest.approx(delta / (2.0 * A), rel=1e-13)
+    assert hertz.relative_deflection(1.0, A, YOUNG, POISSON) == pytest.approx(
+        delta / (2.0 * A), rel=1e-13
+    )
 
 
 def test_unlike_conductors():
     harmonic = conduction.harmonic_mean(15.0, 200.0)
     h = conduction.hertz_conductance(harmonic, spot(1.0))
     assert h == digits(0.000975492)
-    assert h / (4.0 * 15.0 * 200.0 / 215.0 * sqrt(pi) * spot(1.0)) == pytest.approx(1.0 / 1.77245, rel=SIX_DIGITS)
+    assert h / (4.0 * 15.0 * 200.0 / 215.0 * sqrt(pi) * spot(1.0)) == pytest.approx(
+        1.0 / 1.77245, rel=SIX_DIGITS
+    )
 
 
 def test_conductance_of_a_contact_of_known_overlap():
@@ -117,7 +126,8 @@ def test_gas_models_at_the_bottom_of_the_bed():
     assert contact == digits(0.000207523)
     assert asymptotic == digits(0.00131814)
     assert asymptotic + contact == digits(0.00152566)
-    assert asymptotic + contact == pytest.approx(parallel + contact, rel=0.026)  # two independent models
+    # Two independent models
+    assert asymptotic + contact == pytest.approx(parallel + contact, rel=0.026)
     assert 0.1 * contact / (parallel / AIR) == digits(0.000421353)
     assert gas.batchelor_conductance(AIR, CONDUCTIVITY, A_EFF, 0.0, 0.0) == digits(0.00155792)
 
@@ -133,7 +143,13 @@ def parallel_flux(radius_i, radius_j, s, h):
     while edges[-1] < 0.1 * rim:
         edges.append(10.0 * edges[-1])
     return sum(
-        integrate.quad(lambda r: 2.0 * pi * r / (h + sag(radius_i, r) + sag(radius_j, r)), low, high, epsrel=1e-11, limit=200)[0]
+        integrate.quad(
+            lambda r: 2.0 * pi * r / (h + sag(radius_i, r) + sag(radius_j, r)),
+            low,
+            high,
+            epsrel=1e-11,
+            limit=200,
+        )[0]
         for low, high in pairwise([*edges, rim])
     )
 
@@ -141,14 +157,24 @@ def parallel_flux(radius_i, radius_j, s, h):
 @pytest.mark.parametrize("h", [0.0, 1e-9, 1e-6, 1e-4, 6e-4])
 def test_parallel_flux_is_the_integral(h):
     s = 6.917e-6
-    assert gas.parallel_conductance(1.0, A, A, s, h) == pytest.approx(parallel_flux(A, A, s, h), rel=1e-9)
-    assert gas.parallel_conductance_wall(1.0, A, s, h) == pytest.approx(parallel_flux(A, inf, s, h), rel=1e-9)
+    assert gas.parallel_conductance(1.0, A, A, s, h) == pytest.approx(
+        parallel_flux(A, A, s, h), rel=1e-9
+    )
+    assert gas.parallel_conductance_wall(1.0, A, s, h) == pytest.approx(
+        parallel_flux(A, inf, s, h), rel=1e-9
+    )
 
 
-@pytest.mark.parametrize(("size_ratio", "error"), [(1.5, 0.016), (2.0, 0.028), (3.0, 0.042), (1e6, 0.08)])
+@pytest.mark.parametrize(
+    ("size_ratio", "error"), [(1.5, 0.016), (2.0, 0.028), (3.0, 0.042), (1e6, 0.08)]
+)
 def test_parallel_flux_of_unequal_spheres_errs_as_stated(size_ratio, error):
     def excess(s, h):
-        return gas.parallel_conductance(1.0, A, size_ratio * A, s, h) / parallel_flux(A, size_ratio * A, s, h) - 1.0
+        return (
+            gas.parallel_conductance(1.0, A, size_ratio * A, s, h)
+            / parallel_flux(A, size_ratio * A, s, h)
+            - 1.0
+        )
 
     open_gaps = [excess(1e-9, h * A) for h in (1e-4, 1e-3, 0.01, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4)]
     touching = [excess(s * A, 0.0) for s in (1e-4, 1e-3, 0.01)]
@@ -169,10 +195,17 @@ def test_radiation_between_grains():
 
 
 def test_view_factor_is_the_crossed_strings():
-    """Touching equal cylinders: ½ − 1/π; far ones see each other as a strip of their diameter would."""
+    """Touching equal cylinders: ½ − 1/π; far ones see each other as a strip of their diameter
+    would.
+    """
     assert radiation.cylinder_view_factor(1.0, 1.0, 0.0) == pytest.approx(0.5 - 1.0 / pi, rel=1e-14)
-    assert radiation.cylinder_view_factor(1.0, 3.0, 1e4) == pytest.approx(3.0 / (pi * 10004.0), rel=1e-6)
-    one, two = radiation.cylinder_view_factor(1.0, 2.5, 0.3), radiation.cylinder_view_factor(2.5, 1.0, 0.3)
+    assert radiation.cylinder_view_factor(1.0, 3.0, 1e4) == pytest.approx(
+        3.0 / (pi * 10004.0), rel=1e-6
+    )
+    one, two = (
+        radiation.cylinder_view_factor(1.0, 2.5, 0.3),
+        radiation.cylinder_view_factor(2.5, 1.0, 0.3),
+    )
     assert one == pytest.approx(2.5 * two, rel=1e-12)  # reciprocity: area times view factor
 
 
@@ -195,11 +228,16 @@ def test_rough_contact_nearly_doubles_the_resistance():
 
 def test_friction():
     assert friction.sliding_power(0.5, 1.0, -0.1) == pytest.approx(0.05, rel=1e-15)
-    assert law.softened_friction(0.5, 1e-3, 498.15, 298.15, 0.0, 10.0) == pytest.approx(0.4, rel=1e-14)
+    assert law.softened_friction(0.5, 1e-3, 498.15, 298.15, 0.0, 10.0) == pytest.approx(
+        0.4, rel=1e-14
+    )
 
 
 def test_partition_of_steel_and_aluminum():
-    steel, aluminum = friction.effusivity(15.0, 7500.0, 500.0), friction.effusivity(200.0, 2700.0, 900.0)
+    steel, aluminum = (
+        friction.effusivity(15.0, 7500.0, 500.0),
+        friction.effusivity(200.0, 2700.0, 900.0),
+    )
     assert (steel, aluminum) == (digits(7500.0), digits(22045.4))
     assert friction.effusivity_share(steel, aluminum) == digits(0.253847)
     assert friction.conductivity_share(15.0, 200.0) == digits(0.0697674)

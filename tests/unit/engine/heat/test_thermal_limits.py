@@ -23,7 +23,9 @@ def test_no_force_no_spot():
 
 
 def test_unlike_bodies_reduce_to_like_ones():
-    assert hertz.contact_modulus(1e11, 0.3, 1e11, 0.3) == pytest.approx(1e11 / (2.0 * 0.91), rel=1e-15)
+    assert hertz.contact_modulus(1e11, 0.3, 1e11, 0.3) == pytest.approx(
+        1e11 / (2.0 * 0.91), rel=1e-15
+    )
     assert conduction.harmonic_mean(15.0, 15.0) == 15.0
     assert friction.effusivity_share(3.0, 3.0) == friction.conductivity_share(7.0, 7.0) == 0.5
     assert friction.electrothermal_share(2.0, 2.0, 5.0, 5.0) == 0.5
@@ -45,12 +47,20 @@ def test_a_circle_is_as_hollow_as_it_is():
 
 
 def test_exchanging_the_bodies_changes_nothing():
-    assert hertz.contact_modulus(1e11, 0.3, 7e10, 0.2) == hertz.contact_modulus(7e10, 0.2, 1e11, 0.3)
-    assert gas.parallel_conductance(AIR, A, 3 * A, 1e-6, 0.0) == gas.parallel_conductance(AIR, 3 * A, A, 1e-6, 0.0)
-    assert radiation.emission_factor(0.3, 0.8) == pytest.approx(radiation.emission_factor(0.8, 0.3), rel=1e-15)
+    assert hertz.contact_modulus(1e11, 0.3, 7e10, 0.2) == hertz.contact_modulus(
+        7e10, 0.2, 1e11, 0.3
+    )
+    assert gas.parallel_conductance(AIR, A, 3 * A, 1e-6, 0.0) == gas.parallel_conductance(
+        AIR, 3 * A, A, 1e-6, 0.0
+    )
+    assert radiation.emission_factor(0.3, 0.8) == pytest.approx(
+        radiation.emission_factor(0.8, 0.3), rel=1e-15
+    )
 
 
-@pytest.mark.parametrize("other", [(200.0, 2.43e6), (15.0, 2.43e6), (200.0, 3.75e6), (15.0, 3.75e6)])
+@pytest.mark.parametrize(
+    "other", [(200.0, 2.43e6), (15.0, 2.43e6), (200.0, 3.75e6), (15.0, 3.75e6)]
+)
 def test_what_one_body_gains_in_an_impact_the_other_loses(other):
     steel = (15.0, 3.75e6)
     one = friction.impact_exchange(5e-5, 7.5e-4, 1e11, 0.1, *steel, *other)
@@ -61,15 +71,23 @@ def test_what_one_body_gains_in_an_impact_the_other_loses(other):
 def test_impact_of_unlike_bodies_follows_its_parts():
     m, a_eff, modulus, v = 5e-5, 7.5e-4, 1e11, 0.1
     (k_1, v_1), (k_2, v_2) = (200.0, 2.43e6), (15.0, 3.75e6)
-    time, radius = friction.impact_time(m, a_eff, modulus, v), friction.impact_radius(m, a_eff, modulus, v)
+    time, radius = (
+        friction.impact_time(m, a_eff, modulus, v),
+        friction.impact_radius(m, a_eff, modulus, v),
+    )
     factor = friction.impact_coefficient(friction.fourier_number(k_1, v_1, time, radius), v_1 / v_2)
     expected = factor * pi * radius**2 * time**0.5 / ((k_1 * v_1) ** -0.5 + (k_2 * v_2) ** -0.5)
-    assert friction.impact_exchange(m, a_eff, modulus, v, k_2, v_2, k_1, v_1) == pytest.approx(expected, rel=1e-13)
+    assert friction.impact_exchange(m, a_eff, modulus, v, k_2, v_2, k_1, v_1) == pytest.approx(
+        expected, rel=1e-13
+    )
 
 
 def test_slow_impacts_exchange_ever_less():
     args = 15.0, 3.75e6, 15.0, 3.75e6
-    found = [friction.impact_exchange(5e-5, 7.5e-4, 1e11, v, *args) for v in (0.0, 1e-12, 1e-6, 1e-3, 0.1)]
+    found = [
+        friction.impact_exchange(5e-5, 7.5e-4, 1e11, v, *args)
+        for v in (0.0, 1e-12, 1e-6, 1e-3, 0.1)
+    ]
     assert found[0] == 0.0
     assert found == sorted(found)
     assert friction.impact_exchange(5e-5, 7.5e-4, 1e11, -0.1, *args) == 0.0
@@ -78,7 +96,9 @@ def test_slow_impacts_exchange_ever_less():
 
 @pytest.mark.parametrize("ratio", [0.01, 0.1, 0.5, 0.5547779, 0.554778, 0.7, 1.0])
 def test_impact_coefficient_rises_smoothly_with_the_fourier_number(ratio):
-    """Also where the quotient of the published form is 0/0 (c = 0.55478), and where its root ends."""
+    """Also where the quotient of the published form is 0/0 (c = 0.55478), and where its root
+    ends.
+    """
     found = [friction.impact_coefficient(0.05 * k, ratio) for k in range(1000)]
     assert 0.86 < found[0] < 0.91
     assert all(high >= low for low, high in pairwise(found))
@@ -86,7 +106,8 @@ def test_impact_coefficient_rises_smoothly_with_the_fourier_number(ratio):
     c_1 = -2.3 * ratio**2 + 8.909 * ratio - 4.235
     c_2 = 8.169 * ratio**2 - 33.770 * ratio + 24.885
     c_3 = -5.758 * ratio**2 + 24.464 * ratio - 20.511
-    assert c_1 * root**2 + 2.0 * c_2 * root == pytest.approx(4.0 * (0.05 - c_3), rel=1e-10)  # the quadratic it solves
+    # The quadratic it solves
+    assert c_1 * root**2 + 2.0 * c_2 * root == pytest.approx(4.0 * (0.05 - c_3), rel=1e-10)
 
 
 # ---- gas
@@ -97,9 +118,15 @@ def test_gap_opens_continuously():
         touching, open_gap = (gas.parallel_conductance(AIR, A, A, s, h) for h in (0.0, 1e-18))
         assert open_gap == pytest.approx(touching, rel=1e-3)
     for wall in (0.0, -1e-7):
-        assert gas.parallel_conductance_wall(AIR, A, 1e-6, wall) == gas.parallel_conductance_wall(AIR, A, 1e-6, 0.0)
-        assert gas.parallel_conductance(AIR, A, A, 1e-6, wall) == gas.parallel_conductance(AIR, A, A, 1e-6, 0.0)
-    assert gas.batchelor_conductance(AIR, STEEL, 0.5 * A, 0.0, 1e-12) == gas.batchelor_conductance(AIR, STEEL, 0.5 * A, 0.0, 0.0)
+        assert gas.parallel_conductance_wall(AIR, A, 1e-6, wall) == gas.parallel_conductance_wall(
+            AIR, A, 1e-6, 0.0
+        )
+        assert gas.parallel_conductance(AIR, A, A, 1e-6, wall) == gas.parallel_conductance(
+            AIR, A, A, 1e-6, 0.0
+        )
+    assert gas.batchelor_conductance(AIR, STEEL, 0.5 * A, 0.0, 1e-12) == gas.batchelor_conductance(
+        AIR, STEEL, 0.5 * A, 0.0, 0.0
+    )
 
 
 @pytest.mark.parametrize("model", ["parallel", "wall", "batchelor"])
@@ -114,15 +141,22 @@ def test_conductance_falls_with_the_gap(model):
 
 
 def test_sphere_on_a_plane_is_half_of_a_pair():
-    """A plane through the middle of a symmetric pair is isothermal: each half conducts twice as much."""
+    """A plane through the middle of a symmetric pair is isothermal: each half conducts twice as
+    much.
+    """
     for h in (0.0, 1e-6, 1e-4):
-        pair, half = gas.parallel_conductance(AIR, A, A, 1e-6, 2.0 * h), gas.parallel_conductance_wall(AIR, A, 1e-6, h)
+        pair, half = (
+            gas.parallel_conductance(AIR, A, A, 1e-6, 2.0 * h),
+            gas.parallel_conductance_wall(AIR, A, 1e-6, h),
+        )
         assert half == pytest.approx(2.0 * pair, rel=1e-13)
 
 
 def test_wide_gaps_conduct_like_plates():
     """h ≫ a: λ_f times the cross-section over the distance."""
-    assert gas.parallel_conductance(AIR, A, A, 0.0, 1e3 * A) == pytest.approx(AIR * pi * A * A / (1e3 * A), rel=2e-3)
+    assert gas.parallel_conductance(AIR, A, A, 0.0, 1e3 * A) == pytest.approx(
+        AIR * pi * A * A / (1e3 * A), rel=2e-3
+    )
 
 
 def batchelor_total(eta, ratio=STEEL / AIR):
@@ -133,20 +167,27 @@ def batchelor_total(eta, ratio=STEEL / AIR):
 def test_batchelor_and_obrien_between_their_limits():
     scale, ratio = pi * A * AIR, STEEL / AIR
     assert batchelor_total(0.5) == pytest.approx(scale * (0.17 * 0.25 + log(ratio**2)), rel=1e-13)
-    assert batchelor_total(200.0) == pytest.approx(2.0 * scale * (200.0 / pi + log(ratio / 200.0)), rel=1e-13)
+    assert batchelor_total(200.0) == pytest.approx(
+        2.0 * scale * (200.0 / pi + log(ratio / 200.0)), rel=1e-13
+    )
     found = [batchelor_total(1e-3 * 1.005**k) for k in range(2400)]
     jumps = [abs(high / low - 1.0) for low, high in pairwise(found)]
     assert max(jumps) < 5e-3  # continuous: no step larger than that of η
-    assert min(found) > batchelor_total(1e-6) * (1.0 - 0.29 / log(ratio**2))  # the stated dip at η = π
+    # The stated dip at η = π
+    assert min(found) > batchelor_total(1e-6) * (1.0 - 0.29 / log(ratio**2))
     assert batchelor_total(pi) < batchelor_total(1e-6)
 
 
 def test_batchelor_and_obrien_of_separated_spheres():
     ratio = STEEL / AIR
     h = 0.05 * A
-    assert gas.batchelor_conductance(AIR, STEEL, 0.5 * A, 0.0, h) == pytest.approx(pi * A * AIR * log(21.0), rel=1e-13)
+    assert gas.batchelor_conductance(AIR, STEEL, 0.5 * A, 0.0, h) == pytest.approx(
+        pi * A * AIR * log(21.0), rel=1e-13
+    )
     crossing = A / ratio**2  # Λ = 1
-    near, far = (gas.batchelor_conductance(AIR, STEEL, 0.5 * A, 0.0, crossing * f) for f in (0.999, 1.001))
+    near, far = (
+        gas.batchelor_conductance(AIR, STEEL, 0.5 * A, 0.0, crossing * f) for f in (0.999, 1.001)
+    )
     assert far == pytest.approx(near, rel=1e-4)
 
 
@@ -163,7 +204,9 @@ def test_no_gap_is_left_around_a_spot_as_large_as_the_grain():
 def test_smooth_surfaces_leave_the_hertz_conductance():
     radius = hertz.contact_radius(1.0, 7.5e-4, 1e11)
     smooth = conduction.hertz_conductance(STEEL, radius)
-    assert hertz.rough_conductance(1.0, radius, 1e11, 7.5e-4, STEEL, 0.0, 0.1, 3e9) == pytest.approx(smooth, rel=1e-15)
+    assert hertz.rough_conductance(
+        1.0, radius, 1e11, 7.5e-4, STEEL, 0.0, 0.1, 3e9
+    ) == pytest.approx(smooth, rel=1e-15)
     assert hertz.rough_conductance(1.0, radius, 1e11, 7.5e-4, STEEL, 1e-6, 0.1, 3e9) < smooth
 
 
@@ -179,7 +222,9 @@ def test_exchange_is_that_of_stefan_and_boltzmann_and_cancels_nothing():
     expected = 2.0 * radiation.STEFAN_BOLTZMANN * (500.0**4 - 300.0**4)
     assert exchange(2.0, 300.0, 500.0) == pytest.approx(expected, rel=1e-14)
     tiny = 300.0 + 2.0**-30
-    assert exchange(1.0, 300.0, tiny) == pytest.approx(4.0 * radiation.STEFAN_BOLTZMANN * 300.0**3 * 2.0**-30, rel=1e-9)
+    assert exchange(1.0, 300.0, tiny) == pytest.approx(
+        4.0 * radiation.STEFAN_BOLTZMANN * 300.0**3 * 2.0**-30, rel=1e-9
+    )
 
 
 def test_mirrors_do_not_radiate_and_black_bodies_do():
@@ -200,7 +245,12 @@ def test_view_factor_falls_with_the_gap(ratio):
 
 
 @pytest.mark.parametrize(
-    "nusselt", [convection.ranz_marshall, convection.whitaker, lambda re, pr: convection.li_mason(re, pr, 0.4, 3.5)]
+    "nusselt",
+    [
+        convection.ranz_marshall,
+        convection.whitaker,
+        lambda re, pr: convection.li_mason(re, pr, 0.4, 3.5),
+    ],
 )
 def test_a_sphere_in_still_fluid(nusselt):
     assert nusselt(0.0, 0.7) == 2.0
@@ -211,7 +261,10 @@ def test_gunn_without_grains_is_two():
     assert convection.gunn(0.0, 0.7, 1.0) == pytest.approx(2.0, rel=1e-14)
 
 
-@pytest.mark.parametrize(("re", "prandtl", "change"), [(200.0, 0.7, -0.0033), (1500.0, 0.7, 0.0038), (1500.0, 1.0, -0.109)])
+@pytest.mark.parametrize(
+    ("re", "prandtl", "change"),
+    [(200.0, 0.7, -0.0033), (1500.0, 0.7, 0.0038), (1500.0, 1.0, -0.109)],
+)
 def test_branches_of_li_and_mason_meet_as_stated(re, prandtl, change):
     below, above = (
         convection.li_mason(re * (1.0 - 1e-12), prandtl, 0.4, 4.75) - 2.0,
@@ -284,7 +337,9 @@ MODULES = [conduction, convection, friction, gas, hertz, law, radiation, radii, 
 
 def is_scalar_formula(node):
     """Whether a node defines a function of numbers alone that kernels may call."""
-    if not isinstance(node, ast.FunctionDef) or [ast.unparse(mark) for mark in node.decorator_list] != ["formula"]:
+    if not isinstance(node, ast.FunctionDef) or [
+        ast.unparse(mark) for mark in node.decorator_list
+    ] != ["formula"]:
         return False
     return not {ast.unparse(argument.annotation) for argument in node.args.args} - {"float", "int"}
 
@@ -295,7 +350,9 @@ def formulas():
     for module in MODULES:
         for node in ast.parse(Path(module.__file__).read_text()).body:
             if is_scalar_formula(node):
-                found[f"{module.__name__.rpartition('.')[2]}.{node.name}"] = getattr(module, node.name)
+                found[f"{module.__name__.rpartition('.')[2]}.{node.name}"] = getattr(
+                    module, node.name
+                )
     return found
 
 

@@ -1,4 +1,6 @@
-"""The directory of compiled kernels: never stale, always writable, never growing; and the threading layer."""
+"""The directory of compiled kernels: never stale, always writable, never growing; and the threading
+layer.
+"""
 
 from __future__ import annotations
 
@@ -38,14 +40,18 @@ def test_cache_lies_in_the_users_directory(home: Path) -> None:
     assert cache.is_compiled()
 
 
-def test_directory_given_by_the_user_is_respected(home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_directory_given_by_the_user_is_respected(
+    home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "mine"))
     assert cache.configure_cache() == tmp_path / "mine" / cache.cache_name()
     assert not home.exists()
 
 
 @pytest.mark.parametrize("why", ["of somebody else", "open to all", "full"])
-def test_nothing_is_left_in_a_directory_that_is_passed_over(why: str, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_left_in_a_directory_that_is_passed_over(
+    why: str, home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """As ``/tmp/multicor-UID`` may be: made by somebody else, and open."""
     home.mkdir(parents=True)
     home.chmod(0o777)
@@ -68,7 +74,10 @@ MODULES = {
     "engine/jit/cache.py": "",
     "engine/laws.py": "from multicor_cli.engine import units",
     "engine/units.py": "value = 1",
-    "packing/loops.py": "from multicor_cli.engine.jit.compile import kernel\nfrom multicor_cli.engine.laws import (\n    law,\n)\n",
+    "packing/loops.py": (
+        "from multicor_cli.engine.jit.compile import kernel\n"
+        "from multicor_cli.engine.laws import (\n    law,\n)\n"
+    ),
     "packing/hosts.py": "from multicor_cli.packing.loops import loop",
     "cli.py": "from multicor_cli.packing import hosts",
 }
@@ -78,8 +87,12 @@ COUNT = {"engine/jit/compile.py", "engine/laws.py", "engine/units.py", "packing/
 """What its machine code is made of."""
 
 
-def test_edited_source_gets_another_directory(home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The stale machine code that Numba would use is in the directory of the sources that it was made of."""
+def test_edited_source_gets_another_directory(
+    home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The stale machine code that Numba would use is in the directory of the sources that it was
+    made of.
+    """
     package = tmp_path / "multicor_cli"
     for name, text in MODULES.items():
         (package / name).parent.mkdir(parents=True, exist_ok=True)
@@ -94,7 +107,9 @@ def test_edited_source_gets_another_directory(home: Path, tmp_path: Path, monkey
     assert cache.cache_name() not in names
 
 
-def test_unwritable_or_full_home_falls_back(home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unwritable_or_full_home_falls_back(
+    home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(cache.tempfile, "gettempdir", lambda: str(tmp_path / "tmp"))
     (tmp_path / "tmp").mkdir()
     home.parent.write_text("a file, not a directory")
@@ -106,7 +121,9 @@ def test_unwritable_or_full_home_falls_back(home: Path, tmp_path: Path, monkeypa
     assert Path(os.environ["NUMBA_CACHE_DIR"]).is_dir()
 
 
-def test_directory_that_others_can_write_to_is_not_trusted(home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_directory_that_others_can_write_to_is_not_trusted(
+    home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(cache.tempfile, "gettempdir", lambda: str(tmp_path / "tmp"))
     home.mkdir(parents=True)
     home.chmod(0o777)
@@ -122,7 +139,12 @@ def test_no_cache_leaves_nothing_behind(tmp_path: Path) -> None:
     )
     extra = {"MULTICOR_NO_CACHE": "1", "XDG_CACHE_HOME": str(tmp_path), "NUMBA_CACHE_DIR": ""}
     done = subprocess.run(
-        [sys.executable, "-c", script], env=environment(**extra), capture_output=True, text=True, check=True, timeout=60
+        [sys.executable, "-c", script],
+        env=environment(**extra),
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
     )
     result, directory = done.stdout.split()
     assert result == "None"
@@ -149,7 +171,9 @@ PACKAGE = ROOT / "multicor_cli"
 
 
 def modules_of(path: Path) -> set[Path]:
-    """Files of the package that a module imports, found as Python would; names from a package are those of its modules."""
+    """Files of the package that a module imports, found as Python would; names from a package are
+    those of its modules.
+    """
     found = set()
     for node in ast.walk(ast.parse(path.read_text())):
         names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
@@ -158,7 +182,11 @@ def modules_of(path: Path) -> set[Path]:
             names += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
         for name in names:
             place = ROOT / name.replace(".", "/")
-            found |= {file for file in (place.with_suffix(".py"), place / "__init__.py") if file.is_relative_to(PACKAGE)}
+            found |= {
+                file
+                for file in (place.with_suffix(".py"), place / "__init__.py")
+                if file.is_relative_to(PACKAGE)
+            }
     return {file for file in found if file.exists()}
 
 
@@ -167,14 +195,19 @@ def test_the_digest_covers_whatever_kernels_are_made_of() -> None:
     imports = {path: modules_of(path) for path in PACKAGE.rglob("*.py")}
     decorators = PACKAGE / "engine" / "jit" / "compile.py"
     made_of = {path for path, imported in imports.items() if decorators in imported}
-    assert {PACKAGE / "packing" / "random.py", PACKAGE / "engine" / "contact" / "sweep.py"} <= made_of
+    assert {
+        PACKAGE / "packing" / "random.py",
+        PACKAGE / "engine" / "contact" / "sweep.py",
+    } <= made_of
     while (more := made_of.union(*(imports[path] for path in made_of))) != made_of:
         made_of = more
     assert set(cache.kernel_sources(PACKAGE)) == made_of
 
 
 def test_a_kernel_is_compiled_anew_for_another_step_of_the_engine_only_if_it_has_to_be() -> None:
-    """Files without kernels that no kernel needs do not count: those who work on them need not wait."""
+    """Files without kernels that no kernel needs do not count: those who work on them need not
+    wait.
+    """
     counted = {path.relative_to(PACKAGE).as_posix() for path in cache.kernel_sources(PACKAGE)}
     assert not counted & {"engine/step.py", "running/session.py", "cli/app.py", "store/reader.py"}
 
@@ -184,15 +217,31 @@ def test_kernels_are_compiled_in_one_place() -> None:
     found = set()
     for path in PACKAGE.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
-            names = [node.attr] if isinstance(node, ast.Attribute) and ast.unparse(node.value) == "numba" else []
-            if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] == "numba":
+            names = (
+                [node.attr]
+                if isinstance(node, ast.Attribute) and ast.unparse(node.value) == "numba"
+                else []
+            )
+            if (
+                isinstance(node, ast.ImportFrom)
+                and (node.module or "").partition(".")[0] == "numba"
+            ):
                 names = [alias.name for alias in node.names]
-            if set(names) & {"njit", "jit", "vectorize", "guvectorize", "stencil", "register_jitable", "overload"}:
+            if set(names) & {
+                "njit",
+                "jit",
+                "vectorize",
+                "guvectorize",
+                "stencil",
+                "register_jitable",
+                "overload",
+            }:
                 found.add(path.relative_to(PACKAGE).as_posix())
     assert found == {"engine/jit/compile.py"}
 
 
-# ---- The threading layer: OpenMP where there is one, whatever else is installed; the user's choice comes first
+# ---- The threading layer: OpenMP where there is one, whatever else is installed; the user's choice
+#      comes first
 
 SHOW = """
 import numba
@@ -203,9 +252,16 @@ print(numba.config.THREADING_LAYER_PRIORITY, numba.config.THREADING_LAYER)
 
 
 def shown(first: str = "", **extra: str) -> str:
-    env = {key: value for key, value in environment().items() if not key.startswith("NUMBA_THREADING")}
+    env = {
+        key: value for key, value in environment().items() if not key.startswith("NUMBA_THREADING")
+    }
     done = subprocess.run(
-        [sys.executable, "-c", SHOW.format(first=first)], env={**env, **extra}, cwd=ROOT, capture_output=True, text=True, check=True
+        [sys.executable, "-c", SHOW.format(first=first)],
+        env={**env, **extra},
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
     )
     return done.stdout.strip()
 

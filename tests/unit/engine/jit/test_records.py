@@ -1,4 +1,6 @@
-"""Records of arrays in kernels: Numba frees an array after its last use, and a record of it does not count as one."""
+"""Records of arrays in kernels: Numba frees an array after its last use, and a record of it does
+not count as one.
+"""
 
 import ast
 
@@ -7,7 +9,9 @@ from places import ROOT
 
 
 def _is_kernel(function):
-    return any(isinstance(item, ast.Name) and "kernel" in item.id for item in function.decorator_list)
+    return any(
+        isinstance(item, ast.Name) and "kernel" in item.id for item in function.decorator_list
+    )
 
 
 def _taken_out_of(value):
@@ -17,7 +21,9 @@ def _taken_out_of(value):
 
 
 def dangling_records(source):
-    """Records of arrays that a kernel makes itself and does not use any more when it uses the record, as ``kernel: record``."""
+    """Records of arrays that a kernel makes itself and does not use any more when it uses the
+    record, as ``kernel: record``.
+    """
     return [
         f"{function.name}: {record}"
         for function in ast.walk(ast.parse(source))
@@ -37,12 +43,24 @@ def _dangling(function):
                 records[name] = array
             elif isinstance(node.value, ast.Call):
                 made.add(name)
-        if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Constant) and isinstance(node.slice.value, str):
+        if (
+            isinstance(node, ast.Subscript)
+            and isinstance(node.slice, ast.Constant)
+            and isinstance(node.slice.value, str)
+        ):
             with_fields.add(_taken_out_of(node))
-    return [name for name, array in records.items() if name in with_fields and array in made and last_use[array] < last_use[name]]
+    return [
+        name
+        for name, array in records.items()
+        if name in with_fields and array in made and last_use[array] < last_use[name]
+    ]
 
 
-KERNELS = [path for path in sorted((ROOT / "multicor_cli").rglob("*.py")) if "kernel" in path.read_text(encoding="utf-8")]
+KERNELS = [
+    path
+    for path in sorted((ROOT / "multicor_cli").rglob("*.py"))
+    if "kernel" in path.read_text(encoding="utf-8")
+]
 
 
 @pytest.mark.parametrize("path", KERNELS, ids=lambda path: path.stem)
@@ -51,7 +69,17 @@ def test_no_record_outlives_its_array(path):
 
 
 def test_a_record_that_outlives_its_array_is_found():
-    kernel = "@kernel\ndef f(n):\n    memory = start(n)\n    loop = memory[0]\n    loop['a'] = 1.0\n    return {}\n"
+    kernel = (
+        "@kernel\ndef f(n):\n    memory = start(n)\n    loop = memory[0]\n    loop['a'] = 1.0\n"
+        "    return {}\n"
+    )
     assert dangling_records(kernel.format("loop['a']")) == ["f: loop"]
     assert dangling_records(kernel.format("memory")) == []
-    assert dangling_records(kernel.format("n").replace("def f(n)", "def f(n, memory)").replace("    memory = start(n)\n", "")) == []
+    assert (
+        dangling_records(
+            kernel.format("n")
+            .replace("def f(n)", "def f(n, memory)")
+            .replace("    memory = start(n)\n", "")
+        )
+        == []
+    )

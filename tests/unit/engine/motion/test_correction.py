@@ -9,13 +9,20 @@ from multicor_cli.engine.motion import separation
 from multicor_cli.engine.motion.separation import pairs_within, separate, surround
 from multicor_cli.model.shapes import ShapeKind
 
-ROW = np.array([0, 1, 2, 3, 4, 5, 6], np.int64)  # a chain: grain k is near grain k + 1, and the last near a wall
+# a chain: grain k is near grain k + 1, and the last near a wall
+ROW = np.array([0, 1, 2, 3, 4, 5, 6], np.int64)
 PARTNER = np.array([1, 2, 3, 4, 5, 7], np.int32)
 
 
 def test_rings_grow_along_near_pairs_only():
     i, j = pairs_within(ROW, PARTNER, np.array([0.1, 0.1, 0.1, 0.9, 0.1, 0.1]), 0.5)
-    assert list(zip(i.tolist(), j.tolist(), strict=True)) == [(0, 1), (1, 2), (2, 3), (4, 5), (5, 7)]
+    assert list(zip(i.tolist(), j.tolist(), strict=True)) == [
+        (0, 1),
+        (1, 2),
+        (2, 3),
+        (4, 5),
+        (5, 7),
+    ]
     marked = np.array([False, True, False, False, False, False])
     assert surround(i, j, 1, marked) == 3
     assert marked.tolist() == [True, True, True, False, False, False]
@@ -24,7 +31,9 @@ def test_rings_grow_along_near_pairs_only():
 
 
 def corrected(overlap, count=60):
-    """A row of discs on a floor, none of which touches another but two in the middle, after a correction."""
+    """A row of discs on a floor, none of which touches another but two in the middle, after a
+    correction.
+    """
     radius = np.full(count, 0.5)
     model = make_model(radius, FLOOR, gravity=(0.0, 0.0))
     x = 1.0002 * np.arange(count)
@@ -54,7 +63,9 @@ def test_what_cannot_be_done_nearby_is_done_everywhere(monkeypatch):
 
 
 def smallest_displacements(scene, i, j, mass, wall_inverse, target):
-    """The same convex problem with dense matrices: projected Jacobi steps find the pairs that push, a linear system how much."""
+    """The same convex problem with dense matrices: projected Jacobi steps find the pairs that push,
+    a linear system how much.
+    """
     n, w = len(mass), len(wall_inverse)
     rows, limits = [], []
     for a, b in zip(i, j, strict=True):
@@ -64,7 +75,9 @@ def smallest_displacements(scene, i, j, mass, wall_inverse, target):
         row[a] += (nx, ny)
         row[body] -= (nx, ny)
         rows.append(row.ravel())
-        limits.append(-gap - target * (min(scene.radius[a], scene.radius[b]) if b < n else scene.radius[a]))
+        limits.append(
+            -gap - target * (min(scene.radius[a], scene.radius[b]) if b < n else scene.radius[a])
+        )
     g, h = np.array(rows), np.array(limits)
     inverse = np.concatenate([np.repeat(1.0 / mass, 2), wall_inverse.ravel()])
     dual = np.zeros(len(h))
@@ -81,7 +94,9 @@ def smallest_displacements(scene, i, j, mass, wall_inverse, target):
 
 @pytest.mark.parametrize("lid_inverse", [0.0, 0.02])
 def test_displacements_solve_the_convex_problem(lid_inverse):
-    """Overlapping discs of several sizes between a floor and a lid, heavy or held: against dense matrices."""
+    """Overlapping discs of several sizes between a floor and a lid, heavy or held: against dense
+    matrices.
+    """
     rng = np.random.default_rng(5)
     radius = rng.uniform(0.4, 0.6, 12)
     position = np.zeros((12, 3))
@@ -89,15 +104,20 @@ def test_displacements_solve_the_convex_problem(lid_inverse):
     position[:, :2] += rng.uniform(-0.05, 0.05, (12, 2))
     planes = np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 4.05, 0.0, -1.0]])
     scene = Scene(
-        position, radius, np.zeros(14, np.int32), np.full(2, ShapeKind.PLANE, np.int32), np.array([0, 1], np.int32), planes,
+        position, radius, np.zeros(14, np.int32), np.full(2, ShapeKind.PLANE, np.int32),
+        np.array([0, 1], np.int32), planes,
         np.array([[0.0, 0.0, 0.0], [0.0, 4.05, 0.0]]), 0.0,
     )  # fmt: skip
-    pairs = [(a, b) for a in range(12) for b in range(a + 1, 14) if pair_geometry(scene, a, b)[0] < 0.1]
+    pairs = [
+        (a, b) for a in range(12) for b in range(a + 1, 14) if pair_geometry(scene, a, b)[0] < 0.1
+    ]
     i, j = np.array(pairs, np.int32).T.copy()
     mass, wall_inverse = np.pi * radius**2, np.array([[0.0, 0.0], [0.0, lid_inverse]])
     expected = smallest_displacements(scene, i, j, mass, wall_inverse, 1e-3)
     before = position[:, :2].copy()
-    shift = separate(scene, i, j, np.ones(12, np.bool_), mass, wall_inverse, 1e-3, 2e-3, 1e-12, 10_000)
+    shift = separate(
+        scene, i, j, np.ones(12, np.bool_), mass, wall_inverse, 1e-3, 2e-3, 1e-12, 10_000
+    )
     assert np.abs(expected).max() > 0.005
     np.testing.assert_allclose(position[:, :2] - before, expected[:12], atol=1e-7)
     np.testing.assert_allclose(shift, expected[12:], atol=1e-7)
@@ -106,21 +126,29 @@ def test_displacements_solve_the_convex_problem(lid_inverse):
 def test_held_grains_stay():
     """Only the marked grain moves, and all the way."""
     scene = Scene(
-        np.array([[0.0, 0.0, 0.0], [0.9, 0.0, 0.0]]), np.full(2, 0.5), np.zeros(2, np.int32), np.empty(0, np.int32),
+        np.array([[0.0, 0.0, 0.0], [0.9, 0.0, 0.0]]), np.full(2, 0.5), np.zeros(2, np.int32),
+        np.empty(0, np.int32),
         np.empty(0, np.int32), np.empty((0, 4)), np.empty((0, 3)), 0.0,
     )  # fmt: skip
     pair = (np.array([0], np.int32), np.array([1], np.int32))
-    separate(scene, *pair, np.array([False, True]), np.ones(2), np.empty((0, 2)), 0.01, 0.02, 1e-9, 100)
+    separate(
+        scene, *pair, np.array([False, True]), np.ones(2), np.empty((0, 2)), 0.01, 0.02, 1e-9, 100
+    )
     np.testing.assert_allclose(scene.position[:, 0], [0.0, 0.995], atol=1e-9)
 
 
 @pytest.mark.parametrize(("depth", "place"), [(0.04, 0.96), (0.06, 1.0)])
 def test_a_pair_with_a_held_grain_keeps_an_allowed_overlap(depth, place):
-    """Allowed are 0.1 of the radius of 0.5: between two held grains there may be no room for less. More than that is taken away."""
+    """Allowed are 0.1 of the radius of 0.5: between two held grains there may be no room for less.
+    More than that is taken away.
+    """
     scene = Scene(
-        np.array([[0.0, 0.0, 0.0], [1.0 - depth, 0.0, 0.0]]), np.full(2, 0.5), np.zeros(2, np.int32), np.empty(0, np.int32),
+        np.array([[0.0, 0.0, 0.0], [1.0 - depth, 0.0, 0.0]]), np.full(2, 0.5),
+        np.zeros(2, np.int32), np.empty(0, np.int32),
         np.empty(0, np.int32), np.empty((0, 4)), np.empty((0, 3)), 0.0,
     )  # fmt: skip
     pair = (np.array([0], np.int32), np.array([1], np.int32))
-    separate(scene, *pair, np.array([False, True]), np.ones(2), np.empty((0, 2)), 0.0, 0.1, 1e-9, 100)
+    separate(
+        scene, *pair, np.array([False, True]), np.ones(2), np.empty((0, 2)), 0.0, 0.1, 1e-9, 100
+    )
     assert scene.position[1, 0] == pytest.approx(place, abs=1e-9)

@@ -5,7 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from multicor_cli.engine.motion.drives import Constant, Gravity, Interpolated, Ramp, Shifted, Sine, TiltedGravity
+from multicor_cli.engine.motion.drives import (
+    Constant,
+    Gravity,
+    Interpolated,
+    Ramp,
+    Shifted,
+    Sine,
+    TiltedGravity,
+)
 
 
 def test_signals():
@@ -15,12 +23,21 @@ def test_signals():
     sine = Sine(1.0, 2.0, 4.0)
     assert [sine.value(t) for t in (0.0, 1.0, 3.0)] == pytest.approx([1.0, 3.0, -1.0])
     table = Interpolated((0.0, 1.0, 3.0), (0.0, 10.0, 20.0))
-    assert [table.value(t) for t in (-1.0, 0.0, 0.5, 2.0, 3.0, 8.0)] == [0.0, 0.0, 5.0, 15.0, 20.0, 20.0]
+    assert [table.value(t) for t in (-1.0, 0.0, 0.5, 2.0, 3.0, 8.0)] == [
+        0.0,
+        0.0,
+        5.0,
+        15.0,
+        20.0,
+        20.0,
+    ]
 
 
 def sampled(values, interval=0.1):
     """A table of values at equal intervals."""
-    return Interpolated(tuple(interval * k for k in range(len(values))), tuple(float(value) for value in values))
+    return Interpolated(
+        tuple(interval * k for k in range(len(values))), tuple(float(value) for value in values)
+    )
 
 
 TIMES = np.linspace(0.0, 3.0, 601)
@@ -34,14 +51,27 @@ PERIODS = {
     "always the same": (sampled([2.0, 2.0, 2.0]), math.inf),
     "stairs": (sampled([0, 0, 1, 1, 1, 3, 7, 7]), math.inf),
     "zigzag": (sampled([0, 1] * 5), 0.2),
-    "pulse": (Interpolated((0.0, 5.0, 5.1, 5.2, 5.4, 9.0), (0.0, 0.0, -8.0, -8.0, 0.0, 0.0)), 2.0 * 0.25),
-    "two pulses": (Interpolated((0.0, 1.0, 2.0, 2.05, 2.1, 9.0), (0.0, 4.0, 0.0, 4.0, 0.0, 0.0)), 0.1),
+    "pulse": (
+        Interpolated((0.0, 5.0, 5.1, 5.2, 5.4, 9.0), (0.0, 0.0, -8.0, -8.0, 0.0, 0.0)),
+        2.0 * 0.25,
+    ),
+    "two pulses": (
+        Interpolated((0.0, 1.0, 2.0, 2.05, 2.1, 9.0), (0.0, 4.0, 0.0, 4.0, 0.0, 0.0)),
+        0.1,
+    ),
     "tabulated sine": (sampled(WAVE, 0.005), 0.5),
     "sine on a slope": (sampled(WAVE + TIMES, 0.005), 0.5),
-    "product of sines": (sampled(WAVE * np.sin(2.0 * math.pi * TIMES / 0.3), 0.005), 1.0 / (1.0 / 0.5 + 1.0 / 0.3)),
-    "absolute value": (sampled(np.abs(WAVE), 0.005), 0.5 / 3.0),  # twice the time that it is below a half
+    "product of sines": (
+        sampled(WAVE * np.sin(2.0 * math.pi * TIMES / 0.3), 0.005),
+        1.0 / (1.0 / 0.5 + 1.0 / 0.3),
+    ),
+    # Twice the time that it is below a half
+    "absolute value": (sampled(np.abs(WAVE), 0.005), 0.5 / 3.0),
     "square wave": (sampled(np.sign(WAVE), 0.005), 0.5),
-    "frequency that rises": (sampled(np.sin(2.0 * math.pi * TIMES * TIMES), 0.005), 1.0 / (2.0 * 3.0)),
+    "frequency that rises": (
+        sampled(np.sin(2.0 * math.pi * TIMES * TIMES), 0.005),
+        1.0 / (2.0 * 3.0),
+    ),
     "noise": (sampled(WAVE + 4e-3 * (-1.0) ** np.arange(601), 0.005), 0.5),
 }
 """Signals with their shortest period [s]."""
@@ -50,9 +80,14 @@ PERIODS = {
 @pytest.mark.parametrize("name", PERIODS)
 def test_the_shortest_period_of_a_signal(name):
     signal, period = PERIODS[name]
-    within = 0.15 if name in ("product of sines", "frequency that rises", "sine on a slope") else 0.03  # whose half periods differ
+    # Whose half periods differ
+    within = (
+        0.15 if name in ("product of sines", "frequency that rises", "sine on a slope") else 0.03
+    )
     assert signal.shortest_period(0.0, math.inf) == pytest.approx(period, rel=within)
-    assert Shifted(signal, 0.0).shortest_period(0.0, math.inf) == signal.shortest_period(0.0, math.inf)
+    assert Shifted(signal, 0.0).shortest_period(0.0, math.inf) == signal.shortest_period(
+        0.0, math.inf
+    )
 
 
 def test_only_what_is_looked_at_has_a_period():
@@ -75,7 +110,8 @@ def test_periods_of_gravity():
     assert tilting.shortest_period(0.0, 1.0) == math.inf
     turning = TiltedGravity(Ramp(0.0, 36_000.0, 10.0), Constant(9.81))
     assert turning.shortest_period(0.0, 1.0) == pytest.approx(0.1)
-    swinging = TiltedGravity(Sine(0.0, 3600.0, 1.0), Constant(9.81))  # at its fastest 2π · 10 turns in a second
+    # at its fastest 2π · 10 turns in a second
+    swinging = TiltedGravity(Sine(0.0, 3600.0, 1.0), Constant(9.81))
     assert swinging.shortest_period(0.0, 1.0) == pytest.approx(1.0 / (20.0 * math.pi))
     both = TiltedGravity(Ramp(0.0, 36_000.0, 10.0), Sine(9.0, 1.0, 0.2))
     assert both.shortest_period(0.0, 1.0) == pytest.approx(1.0 / (10.0 + 5.0))

@@ -1,4 +1,6 @@
-"""Whatever lies on the first half step of a grain or a wall is met, not passed: closed forms with steps of many diameters."""
+"""Whatever lies on the first half step of a grain or a wall is met, not passed: closed forms with
+steps of many diameters.
+"""
 
 import numpy as np
 import pytest
@@ -18,7 +20,9 @@ FAR = [3.0, 10.0, 50.0]
 
 
 def line(angle, length=4.0, x=0.0, wall=0, first=0):
-    """A thin wall through (x, 0), with both ends; ``angle`` is that of its normal, ``first`` the number of its first shape."""
+    """A thin wall through (x, 0), with both ends; ``angle`` is that of its normal, ``first`` the
+    number of its first shape.
+    """
     ex, ey = -np.sin(angle) * 0.5 * length, np.cos(angle) * 0.5 * length
     return [
         (ShapeKind.SEGMENT, wall, (x - ex, -ey, x + ex, ey)),
@@ -34,10 +38,23 @@ def fly(engine, steps, dt=DT):
     return engine.state
 
 
-def thrown(shapes, position, velocity, *, walls=("wall",), drives=None, gravity=(0.0, 0.0), period=0.0, radius=(R,), **laws):
+def thrown(
+    shapes,
+    position,
+    velocity,
+    *,
+    walls=("wall",),
+    drives=None,
+    gravity=(0.0, 0.0),
+    period=0.0,
+    radius=(R,),
+    **laws,
+):
     laws = {"friction": 0.0} | laws
     model = make_model(radius, shapes, walls, gravity=gravity, period=period, **laws)
-    return make_engine(model, np.atleast_2d(position), np.atleast_2d(velocity), settings=TIGHT, drives=drives)
+    return make_engine(
+        model, np.atleast_2d(position), np.atleast_2d(velocity), settings=TIGHT, drives=drives
+    )
 
 
 @pytest.mark.parametrize("way", WAYS)
@@ -45,13 +62,20 @@ def thrown(shapes, position, velocity, *, walls=("wall",), drives=None, gravity=
 @pytest.mark.parametrize("normal", [0.0, 1.0, 2.5, -2.0])
 @pytest.mark.parametrize("slant", [0.0, 0.5, -1.2])
 def test_a_thin_wall_is_hit(way, restitution, normal, slant):
-    """u_n⁺ = −e u_n⁻, the tangential velocity stays, the loss is ½ m (1 − e²) u_n²; where is seen from the first touch on."""
+    """u_n⁺ = −e u_n⁻, the tangential velocity stays, the loss is ½ m (1 − e²) u_n²; where is seen
+    from the first touch on.
+    """
     n, t = np.array([np.cos(normal), np.sin(normal)]), np.array([-np.sin(normal), np.cos(normal)])
     speed = way * 2.0 * R / DT
     velocity = speed * (-np.cos(slant) * n + np.sin(slant) * t)
     ahead = 0.5 * (0.5 * way) * 2.0 * R  # half of the first half step
     touch = R * n + 0.4 * t
-    engine = thrown(line(normal, length=400.0), touch - ahead * velocity / speed, [*velocity, 0.0], restitution=restitution)
+    engine = thrown(
+        line(normal, length=400.0),
+        touch - ahead * velocity / speed,
+        [*velocity, 0.0],
+        restitution=restitution,
+    )
     state = fly(engine, 1)
     after = state.velocity[0, :2]
     assert after @ n == pytest.approx(restitution * speed * np.cos(slant), abs=1e-9 * speed)
@@ -91,7 +115,9 @@ def test_every_shape_is_hit(way, restitution, shape):
 @pytest.mark.parametrize("way", FAR)
 @pytest.mark.parametrize("along", [-2.4, -2.1, -1.9, -0.3, 1.2, 1.99, 2.3, 2.6])
 def test_a_wall_is_hit_along_all_of_its_length_and_not_beyond(way, along):
-    """At an end the normal is that from the end to the center; beyond half a diameter past it nothing is met."""
+    """At an end the normal is that from the end to the center; beyond half a diameter past it
+    nothing is met.
+    """
     speed = way * 2.0 * R / DT
     past = max(abs(along) - 2.0, 0.0)
     engine = thrown(line(0.0), [R + 0.25 * way, along], [-speed, 0.0, 0.0])
@@ -106,11 +132,17 @@ def test_a_wall_is_hit_along_all_of_its_length_and_not_beyond(way, along):
 
 @pytest.mark.parametrize("way", WAYS)
 def test_friction_turns_a_grain_that_hits_a_wall(way):
-    """Δu_t = −μ (1 + β) u_n while it slips: the spin of a disc that slides is that of its impulse."""
+    """Δu_t = −μ (1 + β) u_n while it slips: the spin of a disc that slides is that of its
+    impulse.
+    """
     speed = way * 2.0 * R / DT
-    engine = thrown(line(0.0, length=400.0), [R + 0.1 * way, 0.0], [-speed, 3.0 * speed, 0.0], friction=0.3)
+    engine = thrown(
+        line(0.0, length=400.0), [R + 0.1 * way, 0.0], [-speed, 3.0 * speed, 0.0], friction=0.3
+    )
     state = fly(engine, 1)
-    assert state.velocity[0] == pytest.approx([0.0, 2.7 * speed, 0.3 * speed * 2.0 / R], abs=1e-9 * speed)
+    assert state.velocity[0] == pytest.approx(
+        [0.0, 2.7 * speed, 0.3 * speed * 2.0 / R], abs=1e-9 * speed
+    )
 
 
 @pytest.mark.parametrize("way", FAR)
@@ -118,13 +150,22 @@ def test_friction_turns_a_grain_that_hits_a_wall(way):
 @pytest.mark.parametrize("offset", [0.0, 0.6, -0.9])
 @pytest.mark.parametrize("share", [0.5, 0.05])
 def test_two_grains_hit_each_other(way, restitution, offset, share):
-    """v_i⁺ = v_i + (1 + e) (m_j/M) u_n n with the normal of the first touch; a grain moves and another one rests."""
+    """v_i⁺ = v_i + (1 + e) (m_j/M) u_n n with the normal of the first touch; a grain moves and
+    another one rests.
+    """
     small = 2.0 * share * R  # radius of the grain that rests
     reach, speed = R + small, way * 2.0 * R / DT
     ny = offset
     nx = -np.sqrt(1.0 - ny * ny)  # from the grain that rests to the other
     start = np.array([reach * nx - 0.2 * way, reach * ny])
-    engine = thrown((), [start, [0.0, 0.0]], [[speed, 0.0, 0.0], [0.0] * 3], walls=(), radius=(R, small), restitution=restitution)
+    engine = thrown(
+        (),
+        [start, [0.0, 0.0]],
+        [[speed, 0.0, 0.0], [0.0] * 3],
+        walls=(),
+        radius=(R, small),
+        restitution=restitution,
+    )
     state = fly(engine, 1)
     mass = engine.model.grains.mass
     u_n, n = speed * nx, np.array([nx, ny])
@@ -137,15 +178,22 @@ def test_two_grains_hit_each_other(way, restitution, offset, share):
 @pytest.mark.parametrize("way", [2.0, 10.0, 50.0])
 @pytest.mark.parametrize("frame", [0.0, 40.0, -300.0])
 def test_two_grains_meet_in_any_frame(way, frame):
-    """Both move, and the frame too: momentum is kept, relative velocity reverses, their center goes on as it did."""
+    """Both move, and the frame too: momentum is kept, relative velocity reverses, their center goes
+    on as it did.
+    """
     speed, drift = way * R / DT, frame * R / DT
     engine = thrown(
-        (), [[-R - 0.1 * way, 0.0], [R + 0.1 * way, 0.0]], [[drift + speed, 0.0, 0.0], [drift - speed, 0.0, 0.0]],
+        (), [[-R - 0.1 * way, 0.0], [R + 0.1 * way, 0.0]],
+        [[drift + speed, 0.0, 0.0], [drift - speed, 0.0, 0.0]],
         walls=(), radius=(R, R), restitution=1.0,
     )  # fmt: skip
     state = fly(engine, 1)
-    assert state.velocity[:, 0] == pytest.approx([drift - speed, drift + speed], abs=1e-9 * max(speed, abs(drift)))
-    assert state.position[:, 0].mean() == pytest.approx(drift * DT, abs=1e-9 * max(1.0, abs(drift * DT)))
+    assert state.velocity[:, 0] == pytest.approx(
+        [drift - speed, drift + speed], abs=1e-9 * max(speed, abs(drift))
+    )
+    assert state.position[:, 0].mean() == pytest.approx(
+        drift * DT, abs=1e-9 * max(1.0, abs(drift * DT))
+    )
 
 
 @pytest.mark.parametrize("way", FAR)
@@ -155,7 +203,12 @@ def test_nobody_passes_a_row_of_three(way, restitution):
     speed, gap = way * 2.0 * R / DT, 0.01
     x = [-R - 0.2 * way] + [R + k * (2.0 * R + gap) for k in range(3)]
     engine = thrown(
-        (), [[place, 0.0] for place in x], [[speed, 0.0, 0.0]] + [[0.0] * 3] * 3, walls=(), radius=(R,) * 4, restitution=restitution
+        (),
+        [[place, 0.0] for place in x],
+        [[speed, 0.0, 0.0]] + [[0.0] * 3] * 3,
+        walls=(),
+        radius=(R,) * 4,
+        restitution=restitution,
     )
     state, energy = engine.state, speed**2
     for k in range(12):
@@ -180,7 +233,9 @@ def test_a_wall_that_starts_at_once_takes_a_grain_along(way, restitution, shape)
     """u_n⁺ = −e u_n⁻: the grain flies at (1 + e) V, from where the wall is at mid-step."""
     front, speed = R + (1.0 if shape == "disc" else 0.0), way * 2.0 * R / DT
     drives = [WallDrive(x=pushed(way))]
-    engine = thrown(SHAPES[shape], [front + 0.1 * way, 0.0], [0.0] * 3, restitution=restitution, drives=drives)
+    engine = thrown(
+        SHAPES[shape], [front + 0.1 * way, 0.0], [0.0] * 3, restitution=restitution, drives=drives
+    )
     state = fly(engine, 1)
     assert state.velocity[0, 0] == pytest.approx((1.0 + restitution) * speed, rel=1e-9)
     for k in range(1, 5):
@@ -191,14 +246,20 @@ def test_a_wall_that_starts_at_once_takes_a_grain_along(way, restitution, shape)
 @pytest.mark.parametrize("turn", [0.6, 1.0, 2.0])
 @pytest.mark.parametrize("restitution", [0.0, 0.9])
 def test_a_wall_that_starts_to_turn_takes_a_grain_along(turn, restitution):
-    """A line through the origin turns by ``turn`` in the first step; the grain gets (1 + e) Ω r along the normal at mid-step."""
+    """A line through the origin turns by ``turn`` in the first step; the grain gets (1 + e) Ω r
+    along the normal at mid-step.
+    """
     rate = turn / DT
     drives = [WallDrive(spin=DofDrive(position=Ramp(0.0, rate, 1.0)))]
-    engine = thrown(line(0.0, length=40.0), [-R - 0.5, 5.0], [0.0] * 3, restitution=restitution, drives=drives)
+    engine = thrown(
+        line(0.0, length=40.0), [-R - 0.5, 5.0], [0.0] * 3, restitution=restitution, drives=drives
+    )
     state = fly(engine, 1)
     normal = -np.array([np.cos(0.5 * turn), np.sin(0.5 * turn)])
     lever = np.hypot(R + 0.5, 5.0)
-    assert state.velocity[0, :2] @ normal == pytest.approx((1.0 + restitution) * rate * np.sqrt(lever**2 - R**2), rel=1e-6)
+    assert state.velocity[0, :2] @ normal == pytest.approx(
+        (1.0 + restitution) * rate * np.sqrt(lever**2 - R**2), rel=1e-6
+    )
     along = np.array([-normal[1], normal[0]])
     assert state.velocity[0, :2] @ along == pytest.approx(0.0, abs=1e-9 * rate)
 
@@ -208,7 +269,8 @@ def test_a_grain_and_a_wall_meet_half_way(way):
     """Both move: u_n⁻ = −(v + V)."""
     speed = way * 2.0 * R / DT
     engine = thrown(
-        line(0.0), [R + 0.5 * way, 0.3], [-speed, 0.0, 0.0], restitution=0.5, drives=[WallDrive(x=pushed(0.5 * way))]
+        line(0.0), [R + 0.5 * way, 0.3], [-speed, 0.0, 0.0], restitution=0.5,
+        drives=[WallDrive(x=pushed(0.5 * way))]
     )  # fmt: skip
     state = fly(engine, 1)
     assert state.velocity[0, 0] == pytest.approx(0.5 * speed + 0.5 * 1.5 * speed, rel=1e-9)
@@ -217,7 +279,13 @@ def test_a_grain_and_a_wall_meet_half_way(way):
 
 def test_a_wall_pushes_a_grain_into_another():
     """The wall passes both on its way; both go with it, in their order."""
-    engine = thrown(line(0.0), [[1.0, 0.0], [2.5, 0.0]], [[0.0] * 3] * 2, radius=(R, R), drives=[WallDrive(x=pushed(10.0))])
+    engine = thrown(
+        line(0.0),
+        [[1.0, 0.0], [2.5, 0.0]],
+        [[0.0] * 3] * 2,
+        radius=(R, R),
+        drives=[WallDrive(x=pushed(10.0))],
+    )
     state = fly(engine, 1)
     assert state.velocity[:, 0] == pytest.approx([10.0 / DT] * 2, rel=1e-9)
     assert state.position[0, 0] == pytest.approx(state.wall_position[0, 0] + R, abs=5e-4 * R)
@@ -225,11 +293,16 @@ def test_a_wall_pushes_a_grain_into_another():
 
 
 def test_a_grain_between_two_walls_is_named_with_the_longest_step():
-    """Lines at 0 and 2.25 with a grain of diameter 1 at rest in between: the first one closes 1.25 in half of 0.125 of the step."""
+    """Lines at 0 and 2.25 with a grain of diameter 1 at rest in between: the first one closes 1.25
+    in half of 0.125 of the step.
+    """
     shapes = line(0.0) + line(0.0, x=2.25, wall=1, first=3)
     drives = [WallDrive(x=pushed(20.0)), WallDrive()]
     engine = thrown(shapes, [1.0, 0.0], [0.0] * 3, walls=("left", "right"), drives=drives)
-    with pytest.raises(PhysicsError, match=r"grain 0 is caught between the walls 'left' and 'right'.*at most 0\.000125 s"):
+    with pytest.raises(
+        PhysicsError,
+        match=r"grain 0 is caught between the walls 'left' and 'right'.*at most 0\.000125 s",
+    ):
         engine.step(DT, 0.0)
     assert engine.state.step == 0
     fly(thrown(shapes, [1.0, 0.0], [0.0] * 3, walls=("left", "right"), drives=drives), 1, dt=1.2e-4)
@@ -238,7 +311,9 @@ def test_a_grain_between_two_walls_is_named_with_the_longest_step():
 @pytest.mark.parametrize("frozen", [0, 3])
 @pytest.mark.parametrize("longer", [2.0, 10.0, 100.0])
 def test_a_longer_step_sees_what_the_one_before_did_not(longer, frozen):
-    """A grain flies freely, then steps become longer; so it is after steps in which nothing moved."""
+    """A grain flies freely, then steps become longer; so it is after steps in which nothing
+    moved.
+    """
     speed = 0.2 * 2.0 * R / DT
     engine = thrown(line(0.0), [3.0, 0.0], [-speed, 0.0, 0.0], restitution=0.9)
     state = fly(engine, 5)
@@ -256,10 +331,14 @@ def test_images_are_hit(way, image):
     """A wall and a grain across the periodic edge, from either side of it."""
     period, speed = 8.0, way * 2.0 * R / DT
     x = 1.0 - R - 0.2 * way
-    for shapes, radius, more in ((line(0.0, x=1.0 + image * period), (R,), []), ((), (R, R), [[1.0 + R, 0.0]])):
+    for shapes, radius, more in (
+        (line(0.0, x=1.0 + image * period), (R,), []),
+        ((), (R, R), [[1.0 + R, 0.0]]),
+    ):
         position = [[x % period, 0.0], *more]
         engine = thrown(
-            shapes, position, [[speed, 0.0, 0.0], [0.0] * 3][: len(position)], walls=("wall",) if shapes else (), radius=radius,
+            shapes, position, [[speed, 0.0, 0.0], [0.0] * 3][: len(position)],
+            walls=("wall",) if shapes else (), radius=radius,
             period=period, restitution=0.5,
         )  # fmt: skip
         state = fly(engine, 1)
@@ -269,10 +348,13 @@ def test_images_are_hit(way, image):
 
 @pytest.mark.parametrize("way", [3.0, 20.0])
 def test_gravity_and_stops_close_the_books(way):
-    """Where a grain is stopped earlier, gravity works less: kinetic change = m g Δy − losses, all of them in the books."""
+    """Where a grain is stopped earlier, gravity works less: kinetic change = m g Δy − losses, all
+    of them in the books.
+    """
     speed = way * 2.0 * R / DT
     engine = thrown(
-        line(0.5 * np.pi, length=400.0), [0.0, R + 0.3 * way], [0.2 * speed, -speed, 0.0], gravity=(0.0, -1000.0), friction=0.4,
+        line(0.5 * np.pi, length=400.0), [0.0, R + 0.3 * way], [0.2 * speed, -speed, 0.0],
+        gravity=(0.0, -1000.0), friction=0.4,
         restitution=0.3,
     )  # fmt: skip
     high = engine.state.position[0, 1]
@@ -297,14 +379,18 @@ def crowd(way, threads=1, seed=0):
     radius = rng.uniform(0.2, 0.45, 100)
     place = np.array([[k % 10 + 0.5, k // 10 + 0.5] for k in range(100)], float)
     velocity = np.column_stack([rng.normal(size=(100, 2)) * way / DT, np.zeros(100)])
-    model = make_model(radius, box(10.0), ("box",), gravity=(0.0, -10.0), friction=0.3, restitution=0.6)
+    model = make_model(
+        radius, box(10.0), ("box",), gravity=(0.0, -10.0), friction=0.3, restitution=0.6
+    )
     return make_engine(model, place, velocity, threads=threads)
 
 
 @pytest.mark.parametrize("way", [0.5, 3.0, 30.0])
 @pytest.mark.parametrize("seed", range(3))
 def test_a_crowd_stays_in_its_box(way, seed):
-    """Whatever they meet on their ways, at mid-step no grain is in a wall, or deeper in another one than a first look finds."""
+    """Whatever they meet on their ways, at mid-step no grain is in a wall, or deeper in another one
+    than a first look finds.
+    """
     engine = crowd(way, seed=seed)
     engine.step(DT, 0.0)
     x, radius = engine.moved.scene.position[:, :2], engine.model.grains.radius[:, None]

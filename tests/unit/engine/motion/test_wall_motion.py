@@ -48,7 +48,10 @@ def test_a_position_is_met_to_rounding_and_its_velocity_to_second_order():
         t = dt * np.arange(1, steps + 1)
         assert np.abs(found[:, 0] - [signal.value(x) for x in t]).max() < 4.0 * np.spacing(0.7)
         exact = 1e-3 * 20.0 * math.pi * np.cos(20.0 * math.pi * t)
-        early, late = (np.abs(found[part, 1] - exact[part]).max() for part in (slice(0, 500), slice(-500, None)))
+        early, late = (
+            np.abs(found[part, 1] - exact[part]).max()
+            for part in (slice(0, 500), slice(-500, None))
+        )
         assert late == pytest.approx(early, rel=1e-3)
         errors.append(late)
         assert book(state, "closure") < 1e-12
@@ -59,7 +62,9 @@ def test_a_position_is_met_to_rounding_and_its_velocity_to_second_order():
 def test_corners_leave_no_oscillation_behind(corner):
     for signal in (Ramp(0.0, 0.02, corner), Interpolated((0.0, corner, 0.2), (0.0, 0.02, 0.02))):
         found, _ = positions(signal, 0.01, 20)
-        assert found[:, 0] == pytest.approx([signal.value(0.01 * k) for k in range(1, 21)], abs=1e-15)
+        assert found[:, 0] == pytest.approx(
+            [signal.value(0.01 * k) for k in range(1, 21)], abs=1e-15
+        )
         assert np.abs(found[13:, 1]).max() < 1e-12
         assert np.abs(found[:9, 1] - 0.02 / corner).max() < 1e-12 + 0.02 / corner * 0.01
 
@@ -80,7 +85,9 @@ def test_a_kept_position_goes_on_and_one_named_again_starts_where_the_wall_is():
 
 
 def test_a_grain_rides_on_a_shaking_floor():
-    """Below g nothing leaves the floor: the grain goes where the floor goes, and the floor does the work."""
+    """Below g nothing leaves the floor: the grain goes where the floor goes, and the floor does the
+    work.
+    """
     signal, dt = Sine(0.0, 1e-3, 0.1), 1e-4
     model = make_model([1e-2], FLOOR, density=2500.0)
     engine = make_engine(model, [[0.0, 1e-2]], drives=[WallDrive(y=DofDrive(position=signal))])
@@ -92,11 +99,16 @@ def test_a_grain_rides_on_a_shaking_floor():
     assert tally(state, "max_overlap") < 1e-3
     assert book(state, "closure") < 1e-12
     gained = book(state, "kinetic") + model.grains.mass[0] * 9.81 * (state.position[0, 1] - 1e-2)
-    assert gained == pytest.approx(book(state, "wall_work") - book(state, "friction_loss") - book(state, "impact_loss"), rel=1e-9)
+    assert gained == pytest.approx(
+        book(state, "wall_work") - book(state, "friction_loss") - book(state, "impact_loss"),
+        rel=1e-9,
+    )
 
 
 def test_a_spring_swings_with_its_period_and_keeps_its_energy():
-    """M ü = −k (u − u₀): u = u₀ (1 − cos ωt); kinetic and elastic energy add up to ½ k u₀² at any step."""
+    """M ü = −k (u − u₀): u = u₀ (1 − cos ωt); kinetic and elastic energy add up to ½ k u₀² at any
+    step.
+    """
     errors = []
     for dt in (0.02, 0.01, 0.005):
         drive = WallDrive(y=DofDrive(spring=Spring(8.0, Constant(0.3))))
@@ -128,11 +140,22 @@ def test_a_damped_spring_comes_to_rest_as_it_should():
     k, c, inertia, torque = 3.0, 0.8, 0.5, 0.6
     rate = 0.5 * c / inertia
     swing = math.sqrt(k / inertia - rate * rate)
-    exact = torque / k * (1.0 - math.exp(-2.0 * rate) * (math.cos(2.0 * swing) + rate / swing * math.sin(2.0 * swing)))
+    exact = (
+        torque
+        / k
+        * (
+            1.0
+            - math.exp(-2.0 * rate) * (math.cos(2.0 * swing) + rate / swing * math.sin(2.0 * swing))
+        )
+    )
     errors = []
     for dt in (0.02, 0.01):
-        drive = WallDrive(spin=DofDrive(spring=Spring(k, Constant(0.0)), force=Constant(torque), damping=c))
-        state = advance(make_engine(free_wall(inertia=inertia), FAR, drives=[drive]), dt, round(2.0 / dt))
+        drive = WallDrive(
+            spin=DofDrive(spring=Spring(k, Constant(0.0)), force=Constant(torque), damping=c)
+        )
+        state = advance(
+            make_engine(free_wall(inertia=inertia), FAR, drives=[drive]), dt, round(2.0 / dt)
+        )
         errors.append(abs(state.wall_position[0, 2] - exact))
         assert book(state, "closure") < 1e-12
         assert book(state, "damping_loss") > 0.0
@@ -140,15 +163,21 @@ def test_a_damped_spring_comes_to_rest_as_it_should():
 
 
 def test_a_slider_that_a_spring_pulls_sticks_and_slips():
-    """A lid on a disc that may not roll: it sticks until k v t = μ N, then u̇ = v (1 − cos ωτ), with ω² = k/M."""
+    """A lid on a disc that may not roll: it sticks until k v t = μ N, then u̇ = v (1 − cos ωτ),
+    with ω² = k/M.
+    """
     shapes = [*FLOOR, (ShapeKind.PLANE, 1, (0.0, 0.0, 0.0, -1.0))]
     k, speed, press, friction, mass = 50.0, 0.1, 10.0, 0.3, 2.0
     model = make_model(
-        [0.05], shapes, ("floor", "lid"), friction=friction, rolling=10.0, mass=mass, gravity=(0.0, 0.0), density=1.0
+        [0.05], shapes, ("floor", "lid"), friction=friction, rolling=10.0, mass=mass,
+        gravity=(0.0, 0.0), density=1.0
     )  # fmt: skip
     pull = DofDrive(spring=Spring(k, Ramp(0.0, 100.0 * speed, 100.0)))
     engine = make_engine(
-        model, [[0.0, 0.05]], drives=[WallDrive(), WallDrive(x=pull, y=DofDrive(force=Constant(-press)))], settings=TIGHT
+        model,
+        [[0.0, 0.05]],
+        drives=[WallDrive(), WallDrive(x=pull, y=DofDrive(force=Constant(-press)))],
+        settings=TIGHT,
     )
     state = engine.state
     state.wall_position[1, 1] = 0.1
@@ -179,13 +208,24 @@ def test_work_of_a_spring_on_corrected_positions_is_booked():
 
 
 def stressed(drive, lid=0.0):
-    """A side wall under a stress between floor and lid, 3 m apart at first, and the lid's velocity."""
-    shapes = [*FLOOR, (ShapeKind.PLANE, 1, (0.0, 0.0, 0.0, -1.0)), (ShapeKind.PLANE, 2, (0.0, 0.0, 1.0, 0.0))]
-    model = make_model([0.1], shapes, ("floor", "lid", "side"), gravity=(0.0, 0.0), mass=2.0, length=5.0)
+    """A side wall under a stress between floor and lid, 3 m apart at first, and the lid's
+    velocity.
+    """
+    shapes = [
+        *FLOOR,
+        (ShapeKind.PLANE, 1, (0.0, 0.0, 0.0, -1.0)),
+        (ShapeKind.PLANE, 2, (0.0, 0.0, 1.0, 0.0)),
+    ]
+    model = make_model(
+        [0.1], shapes, ("floor", "lid", "side"), gravity=(0.0, 0.0), mass=2.0, length=5.0
+    )
     engine = make_engine(model, [[9.0, 1.0]])
     engine.state.wall_position[1, 1] = 3.0
     engine.state.wall_velocity[1, 1] = lid
-    begin(engine, drives=[WallDrive(), WallDrive(y=DofDrive(velocity=Constant(lid))), WallDrive(x=drive)])
+    begin(
+        engine,
+        drives=[WallDrive(), WallDrive(y=DofDrive(velocity=Constant(lid))), WallDrive(x=drive)],
+    )
     return engine
 
 
