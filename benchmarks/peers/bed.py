@@ -204,8 +204,8 @@ def _largest_overlap(bed: Bed, position: Any) -> float:
 def as_text(bed: Bed, columns: list[BedColumn], notes: list[str]) -> str:
     """The result as a table with notes."""
     headings = (
-        "code", "s per simulated s", "ratio", "s to rest", "ratio", "steps", "Δt [s]", ("rest at "
-            "[s]"), "ν", "floor/weight",
+        "code", "s per simulated s", "ratio", "s to rest", "ratio", "steps", "Δt [s]",
+        "rest at [s]", "ν", "floor/weight",
         "max overlap", "at the end", "kinetic",
     )  # fmt: skip
     rows = [_row(bed, columns[0], column) for column in columns]

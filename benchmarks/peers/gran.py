@@ -149,8 +149,7 @@ def begin_lines(dialect: Dialect, contact: SoftContact, tuning: Tuning, radius: 
     x, y = tuning.grid
     return [
         "units si", *dialect.begin, "atom_modify map array sort 1000 0", "boundary p f f",
-        ("newton "
-            "off"),
+        "newton off",
         f"processors {x} {y} 1", "read_data grains.data", *dialect.pair(tuning.style, contact),
         f"neighbor {tuning.skin * radius!r} bin", "neigh_modify delay 0 every 1 check yes",
     ]  # fmt: skip

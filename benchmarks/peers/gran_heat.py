@@ -84,12 +84,10 @@ def heat_peer(dialect: Dialect, program: str, cores: int, bed: FrozenBed, folder
     say = _lammps if dialect.name == "lammps" else _liggghts
     column = "c_Temp" if dialect.name == "lammps" else "f_Temp"
     lines = [
-        "units si", *dialect.begin, "atom_modify map array sort 0 0", "boundary p f f", ("newton "
-            "off"), ("processors "
-            f"{cores} 1 1"),
+        "units si", *dialect.begin, "atom_modify map array sort 0 0", "boundary p f f",
+        "newton off", f"processors {cores} 1 1",
         *say(bed), "neigh_modify delay 0 every 1 check yes", f"timestep {bed.duration / steps!r}",
-        ("thermo "
-            "1000000000"),
+        "thermo 1000000000",
         f"run {steps}", f"dump seen all custom 1 seen.txt id {column}",
         f"dump_modify seen {dialect.dump_format(1)}", "run 0",
     ]  # fmt: skip
@@ -106,8 +104,8 @@ def _lammps(bed: FrozenBed) -> list[str]:
         "fix more all property/atom temperature heatflow", "read_data grains.data",
         f"set group all temperature {bed.cold!r}", "pair_style granular", f"pair_coeff * * {law}",
         _skin(bed),
-        f"fix warm all heat/flow constant {bed.specific!r}", ("compute Temp all property/atom "
-            "temperature"),
+        f"fix warm all heat/flow constant {bed.specific!r}",
+        "compute Temp all property/atom temperature",
         f"fix floor all wall/gran granular {law} yplane 0.0 NULL temperature {bed.hot!r}",
     ]  # fmt: skip
 

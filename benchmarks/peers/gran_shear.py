@@ -133,8 +133,8 @@ def layer_lines(
     n, k, top = len(layer.radius), len(layer.bottom.radius), len(layer.top.radius)
     return [
         *begin_lines(dialect, contact, tuning, float(layer.radius.max())),
-        f"group flow id 1:{n}", f"group bottom id {n + 1}:{n + k}", ("group top id "
-            f"{n + k + 1}:{n + k + top}"),
+        f"group flow id 1:{n}", f"group bottom id {n + 1}:{n + k}",
+        f"group top id {n + k + 1}:{n + k + top}",
         "neigh_modify exclude group bottom bottom", "neigh_modify exclude group top top",
         f"timestep {dt!r}",
         "fix move flow nve/sphere", "fix carry top nve", "fix hold bottom freeze",

@@ -201,9 +201,7 @@ def as_text(result: ShearResult) -> str:
         )
     headings = (
         "code", "s per strain", "ratio", "strain", "steps", "Δt/τ", "μ*", "ν", "I in the bulk",
-        ("max "
-            "overlap"), ("mean "
-            "overlap"),
+        "max overlap", "mean overlap",
     )  # fmt: skip
     head = (
         f"{len(layer.radius)} grains, {layer.height / (2.0 * float(layer.radius.mean())):.1f} "

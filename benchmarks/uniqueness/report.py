@@ -54,8 +54,7 @@ def _problems(problems: list[Problem]) -> str:
 
 _SIZE_HEAD = [
     "grains", "problems", "with several solutions", "solves", "that found one", "worst violation",
-    ("without "
-        "friction: several"),
+    "without friction: several",
     "solves", "that found one", "velocities apart", "forces apart",
 ]  # fmt: skip
 
@@ -78,8 +77,8 @@ def _largest(values: list[float]) -> float:
 
 
 _PROBLEM_HEAD = [
-    "grains", "seed", "time [s]", "contacts", "solved", "velocities", ("plain and accelerated: "
-        "contacts > 1 %"), "largest",
+    "grains", "seed", "time [s]", "contacts", "solved", "velocities",
+    "plain and accelerated: contacts > 1 %", "largest",
     "widest pair: contacts > 1 %", "largest", "loaded in one only", "half-way", "forces apart",
 ]  # fmt: skip
 
@@ -93,8 +92,8 @@ def _problem(problem: Problem) -> list[str]:
         else [f"{widest.contacts}", f"{widest.largest:.3f}", f"{widest.let_go}"]
     )
     return [
-        f"{problem.grains}", f"{row.seed}", f"{row.time:.3f}", f"{row.contacts}", (f"{row.solved} "
-            f"of {row.solves}"),
+        f"{problem.grains}", f"{row.seed}", f"{row.time:.3f}", f"{row.contacts}",
+        f"{row.solved} of {row.solves}",
         f"{row.distinct}", *of_methods, *of_widest, f"{row.straight:.0e}", f"{row.forces:.2f}",
     ]  # fmt: skip
 
@@ -125,12 +124,9 @@ def _flow(one: Comparison) -> str:
 
 _REST_HEAD = [
     "way", "missed", "sweeps", "moved [d]", "rms [d]", "second half [d]", "weight carried − 1",
-    ("worst "
-        "step"), ("height "
-        "[d]"),
+    "worst step", "height [d]",
     "contacts", "force", "spread", "participation", "forces: last two steps", "against first way",
-    ("means "
-        "over steps"),
+    "means over steps",
 ]  # fmt: skip
 
 

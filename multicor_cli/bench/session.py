@@ -143,7 +143,10 @@ def main() -> None:
     """Call what standard input asks for, and write the result, or the error, to standard output."""
     with os.fdopen(os.dup(1), "wb") as said:
         os.dup2(2, 1)  # nothing else is written there
-        function, arguments = pickle.load(sys.stdin.buffer)
+        try:
+            function, arguments = pickle.load(sys.stdin.buffer)
+        except EOFError:
+            return  # Ctrl-C came before it could be said what is asked for
         end_with_parent()
         try:
             pickle.dump((function(*arguments), None), said)
@@ -155,9 +158,7 @@ def main() -> None:
 
 HEADINGS = (
     "scene", "grains", "threads", "contacts", "sweeps", "step [ms]", "solve", "other at 30 sweeps",
-    "ns/contact/sweep", ("sweep "
-        ": C"),
-    "threads gain", "grain-steps/s", "B/grain",
+    "ns/contact/sweep", "sweep : C", "threads gain", "grain-steps/s", "B/grain",
 )  # fmt: skip
 
 _MANY = 50_000  # grains whose memory can be told from that of the kernels
@@ -183,8 +184,7 @@ def row(result: Result) -> list[str]:
     )
     return [
         *head, f"{1e3 * result.step:.3g}", f"{100.0 * solve:.0f} %",
-        "" if share is None else (f"{100.0 * share:.0f} "
-            "%"),
+        "" if share is None else f"{100.0 * share:.0f} %",
         "" if each is None else f"{1e9 * each:.1f}",
         "" if sweep is None or sweep.ratio != sweep.ratio else f"{sweep.ratio:.2f}",
         gain, f"{result.grain_steps:.3g}", f"{result.memory:.0f}" if result.grains >= _MANY else "",

@@ -273,8 +273,8 @@ _LOWER_BIOT = "Read temperatures as means over grains; benchmarks/lattice14 meas
 
 RIGIDITY_BEFORE_RUN: tuple[Rule[Prepared], ...] = (
     Rule(
-        "deflection", _under_load, _RIGID + (" Predicted from the weight of the grains and the "
-            "loads."), _STIFFER,
+        "deflection", _under_load,
+        _RIGID + " Predicted from the weight of the grains and the loads.", _STIFFER,
         unit="of a diameter", warning=_SOFT, bad=_TOO_SOFT,
     ),
     Rule(
@@ -285,8 +285,8 @@ RIGIDITY_BEFORE_RUN: tuple[Rule[Prepared], ...] = (
         unit="of a diameter", warning=_TOO_SOFT, bad=5.0 * _TOO_SOFT,
     ),
     Rule(
-        "Biot number", _predicted_biot, _ONE_TEMPERATURE + (" Predicted from the weight of the "
-            "grains and the loads."), _LOWER_BIOT,
+        "Biot number", _predicted_biot,
+        _ONE_TEMPERATURE + " Predicted from the weight of the grains and the loads.", _LOWER_BIOT,
         warning=_BIOT, bad=1.0,
     ),
 )  # fmt: skip
@@ -475,8 +475,8 @@ PLAUSIBLE_BEFORE_RUN: tuple[Rule[Prepared], ...] = (
         remedy="Add 273.15 to temperatures in °C.",
     ),
     Rule(
-        "highest temperature", _hot, _MELTS, ("Check temperatures and their units; give melting "
-            "for other materials."),
+        "highest temperature", _hot, _MELTS,
+        "Check temperatures and their units; give melting for other materials.",
         unit="of what it bears", warning=1.0, bad=1.0,
     ),
     Rule(

@@ -404,13 +404,13 @@ SHAPES = {
         lambda g: Outline(g[:, np.newaxis, :2], normal=g[:, 2:]),
     ),
     ShapeKind.SEGMENT: ShapeType(
-        "segment", "a straight line, both sides solid, without its ends", ("x, y of one end; x, y "
-            "of the other"), Tail.POINT,
+        "segment", "a straight line, both sides solid, without its ends",
+        "x, y of one end; x, y of the other", Tail.POINT,
         lambda g: Outline(g.reshape(-1, 2, 2)), is_thin=True,
     ),
     ShapeKind.VERTEX: ShapeType(
-        "vertex", "an end of segments or sides", ("x, y; numbers of those that end and begin here "
-            "(−1: none)"), Tail.SHAPES,
+        "vertex", "an end of segments or sides",
+        "x, y; numbers of those that end and begin here (−1: none)", Tail.SHAPES,
         lambda g: Outline(g[:, np.newaxis, :2]), is_thin=True,
     ),
     ShapeKind.CIRCLE: ShapeType(
@@ -418,8 +418,8 @@ SHAPES = {
         lambda g: Outline(g[:, np.newaxis, :2], radius=g[:, RADIUS]),
     ),
     ShapeKind.SIDE: ShapeType(
-        "side", "a side of a polygon, solid on its left, without its ends", ("x, y of one end; x, "
-            "y of the other"), Tail.POINT,
+        "side", "a side of a polygon, solid on its left, without its ends",
+        "x, y of one end; x, y of the other", Tail.POINT,
         lambda g: Outline(g.reshape(-1, 2, 2), is_solid=True), is_thin=True,
     ),
 }  # fmt: skip

@@ -88,12 +88,11 @@ def test_a_command_names_the_extra(missing, words, finished, tmp_path, monkeypat
 
 
 TEXTS = (
-    "post profile RUN", "post map RUN --of velocity", "post map RUN --of fluctuation", ("post "
-        "forces RUN"),
+    "post profile RUN", "post map RUN --of velocity", "post map RUN --of fluctuation",
+    "post forces RUN",
     "post rheology RUN --from 0",
     "post region RUN --in {min=[0.0,0.0],max=[0.02,0.01]}", "post fields RUN", "post energy RUN",
-    ("post "
-        "compare RUN RUN"),
+    "post compare RUN RUN",
     "post series RUN", "post flow RUN --from 0 --line 0.01,0.0:0.01,0.01",
 )  # fmt: skip
 

@@ -209,12 +209,10 @@ def test_compare(typed, outputs):
 def test_every_command_works_while_the_run_goes_on(typed, tmp_path, monkeypatch):
     """Called where the run would end: its lock is held, its frames lie in segments."""
     lines = (
-        "profile run", "profile run --of stress", "profile run --of heat", ("theta-eta run --wall "
-            "top"), ("map "
-            "run"),
+        "profile run", "profile run --of stress", "profile run --of heat",
+        "theta-eta run --wall top", "map run",
         "map run --of stress", "forces run", "forces run --angles", "forces run --distribution",
-        ("rheology "
-            "run --from 0"),
+        "rheology run --from 0",
         "energy run", "compare run run",
     )  # fmt: skip
     looked = []
@@ -249,9 +247,7 @@ def test_figures_in_new_directories(suffix, typed, tmp_path):
 @pytest.mark.parametrize(
     "line",
     ["profile RUN", "map RUN --of velocity", "forces RUN", "rheology RUN", "energy RUN",
-        ("theta-eta "
-        "RUN"), ("compare "
-        "RUN RUN"),
+        "theta-eta RUN", "compare RUN RUN",
      "region RUN --in '{ min = [0, 0], max = [1, 1] }'"],
 )  # fmt: skip
 def test_a_figure_that_is_there_is_kept(line, typed, tmp_path):

@@ -3,9 +3,8 @@
 import pytest
 
 NO_RUN = [
-    "info HERE", "verify HERE", "report HERE", "post profile HERE", "post theta-eta HERE", ("post "
-        "map HERE"), ("post "
-        "forces HERE"),
+    "info HERE", "verify HERE", "report HERE", "post profile HERE", "post theta-eta HERE",
+    "post map HERE", "post forces HERE",
     "post rheology HERE", "post energy HERE", "post compare HERE HERE", "export csv HERE -o more",
 ]  # fmt: skip
 

@@ -172,8 +172,7 @@ def test_runs_whose_files_are_something_else(
         shutil.rmtree(file) if file.is_dir() else file.unlink()
         what(file)
     for words in ("info run", "verify run", "post series run", "post map run --of velocity",
-        ("export "
-        "csv run -o out --overwrite"),
+        "export csv run -o out --overwrite",
                   "validate on.toml", "run same.toml -o run -q"):  # fmt: skip
         done = call(*words.split(), cwd=tmp_path)
         assert done.returncode in ANSWERS, (words, done.stderr)
@@ -201,16 +200,14 @@ def test_files_that_may_not_be_read(tmp_path: Path, key: str) -> None:
 
 
 ECHOES = (
-    "NAME", "--NAME", "info NAME", "verify NAME", "post NAME", "post series NAME", ("post series "
-        "RUN --of NAME"),
+    "NAME", "--NAME", "info NAME", "verify NAME", "post NAME", "post series NAME",
+    "post series RUN --of NAME",
     "post map RUN --of NAME", "run same.toml -o NAME", "run NAME", "run same.toml --set NAME",
-    ("run "
-        "same.toml --set a=NAME"),
-    "run same.toml --set scenario.name=NAME", "run same.toml --set loading.0.name=NAME", ("new "
-        "NAME"), ("new "
-        "a --template NAME"),
-    "export csv RUN -o NAME", "report RUN -o NAME.html", "study run NAME", "bench NAME", ("post "
-        "map RUN --of speed --plot NAME.png"),
+    "run same.toml --set a=NAME",
+    "run same.toml --set scenario.name=NAME", "run same.toml --set loading.0.name=NAME", "new NAME",
+    "new a --template NAME",
+    "export csv RUN -o NAME", "report RUN -o NAME.html", "study run NAME", "bench NAME",
+    "post map RUN --of speed --plot NAME.png",
 )  # fmt: skip
 """Commands that say what they were given."""
 
@@ -234,11 +231,9 @@ def test_long_names_are_not_echoed_whole(
 
 PLACES = {
     "many levels": "d/" * 2_000, "long path": "/".join(["d" * 200] * 30), "long name": "n" * 256,
-    ("link "
-        "to itself"): "loop",
+    "link to itself": "loop",
     "below a link to itself": "loop/x", "below a link to nothing": "dangling/x",
-    "below a file": "file/x", ("below "
-        "a pipe"): "pipe/x",
+    "below a file": "file/x", "below a pipe": "pipe/x",
     "below a device": "/dev/null/x", "processes": "/proc/x", "name that commands": "a\x1b[31m\nb",
 }  # fmt: skip
 """Where nothing can be written, or hardly anything."""

@@ -306,13 +306,13 @@ MODEL: tuple[Dataset, ...] = (
         lambda m: m.model.walls.length,
     ),
     Dataset(
-        "model/walls/runs", "u1", ("wall",), "1", ("whether a drive lets the surface of the wall "
-            "run along it: 0 or 1"),
+        "model/walls/runs", "u1", ("wall",), "1",
+        "whether a drive lets the surface of the wall run along it: 0 or 1",
         lambda m: m.model.walls.runs, only_with="surface", since=(1, 3),
     ),
     Dataset(
-        "model/walls/meets", "u1", ("wall", "group"), "1", ("whether grains of the group meet the "
-            "wall: 0 (they pass through) or 1"),
+        "model/walls/meets", "u1", ("wall", "group"), "1",
+        "whether grains of the group meet the wall: 0 (they pass through) or 1",
         lambda m: m.model.walls.meets, only_with="groups", since=(1, 3),
     ),
     Dataset(
@@ -321,25 +321,25 @@ MODEL: tuple[Dataset, ...] = (
         lambda m: m.model.shapes.kind,
     ),
     Dataset(
-        "model/shapes/wall", "i4", ("shape",), "1", ("wall that carries the shape, a row of "
-            "model/walls/names"),
+        "model/shapes/wall", "i4", ("shape",), "1",
+        "wall that carries the shape, a row of model/walls/names",
         lambda m: m.model.shapes.wall,
     ),
     Dataset(
-        "model/shapes/geometry", "f8", ("shape", 4), "m", ("four numbers in the frame of the "
-            "wall; see the table of kinds"),
+        "model/shapes/geometry", "f8", ("shape", 4), "m",
+        "four numbers in the frame of the wall; see the table of kinds",
         lambda m: m.model.shapes.geometry,
     ),
     Dataset(
-        "model/shapes/material", "i4", ("shape",), "1", ("material of the shape, a row of "
-            "model/material_names"),
+        "model/shapes/material", "i4", ("shape",), "1",
+        "material of the shape, a row of model/material_names",
         lambda m: m.model.shapes.material,
     ),
-    _law("friction", "f8", ("material", "material"), "1", ("coefficient of friction where "
-        "laws/table is -1")),
+    _law("friction", "f8", ("material", "material"), "1",
+        "coefficient of friction where laws/table is -1"),
     _law("restitution", "f8", ("material", "material"), "1", "coefficient of normal restitution"),
-    _law("table", "i4", ("material", "material"), "1", ("table of friction against sliding speed, "
-        "or -1")),
+    _law("table", "i4", ("material", "material"), "1",
+        "table of friction against sliding speed, or -1"),
     _law("table_start", "i4", ("table_edge",), "1", "first row of each table in the two below"),
     _law("table_speed", "f8", ("table_row",), "m/s", "sliding speeds, ascending within a table"),
     _law("table_friction", "f8", ("table_row",), "1", "coefficient of friction at these speeds"),
@@ -368,8 +368,8 @@ MODEL: tuple[Dataset, ...] = (
     Dataset("model/gravity", "f8", (2,), "m/s2", "acceleration of gravity (x, y)",
         lambda m: m.model.gravity),
     Dataset(
-        "model/shape_factor", "f8", ("one",), "1", ("m a2/I of every grain: 2 for discs, 5/2 for "
-            "spheres"),
+        "model/shape_factor", "f8", ("one",), "1",
+        "m a2/I of every grain: 2 for discs, 5/2 for spheres",
         lambda m: m.model.shape_factor,
     ),
 )  # fmt: skip
@@ -482,8 +482,8 @@ class StepColumns:
         ("vtk", "gsd"),
     )
     contacts_recorded = _of_frame(
-        "contacts_recorded", bool, "u1", "1", ("1 if the contacts of the frame are in the file, 0 "
-            "if not"),
+        "contacts_recorded", bool, "u1", "1",
+        "1 if the contacts of the frame are in the file, 0 if not",
         lambda m: m.contacts is not None,
     )  # fmt: skip
 
@@ -492,8 +492,8 @@ class GrainColumns:
     """One row per grain and frame, in the order of the grains."""
 
     position = Column[Array](
-        "particles/position", "float", ("particle_row", 3), "m", ("centers x, y, z; x wrapped "
-            "into the period, z = 0"),
+        "particles/position", "float", ("particle_row", 3), "m",
+        "centers x, y, z; x wrapped into the period, z = 0",
         lambda m: in_plane(m.state.position), columns=("x", "y"),
         convert=_in_plane, about="centers, x wrapped into the period",
     )  # fmt: skip
@@ -509,8 +509,8 @@ class GrainColumns:
         (),
     )
     velocity = Column[Array](
-        "particles/velocity", "float", ("particle_row", 3), "m/s", ("velocities x, y, z of the "
-            "centers; z = 0"),
+        "particles/velocity", "float", ("particle_row", 3), "m/s",
+        "velocities x, y, z of the centers; z = 0",
         lambda m: in_plane(m.state.velocity), columns=("velocity_x", "velocity_y"),
         exports=("vtk",),
         convert=_in_plane, about="velocities of the centers",
@@ -532,25 +532,25 @@ class WallColumns:
     """One row per frame and wall."""
 
     wall_position = Column[Array](
-        "walls/position", "f8", ("frame", "wall", 3), "m, m, rad", ("reference point and angle of "
-            "the wall"),
+        "walls/position", "f8", ("frame", "wall", 3), "m, m, rad",
+        "reference point and angle of the wall",
         lambda m: m.state.wall_position, columns=("x", "y", "angle"),
         convert=_first, about="displacement and angle of the walls since the start",
     )  # fmt: skip
     wall_velocity = Column[Array](
-        "walls/velocity", "f8", ("frame", "wall", 3), "m/s, m/s, rad/s", ("velocity and spin of "
-            "the wall"),
+        "walls/velocity", "f8", ("frame", "wall", 3), "m/s, m/s, rad/s",
+        "velocity and spin of the wall",
         lambda m: m.state.wall_velocity, columns=("velocity_x", "velocity_y", "spin"),
         convert=_first,
     )  # fmt: skip
     wall_surface = Column[Array | None](
-        "walls/surface", "f8", ("frame", "wall"), "m/s", ("velocity of the surface of the wall "
-            "along it"), lambda m: m.wall_surface,
+        "walls/surface", "f8", ("frame", "wall"), "m/s",
+        "velocity of the surface of the wall along it", lambda m: m.wall_surface,
         only_with="surface", since=(1, 3), convert=_first,
     )  # fmt: skip
     wall_temperature = Column[Array | None](
-        "walls/temperature", "f8", ("frame", "wall"), "K", ("temperature of the wall; nan where "
-            "none is prescribed"),
+        "walls/temperature", "f8", ("frame", "wall"), "K",
+        "temperature of the wall; nan where none is prescribed",
         lambda m: m.state.wall_temperature, finite=False, only_with="heat", convert=_first,
     )  # fmt: skip
 
@@ -772,14 +772,14 @@ SERIES: tuple[Dataset, ...] = (
     _scalar("temperature_max", "K", "highest temperature of a grain",
         lambda m: m.temperatures_here[2], only_with="heat"),
     _array(
-        "wall_heat", ("wall", 2), "J", ("heat given to the grains; heat of friction and impacts "
-            "received"),
+        "wall_heat", ("wall", 2), "J",
+        "heat given to the grains; heat of friction and impacts received",
         lambda m: m.state.wall_heat, ("heat_given", "heat_received"), only_with="heat",
     ),
     *_kept(EXCHANGE_BOOKS, lambda m: m.exchange, "exchange"),
     _array(
-        "outlet_flow", ("outlet", 2), "1, kg", ("grains and mass that left through each outlet "
-            "since the start"),
+        "outlet_flow", ("outlet", 2), "1, kg",
+        "grains and mass that left through each outlet since the start",
         lambda m: m.state.outlet_flow, ("grains", "mass"), only_with="exchange", since=(1, 2),
     ),
 )  # fmt: skip

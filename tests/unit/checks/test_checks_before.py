@@ -77,8 +77,8 @@ SHIFTED, FAR = _at_height(1e3), _at_height(9e5)
         ("stored places", OK, [SINGLE]),
         ("stored places", BAD, [*SHIFTED, SINGLE]),
         ("grain diameter", WARNING, [
-            ("size = [0.02, 0.02]", "size = [20.0, 20.0]"), ("min = 0.4e-3, max = 0.6e-3", ("min "
-                "= 0.4, max = 0.6")),
+            ("size = [0.02, 0.02]", "size = [20.0, 20.0]"),
+            ("min = 0.4e-3, max = 0.6e-3", "min = 0.4, max = 0.6"),
             ("min = [0.0, 0.001], max = [0.02, 0.009]", "min = [0.0, 1.0], max = [20.0, 9.0]"),
             ("from = [0.0, 0.0], to = [0.02, 0.0]", "from = [0.0, 0.0], to = [20.0, 0.0]"),
             ("from = [0.0, 0.01], to = [0.02, 0.01]", "from = [0.0, 10.0], to = [20.0, 10.0]"),
@@ -204,9 +204,8 @@ ROUGH = '{ kind = "rough", from = [-0.01, -0.001], to = [0.07, -0.001], side = "
     [
         ([], 1.0), ([FLOOR], 0.0), ([CUP], 0.0), ([TABLE], 1.0), ([TABLE, LEFT, RIGHT], 0.0),
         ([TABLE, LEFT], 1.0), (HOPPER, 1.0),
-        ([DRUM], 0.0), ([ROUGH], 1.0), ([ROUGH, LEFT, RIGHT], 0.0), ([*HOPPER, FLOOR.replace(("[0, "
-            "0]"), ("[0, "
-            "-0.1]"))], 0.0),
+        ([DRUM], 0.0), ([ROUGH], 1.0), ([ROUGH, LEFT, RIGHT], 0.0),
+        ([*HOPPER, FLOOR.replace("[0, 0]", "[0, -0.1]")], 0.0),
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("turns", [0, 1, 2])

@@ -110,8 +110,7 @@ def columns(rows: int) -> Any:
     return SimpleNamespace(
         series_columns=[
             NamedColumn("time", "s", time), NamedColumn("kinetic", "J", 2.0 * time),
-            NamedColumn(("floor: "
-                "force_x"), "N", time - 1.0),
+            NamedColumn("floor: force_x", "N", time - 1.0),
             NamedColumn("lid: force_x", "N", 1.0 - time),
             NamedColumn("lid: force_y", "N", np.ones(rows)),
         ]

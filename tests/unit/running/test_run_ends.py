@@ -130,17 +130,14 @@ COMING = "drives.lid = { y = { velocity = -1.0 } }"
 AWAY = (0.5, 0.05, 0.01)
 ENDS = {
     "rest": (0.02, "until = { kinetic_energy_ratio = 1e-300 }\n" + COMING, (0.5, 0.01, 0.01),
-        "condition", 0.02, ("was "
-        "0")),
+        "condition", 0.02, "was 0"),
     "rest without gravity": (0.02, "until = { kinetic_energy_ratio = 0.5 }", AWAY, "condition",
-        0.02, ("was "
-        "0")),
+        0.02, "was 0"),
     "rest that comes later": (0.2, "until = { kinetic_energy_ratio = 1e-6 }\n" + PUSH, AWAY,
         "condition", 0.08, ""),
     "steady": (
         0.1, "until = { steady = { of = 'kinetic_energy', window = 0.02, tolerance = 0.05 } }",
-        AWAY, "condition", 0.1, ("was "
-            "0"),
+        AWAY, "condition", 0.1, "was 0",
     ),
     "friction of nothing": (
         0.1,
@@ -153,13 +150,11 @@ ENDS = {
     ),
     "force of nothing": (
         0.1, "until = { force = { wall = 'lid', axis = 'y', above = 1.0, window = 0.02 } }", AWAY,
-        "timeout", 0.1, ("was "
-            "0 N"),
+        "timeout", 0.1, "was 0 N",
     ),
     "window as long as the stage": (
         0.0115, "until = { force = { wall = 'lid', axis = 'y', above = 1, window = 0.0115 } }",
-        AWAY, "timeout", 0.0115, ("was "
-            "0 N"),
+        AWAY, "timeout", 0.0115, "was 0 N",
     ),
     "walls at one place": (
         0.02,

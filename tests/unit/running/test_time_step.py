@@ -231,17 +231,17 @@ SPEEDS = {
     "spin of a group": (LATTICE + "spin = 15000.0", "", "", "", "motion at the start at 30 m/s"),
     "shear of a group": (LATTICE + "shear_rate = 700.0", "", "", "", "motion at the start"),
     "release": (
-        AT_REST.replace("region = { min = [0.4, 0.4], max = [0.5, 0.5] }\n", ("velocity = [0.0, "
-            "-30.0]\n"))
+        AT_REST.replace("region = { min = [0.4, 0.4], max = [0.5, 0.5] }\n",
+            "velocity = [0.0, -30.0]\n")
         + "release = { rate = 10.0, region = { min = [0.4, 0.4], max = [0.5, 0.5] } }\n",
         "", "", "", "released grains of group 'g' at 30 m/s",
     ),
-    "file": ('packing = { kind = "file", path = "g.csv" }', "", "", "", ("motion at the start at "
-        "30 m/s")),
-    "run": ('packing = { kind = "run", path = "before" }', "", "", "", ("motion at the start at "
-        "30 m/s")),
-    "wall": (LATTICE, PADDLE, "drives.paddle = { x = { velocity = -30.0 } }", "", ("wall 'paddle' "
-        "at 30 m/s")),
+    "file": ('packing = { kind = "file", path = "g.csv" }', "", "", "",
+        "motion at the start at 30 m/s"),
+    "run": ('packing = { kind = "run", path = "before" }', "", "", "",
+        "motion at the start at 30 m/s"),
+    "wall": (LATTICE, PADDLE, "drives.paddle = { x = { velocity = -30.0 } }", "",
+        "wall 'paddle' at 30 m/s"),
     "ramp": (
         LATTICE, PADDLE, ("drives.paddle = { y = { velocity = { ramp = [0.0, 30.0], duration = "
             "0.3 } } }"), "",
@@ -258,10 +258,9 @@ SPEEDS = {
         "wall 'paddle' at 30 m/s",
     ),
     "expression": (LATTICE, PADDLE, 'drives.paddle = { y = { velocity = "= 3 * 10" } }', "",
-        ("wall "
-        "'paddle' at 30 m/s")),
-    "position": (LATTICE, PADDLE, f"drives.paddle = {{ y = {POSITION_TABLE} }}", "", ("wall "
-        "'paddle' at 30 m/s")),
+        "wall 'paddle' at 30 m/s"),
+    "position": (LATTICE, PADDLE, f"drives.paddle = {{ y = {POSITION_TABLE} }}", "",
+        "wall 'paddle' at 30 m/s"),
     "anchor": (
         LATTICE, PADDLE,
         ("drives.paddle = { y = { spring = { stiffness = 1e-3, anchor = { ramp = [0.0, 3.0], "
@@ -269,10 +268,10 @@ SPEEDS = {
         "",
         "wall 'paddle' at 30 m/s",
     ),
-    "turn": (LATTICE, PADDLE, "drives.paddle = { spin = { velocity = 300.0 } }", "", ("wall "
-        "'paddle' at")),
-    "later": (LATTICE, PADDLE, "", "drives.paddle = { x = { velocity = 30.0 } }", ("wall 'paddle' "
-        "at 30 m/s")),
+    "turn": (LATTICE, PADDLE, "drives.paddle = { spin = { velocity = 300.0 } }", "",
+        "wall 'paddle' at"),
+    "later": (LATTICE, PADDLE, "", "drives.paddle = { x = { velocity = 30.0 } }",
+        "wall 'paddle' at 30 m/s"),
 }  # fmt: skip
 """Grains, walls, drives of the first and of the second stage, and what then is the fastest."""
 

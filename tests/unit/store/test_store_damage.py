@@ -184,11 +184,10 @@ Damage = tuple[Callable[[Path], object], str, int | str, str]
 DAMAGED: dict[str, Damage] = {
     "checkpoint cut": (edit(f"{NEWEST}.h5", lambda data: data[:-1]), "", 30, "040.h5: damaged"),
     "page zeroed": (edit(f"{NEWEST}.h5", lambda data: data[:100] + b"\0" * 4096 + data[4196:]), "",
-        30, ("040.h5: "
-        "damaged")),
+        30, "040.h5: damaged"),
     "state gone": (lambda run: (run / f"{NEWEST}.h5").unlink(), "", 30, "040.h5: missing"),
-    "description gone": (lambda run: (run / f"{NEWEST}.json").unlink(), "", 30, ("the checkpoint "
-        "at step 40, of which")),
+    "description gone": (lambda run: (run / f"{NEWEST}.json").unlink(), "", 30,
+        "the checkpoint at step 40, of which"),
     "description edited": (
         edit(f"{NEWEST}.json",
             lambda data: data.replace(b'"last_frame_step": 40', b'"last_frame_step": 35')), "", 30,
@@ -200,15 +199,11 @@ DAMAGED: dict[str, Damage] = {
     "segments swapped": (swap_segments, "00000", "--overwrite", r"00000\d.h5: damaged"),
     "manifest torn": (edit(MANIFEST, lambda data: data + b'{"name": "0000'), "", 40, ""),
     "manifest edited": (edit(MANIFEST,
-        lambda data: data.replace(b'"frames": 4', b'"frames": 3', 1)), ("line "
-        "1"), 40, ("line "
-        "1")),
-    "manifest leads elsewhere": (edit(MANIFEST, name_a_file_elsewhere), ("line 1: .*name is "
-        "../../outside.h5"), 40, ("line "
-        "1")),
+        lambda data: data.replace(b'"frames": 4', b'"frames": 3', 1)), "line 1", 40, "line 1"),
+    "manifest leads elsewhere": (edit(MANIFEST, name_a_file_elsewhere),
+        "line 1: .*name is ../../outside.h5", 40, "line 1"),
     "model of another run": (take_files_of_another_run, "another run", "belongs to another run",
-        ("belongs "
-        "to another run")),
+        "belongs to another run"),
     "version 2.0": (of_version([2, 0]), "", r"format version 2\.0", r"format version 2\.0"),
     "version 3": (of_version(3), "", "format version 3", "format version 3"),
     "no version": (of_version(None), "", "format version None", "format version None"),

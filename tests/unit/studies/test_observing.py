@@ -200,21 +200,21 @@ def refuse_what_is_wrong(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("keys", "change", "what"),
     [
-        ('post = "rheology"\nvalue = "friction_wall"', ("", ""), ("s.toml:8:1: observe.0.value: "
-            "rheology has no friction_wall")),
-        ('post = "theta-eta"\nvalue = "theta"\nat = 0.5', ("", ""), ("s.toml:8:1: "
-            "observe.0.value: theta needs heat")),
-        ('series = "heat_stored"', ("", ""), ("s.toml:7:1: observe.0.series: heat_stored needs "
-            "heat")),
+        ('post = "rheology"\nvalue = "friction_wall"', ("", ""),
+            "s.toml:8:1: observe.0.value: rheology has no friction_wall"),
+        ('post = "theta-eta"\nvalue = "theta"\nat = 0.5', ("", ""),
+            "s.toml:8:1: observe.0.value: theta needs heat"),
+        ('series = "heat_stored"', ("", ""),
+            "s.toml:7:1: observe.0.series: heat_stored needs heat"),
         ('info = "heat.temperature.mean"', ("", ""), "heat.temperature.mean needs heat"),
         ('info = "solver.sweeps"', ("", ""), "did you mean 'solver.sweeps_mean'"),
-        ('post = "rheology"\nvalue = "pressure"', BOXED, ("rheology needs a domain that is "
-            "periodic")),
+        ('post = "rheology"\nvalue = "pressure"', BOXED,
+            "rheology needs a domain that is periodic"),
         ('post = "profile"\nvalue = "velocity-x"', ("", ""), 'post = "profile" needs at'),
         ('post = "region"\nvalue = "coordination"', ("", ""), 'post = "region" needs inside'),
         ('post = "rheology"\nvalue = "pressure"\nat = 0.5', ("", ""), "at belongs to"),
-        ('post = "energy"\nvalue = "wall_work"\nafter = { time = 0.1 }', ("", ""), ("energy is "
-            "about the end of a run")),
+        ('post = "energy"\nvalue = "wall_work"\nafter = { time = 0.1 }', ("", ""),
+            "energy is about the end of a run"),
         ('series = "kinetic"\nafter = { strain = 3.0 }', SHORT, "ends at a strain of 0.15"),
     ],
 )  # fmt: skip
