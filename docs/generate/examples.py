@@ -13,6 +13,7 @@ from typing import Any
 
 from multicor_cli.scenario.base import Table
 from multicor_cli.scenario.documents import in_line
+from multicor_cli.scenario.model import ScenarioModel
 from multicor_cli.scenario.scenario import load_scenario
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -44,7 +45,7 @@ def examples() -> dict[tuple[str, str], Example]:
         for path in sorted((ROOT / folder).glob("*.toml")):
             file = path.relative_to(ROOT).as_posix()
             for model, key, value in _uses(
-                load_scenario(path).model, tomllib.loads(path.read_text(encoding="utf-8"))
+                load_scenario(path), tomllib.loads(path.read_text(encoding="utf-8"))
             ):
                 example, known = Example(_written(key, value), file), found.get((model, key))
                 if known is None or (
@@ -63,11 +64,12 @@ def _uses(node: Any, written: Any) -> Iterator[tuple[str, str, Any]]:
             leaves the contents only.
     """
     if isinstance(node, Table):
-        for name in (name for name in type(node).model_fields if name in node.model_fields_set):
-            key, value = type(node).model_fields[name].alias or name, getattr(node, name)
+        model = ScenarioModel if isinstance(node, ScenarioModel) else type(node)
+        for name in (name for name in model.model_fields if name in node.model_fields_set):
+            key, value = model.model_fields[name].alias or name, getattr(node, name)
             said = written.get(key) if isinstance(written, dict) else None
             if value is not None or said is not None:
-                yield type(node).__name__, key, said if value is None else value
+                yield model.__name__, key, said if value is None else value
                 yield from _uses(value, said)
     elif isinstance(node, dict):
         for key, value in node.items():

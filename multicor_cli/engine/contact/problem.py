@@ -328,9 +328,10 @@ def _disc_system(problem: ContactProblem, impulse: Floats) -> tuple[System, Floa
     velocity[:bodies, INVERSE_MASS] = inverse[:, X]
     pair = problem.pair.astype(np.int32)
     pair[fixed_j, SECOND] = bodies + np.arange(proxies)
-    wall, arm = problem.velocity[problem.pair[fixed_j, SECOND]], problem.lever[fixed_j, SECOND]
-    velocity[bodies:, X] = wall[:, X] - wall[:, SPIN] * arm[:, Y]
-    velocity[bodies:, Y] = wall[:, Y] + wall[:, SPIN] * arm[:, X]
+    wall = problem.velocity[problem.pair[fixed_j, SECOND]]
+    from_wall = problem.lever[fixed_j, SECOND]
+    velocity[bodies:, X] = wall[:, X] - wall[:, SPIN] * from_wall[:, Y]
+    velocity[bodies:, Y] = wall[:, Y] + wall[:, SPIN] * from_wall[:, X]
     velocity[bodies:, SURFACE] = problem.slide[fixed_j]
     frame = np.empty((len(pair), 5))
     frame[:, [NX, NY]] = problem.normal
