@@ -226,11 +226,11 @@ def _frame_bytes(model: Model, output: Output) -> float:
 
 def _row_bytes(table: tuple[Dataset, ...], model: Model, *, is_single: bool) -> float:
     """Bytes of one row of all datasets of a table that a run of this model has."""
-    total = 0.0
+    total, lengths = 0.0, {"wall": model.wall_count, "outlet": len(model.outlets or ())}
     for spec in schema.select(table, schema.features_of(model)):
         width = (4 if is_single else 8) if spec.dtype == "float" else _WIDTH[spec.dtype]
         for dim in spec.dims[1:]:
-            width *= dim if isinstance(dim, int) else model.wall_count
+            width *= dim if isinstance(dim, int) else lengths[dim]
         total += width
     return total
 

@@ -157,7 +157,7 @@ def _verify_segments(path: Path, document: Document) -> list[FileFinding]:
 
 def _check_one_segment(directory: Path, segment: Segment, run_id: str, limits: Limits) -> None:
     check_segment(directory, segment)
-    dims = {**segment_dims(segment), "wall": limits.walls}
+    dims = {**segment_dims(segment), "wall": limits.walls, "outlet": limits.outlets}
     with CheckedFile(directory / segment.name, SEGMENT_FILETYPE, run_id=run_id, dims=dims) as file:
         check_features(file, limits.features)
         _check_tables(file, schema.SEGMENT_TABLE, limits)
@@ -192,20 +192,24 @@ def _check_whole(path: Path, recorded: Document) -> None:
 
 @dataclass(frozen=True)
 class Limits:
-    """What values are compared with: numbers of grains, wall shapes, walls and stages, and the
-    features of the run.
-    """
+    """What values are compared with: numbers of what there is, and the features of the run."""
 
     grains: int
     shapes: int
     walls: int
+    outlets: int
     stages: int
     features: frozenset[str]
 
 
 def _limits(model: Model, stages: int) -> Limits:
     return Limits(
-        model.grain_count, model.shape_count, model.wall_count, stages, schema.features_of(model)
+        model.grain_count,
+        model.shape_count,
+        model.wall_count,
+        len(model.outlets or ()),
+        stages,
+        schema.features_of(model),
     )
 
 

@@ -60,8 +60,8 @@ def test_two_grains_approach_each_other(way, dt):
     each other.
     """
     if way[0] == "explicit" and dt > 1e4:
-        dt = 1e4
-    steps = 8 if dt > 0.01 else 200
+        dt = 3e3
+    steps = 200 if dt <= 0.01 else 8 if dt <= 1e3 else 2
     found, heat = advance(network(2, [(0, 1)]), [500.0, 300.0], dt, steps=steps, way=way)
     difference = found[:, 0] - found[:, 1]
     assert found.sum(axis=1) == pytest.approx(np.full(steps, 800.0), rel=1e-14)
@@ -92,6 +92,8 @@ def test_errors_follow_the_tolerance(way, tolerance):
 @settings(max_examples=40, deadline=None)
 @given(st.integers(2, 12), st.floats(1e-4, 1e3), st.integers(0, 2**32 - 1), st.sampled_from(WAYS))
 def test_no_temperature_leaves_the_range_of_all(count, dt, seed, way):
+    if way[0] == "explicit":
+        dt = min(dt, 30.0)  # it takes a sub-step per time constant
     rng = np.random.default_rng(seed)
     links = [(k, k + 1) for k in range(count - 1)] + [
         tuple(sorted(rng.choice(count, 2, replace=False))) for _ in range(count)

@@ -196,6 +196,8 @@ def test_what_heat_did(
     text = changed(
         HEATED,
         (HOT_FLOOR, f"thermal = {{ flow = {flow} }}"),
+        ("duration = 1.0\nheat", "duration = 0.2\nheat"),
+        ("duration = 1.0\nthermal", "duration = 0.05\nthermal"),
         ("[heat]", f"[heat]\ntolerance = {tolerance}"),
     )
     multicor.run(

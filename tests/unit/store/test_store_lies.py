@@ -6,14 +6,18 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from run_fakes import StopAt
+from scenarios import scenario
 from store_support import make_model, replace, run_whole, set_text, set_value
 
+from multicor_cli import run
 from multicor_cli.store import DamagedRun, open_run, schema, verify
 from multicor_cli.store.atomic import file_digest
 from multicor_cli.store.documents import document_line, parse_document
@@ -52,19 +56,39 @@ def test_segment_with_other_features_than_the_model_is_damaged(tmp_path: Path) -
     path = tmp_path / "run"
     run_whole(path, make_model(heat=True), steps=10, checkpoint_every=5, finish=False)
     assert verify(path) == []
-    file = path / "segments" / "000000.h5"
-    replace(file, file.read_bytes())
-    with h5py.File(file, "r+") as data:
+    with lying(path) as data:
         set_text(data, "features", "[]")
-    lines = [
-        parse_document(line, "test")
-        for line in (path / "segments" / "MANIFEST.jsonl").read_bytes().splitlines()
-    ]
-    lines[0] |= {"size": file.stat().st_size, "blake2b": file_digest(file)}
-    replace(path / "segments" / "MANIFEST.jsonl", b"".join(map(document_line, lines)))
     findings = [finding for finding in verify(path) if finding.file.endswith("000000.h5")]
     assert len(findings) == 1
     assert "features" in findings[0].message
+
+
+@contextmanager
+def lying(run: Path) -> Iterator[h5py.File]:
+    """The first segment, to be changed; the manifest then says what it is."""
+    file, manifest = (run / "segments" / name for name in ("000000.h5", "MANIFEST.jsonl"))
+    replace(file, file.read_bytes())
+    with h5py.File(file, "r+") as data:
+        yield data
+    lines = [parse_document(line, "test") for line in manifest.read_bytes().splitlines()]
+    lines[0] |= {"size": file.stat().st_size, "blake2b": file_digest(file)}
+    replace(manifest, b"".join(map(document_line, lines)))
+
+
+def test_segment_with_more_outlets_than_the_model_is_damaged(tmp_path: Path) -> None:
+    hole = {"name": "hole", "region": {"min": [0.0, 0.0], "max": [0.1, 0.01]}}
+    assert not run(scenario(outlets=[hole]), tmp_path / "run", observer=StopAt(20)).is_finished
+    assert verify(tmp_path / "run") == []
+    with lying(tmp_path / "run") as data:
+        flow = data["series/outlet_flow"]
+        values, digest = np.repeat(flow[...], 2, axis=1), flow.attrs["blake2b"]
+        del data["series/outlet_flow"]
+        data["series/outlet_flow"] = values
+        data["series/outlet_flow"].attrs["blake2b"] = digest
+        set_value(data, "series/outlet_flow", 0, values[0])
+    findings = [one for one in verify(tmp_path / "run") if one.file.endswith("000000.h5")]
+    assert len(findings) == 1
+    assert "outlet_flow" in findings[0].message
 
 
 def test_temperature_that_is_not_finite_is_refused(heated: Path, tmp_path: Path) -> None:
