@@ -1,5 +1,4 @@
-"""Reading files that may be anything: only regular ones, never waited for, and no more of each than
-its kind may have.
+"""Reading files that may be anything: only regular ones, never waited for, of bounded size.
 
 What is under a name is looked at on the open descriptor, so that nothing can change in between.
 Uses the standard library only.
@@ -18,8 +17,7 @@ from pathlib import Path
 from multicor_cli.text import format_bytes
 
 LARGEST_RECORD = 64 << 20
-"""Longer scenarios of runs are not read [bytes]: none that was accepted is nearly as long when it
-is resolved."""
+"""Longest scenario of a run that is read [bytes]; none that was accepted is nearly as long."""
 
 _KINDS = (
     (stat.S_ISDIR, "a directory"),
@@ -31,22 +29,15 @@ _KINDS = (
 
 
 class Unfit(OSError):
-    """Something is there and is not read: it is no regular file, or has more bytes than a file of
-    its kind may have.
-    """
+    """Something is there and is not read: no regular file, or larger than its kind may be."""
 
 
 def open_regular(path: Path | str, most: int | None = None) -> io.BufferedReader:
     """Open a regular file, or a link to one, to be read from its beginning; it cannot be rewound.
 
-    Args:
-        path: The file.
-        most: Largest number of bytes; reading fails where it turns out to have more, whatever its
-            size was said to be.
-
-    Raises:
-        Unfit: It is something else, or larger; ``strerror`` says what.
-        OSError: There is none, it may not be read, or no file can have this name.
+    Reading fails at more than ``most`` bytes, whatever its size was said to be. Raises `Unfit` if
+    it is something else, or larger (``strerror`` says what), and `OSError` if there is none, it may
+    not be read, or no file can have this name.
     """
     try:
         # Without O_NONBLOCK, opening a pipe would wait for someone to write into it.
@@ -86,18 +77,14 @@ def read_regular(path: Path | str, most: int) -> bytes:
 
 @contextlib.contextmanager
 def regular_path(path: Path | str, most: int | None = None) -> Iterator[str]:
-    """A name by which a library that opens files itself gets the very file that was looked at;
-    raises as `open_regular`.
-    """
+    """The very file looked at, as a name for a library that opens it; raises as `open_regular`."""
     with open_regular(path, most) as file:
         name = f"/proc/self/fd/{file.fileno()}"
         yield name if Path(name).exists() else os.fspath(path)
 
 
 class _Bounded(io.RawIOBase):
-    """An open file that is not read beyond its limit: some files grow, and those of the kernel say
-    that they have no bytes.
-    """
+    """An open file, read no further than its limit: some grow, and the kernel's claim no bytes."""
 
     def __init__(self, descriptor: int, path: Path | str, most: int | None) -> None:
         self._descriptor, self._path, self._most = descriptor, path, most

@@ -1,6 +1,4 @@
-"""Libraries that come with an extra of the package: whatever needs one gets it here, or one message
-that says what to install.
-"""
+"""Libraries of extras: whatever needs one gets it here, or is told what to install."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Text for people; text from outside is made safe to print, since control characters could command
-a terminal.
+"""Text for people; made safe to print, since control characters could command a terminal.
 
 Uses the standard library only.
 """
@@ -21,9 +20,7 @@ def printable(text: str) -> str:
 
 
 def one_line(text: str) -> str:
-    """Any text on one line, one printed character for each of its own: what cannot be printed
-    becomes ``�``.
-    """
+    """Any text on one line, as many characters: what cannot be printed becomes ``�``."""
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
 
 
@@ -35,9 +32,7 @@ _LONG_WORD = re.compile(rf"\S{{{LONGEST_WORD + 1},}}")
 
 
 def shortened(text: str, most: int = LONGEST_WORD) -> str:
-    """A text with the middle left out if it has more than ``most`` characters: what is left says
-    how many there were.
-    """
+    """A text of at most ``most`` characters: the middle is left out, with a note of the length."""
     if len(text) <= most:
         return text
     mark = f"…({len(text):,} characters)…"
@@ -46,9 +41,7 @@ def shortened(text: str, most: int = LONGEST_WORD) -> str:
 
 
 def brief(message: str) -> str:
-    """A message that quotes what others have named, whatever its length: long words and then long
-    lines are shortened.
-    """
+    """A message that quotes what others have named, its long words, then long lines, shortened."""
     lines = (_LONG_WORD.sub(lambda word: shortened(word[0]), line) for line in message.split("\n"))
     return "\n".join(shortened(line, _LONGEST_LINE) for line in lines)
 
@@ -71,11 +64,9 @@ _OWN_LINE = re.compile(r"\n(?=- | {4})")
 
 
 def unwrapped(docstring: str) -> str:
-    """The text of a docstring, whatever the width that its source is wrapped to: each paragraph is
-    one line.
+    """The text of a docstring, whatever width its source is wrapped to: a line per paragraph.
 
-    Items of lists (``- ``) and lines that are indented by four spaces, as examples are, stay lines
-    of their own.
+    Items of lists (``- ``) and lines indented by four spaces, as examples are, stay lines.
     """
     paragraphs = re.split(r"\n\s*\n", inspect.cleandoc(docstring))
     lines = (_OWN_LINE.split(paragraph) for paragraph in paragraphs)
@@ -98,9 +89,7 @@ def unit_sign(unit: str) -> str:
 
 
 def with_error(mean: float, error: float) -> str:
-    """A mean with its standard error, two digits of it: ``0.1024 ± 0.0023``; without an error (nan)
-    four digits of the mean.
-    """
+    """A mean ± standard error, two digits of it: ``0.1024 ± 0.0023``; four of the mean if nan."""
     if not (math.isfinite(error) and error > 0.0):
         return f"{mean:.4g}".replace("-", "−")
     exponent = math.floor(math.log10(max(abs(mean), error)))
@@ -118,9 +107,7 @@ def with_unit_signs(text: str) -> str:
 
 
 def choices(word: str, known: Iterable[str]) -> str:
-    """What there is instead of a word that is not known, the most similar first: for the end of a
-    message.
-    """
+    """What to choose instead of an unknown word, the most similar first: to end a message."""
     names = list(known)
     if not names:
         return "there are none"

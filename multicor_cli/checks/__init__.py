@@ -1,5 +1,4 @@
-"""One list of checks, before a run and of a run: each with its value, limit, verdict, meaning and
-remedy.
+"""Lists of checks before a run and of a run, each with value, limit, verdict, meaning and remedy.
 
 A new check is a `Rule` in the table of its module, which is in one of the two lists below;
 docs/reference/checks.md is made of them (``python tests/support/check_tables.py``).
@@ -60,8 +59,9 @@ def check_prepared(prepared: Prepared) -> list[Check]:
 
 
 def check_scenario(scenario: Scenario | str | Path, threads: int = 1) -> list[Check]:
-    """The checks of a scenario before it is run, as ``multicor validate`` shows them; its grains
-    are placed, nothing is written.
+    """The checks of a scenario before it is run, as ``multicor validate`` shows them.
+
+    Its grains are placed, nothing is written.
 
     Args:
         scenario: A scenario, or the path of a scenario file.
@@ -80,8 +80,7 @@ def check_scenario(scenario: Scenario | str | Path, threads: int = 1) -> list[Ch
 
 
 def check_run(directory: Path | str) -> list[Check]:
-    """The checks of a run, as ``multicor info`` shows them: of its newest checkpoint, whether it
-    goes on or has ended.
+    """The checks of a run at its newest checkpoint, as ``multicor info`` shows them.
 
     Args:
         directory: Run directory, or a ``results.h5`` on its own.

@@ -1,6 +1,4 @@
-"""Whether a run keeps what the program promises of every run, whether its averages are steady, and
-how its stages ended.
-"""
+"""Whether a run keeps what all runs must, its averages are steady, and how its stages ended."""
 
 from __future__ import annotations
 
@@ -116,12 +114,10 @@ _SMALL = 1e-6
 
 
 def relative_drift(values: Floats) -> float | None:
-    """Change of the mean from the third to the fourth quarter of a series, over the larger of the
-    two.
+    """Change of the mean from the third to the fourth quarter of a series, over the larger one.
 
-    Returns:
-        0 if the change is within three standard errors (of the means of five blocks of a quarter);
-        None for fewer than 40 values.
+    0 if it is within three standard errors (of the means of five blocks of a quarter); None for
+    fewer than 40 values.
     """
     length = len(values) // (4 * _BLOCKS)
     if length < 2:

@@ -41,8 +41,7 @@ class Check:
 
     Attributes:
         name: What is checked.
-        value: The number; where there are several (stages, materials), the one that is farthest
-            beyond its limits.
+        value: The number; of several (stages, materials) the one farthest beyond its limits.
         text: The number for people, with its unit and what it belongs to.
         limit: Its limits, in words.
         verdict: How it came out.

@@ -1,5 +1,4 @@
-"""Whether grains stay where they belong: a floor under them, lids that press on them, and grains
-that have left everything.
+"""Whether grains stay where they belong: floors under them, lids that press on them, grains lost.
 
 The plane is covered with cells. A cell is free if the smallest grain fits in it, with its center in
 the middle, beside all walls. From a free cell a grain can get into free cells beside and below,
@@ -43,15 +42,12 @@ class _Grid:
     columns: int
 
     def centers(self, first: NDArray[np.int64], last: NDArray[np.int64]) -> tuple[Floats, Floats]:
-        """X and y of the centers of a block of cells, from (column, row) to (column, row), the last
-        left out.
-        """
+        """Centers x and y of cells from ``first`` (column, row) to ``last``, which is left out."""
         x = self.low[0] + self.size * np.arange(first[0], last[0])
         y = self.low[1] + self.size * np.arange(first[1], last[1])
         return x[np.newaxis, :], y[:, np.newaxis]
 
     def block(self, low: Floats, high: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """The block of cells around a rectangle."""
         limits = np.array([self.columns, self.rows])
         first = np.clip(np.floor((low - self.low) / self.size), 0, limits).astype(np.int64)
         return first, np.clip(np.ceil((high - self.low) / self.size) + 1, 0, limits).astype(
@@ -62,14 +58,10 @@ class _Grid:
 def escape_share(
     model: Model, position: Floats, wall_position: Floats, gravity: Floats
 ) -> float | None:
-    """The part of the grains that can get out of all walls that they meet along gravity; None
-    without gravity.
+    """The part of the grains that can get out of all walls that they meet along gravity.
 
-    Args:
-        model: Grains and walls.
-        position: Centers of the grains, x and y first [m], shape ``(n, 2)`` or more columns.
-        wall_position: Poses of the walls, shape ``(w, 3)``.
-        gravity: Acceleration of gravity [m/s²], shape ``(2,)``.
+    None without gravity. ``position`` has x and y first [m], shape ``(n, ≥ 2)``; poses of walls
+    have shape ``(w, 3)``.
     """
     if not np.any(gravity):
         return None
@@ -87,9 +79,7 @@ def escape_share(
 
 
 def _escape(model: Model, center: Floats, walls: list[Outline], gravity: Floats) -> Flags:
-    """Whether grains can get out of walls along gravity; arguments as `escape_share`. ``center`` is
-    **modified**.
-    """
+    """Whether grains get out of walls along gravity, as `escape_share`; **modifies** ``center``."""
     axis = _larger(gravity)
     if model.period > 0.0:
         center[:, 0] %= model.period
@@ -141,7 +131,6 @@ def _blocked(model: Model, grid: _Grid, walls: list[Outline]) -> Flags:
 def _block_shape(
     grid: _Grid, outline: Outline, k: int, shift: Floats, reach: float, found: Flags
 ) -> None:
-    """Mark the cells near one shape."""
     points = outline.points[k] + shift
     if outline.normal is not None:
         x, y = grid.centers(np.zeros(2, np.int64), np.array([grid.columns, grid.rows]))
@@ -242,9 +231,7 @@ _SAMPLES = 32
 
 
 def _wall_spans(run: Prepared) -> tuple[Floats, Floats]:
-    """Lowest and highest point of each wall in x and y [m], shapes ``(w, 2)``; of endless planes
-    the point they are given by.
-    """
+    """Lowest, highest points of walls in x and y [m], ``(w, 2)``; of planes the given point."""
     low, high = (
         np.full((run.model.wall_count, 2), np.inf),
         np.full((run.model.wall_count, 2), -np.inf),
@@ -263,9 +250,7 @@ def _wall_spans(run: Prepared) -> tuple[Floats, Floats]:
 
 
 def _outward(run: Prepared) -> Floats:
-    """Direction away from the grains of each wall in x and y: 1, -1, or 0 if it does not lie beyond
-    them, shape ``(w, 2)``.
-    """
+    """Direction away from the grains in x and y: 1, -1, or 0 of walls among them, ``(w, 2)``."""
     low, high = _wall_spans(run)
     meets, center = run.model.walls.meets, run.state.position[:, :2]
     if not meets.size:
@@ -275,9 +260,7 @@ def _outward(run: Prepared) -> Floats:
 
 
 def _span(center: Floats) -> Floats:
-    """Where grains are, but for a few: lowest and highest x and y [m], shape ``(2, 2)``; everywhere
-    if there are none.
-    """
+    """Lowest, highest x and y of grains but for a few [m], shape ``(2, 2)``; infinite if none."""
     if not len(center):
         return np.array([[-np.inf, -np.inf], [np.inf, np.inf]])
     return np.asarray(np.quantile(center, (_STRAY, 1.0 - _STRAY), axis=0))
@@ -323,14 +306,7 @@ def lost_grains(
 ) -> int:
     """Number of grains below all walls that they meet along gravity that go on falling.
 
-    Planes have no end, and nothing is below them.
-
-    Args:
-        model: Grains and walls.
-        position: Centers of the grains, x and y first [m], shape ``(n, 2)`` or more columns.
-        velocity: Their velocities likewise [m/s].
-        wall_position: Poses of the walls, shape ``(w, 3)``.
-        gravity: Acceleration of gravity [m/s²], shape ``(2,)``.
+    Planes have no end, and nothing is below them. Arguments as `escape_share`, velocities [m/s].
     """
     if not np.any(gravity):
         return 0

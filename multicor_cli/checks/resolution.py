@@ -1,6 +1,4 @@
-"""Whether values suit the flow and the machine: the time step, stiffness, plausible magnitudes,
-rounding, disk and memory.
-"""
+"""Whether values suit flow and machine: step, stiffness, magnitudes, rounding, disk, memory."""
 
 from __future__ import annotations
 
@@ -29,15 +27,14 @@ from multicor_cli.scenario.materials import PrescribedForce
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.text import format_bytes
 
-# ---- Whether the time step resolves the flow: the step that was asked for, the one that the flow
-#      needs, and what it does to losses
+# ---- Whether the step resolves the flow: what was asked for, what is needed, and losses
 
 _SOLID_FRACTION = 0.8
 """Of a dense packing in the plane."""
 
 _DENSE = 0.5
-"""Contacts within reach per grain from which on grains are a dense flow. In a rain or a gas, P and
-γ̇ say nothing about the step."""
+"""Contacts within reach per grain from which on a flow is dense; in a rain or a gas, P and γ̇ say
+nothing about the step."""
 
 
 def _compare(
@@ -64,11 +61,10 @@ def _used(run: Recorded) -> Iterator[Measured]:
 
 
 def _needed(run: Recorded) -> Iterator[Measured]:
-    """The step over the limit of a stage, from the mean pressure and the mean rate of shear that
-    its rows show.
+    """The step over the limit of a stage, from the mean pressure and rate of shear of its rows.
 
-    With the trace of the stress, Σ f·ℓ = 2 P V, the mean pressure P; and with the work of sliding Ẇ
-    ≈ μ P V γ̇ the rate of shear γ̇ that would dissipate as much.
+    With the trace of the stress, Σ f·ℓ = 2 P V, the mean pressure P; and with the work of sliding
+    Ẇ ≈ μ P V γ̇ the rate of shear γ̇ that would dissipate as much.
     """
     model, steps = run.run.model, np.asarray(run.run.frames.column("steps/dt"))
     mass = total(model.grains.mass) / model.grain_count
@@ -101,8 +97,7 @@ def _needed(run: Recorded) -> Iterator[Measured]:
 
 
 def _negative(run: Recorded) -> Iterator[Measured]:
-    """The share, unless the grains rest: losses of a step are then below the energy ½ M (g Δt)² of
-    what gravity does in one.
+    """The share, unless grains rest: losses of a step are then below ½ M (g Δt)², gravity's energy.
 
     A bed at rest loses a hundredth of that, with any share; flows lose more than ten times as much.
 
@@ -206,13 +201,8 @@ def impact_deflection(speed: float, density: float, young: float, poisson: float
     """Largest deflection of two equal elastic spheres that meet at a speed, over their diameter.
 
     δ = (15 m* v²/(16 E* √a*))^⅖ with m* = m/2, a* = a/2 and E* = E/(2(1−ν²)) (K. L. Johnson,
-    Contact Mechanics (1985), eq. 11.23); with m = 4π a³ρ/3 the radius cancels.
-
-    Args:
-        speed: Relative speed v [m/s].
-        density: ρ [kg/m³].
-        young: Young's modulus E [Pa].
-        poisson: Poisson's ratio ν.
+    Contact Mechanics (1985), eq. 11.23); with m = 4π a³ρ/3 the radius cancels. Relative speed v
+    [m/s], density ρ [kg/m³], Young's modulus E [Pa], Poisson's ratio ν.
     """
     ratio = density * speed * speed / contact_modulus(young, poisson, young, poisson)
     return float(0.5 * (5.0 * math.pi * math.sqrt(2.0) / 8.0 * ratio) ** 0.4)
@@ -238,9 +228,7 @@ def _in_impacts(run: Prepared) -> Iterator[Measured]:
 
 
 def _predicted_biot(run: Prepared) -> Iterator[Measured]:
-    """Bi = 2 λ a_c/(λ a) between equal grains, with the radius a_c = a √(δ/2a) of their contact
-    (Hertz).
-    """
+    """Bi = 2 λ a_c/(λ a) between equal grains; radius of contact a_c = a √(δ/2a) (Hertz)."""
     heat, deflection = run.scenario.heat, run.cost.deflection
     if (
         heat is not None
@@ -306,8 +294,7 @@ RIGIDITY_OF_RUN: tuple[Rule[Recorded], ...] = (
 """What is checked of a run."""
 
 
-# ---- Values that are allowed but seldom meant: other units than those of the SI, a sign, or
-#      temperatures that no solid has
+# ---- Values allowed but seldom meant: units other than SI, a sign, temperatures of no solid
 
 _HOTTEST_SOLID = 4300.0
 """Temperature that no known solid bears [K]: mixed carbides and nitrides of hafnium melt near it
@@ -380,9 +367,7 @@ def _melting(scenario: Scenario, model: Model) -> Floats:
 
 
 def _of_grains(scenario: Scenario, model: Model, temperature: Floats) -> Iterator[Measured]:
-    """The hottest grain of each material over what it bears; T of the grains of the model [K],
-    shape ``(n,)``.
-    """
+    """The hottest grain of each material over what it bears; T of the grains [K], ``(n,)``."""
     for k, limit in enumerate(_melting(scenario, model)):
         of_it = temperature[model.grains.material == k]
         if of_it.size:
@@ -416,9 +401,7 @@ def _hot(run: Prepared) -> Iterator[Measured]:
 
 
 def _temperature_reached(run: Recorded) -> Iterator[Measured]:
-    """The hottest grain of any row of the time series, by what the hardiest material bears; then
-    each material as it is now.
-    """
+    """The hottest grain so far, over what the hardiest material bears; then each material now."""
     model = run.run.model
     if not run.has_steps or model.thermal is None or run.planned is None:
         return
@@ -521,9 +504,7 @@ def _of_places(run: Prepared) -> Iterator[Measured]:
 
 
 def _of_loads(run: Prepared) -> Iterator[Measured]:
-    """ε F Δt²/M: what rounding leaves of the way on which a load sends its wall before the grains
-    hold it.
-    """
+    """ε F Δt²/M: what rounding leaves of the way of a load's wall before grains hold it."""
     walls = run.model.walls
     for stage, drives in zip(run.plan.stages, run.drives, strict=True):
         length = 1.0 if stage.length is None else stage.length

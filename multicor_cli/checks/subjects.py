@@ -62,9 +62,7 @@ class Prepared:
 
     @cached_property
     def gravity(self) -> list[Floats]:
-        """Gravity at the end of each stage, if none ends before its duration is over [m/s²], shapes
-        ``(2,)``.
-        """
+        """Gravity at the ends of stages, if none ends before its time [m/s²], shapes ``(2,)``."""
         lengths = [stage.length or 0.0 for stage in self.plan.stages]
         starts = [0.0, *itertools.accumulate(lengths)]
         return [
@@ -114,9 +112,7 @@ class Recorded:
 
     @cached_property
     def gravity(self) -> Floats:
-        """Gravity at the newest checkpoint [m/s²], shape ``(2,)``; that of the domain where the
-        plan of the stage is not known.
-        """
+        """Gravity at the newest checkpoint [m/s²], shape ``(2,)``; the domain's without a plan."""
         starts = [0.0, *(end["time"] for end in self.info["stage_ends"])]
         if self.planned is None or self.info["stage"] is None:
             return self.run.model.gravity
@@ -128,9 +124,7 @@ class Recorded:
 
     @cached_property
     def largest_gravity(self) -> float:
-        """Largest magnitude of gravity in any stage [m/s²]; that of the domain where the plan is
-        not known.
-        """
+        """Largest gravity in any stage [m/s²]; that of the domain where no plan is known."""
         model = self.run.model
         stages = [] if self.planned is None else self.planned[1].stages
         return max(
@@ -145,9 +139,7 @@ class Recorded:
 
     @cached_property
     def lifted_walls(self) -> list[int]:
-        """Walls whose height follows from forces in the newest stage; none where the plan is not
-        known.
-        """
+        """Walls whose height follows from forces in the newest stage; none without a known plan."""
         if self.planned is None or self.info["stage"] is None:
             return []
         stages = self.planned[1].stages

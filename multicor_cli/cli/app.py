@@ -1,6 +1,4 @@
-"""The command ``multicor``. Nothing heavy is imported before a command needs it, so that ``--help``
-is quick.
-"""
+"""The command ``multicor``; ``--help`` is quick, since only commands import what is heavy."""
 
 from __future__ import annotations
 
@@ -29,17 +27,13 @@ from multicor_cli.text import brief, printable, unwrapped
 
 
 class _Commands(TyperGroup):
-    """All commands. What is wrong with a command line quotes what was typed, however long that
-    is.
-    """
+    """All commands. Messages about a command line quote what was typed, shortened."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the options before a command."""
         with _brief_usage_errors():
             return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
-        """Parse the arguments of a command, and carry it out."""
         with _brief_usage_errors():
             return super().invoke(ctx)
 
@@ -86,9 +80,7 @@ def options(
 
 
 def _add(commands: Mapping[str, Any], to: typer.Typer) -> None:
-    """Add commands: what fails is a message, and help is as wide as the terminal, not as its
-    source.
-    """
+    """Add commands: what fails is a message, and help is as wide as the terminal."""
     for name, function in commands.items():
         command = guarded(function)
         command.__doc__ = unwrapped(function.__doc__ or "")

@@ -149,9 +149,7 @@ def bench(
 def _slower(
     tasks: list[Task], results: list[Result], known: dict[str, dict[str, float]], took: float
 ) -> list[str]:
-    """What is slower than recorded, and, if there is time, is so again with another seed: in
-    another flow and another minute.
-    """
+    """What is slower than recorded and, given time, again with another seed in another minute."""
     from multicor_cli.bench.recorded import find_slower, slower_twice
     from multicor_cli.bench.session import run_benchmark
 

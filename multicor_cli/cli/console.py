@@ -1,6 +1,4 @@
-"""What goes to the terminal: results on stdout; on stderr everything for people, progress among
-it.
-"""
+"""What goes to the terminal: results on stdout; on stderr all for people, such as progress."""
 
 from __future__ import annotations
 
@@ -25,9 +23,7 @@ if TYPE_CHECKING:
 
 
 def say(text: str = "") -> None:
-    """A line for people, on stderr; if no one can read it anymore (a closed pipe, a closed
-    terminal), nothing happens.
-    """
+    """A line for people, on stderr; nothing happens if no one can read it (a closed pipe)."""
     with contextlib.suppress(OSError):
         print(brief(printable(text)), file=sys.stderr, flush=True)
 
@@ -114,12 +110,7 @@ INTERVAL = 0.2
 
 
 class Bar:
-    """One bar or several on stderr, from the first update on; a terminal that is gone stops
-    nothing.
-
-    Args:
-        is_transient: Whether it disappears at the end.
-    """
+    """Bars on stderr, from the first update on; a terminal that is gone stops nothing."""
 
     def __init__(self, *, is_transient: bool = False) -> None:
         from rich.console import Console
@@ -146,14 +137,7 @@ class Bar:
     def update(
         self, share: float, description: str, line: str, *more: tuple[float, str, str]
     ) -> None:
-        """Show how much is done: a share from 0 to 1, with a text before and one behind the bar.
-
-        Args:
-            share: How much is done.
-            description: The text before the bar.
-            line: The text behind it.
-            more: The same for further bars, below the first.
-        """
+        """Show the share done, from 0 to 1, with texts before and behind; ``more`` bars follow."""
         self._next = time.monotonic() + INTERVAL
         rows = ((share, description, line), *more)
         with contextlib.suppress(OSError):
@@ -176,14 +160,12 @@ class Bar:
             self._console.print(text, markup=False, soft_wrap=True)
 
     def close(self) -> None:
-        """Give the terminal back."""
         with contextlib.suppress(OSError):
             if self._is_running:
                 self._progress.stop()
 
 
-# ---- Showing what takes a while: a bar on a terminal, an occasional line in a log, nothing but
-#      warnings if asked to be quiet
+# ---- Showing what takes a while: a bar on a terminal, a line at times in a log, or warnings only
 
 LINE_INTERVAL = 30.0
 """Wall-clock time between two lines of a run in a log [s]."""
@@ -206,7 +188,6 @@ class QuietObserver:
         """Ignore it."""
 
     def warning(self, text: str) -> None:
-        """Show it."""
         self._say(f"warning: {text}")
 
     def stepped(self, status: Status) -> None:
@@ -227,11 +208,9 @@ class LogObserver(QuietObserver):
         self._next = time.monotonic() + 5.0
 
     def message(self, text: str) -> None:
-        """Show it."""
         self._say(text)
 
     def stepped(self, status: Status) -> None:
-        """Show a line if it is time for one."""
         now = time.monotonic()
         if now >= self._next:
             self._next = now + LINE_INTERVAL
@@ -245,15 +224,12 @@ class BarObserver(QuietObserver):
         self._bar = Bar()
 
     def message(self, text: str) -> None:
-        """Show it above the bar."""
         self._bar.message(text)
 
     def warning(self, text: str) -> None:
-        """Show it above the bar."""
         self.message(f"warning: {text}")
 
     def stepped(self, status: Status) -> None:
-        """Update the bar if it is time for that."""
         if self._bar.is_due(status.progress):
             self._bar.update(
                 status.progress,
@@ -262,17 +238,12 @@ class BarObserver(QuietObserver):
             )
 
     def closed(self) -> None:
-        """Give the terminal back."""
         self._bar.close()
 
 
 @contextlib.contextmanager
 def show_progress(noun: str) -> Iterator[Callable[[int, int], None]]:
-    """Give a function that is told how many things are done, and of how many; it writes to stderr.
-
-    Args:
-        noun: What is counted, in the singular.
-    """
+    """Give a function that is told how many of how many ``noun`` are done, for stderr."""
     bar = Bar(is_transient=True) if sys.stderr.isatty() else None
     following = time.monotonic() + WORK_INTERVAL
 
@@ -319,11 +290,7 @@ def _remaining(status: Status) -> str:
 
 
 def following(directory: Path) -> tuple[str, str]:
-    """A look at a finished run, and the report of it.
-
-    Args:
-        directory: The run directory.
-    """
+    """Commands for a look at the finished run in a directory, and for its report."""
     from multicor_cli.store import open_run
 
     place = shlex.quote(str(directory))
@@ -383,9 +350,7 @@ def checks_as_json(checks: Sequence[Check]) -> dict[str, Any]:
 
 
 def refuse_bad(checks: Sequence[Check], *, is_strict: bool) -> None:
-    """Leave the command with code 4 if a check is bad and the user asked for that; raises
-    `ChecksFailed`.
-    """
+    """Raise `ChecksFailed`, hence exit code 4, if a check is bad and the user asked for that."""
     from multicor_cli.checks import ChecksFailed, Verdict
 
     if is_strict and any(check.verdict is Verdict.BAD for check in checks):

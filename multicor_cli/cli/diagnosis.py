@@ -67,9 +67,7 @@ def _cache() -> str:
 
 
 def _threading() -> dict[str, str]:
-    """The threading layer that kernels get, asked for in another process: whatever fails there,
-    this one goes on.
-    """
+    """The threading layer of kernels, asked for in another process: a failure stays there."""
     import subprocess
 
     from multicor_cli.running.compiling import python_child, reserve_threads

@@ -1,6 +1,4 @@
-"""What happens when a command fails: one clear message and the right exit code, never a traceback
-on the terminal.
-"""
+"""What happens when a command fails: one clear message and the right exit code, no traceback."""
 
 from __future__ import annotations
 
@@ -27,8 +25,7 @@ from multicor_cli.store.errors import StoreError
 from multicor_cli.store.lock import was_taken
 
 USAGE_ERROR: Any = typer.BadParameter.__mro__[-4]
-"""What the command-line library raises: the class right below Exception, whose name depends on the
-version."""
+"""What Typer raises: the class right below Exception, whose name depends on the version."""
 
 _crash_directory: Path | None = None
 
@@ -47,9 +44,7 @@ def guarded(function: Callable[..., Any]) -> Callable[..., Any]:
 
 @contextlib.contextmanager
 def _terminable() -> Iterator[None]:
-    """SIGTERM and SIGHUP leave a command as Ctrl-C does, which removes its temporary files; ``run``
-    has handlers of its own.
-    """
+    """SIGTERM and SIGHUP act as Ctrl-C: temporary files go; ``run`` has handlers of its own."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -68,9 +63,7 @@ def _terminable() -> Iterator[None]:
 
 
 def set_crash_directory(path: Path | None) -> None:
-    """Where ``crash.txt`` goes if the command crashes and has locked this directory by then; else,
-    or if None, a temporary one.
-    """
+    """Where ``crash.txt`` goes if the command has locked this directory; else a temporary one."""
     global _crash_directory  # noqa: PLW0603  (one command per process)
     _crash_directory = path
 
@@ -96,9 +89,7 @@ def _failures() -> Iterator[None]:
 
 
 def _is_control_flow(error: BaseException) -> bool:
-    """Whether the command-line library uses this exception to leave a command, or formats it
-    itself.
-    """
+    """Whether the command-line library leaves a command by it, or formats it itself."""
     return isinstance(error, typer.Exit | typer.Abort | USAGE_ERROR)
 
 
@@ -156,8 +147,6 @@ def _write_crash(error: BaseException) -> str:
 
 
 def _close_stdout() -> None:
-    """No one reads stdout anymore: discard what is left in its buffer, and what Python flushes at
-    exit.
-    """
+    """No one reads stdout anymore: discard its buffer, and what Python flushes at exit."""
     with contextlib.suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

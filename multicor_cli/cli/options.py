@@ -1,6 +1,4 @@
-"""Arguments and options that several commands share, help that lists choices, and their
-completion.
-"""
+"""Arguments and options that commands share, help that lists choices, and completion."""
 
 from __future__ import annotations
 
@@ -19,9 +17,7 @@ def output_option(*, metavar: str, help: str, show_default: str | bool = False) 
     remedy = "write . for the current directory" if metavar.startswith("DIR") else "give one"
 
     def named_path(text: str) -> Path:
-        """A path as it was given; an empty one, as of a variable of the shell that is not set,
-        would mean the current directory.
-        """
+        """A path; an empty one, as of an unset shell variable, would be the current directory."""
         if not text.strip():
             raise typer.BadParameter(f"the name is empty; {remedy}")
         return Path(text)
@@ -70,9 +66,7 @@ _LISTS = {
 
 
 class ListingCommand(TyperCommand):
-    """A command with lists in the help of its parameters; they are loaded only when its help is
-    shown, since some take long.
-    """
+    """A command with lists in its help; they are loaded only for that, since some take long."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Fill the lists in, then write the help."""
@@ -118,9 +112,7 @@ def fields(ctx: typer.Context, incomplete: str) -> list[str]:
 
 
 def columns(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Columns of the time series of the run that the line names; of walls and outlets what stands
-    behind the colon.
-    """
+    """Columns of the time series of the line's run; of walls and outlets what follows the colon."""
     from multicor_cli.store import open_run
 
     # a shell has no place for messages
@@ -144,9 +136,7 @@ def observables(ctx: typer.Context, incomplete: str) -> list[str]:
 
 
 def _place(ctx: typer.Context, name: str) -> str:
-    """The first argument: the parser leaves it where it was when an option behind it has no value
-    yet.
-    """
+    """The first argument: the parser leaves it there if an option behind has no value yet."""
     return str(ctx.params.get(name) or ctx.args[0])
 
 

@@ -1,6 +1,4 @@
-"""Commands ``post …``: tables, figures and films of a run. Each loads what it needs when it is
-called.
-"""
+"""Commands ``post …``: tables, figures, films of a run. Each loads what it needs when called."""
 
 from __future__ import annotations
 
@@ -190,7 +188,6 @@ def profile(
 
 
 def _span(count: int, noun: str, times: Any) -> str:
-    """So many frames, from when to when."""
     return f"{count_noun(count, noun)} from t = {times[0]:g} s to {times[-1]:g} s"
 
 
@@ -725,9 +722,7 @@ def animate(
 
 
 def _maps(run: Run, of: str, chosen: list[int]) -> Iterator[GrainMap | None]:
-    """Maps of frames; None for those that lack the quantity. Not all may lack it, and there must be
-    a grain in some.
-    """
+    """Maps of frames, None without the quantity; `PostError` if all lack it or have no grain."""
     from multicor_cli import post
 
     has_grains, trouble = False, None

@@ -1,6 +1,4 @@
-"""What the commands ``post …`` share: options, and how tables leave the program, for people, as
-JSON, as CSV, as a figure.
-"""
+"""What the commands ``post …`` share: options, and how tables leave the program."""
 
 from __future__ import annotations
 
@@ -87,9 +85,7 @@ def selected(start: float | None, end: float | None, frames: str | None) -> Sele
 
 
 def parse_frames(text: str | None, start: float | None, end: float | None) -> slice | None:
-    """The slice that ``--frames`` names; refuses a text that is none, and ``--from`` or ``--to``
-    beside it.
-    """
+    """The slice that ``--frames`` names; refuses other texts, and ``--from`` or ``--to`` beside."""
     if text is None:
         return None
     if start is not None or end is not None:
@@ -106,8 +102,7 @@ def parse_frames(text: str | None, start: float | None, end: float | None) -> sl
     return slice(*numbers)
 
 
-# ---- How the tables of the commands `post …` leave the program: for people, as JSON, as CSV, as a
-#      figure
+# ---- How the tables of the commands `post …` leave the program: as text, JSON, CSV or a figure
 
 _TERMINAL = Path("term")  # the name of a figure that means the terminal
 
@@ -115,12 +110,6 @@ _TERMINAL = Path("term")  # the name of a figure that means the terminal
 @dataclass(frozen=True)
 class TableOutput:
     """What was asked for. Options that exclude each other are refused before anything is computed.
-
-    Attributes:
-        is_json: Whether ``--json`` was given.
-        is_csv: Whether ``--csv`` was given.
-        plot: What ``--plot`` was given.
-        is_overwriting: Whether a figure that is there may be replaced.
 
     Raises:
         ExportRefused: There is a figure already, or the place is none for a file.
@@ -163,7 +152,6 @@ class TableOutput:
             say(f"wrote {self.plot}")
 
     def deliver(self, found: Shown) -> None:
-        """Print the table."""
         table = found.table
         if self.is_json:
             emit_json(
@@ -218,9 +206,7 @@ class Shown(NamedTuple):
 
 
 def shows_table(command: Callable[..., Shown]) -> Callable[..., None]:
-    """Give a command the options of all tables, and let what it returns leave the program as they
-    say.
-    """
+    """Give a command the options of all tables; what it returns leaves the program by them."""
 
     def show(
         is_json: AsJson = False,
@@ -234,8 +220,7 @@ def shows_table(command: Callable[..., Shown]) -> Callable[..., None]:
         output.draw(found)
         output.deliver(found)
 
-    # Typer reads from signature and annotations what options there are: those of the command come
-    # first.
+    # Typer reads the options from signature and annotations: those of the command come first.
     *shared, _ = inspect.signature(show, eval_str=True).parameters.values()
     signature = inspect.signature(command, eval_str=True)
     options = [*signature.parameters.values(), *shared]
@@ -266,9 +251,7 @@ def _terminal() -> Terminal:
 
 
 def _digits(column: Sequence[Any]) -> int:
-    """Digits that tell the values of a column apart: five of their spread (temperatures near 300 K
-    may differ by millikelvins).
-    """
+    """Digits that tell a column's values apart: five of their spread (300 K may vary by mK)."""
     values = [value for value in column if isinstance(value, float) and math.isfinite(value)]
     spread = max(values, default=0.0) - min(values, default=0.0)
     if spread == 0.0:

@@ -1,6 +1,4 @@
-"""Commands that read a run, or look at the installation: ``info``, ``verify``, ``doctor``,
-``report``, ``export …``.
-"""
+"""Commands that read a run or the installation: info, verify, doctor, report, export."""
 
 from __future__ import annotations
 
@@ -412,9 +410,7 @@ def to_fclib(
 
 @contextlib.contextmanager
 def _may_be_left() -> Iterator[None]:
-    """Leave at once when a signal says so: an exception would have to find its way through the
-    machine code of a compiler.
-    """
+    """Leave at once on a signal: an exception would have to pass a compiler's machine code."""
     from multicor_cli.running.signals import StopSignals
 
     stop_signals = StopSignals(may_exit=True)

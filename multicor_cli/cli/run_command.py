@@ -120,9 +120,7 @@ class _Job(NamedTuple):
 
 
 def _prepare(path: Path, overrides: Sequence[str], threads: int) -> _Job:
-    """Load the scenario, and the engine with room for the threads: most of the time before a run
-    can begin.
-    """
+    """Load the scenario, and the engine with room for the threads, which takes the most time."""
     from multicor_cli.running.compiling import reserve_threads
     from multicor_cli.scenario.scenario import load_scenario
 
@@ -171,9 +169,7 @@ def _run(
 
 
 def _conclude(outcome: RunOutcome, *, is_quiet: bool, is_strict: bool) -> None:
-    """Say what is doubtful about the run and how it ended. A run that was stopped keeps its own
-    exit code: it can go on.
-    """
+    """Say what is doubtful and how the run ended; a stopped run keeps its own exit code."""
     from multicor_cli.checks import check_run
 
     checks = check_run(outcome.directory)

@@ -153,9 +153,7 @@ def _summary(run: Prepared) -> dict[str, Any]:
 
 
 class _PushedWall(NamedTuple):
-    """A wall that a force drives in some stage: its mass [kg], moment of inertia [kg m²], and
-    whether the file gives the mass.
-    """
+    """A wall pushed in some stage: mass [kg], inertia [kg m²], whether the file gives the mass."""
 
     name: str
     mass: float | None

@@ -426,9 +426,7 @@ def cancel(file: StudyFile, output: Output = None) -> None:
 
 
 class StudyProgress:
-    """Shows how a study goes: a bar on a terminal, a line a minute in a log, nothing if it is
-    quiet.
-    """
+    """Shows how a study goes: a bar on a terminal, a line a minute in a log, or nothing."""
 
     def __init__(self, directory: StudyDirectory, *, is_quiet: bool) -> None:
         self._directory, self._is_quiet = directory, is_quiet
@@ -438,16 +436,13 @@ class StudyProgress:
         self._first: tuple[float, float] | None = None
 
     def began(self, text: str, cases: int) -> None:
-        """Say where cases are computed."""
         self._total = cases
         self._say(f"{count_noun(cases, 'case')} with {text}")
 
     def warning(self, text: str) -> None:
-        """Show it."""
         say(f"warning: {text}")
 
     def ended(self, case: Case, outcome: dict[str, Any]) -> None:
-        """Count it."""
         self._ended += 1
         if outcome["status"] != "finished" and outcome["reason"] != "not begun":
             self._say(f"{outcome['status']}: {case.name}: {outcome['reason']}")
@@ -474,20 +469,16 @@ class StudyProgress:
             say(f"  {case.name}{_how_far(state.share, state.remaining)}")
 
     def _time_left(self, now: float, done: float) -> str:
-        """The time that is left, at the speed since the first look: what was done before is not
-        this session's.
-        """
+        """Time left, at the speed since the first look: earlier work is not this session's."""
         if self._first is None:
             self._first = now, done
         since, before = now - self._first[0], done - self._first[1]
         return _left(since * (1.0 - done) / before) if before > 0.01 else ""
 
     def stopping(self) -> None:
-        """Say that checkpoints are being written."""
         self._say("stopping: running cases write their checkpoints")
 
     def closed(self) -> None:
-        """Give the terminal back."""
         if self._bar is not None:
             self._bar.close()
 

@@ -1,7 +1,6 @@
 """Frames of a run in the formats of other programs.
 
-Names are loaded when they are first used: importing this package loads none of the libraries that
-it needs.
+Names are loaded when first used: importing this package loads none of the libraries it needs.
 """
 
 import lazy_loader

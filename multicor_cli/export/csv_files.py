@@ -1,5 +1,4 @@
-"""CSV files: one table per frame of grains, contacts and walls, one of the frames, one of the time
-series.
+"""CSV files: grains, contacts and walls of each frame, a table of the frames, the time series.
 
 Columns follow the table of the datasets (`store.schema`); their headings carry the units. Numbers
 are written so that reading them gives the same bits.
@@ -72,7 +71,6 @@ def export_csv(
 
 
 def _tables(run: Run, frame: Frame) -> Iterable[tuple[str, list[NamedColumn]]]:
-    """The tables of a frame."""
     yield "grains", grain_columns(frame)
     if frame.contacts.recorded:
         yield "contacts", contact_columns(frame)
@@ -102,8 +100,7 @@ def _cells(values: Sequence[Any] | NDArray[Any]) -> list[Any]:
         return list(values)
     if values.dtype.kind != "f":
         return list(values.tolist())
-    # A number of single precision has its own shortest text; as a double it would get digits that
-    # mean nothing.
+    # Single-precision numbers have their own shortest text; as doubles they get more digits.
     cells = values.tolist() if values.dtype == np.float64 else [str(value) for value in values]
     for row in np.flatnonzero(np.isnan(values)):
         cells[row] = ""

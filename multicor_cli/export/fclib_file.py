@@ -1,5 +1,4 @@
-"""Contact problems in the HDF5 format of FCLib, the collection of frictional contact problems of
-the field, and from frames.
+"""Contact problems of frames in the HDF5 format of FCLib, the field's collection of such.
 
 A file holds the local form ``u = W r + q`` with two components (normal, tangential) per contact, W
 as compressed rows, and, as a guess, the impulses from which our solver would start. A group
@@ -55,8 +54,7 @@ _UNITS = {
 
 @dataclass(frozen=True)
 class LocalForm:
-    """``u = W r + q`` for ``c`` contacts; row ``2k`` is the normal and ``2k + 1`` the tangential
-    component of contact k.
+    """``u = W r + q`` for ``c`` contacts; rows 2k, 2k + 1: normal, tangential part of contact k.
 
     Attributes:
         start: First entry of every row of W in the two below, shape ``(2c + 1,)``.
@@ -80,11 +78,7 @@ class LocalForm:
 
 
 def local_form(problem: ContactProblem) -> LocalForm:
-    """The local form of a problem.
-
-    Raises:
-        ExportError: If W is too large: a body that a force moves touches too many others.
-    """
+    """The local form; `ExportError` if W is too large: a driven body touches too many others."""
     q = free_velocity(problem)
     q[:, 0] += problem.bias
     first, second, block = _blocks(problem)
@@ -102,9 +96,7 @@ def local_form(problem: ContactProblem) -> LocalForm:
 
 
 def _blocks(problem: ContactProblem) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
-    """The 2×2 blocks of W that are not zero, ordered by their two contacts: these, and the
-    blocks.
-    """
+    """The 2×2 blocks of W that are not zero, ordered by their two contacts: these, and blocks."""
     contact, body, jacobian = _incidences(problem)
     count = np.bincount(body, minlength=len(problem.velocity))
     total = int((count.astype(np.int64) ** 2).sum())
@@ -131,9 +123,7 @@ def _blocks(problem: ContactProblem) -> tuple[NDArray[np.int64], NDArray[np.int6
 
 
 def _incidences(problem: ContactProblem) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
-    """Contacts with the bodies that can move, ordered by body: contact, body, and what the body
-    adds to u_n and u_t.
-    """
+    """Contacts with bodies that move, ordered by body: contact, body, and its part in u_n, u_t."""
     c = len(problem.pair)
     levers, (nx, ny) = problem.levers(), problem.normal.T
     jacobian = np.empty((2, c, 2, 3))
@@ -235,8 +225,7 @@ def _write_guess(file: h5py.File, form: LocalForm, start: Floats) -> None:
 
 
 def read_fclib(path: Path) -> tuple[ContactProblem, Floats | None]:
-    """The problem of a file that `write_fclib` has made, and the impulses to start from if it has
-    any.
+    """The problem of a file that `write_fclib` has made, and the impulses to start from, if any.
 
     Raises:
         ExportError: If the file holds the local form alone: it does not say what the bodies are.
@@ -280,8 +269,7 @@ class FrameProblem:
         time: Time of the frame [s].
         stage: Name of the loading stage of the step.
         dt: Time step [s].
-        is_beyond: Whether the run ended with the frame; the step is the one that its last stage
-            would take next.
+        is_beyond: Whether the run ended with the frame; the step is its last stage's next one.
     """
 
     problem: ContactProblem
@@ -295,13 +283,9 @@ class FrameProblem:
 
 @dataclass(frozen=True)
 class _Moment:
-    """Where in the plan a run stands after a frame.
+    """Where in the plan a run stands after a frame: stage of the next step, and steps done in it.
 
-    Attributes:
-        stage: Index of the stage of the next step.
-        stage_step: Steps done in it.
-        starts: Times at which the stages up to it have begun [s].
-        is_beyond: Whether the last stage is over.
+    ``starts``: times at which the stages up to it have begun [s]; ``is_beyond``: the last is over.
     """
 
     stage: int

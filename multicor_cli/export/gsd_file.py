@@ -56,8 +56,7 @@ def export_gsd(
     hoomd = library("gsd.hoomd")
     check_output(path, is_overwriting=is_overwriting)
     chosen = choose_frames(run, frames)
-    # A number of a damaged file that single precision cannot hold becomes infinite, without a
-    # warning.
+    # What single precision cannot hold, in a damaged file, becomes infinite without a warning.
     with (
         np.errstate(all="ignore"),
         new_file(path, is_overwriting=is_overwriting) as temporary,
@@ -73,9 +72,7 @@ def export_gsd(
 
 @contextlib.contextmanager
 def _library_errors(path: Path) -> Iterator[None]:
-    """The library does not always say that the disk is full: what it writes last fails with an
-    error of its own.
-    """
+    """The library does not always say that the disk is full: its last write fails otherwise."""
     try:
         yield
     except UnicodeEncodeError as error:
@@ -90,21 +87,14 @@ def _library_errors(path: Path) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class _Box:
-    """The box, the same in all frames.
-
-    Attributes:
-        center: Our coordinates of its center [m], shape ``(2,)``.
-        size: Its lengths in x and y [m], shape ``(2,)``.
-    """
+    """The box, the same in all frames; its center in our coordinates and its lengths [m]."""
 
     center: Floats
     size: Floats
 
     @classmethod
     def around(cls, model: Model, frames: list[Frame]) -> _Box:
-        """All grains of all frames with a margin, for the format makes every direction periodic;
-        the period, where there is one.
-        """
+        """All grains with a margin, for the format makes directions periodic; or the period."""
         low, high = np.full(2, np.inf), np.full(2, -np.inf)
         for frame in frames:
             radius = frame.model.grains.radius[:, None]
@@ -120,7 +110,6 @@ class _Box:
 
 
 def _gsd_frame(target: Any, model: Model, frame: Frame, box: _Box) -> Any:
-    """Fill a frame of the library."""
     target.configuration.step = frame.step
     target.configuration.dimensions = 2
     target.configuration.box = [*box.size, _DEPTH, 0.0, 0.0, 0.0]
@@ -146,8 +135,7 @@ def _fill_particles(target: Any, model: Model, frame: Frame, box: _Box) -> None:
     particles.moment_inertia = np.column_stack([np.zeros((len(half), 2)), grains.inertia])
     particles.orientation = turn
     particles.velocity = _spatial(frame.velocity)
-    # Angular momentum in the form of the library: twice the product of the orientation with (0, 0,
-    # 0, I ω).
+    # Angular momentum in the library's form: twice the orientation times (0, 0, 0, I ω).
     momentum = 2.0 * grains.inertia * frame.spin
     particles.angmom = np.column_stack(
         [-momentum * turn[:, 3], np.zeros((len(half), 2)), momentum * turn[:, 0]]
@@ -159,9 +147,7 @@ def _fill_particles(target: Any, model: Model, frame: Frame, box: _Box) -> None:
 
 
 def _fill_bonds(target: Any, frame: Frame) -> None:
-    """Contacts between grains that carry a force; frames without any say so, or readers would
-    repeat those of the first one.
-    """
+    """Contacts that carry a force; frames without say so, or readers repeat the first one's."""
     contacts, bonds = frame.contacts, target.bonds
     shown = (contacts.kind == 0) & (contacts.impulse[:, 0] != 0.0)
     bonds.N = int(shown.sum())

@@ -14,8 +14,7 @@ from multicor_cli.store import Frame, Run, layout
 from multicor_cli.store.atomic import fsync_path, make_directory, storage_errors, temporary_beside
 from multicor_cli.store.errors import NoFrame, StoreError, what_frames
 
-# ---- What can go wrong with an export, beside reading the run and writing the file; each class
-#      carries its exit code
+# ---- What goes wrong beside reading the run and writing the file; classes carry exit codes
 
 
 class ExportError(StoreError):
@@ -34,11 +33,7 @@ class ExportRefused(StoreError):
 
 
 def choose_frames(run: Run, frames: slice | None) -> list[Frame]:
-    """The frames of a slice, all if there is none; they are read when they are used.
-
-    Raises:
-        ExportError: If there is none.
-    """
+    """The frames of a slice, or all, read when they are used; `ExportError` if there is none."""
     chosen = run.frames[frames or slice(None)]
     if not chosen:
         raise ExportError(f"{run.path}: there are no such frames: {what_frames(len(run.frames))}")
@@ -46,11 +41,7 @@ def choose_frames(run: Run, frames: slice | None) -> list[Frame]:
 
 
 def choose_frame(run: Run, number: int) -> Frame:
-    """One frame; a negative number counts from the end.
-
-    Raises:
-        ExportError: If there is no such frame.
-    """
+    """One frame; a negative number counts from the end; `ExportError` if there is no such frame."""
     try:
         return run.frames[number]
     except NoFrame as error:
@@ -65,9 +56,7 @@ _REMEDY = "choose another name, or give --overwrite"
 def refuse_files_of_runs(path: Path) -> None:
     """Refuse the names that the files of a run have or will have, and what lies in its directories.
 
-    Raises:
-        ExportRefused: If it is one.
-        StorageError: If it cannot be looked at.
+    `ExportRefused` if it is one, `StorageError` if it cannot be looked at.
     """
     with storage_errors(path):
         # a link at the place itself would be replaced, not followed
@@ -106,14 +95,8 @@ def check_output(path: Path, *, is_overwriting: bool) -> None:
 def new_file(path: Path, *, is_overwriting: bool) -> Iterator[Path]:
     """A name for a file that takes the name ``path`` if the block ends well, and is removed if not.
 
-    Args:
-        path: Final name; its directory is made.
-        is_overwriting: Whether a file that is there may be replaced.
-
-    Raises:
-        ExportRefused: As `check_output`.
-        StorageFull: If there is not enough space.
-        StorageError: For any other error of the system.
+    The directory of ``path`` is made. `ExportRefused` as `check_output`, `StorageFull` if there is
+    not enough space, `StorageError` for any other error of the system.
     """
     check_output(path, is_overwriting=is_overwriting)
     temporary = temporary_beside(path)
@@ -135,10 +118,7 @@ def new_file(path: Path, *, is_overwriting: bool) -> Iterator[Path]:
 def new_directory(path: Path, names: re.Pattern[str], *, is_overwriting: bool) -> Iterator[Path]:
     """A directory that takes the name ``path`` if the block ends well, and is removed if not.
 
-    Args:
-        path: Final name; directories above it are made.
-        names: What the files are called; a directory with others is not replaced.
-        is_overwriting: Whether a directory that is there may be replaced.
+    Directories above it are made; one with files of other ``names`` is not replaced.
 
     Raises:
         ExportRefused: If ``path`` is not a directory, holds other files, has the name of a file of

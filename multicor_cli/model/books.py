@@ -1,5 +1,4 @@
-"""What files say of the arrays of a run, and the numbers that it keeps: books, counters, sums
-between two rows of the time series.
+"""What files say of a run's arrays, and its numbers: books, counters, sums between series rows.
 
 A number is one entry here, and a line of the engine that keeps it (`engine.energy.account`,
 `engine.heat.books`); checkpoints, the time series and the summary follow. New entries go to the end
@@ -11,8 +10,7 @@ from __future__ import annotations
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, Literal, NamedTuple
 
-# ---- What files say of the arrays that a run keeps: type, shape, unit and meaning, written beside
-#      the field that holds each
+# ---- What files say of arrays: type, shape, unit and meaning, beside the field that holds each
 
 Dim = Literal[
     "one",
@@ -58,8 +56,7 @@ Version = tuple[int, int]
 """Major and minor version of the file format."""
 
 DType = Literal["f8", "float", "i8", "i4", "u1", "str"]
-"""Stored types. ``float`` is f8 or f4 after ``output.precision``; ``str`` is UTF-8 of fixed
-length."""
+"""Stored types: ``float`` is f8 or f4 after ``output.precision``, ``str`` UTF-8 of fixed length."""
 
 Feature = Literal[
     "heat", "softening", "adhesion", "rolling", "exchange", "surface", "groups", "motion"
@@ -69,8 +66,7 @@ resistance, grains that come and go, walls whose surface runs, walls that only s
 motion at the start."""
 
 Export = Literal["vtk", "gsd"]
-"""What shows a dataset of the frames besides CSV, which shows all: the view for ParaView, and GSD
-files."""
+"""What shows a dataset of the frames besides CSV, which shows all: ParaView's view, GSD files."""
 
 
 @dataclass(frozen=True)
@@ -122,10 +118,8 @@ class Entry(NamedTuple):
         series: Its name in the time series; None if it is not there.
         dtype: How the time series stores it: ``i8`` for counts.
         per_step: Whether the time series holds its mean over the steps of the window.
-        summary: Its key in the summary of a run, if it has one of its own there; see
-            `multicor_cli.store.summarize`.
-        label: What ``multicor info`` calls it, and what it adds to the number, if it shows it to
-            people.
+        summary: Its own key in the summary of a run, if any; see `multicor_cli.store.summarize`.
+        label: What ``multicor info`` calls it, and adds to the number; None: it does not show it.
         since: Version of the file format in which it appeared.
     """
 
@@ -246,8 +240,7 @@ WINDOW = (
     Entry(
         "contacts", "loaded contacts per step of the window", series="contacts_mean", per_step=True
     ),
-    # Σ p_a ℓ_b over grain–grain contacts, ℓ from j to i; the time series has the rate of this
-    # tensor.
+    # Σ p_a ℓ_b over grain–grain contacts, ℓ from j to i; the time series has its rate.
     *(
         Entry(f"virial_{a}{b}", f"sum of p_{a} l_{b} in the window", "J s")
         for a in "xy"
@@ -355,9 +348,7 @@ BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, HEAT_BOOK_NAMES, EXCHANGE_NAMES = map(
 
 
 def entry_counts(version: Version | None = None) -> dict[str, int]:
-    """Lengths of `State.books`, `State.tallies` and `State.window`, by their dims; in files of an
-    older version if it is given.
-    """
+    """Lengths of a state's ``books``, ``tallies`` and ``window`` by dims, in files of a version."""
     tables = {"book": BOOKS, "tally": TALLIES, "window": WINDOW}
     return {
         dim: len([e for e in table if version is None or e.since <= version])
@@ -366,7 +357,5 @@ def entry_counts(version: Version | None = None) -> dict[str, int]:
 
 
 def measures_first(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
-    """Entries with the counts last: the order in which files of format 1.0 have the counters of a
-    run.
-    """
+    """Entries with the counts last, as files of format 1.0 have the counters of a run."""
     return tuple(sorted(entries, key=lambda entry: entry.dtype == "i8"))

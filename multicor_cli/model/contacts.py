@@ -73,9 +73,7 @@ class ContactTable:
     )
 
     def carrying(self) -> ContactTable:
-        """The contacts that carry a force or heat: those that frames hold. The others are near
-        pairs that were looked at.
-        """
+        """The contacts that carry a force or heat, which frames hold; others were only near."""
         kept = self.impulse[:, 0] != 0.0  # tension is negative
         for values in (self.heat, self.conductance, self.couple):
             kept = kept if values is None else kept | (values != 0.0)

@@ -1,6 +1,4 @@
-"""What cannot be in a state: values that are not finite or absurd, shapes and indices that do not
-fit the model.
-"""
+"""What cannot be in a state: values not finite or absurd, shapes and indices that do not fit."""
 
 from __future__ import annotations
 
@@ -38,7 +36,6 @@ _ENTRIES = {
 
 
 def _fields(dtype: str, *dims: str) -> tuple[str, ...]:
-    """Fields of a state of a type with a row for each of these."""
     found = stored_fields(State)
     return tuple(
         name
@@ -57,8 +54,7 @@ _NUMBERS, _COUNTS = _fields("f8", "one"), _fields("i8", "one")
 
 
 def find_absurd_value(state: State, model: Model) -> str | None:
-    """Name the first value that is not finite or above `LARGEST`, and what it belongs to; ``None``
-    if there is none.
+    """Name the first value that is not finite or above `LARGEST`, and its owner; None without one.
 
     Impulses and heat, which friction may depend on, come first: where one is wrong, velocities
     follow within a step.
@@ -84,9 +80,7 @@ def find_absurd_value(state: State, model: Model) -> str | None:
 
 
 def find_misfit(state: State, model: Model) -> str | None:
-    """Say what of a state that was read from a file does not fit the model; ``None`` if all
-    does.
-    """
+    """Say what of a state read from a file does not fit the model; None if all does."""
     n, shapes = model.grain_count, model.shape_count
     for name, shape in state_shapes(model).items():
         if getattr(state, name).shape != shape:

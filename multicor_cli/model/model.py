@@ -20,8 +20,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 LEAST_DIAMETERS = 4.0
-"""Shortest period over the largest diameter: with less, a grain and the image of its neighbor would
-be neighbors too."""
+"""Least period over the largest diameter: with less, a neighbor's image would be one too."""
 
 LEAST_THROAT = 2.0
 """Narrowest passage between a disc of a wall and its image, over the largest diameter: with less, a
@@ -73,13 +72,11 @@ class Walls:
 
     Attributes:
         names: Name of each wall.
-        mass: Mass that a load moves [kg]; ``nan`` if none was given (then no degree of freedom may
-            be driven by a force).
-        inertia: Moment of inertia about the wall's reference point [kg m²]; ``nan`` likewise.
+        mass: Mass that a load moves [kg]; nan if none was given (then no force may drive the wall).
+        inertia: Moment of inertia about the wall's reference point [kg m²]; nan likewise.
         has_gravity: Whether gravity acts on its force-driven degrees of freedom.
         length: Length over which a load spreads [m].
-        runs: Whether a drive that was known at the start lets its surface run; of size 0 if that of
-            no wall does.
+        runs: Whether a drive known at the start lets its surface run; of size 0 if none does.
         meets: Which groups of grains meet it, shape ``(w, g)``; the others pass through it. Of size
             0 if all groups meet all walls.
     """
@@ -97,8 +94,7 @@ _NONE = np.empty((0, 0))
 
 
 class ContactLaws(NamedTuple):
-    """Friction, restitution, adhesion and rolling resistance of each pair of materials; ``k``
-    materials. Kernels take it as it is.
+    """Friction, restitution, adhesion, rolling resistance of pairs of ``k`` materials, for kernels.
 
     Attributes:
         friction: Coefficient of friction μ, shape ``(k, k)``, symmetric; used where ``table`` is
@@ -114,10 +110,8 @@ class ContactLaws(NamedTuple):
         softening_start: T_r, the temperature at which μ = μ₀ [K].
         softening_lowest: Smallest μ.
         softening_highest: Largest μ.
-        adhesion: F_a, the tension that a contact bears [N], shape ``(k, k)``, symmetric; of size 0
-            if no pair has adhesion.
-        rolling: Coefficient of rolling resistance μ_r, shape ``(k, k)``, symmetric; of size 0 if no
-            pair has it.
+        adhesion: F_a, the tension that a contact bears [N], symmetric; of size 0 if no pair has it.
+        rolling: Coefficient of rolling resistance μ_r, symmetric; of size 0 if no pair has it.
     """
 
     friction: Floats
@@ -148,8 +142,7 @@ class Thermal:
     Attributes:
         capacity: Heat capacity C = m c_p [J/K].
         initial_temperature: Temperature at the start of the run T₀ [K].
-        surface: Area through which a grain meets fluid and surroundings [m²]: 4π a² of a sphere, 2π
-            a h of a disc.
+        surface: Area that meets fluid and surroundings [m²]: 4π a² of a sphere, 2π a h of a disc.
     """
 
     capacity: Floats
@@ -175,8 +168,7 @@ class Model:
         outlets: Names of the outlets, or None if no grain ever comes or goes.
         start_speed: Speed of the fastest grain, surface of a grain or wall at the start, but for
             the shear that walls impose [m/s].
-        numbers: Numbers of the grains in messages, shape ``(n,)``; None: their places in the
-            arrays.
+        numbers: Numbers of the grains in messages, shape ``(n,)``; None: their places in arrays.
     """
 
     grains: Grains
@@ -218,18 +210,14 @@ class Model:
         return f"grain {grain if self.numbers is None else self.numbers[grain]}"
 
     def is_met(self, grain: NDArray[Any], shape: NDArray[Any]) -> NDArray[np.bool_]:
-        """Whether grains meet wall shapes, which count from 0: pairs of numbers of any equal
-        shape.
-        """
+        """Whether grains meet wall shapes, counted from 0: pairs of numbers of any equal shape."""
         meets = self.walls.meets
         if not meets.size:
             return np.ones(grain.shape, np.bool_)
         return np.asarray(meets[self.shapes.wall[shape], self.grains.group[grain]])
 
     def meeting_alike(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.bool_]]]:
-        """Grains that meet the same walls: which grains, ascending, and whether they meet each
-        wall, shape ``(w,)``.
-        """
+        """Grains that meet the same walls: which, ascending, and which walls, shape ``(w,)``."""
         meets = (
             self.walls.meets
             if self.walls.meets.size
@@ -263,7 +251,6 @@ _Rows = TypeVar("_Rows", Grains, Thermal)
 
 
 def _rows_of(table: _Rows, which: NDArray[np.int64]) -> _Rows:
-    """A record of arrays with a row for each grain, of these grains alone."""
     return type(table)(
         **{column.name: getattr(table, column.name)[which] for column in fields(table)}
     )

@@ -1,5 +1,4 @@
-"""Areas of the plane, and the kinds of shapes that walls are made of: everything about them that is
-not compiled.
+"""Areas of the plane, and the kinds of shapes that walls are made of: all that is not compiled.
 
 A new kind is one more `ShapeKind` with its row of `SHAPES`, and its gap in
 `engine/geometry/scene.py`. Everything else follows from the row, but for two kinds: a disc is a
@@ -23,8 +22,7 @@ from multicor_cli.arithmetic.sums import column_totals, total
 from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats, Ints
 
-# ---- Areas of the plane: which points lie in them, how far these are from the boundary, and how
-#      large the areas are.
+# ---- Areas of the plane: which points lie in them, how deep, and how large the areas are.
 #
 # A disc of radius a lies wholly inside an area exactly if the depth of its center is at least a,
 # and wholly outside if it is at most −a: that is all that packings, walls and measurements ask.
@@ -46,9 +44,7 @@ class Area(ABC):
 
     @abstractmethod
     def depth(self, points: Floats) -> Floats:
-        """Distance of points, shape ``(n, 2)``, to the boundary [m]: positive inside, negative
-        outside, shape ``(n,)``.
-        """
+        """Distance of points ``(n, 2)`` to the boundary [m], negative outside, shape ``(n,)``."""
 
     def contains(self, points: Floats) -> NDArray[np.bool_]:
         """Whether points lie in it; its boundary belongs to it."""
@@ -177,9 +173,7 @@ class Polygon(Area):
         return np.array([self.points.min(axis=0), self.points.max(axis=0)])
 
     def depth(self, points: Floats) -> Floats:
-        """Distance to the nearest side; a point is inside if a ray from it crosses an odd number of
-        sides.
-        """
+        """Distance to the nearest side; a ray from inside crosses an odd number of sides."""
         count = max(1, _AT_ONCE // len(self.points))
         parts = [
             self._depth(points[first : first + count]) for first in range(0, len(points), count)
@@ -199,9 +193,7 @@ class Polygon(Area):
         return np.asarray(np.where(np.count_nonzero(crossed, axis=1) % 2 == 1, distance, -distance))
 
     def _products(self) -> tuple[Floats, Floats, Floats]:
-        """Corners from the first one, the corners after them, and the cross product of both
-        [m²].
-        """
+        """Corners from the first one, those after them, and the cross products of both [m²]."""
         here = self.points - self.points[0]
         after = np.roll(here, -1, axis=0)
         return here, after, here[:, 0] * after[:, 1] - here[:, 1] * after[:, 0]
@@ -211,10 +203,7 @@ class Polygon(Area):
 class Room:
     """Where grains may be: inside all of some areas, and outside all of others.
 
-    Attributes:
-        inside: Areas that grains must not leave.
-        outside: Areas that grains must not enter.
-        period: Period in x [m] or 0; with one, an area stands for its images too.
+    With a period in x [m] (0: none) an area stands for its images too.
     """
 
     inside: tuple[Area, ...] = ()
@@ -235,8 +224,7 @@ class Room:
         return replace(self, outside=(*self.outside, *areas))
 
     def clearance(self, points: Floats) -> Floats:
-        """Distance of points, shape ``(n, 2)``, to what bounds the room [m]: negative outside of
-        it, shape ``(n,)``.
+        """Distance of points ``(n, 2)`` to what bounds it [m], negative outside, shape ``(n,)``.
 
         A disc lies wholly in the room exactly if the clearance of its center is at least its
         radius.
@@ -264,9 +252,7 @@ class Room:
 
 
 def fault_of_polygon(points: Floats) -> tuple[int, str] | None:
-    """What keeps corners, shape ``(p, 2)``, p ≥ 3, from making a simple polygon: number of a
-    corner, and what is wrong there.
-    """
+    """Where corners ``(p, 2)``, p ≥ 3, fail to make a simple polygon: number of one, and why."""
     _, first, number = np.unique(points, axis=0, return_index=True, return_inverse=True)
     again = np.flatnonzero(first[number.reshape(-1)] != np.arange(len(points)))
     if again.size:
@@ -322,9 +308,7 @@ def _length(x: Floats, y: Floats) -> Floats:
 
 
 class ShapeKind(IntEnum):
-    """Kind of a wall shape; the number is that of the files. `SHAPES` gives the meaning of the four
-    numbers of each shape.
-    """
+    """Kind of a wall shape, its number in files; `SHAPES` says what its four numbers mean."""
 
     DISC = 0
     PLANE = 1
@@ -335,9 +319,7 @@ class ShapeKind(IntEnum):
 
 
 class Tail(IntEnum):
-    """What the last two numbers of a shape are. The first two are a point of it, which turns and
-    moves with the wall.
-    """
+    """What the last two numbers of a shape are; the first two are a point that its wall carries."""
 
     NUMBERS = 0  # they stay as they are, and the shape with them: it looks the same from all sides
     # a vector, which turns with the wall; at least as long as the shape reaches from its point,
@@ -351,13 +333,9 @@ class Tail(IntEnum):
 class Outline:
     """What k shapes of one kind look like: polygonal lines, circles or endless lines.
 
-    Attributes:
-        points: Corners of each line, or the center of each circle, or a point of each endless line
-            [m], shape ``(k, p, 2)``.
-        radius: Radii of circles [m], shape ``(k,)``.
-        normal: Unit normals of endless lines, shape ``(k, 2)``.
-        is_grain: Whether the circles are grains.
-        is_solid: Whether what lies on the left of the lines is solid.
+    ``points`` are corners of each line, the center of each circle, or a point of each endless line
+    [m], shape ``(k, p, 2)``; ``normal`` are unit normals of endless lines, shape ``(k, 2)``.
+    Circles may be grains; ``is_solid``: what lies on the left of the lines is solid.
     """
 
     points: Floats
@@ -367,9 +345,7 @@ class Outline:
     is_solid: bool = False
 
     def corners(self) -> Floats:
-        """Lower left and upper right corner around each shape [m], shape ``(2, k, 2)``; of an
-        endless line its point.
-        """
+        """Lower left, upper right corners [m], shape ``(2, k, 2)``; points of endless lines."""
         reach = 0.0 if self.radius is None else self.radius[:, np.newaxis]
         return np.array([self.points.min(axis=1) - reach, self.points.max(axis=1) + reach])
 
@@ -435,12 +411,7 @@ IS_THIN = np.array([shape.is_thin for shape in SHAPES.values()])
 
 
 def outlines(kind: Ints, geometry: Floats) -> Iterator[tuple[NDArray[np.int64], Outline]]:
-    """What shapes look like, kind by kind: which of them, ascending, and their outlines.
-
-    Args:
-        kind: `ShapeKind` of each shape, shape ``(m,)``.
-        geometry: Their four numbers [m], shape ``(m, 4)``.
-    """
+    """What shapes look like, kind by kind: which, ascending, and their outlines."""
     for number, shape in SHAPES.items():
         which = np.flatnonzero(kind == number)
         if which.size:
@@ -493,8 +464,7 @@ class WallBody:
         *,
         is_closed: bool = False,
     ) -> WallBody:
-        """The wall with a line from point to point: its pieces, then a vertex at each point that
-        knows the pieces it ends.
+        """The wall with a line from point to point: pieces, then vertices that know what they end.
 
         A piece meets only the image of a grain that is nearest to its middle, so in a periodic
         domain pieces of half a period or more are cut into equal ones. A line that ends where it or

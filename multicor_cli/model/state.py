@@ -1,6 +1,4 @@
-"""The time-varying part of a run. It is exactly what a checkpoint holds: whatever changes the
-future is in here.
-"""
+"""The time-varying part of a run, as a checkpoint holds it: whatever changes the future."""
 
 from __future__ import annotations
 
@@ -206,9 +204,7 @@ class State:
 
     @classmethod
     def at_rest(cls, model: Model, position: Floats) -> State:
-        """A state in which everything is at rest; ``position`` has shape ``(n, 2)`` or
-        ``(n, 3)``.
-        """
+        """A state with everything at rest; ``position`` has shape ``(n, 2)`` or ``(n, 3)``."""
         state, about = cls(), stored_fields(cls)
         for name, shape in state_shapes(model).items():
             setattr(state, name, np.zeros(shape, about[name].dtype))
@@ -229,9 +225,7 @@ class State:
         )
 
     def as_dict(self) -> dict[str, NDArray[np.generic]]:
-        """All fields as arrays (numbers become 0-d arrays), in declaration order: what a checkpoint
-        stores.
-        """
+        """All fields as arrays (numbers 0-d), in declaration order: what a checkpoint stores."""
         return {f.name: np.asarray(getattr(self, f.name)) for f in fields(self)}
 
     @classmethod
@@ -252,8 +246,7 @@ class State:
 
 
 class FrameFields:
-    """What frames keep of a state as it is: `multicor_cli.store.Frame` has these attributes, None
-    in a run without heat.
+    """What frames keep of a state as it is: attributes of `store.Frame`, None in runs without heat.
 
     A field of `State` with a row for each grain, or wall (``wall_…``), that is named here is in
     every frame, and is exported.
@@ -304,8 +297,7 @@ def state_shapes(model: Model) -> dict[str, tuple[int, ...]]:
     }
 
 
-# ---- A switch for tests: every initial position moved by an ulp, to show what depends on the last
-#      bits of one trajectory.
+# ---- A switch for tests: all initial positions moved by an ulp, to show what the last bits decide.
 #
 # `MULTICOR_NUDGE=SEED` moves each coordinate of each grain at random to the next number up or down,
 # or leaves it. Flows are chaotic: after some hundred collisions the two runs share only their
@@ -326,11 +318,7 @@ class NudgeError(ValueError):
 
 
 def nudge_seed() -> int | None:
-    """The seed in the environment; None if positions stay as they are.
-
-    Raises:
-        NudgeError: If the variable is neither empty nor a whole number of at most 18 digits.
-    """
+    """The seed in the environment; None if positions stay; `NudgeError` if it is not a seed."""
     value = os.environ.get(VARIABLE, "")
     if not value:
         return None
@@ -344,15 +332,10 @@ def nudge_seed() -> int | None:
 
 
 def nudge(position: Floats, period: float, seed: int) -> Floats:
-    """Move x and y to a neighboring number or not at all.
+    """Move x and y to a neighboring number or not at all, as ``seed`` decides.
 
-    Args:
-        position: x, y [m] and angle [rad], shape ``(n, 3)``; x in [0, period) if there is a period.
-        period: Period of x [m]; 0: none.
-        seed: Decides which way each coordinate goes.
-
-    Returns:
-        New positions. Zeros stay: the next number is 10⁻³²⁴ away, which no arithmetic would notice.
+    ``position`` holds x, y [m] and angle [rad], shape ``(n, 3)``, x within the period, if there is
+    one. Zeros stay: the next number is 10⁻³²⁴ away, which no arithmetic would notice.
     """
     center = position[:, :2]
     lot = (np.random.Philox(seed).random_raw(center.size) % np.uint64(3)).astype(np.int64).reshape(

@@ -44,8 +44,7 @@ class Placed:
     Attributes:
         model: What does not change.
         state: What does, at time zero.
-        origin: The moment of another run from which this one goes on; None: grains and walls start
-            anew.
+        origin: The moment of another run from which it goes on; None: grains and walls start anew.
     """
 
     model: Model
@@ -60,8 +59,7 @@ def build(scenario: Scenario) -> tuple[Model, State]:
 
 
 def place(scenario: Scenario) -> Placed:
-    """Make the walls and grains of a scenario as they are at time zero, or take them from the run
-    that it goes on from.
+    """Make walls and grains as they are at time zero, or take them from the run to go on from.
 
     Groups are placed in the order of the file; later ones keep clear of earlier ones or are piled
     upon them where their packing can. The same scenario gives the same bits.
@@ -88,9 +86,7 @@ def place(scenario: Scenario) -> Placed:
 
 
 def _go_on(scenario: Scenario) -> Placed:
-    """Bodies from another run. Nothing is nudged: whatever moved them by an ulp did so when that
-    run began.
-    """
+    """Bodies from another run; not nudged: what moved them by an ulp did so when it began."""
     try:
         source = read_source(scenario)
         problems = misfits(scenario, source)
@@ -114,9 +110,7 @@ def _go_on(scenario: Scenario) -> Placed:
 
 
 def _refuse_unknown_forces(scenario: Scenario, source: Source, state: State) -> None:
-    """Contact spots of a frozen stage need forces; a run at its start has none, nor has a frame
-    without contacts.
-    """
+    """Spots of a frozen stage need forces: a start has none, nor a frame without contacts."""
     heat = scenario.heat
     if (
         heat is None
@@ -158,7 +152,6 @@ def _make_groups(scenario: Scenario, walls: BuiltWalls) -> list[InitialGrains]:
 
 
 def _wrapped(scenario: Scenario, position: Floats) -> Floats:
-    """Centers, with x wrapped into the period."""
     center = position[:, :2].copy()
     if scenario.domain.periodic:
         center[:, X] = wrap(center[:, X], scenario.domain.size[0])
@@ -166,7 +159,6 @@ def _wrapped(scenario: Scenario, position: Floats) -> Floats:
 
 
 def _check_period(scenario: Scenario, index: int, largest: float) -> None:
-    """Refuse a period that is too short for grains of radius ``largest``."""
     sizes, domain = scenario.particles[index].sizes, scenario.domain
     if domain.periodic and domain.size[0] < 2.0 * LEAST_DIAMETERS * largest:
         text = (
@@ -181,9 +173,7 @@ def _check_period(scenario: Scenario, index: int, largest: float) -> None:
 
 
 def _refuse_throats(scenario: Scenario, model: Model) -> None:
-    """Refuse discs of walls so wide that a grain between one and its periodic image meets both:
-    only the nearer is looked at.
-    """
+    """Refuse discs so wide that a grain meets one and its image: only the nearer is looked at."""
     if model.period <= 0.0:
         return
     mechanisms = scenario.heat.mechanisms.values() if scenario.heat is not None else ()
@@ -233,9 +223,7 @@ def _model(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -
 
 
 def _thermal(scenario: Scenario, groups: list[InitialGrains]) -> Thermal | None:
-    """Heat capacities and initial temperatures, if there is heat; problems of all groups are
-    reported together.
-    """
+    """Heat capacities and temperatures, if any; problems of all groups are reported together."""
     if scenario.heat is None:
         return None
     errors = sizes_problems(scenario, groups)
@@ -294,9 +282,7 @@ def _state(
 
 
 def _refuse_overlaps(scenario: Scenario, model: Model, state: State, walls: BuiltWalls) -> None:
-    """Refuse overlaps of all bodies, grains in solid matter, and grains on the wrong side of rough
-    walls.
-    """
+    """Refuse overlaps, grains in solid matter, and grains on the wrong side of rough walls."""
     grains, names, here = model.grains, model.walls.names, np.arange(model.grain_count)[state.here]
     if not here.size:
         return
@@ -329,18 +315,15 @@ def _refuse_overlaps(scenario: Scenario, model: Model, state: State, walls: Buil
 
 
 def _meets(model: Model, wall: int, grains: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether grains meet a wall."""
     meets = model.walls.meets
     return meets[wall, model.grains.group[grains]] if meets.size else np.ones(grains.size, np.bool_)
 
 
-# ---- The fastest motion with which a run starts: what the automatic time step has to follow,
-#      whatever it comes from
+# ---- The fastest motion with which a run starts, which the automatic time step has to follow
 
 
 def start_speed(scenario: Scenario, model: Model, state: State) -> float:
-    """The largest speed of a grain, of the surface of a grain (a |ω|), and of a wall at the start
-    [m/s].
+    """Largest speed of a grain, of a grain's surface (a |ω|), and of a wall at the start [m/s].
 
     Between walls that shear a periodic domain, grains count relative to the linear profile between
     these walls, and the walls themselves do not count: neighbors pass each other no faster than the
@@ -366,9 +349,7 @@ def _length(x: Floats, y: Floats) -> Floats:
 def _imposed(
     scenario: Scenario, model: Model, state: State, spans: NDArray[np.bool_], height: Floats
 ) -> Floats:
-    """Velocity in x of the linear profile between the lowest and the highest wall that spans the
-    period, at heights [m/s].
-    """
+    """Linear profile of u_x between the outer walls that span the period, at heights [m/s]."""
     walls = np.flatnonzero(spans)
     at = state.wall_position[walls, Y]
     if walls.size < 2 or at.min() == at.max():

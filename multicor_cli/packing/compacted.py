@@ -49,23 +49,13 @@ def compact(
     friction: float,
     kinetic_energy_ratio: float,
 ) -> Floats:
-    """Press a packing together: new centers [m], shape ``(n, 2)``.
+    """Press a packing without overlaps together: new centers [m], shape ``(n, 2)``.
 
-    Args:
-        position: Centers without overlaps inside ``region`` [m], shape ``(n, 2)``.
-        radius: Radii [m], shape ``(n,)``.
-        region: Its bottom is the floor, its top where the lid starts; it has sides unless it is
-            periodic.
-        density: Density of the grains [kg/m³].
-        shape: Shape of the grains.
-        thickness: Thickness of discs [m].
-        pressure: Load on the lid per length [N/m].
-        friction: Coefficient of friction of grains, floor, lid and sides during the compaction.
-        kinetic_energy_ratio: The packing is at rest when its kinetic energy has fallen to this
-            share of its largest value.
-
-    Raises:
-        Refused: The packing does not come to rest, or the engine fails.
+    ``region``'s bottom is the floor, its top where the lid starts; it has sides unless it is
+    periodic. Density [kg/m³] and thickness [m] are those of the grains; the load on the lid per
+    length is ``pressure`` [N/m]; ``friction`` is that of all bodies meanwhile. The packing is at
+    rest when its kinetic energy has fallen to ``kinetic_energy_ratio`` of its largest value; if it
+    does not come to rest, or the engine fails, it is `Refused`.
     """
     from multicor_cli.engine import PhysicsError
 
@@ -116,9 +106,7 @@ class _Press:
         self._engine.begin(Orders(self._drives, settings))
 
     def _advance(self) -> tuple[float, float]:
-        """One step; returns the kinetic energy over its peak, and how far the lid is from carrying
-        its load, over the load.
-        """
+        """One step; returns kinetic energy over its peak, and |lid's force − load| over load."""
         state = self.state
         self._engine.step(self.dt, self.steps * self.dt)
         self.steps += 1
@@ -145,7 +133,6 @@ class _Press:
         return False
 
     def hold(self) -> None:
-        """Raise the friction."""
         laws = self.model.laws
         higher = laws._replace(friction=np.maximum(laws.friction, _HOLDING_FRICTION))
         self._start(replace(self.model, laws=higher))

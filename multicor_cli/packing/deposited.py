@@ -1,5 +1,4 @@
-"""Deposits: grains fall one after another and roll down until two others, a side or the floor hold
-them.
+"""Deposits: grains fall one by one and roll down until two others, a side or the floor hold them.
 
 The classical drop-and-roll construction of Visscher & Bolsterli (Nature 239, 504, 1972): every
 grain falls from above at a random place, rolls around the first disc it meets, over the next if
@@ -42,14 +41,8 @@ _BATCH = 4096
 def deposit(radius: Floats, region: PackingRegion, obstacles: Obstacles, rng: Stream) -> Floats:
     """Centers of grains deposited in the order given [m], shape ``(n, 2)``.
 
-    Args:
-        radius: Radii [m], shape ``(n,)``.
-        region: Where they fall; its bottom is the floor.
-        obstacles: Discs to pile upon.
-        rng: Source of the places from which grains fall.
-
-    Raises:
-        Refused: The region is full before all grains are placed; says how many fit.
+    ``region``'s bottom is the floor; ``rng`` gives the places from which grains fall. Where not all
+    fit, `Refused` says how many do.
     """
     if not region.is_periodic and 2.0 * radius.max() > region.width:
         text = (

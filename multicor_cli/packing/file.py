@@ -32,8 +32,7 @@ from multicor_cli.packing.initial_grains import (
 from multicor_cli.scenario.checks.grains import MAX_GRAINS
 from multicor_cli.scenario.problems import Refused
 
-# ---- Grains from a CSV or HDF5 file: columns (datasets) x, y, radius and, if wanted, angle, vx,
-#      vy, spin
+# ---- Grains from a CSV or HDF5 file: x, y, radius and, if wanted, angle, vx, vy, spin
 
 REQUIRED = ("x", "y", "radius")
 OPTIONAL = ("angle", "vx", "vy", "spin")
@@ -47,15 +46,9 @@ _NUMBERS = "uif"  # kinds of numpy types that are plain numbers
 
 
 def read_grains(path: Path, shift: tuple[float, float]) -> InitialGrains:
-    """Grains from a file whose name ends in .csv, .h5 or .hdf5.
+    """Grains from a file whose name ends in .csv, .h5 or .hdf5; ``shift`` is added to x and y [m].
 
-    Args:
-        path: The file.
-        shift: Added to all x and y [m].
-
-    Raises:
-        Refused: The file is missing, unreadable, too large, or holds something else; rows are
-            named.
+    `Refused` if it is missing, unreadable, too large, or holds something else; rows are named.
     """
     kind = path.suffix.lower()
     if kind == ".csv":
@@ -126,9 +119,7 @@ def _read_csv(path: Path) -> dict[str, Floats]:
 
 
 def _parse_rows(path: Path, header_line: int) -> Floats | None:
-    """All rows below the header, at most one more than `MAX_GRAINS`; None if they are not a table
-    of numbers.
-    """
+    """Rows below the header, `MAX_GRAINS` + 1 at most; None if they are not a table of numbers."""
     try:
         with warnings.catch_warnings(action="ignore"):  # about empty lines and files
             lines = text_lines(path, MAX_BYTES)
@@ -145,9 +136,7 @@ def _parse_rows(path: Path, header_line: int) -> Floats | None:
 
 
 def _read_header(path: Path) -> tuple[list[str], int]:
-    """Names of the columns and the number of the line they stand in (the first that is neither
-    empty nor a comment).
-    """
+    """Names of the columns, and number of their line: the first neither empty nor a comment."""
     for number, line in enumerate(text_lines(path, MAX_BYTES), 1):
         if line.strip() and not line.startswith("#"):
             cells = next(csv.reader([line]))
@@ -232,9 +221,7 @@ def _read_hdf5(path: Path) -> dict[str, Floats]:
 
 
 def _dataset_size(file: Any, name: str, path: Path) -> int:
-    """Number of values of a dataset, checked to be a plain one-dimensional array of numbers stored
-    in this file.
-    """
+    """Number of values of a dataset, checked to be a plain 1-d array of numbers in this file."""
     import h5py
 
     link = file.get(name, getlink=True)
@@ -279,14 +266,9 @@ _TEMPERATURE_KEY = ("temperature", "file")
 
 
 def read_temperatures(path: Path) -> Floats:
-    """The temperatures in a file [K], in the order of its lines.
+    """The temperatures in a file, text in UTF-8 [K], in the order of its lines.
 
-    Args:
-        path: The file, text in UTF-8.
-
-    Raises:
-        Refused: The file is missing, unreadable, too large, or holds something else; lines are
-            named.
+    `Refused` if it is missing, unreadable, too large, or holds something else; lines are named.
     """
     values: list[float] = []
     faults: list[str] = []
@@ -315,9 +297,7 @@ def read_temperatures(path: Path) -> Floats:
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
-    """Number and text of each line that holds something; a line too long for a number is cut and
-    ends with "…".
-    """
+    """Number and text of lines that hold something; one too long for a number is cut, with "…"."""
     number, is_rest = 0, False
     for line in text_lines(path, MAX_TEXT_BYTES):
         is_cut = len(line) == LINE_LIMIT and not line.endswith("\n")

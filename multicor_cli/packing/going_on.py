@@ -1,5 +1,4 @@
-"""The bodies of a run that goes on from another: grains with their contacts and heat, walls by
-their names.
+"""The bodies of a run that goes on from another: grains with contacts and heat, walls by names.
 
 What is taken over is what the next step depends on, to the bit; clocks, counters and books begin at
 zero.
@@ -81,9 +80,7 @@ def misfits(scenario: Scenario, source: Source) -> list[Refused]:
 
 
 def _outside(scenario: Scenario, source: Source) -> list[Refused]:
-    """Grains beyond a domain that is not that of the run; what has left the domain in which it
-    began may stay outside.
-    """
+    """Grains beyond a domain other than the run's; what has left its own may stay outside."""
     size, before = scenario.domain.size, source.size
     if before is None or before == size:
         return []
@@ -116,9 +113,7 @@ def grains_of(scenario: Scenario, source: Source) -> list[InitialGrains]:
 
 
 def known_bodies(scenario: Scenario, source: Source) -> dict[str, WallBody]:
-    """Walls that are in the run with the same geometry: rough ones keep the grains glued to them,
-    whatever the seed is now.
-    """
+    """Walls whose geometry is that in the run: rough ones keep their grains, at any seed."""
     tables = tomllib.loads(scenario.resolved_toml()).get("walls", [])
     names = source.model.walls.names
     same = [
@@ -137,9 +132,7 @@ def _body(source: Source, wall: int) -> WallBody:
 
 
 def _shapes_of(model: Model, wall: int) -> tuple[Ints, Floats]:
-    """Kinds and geometry of the shapes of a wall, which name each other from the first of this wall
-    on.
-    """
+    """Kinds and geometry of a wall's shapes, which refer to each other from its first one on."""
     mine = np.flatnonzero(model.shapes.wall == wall)
     kind, geometry = model.shapes.kind[mine], model.shapes.geometry[mine].copy()
     refers = (TAIL[kind] == Tail.SHAPES)[:, None] & (geometry[:, 2:] >= 0.0)
@@ -148,9 +141,7 @@ def _shapes_of(model: Model, wall: int) -> tuple[Ints, Floats]:
 
 
 def placed_walls(walls: BuiltWalls, source: Source) -> BuiltWalls:
-    """The walls with those that are in the run where they are there; no grain is behind or in
-    these, wherever the file has them.
-    """
+    """Walls that are in the run, put where they are there: no grain is then behind or in these."""
     position, fronts, rooms = walls.position.copy(), list(walls.fronts), list(walls.rooms)
     for new, old in _same_walls(walls.walls.names, source).items():
         position[new] = source.state.wall_position[old]
@@ -181,11 +172,7 @@ def carried_over(
 ) -> tuple[Model, State]:
     """A model and state with all that the next step of the run would have depended on.
 
-    Args:
-        scenario: What to do.
-        source: The moment of the run.
-        model: Model of the new run.
-        state: Its state, with bodies and walls in their places. **Modified.**
+    Both begin as those of the new run, bodies and walls in their places; ``state`` is **modified**.
     """
     old, same = source.state, _same_walls(model.walls.names, source)
     state.position, state.image, state.last_dt = old.position.copy(), old.image.copy(), old.last_dt
@@ -205,9 +192,7 @@ def carried_over(
 
 
 def _carry_contacts(source: Source, model: Model, state: State, same: Mapping[int, int]) -> None:
-    """Impulses and couples of the last step. With another adhesion F_a, q = p + F_a Δt is that of
-    the same p (theory §3.1).
-    """
+    """Impulses and couples of the last step; q = p + F_a Δt with the new F_a (theory §3.1)."""
     from multicor_cli.engine.contact.contacts import resting_attraction
 
     old, before = source.state, source.model
@@ -239,8 +224,7 @@ def _carry_averages(source: Source, model: Model, state: State, same: Mapping[in
 
 
 def _carry_heat(scenario: Scenario, source: Source, thermal: Thermal, state: State) -> Thermal:
-    """Heat contents with the temperatures from which they count, so that T = T₀ + Q/C has the same
-    bits.
+    """Heat contents with the temperatures from which they count: T = T₀ + Q/C has the same bits.
 
     Grains whose heat capacity or temperature the scenario changes begin anew, at their temperature
     with Q = 0.
@@ -266,11 +250,9 @@ def _carry_heat(scenario: Scenario, source: Source, thermal: Thermal, state: Sta
 def _renumbered(
     source: Source, model: Model, i: Ints, j: Ints, same: Mapping[int, int]
 ) -> tuple[Ints, Ints, Ints]:
-    """Contacts by the numbers of shapes in a new model: those of walls that are gone or have other
-    shapes are left out.
+    """Contacts by shapes of a new model, without walls that are gone or have other shapes.
 
-    Returns:
-        Which of the contacts, ordered as contacts are: ascending by both shapes; and these shapes.
+    Returns which of them, ascending by both shapes as contacts are, and these shapes.
     """
     n = model.grain_count
     number = np.concatenate([np.arange(n), np.full(source.model.shape_count, -1)])

@@ -47,25 +47,18 @@ from multicor_cli.scenario.region import RectangleRegion
 from multicor_cli.text import count_noun
 
 _MOST_FILLED = 1.5
-"""Area fraction of grains over the one asked for, at most: whole grains meet it to within half of
-one."""
+"""Most that grains fill over what is asked for: whole grains meet it to within half of one."""
 
 Source = LatticePacking | RandomPacking | DepositedPacking | CompactedPacking
 
 
 @dataclass(frozen=True)
 class _Task:
-    """One packing to make: of a group, or of the tile of a group.
+    """One packing to make, of a group or its tile, by ``count`` or area fraction ``fill``.
 
-    Attributes:
-        sizes: Distribution of the radii.
-        count: Number of grains, or None.
-        fill: Area fraction of the region, or None.
-        region: Where the grains go, or the rectangle around it.
-        area: Where the grains go, if that is no rectangle.
-        obstacles: What to keep clear of.
-        random: Gives the stream for a purpose at its beginning.
-        is_periodic_in_y: Whether bottom and top of the region are one and the same.
+    Grains go into ``area``, in the rectangle ``region``, or all of that; ``random`` gives the
+    stream for a purpose at its beginning. ``is_periodic_in_y``: bottom and top of the region are
+    one and the same.
     """
 
     sizes: SizeDistribution
@@ -78,7 +71,6 @@ class _Task:
     area: Area | None = None
 
     def radii(self) -> Floats:
-        """The radii of all grains [m]."""
         if self.count is not None:
             return self.sizes.draw(self.count, self.random(Purpose.SIZES))
         if self.fill is None:
@@ -101,16 +93,9 @@ class _Task:
 
 
 def make_group(scenario: Scenario, index: int, obstacles: Obstacles) -> InitialGrains:
-    """The grains of a group where they are at the start, moving as the scenario says; x is not
-    wrapped yet.
+    """The grains of a group as they start, moving as the scenario says; x is not wrapped yet.
 
-    Args:
-        scenario: The scenario.
-        index: Index of the group.
-        obstacles: Walls, and the grains of earlier groups.
-
-    Raises:
-        Refused: The packing cannot be made; its key is relative to the group.
+    Obstacles are walls, and grains of earlier groups. Keys of `Refused` are relative to the group.
     """
     group = scenario.particles[index]
     if group.packing is None:
@@ -131,9 +116,7 @@ def with_motion(scenario: Scenario, group: ParticleGroup, grains: InitialGrains)
 
 
 def _waiting(scenario: Scenario, group: ParticleGroup, index: int) -> InitialGrains:
-    """Grains that wait for their release: in the middle of its region, as far as they are
-    anywhere.
-    """
+    """Grains that wait: in the middle of the region of their release, if anywhere."""
     assert group.sizes is not None
     assert group.release is not None
     assert group.count is not None  # the scenario has been checked
@@ -146,9 +129,7 @@ def _waiting(scenario: Scenario, group: ParticleGroup, index: int) -> InitialGra
 
 
 def region_of_group(scenario: Scenario, group: ParticleGroup) -> PackingRegion:
-    """The rectangle of a group, or around its region; periodic if the domain is and the rectangle
-    spans it.
-    """
+    """The rectangle of a group, or around its region; periodic if it spans the domain's period."""
     table, domain = group.placed_in(scenario.domain), scenario.domain
     if not isinstance(table, RectangleRegion):
         (left, bottom), (right, top) = table.area().corners().tolist()

@@ -1,6 +1,4 @@
-"""What every packing gives and needs: grains with radii, places and motion, their masses, the
-region, and what goes wrong.
-"""
+"""What packings give and need: grains, their masses, the region, and what goes wrong."""
 
 from __future__ import annotations
 
@@ -27,8 +25,7 @@ from multicor_cli.scenario.base import (
 )
 from multicor_cli.scenario.problems import KeyPath, Refused
 
-# ---- What goes wrong while the initial bodies are made, before it is tied to a place in the
-#      scenario file
+# ---- What goes wrong while bodies are made, before it is tied to a place in the scenario file
 
 NAMED = 5
 """So many faulty lines, rows or grains are named."""
@@ -39,13 +36,7 @@ LINE_LIMIT = 10_000
 
 @contextlib.contextmanager
 def reading_input(path: Path, what: str, key: KeyPath) -> Iterator[None]:
-    """Tell what goes wrong while a file from elsewhere is opened and read as `Refused`.
-
-    Args:
-        path: The file.
-        what: What it must be, for the remedy.
-        key: That of the error.
-    """
+    """Tell what goes wrong while a file that must be ``what`` is opened and read as `Refused`."""
     try:
         yield
     except FileNotFoundError:
@@ -58,13 +49,7 @@ def reading_input(path: Path, what: str, key: KeyPath) -> Iterator[None]:
 
 
 def text_lines(path: Path, most: int) -> Iterator[str]:
-    """Lines of a text file in UTF-8 with at most ``most`` bytes; pieces of those longer than
-    `LINE_LIMIT`, without line breaks.
-
-    Raises:
-        OSError: As `multicor_cli.files.open_regular`.
-        UnicodeDecodeError: It is not UTF-8.
-    """
+    """Lines of a UTF-8 file of at most ``most`` bytes, in pieces of `LINE_LIMIT` if longer."""
     with io.TextIOWrapper(open_regular(path, most), encoding="utf-8-sig", newline="") as file:
         yield from iter(lambda: file.readline(LINE_LIMIT), "")
 
@@ -77,16 +62,13 @@ _BOUNDS = {
     "radius": RADIUS_BOUNDS,
     "temperature": KELVIN_BOUNDS,
 }
-"""Bounds of columns, those of the keys of a scenario; all others are angles [rad], velocities [m/s]
-and spins [rad/s]."""
+"""Bounds of columns, as of keys of a scenario; others are angles [rad], [m/s] and [rad/s]."""
 
 _UNITS = {"x": " m", "y": " m", "radius": " m", "temperature": " K"}
 
 
 def find_fault(name: str, value: float) -> str:
-    """What is wrong with a value of the column ``name`` (``x, y, radius, temperature`` or a
-    motion); empty if nothing is.
-    """
+    """What is wrong with a value of ``x, y, radius, temperature`` or a motion; empty if nothing."""
     if not math.isfinite(value):
         return f"{name} = {value} is not finite"
     low, high = _BOUNDS.get(name, NUMBER_BOUNDS)
@@ -102,11 +84,7 @@ def find_fault(name: str, value: float) -> str:
 
 
 def describe_faults(columns: Mapping[str, Floats]) -> str:
-    """The first faulty rows and how many more there are; empty if all values are fine.
-
-    Args:
-        columns: Values of each column, all of shape ``(n,)``, ``radius`` among them.
-    """
+    """Name the first faulty rows, and how many more; empty if none. Columns have shape ``(n,)``."""
     rows = faulty_rows(columns)
     if not rows.size:
         return ""
@@ -139,11 +117,7 @@ Shape = Literal["disc", "sphere"]
 def masses(radius: Floats, density: float, shape: Shape, thickness: float | None) -> Floats:
     """Mass of each grain [kg]: π a² h ρ of a disc of thickness h, 4/3 π a³ ρ of a sphere.
 
-    Args:
-        radius: Radii a [m].
-        density: ρ [kg/m³].
-        shape: Shape of the grains.
-        thickness: h [m], for discs.
+    Radii a [m], density ρ [kg/m³], thickness h [m].
     """
     if shape == "sphere":
         return np.asarray(4.0 / 3.0 * math.pi * (radius * radius * radius) * density)
@@ -154,16 +128,12 @@ def masses(radius: Floats, density: float, shape: Shape, thickness: float | None
 
 
 def inertias(radius: Floats, mass: Floats, shape: Shape) -> Floats:
-    """Moment of inertia of each grain about its center [kg m²]: ½ m a² of a disc, 2/5 m a² of a
-    sphere.
-    """
+    """Moments of inertia about the center [kg m²]: ½ m a² of a disc, 2/5 m a² of a sphere."""
     return np.asarray(mass * (radius * radius) / SHAPE_FACTOR[shape])
 
 
 def prism_inertia(polygon: Polygon, density: float, height: float) -> tuple[float, float]:
-    """Mass ρ h A [kg] and moment of inertia about the centroid ρ h ∫ r² dA [kg m²] of a polygon of
-    thickness h [m].
-    """
+    """Mass ρ h A [kg], and inertia about the centroid ρ h ∫ r² dA [kg m²], of a thickness h [m]."""
     return density * height * polygon.size, density * height * polygon.polar_moment
 
 
@@ -172,9 +142,7 @@ def prism_inertia(polygon: Polygon, density: float, height: float) -> tuple[floa
 
 @dataclass(frozen=True)
 class PackingRegion:
-    """A rectangle [m]; ``is_periodic``: its left and right sides are one and the same (it spans the
-    period exactly).
-    """
+    """A rectangle [m]; ``is_periodic``: left and right are one, as it spans the period exactly."""
 
     left: float
     bottom: float
@@ -184,17 +152,14 @@ class PackingRegion:
 
     @property
     def width(self) -> float:
-        """Extent in x [m]."""
         return self.right - self.left
 
     @property
     def height(self) -> float:
-        """Extent in y [m]."""
         return self.top - self.bottom
 
     @property
     def area(self) -> float:
-        """Area [m²]."""
         return self.width * self.height
 
     @property
@@ -203,19 +168,15 @@ class PackingRegion:
         return self.width if self.is_periodic else 0.0
 
 
-# ---- Grains that a packing brings with it: radii, places, motion and, from a run with heat,
-#      temperatures
+# ---- Grains that a packing brings: radii, places, motion and, from a run with heat, temperatures
 
 
 @dataclass(frozen=True)
 class InitialGrains:
     """Grains at rest or in motion.
 
-    Attributes:
-        radius: Radii [m], shape ``(n,)``.
-        position: x, y [m] and angle [rad], shape ``(n, 3)``.
-        velocity: Velocity [m/s] and spin [rad/s], shape ``(n, 3)``.
-        temperature: Temperatures [K], shape ``(n,)``; None if the packing does not tell them.
+    Radii [m]; positions x, y [m] and angle [rad], velocities [m/s] and spins [rad/s], shape
+    ``(n, 3)``; temperatures [K], None if the packing does not tell them.
     """
 
     radius: Floats

@@ -1,5 +1,4 @@
-"""Triangular and square lattices, filled row by row from the bottom of the region; and a small
-packing repeated over it.
+"""Triangular and square lattices, filled in rows from the bottom up; a small packing repeated.
 
 The bottom row stands on the bottom of the region (the largest grain touches it) and the rows are
 centered between its sides. In a region that spans the period, a row holds the largest whole number
@@ -42,20 +41,10 @@ def lattice(
 ) -> Floats:
     """Centers of the first ``count`` sites of a lattice [m], shape ``(count, 2)``.
 
-    Args:
-        count: Number of grains.
-        largest: Largest radius [m].
-        region: Where the grains go; discs stay inside it.
-        kind: Arrangement of the sites.
-        spacing: Distance between neighboring centers [m]; default: the largest diameter, so that
-            equal grains touch.
-        jitter: Each center is moved to a random point of a disc around its site whose radius is
-            this share of the spacing.
-        rng: Source of the jitter.
-        room: What solid bodies and regions that are no rectangles leave; other sites are left out.
-
-    Raises:
-        Refused: The region holds fewer sites, or jittered neighbors could overlap.
+    Neighbors are ``spacing`` [m] apart, by default the ``largest`` diameter, so that equal grains
+    touch; centers move at random by up to ``jitter`` of that. Discs stay inside ``region``; sites
+    outside of ``room``, which solid bodies and other regions leave, are left out. `Refused` if
+    there are fewer, or if jittered neighbors could overlap.
     """
     layout = _lay_out(largest, region, kind, spacing, jitter)
     capacity = layout.capacity if room.is_open else len(_free_sites(layout, region, room))
@@ -83,11 +72,7 @@ def lattice_capacity(
     jitter: float,
     room: Room = OPEN,
 ) -> int:
-    """Number of sites that the region holds; arguments as `lattice`.
-
-    Raises:
-        Refused: It holds none, or jittered neighbors could overlap.
-    """
+    """Number of sites that the region holds, 1 at least; arguments and errors as `lattice`."""
     layout = _lay_out(largest, region, kind, spacing, jitter)
     capacity = layout.capacity if room.is_open else len(_free_sites(layout, region, room))
     if capacity == 0:
@@ -109,14 +94,8 @@ class _Row(NamedTuple):
 class _Layout(NamedTuple):
     """A lattice in its region.
 
-    Attributes:
-        step: Distance between neighbors [m].
-        margin: Distance of the outermost sites from the sides of the region [m].
-        pitch: Distance of neighbors in a row [m].
-        rise: Distance of the rows [m].
-        even: The rows 0, 2, ….
-        odd: The rows 1, 3, ….
-        capacity: Number of sites.
+    Neighbors are ``step`` [m] apart, ``pitch`` in a row and ``rise`` from row to row; ``margin``
+    [m] is the distance of the outermost sites from the sides. ``even`` are the rows 0, 2, ….
     """
 
     step: float
@@ -186,7 +165,6 @@ def _steps(kind: LatticeKind, step: float, region: PackingRegion) -> tuple[float
 def _rows(
     kind: LatticeKind, region: PackingRegion, margin: float, pitch: float
 ) -> tuple[_Row, _Row]:
-    """The even and the odd rows."""
     offset = 0.5 * pitch if kind == "triangular" else 0.0
     if region.is_periodic:
         count = round(region.width / pitch) if region.width >= 2.0 * margin * (1.0 - _SLACK) else 0
@@ -199,7 +177,6 @@ def _rows(
 
 
 def _sites(count: int, layout: _Layout, region: PackingRegion) -> Floats:
-    """The first ``count`` sites [m]."""
     even, odd = layout.even, layout.odd
     pair, place = np.divmod(np.arange(count), max(even.sites + odd.sites, 1))
     is_odd = place >= even.sites
@@ -231,18 +208,10 @@ def repeat_tile(
 ) -> InitialGrains:
     """Copies of a tile side by side, from the lower left corner of ``region``.
 
-    Grains may stick out of a tile: they reach into the next one. Where there is no next one,
-    because the tiles do not close the period or the region ends, grains that stick out of the
-    region are left out.
-
-    Args:
-        tile: Grains with centers in [0, width) x [0, height).
-        size: Width and height of the tile [m].
-        repeat: Number of copies in x and y.
-        region: Where they go.
-
-    Raises:
-        Refused: The copies do not fit into the region.
+    Centers of a tile lie in [0, width) x [0, height), its ``size`` [m], but grains may stick out:
+    they reach into the next one. Where there is no next one, because the tiles do not close the
+    period or the region ends, grains that stick out of the region are left out. ``repeat`` counts
+    copies in x and y; `Refused` if they do not fit into the region.
     """
     width, height = repeat[0] * size[0], repeat[1] * size[1]
     if width > region.width * (1.0 + _SLACK) or height > region.height * (1.0 + _SLACK):

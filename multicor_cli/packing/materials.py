@@ -1,6 +1,4 @@
-"""What materials and groups say of the model: contact laws of all pairs of materials, heat
-capacities and initial temperatures.
-"""
+"""Of materials and groups: laws of all pairs of materials, heat capacities, temperatures."""
 
 from __future__ import annotations
 
@@ -46,9 +44,7 @@ _FRICTION = ("friction", "table", "table_start", "table_speed", "table_friction"
 
 
 def touching_pairs(grains: Grains, shapes: WallShapes, walls: Walls) -> list[tuple[int, int]]:
-    """Pairs of materials that can meet, smaller index first: of grains with each other, and with
-    those of the walls they meet.
-    """
+    """Pairs of materials that can meet, smaller index first: of grains, and of walls they meet."""
     of_groups = set(zip(grains.group.tolist(), grains.material.tolist(), strict=True))
     of_walls = set(zip(shapes.wall.tolist(), shapes.material.tolist(), strict=True))
     pairs = {(a, b) for _, a in of_groups for _, b in of_groups}
@@ -66,13 +62,7 @@ def contact_laws(
     touching: Iterable[tuple[int, int]],
     law_of: Callable[[str, str], ContactPair],
 ) -> ContactLaws:
-    """The laws of the pairs ``touching``; other pairs are left at zero and are never used.
-
-    Args:
-        materials: Names of the materials, by index.
-        touching: Pairs of indices that need a law.
-        law_of: The law between two materials.
-    """
+    """The laws of the pairs ``touching``, by indices; others are left at zero and never used."""
     k = len(materials)
     friction, restitution, table = np.zeros((k, k)), np.zeros((k, k)), np.full((k, k), -1, np.int32)
     number: dict[tuple[tuple[float, ...], tuple[float, ...]], int] = {}
@@ -103,9 +93,7 @@ def contact_laws(
 
 
 def stage_laws(scenario: Scenario, model: Model) -> list[ContactLaws | None]:
-    """The laws of each stage; None as long as they are those of the model: until a stage names
-    friction.
-    """
+    """The laws of each stage; None for those of the model, until a stage names friction."""
     touching = touching_pairs(model.grains, model.shapes, model.walls)
     found: list[ContactLaws | None] = []
     for number, stage in enumerate(scenario.loading):
@@ -149,15 +137,8 @@ _KEY = ("temperature",)
 def group_thermal(scenario: Scenario, index: int, grains: InitialGrains, center: Floats) -> Thermal:
     """Heat capacities, initial temperatures and surfaces of the grains of a group.
 
-    Args:
-        scenario: A scenario with heat.
-        index: Index of the group.
-        grains: Its grains.
-        center: Their centers, wrapped into the period [m], shape ``(n, 2)``.
-
-    Raises:
-        Refused: The temperatures cannot be read, are not one per grain, or are none; its key is
-            relative to the group.
+    Centers are wrapped into the period [m], shape ``(n, 2)``. Keys of `Refused`, if temperatures
+    cannot be read or are not one per grain, are relative to the group.
     """
     group = scenario.particles[index]
     material, radius = scenario.materials[group.material], grains.radius
@@ -190,9 +171,7 @@ def joined(parts: Sequence[Thermal]) -> Thermal:
 def _start(
     scenario: Scenario, group: ParticleGroup, grains: InitialGrains, center: Floats
 ) -> Floats:
-    """Initial temperatures [K], shape ``(n,)``: as the group says, else as the packing brings them,
-    else those of ``[heat]``.
-    """
+    """Initial temperatures [K], shape ``(n,)``: the group's, else the packing's, else heat's."""
     n, table = grains.radius.size, group.temperature
     if table is not None:
         return _told(scenario, table, center)
@@ -249,9 +228,7 @@ def _one_per_grain(temperature: Floats, n: int, key: str, where: str) -> Floats:
 
 
 def sizes_problems(scenario: Scenario, groups: Sequence[InitialGrains]) -> list[Refused]:
-    """What is wrong with the grains' sizes for the choices in ``[heat]``: the gas model for equal
-    grains needs such.
-    """
+    """What is wrong with sizes for the choices in ``[heat]``: a gas model may need equal grains."""
     gas = scenario.heat.gas if scenario.heat is not None else None
     if gas is None:
         return []

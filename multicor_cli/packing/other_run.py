@@ -1,6 +1,4 @@
-"""Other runs: a moment from which a run goes on, its last checkpoint or a frame, and grains from a
-frame.
-"""
+"""Other runs: a moment to go on from, the last checkpoint or a frame, and grains of a frame."""
 
 from __future__ import annotations
 
@@ -30,19 +28,11 @@ _RUN, _FRAME = ("start", "run"), ("start", "frame")
 
 @dataclass(frozen=True)
 class Source:
-    """A moment of another run.
+    """A moment of another run: a frame, counted from 0, or the last checkpoint.
 
-    Attributes:
-        path: Directory of the run.
-        run_id: Identity of the run.
-        frame: Index of the frame, from 0; None: the last checkpoint.
-        model: Model of the run. Of a frame with heat, the temperatures at its start are those of
-            the frame.
-        state: State at the moment. Of a frame: what frames hold of it, and nothing of the running
-            averages of heat.
-        digest: Digest of what was read.
-        size: Width and height of its domain [m]; None if its scenario does not tell.
-        geometries: Tables ``geometry`` of its walls, by their names.
+    Of a frame with heat the temperatures at the start of ``model`` are the frame's; of a frame the
+    state is what it holds, without running averages of heat. ``size`` is that of the domain [m],
+    None if the scenario does not tell; ``geometries`` are tables of the walls, by their names.
     """
 
     path: Path
@@ -63,9 +53,7 @@ class Source:
 def read_source(scenario: Scenario) -> Source:
     """The moment that ``[start]`` names; the run may be going on, and is not changed.
 
-    Raises:
-        Refused: There is no such run or moment, or it is damaged; its key begins at the top of the
-            scenario.
+    `Refused`, by a key from the top, if there is no such run or moment, or it is damaged.
     """
     start = scenario.start
     assert start is not None  # only then it is asked for
@@ -100,9 +88,7 @@ def read_source(scenario: Scenario) -> Source:
 
 
 def _told(resolved: str) -> tuple[tuple[float, float] | None, dict[str, Any]]:
-    """Size of the domain and geometries of the walls in a scenario that may come from anywhere;
-    raises `ValueError`.
-    """
+    """Size of the domain, geometries of walls in a scenario from anywhere; raises `ValueError`."""
     tables = tomllib.loads(resolved)
     try:
         walls = {str(wall["name"]): wall["geometry"] for wall in tables.get("walls", [])}
@@ -113,7 +99,6 @@ def _told(resolved: str) -> tuple[tuple[float, float] | None, dict[str, Any]]:
 
 
 def _end(run: Run, path: Path) -> tuple[State, str]:
-    """The state of the last checkpoint, and its digest."""
     state = run.state()
     if state is None:
         what = (
@@ -158,9 +143,7 @@ def _of_frame(frame: Frame, model: Model) -> tuple[Model, State, str]:
 
 
 def _motion(frame: Frame) -> tuple[Floats, Floats]:
-    """Centers with angles [m, rad], velocities with spins [m/s, rad/s] of the grains in a frame,
-    shapes ``(n, 3)``.
-    """
+    """Centers, angles [m, rad], velocities, spins [m/s, rad/s] in a frame, both ``(n, 3)``."""
     bodies = (
         np.column_stack([frame.position, frame.angle]),
         np.column_stack([frame.velocity, frame.spin]),
@@ -169,9 +152,7 @@ def _motion(frame: Frame) -> tuple[Floats, Floats]:
 
 
 def _take_contacts(frame: Frame, model: Model, state: State) -> None:
-    """The contacts of a frame that carry an impulse, where frames hold contacts; with adhesion q =
-    p + F_a Δt (theory §3.1).
-    """
+    """Contacts of a frame that carry an impulse, if any; q = p + F_a Δt (theory §3.1)."""
     from multicor_cli.engine.contact.contacts import resting_attraction
 
     contacts = frame.contacts
@@ -207,17 +188,11 @@ _KEY = ("packing", "path")
 
 
 def read_frame(path: Path, frame: int) -> InitialGrains:
-    """Grains of a frame: radii, wrapped centers, angles, velocities, spins and, if that run had
-    heat, temperatures.
+    """Grains of a frame: radii, wrapped centers, angles, motion and, where known, temperatures.
 
-    Walls and materials are not taken over.
-
-    Args:
-        path: Run directory (or a ``results.h5``).
-        frame: Index of the frame; negative counts from the last one.
-
-    Raises:
-        Refused: There is no readable run, or no such frame, or it holds what no grain can have.
+    Walls and materials are not taken over. ``path`` is a run directory (or a ``results.h5``); a
+    negative index of a frame counts from the last one. `Refused` if there is no readable run, or no
+    such frame, or it holds what no grain can have.
     """
     try:
         with open_run(path) as run:

@@ -1,6 +1,4 @@
-"""Refusing initial states in which bodies overlap, or grains lie in solid matter or behind a row of
-glued grains.
-"""
+"""Refusing initial overlaps, and grains in solid matter or behind a row of glued grains."""
 
 from __future__ import annotations
 
@@ -22,17 +20,13 @@ from multicor_cli.packing.initial_grains import NAMED
 from multicor_cli.packing.walls import Front, Obstacles
 from multicor_cli.scenario.problems import Refused
 
-# ---- Pairs of grains, and of grains and obstacles, that are close: the engine's neighbor list on
-#      an initial configuration
+# ---- Pairs that are close at the start, of grains and obstacles: the engine's neighbor list
 
 
 class DiscPairs(NamedTuple):
-    """Partners of each grain: ``partner[row[i]:row[i+1]]``; below n a grain with a higher number,
-    else obstacle − n.
+    """Partners of each grain, ascending: ``partner[row[i]:row[i+1]]``.
 
-    Attributes:
-        row: Start of each grain's partners, shape ``(n + 1,)``.
-        partner: The partners, ascending within a row.
+    Below n they are grains with a higher number, else n + obstacle; ``row`` has shape ``(n + 1,)``.
     """
 
     row: NDArray[np.int64]
@@ -42,15 +36,9 @@ class DiscPairs(NamedTuple):
 def find_pairs(
     position: Floats, radius: Floats, obstacles: Obstacles, cutoff: float, period: float
 ) -> DiscPairs:
-    """All pairs with a gap below ``cutoff`` [m], which may be negative (then pairs that overlap by
-    more).
+    """All pairs with a gap below ``cutoff`` [m]; below 0: pairs that overlap by more.
 
-    Args:
-        position: Centers of the grains [m], wrapped if periodic, shape ``(n, 2)``.
-        radius: Their radii [m], shape ``(n,)``.
-        obstacles: Fixed shapes.
-        cutoff: Largest gap of interest [m].
-        period: Period in x [m] or 0.
+    Centers [m] have shape ``(n, 2)``; x is wrapped by the period [m], unless it is 0.
     """
     discs = obstacles.discs()
     center = np.concatenate([position[:, :2], discs[:, :2]])
@@ -92,13 +80,12 @@ LARGEST_OVERLAP = 1e-3
 CROWD = 32
 """A cell with more grains than this certainly contains overlaps.
 
-Cells are one largest diameter wide, and radii within a class differ by at most a factor of two:
-about 10 such grains fit.
+Cells are one largest diameter wide, and radii of a class differ by a factor of two at most: about
+10 such grains fit.
 """
 
 _FAR = 2.0**62
-"""Cells this far out count as one; a coordinate cannot be so far from the origin for any radius
-above 1e-13 m."""
+"""Cells this far out count as one: for radii above 1e-13 m no coordinate is so far out."""
 _DISC = int(ShapeKind.DISC)
 
 
@@ -113,9 +100,7 @@ def _relative_gaps(
     period: float,
     out: Floats,
 ) -> None:
-    """Gap of each pair over its smaller radius into ``out``; ``j`` is a grain below n and a wall
-    shape from n on.
-    """
+    """Gap of each pair over its smaller radius into ``out``; from n on ``j`` is a wall shape."""
     count = radius.size
     for p in range(i.size):
         a, b = i[p], j[p]
@@ -133,16 +118,9 @@ def _relative_gaps(
 def overlapping_pairs(
     position: Floats, radius: Floats, shapes: Obstacles, period: float
 ) -> tuple[Ints, Ints, Floats]:
-    """Pairs that overlap by more than `LARGEST_OVERLAP`: worst first.
+    """Pairs that overlap by more than `LARGEST_OVERLAP`, worst first.
 
-    Args:
-        position: Centers [m], shape ``(n, 2)``.
-        radius: Radii [m], shape ``(n,)``.
-        shapes: Wall shapes in the world.
-        period: Period in x [m] or 0.
-
-    Returns:
-        First grain, second grain or n + wall shape, and overlap over the smaller radius.
+    First grain, second grain or n + wall shape, and overlap over the smaller radius.
     """
     pairs = find_pairs(
         position, radius, shapes, -0.999 * LARGEST_OVERLAP * float(radius.min()), period
@@ -156,16 +134,7 @@ def overlapping_pairs(
 
 
 def thin_crowds(position: Floats, radius: Floats) -> NDArray[np.int64]:
-    """Grains without those beyond the first `CROWD` in a cell: coincident grains would have n²
-    pairs, and no memory holds them.
-
-    Args:
-        position: Centers [m], shape ``(n, 2)`` or more columns.
-        radius: Radii [m], shape ``(n,)``.
-
-    Returns:
-        Indices, ascending; all of them if nothing is crowded.
-    """
+    """Grains but those beyond the first `CROWD` in a cell: coincident ones have n² pairs."""
     level, largest = classify(radius)
     width = 2.0 * largest[level]
     cell = np.clip(np.floor(position[:, :2] / width[:, None]), -_FAR, _FAR).astype(np.int64)
@@ -197,16 +166,8 @@ def overlap_problems(
 ) -> list[Refused]:
     """One problem for all grains that overlap each other and one for each wall that cuts grains.
 
-    Args:
-        position: Centers [m], shape ``(n, 2)``.
-        radius: Radii [m], shape ``(n,)``.
-        group: Index of the particle group of each grain, shape ``(n,)``.
-        shapes: Wall shapes in the world.
-        wall: Wall of each shape.
-        names: Names of the walls.
-        period: Period in x [m] or 0.
-        here: Grains that are there, ascending; default: all.
-        is_met: Whether grains meet wall shapes; default: they do.
+    ``wall`` is that of each shape, ``names`` are those of walls; grains are ``here``, ascending,
+    and meet shapes as ``is_met`` says: by default all are and do.
     """
     count = radius.size
     here = np.arange(count) if here is None else here
@@ -256,17 +217,7 @@ def _wall_problem(name: str, w: int, grain: Ints, overlap: Floats, radius: Float
 def behind_problem(
     position: Floats, here: NDArray[np.int64], front: Front, name: str, w: int, period: float
 ) -> Refused | None:
-    """The problem of grains that lie behind a row of glued grains, where there is no flow; None if
-    there are none.
-
-    Args:
-        position: Centers [m], shape ``(n, 2)``.
-        here: Grains that are there, ascending.
-        front: Where the flow is.
-        name: Name of the wall.
-        w: Its index.
-        period: Period in x [m] or 0.
-    """
+    """The problem of grains behind a row of glued grains, where no flow is; None without any."""
     offset = position[here, :2] - front.start
     if period > 0.0 and math.isfinite(front.depth):
         middle = 0.5 * front.length * front.along[0]
@@ -292,16 +243,7 @@ def behind_problem(
 def solid_problem(
     position: Floats, here: NDArray[np.int64], room: Room, name: str, w: int
 ) -> Refused | None:
-    """The problem of grains whose center is in solid matter, even if they do not touch its outline;
-    None if there are none.
-
-    Args:
-        position: Centers [m], shape ``(n, 2)`` or more columns.
-        here: Grains that are there, ascending.
-        room: What the wall leaves to the grains.
-        name: Name of the wall.
-        w: Its index.
-    """
+    """The problem of grains with centers in solid matter, off its outline too; None without any."""
     found = here[room.clearance(position[here, :2]) < 0.0] if not room.is_open else here[:0]
     if not found.size:
         return None

@@ -1,5 +1,4 @@
-"""Kernels that place one grain after another among discs already there: at random free places, or
-dropped and rolled down.
+"""Kernels that place grains one by one among discs: at random free places, or dropped and rolled.
 
 Everything that these kernels call lies in this file or in packages that the name of the cache
 covers, so that no compiled copy of it can be stale.
@@ -41,8 +40,7 @@ class PlacedDiscs(NamedTuple):
             filled as they are placed.
         head: Last disc put into each cell, or -1.
         next: The disc that was put into the same cell before, or -1, shape ``(d,)``.
-        highest: Highest occupied row of each column of each level, or -1; level k begins at
-            ``first_column[k]``.
+        highest: Highest occupied row of each column of each level, or -1.
         first_column: Start of each level in ``highest``, shape ``(levels,)``.
         grids: Cell grids of all discs.
         kind: `ShapeKind` of the obstacles, shape ``(m,)``.
@@ -86,9 +84,7 @@ def _row_of(y: float, field: PlacedDiscs, level: int) -> int:
 
 @kernel
 def _columns_between(low: float, high: float, field: PlacedDiscs, level: int) -> tuple[int, int]:
-    """First and last column that [low, high] touches; with a period they may be outside and stand
-    for their remainder.
-    """
+    """First and last column that [low, high] touches; modulo their number if periodic."""
     columns = field.grids.shape[level, X]
     first = int(np.floor((low - field.grids.origin[X]) / field.grids.cells[level, X]))
     last = int(np.floor((high - field.grids.origin[X]) / field.grids.cells[level, X]))
@@ -120,7 +116,6 @@ def _file_first(field: PlacedDiscs, count: int) -> None:
 
 @kernel
 def _hits_disc(x: float, y: float, radius: float, field: PlacedDiscs) -> bool:
-    """Whether a disc at (x, y) overlaps one that is already filed."""
     for k in range(field.grids.radius.size):
         reach = radius + field.grids.radius[k]
         columns = field.grids.shape[k, X]
@@ -161,19 +156,11 @@ def insert_at_random(
     box: tuple[float, float, float, float],
     blocked: Ints,
 ) -> tuple[int, int]:
-    """Place grains at random, from number ``first`` on, until all are placed or the random numbers
-    run out.
+    """Place grains at random from number ``first`` on, to the last or until numbers run out.
 
-    Args:
-        field: What is already there; its discs ``fixed + i`` are the grains. **Modified.**
-        fixed: Number of discs that are obstacles.
-        first: Grain to begin with.
-        tried: Attempts already spent on it.
-        attempts: Attempts per grain.
-        uniform: Random numbers in [0, 1), shape ``(k, 2)``; one row is used per attempt.
-        box: The region.
-        blocked: 1 for a grain that found no free place; it stays at the last one tried.
-            **Modified.**
+    Of ``field`` the discs ``fixed + i`` are the grains. ``tried`` attempts of ``attempts`` have
+    been spent on the first; each takes a row of ``uniform``, shape ``(k, 2)``. **Modifies** the
+    field, and ``blocked``: 1 for a grain without a free place, which stays at the last one tried.
 
     Returns:
         The grain to go on with and the attempts spent on it.
@@ -200,8 +187,7 @@ def insert_at_random(
 def _fall(
     x: float, y: float, radius: float, left_disc: int, floor: float, field: PlacedDiscs
 ) -> tuple[float, int]:
-    """Where a grain falling from (x, y) lands: the height of its center [m] and the disc, or
-    `_FLOOR`.
+    """Height of its center where a grain falling from (x, y) lands [m], and the disc, or `_FLOOR`.
 
     ``left_disc`` is the disc it has just rolled off, or -1; ``floor`` the height of the floor [m].
     """
@@ -232,12 +218,9 @@ def _fall(
 def _meeting(angle: float, rolling: float, dx: float, dy: float, near: float) -> float:
     """Angle at which a grain that rolls around a disc meets another one; ``inf`` if it does not.
 
-    Args:
-        angle: Angle of the grain now, from the vertical towards the side it rolls to [rad].
-        rolling: Distance of its center from that of the disc it rolls on [m].
-        dx: Center of the other disc relative to that disc, towards the side [m].
-        dy: The same, upwards [m].
-        near: Distance of centers at which the grain touches the other disc [m].
+    ``angle`` is its own now, from the vertical towards the side it rolls to [rad], at the distance
+    ``rolling`` [m]; the other disc is at ``dx``, towards that side, and ``dy``, upwards, and
+    touched at a distance of ``near`` [m].
     """
     apart = np.sqrt(dx * dx + dy * dy)
     if apart == 0.0:
@@ -270,9 +253,8 @@ def _roll(
 ) -> tuple[float, float, int]:
     """Roll a grain at (x, y) down around disc ``j`` towards ``side`` (±1).
 
-    Returns:
-        New center [m], and what stopped it: another disc, `_FLOOR`, `_SIDE`, or `_FALLS` past the
-        widest point of ``j``.
+    Returns its new center [m], and what stopped it: another disc, `_FLOOR`, `_SIDE`, or `_FALLS`
+    past the widest point of ``j``.
     """
     xj, yj = field.disc[j, X], field.disc[j, Y]
     rolling = radius + field.disc[j, RADIUS]
@@ -356,18 +338,10 @@ def drop_and_roll(
     uniform: Floats,
     sides: Floats,
 ) -> tuple[int, int]:
-    """Drop grains one after another, from number ``first`` on, until all rest, one does not fit, or
-    the random numbers run out.
+    """Drop grains one by one from ``first`` on, until all rest, one does not fit, or numbers end.
 
-    Args:
-        field: What is already there; its discs ``fixed + i`` are the grains. **Modified.**
-        fixed: Number of discs that are obstacles.
-        first: Grain to begin with.
-        tried: Attempts already spent on it.
-        attempts: Attempts per grain: one that would stick out at the top is dropped again
-            elsewhere.
-        uniform: Random numbers in [0, 1), shape ``(k,)``; one is used per attempt.
-        sides: Left, bottom, right and top of the region [m], shape ``(4,)``.
+    As `insert_at_random`; ``uniform`` has shape ``(k,)``, ``sides`` are left, bottom, right and top
+    of the region [m]. One that would stick out at the top is dropped again elsewhere.
 
     Returns:
         The grain to go on with and the attempts spent on it; ``attempts`` if it does not fit.
@@ -394,8 +368,7 @@ def drop_and_roll(
 def make_field(
     radius: Floats, region: PackingRegion, obstacles: Obstacles, ceiling: float = math.inf
 ) -> tuple[PlacedDiscs, int]:
-    """A field for grains of these radii that holds the obstacles so far, and how many discs the
-    obstacles have.
+    """A field for grains of these radii that holds the obstacles so far, and their number of discs.
 
     Discs with their centers at ``ceiling`` [m] or above it are left out.
     """

@@ -1,5 +1,4 @@
-"""Random packings: random sequential addition, followed by a relaxation where the grains are too
-dense for it.
+"""Random packings: random sequential addition, then a relaxation of what is too dense for it.
 
 Up to an area fraction of 0.42 of the free part of the region, grains are put at random free places
 and stay there. Denser ones are first put there with radii shrunk to that fraction, then brought to
@@ -28,8 +27,7 @@ from multicor_cli.packing.sizes import Stream
 from multicor_cli.packing.walls import Obstacles
 from multicor_cli.scenario.problems import Refused
 
-# ---- The relaxation: grains repel each other and the obstacles in proportion to their overlap
-#      until none is left
+# ---- The relaxation: grains repel each other and obstacles as they overlap, until none does
 #
 # The sum of squared overlaps is minimized with the fast inertial relaxation engine (Bitzek et al.,
 # Phys. Rev. Lett. 97, 170201, 2006): damped dynamics of unit masses that speeds up while it runs
@@ -37,8 +35,7 @@ from multicor_cli.scenario.problems import Refused
 # 0.84 in the plane) states without overlap exist and are reached.
 
 INFLATION = 5e-4
-"""Radii are enlarged by this share while relaxing, so that what is left over at the end is a small
-gap and no overlap."""
+"""Share by which radii are enlarged while relaxing: what is left over is a gap, no overlap."""
 
 # Unit mass and stiffness: six contacts per disc give a highest frequency of √12, stable below 0.57
 _LARGEST_STEP = 0.4
@@ -52,10 +49,7 @@ _JAMMED = 1e-3  # net force over the largest overlap at which a minimum of the e
 class Ghosts(NamedTuple):
     """Images of grains across the lower and upper side of a region that is periodic in y too.
 
-    Attributes:
-        shape: Number of the obstacle that stands for the image, shape ``(g,)``.
-        source: The grain, shape ``(g,)``.
-        shift: Distance in y [m], shape ``(g,)``.
+    The obstacle ``shape`` stands for the grain ``source``, moved by ``shift`` in y [m].
     """
 
     shape: Ints
@@ -65,13 +59,7 @@ class Ghosts(NamedTuple):
 
 @dataclass(frozen=True)
 class Relaxed:
-    """Result of a relaxation.
-
-    Attributes:
-        position: Centers [m], shape ``(n, 2)``.
-        overlap: Largest overlap left, over the smaller radius.
-        iterations: Steps taken.
-    """
+    """Centers after a relaxation [m], the largest overlap over the smaller radius, and steps."""
 
     position: Floats
     overlap: float
@@ -88,9 +76,7 @@ def _repel(
     period: float,
     force: Floats,
 ) -> float:
-    """Forces [m] (unit stiffness) into ``force``, shape ``(n, 2)``; returns the largest overlap
-    over the smaller radius.
-    """
+    """Fill ``force`` [m] (unit stiffness); return the largest overlap over the smaller radius."""
     count = radius.size
     worst = 0.0
     force[:] = 0.0
@@ -123,7 +109,6 @@ def _repel(
 
 @kernel
 def _follow(position: Floats, ghosts: Ghosts, world: Floats) -> None:
-    """Move the images with their grains."""
     for g in range(ghosts.shape.size):
         world[ghosts.shape[g], X] = position[ghosts.source[g], X]
         world[ghosts.shape[g], Y] = position[ghosts.source[g], Y] + ghosts.shift[g]
@@ -131,7 +116,7 @@ def _follow(position: Floats, ghosts: Ghosts, world: Floats) -> None:
 
 @kernel
 def _steer(velocity: Floats, force: Floats, clock: Floats) -> None:
-    """Adapt time step, mixing and velocities."""
+    """Adapt time step, mixing and velocities (Bitzek et al.)."""
     power, speed, strength = 0.0, 0.0, 0.0
     for i in range(force.shape[0]):
         for c in range(2):
@@ -167,26 +152,14 @@ def _descend(
     reach: float,
     steps: int,
 ) -> tuple[int, float, bool]:
-    """Relax until the largest overlap is at most ``target``, a grain has moved by ``reach``, or
-    ``steps`` are done.
+    """Relax until overlaps fall to ``target``, a grain moves by ``reach``, or ``steps`` are done.
 
-    Args:
-        position: Centers [m], shape ``(n, 2)``. **Modified.**
-        velocity: Velocities [m], shape ``(n, 2)``. **Modified.**
-        radius: Radii [m], shape ``(n,)``.
-        pairs: Neighbor list.
-        kind: Kinds of the obstacles.
-        world: Geometry of the obstacles [m], images of grains among them. **Modified.**
-        ghosts: Which obstacles are images of grains.
-        period: Period in x [m] or 0.
-        clock: Time step, mixing, steps since the last uphill one, shape ``(3,)``. **Modified.**
-        target: Overlap over the smaller radius at which to stop.
-        reach: Distance that the neighbor list allows [m].
-        steps: Most steps.
+    The neighbor list ``pairs`` allows the distance ``reach`` [m]; ``world`` [m] holds the obstacles
+    and images of grains, ``clock`` time step, mixing and steps since the last uphill one.
+    **Modifies** ``position`` and ``velocity`` [m], shape ``(n, 2)``, ``world`` and ``clock``.
 
     Returns:
-        Steps done, largest overlap over the smaller radius, whether a minimum with overlaps was
-        reached.
+        Steps done, largest overlap over the smaller radius, whether a minimum with overlaps is met.
     """
     before = position.copy()
     force = np.zeros_like(position)
@@ -235,16 +208,10 @@ def relax(
     iterations: int = 20_000,
     is_periodic_in_y: bool = False,
 ) -> Relaxed:
-    """Move grains apart until no overlap is left, a jammed state is reached, or ``iterations`` are
-    spent.
+    """Move grains apart until none overlap, they are jammed, or ``iterations`` are spent.
 
-    Args:
-        position: Centers [m], shape ``(n, 2)``.
-        radius: Radii [m], shape ``(n,)``.
-        region: Gives the period in x, and in y where asked for.
-        obstacles: What grains may not overlap; closed sides of the region have to be among them.
-        iterations: Most steps.
-        is_periodic_in_y: Whether the lower and the upper side of the region are one and the same.
+    Closed sides of the region have to be among the obstacles; centers [m] have shape ``(n, 2)``.
+    ``is_periodic_in_y``: its lower and upper side are one and the same.
     """
     enlarged = radius * (1.0 + INFLATION)
     skin = _SKIN * mean(radius)
@@ -291,19 +258,11 @@ def random_packing(
     *,
     is_periodic_in_y: bool = False,
 ) -> Floats:
-    """Random centers without overlaps inside ``region`` [m], shape ``(n, 2)``.
+    """Random centers of discs inside ``region`` without overlaps [m], shape ``(n, 2)``.
 
-    Args:
-        radius: Radii [m], shape ``(n,)``.
-        region: Where the grains go; discs stay inside it.
-        obstacles: Walls and earlier grains to stay clear of.
-        separation: Smallest gap, over the mean diameter.
-        attempts: Places tried for each grain before the relaxation has to make room for it.
-        rng: Source of the places.
-        is_periodic_in_y: Whether the lower and the upper side of the region are one and the same.
-
-    Raises:
-        Refused: No arrangement without overlaps was found; says how many grains would fit.
+    ``separation`` is the smallest gap over the mean diameter; ``attempts`` places are tried for
+    each grain before the relaxation has to make room for it. `Refused` if no arrangement without
+    overlaps was found; that says how many grains would fit.
     """
     enlarged = radius + separation * mean(radius)
     solid = obstacles.with_sides(region, bottom=not is_periodic_in_y, top=not is_periodic_in_y)
@@ -333,8 +292,7 @@ def random_packing(
 def _insert(
     radius: Floats, region: PackingRegion, obstacles: Obstacles, attempts: int, rng: Stream
 ) -> tuple[Floats, bool] | None:
-    """Random sequential addition, largest first: centers [m], and whether every grain found a free
-    place.
+    """Random sequential addition, largest first: centers [m], and whether all found a free place.
 
     None if almost all of the region is solid matter or lies beyond its boundary.
     """
@@ -378,21 +336,17 @@ def _refusal(count: int, fraction: float, why: str) -> Refused:
 
 
 def _is_inside(position: Floats, region: PackingRegion, is_periodic_in_y: bool) -> bool:
-    """Whether no center was pushed through a side."""
     x, y = position[:, X], position[:, Y]
     across = region.is_periodic or bool(np.all((x >= region.left) & (x <= region.right)))
     return across and (is_periodic_in_y or bool(np.all((y >= region.bottom) & (y <= region.top))))
 
 
 def _is_clear(position: Floats, room: Room) -> bool:
-    """Whether no center was pushed into solid matter."""
     return room.is_open or bool((room.clearance(position) > 0.0).all())
 
 
 def _fraction(radius: Floats, region: PackingRegion, obstacles: Obstacles) -> float:
-    """Area of the grains over the area of the region that no obstacle covers (estimated on a grid
-    of points).
-    """
+    """Area of the grains over that of the region without obstacles, told on a grid of points."""
     x = region.left + (np.arange(_PROBES) + 0.5) / _PROBES * region.width
     y = region.bottom + (np.arange(_PROBES) + 0.5) / _PROBES * region.height
     points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)

@@ -34,12 +34,9 @@ from multicor_cli.scenario.particles import (
     TableSizes,
 )
 
-# ---- Independent random streams: one for each table of the scenario and purpose, all from one
-#      seed.
+# ---- Independent random streams, one for each table of the scenario and purpose, from one seed.
 #
-# Adding a wall or a particle group therefore does not change the numbers that any other group
-# draws.
-#
+# Adding a wall or a particle group therefore does not change the numbers that any other draws.
 # NumPy promises the raw numbers of its bit generators for all versions, but not what its
 # `Generator` makes of them: that is done here.
 
@@ -72,14 +69,11 @@ class Stream:
         return np.asarray((self._raw.random_raw(count) >> np.uint64(11)) * 2.0**-53).reshape(shape)
 
     def shuffled(self, values: Floats) -> Floats:
-        """The values in random order."""
         return values[np.argsort(self._raw.random_raw(values.size), kind="stable")]
 
 
 def stream(seed: int, table: TableKind, index: int, purpose: Purpose, *part: int) -> Stream:
-    """The counter-based stream of table number ``index`` of its kind, or of a part of it, at its
-    beginning.
-    """
+    """The counter-based stream of a table of its kind, or of a part of it, at its beginning."""
     key = np.random.SeedSequence(entropy=seed, spawn_key=(int(table), index, int(purpose), *part))
     return Stream(np.random.Philox(key))
 
@@ -110,25 +104,17 @@ class SizeDistribution(Protocol):
 
 @dataclass(frozen=True)
 class DiscreteSizes:
-    """A few radii with fractions by number.
-
-    Attributes:
-        radii: Radii [m], shape ``(k,)``.
-        fractions: Fractions by number, sum 1, shape ``(k,)``.
-    """
+    """A few radii [m] with fractions by number, whose sum is 1, shape ``(k,)``."""
 
     radii: Floats
     fractions: Floats
 
     @property
     def largest(self) -> float:
-        """Largest radius that can be drawn [m]."""
         return float(self.radii[self.fractions > 0.0].max())
 
     def draw(self, count: int, rng: Stream) -> Floats:
-        """``count`` radii [m] in random order; each radius gets its share to the nearest grain
-        (largest remainder).
-        """
+        """``count`` radii [m] in random order, each with its share (largest remainder)."""
         if count < self.radii.size:
             # Fewer grains than radii: the largest remainders would always pick the same few.
             levels = (np.arange(count) + rng.random(count)) / count
@@ -145,20 +131,13 @@ class DiscreteSizes:
 
 @dataclass(frozen=True)
 class ContinuousSizes:
-    """A distribution given by its quantile function.
-
-    Attributes:
-        quantile: Radius [m] as a function of the cumulated fraction by number in [0, 1].
-        largest: Largest radius [m].
-    """
+    """A distribution by its quantile function: radius [m] at a cumulated fraction by number."""
 
     quantile: Callable[[Floats], Floats]
     largest: float
 
     def draw(self, count: int, rng: Stream) -> Floats:
-        """``count`` radii [m] in random order: one from each of ``count`` intervals of equal
-        probability.
-        """
+        """``count`` radii [m] in random order, one from each interval of equal probability."""
         levels = (np.arange(count) + rng.random(count)) / max(count, 1)
         return rng.shuffled(self.quantile(levels))
 
@@ -166,9 +145,7 @@ class ContinuousSizes:
 def list_sizes(
     radii: Floats, fractions: Floats | None, by: Basis, mass_power: int
 ) -> DiscreteSizes:
-    """Radii [m] with ``fractions`` (default: equal) by number or by mass; they are normalized to
-    sum 1.
-    """
+    """Radii [m] with ``fractions``, normalized here (default: equal), by number or by mass."""
     weights = np.ones(radii.size) if fractions is None else np.array(fractions, float)
     if by == "mass":
         weights = weights / _mass_factor(radii / radii.max(), mass_power)
@@ -251,17 +228,10 @@ def draw_to_total(
     total: float,
     restart: Callable[[], Stream],
 ) -> Floats:
-    """Draw as many grains as bring the sum of their ``measure`` closest to ``total``.
+    """Draw as many grains as bring the sum of their ``measure`` closest to ``total``; at least one.
 
-    Args:
-        sizes: Where the radii come from.
-        measure: Area or length of each grain from its radius.
-        total: Sum to reach, same unit.
-        restart: Gives the stream at its beginning: a draw of n+1 grains is not one of n with one
-            more.
-
-    Returns:
-        Radii [m]; at least one.
+    ``measure`` gives an area or length from radii [m], in the unit of the total. ``restart`` gives
+    the stream at its beginning: a draw of n+1 grains is not one of n with one more.
     """
     mean = sums.mean(measure(sizes.draw(_PROBES, restart())))
     count = max(1, round(total / mean))
@@ -289,14 +259,8 @@ def table_sizes(radii: Floats, passing: Floats, by: Basis, mass_power: int) -> C
     """Radii between the rows of a table, with a constant density by ``by`` within each row.
 
     The density of numbers is then ∝ r^-p within a row, where the mass of a grain is ∝ r^p, and its
-    integral and quantile have a closed form.
-
-    Args:
-        radii: Radii [m], ascending, shape ``(k,)``.
-        passing: Share of the grains, by number or by mass, that is smaller; from 0 to 1, shape
-            ``(k,)``.
-        by: What is shared out.
-        mass_power: p.
+    integral and quantile have a closed form. Radii [m] ascend; ``passing`` is the share that is
+    smaller, by number or by mass, from 0 to 1; both have shape ``(k,)``.
     """
     largest = float(radii[-1])
     edge = radii / largest
@@ -335,8 +299,7 @@ def _inverse(integral: Floats, power: int) -> Floats:
 def normal_sizes(
     mean: float, sigma: float, smallest: float, largest: float, by: Basis, mass_power: int
 ) -> ContinuousSizes:
-    """Normal distribution of the radius with ``mean`` and standard deviation ``sigma``, cut to
-    ``smallest`` … ``largest`` [m].
+    """Normal distribution of radii, of this ``mean`` and deviation, cut to smallest … largest [m].
 
     By mass it is a table of so many rows that their steps cannot be told from the curve.
     """
@@ -357,9 +320,7 @@ def normal_sizes(
 
 
 def sizes_of(table: AnySizes, shape: Shape) -> SizeDistribution:
-    """The distribution that a ``sizes`` table describes; ``shape`` tells how mass grows with the
-    radius.
-    """
+    """The distribution of a ``sizes`` table; ``shape`` tells how mass grows with the radius."""
     power = MASS_POWER[shape]
     if isinstance(table, ListSizes):
         fractions = None if table.fractions is None else np.array(table.fractions)

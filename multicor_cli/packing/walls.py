@@ -1,6 +1,4 @@
-"""From ``[[walls]]`` tables to wall bodies and shapes, rows of glued grains among them; and what
-packings must stay clear of.
-"""
+"""From ``[[walls]]`` to wall bodies and shapes, with glued grains; what packings stay clear of."""
 
 from __future__ import annotations
 
@@ -66,16 +64,8 @@ def chain_on_line(
     The number of discs is the one whose diameters add up best to the length of the line; the radii
     are then scaled by one factor close to 1, so that the chain begins and ends exactly at the ends
     of the line (the first and last disc touch them from inside). If the line spans a period, the
-    last disc therefore touches the first.
-
-    Args:
-        start: Where the line begins [m], shape ``(2,)``.
-        end: Where it ends [m], shape ``(2,)``.
-        sizes: Distribution of the radii.
-        restart: Gives the random stream at its beginning.
-
-    Raises:
-        Refused: The line is shorter than one grain.
+    last disc therefore touches the first. ``restart`` gives the random stream at its beginning.
+    `Refused` if the line is shorter than one grain.
     """
     length = hypot(*(end - start).tolist())
     _check_length(length, 2.0 * sizes.largest, "line")
@@ -92,20 +82,11 @@ def chain_on_circle(
     *,
     is_outside: bool = False,
 ) -> Floats:
-    """Discs that touch a circle around the origin, each touching the next: x, y, radius [m], shape
-    ``(k, 3)``.
+    """Discs along a circle around the origin, each touching the next: x, y, radius [m], ``(k, 3)``.
 
     As with `chain_on_line`, the radii are scaled by one factor so that the chain closes.
-
-    Args:
-        radius: Radius of the circle [m].
-        sizes: Distribution of the radii.
-        restart: Gives the random stream at its beginning.
-        is_outside: Whether they touch it from outside.
-
-    Raises:
-        Refused: The circle is not at least four times as large as the grains, or twice from
-            outside.
+    ``is_outside``: they touch the circle, of ``radius`` [m], from outside. `Refused` unless that is
+    four times as large as the grains, or twice from outside.
     """
     side = 1.0 if is_outside else -1.0
     _check_length(radius, (2.0 if is_outside else 4.0) * sizes.largest, "radius of the circle")
@@ -133,18 +114,14 @@ def chain_on_circle(
 
 
 def _turns(radii: Floats, radius: float, side: float) -> Floats:
-    """Angle at the center of the circle between each disc and the next [rad]; ``side`` is 1 for
-    discs outside, −1 inside.
-    """
+    """Angle at the circle's center from each disc to the next [rad]; side 1 outside, −1 inside."""
     after = np.roll(radii, -1)
     a, b, c = radius + side * radii, radius + side * after, radii + after
     return np.asarray(elementwise.acos(np.clip((a * a + b * b - c * c) / (2.0 * a * b), -1.0, 1.0)))
 
 
 def _closing_factor(radii: Floats, radius: float, side: float) -> float:
-    """Factor on the radii with which the turns of the chain add up to a full circle (bisection to
-    the last bit).
-    """
+    """Factor on the radii that makes the turns a full circle (bisection to the last bit)."""
     low, high = 0.5, 2.0 if side > 0.0 else min(2.0, 0.49 * radius / float(radii.max()))
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
@@ -166,8 +143,7 @@ def _check_length(length: float, needed: float, what: str) -> None:
         )
 
 
-# ---- What a packing must stay clear of: wall shapes, solid matter, the boundary of its region, and
-#      the grains of earlier groups
+# ---- What packings stay clear of: walls, solid matter, the region's boundary, earlier grains
 
 OPEN = Room()
 """All of the plane."""
@@ -175,15 +151,11 @@ OPEN = Room()
 
 @dataclass(frozen=True)
 class Obstacles:
-    """Shapes that do not move, in the world.
+    """Shapes that do not move, in the world [m], else as `multicor_cli.model.WallShapes`.
 
-    Attributes:
-        kind: `ShapeKind` of each shape, shape ``(m,)``.
-        world: Geometry [m], as in `multicor_cli.model.WallShapes` but in the world, shape
-            ``(m, 4)``.
-        room: What solid bodies leave to the grains, and the region: outlines do not tell on which
-            side of them to be.
-        lids: Heights of the lowest points of rows of glued grains under which grains are to be [m].
+    ``room`` is what solid bodies and the region leave: outlines do not tell on which side to be.
+    ``lids`` are heights of the lowest points of rows of glued grains under which grains are to be
+    [m].
     """
 
     kind: Ints
@@ -193,12 +165,10 @@ class Obstacles:
 
     @classmethod
     def none(cls) -> Obstacles:
-        """An empty set."""
         return cls(np.zeros(0, np.int32), np.zeros((0, 4)))
 
     @property
     def is_disc(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        """Which shapes are discs."""
         return np.asarray(self.kind == ShapeKind.DISC)
 
     def discs(self) -> Floats:
@@ -206,17 +176,13 @@ class Obstacles:
         return self.world[self.is_disc, :3]
 
     def with_discs(self, discs: Floats) -> Obstacles:
-        """Append discs given as x, y, radius [m], shape ``(k, 3)``. Numbers of the shapes before do
-        not change.
-        """
+        """Append discs x, y, radius [m], shape ``(k, 3)``; shapes before keep their numbers."""
         rows = np.zeros((len(discs), 4))
         rows[:, :3] = discs
         return self._append(ShapeKind.DISC, rows)
 
     def with_sides(self, region: PackingRegion, bottom: bool = True, top: bool = True) -> Obstacles:
-        """Append planes along the closed sides of ``region``; left and right unless it is
-        periodic.
-        """
+        """Append planes along closed sides of ``region``; left and right unless it is periodic."""
         planes = []
         if not region.is_periodic:
             planes += [
@@ -252,8 +218,7 @@ class Obstacles:
         raise TypeError(message)
 
     def around(self, region: PackingRegion, period: float) -> Obstacles:
-        """Make the obstacles of a periodic domain fit for ``region``, which may cover only a part
-        of the period.
+        """Make the obstacles of a periodic domain fit for ``region``, maybe a part of the period.
 
         A region that spans the period is packed with its own periodicity and nothing changes. Any
         other is packed as if space were not periodic, so what reaches into it from neighboring
@@ -301,23 +266,17 @@ class Obstacles:
         )
 
 
-# ---- Wall bodies together: their shapes in one table, their inertia, and where the flow is before
-#      a row of glued grains
+# ---- Walls together: shapes in one table, inertia, and where the flow is before glued grains
 
 _LEVEL = math.sqrt(0.5)  # a row is a lid if its flow lies within 45 degrees below it
 
 
 @dataclass(frozen=True)
 class Front:
-    """The side of a row of glued grains on which the flow is.
+    """Where the flow is beside a row of glued grains, by unit vectors along and normal to it.
 
-    Attributes:
-        start: Where the line begins [m], shape ``(2,)``.
-        along: Unit vector along it, shape ``(2,)``.
-        normal: Unit vector towards the flow, shape ``(2,)``.
-        length: Length of the line [m].
-        depth: Grains whose center lies up to this far behind the line are refused [m]; infinite if
-            it spans the period.
+    The line begins at ``start``, of this ``length`` [m]; the normal points to the flow. Up to
+    ``depth`` [m] behind it no center may be; infinite if it spans the period.
     """
 
     start: Floats
@@ -348,9 +307,7 @@ def with_glued(body: WallBody, glued: Floats) -> WallBody:
 
 
 def about_center_of_mass(body: WallBody, shape: Shape) -> WallBody:
-    """A wall of discs with the center of their masses as its reference point, about which it turns
-    freely.
-    """
+    """A wall of discs with its center of mass as reference point, about which it turns freely."""
     discs = body.glued
     mass = masses(discs[:, RADIUS], 1.0, shape, 1.0)
     center = column_totals(discs[:, :2] * mass[:, np.newaxis]) / total(mass)
@@ -362,9 +319,7 @@ def about_center_of_mass(body: WallBody, shape: Shape) -> WallBody:
 def glued_inertia(
     body: WallBody, density: float, shape: Shape, thickness: float | None
 ) -> tuple[float, float]:
-    """Mass [kg] and moment of inertia about the reference point [kg m²] of the discs of a wall; nan
-    if it has none.
-    """
+    """Mass [kg] and inertia about the reference point [kg m²] of a wall's discs; nan for none."""
     glued = body.glued
     if not len(glued):
         return math.nan, math.nan
@@ -376,12 +331,7 @@ def glued_inertia(
 
 
 def join_shapes(bodies: list[WallBody], materials: list[int]) -> WallShapes:
-    """All shapes of all walls in one table; numbers of shapes then are rows of this table.
-
-    Args:
-        bodies: The walls in their order.
-        materials: Index of the material of each wall.
-    """
+    """Shapes of all walls in one table, whose rows number them; ``materials`` are by wall."""
     counts = [len(body.kind) for body in bodies]
     geometry = [body.geometry.copy() for body in bodies]
     first = 0
@@ -403,9 +353,7 @@ def join_walls(
     inertia: list[tuple[float, float]],
     has_gravity: list[bool],
 ) -> Walls:
-    """The bodies of all walls; ``inertia`` holds mass [kg] and moment of inertia [kg m²] of each,
-    nan where unknown.
-    """
+    """All walls; ``inertia``: mass [kg] and moment of inertia [kg m²] of each, nan if unknown."""
     table = np.array(inertia, float).reshape(-1, 2)
     return Walls(
         names=tuple(names),
@@ -420,14 +368,13 @@ def join_walls(
 
 
 class BuiltWalls(NamedTuple):
-    """All walls of a scenario.
+    """All walls of a scenario, with a body for each.
 
     Attributes:
-        bodies: One for each wall.
-        fronts: Where the flow is, for each wall that is a row of glued grains; None for the others.
+        fronts: Where the flow is, for each wall that is a row of glued grains; else None.
         walls: Their inertia.
         shapes: Their shapes.
-        position: Their reference points in the world [m] and angles, which are 0, shape ``(w, 3)``.
+        position: Reference points in the world [m] and angles, which are 0, shape ``(w, 3)``.
         rooms: What each leaves to the grains that packings place.
     """
 
@@ -439,9 +386,7 @@ class BuiltWalls(NamedTuple):
     rooms: list[Room]
 
     def obstacles(self, group: int | None = None) -> Obstacles:
-        """The shapes in the world, and what is left for grains; of the walls alone that a group
-        meets, if one is given.
-        """
+        """Shapes in the world, and room left to grains; of the walls alone that ``group`` meets."""
         is_met = np.ones(len(self.bodies), np.bool_)
         if group is not None and self.walls.meets.size:
             is_met = self.walls.meets[:, group]
@@ -471,14 +416,9 @@ class BuiltWalls(NamedTuple):
 
 
 def build_walls(scenario: Scenario, known: Mapping[str, WallBody] | None = None) -> BuiltWalls:
-    """The walls in the order of the file.
+    """The walls in the order of the file; no front is known of those that are there (``known``).
 
-    Args:
-        scenario: The scenario.
-        known: Walls that are there already, by their names; no front is known of them.
-
-    Raises:
-        Refused: Glued grains cannot be made; its key begins at the wall.
+    `Refused` if glued grains cannot be made; its key begins at the wall.
     """
     materials = list(scenario.materials)
     there = known or {}
@@ -570,8 +510,7 @@ def _shape(scenario: Scenario) -> Shape:
 
 
 def _inertia(scenario: Scenario, wall: Wall, body: WallBody) -> tuple[float, float]:
-    """Mass [kg] and moment of inertia [kg m²]: as given, else those of its discs or of its
-    material, else nan.
+    """Mass [kg], moment of inertia [kg m²]: as given, else of its discs or its material, else nan.
 
     Where only the mass is given, the inertia that follows from the geometry is scaled with it: the
     same distribution of mass.
@@ -594,9 +533,7 @@ def _default_inertia(scenario: Scenario, wall: Wall, body: WallBody) -> tuple[fl
 
 
 def _model_group(scenario: Scenario, wall: Wall) -> ParticleGroup:
-    """The group whose thickness glued grains have: the one they take their sizes from, else the
-    first of their material.
-    """
+    """The group whose thickness glued grains have: of their sizes, else first of their material."""
     glued = wall.geometry.glued()
     named = None if glued is None else glued.sizes
     if isinstance(named, str):

@@ -1,6 +1,4 @@
-"""Films of maps: every frame drawn as `multicor post map` draws it, with one color scale for
-all.
-"""
+"""Films of maps: frames drawn as `multicor post map` does, with one color scale for all."""
 
 from __future__ import annotations
 
@@ -36,9 +34,7 @@ class Film:
 
     Attributes:
         path: The file; a GIF instead of the MP4 that was asked for where ffmpeg is missing.
-        frames: Pictures in it.
-        skipped: Frames without the quantity, as the first frame has no heat generated since the one
-            before.
+        skipped: Frames without the quantity, as the first frame has no heat since the one before.
     """
 
     path: Path
@@ -47,9 +43,7 @@ class Film:
 
 
 def film_path(path: Path) -> Path:
-    """The file that `write_film` writes for a name: ``.gif`` instead of ``.mp4`` where ffmpeg is
-    missing.
-    """
+    """The file that `write_film` writes: ``.gif`` instead of ``.mp4`` where ffmpeg is missing."""
     return (
         path
         if path.suffix.lower() != ".mp4" or shutil.which("ffmpeg")
@@ -67,14 +61,9 @@ def write_film(
 ) -> Film:
     """Draw maps one after the other into a film. It appears under its name when it is complete.
 
-    Args:
-        maps: Gives the maps in order, each time it is called; None for a frame without the
-            quantity. The maps are gone through twice: for the colors and the part of the plane that
-            all have in common, and to be drawn.
-        count: Number of the maps.
-        path: File to write, ending in ``.mp4`` or ``.gif``; see `film_path`.
-        rate: Pictures per second.
-        progress: Is told how many maps were drawn, and of how many.
+    ``maps`` gives ``count`` maps in order each time it is called, None for a frame without the
+    quantity: once for the colors and the part of the plane that all have in common, once to be
+    drawn. ``rate`` is in pictures per second.
 
     Raises:
         MissingLibrary: If matplotlib is not installed.
@@ -104,8 +93,6 @@ class _Stage:
 
 
 class _Counter:
-    """Counts what it passes on."""
-
     def __init__(self, total: int, progress: Progress) -> None:
         self._total, self._progress = total, progress
         self.maps = 0
@@ -143,9 +130,7 @@ def _sample(values: Floats, most: int) -> Floats:
 
 
 def _draw_all(maps: Iterable[GrainMap], stage: _Stage, most: int) -> Iterator[Any]:
-    """Pictures as arrays of RGBA bytes, shape ``(height, width, 4)`` with even numbers; all of one
-    size.
-    """
+    """Pictures of one size as RGBA bytes, shape ``(height, width, 4)`` with even numbers."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -173,9 +158,7 @@ def _draw_all(maps: Iterable[GrainMap], stage: _Stage, most: int) -> Iterator[An
 
 
 def _make_even(figure: Any, most: int) -> None:
-    """Choose pixels per inch and size so that width and height are even numbers of pixels, the
-    larger of them ``most``.
-    """
+    """Make width and height even numbers of pixels, the larger of them ``most``."""
     sides = figure.get_size_inches()
     figure.dpi = most / max(sides)
     figure.set_size_inches(
@@ -208,7 +191,6 @@ def _umask() -> int:
 
 
 def _write_mp4(pictures: Iterator[Any], path: Path, rate: float) -> None:
-    """Hand the pictures to ffmpeg."""
     first = next(pictures)
     height, width = first.shape[:2]
     source = [
@@ -265,8 +247,7 @@ def _write_gif(pictures: Iterator[Any], path: Path, rate: float) -> None:
     from PIL import Image  # matplotlib brings it
 
     images = (Image.fromarray(picture).convert("RGB").quantize(256) for picture in pictures)
-    # GIF counts in hundredths of a second; most viewers slow down what is faster than 50 per
-    # second.
+    # GIF counts in 1/100 s; most viewers slow down what is faster than 50 per second.
     next(images).save(
         path, save_all=True, append_images=images, duration=max(round(1000.0 / rate), 20), loop=0
     )

@@ -50,9 +50,7 @@ def _fill(figure: Any, table: FieldTable) -> None:
 
 
 def _draw_mesh(axes: Any, table: FieldTable, field: Field) -> tuple[Any, str]:
-    """Draw the cells of a grid in colors; returns them, and which ends of the color bar stand for
-    more than their value.
-    """
+    """Draw cells of a grid; returns them, and which ends of the color bar stand for more."""
     values = table.values[field.name]
     low, high, extend = _color_range(values, field)
     x, y = (np.asarray(edges) for edges in np.meshgrid(*table.points.edges))
@@ -75,9 +73,7 @@ def _draw_mesh(axes: Any, table: FieldTable, field: Field) -> tuple[Any, str]:
 
 
 def _is_beyond(table: FieldTable) -> Any:
-    """Which points lie outside of the box around the grains, where only the kernel reaches; a
-    period has no sides.
-    """
+    """Which points lie outside the box around the grains, in y only if there is a period."""
     scene, at = table.scene, table.points.at
     reach = scene.radius[:, np.newaxis]
     low, high = (scene.center - reach).min(axis=0), (scene.center + reach).max(axis=0)
@@ -169,11 +165,7 @@ def _label(shown: list[Field]) -> str:
 
 
 def fields_text(table: FieldTable, terminal: Terminal) -> str:
-    """A field as a picture, or fields along a line as charts.
-
-    Raises:
-        MissingLibrary: If matplotlib is not installed and a picture is wanted.
-    """
+    """A field as a picture, or charts along a line; a picture may raise `MissingLibrary`."""
     if not table.points.is_grid:
         at = table.points.coordinates[:, 0]
         label = table.points.names[0]

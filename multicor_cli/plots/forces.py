@@ -56,9 +56,7 @@ def draw_forces(axes: Any, network: ForceNetwork) -> None:
 
 
 def draw_network(axes: Any, network: ForceNetwork) -> Floats:
-    """Draw grains, walls and contacts into matplotlib axes; returns the widths of the lines of the
-    contacts [points].
-    """
+    """Draw grains, walls and contacts; returns the widths of the lines of the contacts [points]."""
     from matplotlib.collections import LineCollection
 
     draw_discs(axes, network.scene, color="0.93", edgecolors="0.55", linewidths=0.3, zorder=1)
@@ -77,9 +75,7 @@ def draw_network(axes: Any, network: ForceNetwork) -> Floats:
 
 
 def segments(network: ForceNetwork) -> tuple[Floats, Any]:
-    """Lines of the contacts, with images of those that cross the ends of the period, shape
-    ``(k, 2, 2)``; and their contacts.
-    """
+    """Lines of contacts, with images across the period, shape ``(k, 2, 2)``; and their contacts."""
     middle = 0.5 * (network.start + network.end)
     reach = 0.5 * np.abs(network.end - network.start)[:, 0]
     which, shift = images(middle[:, 0], reach, network.scene.period)
@@ -89,9 +85,7 @@ def segments(network: ForceNetwork) -> tuple[Floats, Any]:
 
 
 def line_widths(axes: Any, network: ForceNetwork) -> Floats:
-    """Widths of the lines [points], proportional to the normal forces without sign; the largest are
-    cut off at a wide line.
-    """
+    """Widths of the lines [points], proportional to normal forces without sign, up to a limit."""
     unit = _mean_width(axes, network)
     relative = np.abs(network.force[:, 0]) / _mean_size(network)
     return np.asarray(np.minimum(unit * relative, _WIDEST / _WIDTH * unit))
@@ -111,18 +105,13 @@ def _mean_size(network: ForceNetwork) -> float:
 
 
 def forces_text(network: ForceNetwork, terminal: Terminal) -> str:
-    """A force network as a picture.
-
-    Raises:
-        MissingLibrary: If matplotlib is not installed.
-    """
+    """A force network as a picture; raises `MissingLibrary` without matplotlib."""
     picture = draw_picture(network.scene, lambda axes: draw_network(axes, network), terminal)
     mean = _mean_size(network) if network.i.size else 0.0
     return f"{picture}\nwidth: normal force, mean {mean:.3g} N; blue: sticking, red: sliding"
 
 
-# ---- Figures of the statistics of contact forces: over their magnitude, and over the directions of
-#      the contacts
+# ---- Statistics of contact forces: over their magnitude, and over directions of contacts
 
 
 def draw_distribution(axes: Any, table: ForceDistribution) -> None:
@@ -165,9 +154,7 @@ def draw_distribution(axes: Any, table: ForceDistribution) -> None:
 
 
 def draw_angles(figure: Any, table: AngularDistribution) -> None:
-    """Draw both polar histograms into a matplotlib figure, with the second harmonics that the
-    anisotropies mean.
-    """
+    """Draw both polar histograms, with the second harmonics that the anisotropies mean."""
     contacts, forces = figure.subplots(1, 2, subplot_kw={"projection": "polar"})
     moments = table.moments
     level = 0.5 / np.pi
@@ -242,9 +229,7 @@ def distribution_text(table: ForceDistribution, _terminal: Terminal) -> str:
 
 
 def angles_text(table: AngularDistribution, _terminal: Terminal) -> str:
-    """Directions of the contacts and the forces along them, each over what it would be if all
-    directions were alike.
-    """
+    """Contact directions and the forces along them, over what they would be if all were alike."""
     degrees = np.degrees(table.angle)
     density = TextLine("density of contacts", degrees, 2.0 * np.pi * table.density)
     return draw_text(

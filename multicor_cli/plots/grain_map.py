@@ -1,6 +1,4 @@
-"""Grains and walls of a frame drawn to scale, colored by a quantity, with streamlines; and so in
-notebooks.
-"""
+"""Grains and walls of a frame to scale, colored by a quantity, with streamlines; for notebooks."""
 
 from __future__ import annotations
 
@@ -68,16 +66,14 @@ class Place(NamedTuple):
 def place_scene(
     figure: Any, scene: GrainScene, *, has_bar: bool = True, top: float = _TOP, width: float = 0.0
 ) -> Place:
-    """Give a figure the size that a scene needs, and axes that fill it: nothing is left empty, no
-    label is cut.
+    """Give a figure the size of a scene, and axes that fill it: nothing is empty, no label is cut.
 
     Args:
         figure: The figure; whatever size it has.
         scene: The scene. A wide one has its color bar below it, a tall one beside it.
         has_bar: Whether there is a color bar.
         top: Room above the axes [inch].
-        width: Width of the figure [inch]; 0: of a column, of a page if there are many grains. A
-            tall scene takes less.
+        width: Width [inch]; 0: of a column, or a page for many grains. A tall scene takes less.
     """
     across, upwards = (scene.box[1] - scene.box[0]).tolist()
     beside = _BESIDE if has_bar and not is_wide(scene) else 0.0
@@ -115,9 +111,7 @@ def is_wide(scene: GrainScene) -> bool:
 def draw_discs(
     axes: Any, scene: GrainScene, *, value: Floats | None = None, color: str = "none", **style: Any
 ) -> Any:
-    """Draw the grains: colored by ``value`` [shape ``(n,)``], or all in one color; returns the
-    collection of matplotlib.
-    """
+    """Draw the grains, colored by ``value`` or in one color; returns matplotlib's collection."""
     which, shift = images(scene.center[:, 0], scene.radius, scene.period)
     center = scene.center[which] + np.column_stack([shift, np.zeros_like(shift)])
     edge = (
@@ -201,8 +195,7 @@ def _draw_outline(axes: Any, scene: GrainScene, outline: Outline) -> None:
 
 
 def solid_polygons(sides: Floats) -> list[Floats]:
-    """Corners of the polygons whose inside is solid, given the ends of sides that are solid on the
-    left, shape ``(k, 2, 2)``.
+    """Corners of solid polygons, given the ends of sides that are solid on the left ``(k, 2, 2)``.
 
     Each side begins where the one before ends, unless it begins another polygon.
     """
@@ -230,8 +223,7 @@ def _visible_part(point: Floats, normal: Floats, box: Floats) -> Floats:
 _CELL = 1.0  # cell of the grid over the mean diameter, for few grains
 _FINEST = 250  # cells along the longer side at most
 _SMOOTH = 2.0  # standard deviation of the average over the mean diameter
-# an average spans at least this part of the longer side, or lines of many grains cannot be told
-# apart
+# an average spans at least this part of the longer side, or lines cannot be told apart
 _COARSE = 60.0
 _DENSITY = 1.3  # of the lines along the longer side, as matplotlib counts
 _EMPTY = 0.5  # share of the plane that grains must fill for lines to pass, over its mean
@@ -267,12 +259,10 @@ def draw_streamlines(axes: Any, table: GrainMap) -> None:
 
 
 def smooth_field(table: GrainMap) -> tuple[Floats, Floats, Floats]:
-    """Mean of the vectors around the points of a grid, weighted by the area of the grains and a
-    Gaussian of the distance.
+    """Means of vectors on a grid, weighted by area and a Gaussian; nan where there are no grains.
 
     Returns:
-        x and y of the points [m], shapes ``(p,)`` and ``(q,)``, and the field, shape ``(q, p, 2)``;
-        nan where there are no grains.
+        x ``(p,)`` and y ``(q,)`` of the points [m], and the field, shape ``(q, p, 2)``.
     """
     scene, vector = table.scene, table.vector
     assert vector is not None
@@ -299,9 +289,7 @@ def smooth_field(table: GrainMap) -> tuple[Floats, Floats, Floats]:
 
 
 def _blur(grid: Floats, sigma: Floats, *, is_periodic: bool) -> Floats:
-    """Convolve with a Gaussian of ``sigma`` (x, y) cells; around the ends in x if periodic, with
-    nothing beyond otherwise.
-    """
+    """Convolve with a Gaussian of ``sigma`` (x, y) cells; around the ends in x if periodic."""
     rows, columns = grid.shape
     pad = (int(4 * sigma[1]) + 1, 0 if is_periodic else int(4 * sigma[0]) + 1)
     wide = np.pad(grid, ((0, pad[0]), (0, pad[1])))
@@ -331,8 +319,7 @@ def draw_map(place: Place, table: GrainMap, *, has_streamlines: bool = True) -> 
     Args:
         place: The room.
         table: The map.
-        has_streamlines: Whether vectors are shown as streamlines of their local mean, in which
-            vortices are seen, or as arrows.
+        has_streamlines: Whether vectors are streamlines of their local mean, or else arrows.
     """
     scale = color_scale(table)
     draw_bar(
@@ -344,9 +331,7 @@ def draw_map(place: Place, table: GrainMap, *, has_streamlines: bool = True) -> 
 
 
 def draw_values(axes: Any, table: GrainMap, norm: Any, *, has_streamlines: bool = True) -> Any:
-    """Draw the grains, walls and vectors of a map in the colors of ``norm``; returns the collection
-    of the grains.
-    """
+    """Draw grains, walls and vectors in colors of ``norm``; returns the collection of grains."""
     # Where a color is the background's own, an outline keeps the grain visible.
     outline: dict[str, Any] = (
         {"edgecolors": "0.45", "linewidths": 0.2}
@@ -363,9 +348,7 @@ def draw_values(axes: Any, table: GrainMap, norm: Any, *, has_streamlines: bool 
 
 
 def _colors(table: GrainMap) -> Any:
-    """The color map of a map; on a logarithmic scale what is zero or negative is white, and not the
-    darkest color.
-    """
+    """Color map; on a logarithmic scale what is not positive is white, not the darkest color."""
     import matplotlib as mpl
 
     if table.names:
@@ -410,9 +393,7 @@ def draw_bar(axes: Any, table: GrainMap, discs: Any, scale: tuple[Any, str]) -> 
 
 
 def color_scale(table: GrainMap) -> tuple[Any, str]:
-    """Norm of matplotlib for the values, and which ends of the color bar stand for more than their
-    value.
-    """
+    """Norm of matplotlib, and which ends of the color bar stand for more than their value."""
     colors = library("matplotlib.colors")
     if table.names:
         return colors.BoundaryNorm(
@@ -428,14 +409,11 @@ def color_scale(table: GrainMap) -> tuple[Any, str]:
 
 
 def _draw_arrows(axes: Any, table: GrainMap) -> None:
-    """Arrows on the grains, or on some of them; the few longest are cut, the colors tell how long
-    they are.
-    """
+    """Arrows on grains, or on some; the few longest are cut, the colors tell how long they are."""
     scene, vector = table.scene, table.vector
     assert vector is not None
     step = max(1, -(-scene.radius.size // _ARROWS))
-    # An order that does not follow the numbering, which may go row by row: arrows must not line up
-    # with the grains.
+    # The numbering may go row by row: arrows in its order would line up with the grains.
     order = np.random.default_rng(0).permutation(scene.radius.size)[::step]
     spacing = float(np.sqrt(np.prod(scene.box[1] - scene.box[0]) / order.size))
     longest = float(np.quantile(table.value, _LONG)) or 1.0
@@ -457,11 +435,7 @@ def _draw_arrows(axes: Any, table: GrainMap) -> None:
 
 
 def map_text(table: GrainMap, terminal: Terminal, *, has_streamlines: bool = True) -> str:
-    """A map as a picture, with the values of its darkest and lightest color below.
-
-    Raises:
-        MissingLibrary: If matplotlib is not installed.
-    """
+    """A map as a picture, with its range of values; raises `MissingLibrary` without matplotlib."""
     norm, _ = color_scale(table)
     values = ", ".join(table.names) if table.names else f"from {norm.vmin:.6g} to {norm.vmax:.6g}"
     picture = draw_picture(
@@ -479,8 +453,7 @@ _DPI = 150  # of a notebook
 
 
 def picture(shown: Any) -> bytes | None:
-    """A map of the last frame of a run, or of a frame, as PNG; None where there is nothing to draw
-    or to draw with.
+    """A map of a frame, or of the last one of a run, as PNG; None without grains or matplotlib.
 
     Temperatures where there is heat, else speeds.
 

@@ -1,6 +1,4 @@
-"""Figures over time: energy books, columns of the time series, what flows through a line, rheology,
-what is in a region.
-"""
+"""Figures over time: books, columns of the time series, flow, rheology, what is in a region."""
 
 from __future__ import annotations
 
@@ -58,14 +56,11 @@ COLOR_OF = {
     "heat_from_surroundings": "#882255", "heat_to_walls": "0.5", "heat_stored": COLORS[4],
     "kinetic_in": "#117733", "kinetic_out": "#999933", "heat_out": "#999933",
 }  # fmt: skip
-"""One color for one thing: friction and impacts, as a loss and as heat; walls, as work and as heat;
-what is kept, as motion and as heat."""
+"""One color for one thing: friction, impacts, walls, as work or heat; what is kept, as either."""
 
 
 def draw_energy(figure: Any, table: EnergyTable) -> None:
-    """Draw the books into a matplotlib figure: mechanics, beside it heat if there is any, the
-    closures below.
-    """
+    """Draw the books into a figure: mechanics, beside it heat if any, the closures below."""
     books = [("energy since the start [J]", [*_flows(table, MECHANICAL), _GAIN], table.closure)]
     if table.heat_closure is not None:
         books.append(
@@ -84,9 +79,7 @@ def _flows(table: EnergyTable, entries: Sequence[BookLine]) -> list[BookLine]:
 
 
 def _draw_stack(panel: Any, table: EnergyTable, entries: Sequence[BookLine]) -> None:
-    """What came in upwards from zero, what went out downwards; entries that never matter are left
-    out.
-    """
+    """What came in upwards, what went out downwards; entries that never matter are left out."""
     values = {e: table.books[e.name] * (1.0 if e.sign > 0 else -1.0) for e in entries}
     largest = max(float(np.abs(v).max()) for v in values.values())
     shown = [e for e in entries if float(np.abs(values[e]).max()) > 1e-3 * largest]
@@ -185,7 +178,6 @@ def draw_series(figure: Any, table: SeriesTable) -> None:
 
 
 def _common_words(names: list[str]) -> str:
-    """The words with which all names begin."""
     words = [name.split() for name in names]
     shared = [column[0] for column in zip(*words, strict=False) if len(set(column)) == 1]
     return " ".join(shared)
@@ -284,9 +276,7 @@ def draw_rheology(figure: Any, table: Rheology) -> None:
 def draw_panel(
     panel: Any, table: TimeTable, label: str, quantities: Sequence[tuple[str, str]]
 ) -> None:
-    """Draw quantities over time, with their means and the errors of these; each has a name and a
-    text of the legend.
-    """
+    """Draw quantities, each a name and a text of the legend, over time with means and errors."""
     for color, (name, text) in zip(COLORS, quantities, strict=False):
         _draw_quantity(panel, table, name, text, color)
     panel.set_ylabel(label)
@@ -326,9 +316,7 @@ def explain(
 
 
 def _widen(panel: Any, means: list[float]) -> None:
-    """Show at least a thousandth of the largest mean: what is constant must not look as if it
-    varied.
-    """
+    """Show at least a thousandth of the largest mean: what is constant must not seem to vary."""
     low, high = panel.get_ylim()
     room = 5e-4 * float(np.nanmax(np.abs(means), initial=0.0))
     if high - low < 2.0 * room:
@@ -390,8 +378,7 @@ _OF_REGION: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
     ),
     ("temperature $T$ [K]", (("temperature", ""),)),
 )
-"""Label of the axis, and the quantities of each panel with their names; without heat spin takes the
-place of the last."""
+"""Label of the axis, quantities of each panel with their names; without heat the last is spin."""
 
 _SPIN = (r"spin $\omega$ [rad/s]", (("spin", ""),))
 

@@ -28,9 +28,7 @@ from multicor_cli.text import unit_sign
 
 
 def _fill(figure: Any, profiles: ProfileSet) -> None:
-    """Draw one profile as `draw_profile` does, or those of several fields of one unit into one
-    panel.
-    """
+    """Draw one profile as `draw_profile` does, or those of several fields in one panel."""
     if len(profiles.tables) == 1:
         draw_profile(figure.add_subplot(), profiles.first)
         return
@@ -251,9 +249,7 @@ def draw_theta_eta(axes: Any, table: ThetaTable) -> None:
 
 
 def _shown(table: ThetaTable) -> float:
-    """η up to which there is something to see: a quarter beyond the last bin that differs from the
-    reference.
-    """
+    """η up to which there is something to see: 1/4 beyond the last bin that differs from θ = 0."""
     changed = np.flatnonzero(np.abs(np.nan_to_num(table.mean)) > _NOTHING)
     return min(1.0, 1.25 * float(table.center[changed[-1]]) + 0.02) if changed.size else 1.0
 

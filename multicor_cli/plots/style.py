@@ -70,9 +70,7 @@ _RC: Any = {
 
 
 def axis_label(label: str, symbol: str, unit: str) -> str:
-    """Label of an axis: ``velocity $v_x$ [m/s]``; components, as in ``stress xy``, are left to the
-    symbol.
-    """
+    """As ``velocity $v_x$ [m/s]``; components, as in ``stress xy``, are left to the symbol."""
     return f"{_COMPONENTS.sub('', label)} ${symbol}$ [{unit_sign(unit)}]"
 
 
@@ -86,17 +84,10 @@ def draw_with_errors(
     names: tuple[str, str, str],
     **style: Any,
 ) -> None:
-    """Draw means over the height with a band of standard errors; where one is not known the band
-    ends and the marker is hollow.
+    """Draw means over the height with a band of standard errors.
 
-    Args:
-        axes: Matplotlib axes.
-        values: Means, shape ``(b,)``.
-        y: Heights, shape ``(b,)``.
-        error: Standard errors, nan where they are not known, shape ``(b,)``.
-        marker: Marker of the means.
-        names: What the legend calls means, errors and means without error; empty: nothing.
-        style: Color and widths of the line.
+    Where an error is nan the band ends and the marker is hollow. ``names`` are what the legend
+    calls means, errors and means without error; empty: nothing.
     """
     mean, band, unknown = (name or None for name in names)
     known = np.isfinite(error)
@@ -149,19 +140,13 @@ class PlotError(Exception):
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Apply the style to figures made inside the context.
-
-    Raises:
-        MissingLibrary: If matplotlib is not installed.
-    """
+    """Apply the style to figures made inside; raises `MissingLibrary` without matplotlib."""
     with library("matplotlib").rc_context(_RC):
         yield
 
 
 def show_decades(axis: Any, values: Floats) -> None:
-    """Let a logarithmic axis of matplotlib span the whole decades around positive values, with
-    labels at the decades only.
-    """
+    """Let a logarithmic axis span whole decades around positive values, labeled at decades only."""
     axis.set_minor_formatter("")
     if values.size:
         low, high = np.floor(np.log10(values.min())), np.floor(np.log10(values.max())) + 1.0
@@ -191,18 +176,9 @@ def check_suffix(path: Path) -> None:
 
 @contextmanager
 def figure_file(path: Path, width: float, height: float) -> Iterator[Any]:
-    """Give a figure of matplotlib in the house style to draw into, and write it when the context is
-    left without an error.
+    """A figure, sizes in inch, in the house style, written if the context is left without an error.
 
-    Args:
-        path: File to write; its ending (.png, .svg, .pdf) chooses the format.
-        width: Width of the figure [inch].
-        height: Height of the figure [inch].
-
-    Raises:
-        MissingLibrary: If matplotlib is not installed.
-        PlotError: If the ending is not known.
-        StorageError: If the file cannot be written.
+    Raises as `house_style` and `save_figure` do.
     """
     check_suffix(path)
     with house_style():
@@ -214,12 +190,9 @@ def figure_file(path: Path, width: float, height: float) -> Iterator[Any]:
 
 
 def save_figure(figure: Any, path: Path) -> None:
-    """Write a figure in the format of the file name, whole or not at all, and its directory; the
-    same data give the same bytes.
+    """Write a figure and its directory, whole or not at all; the same data give the same bytes.
 
-    Raises:
-        PlotError: If the name has no known ending.
-        StorageError: If the file cannot be written.
+    Raises `PlotError` if the name has no known ending, `StorageError` if it cannot be written.
     """
     check_suffix(path)
     ending = path.suffix.lower()
@@ -230,12 +203,10 @@ def save_figure(figure: Any, path: Path) -> None:
     commit_result(path, "figure", drawn.getvalue())
 
 
-# ---- Temperatures that differ by a few millikelvin: axes show how far they are above a round
-#      temperature
+# ---- Temperatures that differ by millikelvins: axes count from a round temperature
 
 _NARROW = 3e-4
-"""Range over the largest value below which numbers on an axis need so many digits that nobody reads
-them."""
+"""Range over the largest value below which numbers need so many digits that nobody reads them."""
 
 _LITTLE = 0.1
 """Part of the range by which the round temperature may lie above the lowest."""
@@ -245,16 +216,10 @@ _COARSEST = 2
 
 
 def rise_reference(unit: str, low: float, high: float) -> float | None:
-    """The round temperature from which an axis should count [K]; None if it can show temperatures
-    as they are.
+    """The round temperature from which an axis from ``low`` to ``high`` should count, or None.
 
-    It lies just below ``low``, or a little above: of grains that started at 298.15 K one may have
-    cooled by a millionth.
-
-    Args:
-        unit: Unit of the values; only kelvin have an arbitrary zero.
-        low: Smallest value on the axis.
-        high: Largest value on the axis.
+    Only kelvin have an arbitrary zero. It lies just below ``low``, or a little above: of grains
+    that started at 298.15 K one may have cooled by a millionth.
     """
     width = high - low
     if unit != "K" or not 0.0 < width < _NARROW * abs(high):
@@ -276,9 +241,7 @@ def rise_label(label: str, symbol: str, reference: float) -> str:
 
 
 def rise_formatter(reference: float) -> Any:
-    """Formatter of matplotlib that prints temperatures [K] as millikelvin above ``reference``
-    [K].
-    """
+    """Formatter of matplotlib: temperatures [K] as millikelvin above ``reference`` [K]."""
     from matplotlib.ticker import FuncFormatter
 
     return FuncFormatter(
@@ -286,8 +249,7 @@ def rise_formatter(reference: float) -> Any:
     )
 
 
-# ---- Grains in a terminal: what matplotlib draws, as cells of two colors, or as letters where
-#      there are no colors
+# ---- Grains in a terminal: what matplotlib draws, as cells of two colors or as letters
 
 _DPI = 72.0  # a pixel is a point: lines are at least a pixel wide
 _RAMP = " .:-=+*#%@"  # from white to black
@@ -300,8 +262,7 @@ class Terminal:
     Attributes:
         columns: Letters in a line.
         rows: Lines.
-        colors: Its color system as rich names it ("truecolor", "256", "standard"); None without
-            colors.
+        colors: Color system as rich names it ("truecolor", "256", "standard"); None without colors.
     """
 
     columns: int = 80
@@ -312,13 +273,7 @@ class Terminal:
 def draw_picture(scene: GrainScene, draw: Callable[[Any], Any], terminal: Terminal) -> str:
     """A scene as lines of text that fit into a terminal; a letter is two pixels high and one wide.
 
-    Args:
-        scene: The grains and walls; its box is what is shown.
-        draw: Draws them into axes of matplotlib.
-        terminal: What the terminal can show.
-
-    Raises:
-        MissingLibrary: If matplotlib is not installed.
+    Raises `MissingLibrary` without matplotlib.
     """
     across, upwards = (scene.box[1] - scene.box[0]).tolist()
     most = min(terminal.columns, 2.0 * terminal.rows * across / upwards)
@@ -343,16 +298,13 @@ def _render(draw: Callable[[Any], Any], width: int, height: int) -> NDArray[np.u
 
 
 def _in_letters(pixels: NDArray[np.uint8]) -> str:
-    """Darkness as letters."""
     light = pixels.reshape(len(pixels) // 2, 2, -1, 3).mean(axis=(1, 3)) / 255.0
     rank = np.rint((1.0 - light) * (len(_RAMP) - 1)).astype(int)
     return "\n".join("".join(_RAMP[k] for k in row).rstrip() for row in rank)
 
 
 def _in_colors(pixels: NDArray[np.uint8], colors: str) -> str:
-    """Half blocks: the upper pixel is the color of the letter, the lower one that of its
-    background.
-    """
+    """Half blocks: the upper pixel is the color of the letter, the lower one of its background."""
     from rich.color import Color
     from rich.console import Console
     from rich.segment import Segment, Segments
@@ -374,8 +326,7 @@ def _in_colors(pixels: NDArray[np.uint8], colors: str) -> str:
     return text.getvalue().rstrip("\n")
 
 
-# ---- Charts drawn with letters: they need no library and look the same in every terminal, mail and
-#      log
+# ---- Charts drawn with letters: they need no library and look the same everywhere
 
 WIDTH, HEIGHT = 72, 20
 """Columns and rows of the area of a chart."""
@@ -385,13 +336,7 @@ _MARKS = "abcdefghijklmnop"
 
 @dataclass(frozen=True)
 class TextLine:
-    """A line of a chart.
-
-    Attributes:
-        label: What it is; empty if it is the only one.
-        x: Where its points are, shape ``(k,)``.
-        y: Their heights, shape ``(k,)``; points with nan are left out.
-    """
+    """A line of a chart; points with nan are left out. An only line has an empty label."""
 
     label: str
     x: Floats
@@ -408,13 +353,7 @@ def draw_text(
 ) -> str:
     """A chart as lines of text; the first line that passes a place is the one that is seen there.
 
-    Args:
-        lines: Up to 16 lines; more are left out.
-        x_label: Quantity and unit across.
-        y_label: Quantity and unit upwards.
-        rows: Rows of the area of the chart.
-        is_logarithmic: Whether both axes are logarithmic; points that are not positive are left
-            out.
+    Lines beyond 16 are left out, and on logarithmic axes points that are not positive.
     """
     known = [_known(line, is_logarithmic=is_logarithmic) for line in lines[: len(_MARKS)]]
     points = (
@@ -484,8 +423,7 @@ def _frame(
     ]
 
 
-# ---- The figure of a table: tables of `post/NAME.py` are drawn by `plots/NAME.py`, whose `FIGURES`
-#      says how
+# ---- The figure of a table: `FIGURES` of `plots/NAME.py` draw tables of `post/NAME.py`
 
 _DRAWN_IN = {
     **dict.fromkeys(("crossings", "energy", "region", "rheology"), "over_time"),
@@ -495,9 +433,7 @@ _DRAWN_IN = {
 
 
 class Renderer(NamedTuple):
-    """How a table is drawn: how large a figure of it is [inch], into a figure of matplotlib, and as
-    text for a terminal.
-    """
+    """How a table is drawn: size [inch], into a figure of matplotlib, as text for a terminal."""
 
     size: Callable[[Any], tuple[float, float]]
     draw: Callable[..., None]
@@ -523,9 +459,7 @@ def plot(table: Any, path: Path, **options: Any) -> None:
 
 
 def show(table: Any, terminal: Terminal, **options: Any) -> str:
-    """The figure of a table as text for a terminal; raises `PlotError` if it needs matplotlib and
-    that is not installed.
-    """
+    """The figure of a table as text; raises `PlotError` if it needs matplotlib and has none."""
     return _ways(table).text(table, terminal, **options)
 
 

@@ -1,6 +1,4 @@
-"""Horizontal bins between the walls: where they are in each frame, how high they reach, and what
-share of a grain lies in each.
-"""
+"""Horizontal bins between the walls: where they lie, and what share of a grain is in each."""
 
 from __future__ import annotations
 
@@ -23,14 +21,7 @@ from multicor_cli.text import choices
 
 
 class Shares(NamedTuple):
-    """Which grain (or line) lies in which bin with which area (or part of its length); one row per
-    overlap.
-
-    Attributes:
-        grain: Index of the grain, shape ``(k,)``.
-        bin: Index of the bin, shape ``(k,)``.
-        area: Area of the grain inside the bin [m²], shape ``(k,)``.
-    """
+    """Overlaps ``(k,)``: indices of grain (or line) and bin, area inside [m²] (or part of line)."""
 
     grain: NDArray[np.int64]
     bin: NDArray[np.int64]
@@ -38,29 +29,16 @@ class Shares(NamedTuple):
 
 
 def area_below(height: Floats, radius: Floats) -> Floats:
-    """Area of a disc below a horizontal line.
+    """Area of discs below a level line at ``height`` above their centers [m²].
 
-    Args:
-        height: Height of the line above the center of the disc [m].
-        radius: Radius of the disc [m].
-
-    Returns:
-        a²(π − arccos s + s√(1−s²)) with s = height/a cut to −1 … 1 [m²].
+    a²(π − arccos s + s√(1−s²)) with s = height/a cut to −1 … 1.
     """
     s = np.clip(height / radius, -1.0, 1.0)
     return np.asarray(radius * radius * (np.pi - np.arccos(s) + s * np.sqrt(1.0 - s * s)))
 
 
 def share_discs(y: Floats, radius: Floats, bottom: float, width: float, count: int) -> Shares:
-    """Share discs out among ``count`` bins of equal width; parts outside all bins are left out.
-
-    Args:
-        y: Heights of the centers [m], shape ``(n,)``.
-        radius: Radii [m], shape ``(n,)``.
-        bottom: Lower edge of the first bin [m].
-        width: Width of a bin [m].
-        count: Number of bins.
-    """
+    """Share discs out among ``count`` equal bins above ``bottom`` [m]; the rest is left out."""
     first = np.floor((y - radius - bottom) / width).astype(np.int64)
     last = np.floor((y + radius - bottom) / width).astype(np.int64)
 
@@ -79,9 +57,7 @@ def _share(
     count: int,
     part: Callable[[NDArray[np.int64], NDArray[np.int64]], Floats],
 ) -> Shares:
-    """Shares of what lies in the bins from ``first`` to ``last`` each, with what ``part`` says of
-    numbers and bins.
-    """
+    """Shares of what lies in bins ``first`` to ``last``; ``part`` gives the areas of overlaps."""
     none = np.zeros(0, np.int64)
     pieces = [Shares(none, none, np.zeros(0))]
     for step in range(int((last - first).max(initial=-1)) + 1):
@@ -93,19 +69,9 @@ def _share(
 
 
 def share_lines(start: Floats, end: Floats, bottom: float, width: float, count: int) -> Shares:
-    """Share straight lines out among ``count`` bins of equal width; parts outside all bins are left
-    out.
+    """Share straight lines out among bins by the heights of their ends [m]; see `share_discs`.
 
-    Args:
-        start: Heights of one end [m], shape ``(n,)``.
-        end: Heights of the other end [m], shape ``(n,)``.
-        bottom: Lower edge of the first bin [m].
-        width: Width of a bin [m].
-        count: Number of bins.
-
-    Returns:
-        The shares; ``grain`` is the number of the line, ``area`` the part of its length that lies
-        in the bin [1]. A level line lies in one bin.
+    ``area`` is the part of a line's length that lies in the bin [1]. A level line lies in one bin.
     """
     low, high = (np.minimum(start, end) - bottom) / width, (np.maximum(start, end) - bottom) / width
     first, last = np.floor(low).astype(np.int64), np.floor(high).astype(np.int64)
@@ -119,17 +85,7 @@ def share_lines(start: Floats, end: Floats, bottom: float, width: float, count: 
 
 
 def part_between(start: Floats, end: Floats, low: float, high: float) -> Floats:
-    """Part of the length of straight lines that lies between two heights [1].
-
-    Args:
-        start: Heights of one end [m], shape ``(n,)``.
-        end: Heights of the other end [m], shape ``(n,)``.
-        low: Lower height [m].
-        high: Upper height [m].
-
-    Returns:
-        0 … 1, shape ``(n,)``; a level line lies between them or not.
-    """
+    """Part of straight lines between two heights, 0 … 1, ``(n,)``; level lines lie there or not."""
     bottom, top = np.minimum(start, end), np.maximum(start, end)
     rise = top - bottom
     part = (np.minimum(top, high) - np.maximum(bottom, low)) / np.where(rise > 0.0, rise, 1.0)
@@ -137,8 +93,7 @@ def part_between(start: Floats, end: Floats, low: float, high: float) -> Floats:
     return np.asarray(np.where(rise > 0.0, np.maximum(part, 0.0), level))
 
 
-# ---- Between which heights a profile extends: the walls below and above the grains, or the grains
-#      themselves
+# ---- Between which heights a profile extends: walls that bound the grains, or the grains
 
 Between = tuple[str, str]
 """Names of a lower and an upper wall."""
@@ -154,24 +109,21 @@ _STRAY = 0.1  # a wall still bounds the grains if no more than this part of them
 class Extent:
     """Where the heights of a profile are measured from, and how far they go.
 
-    Heights count from the lower wall where there is one, wherever it has moved to: from the line
-    through the centers of its glued grains (between the lowest and the highest of them), or from
-    its surface if it is smooth: from the mean height of what faces the grains, such as the top of a
-    polygon or the bottom of a tray. Otherwise they count from the lowest point that a grain
-    reaches. A wall is below the grains if it lies below the middle of them and the centers of nine
-    grains in ten lie above its line, in the first frame and in the last; and it must be wider than
-    it is high, half as wide as the grains spread, and no farther from them than ten times their
-    height: a gate that closed an opening, or has dropped away, bounds nothing. A solid disc is no
-    such wall, nor with grains glued to it.
+    Heights count from the lower wall, wherever it has moved to: from the line through the centers
+    of its glued grains (between the lowest and the highest of them), or from the mean height of
+    what faces the grains of a smooth one, such as the top of a polygon or the bottom of a tray;
+    without a lower wall, from the lowest point that a grain reaches. A wall is below the grains if
+    it lies below their middle and nine in ten of their centers lie above its line, in the first
+    frame and the last. It must be wider than high, half as wide as the grains spread, and no
+    farther from them than ten times their height: a gate that closed an opening, or dropped away,
+    bounds nothing, nor does a solid disc, bare or rough.
 
     Attributes:
         lower: Index of the wall below the grains, or None.
         upper: Index of the wall above the grains, or None.
-        line: Height of each wall in its own frame, of the upper one as seen from below [m], shape
-            ``(w,)``.
+        line: Height of walls in their frames, of the upper one seen from below [m], shape ``(w,)``.
         floor: Lowest point of the grains over the frames [m]; used without a lower wall.
-        height: Distance of the walls, averaged over the frames; where one is missing, how far the
-            grains reach [m].
+        height: Mean distance of the walls [m]; where one is missing, how far the grains reach.
     """
 
     lower: int | None
@@ -198,17 +150,10 @@ class Extent:
 def find_extent(
     source: FrameSource, indices: NDArray[np.int64], between: Between | None = None
 ) -> Extent:
-    """The extent over the selected frames.
-
-    Args:
-        source: The run.
-        indices: The frames.
-        between: Names of the walls below and above the grains; default: those that bound them, see
-            `Extent`.
+    """The extent over frames, between the walls named or else those that bound the grains.
 
     Raises:
-        PostError: If no grain is there, or ``between`` names no two walls that lie one above the
-            other.
+        PostError: If no grain is there, or ``between`` names no two walls one above the other.
     """
     model = source.model
     spans = wall_spans(model)
@@ -272,9 +217,7 @@ def _bounding_walls(
     width: Floats,
     diameter: float,
 ) -> tuple[int | None, int | None]:
-    """The highest of the walls that are below the grains in all of some frames, and the lowest of
-    those above them.
-    """
+    """The highest wall below the grains in all of some frames, and the lowest above them."""
     is_below, is_above = np.ones(width.size, np.bool_), np.ones(width.size, np.bool_)
     for frame in frames:
         first, last = np.quantile(np.asarray(frame.position)[:, 0], (_STRAY, 1.0 - _STRAY))
@@ -335,11 +278,9 @@ def _widths(model: Model) -> Floats:
 
 
 def wall_spans(model: Model) -> tuple[Floats, Floats]:
-    """Lowest and highest reference point of each wall in its frame [m]; infinite where a wall is
-    upright.
+    """Lowest and highest reference point of each wall in its frame [m]; infinite if it is upright.
 
-    Upright are planes more than 45° from the level, other walls that are higher than wide, and
-    discs, smooth or rough.
+    Upright are planes over 45° from the level, walls higher than wide, discs, smooth or rough.
     """
     low, high = np.full((model.wall_count, 2), np.inf), np.full((model.wall_count, 2), -np.inf)
     is_upright = np.zeros(model.wall_count, np.bool_)
@@ -370,9 +311,7 @@ def _are_round(model: Model) -> NDArray[np.bool_]:
 
 
 def _surround_one(discs: Floats) -> bool:
-    """Whether all discs but the largest touch it, and leave no half of its rim free: x, y and
-    radius come first [m].
-    """
+    """Whether discs (x, y, radius, …) touch the largest and leave no half of its rim free."""
     largest = int(discs[:, RADIUS].argmax())
     others = np.delete(discs, largest, axis=0)
     if not len(others):
@@ -390,8 +329,7 @@ BIN_LIMIT = 100_000
 """Largest number of bins; more is taken for a mistake."""
 
 WALL_LAYER = 1.0
-"""The layer at a wall that profiles leave out unless told otherwise, in mean diameters: walls order
-the grains there."""
+"""Mean diameters at a wall that profiles leave out by default: walls order the grains there."""
 
 # of the distance of the walls: no more than that is left out at each unless told otherwise
 _NEAR = 0.125
@@ -399,12 +337,7 @@ _NOTHING = 1e-9  # of the distance of the walls: a height below that is zero but
 
 
 class BinPlace(NamedTuple):
-    """Where the bins are in a frame.
-
-    Attributes:
-        bottom: Lower edge of the first bin [m].
-        width: Width of a bin [m].
-    """
+    """Where the bins are in a frame: lower edge of the first, and width of each [m]."""
 
     bottom: float
     width: float
@@ -414,9 +347,8 @@ class BinPlace(NamedTuple):
 class Bins:
     """Horizontal bins of equal width.
 
-    Between two walls that approach each other or move apart they become narrower or wider with the
-    distance, so that they end at the walls in every frame; what is left out next to the walls keeps
-    its width.
+    They stretch with the distance of two walls, so that they end at the walls in every frame; what
+    is left out at the walls keeps its width.
 
     Attributes:
         extent: Where heights are measured from.
@@ -438,9 +370,7 @@ class Bins:
         return np.asarray(self.bottom + (np.arange(self.count) + 0.5) * self.width)
 
     def place(self, frame: GrainFrame) -> BinPlace:
-        """Where the bins are in a frame; raises `PostError` if the walls come too near to each
-        other.
-        """
+        """Where the bins are in a frame; raises `PostError` if the walls come too near."""
         width = self.width + (self.extent.span(frame) - self.extent.height) / self.count
         if not width * self.count > _NOTHING * self.extent.height:
             raise PostError(
@@ -455,9 +385,7 @@ class Bins:
         return share_discs(y, radius, *place, self.count)
 
     def share_branches(self, contacts: LoadedContacts, y: Floats, place: BinPlace) -> Shares:
-        """Which branch of a contact lies in which bin with which part of its length; ``y`` are the
-        heights of the grains [m].
-        """
+        """Which branch lies in which bin with which part of its length; ``y`` of the grains [m]."""
         start = y[contacts.i]
         return share_lines(start, start - contacts.branch[:, 1], *place, self.count)
 
@@ -475,15 +403,12 @@ def make_bins(
     exclude_walls: float | None = 0.0,
     between: Between | None = None,
 ) -> Bins:
-    """Bins over the extent of the frames ``chosen``, each about ``bin_width`` mean diameters wide
-    unless their number is given.
+    """Bins over the extent of frames: so many, or about ``bin_width`` mean diameters wide.
 
-    What is left out at the walls is `WALL_LAYER`, or less between walls that are near, if
-    ``exclude_walls`` is None.
+    If ``exclude_walls`` is None, `WALL_LAYER` is left out at walls, or less if they are near.
 
     Raises:
-        PostError: If there are too few or too many, nothing is left between the walls, or
-            ``between`` names no such walls.
+        PostError: If they are too few or many, no room is left, or ``between`` is no such walls.
     """
     extent = find_extent(source, chosen, between)
     diameter = source.model.mean_diameter

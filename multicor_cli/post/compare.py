@@ -22,11 +22,8 @@ class Pair(NamedTuple):
     Attributes:
         name: Name in data.
         label: Name for people, with the unit.
-        first: Value of the first run.
-        second: Value of the second run.
         error: Standard error of their difference, √(e₁² + e₂²); nan if it is not known.
-        note: That one of them drifts, or that its error is a guess from too few frames; empty if
-            neither.
+        note: That one of them drifts, or has an error guessed from too few frames; else empty.
     """
 
     name: str
@@ -71,9 +68,7 @@ class ProfilePair:
 
     @property
     def ratio(self) -> Floats:
-        """Second minus first over the standard error of that; nan where it is not known, shape
-        ``(b,)``.
-        """
+        """Second minus first over its standard error, shape ``(b,)``; nan where it is not known."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.where(
                 self.error > 0.0, (self.second.value - self.first.value) / self.error, np.nan
@@ -81,9 +76,7 @@ class ProfilePair:
 
     @property
     def rms_ratio(self) -> float:
-        """Root mean square of `ratio`: about 1 where the runs differ by chance only; nan without
-        errors.
-        """
+        """Root mean square of `ratio`: about 1 if runs differ by chance only; nan if unknown."""
         known = self.ratio[np.isfinite(self.ratio)]
         return float(np.sqrt((known**2).mean())) if known.size else np.nan
 
@@ -111,11 +104,9 @@ class Comparison(Table):
     """What `compare` finds.
 
     Attributes:
-        names: Names of the two runs: the key that differs with its value, ``friction = 0.3``, where
-            it is one.
+        names: Names of the runs: a key with its value, ``friction = 0.3``, if one alone differs.
         keys: Scenario keys that differ: key, value of the first run, of the second; as texts.
-        numbers: Sizes, books at the end, and the rheology if both runs are sheared between two
-            walls.
+        numbers: Sizes, books at the end, and the rheology if two walls shear both runs.
         profiles: Profiles by field.
     """
 
@@ -285,9 +276,7 @@ def _books(first: SeriesSource, second: SeriesSource) -> list[Pair]:
 def _rheologies(
     first: SeriesSource, second: SeriesSource, selection: Selection | None
 ) -> list[Pair]:
-    """Pairs of the rheology if both runs have one; nothing if one is not sheared between two
-    walls.
-    """
+    """Pairs of the rheology; nothing if one of the runs is not sheared between two walls."""
     try:
         one, two = rheology(first, selection), rheology(second, selection)
     except PostError:

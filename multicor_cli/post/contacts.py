@@ -1,6 +1,4 @@
-"""The contacts of a frame that carry a force, and a run as if it had only the grains of some of its
-groups.
-"""
+"""The contacts of a frame that carry a force, and a run with the grains of some groups only."""
 
 from __future__ import annotations
 
@@ -25,8 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LoadedContacts:
-    """The contacts of a frame with a normal force (tension is negative); ``c`` of them between
-    ``n`` grains and the walls.
+    """Contacts with a normal force (tension is negative): ``c`` between ``n`` grains and walls.
 
     Attributes:
         i: First grain, shape ``(c,)``.
@@ -34,9 +31,7 @@ class LoadedContacts:
         force: Normal and tangential force on i, mean of the last step [N], shape ``(c, 2)``.
         row: Numbers of these contacts among all of the frame, shape ``(c,)``.
         rows: All contacts of the frame; what is not needed is not read.
-        reach_of: Radii of the grains, then of the wall shapes: of glued grains, 0 of smooth walls
-            [m], shape ``(n + m,)``.
-        grain_count: Number of grains n.
+        reach_of: Radii of grains, then of wall shapes, 0 of smooth ones [m], shape ``(n + m,)``.
     """
 
     i: NDArray[Any]
@@ -54,9 +49,7 @@ class LoadedContacts:
 
     @cached_property
     def reach(self) -> Floats:
-        """Distance from the center of i to that of j, or to the point where i touches a smooth wall
-        [m], shape ``(c,)``.
-        """
+        """From the center of i to that of j, or to a smooth wall [m], shape ``(c,)``."""
         return np.asarray(
             self.reach_of[self.i]
             + np.asarray(self.rows.gap, np.float64)[self.row]
@@ -76,9 +69,7 @@ class LoadedContacts:
 
     @cached_property
     def branch(self) -> Floats:
-        """From the center of j, or the point where i touches a smooth wall, to the center of i [m],
-        shape ``(c, 2)``.
-        """
+        """From the center of j, or where i touches a smooth wall, to that of i [m], ``(c, 2)``."""
         return np.asarray(self.normal * self.reach[:, np.newaxis])
 
     def virial(self, a: int, b: int) -> Floats:
@@ -113,9 +104,7 @@ class LoadedContacts:
 
 
 def has_forces(frame: GrainFrame) -> bool:
-    """Whether contact forces belong to a frame: they were recorded, and a step was done before
-    it.
-    """
+    """Whether contact forces belong to a frame: they were recorded, and a step came before it."""
     return bool(frame.contacts.recorded) and frame.dt > 0.0
 
 
@@ -132,11 +121,7 @@ def loaded_contacts(frame: GrainFrame, model: Model) -> LoadedContacts:
 
 
 def with_forces(source: FrameSource, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Those of the frames ``chosen`` to which contact forces belong.
-
-    Raises:
-        PostError: If there is none.
-    """
+    """Those of the frames ``chosen`` with contact forces; raises `PostError` if there is none."""
     found = [int(k) for k in chosen if has_forces(source.frames[int(k)])]
     if not found:
         refuse_frame(
@@ -166,8 +151,7 @@ _OF_GRAINS = ("position", "velocity", "spin", "temperature", "generated", "unwra
 
 
 class FrameOfGroups:
-    """A frame with the grains of some groups; walls, times and what else belongs to the whole are
-    its own.
+    """A frame with the grains of some groups; walls, times and the like are those of the whole.
 
     Attributes:
         whole: The frame with all its grains.
@@ -197,10 +181,9 @@ class FrameOfGroups:
         )
 
     def parts(self, contacts: LoadedContacts) -> Floats:
-        """Which part of each contact of the whole is that of these grains: half for each of two
-        grains, shape ``(c,)``.
+        """Which part of each contact of the whole is that of these grains, shape ``(c,)``.
 
-        What a grain exchanges with a wall is its own. So the parts of all groups add up to 1.
+        Half for each of two grains, all if with a wall: the parts of all groups add up to 1.
         """
         n = contacts.grain_count
         counts = np.zeros(contacts.reach_of.size)
@@ -238,15 +221,7 @@ class _Source:
 
 
 def of_groups(source: FrameSource, names: Sequence[str]) -> FrameSource:
-    """The run as if it had only the grains of these groups.
-
-    Args:
-        source: The run.
-        names: Names of ``[[particles]]``.
-
-    Raises:
-        PostError: If there is no such group.
-    """
+    """The run as if it had only grains of these groups; raises `PostError` if one is missing."""
     known = source.model.groups
     for name in names:
         if name not in known:

@@ -20,19 +20,16 @@ _UNITS = {"grains": "1/s", "mass": "kg/s", "area": "m2/s"}
 
 
 class FlowTable(TimeTable):
-    """What has flowed through a line per time, to the left of its direction counted positive; ``r``
-    intervals between frames.
+    """Flow through a line per time, positive to its left; ``r`` intervals between frames.
 
     Attributes:
         line: Its ends [m].
         time: Ends of the intervals [s], shape ``(r,)``.
         duration: Their lengths [s], shape ``(r,)``.
-        crossed: Grains, their mass [kg] and area [m²] that crossed in each interval, by name, shape
-            ``(r,)``.
+        crossed: Grains, mass [kg] and area [m²] that crossed in each interval, by name, ``(r,)``.
         forth: Grains that crossed to the left in all.
         back: Grains that crossed to the right in all.
-        lost: Grains that came, went, or went and came back between two frames: what they crossed
-            meanwhile is not known.
+        lost: Grains that came, went, or did both between two frames: what they crossed is unknown.
     """
 
     KEYS = (
@@ -115,8 +112,7 @@ def flow_through(source: FrameSource, line: Line, selection: Selection | None = 
 
     Args:
         source: The run.
-        line: The ends of the line [m]; what crosses from its right to its left, seen along it,
-            counts as positive.
+        line: The ends of the line [m]; what crosses to its left, seen along it, is positive.
         selection: Which frames; default: the later half of the last stage.
 
     Raises:
@@ -170,9 +166,7 @@ def _crossings(
 def _shared(
     source: FrameSource, before: GrainFrame, after: GrainFrame, duration: float
 ) -> tuple[Rows, Rows, int]:
-    """Rows of the grains that have gone from one frame to the other, and how many others there are
-    in one of the two.
-    """
+    """Rows of grains that went from frame to frame, and how many others are in one of the two."""
     first, second = (getattr(frame, "number", None) for frame in (before, after))
     if first is None or second is None or not getattr(before, "is_open", True):
         everything = np.arange(len(before.position))
@@ -187,9 +181,7 @@ def _shared(
 
 
 def _farthest(source: FrameSource, before: GrainFrame, after: GrainFrame, duration: float) -> float:
-    """How far a grain can have come between two frames [m]: with the largest speed in them, and as
-    it falls.
-    """
+    """How far a grain can have come between two frames [m]: at their largest speed, and falling."""
     speeds = (
         float(np.hypot(*np.asarray(frame.velocity, np.float64).T[:2]).max(initial=0.0))
         for frame in (before, after)
@@ -210,9 +202,7 @@ def _shifts(start: Floats, end: Floats, line: Line, period: float) -> list[float
 
 
 def _crossed(start: Floats, end: Floats, line: Floats) -> NDArray[np.int64]:
-    """+1 where a path goes from the right of a line to its left between its ends, −1 where it comes
-    back, else 0.
-    """
+    """+1 where a path crosses a line from right to left between its ends, −1 back, else 0."""
     along = line[1] - line[0]
     first, last = (
         along[0] * (at[:, 1] - line[0, 1]) - along[1] * (at[:, 0] - line[0, 0])

@@ -1,6 +1,4 @@
-"""Over time: the energy books of a run, mechanical and of heat if it has any, and columns of its
-time series.
-"""
+"""Over time: the energy books of a run, mechanical and of heat, and columns of its time series."""
 
 from __future__ import annotations
 
@@ -20,11 +18,7 @@ from multicor_cli.text import choices
 
 @dataclass(frozen=True)
 class BookLine(Quantity):
-    """A line of the books.
-
-    Attributes:
-        sign: +1 for what comes in, −1 for what goes out, 0 for what is neither.
-    """
+    """A line of the books; ``sign``: +1 for what comes in, −1 for what goes out, 0 for neither."""
 
     sign: int = 0
 
@@ -46,9 +40,8 @@ MECHANICAL = _books(
     ("kinetic_gain", "gain of kinetic energy", 0),
     ("imbalance", "imbalance", 0),
 )
-"""The mechanical books: gain = what came in − what went out + imbalance. The works include those of
-the projection of positions. What grains bring and take along is there in runs in which they come
-and go."""
+"""The mechanical books: gain = in − out + imbalance; works include the projection of positions.
+What grains bring and take along is there in runs in which they come and go."""
 
 HEAT = _books(
     ("heat_friction", "heat of friction", 1),
@@ -69,8 +62,7 @@ class EnergyTable(Table):
 
     Attributes:
         time: Times [s], shape ``(s,)``.
-        books: The lines of `MECHANICAL`, and of `HEAT` in a run with heat, that the run has, by
-            name [J], shape ``(s,)``.
+        books: The lines of `MECHANICAL` and `HEAT` that the run has, by name [J], shape ``(s,)``.
         closure: Largest mechanical imbalance so far over the sum of all terms, shape ``(s,)``.
         heat_closure: The same of heat, or None in a run without.
         entries: The lines that the run has.
@@ -80,8 +72,7 @@ class EnergyTable(Table):
 def energy(
     source: SeriesSource, start: float | None = None, end: float | None = None
 ) -> EnergyTable:
-    """The energy books over time; they count from the start of the run whatever part of it is
-    looked at.
+    """The energy books over time; they count from the start of the run whatever part is asked for.
 
     Args:
         source: The run.
@@ -163,9 +154,7 @@ MOST_LINES = 6
 
 
 class SeriesTable(TimeTable):
-    """Columns of a time series. What a row has of forces and powers is a mean over the time since
-    the row before.
-    """
+    """Columns of a time series; forces and powers are means over the time since the row before."""
 
     KEYS = ("time", "units", "mean", "standard_error", "drift", "values")
 
@@ -175,9 +164,7 @@ class SeriesTable(TimeTable):
         return {name: float(values.mean()) for name, values in self.values.items()}
 
     def overview(self) -> SeriesTable:
-        """The columns that a figure shows unless others are asked for, no more of one unit than it
-        can tell apart.
-        """
+        """The columns of a figure by default, no more of one unit than it can tell apart."""
         chosen: list[Column] = []
         for word in OVERVIEW:
             called = [

@@ -1,6 +1,4 @@
-"""Where coarse-grained fields are wanted, how they are smoothed, and the densities of which they
-are made, frame by frame.
-"""
+"""Where coarse-grained fields are wanted, and the densities of a frame that they are made of."""
 
 from __future__ import annotations
 
@@ -30,15 +28,12 @@ class FieldPoints:
     Attributes:
         at: Where they are [m], shape ``(m, 2)``.
         turn: Angle by which the local axes are turned from x and y [rad], shape ``(m,)``.
-        axes: Names of the local axes: x and y, or r and t (outwards, and counter-clockwise about
-            the center).
-        row: Number of the row of a table to which each point counts: of itself, or of its ring,
-            shape ``(m,)``.
+        axes: Names of the local axes: x, y, or r, t (outwards, counter-clockwise about the center).
+        row: Row of a table to which each point counts: its own, or its ring's, shape ``(m,)``.
         names: Names of the coordinates of a row, and of their units.
         coordinates: The coordinates of the rows, shape ``(rows, c)``.
         shape: Numbers of rows and columns of a grid; (rows,) of a line or of rings.
-        edges: Edges of the cells of a grid in both coordinates, for figures; empty of lines and
-            rings.
+        edges: Edges of the cells of a grid in both coordinates; empty of lines and rings.
         center: Center of polar coordinates [m].
     """
 
@@ -76,9 +71,7 @@ def grid(low: Sequence[float], high: Sequence[float], spacing: float) -> FieldPo
 def polar_grid(
     center: tuple[float, float], inner: float, outer: float, spacing: float
 ) -> FieldPoints:
-    """Centers of cells of a ring between two radii, about ``spacing`` wide in the middle; ring by
-    ring from inside.
-    """
+    """Centers of cells of a ring, about ``spacing`` wide in the middle; rings from inside."""
     radii = _edges(inner, outer, spacing)
     around = max(np.pi * (inner + outer) / spacing, 8.0)
     _refuse_many((radii.size - 1) * around, spacing)
@@ -116,9 +109,7 @@ def line(start: tuple[float, float], end: tuple[float, float], spacing: float) -
 
 
 def rings(center: tuple[float, float], inner: float, outer: float, spacing: float) -> FieldPoints:
-    """Rings about ``spacing`` apart between two radii, each with points that are that far from each
-    other, or eight of them.
-    """
+    """Rings about ``spacing`` apart, of points that far from each other, eight at least."""
     radii = _middle(_edges(inner, outer, spacing))
     _refuse_many(np.pi * (outer**2 - inner**2) / spacing**2, spacing)
     counts = np.maximum(np.round(2.0 * np.pi * radii / spacing).astype(np.int64), 8)
@@ -167,9 +158,7 @@ _NODES = 6  # of Gauss's quadrature along a line
 
 
 class _Pairs(NamedTuple):
-    """Sources and points that are near: their numbers, and the vector from the one to the other
-    [m], shape ``(k, 2)``.
-    """
+    """Numbers of near sources and points, and vectors from one to the other [m], ``(k, 2)``."""
 
     source: NDArray[np.int64]
     point: NDArray[np.int64]
@@ -184,13 +173,7 @@ class CoarseGrid:
     """
 
     def __init__(self, points: Floats, reach: float, period: float = 0.0) -> None:
-        """Sort the points into cells.
-
-        Args:
-            points: The points, x within the period [m], shape ``(m, 2)``.
-            reach: Distance c to which the kernel reaches [m]; at most the period.
-            period: Period in x [m]; 0 if there is none.
-        """
+        """Sort points into cells; x is within the period (0: none), ``reach`` c at most that."""
         self.points, self.reach, self._period = points, reach, period
         self._width = max(reach, float(np.ptp(points, axis=0).max()) / _MOST_CELLS)
         cell = self._cell(points)
@@ -201,15 +184,7 @@ class CoarseGrid:
         self._first = np.searchsorted(key[self._order], np.arange(self._size.prod() + 1))
 
     def densities(self, position: Floats, values: Floats) -> Floats:
-        """Densities of what sources at points carry.
-
-        Args:
-            position: Where they are, x within the period [m], shape ``(n, 2)``.
-            values: What they carry, shape ``(n, q)``.
-
-        Returns:
-            Shape ``(m, q)``, per m².
-        """
+        """Densities ``(m, q)`` [per m²] of what sources carry, ``(n, q)``; x within the period."""
         total = np.zeros((len(self.points), values.shape[1]))
         for source, point, away in self._pairs(position):
             q = np.hypot(*away.T) / self.reach
@@ -231,13 +206,7 @@ class CoarseGrid:
         return total
 
     def densities_along(self, start: Floats, branch: Floats, values: Floats) -> Floats:
-        """Densities of what is spread evenly along lines, by Gauss's quadrature of six points.
-
-        Args:
-            start: Where the lines start [m], shape ``(n, 2)``.
-            branch: From there to where they end [m], shape ``(n, 2)``.
-            values: What each carries in all, shape ``(n, q)``.
-        """
+        """Densities of what is spread evenly along branches, by Gauss's quadrature (six points)."""
         total = np.zeros((len(self.points), values.shape[1]))
         nodes, weights = np.polynomial.legendre.leggauss(_NODES)
         for node, weight in zip(0.5 * (1.0 + nodes), 0.5 * weights, strict=True):
@@ -284,9 +253,7 @@ class CoarseGrid:
         first: NDArray[np.int64],
         count: NDArray[np.int64],
     ) -> Iterator[_Pairs]:
-        """Pairs of sources ``near`` with ``count`` points each, from the number ``first`` on in the
-        order of the cells.
-        """
+        """Pairs of sources ``near`` with ``count`` points each, from ``first`` on in cell order."""
         ends = np.cumsum(count)
         begin, done = 0, 0
         while begin < near.size:
@@ -313,11 +280,7 @@ _SYMMETRIC = ((0, 0), (0, 1), (1, 1))
 
 @dataclass(frozen=True)
 class Field(Quantity):
-    """A coarse-grained field.
-
-    Attributes:
-        is_signed: Whether it has both signs.
-    """
+    """A coarse-grained field; signed ones have values of both signs."""
 
     is_signed: bool = False
 
@@ -384,9 +347,7 @@ def frame_sums(
     *,
     has_stress: bool,
 ) -> Floats:
-    """Densities of a frame, by `column_names`, components along the local axes; means over a ring's
-    points, shape ``(rows, q)``.
-    """
+    """Densities of a frame by `column_names`, along local axes; means over rings; ``(rows, q)``."""
     model = model_of(source, frame)
     position = np.array(np.asarray(frame.position, np.float64)[:, :2])
     if model.period > 0.0:
@@ -454,20 +415,11 @@ def _of_contacts(
 
 
 def derive(sums: Floats, names: tuple[str, ...], axes: str) -> dict[str, Floats]:
-    """The fields, by name, from sums of densities over frames.
+    """The fields, by name, from mean densities ``(…, q)``; nan where nothing is near.
 
-    The mean velocity is momentum over mass (mean spin likewise); velocity gradients are those of
-    the mean velocity, (∂_b p_a − v_a ∂_b m)/m. The granular temperature is half the trace of the
-    kinetic stress over the mass. The shear rate is √((ε_aa − ε_bb)² + 4 ε_ab²): |γ̇| in simple
-    shear.
-
-    Args:
-        sums: Mean densities, shape ``(…, q)``.
-        names: Names of the densities.
-        axes: Names of the local axes.
-
-    Returns:
-        By name, shape ``(…)``; nan where nothing is near.
+    Velocity is momentum over mass (spin likewise), gradients those of the mean velocity, (∂_b p_a −
+    v_a ∂_b m)/m. Granular temperature is half the trace of the kinetic stress over the mass. The
+    shear rate is √((ε_aa − ε_bb)² + 4 ε_ab²): |γ̇| in simple shear.
     """
     s = dict(zip(names, np.moveaxis(sums, -1, 0), strict=True))
     a, b = axes[0], axes[1]

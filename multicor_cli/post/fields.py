@@ -1,6 +1,4 @@
-"""Coarse-grained fields of a flow: over the plane, in polar coordinates, along a line, or over
-rings about a center.
-"""
+"""Coarse-grained fields of a flow: over the plane, polar, along a line, or over rings."""
 
 from __future__ import annotations
 
@@ -32,13 +30,11 @@ from multicor_cli.text import choices
 Center = tuple[float, float]
 
 _LEAST_REACH = 0.01
-"""Least distance to which the kernel may reach, in mean diameters: what reaches no farther meets
-hardly a grain."""
+"""Least reach of the kernel in mean diameters: what reaches no farther meets hardly a grain."""
 
 
 class FieldTable(Table):
-    """Fields averaged over frames, at ``p`` places: points of a grid or of a line, or rings. Grids
-    in JSON are rows of columns.
+    """Fields averaged over frames at ``p`` places: a grid (in JSON rows of columns), line or rings.
 
     Attributes:
         of: The fields that the table and the figure show.
@@ -65,15 +61,13 @@ def fields(
     along: tuple[Center, Center] | None = None,
     is_radial: bool = False,
 ) -> FieldTable:
-    """Coarse-grained fields, averaged over frames: on a grid over the grains, unless another place
-    is asked for.
+    """Coarse-grained fields, averaged over frames: on a grid unless another place is asked for.
 
     Densities are averaged over the frames, and over rings, before velocities, temperatures and
     gradients are made of them. Near a wall part of the kernel lies beyond it: densities and
     stresses fall off within its reach, velocities and temperatures do not. Kinetic stress and
     granular temperature are those of velocities relative to the mean at the point, over time; a
-    gradient of the mean counts too, with about the square of the reach. Grains alone count, not
-    those that are glued to walls.
+    gradient of the mean counts too, with about the square of the reach. Glued grains do not count.
 
     Args:
         source: The run.
@@ -84,8 +78,7 @@ def fields(
             of them, the others are left out; if to none, there are no stresses.
         spacing: Distance of the points in mean diameters.
         reach: How far the kernel reaches in mean diameters.
-        center: Center of polar coordinates [m]: the grid is one of rings, and components are radial
-            and azimuthal.
+        center: Center of a polar grid or of rings [m]; then components are radial and azimuthal.
         along: The ends of a line [m] on which the fields are wanted.
         is_radial: Whether to average over rings about ``center``.
 
@@ -176,9 +169,7 @@ def _lines(
 
 
 def _statistics(fields: Sequence[Quantity], values: dict[str, Floats]) -> list[Column]:
-    """A row for each field of a grid with its mean, smallest and largest value over the points
-    where it has one.
-    """
+    """A row for each field of a grid: its mean, smallest and largest value where it has one."""
     known = [column[np.isfinite(column)] for column in (values[field.name] for field in fields)]
     columns = [
         Column("quantity", "", [with_unit(field.label, field.unit) for field in fields], key="")
@@ -211,9 +202,7 @@ def _default(points: FieldPoints) -> tuple[str, ...]:
 
 
 def _wanted(of: Sequence[str], known: Sequence[Quantity], *, is_grid: bool) -> tuple[Quantity, ...]:
-    """Fields by name; the name of a vector or tensor stands for its components, of which the figure
-    of a grid shows one.
-    """
+    """Fields by name; that of a vector or tensor stands for its components, but not on a grid."""
     names = {field.name: field for field in known}
     chosen: list[Quantity] = []
     for name in of:
@@ -271,9 +260,7 @@ def _box(source: FrameSource, chosen: NDArray[np.int64]) -> tuple[Floats, Floats
 def _beyond(
     source: FrameSource, chosen: NDArray[np.int64], points: FieldPoints, spacing: float
 ) -> str:
-    """A word on rings of which a part lies beyond the grains: their means are over what is empty
-    there, too.
-    """
+    """A word on rings partly beyond the grains: their means are over what is empty there, too."""
     low, high = _box(source, chosen)
     if source.model.period > 0.0:
         low[0], high[0] = -np.inf, np.inf

@@ -19,8 +19,7 @@ _SMOOTHING = 1e-12
 
 @dataclass(frozen=True)
 class MeanFlow:
-    """Mean velocity at each height between the walls: straight lines between knots a fixed part of
-    the height apart.
+    """Mean velocity over the height: straight lines between knots a fixed part of it apart.
 
     The lines have the smallest squares of the fluctuations of the grains about them, each weighted
     by its area and placed at its center. So a velocity that is linear in the height is found
@@ -29,17 +28,14 @@ class MeanFlow:
 
     Attributes:
         extent: Where heights are measured from; the knots move with the walls.
-        velocity: Velocities at the knots, the first at the origin and the last at the full height
-            [m/s], shape ``(k, 2)``.
+        velocity: Velocities at the knots from the origin to the full height [m/s], ``(k, 2)``.
     """
 
     extent: Extent
     velocity: Floats
 
     def fluctuation(self, frame: GrainFrame) -> Floats:
-        """Velocities of the grains of a frame relative to the mean flow at the height of their
-        centers [m/s], shape ``(n, 2)``.
-        """
+        """Velocities of grains relative to the mean flow at their centers [m/s], ``(n, 2)``."""
         cell, part = _locate(frame, self.extent, len(self.velocity) - 1)
         part = part[:, np.newaxis]
         mean = (1.0 - part) * self.velocity[cell] + part * self.velocity[cell + 1]
@@ -48,11 +44,7 @@ class MeanFlow:
 
 @dataclass(frozen=True)
 class RelativeFrame:
-    """A frame as seen from the mean flow; only what profiles of fluctuations need.
-
-    Attributes:
-        velocity: Velocities relative to the mean flow [m/s], shape ``(n, 2)``.
-    """
+    """A frame for profiles of fluctuations: velocity relative to the mean flow [m/s] ``(n, 2)``."""
 
     frame: GrainFrame
     velocity: NDArray[Any]
@@ -93,9 +85,7 @@ def mean_flow(source: FrameSource, chosen: NDArray[np.int64], bins: Bins) -> Mea
 
 
 def fluctuations(source: FrameSource, frame: int) -> Floats:
-    """Velocities relative to the mean horizontal flow of the same frame at the height of each grain
-    [m/s], shape ``(n, 2)``.
-    """
+    """Velocities relative to the mean horizontal flow of the same frame [m/s], shape ``(n, 2)``."""
     chosen = np.array([frame])
     flow = mean_flow(source, chosen, make_bins(source, chosen))
     flow.velocity[:, 1] = 0.0
@@ -110,9 +100,7 @@ def _tridiagonal(below: Floats, above: Floats, across: Floats) -> Floats:
 
 
 def _locate(frame: GrainFrame, extent: Extent, count: int) -> tuple[NDArray[np.int64], Floats]:
-    """Cell between two knots of each grain, and where in the cell its center lies: 0 … 1, or −1 … 2
-    for one outside the walls.
-    """
+    """Cell of each grain between two knots, and where in it the center is: 0 … 1, or −1 … 2."""
     place = (heights(frame) - extent.origin(frame)) * (count / extent.span(frame))
     cell = np.clip(np.floor(place).astype(np.int64), 0, count - 1)
     return cell, np.clip(place - cell, -1.0, 2.0)  # or one grain far away would outweigh all others

@@ -1,6 +1,4 @@
-"""Contact forces: how large, how many and where in one frame, and how they are distributed over
-magnitudes and directions.
-"""
+"""Contact forces: their network in one frame, and their distribution over sizes and directions."""
 
 from __future__ import annotations
 
@@ -49,8 +47,7 @@ class ForceNetwork(Table):
         j: Second grain, or wall shape (not below the number of grains), shape ``(c,)``.
         normal: Unit normal from j to i, shape ``(c, 2)``.
         start: Center of the grain i [m], shape ``(c, 2)``.
-        end: Center of the grain j next to it, free or glued, or where the grain touches a smooth
-            wall [m], shape ``(c, 2)``.
+        end: Center of grain j, free or glued, or where i touches a smooth wall [m], ``(c, 2)``.
         force: Normal and tangential force on i, mean of the last step [N], shape ``(c, 2)``.
         sliding: Whether the contact slides, shape ``(c,)``.
         is_wall: Whether a contact is one of a grain with a wall, shape ``(c,)``.
@@ -130,8 +127,7 @@ def _summary(contacts: LoadedContacts, sliding: NDArray[np.bool_]) -> dict[str, 
     return dict(zip(SUMMARY, values, strict=True))
 
 
-# ---- How contact forces are distributed: over their magnitude, and over the directions of the
-#      contacts
+# ---- How contact forces are distributed: over magnitudes, and over directions
 
 FORCE_BINS = 40
 """Logarithmic bins of the force distribution."""
@@ -155,36 +151,30 @@ class ForceDistribution(Table):
         edges: Edges of the bins in f/⟨f⟩, ``b + 1`` of them, a constant ratio apart.
         center: Geometric centers of the bins, shape ``(b,)``.
         normal: Density P(f_n/⟨f_n⟩) of the normal forces, shape ``(b,)``.
-        tangential: Density P(|f_t|/⟨|f_t|⟩) of the tangential forces; nan if there are none, shape
-            ``(b,)``.
+        tangential: The same of tangential forces, P(|f_t|/⟨|f_t|⟩); nan without any, ``(b,)``.
         count: Normal forces in each bin, shape ``(b,)``.
-        mean, tangential_mean: Mean normal force, and mean tangential force without its sign, over
-            all frames [N].
+        mean, tangential_mean: Mean normal and tangential force without its sign [N].
         contacts: Number of contacts.
         frames: Indices of the frames.
         times: Times of the first and last frame [s].
-        normal_scatter, tangential_scatter: Standard deviations of the densities from frame to
-            frame; nan with one, shape ``(b,)``.
+        normal_scatter, tangential_scatter: Standard deviations from frame to frame; nan with one.
     """
 
 
 class AngularDistribution(Table):
-    """Directions of grain–grain contacts and the mean forces along them, over the full circle;
-    ``b`` bins.
+    """Directions of grain–grain contacts and mean forces along them, full circle; ``b`` bins.
 
     A contact counts in both directions, as seen from either grain. The moments are those of E(θ) =
     (1 + a_c cos 2(θ − θ_c))/2π, ⟨f_n⟩(θ) = f₀ (1 + a_n cos 2(θ − θ_n)) and ⟨f_t⟩(θ) = −f₀ a_t sin
-    2(θ − θ_t): Fourier coefficients, a_c from the single contacts, the others from the bins, each
-    weighted alike; f₀ is the mean over the bins.
+    2(θ − θ_t): Fourier coefficients, a_c from single contacts, the others from bins that count
+    alike; f₀ is the mean over the bins.
 
     Attributes:
         angle: Centers of the bins, counter-clockwise from x [rad], shape ``(b,)``.
         density: Density of contact directions [1/rad], shape ``(b,)``; it integrates to 1.
-        normal: Mean normal force of the contacts in each bin over that of all; nan where there is
-            none, shape ``(b,)``.
+        normal: Mean normal force in each bin over that of all; nan without contacts, ``(b,)``.
         tangential: Mean tangential force over the mean normal force, shape ``(b,)``.
-        moments: Anisotropies ``a_c, a_n, a_t`` and their directions ``theta_c, theta_n, theta_t``
-            [degrees].
+        moments: Anisotropies ``a_c, a_n, a_t`` and directions ``theta_c, theta_n, theta_t`` [°].
         moments_scatter, density_scatter, normal_scatter: Standard deviations from frame to frame;
             nan with one frame.
         contacts: Number of contacts.
@@ -200,8 +190,7 @@ def force_distribution(
 
     Args:
         source: The run.
-        selection: Which frames; default: the later half of the last stage. Frames without contact
-            forces are left out.
+        selection: Which frames with forces; default: the later half of the last stage.
         bins: Number of bins.
 
     Raises:
@@ -268,14 +257,11 @@ def angular_distribution(
 
     Args:
         source: The run.
-        selection: Which frames; default: the later half of the last stage. Frames without contact
-            forces are left out.
-        bins: Number of bins over the full circle; even, so that opposite directions have bins of
-            their own.
+        selection: Which frames with forces; default: the later half of the last stage.
+        bins: Number of bins over the full circle; even: opposite directions have bins of their own.
 
     Raises:
-        PostError: If no contact forces belong to these frames, none is between grains, or the
-            number of bins is odd.
+        PostError: If these frames have no contact forces between grains, or ``bins`` is odd or < 4.
         StoreError: If the run cannot be read.
     """
     if bins < 4 or bins % 2:
@@ -288,8 +274,7 @@ def angular_distribution(
     single: list[dict[str, float]] = []
     for loaded in contacts:
         normal, force = (_between(loaded, values) for values in (loaded.normal, loaded.force))
-        # Opposite directions belong to one contact, and its forces are the same seen from either
-        # side.
+        # Opposite directions belong to one contact, whose forces are the same from either side.
         bin_ = np.minimum(
             (np.arctan2(normal[:, 1], normal[:, 0]) % np.pi / np.pi * half).astype(np.int64),
             half - 1,
@@ -328,9 +313,7 @@ def angular_distribution(
 
 
 def _directions(sums: Floats) -> tuple[Floats, Floats, Floats]:
-    """Density of directions, normal and tangential force over the mean normal force, from sums over
-    half a circle, ``(3, b/2)``.
-    """
+    """Densities, and forces over the mean normal force, of sums over half a circle ``(3, b/2)``."""
     count, f, g = sums
     overall = f.sum() / count.sum()
     with np.errstate(invalid="ignore"):
@@ -359,9 +342,7 @@ def _scatter_of(frames: list[dict[str, float]], overall: dict[str, float]) -> di
 
 
 def _count(values: Floats, edges: Floats) -> NDArray[np.int64]:
-    """Values in each bin of edges a constant ratio apart; a value on an edge belongs to the bin
-    above it.
-    """
+    """Values in each bin of edges a constant ratio apart; one on an edge is in the bin above."""
     inside = values[(values >= edges[0]) & (values < edges[-1])]
     count = edges.size - 1
     bin_ = (np.log(inside / edges[0]) * (count / np.log(edges[-1] / edges[0]))).astype(np.int64)
@@ -371,9 +352,7 @@ def _count(values: Floats, edges: Floats) -> NDArray[np.int64]:
 def _moments(
     fabric: complex, angle: Floats, normal: Floats, tangential: Floats
 ) -> dict[str, float]:
-    """Anisotropies and directions; those of forces from the bins, weighted evenly; bins without
-    contacts do not count.
-    """
+    """Anisotropies and directions; those of forces from bins that count alike, unless empty."""
     known = np.isfinite(normal)
     width = np.pi / angle.size
     # a bin averages e^{2iθ} over its width w: sin(w)/w
@@ -414,7 +393,6 @@ def _between(contacts: LoadedContacts, rows: Floats) -> Floats:
 
 
 def _frames_of(source: FrameSource, chosen: NDArray[np.int64], contacts: int) -> dict[str, Any]:
-    """What both distributions say first."""
     times = np.asarray(source.frames.time)[chosen]
     return {
         "frame_count": int(chosen.size),

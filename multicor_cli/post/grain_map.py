@@ -1,6 +1,4 @@
-"""The grains and walls of a frame as shapes that can be drawn, and a quantity of every grain as a
-map.
-"""
+"""Grains and walls of a frame as shapes that can be drawn, and a map of a quantity of grains."""
 
 from __future__ import annotations
 
@@ -39,8 +37,7 @@ class GrainScene:
     Attributes:
         center: Centers of the grains [m], shape ``(n, 2)``.
         radius: Radii of the grains [m], shape ``(n,)``.
-        walls: What the shapes of the walls look like in the world, kind by kind; glued grains lie
-            within the period.
+        walls: Outlines of the walls in the world by kind; glued grains lie within the period.
         period: Period in x [m]; 0 if there is none.
         box: Lower left and upper right corner of what is to be seen [m], shape ``(2, 2)``.
     """
@@ -81,14 +78,7 @@ def make_scene(source: FrameSource, frame: GrainFrame) -> GrainScene:
 def placed_walls(
     model: Model, pose: Floats, is_asked: NDArray[np.bool_] | None = None
 ) -> Iterator[tuple[NDArray[np.int64], Outline]]:
-    """What the shapes of the walls look like in the world, kind by kind: which of them, and their
-    outlines.
-
-    Args:
-        model: The walls.
-        pose: Reference points and angles of the walls [m, rad], shape ``(w, 3)``.
-        is_asked: Of which walls, shape ``(w,)``; default: all.
-    """
+    """Which shapes of the walls asked for, with outlines at ``pose`` [m, rad], kind by kind."""
     shapes = model.shapes
     asked = (
         np.arange(model.shape_count) if is_asked is None else np.flatnonzero(is_asked[shapes.wall])
@@ -98,17 +88,7 @@ def placed_walls(
 
 
 def images(x: Floats, reach: Floats, period: float) -> tuple[NDArray[np.int64], Floats]:
-    """What is to be drawn of things that cross the ends of the period.
-
-    Args:
-        x: Where they are, within the period [m], shape ``(n,)``.
-        reach: How far they reach to both sides [m], shape ``(n,)``.
-        period: The period [m]; 0 if there is none.
-
-    Returns:
-        Number of each thing to be drawn, and its shift in x [m]: all of them unshifted, then the
-        images.
-    """
+    """Numbers and shifts in x [m] of what to draw: all things, then images across the period."""
     everything = np.arange(x.size)
     if period <= 0.0:
         return everything, np.zeros(x.size)
@@ -187,12 +167,10 @@ def grain_map(
         source: The run.
         of: Name of the quantity, one of `MAPPED`.
         frame: Index of the frame; negative counts from the last one.
-        may_be_empty: Whether there may be no grain in the frame, of whose values a table can tell
-            nothing.
+        may_be_empty: Whether there may be no grain in the frame, and so nothing to tell.
 
     Raises:
-        PostError: If there is no such quantity, frame or grain, or the run has no heat and the
-            quantity needs it.
+        PostError: If there is no such quantity, frame or grain, or no heat for it in the run.
         StoreError: If the run cannot be read.
     """
     chosen = MAPPED.get(SAME.get(of, of))
@@ -234,9 +212,7 @@ def grain_map(
 
 
 def _statistics(field: GrainQuantity, value: Floats, names: tuple[str, ...]) -> tuple[Column, ...]:
-    """How the values are distributed; how many grains there are of each kind, where they stand for
-    names.
-    """
+    """How the values are distributed; where they stand for names, how many grains have each."""
     if names:
         counts = [float((value == k).sum()) for k in range(len(names))]
         return Column("kind", "", names, field.label, ""), Column("grains", "", counts, key="")

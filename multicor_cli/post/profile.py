@@ -45,8 +45,7 @@ class ProfileTable(Table):
 
     Attributes:
         field: What was averaged.
-        y: Centers of the bins above the origin [m], or over the height if normalized, shape
-            ``(b,)``.
+        y: Centers of the bins above the origin [m], or y/H if normalized, shape ``(b,)``.
         value: Averages in the unit of the field; if normalized, see
             `multicor_cli.post.quantities.Scaling`; shape ``(b,)``.
         error: Standard errors, shape ``(b,)``.
@@ -55,8 +54,7 @@ class ProfileTable(Table):
         height: Distance of the walls [m]; see `multicor_cli.post.bins.Extent`.
         wall_values: Averages of the field at the lower and upper wall; nan where there is none.
         walls: Names of the lower and upper wall; empty where there is none.
-        shear_rate: Difference of the mean velocities of the upper and lower wall over their
-            distance [1/s]; nan without them.
+        shear_rate: Mean V_upper − V_lower over the distance of the walls [1/s]; nan without them.
         frames: Indices of the frames.
         times: Times of the first and last frame [s].
         is_normalized: Whether ``y`` and ``value`` are normalized.
@@ -94,12 +92,10 @@ class ProfileTable(Table):
 
         A velocity or temperature goes from 0 at the lower wall to 1 at the upper wall (for a fixed
         lower wall and a velocity this is v/V with the velocity V of the upper wall). A spin is
-        divided by the shear rate of the walls, (V_upper − V_lower)/H: grains that turn with a
-        homogeneous shear flow have −1/2.
+        divided by the shear rate of the walls, (V_upper − V_lower)/H: −1/2 if grains turn with it.
 
         Raises:
-            PostError: If the field has no such form, there is no wall below or above the grains, or
-                the walls do not differ.
+            PostError: If the field has no such form, a wall is missing, or the walls do not differ.
         """
         if self.is_normalized:
             return self
@@ -199,9 +195,7 @@ class ProfileSet(Table):
         return {"of": self.name, **common, "fields": own}
 
     def normalized(self) -> ProfileSet:
-        """The same in a form without unit; see `ProfileTable.normalized`, whose errors are
-        raised.
-        """
+        """The same in a form without unit; raises as `ProfileTable.normalized`."""
         return ProfileSet(self.name, [table.normalized() for table in self.tables])
 
 
@@ -230,8 +224,7 @@ def profile(
         of: Name of the field, one of `PROFILED`.
         selection: Which frames; default: the later half of the last stage.
         bins: Number of bins; default: as many as make a bin about ``bin_width`` wide.
-        bin_width: Width of a bin in mean diameters, rounded so that a whole number of bins fits;
-            default: 1.
+        bin_width: Width in mean diameters, rounded so that a whole number fits; default: 1.
         exclude_walls: What to leave out at each wall, in mean diameters, counted as the heights
             are: from the line through the centers of glued grains, or from the surface of a smooth
             wall. Default: the layer next to the wall, `bins.WALL_LAYER`; between walls that are
@@ -438,9 +431,7 @@ def _at_walls(
     chosen: NDArray[np.int64],
     walls: tuple[int | None, int | None],
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Means over the frames of the field and of the velocity at the lower and upper wall; nan where
-    there is none.
-    """
+    """Means over frames of field and velocity at the lower and upper wall; nan without one."""
     values = np.full((chosen.size, 2, 2), np.nan)
     for row, k in enumerate(chosen):
         frame = source.frames[int(k)]

@@ -1,6 +1,4 @@
-"""Every quantity that grains or contacts have for post-processing, once: what profiles, maps, the
-page and the help know of it.
-"""
+"""Every quantity of grains or contacts, once: what profiles, maps, page and help know of it."""
 
 from __future__ import annotations
 
@@ -62,21 +60,17 @@ class GrainQuantity(Quantity):
     """A quantity that every grain, or every contact, has.
 
     Attributes:
-        of_grain: Values of the grains of a frame, shape ``(n,)``, or ``(n, 2)`` for vectors: what a
-            map shows; None if there is no map.
+        of_grain: Values that a map shows, ``(n,)`` or of vectors ``(n, 2)``; None without a map.
         colors: Color map of its maps.
         scale: How values become colors.
         needs_heat: Whether only runs with heat have it.
-        averaged: Values of the grains of a frame that a profile averages, shape ``(n,)``; what they
-            hold since the start of the run for a rate; None if contacts have the values, or there
-            is no profile.
+        averaged: Values of grains that a profile averages, shape ``(n,)``; of a rate what they hold
+            since the start of the run; None if contacts have the values, or without a profile.
         of_walls: Values of the walls of a frame, shape ``(w,)``, or None where walls have none.
         kind: How grains add up in a profile.
         scaling: What a normalized profile is divided by.
-        is_relative: Whether ``averaged`` wants the velocities relative to the mean flow at the
-            height of each grain.
-        of_contacts: Values of the contacts of a frame that carry a force, shape ``(c,)``; for the
-            kind ``contact``.
+        is_relative: Whether ``averaged`` wants the velocities relative to the mean flow.
+        of_contacts: Values of contacts that carry a force, ``(c,)``; of the kind ``contact``.
         needs_contacts: Whether profiles leave out frames without contact forces.
         per_area: Symbol and unit of a profile, where they are not those of a grain.
         names_of: Names that the values 0, 1, … stand for, where they are no amounts.
@@ -111,9 +105,7 @@ class GrainQuantity(Quantity):
 
 
 def color_range(quantity: GrainQuantity, values: NDArray[Any], grains: int) -> tuple[float, float]:
-    """Smallest and largest value with a color of its own, of finite values of one frame or more of
-    so many grains.
-    """
+    """Smallest and largest value with a color of its own, of finite values of so many grains."""
     if not values.size:
         return 0.0, 1.0
     low, high = float(values.min()), float(values.max())
@@ -159,9 +151,7 @@ def _kinds(name: str) -> Callable[[FrameSource, int], Floats]:
 
 
 def _displacements(source: FrameSource, frame: int) -> Floats:
-    """Distances from where the grains were in the first frame, periods they have passed included
-    [m], shape ``(n,)``.
-    """
+    """Distances from where grains were in the first frame, periods included [m], shape ``(n,)``."""
     first, now = source.frames[0], source.frames[frame]
     need_same_grains(first, now)
     moved = np.asarray(now.unwrapped, np.float64) - np.asarray(first.unwrapped, np.float64)
@@ -169,9 +159,7 @@ def _displacements(source: FrameSource, frame: int) -> Floats:
 
 
 def _heat_rates(source: FrameSource, frame: int) -> Floats:
-    """Mean heat of friction and impacts that each grain has received per time since the frame
-    before [W], shape ``(n,)``.
-    """
+    """Mean heat of friction and impacts per time since the frame before [W], shape ``(n,)``."""
     after = need_heat(source.frames[frame].generated)
     if frame == 0:
         raise PostError(
@@ -197,8 +185,7 @@ def _of_contacts(values: Callable[[LoadedContacts], Any]) -> Callable[[FrameSour
 def _pressures(source: FrameSource, frame: int) -> Floats:
     """Mean pressure in each grain by its contact forces [N/m], shape ``(n,)``.
 
-    Half the trace of its virial Σ f⊗ℓ/(π a²), ℓ from where it is touched to its center: Σ f_n/(2π
-    a).
+    Half the trace of its virial Σ f⊗ℓ/(π a²), ℓ from a contact to its center: Σ f_n/(2π a).
     """
     contacts = _contacts_of(source, frame)
     return np.asarray(contacts.loads / (2.0 * np.pi * contacts.reach_of[: contacts.grain_count]))
@@ -222,9 +209,7 @@ def _mean_pressure(contacts: LoadedContacts) -> Floats:
 
 
 def _stress(a: int, b: int) -> GrainQuantity:
-    """Contact stress σ_ab = Σ f_a ℓ_b / area: force on a grain times the branch towards it,
-    compression positive.
-    """
+    """Contact stress Σ f_a ℓ_b/area, force on a grain times branch to it; compression positive."""
     axes = "xy"[a] + "xy"[b]
     return GrainQuantity(
         f"stress-{axes}",

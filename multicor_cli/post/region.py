@@ -1,6 +1,4 @@
-"""What the grains and contacts inside a part of the plane do: solid fraction, motion, stress,
-temperature, frame by frame.
-"""
+"""What the grains and contacts inside a part of the plane do, frame by frame."""
 
 from __future__ import annotations
 
@@ -103,9 +101,7 @@ def in_region(source: FrameSource, area: Area, selection: Selection | None = Non
 
 
 def _room(area: Area, period: float) -> tuple[Room, float]:
-    """Where a grain counts, and the area of that [m²]: a rectangle as wide as the period has no
-    ends in x.
-    """
+    """Where grains count, and the area [m²]: a rectangle as wide as the period has no ends in x."""
     if isinstance(area, Rectangle) and 0.0 < period <= (area.high[0] - area.low[0]) * (
         1.0 + _ROUNDING
     ):
@@ -155,23 +151,16 @@ def _measure(
 
 
 def part_inside(depth: Floats, radius: Floats) -> Floats:
-    """Part of the area of discs on the inner side of a straight line, from 0 to 1.
+    """Part of the area of discs on the inner side of a straight line.
 
-    Args:
-        depth: Distance of the centers to the line, positive on the inner side [m], shape ``(n,)``.
-        radius: Radii [m], shape ``(n,)``.
-
-    Returns:
-        1 − (arccos s − s √(1 − s²))/π with s = depth/radius cut to −1 … 1, shape ``(n,)``.
+    1 − (arccos s − s √(1 − s²))/π, s = depth/radius cut to −1 … 1; inside depths are positive.
     """
     s = np.clip(depth / radius, -1.0, 1.0)
     return np.asarray(1.0 - (np.arccos(s) - s * np.sqrt(1.0 - s * s)) / np.pi)
 
 
 def _lengths_inside(contacts: LoadedContacts, position: Floats, room: Room) -> Floats:
-    """Part of each branch that lies inside, shape ``(c,)``: depth is linear along each of some
-    pieces.
-    """
+    """Part of each branch that lies inside, ``(c,)``: depth is linear along each of some pieces."""
     end = position[contacts.i]
     part, last = np.zeros(len(end)), room.clearance(end)
     for k in range(1, _PIECES + 1):

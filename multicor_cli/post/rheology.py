@@ -1,6 +1,4 @@
-"""Rheology of a layer sheared between two walls: inertial number, friction, solid fraction,
-contacts, fabric, spin, in its bulk.
-"""
+"""Rheology of the bulk of a layer sheared between two walls."""
 
 from __future__ import annotations
 
@@ -37,12 +35,10 @@ from multicor_cli.post.source import (
 from multicor_cli.post.sums import Spread, pseudo_values, spread
 from multicor_cli.post.table import Quantity, TimeTable
 
-# ---- The bulk of a sheared layer: what lies far enough from both walls, and what is summed over it
-#      in one interval of frames
+# ---- The bulk, far enough from both walls, and what is summed over it between two frames
 
 MARGIN = 8.0
-"""Mean diameters next to a wall that do not count as bulk: a rough wall disturbs the spins that
-far."""
+"""Mean diameters next to a wall that are no bulk: a rough wall disturbs the spins that far."""
 
 _LARGEST = 0.25  # of the distance of the walls: the margin of a thin layer
 # of what is free between the surfaces of the walls: the margin between large glued grains
@@ -61,7 +57,6 @@ class Band:
     """The heights between which the bulk lies.
 
     Attributes:
-        extent: The walls.
         bottom: What is left out above the line of the lower wall [m].
         top: What is left out below the line of the upper wall [m].
         margin: What is left out next to the surface of each wall [m].
@@ -73,9 +68,7 @@ class Band:
     margin: float
 
     def edges(self, frame: GrainFrame) -> tuple[float, float]:
-        """Lowest and highest y of the bulk in a frame [m]; raises `PostError` if the walls come too
-        near to each other.
-        """
+        """Lowest and highest y of the bulk [m]; raises `PostError` if the walls come too near."""
         floor, span = self.extent.origin(frame), self.extent.span(frame)
         if not self.bottom + self.top < span:
             raise PostError(
@@ -86,14 +79,7 @@ class Band:
 
 
 def find_band(model: Model, extent: Extent, margin: float | None) -> Band:
-    """The bulk between two walls.
-
-    Args:
-        model: Grains and walls.
-        extent: The walls, both of them.
-        margin: Mean diameters to leave out next to the surface of each wall; default: `MARGIN`, or
-            a quarter of the distance of the walls or a third of what is free between their surfaces
-            if that is less.
+    """The bulk between two walls, ``margin`` mean diameters off their surfaces; see `rheology`.
 
     Raises:
         PostError: If the margin is negative or leaves nothing.
@@ -135,9 +121,8 @@ def interval_sums(
 ) -> Floats:
     """The sums `SUM_NAMES` over the bulk between two frames that are ``lapse`` apart [s].
 
-    Velocity and spin are displacements over the interval, so nothing of the fluctuations in between
-    is missed; the shear rate is a least-squares slope. The rest belongs to the second frame; what
-    belongs to contacts is zero if it has none.
+    Velocity and spin are displacements over the interval: no fluctuation in between is missed. The
+    rest belongs to the second frame; what belongs to contacts is zero if it has none.
     """
     need_same_grains(first, second)
     model = model_of(source, second)
@@ -171,8 +156,7 @@ def _shear_and_spin(
     turn = _change(first, second, "angle")
     way = _change(first, second, "position") + model.period * _change(first, second, "image")
     strain = _slope(y[inside], way[inside])
-    # A least-squares slope weighs the local shear with (y − low)(high − y); so must the rotation it
-    # is compared with.
+    # A least-squares slope weighs the local shear with (y − low)(high − y); so must the rotation.
     weight = ((y - edges[0]) * (edges[1] - y))[inside]
     return strain, float(np.average(turn[inside], weights=weight))
 
@@ -268,16 +252,13 @@ class Rheology(TimeTable):
     over all grains whose center lies in the bulk, Z' over those with at least two contacts (the
     others are rattlers). The granular temperature is ½⟨v'·v'⟩ over all these grains, which count
     alike (see `multicor_cli.post.flow.MeanFlow`). The spin over the shear rate is −1/2 for grains
-    that turn with the flow. The density of contact directions is taken as (1 + a_c cos 2(θ −
-    θ_c))/2π.
+    that turn with the flow. The density of contact directions is (1 + a_c cos 2(θ − θ_c))/2π.
 
     Attributes:
         time: Ends of the intervals [s], shape ``(r,)``.
-        values: Each quantity of `QUANTITIES` over time by name, nan where it is not known, shape
-            ``(r,)``.
+        values: Each of `QUANTITIES` over time by name, nan where not known, shape ``(r,)``.
         mean: Averages over the intervals: ratios of sums, not means of ratios.
-        spread: Their standard errors, and what they drift by over the time that is looked at; see
-            `multicor_cli.post.sums.spread`.
+        spread: Their standard errors and drifts; see `multicor_cli.post.sums.spread`.
         margin: What is left out next to the surface of each wall [m].
         height: Distance of the walls [m].
         walls: Names of the lower and upper wall.
@@ -318,9 +299,8 @@ def rheology(
     Args:
         source: The run.
         selection: Which frames; default: the later half of the last stage.
-        margin: Mean diameters next to the surface of each wall that are not bulk; default: 8, or a
-            quarter of the distance of the walls or a third of what is free between their surfaces
-            if that is less.
+        margin: Mean diameters next to the surface of each wall that are not bulk; default: 8, or if
+            less a quarter of the distance of the walls or a third of that of their surfaces.
         between: Names of the walls below and above; default: those that bound the grains.
 
     Raises:
@@ -395,14 +375,11 @@ def _sum_bulk(source: FrameSource, band: Band, chosen: NDArray[np.int64]) -> Flo
 
 
 def _sum_walls(source: SeriesSource, extent: Extent, times: Floats) -> Floats:
-    """Length of the windows that end in each interval, and impulses of the walls in them: shear,
-    towards each other.
-    """
+    """Windows that end in each interval [s], and impulses of the walls in them: shear, pressing."""
     series = source.series
     duration, force = np.asarray(series["window_duration"]), np.asarray(series["wall_force"])
     lower, upper = force[:, extent.lower], force[:, extent.upper]
-    # Forces are those on the walls. Times of rows and frames that belong to one step are equal to
-    # the bit.
+    # Forces are those on the walls. Rows and frames of one step have times equal to the bit.
     shear, press = 0.5 * (lower[:, 0] - upper[:, 0]), 0.5 * (upper[:, 1] - lower[:, 1])
     interval = np.searchsorted(times, np.asarray(series["time"]), side="left") - 1
     inside = (interval >= 0) & (interval < times.size - 1)
@@ -446,9 +423,7 @@ def _derive(model: Model, sums: Floats, direction: float) -> dict[str, Floats]:
 
 
 def _fabric(s: dict[str, Floats]) -> tuple[Floats, Floats]:
-    """a_c and θ_c [degrees, 0 … 180] from the sums of n⊗n: ⟨n⊗n⟩ = ½ 1 + ¼ a_c (cos 2θ_c, sin 2θ_c;
-    sin 2θ_c, −cos 2θ_c).
-    """
+    """a_c and θ_c [°, 0 … 180]: ⟨n⊗n⟩ = ½ 1 + ¼ a_c (cos 2θ_c, sin 2θ_c; sin 2θ_c, −cos 2θ_c)."""
     along = (s["normal_xx"] - s["normal_yy"]) / s["normal_count"]
     across = 2.0 * s["normal_xy"] / s["normal_count"]
     return 2.0 * np.hypot(along, across), np.degrees(0.5 * np.arctan2(across, along)) % 180.0
@@ -457,9 +432,7 @@ def _fabric(s: dict[str, Floats]) -> tuple[Floats, Floats]:
 def _spread_of(
     without: dict[str, Floats], mean: dict[str, float], middle: Floats
 ) -> dict[str, Spread]:
-    """Errors and drifts of all quantities, from what they are without one of the intervals each,
-    and the middles of these.
-    """
+    """Errors and drifts, from the quantities without each of the intervals, and their middles."""
     angle = mean["fabric_direction"]  # directions repeat every 180°
     without["fabric_direction"] = angle + (
         (without["fabric_direction"] - angle + 90.0) % 180.0 - 90.0

@@ -43,9 +43,7 @@ class GrainFrame(Protocol):
 
     @property
     def generated(self) -> NDArray[Any] | None:
-        """Heat of friction and impacts that the grains have received since the start [J], shape
-        ``(n,)``.
-        """
+        """Heat of friction and impacts received since the start [J], shape ``(n,)``."""
 
     @property
     def wall_temperature(self) -> NDArray[Any] | None:
@@ -120,9 +118,7 @@ class SeriesSource(FrameSource, Protocol):
 
 
 def model_of(source: FrameSource, frame: GrainFrame) -> Model:
-    """The model of the grains that a frame has: of those that are there, where grains come and
-    go.
-    """
+    """The model of the grains that are there in a frame, where grains come and go."""
     return getattr(frame, "model", None) or source.model
 
 
@@ -137,11 +133,7 @@ def need_grains(source: FrameSource, chosen: NDArray[np.int64]) -> None:
 
 
 def need_same_grains(first: GrainFrame, second: GrainFrame) -> None:
-    """Two frames whose grains are compared one by one have the same ones.
-
-    Raises:
-        PostError: If they do not.
-    """
+    """Raises `PostError` unless two frames, to be compared grain by grain, have the same grains."""
     before, after = (getattr(frame, "number", None) for frame in (first, second))
     if before is not None and after is not None and not np.array_equal(before, after):
         raise PostError(
@@ -177,9 +169,7 @@ _ROUNDING = 1e-9  # times are sums of steps, and a frame at 0.06 s may say 0.060
 
 
 def within(times: Floats, start: float | None, end: float | None) -> NDArray[np.int64]:
-    """Indices of the times from ``start`` to ``end`` [s], both included, but for the rounding of
-    times; None is no limit.
-    """
+    """Indices of times from ``start`` to ``end`` [s], both included despite rounding."""
     slack = _ROUNDING * float(np.abs(times).max(initial=0.0))
     first, last = -np.inf if start is None else start, np.inf if end is None else end
     return np.flatnonzero((times >= first - slack) & (times <= last + slack))
@@ -189,8 +179,7 @@ def within(times: Floats, start: float | None, end: float | None) -> NDArray[np.
 class Selection:
     """Which frames to look at.
 
-    Without any choice: those of the last stage in the later half of the time between its first and
-    its last frame.
+    By default those of the last stage in the later half of the time that its frames span.
 
     Attributes:
         start: Earliest time [s]; a frame at this time is included.

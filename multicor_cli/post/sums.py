@@ -1,6 +1,4 @@
-"""Means over time with their errors, and sums over grains, contacts, bins and frames, of which
-every profile is a ratio.
-"""
+"""Means over time with their errors, and the sums of which every profile is a ratio."""
 
 from __future__ import annotations
 
@@ -18,12 +16,10 @@ from multicor_cli.post.contacts import FrameOfGroups, LoadedContacts, loaded_con
 from multicor_cli.post.source import FrameSource, GrainFrame, model_of, need_same_grains
 from multicor_cli.text import count_noun
 
-# ---- Means over time: their standard errors where a flow remembers, and their drift. The one place
-#      where errors are made
+# ---- Means over time, their standard errors and drifts: the one place where errors are made
 
 FEW_ROWS = 16
-"""Rows below which errors are a guess: what so few remember of each other can hardly be seen in
-them."""
+"""Rows below which errors are a guess: what so few remember of each other can hardly be seen."""
 
 SURE = 3.0
 """Standard errors from which on a drift is none of chance."""
@@ -32,17 +28,13 @@ _LEAST_INDEPENDENT = 2.0  # rows that count as independent, for a mean; a slope 
 
 
 class Spread(NamedTuple):
-    """What rows over time say of their mean; arrays have the shape of a row, numbers belong to a
-    single column.
+    """What rows over time say of their mean; arrays have the shape of a row.
 
     Attributes:
-        error: Standard error of the mean; nan where the rows are too few, or remember each other
-            for too long, to tell.
-        drift: Least-squares slope times the time from the first to the last row; nan with fewer
-            than two.
+        error: Standard error of the mean; nan where rows are too few, or remember for too long.
+        drift: Least-squares slope times the time from first to last row; nan with fewer than two.
         drift_error: Standard error of the drift; nan as that of the mean.
-        memory: Rows that count as one independent row, g ≥ 1: the variance of the mean is g times
-            that of independent rows.
+        memory: Rows g ≥ 1 that count as one: the mean has g times the variance of independent rows.
         number: How many rows count.
     """
 
@@ -54,9 +46,7 @@ class Spread(NamedTuple):
 
     @property
     def is_drifting(self) -> NDArray[np.bool_]:
-        """Whether the drift is beyond `SURE` of its standard errors; of few rows it is not
-        known.
-        """
+        """Whether the drift is beyond `SURE` standard errors; of few rows it is not known."""
         return np.asarray(
             (np.abs(self.drift) > SURE * self.drift_error) & (self.number >= FEW_ROWS), np.bool_
         )
@@ -69,9 +59,7 @@ class Spread(NamedTuple):
         )
 
     def note(self) -> str:
-        """A word on the mean of a single column: that it drifts, or that its rows are too few for a
-        good error; else nothing.
-        """
+        """That a single column's mean drifts, or has too few rows for a good error; else empty."""
         if bool(self.is_drifting):
             return "drifts"
         return "too short" if bool(self.is_unsure) else ""
@@ -85,10 +73,9 @@ def spread(rows: Floats, times: Floats | None = None) -> Spread:
     subtracting the mean takes from s². g is the larger of two estimates, and at least 1:
 
     - the initial monotone sequence: sums ρ(2k) + ρ(2k+1) are added as long as they are positive,
-      none larger than that before it (Geyer, Stat. Sci. 7, 473, 1992, section 3.3);
-    - (1 + φ)/(1 − φ) of an autoregressive process of first order, with φ = ρ(1) + (1 + 3ρ(1))/n:
-      the correlations of short series come out too small by this much (Kendall, Biometrika 41, 403,
-      1954).
+    none larger than that before it (Geyer, Stat. Sci. 7, 473, 1992, section 3.3); - (1 + φ)/(1 − φ)
+    of an autoregressive process of first order, with φ = ρ(1) + (1 + 3ρ(1))/n: correlations of
+    short series come out that much too small (Kendall, Biometrika 41, 403, 1954).
 
     Drifts are least-squares slopes; their errors are those of a slope with the residuals as noise
     of the same kind. A mean that drifts has an error that holds the drift, if it has one. What is
@@ -113,11 +100,9 @@ def spread(rows: Floats, times: Floats | None = None) -> Spread:
 
 
 def scatter(rows: Floats) -> Floats:
-    """Standard deviation of frames about their mean, shape of a row; nan with fewer than two. It is
-    no error of the mean.
+    """Standard deviation of frames (rows) about their mean; it is no error of the mean.
 
-    Args:
-        rows: Values, one row per frame; those that are not finite do not count, shape ``(f, …)``.
+    Values that are not finite do not count; nan with fewer than two.
     """
     known = np.isfinite(rows)
     number = known.sum(axis=0)
@@ -137,19 +122,11 @@ def standard_error(rows: Floats) -> Floats:
 
 
 def pseudo_values(total: Floats, without: Floats) -> Floats:
-    """What each row adds to a quantity that is made of sums over all rows, so that its errors are
-    those of a mean.
+    """What each row adds to a quantity of sums over all rows: its errors are those of their mean.
 
-    n θ − (n − 1) θ₋ₖ, with the quantity θ of all rows and θ₋ₖ of all rows but k: the jackknife
-    (Quenouille, Biometrika 43, 353, 1956; Tukey 1958). For ratios whose denominators are alike
-    these are the ratios of the rows.
-
-    Args:
-        total: Quantities of all rows, shape ``(…)``.
-        without: Quantities of all rows but one, shape ``(r, …)``.
-
-    Returns:
-        Shape ``(r, …)``; nan throughout where a quantity has no value without one of the rows.
+    n θ − (n − 1) θ₋ₖ, with the quantity θ of all rows and θ₋ₖ of all rows but k, ``(r, …)``: the
+    jackknife (Quenouille, Biometrika 43, 353, 1956; Tukey 1958). For ratios whose denominators are
+    alike these are the ratios of the rows. They are nan throughout where one θ₋ₖ has no value.
     """
     rows = len(without)
     values = rows * total - (rows - 1) * without
@@ -157,7 +134,6 @@ def pseudo_values(total: Floats, without: Floats) -> Floats:
 
 
 def _spread_column(values: Floats, times: Floats) -> tuple[float, float, float, float, float]:
-    """What `Spread` says of one column."""
     known = np.isfinite(values)
     x, t = values[known], times[known]
     if x.size < 2:
@@ -177,16 +153,14 @@ def _spread_column(values: Floats, times: Floats) -> tuple[float, float, float, 
 
 
 def _error(away: Floats, memory: float, parameters: float) -> float:
-    """√(s² g/(n − p g)), where p parameters have been fitted; nan if fewer than 2p rows are
-    independent.
-    """
+    """√(s² g/(n − p g)) with p fitted parameters; nan if fewer than 2p rows are independent."""
     if away.size < _LEAST_INDEPENDENT * parameters * memory:
         return math.nan
     return math.sqrt(float(away @ away) / away.size * memory / (away.size - parameters * memory))
 
 
 def _inefficiency(away: Floats) -> float:
-    """G of deviations from the mean; see `spread`."""
+    """Statistical inefficiency of deviations from the mean; see `spread`."""
     n = away.size
     power = float(away @ away)
     if power == 0.0:
@@ -209,14 +183,7 @@ ContactValues = Callable[[LoadedContacts], Floats]
 
 
 class Sums(NamedTuple):
-    """The value of a bin is the sum of ``value`` over that of ``weight``; shape ``(rows, b)``, one
-    row per frame or interval.
-
-    Attributes:
-        value: Numerators.
-        weight: Denominators.
-        area: Areas of the grains [m²].
-    """
+    """A row per frame or interval ``(rows, b)``: bins are Σ value/Σ weight; area of grains [m²]."""
 
     value: Floats
     weight: Floats
@@ -226,18 +193,14 @@ class Sums(NamedTuple):
 def sum_means(
     source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]
 ) -> list[Sums]:
-    """For averages over grains, weighted by their area; one row per frame, one result for each of
-    ``values``.
-    """
+    """For averages over grains weighted by area; a row per frame, a result for each of values."""
     return _sum_grains(source, chosen, bins, values, np.ones_like)
 
 
 def sum_numbers(
     source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]
 ) -> list[Sums]:
-    """For averages over grains that count alike, each with the part of its area that lies in a bin;
-    one row per frame.
-    """
+    """For averages over grains that count alike, each with the part of its area in a bin."""
     return _sum_grains(source, chosen, bins, values, lambda radius: 1.0 / (np.pi * radius**2))
 
 
@@ -276,9 +239,7 @@ def sum_shares(
 def sum_contacts(
     source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[ContactValues]
 ) -> list[Sums]:
-    """For what contacts carry per area of the plane, spread along their branches; one row per frame
-    with forces.
-    """
+    """For what contacts carry per area, spread along branches; a row per frame with forces."""
     area, weight = _empty(chosen.size, bins), _empty(chosen.size, bins)
     spread = [_empty(chosen.size, bins) for _ in values]
     for row, k in enumerate(chosen):
@@ -303,12 +264,7 @@ def sum_contacts(
 def sum_rates(
     source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]
 ) -> list[Sums]:
-    """For increases per time and area of the plane; one row per interval between consecutive
-    frames.
-
-    What a grain has gained in the interval lies where the grain is halfway between its two
-    positions.
-    """
+    """For increases per time and area, where grains are halfway; a row per interval of frames."""
     times = np.asarray(source.frames.time)
     area, weight = _empty(chosen.size - 1, bins), _empty(chosen.size - 1, bins)
     gained = [_empty(chosen.size - 1, bins) for _ in values]
@@ -332,9 +288,7 @@ def sum_rates(
 
 
 def plane_width(source: FrameSource, frame: GrainFrame) -> float:
-    """Width of the plane that the grains fill [m]: the period, or how far they reach in x where
-    there is none.
-    """
+    """Width of the plane [m]: the period, or without one how far the grains reach in x."""
     if source.model.period > 0.0:
         return source.model.period
     frame = getattr(frame, "whole", frame)  # of some groups: all grains fill the plane
@@ -348,9 +302,7 @@ def average(sums: Sums) -> tuple[Floats, Floats]:
 
 
 def drift_note(sums: Sums) -> str:
-    """A line on the bins whose means drift, or have too few frames for a good error; empty if there
-    are none.
-    """
+    """A line on bins whose means drift, or have too few frames for good errors; empty for none."""
     found = spread(row_values(sums))
     known = np.isfinite(found.drift)
     drifting, unsure = found.is_drifting & known, known & found.is_unsure & ~found.is_drifting
@@ -368,9 +320,7 @@ def drift_note(sums: Sums) -> str:
 
 
 def row_values(sums: Sums) -> Floats:
-    """What each row says of the means, shape of ``sums.value``; nan where a mean has no value
-    without one of the rows.
-    """
+    """What each row says of the means; nan where a mean has no value without one of the rows."""
     value, weight = sums.value.sum(axis=0), sums.weight.sum(axis=0)
     return pseudo_values(_ratio(value, weight), _ratio(value - sums.value, weight - sums.weight))
 

@@ -1,6 +1,4 @@
-"""Tables: columns and facts that are written once, and shown as text, CSV, JSON, DataFrames, in
-notebooks and figures.
-"""
+"""Tables: columns and facts written once; shown as text, CSV, JSON, DataFrames and figures."""
 
 from __future__ import annotations
 
@@ -73,8 +71,7 @@ def with_unit(label: str, unit: str) -> str:
 
 
 class Table:
-    """Columns, and facts that belong to all of them; both are attributes of the table by their
-    names.
+    """Columns, and facts that belong to all of them; both are attributes of the table by name.
 
     Attributes:
         columns: What people see; one value per row.
@@ -162,8 +159,7 @@ class Table:
         quantities in a column ``unit``.
 
         Args:
-            is_detailed: Whether to take what the table was made of (over time, or of single grains
-                or contacts), as ``--csv`` does.
+            is_detailed: Whether to take what the table was made of, as ``--csv`` does.
 
         Raises:
             MissingLibrary: If pandas is not installed.

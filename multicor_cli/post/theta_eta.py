@@ -1,6 +1,4 @@
-"""Dimensionless temperature θ of a bed against the dimensionless distance η from the wall that
-heats it.
-"""
+"""Dimensionless temperature θ of a bed against the distance η from the wall that heats it."""
 
 from __future__ import annotations
 
@@ -29,11 +27,9 @@ _ROUNDING = 1e-12  # of a mean of equal temperatures, which is to be that temper
 
 
 class ThetaTable(Table):
-    """θ = (T − T₀)/(T_wall − T₀) of every grain against η = y/H, and its statistics in bins of η;
-    ``n`` grains, ``b`` bins.
+    """θ = (T − T₀)/(T_wall − T₀) of ``n`` grains against η = y/H, and statistics in ``b`` bins.
 
-    y is the distance of the center of a grain from the surface of the wall: from the point of a
-    grain that is nearest to it.
+    y is the distance of a center from the surface of the wall, taken where a grain comes nearest.
 
     Attributes:
         eta, theta: η and θ of the grains, shape ``(n,)``.
@@ -41,8 +37,7 @@ class ThetaTable(Table):
         mean, spread, lowest, highest: Mean, standard deviation, smallest and largest θ of the
             grains whose center lies in each bin; nan where there is none, shape ``(b,)``.
         count: Number of grains in each bin, shape ``(b,)``.
-        scatter: Standard deviation of the mean of each bin from frame to frame; nan with one frame,
-            shape ``(b,)``.
+        scatter: Standard deviation of ``mean`` from frame to frame; nan with one, shape ``(b,)``.
         wall: Name of the wall.
         wall_temperature: T_wall [K].
         reference: T₀ [K].
@@ -78,13 +73,10 @@ def theta_eta(
         source: The run.
         frame: Index of the frame; negative counts from the last one.
         selection: Several frames instead of one.
-        bins: Number of bins between η = 0 and 1; default: as many as make a bin about one mean
-            diameter wide.
+        bins: Number of bins between η = 0 and 1; default: each about one mean diameter wide.
         wall: Name of the wall; default: the only one with a prescribed temperature.
-        height: H [m]; default: how far the grains reach from the surface of the wall in this frame,
-            or in the last of several.
-        reference: T₀ [K]; default: mean temperature of the first frame of the run, weighted by heat
-            capacity.
+        height: H [m]; default: how far grains reach from the wall in this frame, or the last one.
+        reference: T₀ [K]; default: mean of the first frame of the run, weighted by heat capacity.
 
     Raises:
         PostError: If the run has no heat, there is no such frame or wall, or the wall has no
@@ -145,9 +137,7 @@ def theta_eta(
 
 
 class _FrameTheta(NamedTuple):
-    """Distances from the wall [m] and θ of the grains, index of the wall, its temperature [K], how
-    far the grains reach [m].
-    """
+    """Distances from the wall [m], θ, number and temperature [K] of the wall, grains' reach [m]."""
 
     distance: Floats
     theta: Floats
@@ -200,9 +190,7 @@ def _find_wall(source: FrameSource, frame: GrainFrame, name: str | None) -> int:
 
 
 def _distances(source: FrameSource, frame: GrainFrame, wall: int) -> tuple[Floats, float]:
-    """Distances of the grains from the surface of a wall below or above them, and how far the
-    grains reach from it [m].
-    """
+    """Distances of grains from the surface of a wall below or above, and how far they reach [m]."""
     y = np.asarray(frame.position, np.float64)[:, 1]
     radius = model_of(source, frame).grains.radius
     bottom, top = float((y - radius).min()), float((y + radius).max())

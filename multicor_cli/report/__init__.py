@@ -1,5 +1,4 @@
-"""One HTML page about a run that needs nothing else: it can be mailed and opened in any browser,
-without a network.
+"""One HTML page about a run, to be mailed and opened in any browser without a network.
 
 ``pack`` reads the grains of some frames and makes them small, ``tables`` and ``figures`` say how
 the run went, ``page`` joins all that with the hand-written scripts beside it into one file,

@@ -1,6 +1,4 @@
-"""The figures of the page: profiles, and how energies and the solver did over time; as SVG that
-takes the colors of the page.
-"""
+"""Figures of the page, as SVG in its colors: profiles, energies and the solver over time."""
 
 from __future__ import annotations
 
@@ -26,8 +24,7 @@ from multicor_cli.store import Run
 _POINTS = 1200  # of a line; longer series are thinned
 _PROFILE_FRAMES = 20
 _VISIBLE = 2e-3  # of the height of a figure
-# Books that close and whose entries are not this much larger than their imbalance hold rounding
-# errors only
+# Books that close hold rounding errors only if no entry is so much larger than their imbalance
 _ROUNDING = 1e3
 _ABSURD = 1e100  # larger numbers come from damaged files, and axes cannot show them
 _SHORT = 12  # letters of a label of which three fit side by side
@@ -37,12 +34,7 @@ _SIZE = (3.7, 2.6)  # inch
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure.
-
-    Attributes:
-        title: What it shows.
-        svg: The picture; texts and axes are in ``currentColor``.
-    """
+    """A figure: what it shows, and the picture, with texts and axes in ``currentColor``."""
 
     title: str
     svg: str
@@ -50,13 +42,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Line:
-    """A line over time.
-
-    Attributes:
-        label: What it is.
-        value: Its values, shape ``(rows,)``.
-        color: Its color; None: the next one.
-    """
+    """A line over time, values ``(rows,)``; without a color it gets the next one."""
 
     label: str
     value: Floats
@@ -65,10 +51,6 @@ class Line:
 
 def make_figures(run: Run, books: EnergyTable | None) -> list[Figure] | None:
     """All figures that make sense for a run; None if matplotlib is not installed.
-
-    Args:
-        run: The run.
-        books: Its energy books; None if it has none yet.
 
     Raises:
         StoreError: If the run cannot be read.
@@ -80,16 +62,7 @@ def make_figures(run: Run, books: EnergyTable | None) -> list[Figure] | None:
 
 
 def make_figure(title: str, size: tuple[float, float], fill: Callable[[Any], None]) -> Figure:
-    """A figure for a page: its texts and axes take the colors of the page, its background is empty.
-
-    Args:
-        title: What it shows.
-        size: Width and height [inch].
-        fill: Draws into a figure of matplotlib.
-
-    Raises:
-        MissingLibrary: If matplotlib is not installed.
-    """
+    """A figure, sizes in inch, in the page's colors; raises `MissingLibrary` without matplotlib."""
     with house_style():
         from matplotlib.figure import Figure as Canvas
 
@@ -115,9 +88,7 @@ def _recolor() -> None:
 
 
 def _profiles(run: Run) -> list[Figure]:
-    """Profiles of the later half of the last stage, of fields that vary over the height between
-    walls that shear or heat.
-    """
+    """Profiles over the later half of the last stage that vary between walls that shear or heat."""
     found = []
     for of in ("velocity", "temperature", "solid-fraction"):
         try:
@@ -205,9 +176,7 @@ def _histories(run: Run, books: EnergyTable) -> list[Figure]:
 def _book_lines(
     books: EnergyTable, entries: tuple[BookLine, ...], pick: _Thinning, closure: Floats
 ) -> list[Line]:
-    """Lines of the books that matter, those that differ from zero in the figure; none if the books
-    hold rounding errors only.
-    """
+    """Lines of the books that differ from zero in a figure; none if all are rounding errors."""
     sizes = {
         entry: _largest(books.books[entry.name]) for entry in entries if entry.name in books.books
     }
@@ -231,11 +200,7 @@ _RESIDUALS = (("residual_rms", "rms"), ("residual_max", "maximum"), ("residual_e
 
 
 class _Thinning:
-    """Blocks of rows that a line of the figure has one point for.
-
-    Attributes:
-        time: Times of the points [s].
-    """
+    """Blocks of rows that a line has one point for, and the times of these [s]."""
 
     def __init__(self, time: Floats) -> None:
         step = -(-time.size // _POINTS)
@@ -244,11 +209,9 @@ class _Thinning:
         self.time = time[self._ends]
 
     def last(self, values: NDArray[Any]) -> Floats:
-        """The last value of each block."""
         return np.asarray(values[self._ends], np.float64)
 
     def most(self, values: NDArray[Any]) -> Floats:
-        """The largest value of each block."""
         return np.asarray(np.maximum.reduceat(values, self._starts), np.float64)
 
 
@@ -302,9 +265,7 @@ def _draw(title: str, draw: Callable[[Any], None]) -> Figure:
 
 
 def _inline(svg: str) -> str:
-    """An SVG file as part of an HTML page: no addresses of standards, no fixed size, inks of the
-    page.
-    """
+    """An SVG file as part of a page: no addresses of standards, no fixed size, inks of the page."""
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
     svg = re.sub(r'\sxmlns(:\w+)?="[^"]*"', "", svg)

@@ -1,6 +1,4 @@
-"""The grains of many frames in as few bytes as the page may have: which frames and values, and how
-they are made small.
-"""
+"""The grains of many frames in as few bytes as a page may have: which, and how made small."""
 
 from __future__ import annotations
 
@@ -22,8 +20,7 @@ from multicor_cli.store import Run
 from multicor_cli.store.frames import Frame
 from multicor_cli.store.layout import Progress, no_progress
 
-# ---- Floating-point numbers as small integers whose resolution is known, and as few bytes as
-#      deflate can make of them
+# ---- Numbers as small integers of known resolution, and as few bytes as deflate makes of them
 
 Spacing = Literal["even", "square", "signed"]
 """``even``: all steps are equal. ``square``: steps grow from the low end on, ``signed``: from the
@@ -34,8 +31,7 @@ _LEVEL = 6  # of deflate: 9 takes three times as long for 1 % less
 
 @dataclass(frozen=True)
 class Code:
-    """How numbers of one quantity become integers; the largest integer of the type stands for "not
-    known".
+    """How numbers become integers; the largest integer of the type stands for "not known".
 
     Attributes:
         low: Number that becomes 0.
@@ -60,9 +56,7 @@ class Code:
         return (1.0 if self.spacing == "even" else 2.0) / self.largest
 
     def encode(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Codes of numbers; those outside of the range get the code of its end, nan the one for
-        "not known".
-        """
+        """Codes of numbers; outside of the range that of its end, nan the one for "not known"."""
         values = np.asarray(values, np.float64)
         width = self.high - self.low
         share = (
@@ -90,9 +84,7 @@ class Code:
 
 
 def compress(arrays: list[NDArray[Any]]) -> bytes:
-    """Arrays of unsigned integers one after the other, each as its lowest bytes, then the next ones
-    …; deflated (zlib format).
-    """
+    """Deflated (zlib) unsigned integers, each array as its lowest bytes, then the next ones."""
     planes = [
         np.ascontiguousarray(array.view(np.uint8).reshape(array.size, -1).T).tobytes()
         for array in arrays
@@ -155,7 +147,6 @@ class ContactsView:
     force: Singles
 
     def strongest(self, count: int) -> ContactsView:
-        """The ``count`` contacts with the largest forces."""
         if count >= self.i.size:
             return self
         kept = (
@@ -171,8 +162,7 @@ class FrameView:
     Attributes:
         index: Its number in the run.
         center: Centers, x within the period [m], shape ``(n, 2)``.
-        values: Values of the fields by name, each of shape ``(n,)``; a field that this frame lacks
-            is missing.
+        values: Values of the fields that this frame has, by name, shape ``(n,)``.
         contacts: Its contacts, or None where they are not in the file.
         walls: Displacement [m] and angle [rad] of the walls, shape ``(w, 3)``.
         box: Corners of what is to be seen [m], shape ``(2, 2)``.
@@ -187,9 +177,7 @@ class FrameView:
 
 
 def thin_frames(count: int, wanted: int) -> NDArray[np.int64]:
-    """Numbers of about ``wanted`` of ``count`` frames, evenly spaced; the last one is always among
-    them.
-    """
+    """Numbers of about ``wanted`` of ``count`` frames, evenly spaced, the last one among them."""
     if wanted >= count:
         return np.arange(count)
     return np.unique(
@@ -252,10 +240,8 @@ class Chunk:
 
     Attributes:
         index: Its number in the run.
-        data: Compressed bytes.
         arrays: Name, bytes per number and length of the arrays in it.
-        contact_count: Contacts that carry a force, packed or not; None where they are not in the
-            file.
+        contact_count: Contacts with a force, packed or not; None where they are not in the file.
         box: Corners of what is to be seen of it [m], shape ``(2, 2)``.
     """
 
@@ -271,10 +257,8 @@ class Packed:
     """The frames in the page.
 
     Attributes:
-        chunks: The frames.
         fields: The quantities that grains have.
-        codes: How they and the coordinates ``x`` and ``y`` are stored, by name; ``contact`` are the
-            forces of contacts.
+        codes: How they, ``x``, ``y`` and forces of contacts (``contact``) are stored, by name.
         colors: Smallest and largest value that has a color of its own, by field.
         mean_force: Mean force of the contacts that carry one [N]; 0 without such contacts.
         walls: Displacement and angle of the walls, shape ``(frames, w, 3)``.
@@ -301,7 +285,6 @@ class Packed:
         return sum(len(chunk.data) for chunk in self.chunks) + len(self.radii)
 
     def thinned(self, wanted: int) -> Packed:
-        """The same with fewer frames."""
         kept = thin_frames(len(self.chunks), wanted)
         return replace(
             self, chunks=tuple(self.chunks[int(k)] for k in kept), walls=self.walls[kept]
@@ -320,16 +303,10 @@ class _Plan:
 def pack_frames(
     run: Run, budget: int, frames: int | None = None, progress: Progress = no_progress
 ) -> Packed:
-    """Pack as many frames of a run as fit.
+    """Pack as many frames of a run as fit into ``budget`` bytes, at most ``frames`` (None: all).
 
     Everything is kept if it fits. Otherwise values are stored with 8 instead of 16 bits, then only
     the strongest contacts of each frame are kept, then fewer frames.
-
-    Args:
-        run: A run with at least one frame.
-        budget: Bytes that the packed frames may take together.
-        frames: Largest number of frames; default: all.
-        progress: Is told how far it is.
 
     Raises:
         StoreError: If the run cannot be read.
@@ -420,9 +397,7 @@ def _ends(arrays: list[NDArray[Any]]) -> tuple[float, float]:
 
 
 def _sane(values: NDArray[Any]) -> NDArray[Any]:
-    """Values that are nan or absurd do not count: a damaged file must not spoil the scale of the
-    others.
-    """
+    """Values that are not nan or absurd: a damaged file must not spoil the scale of the others."""
     return np.asarray(values[np.abs(values) < _ABSURD])
 
 
@@ -448,9 +423,7 @@ def _pack(view: FrameView, codes: dict[str, Code], contact_count: int | None, gr
 
 
 def _contact_arrays(contacts: ContactsView, code: Code, grains: int) -> dict[str, NDArray[Any]]:
-    """First grains as steps from one contact to the next; second grains, or ``grains`` plus the
-    direction of a wall.
-    """
+    """First grains as steps between contacts; second ones, or ``grains`` plus a wall direction."""
     turn = (
         np.rint(np.nan_to_num(contacts.angle) / (2.0 * np.pi) * _ANGLES).astype(np.int64) % _ANGLES
     )

@@ -56,15 +56,7 @@ def make_page(
     packing: Packed,
     figures: list[Figure] | None,
 ) -> bytes:
-    """The page as UTF-8.
-
-    Args:
-        run: The run.
-        info: What `multicor_cli.store.run_info` says about it.
-        checks: What was checked of it.
-        books: Its energy books; None if it has none yet.
-        packing: The frames of the interactive view.
-        figures: The figures; None if matplotlib is missing.
+    """The page as UTF-8; ``books`` is None without a series, ``figures`` without matplotlib.
 
     Raises:
         StoreError: If the scenario cannot be read.
@@ -102,9 +94,7 @@ def _shorten(text: str) -> str:
 
 
 def make_head(name: str, program: str = "") -> str:
-    """The head of a page; its policy lets the browser run the one program of the page, known by its
-    digest, and load nothing.
-    """
+    """The head of a page; browsers run only its one program, known by digest, and load nothing."""
     policy = _POLICY.format(_base64(hashlib.sha256(program.encode()).digest()))
     return (
         f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n{MARK}\n'
@@ -315,7 +305,6 @@ def _meta(run: Run, packing: Packed) -> dict[str, Any]:
 
 
 def _solids(wall: NDArray[Any], sides: Floats) -> Iterator[tuple[int, Floats]]:
-    """Solid polygons of each wall."""
     for number in np.unique(wall).tolist():
         for corners in solid_polygons(sides[wall == number]):
             yield number, corners
@@ -339,9 +328,7 @@ def _code(code: Any) -> dict[str, Any]:
 
 
 def _field(packing: Packed, number: int) -> dict[str, Any]:
-    """A field for the scripts; temperatures that hardly differ are shown as millikelvins above a
-    round temperature.
-    """
+    """A field for the scripts; temperatures that hardly differ have a round ``reference``."""
     field = packing.fields[number]
     low, high = packing.colors[field.name]
     return {

@@ -23,15 +23,7 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 @dataclass(frozen=True)
 class ReportRow:
-    """A line of a table.
-
-    Attributes:
-        name: What it is.
-        value: Its value, as text.
-        limit: Its limit, as text; empty if it has none.
-        verdict: How it compares with its limit: ``ok``, ``warning`` or ``bad``.
-        note: What that means and what to do, if it is not ok.
-    """
+    """A row of a table; of a value with a limit, the verdict, and what to do if it is not ok."""
 
     name: str
     value: str
@@ -157,9 +149,7 @@ def _number(value: Any, unit: str = "") -> str:
 
 
 def pretty(value: float, digits: int = 4) -> str:
-    """A number for people: with a real minus sign, and powers of ten as the scripts of the page
-    write them.
-    """
+    """A number with a real minus sign, and powers of ten as the scripts of the page write them."""
     if isinstance(value, int):
         return f"{value:,}".replace("-", "−")
     mantissa, _, exponent = f"{value:.{digits}g}".partition("e")

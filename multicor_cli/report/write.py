@@ -69,21 +69,18 @@ def write_report(
     Args:
         directory: Run directory, or a ``results.h5`` on its own.
         path: File to write; default: `default_path`.
-        frames: Largest number of frames in the interactive view; default: as many as fit into
-            `SIZE_LIMIT`.
+        frames: Most frames in the interactive view; default: as many as fit into `SIZE_LIMIT`.
         is_overwriting: Whether an existing file may be replaced.
         progress: Is told how many frames have been read, and of how many.
 
     Raises:
-        ExportRefused: If the file exists and may not be replaced, or it is the name of a file of a
-            run.
+        ExportRefused: If the file exists and may not be replaced, or is named as one of a run.
         PostError: If the run has no frames yet.
         StoreError: If the run cannot be read, or the file cannot be written.
     """
     target = default_path(Path(directory)) if path is None else Path(path)
     check_target(target, is_overwriting=is_overwriting)
-    # What a damaged file holds may be absurd: it is left out of scales, without warnings on the
-    # way.
+    # What a damaged file holds may be absurd: it is left out of scales, without warnings.
     with open_run(directory) as run, np.errstate(all="ignore"):
         info = run_info(directory)
         if not len(run.frames):

@@ -1,6 +1,4 @@
-"""Running a scenario: loading stages, cadences, checkpoints, signals. Importing this package loads
-nothing heavy.
-"""
+"""Running a scenario: stages, cadences, checkpoints, signals. Importing it loads nothing heavy."""
 
 from __future__ import annotations
 

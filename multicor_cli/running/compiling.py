@@ -1,6 +1,4 @@
-"""What a run takes of the machine: processes, threads, memory, and a second core that compiles. As
-a program: the process on it.
-"""
+"""What a run takes of the machine: processes, threads, memory, and a second core that compiles."""
 
 from __future__ import annotations
 
@@ -16,26 +14,19 @@ from pathlib import Path
 
 from multicor_cli.engine.jit.cache import is_compiled, is_kept
 
-# ---- How every Python process that this program starts begins: without the working directory on
-#      its path
+# ---- How every Python process of this program begins: without the working directory on its path
 
 
 def python_child(*words: str, **variables: str) -> tuple[list[str], dict[str, str]]:
-    """Command and environment of a Python process that finds modules where this one does, but never
-    in the working directory.
+    """Command and environment of a Python process that finds modules as this one does.
 
-    ``python -c`` and ``python -m`` put the working directory first: a file ``random.py`` there, of
-    the user or of a folder from somewhere, would be run in place of the library's. ``-P`` keeps it
-    out, ``PYTHONSAFEPATH`` out of what the child starts in turn. ``-I`` would keep out
-    ``PYTHONPATH`` and the user's own packages too, where libraries may be installed; of
-    ``PYTHONPATH`` only the parts go that mean the working directory.
+    But never in the working directory, which ``python -c`` and ``python -m`` put first: a file
+    ``random.py`` there, of the user or of a folder from somewhere, would be run in place of the
+    library's. ``-P`` keeps it out, ``PYTHONSAFEPATH`` out of what the child starts in turn. ``-I``
+    would keep out ``PYTHONPATH`` and the user's own packages too, where libraries may be installed;
+    of ``PYTHONPATH`` only the parts go that mean the working directory.
 
-    Args:
-        words: What follows the interpreter: ``-m``, ``-c``, or a file, and arguments.
-        variables: Further variables of the environment.
-
-    Returns:
-        The command and all of its environment.
+    ``words`` follow the interpreter; ``variables`` are further ones of the environment.
     """
     path = [
         part
@@ -65,8 +56,7 @@ def end_with_parent() -> None:
     threading.Thread(target=wait, daemon=True).start()
 
 
-# ---- How many threads the kernels use. Numba fixes the largest possible number when it is
-#      imported; more than cores is allowed
+# ---- Threads of the kernels. Numba fixes the largest number on import; more than cores is allowed
 
 LIMIT = 1024
 """Largest number of threads."""
@@ -80,17 +70,10 @@ def available_cores() -> int:
 
 
 def reserve_threads(requested: int = 0) -> int:
-    """Make room for a number of threads; call before Numba is imported.
+    """Make room for a number of threads, which is returned; call before Numba is imported.
 
-    Args:
-        requested: Number of threads; 0 takes ``$NUMBA_NUM_THREADS`` if set, else all cores.
-
-    Returns:
-        The number of threads to use.
-
-    Raises:
-        ValueError: If the number is not between 0 and `LIMIT`, or if Numba has been imported with
-            room for fewer.
+    0 takes ``$NUMBA_NUM_THREADS`` if set, else all cores. Raises `ValueError` if the number is not
+    between 0 and `LIMIT`, or Numba was imported with room for fewer.
     """
     if not 0 <= requested <= LIMIT:
         raise ValueError(f"{requested} threads: choose between 1 and {LIMIT}, or 0 for all cores")
@@ -117,14 +100,11 @@ _NEVER = 2**31 - 1
 
 
 def keep_freed_memory() -> bool:
-    """Ask the C library not to give freed memory back to the system before the process ends.
+    """Ask the C library to keep freed memory to the end; returns whether it can (that of GNU).
 
     Otherwise every array above some 100 kB is a fresh mapping, whose pages the system has to find
     and to clear when they are first touched, in every time step again: a fifth of what is done
     before the first sweep. The peak of the memory stays as it is.
-
-    Returns:
-        Whether the C library knows how (that of GNU does).
     """
     if not sys.platform.startswith("linux"):
         return False
@@ -135,9 +115,7 @@ def keep_freed_memory() -> bool:
 
 
 def available_memory() -> int | None:
-    """Memory that a process can have without others being pushed out [bytes]; None where the system
-    does not tell.
-    """
+    """Memory that is to be had without pushing others out [bytes]; None where that is not told."""
     with contextlib.suppress(OSError, ValueError, IndexError):
         lines = Path("/proc/meminfo").read_text().splitlines()
         for line in lines:
@@ -153,8 +131,7 @@ def available_memory() -> int | None:
 
 @contextlib.contextmanager
 def shared_compilation(threads: int) -> Iterator[subprocess.Popen[bytes] | None]:
-    """Let another process compile kernels too, if there are none yet and the run may use a second
-    thread; yields that process.
+    """Let another process, which is yielded, compile kernels too if there are none and threads > 1.
 
     Numba compiles on one core, one kernel after the other. The other process takes them in another
     order (`multicor_cli.engine.precompile`) and leaves them in the cache; if it fails, they are

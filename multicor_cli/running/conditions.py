@@ -20,8 +20,7 @@ from multicor_cli.model.columns import X
 from multicor_cli.model.model import Floats
 
 ROUNDING = 1e-9
-"""Relative amount by which an accumulated strain may miss its goal: the sum of 10⁶ rounded
-increments."""
+"""Relative amount by which a strain may miss its goal: the sum of 10⁶ rounded increments."""
 
 Relation = Literal["at least", "at most"]
 
@@ -31,9 +30,7 @@ _KINETIC_START = BOOK_NAMES.index("kinetic_start")
 
 @dataclass(frozen=True)
 class Aim:
-    """What a condition waits for: that its quantity, named in words, has this relation to the goal;
-    the SI unit is of both.
-    """
+    """What a condition waits for: a quantity, in words, and its relation to a goal of its unit."""
 
     quantity: str
     unit: str
@@ -52,13 +49,11 @@ class Aim:
 
 @dataclass(frozen=True)
 class StepDone:
-    """What a condition is told after a step, besides the state.
+    """What a condition is told after a step besides the state; arrays have the shape ``(w, 3)``.
 
     Attributes:
-        dt: Time step [s].
-        wall_before: Positions of the walls before the step [m, m, rad], shape ``(w, 3)``.
-        wall_impulse: Impulse of the grains on the walls in the step [N s, N s, N m s], shape
-            ``(w, 3)``.
+        wall_before: Positions of the walls before the step [m, m, rad].
+        wall_impulse: Impulse of the grains on the walls in the step [N s, N s, N m s].
     """
 
     dt: float
@@ -68,12 +63,7 @@ class StepDone:
 
 @dataclass(frozen=True)
 class Condition(ABC):
-    """What ends a stage.
-
-    Attributes:
-        aim: What it waits for.
-        lack: What may keep its quantity from having a value.
-    """
+    """What ends a stage: its aim, and in words what may keep its quantity from having a value."""
 
     aim: Aim
     lack: ClassVar[str] = ""
@@ -83,38 +73,28 @@ class Condition(ABC):
         """The quantity after a step; None if it has no value yet."""
 
     def holds(self, state: State) -> bool:
-        """Whether the stage is over."""
         value = self.value(state)
         return value is not None and self.aim.is_met(value)
 
     def holds_at_last(self, state: State) -> bool:
-        """Whether it holds after the last step of the duration, by which time what never came is
-        known not to have come.
-        """
+        """Whether it holds after the last step: what never came is then known not to come."""
         return self.holds(state)
 
     def progress(self, state: State) -> float:
-        """Share of the stage that is done, 0 to 1; 0 where it cannot be foreseen, and the duration
-        tells more.
-        """
+        """Share of the stage that is done, 0 to 1; 0 where it cannot be foreseen."""
         return 0.0
 
     def first_notes(self, state: State) -> Floats:
-        """What it has to remember of the state at the start of the stage, and a place for what
-        follows.
-        """
+        """What it remembers of the start of the stage, and places for what follows."""
         return np.empty(0)
 
     def note(self, state: State, done: StepDone) -> None:  # noqa: B027  (most have nothing to remember)
-        """Remember what it needs of a step, in ``state.stage_notes`` of this length or in a number
-        of the state.
-        """
+        """Remember what it needs of a step, in ``state.stage_notes`` or a number of the state."""
 
 
 @dataclass(frozen=True)
 class StrainReached(Condition):
-    """The stage ends at a shear strain: relative displacement in x of two walls over their distance
-    in y, summed over the steps.
+    """The stage ends at a shear strain: of two walls, displacement in x over distance in y.
 
     Increments count by their absolute value, so that the strain of a stage that shears back and
     forth keeps growing.
@@ -123,11 +103,9 @@ class StrainReached(Condition):
     height: Spacing
 
     def value(self, state: State) -> float:
-        """The strain of the stage."""
         return state.stage_strain
 
     def progress(self, state: State) -> float:
-        """Share of the stage that is done, 0 to 1."""
         return min(state.stage_strain / self.aim.goal, 1.0)
 
     def note(self, state: State, done: StepDone) -> None:
@@ -142,24 +120,19 @@ class StrainReached(Condition):
 
 @dataclass(frozen=True)
 class RestReached(Condition):
-    """The stage ends when the kinetic energy has fallen to ``aim.goal`` times its largest value in
-    the stage.
-    """
+    """The stage ends when the kinetic energy has fallen to ``aim.goal`` of its largest in it."""
 
     def value(self, state: State) -> float:
         """Kinetic energy over its largest value in the stage; 0 where nothing has moved."""
         return float(state.books[KINETIC]) / state.stage_peak if state.stage_peak > 0.0 else 0.0
 
     def holds(self, state: State) -> bool:
-        """Whether the grains have moved and come to rest. What has not moved yet may do so later,
-        when a wall or a grain comes.
-        """
+        """Whether grains have moved and come to rest; those that have not may still be moved."""
         return state.stage_peak > 0.0 and bool(
             state.books[KINETIC] <= self.aim.goal * state.stage_peak
         )
 
     def holds_at_last(self, state: State) -> bool:
-        """Whether the grains have come to rest, or never moved."""
         return state.stage_peak == 0.0 or self.holds(state)
 
 
@@ -171,65 +144,51 @@ def update_peak(state: State) -> None:
 
 
 def is_due(step: int, every: float) -> bool:
-    """Whether what comes every so many steps, not always whole ones, comes after this one: the
-    nearest to its time.
-    """
+    """Whether this step is the one nearest to a multiple of ``every``, which may not be whole."""
     return step == math.floor(round(step / every) * every + 0.5)
 
 
 # ---- Conditions about walls: how far they have come, and how hard the grains push them
 
 SUM, SUMMED, WINDOWS, LAST, BEFORE = range(5)
-"""Notes of means over windows: sum and steps of the window under way, number of those that are
-over, means of the last two."""
+"""Notes: sum and steps of the window under way, number of those over, means of the last two."""
 
 
 @dataclass(frozen=True)
 class DistanceReached(Condition):
-    """The stage ends at a relative change of the distance of two walls; its note is the distance at
-    the start of the stage [m].
-    """
+    """The stage ends at a relative change of the distance of two walls, noted at its start [m]."""
 
     lack = "they were at the same place when the stage began"
     spacing: Spacing
 
     def first_notes(self, state: State) -> Floats:
-        """The distance at the start."""
         return np.array([self.spacing.of(state)])
 
     def value(self, state: State) -> float | None:
-        """Distance over that at the start of the stage, less 1; None if they were at the same
-        place.
-        """
+        """Distance over that at the start of the stage, less 1; None if that was zero."""
         first = float(state.stage_notes[0])
         return self.spacing.of(state) / first - 1.0 if first else None
 
 
 @dataclass(frozen=True)
 class DisplacementReached(Condition):
-    """The stage ends at a displacement of a wall in x or y [m], or at an angle [rad]; its note is
-    the coordinate at the start.
-    """
+    """The stage ends at a displacement [m] or angle [rad] of a wall; its note is where it began."""
 
     wall: int
     axis: int
 
     def first_notes(self, state: State) -> Floats:
-        """The coordinate at the start."""
         return np.array([state.wall_position[self.wall, self.axis]])
 
     def value(self, state: State) -> float:
-        """Displacement since the start of the stage."""
         return float(state.wall_position[self.wall, self.axis] - state.stage_notes[0])
 
 
 @dataclass(frozen=True)
 class ForceReached(Condition):
-    """The stage ends at a mean force of the grains on a wall, over a window of time: that of a
-    single step fluctuates.
+    """The stage ends at a mean force on a wall over a window: that of a single step fluctuates.
 
     Attributes:
-        wall: Index of the wall.
         axis: Column of the force: x, y or torque.
         steps: Steps of a window, not always whole ones: it ends with the step nearest to its end.
         length: What the force is divided by: 1, or the length of the wall [m].
@@ -242,11 +201,9 @@ class ForceReached(Condition):
     length: float
 
     def first_notes(self, state: State) -> Floats:
-        """No window yet."""
         return np.zeros(BEFORE + 1)
 
     def note(self, state: State, done: StepDone) -> None:
-        """Add the force of the step to the window."""
         notes = state.stage_notes
         notes[SUM] += done.wall_impulse[self.wall, self.axis] / done.dt / self.length
         notes[SUMMED] += 1.0
@@ -275,13 +232,11 @@ SURE = 2.0
 """Standard errors by which a drift may be larger than it looks."""
 
 OVER, UNDER, STEPS, DONE, FIRST = range(5)
-"""Notes: sums of numerator and denominator and steps of the block under way; number of blocks that
-are over; then the means of the last `BLOCKS` blocks, the latest last."""
+"""Notes: sums over and under and steps of the block under way; blocks done; means, latest last."""
 
 
 def drift_of(blocks: Floats) -> float | None:
-    """By how much the mean of a quantity may have drifted between the halves of a window, over its
-    mean (derived).
+    """Bound of the drift of a mean between the halves of a window, over the mean (derived).
 
     (|m₂ − m₁| + 2 e)/|m|: m₁ and m₂ are the means of the halves, m that of both, and e = √(s₁²/b +
     s₂²/b) is the standard error of their difference, with the variances s² of the b blocks of each
@@ -289,11 +244,8 @@ def drift_of(blocks: Floats) -> float | None:
     m₁| + 2 e is then an upper bound of the drift with a confidence of 95 %. So noise delays the end
     of a stage, and hardly ever brings it about.
 
-    Args:
-        blocks: Means over equal blocks of time that follow each other, shape ``(BLOCKS,)``.
-
-    Returns:
-        The drift; None if the mean is zero.
+    ``blocks`` are means over equal blocks of time that follow each other, shape ``(BLOCKS,)``; None
+    if the mean is zero.
     """
     halves = blocks[:HALF], blocks[HALF:]
     first, second = (mean(half) for half in halves)
@@ -309,14 +261,13 @@ def drift_of(blocks: Floats) -> float | None:
 
 @dataclass(frozen=True)
 class Steady(Condition):
-    """The stage ends when the mean of a quantity drifts no longer; see `drift_of`. Windows move on
-    by one block.
+    """The stage ends when a mean no longer drifts, see `drift_of`. Windows move on by one block.
 
     Attributes:
         wall: Index of the wall; None: the kinetic energy of all.
         axis: Column of the force: x, y or torque.
         across: Column of the force by which it is divided; None: by nothing.
-        steps: Steps of a block, not always whole ones: it ends with the step nearest to its end.
+        steps: Steps of a block, counted as those of a window of `ForceReached`.
         skipped: Steps of the stage that are left out.
     """
 
@@ -328,13 +279,10 @@ class Steady(Condition):
     skipped: int
 
     def first_notes(self, state: State) -> Floats:
-        """No block yet."""
         return np.zeros(FIRST + BLOCKS)
 
     def note(self, state: State, done: StepDone) -> None:
-        """Add the step to its block, and close the block if it is over. One without any force
-        across the wall begins anew.
-        """
+        """Add the step to its block, closed when over; without force across, all start anew."""
         notes = state.stage_notes
         if state.stage_step <= self.skipped:
             return
@@ -353,8 +301,7 @@ class Steady(Condition):
         notes[OVER] = notes[UNDER] = notes[STEPS] = 0.0
 
     def value(self, state: State) -> float | None:
-        """Drift in the last window that is over; None before the end of the first, and if its mean
-        is zero.
+        """Drift in the last window; None before the end of the first, and if its mean is zero.
 
         A kinetic energy that has been zero for the whole stage does not drift.
         """
@@ -370,9 +317,7 @@ class Steady(Condition):
         )
 
     def holds_at_last(self, state: State) -> bool:
-        """Whether it holds, or the kinetic energy is watched and nothing ever moved. Until then a
-        wall or a grain may come.
-        """
+        """Whether it holds, or nothing ever moved: until then a wall or a grain might have come."""
         return self._is_still(state) or self.holds(state)
 
     def _is_still(self, state: State) -> bool:

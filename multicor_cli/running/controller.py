@@ -1,6 +1,4 @@
-"""The loop over steps and loading stages, what happens between two steps, and what of it goes into
-files.
-"""
+"""The loop over steps and loading stages, and what of it goes into files."""
 
 from __future__ import annotations
 
@@ -33,41 +31,32 @@ if TYPE_CHECKING:
 
 
 class DirectoryRecorder:
-    """Writes what the controller says into a run directory."""
+    """Writes what the controller says into a run directory; each may raise as `checkpoint`."""
 
     def __init__(self, directory: RunDirectory, writer: FrameWriter) -> None:
         self._directory = directory
         self._writer = writer
 
     def frame(self, state: State, contacts: ContactTable | None) -> None:
-        """Write a frame; without contacts if they are not recorded. Raises as `checkpoint` does."""
         self._require_sound(state)
         self._writer.frame(Snapshot(state, self._writer.model, contacts))
 
     def series(self, state: State) -> None:
-        """Write the row of the time series that ends the window of ``state``; raises as `frame`
-        does.
-        """
         self._require_sound(state)
         self._writer.series_row(Snapshot(state, self._writer.model))
 
     def stage_ended(self, end: StageEnd) -> None:
-        """Note how a stage ended, for ``run.json``."""
         self._directory.stage_ended(end)
 
     def checkpoint(self, state: State) -> None:
-        """Commit the output so far, then the state.
+        """Commit the output so far, then the state; raises `StoreError`.
 
-        Raises:
-            StoreError: If something cannot be written.
-            PhysicsError: If the state holds a value that is not finite or absurd: what is on disk
-                stays right.
+        `PhysicsError` if a value is not finite or absurd: what is on disk stays right.
         """
         self._require_sound(state)
         self._directory.checkpoint(state, self._writer)
 
     def heartbeat(self, data: dict[str, Any]) -> None:
-        """Replace ``progress.json``."""
         self._directory.progress(data)
 
     def _require_sound(self, state: State) -> None:
@@ -79,8 +68,7 @@ class DirectoryRecorder:
 # ---- How fast a run goes and when it will be done, the compilation of the kernels left out
 
 WARM_UP_STEPS = 3
-"""Steps of this process that are left out: kernels compile, or are loaded from the cache, while
-they run."""
+"""Steps of this process left out: kernels compile, or are loaded from the cache, in them."""
 
 RECENT = 20.0
 """Length of wall-clock time over which the current speed is measured [s]."""
@@ -90,9 +78,7 @@ SPACING = 0.1
 
 
 class Pace:
-    """Speed and remaining time from (clock, steps done by this process, share of the run that is
-    done).
-    """
+    """Speed and remaining time, from the clock, steps of this process and share of the run done."""
 
     def __init__(self) -> None:
         self._start: tuple[float, int, float] | None = None
@@ -100,9 +86,7 @@ class Pace:
         self._progress = 0.0
 
     def note(self, now: float, steps: int, progress: float) -> None:
-        """Note a point; points of the warm-up, and those too close to the one before, are left
-        out.
-        """
+        """Note a point, except in the warm-up or too close to the one before."""
         if steps < WARM_UP_STEPS or (self._samples and now - self._samples[-1][0] < SPACING):
             return
         if self._start is None:
@@ -120,9 +104,7 @@ class Pace:
         return (after - before) / (last - first) if last > first else None
 
     def remaining(self) -> float | None:
-        """Seconds left if the run goes on as it has since the warm-up, or None as long as that is
-        unknown.
-        """
+        """Seconds left if the run goes on as since the warm-up; None as long as that is unknown."""
         if self._start is None:
             return None
         begun, _, done_before = self._start
@@ -139,8 +121,7 @@ HEARTBEAT = 2.0
 
 
 CHECKPOINT_SHARE = 20.0
-"""Checkpoints are at least this many times as far apart as the last one took: they never cost more
-than a twentieth of a run."""
+"""Checkpoints are this many times as far apart as one takes: never more than a 20th of a run."""
 
 
 class Recorder(Protocol):
@@ -225,14 +206,9 @@ class Controller:
     def run(self, *, is_new: bool) -> StopReason:
         """Go on to the end of the last stage, or to the first reason to stop.
 
-        Args:
-            is_new: Whether the run starts here, so that its initial state is still to be written.
-
-        Raises:
-            PhysicsError: From a step; what is lost since the last checkpoint can be computed again.
-            StageTimeout: If the time of a stage ran out before its condition held, and that is to
-                stop the run.
-            StoreError: If something cannot be written.
+        ``is_new``: the run starts here, and its initial state is still to be written. Raises
+        `PhysicsError` from a step (what is lost since the last checkpoint can be computed again),
+        `StoreError`, or `StageTimeout` if a stage ran out of time and that is to stop the run.
         """
         if is_new:
             begin_stage(self._engine, self._plan.stages[0], self._starts)
@@ -241,8 +217,7 @@ class Controller:
             self._checkpoint()
         state = self._engine.state
         if 0 < state.stage < len(self._plan.stages) and state.stage_step == 0:
-            # Left between two stages: books of walls go from the drives of the one to those of the
-            # other.
+            # Left between two stages: books of walls go from drives of the one to the other's.
             self._engine.resume(self._plan.stages[state.stage - 1].orders(self._starts[:-1]))
         while state.stage < len(self._plan.stages):
             reason = self._run_stage(self._plan.stages[state.stage])
@@ -274,9 +249,7 @@ class Controller:
                 return None
 
     def _first_step(self, stage: StagePlan) -> StepReport | None:
-        """The first step of a stage. If it is interrupted the state is what it was before the stage
-        began.
-        """
+        """The first step; if it is interrupted, the state is what it was before the stage."""
         state = self._engine.state
         books, origin = state.books.copy(), state.wall_origin
         if not stage.is_frozen:
@@ -291,9 +264,7 @@ class Controller:
         return report
 
     def _step(self, stage: StagePlan) -> StepReport | None:
-        """One step with its gauges; None if a signal interrupted it, which leaves the state as it
-        was.
-        """
+        """One step with its gauges; None, and an unchanged state, if a signal interrupted it."""
         state = self._engine.state
         before, dt = state.wall_position.copy(), stage.step_after(state.stage_step)
         try:
@@ -316,9 +287,7 @@ class Controller:
             return self._engine.step(dt, t, self._signals.should_stop)
 
     def _after_step(self, stage: StagePlan, report: StepReport) -> bool:
-        """Write what is due, tell the observer, move on to the next stage; True if the stage is
-        over.
-        """
+        """Write what is due, tell the observer, move on to the next stage; True if this is over."""
         state = self._engine.state
         is_steered = not stage.has_ended(state) and self._is_ended_by_program(stage, report)
         has_ended = is_steered or stage.has_ended(state)
@@ -332,9 +301,7 @@ class Controller:
         return has_ended
 
     def _is_ended_by_program(self, stage: StagePlan, report: StepReport) -> bool:
-        """Ask the program that steers the run, if it is time; True if it ends the stage, and the
-        plan is then as it says.
-        """
+        """Ask the program that steers, if it is time; True if it ends the stage and sets a plan."""
         if self._steering is None or not self._steering.is_due or stage.is_frozen:
             return False
         try:

@@ -1,6 +1,4 @@
-"""Whether a run may be continued with a scenario: what differs from the scenario that it began
-with.
-"""
+"""Whether a run may be continued with a scenario: what differs from the one that it began with."""
 
 from __future__ import annotations
 
@@ -25,19 +23,12 @@ class Difference(NamedTuple):
 
 
 def find_differences(before: str, after: str) -> list[Difference]:
-    """Keys that differ between two resolved scenarios, `CHANGEABLE` ones left out.
-
-    Args:
-        before: TOML of the scenario with which the run began.
-        after: TOML of the scenario with which it would continue.
-    """
+    """Keys that differ between two resolved scenarios (TOML), `CHANGEABLE` ones left out."""
     return _find(tomllib.loads(before), tomllib.loads(after))
 
 
 def added_stages(before: str, after: str) -> int:
-    """Number of loading stages that a resolved scenario has more at its end, if that is all; else
-    0. Arguments as above.
-    """
+    """Number of stages added at the end of a resolved scenario, if that is all; else 0."""
     old, new = tomllib.loads(before), tomllib.loads(after)
     count = len(old["loading"])
     shortened = {**new, "loading": new["loading"][:count]}
@@ -51,13 +42,9 @@ def _find(before: dict[str, Any], after: dict[str, Any]) -> list[Difference]:
 
 
 def former_defaults(before: str, after: str, given: dict[str, Any]) -> list[str]:
-    """Overrides (``key=value``) that give a scenario the defaults of the version with which its run
-    began.
+    """Overrides (``key=value``) that give a scenario the defaults of the version of its run.
 
-    Args:
-        before: TOML of the scenario with which the run began, resolved.
-        after: TOML of the scenario with which it would continue, resolved.
-        given: What the latter gives itself: these keys have no defaults.
+    Both are resolved TOML; keys that the latter has ``given`` itself have no defaults.
     """
     return [
         f"{'.'.join(map(str, difference.path))}={difference.before}"
@@ -84,7 +71,6 @@ def _marks(path: KeyPath) -> list[Any]:
 
 
 def _is_free(path: KeyPath) -> bool:
-    """Whether the key or a table around it is free."""
     return any(CHANGEABLE in _marks(path[:end]) for end in range(1, len(path) + 1))
 
 

@@ -1,6 +1,4 @@
-"""What a run will cost, before it is started: steps, memory, disk, time. A rough estimate that says
-what it is based on.
-"""
+"""What a run will cost before it is started, roughly: steps, memory, disk, time; and the basis."""
 
 from __future__ import annotations
 
@@ -19,24 +17,20 @@ from multicor_cli.scenario.settings import Output
 from multicor_cli.store import schema
 from multicor_cli.store.schema import Dataset
 
-# ---- What a step will cost, from what the stage is about to do: sweeps of the contact solver, and
-#      the time of everything.
+# ---- What a step will cost, from what the stage is about to do: sweeps of the solver, and time.
 #
 # Fitted to the shipped scenarios on one core of an AMD EPYC (AVX2): what is said here is 0.72 to
 # 1.4 times what whole runs take, for the steps that they do. Most of the rest is the number of
 # sweeps.
 
 CONTACTS_PER_GRAIN = 1.3
-"""Contacts within reach, loaded or not, per grain, on average over a run: 1.0 in fast flows, 1.8 in
-beds."""
+"""Contacts within reach, loaded or not, per grain on average: 1.0 in fast flows, 1.8 in beds."""
 
 SWEEPS = 120.0
-"""Sweeps of a step at an inertial number of `INERTIAL_NUMBER`, or where nothing sets one, at
-`TOLERANCE`."""
+"""Sweeps of a step at `INERTIAL_NUMBER`, or where nothing sets one, and at `TOLERANCE`."""
 
 INERTIAL_NUMBER, SLOWNESS = 0.03, 0.31
-"""A slower flow needs more sweeps: in proportion to the power -`SLOWNESS` of its inertial
-number."""
+"""Slow flows need more sweeps, as the power -`SLOWNESS` of their inertial number."""
 
 FEWEST, MOST = 0.4, 6.0
 """Bounds of that proportion."""
@@ -88,8 +82,7 @@ def seconds_per_step(
 # ---- The estimate
 
 LOADED_PER_GRAIN = 1.1
-"""Contacts that carry a force, per grain, on average over a run: those that frames hold. 1.05 in
-fast flows, 1.7 in beds."""
+"""Contacts with a force, which frames hold, per grain on average: 1.05 (fast) to 1.7 (beds)."""
 
 SECONDS_TO_START = 1.5
 """From the command to the first step: modules and compiled kernels are loaded [s]."""
@@ -108,17 +101,16 @@ _WIDTH = {"f8": 8, "i8": 8, "i4": 4, "u1": 1}
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a run will cost.
+    """What a run will cost; None where the number of steps is not known.
 
     Attributes:
-        steps: Steps at most; None if a stage has no known end.
-        frames: Frames at most; None likewise.
+        steps: Steps at most.
+        frames: Frames at most.
         memory: Memory in use [bytes].
         frame_bytes: Size of one frame [bytes].
-        disk: Size of the finished run directory [bytes]; None if the number of steps is not known.
-        disk_peak: Largest size of the run directory [bytes], while ``results.h5`` is made; None
-            likewise.
-        seconds: Wall-clock time, compilation left out [s]; None likewise.
+        disk: Size of the finished run directory [bytes].
+        disk_peak: Largest size of the run directory [bytes], while ``results.h5`` is made.
+        seconds: Wall-clock time, compilation left out [s].
         deflection: Elastic deflection that rigid grains neglect, over the diameter; None without
             elastic materials or load.
         basis: How time and memory were estimated.
@@ -176,8 +168,6 @@ def estimate(
 
 
 class _StepCost(NamedTuple):
-    """What a step of a stage will take: sweeps and time [s]."""
-
     name: str
     sweeps: float
     seconds: float
@@ -236,9 +226,7 @@ def _row_bytes(table: tuple[Dataset, ...], model: Model, *, is_single: bool) -> 
 
 
 def _deflection(scenario: Scenario, plan: RunPlan, model: Model) -> float | None:
-    """Deflection under the largest pressure of any stage, weight or load, of the softest material
-    with its smallest grain.
-    """
+    """Deflection at the largest pressure of any stage, of the softest material's smallest grain."""
     zeros = [0.0] * len(plan.stages)
     pressure = max(
         largest_pressure(

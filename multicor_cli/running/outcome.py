@@ -39,9 +39,7 @@ class Status:
 
 
 class Observer(Protocol):
-    """Listens to a run; it sees everything and changes nothing, so that results are the same with
-    it and without.
-    """
+    """Listens to a run; it sees everything and changes nothing: results are the same without it."""
 
     def message(self, text: str) -> None:
         """Something happened that a person may want to know."""
@@ -69,8 +67,7 @@ class SilentObserver:
 
 
 class ExitCode(IntEnum):
-    """Exit codes of the command line; ``run.json`` records them too. Classes of errors have theirs
-    as ``exit_code``.
+    """Exit codes of the command line, in ``run.json`` too; errors have theirs as ``exit_code``.
 
     Attributes:
         meaning: What the documentation says of it.
@@ -111,9 +108,7 @@ class ExitCode(IntEnum):
 
 
 def exit_code_of(error: BaseException) -> ExitCode:
-    """Exit code of the command line for an error: that of its class, or of what the system raises;
-    else it is a bug.
-    """
+    """Exit code for an error: that of its class, or of what the system raises; else a bug."""
     code = getattr(error, "exit_code", None)
     if code is not None:
         return ExitCode(code)
@@ -123,8 +118,7 @@ def exit_code_of(error: BaseException) -> ExitCode:
 
 
 class StageTimeout(Exception):
-    """The duration of a stage was over before its condition held, and the scenario asks for the run
-    to stop then.
+    """The duration of a stage was over before its condition held, and the run is to stop then.
 
     The last checkpoint is of this moment. The same command says the same again; with
     ``on_timeout = "go on"`` it goes on from here.
@@ -152,19 +146,16 @@ class StopReason(Enum):
 
     @classmethod
     def of_signal(cls, number: int) -> StopReason:
-        """The reason that a stop signal stands for."""
         return {signal.SIGTERM: cls.TERMINATED, signal.SIGHUP: cls.HUNG_UP}.get(
             signal.Signals(number), cls.INTERRUPTED
         )
 
     @property
     def is_end(self) -> bool:
-        """Whether nothing is left to do."""
         return self in (StopReason.FINISHED, StopReason.ALREADY_FINISHED)
 
     @property
     def exit_code(self) -> ExitCode:
-        """Exit code of the command line."""
         return _EXIT_CODES[self]
 
 

@@ -1,6 +1,4 @@
-"""What the controller carries out: loading stages counted in steps, with their gravity, heat and
-exchange of grains.
-"""
+"""What the controller carries out: stages counted in steps, with gravity, heat and exchange."""
 
 from __future__ import annotations
 
@@ -53,17 +51,14 @@ if TYPE_CHECKING:  # a plan is read without Numba, which these load
 
 @dataclass(frozen=True)
 class StageGravity:
-    """Gravity of a stage, as a function of the time since the start of the stage that named it;
-    itself if none has.
-    """
+    """Gravity of a stage over the time since the start of the one that named it, or of itself."""
 
     stage: int
     gravity: AnyGravity
     named_by: int
 
     def started(self, stage_starts: Sequence[float]) -> AnyGravity:
-        """Gravity as a function of the time since the start of this stage, given when the stages up
-        to it have begun [s].
+        """Gravity over the time since this stage began; stages up to it began at these times [s].
 
         A stage that says nothing keeps what there was at the end of the stage that named gravity
         last: a tilted chute stays tilted.
@@ -95,14 +90,11 @@ def _engine_gravity(gravity: AnyStageGravity, magnitude: float) -> AnyGravity:
     return Gravity(engine_signal(gravity[0]), engine_signal(gravity[1]))
 
 
-# ---- From the thermal keys of a scenario to the choices of the heat engine and the thermal
-#      conditions of the walls
+# ---- From the thermal keys of a scenario to the heat engine and the walls' thermal conditions
 
 
 def heat_settings(scenario: Scenario, model: Model) -> HeatSettings | None:
-    """The choices about heat, with materials in the order of the model; None if the scenario has no
-    ``[heat]``.
-    """
+    """The choices about heat, materials ordered as in the model; None without ``[heat]``."""
     from multicor_cli.engine.heat.settings import MECHANISMS, HeatSettings
 
     heat = scenario.heat
@@ -128,9 +120,7 @@ def _force(heat: Heat) -> ContactForce:
 
 
 def laws_of_scenario(scenario: Scenario, materials: Sequence[str]) -> HeatLaws:
-    """Thermal properties of the materials, named in the order of the model, and of their pairs; see
-    `heat_laws`.
-    """
+    """Thermal properties of materials, in the model's order, and of their pairs: `heat_laws`."""
     from multicor_cli.engine.heat.settings import heat_laws
 
     if scenario.heat is None:
@@ -149,9 +139,7 @@ def _wear(scenario: Scenario, a: str, b: str) -> float:
 
 @dataclass(frozen=True)
 class StageWallHeat:
-    """The thermal conditions of the walls in a stage, one per wall; signals count from the start of
-    the stage that named them.
-    """
+    """Thermal conditions of the walls in a stage; signals count from the stage that named them."""
 
     stage: int
     walls: tuple[WallHeat, ...]
@@ -162,9 +150,7 @@ class StageWallHeat:
         return np.array([named_by == self.stage for named_by in self.named_by], np.bool_)
 
     def started(self, stage_starts: Sequence[float]) -> list[WallHeat]:
-        """The conditions as functions of the time since the start of this stage, given when the
-        stages up to it have begun [s].
-        """
+        """The conditions as functions of the time since this stage began; see `StageGravity`."""
         return [
             replace(wall, signal=kept_signal(wall.signal, named_by, self.stage, stage_starts))
             for wall, named_by in zip(self.walls, self.named_by, strict=True)
@@ -199,12 +185,7 @@ TRIES = 100
 
 
 def inflow_rules(scenario: Scenario, model: Model) -> InflowRules:
-    """The rules of a run.
-
-    Args:
-        scenario: What to do.
-        model: All grains of the run.
-    """
+    """The rules of a run with all its grains, as in ``model``."""
     releases = (
         _release(scenario, number, group) for number, group in enumerate(scenario.particles)
     )
@@ -263,9 +244,7 @@ def _release(scenario: Scenario, number: int, group: ParticleGroup) -> Release |
 
 @dataclass(frozen=True)
 class StageHeat:
-    """What heat does in a stage: whether temperatures change, and whether grains and walls stand
-    still meanwhile.
-    """
+    """Whether temperatures change in a stage, and whether grains and walls stand still."""
 
     conditions: StageWallHeat
     is_on: bool = True
@@ -277,22 +256,15 @@ class StagePlan:
     """One loading stage.
 
     Attributes:
-        name: Name of the stage.
         dt: Time step [s].
-        step_limit: Number of steps after which the stage ends at the latest; None: only its
-            condition ends it.
-        until: Condition that ends it earlier, or None.
-        frame_every: Steps between frames, at least 1 (see `is_due`); a frame is also written at the
-            end of the stage.
+        step_limit: Number of steps after which it ends at the latest; None: only ``until`` ends it.
+        frame_every: Steps between frames, at least 1 (see `is_due`); its end is also a frame.
         series_every: Steps between rows of the time series, at least 1; likewise.
-        settings: Choices of the contact solver.
-        drives: What happens to the walls.
         heat: What heat does, or None if the run has none.
         gravity: Gravity, or None: that of the model.
         laws: Contact laws, or None: those of the model.
         stops_late: Whether the run ends if ``step_limit`` comes before ``until`` holds.
-        duration: Time since the start of the stage at which its last step ends [s], where that is
-            no whole number of steps of ``dt``: the last one has another length; None: it has not.
+        duration: Its length [s], where its last step is not as long as ``dt``; else None.
     """
 
     name: str
@@ -310,9 +282,7 @@ class StagePlan:
     duration: float | None = None
 
     def orders(self, starts: Sequence[float]) -> Orders:
-        """What an engine is told; ``starts`` are the times at which the stages up to this one have
-        begun [s].
-        """
+        """What an engine is told; ``starts``: when the stages up to this one have begun [s]."""
         gravity = None if self.gravity is None else self.gravity.started(starts)
         orders = Orders(self.drives.started(starts), self.settings, gravity, self.laws)
         if self.heat is None:
@@ -346,19 +316,15 @@ class StagePlan:
 
     @property
     def is_frozen(self) -> bool:
-        """Whether grains and walls stand still."""
         return self.heat is not None and self.heat.is_frozen
 
     def has_ended(self, state: State) -> bool:
-        """Whether the stage is over after the step that led to ``state``."""
         return self._is_at_last(state) or self._holds(state)
 
     def has_timed_out(self, state: State) -> bool:
-        """Whether the time of the stage is over, and its condition does not hold."""
         return self._is_at_last(state) and self.until is not None and not self._holds(state)
 
     def reason_to_end(self, state: State) -> Reason:
-        """Why the stage is over after the step that led to ``state``."""
         if self.until is None:
             return "duration"
         return "condition" if self._holds(state) else "timeout"
@@ -367,7 +333,6 @@ class StagePlan:
         return self.step_limit is not None and state.stage_step >= self.step_limit
 
     def _holds(self, state: State) -> bool:
-        """Whether there is a condition, and it holds."""
         if self.until is None:
             return False
         return (
@@ -402,7 +367,6 @@ class StagePlan:
         return is_due(state.stage_step, self.series_every)
 
     def progress(self, state: State) -> float:
-        """Share of the stage that is done, 0 to 1, as far as one can tell."""
         by_steps = state.stage_step / self.step_limit if self.step_limit is not None else 0.0
         by_condition = self.until.progress(state) if self.until is not None else 0.0
         return min(max(by_steps, by_condition), 1.0)
@@ -417,9 +381,7 @@ class RunPlan:
     output: Output
 
     def progress(self, state: State, steps: Sequence[int | None]) -> float:
-        """Share of the run that is done, 0 to 1, with the ``steps`` foreseen of each stage; by
-        stages if those of one are not.
-        """
+        """Share of the run that is done, by the ``steps`` foreseen; by stages if some are not."""
         if state.stage >= len(self.stages):
             return 1.0
         stage = self.stages[state.stage]
@@ -430,18 +392,11 @@ class RunPlan:
         return done / math.fsum(weights)
 
 
-# ---- Beginning a loading stage, or going on with one: what an engine is told, whoever carries the
-#      stage out
+# ---- Beginning a loading stage, or going on with one: what an engine is told
 
 
 def begin_stage(engine: Engine, stage: StagePlan, starts: Sequence[float]) -> None:
-    """Tell an engine what a stage orders, before its first step.
-
-    Args:
-        engine: What carries the stage out.
-        stage: The stage.
-        starts: Times at which the stages up to this one have begun [s].
-    """
+    """Tell an engine what a stage orders, before its first step; ``starts`` as in `orders` [s]."""
     engine.begin(stage.orders(starts))
     state = engine.state
     state.stage_peak = float(state.books[KINETIC]) if state.step > 0 else 0.0
@@ -456,9 +411,7 @@ _DOUBLINGS = 30
 
 
 def foresee_steps(plan: RunPlan, state: State) -> list[int | None]:
-    """Steps of each stage at most; None where only a condition ends the stage and it cannot be
-    foreseen.
-    """
+    """Steps of each stage at most; None where only a condition ends it, at an unforeseen time."""
     starts, counts = [0.0], []
     for stage in plan.stages:
         needed = (

@@ -1,6 +1,4 @@
-"""From a scenario to the plan of its run, and from the keys ``until`` of its stages to the
-conditions that end them.
-"""
+"""From a scenario to the plan of its run, and from keys ``until`` to conditions that end stages."""
 
 from __future__ import annotations
 
@@ -42,8 +40,7 @@ from multicor_cli.scenario.loading import (
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.scenario import Scenario
 
-# ---- Times in steps: how many make up a stage, and how many lie between what is wanted again and
-#      again
+# ---- Times in steps: how many make up a stage, and how many lie between outputs
 
 _ROUNDING = 1e-9
 """Relative amount by which a time may miss a whole number of steps."""
@@ -55,12 +52,7 @@ velocities would be all that there is to see of them."""
 
 
 def fit_steps(duration: float, dt: float) -> tuple[int, float | None]:
-    """Number of steps that make up a duration, at least one.
-
-    Returns:
-        The number; and the duration [s] where it is no whole number of steps of ``dt``, so that the
-        last one has another length.
-    """
+    """Steps in a duration, at least one; and the duration [s] if the last is not ``dt`` long."""
     count = duration / dt
     if _is_whole(count):
         return round(count), None
@@ -68,9 +60,7 @@ def fit_steps(duration: float, dt: float) -> tuple[int, float | None]:
 
 
 def count_steps(interval: float, dt: float) -> float:
-    """Number of steps of ``dt`` in an interval, at least one; whole where it is but for
-    rounding.
-    """
+    """Number of steps of ``dt`` in an interval, at least one; whole if it is but for rounding."""
     count = interval / dt
     return max(1, round(count)) if count < 1.0 or _is_whole(count) else count
 
@@ -85,8 +75,7 @@ _COLUMN = {"x": X, "y": Y, "spin": SPIN}
 
 
 def condition_of(stage: Stage, model: Model, dt: float) -> Condition | None:
-    """What ends a stage before its duration is over, if anything does; ``dt`` [s] is the step in
-    which windows are counted.
+    """What ends a stage before its duration is over; windows are counted in steps of ``dt`` [s].
 
     Raises:
         ValueError: If a wall does not exist, or is named twice; loading a scenario excludes it.
@@ -166,9 +155,8 @@ def make_plan(scenario: Scenario, model: Model, state: State | None = None) -> R
     The stage under way keeps its time step, even if an earlier version has chosen it.
 
     Raises:
-        ScenarioError: If nothing sets the scale of an automatic time step, or it is too short for
-            the duration of its stage; if the temperature or heat flow of a wall oscillates too
-            often within a step.
+        ScenarioError: If nothing sets the scale of an automatic time step, it is too short for the
+            duration of its stage, or what a wall does to the heat oscillates too often in a step.
         ValueError: If the strain of a stage is not defined; loading a scenario excludes it.
     """
     drives = scenario.drives(model.walls.names)
@@ -245,9 +233,7 @@ def _automatic_step(scenario: Scenario, model: Model, number: int, acting: Actin
 
 
 def _step_so_far(dt: float, duration: float | None, state: State) -> float:
-    """Time step with which a stage under way has begun: its last one, unless that has been cut from
-    ``dt`` to fit the duration.
-    """
+    """Time step of a stage under way: its last one, unless cut from ``dt`` at the end."""
     if duration is None:
         return state.last_dt
     steps, end = fit_steps(duration, dt)
@@ -270,9 +256,7 @@ def _stage_heat(scenario: Scenario, model: Model) -> list[StageHeat | None]:
 def _refuse_fast_heat(
     scenario: Scenario, model: Model, number: int, heat: StageHeat | None, dt: float
 ) -> None:
-    """Heat follows each period of a wall's signal in 16 pieces, so signals with too many periods in
-    one step are refused.
-    """
+    """Refuse signals with too many periods in one step: heat follows each in 16 pieces."""
     if heat is None:
         return
     for name, wall in zip(

@@ -1,6 +1,4 @@
-"""One session of a run: starting it or finding where it was left, carrying it on, and recording how
-it ended; or a single step.
-"""
+"""One session of a run: begun or found where it was left, carried on, its end recorded."""
 
 from __future__ import annotations
 
@@ -96,15 +94,7 @@ class Session:
         self._deadline = None if max_seconds is None else self._started + max_seconds
 
     def run(self) -> RunOutcome:
-        """Begin or continue the run.
-
-        Raises:
-            ScenarioError: If the grains cannot be placed, or the run began with another scenario.
-            PhysicsError: If the run cannot go on; its last checkpoint is kept.
-            StageTimeout: If the condition of a stage was not reached in time, and that is to stop
-                the run.
-            StoreError: If the directory cannot be used, or a file cannot be written or is damaged.
-        """
+        """Begin or continue the run; raises as `multicor_cli.run`."""
         with self._signals.installed(), shared_compilation(self._threads):
             self._signals.on_exit = self._leave
             try:
@@ -122,9 +112,7 @@ class Session:
     def _leave(
         self, number: int, directory: RunDirectory | None = None, state: State | None = None
     ) -> None:
-        """What a signal does where nothing has to be saved: while grains are placed, or kernels
-        compile in a first step.
-        """
+        """What a signal does while there is nothing to save: grains placed, kernels compiled."""
         reason = StopReason.of_signal(number)
         self._observer.closed()
         step, time_reached = (state.step, state.time) if state is not None else (0, 0.0)
@@ -200,9 +188,7 @@ class Session:
                 return self._carry_on(directory, scenario, model, checkpoint.state, is_new=False)
 
     def _find_extension(self, scenario: Scenario, before: str) -> Extension | None:
-        """The scenario as one that goes on where that of the run ends; None if they are the same.
-        Raises as `_refuse_changes`.
-        """
+        """The scenario as a longer one; None if it is the same. Raises as `_refuse_changes`."""
         # an earlier version may have written what is no longer valid: compared as it is
         with contextlib.suppress(ScenarioError):
             before = parse_scenario(before, scenario.path).resolved_toml()
@@ -241,9 +227,7 @@ class Session:
         }
 
     def _refuse_other_program(self, document: dict[str, Any]) -> None:
-        """A run that is steered goes on with its program only, and one that is not with none;
-        raises `DirectoryRefused`.
-        """
+        """A run goes on with the program that steered it, or with none; else `DirectoryRefused`."""
         before, now = document.get("steering"), self._steering_record()
         if before is not None and self._extend:
             what = (
@@ -341,9 +325,7 @@ class Session:
 
     @contextlib.contextmanager
     def _recording_failure(self, directory: RunDirectory) -> Iterator[None]:
-        """Write into ``run.json`` why the run failed, as far as that is possible, and let the error
-        go on.
-        """
+        """Write into ``run.json`` why the run failed, if possible; the error goes on."""
         try:
             yield
         except Exception as error:
@@ -373,8 +355,7 @@ def make_engine(scenario: Scenario, model: Model, state: State, threads: int) ->
 
 
 def stage_starts(path: Path, state: State, plan: RunPlan, first: float = 0.0) -> list[float]:
-    """Times at which the stages up to that of ``state`` have begun [s]: each stage but the last has
-    left a frame of its end.
+    """Times at which the stages up to that of ``state`` have begun [s], from frames at their ends.
 
     The ``first`` stage did not begin at 0 on the clock of a run from which this one goes on.
     """
@@ -395,17 +376,13 @@ def stage_starts(path: Path, state: State, plan: RunPlan, first: float = 0.0) ->
 
 
 def _with_defaults_of(scenario: Scenario, before: str) -> Scenario:
-    """The scenario with the defaults of the version that began the run, where it leaves keys to
-    their defaults.
-    """
+    """The scenario, with defaults of the version that began the run for keys left to them."""
     former = former_defaults(before, scenario.resolved_toml(), _given(scenario))
     return scenario.with_overrides(former) if former else scenario
 
 
 def _with_seed_of(scenario: Scenario, seed: int) -> Scenario:
-    """The scenario with the seed that the run drew at its start, if it leaves the seed to
-    chance.
-    """
+    """The scenario with the seed that the run drew at its start, if left to chance."""
     if _given(scenario)["scenario"]["seed"] != "random":
         return scenario
     header = scenario.scenario.model_copy(update={"seed": seed})
@@ -413,9 +390,7 @@ def _with_seed_of(scenario: Scenario, seed: int) -> Scenario:
 
 
 def _with_groups_of(scenario: Scenario, before: str) -> Scenario:
-    """The scenario with the groups that the run took from another at its start, whatever has become
-    of that run since.
-    """
+    """The scenario with the groups that the run took from another, whatever became of that."""
     if scenario.start is None or "particles" in _given(scenario):
         return scenario
     groups = parse_scenario(before, scenario.path).particles
@@ -454,9 +429,7 @@ def _given(scenario: Scenario) -> dict[str, Any]:
 
 
 def _refuse_changes(scenario: Scenario, before: str, path: Path) -> None:
-    """A run is continued only with the scenario with which it began; keys that came later have
-    their defaults.
-    """
+    """Refuse another scenario than the run began with; keys that came later have their defaults."""
     changes = find_differences(before, scenario.resolved_toml())
     remedy = (
         "undo the change to continue the run, choose another directory with -o, or start anew "
@@ -477,9 +450,7 @@ def _refuse_changes(scenario: Scenario, before: str, path: Path) -> None:
 def try_step(scenario: Scenario, model: Model, state: State, threads: int) -> StepReport:
     """Do the first step of a run; nothing is written. **Modifies** the initial ``state``.
 
-    Raises:
-        ScenarioError: If the domain is too small.
-        PhysicsError: If the step fails.
+    Raises `ScenarioError` if the domain is too small, `PhysicsError` if the step fails.
     """
     stage = make_plan(scenario, model).stages[0]
     engine = make_engine(scenario, model, state, threads)

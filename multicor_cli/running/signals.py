@@ -33,11 +33,7 @@ class StopSignals:
     """
 
     def __init__(self, *, may_exit: bool = False) -> None:
-        """Set up.
-
-        Args:
-            may_exit: Whether the process is ours to end; otherwise `exit_at_once` has no effect.
-        """
+        """Set up; ``may_exit``: the process is ours to end, else `exit_at_once` has no effect."""
         self.stop_signal: int | None = None
         self.is_checkpoint_wanted = False
         self.on_exit: Callable[[int], None] = lambda number: None
@@ -46,7 +42,6 @@ class StopSignals:
         self._is_installed = False
 
     def should_stop(self) -> bool:
-        """Whether a stop has been requested."""
         return self.stop_signal is not None
 
     @contextmanager
@@ -76,9 +71,7 @@ class StopSignals:
 
     @contextmanager
     def exit_at_once(self) -> Iterator[None]:
-        """While the context lasts nothing has to be saved: a stop signal ends the process; so does
-        one that has come already.
-        """
+        """While nothing has to be saved: a stop signal, or one that has come, ends the process."""
         self._is_impatient = self._may_exit
         try:
             if self._is_impatient and self.stop_signal is not None:

@@ -1,5 +1,4 @@
-"""A program of the user's that looks at a run after its steps, and may end a stage, add the next
-one, or end the run.
+"""A program of the user's that looks at a run after its steps, and may change or end it.
 
 What it decides is kept with the checkpoints, and so are its notes. Between two decisions the run is
 that of a scenario, which `multicor_cli.scenario.documents` writes down.
@@ -48,14 +47,14 @@ class WallNow(NamedTuple):
 
 
 class LiveRun:
-    """A run after a step, for a program that steers it; ``n`` grains are there. Arrays are
-    read-only; copy what is to be kept.
+    """A run after a step, for a program that steers it; ``n`` grains are there.
+
+    Arrays are read-only; copy what is to be kept.
 
     Attributes:
         stage: Name of the loading stage.
         dt: Length of the step [s].
-        notes: What the program remembers from call to call: its own dict of JSON values, kept with
-            the checkpoints.
+        notes: The program's own dict of JSON values, kept with the checkpoints from call to call.
     """
 
     def __init__(
@@ -163,9 +162,7 @@ class LiveRun:
 
     @cached_property
     def contacts(self) -> ContactTable:
-        """Contacts of the step that carry a force, by the numbers of all grains of the run; wall
-        shapes follow these.
-        """
+        """Contacts of the step with a force, by numbers in the run; wall shapes follow grains."""
         table = self._contacts().carrying()
         for values in vars(table).values():
             if values is not None:
@@ -174,9 +171,7 @@ class LiveRun:
 
     @property
     def books(self) -> dict[str, float]:
-        """Energy books by name [J], and heat books in a run with heat;
-        docs/reference/formats/results.md says what they are.
-        """
+        """Energy books and heat books by name [J]; see docs/reference/formats/results.md."""
         heat = dict(zip(HEAT_BOOK_NAMES, self._state.heat_books.tolist(), strict=False))
         return dict(zip(BOOK_NAMES, self._state.books.tolist(), strict=True)) | heat
 
@@ -189,19 +184,12 @@ Steer = Callable[[LiveRun], None]
 
 
 class Steering:
-    """Asks the program, and keeps what it decided.
-
-    Attributes:
-        scenario: What is carried out, as decided so far.
-        has_failed: Whether the program has raised an exception.
-    """
+    """Asks the program, and keeps what it decided; ``scenario`` is what is carried out so far."""
 
     def __init__(
         self, steer: Steer, scenario: Scenario, model: Model, directory: RunDirectory
     ) -> None:
-        """Set up: decisions that the run has kept are carried out once more on the scenario with
-        which it began.
-        """
+        """Set up: decisions that the run has kept are carried out once more on its scenario."""
         self._steer, self._model, self._directory = steer, model, directory
         self._record = directory.steering or {}
         self._kept: tuple[State, dict[str, Any]] | None = None
@@ -215,9 +203,7 @@ class Steering:
         directory.rename_stages(_names(self.scenario))
 
     def keep(self, state: State) -> None:
-        """Before a step: if the program is to be asked after it, keep what a checkpoint needs
-        should it fail.
-        """
+        """Keep what a checkpoint needs if the program, due after the coming step, should fail."""
         self._kept = None
         if (state.stage_step + 1) % int(self._record["every"]) == 0:
             copied = State.from_dict(
@@ -239,10 +225,8 @@ class Steering:
     ) -> RunPlan | None:
         """Ask the program after a step; gives the new plan if it ends the stage.
 
-        Raises:
-            ScenarioError: If the stage that the program adds is wrong.
-            ValueError: If its notes cannot be kept.
-            Exception: What the program raises.
+        Raises what the program raises; `ScenarioError` if the stage that it adds is wrong,
+        `ValueError` if its notes cannot be kept.
         """
         now = LiveRun(state, self._model, stage, report, contacts, self._record["notes"])
         self.has_failed = True  # until it has come to its end
@@ -253,9 +237,7 @@ class Steering:
         return plan
 
     def go_back(self) -> State:
-        """The state before the step after which the program failed, to be saved; its notes are as
-        they were then.
-        """
+        """State and notes before the step after which the program failed, to be saved."""
         assert self._kept is not None
         state, self._record["notes"] = self._kept
         return state

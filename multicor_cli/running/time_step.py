@@ -1,5 +1,4 @@
-"""The automatic time step: the largest one at which a flow still behaves as it does with small
-steps.
+"""The automatic time step: the largest at which a flow still behaves as with small steps.
 
 What a longer step does to a flow has been measured (``benchmarks/time_step``): friction and solid
 fraction depend on two ratios, Δt to the time √(m̄/P) in which the pressure moves a grain by its own
@@ -42,23 +41,19 @@ STRAIN = 0.01
 """Largest strain in a step, γ̇ Δt."""
 
 HIGH_FRICTION = 0.5
-"""Coefficient of friction from which on these two are smaller: in proportion to its power -3 and
--1."""
+"""Coefficient of friction above which these two fall, as its power -3 and its power -1."""
 
 PERIOD = 0.02
-"""Largest Δt over the period of a signal that acts on the motion, or of the mass of a wall on its
-spring."""
+"""Largest Δt over the period of a signal that acts on the motion, or of a wall on its spring."""
 
 OSCILLATIONS = 100.0
-"""Most periods in a step of a signal that acts on heat alone: that is followed within the step, in
-16 pieces of each period."""
+"""Most periods in a step of a signal for heat alone, followed in 16 pieces of each period."""
 
 TRAVEL = 0.3
 """Largest distance in a step over d̄, at the largest speed that is known beforehand (`fastest`)."""
 
 
-# ---- What goes up and down in a stage, and how fast: signals of all kinds, and walls on their
-#      springs
+# ---- What goes up and down in a stage, and how fast: signals, and walls on their springs
 #
 # Signals have closed forms, so their periods are told from these, not by sampling, which would need
 # to know beforehand how finely. Numbers after `=` are constants of the time.
@@ -72,15 +67,12 @@ class Cycle(NamedTuple):
 
 
 class Window(NamedTuple):
-    """How long a stage looks at signals [s]: at its own while it lasts, at kept ones from where
-    they are at the earliest.
-    """
+    """How long a stage looks at signals [s]: at its own, and at those kept from earlier stages."""
 
     own: float = math.inf
     kept: float = math.inf
 
     def cycle(self, signal: Signal, of: str) -> Cycle:
-        """What a signal does within it."""
         return Cycle(
             signal.shortest_period(0.0, self.kept if isinstance(signal, Shifted) else self.own), of
         )
@@ -89,9 +81,7 @@ class Window(NamedTuple):
 def wall_cycles(
     model: Model, drives: Sequence[WallDrive], window: Window | None = None
 ) -> Iterator[Cycle]:
-    """Those of the drives of the walls, one per wall: signals, and masses on their springs, 2π
-    √(M/k).
-    """
+    """Cycles of the drives, one per wall: signals, and masses on their springs, 2π √(M/k)."""
     window = window or Window()
     for w, (name, drive) in enumerate(zip(model.walls.names, drives, strict=True)):
         masses = (model.walls.mass[w], model.walls.mass[w], model.walls.inertia[w])
@@ -127,9 +117,7 @@ class Acting(NamedTuple):
 
 
 class StageCycles(NamedTuple):
-    """All of a stage: those of what acts on the motion, and those of what walls do to the heat
-    alone.
-    """
+    """All cycles of a stage: what acts on the motion, and what walls do to the heat alone."""
 
     motion: list[Cycle]
     heat: list[Cycle]
@@ -138,9 +126,7 @@ class StageCycles(NamedTuple):
 def stage_cycles(
     loading: Sequence[Stage], number: int, model: Model, acting: Acting
 ) -> StageCycles:
-    """Those of a stage. Where friction depends on temperature, temperatures of walls act on the
-    motion.
-    """
+    """Cycles of a stage; where friction depends on temperature, those of heat act on motion."""
     before = loading[:number]
     starts = [
         0.0,
@@ -186,14 +172,11 @@ class Scales:
             height of the domain, that of the two largest in y over its smaller side, and the
             fastest spin of a wall; a surface that runs counts as the motion of the wall that would
             carry grains along like it.
-        travel: d̄ over the largest speed that is known beforehand, see `fastest`.
+        travel: d̄ over the largest speed that is known beforehand, that of ``fastest``.
         friction: Largest coefficient of friction between grains.
-        period: Shortest period of what acts on the motion: signals of walls and gravity, and walls
-            on their springs.
-        fastest: What moves at that speed.
-        cycle: What has that period.
-        heat: Shortest period of the temperature or heat flow of a wall.
-        heat_cycle: What has that one.
+        period: Shortest period of what acts on the motion, that of ``cycle``: signals of walls and
+            gravity, and walls on their springs.
+        heat: Shortest period of the temperature or heat flow of a wall, that of ``heat_cycle``.
     """
 
     pressure: float
@@ -213,7 +196,6 @@ class Scales:
 
     @property
     def set_by(self) -> str:
-        """What sets it."""
         return min(self.limits, key=self.limits.__getitem__)
 
     @property
@@ -239,8 +221,7 @@ def find_scales(
 ) -> Scales:
     """The scales of a stage with these drives, one per wall.
 
-    Gravity and contact laws are by default those of the model, and what goes up and down are the
-    drives alone.
+    By default gravity and laws are those of the model, and drives alone go up and down.
     """
     gravity = gravity or Gravity.constant(model.gravity).largest()
     mean_mass = total(model.grains.mass) / model.grain_count
@@ -265,9 +246,7 @@ def find_scales(
 def largest_pressure(
     scenario: Scenario, model: Model, drives: Sequence[WallDrive], gravity: LargestGravity
 ) -> float:
-    """The larger of the weight of all grains over the side across gravity, and the loads of a stage
-    over their length [N/m].
-    """
+    """The larger of the weight of all grains over the side across gravity, and wall loads [N/m]."""
     across = scenario.domain.size[0] if gravity[1] >= gravity[0] else scenario.domain.size[1]
     weight = total(model.grains.mass) * gravity[2] / across
     loads = [
@@ -285,9 +264,7 @@ def largest_gravity(stage: StagePlan, model: Model) -> LargestGravity:
 
 
 def largest_friction(model: Model, laws: ContactLaws) -> float:
-    """Largest coefficient of friction between two grains at any speed of sliding, at the reference
-    temperature.
-    """
+    """Largest coefficient of friction between grains at any speed, at the reference temperature."""
     materials = sorted(set(model.grains.material.tolist()))
     pairs = [(a, b) for a in materials for b in materials]
     starts = laws.table_start
@@ -327,9 +304,7 @@ def scales_of_stage(scenario: Scenario, model: Model, number: int, acting: Actin
 
 
 def _largest_rate(scenario: Scenario, model: Model, drives: Sequence[WallDrive]) -> float:
-    """Rate of shear or compression that the walls bring about, and the fastest spin of one
-    [1/s].
-    """
+    """Rate of shear or compression by the walls, or the fastest spin of one if larger [1/s]."""
     width, height = scenario.domain.size
     runs = [_surface_motion(model, w, drive) for w, drive in enumerate(drives)]
     spins = [
@@ -351,8 +326,7 @@ def _largest_rate(scenario: Scenario, model: Model, drives: Sequence[WallDrive])
 
 
 def _surface_motion(model: Model, w: int, drive: WallDrive) -> tuple[float, float, float]:
-    """The largest motion of a wall that would carry grains along as its running surface does: in x
-    and y [m/s], and spin [rad/s].
+    """Motion of a wall that would carry grains as its surface does: x, y [m/s], spin [rad/s].
 
     Straight shapes as a motion along them, round ones as a spin.
     """
@@ -376,9 +350,7 @@ def _surface_motion(model: Model, w: int, drive: WallDrive) -> tuple[float, floa
 def largest_speed(
     scenario: Scenario, model: Model, drives: Sequence[WallDrive], gravity: LargestGravity
 ) -> float:
-    """The larger of the speed of `fastest` and the speeds of the walls in x and y, and of their
-    surfaces [m/s].
-    """
+    """Largest of the speeds of `fastest`, of the walls in x and y, and of their surfaces [m/s]."""
     walls = [max(_largest_velocity(drive.x), _largest_velocity(drive.y)) for drive in drives]
     surfaces = [drive.surface.largest() for drive in drives if drive.surface is not None]
     return max([fastest(scenario, model, drives, gravity)[0], *walls, *surfaces])
@@ -436,9 +408,7 @@ def fastest(
 
 
 def _reach_of_walls(model: Model, far: float) -> Floats:
-    """How far the surface of each wall is from the point about which it turns [m], shape ``(w,)``;
-    ``far`` for planes.
-    """
+    """Farthest surface of each wall from its pivot [m], shape ``(w,)``; ``far`` for planes."""
     kind, (x, y, u, v) = model.shapes.kind, model.shapes.geometry.T
     reach = np.sqrt(x * x + y * y)
     reach = np.where(TAIL[kind] == Tail.POINT, np.maximum(reach, np.sqrt(u * u + v * v)), reach)
@@ -449,8 +419,7 @@ def _reach_of_walls(model: Model, far: float) -> Floats:
 
 
 def automatic_step(scales: Scales, output: Output) -> float | None:
-    """The automatic time step of a stage [s]; None if neither weight, nor load, nor driven wall,
-    nor any motion sets a scale.
+    """The automatic time step of a stage [s]; None if no weight, load, wall or motion sets a scale.
 
     Rounded down to two digits, so that it is the same on every machine, and then so that a whole
     number of steps makes up the interval between frames, or between rows if one was asked for.
@@ -468,13 +437,11 @@ def automatic_step(scales: Scales, output: Output) -> float | None:
 
 @dataclass(frozen=True)
 class StepReview:
-    """How a time step compares with the `Scales` of its stage; ratios are None where nothing sets
-    their scale.
+    """A time step over the `Scales` of its stage; ratios are None where nothing sets their scale.
 
     Attributes:
         of_pressure: Δt over √(m̄/P).
-        strain: Strain in a step, γ̇ Δt: the sliding distance over the diameter, and the angle by
-            which contacts turn.
+        strain: Strain in a step, γ̇ Δt: sliding over the diameter, and the angle contacts turn by.
         travel: Distance in a step over d̄.
         of_period: Δt over the period.
         automatic: What the automatic time step would be [s]; ``set_by`` says what sets it.
@@ -491,7 +458,6 @@ class StepReview:
     cycle: str
 
     def text(self) -> str:
-        """In words."""
         shares = [
             f"{share:.2g} {text}"
             for share, text in (
@@ -508,9 +474,7 @@ class StepReview:
 
 
 def review_steps(scenario: Scenario, model: Model, plan: RunPlan) -> list[StepReview | None]:
-    """For each stage of a plan, how its time step compares with its scales; None for frozen
-    stages.
-    """
+    """For each stage, how its time step compares with its scales; None for frozen stages."""
     reviews: list[StepReview | None] = []
     for number, stage in enumerate(plan.stages):
         scales = scales_of_stage(

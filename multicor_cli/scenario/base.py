@@ -1,6 +1,4 @@
-"""What all tables of a scenario have in common: strictness, bounded numbers, and columns of numbers
-from CSV files.
-"""
+"""What all tables of a scenario share: strictness, bounded numbers, columns of CSV files."""
 
 from __future__ import annotations
 
@@ -41,13 +39,7 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
     def as_record(self, kind: type[Record], **more: object) -> Record:
-        """The record of the engine whose attributes are named as keys of this table; keys not given
-        are left to its defaults.
-
-        Args:
-            kind: Class of the record.
-            more: Attributes that are not keys, or not with the same value.
-        """
+        """The record with attributes named as keys that are given; ``more`` are other values."""
         names = {field.name for field in fields(kind)}
         return kind(
             **{key: value for key, value in self if key in names and value is not None} | more
@@ -60,9 +52,7 @@ CHANGEABLE = "free"
 
 @dataclass(frozen=True)
 class Formerly:
-    """Marks a key whose default was another one in an earlier version: runs that began with it go
-    on with it.
-    """
+    """Marks a key whose default was another one: older runs go on with that."""
 
     default: object
 
@@ -88,8 +78,7 @@ Friction = Annotated[float, Field(ge=0.0, le=10.0)]
 Count = Annotated[int, Field(ge=1, le=50_000_000)]
 GrainCount = Count
 
-# A TOML array is a list, which strict mode does not take for a tuple: strictness is lifted for the
-# array, not its elements.
+# A TOML array is a list: strictness is lifted for the array, not its elements.
 Point = Annotated[tuple[Coordinate, Coordinate], Strict(False)]
 Vector = Annotated[tuple[Number, Number], Strict(False)]
 LengthPair = Annotated[tuple[Length, Length], Strict(False)]
@@ -111,11 +100,7 @@ KELVIN_BOUNDS = (1.0, 1e5)
 
 
 def check_kelvin(value: float) -> float:
-    """The value if it can be a temperature in kelvin.
-
-    Raises:
-        Refused: It cannot; if it looks like degrees Celsius, the remedy says so.
-    """
+    """The value; raises `Refused` if it is no temperature in kelvin, perhaps one in °C."""
     low, high = KELVIN_BOUNDS
     if value <= 0.0:
         hint = (
@@ -185,24 +170,17 @@ def tag_table(value: Any) -> str:
     return "<table>" if isinstance(value, dict | BaseModel) else "<plain>"
 
 
-# ---- Columns of numbers from a CSV file, in place of arrays. They are read once, and kept in the
-#      resolved scenario.
+# ---- Columns of numbers from a CSV file: read once, kept in the resolved scenario
 
 DIRECTORY = "directory"
-"""Key of the validation context: the directory of the scenario file, to which paths are
-relative."""
+"""Key of the validation context: the directory of the scenario file, where paths begin."""
 
 MAX_BYTES = 10_000_000
 MAX_ROWS = 100_000
 
 
 class Column(NamedTuple):
-    """A column of numbers.
-
-    Attributes:
-        names: Names that it may have, each with the factor that its numbers are multiplied with.
-        bounds: Smallest and largest value that they may then have.
-    """
+    """Names that a column may have, each with a factor, and the bounds of values times that."""
 
     names: dict[str, float]
     bounds: tuple[float, float]
@@ -224,8 +202,7 @@ def read_columns(name: str, info: ValidationInfo, *columns: Column) -> list[list
         columns: What is wanted.
 
     Raises:
-        Refused: The file is missing or unreadable, a column is missing, or a value is not a number
-            within bounds.
+        Refused: The file cannot be read, lacks a column, or has a value out of bounds.
     """
     path = Path((info.context or {}).get(DIRECTORY, ".")) / name
     rows = _rows(path, name)

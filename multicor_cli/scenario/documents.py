@@ -1,6 +1,4 @@
-"""Scenarios that no person has written: Python values as TOML, and what a steered run has carried
-out.
-"""
+"""Scenarios that no person has written: Python values as TOML, and what a steered run did."""
 
 from __future__ import annotations
 
@@ -20,8 +18,7 @@ from pydantic import Field, Strict, StrictBool
 from multicor_cli.scenario.problems import OVERRIDE, KeyPath, Problem, ScenarioError, format_key
 from multicor_cli.scenario.sources import MAX_NESTING
 
-# ---- Values as TOML in one line, which the library that writes TOML does not do: for `--set`, and
-#      for examples on pages
+# ---- Values as TOML in one line, as `tomli_w` does not write them: for `--set`, and for pages
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
@@ -46,9 +43,7 @@ _REMEDY = "give a number, text, true or false, a date, a list or a dict"
 
 
 def to_document(data: Mapping[str, Any]) -> str:
-    """The TOML of a document; raises `ScenarioError` about everything in it that TOML has no value
-    for.
-    """
+    """The TOML of a document; raises `ScenarioError` about all that TOML has no value for."""
     import tomli_w
 
     problems: list[Problem] = []
@@ -72,9 +67,7 @@ def to_document(data: Mapping[str, Any]) -> str:
 
 
 def to_override(key: str, value: Any) -> str:
-    """The argument of ``--set`` that gives a key a value; raises `ScenarioError` if TOML has none
-    like it.
-    """
+    """The argument of ``--set`` for a value; raises `ScenarioError` if TOML has none like it."""
     problems: list[Problem] = []
     plain = _plain(value, (), problems)
     if problems:
@@ -132,10 +125,8 @@ def _name(name: Any, path: KeyPath, problems: list[Problem]) -> str:
     return str(name)
 
 
-# ---- The scenario that a steered run has carried out: the one that it began with, and the stages
-#      that a program has ended and added
-#
-# It is a scenario like any other. Run without the program it gives the same bits.
+# ---- The scenario that a steered run has carried out: stages as a program ended and added them.
+#      Run without the program it gives the same bits.
 
 Count = Annotated[int, Strict(), Field(ge=0, lt=2**63)]
 """A number of something in a document, or of one among several."""
@@ -150,8 +141,7 @@ class Decision:
         step: Steps done since the start of the run.
         stage_steps: Steps done in the stage.
         dt: Time step of the stage [s].
-        then: The stage added behind it, as a table of ``[[loading]]``; None if the next one of the
-            scenario follows.
+        then: The stage added behind it, as a table of ``[[loading]]``; None: that of the scenario.
         ends_run: Whether no stage follows at all.
     """
 
@@ -168,9 +158,7 @@ class Decision:
 
 
 def steered_document(document: dict[str, Any], decisions: Sequence[Decision]) -> dict[str, Any]:
-    """The document of a scenario with its stages as they were carried out; the steps of ended
-    stages are their durations.
-    """
+    """The document with its stages as they were carried out: ended ones last as many steps."""
     loading: list[dict[str, Any]] = list(document["loading"])
     for decision in decisions:
         ended = {

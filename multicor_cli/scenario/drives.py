@@ -1,9 +1,8 @@
 """From the loading stages to the drives of the engine.
 
-A wall that a stage does not name keeps its drive, and so does what is left out of a named wall, a
-degree of freedom or the surface; at first everything is fixed. A signal is a function of the time
-since the start of the stage that names it: one that is kept goes on where it is, one that is named
-again starts anew.
+A wall that a stage does not name keeps its drive, and so does what is left out of a named wall;
+at first everything is fixed. A signal counts from the start of the stage that names it: one that is
+kept goes on where it is, one that is named again starts anew.
 """
 
 from __future__ import annotations
@@ -32,9 +31,7 @@ Kept = TypeVar("Kept", bound=EngineSignal | None)
 
 
 class KeptDrive(NamedTuple):
-    """What drives a degree of freedom or a surface, and the index of the stage that says so
-    (`NEVER`: none does, it is fixed).
-    """
+    """Drive of a degree of freedom or surface, and index of the stage that says so, or `NEVER`."""
 
     dof: AnyDof
     stage: int
@@ -77,8 +74,7 @@ class StageDrives:
 
     Attributes:
         stage: Index of the stage.
-        walls: One drive per wall; signals are functions of the time since the start of the stage
-            that named them.
+        walls: One drive per wall; signals count from the start of the stage that named them.
         named_by: For each wall the index of the stage that named its x, y, spin and surface;
             `NEVER` if none has (then it is fixed).
     """
@@ -178,13 +174,9 @@ def engine_signal(signal: AnySignal) -> EngineSignal:
 
 
 def kept_signal(signal: Kept, named_by: int, stage: int, starts: Sequence[float]) -> Kept | Shifted:
-    """A signal, or None, as a function of the time since the start of a stage.
+    """A signal of the stage ``named_by``, or None, by the time since the start of ``stage``.
 
-    Args:
-        signal: The same as a function of the time since the start of the stage that named it.
-        named_by: Index of that stage.
-        stage: Index of the stage.
-        starts: Times at which the stages up to this one have begun [s].
+    ``starts`` are the times at which the stages up to that have begun [s].
     """
     if named_by == stage or signal is None or isinstance(signal, Constant | Shifted):
         return signal

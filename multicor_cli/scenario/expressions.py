@@ -1,9 +1,8 @@
-"""Expressions: strings that begin with ``=``, as ``"= -g * cos(angle)"``, read, evaluated, and
-replaced by their numbers.
+"""Expressions, as ``"= -g * cos(angle)"``: read, evaluated, and replaced by their numbers.
 
-Only numbers, names, + - * / **, parentheses and calls of `FUNCTIONS` are let through to the
-evaluator; length and depth are bounded, integers too, and every intermediate result is a finite
-number. Nothing can hang or take much memory.
+Only numbers, names, + - * / **, parentheses and calls of `FUNCTIONS` reach the evaluator. Length,
+depth and integers are bounded, and every intermediate result is finite: nothing can hang or take
+much memory.
 """
 
 from __future__ import annotations
@@ -25,10 +24,8 @@ from multicor_cli.arithmetic import acos, asin, atan2, cbrt, cos, exp, log, powe
 from multicor_cli.scenario.problems import KeyPath, Refused, name_list, show
 from multicor_cli.scenario.translate import did_you_mean, types_inside
 
-# ---- The words: functions, constants, and what a variable may be called
-#
-# The functions are those of `multicor_cli.arithmetic`, or rounded by IEEE 754: an expression has
-# the same bits on every machine.
+# ---- The words: functions, constants, and what a variable may be called. The functions are those
+#      of `multicor_cli.arithmetic`, or rounded by IEEE 754: the same bits on every machine.
 
 Value = int | float
 
@@ -45,10 +42,8 @@ class Function(NamedTuple):
 
 
 def raised(x: Value, y: Value) -> Value:
-    """x^y: of whole exponents exact for integers and rounded once for others, `power` where that
-    takes too many digits.
-
-    nan where it is not a real number.
+    """x^y, nan where it is not real: of whole exponents exact for integers and rounded once for
+    others, `power` where that takes too many digits.
 
     Raises:
         OverflowError: It is larger than any number.
@@ -169,19 +164,10 @@ _EXAMPLE = "write arithmetic, as = 2 * d or = g * sin(radians(24)) or = d**2 / 4
 
 
 class Expression:
-    """An expression that has been read.
-
-    Attributes:
-        text: The string, which begins with ``=``.
-        names: Names of the variables that it refers to.
-    """
+    """An expression: its text, which begins with ``=``, and the names of variables in it."""
 
     def __init__(self, text: str) -> None:
-        """Read an expression.
-
-        Raises:
-            Refused: It is too long, or is not arithmetic.
-        """
+        """Read an expression; raises `Refused` if it is too long, or is not arithmetic."""
         self.text = text
         self._source = text[1:].strip(" ")
         self._start = len(text) - len(text[1:].lstrip(" "))
@@ -263,11 +249,7 @@ class Expression:
         return isinstance(node, _NODES)
 
     def check_names(self, variables: Mapping[str, object]) -> None:
-        """Check that all variables and functions exist.
-
-        Raises:
-            Refused: One does not.
-        """
+        """Raise `Refused` if a variable or function does not exist."""
         for node in self._names:
             if node.id in FUNCTIONS:
                 raise self._wrong(node, "is a function", f"write {node.id}(...)")
@@ -285,12 +267,7 @@ class Expression:
                 raise self._error(f"unknown function '{name}'", remedy, call.col_offset)
 
     def value(self, variables: Mapping[str, Value]) -> Value:
-        """The value with these values of the variables; an int if only whole numbers are added,
-        multiplied and raised.
-
-        Raises:
-            Refused: It has none, or not the right number of arguments.
-        """
+        """The value; an int where only whole numbers are added, multiplied, raised. May refuse."""
         from simpleeval import SimpleEval  # few scenarios have expressions
 
         names = {**variables, **CONSTANTS}
@@ -341,7 +318,6 @@ class Expression:
 
 
 def _depth(tree: ast.AST) -> int:
-    """Levels of a tree."""
     depth, level = 0, [tree]
     while level:
         depth, level = depth + 1, [child for node in level for child in ast.iter_child_nodes(node)]
@@ -362,7 +338,7 @@ class Evaluated:
     """What has become of the expressions of a document.
 
     Attributes:
-        shown: The expression and its value, as messages show it, of each place at which one stood.
+        shown: The expression and its value, as messages show it, by place.
         used: Names of the variables that expressions refer to.
         findings: What is wrong with expressions.
         failed: Places of expressions without a value, which are left as they are.
@@ -375,14 +351,9 @@ class Evaluated:
 
 
 def evaluate_expressions(data: dict[str, Any], model: type[BaseModel]) -> Evaluated:
-    """Replace the expressions of a parsed document by their values.
+    """Replace the expressions of a parsed document, which is **modified**, by their values.
 
-    A string is an expression if it begins with ``=`` and stands where the models take a number;
-    others are left alone.
-
-    Args:
-        data: The document. **Modified.**
-        model: What it is a document of.
+    A string is an expression if it begins with ``=`` and stands where the models take a number.
     """
     places = list(_places((), data, [model]))
     return _Document(data).evaluate(places) if places else Evaluated()
@@ -391,9 +362,7 @@ def evaluate_expressions(data: dict[str, Any], model: type[BaseModel]) -> Evalua
 def unused_overrides(
     data: dict[str, Any], set_paths: Iterable[KeyPath], used: set[str]
 ) -> list[Refused]:
-    """Findings about variables from the command line that no expression refers to: a slip, since
-    nothing would change.
-    """
+    """Findings about variables from the command line that no expression uses: slips."""
     findings = []
     for path in set_paths:
         if path[0] == _TABLE and isinstance(data[_TABLE], dict):
@@ -433,8 +402,6 @@ def _is_number(value: Any) -> bool:
 
 
 class _Document:
-    """A document while its expressions are evaluated."""
-
     def __init__(self, data: dict[str, Any]) -> None:
         self.data = data
         table = data.get(_TABLE)
@@ -480,9 +447,7 @@ class _Document:
             self.whole.add(place.path)
 
     def _order_of_variables(self) -> Iterator[str]:
-        """Names of the variables that are expressions, each after those that it refers to; those in
-        a circle are left out.
-        """
+        """Variables that are expressions, each after those it refers to, without circles."""
         from graphlib import CycleError, TopologicalSorter
 
         names = {
@@ -513,7 +478,6 @@ class _Document:
         )
 
     def _evaluate(self, path: KeyPath) -> None:
-        """Put the value of the expression at a place into the document."""
         expression = self.expressions[path]
         if not expression.names <= self.values.keys():  # what is wrong is said of the variable
             self.result.failed.add(path)

@@ -1,6 +1,4 @@
-"""Reading scenario files, and values from the command line: everything that is wrong is found at
-once, with its position.
-"""
+"""Reading scenario files and values from the command line: all that is wrong, with positions."""
 
 from __future__ import annotations
 
@@ -102,9 +100,7 @@ def _parse_value(key: KeyPath, text: str) -> Any:
 
 
 def _assign(data: dict[str, Any], key: KeyPath, value: Any) -> KeyPath:
-    """Set ``value`` in the document; returns the path, with indices as numbers, of the outermost
-    key that is new or changed.
-    """
+    """Set ``value``; returns the path (indices as numbers) of the outermost new or changed key."""
     node: Any = data
     path: KeyPath = ()
     for depth, part in enumerate(key[:-1]):
@@ -120,9 +116,7 @@ def _assign(data: dict[str, Any], key: KeyPath, value: Any) -> KeyPath:
 
 
 def _nested(key: KeyPath, depth: int, value: Any, remedy: str) -> Any:
-    """New tables for the parts of ``key`` that follow part number ``depth``, with ``value`` in the
-    innermost.
-    """
+    """New tables for what follows part ``depth`` of ``key``, with ``value`` in the innermost."""
     rest = key[depth + 1 :]
     if any(str(part).isdecimal() for part in rest):
         raise Refused(key, f"there is no {format_key(key[: depth + 1])}", remedy)
@@ -160,8 +154,7 @@ def _place(node: Any, part: str | int, key: KeyPath, path: KeyPath) -> str | int
 # ---- Files
 
 MAX_FILE_SIZE = 1_000_000
-"""Largest scenario file [bytes]: what can be parsed and checked in about a second; tables of grains
-go into other files."""
+"""Largest scenario file [bytes], checked in about a second; tables of grains go elsewhere."""
 
 _MAX_ERRORS = 500
 _SYNTAX_POSITION = re.compile(
@@ -206,9 +199,7 @@ def read_tables(
 
 
 def _about_start(finding: Refused) -> Refused:
-    """A problem of a group that the file does not name, where the file names the run that has
-    it.
-    """
+    """A problem of a group from a run, at the key of the run: the file does not name the group."""
     if finding.where[0] != "particles":
         return finding
     return Refused(
@@ -219,13 +210,7 @@ def _about_start(finding: Refused) -> Refused:
 def check_document(
     data: dict[str, Any], directory: Path
 ) -> tuple[ScenarioModel | None, list[Refused]]:
-    """Everything that is wrong with a parsed document, and its model if each table is valid on its
-    own.
-
-    Args:
-        data: The document.
-        directory: That of its file, to which paths in it are relative.
-    """
+    """All that is wrong with a document, and its model if each table is valid on its own."""
     context = {DIRECTORY: directory}
     try:
         model = ScenarioModel.model_validate(data, context=context)
@@ -252,11 +237,7 @@ def _is_within(path: KeyPath, known: set[KeyPath]) -> bool:
 
 
 def read_text(path: Path, *, kind: str = "scenario") -> str:
-    """Text of a file of some ``kind``.
-
-    Raises:
-        ScenarioError: It cannot be read, is too large, or is not UTF-8.
-    """
+    """Text of a file; raises `ScenarioError` if it is unreadable, too large, or not UTF-8."""
     try:
         content = read_regular(path, MAX_FILE_SIZE)
     except FileNotFoundError:
@@ -299,11 +280,7 @@ def _not_utf8(path: Path, content: bytes, offset: int) -> Problem:
 
 @lru_cache(maxsize=4)  # a study makes all its cases from one text
 def parse_toml(text: str, file: str) -> dict[str, Any]:
-    """The document of a text, which must not be modified.
-
-    Raises:
-        ScenarioError: It is not TOML, or nested too deep.
-    """
+    """A document, not to be modified; raises `ScenarioError` if not TOML, or too deep."""
     if (offset := find_deep_nesting(text)) is not None:
         message = f"nested more than {MAX_NESTING} deep"
         raise ScenarioError([_at_offset(file, text, offset, message, "use fewer levels")])

@@ -1,6 +1,4 @@
-"""Loading stages: how long they last, what ends them, how they drive and heat the walls, and
-gravity.
-"""
+"""Loading stages: their length and ends, gravity, and how they drive and heat the walls."""
 
 from __future__ import annotations
 
@@ -515,14 +513,12 @@ AnyStageGravity = GravityVector | TiltedGravityTable
 
 # ---- Thermal conditions of walls, and which of them holds in which stage.
 #
-# A wall that a stage does not name keeps its condition; at first it has that of its `[[walls]]`
-# table, or is insulated. A signal is a function of the time since the start of the stage that names
-# it: one that is kept goes on where it is, one that is named again starts anew. That of the
-# `[[walls]]` table counts from the start of the run.
+# A wall that a stage does not name keeps its condition, at first that of its `[[walls]]` table, or
+# insulated. A signal counts from the start of the stage that names it (that of the `[[walls]]`
+# table from the start of the run): kept it goes on where it is, named again it starts anew.
 
 
 def _check_kelvin_signal(signal: AnySignal) -> AnySignal:
-    """Every value that the signal takes is a temperature in kelvin."""
     for value in _extremes(signal):
         check_kelvin(value)
     return signal
@@ -596,9 +592,7 @@ AnyCondition = TemperatureCondition | FlowCondition | CapacityCondition | Insula
 
 
 class KeptCondition(NamedTuple):
-    """The thermal condition of a wall, and the index of the stage from whose start its signal
-    counts.
-    """
+    """A wall's thermal condition, and index of the stage from whose start its signal counts."""
 
     condition: AnyCondition
     stage: int
@@ -607,13 +601,7 @@ class KeptCondition(NamedTuple):
 def resolve_conditions(
     loading: Sequence[Stage], first: Mapping[str, AnyCondition | None], wall_names: Sequence[str]
 ) -> list[list[KeptCondition]]:
-    """The thermal condition of each wall in each stage, by stage and wall.
-
-    Args:
-        loading: The stages in time order.
-        first: What the table of each wall says, by name; None: insulated.
-        wall_names: Names of the walls in the order wanted.
-    """
+    """Thermal conditions by stage and wall; ``first``: that of a wall's table, None: insulated."""
     current = [
         KeptCondition(first[name] or InsulatedCondition(insulated=True), 0) for name in wall_names
     ]
@@ -769,8 +757,7 @@ class Stage(Table):
 def frozen_dt(stage: Stage, output: Output) -> float:
     """Interval at which temperatures are evaluated in a frozen stage [s].
 
-    That of the stage, or the smaller interval of ``output``; shortened so that the duration is a
-    whole number of intervals.
+    That of the stage, or the smaller interval of ``output``; shortened to divide the duration.
     """
     assert stage.duration is not None  # a frozen stage has no other end
     assert stage.dt != "auto"  # nor an automatic time step

@@ -1,6 +1,4 @@
-"""Materials, the contact laws of pairs of them, and ``[heat]``: which mechanisms carry heat, and
-its integration.
-"""
+"""Materials, contact laws of pairs of them, and ``[heat]``: its mechanisms and integration."""
 
 from __future__ import annotations
 
@@ -42,8 +40,7 @@ ROOM_TEMPERATURE = 293.15
 NEEDS_POROSITY = ("gunn", "li-mason")
 GUNN_POROSITY = (0.35, 1.0)
 LEAST_CONTRAST = 10.0
-"""Smallest ratio of the conductivities of solid and gas for which the formula of Batchelor &
-O'Brien holds."""
+"""Least ratio of conductivities, solid to gas, for Batchelor & O'Brien's formula."""
 
 EQUAL = 1.1
 """Largest ratio of radii that counts as equal."""
@@ -123,9 +120,7 @@ class GasTable(MechanismTable):
         return _SPOT
 
     def check_material(self, name: str, material: Material) -> Iterator[Refused]:
-        """The formula of Batchelor & O'Brien holds for solids that conduct much better than the
-        gas.
-        """
+        """Batchelor & O'Brien's formula holds for solids that conduct much better than the gas."""
         solid = material.conductivity
         if (
             self.model == "batchelor"
@@ -408,14 +403,9 @@ MAX_FRICTION = 10.0
 
 @dataclass(frozen=True)
 class _OfSolids:
-    """A property of solids within bounds, as an annotation; below them it has probably been given
-    in a larger unit.
+    """A property of solids within bounds, as an annotation; too small values suggest a larger unit.
 
     Attributes:
-        name: What it is.
-        unit: Its unit.
-        low: Smallest value of a solid.
-        high: Largest value.
         example: A right value, and of what.
         power: Of ten, from the unit that was probably meant to ``unit``: 3 or 9.
         origin: That unit.
@@ -636,9 +626,7 @@ class FrictionTable(Softening):
 
 
 def _tag_friction(value: Any) -> str:
-    """Discriminator of `AnyFriction`: a table of speeds unless it has the keys of a softening
-    number and none of speeds.
-    """
+    """Tag in `AnyFriction`: a table of speeds unless only keys of a softening number stand."""
     if not isinstance(value, dict | BaseModel):
         return "<plain>"
     names = type(value).model_fields if isinstance(value, BaseModel) else value
@@ -702,9 +690,7 @@ class PairFriction(Table):
         return sum(name != "*" for name in self.pair)
 
     def covers(self, a: str, b: str) -> bool:
-        """Whether this entry speaks of contacts between the materials ``a`` and ``b`` (in either
-        order).
-        """
+        """Whether this entry speaks of contacts between ``a`` and ``b`` (in either order)."""
         (p, q) = self.pair
         return (p in ("*", a) and q in ("*", b)) or (p in ("*", b) and q in ("*", a))
 

@@ -1,5 +1,4 @@
-"""The whole scenario file as one model, in part where some of its tables are wrong, and as a JSON
-Schema for editors of TOML.
+"""The whole scenario file as one model, in part where some tables are wrong, and as a JSON Schema.
 
 Attribute names are the TOML keys, except ``from`` and ``to`` of a rough wall, which are ``start``
 and ``end``, and ``variables``.
@@ -81,8 +80,7 @@ class ScenarioModel(Table):
         return groups
 
 
-# ---- The tables that are valid on their own: one invalid table must not hide what is wrong with
-#      the others
+# ---- The tables that are valid on their own: a wrong one must not hide what is wrong elsewhere
 
 T = TypeVar("T", bound=Table)
 Context = dict[str, Any]
@@ -90,7 +88,7 @@ Context = dict[str, Any]
 
 @dataclass(frozen=True)
 class PartialScenario:
-    """Tables of a scenario; ``None`` stands for a table that is missing or invalid on its own.
+    """Tables of a scenario; ``None`` stands for one that is missing or invalid on its own.
 
     Attributes are named as the tables. Besides:
 
@@ -141,9 +139,7 @@ class PartialScenario:
 
     @classmethod
     def of_document(cls, data: dict[str, Any], context: Context) -> PartialScenario:
-        """That of a parsed document of which some tables are wrong; ``context`` is that of the
-        validation.
-        """
+        """That of a document of which some tables are wrong; ``context``: of the validation."""
         raw = data.get("materials")
         materials = (
             dict(itertools.islice(raw.items(), _MAX_TABLES)) if isinstance(raw, dict) else {}
@@ -204,9 +200,7 @@ SCHEMA_DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def scenario_schema() -> dict[str, Any]:
-    """The JSON Schema of scenario files; what the tables must have in common is left to
-    `load_scenario`.
-    """
+    """The JSON Schema of scenario files; conditions across tables are left to `load_scenario`."""
     schema: dict[str, Any] = _with_expressions(
         _plain(ScenarioModel.model_json_schema(by_alias=True))
     )
@@ -227,9 +221,7 @@ def schema_text() -> str:
 
 
 def _plain(node: Any) -> Any:
-    """The schema without null, which TOML does not have, without titles, which only repeat the
-    keys, and unwrapped.
-    """
+    """The schema, unwrapped, without null, which TOML lacks, and titles, which repeat the keys."""
     if isinstance(node, list):
         return [_plain(element) for element in node]
     if not isinstance(node, dict):
@@ -248,9 +240,7 @@ def _plain(node: Any) -> Any:
 
 
 def _with_expressions(node: Any) -> Any:
-    """The schema with expressions wherever numbers stand; bounds concern numbers only, patterns
-    strings only.
-    """
+    """The schema with expressions where numbers stand: bounds bind numbers, patterns strings."""
     if isinstance(node, list):
         return [_with_expressions(element) for element in node]
     if not isinstance(node, dict):

@@ -1,6 +1,4 @@
-"""Groups of free grains: sizes, how they are placed, temperatures, how they come and go, and what
-comes from another run.
-"""
+"""Groups of free grains: sizes, placing, temperatures, coming and going, and from other runs."""
 
 from __future__ import annotations
 
@@ -589,12 +587,10 @@ class Outlet(Table):
     )
 
 
-# -- Going on from another run: where the grains of a scenario are at its start, and what groups
-# they belong to
+# -- Going on from another run: where grains start, and what groups they belong to
 
 RECORD = "scenario.resolved.toml"
-"""The scenario of a run in its directory, with all defaults
-(docs/reference/formats/run-directory.md)."""
+"""The scenario of a run in its directory, with all defaults."""
 
 KIND = "start"
 """Kind of packing of the groups whose grains come from the run of ``[start]``."""
@@ -630,18 +626,10 @@ class Start(Table):
 
 
 def take_groups(document: dict[str, Any], directory: Path) -> bool:
-    """Give a document with ``[start]`` and without ``[[particles]]`` the groups of the run that it
-    names.
+    """Give a document with ``[start]`` but no ``[[particles]]`` its run's groups; whether it did.
 
-    What is wrong with the run is not said here but where its grains are read: a run that goes on
-    needs neither any more. Until then a document whose run cannot be read has no groups.
-
-    Args:
-        document: The parsed document. **Modified.**
-        directory: That of its file.
-
-    Returns:
-        Whether the groups come from the run.
+    What is wrong with the run is told where its grains are read: a run that goes on needs neither
+    any more. Until then a document whose run cannot be read has no groups.
     """
     start = document.get("start")
     if not isinstance(start, dict) or "particles" in document:

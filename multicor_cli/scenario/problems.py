@@ -56,11 +56,9 @@ class Problem:
 
     Attributes:
         file: Name of the file, or ``--set``; empty for a scenario that comes from none.
-        line: Line, from 1; 0 where there is no position (the file cannot be read, the command
-            line).
+        line: Line, from 1; 0 without a position (a file that cannot be read, the command line).
         column: Column, from 1; 0 likewise, except inside an expression from the command line.
-        key: Dotted path of the key with 0-based indices, as ``--set`` takes it; empty for the whole
-            file.
+        key: Dotted path of the key, as ``--set`` takes it; empty for the whole file.
         message: What is wrong, with the value.
         remedy: What to do about it; may be empty.
         source_line: The line of the file (or the argument of ``--set``); empty if there is none.
@@ -81,9 +79,7 @@ class Problem:
         return brief(one_line(": ".join(part for part in (where, self.key, what) if part)))
 
     def excerpt(self) -> str:
-        """The quoted source line with a caret under the column, as two lines; empty if there is no
-        source line.
-        """
+        """The quoted source line with a caret under the column, in two lines; empty if none."""
         if not self.source_line:
             return ""
         column = max(self.column, 1) - 1
@@ -107,9 +103,7 @@ class ScenarioError(Exception):
 
 
 def format_key(path: KeyPath) -> str:
-    """Dotted form of a path, as ``loading.1.drives.lid``; parts that are not bare keys are
-    quoted.
-    """
+    """Dotted form of a path, as ``loading.1.drives.lid``; parts that need quotes get them."""
     return ".".join(_format_part(part) for part in path)
 
 

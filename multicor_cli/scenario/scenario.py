@@ -1,6 +1,4 @@
-"""A scenario that has been loaded and found right, with everything that other packages ask about
-it.
-"""
+"""A scenario that has been loaded and found right, with all that other packages ask about it."""
 
 from __future__ import annotations
 
@@ -37,8 +35,7 @@ class Scenario(ScenarioModel):
     their tables are, wherever they come from.
 
     Attributes:
-        path: The file it comes from; of a scenario that comes from none the name that one would
-            have.
+        path: The file it comes from; without one the name that it would have.
         sources: Its text and what has changed it; gives problems found later their positions.
     """
 
@@ -49,28 +46,24 @@ class Scenario(ScenarioModel):
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], directory: str | Path = ".") -> Scenario:
-        """A scenario from Python values: the tables of a file as dicts, its arrays as lists, tuples
-        or arrays of NumPy.
+        """A scenario from Python values: tables as dicts, arrays as lists, tuples or of NumPy.
 
-        It is checked as a file is, and messages name the keys. ``"= 2 * d"`` is an expression here
-        too.
+        It is checked as a file is, and messages name the keys. ``"= 2 * d"`` is an expression.
 
         Args:
-            data: The tables, as ``{"scenario": {"name": "bed", "seed": 1}, "domain": {…}, …}``. SI
-                units.
+            data: The tables, as ``{"scenario": {"name": "bed", "seed": 1}, "domain": {…}, …}``;
+                SI units.
             directory: To which paths in it are relative.
 
         Raises:
-            ScenarioError: The scenario is wrong, or holds what TOML has no value for; its
-                ``problems`` say all that is wrong.
+            ScenarioError: Its ``problems`` say all that is wrong, or has no value in TOML.
         """
         return parse_scenario(to_document(data), Path(directory) / NO_FILE, file="")
 
     def with_(self, changes: Mapping[str, Any]) -> Scenario:
         """A changed copy, checked anew: to the bit what ``--set`` makes of the file.
 
-        Expressions are evaluated again, with changed variables where these change. A seed that was
-        drawn stays.
+        Expressions are evaluated again, with variables as changed. A seed that was drawn stays.
 
         Args:
             changes: Values by dotted keys with 0-based indices, as
@@ -124,8 +117,7 @@ class Scenario(ScenarioModel):
         )
 
     def law(self, a: str, b: str, stage: int | None = None) -> ContactPair:
-        """The contact law of the materials ``a`` and ``b``: of the entries that cover the pair the
-        most specific.
+        """The contact law of materials ``a`` and ``b``: the most specific entry that covers them.
 
         With the index of a ``stage`` its friction is what the last stage up to this one says that
         covers the pair.
@@ -159,7 +151,7 @@ class Scenario(ScenarioModel):
     def stage_solver(self, stage: int) -> Solver:
         """``[solver]`` with what the stage of this index overrides, its time step included.
 
-        The time step of a frozen stage is the interval at which temperatures are evaluated.
+        Of a frozen stage that is the interval at which temperatures are evaluated.
         """
         table = self.loading[stage]
         changes = table.solver.model_dump(exclude_none=True) if table.solver else {}
@@ -177,9 +169,7 @@ class Scenario(ScenarioModel):
     def wall_conditions(
         self, wall_names: tuple[str, ...] | None = None
     ) -> list[list[KeptCondition]]:
-        """The thermal condition of each wall in each stage; walls in the order of the file, or of
-        ``wall_names``.
-        """
+        """The thermal condition of each wall in each stage; walls as in the file, or as named."""
         first = {wall.name: wall.thermal for wall in self.walls}
         return resolve_conditions(
             self.loading, first, wall_names if wall_names is not None else tuple(first)
@@ -190,15 +180,11 @@ class Scenario(ScenarioModel):
         return self.path.parent / path
 
     def refuse(self, *refused: Refused) -> ScenarioError:
-        """The error that tells what has been found wrong later, with the positions of the keys, as
-        ``("walls", 1, "geometry")``.
-        """
+        """The error about what is found wrong later, at keys as ``("walls", 1, "geometry")``."""
         return ScenarioError([self.sources.problem(each) for each in refused])
 
     def as_dict(self) -> dict[str, Any]:
-        """All tables with defaults and changes filled in and expressions evaluated; `from_dict`
-        makes an equal scenario of them.
-        """
+        """All tables, with defaults and changes, evaluated; `from_dict` makes an equal scenario."""
         return self.model_dump(by_alias=True, exclude_none=True)
 
     def resolved_toml(self) -> str:
@@ -230,12 +216,10 @@ def load_scenario(path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
 
     Args:
         path: The TOML file.
-        overrides: Values set on the command line, each ``key=value`` as in
-            ``loading.1.duration=2.0``.
+        overrides: Values set on the command line, as ``loading.1.duration=2.0``.
 
     Raises:
-        ScenarioError: The file cannot be read or the scenario is wrong; its ``problems`` say all
-            that is wrong.
+        ScenarioError: The file is unreadable or wrong; its ``problems`` say all that is wrong.
     """
     path = Path(path)
     return parse_scenario(read_text(path), path, overrides)
@@ -244,8 +228,7 @@ def load_scenario(path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
 def parse_scenario(
     text: str, path: str | Path, overrides: Sequence[str] = (), *, file: str | None = None
 ) -> Scenario:
-    """Check the text of a scenario file; as `load_scenario`, with ``path`` used for messages and
-    relative paths only.
+    """As `load_scenario` with the text given: ``path`` is for messages and relative paths only.
 
     Args:
         text: The text.

@@ -73,9 +73,7 @@ class Domain(Table):
         return self.size[0] if self.periodic else 0.0
 
     def is_spanned(self, left: float, right: float) -> bool:
-        """Whether an interval of x covers the period exactly (to 1e-9 of it); never if there is
-        none.
-        """
+        """Whether an interval of x is the period (to 1e-9 of it); never if there is none."""
         return self.period > 0.0 and abs(right - left - self.period) <= 1e-9 * self.period
 
 
@@ -137,9 +135,7 @@ class StageSolver(Table):
 
 
 def _series_interval(data: dict[str, Any]) -> float:
-    """Time between rows of the time series unless the scenario says otherwise [s]: ten per frame
-    (but one per step at most).
-    """
+    """Default time between rows of the time series [s]: ten per frame, one per step at most."""
     return float(data["frame_interval"]) / 10.0
 
 

@@ -147,9 +147,7 @@ def first_level(signal: AnySignal) -> float:
 
 
 def levels(signal: AnySignal) -> tuple[float, ...]:
-    """Values that tell whether a signal is always zero; the last one is where a ramp or a table
-    ends.
-    """
+    """Values that tell whether a signal is always zero; last the one where it ends, if it does."""
     if isinstance(signal, RampSignal):
         return signal.ramp
     if isinstance(signal, SineSignal):

@@ -1,6 +1,4 @@
-"""Where a scenario comes from, its text and what the command line has set, and where in it the keys
-are: positions of problems.
-"""
+"""Where a scenario comes from, and where in its text or the command line its keys are."""
 
 from __future__ import annotations
 
@@ -14,10 +12,8 @@ from typing import NamedTuple
 
 from multicor_cli.scenario.problems import OVERRIDE, KeyPath, Problem, Refused, format_key, show
 
-# ---- Where the keys of a TOML document are: path of a key → line and column.
-#
-# `tomllib` tells positions of syntax errors only. This scanner walks over a document that `tomllib`
-# has accepted and notes where each key and each array element begins.
+# ---- Where the keys of a TOML document are: path of a key → line and column. `tomllib` tells
+#      positions of syntax errors only; this walks over a document that it has accepted.
 
 _BARE = re.compile(r"[A-Za-z0-9_-]++")
 _BLANKS = re.compile(r"[ \t]*+")
@@ -40,8 +36,7 @@ _DOTTED_KEY = re.compile(
 )
 
 MAX_NESTING = 32
-# The last two tokens: a string without end (then the rest of the document does not matter), and
-# anything else.
+# The last two tokens: a string without end (what follows does not matter), and anything else.
 _NESTING = re.compile(
     rf"(?P<chain>(?:{_PART_TEXT}[ \t]*+\.[ \t]*+){{{MAX_NESTING}}})"
     rf"|(?:{_STRING_TEXT})|#[^\n]*+|(?P<open>[\[{{])|(?P<close>[\]}}])|[\"'].*+|[^\s\"'#\[\]{{}}]++",
@@ -50,11 +45,9 @@ _NESTING = re.compile(
 
 
 def find_deep_nesting(text: str) -> int | None:
-    """Offset at which arrays, tables or dotted keys are nested more than `MAX_NESTING` deep, or
-    ``None``.
+    """Offset where nesting (arrays, tables, dotted keys) exceeds `MAX_NESTING`, or ``None``.
 
-    Runs before the parser, which is recursive and needs time that grows with the square of the
-    length of a dotted key.
+    Runs before the parser, which is recursive, and quadratic in the length of a dotted key.
     """
     depth = 0
     for token in _NESTING.finditer(text):
@@ -93,10 +86,7 @@ def locate_keys(text: str) -> dict[KeyPath, int]:
 
     Tables have the offset of their header (elements of an array of tables that of theirs), or of
     the first key that brings them into being; keys that of the whole dotted key they are part of;
-    array elements that of their value.
-
-    Args:
-        text: A document that `tomllib` accepts, nested at most `MAX_NESTING` deep.
+    array elements that of their value. `tomllib` must accept it, and its nesting be bounded.
     """
     scanner = _Scanner(text)
     scanner.scan()
@@ -104,9 +94,7 @@ def locate_keys(text: str) -> dict[KeyPath, int]:
 
 
 class _Scanner:
-    """Recursive descent over a valid document; each method starts where the one before has
-    stopped.
-    """
+    """Recursive descent over a valid document; each method starts where the last one stopped."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -134,9 +122,7 @@ class _Scanner:
         return match.group()
 
     def _note(self, path: KeyPath, first: int, offset: int) -> None:
-        """Note ``offset`` for ``path``, and for those of its parents after the first ``first``
-        parts that are new.
-        """
+        """Note ``offset`` for ``path`` and its new parents of more than ``first`` parts."""
         for end in range(first + 1, len(path)):
             self.offsets.setdefault(path[:end], offset)
         self.offsets[path] = offset
@@ -216,9 +202,7 @@ class _Scanner:
             self._pair(path)
 
     def _ends(self, bracket: str) -> bool:
-        """Skip what separates elements; if the closing ``bracket`` follows, step over it and say
-        so.
-        """
+        """Skip what separates elements; whether ``bracket`` followed, which is stepped over."""
         self._skip(_SEPARATORS)
         if self.text[self.at] != bracket:
             return False
@@ -227,7 +211,7 @@ class _Scanner:
 
 
 def parse_key(text: str) -> tuple[KeyPath, int]:
-    """The dotted key at the beginning of ``text``, and the offset of the ``=`` that must follow it.
+    """The dotted key at the beginning of ``text``, and the offset of the ``=`` behind it.
 
     Raises:
         ValueError: ``text`` does not begin with a dotted key and ``=``.
@@ -252,9 +236,7 @@ class _Place(NamedTuple):
 
 
 def _column_inside(place: _Place, text: str, offset: int) -> int:
-    """Column of a character of the string ``text`` at a place; that of the place if the string is
-    written in another way there.
-    """
+    """Column of a character of the string ``text``; of the place where it is written otherwise."""
     line, start = place.source_line, max(place.column - 1, 0)
     found = max(line.find(quote + text, start) for quote in "\"'")
     if found >= 0:
@@ -264,9 +246,7 @@ def _column_inside(place: _Place, text: str, offset: int) -> int:
 
 
 class Sources:
-    """The text of a scenario file, the values set from the command line, and the expressions in
-    both.
-    """
+    """The text of a scenario, the values from the command line, and the expressions in both."""
 
     def __init__(
         self,
@@ -276,15 +256,9 @@ class Sources:
         expressions: dict[KeyPath, tuple[str, str]] | None = None,
         overrides: Sequence[str] = (),
     ) -> None:
-        """Keep what positions are found from.
+        """Keep what positions are found from; without a name of the file, none are in the text.
 
-        Args:
-            file: Name of the file in messages; empty if there is none: positions in the text are
-                then left out.
-            text: Its text, a document that `tomllib` accepts.
-            applied: The argument of ``--set`` that has set each path.
-            expressions: The expression and its value, as shown, of each path at which one stands.
-            overrides: All arguments of ``--set`` in their order.
+        ``applied`` is the argument of ``--set`` by path, ``expressions`` what is shown of them.
         """
         self.file = file
         self.text = text
@@ -301,8 +275,7 @@ class Sources:
         return locate_keys(self.text)
 
     def locate(self, path: KeyPath) -> tuple[str, int, int]:
-        """File, line and column of a key; of the innermost table around it if the key itself is not
-        in the document.
+        """File, line and column of a key, or of the innermost table around it that there is.
 
         Line and column are 0 for what the command line has set, and without a file.
         """
@@ -337,9 +310,7 @@ class Sources:
         )
 
     def _expressions_of(self, finding: Refused) -> str:
-        """The expressions at the key of a finding, or in the array there, with their values unless
-        the message says them.
-        """
+        """The expressions at a finding's key or in its array, with values that it does not tell."""
         shown = [
             show(text) if value in finding.what else f"{show(text)} = {value}"
             for path, (text, value) in self.expressions.items()
@@ -348,9 +319,7 @@ class Sources:
         return f" ({', '.join(shown[:4])})" if shown else ""
 
     def problems(self, findings: list[Refused]) -> list[Problem]:
-        """The findings with their positions, in the order of the file; the first `MAX_PROBLEMS` of
-        very many.
-        """
+        """The first `MAX_PROBLEMS` findings with their positions, in the order of the file."""
         found = sorted(
             (self.problem(f) for f in findings[: 2 * MAX_PROBLEMS]),
             key=lambda p: (p.line, p.column),

@@ -1,6 +1,4 @@
-"""From the errors of the validation library to findings in the words of a scenario, with what the
-models say about a place.
-"""
+"""From errors of the validation library to findings in a scenario's words."""
 
 from __future__ import annotations
 
@@ -19,20 +17,12 @@ from pydantic_core import ErrorDetails
 from multicor_cli.scenario.problems import KeyPath, Refused, name_list, show
 from multicor_cli.text import count_noun
 
-# ---- What the models say about a place in a scenario: its description, and the keys that its table
-#      knows
+# ---- What the models say about a place in a scenario: its description, and the keys of its table
 
 
 @dataclass(frozen=True)
 class Location:
-    """A place in a scenario.
-
-    Attributes:
-        path: Path of the key.
-        description: What the models say about the last key on the path that they know; may be
-            empty.
-        table: Model of the innermost table on the path.
-    """
+    """A place: path, the models' text on the last known key (or none), and model of its table."""
 
     path: KeyPath
     description: str
@@ -45,11 +35,7 @@ class Location:
 
 
 def find_location(model: type[BaseModel], location: tuple[str | int, ...]) -> Location:
-    """Follow the location of a validation error through the models.
-
-    The validation library puts the tags of unions into its locations; they are not keys of the
-    document and are left out.
-    """
+    """Follow a validation error through the models; tags of unions, no keys, are left out."""
     path: list[str | int] = []
     description, table = "", model
     annotation: Any = model
@@ -71,9 +57,7 @@ def find_location(model: type[BaseModel], location: tuple[str | int, ...]) -> Lo
 
 
 def types_inside(types: Iterable[Any], part: str | int) -> list[Any]:
-    """The types that the element or key ``part`` may have of something of one of these types; those
-    of unions one by one.
-    """
+    """The types that ``part`` of something of one of these types may have; unions one by one."""
     return [member for annotation in types for member in _alternatives(_inside(annotation, part))]
 
 
@@ -188,9 +172,7 @@ _OTHER_WORDS = {
 
 
 def translate(model: type[BaseModel], errors: Iterable[ErrorDetails]) -> list[Refused]:
-    """Findings for validation errors of ``model``: one per mistake, however many errors it
-    causes.
-    """
+    """Findings for validation errors of ``model``: one per mistake, however many errors."""
     placed = [
         (find_location(model, error["loc"]), error)
         for error in errors
@@ -207,11 +189,9 @@ def translate(model: type[BaseModel], errors: Iterable[ErrorDetails]) -> list[Re
 
 
 def without_unknown_keys(model: type[BaseModel], table: Any, errors: Iterable[ErrorDetails]) -> Any:
-    """What a table says apart from keys that nobody knows: misspelled ones get their names, others
-    are left out.
+    """A table without unknown keys: misspelled ones get their names, others are left out.
 
-    None if a key is meant that cannot be told: one with a unit, whose value may be a thousand times
-    too large.
+    None if a key is meant that cannot be told: one with a unit may be a thousand times too large.
     """
     places = [
         find_location(model, error["loc"]) for error in errors if error["type"] == "extra_forbidden"
@@ -252,18 +232,14 @@ def _closest(word: str, known: Iterable[str]) -> str | None:
 
 
 def _is_consequence(error: ErrorDetails) -> bool:
-    """Whether another error is behind this one: a default that needs a wrong value, elements that
-    were not counted as wrong.
-    """
+    """Whether it follows from another: a default of a wrong value, elements not counted."""
     if error["type"] == "default_factory_not_called":
         return True
     return error["type"] == "too_short" and len(error["input"]) >= error["ctx"]["min_length"]
 
 
 def _explained_tables(placed: Sequence[tuple[Location, ErrorDetails]]) -> dict[KeyPath, set[str]]:
-    """For each table with unknown keys: the keys that are missing only because they are
-    misspelled.
-    """
+    """For each table with unknown keys: the missing keys that are only misspelled."""
     explained: dict[KeyPath, set[str]] = {}
     for place, error in placed:
         if error["type"] == "extra_forbidden":

@@ -1,9 +1,9 @@
 """Walls: their geometry and their inertia.
 
-Each geometry says of what shapes it consists. They lie in a frame whose origin is the reference
-point of the wall: the center of a circle, disc or box, the mean of the points of a polyline, the
-middle of a row of glued grains, the given point of a plane, the center of mass of a cluster or
-polygon. Torques and spins refer to it.
+Each geometry says of what shapes it consists, in a frame whose origin is the reference point of the
+wall, which torques and spins refer to: the center of a circle, disc or box, the mean of the points
+of a polyline, the middle of a row of glued grains, the given point of a plane, the center of mass
+of a cluster or polygon.
 """
 
 from __future__ import annotations
@@ -45,8 +45,7 @@ from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.region import MAX_CORNERS, Corners, above_min, simple_polygon
 from multicor_cli.scenario.settings import Domain
 
-# ---- Where grains are glued to walls: in a row on a line, in a ring inside or around a circle, or
-#      along the sides of a polygon
+# ---- Where grains are glued: in a row on a line, in a ring along a circle, or along a polygon
 
 Pair = tuple[float, float]
 SizesOrGroup = Annotated[
@@ -89,13 +88,7 @@ class Row(NamedTuple):
 
 
 class Ring(NamedTuple):
-    """Touching grains that touch a circle from inside or outside.
-
-    Attributes:
-        center: Center of the circle [m], the reference point of the wall.
-        radius: Its radius [m].
-        is_outside: Whether they lie around it.
-    """
+    """Touching grains in a circle, or around it; its center is the wall's reference point [m]."""
 
     center: Pair
     radius: float
@@ -127,9 +120,7 @@ class Sides(NamedTuple):
 
     @property
     def least(self) -> float:
-        """Smallest length of all sides, over the diameter of the largest grain: the shortest side
-        takes one.
-        """
+        """Smallest length of all sides over the largest diameter: the shortest side takes one."""
         return self.length / float(self.polygon.side_lengths().min())
 
     def __str__(self) -> str:
@@ -141,8 +132,7 @@ class Glued(NamedTuple):
 
     Attributes:
         place: Where they are.
-        sizes: What the scenario says about their sizes: name of a group of particles, or a table;
-            None: as the first group.
+        sizes: Name of a group of particles, or a table; None: as the first group.
         key: Under which key of the geometry it says so.
     """
 
@@ -165,9 +155,7 @@ class WallGeometry(Table):
         """Its shapes without glued grains."""
 
     def glued(self, domain: Domain | None = None) -> Glued | None:
-        """Its glued grains; None if it has none. Without a domain, nothing is fitted to the
-        period.
-        """
+        """Its glued grains, if any. Without a domain, nothing is fitted to the period."""
         return None
 
     def misfits(self, domain: Domain) -> Iterator[Refused]:
@@ -175,12 +163,7 @@ class WallGeometry(Table):
         yield from ()
 
     def room(self, discs: Floats) -> Room:
-        """What it leaves to grains: where packings place none in its solid matter. Walls without an
-        inside leave everything.
-
-        Args:
-            discs: x, y and radius of its discs in the world [m], shape ``(k, 3)``.
-        """
+        """The room that solid matter leaves; ``discs``: x, y, radius [m], shape ``(k, 3)``."""
         return Room()
 
     @property
@@ -189,9 +172,7 @@ class WallGeometry(Table):
         return None if self.glued() is None else "discs"
 
     def spans_period(self, domain: Domain) -> bool:
-        """Whether it reaches farther than half a period from its reference point, so that it cannot
-        turn: images would meet.
-        """
+        """Whether it cannot turn, as it reaches over half a period from its reference point."""
         if not domain.periodic:
             return False
         body, half = self.body(domain), 0.5 * domain.period
@@ -212,8 +193,7 @@ class WallGeometry(Table):
         return None
 
 
-# ---- Solid bodies among the grains, and containers around them: discs, polygons and rigid clusters
-#      of glued grains
+# ---- Solid bodies among the grains, and containers around them
 
 _TOUCHING = 1e-6  # overlap over the smaller radius that rounded numbers give discs that touch
 _ELSEWHERE = "make it smaller, or use periodic = false"
@@ -353,9 +333,7 @@ class PolygonGeometry(WallGeometry):
     _simple = field_validator("points")(simple_polygon)
 
     def area(self) -> Polygon:
-        """The polygon; counterclockwise if grains are outside, clockwise if they are inside: solid
-        on the left of each side.
-        """
+        """The polygon, solid on the left of each side: clockwise if grains are inside."""
         polygon = Polygon(np.array(self.points))
         is_left = polygon.signed_size > 0.0
         return (
@@ -365,9 +343,7 @@ class PolygonGeometry(WallGeometry):
         )
 
     def body(self, domain: Domain) -> WallBody:
-        """A side from each corner to the next, and a vertex at each corner, around the center of
-        area.
-        """
+        """A side between corners and a vertex at each, around the center of area."""
         polygon = self.area()
         body = WallBody.empty(polygon.centroid.tolist(), polygon.perimeter)
         return body.with_line(
@@ -401,8 +377,7 @@ class PolygonGeometry(WallGeometry):
 
 
 def prism_height(group: ParticleGroup) -> float | None:
-    """Thickness of a solid polygon among grains like those of a group [m]: that of discs, the
-    largest diameter of spheres.
+    """Thickness of a solid polygon among grains of a group [m]; of spheres the largest diameter.
 
     None if the group brings spheres from elsewhere, so that their sizes are not known.
     """

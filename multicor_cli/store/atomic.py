@@ -30,14 +30,11 @@ _BLOCK = 1 << 20
 _passed: Counter[str] = Counter()
 
 guards: dict[Path, Callable[[], None]] = {}
-"""What to ask before anything is changed in a directory that this process has locked: raises if it
-is not its own any more."""
+"""Called before a change in a directory that this process has locked: raises if it is lost."""
 
 
 def kill_point(name: str) -> None:
-    """Kill this process here if ``MULTICOR_KILL_AT`` names this point (for tests of the commit
-    protocol).
-    """
+    """Kill this process here if ``MULTICOR_KILL_AT`` names this point (for tests)."""
     wanted = os.environ.get("MULTICOR_KILL_AT")
     if not wanted:
         return
@@ -50,9 +47,7 @@ def kill_point(name: str) -> None:
 
 @contextlib.contextmanager
 def storage_errors(path: Path) -> Iterator[None]:
-    """Turn an `OSError` about ``path`` into `StorageFull` or `StorageError`; about what is not a
-    file to be read: `DamagedRun`.
-    """
+    """Turn an `OSError` into `StorageFull` or `StorageError`; an `Unfit` into `DamagedRun`."""
     try:
         yield
     except Unfit as error:
@@ -64,22 +59,15 @@ def storage_errors(path: Path) -> Iterator[None]:
 
 
 def is_regular(path: Path) -> bool:
-    """Whether there is a regular file, or a link to one; raises `StorageError` if that cannot be
-    seen.
-    """
+    """Whether there is a regular file, or a link to one; `StorageError` if that cannot be seen."""
     with storage_errors(path):
         return path.is_file()
 
 
 def require_own(path: Path) -> None:
-    """Refuse to change a file in a directory that this process has locked, or one below it, if
-    another has taken its place.
+    """Raise `RunLocked` if another has taken the place of the locked directory around a file.
 
-    Somebody may move or remove the directory of a process that is frozen, and put another under its
-    name.
-
-    Raises:
-        RunLocked: If so.
+    Somebody may move or remove the directory of a process that is frozen, and put another there.
     """
     for directory in (path.parent, path.parent.parent):
         if (require := guards.get(directory)) is not None:
@@ -93,17 +81,11 @@ def remove_own(path: Path) -> None:
 
 
 def require_space(path: Path, size: int) -> None:
-    """Refuse to begin a file of ``size`` bytes that would not fit.
-
-    Raises:
-        StorageFull: If the file system of ``path`` has less than ``size`` plus `RESERVE` bytes
-            free.
-    """
+    """Raise `StorageFull` if fewer than ``size`` plus `RESERVE` bytes are free at ``path``."""
     with storage_errors(path.parent):
         stats = os.statvfs(path.parent)
     if not stats.f_blocks:
-        # The kernel's own file systems have no sizes; what they refuse they refuse when it is
-        # written
+        # The kernel's own file systems have no sizes; they refuse when something is written
         return
     free = stats.f_bavail * stats.f_frsize
     if free < size + RESERVE:
@@ -111,8 +93,7 @@ def require_space(path: Path, size: int) -> None:
 
 
 class GuardedFile:
-    """A binary file that never fails while it is written: it keeps the first error and then
-    swallows what follows.
+    """A binary file that never fails while it is written: it keeps the first error.
 
     The HDF5 library crashes the interpreter at exit when a write fails below it, so it must not see
     one. The caller asks for the error afterwards (`finish`). The space is reserved beforehand,
@@ -126,11 +107,7 @@ class GuardedFile:
         self.error: OSError | None = None
 
     def reserve(self, size: int) -> None:
-        """Reserve ``size`` bytes on disk where the file system can.
-
-        Raises:
-            OSError: If there is not enough space, or a quota or file-size limit is below ``size``.
-        """
+        """Reserve bytes on disk where the file system can; raises `OSError` if there is no room."""
         if not hasattr(os, "posix_fallocate"):
             return
         try:
@@ -164,7 +141,6 @@ class GuardedFile:
         return len(view)
 
     def read(self, size: int) -> bytes:
-        """Read back ``size`` bytes."""
         data = bytearray(size)
         self.readinto(memoryview(data))
         return bytes(data)
@@ -176,7 +152,6 @@ class GuardedFile:
         return self._position
 
     def tell(self) -> int:
-        """Current position."""
         return self._position
 
     def truncate(self, size: int) -> int:
@@ -188,11 +163,7 @@ class GuardedFile:
         """Nothing is buffered here."""
 
     def finish(self) -> None:
-        """Cut the file to what was written.
-
-        Raises:
-            OSError: The first error of any write.
-        """
+        """Cut the file to what was written; raises the first `OSError` of any write."""
         if self.error is not None:
             raise self.error
         os.ftruncate(self._descriptor, self._length)
@@ -211,22 +182,13 @@ def commit_file(
 ) -> None:
     """Create or replace ``path`` by the commit protocol.
 
-    Args:
-        path: Final name.
-        label: First part of the names of the kill points.
-        write: Writes the content.
-        size: Upper bound of the size [bytes], reserved beforehand; 0 for small files, which may use
-            the `RESERVE`.
-        verify: Raises if the closed temporary file is not what was meant.
-        read_only: Whether to take the write permission away: the file is never changed again.
-        temporary: Name of the file until then; ``NAME.tmp``, which belongs to us in a run
-            directory, if None.
-        is_durable: Whether the file must outlive a power cut.
+    ``label`` begins the names of the kill points. ``size`` is an upper bound [bytes], reserved
+    beforehand; 0 for small files, which may use the `RESERVE`. ``verify`` raises if the closed
+    temporary file is not what was meant. ``read_only``: the file is never changed again.
+    ``temporary`` is its name until then; ``NAME.tmp``, which is ours in a run directory, if None.
+    ``is_durable``: it must outlive a power cut.
 
-    Raises:
-        StorageFull: If there is not enough space.
-        StorageError: For any other error of the system.
-        RunLocked: If the directory was locked and is another by now; see `require_own`.
+    Raises `StorageFull`, `StorageError`, or `RunLocked` as `require_own`.
     """
     temporary = temporary or path.with_name(path.name + ".tmp")
     require_own(path)
@@ -253,9 +215,7 @@ def commit_file(
 
 
 def temporary_beside(path: Path) -> Path:
-    """A name for a temporary file beside ``path`` that nothing else uses: only in run directories
-    is ``NAME.tmp`` ours.
-    """
+    """A name that nothing else uses: only in run directories is ``NAME.tmp`` ours."""
     return path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}.tmp")
 
 
@@ -290,11 +250,9 @@ def commit_bytes(path: Path, label: str, data: bytes, *, is_durable: bool = True
 
 
 def commit_result(path: Path, label: str, data: bytes) -> None:
-    """Create or replace a file that a user has asked for, outside of run directories; raises as
-    `commit_file` does.
+    """Create or replace a file that a user has asked for, whole or not at all; as `commit_file`.
 
-    It is there whole or as it was before. A link at its place is replaced, not followed; a pipe or
-    a device is refused.
+    A link at its place is replaced, not followed; a pipe or a device is refused.
     """
     if path.exists() and not path.is_file():
         raise StorageError(
@@ -308,14 +266,9 @@ def commit_result(path: Path, label: str, data: bytes) -> None:
 
 
 def append_line(path: Path, label: str, line: bytes) -> None:
-    """Append one line with one write, and fsync; nothing of it stays if it cannot be written whole.
+    """Append one line with one write, and fsync, or nothing of it; raises as `commit_file`.
 
     Kill points: ``LABEL.torn`` (half of the line is in the file) and ``LABEL.after_append``.
-
-    Raises:
-        StorageFull: If there is not enough space.
-        StorageError: For any other error of the system.
-        RunLocked: As `commit_file`.
     """
     require_own(path)
     with storage_errors(path):
@@ -352,9 +305,7 @@ def _append(descriptor: int, label: str, line: bytes) -> None:
 
 
 def make_directory(path: Path) -> None:
-    """Make a directory, with its parents, so that they outlive a power cut; raises `StorageFull` or
-    `StorageError`.
-    """
+    """Make a directory and its parents for good; raises `StorageFull` or `StorageError`."""
     with storage_errors(path):
         missing = [path]
         while not missing[-1].is_dir() and missing[-1].parent != missing[-1]:
@@ -376,9 +327,7 @@ def fsync_path(path: Path) -> None:
 
 
 def file_digest(path: Path) -> str:
-    """BLAKE2b digest (16 bytes, hexadecimal) of a whole file; raises `StorageError`, or
-    `DamagedRun` if it is no regular file.
-    """
+    """BLAKE2b digest (16 bytes, hexadecimal) of a regular file; `StorageError` or `DamagedRun`."""
     digest = hashlib.blake2b(digest_size=16)
     with storage_errors(path), open_regular(path) as file:
         while block := file.read(_BLOCK):

@@ -1,6 +1,4 @@
-"""Checkpoints: a state, exactly, and how much output belongs to it. Two are kept; a damaged one
-gives way to the other.
-"""
+"""Checkpoints: a state, exactly, and its output; two are kept, in case that one is damaged."""
 
 from __future__ import annotations
 
@@ -36,7 +34,6 @@ from multicor_cli.store.snapshot import Summary, summarize
 
 FILETYPE = "multicor-checkpoint"
 KEEP = 2
-"""Number of checkpoints kept."""
 
 START_AGAIN = "begin again with the same command and --overwrite, or in another directory with -o"
 
@@ -70,15 +67,7 @@ class Checkpoint:
 
 @dataclass(frozen=True)
 class Identity:
-    """What a checkpoint must share with its run.
-
-    Attributes:
-        run_id: Identity of the run.
-        scenario: Digest of the resolved scenario.
-        stages: Number of loading stages.
-        former: Digests of the scenario before stages were added at its end: what was saved then is
-            as good as ever.
-    """
+    """What a checkpoint shares with its run; ``former``: digests of scenarios with fewer stages."""
 
     run_id: str
     scenario: str
@@ -87,7 +76,6 @@ class Identity:
 
     @classmethod
     def of(cls, document: Document) -> Identity:
-        """The identity of the run that ``run.json`` describes."""
         former = tuple(
             str(extension["resolved_sha256"]) for extension in document.get("extensions", [])
         )
@@ -132,13 +120,8 @@ def write_checkpoint(
 ) -> Summary:
     """Commit a checkpoint, verify it by reading it back, then remove all but the newest `KEEP`.
 
-    Returns:
-        The summary of the state.
-
-    Raises:
-        StorageFull: If there is not enough space.
-        StorageError: For any other error of the system.
-        DamagedRun: If what is read back is not the state.
+    Returns the summary of the state. Raises `StorageFull`, `StorageError`, or `DamagedRun` if what
+    is read back is not the state.
     """
     path = _free_name(directory, state.step)
     summary = summarize(state, model)
@@ -183,16 +166,10 @@ def write_checkpoint(
 def load_newest(
     directory: Path, identity: Identity, segments: Path | None, model: Model | None = None
 ) -> Checkpoint | None:
-    """The newest checkpoint that is whole, with all the segments that it needs.
+    """The newest checkpoint that is whole, with the segments that it needs; None without any.
 
-    Args:
-        directory: Directory of the checkpoints.
-        identity: The run.
-        segments: Directory of the segments; ``None`` if they are not needed any more.
-        model: What the state must fit, if it is known.
-
-    Returns:
-        The checkpoint, or ``None`` if none was ever written.
+    ``segments`` is their directory, None if they are not needed; ``model``, if known, is what the
+    state must fit.
 
     Raises:
         DamagedRun: If there are checkpoints and none can be used.
@@ -219,11 +196,8 @@ def load_newest(
 
 
 def load_checkpoint(sidecar: Path, identity: Identity, model: Model | None = None) -> Checkpoint:
-    """Read and check one checkpoint by the name of its ``.json``; arguments and errors as
-    `load_newest`.
-    """
-    # First what the description says of itself and its run, then its file as a whole, then the
-    # state in it.
+    """Read and check the checkpoint of a ``.json``; arguments and errors as `load_newest`."""
+    # First what the description says of itself and its run, then its file, then the state in it.
     document = read_document(sidecar)
     if document.get("filetype") != FILETYPE:
         raise DamagedRun(f"{sidecar}: not the description of a checkpoint")
@@ -276,15 +250,9 @@ def step_of(sidecar: Path) -> int:
 
 
 def prune(directory: Path, newest: str | None = None) -> None:
-    """Remove all but the newest `KEEP` checkpoints, and what a crash has left of others.
+    """Remove all but the newest `KEEP` checkpoints, and what a crash left; raises `StorageError`.
 
-    Args:
-        directory: Directory of the checkpoints.
-        newest: Name of the checkpoint from which the run goes on; newer ones, which are damaged,
-            are removed too.
-
-    Raises:
-        StorageError: If a file cannot be removed.
+    ``newest`` names the one from which the run goes on: newer ones, which are damaged, go too.
     """
     names = [path.stem for path in newest_first(directory)]
     first = names.index(newest) if newest else 0
@@ -348,8 +316,7 @@ def _read_column(file: CheckedFile, spec: schema.Dataset) -> NDArray[Any]:
 def _complete(
     values: NDArray[Any] | None, spec: schema.Dataset, lengths: dict[str, int]
 ) -> NDArray[Any]:
-    """Zeros for what a file of an older version of the format lacks: a dataset, or the last entries
-    of books.
+    """Zeros for what a file of an older version lacks: a dataset, or the last entries of books.
 
     Rows that nothing else counts are none.
     """
@@ -364,19 +331,14 @@ def _complete(
     return np.concatenate([values, np.zeros(missing)]) if missing > 0 else values
 
 
-# ---- Which segments of an unfinished run count: those in the manifest, which must hold all that a
-#      checkpoint relies on
+# ---- Which segments of an unfinished run count: those in the manifest, all that checkpoints need
 
 
 def committed_segments(run: Path) -> list[Segment]:
-    """The segments of a run directory, in order.
+    """The segments of a run directory, in order; raises `DamagedRun` or `StorageError`.
 
     A manifest that lost lines at its end looks like a shorter one, so it is compared with the
     newest checkpoint. Checkpoints are read first: while a run goes on, its manifest only grows.
-
-    Raises:
-        DamagedRun: If a line is damaged, or lines are missing.
-        StorageError: If a file cannot be read.
     """
     directory = run / layout.SEGMENTS
     sidecar, names = _listed_by_checkpoint(run / layout.CHECKPOINTS)
@@ -388,9 +350,7 @@ def committed_segments(run: Path) -> list[Segment]:
 
 
 def _remedy(run: Path) -> str:
-    """What helps if the manifest of a run is damaged: to continue from a checkpoint whose segments
-    are whole, if there is one.
-    """
+    """What helps if the manifest is damaged: to go on from a checkpoint with whole segments."""
     try:
         usable = load_newest(
             run / layout.CHECKPOINTS, Identity.of(read_run_document(run)), run / layout.SEGMENTS

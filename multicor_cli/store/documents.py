@@ -1,8 +1,6 @@
-"""Small JSON documents of a run (``run.json``, manifest, sidecars of checkpoints): each with a
-digest, and a model of what it says.
+"""Small JSON documents of a run (``run.json``, manifest, sidecars): a digest, and a model of each.
 
-A document is kept as the dictionary that was read: what a newer minor version has added to it
-stays.
+A document is kept as the dictionary that was read: what a newer minor version has added stays.
 """
 
 from __future__ import annotations
@@ -57,21 +55,14 @@ def document_line(data: Document) -> bytes:
 
 
 def read_document(path: Path) -> Document:
-    """Read a document and check its digest.
-
-    Raises:
-        StorageError: If the file cannot be read.
-        DamagedRun: If it is not a document of ours, or has been changed.
-    """
+    """Read a document, check its digest; raises `StorageError`, or `DamagedRun` if changed."""
     with storage_errors(path):
         data = read_regular(path, SIZE_LIMIT)
     return parse_document(data, str(path))
 
 
 def parse_document(data: bytes, where: str) -> Document:
-    """Parse one document and check its digest; ``where`` names it in the message of
-    `DamagedRun`.
-    """
+    """Parse one document and check its digest; ``where`` names it in `DamagedRun`."""
     try:
         value = json.loads(data.decode())
     except (ValueError, RecursionError) as error:
@@ -100,9 +91,7 @@ def _digest(data: Document) -> str:
 
 
 def plain(value: Any) -> Any:
-    """``value`` as plain JSON types: numbers of numpy become numbers, those that are not finite
-    null.
-    """
+    """``value`` as plain JSON types: numbers of numpy become numbers, non-finite ones null."""
     if isinstance(value, dict):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
@@ -149,9 +138,7 @@ _checker = functools.cache(TypeAdapter)
 
 
 def record_of(kind: type[T], document: Any, where: Path | str = "") -> T:
-    """What a document, or a part of one, says; raises `DamagedRun` about ``where``, with the first
-    key that is wrong.
-    """
+    """What a document, or a part, says; `DamagedRun` about ``where`` names the first wrong key."""
     try:
         return cast("T", _checker(cast("Any", kind)).validate_python(document))
     except ValidationError as error:
@@ -193,7 +180,6 @@ class Origin:
     lost_walls: tuple[str, ...] = ()
 
     def as_document(self) -> dict[str, Any]:
-        """As JSON types."""
         return {
             name: list(value) if isinstance(value, tuple) else value
             for name, value in asdict(self).items()
@@ -256,22 +242,18 @@ class StageEnd:
     unit: str = "1"
 
     def as_document(self) -> dict[str, Any]:
-        """As JSON types."""
         return asdict(self)
 
     @property
     def has_timed_out(self) -> bool:
-        """Whether the stage waited for its condition in vain."""
         return self.reason == "timeout"
 
     @property
     def text(self) -> str:
-        """When and why it ended, in words."""
         return f"t = {self.time:.6g} s, step {self.step}: {self.why}"
 
     @property
     def why(self) -> str:
-        """Why it ended, in words."""
         if self.reason == "duration":
             return f"its duration of {self.duration:.6g} s was over"
         if self.reason == "steered":
@@ -371,8 +353,6 @@ class _Provenance(BaseModel):
 
 
 class _Steering(BaseModel):
-    """The program that steers a run."""
-
     by: str
     every: Count
     decisions: list[Decision]
@@ -440,13 +420,10 @@ CREATING = "creating"
 
 
 def read_run_document(path: Path) -> Document:
-    """``run.json`` of a run directory, checked.
+    """``run.json`` of a run directory, checked; raises `DirectoryRefused` if there is no run.
 
-    Raises:
-        DirectoryRefused: If there is no run.
-        DamagedRun: If it is damaged, or of an incompatible version (`UnsupportedVersion`), or only
-            begun (`NothingStored`).
-        StorageError: If it cannot be read.
+    Raises `DamagedRun` if it is damaged, of an incompatible version (`UnsupportedVersion`), or only
+    begun (`NothingStored`), and `StorageError` if it cannot be read.
     """
     file = path / layout.RUN
     if not is_regular(file):
@@ -472,8 +449,7 @@ def decisions_of(document: Document) -> list[Decision]:
 
 
 def read_scenario(path: Path, sha256: str) -> str:
-    """Text of a scenario file; raises `DamagedRun` if it was changed, `StorageError` if it cannot
-    be read.
+    """Text of a scenario file; `DamagedRun` if it was changed, `StorageError` if unreadable.
 
     Where the run was being extended when its process died, it is still the run of a former
     scenario, kept beside the new one.

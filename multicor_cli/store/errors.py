@@ -1,6 +1,4 @@
-"""What can go wrong with the files of a run; each class carries the exit code that the command line
-gives it.
-"""
+"""What can go wrong with the files of a run, with the exit codes of the command line."""
 
 from __future__ import annotations
 
@@ -18,9 +16,7 @@ class StoreError(Exception):
 
 
 class StorageError(StoreError):
-    """A file or directory cannot be read or written: permission, I/O error, missing directory (exit
-    code 5).
-    """
+    """Something cannot be read or written: permission, I/O error, no directory (exit code 5)."""
 
 
 class StorageFull(StorageError):
@@ -41,9 +37,7 @@ class StorageFull(StorageError):
 
 
 class DirectoryRefused(StoreError):
-    """The directory exists and is not one that may be used: not a run, a run already, or it holds
-    foreign files (code 6).
-    """
+    """The directory may not be used: no run, a run already, or foreign files (exit code 6)."""
 
     exit_code = 6
 
@@ -70,9 +64,7 @@ class DamagedRun(StoreError):
 
 
 class NothingStored(DamagedRun):
-    """A run was stopped before it had stored anything: nothing is damaged, and there is nothing to
-    read (exit code 6).
-    """
+    """A run was stopped before it had stored anything: undamaged, nothing to read (exit code 6)."""
 
     exit_code = 6
 
@@ -92,9 +84,7 @@ class NoFrame(IndexError):
 
 
 def frame_number(count: int, number: int) -> int:
-    """The number, from 0, of one of ``count`` frames that may be counted from the end (negative);
-    raises `NoFrame`.
-    """
+    """A frame's number, from 0; a negative one counts from the end. Raises `NoFrame`."""
     if not count or not -count <= number < count:
         raise NoFrame(f"there is no frame {number}: {what_frames(count)}")
     return number % count

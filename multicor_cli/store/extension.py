@@ -42,14 +42,7 @@ SERIES_ROWS = 4096
 
 @dataclass(frozen=True)
 class Extension:
-    """A scenario that has more stages than the one with which a run began, and is the same
-    otherwise.
-
-    Attributes:
-        source: The scenario file as given.
-        resolved: The scenario with all defaults and overrides.
-        stages: Names of all its loading stages.
-    """
+    """A longer scenario of a run: as given, resolved, and the names of all its stages."""
 
     source: str
     resolved: str
@@ -57,20 +50,11 @@ class Extension:
 
 
 def extend(path: Path, document: Document, extension: Extension) -> None:
-    """Extend a locked run by the new stages.
+    """Extend a locked run by the new stages; ``document``, its ``run.json``, is **modified**.
 
-    Args:
-        path: The run directory.
-        document: Its ``run.json``. **Modified.**
-        extension: The longer scenario.
-
-    Raises:
-        StorageFull: If there is not enough space for what a finished run needs besides its results;
-            it stays as it is.
-        StorageError: For any other error of the system.
-        DamagedRun: If ``results.h5`` is damaged, or there is no checkpoint.
-        DirectoryRefused: If a file that is not of the run has the name of one that is to be
-            written.
+    Raises `StorageFull` if there is no space for what a finished run needs besides its results,
+    `StorageError`, `DamagedRun` if ``results.h5`` is damaged or there is no checkpoint, and
+    `DirectoryRefused` if a foreign file has the name of one that is to be written.
     """
     has_results = bool(document["results"])
     if has_results:
@@ -82,8 +66,7 @@ def extend(path: Path, document: Document, extension: Extension) -> None:
     _describe(document, extension)
     write_document(path / layout.RUN, "runjson", document)
     kill_point("extension.after")
-    # All of results.h5 is in segments now; if it stays, it is replaced at the end of the longer
-    # run.
+    # All of results.h5 is in segments now; if it stays, it is replaced at the end of the run.
     if has_results:
         with contextlib.suppress(OSError):
             for name in (layout.VTKHDF, layout.RESULTS):
@@ -130,9 +113,7 @@ def _keep_former(path: Path, document: Document) -> None:
 
 
 def _holds(file: Path, text: bytes) -> bool:
-    """Whether a file is there and this is its content; raises `StorageError` if it may not be
-    read.
-    """
+    """Whether a file is there with this content; raises `StorageError` if it may not be read."""
     with storage_errors(file):
         try:
             return read_regular(file, LARGEST_RECORD) == text

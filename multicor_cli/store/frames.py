@@ -42,20 +42,11 @@ Array = NDArray[Any]
 T = TypeVar("T")
 
 _OPEN_LIMIT = 8
-"""Files kept open at a time."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """One file with a range of frames and rows of the time series.
-
-    Attributes:
-        path: The file.
-        filetype: Its type.
-        frames: Number of frames.
-        series_rows: Rows of the time series.
-        dims: Lengths that are known.
-    """
+    """One file with a range of frames and rows of the time series; ``dims``: the lengths known."""
 
     path: Path
     filetype: str
@@ -91,12 +82,7 @@ _SPECS = {spec.path: spec for spec in schema.RESULTS_TABLE}
 
 
 class OpenPart:
-    """An open part: the file and the rows of each of its frames.
-
-    Attributes:
-        file: The open file.
-        offsets: Row offsets of its frames by kind of row.
-    """
+    """An open file, with the row offsets of its frames by kind of row."""
 
     def __init__(self, part: Part, run_id: str | None) -> None:
         self.file = CheckedFile(part.path, part.filetype, run_id=run_id, dims=part.dims)
@@ -115,13 +101,9 @@ class OpenPart:
 class Parts:
     """The files of a run as one sequence of frames and one of rows of the time series.
 
-    Args:
-        parts: The files in order.
-        run_id: Identity of the run; any if ``None``.
-        again: Called when a file has gone, because the run was finished in the meantime; returns
-            the present files.
-        lengths: Lengths of dimensions that no file tells while there is none: numbers of walls and
-            outlets.
+    ``again`` is called when a file has gone, because the run was finished meanwhile, and gives the
+    present files. ``lengths`` are the numbers of walls and outlets, by dimension, which no file
+    tells while there is none. Methods that read raise `DamagedRun` or `StorageError`.
     """
 
     def __init__(
@@ -142,42 +124,33 @@ class Parts:
 
     @property
     def frame_count(self) -> int:
-        """Number of frames."""
         return self._ends[-1] if self._ends else 0
 
     @property
     def series_count(self) -> int:
-        """Rows of the time series."""
         return sum(part.series_rows for part in self.parts)
 
     @property
     def features(self) -> frozenset[str] | None:
-        """Features of the run as its first file names them, or None if there is no file; raises
-        `DamagedRun` or `StorageError`.
-        """
+        """Features of the run as its first file names them, or None if there is no file."""
         return self._retry(
             lambda: self._opened(self.parts[0]).file.features if self.parts else None
         )
 
     @property
     def version(self) -> Version | None:
-        """Version of the file format in which the run was begun, or None if there is no file;
-        raises as `features`.
-        """
+        """Version of the file format in which the run was begun, or None if there is no file."""
         return self._retry(lambda: self._opened(self.parts[0]).file.version if self.parts else None)
 
     def has(self, spec: Dataset, frame: int) -> bool:
-        """Whether the file with a frame has a dataset; raises `DamagedRun` or `StorageError`."""
+        """Whether the file with a frame has a dataset."""
         return self._retry(lambda: self._opened_at(frame)[0].file.has(spec))
 
     def frame_rows(self, spec: Dataset, frame: int) -> NDArray[Any]:
-        """Rows of a dataset that belong to a frame; raises `DamagedRun` or `StorageError`."""
         return self._retry(lambda: self._frame_rows(spec, frame))
 
     def column(self, spec: Dataset) -> NDArray[Any]:
-        """A dataset with one row per frame or row of the series, over all files; raises
-        `DamagedRun` or `StorageError`.
-        """
+        """A dataset with one row per frame or row of the series, over all files."""
         return self.columns((spec,))[spec.path]
 
     def columns(self, specs: Sequence[Dataset]) -> dict[str, NDArray[Any]]:
@@ -241,8 +214,7 @@ def _nothing(spec: Dataset, lengths: Mapping[str, int]) -> NDArray[Any]:
     return np.zeros(tuple(d if isinstance(d, int) else lengths.get(d, 0) for d in spec.dims), dtype)
 
 
-# ---- What the grains of a run or of a frame are: sizes, masses, and names where the model has
-#      numbers
+# ---- What grains are: sizes, masses, and names where the model has numbers
 
 
 @dataclass(frozen=True, repr=False)
@@ -265,7 +237,6 @@ class GrainFacts:
 
     @classmethod
     def of(cls, model: Model) -> GrainFacts:
-        """Those of a model."""
         grains = model.grains
         material, group = (
             np.array(model.materials)[grains.material],
@@ -287,13 +258,7 @@ class GrainFacts:
 
 
 class NamedColumn(NamedTuple):
-    """A column of a table.
-
-    Attributes:
-        name: Its name.
-        unit: SI unit; ``1`` if it has none.
-        values: The values, one per row.
-    """
+    """A column of a table: name, SI unit (``1`` if it has none) and values, one per row."""
 
     name: str
     unit: str
@@ -301,23 +266,18 @@ class NamedColumn(NamedTuple):
 
     @property
     def heading(self) -> str:
-        """Name, and unit unless there is none."""
         return self.name if self.unit == "1" else f"{self.name} [{self.unit}]"
 
 
 def data_frame(columns: Sequence[NamedColumn], index: str | None = None) -> Any:
-    """Columns as a DataFrame, indexed by one of them; units are in its ``attrs["units"]``. Raises
-    `MissingLibrary`.
-    """
+    """Columns as a DataFrame, indexed by one; units in ``attrs["units"]``; or `MissingLibrary`."""
     table = library("pandas").DataFrame({column.name: column.values for column in columns})
     table.attrs["units"] = {column.name: column.unit for column in columns if column.unit != "1"}
     return table if index is None else table.set_index(index)
 
 
 def grain_columns(frame: Frame) -> list[NamedColumn]:
-    """The present grains of a frame: number, group, material, radius, mass, and what the frame
-    holds of each.
-    """
+    """The present grains: number, group, material, radius, mass, and what the frame holds."""
     grains, model = frame.model.grains, frame.run_model
     return [
         NamedColumn("grain", "1", frame.number),
@@ -356,7 +316,6 @@ def split(spec: Dataset, values: NDArray[Any]) -> list[NamedColumn]:
 def _columns_of(
     frame: Frame, table: tuple[Dataset, ...], rows: NDArray[np.int64] | None = None
 ) -> list[NamedColumn]:
-    """The columns of a table as they are stored, or these rows of them."""
     found = ((spec, frame.column(spec.path)) for spec in frame.rows(table))
     return [
         column
@@ -372,9 +331,7 @@ _OF_SHAPES = ("contacts/i", "contacts/j")
 
 
 class Contacts(ContactColumns):
-    """The contacts of a frame, ordered by ``(i, j)``; ``c`` of them. Every array is read when it is
-    first used, and kept.
-    """
+    """The ``c`` contacts of a frame, by ``(i, j)``; arrays are read when first used, and kept."""
 
     def __init__(self, frame: Frame) -> None:
         self._frame = frame
@@ -393,8 +350,7 @@ class Contacts(ContactColumns):
         return self._frame.contacts_recorded
 
     def to_pandas(self) -> Any:
-        """The contacts as a DataFrame with a row for each; its ``attrs["units"]`` has the units of
-        the columns.
+        """The contacts as a DataFrame, one row for each; its ``attrs["units"]`` has the units.
 
         Shapes ``i`` and ``j`` are counted among all grains of the run, as the index of
         `Frame.to_pandas` is, also where grains come and go.
@@ -413,16 +369,12 @@ class Contacts(ContactColumns):
 
     @property
     def force(self) -> Array:
-        """Mean normal and tangential force on i over the last step [N], shape ``(c, 2)``; zero
-        before the first step.
-        """
+        """Normal and tangential force on i, mean of the step [N], shape ``(c, 2)``; 0 at first."""
         dt = self._frame.dt
         return self.impulse / dt if dt > 0.0 else np.zeros_like(self.impulse)
 
     def read(self, column: Column[T]) -> T:
-        """What the attribute of a column is; raises `DamagedRun` if it names shapes that do not
-        exist, else as `Frame.column`.
-        """
+        """An attribute's value; raises as `Frame.column`, and `DamagedRun` for unknown shapes."""
         found = self._frame.read(column)
         if column.name in ("i", "j"):
             self._check_shapes(column, np.asarray(found))
@@ -488,8 +440,7 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
         return GrainFacts.of(self.model)
 
     def to_pandas(self) -> Any:
-        """The grains as a DataFrame with a row for each, indexed by their numbers;
-        ``attrs["units"]`` has the units of the columns.
+        """The grains as a DataFrame indexed by their numbers; ``attrs["units"]`` has the units.
 
         Raises:
             MissingLibrary: If pandas is not installed.
@@ -505,9 +456,7 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
         )
 
     def read(self, column: Column[T]) -> T:
-        """What the attribute of a column is: None where the run does not have it; raises as
-        `column`.
-        """
+        """An attribute's value, None where the run does not have it; raises as `column`."""
         if not self._parts.has(column, self.index):
             return cast("T", None)
         rows = self.column(column.path)
@@ -522,9 +471,7 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
 
     @cached_property
     def number(self) -> NDArray[np.int64]:
-        """Numbers in the run of the present grains, shape ``(n,)``; `presence` says what the others
-        do.
-        """
+        """Numbers in the run of the present grains, shape ``(n,)``; see `presence` for others."""
         if not self.is_open:
             return np.arange(self.run_model.grain_count)
         return np.flatnonzero(self.column(_PRESENCE) == Presence.THERE)
@@ -556,9 +503,7 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
 
     @property
     def unwrapped(self) -> Array:
-        """Centers of the grains with the periods added by which x was wrapped [m], shape
-        ``(n, 2)``.
-        """
+        """Centers, with the periods added by which x was wrapped [m], shape ``(n, 2)``."""
         position = np.array(self.position, np.float64)
         position[:, 0] += self.image * self.run_model.period
         return position
@@ -566,15 +511,12 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
     @cached_property
     def contacts(self) -> Contacts:
         """Contacts of the last step."""
-        # They read through a frame of their own: one that held itself would keep its arrays until
-        # the next garbage collection.
+        # Through a frame of their own: a cycle would keep the arrays until garbage collection.
         return Contacts(Frame(self._parts, self.index, self._run_model))
 
 
 class Frames(Sequence[Frame]):
-    """All frames of a run: a sequence of `Frame`; a slice gives a list of lazy frames; `NoFrame`
-    where there is none.
-    """
+    """All frames of a run, as a sequence; slices are lists of lazy frames; may raise `NoFrame`."""
 
     def __init__(self, parts: Parts, run_model: Callable[[], Model]) -> None:
         self._parts, self._run_model = parts, run_model
@@ -614,7 +556,5 @@ class Frames(Sequence[Frame]):
         return self._parts.column(_SPECS["steps/stage"])
 
     def column(self, path: str) -> Array:
-        """A dataset of ``schema`` with one row per frame (``steps/*``, ``walls/*``), over the whole
-        run.
-        """
+        """A dataset of ``schema`` with one row per frame (``steps/*``, ``walls/*``): all rows."""
         return self._parts.column(_SPECS[path])

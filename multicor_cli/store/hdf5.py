@@ -1,5 +1,4 @@
-"""HDF5 files of a run: written as datasets of the schema, with checksums and digests; read as if
-damaged or hostile.
+"""HDF5 files of a run: datasets of the schema with checksums and digests; read as if hostile.
 
 Files are written with the version 1.10 layout of HDF5, whose structure carries checksums of its
 own, through `GuardedFile`, so that HDF5 never sees a failing disk.
@@ -65,9 +64,7 @@ def text_names(node: h5py.HLObject) -> list[str]:
 
 
 def read_text(node: h5py.HLObject, name: str) -> str:
-    """An attribute that is a text; `KeyError`, `TypeError` or `UnicodeDecodeError` if it is none,
-    or of variable length.
-    """
+    """A text of fixed length; raises `KeyError`, `TypeError` or `UnicodeDecodeError` if none."""
     if name not in node.attrs:
         raise KeyError(f"attribute {name!r} is missing")
     info = h5py.check_string_dtype(node.attrs.get_id(name).dtype)
@@ -89,7 +86,6 @@ def text_digest(text: str) -> str:
 Precision = Literal["double", "single"]
 
 CHUNK_BYTES = 256 << 10
-"""Target size of a chunk."""
 
 _DTYPES: dict[str, str] = {"f8": "<f8", "i8": "<i8", "i4": "<i4", "u1": "|u1"}
 
@@ -114,9 +110,7 @@ def estimate_size(specs: tuple[Dataset, ...], data_bytes: int) -> int:
 
 
 class DatasetStream:
-    """One dataset, written from front to back in pieces; every chunk is written once. ``compress``:
-    shuffle and deflate.
-    """
+    """One dataset, every chunk written once, front to back. ``compress``: shuffle and deflate."""
 
     def __init__(
         self,
@@ -163,9 +157,7 @@ class DatasetStream:
             self._write(self._pending_rows // self._chunk * self._chunk)
 
     def close(self) -> str:
-        """Write what is left and the attributes; returns the digest of the values. Raises
-        `ValueError` if rows are missing.
-        """
+        """Write the rest; returns the digest. Raises `ValueError` if rows are missing."""
         self._write(self._pending_rows)
         if self._row != self._shape[0]:
             raise ValueError(
@@ -212,13 +204,11 @@ class Hdf5Writer:
         return DatasetStream(self.file, spec, shape, stored, compress=compress)
 
     def finish(self, spec: Dataset, stream: DatasetStream) -> None:
-        """Close a stream and remember its digest."""
         self.digests[spec.path] = stream.close()
         if len(self.digests) == 3:
             kill_point(f"{self._label}.mid_tmp")
 
     def write(self, spec: Dataset, values: NDArray[Any]) -> None:
-        """Write a whole dataset."""
         stream = self.stream(spec, values.shape, values.dtype if values.dtype.kind == "S" else None)
         stream.append(values)
         self.finish(spec, stream)
@@ -239,22 +229,13 @@ def write_hdf5(
 ) -> dict[str, str]:
     """Commit an HDF5 file, whose datasets ``fill`` writes; returns their digests by path.
 
-    Args:
-        path: Final name.
-        label: First part of the names of the kill points.
-        attributes: Root attributes besides the versions; dictionaries and lists are stored as JSON.
-        fill: Writes the datasets.
-        size: Upper bound of the size, see `estimate_size` [bytes].
-        precision: How datasets of type ``float`` are stored.
-        version: Version of the file format that the datasets are those of.
-        compress_integers: Also strings.
-        verify: Gets the closed temporary file and the digests; raises if the file is not what was
-            meant.
-        read_only: Whether to take the write permission away.
+    ``label`` begins the names of the kill points. ``attributes`` are those of the root besides the
+    versions; dictionaries and lists are stored as JSON. ``size`` is an upper bound [bytes], see
+    `estimate_size`. ``precision`` is that of type ``float``, ``version`` that of the datasets.
+    ``compress_integers``: strings, too. ``verify`` gets the closed temporary file and the digests,
+    and raises if it is not what was meant. ``read_only``: the write permission is taken away.
 
-    Raises:
-        StorageFull: If there is not enough space.
-        StorageError: For any other error of the system or of HDF5.
+    Raises `StorageFull`, or `StorageError` for any other error of the system or of HDF5.
     """
     digests: dict[str, str] = {}
 
@@ -277,8 +258,7 @@ def write_hdf5(
 
 
 def data_digest(digests: Mapping[str, str]) -> str:
-    """One digest over the paths and digests of all datasets but ``scenario/*``, in the order of the
-    paths.
+    """One digest over paths and digests of all datasets but ``scenario/*``, in the order of paths.
 
     It leaves out texts, provenance and timings: equal for runs with equal numbers.
     """
@@ -300,9 +280,7 @@ def _write_attributes(file: h5py.File, version: Version, attributes: Mapping[str
 
 
 def _chunk_rows(shape: tuple[int, ...], itemsize: int) -> int:
-    """Rows per chunk: chunks of equal length near `CHUNK_BYTES`; 0 for a dataset without
-    elements.
-    """
+    """Rows per chunk: equal chunks near `CHUNK_BYTES`; 0 for a dataset without elements."""
     row_bytes = int(np.prod(shape[1:], dtype=np.int64)) * itemsize
     rows = shape[0]
     if not rows or not row_bytes:
@@ -311,8 +289,7 @@ def _chunk_rows(shape: tuple[int, ...], itemsize: int) -> int:
     return -(-rows // min(count, rows))
 
 
-# ---- Reading HDF5 files that may be damaged or hostile: everything is compared with the schema
-#      before memory is taken
+# ---- Reading HDF5 files that may be hostile: the schema is compared before memory is taken
 
 _DEFLATE_RATIO = 1100
 """No deflated stream grows by more than 1032 times."""
@@ -332,9 +309,7 @@ _EDGES = {"frame_edge": "frame", "table_edge": "table"}
 
 @contextlib.contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Turn what h5py raises about a damaged file into `DamagedRun`, and errors of the system into
-    `StorageError`.
-    """
+    """Turn errors of h5py about damage into `DamagedRun`, of the system into `StorageError`."""
     try:
         yield
     except Unfit as error:
@@ -356,16 +331,10 @@ def _short(error: BaseException) -> str:
 class CheckedFile:
     """An open HDF5 file whose datasets are handed out only if they are what the schema says.
 
-    Args:
-        path: The file.
-        filetype: Expected root attribute ``filetype``.
-        run_id: Expected root attribute ``run_id``; any if ``None``.
-        dims: Lengths that are already known; others are bound by the first dataset that has them.
-
-    Raises:
-        DamagedRun: If it is damaged or not such a file; `UnsupportedVersion` if it has another
-            major format version.
-        StorageError: If it cannot be opened.
+    ``filetype`` and ``run_id`` are expected root attributes, any ``run_id`` if None; ``dims`` are
+    lengths that are known: others are bound by the first dataset that has them. Raises `DamagedRun`
+    if it is damaged or no such file, `UnsupportedVersion` if it has another major format version,
+    `StorageError` if it cannot be opened.
     """
 
     def __init__(
@@ -395,24 +364,19 @@ class CheckedFile:
         self.close()
 
     def close(self) -> None:
-        """Close the file."""
         self._accepted.clear()
         self._file.close()
 
     @cached_property
     def features(self) -> frozenset[str]:
-        """Features of the run that the file belongs to, see ``schema.Feature``; raises
-        `DamagedRun`.
-        """
+        """Features of the run, see ``schema.Feature``; raises `DamagedRun`."""
         found = self.json("features")
         if not isinstance(found, list) or not all(isinstance(name, str) for name in found):
             raise DamagedRun(f"{self.path}: attribute 'features' is damaged")
         return frozenset(found)
 
     def has(self, spec: Dataset) -> bool:
-        """Whether the file has a dataset, going by its version and its features; raises
-        `DamagedRun`.
-        """
+        """Whether the file has a dataset, by its version and features; raises `DamagedRun`."""
         return spec.since <= self.version and (
             spec.only_with is None or spec.only_with in self.features
         )
@@ -426,7 +390,6 @@ class CheckedFile:
         return text
 
     def has_text(self, name: str) -> bool:
-        """Whether there is such a root attribute."""
         return name in self._text_digests
 
     def json(self, name: str) -> Any:
@@ -437,9 +400,7 @@ class CheckedFile:
             raise DamagedRun(f"{self.path}: attribute {name!r} is damaged") from error
 
     def check_texts(self) -> None:
-        """Read all root attributes that are texts, and compare them with their digests; raises
-        `DamagedRun`.
-        """
+        """Compare all root attributes that are texts with their digests; raises `DamagedRun`."""
         for name in self._text_digests:
             self.text(name)
 
@@ -452,9 +413,7 @@ class CheckedFile:
         return found
 
     def dataset(self, spec: Dataset) -> h5py.Dataset:
-        """The dataset of a row of the schema, its type, shape and storage checked; raises
-        `DamagedRun`.
-        """
+        """A dataset of the schema, type, shape and storage checked; raises `DamagedRun`."""
         if spec.path in self._accepted:
             return self._accepted[spec.path]
         with reading(self.path):
@@ -488,9 +447,7 @@ class CheckedFile:
                 yield np.asarray(found[start : start + step])
 
     def check_digest(self, spec: Dataset, expected: str | None = None) -> str:
-        """Read a dataset whole and compare its digest with its attribute (and with ``expected``);
-        raises `DamagedRun`.
-        """
+        """A dataset's digest, compared with the stored one and ``expected``; or `DamagedRun`."""
         digest = hashlib.blake2b(digest_size=16)
         for block in self.blocks(spec):
             digest.update(np.ascontiguousarray(block).tobytes())
@@ -502,9 +459,7 @@ class CheckedFile:
         return actual
 
     def check_written(self, specs: Iterable[Dataset], digests: Mapping[str, str]) -> None:
-        """Read everything back: the datasets of ``specs`` with their digests by path, and the
-        texts; raises `DamagedRun`.
-        """
+        """Compare texts and the datasets ``specs`` with their digests; raises `DamagedRun`."""
         self.check_texts()
         for spec in specs:
             self.check_digest(spec, digests[spec.path])
@@ -551,9 +506,7 @@ class CheckedFile:
             )
 
     def _check_storage(self, spec: Dataset, found: h5py.Dataset) -> None:
-        """No data in other files, known filters only, and no more rows than the file has room
-        for.
-        """
+        """Refuse data in other files, unknown filters, and more rows than the file has room for."""
         create = found.id.get_create_plist()
         filters = {create.get_filter(k)[0] for k in range(create.get_nfilters())}
         stored = found.id.get_storage_size()

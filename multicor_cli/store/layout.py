@@ -1,6 +1,4 @@
-"""Names of the files of a run directory, which of them may be removed, and how their reading is
-followed.
-"""
+"""Names of the files of a run directory, and which of them may be removed."""
 
 from __future__ import annotations
 
@@ -35,9 +33,7 @@ _FORMER = re.compile(r"scenario(\.resolved)?\.\d+\.toml(\.tmp)?")
 
 
 def former_name(name: str, number: int) -> str:
-    """Under which name a scenario file (`SOURCE`, `RESOLVED`) is kept as it was before the
-    extension of this number, from 1.
-    """
+    """Name by which a scenario file is kept as it was before the extension ``number``, from 1."""
     return f"{name.removesuffix('.toml')}.{number}.toml"
 
 
@@ -84,9 +80,7 @@ def foreign_entries(directory: Path) -> list[str]:
 
 
 def own_files(directory: Path, name: str) -> list[Path]:
-    """Files in the directory ``name`` (`SEGMENTS`, `CHECKPOINTS`) of a run that only this program
-    makes; none through a link.
-    """
+    """Files in `SEGMENTS` or `CHECKPOINTS` that only this program makes; none through a link."""
     inner = directory / name
     if inner.is_symlink() or not inner.is_dir():
         return []
@@ -111,9 +105,7 @@ def temporaries(directory: Path) -> list[Path]:
 
 
 def known_files(directory: Path) -> list[Path]:
-    """All files of a run in ``directory`` except ``run.json`` and the lock; call only if
-    `foreign_entries` is empty.
-    """
+    """All files of a run but ``run.json`` and the lock; only if `foreign_entries` is empty."""
     found = []
     for entry in sorted(directory.iterdir()):
         if entry.name in _IN_DIRECTORY:

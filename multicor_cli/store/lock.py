@@ -33,8 +33,7 @@ def was_taken(path: Path) -> bool:
 
 
 class RunLock:
-    """Holds the lock of a run directory until `release`; the kernel gives it back when the process
-    dies.
+    """Holds the lock of a run directory until `release`, or until the process dies.
 
     Until then nothing is changed in the directory by the commit protocol unless the file is still
     there (`atomic.require_own`).
@@ -43,14 +42,8 @@ class RunLock:
     hosts, so a file that names another host counts as held, unless ``force`` is given. A clean
     release empties the file.
 
-    Args:
-        path: The lock file.
-        force: Take the lock although the file names a process on another host.
-
-    Raises:
-        RunLocked: If another process holds it.
-        DirectoryRefused: If it is a link, which might lead to someone else's file.
-        StorageError: If the file cannot be opened.
+    Raises `RunLocked` if another process holds it, `DirectoryRefused` if it is a link, which might
+    lead to someone else's file, `StorageError` if it cannot be opened.
     """
 
     def __init__(self, path: Path, *, force: bool = False) -> None:
@@ -71,9 +64,7 @@ class RunLock:
         guards[path.parent] = self.require
 
     def require(self) -> None:
-        """Raise `RunLocked` if the lock file is gone, or another one: somebody took this process
-        for dead.
-        """
+        """Raise `RunLocked` if the file is gone or another: this process was taken for dead."""
         if self._descriptor < 0 or not _is_current(self.path, self._descriptor):
             holder = read_holder(self.path)
             pid, host = _process(holder)
@@ -84,9 +75,7 @@ class RunLock:
             raise RunLocked(f"{self.path.parent}: {what}; stopped writing", pid, host)
 
     def release(self) -> None:
-        """Give the lock back; does nothing the second time. If the file cannot be emptied, it names
-        a holder that has died.
-        """
+        """Give the lock back, once. A file that cannot be emptied names a holder that has died."""
         if self._descriptor < 0:
             return
         if guards.get(self.path.parent) == self.require:
@@ -107,9 +96,7 @@ def read_holder(path: Path) -> dict[str, Any]:
 
 
 def is_alive(path: Path) -> bool:
-    """Whether a run is going on under this lock; one on another host counts as alive. Takes no lock
-    itself.
-    """
+    """Whether a run goes on under this lock; one on another host counts. Takes no lock itself."""
     holder = read_holder(path)
     if not holder:
         return False
@@ -170,9 +157,7 @@ def _own_identity() -> dict[str, Any]:
 
 
 def _start_ticks(pid: int) -> int | None:
-    """Start time of a process in clock ticks since boot; 0 where the system does not tell; ``None``
-    if there is none.
-    """
+    """Start of a process in clock ticks since boot; 0 where it is unknown, None if it is gone."""
     try:
         fields = Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()
         return None if fields[0] in (b"Z", b"X") else int(fields[19])

@@ -33,9 +33,9 @@ def collect_provenance(
 
     Returns:
         ``multicor_version, git_sha1, git_dirty, versions, platform, cpu, cores, threads,
-        threading_layer, host, command, seed``;
-        the commit is empty where the program was not started from its repository. ``nudge`` is
-        there only if the switch for tests of `multicor_cli.model.state` was set.
+        threading_layer, host, command, seed``; the commit is empty where the program was not
+        started from its repository. ``nudge`` is there only if the switch for tests of
+        `multicor_cli.model.state` was set.
     """
     sha1, is_dirty = _commit(Path(__file__).resolve().parents[2])
     return {
@@ -79,9 +79,7 @@ def processor() -> str:
 
 
 def _commit(root: Path) -> tuple[str, bool]:
-    """Commit of the repository at ``root`` and whether files differ from it; empty if it is not a
-    repository.
-    """
+    """Commit of a repository and whether files differ from it; empty if it is none."""
     if not (root / ".git").exists():
         return "", False
     sha1 = _git(root, "rev-parse", "HEAD")
@@ -108,11 +106,9 @@ def _git(root: Path, *arguments: str) -> str:
 
 
 def current_command() -> list[str]:
-    """The command line of this process; ``python -m multicor_cli`` is named as the command that it
-    is.
+    """The command line of this process; ``python -m multicor_cli`` is named as the command it is.
 
-    Names of files may be any bytes: what is not valid UTF-8 is escaped, since texts are stored as
-    UTF-8.
+    Bytes of file names that are not valid UTF-8 are escaped, since texts are stored as UTF-8.
     """
     name = Path(sys.argv[0]).name or "python"
     words = ["multicor" if name == "__main__.py" else name, *sys.argv[1:]]

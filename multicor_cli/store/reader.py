@@ -50,11 +50,9 @@ from multicor_cli.text import count_noun
 
 
 class Series(Mapping[str, NDArray[Any]]):
-    """The time series: one array per name of ``schema.SERIES``, with one row per point; read when
-    first used.
+    """The time series: an array per name of ``schema.SERIES``, one row per point; read when used.
 
-    The names that only runs with heat have are not there in a run without, nor those that are
-    younger than the run.
+    Names of heat are there in runs with heat only, and no names that are younger than the run.
     """
 
     def __init__(
@@ -89,11 +87,9 @@ class Series(Mapping[str, NDArray[Any]]):
         return len(self._specs)
 
     def to_pandas(self) -> Any:
-        """The series as a DataFrame indexed by time [s]; ``attrs["units"]`` has the units of the
-        columns.
+        """The series as a DataFrame indexed by time [s]; ``attrs["units"]`` has the units.
 
-        What belongs to a wall or an outlet has its name before that of the quantity, as
-        ``top: force_x``.
+        What belongs to a wall or an outlet has its name first, as ``top: force_x``.
 
         Raises:
             MissingLibrary: If pandas is not installed.
@@ -117,10 +113,8 @@ class Run:
 
     Attributes:
         path: The run directory, or the ``results.h5`` that was opened.
-        info: What ``run.json`` says:
-            ``run_id, status, stop_reason, exit_code, started, finished, provenance, stages,
-            summary``
-            …; for a ``results.h5`` alone, the same from its attributes.
+        info: What ``run.json`` says: ``run_id, status, stop_reason, exit_code, started, finished,
+            provenance, stages, summary`` …; of a ``results.h5`` alone, from its attributes.
         frames: The frames.
         series: The time series.
     """
@@ -155,9 +149,7 @@ class Run:
 
     @property
     def series_columns(self) -> list[NamedColumn]:
-        """The columns of the time series one by one; those of walls and outlets have their names
-        before, as ``top: force_x``.
-        """
+        """The columns of the time series; those of walls and outlets are named ``top: force_x``."""
         columns: list[NamedColumn] = []
         for spec in self.rows(schema.SERIES):
             values = self.series[spec.name]
@@ -176,9 +168,7 @@ class Run:
 
     @cached_property
     def grains(self) -> GrainFacts:
-        """What the grains are: radius, mass, material, group; of all that come and go in the run.
-        Raises as `model`.
-        """
+        """What all grains of the run are, absent ones too: radius, mass, material, group."""
         return GrainFacts.of(self.model)
 
     @property
@@ -188,9 +178,7 @@ class Run:
 
     @property
     def status(self) -> str:
-        """``running``, ``finished``, ``stopped``, ``failed``, or ``interrupted``: it was running
-        and its process is gone.
-        """
+        """``running, finished, stopped, failed``, or ``interrupted``: its process is gone."""
         status = str(self.info["status"])
         if status != "running" or is_alive(self.path / layout.LOCK):
             return status
@@ -200,9 +188,7 @@ class Run:
 
     @cached_property
     def model(self) -> Model:
-        """Grains, walls and laws; raises `DamagedRun` if it is missing or damaged, `NothingStored`
-        if none was written yet.
-        """
+        """Grains, walls and laws; raises `DamagedRun`, or `NothingStored` if there are none yet."""
         if self._results is None:
             try:
                 return load_model(self.path / layout.MODEL, self.run_id)
@@ -220,9 +206,7 @@ class Run:
 
     @property
     def features(self) -> frozenset[str]:
-        """What the run has beyond what every run has, see ``schema.Feature``; empty before anything
-        has been stored.
-        """
+        """What the run has beyond every run, see ``schema.Feature``; empty if nothing is stored."""
         found = self._parts.features
         if found is not None:
             return found
@@ -261,9 +245,7 @@ class Run:
 
     @property
     def scenario_resolved(self) -> str:
-        """The scenario with all defaults, its stages as a program has steered them; raises
-        `DamagedRun` if it was changed.
-        """
+        """The scenario with all defaults, its stages as steered; raises `DamagedRun` if changed."""
         resolved = self._scenario("resolved", layout.RESOLVED)
         return steered_text(resolved, decisions_of(self.info)) if self.path.is_dir() else resolved
 
@@ -297,16 +279,13 @@ class Run:
         return [segment_part(directory, segment) for segment in committed_segments(self.path)]
 
     def _lengths(self) -> dict[str, int]:
-        """Numbers of walls and outlets, as far as they are known."""
         try:
             return {"wall": self.model.wall_count, "outlet": len(self.model.outlets or ())}
         except DamagedRun:
             return {}
 
     def _find_parts_again(self) -> list[Part]:
-        """The files of a run that was finished, or resumed from a checkpoint, since it was
-        opened.
-        """
+        """The files of a run that was finished, or resumed from a checkpoint, meanwhile."""
         self._find_results()
         return self._find_parts()
 
@@ -319,16 +298,14 @@ class Run:
 def open_run(path: Path | str) -> Run:
     """Open a run directory, or a ``results.h5`` on its own.
 
-    Works on a finished run, on one that is running (what has been committed so far), and on one
-    that was interrupted.
+    Works on a finished run, a running one (what has been committed so far), and an interrupted one.
 
     Args:
         path: The directory, or the file.
 
     Raises:
         DirectoryRefused: If the directory holds no run, or the file is of another kind.
-        DamagedRun: If a file is damaged; `UnsupportedVersion` if it was made by an incompatible
-            version.
+        DamagedRun: If a file is damaged; `UnsupportedVersion`: by an incompatible version.
         StorageError: If a file cannot be read.
     """
     path = Path(path)
@@ -418,18 +395,16 @@ def run_info(path: Path | str) -> dict[str, Any]:
 
     Returns:
         ``path, run_id, status, stop_reason, exit_code, grain_count, frame_count, series_count,
-        step, time, stage, stages, stage_ends``
-        (how each stage ended that is over, see `multicor_cli.store.documents.StageEnd`), ``origin``
-        (the moment of another run from which it goes on, see `multicor_cli.store.documents.Origin`,
-        or null), ``extensions`` (when stages were added to the run, see
-        docs/reference/formats/run-directory.md), ``steering`` (the program that steers the run and
-        what it decided, or null),
-        ``walls, state_digest, energy_closure, heat_closure, max_overlap,
-        solver.{sweeps_mean, residual_rms_max, residual_max_max, unconverged_steps}, books, heat,
-        negative_loss_share, corrected_steps, max_contact_force, progress``
-        (``progress.json`` of a run that goes on: step, time, speed, seconds left …), ``pid`` (of
-        its process, if that is on this host), ``worst_step.{step, time}`` (end of the row of the
-        time series with the largest rms residual),
+        step, time, stage, stages, stage_ends`` (how each stage ended that is over, see
+        `multicor_cli.store.documents.StageEnd`), ``origin`` (the moment of another run from which
+        it goes on, see `multicor_cli.store.documents.Origin`, or null), ``extensions`` (when stages
+        were added to the run, see docs/reference/formats/run-directory.md), ``steering`` (the
+        program that steers the run and what it decided, or null), ``walls, state_digest,
+        energy_closure, heat_closure, max_overlap, solver.{sweeps_mean, residual_rms_max,
+        residual_max_max, unconverged_steps}, books, heat, negative_loss_share, corrected_steps,
+        max_contact_force, progress`` (``progress.json`` of a run that goes on: step, time, speed,
+        seconds left …), ``pid`` (of its process, if that is on this host), ``worst_step.{step,
+        time}`` (end of the row of the time series with the largest rms residual),
         ``hertz_deflection, started, finished, duration`` (from the first start to the last sign of
         life, s), ``timings, data_digest, provenance``.
 
@@ -478,9 +453,7 @@ def run_info(path: Path | str) -> dict[str, Any]:
 
 
 def _kept(events: list[dict[str, Any]], step: int | None) -> list[dict[str, Any]]:
-    """What had happened by the newest checkpoint: ``run.json`` tells it before, and what was lost
-    since then happens once more.
-    """
+    """What had happened by the newest checkpoint: what came later is lost, and happens again."""
     return [event for event in events if event["step"] <= (step or 0)]
 
 
@@ -507,9 +480,7 @@ def _heartbeat(run: Run) -> dict[str, Any]:
 
 
 def _worst_step(run: Run) -> dict[str, float] | None:
-    """Where the contact solver was farthest from a solution; ``None`` if no step has been
-    recorded.
-    """
+    """Where the contact solver was farthest from a solution; None if no step has been recorded."""
     residual = run.series["residual_rms"]
     if not residual.size or not residual.max() > 0.0:
         return None
@@ -518,19 +489,12 @@ def _worst_step(run: Run) -> dict[str, float] | None:
 
 
 def hertz_deflection(run: Run, force: float | None) -> float | None:
-    """Elastic deflection that rigid grains neglect, over the diameter: δ/(2a) of the largest mean
-    contact force of a step.
+    """Elastic deflection that rigid grains neglect, over the diameter: δ/(2a) of the largest force.
 
     Two equal elastic spheres, δ = (3F/(4E* √a*))^⅔ with a* = a/2 and E* = E/(2(1−ν²)); the smallest
     grain of each material that has ``young`` and ``poisson``, and of these the largest value. Discs
-    are treated as spheres of their radius.
-
-    Args:
-        run: The run.
-        force: Largest mean contact force of a step [N].
-
-    Returns:
-        The ratio, or ``None`` if no grain has an elastic material or no force is known.
+    are treated as spheres of their radius. ``force`` F is the largest mean contact force of a step
+    [N]. None if no grain is elastic or no force is known.
     """
     if force is None:
         return None

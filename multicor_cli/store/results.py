@@ -1,6 +1,4 @@
-"""The model of a run in its file, and ``results.h5``: all segments of a finished run, verified
-before the segments go.
-"""
+"""The model of a run in its file, and ``results.h5``: all segments of a finished run, verified."""
 
 from __future__ import annotations
 
@@ -54,9 +52,7 @@ _THERMAL = ("capacity", "start", "surface")
 
 
 def model_columns(model: Model) -> Arrays:
-    """Arrays of a model by path of ``schema.MODEL``, in the order of that table, as far as the
-    model has them.
-    """
+    """Arrays of a model by path of ``schema.MODEL``, in the order of that table."""
     table = schema.select(schema.MODEL, schema.features_of(model))
     columns = columns_of(table, Snapshot(State(), model))
     return {
@@ -110,9 +106,7 @@ def load_model(path: Path, run_id: str | None = None) -> Model:
 
 
 def read_model(file: CheckedFile) -> Model:
-    """The model in an open ``model.h5`` or ``results.h5``, with its indices checked; raises
-    `DamagedRun`.
-    """
+    """The model in an open ``model.h5`` or ``results.h5``, indices checked; raises `DamagedRun`."""
     specs = filter(file.has, schema.MODEL)
     data = {spec.path.removeprefix("model/"): _read(file, spec) for spec in specs}
     model = Model(
@@ -210,25 +204,11 @@ def write_results(
     precision: Precision,
     version: Version,
 ) -> Document:
-    """Merge segments into one file, one segment in memory at a time; gives its size, digests and
-    number of frames.
+    """Merge segments into one file, one in memory at a time; gives its size, digests and frames.
 
-    Args:
-        path: Where to write.
-        directory: Directory of the segments.
-        segments: The segments in order.
-        model: The model of the run.
-        scenario: Texts by path of ``schema.SCENARIO``.
-        run_id: Identity of the run.
-        attributes: More root attributes.
-        precision: How datasets of type ``float`` are stored in the segments and here.
-        version: Version of the file format in which the run was begun.
-
-    Raises:
-        DamagedRun: If a segment does not match its digest, or the file does not read back as
-            written.
-        StorageFull: If there is not enough space for the file beside the segments.
-        StorageError: For any other error of the system.
+    ``scenario`` has texts by path of ``schema.SCENARIO``; ``attributes`` are more root attributes.
+    Raises `DamagedRun` if a segment does not match its digest, or the file is not as it was
+    written; `StorageFull` if there is no room for it beside the segments; `StorageError`.
     """
     merger = _Merger(directory, segments, model, scenario, run_id, precision, version)
     root = {

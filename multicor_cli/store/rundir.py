@@ -70,9 +70,7 @@ _LONGEST_NAME = "checkpoints/step-00000000000.00.json.tmp"
 
 
 def _require_room_for_names(path: Path) -> None:
-    """Refuse a directory whose name, or that of a file in it, no system call takes; raises
-    `DirectoryRefused`.
-    """
+    """Raise `DirectoryRefused` if a name there would be longer than system calls take."""
     parts, whole = path.parts, os.fsencode(path.absolute() / _LONGEST_NAME)
     is_short = len(whole) < _MOST_BYTES and all(
         len(os.fsencode(part)) <= _MOST_BYTES_OF_PART for part in parts
@@ -88,9 +86,7 @@ def _require_room_for_names(path: Path) -> None:
 
 
 def lay_out(path: Path, document: Document, source: bytes, resolved: bytes) -> None:
-    """Write what every run has. Status ``creating`` comes first: a crash in between leaves nothing
-    that looks like a run.
-    """
+    """Write what every run has; status ``creating`` first, so that a crash leaves no run."""
     write_document(path / layout.RUN, "runjson", document)
     with storage_errors(path):
         for entry in layout.known_files(path):
@@ -106,10 +102,8 @@ def lay_out(path: Path, document: Document, source: bytes, resolved: bytes) -> N
 def check_usable(path: Path, *, overwrite: bool) -> None:
     """Refuse a directory in which no run may begin; leaves nothing behind.
 
-    Raises:
-        DirectoryRefused: If it is not a directory, holds foreign files, or a run and ``overwrite``
-            is False.
-        StorageError: If it cannot be read or written.
+    Raises `DirectoryRefused` if it is no directory, or holds foreign files or a run to be kept, and
+    `StorageError` if it cannot be read or written.
     """
     _require_room_for_names(path)
     with storage_errors(path):
@@ -145,9 +139,7 @@ def check_usable(path: Path, *, overwrite: bool) -> None:
 
 
 def _require_writable(directory: Path, path: Path) -> None:
-    """Refuse a directory in which no directory can be made now, not when the grains have been
-    placed.
-    """
+    """Refuse a directory in which no directory can be made: now, not after grains are placed."""
     if not os.access(directory, os.W_OK | os.X_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), directory)
     try:
@@ -159,9 +151,7 @@ def _require_writable(directory: Path, path: Path) -> None:
 
 
 def remove_temporaries(path: Path) -> None:
-    """Remove what interrupted commits have left; one that cannot be removed does no harm, and what
-    is not ours stays.
-    """
+    """Remove what interrupted commits have left, as far as possible; what is not ours stays."""
     with contextlib.suppress(OSError):
         for entry in layout.temporaries(path):
             with contextlib.suppress(OSError):
@@ -208,9 +198,7 @@ def new_document(
 
 
 class RunDirectory:
-    """The directory of one run, locked by this process. Make one with `create` or `resume`; use it
-    as a context manager.
-    """
+    """The directory of one run, locked while its context lasts; made by `create` or `resume`."""
 
     def __init__(self, path: Path, lock: RunLock, document: Document) -> None:
         self.path = path
@@ -226,9 +214,7 @@ class RunDirectory:
 
     @staticmethod
     def is_run(path: Path) -> bool:
-        """Whether ``path`` holds a run that can be resumed or is finished; False if there is
-        nothing, or only a beginning.
-        """
+        """Whether ``path`` holds a run that can be resumed or is finished, not only a beginning."""
         path = Path(path)
         _require_room_for_names(path)
         if not is_regular(path / layout.RUN):
@@ -331,9 +317,7 @@ class RunDirectory:
         self.close()
 
     def close(self) -> None:
-        """Give the lock back. A run that was not finished, stopped or failed before counts as
-        interrupted.
-        """
+        """Give the lock back. A run that has not ended by then counts as interrupted."""
         self._lock.release()
 
     @property
@@ -343,7 +327,6 @@ class RunDirectory:
 
     @property
     def is_finished(self) -> bool:
-        """Whether the run is complete."""
         return self.status == "finished"
 
     @property
@@ -369,9 +352,7 @@ class RunDirectory:
 
     @property
     def stage_ends(self) -> tuple[StageEnd, ...]:
-        """How the loading stages ended so far; of runs that an earlier version began those since
-        then.
-        """
+        """How the stages ended so far; of runs that an earlier version began, those since then."""
         return tuple(record_of(StageEnd, end) for end in self._document.get("stage_ends", []))
 
     @property
@@ -382,16 +363,12 @@ class RunDirectory:
 
     @property
     def steering(self) -> Document | None:
-        """What is kept of the program that steers the run: who it is, its decisions, its notes;
-        changes of it are kept too.
-        """
+        """The steering program, its decisions and notes, or None; changes of it are kept."""
         steering: Document | None = self._document.get("steering")
         return steering
 
     def rename_stages(self, names: Sequence[str]) -> None:
-        """Note the names of stages that a program has added or removed; ``run.json`` has them from
-        the next checkpoint on.
-        """
+        """Note names of stages that a program changed, for ``run.json`` at the next checkpoint."""
         if list(names) != self._document["stages"]:
             self._document["stages"] = list(names)
             self._has_news = True
@@ -422,8 +399,7 @@ class RunDirectory:
         return load_model(path, self.run_id) if path.exists() else None
 
     def load_checkpoint(self) -> Checkpoint | None:
-        """The newest whole checkpoint; output committed after it is set aside as ``*.orphan``, it
-        will be computed again.
+        """The newest whole checkpoint; output after it is set aside as ``*.orphan``, to be redone.
 
         Returns:
             ``None`` if none was ever written: the run starts from its beginning.
@@ -455,8 +431,7 @@ class RunDirectory:
         return self._checkpoint
 
     def writer(self, model: Model) -> FrameWriter:
-        """The writer of frames and series, after the output of the checkpoint; stores the model the
-        first time.
+        """The writer of output after that of the checkpoint; stores the model the first time.
 
         Raises:
             DamagedRun: If the run goes on from a checkpoint made with another model.
@@ -495,9 +470,7 @@ class RunDirectory:
         self._has_news = True
 
     def _forget_stage_ends(self, stage: int) -> None:
-        """Keep the ends of the stages before this one only: the others are still to come, maybe
-        once more.
-        """
+        """Keep the ends of the stages before this one only: the others are still to come."""
         ends = self._document.get("stage_ends", [])
         self._document["stage_ends"] = [end for end in ends if end["stage"] < stage]
 
@@ -536,9 +509,7 @@ class RunDirectory:
         self._save()
 
     def progress(self, values: Mapping[str, Any]) -> None:
-        """Replace ``progress.json``, a heartbeat for people and scripts; a failure to write it does
-        not matter.
-        """
+        """Replace ``progress.json``, a heartbeat; a failure to write it does not matter."""
         data = (json.dumps(plain({**values, "updated": now()}), indent=1) + "\n").encode()
         with contextlib.suppress(StoreError):
             commit_bytes(self.path / layout.PROGRESS, "progress", data, is_durable=False)
@@ -551,8 +522,7 @@ class RunDirectory:
         exit_code: int = 0,
         timings: Mapping[str, Any] | None = None,
     ) -> None:
-        """Say how the run ended; ``finished`` also makes ``results.h5`` and then removes the
-        segments.
+        """Say how the run ended; ``finished`` makes ``results.h5``, then removes the segments.
 
         Call `checkpoint` with the last state before, except where that state is not to be trusted.
 
@@ -570,8 +540,7 @@ class RunDirectory:
         if status == "finished":
             self.consolidate()
         elif self._writer is not None:
-            # Frames after the last checkpoint are there to look at; they will be computed again, so
-            # a failure does not matter.
+            # Frames after the last checkpoint, to look at: they will be computed again if lost.
             with contextlib.suppress(StoreError):
                 self._writer.flush()
         self._document |= {"status": status, "finished": now()}
@@ -580,9 +549,7 @@ class RunDirectory:
             self._remove_segments()
 
     def consolidate(self) -> Path:
-        """Make ``results.h5`` of all segments, verified; does nothing if that is done. Raises as
-        `finish` does.
-        """
+        """Make ``results.h5`` of all segments, verified, unless done; raises as `finish`."""
         path = self.path / layout.RESULTS
         if self._document["results"]:
             return path
@@ -649,8 +616,7 @@ class RunDirectory:
         self._save()
 
     def _remove_segments(self) -> None:
-        """Everything is in ``results.h5``, and ``run.json`` says so; what a crash leaves of this
-        goes at the next start.
+        """All is in ``results.h5`` by now; what a crash leaves of this goes at the next start.
 
         Files that others have put beside the segments stay, and so does what a link leads to.
         """

@@ -1,6 +1,4 @@
-"""Frames and rows of the time series: collected in memory, committed as immutable segments that a
-manifest lists.
-"""
+"""Frames and rows of the time series, committed as immutable segments that a manifest lists."""
 
 from __future__ import annotations
 
@@ -43,13 +41,10 @@ from multicor_cli.store.snapshot import Snapshot
 # ---- What is stored of a moment: arrays by path of the schema
 
 Columns = dict[str, NDArray[Any]]
-"""Arrays by path of the schema."""
 
 
 def columns_of(table: tuple[Dataset, ...], moment: Snapshot) -> Columns:
-    """Arrays of the rows of a table that come from a moment; those of one value per frame or row
-    have a first dimension of 1.
-    """
+    """Arrays of a table at a moment; a single value per frame or row has the shape ``(1, …)``."""
     return {row.path: _column(row, row.value(moment)) for row in table if row.value is not None}
 
 
@@ -60,8 +55,7 @@ def _column(row: Dataset, value: Any) -> NDArray[Any]:
     return values[np.newaxis] if row.row in ("frame", "series_row", "one") else values
 
 
-# ---- `segments/MANIFEST.jsonl`: the segments that count, one line each. A segment that it does not
-#      list does not exist
+# ---- `segments/MANIFEST.jsonl`: the segments that count, one line each; no others exist
 
 MANIFEST = "MANIFEST.jsonl"
 
@@ -70,16 +64,8 @@ MANIFEST = "MANIFEST.jsonl"
 class Segment:
     """An immutable file with a short range of frames and rows of the time series.
 
-    Attributes:
-        name: File name.
-        frames: Number of frames.
-        particle_rows: Rows of particles over these frames.
-        contact_rows: Rows of contacts over these frames.
-        series_rows: Rows of the time series.
-        first_step: Step of its first frame or row of the series.
-        last_step: Step of its last frame or row of the series.
-        size: Size of the file [bytes].
-        blake2b: Digest of the file.
+    Rows of particles and contacts are those of all its frames; steps are the first and the last
+    of a frame or a row of the series; ``size`` is in bytes.
     """
 
     name: Annotated[str, Field(pattern=r"^[^/\x00]+\.h5$")]
@@ -94,13 +80,7 @@ class Segment:
 
 
 def read_manifest(directory: Path) -> list[Segment]:
-    """The segments listed in ``directory``; a last line without its end (a crash while it was
-    written) does not count.
-
-    Raises:
-        DamagedRun: If a line is damaged.
-        StorageError: If the file cannot be read.
-    """
+    """Segments of the manifest; a torn last line is none. Raises `DamagedRun`, `StorageError`."""
     path = directory / MANIFEST
     if not path.exists():
         return []
@@ -114,12 +94,7 @@ def read_manifest(directory: Path) -> list[Segment]:
 
 
 def keep_segments(directory: Path, segments: list[Segment]) -> list[str]:
-    """Make the manifest list exactly ``segments``; the files of others become ``*.orphan``. Returns
-    their names.
-
-    Raises:
-        StorageError: If a file cannot be renamed or written.
-    """
+    """Make the manifest list ``segments``, `set_aside` other files; raises `StorageError`."""
     data = b"".join(document_line(asdict(segment)) for segment in segments)
     path = directory / MANIFEST
     with storage_errors(path):
@@ -151,9 +126,7 @@ def set_aside(directory: Path, keep: set[str]) -> list[str]:
 
 
 def check_segment(directory: Path, segment: Segment) -> None:
-    """Compare size and digest of a segment file with its line; raises `DamagedRun` or
-    `StorageError`.
-    """
+    """Compare a segment file with its line; raises `DamagedRun` or `StorageError`."""
     path = directory / segment.name
     if not path.is_file():
         raise DamagedRun(f"{path}: missing")
@@ -185,8 +158,7 @@ class FrameWriter:
         precision: How datasets of type ``float`` are stored.
         version: Version of the file format in which the run was begun.
         committed: Segments committed before.
-        last_steps: Steps of the last frame and of the last row of the series that were committed;
-            -1 if none.
+        last_steps: Steps of the last frame and the last row of the series in them; -1 if none.
 
     Attributes:
         segments: Committed segments.
@@ -235,8 +207,7 @@ class FrameWriter:
         """Add a frame of a moment (arrays are copied).
 
         Raises:
-            ValueError: If a value is not finite, an array has the wrong shape, or the step does not
-                follow the last one.
+            ValueError: If a value is not finite, a shape wrong, or the step not after the last.
             StorageFull: If a segment is due and there is no space for it.
             StorageError: If it cannot be written.
         """
@@ -251,8 +222,7 @@ class FrameWriter:
         self._grow(stored)
 
     def series_row(self, moment: Snapshot) -> None:
-        """Add the row of the time series that ends the window of a moment, which the caller then
-        clears; raises as `frame` does.
+        """Add the row that ends a window, which the caller then clears; raises as `frame` does.
 
         A window without steps (the row at the start of a run) has means, rates and forces of zero.
         """
@@ -269,9 +239,7 @@ class FrameWriter:
         self._grow(stored)
 
     def copy_frame(self, columns: Columns) -> None:
-        """Add a frame as it was stored before, as arrays by path; raises `StorageFull` or
-        `StorageError` if a segment is due.
-        """
+        """Add a frame as stored before, by path; raises `StorageFull` or `StorageError`."""
         self.last_frame_step = int(columns["steps/step"][0])
         self._frames.append(columns)
         self._grow(columns)
@@ -284,13 +252,10 @@ class FrameWriter:
 
     @property
     def _row_count(self) -> int:
-        """Rows of the time series that are pending."""
         return sum(len(rows["series/step"]) for rows in self._rows)
 
     def flush(self) -> None:
-        """Commit what is pending; raises `StorageFull`, `StorageError` or `RunLocked`, and then
-        keeps it pending.
-        """
+        """Commit what is pending, or keep it: raises `StorageFull`, `StorageError`, `RunLocked`."""
         if not self._frames and not self._rows:
             return
         path = self._directory / f"{len(self.segments):06d}.h5"

@@ -1,6 +1,4 @@
-"""What the writer is given: a state of a run at the end of a step, what is stored of it, and the
-few numbers that sum it up.
-"""
+"""What the writer is given, a state between steps, and the few numbers that sum it up."""
 
 from __future__ import annotations
 
@@ -61,9 +59,6 @@ class Snapshot:
 
     @cached_property
     def window(self) -> dict[str, float]:
-        """Sums since the last row of the time series by name, see
-        `multicor_cli.model.WINDOW_NAMES`.
-        """
         return dict(zip(WINDOW_NAMES, self.state.window.tolist(), strict=True))
 
     @cached_property
@@ -117,9 +112,7 @@ class Snapshot:
 
 
 def temperatures_of(state: State, thermal: Thermal) -> tuple[float, float, float]:
-    """Mean temperature of the present grains, weighted by heat capacity, lowest and highest [K]; 0
-    if none is there.
-    """
+    """Mean (by heat capacity), least and largest temperature of present grains [K]; 0 if none."""
     temperature, capacity = state.temperature(thermal)[state.here], thermal.capacity[state.here]
     if not temperature.size:
         return 0.0, 0.0, 0.0
@@ -144,7 +137,6 @@ Summary = dict[str, Any]
 _SUMMARIZED = {
     entry.summary: entry for entry in measures_first(TALLIES) if entry.summary is not None
 }
-"""Counters that have a key of their own, by this key."""
 
 
 def summarize(state: State, model: Model) -> Summary:
@@ -218,9 +210,7 @@ def _summarize_heat(state: State, thermal: Thermal) -> Summary:
 
 
 def empty_summary(version: Version | None = None) -> Summary:
-    """The summary of a run of which no state has been stored: the same keys, or those of an older
-    version, without values.
-    """
+    """The summary of a run without a state: the keys (of an older version if given), no values."""
     counters = (
         key for key, entry in _SUMMARIZED.items() if version is None or entry.since <= version
     )
@@ -244,9 +234,7 @@ def empty_summary(version: Version | None = None) -> Summary:
 
 
 def _negative_share(books: dict[str, float]) -> float:
-    """Energy gained at contacts over energy lost there; ``negative_loss`` is their signed sum's
-    negative part.
-    """
+    """Energy gained at contacts over energy lost; ``negative_loss``: their sum's negative part."""
     negative = abs(books["negative_loss"])
     positive = books["friction_loss"] + books["impact_loss"] + negative
     return negative / positive if positive > 0.0 else 0.0

@@ -105,9 +105,7 @@ def verify(path: Path | str) -> list[FileFinding]:
 
 
 def _missing_run_document(path: Path) -> list[FileFinding]:
-    """Results may lie alone in a directory; beside other files of their run its description is
-    missing.
-    """
+    """Results may lie alone in a directory; beside other files of a run ``run.json`` is missing."""
     if not any(
         (path / name).exists()
         for name in (layout.SOURCE, layout.RESOLVED, layout.MODEL, layout.CHECKPOINTS)
@@ -180,7 +178,6 @@ def _check_results(path: Path, run_id: str | None, recorded: Document | None) ->
 
 
 def _check_whole(path: Path, recorded: Document) -> None:
-    """Compare the file as a whole with its size and digest."""
     if path.stat().st_size != recorded["size"]:
         raise DamagedRun(f"{path}: has {path.stat().st_size} bytes instead of {recorded['size']}")
     if recorded["blake2b"] != file_digest(path):
@@ -192,7 +189,7 @@ def _check_whole(path: Path, recorded: Document) -> None:
 
 @dataclass(frozen=True)
 class Limits:
-    """What values are compared with: numbers of what there is, and the features of the run."""
+    """What values are compared with: how many there are, and the features of the run."""
 
     grains: int
     shapes: int
@@ -214,9 +211,7 @@ def _limits(model: Model, stages: int) -> Limits:
 
 
 def _check_tables(file: CheckedFile, table: tuple[Dataset, ...], limits: Limits) -> dict[str, str]:
-    """Digest, finite values, counts and ranges of every dataset that the run has; returns the
-    digests.
-    """
+    """Digest, finite values, counts and ranges of the datasets of a run; returns the digests."""
     specs = schema.select(table, limits.features, file.version)
     digests = {spec.path: file.check_digest(spec) for spec in specs}
     for spec in specs:

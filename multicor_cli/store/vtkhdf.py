@@ -1,5 +1,4 @@
-"""``/VTKHDF`` in ``results.h5``: a view of the frames that ParaView opens, made of links to the
-data.
+"""``/VTKHDF`` in ``results.h5``: a view of the frames for ParaView, made of links to the data.
 
 Each step is one piece of PolyData: the grains are points, the contacts are lines. A contact with a
 wall, or one across the period, has no second grain next to it; its line ends in a point of its own,
@@ -36,11 +35,9 @@ from multicor_cli.store.errors import DamagedRun
 from multicor_cli.store.hdf5 import read_text, reading, write_text
 from multicor_cli.store.schema import Dataset
 
-# ---- Which points the lines join in the view of `results.h5`: contacts as lines, a block of frames
-#      at a time
+# ---- Which points the lines join in the view: contacts as lines, a block of frames at a time
 
 CHUNK_ROWS = 1 << 14
-"""Rows of a chunk."""
 
 BLOCK_ROWS = 1 << 18
 """Rows of grains and contacts that are looked at together."""
@@ -60,14 +57,12 @@ class Growing:
         self._count = 0
 
     def append(self, rows: NDArray[Any]) -> None:
-        """Append rows; whole chunks are written."""
         self._pending.append(rows)
         self._count += len(rows)
         if self._count >= CHUNK_ROWS:
             self._write(self._count // CHUNK_ROWS * CHUNK_ROWS)
 
     def close(self) -> None:
-        """Write the rest."""
         self._write(self._count)
 
     def _write(self, count: int) -> None:
@@ -105,8 +100,7 @@ class LineBlock:
         grains: Number of grains n.
         counts: Contacts of each frame.
         frame: Frame of each contact, from 0 in the block.
-        i: First shape of each contact.
-        j: Second shape of each contact.
+        i, j: First and second shape of each contact.
         is_open: Whether the line ends in an appended point.
         reach: From the center of i against the normal to that point [m], shape ``(c, 2)``.
         center: Centers of i [m], shape ``(c, 3)``.
@@ -156,9 +150,7 @@ class LineBlock:
         return points
 
     def connectivity(self, lines: Indices) -> Indices:
-        """Both ends of every line, counted from 0 in each frame; ``lines`` is their number in each
-        frame.
-        """
+        """Both ends of every line, counted from 0 in each frame; ``lines``: how many each has."""
         joined = np.zeros((int(lines.sum()), 2), np.int64)
         row = (np.cumsum(lines) - lines)[self.frame] + ranges(self.counts)
         end = self.j.copy()
@@ -187,8 +179,7 @@ _POINT_FIELDS, _CONTACT_FIELDS, _STEP_FIELDS = (
     [row for row in table if "vtk" in row.exports]
     for table in (schema.PARTICLES, schema.CONTACTS, schema.STEPS)
 )
-"""What becomes point, cell and field data where the run has it; of contacts, each column for
-itself."""
+"""Point, cell and field data where the run has it; of contacts, each column for itself."""
 
 _CONSTANTS = ("radius", "group", "material", "is_grain")
 
@@ -217,13 +208,7 @@ _STORED = (
 
 @dataclass(frozen=True)
 class _Layout:
-    """Where the rows of each frame lie; every array has shape ``(K,)``.
-
-    Attributes:
-        grains: Number of grains n, the same in all frames.
-        contacts: Contacts of each frame.
-        ends: Appended points of each frame.
-    """
+    """Grains n of any frame, contacts and appended points of each frame, shape ``(K,)``."""
 
     grains: int
     contacts: Indices
@@ -231,14 +216,11 @@ class _Layout:
 
     @property
     def room(self) -> int:
-        """Rows that are kept for the points of each frame: equal room makes one mapping do for all
-        frames.
-        """
+        """Rows for the points of each frame: with equal room one mapping does for all frames."""
         return self.grains + int(self.ends.max())
 
     @property
     def lines(self) -> Indices:
-        """Lines of each frame, at least one."""
         return np.maximum(self.contacts, 1)
 
 
@@ -249,13 +231,7 @@ def estimate_view(frames: int, contact_rows: int) -> int:
 
 
 def write_view(file: h5py.File, model: Model) -> None:
-    """Add the view to an open ``results.h5`` whose datasets are complete; nothing if it has no
-    frames.
-
-    Args:
-        file: The open file.
-        model: The model of the run.
-    """
+    """Add the view to an open ``results.h5`` whose datasets are complete, if it has frames."""
     if not len(file["steps/time"]):
         return
     root = file.create_group(GROUP)
@@ -275,14 +251,11 @@ def write_view(file: h5py.File, model: Model) -> None:
 
 
 def check_view(path: Path) -> None:
-    """Compare what the view itself stores with its digest; without frames there is no view.
+    """Compare what the view itself stores with its digest; raises `DamagedRun` or `StorageError`.
 
     Virtual datasets are not opened: HDF5 may crash on a damaged one. What they show has digests
     where it is stored; how they show it is covered by the digest of the whole file in ``run.json``.
-
-    Raises:
-        DamagedRun: If the view is not what was written.
-        StorageError: If the file cannot be read.
+    Without frames there is no view.
     """
     with reading(path), regular_path(path) as opened, h5py.File(opened, "r", locking=False) as file:
         is_whole = not len(file["steps/time"]) or read_text(file[GROUP], "blake2b") == _digest(file)
@@ -301,8 +274,7 @@ def _digest(file: h5py.File) -> str:
 
 
 def link_view(directory: Path) -> None:
-    """Give ``results.h5`` a second name, the one by which ParaView knows the format; a file system
-    may not allow it.
+    """Give ``results.h5`` the name by which ParaView knows it, where the file system allows it.
 
     A symbolic link follows when ``results.h5`` is replaced; a hard link is the next best.
     """
@@ -373,7 +345,6 @@ def _starts(counts: Indices) -> Indices:
 
 
 def _write_steps(file: h5py.File, root: h5py.Group, rows: _Layout) -> h5py.Group:
-    """The index of the steps."""
     count = len(rows.ends)
     steps = root.create_group("Steps")
     steps.attrs["NSteps"] = count
@@ -392,13 +363,10 @@ def _write_steps(file: h5py.File, root: h5py.Group, rows: _Layout) -> h5py.Group
 
 
 def _write_points(file: h5py.File, root: h5py.Group, steps: h5py.Group, rows: _Layout) -> None:
-    """Positions and point data: the rows of the grains, and behind those of each frame the appended
-    points.
-    """
+    """Positions and point data: rows of grains, and behind each frame's the appended points."""
     frames, room, grains = len(rows.ends), rows.room, rows.grains
     ends = room - grains
-    # Blocks of rows, one every ``room`` rows: first the grains of each frame, then its appended
-    # points.
+    # Blocks of rows, one every ``room`` rows: the grains of each frame, then its appended points.
     to_grains = [(h5py.MultiBlockSlice(0, room, frames, grains), slice(0, frames * grains))]
     to_ends = (
         [(h5py.MultiBlockSlice(grains, room, frames, ends), slice(0, frames * ends))]
@@ -418,12 +386,9 @@ def _write_points(file: h5py.File, root: h5py.Group, steps: h5py.Group, rows: _L
 
 @dataclass(frozen=True)
 class _Source:
-    """Rows of a dataset that a virtual dataset shows.
+    """Rows of a dataset that a virtual dataset shows: of one ``column``, or of all if None.
 
-    Attributes:
-        dataset: The dataset.
-        pieces: Rows in the virtual dataset, and as many here.
-        column: The only column that is shown, or None for all.
+    ``pieces`` are rows in the virtual dataset, and as many here.
     """
 
     dataset: h5py.Dataset
@@ -453,9 +418,7 @@ def _write_virtual(
 
 
 def _write_constants(root: h5py.Group, steps: h5py.Group, model: Model, rows: _Layout) -> None:
-    """Point data that do not change are stored once; appended points have no radius, group or
-    material.
-    """
+    """Point data that do not change, once; appended points have no radius, group or material."""
     length = rows.room
     grains = model.grains
     is_grain = np.ones(rows.grains, np.uint8)
@@ -515,16 +478,12 @@ def _write_cell_data(file: h5py.File, root: h5py.Group, steps: h5py.Group, rows:
 
 
 def _cells(row: Dataset) -> list[tuple[str, int | None]]:
-    """Names of the cell data that a dataset of contacts becomes, and the column of each; None if it
-    has but one.
-    """
+    """Names of the cell data of a dataset of contacts, and the column of each; None if only one."""
     return [(name, column) for column, name in enumerate(row.columns)] or [(row.name, None)]
 
 
 def _runs(is_last: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Ranges of frames whose rows follow each other without a break; ``is_last`` says after which
-    frame (but the last) one is.
-    """
+    """Ranges of frames whose rows are contiguous; ``is_last``: frames after which they are not."""
     edges = [0, *(np.flatnonzero(is_last) + 1).tolist(), len(is_last) + 1]
     return list(itertools.pairwise(edges))
 

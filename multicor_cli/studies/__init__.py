@@ -23,8 +23,7 @@ def study(
     Args:
         file: The study file.
         directory: Where runs go; default: ``studies/NAME``.
-        client: A `dask.distributed.Client` of yours; default: what the file says under
-            ``[compute]``.
+        client: A `dask.distributed.Client`; default: what the file says under ``[compute]``.
         retry: Whether cases that failed are tried again.
         max_hours: Wall-clock time after which to stop with checkpoints [h].
         watcher: Is told how it goes; default: Python's warnings are given.

@@ -1,6 +1,4 @@
-"""The values that each key of a study takes, how they are combined, and the cases that come of
-it.
-"""
+"""The values that each key of a study takes, how they combine, and the cases that come of it."""
 
 from __future__ import annotations
 
@@ -41,8 +39,7 @@ _DIGITS = 12
 
 
 def combine(vary: Vary, directory: Path) -> list[Values]:
-    """All combinations, in the order of the file, the last key changing fastest; paths are relative
-    to ``directory``.
+    """All combinations in file order, the last key changing fastest; paths begin at ``directory``.
 
     Raises:
         Refused: Keys in ``zip`` have no values or not as many, the CSV file cannot be used, or
@@ -130,7 +127,7 @@ def _groups(vary: Vary, left_out: set[str]) -> list[tuple[str, ...]]:
 
 
 def _drawn(sample: Sampled, ranges: Mapping[str, Range]) -> list[Values]:
-    """Points of the box that the ranges span; on a logarithmic range their logarithms are drawn."""
+    """Points of the box that the ranges span; on a logarithmic range logarithms are drawn."""
     qmc = library("scipy.stats").qmc
     kind = qmc.LatinHypercube if sample.kind == "latin-hypercube" else qmc.Sobol
     points = kind(d=len(ranges), rng=sample.seed).random(sample.count)
@@ -149,9 +146,7 @@ def _between(axis: Range, share: float) -> float:
 
 
 def _rows(path: Path, name: str, taken: set[str]) -> list[Values]:
-    """Rows of a CSV file whose header names keys; values are written as in TOML, words as they
-    are.
-    """
+    """Rows of a CSV file whose header names keys; values as in TOML, words as they are."""
 
     def bad(message: str, remedy: str) -> Refused:
         return Refused(("vary", "file"), message, remedy)
@@ -210,27 +205,19 @@ _DIGITS_OF_NAMES = 6, 12, 17
 
 @dataclass(frozen=True)
 class Case:
-    """One run of a study. It is called like its directory: by short names of the keys with their
-    values, the seed last.
-    """
+    """One run of a study, named after its directory: short keys with values, the seed last."""
 
     name: str
     values: Values
 
     @property
     def overrides(self) -> list[str]:
-        """Arguments of ``--set`` that make the case out of the scenario of the study, beside those
-        of all cases.
-        """
+        """Arguments of ``--set`` that make it out of the scenario, beside those of all cases."""
         return arguments(self.values)
 
 
 def expand(study: Study) -> list[Case]:
-    """All cases of a study, none of them looked at yet.
-
-    Raises:
-        ScenarioError: The scenario of the study is wrong by itself, or the values of the study are.
-    """
+    """All cases, none looked at yet; raises `ScenarioError` if scenario or values are wrong."""
     base = load_scenario(study.scenario, study.fixed)
     try:
         combinations = combine(study.model.vary, study.path.parent)
@@ -256,11 +243,7 @@ def expand(study: Study) -> list[Case]:
 
 
 def check_case(study: Study, case: Case) -> Scenario:
-    """The scenario of a case.
-
-    Raises:
-        ScenarioError: It is wrong; problems about a varied key point into the study file.
-    """
+    """The scenario of a case; a `ScenarioError` about a varied key points into the study file."""
     try:
         return load_scenario(study.scenario, [*study.fixed, *case.overrides])
     except ScenarioError as error:
@@ -327,7 +310,7 @@ def _digest(row: Values) -> str:
 
 
 def _about(study: Study, case: Case, error: ScenarioError) -> ScenarioError:
-    """The problems of a case: those of a varied key point to its values in the study file."""
+    """The problems of a case: those of a varied key point into the study file."""
     findings, others = [], []
     for problem in error.problems:
         key = next(

@@ -1,5 +1,4 @@
-"""The process of one case: it runs the case as `multicor run` would, and stops with a checkpoint
-when who started it is gone.
+"""The process of a case: runs it as `multicor run` would, and stops when who started it is gone.
 
 What is to be done comes as JSON in the first line of standard input, which stays open: its end
 means that nobody waits any more. Standard output says how it ended, in a line of JSON.
@@ -24,17 +23,11 @@ from typing import Any
 from multicor_cli.running.outcome import SilentObserver, Status
 from multicor_cli.store.layout import LOCK, PROGRESS, RUN
 
-# ---- Taking turns at compiling: of the cases that start together on a machine one compiles the
-#      kernels, the others then load them
+# ---- Turns at compiling: of cases that start together one compiles the kernels, the others load
 
 
 class CompilationTurn:
-    """The turn of a process to compile; waits until it has it, unless someone has compiled before.
-
-    Args:
-        name: What the processes have in common that share their kernels: version of the program and
-            study.
-    """
+    """The turn to compile of processes of one ``name``, awaited unless someone has compiled."""
 
     def __init__(self, name: str) -> None:
         # Beside the kernels: where these are removed, the next one has to compile again.
@@ -70,9 +63,8 @@ _PATIENCE = 180.0
 """How long a run directory may be held by another process that is about to stop [s]."""
 
 SILENCE = 180.0
-"""How long nothing may move in a case that another machine holds before it is taken over [s]: a
-dozen beats of a living worker, and three times as long as shared file systems keep what they know
-of files."""
+"""How long another machine's case may stand still before it is taken over [s]: a dozen beats of a
+living worker, three times as long as shared file systems keep what they know of files."""
 
 _PAUSE = 0.5
 
@@ -139,8 +131,7 @@ def run_task(task: dict[str, Any]) -> dict[str, Any]:
                 return {"status": "stopped", "reason": str(error), "exit_code": 6, "step": 0}
             time.sleep(_PAUSE)
         except DirectoryRefused as error:
-            # A process of this case that is about to stop, for its worker has died, may have begun
-            # the run just now.
+            # A process of this case whose worker has died may have begun the run just now.
             if not RunDirectory.is_run(path) or time.monotonic() > deadline:
                 return _failed(error)
             time.sleep(_PAUSE)
@@ -173,9 +164,7 @@ def _failed(error: Exception) -> dict[str, Any]:
 
 
 def _observe(task: dict[str, Any]) -> None:
-    """Take the numbers of the case that are asked for, here rather than one case after the other
-    when the table is made.
-    """
+    """Take the case's numbers here, not one case after the other when the table is made."""
     from multicor_cli.studies.axes import Case
     from multicor_cli.studies.directory import StudyDirectory
     from multicor_cli.studies.observing import observe
@@ -189,16 +178,11 @@ def _observe(task: dict[str, Any]) -> None:
 
 
 class Silence:
-    """Whether nothing has moved in the directory of a run for so long that the machine which held
-    it must be gone.
+    """Whether nothing has moved in a run for so long that the machine that held it must be gone.
 
     Clocks of machines are not compared: what counts is that files change, seen from here. While a
     case runs, its worker touches its lock. Should the other process live after all, it finds its
     lock gone and writes nothing more.
-
-    Args:
-        path: The run directory.
-        seconds: How long nothing may move [s].
     """
 
     def __init__(self, path: Path, seconds: float) -> None:

@@ -26,12 +26,10 @@ if TYPE_CHECKING:
     from distributed import Client, Security
 
 DEATHS = 100
-"""Workers that may die under a case before it counts as failed: jobs of a batch system end with
-their walltime."""
+"""Workers that may die under a case before it counts as failed; jobs end with their walltime."""
 
 _FAREWELL = 45
-"""How long before its walltime a job stops its case, which then has time for a checkpoint [s]; half
-of a shorter walltime."""
+"""Time that a job leaves for a checkpoint before its walltime [s]; half of a shorter one."""
 
 MEMORY, CORES = "memory", "cores"
 """Resources that workers have, and cases take [bytes, 1]."""
@@ -91,8 +89,7 @@ def _queue_of(compute: Compute) -> tuple[str, Queue] | None:
 
 @contextlib.contextmanager
 def connected(compute: Compute, logs: Path, needs: Needs, *, most: int) -> Iterator[Cluster]:
-    """Workers, started if need be and ended afterwards: as many as there are cases at ``most``.
-    Jobs leave messages in ``logs``.
+    """Workers, started if need be and ended afterwards, ``most`` at most; jobs log to ``logs``.
 
     Raises:
         Refused: A case needs more memory than the machine, a job or the workers have.
@@ -121,11 +118,7 @@ def connected(compute: Compute, logs: Path, needs: Needs, *, most: int) -> Itera
 
 
 def existing(client: Any, compute: Compute, needs: Needs) -> Cluster:
-    """The workers of a client that somebody else has made.
-
-    Raises:
-        Refused: They say how much memory they have, and it is not enough.
-    """
+    """The workers of somebody's client; raises `Refused` if they tell of too little memory."""
     workers = client.scheduler_info(n_workers=-1)["workers"].values()
     offered = [worker.get("resources", {}).get(MEMORY, 0.0) for worker in workers]
     if any(offered) and max(offered) < needs.memory:
@@ -217,9 +210,7 @@ def _queued(
     needs: Needs,
     most: int,
 ) -> Cluster:
-    """Jobs, each a worker that computes as many cases at a time as its cores and its memory
-    allow.
-    """
+    """Jobs, each a worker for as many cases at a time as its cores and memory allow."""
     import dask
     from distributed import Client
 
@@ -284,8 +275,7 @@ def _cluster(name: str, table: Queue, logs: Path, memory: float, keys: Security)
         "dashboard": _wants_dashboard(table), "dashboard_address": "127.0.0.1:0",
         **options.get("scheduler_options", {})
     }  # fmt: skip
-    # A shell reads this. The job's own PYTHONPATH may have parts that mean the working directory:
-    # hence one that is only root's.
+    # For a shell. Parts of the job's PYTHONPATH may mean the working directory: let it be root's.
     path = shlex.quote(python_child()[1]["PYTHONPATH"])
     options["python"] = f'cd / && {_NO_PAGE} PYTHONPATH={path}:"$PYTHONPATH" {options["python"]} -P'
     try:
@@ -294,32 +284,22 @@ def _cluster(name: str, table: Queue, logs: Path, memory: float, keys: Security)
         raise StoreError(f"[compute] {name}: {error}") from None
 
 
-# ---- Keys with which scheduler, workers and client of a cluster know each other: who has none is
-#      refused
+# ---- Keys of scheduler, workers and client of a cluster: who has none is refused
 
 _PREFIX = ".keys-"
 _OF_WORKERS = ("tls_ca_file", "tls_worker_cert", "tls_worker_key")
 
 
 def cluster_keys(stack: contextlib.ExitStack, folder: Path) -> Security:
-    """New keys, and the files of workers, which only their owner can read and which are removed
-    when ``stack`` ends.
+    """New keys, and files for workers, readable by their owner and removed with ``stack``.
 
-    Args:
-        stack: Ends with the cluster.
-        folder: Where the files go: a directory that jobs see, for no other cluster; it is made if
-            need be.
-
-    Raises:
-        ImportError: The library ``cryptography`` is missing.
+    ``folder`` is of this cluster only, and jobs see it; without ``cryptography`` an `ImportError`.
     """
     from distributed import Security
 
     class Keys(Security):  # type: ignore[misc]  # mypy does not follow imports of distributed
         def get_tls_config_for_role(self, role: str) -> dict[str, Any]:
-            """Names of files of workers are for the script of a job, which dask-jobqueue writes
-            without quotes.
-            """
+            """Workers' files are for a job's script, which dask-jobqueue writes without quotes."""
             config: dict[str, Any] = super().get_tls_config_for_role(role)
             if role != "worker":
                 return config

@@ -27,8 +27,7 @@ if TYPE_CHECKING:
 
 _INTERVAL = 0.5
 _SPARE = 2
-"""Cases that wait at a worker beside each that runs: it need not ask for the next. The others wait
-here, at no cost."""
+"""Cases ready at a worker beside each that runs: it need not ask. Others wait here for free."""
 
 _LONELY = 60.0
 _LOST = (
@@ -36,8 +35,7 @@ _LOST = (
     "command goes on"
 )
 _AGAIN = 3
-"""How often a case that stopped without having come any further, or whose process was killed, is
-tried again."""
+"""How often a case is tried again that was killed, or stopped without having come further."""
 
 
 class Watcher(Protocol):
@@ -53,9 +51,7 @@ class Watcher(Protocol):
         """A case has finished, failed, or was stopped."""
 
     def looked(self, running: Callable[[], Sequence[Case]]) -> None:
-        """About twice a second; ``running()`` gives the cases that workers have begun, which may
-        have finished in the meantime.
-        """
+        """About twice a second; cases of ``running()`` may have finished in the meantime."""
 
     def stopping(self) -> None:
         """Cases have been asked to stop."""
@@ -79,9 +75,7 @@ class LostScheduler(StoreError):
 
 @dataclass
 class Progress:
-    """What became of the cases of one call: how many have finished, why others failed, by name, and
-    which were stopped and why.
-    """
+    """The cases of one call: how many finished; others, by name, and why they failed or stopped."""
 
     finished: int = 0
     failed: dict[str, str] = field(default_factory=dict)
@@ -115,16 +109,9 @@ class Computation:
         should_stop: Callable[[], StopReason | None],
         seconds: float | None = None,
     ) -> Progress:
-        """Compute cases until all are done, or ``should_stop()`` gives a reason; then running ones
-        stop with a checkpoint.
+        """Compute all cases, or until ``should_stop()`` gives a reason and running ones checkpoint.
 
-        Args:
-            cases: Those that are left.
-            should_stop: Asked twice a second.
-            seconds: Wall-clock time after which to stop [s].
-
-        Raises:
-            LostScheduler: The scheduler does not answer any more.
+        It is asked twice a second; ``seconds`` limit the time. Raises `LostScheduler`.
         """
         self._waiting.extend(cases)
         self._deadline = None if seconds is None else time.monotonic() + seconds
@@ -148,9 +135,7 @@ class Computation:
         return tally
 
     def _fill(self) -> None:
-        """Give the workers enough to do, but no more: of ten thousand cases the scheduler knows a
-        few.
-        """
+        """Give the workers enough, but no more: the scheduler knows a few of ten thousand cases."""
         if not self._waiting:
             return
         slots = max(self._site.slots, sum(self._site.client.nthreads().values()))
@@ -222,9 +207,7 @@ class Computation:
         self._watcher.ended(case, outcome)
 
     def _may_go_on(self, case: Case) -> bool:
-        """Whether a case that a worker could not end is tried again: if it has come further, or has
-        not been tried often.
-        """
+        """Whether an unfinished case is tried again: it has come further, or was seldom tried."""
         if self._deadline is not None and time.monotonic() > self._deadline:
             return False
         step = self._directory.state(case).step
@@ -259,9 +242,7 @@ class Computation:
 
 
 def _result(future: Future) -> dict[str, Any]:
-    """The outcome of a case; that of a worker which died under it too often, or of a task that was
-    cancelled, is made up.
-    """
+    """The outcome of a case; made up where workers died too often or it was cancelled."""
     if future.status == "finished":
         found = future.result()
         if isinstance(found, dict):

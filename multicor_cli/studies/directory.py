@@ -1,9 +1,9 @@
 """The directory of a study: what it is, its cases, and how each of them stands.
 
 ``study.json`` says which scenario and which cases; ``cases/NAME`` is the run of a case, an ordinary
-run directory, which alone says how far the case has come; ``failed/NAME.json`` tells why a case
-failed; ``observed/NAME.json`` keeps numbers taken from a finished run; ``pages/NAME.html`` are
-reports about runs, if they were asked for. Nothing else is kept, so nothing can disagree.
+run directory, which alone says how far it has come; ``failed/NAME.json`` tells why a case failed;
+``observed/NAME.json`` keeps numbers taken from a finished run; ``pages/NAME.html`` are reports
+about runs, if they were asked for. Nothing else is kept, so nothing can disagree.
 """
 
 from __future__ import annotations
@@ -85,7 +85,6 @@ class StudyDirectory:
 
     @property
     def exists(self) -> bool:
-        """Whether there is a study."""
         return (self.path / DOCUMENT).is_file()
 
     def document(self) -> dict[str, Any]:
@@ -112,7 +111,6 @@ class StudyDirectory:
         return found
 
     def cases(self) -> list[Case]:
-        """The cases of the study, in its order."""
         return [Case(name, values) for name, values in self.document()["cases"].items()]
 
     def begin(self, study: Study, cases: Sequence[Case], resolved: str) -> None:
@@ -180,11 +178,7 @@ class StudyDirectory:
 
     @contextlib.contextmanager
     def held(self, *, force: bool = False) -> Iterator[None]:
-        """Keep other clients away.
-
-        Raises:
-            RunLocked: Another client is at work on the study; the message names it.
-        """
+        """Keep other clients away; raises `RunLocked`, which names the other, if one is at work."""
         make_directory(self.path)
         lock = RunLock(self.path / LOCK, force=force)
         try:
@@ -221,7 +215,6 @@ class StudyDirectory:
         )
 
     def record_failure(self, name: str, reason: str, exit_code: int) -> None:
-        """Keep why a case could not be computed."""
         data = {"case": name, "reason": reason, "exit_code": exit_code}
         commit_bytes(
             self.failure(name),

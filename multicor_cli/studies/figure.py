@@ -1,6 +1,4 @@
-"""Figure of a study: an observable against a value, with error bars, in panels; fits and formulas
-if asked.
-"""
+"""Figure of a study: an observable against a value, with errors, in panels; fits, formulas."""
 
 from __future__ import annotations
 
@@ -31,15 +29,12 @@ from multicor_cli.studies.table import Panel, PlotRequest, Series, StudyTable, f
 # ---- Curves through the points of a study, and curves given as formulas beside them
 
 FITS = ("line", "power", "mu-of-I")
-"""Kinds of fits: y = a + b x; y = a x^b; μ(I) = μ_s + (μ_2 − μ_s)/(1 + I_0/I) (P. Jop et al.,
-Nature 441, 727, 2006)."""
+"""y = a + b x; y = a x^b; μ = μ_s + (μ_2 − μ_s)/(1 + I_0/I) (Jop et al., Nature 441, 727, 2006)."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """A curve in a figure: ``text`` is a fit with its parameters and their errors, or the name of a
-    formula.
-    """
+    """A curve in a figure: ``text`` is a fit with parameters and errors, or a formula's name."""
 
     text: str
     value: Callable[[Floats], Floats]
@@ -102,11 +97,7 @@ def _model(kind: str, series: Series) -> tuple[tuple[str, ...], Callable[..., Fl
 
 
 def formula(text: str) -> Curve:
-    """The curve of a formula in x, as ``da Cruz 2005: 0.25 + 1.1*x``; its name may be left out.
-
-    Raises:
-        PlotError: It is no formula in x.
-    """
+    """A curve in x, as ``da Cruz 2005: 0.25 + 1.1*x`` or nameless; raises `PlotError` if none."""
     name, _, body = text.rpartition(":")
     try:
         found = Expression(f"= {body.strip()}")
@@ -224,7 +215,7 @@ def _draw_series(axes: Any, panel: Panel, fits: Sequence[Curve], *, is_log: bool
 def _draw_curves(
     grid: Sequence[Any], panels: Sequence[Panel], curves: Sequence[Curve], *, is_log: bool
 ) -> None:
-    """Formulas in all panels; where they leave the range of the points far behind, they are cut."""
+    """Formulas in all panels, cut where they leave the range of the points far behind."""
     if not curves:
         return
     low, high = grid[0].get_ylim()

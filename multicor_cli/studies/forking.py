@@ -1,5 +1,4 @@
-"""Processes of cases, forked from one that has loaded the program already: loading takes longer
-than a short case.
+"""Processes of cases, forked from one that has loaded the program: loading outlasts short cases.
 
 `ForkServer` is the side of the worker. It starts ``python -m multicor_cli.studies.forking`` once,
 sends it one end of a pair of sockets for each case, and gets the number of a process that uses this
@@ -34,8 +33,7 @@ _LOST = -signal.SIGKILL
 """How a process has ended whose parent has died: nobody knows."""
 
 _LONGEST = 64
-"""Bytes of a question or an answer at most. There is one at a time, so that each is received as it
-was sent."""
+"""Bytes of a question or an answer at most: one at a time, received as it was sent."""
 
 _SINGLE = {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 """Linear algebra starts no threads when it is loaded."""
@@ -58,9 +56,7 @@ class CaseProcess:
             os.kill(self.pid, number)
 
     def wait(self) -> int:
-        """How it has ended, as of `subprocess.Popen`; to be called once, when its stream has
-        ended.
-        """
+        """How it has ended, as of `subprocess.Popen`; called once, when its stream has ended."""
         self.stream.close()
         try:
             return self.server.ask(f"{self.pid}")
@@ -91,9 +87,7 @@ class ForkServer:
         return self._process.poll() is None
 
     def start(self) -> CaseProcess:
-        """Start a process; raises `OSError` if there are no descriptors left or the other side has
-        died.
-        """
+        """Start a process; raises `OSError` without descriptors or if the other side has died."""
         ours, theirs = socket.socketpair()
         with theirs:
             try:
@@ -142,9 +136,7 @@ def _fork(stream: int, asking: socket.socket) -> int:
 
 
 def _become_case(stream: int) -> Never:
-    """In the new process: take the stream, do the case, and leave without a way back into the loop
-    of the parent.
-    """
+    """In the new process: take the stream, do the case, and leave past the parent's loop."""
     code = 1
     try:
         os.setsid()

@@ -1,6 +1,4 @@
-"""Numbers taken from the runs of a study: which can be had, from which table, with which error;
-kept once the run is finished.
-"""
+"""Numbers from the runs of a study: which there are, from which table, with which error."""
 
 from __future__ import annotations
 
@@ -297,8 +295,7 @@ def _after(row: Observable, place: KeyPath, scenario: Scenario) -> Iterator[Refu
 def observe(
     directory: StudyDirectory, case: Case, observables: Sequence[Observable]
 ) -> dict[str, Any]:
-    """Numbers of a finished case, its digest and its worst verdict, from ``observed/NAME.json`` as
-    far as they are there.
+    """Numbers, digest and worst verdict of a finished case; known ones from ``observed/NAME.json``.
 
     Returns:
         ``values`` (name: ``[value, error]``), ``problems`` (name: why it could not be taken),
@@ -330,9 +327,7 @@ def _digest(row: Observable) -> str:
 
 
 def _take(path: Path, observables: Sequence[Observable], kept: dict[str, Any]) -> dict[str, Any]:
-    """What is kept of a case, with these observables: ``[value, error]``, or in words why a number
-    could not be taken.
-    """
+    """What is kept of a case, with these: ``[value, error]``, or in words why there is none."""
     import multicor_cli as multicor
     from multicor_cli.checks import worst_verdict
     from multicor_cli.store import run_info
@@ -400,9 +395,7 @@ def _start(run: Any, after: After | None) -> float | None:
 
 
 def _mean_of_series(run: Any, name: str, start: float | None) -> Number:
-    """Mean of a column, weighted by the windows, with its standard error; see
-    `multicor_cli.post.sums`.
-    """
+    """Mean of a column, weighted by the windows, with its error; see `multicor_cli.post.sums`."""
     if name not in run.series:
         raise Unobservable(f"the time series has no {name}; it has {', '.join(run.series)}")
     column = np.asarray(run.series[name], float)

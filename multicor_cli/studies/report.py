@@ -1,6 +1,4 @@
-"""One page about a study: how far it is, figures, means over seeds, and all cases with links to
-their runs.
-"""
+"""One page about a study: how far it is, figures, means over seeds, and links to its runs."""
 
 from __future__ import annotations
 
@@ -38,9 +36,7 @@ _LOGARITHMIC = 20.0
 
 
 def report_path(session: StudySession) -> Path:
-    """Where the page of a study is unless told: in its directory, so that its links lead to the
-    runs.
-    """
+    """Where the page is unless told: in the study's directory, so that links lead to the runs."""
     return session.directory.path / f"{session.study.name}-report.html"
 
 
@@ -52,8 +48,7 @@ def write_study_report(
     run_frames: int | None = None,
     progress: Progress = no_progress,
 ) -> int:
-    """Write the page of a study, finished or not; returns the number of pages of runs that have
-    been written.
+    """Write the page of a study, finished or not; returns the number of new pages of runs.
 
     With ``run_frames`` each finished run that has no page gets one, with so many frames at most;
     ``progress`` is told how many of them are done.
@@ -152,9 +147,7 @@ def _range(table: StudyTable, key: str) -> str:
 
 
 def _figures(table: StudyTable) -> list[Figure] | None:
-    """Each observable against the number with the most values, a series for each combination of the
-    others.
-    """
+    """Observables against the key with the most numbers, in series; None without matplotlib."""
     mean = over_seeds(table)
     across = _longest_axis(mean)
     if across is None:

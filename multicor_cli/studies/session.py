@@ -1,6 +1,4 @@
-"""A study from its file to its table; what it will cost, and what is doubtful about it, before it
-begins.
-"""
+"""A study from its file to its table; before it begins, its cost and what is doubtful."""
 
 from __future__ import annotations
 
@@ -40,11 +38,7 @@ class StudySession:
 
     @classmethod
     def open(cls, file: str | Path, directory: str | Path | None = None) -> StudySession:
-        """Load a study file and list its cases; writes nothing.
-
-        Raises:
-            ScenarioError: It is wrong.
-        """
+        """Load a study file and list its cases, writing nothing; raises `ScenarioError`."""
         study = load_study(file)
         path = Path(directory) if directory is not None else Path("studies") / study.name
         return cls(study, expand(study), StudyDirectory(path))
@@ -53,8 +47,7 @@ class StudySession:
         """Look at every case that has not begun, and estimate what is left of the study.
 
         Raises:
-            ScenarioError: A case is wrong, its grains cannot be placed, or there is no space for
-                the runs.
+            ScenarioError: A case is wrong, its grains cannot be placed, or space for runs is short.
         """
         if findings := list(unknown(self.study.model.observe)):
             raise self.study.refuse(*findings)
@@ -71,7 +64,6 @@ class StudySession:
         return forecast(self.study, left, self.directory.path)
 
     def states(self) -> list[CaseState]:
-        """How each case stands."""
         return [self.directory.state(case) for case in self.cases]
 
     def compute(
@@ -83,18 +75,12 @@ class StudySession:
         watcher: Watcher | None = None,
         predicted: Forecast | None = None,
     ) -> Progress:
-        """Compute the cases that are left.
+        """Compute the cases that are left; see `multicor_cli.studies.study`.
 
-        Args:
-            client: A `dask.distributed.Client` to use; default: what the file says.
-            retry: Whether cases that failed are tried again.
-            max_hours: Wall-clock time after which to stop with checkpoints [h].
-            watcher: Is told how it goes; default: Python's warnings are given.
-            predicted: What `check` has found, if it has been called.
+        ``predicted`` is what `check` has found, if it has been called.
 
         Raises:
-            ScenarioError: A case is wrong, or not as when the study began; or one needs more memory
-                than there is.
+            ScenarioError: A case is wrong, not as when the study began, or too large for memory.
             StoreError: The directory cannot be used, Dask is missing, or its scheduler is lost.
             RunLocked: Another client is at work on the study.
         """
@@ -160,8 +146,7 @@ def _stop_signals() -> Iterator[Callable[[], StopReason | None]]:
             signal.signal(number, handler)
 
 
-# ---- What a study will cost, and what is doubtful about it: cases of it are placed and looked at
-#      as `multicor validate` does
+# ---- What a study will cost, and what is doubtful: cases are looked at as `multicor validate` does
 
 SAMPLES = 12
 """Cases that are placed: others cost what these do on average."""
@@ -181,8 +166,7 @@ class Forecast:
         memory: Of the largest case that was placed [bytes].
         grains: Of the case with the most grains.
         placed: Number of cases that were placed.
-        doubtful: What `multicor validate` doubts of them, each check once, with the name of the
-            first such case.
+        doubtful: What `multicor validate` doubts, each check once, with its first case.
     """
 
     cases: int
@@ -202,11 +186,7 @@ class Forecast:
 
 
 def check_cases(study: Study, cases: Sequence[Case]) -> None:
-    """Look at every case before the first one starts.
-
-    Raises:
-        ScenarioError: Cases are wrong; the problems of up to ten different kinds are told.
-    """
+    """Look at every case first; the `ScenarioError` tells problems of up to ten kinds."""
     problems: dict[tuple[str, str], Problem] = {}
     for case in cases:
         try:
@@ -228,11 +208,10 @@ def check_cases(study: Study, cases: Sequence[Case]) -> None:
 
 
 def forecast(study: Study, cases: Sequence[Case], directory: Path) -> Forecast:
-    """Estimate the cases that are to be computed from a few of them; those that differ by the seed
-    alone cost the same.
+    """Estimate the cases to be computed from a few; those that differ by the seed cost the same.
 
     Raises:
-        ScenarioError: Grains of a case cannot be placed, or there is not enough space for all runs.
+        ScenarioError: Grains of a case cannot be placed, or space for all runs is short.
     """
     different = list(
         {
@@ -260,9 +239,7 @@ def forecast(study: Study, cases: Sequence[Case], directory: Path) -> Forecast:
 
 
 def _spread(cases: Sequence[Case]) -> list[Case]:
-    """A few cases from all over the grid: by the golden ratio, which keeps step with no key, unlike
-    every second case.
-    """
+    """A few cases all over the grid: the golden ratio, unlike halves, keeps step with no key."""
     order = sorted(range(len(cases)), key=lambda k: (k * 0.6180339887498949) % 1.0)
     return [cases[k] for k in sorted(order[:SAMPLES])]
 

@@ -1,8 +1,4 @@
-"""What a study file says: which scenario, what is varied, what is observed, and where it is
-computed; and how it is read.
-
-Everything that is wrong is found at once, with its position, as in scenarios.
-"""
+"""What a study file says (scenario, values, observables, computers), read as scenarios are."""
 
 from __future__ import annotations
 
@@ -111,9 +107,7 @@ OPTIONS = ("zip", "file", "sample")
 
 
 def _flat(path: tuple[str, ...], data: dict[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Values by dotted key: what is a table and no range is a part of the key that was written
-    without quotes.
-    """
+    """Values by dotted key: a table that is no range is part of a key without quotes."""
     for key, value in data.items():
         if isinstance(value, dict) and not value.keys() & {"from", "to", "count", "spacing"}:
             yield from _flat((*path, key), value)
@@ -375,9 +369,7 @@ class StudyModel(Table):
 
 @dataclass(frozen=True)
 class Study:
-    """A study file that is right by itself: what it says, its path, its text for the positions of
-    problems, and its tables.
-    """
+    """A study file that is right by itself: its model, path, text (for positions), and tables."""
 
     model: StudyModel
     path: Path
@@ -386,12 +378,10 @@ class Study:
 
     @property
     def name(self) -> str:
-        """Name of the study."""
         return self.model.study.name
 
     @property
     def scenario(self) -> Path:
-        """Path of its scenario."""
         return self.path.parent / self.model.study.scenario
 
     @property
@@ -412,11 +402,10 @@ def arguments(values: Mapping[str, Any]) -> list[str]:
 
 
 def load_study(path: str | Path) -> Study:
-    """Load and check a study file; its scenario and cases are looked at by
-    `multicor_cli.studies.axes`.
+    """Load and check a study file; `multicor_cli.studies.axes` looks at its scenario and cases.
 
     Raises:
-        ScenarioError: The file cannot be read or is wrong; its ``problems`` say all that is wrong.
+        ScenarioError: The file is unreadable or wrong; its ``problems`` say all that is wrong.
     """
     path = Path(path)
     text = read_text(path, kind="study")
@@ -434,9 +423,7 @@ def load_study(path: str | Path) -> Study:
 
 
 def place(document: dict[str, Any], finding: Refused) -> Refused:
-    """The finding at its place in the document: ``vary.keys.KEY`` stands there as ``vary."KEY"``
-    or, without quotes, as tables.
-    """
+    """A finding where it stands: for ``vary.keys.KEY`` ``vary."KEY"``, or tables without quotes."""
     path = finding.where
     if path[:2] == ("vary", "keys") and len(path) > 2:
         table, key, rest = "vary", str(path[2]), path[3:]

@@ -1,6 +1,4 @@
-"""The table of a study, a row for each case and means over its seeds, and series of points out of
-it.
-"""
+"""The table of a study, a row for each case and means over seeds, and series of points of it."""
 
 from __future__ import annotations
 
@@ -32,8 +30,7 @@ class Row:
         values: Values of the keys, that of the seed only in a row of one case.
         status: Of the case; of several: ``3 of 5 finished``.
         numbers: By observable: value, standard error, and number of seeds.
-        between: By observable: standard error from the scatter between the seeds; nan with fewer
-            than two.
+        between: By observable: standard error from the scatter between seeds; nan below two.
         verdict: The worst.
         hours: Wall-clock time [h].
         case, digest: Name of the case, and digest of the end of its run; empty for several.
@@ -69,7 +66,6 @@ class StudyTable:
 
     @property
     def headings(self) -> list[str]:
-        """Names of the columns."""
         names = [short_names(self.keys)[key] for key in self.keys]
         if self.is_mean:
             numbers = [
@@ -99,9 +95,7 @@ class StudyTable:
 
     @property
     def lines(self) -> tuple[list[str], list[list[str]]]:
-        """Headings and rows for people: numbers with their errors, the larger one where there are
-        two, in one column.
-        """
+        """Headings and rows for people: numbers with their errors (the larger) in one column."""
         names = short_names(self.keys)
         headings = [
             *(names[key] for key in self.keys),
@@ -136,7 +130,6 @@ class StudyTable:
         ]
 
     def csv(self) -> str:
-        """As CSV."""
         out = io.StringIO()
         writer = csv.writer(out, lineterminator="\n")
         writer.writerow(self.headings)
@@ -197,8 +190,7 @@ def make_table(
 def over_seeds(table: StudyTable) -> StudyTable:
     """Means over the seeds: a row for each combination of the other values.
 
-    The error of a mean is that of the runs, √Σε²/n; beside it stands the one from the scatter
-    between the seeds, s/√n.
+    Errors are those of the runs, √Σε²/n, and from the scatter between the seeds, s/√n.
     """
     keys = tuple(key for key in table.keys if key != SEED)
     groups: dict[tuple[Any, ...], list[Row]] = {}
@@ -233,9 +225,7 @@ def _mean(values: Values, group: Sequence[Row], observables: Sequence[str]) -> R
 
 
 def with_error(value: float, error: float) -> str:
-    """A number with its error, to two digits of the error, as 0.2592 ± 0.0018; with five digits if
-    the error is not known.
-    """
+    """A number with its error to two digits, as 0.2592 ± 0.0018; without error, to five."""
     if not math.isfinite(value):
         return "–"
     if not math.isfinite(error) or error <= 0.0:
@@ -256,8 +246,7 @@ def _number(value: Any) -> float:
     return math.nan if value is None else float(value)
 
 
-# ---- Series of points out of the table of a study: an observable against a value or another
-#      observable, in panels
+# ---- Series of points out of a study: an observable against a value or an observable, in panels
 
 
 @dataclass(frozen=True)
@@ -265,8 +254,7 @@ class Series:
     """Points of one line, ascending in x, all of shape ``(k,)``.
 
     Attributes:
-        error: The larger of both standard errors of y, from within the runs and between the seeds;
-            nan if neither is known.
+        error: The larger of the standard errors of y, within runs or between seeds; nan if unknown.
         x_error: The same of x; nan if that is a key and no observable.
     """
 
@@ -279,9 +267,7 @@ class Series:
 
 @dataclass(frozen=True)
 class Panel:
-    """Series that share a pair of axes; the title says what they have in common, and is empty if
-    there is one panel only.
-    """
+    """Series that share axes; the title says what they have in common, if there are panels."""
 
     title: str
     series: list[Series]
@@ -393,7 +379,7 @@ def _label(names: dict[str, str], keys: Sequence[str], values: Sequence[Value | 
 def _refuse_same_places(
     names: dict[str, str], group: Sequence[Row], across: str, label: str
 ) -> None:
-    """Points of one series at the same place: keys that nobody has asked about differ."""
+    """Refuse points of one series at the same place: keys that nobody asked about differ."""
     first: dict[Value, Row] = {}
     for row in group:
         other = first.setdefault(row.values[across], row)

@@ -1,6 +1,4 @@
-"""What a worker does with a case: it starts a process for it, waits, and stops it when asked; and
-the workers of this machine.
-"""
+"""What a worker does with a case: starts, awaits and stops its process; workers here."""
 
 from __future__ import annotations
 
@@ -33,14 +31,9 @@ _stopping: set[str] = set()
 
 
 def run_case(task: dict[str, Any]) -> dict[str, Any]:
-    """Run a case in a process of its own; see `multicor_cli.studies.child.run_task`.
+    """Run a case in a process; as `multicor_cli.studies.child.run_task`, with its client and name.
 
-    Args:
-        task: As there, with ``client`` (who wants it) and ``name``.
-
-    Returns:
-        As there; what the process did not say itself (killed, out of memory) is a failure with the
-        end of its messages.
+    A process that did not say how it ended (killed, out of memory) failed with its last words.
     """
     name = f"{task['client']}/{task['name']}"
     with _lock:
@@ -84,9 +77,7 @@ def _start(threads: int) -> CaseProcess:
 
 
 def _server(threads: int) -> ForkServer:
-    """The one that starts processes here; another one if it has died, or made too little room for
-    threads.
-    """
+    """What starts processes here; another one if it has died or has no room for the threads."""
     while _fork_servers and not (
         _fork_servers[-1].is_alive and _fork_servers[-1].threads >= threads
     ):
@@ -148,9 +139,7 @@ def _unsaid(code: int, said: str) -> dict[str, Any]:
 
 
 def stop_cases(client: str) -> int:
-    """Ask the cases that this worker runs for a client to stop with a checkpoint; returns how many
-    there are.
-    """
+    """Ask a client's cases on this worker to stop with a checkpoint; returns their number."""
     with _lock:
         _stopping.add(client)
         found = [process for name, process in _running.items() if name.startswith(f"{client}/")]
@@ -159,8 +148,7 @@ def stop_cases(client: str) -> int:
     return len(found)
 
 
-# ---- Cases on this machine: a thread of this process for each that runs at a time. No port is
-#      open, so nobody else can get in
+# ---- Cases on this machine, a thread each. No port is open, so nobody else can get in
 
 _HERE = "here"
 
@@ -183,9 +171,7 @@ class LocalFuture(Future[dict[str, Any]]):
 
 
 class LocalClient:
-    """What `multicor_cli.studies.computing.Computation` asks of a `distributed.Client`, with so
-    many cases at a time.
-    """
+    """What `Computation` asks of a `distributed.Client`, with so many cases at a time."""
 
     status = "running"
 
@@ -236,11 +222,9 @@ class LocalClient:
         return {_HERE: sorted(self._running)}
 
     def run(self, function: Callable[..., Any], *arguments: Any, **_options: Any) -> dict[str, Any]:
-        """Call a function now."""
         return {_HERE: function(*arguments)}
 
     def cancel(self, futures: Iterable[LocalFuture]) -> None:
-        """Forget cases that have not begun."""
         for future in futures:
             future.cancel()
 

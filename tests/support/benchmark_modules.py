@@ -11,9 +11,7 @@ from places import ROOT
 
 @contextmanager
 def benchmark_modules(name: str) -> Iterator[None]:
-    """Modules of ``benchmarks/name`` can be imported by plain names, as it is run as a folder; they
-    are gone again afterwards.
-    """
+    """Modules of ``benchmarks/name``, run as a folder, can be imported by plain names meanwhile."""
     folder = ROOT / "benchmarks" / name
     plain = {path.stem for path in folder.iterdir()} - {"__main__"}
 

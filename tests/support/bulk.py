@@ -1,6 +1,4 @@
-"""State of the bulk of a plane shear flow, from a run directory: inertial number, μ*, solid
-fraction, spin.
-"""
+"""Bulk of a plane shear flow, from a run directory: inertial number, μ*, solid fraction, spin."""
 
 from dataclasses import dataclass
 
@@ -32,9 +30,7 @@ class Bulk:
 
 
 def measure_bulk(directory, *, load, strain=6.0):
-    """Average over the frames whose shear strain exceeds ``strain``; ``load`` is the force on the
-    upper wall [N].
-    """
+    """Means over frames with shear strain above ``strain``; ``load``: on the upper wall [N]."""
     with open_run(directory) as run:
         series = run.series
         began = series["time"][np.argmax(series["strain"] > strain)]

@@ -1,6 +1,4 @@
-"""The tables of docs/reference/checks.md: ``python tests/support/check_tables.py`` writes them
-anew.
-"""
+"""The tables of docs/reference/checks.md: ``python tests/support/check_tables.py`` writes them."""
 
 from __future__ import annotations
 

@@ -20,8 +20,7 @@ from multicor_cli.cli.app import main
 from multicor_cli.cli.guard import set_crash_directory
 
 _parser = functools.cache(typer.main.get_command)
-"""The commands as typer parses them: made once for all calls in this process, which takes as long
-as most commands."""
+"""The commands as typer parses them, made once: that takes as long as most commands."""
 
 
 def environment(**extra: str) -> dict[str, str]:
@@ -43,9 +42,7 @@ _ASKED_INSIDE = {"COLUMNS", "_MULTICOR_COMPLETE", "COMP_WORDS", "COMP_CWORD"}
 
 
 def call(*arguments: object, cwd: Path, **extra: str) -> subprocess.CompletedProcess[str]:
-    """Run a command to its end: in this process, which need not start another, or in one of its own
-    if it is to be different.
-    """
+    """Run a command to its end: in this process, or, to be different, in one of its own."""
     if extra.keys() - _ASKED_INSIDE or "--threads" in arguments:
         return call_outside(*arguments, cwd=cwd, **extra)
     words, out, err = ["multicor", *map(str, arguments)], io.StringIO(), io.StringIO()
@@ -80,7 +77,6 @@ def call_outside(*arguments: object, cwd: Path, **extra: str) -> subprocess.Comp
 
 
 def start(*arguments: object, cwd: Path) -> subprocess.Popen[str]:
-    """Start a command and leave it running."""
     return subprocess.Popen(
         command(*arguments),
         cwd=cwd,

@@ -113,8 +113,7 @@ drives.intruder = { x = { velocity = 0.1 } }
     ),
     ("duration = 0.02\n", "duration = 0.02\ndrives.intruder = { x = { velocity = -0.02 } }\n"),
 )
-"""The same with a solid disc that has a temperature of its own, and is pulled to where grains have
-been."""
+"""The same with a solid disc that has a temperature, and is pulled to where grains have been."""
 
 BELT = changed(
     BOX,
@@ -165,9 +164,7 @@ def shortened(text: str, stages: int) -> str:
 
 
 def going_on(text: str, stages: int, run: str, moment: str = "") -> str:
-    """A scenario without its first stages and without grains of its own, that goes on from a run of
-    these.
-    """
+    """A scenario without its first stages and own grains, that goes on from a run of these."""
     head, loading, tail = _parts(text)
     begin, end = head.index("[[particles]]"), head.index("[[walls]]")
     return (

@@ -1,5 +1,4 @@
-"""Damages copies of runs and looks at them as users do; a process of its own, for a library that
-meets nonsense may crash.
+"""Damages copies of runs and looks at them as users do; a process of its own, as it may crash.
 
 Each line of stdin is a case: ``[kind of run, file, damage, seed]``. Each line of stdout says what
 came of it.
@@ -113,9 +112,7 @@ def opened(run: Path) -> Path:
 
 
 def contents_of(path: Path, scratch: Path) -> set[str]:
-    """Digests of what may be read of the run: all of it, or without what was written after its
-    newest checkpoint.
-    """
+    """Digests of what may be read of the run: all, or nothing after its newest checkpoint."""
     found = {read_all(opened(path))}
     manifest = scratch / "segments" / "MANIFEST.jsonl"
     shutil.copytree(path, scratch, symlinks=True)

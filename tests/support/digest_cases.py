@@ -1,8 +1,6 @@
-"""Short runs whose bits are frozen: every shipped scenario, every packing, size distribution and
-kind of law.
+"""Short runs with frozen bits: every shipped scenario, packing, size distribution, kind of law.
 
-Two of them, the million and the large heated bed, have enough contacts for several threads to share
-them.
+Two, the million and the large heated bed, have enough contacts for several threads.
 """
 
 from __future__ import annotations
@@ -15,13 +13,7 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 
 @dataclass(frozen=True)
 class Case:
-    """A short run.
-
-    Attributes:
-        source: A shipped scenario, or the text of one.
-        overrides: As given to ``--set``.
-        after: Name of a case whose run it starts from: it is in the directory beside.
-    """
+    """A run of a shipped scenario, or of a text, perhaps from the end of the case ``after``."""
 
     source: Path | str
     overrides: tuple[str, ...] = ()

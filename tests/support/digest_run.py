@@ -28,9 +28,7 @@ Digests = dict[str, dict[str, str]]
 def run_cases(
     names: Iterable[str], folder: Path, threads: int, say: Callable[[str], None] = lambda _: None
 ) -> Digests:
-    """Run cases (and those they start from) into directories of their names; the digests of each by
-    name.
-    """
+    """Run cases (and those they start from) into directories of their names; digests by name."""
     found: Digests = {}
     for name in names:
         for each in (CASES[name].after, name):
@@ -61,7 +59,6 @@ def digests_of(directory: Path) -> dict[str, str]:
 
 
 def frozen() -> Digests:
-    """The frozen digests by case."""
     return tomllib.loads(FROZEN.read_text(encoding="utf-8"))
 
 

@@ -1,5 +1,4 @@
-"""A disk that forgets: what may be left of a directory after a power cut, from a record of all
-calls that changed it.
+"""A disk that forgets: what a power cut may leave of a directory, from a record of all calls.
 
 POSIX promises little. Bytes are on the disk once their file has been given to ``fsync``; names are
 once their directory has. Until then each may be there or not: a file may have its new name and none
@@ -29,12 +28,7 @@ Content = dict[str, bytes | str | None]
 
 @dataclass(frozen=True)
 class Left:
-    """A directory that a power cut may leave.
-
-    Attributes:
-        reason: What of the last calls has come to the disk.
-        content: What is in it.
-    """
+    """A directory that a power cut may leave; ``reason``: what of the last calls is on the disk."""
 
     reason: str
     content: Content
@@ -76,14 +70,9 @@ class Directory:
 class PowerCuts:
     """Follows the calls of a program about one directory; give `hook` to ``system_calls.hooked``.
 
-    After every call ``inspect`` gets its name and the directories that a power cut now could leave,
-    as far as none like them came before in the same era.
-
-    Args:
-        root: An empty directory.
-        inspect: Called after every call that changes something below ``root``.
-        era: What the program has promised so far: a directory that was right before may be wrong
-            after a promise.
+    After every call that changes the empty directory ``root``, ``inspect`` gets its name and what a
+    power cut now could leave, as far as nothing like it came before in the same ``era``: what the
+    program has promised so far. What was right before may be wrong after a promise.
     """
 
     def __init__(self, root: Path, inspect: Inspect, era: Callable[[], Hashable]) -> None:
@@ -243,7 +232,5 @@ class PowerCuts:
                 yield from self._content(inner, current, is_data_there=is_data_there)
 
     def as_seen(self) -> Content:
-        """What the program sees: to be compared with the real directory, so that no call is
-        overlooked.
-        """
+        """What the program sees, as the real directory must be: no call is overlooked."""
         return dict(self._content(self.root, set(self._directories), is_data_there=True))

@@ -1,5 +1,4 @@
-"""Every command once, with its help and a wrong line, of the package that is installed for the
-interpreter that runs this.
+"""Every command once, with its help and a wrong line, of the package of this interpreter.
 
 Prints what went wrong, a line each, and how many lines were tried; needs all extras, and nothing of
 the tests' own.

@@ -1,6 +1,4 @@
-"""The tables of the schema in the pages about the file format:
-``python tests/support/format_tables.py`` writes them anew.
-"""
+"""The tables in pages on the file format: ``python tests/support/format_tables.py`` writes them."""
 
 from __future__ import annotations
 

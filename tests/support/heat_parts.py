@@ -14,9 +14,7 @@ from multicor_cli.model import HEAT_BOOK_NAMES, State, Thermal
 
 
 def make_heat_laws(*, density=7500.0, capacity=500.0, wear=0.0, **properties):
-    """Laws of one material, steel but for what is given; ``wear`` is Archard's coefficient over the
-    hardness [1/Pa].
-    """
+    """Laws of steel but for what is given; ``wear`` is Archard's over the hardness [1/Pa]."""
     others = {
         "conductivity": 15.0,
         "young": 193e9,
@@ -101,8 +99,7 @@ def touching_engine(
     radius=1.0,
     **settings,
 ):
-    """A heat engine over bodies that stand still and touch; every contact conducts 1 W/K between
-    grains.
+    """A heat engine over bodies at rest that touch, with 1 W/K between grains.
 
     The prescribed force is chosen for it: H = 2 λ (3 F a*/4E*)^⅓ with a* = a/2.
     """
@@ -118,9 +115,7 @@ def touching_engine(
 
 
 def on_floor(condition, start=300.0, positions=((0.0, 1.0),), **settings):
-    """A heat engine over grains that stand on a floor; between it and a grain H is 2^⅓ W/K, as a* =
-    a.
-    """
+    """A heat engine over grains on a floor; between it and a grain H is 2^⅓ W/K, as a* = a."""
     return touching_engine(
         positions, start, conditions=[condition], shapes=FLOOR, walls=("floor",), **settings
     )

@@ -1,6 +1,4 @@
-"""A run directory with known temperatures, velocities and contacts: a column of equal grains
-between two planes.
-"""
+"""A run directory of known content: a column of equal grains between two planes."""
 
 from __future__ import annotations
 
@@ -57,9 +55,7 @@ def write_frames(
     *,
     contacts: bool = True,
 ) -> None:
-    """Write frames of a column, each with a row of the time series; ``advance`` leads from one to
-    the next.
-    """
+    """Write frames of a column, with rows of the series; ``advance`` leads from one to the next."""
     writer, state = run.writer(model), column(model)
     for frame in range(frames):
         if frame:
@@ -77,9 +73,7 @@ def write_heated_run(
     walls: tuple[float, float] = (300.0, 320.0),
     contacts: bool = True,
 ) -> Model:
-    """Write a finished run. Its frame 0 is at 300 K and before any step; ``walls`` are the
-    temperatures of bottom and top.
-    """
+    """Write a finished run: frame 0 before any step at 300 K; ``walls``: bottom and top [K]."""
     model = heated_model(heat=heat)
     with RunDirectory.create(path, "", "", {"seed": 1}, stages=("shear",)) as run:
         write_frames(
@@ -112,9 +106,7 @@ def _advance(state: State, model: Model, walls: tuple[float, float]) -> None:
 
 
 def contact_rows(state: State) -> ContactTable:
-    """Every grain on the next one with a normal force of 1, 2, … N, and the last one on the top
-    plane; every third one slides.
-    """
+    """Each grain on the next with 1, 2, … N, the last on the top plane; every third slides."""
     i = np.arange(GRAINS, dtype=np.int32)
     j = i + np.int32(1)
     j[-1] = GRAINS + 1

@@ -1,10 +1,10 @@
-"""Makes the archive of a run in the file format of now: `tests/data/format-MAJOR.MINOR.tar.xz`,
-once for each version of it.
+"""Makes the archive of a run in the file format of now, once for each version of it.
 
 python tests/support/keep_run.py
 
-It holds a scenario with heat and friction that depends on it (every dataset of the format), a
-finished run of it, and one that was killed at step 60 of 75, after a checkpoint at step 55.
+`tests/data/format-MAJOR.MINOR.tar.xz` holds a scenario with heat and friction that depends on it
+(every dataset of the format), a finished run of it, and one that was killed at step 60 of 75, after
+a checkpoint at step 55.
 """
 
 from __future__ import annotations
@@ -53,9 +53,7 @@ def main() -> None:
 
 
 def _kept(entry: tarfile.TarInfo) -> tarfile.TarInfo | None:
-    """What belongs into the archive, without its owner: no lock, which names a process, and no
-    heartbeat.
-    """
+    """What the archive takes, without owner: no lock, which names a process, no heartbeat."""
     if Path(entry.name).name in ("lock", "progress.json"):
         return None
     entry.uid = entry.gid = 0

@@ -1,6 +1,4 @@
-"""The named points of the commit protocol, at which `multicor_cli.store.atomic.kill_point` can kill
-the process.
-"""
+"""The points of commits at which `multicor_cli.store.atomic.kill_point` can kill the process."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""A SLURM on this machine alone: its daemons with a configuration of their own, started as root and
-ended again.
-"""
+"""A SLURM on this machine alone: daemons with their own configuration, started as root."""
 
 from __future__ import annotations
 

@@ -44,9 +44,7 @@ def wall(name: str, geometry: str, rest: str = "") -> str:
 def pair_gaps(
     position: np.ndarray, radius: np.ndarray, cutoff: float, period: float = 0.0
 ) -> tuple[np.ndarray, ...]:
-    """Grains i, j and the gaps of all pairs closer than ``cutoff``, independently of how the
-    packing was made.
-    """
+    """Grains i, j and gaps of all pairs closer than ``cutoff``, however the packing was made."""
     pairs = find_pairs(position[:, :2].copy(), radius, Obstacles.none(), cutoff, period)
     i = np.repeat(np.arange(radius.size), np.diff(pairs.row))
     j = pairs.partner

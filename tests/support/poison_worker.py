@@ -1,5 +1,4 @@
-"""Runs a scenario whose state is spoiled behind its back; a process of its own, for machine code
-that meets nonsense may crash.
+"""Runs a scenario with a spoiled state; a process of its own, as nonsense may crash the code.
 
 Each line of stdin is a case: ``[field, entry, value, step]``. Each line of stdout is its outcome:
 exit code, message, step of the last checkpoint, row of the entry, and whether frames and checkpoint

@@ -1,5 +1,4 @@
-"""Made-up runs with random grains, contacts and moving walls, and what tables must say of them, by
-plain loops.
+"""Made-up runs with random grains, contacts and moving walls, and their tables, by plain loops.
 
 Nothing of `multicor_cli.post` is used here: areas come from the primitive of the chord of a disc,
 averages from loops over frames, grains, contacts and bins.
@@ -36,9 +35,7 @@ def heights_of_walls(frame: int) -> tuple[float, float]:
 
 
 def random_model(*, is_periodic: bool, seed: int) -> Model:
-    """Grains of three sizes between rows of glued grains, with different masses and heat
-    capacities.
-    """
+    """Grains of three sizes between rows of glued ones; masses and heat capacities differ."""
     rng = np.random.default_rng(seed)
     places = np.arange(0.0, PERIOD, 0.5)
     glued = [
@@ -67,9 +64,7 @@ def random_model(*, is_periodic: bool, seed: int) -> Model:
 
 
 def random_contacts(state: State, model: Model, rng: np.random.Generator) -> ContactTable:
-    """Random pairs; every fifth carries nothing, a tenth hangs on glued grains. Branches stay
-    between the walls.
-    """
+    """Random pairs, every fifth idle, a tenth on glued grains; branches stay between the walls."""
     n, count = model.grain_count, 90
     pairs = sorted(
         {(int(a), int(b)) for a, b in np.sort(rng.integers(0, n, (count, 2)), axis=1) if a < b}
@@ -96,9 +91,7 @@ def random_contacts(state: State, model: Model, rng: np.random.Generator) -> Con
 def write_random_run(
     path: Path, *, is_periodic: bool = True, seed: int = 0, is_finished: bool = True
 ) -> Run:
-    """Write a run whose frames are unevenly spaced in time; two rows of the time series for each
-    frame.
-    """
+    """Write a run with frames at uneven times, and two rows of the series for each."""
     rng = np.random.default_rng(seed)
     model = random_model(is_periodic=is_periodic, seed=seed)
     with RunDirectory.create(path, "", "", {"seed": seed}, stages=("shear",)) as run:
@@ -133,9 +126,7 @@ def random_places(model: Model, frame: int, rng: np.random.Generator) -> Floats:
 def advance(
     state: State, model: Model, frame: int, rng: np.random.Generator, writer: object
 ) -> None:
-    """Grains go anywhere, and across the ends of the period; what they hold grows by random
-    amounts.
-    """
+    """Grains go anywhere, and across the period; what they hold grows by random amounts."""
     lapse = LAPSE * (1.0 + 0.5 * (frame % 3))
     for _ in range(2):
         state.time += 0.5 * lapse
@@ -173,9 +164,7 @@ class Layer:
 
 
 def layer(run: Run, frame: Frame, count: int, left_out: float = 0.0) -> Layer:
-    """Bins from the row of glued grains below to the one above, less what is left out, in equal
-    parts.
-    """
+    """Equal bins from the glued row below to the one above, less what is left out."""
     low, high = (
         FLOOR + frame.wall_position[0, 1] + left_out,
         LID + frame.wall_position[1, 1] - left_out,
@@ -187,9 +176,7 @@ def layer(run: Run, frame: Frame, count: int, left_out: float = 0.0) -> Layer:
 
 
 def area_between(low: float, high: float, radius: float) -> float:
-    """Area of a disc between two heights above its center: the integral of its chord 2√(a² −
-    u²).
-    """
+    """Area of a disc between two heights above its center: integral of the chord 2√(a² − u²)."""
 
     def primitive(u: float) -> float:
         u = min(max(u, -radius), radius)
@@ -207,9 +194,7 @@ def areas(y: Floats, radius: Floats, edges: Floats) -> Floats:
 
 
 def branches(run: Run, frame: Frame) -> list[tuple[int, int, Floats, Floats]]:
-    """Of each contact that carries a force: i, j, the force on i, and the way from the center of j
-    to that of i.
-    """
+    """Of each contact with a force: i, j, the force on i, and the way from j's center to i's."""
     model, contacts, found = run.model, frame.contacts, []
     n = model.grain_count
     for c in range(contacts.count):
@@ -232,16 +217,12 @@ def parts(start: float, end: float, edges: Floats) -> Floats:
 
 
 def hats(y: Floats, edges: Floats) -> Floats:
-    """Values of the piecewise linear functions that are 1 at one knot and 0 at the others, shape
-    ``(n, knots)``.
-    """
+    """Piecewise linear functions, 1 at a knot and 0 at the others, shape ``(n, knots)``."""
     return np.column_stack([np.interp(y, edges, row) for row in np.eye(edges.size)])
 
 
 def fluctuations(run: Run, chosen: list[int], spacing: float) -> list[Floats]:
-    """Velocities about the lines between knots with the smallest weighted squares, over all frames
-    at once.
-    """
+    """Velocities about lines between knots with least weighted squares, over all frames."""
     mean = np.mean([np.diff(layer(run, run.frames[k], 1).edges)[0] for k in chosen])
     knots = max(round(mean / spacing), 1)
     radius = run.model.grains.radius
@@ -257,8 +238,7 @@ def fluctuations(run: Run, chosen: list[int], spacing: float) -> list[Floats]:
 
 
 def remembering_error(values: list[tuple[Floats, Floats]]) -> Floats:
-    """Standard errors of ratios of sums over rows of numerators and denominators, which may
-    remember each other; in plain loops.
+    """Standard errors of ratios of sums over rows, which may remember each other; plain loops.
 
     What a row adds to the ratio is n times the ratio less n − 1 times that without the row; nan
     where one of these is not there.

@@ -44,9 +44,7 @@ def heap_problem(seed=0, columns=6, rows=5, friction=0.5, restitution=0.0):
 
 
 def tilted(problem):
-    """The same problem with slightly unequal inverse masses in x and y: no longer discs, so solved
-    in the general form.
-    """
+    """The problem with inverse masses a little unequal in x and y: solved in the general form."""
     inverse = problem.inverse_mass * np.array([1.0, 1.0 + 1e-9, 1.0])
     return ContactProblem(
         inverse,

@@ -1,6 +1,4 @@
-"""Numbers of a test for the figures of the site (docs/generate/validation.py), through the report
-of pytest.
-"""
+"""Numbers of a test for figures of the site (docs/generate/validation.py), by pytest's report."""
 
 import json
 
@@ -8,9 +6,7 @@ import numpy as np
 
 
 def keep(record_property, **numbers):
-    """Put arrays and numbers, by name, into the report (``--junitxml``) of the test whose
-    `record_property` this is.
-    """
+    """Put arrays and numbers, by name, into the report (``--junitxml``) of a test."""
     record_property(
         "numbers", json.dumps({name: np.asarray(value).tolist() for name, value in numbers.items()})
     )

@@ -17,16 +17,13 @@ from multicor_cli.model import Model, State
 from multicor_cli.store import RunDirectory
 
 EVIL = "</script><script>window.broken = 1</script><img src=x onerror='window.broken = 2'>&amp;"
-"""What must arrive in the page as text and nothing else; JSON and TOML strings may hold it as it
-is."""
+"""What must arrive in the page as text and nothing else; JSON and TOML strings may hold it."""
 
 
 def write_evil_run(
     path: Path, *, frames: int = 6, is_finished: bool = True, is_crossing: bool = True
 ) -> Model:
-    """A run with heat whose every text is `EVIL`, with a plane, a glued disc, a segment and a
-    circle that move.
-    """
+    """A run with heat, every text `EVIL`: a plane, a glued disc, a segment, a circle move."""
     model = heated_model()
     names = (f"bottom {EVIL}", "top")
     shapes = replace(
@@ -56,9 +53,7 @@ def write_evil_run(
 
 
 def _advance(state: State, model: Model, is_crossing: bool) -> None:
-    """The column of grains goes round the period, each grain with a speed, spin and heat of its
-    own.
-    """
+    """The grains go round the period, each with a speed, spin and heat of its own."""
     number = np.arange(GRAINS)
     state.step += 1
     state.time += 0.5
@@ -73,9 +68,7 @@ def _advance(state: State, model: Model, is_crossing: bool) -> None:
 
 
 def read_page(page: str) -> tuple[dict[str, Any], list[dict[str, np.ndarray]], np.ndarray]:
-    """What the scripts of a page find: the JSON, the integers of each frame by name, and the
-    radii.
-    """
+    """What a page's scripts find: the JSON, integers of each frame by name, and the radii."""
     meta = json.loads(_element(page, "meta"))
     frames = []
     for number, about in enumerate(meta["frames"]):

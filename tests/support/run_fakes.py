@@ -1,6 +1,4 @@
-"""An engine that only counts, a recorder that remembers, and an observer that stops a run: for
-tests of the controller.
-"""
+"""For tests of the controller: an engine that counts, a recorder, an observer that stops a run."""
 
 from __future__ import annotations
 
@@ -61,9 +59,7 @@ def in_pieces(
 
 
 class FakeEngine:
-    """Moves the walls as their drives say and damps the kinetic energy; every number is a function
-    of the state.
-    """
+    """Moves walls as driven and damps the kinetic energy; all numbers depend on the state alone."""
 
     def __init__(self, model: Model, state: State | None = None, decay: float = 0.5) -> None:
         self.model = model
@@ -120,9 +116,7 @@ class FakeEngine:
 
 
 class MemoryRecorder:
-    """Remembers what it is given; `rewind` brings back what a checkpoint held, as a resumed run
-    directory does.
-    """
+    """Remembers what it is given; `rewind` brings back a checkpoint, as a resumed run does."""
 
     def __init__(self) -> None:
         self.frames: list[tuple[int, float, int]] = []
@@ -177,9 +171,7 @@ def rest_reached(ratio: float) -> RestReached:
 
 
 def make_plan(model: Model, *, checkpoint_interval: float = 1e9) -> RunPlan:
-    """Settle (until rest or 20 steps), shear to a strain of 0.5 at 0.025 per step, then 7 steps of
-    another length.
-    """
+    """Settle (until rest or 20 steps), shear to 0.5 by 0.025 per step, 7 steps of other length."""
     settings, sheared = Settings(), strain_reached(Spacing.between(model, "bottom", "top"), 0.5)
     stages = (
         StagePlan("settle", 0.01, 20, rest_reached(1e-3), 4, 2, settings, shear(0.0)),

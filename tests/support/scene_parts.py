@@ -115,9 +115,7 @@ def make_model(
 
 
 def between_planes(radii=(0.1, 0.1)):
-    """Model of grains between two planes at y = 0 and y = 1 that are called bottom and top; the
-    period is 4 m.
-    """
+    """Model of grains between planes "bottom" (y = 0) and "top" (y = 1); the period is 4 m."""
     planes = [
         (ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0)),
         (ShapeKind.PLANE, 1, (0.0, 1.0, 0.0, -1.0)),
@@ -175,8 +173,7 @@ def shear_scene(
     load=1.0, speed=SPEED,
     adhesion=0.0, rolling=0.0,
 ):  # fmt: skip
-    """Loose discs of mean mass and diameter 1 between two rough walls; the upper one is sheared
-    under a load per length.
+    """Loose discs of mean mass and diameter 1 between rough walls, the upper sheared under a load.
 
     Returns the model, positions (with the walls' reference points) and drives.
     """

@@ -65,8 +65,7 @@ tolerance_rms = 1e-2
 [output]
 frame_interval = 0.002
 """
-"""To be run: 60 grains between rough walls settle under a load, are sheared to a strain, and on as
-the ramp of before goes on."""
+"""To be run: 60 grains settle, are sheared to a strain, and on as the ramp of before goes on."""
 
 WARM = """\
 [scenario]
@@ -130,8 +129,7 @@ max_sweeps = 500
 frame_interval = 2e-3
 series_interval = 1e-3
 """
-"""To be run with every field of a state: heat of all kinds, softening friction, wear, averages,
-moving and frozen stages."""
+"""To be run with every field of a state: all heat, softening, wear, averages, frozen stages."""
 
 SHEAR = """\
 [scenario]
@@ -400,9 +398,7 @@ frame_interval = 0.1
 
 
 def changed(text: str, *changes: tuple[str, str]) -> str:
-    """The text with the first place of each ``(old, new)`` replaced; every ``old`` must be
-    there.
-    """
+    """The text with the first place of each ``(old, new)`` replaced; ``old`` must be there."""
     for old, new in changes:
         assert old in text, old
         text = text.replace(old, new, 1)

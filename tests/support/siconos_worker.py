@@ -1,5 +1,4 @@
-"""Solve a contact problem with Siconos (fc2d, non-smooth Gauss–Seidel); runs under an interpreter
-that has Siconos and numpy.
+"""Solve a contact problem with Siconos (fc2d, non-smooth Gauss–Seidel) and numpy.
 
 Usage: siconos_worker.py IN.npz OUT.npz; IN holds W (2c, 2c), q (2c,), mu (c,), tolerance; OUT the
 reactions and velocities.

@@ -1,6 +1,4 @@
-"""A tiny run without an engine: a model, a deterministic state, and a driver that is killed and
-resumed in tests.
-"""
+"""A tiny run without an engine: a model, a deterministic state, a driver to kill and resume."""
 
 from __future__ import annotations
 
@@ -181,9 +179,7 @@ def make_run(path: Path, **options: object) -> RunDirectory:
 def drive(
     run: RunDirectory, model: Model, *, steps: int, checkpoint_every: int, finish: bool = True
 ) -> State:
-    """From the checkpoint, or the start, to ``steps``: a frame every 5 steps, a row of the series
-    every 2.
-    """
+    """From the checkpoint, or the start: a frame every 5 steps, a row of the series every 2."""
     found = run.load_checkpoint()
     state = found.state if found else start(model)
     writer = run.writer(model)

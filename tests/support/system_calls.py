@@ -1,6 +1,4 @@
-"""The calls by which a program changes files, each with a hook in front of it: to record them, or
-to let one of them fail.
-"""
+"""The calls by which a program changes files, with hooks: to record them, or to let one fail."""
 
 from __future__ import annotations
 
@@ -16,15 +14,12 @@ NAMES = ("replace", "rename", "unlink", "mkdir", "rmdir", "link", "symlink")
 """Calls about names in directories."""
 
 Hook = Callable[[str, tuple[Any, ...], Callable[[], Any]], Any]
-"""Gets the name of the call, its arguments and what carries it out; returns what the caller
-gets."""
+"""Gets a call's name, its arguments and what carries it out; returns what the caller gets."""
 
 
 @contextmanager
 def hooked(hook: Hook) -> Iterator[None]:
-    """While the context lasts, ``hook`` stands between this process and the calls of `WRITES` and
-    `NAMES`.
-    """
+    """Meanwhile ``hook`` stands between this process and the calls of `WRITES` and `NAMES`."""
     before = {name: getattr(os, name) for name in (*WRITES, *NAMES)}
 
     def wrap(name: str) -> Callable[..., Any]:

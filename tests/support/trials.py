@@ -9,9 +9,7 @@ import pytest
 
 
 def trials(short: int, long: int) -> pytest.MarkDecorator:
-    """Give a test the argument ``count``: ``short`` trials, and with ``-m reliability`` ``long``
-    ones.
-    """
+    """Give a test the argument ``count``: ``short``, or ``long`` with ``-m reliability``."""
     return pytest.mark.parametrize(
         "count",
         [
@@ -24,9 +22,7 @@ def trials(short: int, long: int) -> pytest.MarkDecorator:
 
 
 def thinned(values: Sequence[Any] | Mapping[str, Any], every: int) -> list[Any]:
-    """Parameters of which CI takes every third, say, and ``-m reliability`` the others; the keys of
-    a mapping are their names.
-    """
+    """Parameters, one in ``every`` for CI, the others for ``-m reliability``; named by keys."""
     named = (
         values.items() if isinstance(values, Mapping) else [(str(value), value) for value in values]
     )

@@ -1,14 +1,11 @@
-"""Short runs between walls of every kind, to be read: some sixty grains that are pressed, heated
-from the floor, and moved.
-"""
+"""Short runs between walls of every kind, to be read: sixty grains pressed, heated, moved."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 FLOOR, LID, PERIOD = 0.005, 0.045, 0.06
-"""Heights of the floor and, at the start, of the lid [m], where grains touch planes and where glued
-grains have their centers; and the period [m]."""
+"""Heights of floor and, at first, lid [m], where glued grains have centers; the period [m]."""
 
 FRICTION, COUNT = 0.4, 60
 
@@ -157,13 +154,6 @@ CHANNELS = {
 
 @dataclass(frozen=True)
 class Walled:
-    """A scenario.
-
-    Attributes:
-        kind: Its name.
-        seed: Its seed.
-    """
-
     kind: str
     seed: int
 
@@ -174,7 +164,6 @@ class Walled:
 
     @property
     def walls(self) -> dict[str, str]:
-        """Geometries by the names of the walls."""
         return (
             dict(zip(("floor", "lid"), LAYERS[self.kind], strict=True))
             if self.is_layer
@@ -193,7 +182,6 @@ class Walled:
 
     @property
     def text(self) -> str:
-        """The scenario."""
         walls = [
             _WALL.format(name, shape, "" if k else _HOT)
             for k, (name, shape) in enumerate(self.walls.items())

@@ -1,6 +1,4 @@
-"""Walls with a heat capacity: one temperature, which what they exchange with the grains and what
-they rub changes.
-"""
+"""Walls with a heat capacity: one temperature, changed by exchange with grains and friction."""
 
 import numpy as np
 import pytest
@@ -49,9 +47,7 @@ def test_a_grain_and_a_body_reach_a_common_temperature(integrator, order, monkey
 
 @pytest.mark.parametrize("conduction", ["hertz", "none"])
 def test_a_body_gets_its_share_of_the_heat_of_friction(conduction):
-    """A grain that slides to rest or to rolling on a body: what the motion lost is in the two, half
-    of it each at first.
-    """
+    """Sliding to rest or rolling on a body: lost energy is in both, half of it each at first."""
     model = warm_model([1e-2], shapes=FLOOR, friction=0.3, density=7500.0)
     engine = coupled_engine(
         model, [[0.0, 1e-2]], [[1.0, 0.0, 0.0]],

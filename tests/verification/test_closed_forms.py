@@ -1,6 +1,4 @@
-"""Closed-form solutions (theory §15.1, §15.2): equation in each test, tolerance from the order of
-the scheme.
-"""
+"""Closed forms (theory §15.1, §15.2): equation in each test, tolerance from the scheme's order."""
 
 import numpy as np
 import pytest
@@ -24,9 +22,7 @@ from multicor_cli.model import ShapeKind
 
 
 def slide(dt, shape="disc"):
-    """A body after 0.2 s on a floor with μ = 0.3, on which it was thrown at 1 m/s without spin; its
-    first kinetic energy.
-    """
+    """A body 0.2 s after a throw at 1 m/s without spin, μ = 0.3; and its first kinetic energy."""
     model = make_model([1.0], FLOOR, friction=0.3, shape=shape)
     engine = make_engine(model, [[0.0, 1.0]], [[1.0, 0.0, 0.0]], settings=TIGHT)
     return advance(engine, dt, int(0.2 / dt)), 0.5 * model.grains.mass[0]
@@ -35,9 +31,7 @@ def slide(dt, shape="disc"):
 @pytest.mark.parametrize(("shape", "ratio"), [("disc", 0.5), ("sphere", 0.4)])
 @pytest.mark.parametrize("dt", [1e-2, 3.7e-3, 1e-3])
 def test_sliding_body_ends_rolling_with_the_exact_velocity_and_heat(shape, ratio, dt):
-    """v = v0/(1 + I/(m a²)) whatever Δt; the mid-step rule dissipates exactly I/(m a²)/(1 + I/(m
-    a²)) of the energy.
-    """
+    """v = v0/(1 + I/(m a²)) whatever Δt; heat is exactly I/(m a²)/(1 + I/(m a²)) of the energy."""
     state, energy = slide(dt, shape)
     assert state.velocity[0, 0] == pytest.approx(1.0 / (1.0 + ratio), abs=1e-12)
     assert state.velocity[0, 2] == pytest.approx(-state.velocity[0, 0], abs=1e-12)
@@ -46,9 +40,7 @@ def test_sliding_body_ends_rolling_with_the_exact_velocity_and_heat(shape, ratio
 
 @pytest.mark.parametrize(("dt", "expected"), [(1e-2, 0.304474540), (1e-3, 0.330395371)])
 def test_sliding_disc_end_of_step_rule(dt, expected):
-    """The paper's rule μ|u_t⁺| r_n Δt misses part of it; the values that the scheme gives (theory
-    §15.1).
-    """
+    """The paper's rule μ|u_t⁺| r_n Δt misses part of it; the scheme's values (theory §15.1)."""
     state, energy = slide(dt)
     assert book(state, "friction_sliding") / energy == pytest.approx(expected, abs=1e-9)
 
@@ -56,9 +48,7 @@ def test_sliding_disc_end_of_step_rule(dt, expected):
 @pytest.mark.parametrize(("factor", "rolls"), [(1.01, True), (0.99, False)])
 @pytest.mark.parametrize(("shape", "threshold"), [("disc", 1.0 / 3.0), ("sphere", 2.0 / 7.0)])
 def test_rolling_threshold_on_an_incline(shape, threshold, factor, rolls):
-    """On a slope of 20° a disc rolls if μ ≥ tan θ/3 (a sphere 2 tan θ/7); then a = g sin θ/(1 +
-    I/(m a²)).
-    """
+    """At 20° a disc rolls if μ ≥ tan θ/3 (a sphere 2 tan θ/7); then a = g sin θ/(1 + I/(m a²))."""
     slope = np.radians(20.0)
     gravity, friction = (G * np.sin(slope), -G * np.cos(slope)), factor * threshold * np.tan(slope)
     model = make_model([1.0], FLOOR, friction=friction, gravity=gravity, shape=shape)
@@ -70,9 +60,7 @@ def test_rolling_threshold_on_an_incline(shape, threshold, factor, rolls):
 
 
 def _rebound_height(restitution, dt):
-    """Largest height after the first impact of a ball dropped from 1 m, and the state soon after
-    it.
-    """
+    """Largest height after the first impact of a ball dropped from 1 m, and the state by then."""
     model = make_model([0.05], FLOOR, restitution=restitution)
     engine = make_engine(model, [[0.0, 1.05]])
     best, hit = 0.0, False
@@ -86,14 +74,11 @@ def _rebound_height(restitution, dt):
 
 @pytest.mark.parametrize("restitution", [0.5, 0.9])
 def test_bouncing_ball_is_first_order(restitution):
-    """h₁ = e² h₀; the impact is found at the end of a step, so the error is at most of the order of
-    Δt·v.
-    """
+    """h₁ = e² h₀; the impact is found at the end of a step: the error is of the order of Δt·v."""
     steps = np.array([6.4e-3, 3.2e-3, 1.6e-3, 8e-4, 4e-4])
     impact_speed = np.sqrt(2.0 * G)
     errors = np.array([_rebound_height(restitution, dt)[0] - restitution**2 for dt in steps])
-    # First order with a constant that depends on where in its step the impact falls: bounded by one
-    # step of free fall.
+    # First order; the constant depends on when in its step the impact falls: below a step of fall.
     assert (np.abs(errors) <= steps * impact_speed * (1.0 + restitution)).all()
     assert np.abs(errors[-1]) < 0.25 * steps[0] * impact_speed
 
@@ -119,9 +104,10 @@ def test_ball_without_restitution_stays_down_and_dissipates_its_fall():
     ids=["three that touch", "five that touch", "with gaps", "without restitution"],
 )
 def test_cradle(restitution, pitch, dt, steps, error, ends):
-    """Balls of which the first moves. Touching, with Newton's e = 1, the impacts are simultaneous:
-    the first approaches the second only, the others take part because they touch. With gaps they
-    are sequential. With e = 0 all move on with v0/n.
+    """Balls of which the first moves: with e = 0 all move on with v0/n.
+
+    Touching, with Newton's e = 1, the impacts are simultaneous: the first approaches the second
+    only, the others take part because they touch. With gaps they are sequential.
     """
     count = len(ends)
     model = make_model(
@@ -181,9 +167,7 @@ def test_three_disc_pyramid_threshold():
 
 
 def test_frictionless_pyramid_accelerations():
-    """μ = 0: the top disc falls with g/7, the base discs spread with √3 g/7; the ground carries
-    20/21 of the weight.
-    """
+    """μ = 0: the top disc falls with g/7, the base spreads with √3 g/7; the ground bears 20/21."""
     engine, _ = _pyramid(0.0)
     resume(engine, settings=TIGHT)
     dt = 1e-6
@@ -211,9 +195,7 @@ def test_column_forces():
 
 
 def test_lattice_forces_between_rows():
-    """Triangular lattice, periodic: row k below the top presses with k m g/√3 through each inclined
-    contact (theory §15.2).
-    """
+    """Lattice: row k from the top presses each inclined contact with k m g/√3 (theory §15.2)."""
     columns, rows, radius = 8, 7, 0.5
     model = make_model(np.full(columns * rows, radius), FLOOR, period=2.0 * radius * columns)
     pitch = np.sqrt(3.0) * radius
@@ -231,8 +213,7 @@ def test_lattice_forces_between_rows():
     advance(engine, dt, 2)
     contacts = engine.contacts()
     weight = model.grains.mass[0] * G * dt
-    # The vertical force between rows: sum over the two contacts of a grain, whatever the horizontal
-    # contacts carry.
+    # The vertical force between rows, two contacts a grain, whatever the horizontal ones carry.
     n = model.grain_count
     between = contacts.j < n
     lower = np.minimum(contacts.i // columns, contacts.j // columns)[between]
@@ -285,9 +266,7 @@ def test_loaded_lid_presses_with_its_load_and_weight():
 
 @pytest.mark.parametrize(("speed", "mu"), [(0.0, 0.5), (0.5, 0.4), (2.0, 0.2), (9.0, 0.1)])
 def test_friction_that_depends_on_speed(speed, mu):
-    """A disc held from spinning by its inertia slides with μ(v) of the table: one step's impulse is
-    μ(|u_t⁻|) m g Δt.
-    """
+    """A disc held from spinning slides with μ(v) of the table: an impulse is μ(|u_t⁻|) m g Δt."""
     model = make_model([1.0], FLOOR, table=([0.0, 1.0, 3.0], [0.5, 0.3, 0.1]))
     engine = make_engine(model, [[0.0, 1.0]], [[speed, 0.0, 0.0]], settings=TIGHT)
     slowed = speed - advance(engine, 1e-3, 1).velocity[0, 0]
@@ -313,9 +292,7 @@ def test_ball_on_the_end_of_a_segment_sees_a_point():
 
 
 def test_drum_carries_its_grain_up():
-    """A disc in a turning drum rolls without slip (as a pendulum about the lowest point) and stays
-    on the drum.
-    """
+    """A disc in a turning drum rolls without slip, as a pendulum, and stays on the drum."""
     shapes = [(ShapeKind.CIRCLE, 0, (0.0, 0.0, 1.0, 0.0))]
     model = make_model([0.1], shapes, ("drum",), friction=0.8)
     drive = WallDrive(spin=DofDrive(velocity=Constant(0.2)))

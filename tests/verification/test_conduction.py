@@ -1,6 +1,4 @@
-"""Conduction through networks of touching grains against closed forms (theory §15.3), every
-integrator.
-"""
+"""Conduction through touching grains against closed forms (theory §15.3), every integrator."""
 
 import numpy as np
 import pytest
@@ -120,11 +118,8 @@ def test_fourteen_discs(counts, bonds, expected):
 
 
 def test_chain_on_a_wall_decays_at_the_slowest_rate():
-    """4 sin²(π/(4n+2)) H/C for n grains between a wall and nothing: 0.0223383 for n = 10; H to the
-    wall is that between grains.
-    """
-    # A wall has a* = a: twice that between grains, so its spot is 2^(1/3) wider. Glue on a grain
-    # instead: a first grain that stays.
+    """4 sin²(π/(4n+2)) H/C, n grains from a wall to nothing: 0.0223383 for 10; H is the same."""
+    # A wall has a* = a, so its spot is 2^(1/3) wider. Glue on a grain instead: a first that stays.
     capacity = np.ones(11)
     capacity[0] = 1e12
     start = np.full(11, 1.0)
@@ -193,9 +188,7 @@ def test_a_wall_of_known_flow_gives_exactly_that(integrator):
     ],
 )
 def test_a_flow_that_reaches_no_grain_is_reported_whatever_its_period(flow, lost, error):
-    """A sine of a period of a step, or of a part of one, is zero in the middle: ∫|sin| dt is 2/π of
-    the time.
-    """
+    """A sine with a step's period, or less, is zero in the middle: ∫|sin| dt is 2/π of the time."""
     engine = on_floor(WallHeat("flow", flow), positions=[[0.0, 1.5]])
     advanced(engine, 3.0, 3)
     assert engine.state.heat.sum() == 0.0
@@ -219,9 +212,7 @@ def test_no_grain_below_absolute_zero(integrator):
     ("kind", "base", "factor"), [("flow", 0.0, 1.0), ("temperature", 300.0, 2.0 ** (1.0 / 3.0))]
 )
 def test_a_pulse_between_two_steps_is_felt(kind, base, factor):
-    """60 J within 7 s of a step of 60 s: all of a flow arrives; of a temperature, H ∫(T_w − T)
-    dt.
-    """
+    """60 J in 7 s of a step of 60 s: all of a flow arrives; of a temperature, H ∫(T_w − T) dt."""
     values = tuple(base + value for value in (0.0, 0.0, 10.0, 10.0, 0.0, 0.0))
     pulse = Interpolated((0.0, 20.0, 21.0, 26.0, 27.0, 1e4), values)
     engine = on_floor(WallHeat(kind, pulse), capacity=1e6, integrator="implicit")
@@ -230,9 +221,7 @@ def test_a_pulse_between_two_steps_is_felt(kind, base, factor):
 
 
 def test_sub_steps_of_a_grain_that_is_alone():
-    """No difference of temperatures to measure the error by: the change within the sub-step is one
-    too.
-    """
+    """Without differences of temperature the error is measured by the sub-step's change too."""
     engine = on_floor(WallHeat("flow", Sine(1.0, 5.0, 60.0)), integrator="implicit")
     engine.step(60.0, 0.0)
     assert engine.state.heat[0] == pytest.approx(60.0, abs=1.0)

@@ -1,6 +1,4 @@
-"""Heat of friction and impacts, its partition, wear and friction that depends on temperature:
-closed forms (theory §15.1).
-"""
+"""Heat of friction and impacts, its partition, wear, softening: closed forms (theory §15.1)."""
 
 from dataclasses import replace
 
@@ -90,9 +88,7 @@ def test_wear_is_archard_s():
 
 
 def test_friction_that_falls_with_temperature():
-    """μ(T) = μ_0 [1 − c (T − T_r)] with T of the grain: dv/dt = −μ g, and all heat of sliding stays
-    in it (first order in Δt).
-    """
+    """μ(T) = μ_0 [1 − c (T − T_r)]: dv/dt = −μ g, and all heat stays in the grain (first order)."""
     rate, heat_per_speed = 1e-2, 2.0
     model = make_model([1.0], FLOOR, friction=MU, shape="sphere")
     model = with_law(
@@ -138,9 +134,7 @@ def test_impacts_heat_where_asked():
 
 
 def test_a_collision_conducts_by_its_own_law():
-    """Sun & Chen: heat per kelvin of one impact, independent of Δt; the mass, radius and speed of
-    this one.
-    """
+    """Sun & Chen: heat per kelvin of an impact of this mass, radius and speed, whatever Δt."""
     from multicor_cli.engine.heat.friction import impact_exchange
 
     engine = impact(collisional=True)
@@ -152,9 +146,7 @@ def test_a_collision_conducts_by_its_own_law():
 
 
 def test_running_average_of_the_force():
-    """A grain at rest: F̄ = F from the first step on; the sum kept in the state grows as 1 −
-    exp(−t/τ).
-    """
+    """A grain at rest: F̄ = F from the first step on; the kept sum grows as 1 − exp(−t/τ)."""
     model = warm_model(shapes=FLOOR)
     engine = coupled_engine(model, [[0.0, 1.0]], force=ContactForce("average", 0.01))
     advance(engine, 1e-3, 20)
@@ -209,9 +201,7 @@ def shear(steps=200, dt=0.02, solver=None, conditions=None, specific=1e-3, **set
     "settings", [ALL_ON, {**ALL_ON, "force": ContactForce("average", 0.1), "collisional": True}]
 )
 def test_first_law_closes_with_everything_on(integrator, specific, settings):
-    """Explicit sub-steps are as short as the smallest C/ΣH: grains of a larger capacity need thirty
-    times fewer.
-    """
+    """Explicit sub-steps are as short as the least C/ΣH: large capacities need 30 times fewer."""
     state = shear(integrator=integrator, specific=specific, **settings).state
     assert heat_book(state, "closure") < 1e-12
     assert heat_book(state, "exchanged") > 0.0
@@ -228,9 +218,7 @@ def test_first_law_closes_with_everything_on(integrator, specific, settings):
 
 @pytest.mark.parametrize("integrator", ["explicit", "implicit"])
 def test_insulated_grains_store_what_friction_and_impacts_lose(integrator):
-    """Stored heat = mechanical losses, to round-off, though the contact solver is far from
-    converged.
-    """
+    """Stored heat = mechanical losses, to round-off, though the solver is far from converged."""
     insulated = [WallHeat(), WallHeat()]
     state = shear(
         conditions=insulated, impact=True, integrator=integrator, solver=Settings(max_sweeps=10)
@@ -243,9 +231,7 @@ def test_insulated_grains_store_what_friction_and_impacts_lose(integrator):
 
 
 def test_heat_does_not_move_a_grain():
-    """Heat acts back on the mechanics through the friction coefficient only: without it the motion
-    is the same to the bit.
-    """
+    """Heat acts back on motion through friction alone: without that it is the same to the bit."""
     heated, cold = shear(**ALL_ON), shear(friction="none", conduction="none")
     assert np.array_equal(heated.state.position, cold.state.position)
 
@@ -295,9 +281,7 @@ def test_friction_knows_the_wall_from_the_first_step():
 
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
 def test_an_impact_in_free_flight_is_over_after_its_step(restitution):
-    """Without loads and gravity nothing pushes afterwards: the impulse must not act twice, nor heat
-    turn into motion.
-    """
+    """Nothing pushes afterwards: the impulse must not act twice, nor heat turn into motion."""
     state = impact(4, "sphere", restitution, impact=True, conduction="none").state
     assert state.velocity[1, 0] == pytest.approx(0.5 * restitution, abs=1e-12)
     lost = (1.0 - restitution**2) * book(state, "kinetic_start")

@@ -1,6 +1,4 @@
-"""How heat flow is integrated: errors below the tolerance whatever the step, nothing overshoots,
-and what ends a run.
-"""
+"""How heat flow is integrated: errors below tolerance, no overshoot, and what ends a run."""
 
 import numpy as np
 import pytest
@@ -20,9 +18,7 @@ WAYS = [
 
 
 def network(nodes, links=(), flow=(), outside=None, area=0.0, between=0.0):
-    """Links of 1 W/K between pairs of nodes, each with the area factor ``between``; a wall flow
-    into nodes; an outside.
-    """
+    """Links of 1 W/K with the area factor ``between``; a wall flow into nodes; an outside."""
     i, j = np.array(links, np.int32).reshape(-1, 2).T.copy()
     has_outside = int(outside is not None)
     return Network(
@@ -36,9 +32,7 @@ def network(nodes, links=(), flow=(), outside=None, area=0.0, between=0.0):
 
 
 def advance(net, start, dt, *, flow=0.0, source=0.0, steps=1, way=("auto", False), **choices):
-    """Temperatures [K] after each of ``steps`` steps, heat capacities of 1 J/K; and what flowed in
-    the last one.
-    """
+    """Temperatures [K] after each of ``steps`` steps, with 1 J/K; and inflow in the last one."""
     temperature, capacity = np.array(start, float), np.ones(len(start))
     walls, found, first = WallValues([WallHeat("flow", Constant(flow))], 0.0), [], 0.0
     for _ in range(steps):
@@ -56,9 +50,7 @@ def advance(net, start, dt, *, flow=0.0, source=0.0, steps=1, way=("auto", False
 )
 @pytest.mark.parametrize("dt", [1e-5, 3e-4, 1e-3, 1e-2, 0.3, 0.5, 1.0, 1.5, 30.0, 1e3, 1e6])
 def test_two_grains_approach_each_other(way, dt):
-    """ΔT = 200 exp(−2t): from steps that are short against C/H to a million of them, and never past
-    each other.
-    """
+    """ΔT = 200 exp(−2t), from steps of far below C/H to a million of them; no overshoot."""
     if way[0] == "explicit" and dt > 1e4:
         dt = 3e3
     steps = 200 if dt <= 0.01 else 8 if dt <= 1e3 else 2
@@ -74,9 +66,7 @@ def test_two_grains_approach_each_other(way, dt):
 @pytest.mark.parametrize("way", WAYS, ids=str)
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-6])
 def test_errors_follow_the_tolerance(way, tolerance):
-    """A grain in air after one time constant, and one that radiates into the cold: T⁻³ grows
-    linearly.
-    """
+    """A grain in air after a time constant, and one that radiates into the cold: T⁻³ is linear."""
     found, heat = advance(network(1, outside=1000.0), [300.0], 1.0, way=way, tolerance=tolerance)
     assert found[0, 0] == pytest.approx(1000.0 - 700.0 / np.e, abs=20.0 * tolerance * 700.0)
     assert 0.0 < heat.error <= 10.0 * tolerance
@@ -111,9 +101,7 @@ def test_no_temperature_leaves_the_range_of_all(count, dt, seed, way):
 @pytest.mark.parametrize("radiates", [False, True])
 @pytest.mark.parametrize("dt", [1e-4, 1.0, 1e6])
 def test_what_a_wall_draws_ends_at_absolute_zero(way, radiates, dt):
-    """5 W are drawn from the first of two grains: it ends where its temperature would be negative,
-    with its name.
-    """
+    """5 W drawn from the first of two grains: ends where it would be below 0 K, with its name."""
     area = 1e-3 if radiates else 0.0
     net = network(2, [(0, 1)], flow=[0], outside=1.0 if radiates else None, area=area, between=area)
     start = 300.0 if dt >= 1.0 else 0.01
@@ -124,9 +112,7 @@ def test_what_a_wall_draws_ends_at_absolute_zero(way, radiates, dt):
 
 @pytest.mark.parametrize("way", WAYS, ids=str)
 def test_a_grain_that_is_fed_stays_above_absolute_zero(way):
-    """5 W drawn from a grain that its neighbor, itself heated, keeps warm: a long step must not end
-    the run.
-    """
+    """5 W from a grain that a heated neighbor keeps warm: a long step must not end the run."""
     found, _ = advance(
         network(2, [(0, 1)], flow=[0]), [10.0, 10.0], 50.0, flow=-5.0, source=2.6, steps=4, way=way
     )
@@ -138,9 +124,7 @@ def test_a_grain_that_is_fed_stays_above_absolute_zero(way):
 
 @pytest.mark.parametrize("way", WAYS, ids=str)
 def test_what_cannot_be_integrated_says_so(way):
-    """Radiation at 10⁸⁰ K is more than numbers hold: sub-steps end to be tried, and the reason
-    names the grain.
-    """
+    """Radiation at 10⁸⁰ K exceeds all numbers: sub-steps end, and the reason names the grain."""
     net = network(2, [(0, 1)], outside=300.0, area=1.0)
     with pytest.raises(CannotIntegrate, match="so fast") as caught, np.errstate(all="ignore"):
         advance(net, [300.0, 1e80], 1.0, way=way)

@@ -1,6 +1,4 @@
-"""What must not change: momentum, the energy balance, and trajectories under scaling, reflection,
-threads and resume.
-"""
+"""What must not change: momentum, energy, and trajectories under scaling, threads, resume."""
 
 from dataclasses import replace
 
@@ -56,9 +54,8 @@ def test_isolated_cluster_keeps_momentum_and_angular_momentum(restitution):
     scale = (grains.mass * np.hypot(*state.velocity[:, :2].T)).sum()
     assert tally(state, "sweeps") > 0
     assert moments()[:2] == pytest.approx(before[:2], abs=1e-12 * scale)
-    # A contact with a small gap or overlap acts at one point of each grain; the couple of that gap
-    # vanishes with Δt (measured: 8e-3, 1.3e-3, 4e-4 for Δt = 4, 2, 1 ms, where the scale is about
-    # 15).
+    # A contact with a gap or overlap acts at one point of each grain; the couple vanishes with Δt
+    # (measured: 8e-3, 1.3e-3, 4e-4 for Δt = 4, 2, 1 ms, where the scale is about 15).
     assert moments()[2] == pytest.approx(before[2], abs=1e-3 * scale)
 
 
@@ -112,9 +109,7 @@ def test_switching_a_moving_wall_from_prescribed_to_driven_is_booked():
     ],
 )
 def test_scaling_of_gravity_free_shear_is_exact(make, load, dt, laws):
-    """V/2, loads/4, 2Δt: the same positions to the bit at equal strain (rigid grains know the
-    inertial number alone).
-    """
+    """V/2, loads/4, 2Δt: same bits at equal strain (rigid grains know the inertial number only)."""
     first = make(load=load, speed=SPEED, restitution=0.25, **laws)
     second = make(load=0.25 * load, speed=0.5 * SPEED, restitution=0.25, **laws)
     for _ in range(4):
@@ -153,9 +148,7 @@ def test_reflection_gives_the_mirror_image():
     ("make", "dt", "columns", "rows"), [(shear_engine, 0.1, 40, 36), (surface_engine, 2e-3, 40, 20)]
 )
 def test_neither_threads_nor_a_new_engine_change_a_bit(make, dt, columns, rows, monkeypatch):
-    """Tiled sweeps, chunked sums: one digest for 1 and 2 threads, for the parallel and the serial
-    sweep, and after a resume.
-    """
+    """Tiled sweeps, chunked sums: one digest for 1 and 2 threads, parallel and serial, resumed."""
     monkeypatch.setattr(engine_module, "PARALLEL_GRAINS", 1)
     digests = set()
     for threads, parallel_from in ((1, 1), (2, 1), (2, 10**9)):

@@ -1,6 +1,4 @@
-"""Study 4.1, one hot grain among 14: the shipped scenario against closed forms and against finite
-elements inside the grains.
-"""
+"""Study 4.1, one hot grain among 14: the scenario against closed forms and finite elements."""
 
 import re
 import tomllib
@@ -89,9 +87,7 @@ def test_all_grains_end_at_the_mean_temperature(tmp_path):
 
 
 def test_explicit_integration_stays_within_its_tolerance(tmp_path):
-    """With frames only, and with steps as short as Euler's rule takes: each to its tolerance of the
-    spread at t = C/H.
-    """
+    """With frames only, and with Euler's short steps: each to its tolerance at t = C/H."""
     conductance, capacity = hertz_numbers()
     for steps, tolerance in ((1, 1e-4), (1, 1e-7), (2000, 1e-4)):
         overrides = ['heat.integrator="explicit"', f"heat.tolerance={tolerance}", *durations(1)]
@@ -123,8 +119,7 @@ def test_stored_curve_holds_for_the_shipped_scenario(finite_elements):
 
 
 def test_shipped_scenario_against_finite_elements(finite_elements, tmp_path):
-    """Same conductance: 1.57 % of 80 K apart, since the constriction inside the discs comes on top
-    in the finite elements.
+    """Same conductance: 1.57 % of 80 K apart, as finite elements add the constriction in the discs.
 
     With that constriction in the conductance, H_eff = H/(1 + 2 Bi λ h R_0), R_0 = [ln(a/b) + 13/8 −
     ln 2]/(π λ h), the remaining difference is that of one temperature per grain: 0.092 % of 80 K.
@@ -153,9 +148,7 @@ def finite_element_modules():
 
 @pytest.mark.usefixtures("finite_element_modules")
 def test_stored_curve_is_what_the_benchmark_computes(finite_elements):
-    """On a mesh with a quarter of the triangles; 10⁻⁴ of 80 K covers the difference (order 3 in the
-    edge).
-    """
+    """With a quarter of the triangles; 10⁻⁴ of 80 K covers the difference (order 3 in the edge)."""
     from disc_mesh import MeshChoice
     from stored import stored_curve
 
@@ -166,9 +159,7 @@ def test_stored_curve_is_what_the_benchmark_computes(finite_elements):
 
 @pytest.mark.usefixtures("finite_element_modules")
 def test_resistances_inside_a_disc():
-    """Constriction of a meshed disc against the closed form (leading order in b), and two discs
-    through an interface.
-    """
+    """A meshed disc's constriction against its leading order in b, and two with an interface."""
     from constriction import effective_share, measured_resistance, measured_share, own_resistance
     from disc_mesh import MeshChoice
     from finite_elements import make_disc

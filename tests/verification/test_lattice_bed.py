@@ -1,6 +1,4 @@
-"""The heated triangular lattice under gravity (theory §15.3): mechanics, freezing and conduction
-together.
-"""
+"""A heated triangular lattice with weight (theory §15.3): mechanics, freezing, conduction."""
 
 import numpy as np
 import pytest

@@ -1,6 +1,4 @@
-"""Lines and boxes are where they are drawn, and nowhere else: at their ends, over the period, on
-both sides, moving and turned.
-"""
+"""Lines and boxes are where they are drawn: at ends, over the period, on both sides, moving."""
 
 import math
 from functools import partial
@@ -60,9 +58,7 @@ OPEN = {"box": {"kind": "box", "min": [0.09, 0.0], "max": [0.11, 0.06], "open": 
 
 @pytest.mark.parametrize("container", [SIDES, OPEN], ids=["two lines", "box"])
 def test_a_lifted_container_lets_its_grains_go(run, container):
-    """A column 18 mm wide and 25 mm high spreads to a heap far wider than the container, which ends
-    up above it.
-    """
+    """A column 18 mm wide and 25 mm high spreads far wider than the container, now above it."""
     grains = [
         [0.0912 + 0.0021 * (k % 9) + 0.0007 * (k // 9 % 2), 0.0011 + 0.0021 * (k // 9), 1e-3]
         for k in range(108)
@@ -143,9 +139,7 @@ def test_packings_keep_off_a_ramp_longer_than_half_the_period(run):
 @pytest.mark.parametrize("offset", [0.0, 0.3, 0.77])
 @pytest.mark.parametrize("turn", [0.4, -0.7, 2.5])
 def test_torques_know_which_image_of_a_grain_touches(offset, turn):
-    """A beam 0.96 periods long, free to turn about its middle, is hit at its tip: angular momentum
-    about the middle is kept.
-    """
+    """A beam of 0.96 periods, free to turn, is hit at its tip: it keeps angular momentum."""
     half = 0.48
     tip = np.array([half * math.cos(turn), half * math.sin(turn)])
     # Towards the grain, beyond the end

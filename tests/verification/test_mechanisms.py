@@ -78,9 +78,7 @@ def cooled(start, sink, rate, t):
 @pytest.mark.parametrize("start", [1500.0, 3000.0])
 @pytest.mark.parametrize("dt", [10.0, 100.0, 1e4])
 def test_a_hot_grain_cools_to_a_wall_however_long_the_step(start, dt):
-    """Radiation is stiff where the grain is far hotter than what it sees: the stages must be
-    solved, or the step refused.
-    """
+    """Radiation is stiff if the grain is far hotter: stages must be solved, or the step refused."""
     engine = radiating_grain(start, 300.0)
     engine.step(dt, 0.0)
     capacity = engine.model.thermal.capacity[0]
@@ -135,9 +133,7 @@ def test_gas_under_a_moving_wall_fills_the_gap_of_the_middle_of_the_step():
 
 
 def conductance_of_a_pair(**choices):
-    """What crosses the gap between two grains of 1.5 mm that touch, in air [W/K], and the largest
-    Biot number.
-    """
+    """Across the gap of two touching grains of 1.5 mm in air [W/K], and the largest Biot number."""
     positions = chain(2, 1.5e-3)
     engine = heat_engine(
         warm_model([1.5e-3] * 2, [300.0, 400.0], density=7500.0),
@@ -150,17 +146,13 @@ def conductance_of_a_pair(**choices):
 
 
 def test_gas_conducts_no_more_where_grains_press_less():
-    """The solid's own resistance bounds what isothermal surfaces would let through a contact
-    without force (3.45·10⁻³ W/K).
-    """
+    """The solid's resistance bounds what passes a contact without force (3.45·10⁻³ W/K)."""
     whole, _ = conductance_of_a_pair(conduction="none")
     assert whole == pytest.approx(batchelor_conductance(0.026, 15.0, 0.75e-3, 0.0, 0.0), rel=0.05)
 
 
 def test_the_biot_number_counts_the_gas():
-    """Poor conductors in air: Bi of the contact alone is 0.002, but what crosses contact and gas
-    together exceeds λ a.
-    """
+    """Bi of the contact alone is 0.002, but contact and gas together exceed λ a."""
     laws, force = (
         make_heat_laws(conductivity=0.2, density=2500.0, capacity=800.0),
         ContactForce("prescribed", 1e-3),
@@ -184,9 +176,7 @@ def test_frozen_grains_stand_still_in_the_fluid():
 
 @pytest.mark.parametrize("integrator", ["explicit", "implicit"])
 def test_mechanisms_of_one_kind_add_up(integrator):
-    """Two fluids are one of the mean temperature; emissivities of 0.5 and 0.8 give 1/3 and 2/3 of
-    what black bodies exchange.
-    """
+    """Two fluids are one of mean temperature; emissivities 0.5 and 0.8 give 1/3, 2/3 of black."""
     fluids, fluid = (
         (Ambient(400.0, coefficient=2.0), Ambient(300.0, coefficient=2.0)),
         (Ambient(350.0, coefficient=4.0),),

@@ -1,6 +1,4 @@
-"""What a wall does to a grain does not depend on the number of its pieces: heat and adhesion by the
-place.
-"""
+"""What a wall does to a grain does not depend on its pieces: heat and adhesion by the place."""
 
 import itertools
 
@@ -63,9 +61,7 @@ def walls_of(lines, *, closed=False):
 
 
 def heavy(lines, **choices):
-    """A sphere of 1 m at 300 K, of heat capacity 1 GJ/K, between walls; and what they are kept
-    at.
-    """
+    """A sphere of 1 m at 300 K and 1 GJ/K between walls, and what these are kept at."""
     shapes, names = walls_of(lines)
     model = make_model([1.0], shapes, names, **{"shape": "sphere", **choices})
     return with_heat(model, 300.0, capacity=1e9), [WARM] * len(names)
@@ -109,9 +105,7 @@ MECHANISMS = {
 
 
 def closed_form(mechanism, radius=1.0):
-    """Conductance between a grain of radius 1 and what it touches with the effective radius given
-    [W/K].
-    """
+    """Conductance of a grain of radius 1 with this effective radius at the contact [W/K]."""
     modulus = LAWS.modulus[0, 0]
     spot = contact_radius(FORCE, radius, modulus)
     if mechanism == "rough":
@@ -136,9 +130,7 @@ def conductances(engine):
 def resting(
     shapes, names, positions, *, conditions=None, shape="sphere", period=0.0, pose=None, **settings
 ):
-    """Heat of one grain at 300 K, of heat capacity 1 GJ/K, between walls that are a little
-    warmer.
-    """
+    """Heat of one grain at 300 K and 1 GJ/K between walls that are a little warmer."""
     model = with_heat(
         make_model([1.0], shapes, names, period=period, shape=shape), 300.0, capacity=1e9
     )
@@ -207,9 +199,7 @@ def test_a_concave_corner_is_two_places_and_one_if_it_is_as_flat_as_that_of_a_ro
 
 
 def corner(inside, of_walls):
-    """Two lines that meet below a grain which touches both; the angle in which it lies in
-    degrees.
-    """
+    """Two lines that meet below a grain that touches both; their angle around it in degrees."""
     half = np.radians(0.5 * inside)
     left, right = [np.array([sign * np.sin(half), np.cos(half)]) * 9.0 for sign in (-1.0, 1.0)]
     bottom = np.array([0.0, 0.0])
@@ -274,9 +264,7 @@ def test_walls_that_meet_below_a_grain_share_what_they_give():
 
 
 def test_a_flow_goes_to_grains_in_proportion_to_places():
-    """Two walls whose flow is known, and a grain on their joint beside one on the first: each wall
-    shares its own by H.
-    """
+    """Two walls of known flow, a grain on their joint, one beside it: each shares its own by H."""
     shapes, names = walls_of([level(-8.0, 0.0), level(0.0, 8.0)])
     model = with_heat(make_model([1.0, 1.0], shapes, names, shape="sphere"), 300.0, capacity=1e9)
     conditions = [WallHeat("flow", Constant(3.0)), WallHeat("flow", Constant(0.5))]
@@ -404,9 +392,7 @@ def test_adhesion_in_a_concave_corner_counts_its_places(of_walls, inside, count)
     "name", ["one piece", "twenty pieces", "two walls, 0.0 beside", "small tiles"]
 )
 def test_a_grain_that_rolls_along_a_ceiling_of_pieces_stays_up(name):
-    """Until the contact with the next piece is known, adhesion is that of the place, not that of
-    the piece left behind.
-    """
+    """Until the next contact is known, adhesion is the place's, not that of the piece left."""
     shapes, names = walls_of(CEILINGS[name])
     model = make_model([1.0], shapes, names, shape="sphere", adhesion=1.2 * WEIGHT)
     state = advance(
@@ -429,9 +415,7 @@ def test_tension_in_a_frozen_stage_counts_the_adhesion_of_a_joint_once():
 
 
 def test_a_moving_and_turning_floor_of_tiles_conducts_as_one():
-    """It carries the grain along as it rises, drifts and turns; at the ends of walls the grain is
-    lifted a little, as above.
-    """
+    """It carries the grain up, along and round; at ends of walls the grain is lifted, as above."""
     heats = []
     for name in ("one piece", "tiles on an edge", "two walls, 0.1 beside"):
         model, conditions = heavy(FLOORS[name], friction=0.0)

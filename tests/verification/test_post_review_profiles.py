@@ -1,6 +1,4 @@
-"""Every profile of random runs with moving walls against plain loops, and what must be
-conserved.
-"""
+"""Every profile of random runs with moving walls by plain loops, and what must be conserved."""
 
 from __future__ import annotations
 
@@ -38,7 +36,6 @@ def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 
 
 def _grain_values(run: Run, of: str, chosen: list[int], spacing: float) -> dict[int, Floats]:
-    """What the grains hold in each frame."""
     frames = {k: run.frames[k] for k in chosen}
     if of == "velocity":
         return {k: f.velocity[:, 0] for k, f in frames.items()}
@@ -65,7 +62,6 @@ def _grain_values(run: Run, of: str, chosen: list[int], spacing: float) -> dict[
 
 
 def _contact_sum(run: Run, of: str, k: int, edges: Floats) -> Floats:
-    """Force times branch in each bin."""
     axes = (
         [(0, 0), (1, 1)]
         if of == "pressure"
@@ -155,9 +151,7 @@ def test_profile_agrees_with_plain_loops(
 
 @pytest.mark.parametrize("count", [1, 7, 200])
 def test_nothing_is_lost_between_moving_walls(run: Run, count: int) -> None:
-    """Sums over the bins are those over the grains and contacts, though the lid moves up and down
-    by several grains.
-    """
+    """Sums over bins are those over grains and contacts, though the lid moves by several grains."""
     area = float((np.pi * run.model.grains.radius**2).sum())
     fraction = profile(run, "solid-fraction", ALL, count)
     assert fraction.value.sum() * fraction.bin_area == pytest.approx(area, rel=1e-12)
@@ -186,9 +180,7 @@ def test_nothing_is_lost_between_moving_walls(run: Run, count: int) -> None:
 
 
 def test_mean_number_of_contacts_is_that_of_all_grains(run: Run) -> None:
-    """One bin: twice the contacts between grains and once those with walls, over the grains: sizes
-    do not count.
-    """
+    """One bin: twice the contacts between grains, once those with walls, whatever the sizes."""
     chosen, n = Selection(frames=slice(6, 7)), run.model.grain_count
     found = branches(run, run.frames[6])
     expected = sum(2 if j < n else 1 for _, j, _, _ in found) / n
@@ -211,8 +203,7 @@ def test_a_linear_flow_has_no_fluctuations_whatever_the_bins(run: Run) -> None:
         frame.velocity[:, 1] = 0.4 * sign
         frames.append(frame)
     source = source_of(run.model, frames)
-    # the same grains at other places: 0.4 upwards and 0.4 downwards are no flow, but for what few
-    # grains at a knot leave of it
+    # the same grains elsewhere: 0.4 up and 0.4 down are no flow, but for few grains at a knot
     for frame in frames:
         frame.velocity[:, 1] = 0.0
     for count in (1, 5, 40):
@@ -243,9 +234,7 @@ def test_normalized_temperature_needs_that_of_the_walls_in_every_frame(run: Run)
 
 @pytest.mark.parametrize("frames", [slice(3, 4), slice(3, 5), slice(3, 6)])
 def test_errors_of_few_frames(run: Run, frames: slice) -> None:
-    """One frame: none. Two and three: as of so many numbers, the grains being the same in all
-    frames.
-    """
+    """One frame: none. Two and three: as of so many numbers, with the same grains in all."""
     table = profile(run, "spin", Selection(frames=frames), 1)
     means = [
         profile(run, "spin", Selection(frames=slice(k, k + 1)), 1).value
@@ -269,9 +258,7 @@ def test_a_run_that_still_goes_on_gives_the_same_numbers(tmp_path: Path) -> None
 
 
 def test_what_does_not_change_has_no_error(run: Run) -> None:
-    """The same frame eleven times, as in a stage of frozen mechanics: rounding of sums is no
-    scatter.
-    """
+    """The same frame eleven times, as while frozen: rounding of sums is no scatter."""
     source = source_of(run.model, [run.frames[6]] * 11)
     for of in ("solid-fraction", "velocity", "stress-yy"):
         table = profile(source, of, ALL, 7)

@@ -1,6 +1,4 @@
-"""What post-processing says of a small sheared layer that was really computed, against what its
-walls feel.
-"""
+"""What post-processing says of a small sheared layer that was computed, and its walls feel."""
 
 from __future__ import annotations
 
@@ -32,8 +30,7 @@ OVERRIDES = (
     "output.frame_interval=5e-4",
     "output.series_interval=5e-5",
 )
-"""150 grains of two sizes, without gravity, under a load of 20 N/m; a row of the time series for
-every step."""
+"""150 grains of two sizes, no gravity, under 20 N/m; a row of the time series for every step."""
 
 
 @pytest.fixture(scope="module")
@@ -52,8 +49,7 @@ def wall_forces(run: Run, frames: np.ndarray) -> np.ndarray:
 
 
 def test_stress_next_to_the_walls_is_their_force_per_length(run: Run) -> None:
-    """A thin bin at the line of glued grains is crossed by the contacts with the wall and by
-    nothing else.
+    """A thin bin at the line of glued grains is crossed by the contacts with the wall alone.
 
     So it carries, frame by frame, exactly what the wall feels; what is left are positions half a
     step later than contacts.
@@ -97,9 +93,7 @@ def test_area_and_virial_are_kept_while_the_lid_moves(run: Run) -> None:
 
 
 def test_stress_of_frames_is_the_recorded_virial(run: Run) -> None:
-    """Grain–grain contacts: Σ f ℓ of the series in the same steps. Contacts with walls come on top
-    of it.
-    """
+    """Σ f ℓ of contacts between grains in the same steps; those with walls come on top of it."""
     from multicor_cli.post.contacts import loaded_contacts
 
     steps = np.asarray(run.series["step"])

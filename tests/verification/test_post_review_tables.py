@@ -1,6 +1,4 @@
-"""Rheology, forces, maps, θ–η and comparisons of random runs against plain loops; windows; data as
-it leaves the program.
-"""
+"""Rheology, forces, maps, θ–η, comparisons of random runs by plain loops; windows; data output."""
 
 from __future__ import annotations
 
@@ -184,9 +182,7 @@ def test_rheology_agrees_with_plain_loops(run: Run, frames: slice) -> None:
 
 
 def test_where_nothing_presses_ratios_have_no_value(run: Run) -> None:
-    """Neither infinity nor a number for I and μ* where the walls are loose; what the grains do is
-    still known.
-    """
+    """Where walls are loose I and μ* are neither infinite nor numbers; grains are still known."""
     series = {
         name: np.array(run.series[name]) for name in ("time", "window_duration", "wall_force")
     }
@@ -253,9 +249,7 @@ def test_angular_distribution_agrees_with_plain_loops(run: Run) -> None:
 
 
 def test_anisotropies_make_up_the_stress_ratio() -> None:
-    """(σ₁ − σ₂)/(σ₁ + σ₂) = (a_c + a_n + a_t)/2 for aligned anisotropies: the signs of forces and
-    angles are one convention.
-    """
+    """(σ₁ − σ₂)/(σ₁ + σ₂) = (a_c + a_n + a_t)/2 for aligned anisotropies: one sign convention."""
     theta = (np.arange(20_000) + 0.5) * np.pi / 10_000
     keep = (
         np.random.default_rng(3).random(theta.size)
@@ -349,9 +343,7 @@ def test_theta_eta_agrees_with_plain_loops(run: Run, wall: str, temperature: flo
 
 
 def test_a_wall_at_the_temperature_of_the_grains_gives_no_theta(run: Run) -> None:
-    """A mean of equal temperatures with weights is 1e-13 beside them: that is not a difference of
-    temperatures.
-    """
+    """A mean of equal temperatures with weights is off by 1e-13: that is no difference."""
     rng = np.random.default_rng(1)
     for _ in range(20):
         capacity = rng.uniform(1.0, 2.0, run.model.grain_count)
@@ -367,9 +359,7 @@ def test_a_wall_at_the_temperature_of_the_grains_gives_no_theta(run: Run) -> Non
 
 
 def test_ends_of_a_window_count_though_times_are_rounded(tmp_path: Path) -> None:
-    """A frame after 300 steps of 0.2 ms is at 0.06 s for people, and at 0.060000000000000005 s in
-    the file; 0.3 likewise.
-    """
+    """300 steps of 0.2 ms end at 0.06 s for people, at 0.060000000000000005 s in the file."""
     write_heated_run(tmp_path / "run")
     with open_run(tmp_path / "run") as run:
         times = np.array([0.0, 300 * 0.0002, 0.1 + 0.2, 1648 * 0.00028, 1.1 - 0.2])
@@ -487,9 +477,7 @@ COMMANDS: list[list[str]] = [
 
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
 def test_data_are_strict_json_and_csv_of_full_precision(run: Run, command: list[str]) -> None:
-    """No NaN or Infinity in JSON; every number of the CSV that is in the JSON is there to the last
-    bit.
-    """
+    """No NaN or Infinity in JSON; numbers of the CSV that it holds are there to the last bit."""
     words = ["post", command[0], str(run.path), *command[1:]]
     done = [CliRunner().invoke(app, [*words, extra]) for extra in ("--json", "--csv")]
     assert [result.exit_code for result in done] == [0, 0], done[0].stderr

@@ -34,9 +34,7 @@ def started(engine, *speeds):
 @pytest.mark.parametrize("shape", ["disc", "sphere"])
 @pytest.mark.parametrize("dt", [1e-2, 3.7e-3, 1e-3])
 def test_a_grain_put_on_a_belt_slides_and_then_rolls(shape, dt):
-    """v = μ g t until the contact sticks at v = V/(1 + m a²/I), V/3 of a disc and 2V/7 of a sphere;
-    half of the work is heat.
-    """
+    """v = μ g t until it sticks at V/(1 + m a²/I), V/3 or (sphere) 2V/7; half the work is heat."""
     model = make_model([1.0], FLOOR, friction=0.3, shape=shape)
     engine = started(make_engine(model, [[0.0, 1.0]], settings=TIGHT, drives=[running()]), SPEED)
     early = int(0.5 * SPEED / (0.3 * G * (1.0 + model.shape_factor)) / dt)
@@ -55,9 +53,7 @@ def test_a_grain_put_on_a_belt_slides_and_then_rolls(shape, dt):
 
 
 def test_a_surface_that_begins_to_run_has_its_speed_at_the_end_of_the_first_step():
-    """V⁻ is that of the step before, as of all prescribed motion: the mean slip of a sliding grain
-    in the first step is −½V.
-    """
+    """V⁻ is that of the step before, as of all drives: the mean slip in the first step is −½V."""
     model = make_model([1.0], FLOOR, friction=0.01)
     engine = make_engine(model, [[0.0, 1.0]], settings=TIGHT, drives=[running()])
     engine.step(1e-3, 0.0)
@@ -123,9 +119,7 @@ def in_a_circle(rolling=0.0):
 
 @pytest.mark.parametrize("rolling", [0.0, 0.05])
 def test_a_circle_whose_surface_runs_is_a_drum_that_turns(rolling):
-    """V = Ω R of a smooth drum: to the right at its bottom, so counter-clockwise; with rolling
-    resistance too, since its material turns as it runs round.
-    """
+    """V = Ω R of a drum, counter-clockwise; rolling resistance too, as its material turns."""
     model, positions = in_a_circle(rolling)
     drives = WallDrive(spin=DofDrive(velocity=Constant(0.6))), running(0.6 * 2.5)
     turned, ran = (
@@ -173,9 +167,7 @@ def test_a_roll_that_is_pressed_down_is_one_that_turns_and_feels_the_reaction(ro
 
 
 def test_a_free_plate_under_a_running_surface_recoils():
-    """Without gravity, pressed between two grains of equal kind: momentum of plate and grain is
-    that of the press alone, 0 in x.
-    """
+    """Without gravity, between two equal grains: momentum is that of the press alone, 0 in x."""
     model = make_model([0.1], FLOOR, friction=0.3, mass=0.2, inertia=1.0)
     drive = running(SPEED, x=DofDrive(force=Constant(0.0)))
     state = advance(
@@ -208,9 +200,7 @@ def test_books_close_whatever_the_solver_does(settings):
 
 
 def test_the_problem_of_a_step_knows_it(tmp_path):
-    """`solve_contacts` finds the impulses of the engine, from the problem as it is and as it is
-    read from its file.
-    """
+    """`solve_contacts` finds the engine's impulses, from the problem and from its file."""
     engine = surface_engine(TIGHT)
     advance(engine, 2e-3, 240)
     problem, start = engine.next_start(2e-3, 0.48)

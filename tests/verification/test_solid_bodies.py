@@ -1,6 +1,4 @@
-"""Bodies among the grains: free fall, collisions, a corner that a grain slides around, and shear
-between two cylinders.
-"""
+"""Bodies among grains: free fall, collisions, sliding round a corner, shear between cylinders."""
 
 import math
 
@@ -58,9 +56,7 @@ def test_a_free_body_falls_as_everything_does(name):
 
 @pytest.mark.parametrize("name", BODIES)
 def test_a_collision_conserves_momentum_and_without_losses_energy(name):
-    """μ = 0, e = 1: one impulse along the normal through the center of the grain keeps p, L about
-    any point and E.
-    """
+    """μ = 0, e = 1: an impulse through the grain's center keeps p, L about any point and E."""
     engine, model, state = body_and_grain(
         name, (0.012, 0.0462), motion=(0.4, 0.05, 3.0), friction=0.0, restitution=1.0
     )
@@ -87,9 +83,7 @@ def test_friction_keeps_the_momentum_and_takes_energy(name):
 
 
 def _invariants(model: Model, state: State) -> tuple[float, float, float, float]:
-    """Momentum [N s], angular momentum about the origin [N m s] and kinetic energy [J] of grain and
-    body.
-    """
+    """Momentum [N s], angular momentum about the origin [N m s], energy [J] of grain and body."""
     m, M = float(model.grains.mass[0]), float(model.walls.mass[0])
     inertia, J = float(model.grains.inertia[0]), float(model.walls.inertia[0])
     (x, y, _), (vx, vy, w) = state.position[0].tolist(), state.velocity[0].tolist()
@@ -117,9 +111,7 @@ def block() -> list[tuple[ShapeKind, int, tuple[float, ...]]]:
 
 @pytest.mark.parametrize("speed", [0.2, 1.0])
 def test_a_grain_slides_around_a_corner_until_it_lifts_off(speed: float):
-    """Without friction its center goes around the corner on a circle of radius a, and leaves it at
-    cos θ = (2 + v²/(g a))/3.
-    """
+    """Without friction it circles the corner at radius a and leaves at cos θ = (2 + v²/(g a))/3."""
     a, g = 0.5, 9.81
     dt = 2e-3 * math.sqrt(a / g)
     engine = make_engine(
@@ -151,8 +143,7 @@ def test_a_grain_rolls_around_a_corner_and_makes_no_energy():
 
 
 def slide_over(engine: Engine, dt: float, a: float, g: float) -> tuple[np.ndarray, np.ndarray]:
-    """Energy per mass, place and whether it touches after each step, until it has fallen; and what
-    the scheme may make by then.
+    """Energy per mass, place and touch after each step until it has fallen, and the energy allowed.
 
     Where the normal turns by v Δt/(2a) between the start and the middle of a step, an impulse m g
     Δt works on v² Δt/(2a): a gain of first order. Twice of that is allowed.
@@ -174,9 +165,7 @@ def slide_over(engine: Engine, dt: float, a: float, g: float) -> tuple[np.ndarra
 
 
 def test_a_rough_cylinder_shears_the_grains_around_it(run):
-    """What the inner cylinder gives in angular momentum, grains keep or the outer one takes; its
-    work is all that enters.
-    """
+    """Angular momentum of the inner cylinder goes to grains and the outer one; its work is all."""
     annulus = scenario(
         size=[0.04, 0.04], gravity=[0, 0], duration=0.12,
         drives={"inner": {"spin": {"velocity": 10.0}}}, dt=2e-4,

@@ -1,6 +1,4 @@
-"""The contact solver on its own: agreement of methods, budgets of sweeps, files, and an independent
-solver.
-"""
+"""The contact solver alone: agreement of methods, budgets of sweeps, files, another solver."""
 
 import os
 import shutil
@@ -63,8 +61,7 @@ def test_plain_sweeps_need_what_theory_says():
 
 @pytest.mark.parametrize(("restitution", "friction"), [(0.0, 0.5), (0.0, 0.0), (0.4, 0.3)])
 def test_all_methods_agree(restitution, friction):
-    """Plain and accelerated, exact and bipotential, disc and general form: one velocity field, to
-    the tolerance.
+    """Plain, accelerated, exact, bipotential, disc or general: one velocity field.
 
     These problems have one; with friction not every problem does (`benchmarks/uniqueness`).
     """
@@ -158,9 +155,7 @@ def _siconos_python():
 @pytest.mark.siconos
 @pytest.mark.parametrize(("seed", "friction"), [(0, 0.5), (1, 0.3), (2, 0.05)])
 def test_siconos_finds_the_same_solution(tmp_path, seed, friction):
-    """The same velocities by fc2d_nsgs in these problems (with friction neither forces nor
-    velocities need be unique).
-    """
+    """The same velocities by fc2d_nsgs here (with friction, these and forces may not be unique)."""
     python = _siconos_python()
     if python is None:
         pytest.skip("Siconos is not installed (set SICONOS_PYTHON to an interpreter that has it)")

@@ -1,6 +1,4 @@
-"""Gravity that a stage changes: free flight, a plane that tilts, energy books, resumed runs, and
-what later stages keep.
-"""
+"""Gravity that a stage changes: free flight, a tilted plane, books, resumed and later stages."""
 
 import dataclasses
 import itertools
@@ -31,8 +29,7 @@ TILTED = changed(
     ),
     ('[[loading]]\nname = "settle"', 'mass = 1e-3\ngravity = true\n\n[[loading]]\nname = "settle"'),
 )
-"""Shaken while it settles under a heavy lid, tilted while it is sheared; the last stage keeps the
-tilt."""
+"""Shaken while it settles under a heavy lid, tilted while sheared; the last stage keeps that."""
 
 
 def flight(dt, duration):
@@ -54,10 +51,9 @@ def test_free_flight_is_of_second_order():
 
 @pytest.mark.parametrize("dt", [1e-2, 3e-3])
 def test_a_block_slips_when_the_tangent_of_the_tilt_is_the_friction(dt):
-    """Gravity acts at mid-step: the first step that moves the block is the first with tan θ(t +
-    Δt/2) > μ, at rate θ̇.
+    """Gravity acts at mid-step: the first step that moves the block has tan θ(t + Δt/2) > μ.
 
-    Then v̇ = g (sin θ − μ cos θ). A grain with m a²/I → 0 cannot be turned: a block.
+    Then v̇ = g (sin θ − μ cos θ), at rate θ̇. A grain with m a²/I → 0 cannot be turned: a block.
     """
     mu, rate = 0.3, math.radians(20.0)
     model = dataclasses.replace(make_model([0.1], FLOOR, friction=mu), shape_factor=1e-12)
@@ -110,9 +106,7 @@ def whole(tmp_path_factory):
 
 
 def test_books_close_with_gravity_that_varies(whole):
-    """A bed between rough walls, with a heavy lid whose weight turns too, and with projections of
-    positions.
-    """
+    """A bed between rough walls, under a heavy lid whose weight turns too, with projections."""
     info = run_info(whole)
     assert info["energy_closure"] < 1e-13
     assert info["books"]["gravity_work"] != 0.0

@@ -1,5 +1,4 @@
-"""Heat books: stored = friction + impact − to walls + from walls + from the fluid + from the
-surroundings.
+"""Heat books: stored = friction + impact − to walls + from walls, from the fluid and surroundings.
 
 Where grains come and go, what they take along is added to what is stored.
 """
@@ -22,17 +21,13 @@ _HEAT_OUT = EXCHANGE_NAMES.index("heat_out")
 
 
 def book_generated(state: State, friction: float, impact: float, to_walls: Floats) -> None:
-    """Enter the heat generated in one step [J]; ``to_walls`` of shape ``(w,)`` is what of it went
-    into the walls.
-    """
+    """Enter the heat generated in a step [J]; ``to_walls``, ``(w,)``, is what went into walls."""
     _enter(state, {"friction": friction, "impact": impact, "to_walls": total(to_walls)})
     state.wall_heat[:, RECEIVED] += to_walls
 
 
 def book_flow(state: State, flow: Flow, undelivered: float) -> None:
-    """Enter the heat that has flowed; ``undelivered`` [J] is what walls of prescribed flow that
-    touch no grain could not give.
-    """
+    """Enter the heat that has flowed, and ``undelivered`` [J] as `book_undelivered`."""
     outside = dict(zip(OUTSIDE_BOOKS, flow.outside.tolist(), strict=True))
     _enter(state, {"from_walls": total(flow.walls), **outside}, total(np.abs(flow.walls)))
     state.wall_heat[:, GIVEN] += flow.walls
@@ -67,9 +62,7 @@ def book_heat_out(state: State, contents: Floats) -> None:
 
 
 def note_contacts(state: State, biot: float, gas_ratio: tuple[float, float]) -> None:
-    """Keep the largest Biot number of a contact, and the range of λ_s s/(λ_f a) of the last
-    step.
-    """
+    """Keep the largest Biot number of a contact, and the last step's range of λ_s s/(λ_f a)."""
     books = state.heat_books
     books[_BOOK["max_biot"]] = max(books[_BOOK["max_biot"]], biot)
     books[_BOOK["solid_gas_min"]], books[_BOOK["solid_gas_max"]] = gas_ratio

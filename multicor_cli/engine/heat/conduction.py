@@ -10,14 +10,13 @@ Holm, Electric Contacts (1967), and G. K. Batchelor & R. W. O'Brien, Proc. R. So
 
 Validity: smooth, elastic, non-adhesive spheres with ``a_c ≪ a`` in vacuum; the grains must be
 nearly isothermal inside, which the Biot number ``H/(λ a) ≪ 1`` measures. Steel of 215 MPa yields
-first at the center of the spot where ``p_0 ≈ 1.6 σ_y``, already at
-0.011 N for grains of 3 mm; the spot is then larger than computed. Contacts in parallel on one grain
-do not disturb each other. Pieces of walls that a grain touches in one place
-(`engine/geometry/places.py`) have one spot, which the sum of their forces makes, and share its
-conductance in proportion to their forces. Inside a circle of radius R ``1/a* = 1/a − 1/R``. Discs
-and circles are treated as spheres of their radius: a line contact in two dimensions has no
-conductance that is independent of the size of the bodies (its constriction resistance is
-logarithmic).
+first at the center of the spot where ``p_0 ≈ 1.6 σ_y``, already at 0.011 N for grains of 3 mm; the
+spot is then larger than computed. Contacts in parallel on one grain do not disturb each other.
+Pieces of walls that a grain touches in one place (`engine/geometry/places.py`) have one spot, which
+the sum of their forces makes, and share its conductance in proportion to their forces. Inside a
+circle of radius R ``1/a* = 1/a − 1/R``. Discs and circles are treated as spheres of their radius: a
+line contact in two dimensions has no conductance that is independent of the size of the bodies (its
+constriction resistance is logarithmic).
 """
 
 from __future__ import annotations
@@ -44,10 +43,8 @@ Conduction = Literal["hertz", "rough", "none"]
 class ContactForce:
     """Which normal force makes the Hertz contact radius.
 
-    Attributes:
-        kind: ``"step"``: that of the step p_n/Δt; ``"average"``: a running average;
-            ``"prescribed"``: the same for all contacts that carry a force.
-        value: Averaging time [s], or the prescribed force [N].
+    ``"step"``: that of the step p_n/Δt; ``"average"``: a running average over ``value`` [s];
+    ``"prescribed"``: ``value`` [N] for all contacts that carry a force.
     """
 
     kind: Literal["step", "average", "prescribed"] = "step"
@@ -55,30 +52,19 @@ class ContactForce:
 
 
 def harmonic_mean(first: float, second: float) -> float:
-    """Harmonic mean, of conductivities ``λ_h = 2 λ_i λ_j/(λ_i + λ_j)`` [W/(m K)]: two half-spaces
-    in series (Holm).
-    """
+    """Harmonic mean ``λ_h = 2 λ_i λ_j/(λ_i + λ_j)`` [W/(m K)]: half-spaces in series (Holm)."""
     return 2.0 * first * second / (first + second)
 
 
 @formula
 def hertz_conductance(harmonic: float, contact_radius: float) -> float:
-    """Conductance of the spot ``H = 2 λ_h a_c`` [W/K]; λ_h [W/(m K)], a_c [m] (Holm; Batchelor &
-    O'Brien 1977).
-    """
+    """``H = 2 λ_h a_c`` of a spot [W/K]; λ_h [W/(m K)], a_c [m] (Holm; Batchelor & O'Brien)."""
     return 2.0 * harmonic * contact_radius
 
 
 @formula
 def biot_number(conductance: float, conductivity: float, radius: float) -> float:
-    """Biot number ``Bi = H/(λ a)``: the resistance inside a grain over that of its contact; it
-    should be far below 1.
-
-    Args:
-        conductance: H [W/K].
-        conductivity: λ of the grain [W/(m K)].
-        radius: Its radius a [m].
-    """
+    """Biot number ``Bi = H/(λ a)``, to be ≪ 1: H [W/K], λ [W/(m K)], radius a [m] of a grain."""
     return conductance / (conductivity * radius)
 
 
@@ -96,17 +82,9 @@ def contact_spots(
 ) -> None:
     """Hertz radius of the spots, and conductance of contacts under given normal forces.
 
-    Args:
-        scene: Shapes.
-        i: Grains, shape ``(c,)``.
-        j: Grains or wall shapes, shape ``(c,)``.
-        force: Normal forces [N], shape ``(c,)``.
-        total: Forces of the places of the contacts [N], shape ``(c,)``.
-        laws: Properties of materials.
-        is_rough: Whether micro-contacts add their resistance.
-        spot: Radii a_c of the spots of their places [m], shape ``(c,)``. **Modified.**
-        conductance: H_c, of a place in proportion to the forces [W/K], shape ``(c,)``.
-            **Modified.**
+    ``force`` is that of each contact, ``total`` that of its place [N]; ``is_rough``: micro-contacts
+    add their resistance. **Modifies** ``spot``, radii a_c of the places [m], and ``conductance``,
+    the H_c of a place shared as the forces [W/K], of shape ``(c,)`` as all of these.
     """
     count = i.size
     for chunk in prange((count + CHUNK - 1) // CHUNK):
@@ -137,8 +115,7 @@ def contact_spots(
 def largest_biot(
     scene: Scene, i: Ints, j: Ints, place: Ints, conductance: Floats, laws: HeatLaws
 ) -> float:
-    """Largest Biot number H/(λ a) of the grains at some links, of a place as a whole; 0 if there
-    are none.
+    """Largest Biot number H/(λ a) of the grains at some links, of whole places; 0 without any.
 
     Arguments as `contact_spots`; ``place`` of each link is as `find_places` has it.
     """

@@ -1,5 +1,4 @@
-"""Convection between a grain and the fluid around it: Nusselt numbers as functions of Reynolds and
-Prandtl number.
+"""Convection between a grain and the fluid around it: Nusselt numbers from correlations.
 
 Formula: ``Q = h A (T_f − T)``, ``h = Nu λ_f/d``, ``Re = |v − v_f| d/ν_f``.
 
@@ -47,18 +46,15 @@ DENSE = 4.75
 
 @dataclass(frozen=True)
 class Ambient(Mechanism):
-    """Convection to a fluid around the grains, at one temperature.
+    """Convection to a fluid around the grains, at one temperature T_f [K].
 
     Attributes:
-        temperature: T_f [K].
-        correlation: Formula of the Nusselt number, or a constant coefficient.
-        coefficient: h [W/(m² K)] for ``"constant"``.
+        correlation: Formula of the Nusselt number, or a constant ``coefficient`` h [W/(m² K)].
         conductivity: λ_f of the fluid [W/(m K)].
         viscosity: Kinematic viscosity ν_f [m²/s].
         prandtl: Prandtl number.
         porosity: Volume fraction of the fluid, for Gunn and Li & Mason.
-        velocity: Velocity of the fluid (x, y) [m/s]; the Reynolds number takes the grain's velocity
-            relative to it.
+        velocity: Of the fluid (x, y) [m/s]; Re takes the grain's velocity relative to it.
     """
 
     temperature: float
@@ -71,9 +67,7 @@ class Ambient(Mechanism):
     velocity: tuple[float, float] = (0.0, 0.0)
 
     def outside(self, velocity: Floats, laws: HeatLaws, model: Model) -> Outside:
-        """The fluid; the conductance is the coefficient of convection times the surface of each
-        grain.
-        """
+        """The fluid; the conductance is the coefficient of convection times a grain's surface."""
         assert model.thermal is not None
         return Outside(
             "from_ambient",
@@ -96,13 +90,7 @@ class Ambient(Mechanism):
 
 @formula
 def reynolds(speed: float, diameter: float, viscosity: float) -> float:
-    """Reynolds number ``Re = |v| d/ν_f``.
-
-    Args:
-        speed: Speed of the grain relative to the fluid [m/s].
-        diameter: Diameter d [m].
-        viscosity: Kinematic viscosity ν_f [m²/s].
-    """
+    """Reynolds number ``Re = |v| d/ν_f``; |v| relative to the fluid [m/s], d [m], ν_f [m²/s]."""
     return abs(speed) * diameter / viscosity
 
 
@@ -114,9 +102,7 @@ def ranz_marshall(re: float, pr: float) -> float:
 
 @formula
 def whitaker(re: float, pr: float) -> float:
-    """Nusselt number ``2 + (0.4 Re^½ + 0.06 Re^⅔) Pr^0.4`` (Whitaker 1972), fluid at one
-    temperature.
-    """
+    """Nusselt number ``2 + (0.4 Re^½ + 0.06 Re^⅔) Pr^0.4`` (Whitaker 1972; one temperature)."""
     root = cbrt(re)
     return 2.0 + (0.4 * sqrt(re) + 0.06 * root * root) * power(pr, 0.4)
 
@@ -135,18 +121,12 @@ def gunn(re: float, pr: float, porosity: float) -> float:
 
 @formula
 def li_mason(re: float, pr: float, porosity: float, exponent: float) -> float:
-    """Nusselt number in suspensions (Li & Mason 2000), porosity ε and exponent n.
+    """Nusselt number in suspensions (Li & Mason 2000); porosity ε; n = 3.5 dilute, 4.75 dense.
 
     ``2 + 0.6 ε^n Re^½ Pr^⅓`` for Re < 200; ``2 + ε^n (0.5 Re^½ + 0.02 Re^0.8) Pr^⅓`` for 200 ≤ Re <
     1500; ``2 + 4.5·10⁻⁵ ε^n Re^1.8`` above. The branches do not join: Nu − 2 falls by 0.33 % at Re
     = 200, and at Re = 1500 it changes by the factor 0.891 Pr^−⅓, as the last branch does not depend
     on Pr (+0.4 % for Pr = 0.7, −11 % for Pr = 1).
-
-    Args:
-        re: Reynolds number.
-        pr: Prandtl number.
-        porosity: Volume fraction of the fluid ε.
-        exponent: n: 3.5 for dilute, 4.75 for dense suspensions.
     """
     screen = power(porosity, exponent)
     if re < 200.0:
@@ -158,9 +138,7 @@ def li_mason(re: float, pr: float, porosity: float, exponent: float) -> float:
 
 @formula
 def coefficient_of(nusselt: float, conductivity: float, diameter: float) -> float:
-    """Coefficient of heat transfer ``h = Nu λ_f/d`` [W/(m² K)]; λ_f of the fluid [W/(m K)],
-    diameter d of the grain [m].
-    """
+    """Coefficient of heat transfer ``h = Nu λ_f/d`` [W/(m² K)]; λ_f [W/(m K)], diameter d [m]."""
     return nusselt * conductivity / diameter
 
 
@@ -175,17 +153,10 @@ def convection_coefficients(
     porosity: float,
     coefficient: Floats,
 ) -> None:
-    """Coefficient of convection of every grain from a correlation of the Nusselt number [W/(m² K)].
+    """Coefficients of convection from a correlation [W/(m² K)]; **modifies** ``coefficient``.
 
-    Args:
-        correlation: Which one.
-        speed: Speed relative to the fluid [m/s], shape ``(n,)``.
-        radius: Radii [m], shape ``(n,)``.
-        conductivity: λ_f [W/(m K)].
-        viscosity: Kinematic viscosity [m²/s].
-        prandtl: Prandtl number.
-        porosity: Volume fraction of the fluid.
-        coefficient: [W/(m² K)], shape ``(n,)``. **Modified.**
+    Speeds relative to the fluid [m/s] and radii [m] have shape ``(n,)``, as the coefficients; of
+    the fluid λ_f [W/(m K)], kinematic viscosity [m²/s], Pr, and its volume fraction ``porosity``.
     """
     for k in range(radius.size):
         re = reynolds(speed[k], 2.0 * radius[k], viscosity)

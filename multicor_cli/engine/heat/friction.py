@@ -45,31 +45,21 @@ from multicor_cli.model.model import Floats, Ints
 
 @formula
 def rubbing_of(normal: float, slip: float, work: float, mu: float) -> float:
-    """Normal load times slipped distance F s [N m]: the work of friction over μ, so that a contact
-    that sticks does not wear.
+    """Normal load times slipped distance F s [N m]: the work of friction over μ.
 
-    Args:
-        normal: Normal impulse F Δt [N s].
-        slip: Sliding speed s/Δt [m/s], of either sign; counts where there is no friction.
-        work: Work of friction [J]; below 0 counts as 0.
-        mu: Coefficient of friction.
+    So a contact that sticks does not wear. Normal impulse F Δt [N s] and sliding speed s/Δt [m/s]
+    of either sign count where there is no friction; work of friction [J] below 0 counts as 0.
     """
     return max(work, 0.0) / mu if mu > 0.0 else normal * abs(slip)
 
 
 @formula
 def archard_volume(coefficient_over_hardness: float, rubbing: float) -> float:
-    """Worn volume ``V = (K/H) F s`` [m³] (Archard 1953).
-
-    Args:
-        coefficient_over_hardness: K/H [1/Pa], H the hardness of the worn body.
-        rubbing: Normal force times sliding distance F s [N m].
-    """
+    """Worn volume ``V = (K/H) F s`` [m³] (Archard 1953); K/H [1/Pa] of the worn body, F s [N m]."""
     return coefficient_over_hardness * rubbing
 
 
-# ---- Which share of the heat of friction goes into each of the two bodies: β into body i, 1 − β
-#      into body j.
+# ---- Which share β of the heat of friction goes into body i; 1 − β goes into body j.
 #
 # Formulas and sources: *effusivity* `β = e_i/(e_i + e_j)`, `e = √(λρc)` (F. Charron, Publ. Sci.
 # Tech. Min. Air 182 (1943)); *conductivity* `β = λ_i/(λ_i + λ_j)` (steady conduction from one spot,
@@ -98,23 +88,16 @@ def effusivity_share(e_i: float, e_j: float) -> float:
 
 
 def conductivity_share(k_i: float, k_j: float) -> float:
-    """Share of body i ``λ_i/(λ_i + λ_j)`` from the conductivities [W/(m K)] (Jaeger 1942,
-    steady).
-    """
+    """Share of body i ``λ_i/(λ_i + λ_j)`` from the conductivities (Jaeger 1942, steady)."""
     return k_i / (k_i + k_j)
 
 
 def electrothermal_share(
     resistivity_i: float, resistivity_j: float, k_i: float, k_j: float
 ) -> float:
-    """Share of body i ``½ [ρ_i/(ρ_i + ρ_j) + λ_i/(λ_i + λ_j)]`` (Mokrani & Bourouga): of the heat
-    of a *current*, not of friction.
+    """Share of body i ``½ [ρ_i/(ρ_i + ρ_j) + λ_i/(λ_i + λ_j)]`` (Mokrani & Bourouga).
 
-    Args:
-        resistivity_i: Electrical resistivity ρ_i [Ω m].
-        resistivity_j: Electrical resistivity ρ_j [Ω m].
-        k_i: Thermal conductivity λ_i [W/(m K)].
-        k_j: Thermal conductivity λ_j [W/(m K)].
+    It is that of the heat of a *current*, not of friction. Resistivities ρ [Ω m], λ [W/(m K)].
     """
     return 0.5 * (resistivity_i / (resistivity_i + resistivity_j) + k_i / (k_i + k_j))
 
@@ -152,22 +135,11 @@ def share_out(
     wear: Floats,
     wall_wear: Floats,
 ) -> None:
-    """Give the heat of each contact to its two bodies; a wall that takes none leaves it all to the
-    grain.
+    """Give the heat of each contact to its two bodies; walls that take none leave it to the grain.
 
-    Args:
-        scene: Shapes.
-        i: Grains, shape ``(c,)``.
-        j: Grains or wall shapes, shape ``(c,)``.
-        heat: Heat of friction and of impacts [J], shape ``(c, 2)``.
-        rubbing: Force times slipped distance [N m], shape ``(c,)``.
-        laws: Properties of materials.
-        takes_heat: Whether a wall takes its share, shape ``(w,)``.
-        source: Heat received by the grains in this step [J], shape ``(n,)``. **Modified** (added
-            to).
-        wall_source: The same for the walls, shape ``(w,)``. **Modified.**
-        wear: Volume worn off the grains [m³], shape ``(n,)``. **Modified.**
-        wall_wear: The same for the walls, shape ``(w,)``. **Modified.**
+    ``heat`` of friction and impacts [J] has shape ``(c, 2)``, ``rubbing``, force times slipped
+    distance [N m], ``(c,)``, ``takes_heat`` of the walls ``(w,)``. Added to, **modified**:
+    ``source`` of grains and ``wall_source`` [J], volumes worn off ``wear`` and ``wall_wear`` [m³].
     """
     grains = scene.radius.size
     for c in range(i.size):
@@ -209,14 +181,10 @@ def share_out(
 
 @formula
 def impact_time(m_eff: float, a_eff: float, modulus: float, speed: float) -> float:
-    """Duration of an elastic impact ``t_c = 2.87 (m²/(a* E*² v))^⅕`` [s] (Hertz); infinite for a
-    speed that is not positive.
+    """Duration of an elastic impact ``t_c = 2.87 (m²/(a* E*² v))^⅕`` [s] (Hertz).
 
-    Args:
-        m_eff: Reduced mass m_i m_j/(m_i + m_j) [kg].
-        a_eff: Effective radius a* [m].
-        modulus: Contact modulus E* [Pa].
-        speed: Speed of approach v [m/s].
+    Reduced mass m = m_i m_j/(m_i + m_j) [kg], a* [m], contact modulus E* [Pa], speed of approach v
+    [m/s]; infinite if that is not positive.
     """
     if speed <= 0.0:
         return inf
@@ -225,29 +193,19 @@ def impact_time(m_eff: float, a_eff: float, modulus: float, speed: float) -> flo
 
 @formula
 def impact_radius(m_eff: float, a_eff: float, modulus: float, speed: float) -> float:
-    """Largest radius of the contact spot ``R = (15 m a*² v²/(16 E*))^⅕`` [m] (Hertz); arguments as
-    `impact_time`.
-    """
+    """Largest spot ``R = (15 m a*² v²/(16 E*))^⅕`` [m] (Hertz); arguments as `impact_time`."""
     return power(0.9375 * m_eff * a_eff * a_eff * speed * speed / modulus, 0.2)
 
 
 @formula
 def fourier_number(conductivity: float, volumetric: float, time: float, radius: float) -> float:
-    """Fourier number ``Fo = λ t/(ρc R²)``.
-
-    Args:
-        conductivity: λ [W/(m K)].
-        volumetric: ρ c [J/(m³ K)].
-        time: t [s].
-        radius: R [m].
-    """
+    """Fourier number ``Fo = λ t/(ρc R²)``; λ [W/(m K)], ρc [J/(m³ K)], t [s], R [m]."""
     return conductivity * time / (volumetric * radius * radius)
 
 
 @formula
 def impact_coefficient(fo: float, ratio: float) -> float:
-    """Correction C of the one-dimensional solution (Zhou, Yu & Horio 2008) from the Fourier number
-    and c = ρ_1 c_1/(ρ_2 c_2).
+    """Correction C of the one-dimensional solution (Zhou, Yu & Horio 2008); c = ρ_1 c_1/(ρ_2 c_2).
 
     ``C = 0.435 (√(C_2² − 4 C_1 (C_3 − Fo)) − C_2)/C_1`` with quadratic C_k(c). Where C_2 > 0 it is
     written with the conjugate root, which is the same number and finite where C_1 = 0.
@@ -274,21 +232,11 @@ def impact_exchange(
     conductivity_j: float,
     volumetric_j: float,
 ) -> float:
-    """Heat conducted by one impact per difference of temperature ``C π R² √t_c/(b_i^−½ + b_j^−½)``
-    [J/K] (Sun & Chen 1988).
+    """Heat of one impact per difference of temperature ``C π R² √t_c/(b_i^−½ + b_j^−½)`` [J/K].
 
-    Symmetric in the two bodies: body 1 of the fit is that with the smaller ρc, at equal ρc that
-    with the larger λ.
-
-    Args:
-        m_eff: Reduced mass [kg].
-        a_eff: Effective radius a* [m].
-        modulus: Contact modulus E* [Pa].
-        speed: Speed of approach v [m/s]; 0 exchange if it is not positive.
-        conductivity_i: λ_i [W/(m K)].
-        volumetric_i: ρ_i c_i [J/(m³ K)].
-        conductivity_j: λ_j [W/(m K)].
-        volumetric_j: ρ_j c_j [J/(m³ K)].
+    Sun & Chen 1988. Symmetric in the two bodies: body 1 of the fit is that with the smaller ρc, at
+    equal ρc that with the larger λ. 0 if the speed of approach is not positive; arguments as
+    `impact_time`, λ [W/(m K)], ρc [J/(m³ K)].
     """
     if speed <= 0.0:
         return 0.0
@@ -316,21 +264,11 @@ def collide(
     dt: float,
     conductance: Floats,
 ) -> None:
-    """Replace the conductance of contacts that are new in this step by that of an impact, spread
-    over the step (Sun & Chen).
+    """Give contacts that are new in this step the conductance of an impact, spread over the step.
 
     A place is hit once: its contacts share the impact in proportion to their impulses. Circles of
-    walls have the a* of Hertz.
-
-    Args:
-        scene: Shapes.
-        mass: Masses of the grains [kg], shape ``(n,)``.
-        contacts: Contacts with their impulses.
-        place: Places of the contacts, shape ``(c,)``.
-        is_known: Whether a place carried an impulse in the step before, shape ``(c,)``.
-        laws: Properties of materials.
-        dt: Time step [s].
-        conductance: [W/K], shape ``(c,)``. **Modified.**
+    walls have the a* of Hertz. Places that are known carried an impulse in the step before.
+    **Modifies** ``conductance`` [W/K], shape ``(c,)``.
     """
     grains = scene.radius.size
     total = totals_of_places(place, contacts.impulse[:, NORMAL])
@@ -372,8 +310,7 @@ def generated_heat(
     heat: Floats,
     rubbing: Floats,
 ) -> None:
-    """Heat generated in each contact of a step, and the product of force and slipped distance that
-    wears.
+    """Heat generated in each contact of a step, and force times slipped distance, which wears.
 
     ``"energy"``: −p_t ½(u_t⁻+u_t⁺), exact and signed; ``"sliding"``: μ|u_t⁺| p_n (the paper's E_f);
     impacts: −p_n ½(u_n⁻+u_n⁺). Couples of rolling resistance add −p_r ½(u_r⁻+u_r⁺), or |p_r u_r⁺|,
@@ -381,14 +318,8 @@ def generated_heat(
     is the work of friction over μ: p_n times the slipped distance where a contact slides, less
     where it sticks.
 
-    Args:
-        scene: Shapes at q_m.
-        contacts: Contacts with their impulses.
-        after: Body velocities v⁺, shape ``(bodies, 4)``.
-        rule: Rule of the heat of friction.
-        has_impact: Whether the energy of impacts counts.
-        heat: Heat of friction, heat of impacts [J], shape ``(c, 2)``. **Modified.**
-        rubbing: Force times distance [N m], shape ``(c,)``. **Modified.**
+    The scene is that at q_m, ``after`` are body velocities v⁺, shape ``(bodies, 4)``. **Modifies**
+    ``heat`` of friction and impacts [J], shape ``(c, 2)``, and ``rubbing`` [N m], shape ``(c,)``.
     """
     count = contacts.i.size
     for chunk in prange((count + CHUNK - 1) // CHUNK):

@@ -48,30 +48,21 @@ PARALLEL, BATCHELOR, VARGAS = 0, 1, 2
 _NUMBER: dict[GasModel, int] = {"parallel": PARALLEL, "batchelor": BATCHELOR, "vargas": VARGAS}
 
 CORE = 0.1
-"""Largest radius, over that of the grain, within which the solid is taken to resist more than the
-gas."""
+"""Largest radius, over the grain's, within which the solid is taken to resist more than the gas."""
 
 SMALLEST_SPOT = 1e-9
-"""Spot radius below which the integral of touching spheres is not carried on [m]: atoms end the
-continuum, and the log diverges."""
+"""Smallest spot of touching spheres [m]: atoms end the continuum, and the log would diverge."""
 
 
 @dataclass(frozen=True)
 class Gas(Mechanism):
-    """Stagnant gas in the gaps.
-
-    Attributes:
-        conductivity: λ_f [W/(m K)].
-        model: Formula of the gap conductance.
-        reach: Largest gap that conducts, over the smaller radius.
-    """
+    """Stagnant gas of conductivity λ_f [W/(m K)] in gaps up to ``reach`` smaller radii."""
 
     conductivity: float
     model: GasModel = "parallel"
     reach: float = 0.4
 
     def between(self, near: NearPairs, scene: Scene, laws: HeatLaws, model: Model) -> PairTransfer:
-        """The conductance of the gas around each contact and in each gap."""
         conductance = np.zeros(near.i.size)
         ratio = gas_conductances(
             scene,
@@ -101,13 +92,8 @@ def parallel_conductance(
     and 8 % at any, for gaps up to 0.4 r, and by half of that or less where they touch and s is
     below r/100.
 
-    Args:
-        gas_conductivity: λ_f [W/(m K)].
-        radius_i: Radius of the one sphere [m].
-        radius_j: Radius of the other [m].
-        spot: Radius s of the contact spot [m]; at least `SMALLEST_SPOT` is taken. From r on no gap
-            is left: 0.
-        gap: Gap h between the surfaces [m]; an overlap counts as 0.
+    λ_f [W/(m K)], radii [m]; spot radius s [m], `SMALLEST_SPOT` at least, from r on no gap is left:
+    0; gap h [m], of which an overlap counts as 0.
     """
     small = radius_i if radius_i < radius_j else radius_j
     large = radius_j if radius_i < radius_j else radius_i
@@ -131,14 +117,7 @@ def parallel_conductance_wall(
     ``H = 2π λ_f [D ln(D/(D−z)) − z]`` [W/K], exact.
 
     ``z = √(a²−s²)`` and ``D = a + h``; at the same spot and h = 0 twice the conductance between two
-    such spheres.
-
-    Args:
-        gas_conductivity: λ_f [W/(m K)].
-        radius: Radius a of the sphere [m].
-        spot: Radius s of the contact spot [m]; at least `SMALLEST_SPOT` is taken. From a on no gap
-            is left: 0.
-        gap: Gap h between the surfaces [m]; an overlap counts as 0.
+    such spheres. Arguments as `parallel_conductance`; 0 from s = a on.
     """
     s = spot if spot > SMALLEST_SPOT else SMALLEST_SPOT
     if s >= radius:
@@ -157,8 +136,7 @@ def batchelor_conductance(
     spot: float,
     gap: float,
 ) -> float:
-    """What the gas adds to the conductance 2λ_s s of the contact spot, after Batchelor & O'Brien
-    [W/K].
+    """What the gas adds to the conductance 2λ_s s of the spot, after Batchelor & O'Brien [W/K].
 
     With κ = λ_s/λ_f the total is ``2π a* λ_f (ln κ² + f)``:
 
@@ -172,13 +150,8 @@ def batchelor_conductance(
 
     A spot of radius 0 at h = 0 belongs to both cases with the same value.
 
-    Args:
-        gas_conductivity: λ_f [W/(m K)].
-        solid_conductivity: λ_s of the spheres, λ_h if they differ [W/(m K)]; at least 10 λ_f.
-        effective_radius: a* [m]; the radius, on a plane wall.
-        spot: Radius s of the contact spot [m]; where it is not 0 the bodies touch, and the gap does
-            not count. From 2a* on: 0.
-        gap: Gap h between the surfaces [m]; an overlap counts as 0.
+    λ_f and λ_s (λ_h of two, at least 10 λ_f) [W/(m K)]; a*, on a plane wall the radius [m]; spot
+    radius s [m], above 0 the bodies touch and the gap h [m] does not count, from 2a* on: 0.
     """
     ratio = solid_conductivity / gas_conductivity
     scale = 2.0 * pi * effective_radius * gas_conductivity
@@ -199,13 +172,9 @@ def batchelor_conductance(
 
 @formula
 def vargas_conductance(gas_conductivity: float, radius: float, spot: float) -> float:
-    """Gas between touching spheres of one size ``H = 2π λ_f (1 − ½(s/a)²)(a − s)/(1 − π/4)`` [W/K]
-    (Vargas & McCarthy 2002).
+    """Gas between touching spheres of one size ``H = 2π λ_f (1 − ½(s/a)²)(a − s)/(1 − π/4)`` [W/K].
 
-    Args:
-        gas_conductivity: λ_f [W/(m K)].
-        radius: Radius a of the spheres [m].
-        spot: Radius s of the contact spot [m]; from a on no gap is left: 0.
+    Vargas & McCarthy 2002. λ_f [W/(m K)]; radii of spheres a and spot s [m], 0 for s ≥ a.
     """
     if spot >= radius:
         return 0.0
@@ -222,9 +191,7 @@ def vargas_conductance(gas_conductivity: float, radius: float, spot: float) -> f
 
 @formula
 def solid_to_gas_ratio(solid: float, spot: float, gas: float, radius: float) -> float:
-    """``λ_s s/(λ_f a)``, far above 1 where the gas may be left out (Batchelor & O'Brien 1977); λ
-    [W/(m K)], s and a [m].
-    """
+    """``λ_s s/(λ_f a)``, ≫ 1 where gas may be left out (Batchelor & O'Brien 1977)."""
     return solid * spot / (gas * radius)
 
 
@@ -240,21 +207,10 @@ def gas_conductances(
     spot: Floats,
     out: Floats,
 ) -> tuple[float, float]:
-    """Conductance of the gas around each contact and in each gap [W/K], added to ``out``.
+    """Add the conductance of the gas around each contact and in each gap to ``out`` [W/K].
 
-    Args:
-        scene: Shapes.
-        laws: Properties of materials.
-        model: Formula.
-        gas_conductivity: λ_f [W/(m K)].
-        i: Grains, shape ``(e,)``.
-        j: Grains or wall shapes, shape ``(e,)``.
-        gap: Gaps [m], shape ``(e,)``.
-        spot: Radii of the contacts [m]; 0 where there is none, shape ``(e,)``.
-        out: [W/K], shape ``(e,)``. **Modified.**
-
-    Returns:
-        Smallest and largest λ_s s/(λ_f a) of the contacts; 0 if there are none.
+    Radii of spots [m] are 0 where there is no contact. Returns the smallest and the largest
+    λ_s s/(λ_f a) of the contacts; 0 if there are none. Shapes are ``(e,)``.
     """
     least, most = np.inf, 0.0
     for k in range(i.size):

@@ -1,8 +1,7 @@
-"""Elastic contact of spheres, smooth and rough: the spot that conducts, and the deflection that
-rigid grains leave out. No kernels.
+"""Elastic spheres, smooth and rough: spots that conduct, and deflections rigid grains leave out.
 
-Source: K. L. Johnson, Contact Mechanics (1985), eq. 4.22–4.24. Discs are treated as spheres of
-their radius.
+No kernels. Source: K. L. Johnson, Contact Mechanics (1985), eq. 4.22–4.24. Discs are treated as
+spheres of their radius.
 """
 
 from __future__ import annotations
@@ -19,21 +18,15 @@ from multicor_cli.model.model import Model
 
 
 def contact_modulus(young_i: float, poisson_i: float, young_j: float, poisson_j: float) -> float:
-    """Contact modulus E* [Pa] with ``1/E* = (1−ν_i²)/E_i + (1−ν_j²)/E_j``; E Young's modulus [Pa],
-    ν Poisson's ratio (Hertz).
-    """
+    """Contact modulus ``1/E* = (1−ν_i²)/E_i + (1−ν_j²)/E_j`` (Hertz); E [Pa], Poisson's ratio ν."""
     return 1.0 / ((1.0 - poisson_i * poisson_i) / young_i + (1.0 - poisson_j * poisson_j) / young_j)
 
 
 @formula
 def contact_radius(force: float, effective_radius: float, modulus: float) -> float:
-    """Radius of the contact spot ``a_c = (3 F a*/4E*)^⅓`` [m] (Johnson, eq. 4.22); 0 for a force
-    that is not positive.
+    """Radius of the contact spot ``a_c = (3 F a*/4E*)^⅓`` [m] (Johnson, eq. 4.22).
 
-    Args:
-        force: Normal force F [N].
-        effective_radius: a* [m].
-        modulus: Contact modulus E* [Pa].
+    Normal force F [N], a_c = 0 if it is not positive; a* [m]; contact modulus E* [Pa].
     """
     if force <= 0.0:
         return 0.0
@@ -48,14 +41,7 @@ def approach(contact_radius: float, effective_radius: float) -> float:
 def relative_deflection(force: float, radius: float, young: float, poisson: float) -> float:
     """Deflection of two equal elastic spheres pressed together, over their diameter: δ/(2a).
 
-    δ = a_c²/a* with the contact radius a_c and a* = a/2. Discs are treated as spheres of their
-    radius.
-
-    Args:
-        force: Normal force F [N].
-        radius: Radius a [m].
-        young: Young's modulus E [Pa].
-        poisson: Poisson's ratio ν.
+    δ = a_c²/a* with a* = a/2. Force F [N], radius a [m], Young's modulus E [Pa], Poisson's ratio ν.
     """
     modulus = contact_modulus(young, poisson, young, poisson)
     effective = effective_radius(radius, radius)
@@ -65,13 +51,10 @@ def relative_deflection(force: float, radius: float, young: float, poisson: floa
 def largest_deflection(
     model: Model, force: float, elastic: Mapping[str, tuple[float, float]]
 ) -> float | None:
-    """The largest `relative_deflection` of two equal grains, the smallest of each material; None if
-    ``elastic`` has none of theirs.
+    """The largest `relative_deflection` of two equal grains, the smallest of each material.
 
-    Args:
-        model: Grains and their materials.
-        force: Normal force F [N].
-        elastic: Young's modulus [Pa] and Poisson's ratio by the name of the material.
+    ``elastic``: Young's modulus [Pa] and Poisson's ratio by material; None if it has none of
+    theirs.
     """
     grains, found = model.grains, []
     for index, name in enumerate(model.materials):
@@ -81,8 +64,7 @@ def largest_deflection(
     return max(found, default=None)
 
 
-# ---- Conduction through a contact of rough, elastic spheres: constriction of the spot and of the
-#      asperities inside it in series.
+# ---- Rough elastic spheres: constriction of the spot and of the asperities in it, in series.
 #
 # Formula: `H = 1/(R_L + R_s)` in vacuum, `R_L = 1/(2 λ_h a_c)`,
 # `R_s = (H'/p_0)^0.96 · 1.184/(π a_c² λ_h) · σ/m`.
@@ -116,16 +98,9 @@ def micro_resistance(
     slope: float,
     microhardness: float,
 ) -> float:
-    """Resistance of the asperities ``R_s = (H'/p_0)^0.96 · 1.184/(π a_c² λ_h) · σ/m`` [K/W]
-    (Bahrami et al.; Van Lew).
+    """Resistance of the asperities ``R_s = (H'/p_0)^0.96 · 1.184/(π a_c² λ_h) · σ/m`` [K/W].
 
-    Args:
-        contact_radius: a_c [m].
-        peak_pressure: p_0 [Pa].
-        harmonic: λ_h [W/(m K)].
-        roughness: σ [m].
-        slope: Mean slope of the asperities m.
-        microhardness: H' [Pa].
+    Bahrami et al.; Van Lew. a_c [m], p_0 [Pa], λ_h [W/(m K)], σ [m], mean slope m, H' [Pa].
     """
     spots = power(microhardness / peak_pressure, 0.96)
     return spots * 1.184 / (pi * contact_radius * contact_radius * harmonic) * (roughness / slope)
@@ -142,18 +117,10 @@ def rough_conductance(
     slope: float,
     microhardness: float,
 ) -> float:
-    """Conductance of a rough contact in vacuum ``1/(R_L + R_s)`` [W/K]; 0 without force (Bahrami et
-    al. 2006).
+    """Conductance of a rough contact in vacuum ``1/(R_L + R_s)`` [W/K] (Bahrami et al. 2006).
 
-    Args:
-        force: Normal force F [N].
-        contact_radius: a_c that belongs to this force [m].
-        modulus: E* [Pa], for ``p_0 = 2 E* δ/(π a_c)`` with ``δ = a_c²/a*``.
-        effective_radius: a* [m].
-        harmonic: λ_h [W/(m K)].
-        roughness: σ [m]; 0: a smooth contact.
-        slope: Mean slope of the asperities m.
-        microhardness: H' [Pa].
+    0 without force F [N]; a_c of this force [m]; E* [Pa], a* [m] for ``p_0 = 2 E* δ/(π a_c)`` with
+    ``δ = a_c²/a*``; λ_h [W/(m K)]; roughness σ [m], 0: smooth; mean slope m; H' [Pa].
     """
     if force <= 0.0 or contact_radius <= 0.0:
         return 0.0

@@ -1,5 +1,4 @@
-"""How heat flow is integrated over a step: in sub-steps whose error is controlled, cut where
-signals of walls bend.
+"""How heat flow is integrated: in sub-steps of controlled error, cut where signals of walls bend.
 
 Three schemes, each for what it does best. With τ = C/ΣH the shortest time constant of a grain:
 
@@ -51,13 +50,11 @@ from multicor_cli.model.model import Floats
 EULER = 10.0
 """Longest single step of Euler's rule over τ, as a multiple of the tolerance.
 
-Sub-steps of the other schemes have errors up to the tolerance, and some ten of them go by within a
-time constant.
+Sub-steps of the others err by up to the tolerance, and some ten go by within a time constant.
 """
 
 STIFF = 100.0
-"""Longest step over τ that ``"auto"`` integrates explicitly while grains move: TR-BDF2 takes fewer
-evaluations beyond it."""
+"""Longest explicit step of ``"auto"`` over τ while grains move: TR-BDF2 evaluates less beyond."""
 
 GAMMA = 2.0 - math.sqrt(2.0)
 DIAGONAL = 0.5 * GAMMA
@@ -71,8 +68,7 @@ SHARPNESS = 1e-3
 """Error of an implicit stage over the tolerance of a sub-step."""
 
 ROUNDING = 1e-13
-"""What is left of an implicit stage when rounding lets it be solved no further, over the
-temperature."""
+"""What rounding leaves unsolved of an implicit stage, over the temperature."""
 
 NOISE = 1e-10
 """Smallest error of a sub-step that is told from rounding, over the temperature."""
@@ -81,8 +77,7 @@ BELOW_ZERO = -1e-9
 """Lowest temperature that rounding explains, over the highest."""
 
 TRIALS, NEWTON_LIMIT = 100, 50
-"""Most attempts at one sub-step, each shorter than the one before, and most iterations of a
-stage."""
+"""Most attempts at a sub-step, each shorter than the last, and most iterations of a stage."""
 
 SUB_STEPS = 1e8
 """Most explicit sub-steps of a step; more would take hours."""
@@ -91,12 +86,7 @@ DRAINED = "would fall below absolute zero: a wall draws more heat than there is"
 
 
 class CannotIntegrate(ArithmeticError):
-    """Temperatures cannot be integrated further.
-
-    Attributes:
-        node: The grain or body that stands in the way.
-        why: What it does, as what follows its name.
-    """
+    """Temperatures cannot be integrated further: ``why`` follows the name of a grain or body."""
 
     def __init__(self, node: int, why: str) -> None:
         super().__init__(f"node {node} {why}")
@@ -109,8 +99,7 @@ class Integration:
 
     Attributes:
         integrator: ``"auto"``: implicit in frozen stages and beyond `STIFF`, else explicit.
-        sub_step: Largest explicit sub-step over the longest that lets no mode overshoot: h ≤
-            sub_step τ/2.
+        sub_step: Largest explicit sub-step over the longest without overshoot: h ≤ sub_step τ/2.
         tolerance: Largest error of a sub-step over the spread of the temperatures.
     """
 
@@ -132,20 +121,11 @@ def integrate(
     *,
     is_frozen: bool,
 ) -> Flow:
-    """Heat that flows within ``dt``.
+    """Heat that flows within ``dt`` [s]; **modifies** the temperatures [K], shape ``(n,)``.
 
-    Args:
-        net: The network.
-        capacity: C [J/K], shape ``(n,)``.
-        temperature: T at the start [K], shape ``(n,)``. **Modified.**
-        walls: Temperatures or flows of the walls as functions of the time since the start of
-            ``dt``.
-        source: Heat generated within ``dt`` [J], shape ``(n,)``.
-        dt: Duration [s].
-        first: Sub-step that is tried first [s]; 0: the whole duration.
-        choices: By which integrator, and how finely.
-        should_stop: Asked before every sub-step.
-        is_frozen: Whether nothing moves.
+    Capacities [J/K] and ``source``, the heat generated within ``dt`` [J], have this shape too.
+    ``first`` is the sub-step that is tried first [s], 0: the whole; ``should_stop`` is asked before
+    each.
 
     Raises:
         Interrupted: If ``should_stop`` says so.
@@ -187,9 +167,7 @@ def integrate(
 
 @dataclass(frozen=True)
 class _Problem:
-    """What all sub-steps of a step have in common; ``power`` is the heat generated [W], shape
-    ``(n,)``.
-    """
+    """What all sub-steps of a step share; ``power`` is the heat generated [W], shape ``(n,)``."""
 
     net: Network
     capacity: Floats
@@ -206,9 +184,7 @@ def _march(
     flow: Flow,
     should_stop: Callable[[], bool] | None,
 ) -> None:
-    """Go ``dt`` on in sub-steps of a scheme, whose errors stay below the tolerance; arguments and
-    errors as `integrate`.
-    """
+    """Go ``dt`` on in sub-steps of errors below the tolerance; arguments, errors as `integrate`."""
     done, trials, bound = 0.0, 0, math.inf
     step = min(flow.next_step, dt) if flow.next_step > 0.0 else dt
     flow.next_step = 0.0
@@ -261,9 +237,7 @@ class _SubStep:
 
     @staticmethod
     def bound(problem: _Problem, temperature: Floats, t: float, end: float) -> float:
-        """Longest sub-step between ``t`` and ``end``, whatever its error [s]; `CannotIntegrate` if
-        too many would be needed.
-        """
+        """Longest sub-step up to ``end`` [s]; `CannotIntegrate` if too many would be needed."""
         return math.inf
 
     def _solve(self) -> Floats:
@@ -271,9 +245,7 @@ class _SubStep:
         raise NotImplementedError
 
     def _damping(self) -> Floats | float:
-        """Heat capacity that the rates of stiff links add, as far as the scheme damps their errors
-        [J/K].
-        """
+        """Heat capacity that stiff links add, as far as the scheme damps their errors [J/K]."""
         return 0.0
 
     def _add_stage(self, temperature: Floats) -> None:
@@ -283,9 +255,7 @@ class _SubStep:
         self._stages.append(temperature)
 
     def _heat(self, weights: tuple[float, ...]) -> Floats:
-        """Heat that the rates of the first stages and the sources give, each with its weight [J],
-        shape ``(n,)``.
-        """
+        """Heat of the rates of the first stages and the sources, weighted [J], shape ``(n,)``."""
         power = self._problem.power
         return np.asarray(
             self._step
@@ -313,12 +283,7 @@ class _SubStep:
         )
 
     def falls_below_zero(self) -> bool:
-        """Whether a temperature is below absolute zero at the end.
-
-        Raises:
-            CannotIntegrate: If one would lose heat even at absolute zero: no shorter sub-step can
-                help.
-        """
+        """Whether any is below absolute zero at the end; raises if a shorter step cannot help."""
         is_below = _is_below_zero(self._end)
         if not is_below.any():
             return False
@@ -355,9 +320,7 @@ class _Explicit(_SubStep):
 
     @staticmethod
     def bound(problem: _Problem, temperature: Floats, t: float, end: float) -> float:
-        """The longest that lets no mode overshoot: rates of decay are at most twice the largest
-        ΣH/C (Gershgorin) [s].
-        """
+        """Longest that lets no mode overshoot: rates of decay ≤ 2 max(ΣH/C) (Gershgorin) [s]."""
         total = np.empty(problem.capacity.size)
         total_conductance(problem.net, temperature, problem.walls(t), total)
         rates = 2.0 * total / problem.capacity
@@ -447,7 +410,6 @@ class _Implicit(_SubStep):
 
 
 def _spread(net: Network, temperature: Floats, wall_value: Floats) -> float:
-    """Range of all temperatures that take part [K]."""
     everything = np.concatenate([temperature, wall_value[net.wall], net.outside_temperature])
     return float(everything.max() - everything.min())
 

@@ -1,6 +1,4 @@
-"""What a heat mechanism beside the contact spots is: choices, and what they carry between near
-bodies or from outside.
-"""
+"""What a heat mechanism is: choices, and what they carry between near bodies or from outside."""
 
 from __future__ import annotations
 
@@ -46,13 +44,9 @@ class HeatLaws(NamedTuple):
 
 @dataclass(frozen=True)
 class NearPairs:
-    """Pairs of bodies near each other; ``e`` of them, sorted by (i, j).
+    """Pairs of bodies near each other, sorted by (i, j), in ``e`` rows of each array.
 
-    Attributes:
-        i: Grain, shape ``(e,)``.
-        j: Grain or wall shape, shape ``(e,)``.
-        gap: Gap [m], shape ``(e,)``.
-        spot: Radius of the contact [m]; 0 where there is none, shape ``(e,)``.
+    A grain and a grain or wall shape, with their gap and the radius of their contact (0: none) [m].
     """
 
     i: Ints
@@ -63,8 +57,7 @@ class NearPairs:
 
 @dataclass(frozen=True)
 class PairTransfer:
-    """What a mechanism carries between near bodies; what lies beyond its reach is left out by
-    whoever asks.
+    """What a mechanism carries between near bodies; whoever asks leaves out those beyond its reach.
 
     Attributes:
         conductance: H [W/K], shape ``(e,)``, or None.
@@ -79,13 +72,9 @@ class PairTransfer:
 
 @dataclass(frozen=True)
 class Outside:
-    """Something of known temperature outside, with which every grain exchanges heat.
+    """Something of known temperature [K] outside, with which every grain exchanges heat by a book.
 
-    Attributes:
-        book: Heat book that the exchange enters.
-        temperature: Its temperature [K].
-        conductance: H of each grain [W/K], shape ``(n,)``, or one number.
-        area: Area factor of radiation of each grain [m²], shape ``(n,)``, or one number.
+    H [W/K] and area factor of radiation [m²] of each grain have shape ``(n,)``, or are one number.
     """
 
     book: Literal["from_ambient", "from_surroundings"]
@@ -96,20 +85,15 @@ class Outside:
 
 @dataclass(frozen=True)
 class Mechanism:
-    """A mechanism that a run has; its attributes are its choices, named as the keys of its table in
-    a scenario.
-    """
+    """A mechanism of a run; its attributes are its choices, named as the keys of its table."""
 
     reach = 0.0
-    """Largest gap that it crosses, over the smaller radius; 0: it carries nothing between near
-    bodies."""
+    """Largest gap that it crosses, over the smaller radius; 0: nothing goes between near bodies."""
 
     def between(self, near: NearPairs, scene: Scene, laws: HeatLaws, model: Model) -> PairTransfer:
         """What it carries between near bodies; asked only with a reach."""
         raise NotImplementedError
 
     def outside(self, velocity: Floats, laws: HeatLaws, model: Model) -> Outside | None:
-        """What it exchanges with the outside, if anything; ``velocity`` of the grains of shape
-        ``(n, 2)`` [m/s].
-        """
+        """What it exchanges with the outside, if anything; velocities ``(n, 2)`` [m/s]."""
         return None

@@ -1,6 +1,4 @@
-"""The network through which heat flows: links made of contacts, gaps, walls and surroundings,
-sorted by their other end.
-"""
+"""The network of heat: links of contacts, gaps, walls and the outside, sorted by other end."""
 
 from __future__ import annotations
 
@@ -25,17 +23,14 @@ from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.shapes import ShapeKind
 
-# ---- Sorts the links of a network by what is at their other end: a grain or a body, a wall of
-#      known temperature, or of known flow
+# ---- Sorts links by their other end: a grain or body, a wall of known temperature or flow
 
 INSULATED, KNOWN, FLOW, BODY = 0, 1, 2, 3
 """Kinds of walls."""
 
 
 class Ends(NamedTuple):
-    """Links by what is at their other end; attributes as in
-    `multicor_cli.engine.heat.rates.Network`.
-    """
+    """Links by what is at their other end; attributes as in `engine.heat.rates.Network`."""
 
     i: Ints
     j: Ints
@@ -55,18 +50,10 @@ def split_links(
     grains: int, i: Ints, j: Ints, conductance: Floats, area: Floats, wall: Ints, kind: Ints,
     node: Ints
 ) -> Ends:  # fmt: skip
-    """Split links. Those to insulated walls are left out; a prescribed flow is shared by
-    conductance; bodies are like grains.
+    """Split links: none to insulated walls; H shares a prescribed flow out; bodies are like grains.
 
-    Args:
-        grains: Number of grains.
-        i: Grain of each link, shape ``(e,)``.
-        j: Grain or wall shape, shape ``(e,)``.
-        conductance: H [W/K], shape ``(e,)``.
-        area: Area factor of radiation [m²], shape ``(e,)`` or of size 0.
-        wall: Wall of each wall shape, shape ``(m,)``.
-        kind: Kind of each wall, shape ``(w,)``.
-        node: Node of each wall that is a body, shape ``(w,)``; not used of others.
+    ``area`` factors of radiation [m²] have shape ``(e,)`` or size 0; ``wall`` is that of each wall
+    shape, shape ``(m,)``; ``kind`` and ``node`` (of bodies) are those of the walls, shape ``(w,)``.
     """
     count = np.zeros(3, np.int64)  # of links to grains and bodies, and to walls by kind
     total = np.zeros(kind.size)
@@ -133,11 +120,9 @@ Pairs = tuple[Ints, Ints, Floats]
 
 @dataclass(frozen=True)
 class Links:
-    """Pairs of bodies between which heat flows; ``e`` of them.
+    """Pairs of bodies between which heat flows; ``e`` of them, a grain and a grain or wall shape.
 
     Attributes:
-        i: Grain, shape ``(e,)``.
-        j: Grain or wall shape, shape ``(e,)``.
         conductance: H [W/K], shape ``(e,)``.
         area: Area factor of radiation [m²], shape ``(e,)`` or of size 0.
         biot: Largest Biot number H/(λ a), contact and gas together.
@@ -155,15 +140,9 @@ class Links:
 def links_of(
     scene: Scene, spots: Spots, near: Pairs | None, settings: HeatSettings, model: Model
 ) -> Links:
-    """Contacts, and the gaps that mechanisms cross: a gap once for each place, from its nearest
-    point.
+    """Contacts, and the gaps that mechanisms cross: one for each place, from its nearest point.
 
-    Args:
-        scene: Shapes.
-        spots: Contacts that conduct.
-        near: Pairs within the reach of mechanisms; None if none crosses gaps.
-        settings: Choices about heat.
-        model: The model.
+    ``near`` are the pairs within the reach of mechanisms; None if none crosses gaps.
     """
     laws, area = settings.laws, np.empty(0)
     if near is None:
@@ -197,9 +176,7 @@ def links_of(
 
 
 def _with_contacts(scene: Scene, near: Pairs, spots: Spots) -> Pairs:
-    """Near pairs and all contacts that conduct: at q_m a grain that lands within the step may be
-    farther than the reach.
-    """
+    """Near pairs, and contacts that conduct: a grain landing in the step may be far at q_m."""
     shapes = scene.radius.size + scene.kind.size
     key_near = near[0].astype(np.int64) * shapes + near[1]
     key_spot = spots.i.astype(np.int64) * shapes + spots.j
@@ -232,16 +209,9 @@ def network_of(
     model: Model,
     settings: HeatSettings,
 ) -> Network:
-    """The network of a step, of grains and then bodies: walls with a heat capacity. Links to
-    insulated walls are left out.
+    """The network of a step, of grains and then bodies: walls with a heat capacity.
 
-    Args:
-        links: Pairs between which heat flows.
-        scene: Shapes.
-        conditions: Thermal conditions of the walls.
-        velocity: Velocities of the grains [m/s], shape ``(n, 2)``.
-        model: The model.
-        settings: Choices about heat.
+    Links to insulated walls are left out. Velocities of the grains [m/s], shape ``(n, 2)``.
     """
     n = model.grain_count
     kind = np.array([_KINDS[c.kind] for c in conditions], np.int32)
@@ -260,9 +230,7 @@ def network_of(
 
 
 def _rows(values: Sequence[Floats | float], n: int, nodes: int) -> Floats:
-    """One row for each of ``values``, arrays of length ``n`` or single numbers: nothing outside
-    reaches the bodies that follow.
-    """
+    """One row for each of ``values``; nothing outside reaches the bodies that follow the grains."""
     table = np.zeros((len(values), nodes))
     for row, value in zip(table, values, strict=True):
         row[:n] = value

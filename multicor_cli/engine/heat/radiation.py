@@ -41,19 +41,15 @@ STEFAN_BOLTZMANN = 5.670374419e-8
 
 @dataclass(frozen=True)
 class Radiation(Mechanism):
-    """Thermal radiation.
+    """Thermal radiation, of black surroundings [K] if there are any, and between near bodies.
 
-    Attributes:
-        surroundings: Temperature of the surroundings, a black body [K], or None: none.
-        reach: Largest gap across which grains and walls exchange radiation, over the smaller
-            radius; 0: they do not.
+    These exchange it across gaps up to ``reach`` times the smaller radius; 0: they do not.
     """
 
     surroundings: float | None = None
     reach: float = 0.0
 
     def between(self, near: NearPairs, scene: Scene, laws: HeatLaws, model: Model) -> PairTransfer:
-        """The area factors of neighbors."""
         assert model.thermal is not None
         is_sphere = model.shape_factor == SHAPE_FACTOR["sphere"]
         return PairTransfer(
@@ -72,9 +68,7 @@ class Radiation(Mechanism):
 
 
 def emission_factor(e_i: float, e_j: float) -> float:
-    """``1/(1/ε_i + 1/ε_j − 1)`` of two gray surfaces that see only each other (Modest); 0 if one
-    emissivity ε is 0.
-    """
+    """``1/(1/ε_i + 1/ε_j − 1)`` of surfaces that see only each other (Modest); 0 if an ε is 0."""
     if e_i <= 0.0 or e_j <= 0.0:
         return 0.0
     return 1.0 / (1.0 / e_i + 1.0 / e_j - 1.0)
@@ -82,33 +76,24 @@ def emission_factor(e_i: float, e_j: float) -> float:
 
 @formula
 def sphere_area_factor(emission: float, radius_i: float, radius_j: float) -> float:
-    """Area factor of two neighboring spheres ``X = π a²·emission`` [m²]: a the smaller radius [m],
-    `emission_factor` of the two.
-    """
+    """Area factor of two spheres ``X = π a²·emission`` [m²]; a the smaller radius [m]."""
     a = radius_i if radius_i < radius_j else radius_j
     return pi * a * a * emission
 
 
 @formula
 def linear_coefficient(area_factor: float, T_i: float, T_j: float) -> float:
-    """Conductance ``σ X (T_i² + T_j²)(T_i + T_j)`` [W/K]: the exchange is this times T_j − T_i; X
-    [m²], temperatures [K].
-    """
+    """Conductance ``σ X (T_i² + T_j²)(T_i + T_j)`` [W/K], a factor of T_j − T_i; X [m²], T [K]."""
     return STEFAN_BOLTZMANN * area_factor * (T_i * T_i + T_j * T_j) * (T_i + T_j)
 
 
 @formula
 def cylinder_view_factor(radius_i: float, radius_j: float, gap: float) -> float:
-    """Share of what a long cylinder i radiates that falls on a parallel cylinder j (crossed
-    strings; Modest, appendix D).
+    """Share of what a long cylinder i radiates that falls on a parallel cylinder j.
 
+    Crossed strings (Modest, appendix D), gap h [m] of which an overlap counts as 0, radii r [m]:
     ``F = [π + √(A²−(B+1)²) − √(A²−(B−1)²) + (B−1) acos((B−1)/A) − (B+1) acos((B+1)/A)]/2π``,
     ``B = r_j/r_i``, ``A = 1 + B + h/r_i``.
-
-    Args:
-        radius_i: Radius r_i [m].
-        radius_j: Radius r_j [m].
-        gap: Gap h between the surfaces [m]; an overlap counts as 0.
     """
     b = radius_j / radius_i
     opening = gap / radius_i if gap > 0.0 else 0.0
@@ -127,17 +112,8 @@ def radiating_areas(
     """Area factors of radiation between near bodies [m²], shape ``(e,)``.
 
     Spheres: the smaller cross-section π a² times the emission factor. Discs: the view factor of two
-    parallel cylinders times the surface of the first and the emission factor; a line or circle of a
-    wall counts as a sphere or cylinder of the grain's radius.
-
-    Args:
-        scene: Shapes.
-        laws: Properties of materials.
-        surface: Surfaces of the grains [m²], shape ``(n,)``.
-        is_sphere: Whether grains are spheres.
-        i: Grains, shape ``(e,)``.
-        j: Grains or wall shapes, shape ``(e,)``.
-        gap: Gaps [m], shape ``(e,)``.
+    parallel cylinders times the surface [m²] of the first and the emission factor; a line or circle
+    of a wall counts as a sphere or cylinder of the grain's radius.
     """
     area = np.empty(i.size)
     for k in range(i.size):

@@ -1,5 +1,4 @@
-"""Heat flow in a network of grains and walls: the rates, the linear systems of the implicit
-integrator, and what has flowed.
+"""Heat flow in a network: rates, linear systems of the implicit integrator, and what has flowed.
 
 Nodes are grains, and then the walls that have a heat capacity (bodies); walls of known temperature
 and what is outside are what the network exchanges heat with. Every rate is applied with opposite
@@ -71,8 +70,7 @@ class Network(NamedTuple):
 
 @kernel
 def _link(conductance: float, area: Floats, k: int, a: float, b: float) -> float:
-    """Heat flow through a link from the temperature ``b`` to ``a`` [W]; nothing below absolute zero
-    radiates.
+    """Heat flow through a link from temperature ``b`` to ``a`` [W]; nothing radiates below 0 K.
 
     Stages of an integrator may get there, on the way to a sub-step that does not.
     """
@@ -97,13 +95,9 @@ def heat_rates(
 ) -> None:
     """Heat flow into every grain [W], and what walls and the outside give.
 
-    Args:
-        net: The network.
-        temperature: T of the grains [K], shape ``(n,)``.
-        wall_value: Temperature [K] or heat flow [W] of each wall, shape ``(w,)``.
-        rate: Into each grain [W], shape ``(n,)``. **Modified.**
-        wall_rate: Out of each wall [W], shape ``(w,)``. **Modified.**
-        outside: From outside, by heat book [W], shape ``(2,)``. **Modified.**
+    ``temperature`` of the grains [K], shape ``(n,)``; ``wall_value``: temperature [K] or heat flow
+    [W] of each wall, shape ``(w,)``. **Modifies** ``rate`` into grains, ``wall_rate`` out of walls,
+    and ``outside``, from there by heat book, shape ``(2,)`` [W].
     """
     rate[:] = 0.0
     wall_rate[:] = 0.0
@@ -132,20 +126,17 @@ def heat_rates(
 
 @kernel
 def _steepest(conductance: float, area: Floats, k: int, a: float, b: float) -> float:
-    """Largest derivative of the flow of a link by the temperature of one end: that of T⁴ at the
-    hotter end [W/K].
-    """
+    """Largest derivative of a link's flow by a temperature: that of T⁴ at the hotter end [W/K]."""
     hotter = max(a, b, 0.0)
     return conductance + linear_coefficient(area[k], hotter, hotter) if area.size else conductance
 
 
 @kernel
 def total_conductance(net: Network, temperature: Floats, wall_value: Floats, total: Floats) -> None:
-    """ΣH of every grain [W/K], radiation at its steepest, shape ``(n,)``; ``total`` is
-    **modified**. Arguments as `heat_rates`.
+    """ΣH of every grain [W/K], radiation at its steepest; **modifies** ``total``, shape ``(n,)``.
 
     This bounds the stable step of the explicit integrator, and lets Newton's method approach the
-    solution from one side.
+    solution from one side. Arguments as `heat_rates`.
     """
     total[:] = 0.0
     for k in range(net.i.size):
@@ -175,9 +166,7 @@ def total_conductance(net: Network, temperature: Floats, wall_value: Floats, tot
 def _apply(
     net: Network, diagonal: Floats, step: float, temperature: Floats, x: Floats, y: Floats
 ) -> None:
-    """``y = diagonal·x − step·(links between grains)·x``: the matrix C + step K of the implicit
-    stages.
-    """
+    """``y = diagonal·x − step·(links between grains)·x``: the matrix C + step K of the stages."""
     for k in range(x.size):
         y[k] = diagonal[k] * x[k]
     for k in range(net.i.size):
@@ -200,22 +189,13 @@ def solve_linear(
 ) -> int:
     """Solve (C + step K) x = rhs by conjugate gradients, preconditioned by the diagonal.
 
-    The loop ends when the largest |residual|/scale falls to ``target``, or when rounding lets it
-    fall no further (1,000 iterations at most): what is left only adds to the error of a stage,
-    never to the heat balance.
+    The loop ends when the largest |residual|/scale falls to ``target`` [K], or when rounding lets
+    it fall no further (1,000 iterations at most): what is left only adds to the error of a stage,
+    never to the heat balance. Returns the number of iterations.
 
-    Args:
-        net: The network; walls and the outside enter through ``diagonal``.
-        diagonal: C + step ΣH [J/K], shape ``(n,)``.
-        step: Length of the implicit step [s].
-        temperature: Where radiation is linearized [K], shape ``(n,)``.
-        rhs: Right-hand side [J], shape ``(n,)``.
-        scale: What residuals are measured against: heat capacities [J/K], shape ``(n,)``.
-        target: Largest residual over scale [K].
-        x: Solution [K], shape ``(n,)``. **Modified.**
-
-    Returns:
-        Number of iterations.
+    Walls and the outside enter through ``diagonal``, C + step ΣH [J/K]; radiation is linearized at
+    ``temperature`` [K]; ``rhs`` [J]; ``scale`` are heat capacities [J/K]; all of shape ``(n,)``.
+    **Modifies** ``x`` [K].
     """
     n = rhs.size
     r, z, p, q = rhs.copy(), np.empty(n), np.empty(n), np.empty(n)
@@ -253,13 +233,7 @@ def solve_linear(
 
 
 class Rates(NamedTuple):
-    """Heat flows at one moment; ``n`` nodes, ``w`` walls.
-
-    Attributes:
-        nodes: Into each grain and body [W], shape ``(n,)``.
-        walls: Out of each wall [W], shape ``(w,)``.
-        outside: From what is outside, by heat book [W], shape ``(2,)``.
-    """
+    """Heat flows [W]: into nodes ``(n,)``, out of walls ``(w,)``, from outside by book ``(2,)``."""
 
     nodes: Floats
     walls: Floats
@@ -277,15 +251,11 @@ def rates_at(net: Network, temperature: Floats, wall_value: Floats) -> Rates:
 
 @dataclass
 class Flow:
-    """Sums over the sub-steps of an integrator; ``n`` grains and bodies, ``w`` walls.
+    """Sums over the sub-steps of an integrator, and which sub-step [s] to try next.
 
-    Attributes:
-        received: Heat received by each grain [J], shape ``(n,)``.
-        walls: Heat given by each wall [J], shape ``(w,)``.
-        outside: Heat given by what is outside, by heat book [J], shape ``(2,)``.
-        sub_steps: Number of sub-steps.
-        next_step: Sub-step to try next [s].
-        error: Largest estimated error of a sub-step over the spread of the temperatures.
+    Heat received by nodes, given by walls and by what is outside, by heat book [J], have shapes
+    ``(n,)``, ``(w,)`` and ``(2,)``; ``error`` is the largest estimated one of a sub-step over the
+    spread of the temperatures.
     """
 
     received: Floats
@@ -297,7 +267,6 @@ class Flow:
 
     @classmethod
     def empty(cls, grains: int, walls: int) -> Flow:
-        """Nothing has flowed yet."""
         return cls(np.zeros(grains), np.zeros(walls), np.zeros(len(OUTSIDE_BOOKS)))
 
     def add(self, rates: Rates, weight: float) -> None:

@@ -32,17 +32,14 @@ _STEP = ContactForce()
 
 @dataclass(frozen=True)
 class HeatSettings(Integration):
-    """Choices about heat, named as the keys of ``[heat]``; everything beyond conduction and
-    friction is off by default.
+    """Choices about heat, named as the keys of ``[heat]``; only conduction and friction are on.
 
     Attributes:
-        laws: Properties of the materials.
         conduction: Conductance of a contact: smooth spheres (Hertz), rough ones, or none.
         force: Force of the Hertz contact radius.
         friction: Rule of the heat of friction.
         impact: Whether the energy lost in impacts becomes heat too.
-        collisional: Whether a contact that is new in a step conducts by the formula for impacts
-            instead.
+        collisional: Whether a contact that is new in a step conducts by the formula for impacts.
         mechanisms: What carries heat beside the contact spots.
     """
 
@@ -63,8 +60,7 @@ class HeatSettings(Integration):
 # ---- Properties of materials and of their pairs: one record, for kernels and for all other code
 
 UNUSED_STIFFNESS = 1.0
-"""Modulus and microhardness [Pa] of pairs that do not have them: nothing uses them, and they can be
-divided by."""
+"""Modulus and microhardness [Pa] of pairs without: never used, and fit to divide by."""
 
 Properties = Mapping[str, Any]
 """Properties of a material by name; None, or left out: not given."""
@@ -75,12 +71,8 @@ def heat_laws(materials: Sequence[Properties], partition: Partition, wear: Float
 
     Properties that a material does not give are not needed in this run (loading the scenario has
     checked that). They are 0 in these arrays, except the modulus and the microhardness of such
-    pairs, which are 1 Pa, and their shares, which are ½.
-
-    Args:
-        materials: Their properties.
-        partition: How the heat of friction is shared.
-        wear: Archard's coefficient of each pair, 0 without wear, shape ``(k, k)``.
+    pairs, which are 1 Pa, and their shares, which are ½. ``partition`` shares the heat of friction;
+    ``wear`` is Archard's coefficient of each pair, 0 without wear, shape ``(k, k)``.
     """
 
     def of_each(formula: Callable[..., float], *names: str) -> Floats:
@@ -111,17 +103,13 @@ def heat_laws(materials: Sequence[Properties], partition: Partition, wear: Float
 def _value(
     formula: Callable[..., float], names: Sequence[str], missing: float, *bodies: Properties
 ) -> float:
-    """The formula of the properties of one body, or of the first and then the second; ``missing``
-    if one is not given.
-    """
+    """The formula of the properties of one body, or of two; ``missing`` if one is not given."""
     values = [body.get(name) for body in bodies for name in names]
     return missing if None in values else formula(*values)
 
 
 def _complementary(share: Floats) -> Floats:
-    """Shares of the first body; that of the second is what remains, so that nothing is lost to
-    rounding.
-    """
+    """Shares of the first body; that of the second is the rest: rounding loses nothing."""
     lower = np.tril_indices(len(share), -1)
     share[lower] = 1.0 - share.T[lower]
     np.fill_diagonal(share, 0.5)

@@ -1,6 +1,4 @@
-"""The pairs of bodies between which heat may flow, and the contacts of a step, or of a state at
-rest, as the heat sees them.
-"""
+"""Pairs between which heat may flow, and the contacts of a step, or at rest, as heat sees them."""
 
 from __future__ import annotations
 
@@ -22,22 +20,16 @@ from multicor_cli.model.columns import GAP, NORMAL, X, Y
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.state import State
 
-# ---- Pairs of bodies between which heat may flow: their radii, which are near, and values kept for
-#      them
+# ---- Pairs between which heat may flow: which are near, and values kept for them
 
 
 @kernel
 def near_pairs(
     scene: Scene, row: NDArray[np.int64], partner: Ints, reach: float
 ) -> tuple[Ints, Ints, Floats]:
-    """Pairs whose gap does not exceed ``reach`` times the smaller radius: i, j and gap [m], sorted
-    by (i, j).
+    """Pairs with gaps up to ``reach`` times the smaller radius: i, j, gap [m], sorted by (i, j).
 
-    Args:
-        scene: Shapes.
-        row: Rows of a neighbor list, shape ``(n + 1,)``.
-        partner: Partners in the list, ascending within a row.
-        reach: Largest gap over the smaller radius.
+    ``row``, shape ``(n + 1,)``, and ``partner``, ascending in a row, are those of a neighbor list.
     """
     room = partner.size
     i_of, j_of, gap_of = np.empty(room, np.int32), np.empty(room, np.int32), np.empty(room)
@@ -53,9 +45,7 @@ def near_pairs(
 
 @kernel
 def resting_contacts(scene: Scene, i: Ints, j: Ints, gap: Floats, normal: Floats) -> None:
-    """Gaps [m] and normals of pairs in a state at rest, shapes ``(c,)`` and ``(c, 2)``; the last
-    two are **modified**.
-    """
+    """Gaps [m] and normals of pairs at rest, ``(c,)`` and ``(c, 2)``; **modifies** both."""
     for k in range(i.size):
         gap[k], normal[k, X], normal[k, Y] = known_geometry(scene, i[k], j[k])
 
@@ -64,15 +54,9 @@ def resting_contacts(scene: Scene, i: Ints, j: Ints, gap: Floats, normal: Floats
 def look_up(
     row: NDArray[np.int64], known_j: Ints, values: Floats, i: Ints, j: Ints, found: Floats
 ) -> None:
-    """Values of pairs in a table sorted by (i, j); 0 for pairs that are not in it.
+    """Values of pairs in a table sorted by (i, j) into ``found``, ``(c,)``; 0 where it has none.
 
-    Args:
-        row: First row of each grain in the table, shape ``(n + 1,)``.
-        known_j: Second shapes in the table.
-        values: Values in the table.
-        i: First shapes of the pairs asked for, shape ``(c,)``.
-        j: Second shapes, shape ``(c,)``.
-        found: Values, shape ``(c,)``. **Modified.**
+    ``row`` is the first row of each grain in the table, shape ``(n + 1,)``.
     """
     for c in range(i.size):
         found[c] = 0.0
@@ -85,22 +69,11 @@ def look_up(
 def hand_on(
     scene: Scene, row: NDArray[np.int64], j: Ints, known_i: Ints, known_j: Ints, values: Floats
 ) -> Floats:
-    """Values known of some pairs, for others; what a pair had that is gone goes to another pair of
-    its place, if there is one.
+    """Values known of some pairs, for others; that of a pair gone goes to another of its place.
 
     A grain that rolls over a wall of many pieces leaves one behind and meets the next: in the same
-    place.
-
-    Args:
-        scene: Shapes.
-        row: First row of each grain among the pairs asked for, shape ``(n + 1,)``.
-        j: Second shapes of the pairs asked for, shape ``(c,)``.
-        known_i: First shapes of the pairs known.
-        known_j: Their second shapes.
-        values: Their values.
-
-    Returns:
-        Values, shape ``(c,)``; 0 where nothing is known.
+    place. ``row`` is the first row of each grain among the pairs asked for, shape ``(n + 1,)``.
+    Values are 0 where nothing is known, shape ``(c,)``.
     """
     found = np.zeros(j.size)
     for k in range(known_i.size):
@@ -119,19 +92,15 @@ def hand_on(
 # ---- Contacts: forces, spots and conductances
 
 TOUCHING = 1e-4
-"""Largest gap, over the smaller radius, of pairs that touch when no step has said which contacts
-carry a force."""
+"""Largest gap, over the smaller radius, of pairs that touch before any step has said which do."""
 
 
 @dataclass(frozen=True)
 class Spots:
-    """Contacts that conduct; ``c`` of them, sorted by (i, j).
+    """Contacts that conduct; ``c`` of them, sorted by (i, j): a grain and a grain or wall shape.
 
-    Attributes:
-        i: Grain, shape ``(c,)``.
-        j: Grain or wall shape, shape ``(c,)``.
-        radius: Radius a_c of the spot of its place [m]; 0 where it bears no force, shape ``(c,)``.
-        conductance: H_c [W/K], shape ``(c,)``.
+    ``radius`` is a_c of the spot of the place [m], 0 where it bears no force; ``conductance`` is
+    H_c [W/K]; shapes are ``(c,)``.
     """
 
     i: Ints
@@ -143,8 +112,7 @@ class Spots:
 def forces_of_step(
     state: State, scene: Scene, contacts: StepContacts, settings: HeatSettings, dt: float
 ) -> Floats:
-    """Normal forces that make the spots [N], shape ``(c,)``; keeps the running averages of
-    ``state`` where they are used.
+    """Normal forces that make the spots [N], shape ``(c,)``; keeps averages of ``state``, if used.
 
     An average counts the time without force, and ends when the pair leaves the reach of the contact
     solver, unless the grain has only rolled on to another piece of the same place. It is divided by
@@ -170,9 +138,7 @@ def forces_of_step(
 
 
 def _shares(scene: Scene, i: Ints, j: Ints, carried: Floats) -> Floats:
-    """Share of each contact in what its place carries, of which nothing is below 0; 0 where that is
-    nothing, shape ``(c,)``.
-    """
+    """Share of each contact in what its place carries, shape ``(c,)``; 0 where that is nothing."""
     total = totals_of_places(find_places(scene, i, j)[0], carried)
     return np.where(total > 0.0, carried / np.where(total > 0.0, total, 1.0), 0.0)
 
@@ -190,9 +156,7 @@ def _known_weight(state: State, settings: HeatSettings) -> float:
 
 
 def loaded_pairs(state: State, scene: Scene, settings: HeatSettings) -> tuple[Ints, Ints, Floats]:
-    """Contacts that carried a force in the last step: i, j and normal force [N] (averaged, where
-    averages are kept).
-    """
+    """Contacts that carried a force in the last step: i, j and (where kept, averaged) force [N]."""
     force, i, j = settings.force, state.contact_i, state.contact_j
     if force.kind == "average" and state.mean_age > 0.0:
         return i, j, _averages(state, scene, i, j) / _known_weight(state, settings)
@@ -209,9 +173,7 @@ def loaded_pairs(state: State, scene: Scene, settings: HeatSettings) -> tuple[In
 def pairs_at_rest(
     scene: Scene, near: tuple[Ints, Ints, Floats], settings: HeatSettings
 ) -> tuple[Ints, Ints, Floats]:
-    """Pairs that touch in a state in which no step has been taken, under the prescribed force;
-    without one it is 0.
-    """
+    """Pairs that touch where no step has been taken, under the prescribed force; without one, 0."""
     i, j, _ = near
     force = settings.force.value if settings.force.kind == "prescribed" else 0.0
     return i, j, force * _shares(scene, i, j, np.ones(i.size))
@@ -220,9 +182,7 @@ def pairs_at_rest(
 def conducting_spots(
     scene: Scene, i: Ints, j: Ints, force: Floats, laws: HeatLaws, settings: HeatSettings
 ) -> Spots:
-    """Radii and conductances of contacts under given normal forces [N]; the contacts of a place
-    have one spot.
-    """
+    """Spots of contacts under given normal forces [N]; the contacts of a place have one spot."""
     radius, conductance = np.empty(i.size), np.empty(i.size)
     total = totals_of_places(find_places(scene, i, j)[0], force)
     contact_spots(

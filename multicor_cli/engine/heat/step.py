@@ -53,8 +53,7 @@ _RULES = {"none": NO_FRICTION, "energy": ENERGY, "sliding": SLIDING}
 
 
 class HeatStep:
-    """The heat of the grains that are present, and of walls that have a heat capacity: the part of
-    an engine that knows heat.
+    """The heat of the grains that are present, and of walls with a heat capacity, in an engine.
 
     Attributes:
         of_contacts: Heat generated [J] and conductance H_c [W/K] of the contacts of the last step,
@@ -62,11 +61,7 @@ class HeatStep:
     """
 
     def __init__(self, model: Model, state: State, settings: HeatSettings) -> None:
-        """Set up with insulated walls.
-
-        Raises:
-            ValueError: If the model has no heat capacities.
-        """
+        """Set up with insulated walls; a `ValueError` if the model has no heat capacities."""
         if model.thermal is None:
             message = "the model has no heat capacities"
             raise ValueError(message)
@@ -79,9 +74,7 @@ class HeatStep:
         return NeighborList(self._model)  # where no grain is present there is none
 
     def begin(self, conditions: Sequence[WallHeat]) -> None:
-        """Take up the thermal conditions of the walls, one for each; their signals count from the
-        start of the stage.
-        """
+        """Take up the thermal conditions of walls; signals count from the start of the stage."""
         self.of_contacts: tuple[Floats, Floats] | None = None
         self._conditions = list(conditions)
         self._bodies = np.flatnonzero([condition.kind == "capacity" for condition in conditions])
@@ -91,24 +84,14 @@ class HeatStep:
         self._resting: tuple[Links, Spots] | None = None
 
     def shape_temperatures(self, t: float) -> Floats:
-        """Temperatures of grains and wall shapes [K]; nan for walls that have none, shape
-        ``(n + m,)``.
-
-        Args:
-            t: Time since the start of the stage [s].
-        """
+        """Temperatures of grains and wall shapes at ``t`` of a stage [K], ``(n + m,)``, or nan."""
         walls = WallValues(self._conditions, t).temperatures(0.0, self._state.wall_temperature)
         return np.concatenate(
             [self._state.temperature(self._thermal), walls[self._model.shapes.wall]]
         )
 
     def flow(self, moved: Moved, dt: float, t: float) -> None:
-        """Heat of a step in which grains moved.
-
-        Args:
-            moved: Its contacts.
-            dt: Time step [s].
-            t: Time since the start of the stage at the beginning of the step [s].
+        """Heat of a step ``dt`` in which grains moved, from ``t`` after the start of the stage [s].
 
         Raises:
             PhysicsError: If a temperature is not finite, or cannot be integrated.
@@ -140,18 +123,14 @@ class HeatStep:
         )
 
     def flow_nowhere(self, dt: float, t: float) -> None:
-        """Where no grain is present walls keep their heat, and those of prescribed flow cannot
-        deliver theirs.
-        """
+        """Without grains walls keep their heat; those of prescribed flow cannot deliver theirs."""
         self._note_walls(dt, t)
         book_undelivered(
             self._state, WallValues(self._conditions, t).undelivered(dt, np.zeros(0, np.int32))
         )
 
     def skip(self, dt: float, t: float) -> None:
-        """A step in which heat is off: running averages of forces are not kept up to date, walls
-        follow their signals.
-        """
+        """Heat is off in this step: averages of forces are dropped, walls follow their signals."""
         state = self._state
         if state.mean_age > 0.0:
             none = np.zeros(0, np.int32)
@@ -169,9 +148,7 @@ class HeatStep:
         )
 
     def resting_table(self, laws: ContactLaws) -> ContactTable:
-        """The contacts through which heat flows while nothing moves, with the impulses of the last
-        step.
-        """
+        """The contacts that conduct while nothing moves, with the impulses of the last step."""
         state, scene = self._state, self._resting_scene()
         spots = self._rest(scene)[1]
         i, j = spots.i, spots.j
@@ -278,7 +255,6 @@ class HeatStep:
         is_frozen: bool,
         should_stop: Callable[[], bool] | None = None,
     ) -> None:
-        """Advance the temperatures and close the books."""
         state, settings = self._state, self._settings
         if not float(np.abs(state.heat).max()) <= LARGEST:
             raise PhysicsError(

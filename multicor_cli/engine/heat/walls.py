@@ -44,13 +44,7 @@ class WallHeat:
 def begin_bodies(
     conditions: Sequence[WallHeat], is_new: NDArray[np.bool_], temperature: Floats
 ) -> None:
-    """Give walls with a heat capacity whose condition is new the temperature with which they begin.
-
-    Args:
-        conditions: Conditions of the walls.
-        is_new: Whether they begin, shape ``(w,)``.
-        temperature: Temperatures of the walls [K], shape ``(w,)``. **Modified.**
-    """
+    """Set the temperatures of walls whose heat capacity is new [K]; **modifies** that array."""
     for w, condition in enumerate(conditions):
         if condition.kind != "capacity" or not is_new[w]:
             continue
@@ -62,25 +56,17 @@ def begin_bodies(
 
 @dataclass(frozen=True)
 class WallValues:
-    """Temperatures [K] or heat flows [W] of the walls, by the time since the start of a step.
-
-    Attributes:
-        conditions: Conditions of the walls.
-        start: Time since the start of the stage at which the step begins [s].
-    """
+    """Temperatures [K] or flows [W] of walls in a step from ``start`` of the stage on [s]."""
 
     conditions: Sequence[WallHeat]
     start: float
 
     @property
     def count(self) -> int:
-        """Number of walls."""
         return len(self.conditions)
 
     def pieces(self, dt: float) -> list[tuple[WallValues, float]]:
-        """The step, cut where signals bend: for each piece the values and its length [s]. No pulse
-        falls between two steps.
-        """
+        """The step in pieces, cut where signals bend: values and length [s]; no pulse is missed."""
         corners = {
             time
             for wall in self.conditions
@@ -95,21 +81,16 @@ class WallValues:
         ]
 
     def temperatures(self, t: float, bodies: Floats) -> Floats:
-        """Temperatures of the walls ``t`` seconds after the start of the step [K]; nan where there
-        is none, shape ``(w,)``.
+        """Temperatures of the walls ``t`` seconds into the step [K], shape ``(w,)``; nan for none.
 
-        Args:
-            t: Time since the start of the step [s].
-            bodies: Temperatures of the walls that have a heat capacity [K], shape ``(w,)``.
+        ``bodies`` are those of the walls that have a heat capacity [K], shape ``(w,)``.
         """
         known = np.array([c.kind == "temperature" for c in self.conditions], np.bool_)
         has_own = np.array([c.kind == "capacity" for c in self.conditions], np.bool_)
         return np.where(known, self(t), np.where(has_own, bodies, np.nan))
 
     def undelivered(self, dt: float, reached: Ints) -> float:
-        """Heat that walls of prescribed flow could not pass on within ``dt`` [J]: all but those
-        ``reached`` touch nothing.
-        """
+        """Heat that flow walls other than those ``reached`` could not pass on within ``dt`` [J]."""
         idle = np.array([c.kind == "flow" for c in self.conditions], np.bool_)
         idle[reached] = False
         return math.fsum(
@@ -117,9 +98,7 @@ class WallValues:
         )
 
     def __call__(self, t: float) -> Floats:
-        """Values ``t`` seconds after the start of the step; 0 where nothing is prescribed, shape
-        ``(w,)``.
-        """
+        """Values ``t`` seconds into the step, shape ``(w,)``; 0 where nothing is prescribed."""
         return np.array(
             [
                 c.signal.value(self.start + t) if c.kind in PRESCRIBED else 0.0

@@ -1,5 +1,4 @@
-"""Grains that come and go: who comes and goes before a step, where there is room, the books of it,
-and who is present.
+"""Grains that come and go before a step: which, where there is room, their books, who is present.
 
 Who comes and goes is a function of the state alone. The step itself knows only grains that are
 present: those that wait or have gone cost nothing, and no loop can meet one.
@@ -39,14 +38,8 @@ def first_free(
 ) -> int:
     """The first place where a grain overlaps nothing; −1 if there is none.
 
-    Args:
-        place: Centers to try, shape ``(k, 2)``.
-        radius: Radius of the grain [m].
-        disc: x, y and radius of the grains around [m], shape ``(d, 3)``.
-        kind: `ShapeKind` of the wall shapes, shape ``(m,)``.
-        world: Their geometry in the world [m], shape ``(m, 4)``.
-        is_met: Whether the grain meets them, shape ``(m,)``.
-        period: Period in x [m] or 0.
+    Centers to try [m] have shape ``(k, 2)``, ``disc``, x, y and radius of the grains around [m],
+    ``(d, 3)``; ``kind``, ``world`` and ``is_met`` are of the wall shapes, as `Scene` has them.
     """
     for k in range(place.shape[0]):
         x, y = place[k, X], place[k, Y]
@@ -72,15 +65,7 @@ def first_free(
 def find_room(
     release: Release, number: int, grain: int, model: Model, state: State
 ) -> tuple[float, float] | None:
-    """Where a waiting grain can be released now [m]; None if it finds no room.
-
-    Args:
-        release: How its group comes.
-        number: Number of the release.
-        grain: The grain.
-        model: The model.
-        state: The state.
-    """
+    """Where a waiting grain can be released now [m], in release ``number``; None without room."""
     radius = float(model.grains.radius[grain])
     low, high = np.array(release.region.low), np.array(release.region.high)
     inset = np.array([0.0 if release.spans_period else radius, radius])
@@ -101,9 +86,7 @@ def find_room(
 
 
 def _discs_near(low: Floats, high: Floats, model: Model, state: State) -> Floats:
-    """x, y and radius of the grains that are there and reach into a rectangle [m], shape
-    ``(d, 3)``.
-    """
+    """x, y and radius of the grains there that reach into a rectangle [m], shape ``(d, 3)``."""
     here = state.here
     position, radius = state.position[here], model.grains.radius[here]
     offset = np.abs(position[:, :2] - 0.5 * (low + high))
@@ -113,8 +96,7 @@ def _discs_near(low: Floats, high: Floats, model: Model, state: State) -> Floats
     return np.column_stack([position[near, :2], radius[near]])
 
 
-# ---- Books of grains that come and go: their numbers and masses, and the energy and heat that go
-#      with them.
+# ---- Books of grains that come and go: numbers, masses, and the energy and heat they take along.
 #
 # A grain enters the energy books with the kinetic energy of its release, and leaves them with what
 # it has then. Its heat content counts from the temperature with which it came, so that it brings
@@ -147,9 +129,7 @@ def book_returned(state: State, model: Model, grains: NDArray[np.int64]) -> None
 
 
 def note_presence(state: State, model: Model, behind: int) -> None:
-    """Count who is there and who waits, and compare all masses; ``behind`` are the releases that
-    found no room.
-    """
+    """Count who is there and who waits, compare all masses; ``behind`` releases found no room."""
     books, mass = state.exchange, model.grains.mass
     for name, status in (("waiting", Presence.WAITS), ("present", Presence.THERE)):
         which = np.flatnonzero(state.presence == status)
@@ -172,9 +152,7 @@ def _add(state: State, name: str, value: float) -> None:
 
 
 def _energies(state: State, model: Model, grains: NDArray[np.int64]) -> tuple[float, float]:
-    """Kinetic energy, and energy in the gravity of the domain −m g·r, zero at the origin [J]; x is
-    unwrapped.
-    """
+    """Kinetic energy, and −m g·r in the gravity of the domain, x unwrapped, 0 at the origin [J]."""
     (u, v), spin = state.velocity[grains, :SPIN].T, state.velocity[grains, SPIN]
     mass, (gx, gy) = model.grains.mass[grains], model.gravity.tolist()
     x = state.position[grains, X] + model.period * state.image[grains]
@@ -200,14 +178,8 @@ def pass_grains(
 ) -> NDArray[np.int64] | None:
     """Let grains go, then let grains come.
 
-    Args:
-        rules: How.
-        model: All grains.
-        state: The state of all grains, between two steps. **Modified.**
-        keep: Called before the first change, if any grain goes or comes.
-
-    Returns:
-        Those that came; None if none went or came.
+    ``keep`` is called before the first change of ``state``, that of all grains between two steps,
+    which is **modified**. Returns those that came; None if none went or came.
 
     Raises:
         PhysicsError: If a grain is lost and that is to end the run; nothing has been changed then.
@@ -279,7 +251,7 @@ def _let_out(
 
 
 def _let_in(release: Release, model: Model, state: State, keep: Callable[[], None]) -> int:
-    """Release the grains of a group that are due; returns how many of them found no room."""
+    """Release the grains of a group that are due; returns how many found no room."""
     group = release.group
     allowed, column = release.allowed(state.time), _MASS if release.is_mass else _GRAINS
     queue = np.flatnonzero(
@@ -315,7 +287,6 @@ def _put(
 
 
 def _forget_contacts(state: State, stayed: NDArray[np.bool_]) -> None:
-    """Drop the contacts of grains that have gone."""
     kept = _among(state.contact_i, state.contact_j, stayed)
     if state.contact_couple.size:
         state.contact_couple = state.contact_couple[kept]
@@ -372,9 +343,7 @@ class Population:
         self._select()
 
     def pass_grains(self) -> bool:
-        """Let grains go and come, once before each step; returns whether any did. Raises as
-        `pass_grains`.
-        """
+        """Let grains go and come as `pass_grains`, once before each step; returns whether any."""
         if self._has_passed:
             return False
         came = pass_grains(self._rules, self._model, self._state, self._keep)
@@ -385,15 +354,11 @@ class Population:
         return came is not None
 
     def gather(self) -> None:
-        """Let the grains that are present know what has changed in the state of all grains, but for
-        grains themselves.
-        """
+        """Pass on what has changed in the state of all grains, but for the grains themselves."""
         _share(self._state, self.present)
 
     def scatter(self) -> None:
-        """Enter into the state of all grains what has become of those that are present, at the end
-        of a step.
-        """
+        """Enter what a step has made of the present grains into the state of all of them."""
         state, present = self._state, self.present
         _share(present, state)
         for name in _OF_GRAINS:
@@ -405,9 +370,7 @@ class Population:
         self._settle()
 
     def go_back(self) -> bool:
-        """Undo what `pass_grains` did before a step that was interrupted; returns whether there was
-        anything.
-        """
+        """Undo `pass_grains` of a step that was interrupted; returns whether it had any effect."""
         before = self._before
         if before is not None:
             vars(self._state).update(vars(before))
@@ -420,7 +383,6 @@ class Population:
         self._came, self._before, self._has_passed = self._came[:0], None, False
 
     def _keep(self) -> None:
-        """Remember the state before grains come and go."""
         if self._before is None:
             self._before = State.from_dict(
                 {name: value.copy() for name, value in self._state.as_dict().items()}

@@ -14,12 +14,7 @@ from multicor_cli.model.model import Floats
 
 @dataclass(frozen=True)
 class Rectangle:
-    """A rectangle, sides included; sides may be infinite.
-
-    Attributes:
-        low: Lower left corner [m].
-        high: Upper right corner [m].
-    """
+    """A rectangle between two corners [m], sides included; sides may be infinite."""
 
     low: tuple[float, float]
     high: tuple[float, float]
@@ -47,11 +42,9 @@ class Release:
         is_mass: Whether it is a rate of mass.
         start: Time of the first release [s].
         region: Where; grains lie wholly in it.
-        spans_period: Whether the region is the whole period wide: grains may then lie across its
-            ends.
+        spans_period: Whether it is the whole period wide: grains may then lie across its ends.
         velocity: Velocity [m/s] and spin [rad/s] that grains come with.
-        draw: Numbers in [0, 1) for the places tried, shape ``(tries, 2)``, given the number of the
-            release.
+        draw: For the k-th release, numbers in [0, 1) for the places tried, shape ``(tries, 2)``.
     """
 
     group: int
@@ -64,19 +57,15 @@ class Release:
     draw: Callable[[int], Floats]
 
     def allowed(self, time: float) -> float:
-        """What may have been released before the next one at a time [s]: grains, or mass [kg];
-        negative before the start.
-        """
+        """Grains or mass [kg] that may have come by a time [s]; negative before the start."""
         return self.rate * (time - self.start)
 
 
 @dataclass(frozen=True)
 class Outlet:
-    """Where grains leave.
+    """Where grains leave whose center lies in it.
 
-    Attributes:
-        region: A grain whose center lies in it leaves.
-        returns: Whether it goes back to wait, if its group has a release.
+    With ``returns`` they go back to wait, if their group has a release.
     """
 
     region: Rectangle
@@ -85,13 +74,10 @@ class Outlet:
 
 @dataclass(frozen=True)
 class InflowRules:
-    """How grains come and go.
+    """How grains come and go: releases of groups, and outlets in the order of `Model.outlets`.
 
-    Attributes:
-        releases: One for each group that has one.
-        outlets: The outlets, in the order of `Model.outlets`.
-        limits: A grain whose center is beyond is lost; None: none is.
-        stops: Whether a lost grain ends the run; otherwise it is removed.
+    A grain whose center is beyond ``limits``, if there are any, is lost: that ends the run if it
+    ``stops``, else the grain is removed.
     """
 
     releases: tuple[Release, ...] = ()

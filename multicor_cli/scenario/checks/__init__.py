@@ -10,9 +10,7 @@ __all__ = ["check_all"]
 
 
 def check_all(tables: PartialScenario) -> list[Refused]:
-    """All findings about how the tables fit together; tables that are invalid on their own are
-    passed over.
-    """
+    """All findings about how tables fit together; tables invalid on their own are left out."""
     checks = (
         laws.check,
         grains.check,

@@ -1,6 +1,4 @@
-"""Groups of grains and walls fit together, into the domain and into their regions; grains that come
-and go find their places.
-"""
+"""Groups of grains and walls fit together and into the domain; grains that come and go do."""
 
 from __future__ import annotations
 
@@ -29,8 +27,7 @@ from multicor_cli.scenario.walls import Glued, Wall
 # ---- Groups of grains fit together, into the domain and into their regions
 
 MAX_GRAINS = 50_000_000
-"""More grains than any machine can hold today; a file that claims more is refused before memory is
-taken."""
+"""More grains than any machine can hold today; they are refused before memory is taken."""
 _SLACK = 1e-9
 
 
@@ -161,9 +158,7 @@ def _no_weight(path: KeyPath, domain: Domain) -> Refused:
 
 
 def _too_many(tables: PartialScenario) -> Iterator[Refused]:
-    """The total number of grains is bounded; counted from below where it follows from an area
-    fraction.
-    """
+    """The total number of grains is bounded; area fractions give a lower estimate."""
     total = 0.0
     for k, group in enumerate(tables.particles):
         if group is None or tables.domain is None:
@@ -194,8 +189,7 @@ def _least_count(group: ParticleGroup, domain: Domain) -> float:
     return group.count or (group.fill or 0.0) * region.area().size / largest_area
 
 
-# ---- Grains that come and go find their places: releases and outlets fit into the domain, and to
-#      each other
+# ---- Grains that come and go: releases and outlets fit into the domain, and to each other
 
 
 def check_exchange(tables: PartialScenario) -> Iterator[Refused]:

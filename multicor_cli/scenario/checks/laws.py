@@ -1,6 +1,4 @@
-"""Materials are defined, every pair that can touch has one contact law, and heat has what it
-needs.
-"""
+"""Materials are defined, each touching pair has one contact law, and heat has what it needs."""
 
 from __future__ import annotations
 
@@ -82,9 +80,7 @@ def _key(a: str, b: str) -> tuple[str, str]:
 
 
 def _covering(a: str, b: str) -> set[tuple[str, str]]:
-    """All pairs that an entry about the materials ``a`` and ``b`` can have; "*" sorts before all
-    names.
-    """
+    """All pairs that an entry about ``a`` and ``b`` can have; "*" sorts before all names."""
     return {_key(a, b), ("*", a), ("*", b), ("*", "*")}
 
 
@@ -108,9 +104,7 @@ def _double_entries(path: KeyPath, entries: Entries) -> Iterator[Refused]:
 
 
 def touching_pairs(tables: PartialScenario) -> list[tuple[str, str]]:
-    """Pairs of defined materials that can touch: grains with grains and with the walls that they
-    meet.
-    """
+    """Pairs of materials that can touch: grains with grains, and with walls that they meet."""
     known, groups = set(tables.material_names), [group for group in tables.particles if group]
     grains = sorted({group.material for group in groups} & known)
     pairs = set(combinations_with_replacement(grains, 2))
@@ -134,9 +128,7 @@ def _dotted(path: KeyPath) -> str:
 
 
 def _ambiguous_pairs(path: KeyPath, entries: Entries, tables: PartialScenario) -> Iterator[Refused]:
-    """Pairs that two entries such as ["a", "*"] and ["b", "*"] cover, without an entry of their
-    own.
-    """
+    """Pairs that two entries such as ["a", "*"] and ["b", "*"] cover, but none of their own."""
     first = _by_pair(entries)
     told: set[int] = set()
     for a, b in touching_pairs(tables):
@@ -151,9 +143,7 @@ def _ambiguous_pairs(path: KeyPath, entries: Entries, tables: PartialScenario) -
 
 
 def _uncovered_pairs(tables: PartialScenario) -> Iterator[Refused]:
-    """One finding for all pairs without a law, unless an entry that is wrong may be the one that is
-    meant for them.
-    """
+    """One finding for all pairs without a law, unless a wrong entry may be meant for them."""
     named = {name for _, entry in _given(tables.contacts) for name in entry.pair if name != "*"}
     if None in tables.contacts or not named <= set(tables.material_names):
         return
@@ -173,8 +163,7 @@ def _uncovered_pairs(tables: PartialScenario) -> Iterator[Refused]:
     yield Refused(("contacts",), f"no contact law for {pairs}{more}", remedy)
 
 
-# ---- Thermal keys have an effect: `[heat]` is there where it is needed, and stages, walls and gas
-#      can do what is asked of them
+# ---- Thermal keys have an effect: `[heat]`, stages, walls and gas can do what is asked of them
 
 
 def check_heat(tables: PartialScenario) -> Iterator[Refused]:
@@ -238,9 +227,7 @@ def _never_on(tables: PartialScenario) -> Iterator[Refused]:
 
 
 def _check_frozen(tables: PartialScenario, heat: Heat) -> Iterator[Refused]:
-    """Contact spots need forces, which only a step of the mechanics finds out, here or in the run
-    of ``[start]``.
-    """
+    """Contact spots need forces, which only a mechanical step finds, here or in ``[start]``."""
     knows_spots = tables.has_start or not heat.needs_forces
     for k, stage in enumerate(tables.loading):
         if stage is None or not stage.frozen:
@@ -292,9 +279,7 @@ def _conditions(tables: PartialScenario) -> Iterator[tuple[KeyPath, AnyCondition
 
 
 def _check_sizes(tables: PartialScenario, heat: Heat) -> Iterator[Refused]:
-    """The gas model for equal grains; groups that bring their grains are checked when they are
-    made.
-    """
+    """The gas model for equal grains; groups that bring their grains are checked later."""
     sizes = [group.sizes for group in tables.particles if group and group.sizes]
     if heat.gas is None or not sizes:
         return
@@ -303,8 +288,7 @@ def _check_sizes(tables: PartialScenario, heat: Heat) -> Iterator[Refused]:
     )
 
 
-# ---- Materials have the properties that the chosen heat mechanisms and contact laws need, and are
-#      fit for them
+# ---- Materials have the properties that the chosen mechanisms and laws need, and fit them
 
 
 def check_thermal_materials(tables: PartialScenario) -> Iterator[Refused]:

@@ -1,6 +1,4 @@
-"""Loading stages name walls that exist, wait for what can come, and their steps, durations and
-intervals go together.
-"""
+"""Stages name walls that exist, wait for what can come, and have steps that fit intervals."""
 
 from __future__ import annotations
 
@@ -295,17 +293,14 @@ def check_timing(tables: PartialScenario) -> Iterator[Refused]:
 def _time_steps(tables: PartialScenario) -> list[float]:
     """Time steps of the stages in which something moves, as far as they are known.
 
-    A frozen stage is left out: its time step is the interval at which temperatures are evaluated,
-    and output waits for it.
+    That of a frozen stage is the interval at which temperatures are evaluated: output waits for it.
     """
     steps = [_time_step(tables, stage) for stage in tables.loading if stage and not stage.frozen]
     return [dt for dt in steps if dt is not None]
 
 
 def _time_step(tables: PartialScenario, stage: Stage) -> float | None:
-    """Time step of a stage; None if it is not known yet: an automatic one suits the output whatever
-    it is.
-    """
+    """Time step of a stage; None if not known yet: an automatic one suits the output."""
     dt = stage.dt
     if dt is None:
         if stage.frozen:

@@ -47,9 +47,7 @@ def new_scenario(name: str, template: str = "shear") -> str:
 
 
 def template_table(template: str) -> str | None:
-    """Text of the file NAME.csv that a scenario made from a template reads; None if it reads
-    none.
-    """
+    """Text of the file NAME.csv that a scenario from a template reads; None if it reads none."""
     return (
         _text(f"{template}.csv")
         if files(__package__).joinpath(f"{template}.csv").is_file()

@@ -1,5 +1,4 @@
-"""The tables of every dataset in the files of a run: one row each, the same for segments,
-`model.h5` and `results.h5`.
+"""The tables of every dataset in the files of a run, one row each.
 
 A row says what a dataset is, where its values come from, and what shows it; writers, readers and
 exports follow the tables. Rows that only some runs have name the feature of the run that they
@@ -26,10 +25,8 @@ from multicor_cli.store.schema.rows import (
 )
 
 SEGMENT_TABLE = FRAME_TABLE + SERIES
-"""Everything in a segment."""
 
 RESULTS_TABLE = SCENARIO + MODEL + FRAME_TABLE + SERIES
-"""Everything in ``results.h5``."""
 
 CHECKPOINT = tuple(
     Dataset(
@@ -43,8 +40,7 @@ CHECKPOINT = tuple(
     )
     for name, about in stored_fields(State).items()
 )
-"""Everything in a checkpoint: the fields of `State`. Those that belong to heat are there, but
-empty, in runs without."""
+"""Everything in a checkpoint: the fields of `State`; those of heat are empty in runs without."""
 
 FORMAT_VERSION = max(row.since for row in RESULTS_TABLE + CHECKPOINT)
 """Major and minor version of the file format, in which the newest dataset appeared. A reader

@@ -1,6 +1,4 @@
-"""Every dataset in one row: where its values come from, and where they go; what is written once, of
-a frame, of the time series.
-"""
+"""Every dataset in one row: where its values come from, and where they go."""
 
 from __future__ import annotations
 
@@ -52,11 +50,9 @@ class Dataset:
         path: Name inside the file, without the leading slash.
         dtype: Stored type.
         dims: Shape: named lengths and numbers.
-        unit: SI unit, one per column (separated by commas) where they differ; ``1`` if
-            dimensionless.
+        unit: SI unit, one per column (with commas) where they differ; ``1`` if dimensionless.
         long_name: What it is, in a sentence.
-        value: What is stored of a moment; None where the writer knows by itself, or a getter of its
-            own does.
+        value: What is stored of a moment; None where the writer or a getter of its own knows.
         finite: Whether every value must be finite.
         since: Format version in which the dataset appeared.
         only_with: Feature of the runs that have it, or None if all have it.
@@ -78,17 +74,14 @@ class Dataset:
 
     @property
     def name(self) -> str:
-        """Last part of the path."""
         return self.path.rsplit("/", 1)[-1]
 
     @property
     def group(self) -> str:
-        """Path without its last part."""
         return self.path.rsplit("/", 1)[0]
 
     @property
     def row(self) -> Dim | int:
-        """What one row of the dataset stands for."""
         return self.dims[0]
 
 
@@ -101,8 +94,7 @@ class Reader(Protocol):
 
 @dataclass(frozen=True)
 class Column(Dataset, Generic[T]):
-    """A row about frames, which is also the attribute by which a frame gives it: read when it is
-    first used, and kept.
+    """A row about frames, which is also a frame's attribute: read when it is first used, and kept.
 
     Attributes:
         convert: Makes the value of the attribute of what is stored.
@@ -153,9 +145,7 @@ def _describe(column: Column[Any]) -> str:
 def select(
     table: tuple[Dataset, ...], features: Set[str], version: Version | None = None
 ) -> tuple[Dataset, ...]:
-    """The rows of a table that a run with these features has, in order; of an older version of the
-    format if it is given.
-    """
+    """The rows of a table that a run with these features (and of this version) has, in order."""
     known = (row for row in table if version is None or row.since <= version)
     return tuple(row for row in known if row.only_with is None or row.only_with in features)
 
@@ -182,9 +172,7 @@ def names(table: tuple[Dataset, ...]) -> tuple[str, ...]:
 
 
 def markdown(table: tuple[Dataset, ...]) -> str:
-    """A table of the format documents: path, type, shape, unit, meaning, and since which version
-    (in runs with which feature).
-    """
+    """A table of the format documents: path, type, shape, unit, meaning, since (and feature)."""
     symbols = _DIM_SYMBOL | {dim: str(count) for dim, count in entry_counts().items()}
     lines = ["| path | type | shape | unit | meaning | since |", "|---|---|---|---|---|---|"]
     for row in table:
@@ -385,8 +373,7 @@ SCENARIO: tuple[Dataset, ...] = (
 """Only in ``results.h5``; a running run has the same texts as files beside it."""
 
 
-# ---- What a frame holds: a row for every dataset, which is also the attribute by which `Frame`
-#      gives it.
+# ---- What a frame holds: a row for every dataset, which is also an attribute of `Frame`.
 #
 # A value of the moment is one more row in a class here. What the engine keeps from step to step, or
 # makes in every contact, says itself what it is (`model.state.FrameFields`,
@@ -569,7 +556,6 @@ class ContactColumns(ContactTable):
 
 
 def _kept_of_grains(name: str, about: Stored) -> Column[Any]:
-    """The row of what a state has for each grain."""
     exports: tuple[Export, ...] = (
         ("vtk",) if about.only_with == "exchange" else ("vtk", "gsd")
     )  # GSD has those alone that are there
@@ -583,7 +569,6 @@ def _kept_of_grains(name: str, about: Stored) -> Column[Any]:
 
 
 def _kept_of_walls(name: str, about: Stored) -> Column[Any]:
-    """The row of what a state has for each wall."""
     return Column(
         f"walls/{name.removeprefix('wall_')}", about.dtype, ("frame", "wall", *about.dims[1:]),
         about.unit, about.meaning,
@@ -593,7 +578,6 @@ def _kept_of_walls(name: str, about: Stored) -> Column[Any]:
 
 
 def _of_contacts(name: str, about: Stored) -> Column[Any]:
-    """The row of what a table of contacts has."""
     return Column(
         f"contacts/{name}", about.dtype, about.dims, about.unit, about.meaning,
         lambda m: m.of_contacts(getattr(m.table, name)), since=about.since,
@@ -603,14 +587,12 @@ def _of_contacts(name: str, about: Stored) -> Column[Any]:
 
 
 def _attach(owner: type, columns: dict[str, Column[Any]]) -> tuple[Column[Any], ...]:
-    """Make columns attributes of a class, by their names."""
     for name, column in columns.items():
         setattr(owner, name, column)
     return tuple(columns.values())
 
 
 def _rows(owner: type) -> tuple[Column[Any], ...]:
-    """The columns that a class has of its own, in order."""
     return tuple(row for row in vars(owner).values() if isinstance(row, Column))
 
 
@@ -627,7 +609,6 @@ _TABLE = {name: _of_contacts(name, about) for name, about in stored_fields(Conta
 _I, _J, *_MORE_OF_CONTACTS = _attach(ContactColumns, _TABLE)
 
 STEPS = _rows(StepColumns)
-"""One row per frame."""
 
 OFFSETS: tuple[Dataset, ...] = (
     Dataset(
@@ -648,13 +629,10 @@ OFFSETS: tuple[Dataset, ...] = (
 """Where the rows of each frame lie."""
 
 PARTICLES = _rows(GrainColumns) + _attach(KeptColumns, _KEPT_OF_GRAINS)
-"""One row per grain and frame, in the order of the grains."""
 
 CONTACTS = (_I, _J, ContactColumns.kind, *_MORE_OF_CONTACTS)
-"""One row per contact of the last step and frame, ordered by (i, j)."""
 
 WALLS = _rows(WallColumns) + _attach(KeptColumns, _KEPT_OF_WALLS)
-"""One row per frame and wall."""
 
 FRAME_TABLE = STEPS + OFFSETS + PARTICLES + CONTACTS + WALLS
 """Everything that a frame consists of."""
