@@ -74,8 +74,7 @@ def _runs(studies: list[Study]) -> str:
         return "<p>The runs are those of the shipped scenarios.</p>\n"
     return (
         f'<p class="note">The scenario of {escape(", ".join(changed))} is not the one shipped now '
-        "(another "
-        "version, or values set by hand): numbers may differ from the documentation.</p>\n"
+        "(another version, or values set by hand): numbers may differ from the documentation.</p>\n"
     )
 
 

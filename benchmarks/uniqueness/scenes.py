@@ -110,8 +110,7 @@ def shear(count: int, seed: int, inertial: float, strain: float, tolerance: floa
     motion = f"velocity = [{0.5 * speed!r}, 0.0]\nshear_rate = {rate!r}"
     head = _head(
         "shear", seed, count, (width, gap + 4e-3), periodic="true", gravity=0.0, friction=0.4,
-        packing='{ '
-            'kind = "random" }',
+        packing='{ kind = "random" }',
         bottom=1.2e-3, top=1.2e-3 + layer, motion=motion,
     )  # fmt: skip
     return head + walls + stages + _tail(8.9e-5 if inertial > 0.05 else 1.78e-4, tolerance)

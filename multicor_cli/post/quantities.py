@@ -254,8 +254,7 @@ QUANTITIES: dict[str, GrainQuantity] = {
         ),
         GrainQuantity("speed", "speed", r"|v|", "m/s", _speeds, scale="from zero"),
         GrainQuantity("displacement", "displacement", r"|\Delta x|", "m", _displacements,
-            scale="from "
-            "zero"),
+            scale="from zero"),
         GrainQuantity(
             "rotation", "rotation since the start", r"\theta", "rad",
             lambda source, frame: np.asarray(source.frames[frame].angle, np.float64), "balance",
@@ -278,8 +277,7 @@ QUANTITIES: dict[str, GrainQuantity] = {
             per_area=(r"\dot{q}", "W/m2"),
         ),
         GrainQuantity("fluctuation", "velocity fluctuation", r"|v - \langle v_x \rangle|", "m/s",
-            fluctuations, scale="from "
-            "zero"),
+            fluctuations, scale="from zero"),
         GrainQuantity("solid-fraction", "solid fraction", r"\nu", "1", averaged=_one, kind="share"),
         GrainQuantity(
             "granular-temperature", "granular temperature", r"T_g", "m2/s2",

@@ -130,8 +130,7 @@ class SteadyEnd(Table):
     of: Literal["kinetic_energy", "force", "stress", "friction"] = Field(
         description=(
             'what is watched: "kinetic_energy", or of a wall "force", "stress" or "friction": the '
-            "force along axis over "
-            "that across it"
+            "force along axis over that across it"
         )
     )
     wall: Name | None = Field(None, description="the wall, for all but the kinetic energy")
@@ -666,8 +665,7 @@ class Stage(Table):
         max_length=1000,
         description=(
             'friction from this stage on, as [{ pair = ["glass", "*"], friction = 0.0 }]; pairs '
-            "that are not covered keep "
-            "theirs, and so do restitution, adhesion and rolling_friction"
+            "that are not covered keep theirs, and so do restitution, adhesion and rolling_friction"
         ),
     )
     gravity: StageGravityTable | None = Field(

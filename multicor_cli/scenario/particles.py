@@ -581,8 +581,7 @@ class Outlet(Table):
         "remove",
         description=(
             '"remove": grains leave for good; "release": those of groups with a release go back '
-            "to wait for it, to come "
-            "again as they came first"
+            "to wait for it, to come again as they came first"
         ),
     )
 

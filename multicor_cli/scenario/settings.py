@@ -84,8 +84,7 @@ class Solver(Table):
         "auto",
         description=(
             'time step [s], or "auto": the largest that resolves the pressure, the shear, the '
-            "motion and the periods of "
-            "signals of each stage"
+            "motion and the periods of signals of each stage"
         ),
     )
     method: Literal["accelerated", "gauss-seidel"] = Field(

@@ -672,8 +672,7 @@ class Wall(Table):
         max_length=1000,
         description=(
             'names of the groups of grains that meet the wall, as ["coarse"]; the others pass '
-            "through it and exchange no "
-            "heat with it; default: all groups"
+            "through it and exchange no heat with it; default: all groups"
         ),
     )
     thermal: WallCondition | None = Field(
