@@ -1,5 +1,4 @@
-"""Elementary functions and sums with one definition: + − × ÷ √ in a stated order, so that every
-machine gives the same bits.
+"""Elementary functions and sums by + − × ÷ √ in a stated order: every machine gives the same bits.
 
 IEEE 754 fixes those five operations, and splitting a number into fraction and exponent, to the last
 bit. It does not fix sin, exp or pow: C libraries differ, each has variants for different

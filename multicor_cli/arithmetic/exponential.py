@@ -1,9 +1,8 @@
-"""Exponentials, logarithms, powers and cube roots in + − × ÷ alone; errors in units in the last
-place (ulp) are those of the tests.
+"""Exponentials, logarithms, powers and cube roots in + − × ÷; tests state their errors in ulp.
 
 Arguments are reduced exactly (fraction and exponent, ln 2 in two parts) until the Taylor series
 converge within a dozen terms. A result that must be more accurate than a number can hold, as the
-logarithm inside a power, is a pair: a number and what it lacks.
+logarithm inside a power, is a pair: a number and what it lacks. An ulp is a unit in the last place.
 """
 
 from __future__ import annotations
@@ -74,7 +73,7 @@ def _excess(x: float, k: int, rest: float) -> float:
 
 
 def log(x: float) -> float:
-    """Ln x, to 1 ulp; −inf at zero, nan below."""
+    """The natural logarithm, to 1 ulp; −inf at zero, nan below."""
     if not x > 0.0 or x == math.inf:
         return -math.inf if x == 0.0 else (x if x > 0.0 else math.nan)
     high, low = log_pair(x)
@@ -94,7 +93,7 @@ def log1p(x: float) -> float:
 
 
 def log_pair(x: float) -> tuple[float, float]:
-    """Ln x of a positive finite number, and what the first number lacks; together good to 2⁻⁵⁹.
+    """The logarithm of a positive finite number, and what the first number lacks; good to 2⁻⁵⁹.
 
     ln m = 2 artanh s with s = f/(2 + f), f = m − 1, for x = 2^k m, √½ ≤ m < √2.
     """
@@ -125,9 +124,7 @@ def log_pair(x: float) -> tuple[float, float]:
 
 
 def power(x: float, y: float) -> float:
-    """x^y for x ≥ 0, to 1 ulp where |y ln x| < 30, to 3 ulp anywhere; nan for negative x. 0⁰ =
-    1.
-    """
+    """x^y for x ≥ 0, to 1 ulp where |y ln x| < 30, else to 3; nan for negative x. 0⁰ = 1."""
     if y == 0.0:
         return 1.0
     if not x > 0.0 or x == math.inf:
@@ -157,14 +154,14 @@ def cbrt(x: float) -> float:
 
 
 def two_sum(a: float, b: float) -> tuple[float, float]:
-    """A + b, and what is lost in rounding it (Knuth)."""
+    """Sum of a and b, and what is lost in rounding it (Knuth)."""
     total = a + b
     part = total - a
     return total, (a - (total - part)) + (b - part)
 
 
 def two_product(a: float, b: float) -> tuple[float, float]:
-    """A × b, and what is lost in rounding it, for |a|, |b| < 10²⁹⁰ (Dekker, Veltkamp)."""
+    """Product of a and b, and what it lost in rounding, |a|, |b| < 10²⁹⁰ (Dekker, Veltkamp)."""
     product = a * b
     split = _SPLITTER * a
     a_high = split - (split - a)

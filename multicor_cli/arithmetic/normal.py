@@ -69,9 +69,7 @@ def normal_quantile(p: float) -> float:
 
 
 def _ratio(r: float, pairs: tuple[tuple[float, float], ...], factor: float) -> float:
-    """``factor`` times the ratio of two polynomials with these pairs of coefficients, highest power
-    first.
-    """
+    """``factor`` times a ratio of polynomials with these coefficients, highest power first."""
     above = below = 0.0
     for a, b in pairs:
         above, below = above * r + a, below * r + b

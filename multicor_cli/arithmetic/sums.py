@@ -1,5 +1,4 @@
-"""Sums of arrays in a stated order: halves are added to each other until few values are left, and
-these one after the other.
+"""Sums of arrays in a stated order: halves are added until few values are left, then one by one.
 
 Rounding errors grow with the logarithm of the number of values, and nothing depends on how a
 library's sum is vectorized.
@@ -43,7 +42,6 @@ def column_totals(values: Floats) -> Floats:
 
 
 def _folded(values: Floats) -> Floats:
-    """At most `FEW` rows with the same sum."""
     count, rest = len(values), values
     while count > FEW:
         half = count // 2

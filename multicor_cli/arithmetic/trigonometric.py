@@ -1,13 +1,10 @@
-"""Trigonometric functions in + − × ÷ √ alone; errors in units in the last place (ulp) are those of
-the tests.
-"""
+"""Trigonometric functions in + − × ÷ √; tests state errors in units in the last place (ulp)."""
 
 from __future__ import annotations
 
 import math
 
-# π/2 in three parts; the first two have 33 bits, so that their multiples up to 2²⁰ are exact (Cody
-# and Waite).
+# π/2 in three parts, two of 33 bits: multiples up to 2²⁰ are exact (Cody and Waite).
 _QUARTER_HIGH = 1.5707963267341256
 _QUARTER_MIDDLE = 6.077100506303966e-11
 _QUARTER_LOW = 2.0222662487959506e-21
@@ -18,23 +15,21 @@ _FARTHEST = 2.0**51
 
 
 def sin(x: float) -> float:
-    """Sin x, to 1 ulp up to |x| = 10⁶; beyond, as if x were off by two of its ulps. nan from 2⁵¹
-    quarter turns on.
-    """
+    """Sine, to 1 ulp up to |x| = 10⁶, beyond as if x were 2 ulp off; nan from 2⁵¹ quarter turns."""
     quarter, r, lost = _reduced(x)
     value = _sin_near(r, lost) if quarter % 2 == 0 else _cos_near(r, lost)
     return value if quarter < 2 else -value
 
 
 def cos(x: float) -> float:
-    """Cos x, with the accuracy of `sin`."""
+    """Cosine, with the accuracy of `sin`."""
     quarter, r, lost = _reduced(x)
     value = _cos_near(r, lost) if quarter % 2 == 0 else _sin_near(r, lost)
     return value if quarter in (0, 3) else -value
 
 
 def _reduced(x: float) -> tuple[int, float, float]:
-    """X modulo quarter turns: which quarter (0 to 3), the rest |r| ≤ π/4 [rad] and what r lacks."""
+    """The quarter turn of x (0 to 3), the rest |r| ≤ π/4 [rad] and what r lacks."""
     turns = x * _INVERSE_QUARTER
     if not abs(turns) < _FARTHEST:
         return 0, math.nan, math.nan
@@ -76,9 +71,7 @@ def _cos_near(r: float, lost: float) -> float:
 
 
 def atan2(y: float, x: float) -> float:
-    """Angle of the point (x, y) from the x axis in [−π, π], to 3 ulp. The signs of zeros count as
-    in IEEE 754.
-    """
+    """Angle of (x, y) from the x axis in [−π, π], to 3 ulp; zeros have signs, as in IEEE 754."""
     if x != x or y != y:
         return math.nan
     across, along = abs(y), abs(x)
@@ -94,9 +87,7 @@ def atan2(y: float, x: float) -> float:
 
 
 def _atan_of_ratio(a: float, b: float) -> float:
-    """Arctangent of 0 ≤ a/b < 1: that of the nearest quarter c, and the series of what is left, |w|
-    ≤ ⅛.
-    """
+    """Arctangent of 0 ≤ a/b < 1: of the nearest quarter c, and the series of the rest |w| ≤ ⅛."""
     t = a / b
     if t < 0.125:
         return t - _atan_deficit(t)
@@ -112,7 +103,7 @@ def _atan_of_ratio(a: float, b: float) -> float:
 
 
 def _atan_deficit(w: float) -> float:
-    """W − atan w for |w| ≤ ⅛."""
+    """Difference w − atan w for |w| ≤ ⅛."""
     z = w * w
     series = 1.0 / 17.0
     series = 1.0 / 15.0 - series * z
@@ -140,7 +131,5 @@ def acos(x: float) -> float:
 
 
 def hypot(x: float, y: float) -> float:
-    """Length of (x, y), to 2 ulp, where the squares neither overflow nor vanish (10⁻¹⁵⁰ to
-    10¹⁵⁰).
-    """
+    """Length of (x, y), to 2 ulp, if squares neither overflow nor vanish (10⁻¹⁵⁰ to 10¹⁵⁰)."""
     return math.sqrt(x * x + y * y)

@@ -1,3 +1,1 @@
-"""Benchmarks: named scenes, what a step of them costs phase by phase, and calibrations that turn
-seconds into ratios.
-"""
+"""Benchmarks: named scenes, what a step of them costs by phase, and yardsticks for ratios."""

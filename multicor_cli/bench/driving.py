@@ -33,15 +33,7 @@ from multicor_cli.scenario import Scenario, parse_scenario
 
 @dataclass(frozen=True)
 class Round:
-    """Steps that were measured together.
-
-    Attributes:
-        seconds: Time of each step [s].
-        solves: That of the solve alone [s].
-        shares: Share of each step in which this program had a core; the rest it waited for others.
-        phases: Seconds in each phase of the time step.
-        reports: What the steps said.
-    """
+    """Steps measured together: times [s], those of solves, shares with a core without waiting."""
 
     seconds: list[float]
     solves: list[float]
@@ -61,7 +53,6 @@ class PreparedScene:
 
     @property
     def state(self) -> State:
-        """The state of the scene."""
         return self.engine.state
 
     def take(self, steps: int, between: Callable[[], None] | None = None) -> Round:
@@ -91,17 +82,10 @@ class PreparedScene:
 
 
 def prepare(scene: BenchScene, grains: int, *, seed: int = 1, threads: int = 1) -> PreparedScene:
-    """Bring a scene to where it is measured.
+    """Bring a scene to where it is measured; ``threads`` are those of the part that is measured.
 
-    Args:
-        scene: The scene.
-        grains: Number of grains; of a tiled scene the nearest multiple of its tile is taken.
-        seed: Seed of its sizes and places.
-        threads: Number of threads of the part that is measured; preparation takes all.
-
-    Raises:
-        NoRestError: If the scene is measured at rest and does not come to rest.
-        PhysicsError: From a step.
+    Of a tiled scene the nearest multiple of its tile is taken. Raises `NoRestError` if the scene is
+    measured at rest and does not come to rest, and `PhysicsError` from a step.
     """
     count, copies = (scene.tile, max(1, round(grains / scene.tile))) if scene.tile else (grains, 1)
     narrow, wide = (
@@ -137,8 +121,6 @@ def _run_to_last(scene: BenchScene, narrow: Scenario, model: Model, state: State
 
 
 class _NoRecorder:
-    """Writes nothing."""
-
     def _ignore(self, *_: Any) -> None:
         pass
 
@@ -162,16 +144,13 @@ def _fresh(model: Model, state: State) -> State:
     return result
 
 
-# ---- Rest: when the kinetic energy says so, and for long enough. A number of steps would say
-#      nothing
+# ---- Rest: when the kinetic energy says so, for long enough; a number of steps says nothing
 
 QUIET = 1e-7
-"""Kinetic energy at rest over Σ m g d: what would lift every grain by 10⁻⁷ diameters. The tolerance
-of the solver leaves 10⁻⁸."""
+"""Kinetic energy at rest over Σ m g d: lifts of 10⁻⁷ diameters; the solver leaves 10⁻⁸."""
 
 REST_FOR = 4.0
-"""For how long it must stay so, over √(d/g): a grain without support would fall eight diameters in
-this time."""
+"""How long it must stay so, over √(d/g): without support a grain falls eight diameters in it."""
 
 
 class NoRestError(Exception):
@@ -180,13 +159,7 @@ class NoRestError(Exception):
 
 @dataclass
 class Rest:
-    """Kinetic energy no larger than `allowed` in so many steps, one after the other.
-
-    Attributes:
-        allowed: Largest kinetic energy of grains at rest [J].
-        steps: Number of steps in which it must not be exceeded.
-        quiet: Number of steps since it was exceeded last.
-    """
+    """Kinetic energy up to ``allowed`` [J] for ``steps`` steps; ``quiet`` counts those so far."""
 
     allowed: float
     steps: int
@@ -194,7 +167,6 @@ class Rest:
 
     @classmethod
     def of(cls, model: Model, dt: float) -> Rest:
-        """Rest of the grains of a model under its gravity, in steps of ``dt`` [s]."""
         diameter, gravity = model.mean_diameter, hypot(*model.gravity.tolist())
         weight = total(model.grains.mass) * gravity
         return cls(
@@ -203,17 +175,13 @@ class Rest:
 
     @property
     def is_reached(self) -> bool:
-        """Whether it has been quiet for long enough."""
         return self.quiet >= self.steps
 
     def note(self, state: State) -> None:
-        """Look at the state after a step."""
         self.quiet = self.quiet + 1 if state.books[KINETIC] <= self.allowed else 0
 
     def check(self, name: str, state: State) -> None:
-        """Raise `NoRestError`, with the name of the scene and its kinetic energy, if rest was not
-        reached.
-        """
+        """Raise `NoRestError`, with the name of the scene and its energy, if it does not rest."""
         if self.is_reached:
             return
         raise NoRestError(
@@ -229,30 +197,19 @@ class _Settling(StagePlan):
     rest: Rest = field(kw_only=True)
 
     def has_ended(self, state: State) -> bool:
-        """Whether the stage is over after the step that led to ``state``; asked once after each
-        step.
-        """
+        """Whether the stage is over; asked once after each step."""
         self.rest.note(state)
         return self.rest.is_reached or super().has_ended(state)
 
 
-# ---- A periodic scene side by side, with everything that moves in it: the copies go on as the
-#      original would
+# ---- A periodic scene side by side, which goes on as the original would
 
 
 def repeat_scene(model: Model, state: State, copies: int) -> tuple[Model, State]:
     """A model and a state of ``copies`` periods, at step 0 with the warm start of the last step.
 
     Loads on walls, and their masses where a wall has one, are not repeated: the caller's scenario
-    knows them.
-
-    Args:
-        model: A periodic model, whose walls are level planes and rough walls.
-        state: A state of it.
-        copies: Number of copies, at least 1.
-
-    Raises:
-        ValueError: If the model is not periodic.
+    knows them. Walls are level planes and rough walls. Raises `ValueError` if nothing is periodic.
     """
     if not model.period > 0.0:
         raise ValueError("only a periodic scene can be repeated")
@@ -311,9 +268,7 @@ def _repeat_state(
 def _repeat_contacts(
     model: Model, state: State, shape_copies: NDArray[np.int64], copies: int
 ) -> tuple[Ints, Ints, Floats]:
-    """Contacts of all copies, sorted; those across the ends of the period join neighboring
-    copies.
-    """
+    """Sorted; those across the ends of the period join neighboring copies."""
     n, period = model.grain_count, model.period
     i, j = state.contact_i.astype(np.int64), state.contact_j.astype(np.int64)
     is_wall = j >= n

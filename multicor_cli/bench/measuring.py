@@ -1,6 +1,4 @@
-"""Measures one scene: what a step costs, in seconds and beside the yardsticks. Runs in a process of
-its own.
-"""
+"""Measures what a step of a scene costs, also beside the yardsticks, in a process of its own."""
 
 from __future__ import annotations
 
@@ -36,25 +34,18 @@ class Task:
 
 @dataclass(frozen=True)
 class Result:
-    """What a scene costs; times are medians over the rounds.
+    """What a scene costs; times, also those of phases, are medians over the rounds [s].
 
     Attributes:
-        scene: Name of the scene.
         grains: Number of grains n.
-        threads: Number of threads.
         steps: Steps of a round.
-        rounds: Number of rounds.
         candidates: Contacts of a step, loaded or not, on average.
         loaded: Contacts that carry an impulse, on average.
         sweeps: Sweep-equivalents of a step, on average.
-        median_sweeps: The same, median over the steps: single hard steps, which come at random, do
-            not change it.
-        cold_sweeps: Those of a step without a warm start, median; None where the grains do not
-            rest.
-        missed: Steps that did not converge.
+        median_sweeps: Their median over the steps, which single hard steps do not change.
+        cold_sweeps: Median without a warm start; None where the grains do not rest.
         residual: Largest rms residual of a step over its scale.
         step: Time of a step [s].
-        phases: Time in each phase of a step [s].
         grain_steps: n × steps per second [1/s].
         per_contact: Time of the solve per contact and sweep-equivalent, residual checks and
             momentum included: lower quartile over the steps; where the grains rest, of those
@@ -97,16 +88,13 @@ class Result:
 
     @property
     def other_share(self) -> float | None:
-        """Part of everything but the solve in a step with `BUDGET_SWEEPS` sweeps; None where
-        nothing moves.
-        """
+        """Of everything but the solve, in a step of `BUDGET_SWEEPS`; None where nothing moves."""
         if self.per_contact is None:
             return None
         solve = BUDGET_SWEEPS * self.candidates * self.per_contact
         return self.other / (self.other + solve)
 
     def as_dict(self) -> dict[str, Any]:
-        """Everything as JSON types."""
         data = asdict(self)
         if self.sweep is not None:
             data["sweep"]["bandwidth"] = self.sweep.bandwidth
@@ -114,9 +102,7 @@ class Result:
 
 
 def measure(task: Task) -> Result:
-    """Prepare a scene and measure it. If its physics fails on the way, that is the only fault of
-    the result.
-    """
+    """Prepare a scene and measure it. If its physics fails on the way, that is the only fault."""
     idle = _peak_memory()
     scene = SCENES[task.scene]
     references: list[float] = []  # times of the yardstick among the steps of the rounds [s]
@@ -194,9 +180,7 @@ def other_time(rounds: list[Round]) -> float:
 
 
 def _per_contact(rounds: list[Round]) -> float | None:
-    """Time of the solve per contact and sweep-equivalent [s], its share of the waiting taken out;
-    None where nothing moves.
-    """
+    """The solve per contact and sweep-equivalent [s], without waiting; None where nothing moves."""
     each = [
         solve * share / (report.sweeps * report.candidates)
         for round_ in rounds
@@ -207,14 +191,11 @@ def _per_contact(rounds: list[Round]) -> float | None:
 
 
 def _quartile(seconds: list[float]) -> float:
-    """Lower quartile: half of the steps may have waited for other programs, and it is what the work
-    itself takes.
-    """
+    """What the work itself takes: half of the steps may have waited for other programs."""
     return float(np.percentile(seconds, 25.0))
 
 
 def _peak_memory() -> float:
-    """Peak resident memory of this process so far [B]."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024.0
 
 

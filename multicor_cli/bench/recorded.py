@@ -25,8 +25,7 @@ between seeds (cold ones: what is left below a factor of two), for times what pr
 by; `benchmarks/README.md` has all."""
 
 LOOK = 3.0
-"""Sweep-equivalents between two looks at the residual: counts of sweeps that differ by no more are
-the same."""
+"""Sweep-equivalents between two looks at the residual: counts no farther apart are the same."""
 
 _ENOUGH = 30.0
 """Sweeps of a step from which on the solve is mostly sweeps, and its time comparable with them."""
@@ -42,12 +41,11 @@ class RecordError(Exception):
 
 
 def ratios(result: Result) -> dict[str, float]:
-    """What of a result does not depend on how fast the machine is, nor on the bits of one
-    trajectory; only what could be measured.
+    """What of a result depends neither on the machine's speed nor on one trajectory's bits.
 
     Median ``sweeps`` of a step, and ``cold_sweeps`` without a warm start; a sweep over that in C;
     the solve per contact and sweep-equivalent over the sweep in C; everything but the solve over
-    its yardstick.
+    its yardstick. Only what could be measured.
     """
     measured = {"other_over_reference": result.other_ratio}
     sweep, each, cold = result.sweep, result.per_contact, result.cold_sweeps
@@ -67,12 +65,9 @@ def _name_of(result: Result) -> str:
 
 
 def write_record(path: Path, results: Iterable[Result]) -> None:
-    """Record the ratios of results: medians where a scene was measured with several seeds; those of
-    others in the file are kept.
+    """Record ratios, medians over seeds of a scene; those of others in the file are kept.
 
-    Raises:
-        RecordError: If the file holds something else.
-        StorageError: If it cannot be written.
+    Raises `RecordError` if it holds something else, `StorageError` if it cannot be written.
     """
     known = read_record(path) if path.exists() else {}
     by_seed: dict[str, list[dict[str, float]]] = {}
@@ -90,9 +85,7 @@ def write_record(path: Path, results: Iterable[Result]) -> None:
 
 
 def read_record(path: Path) -> dict[str, dict[str, float]]:
-    """Recorded ratios by name of the result; raises `RecordError` if the file is not a record,
-    `OSError` if it cannot be read.
-    """
+    """Recorded ratios by name; raises `RecordError` if it is no record, `OSError` if unreadable."""
     try:
         data: Any = json.loads(read_regular(path, RECORD_LIMIT))
         return {
@@ -113,9 +106,7 @@ def find_slower(results: Iterable[Result], record: dict[str, dict[str, float]]) 
 def slower_twice(
     results: Iterable[Result], again: Iterable[Result], record: dict[str, dict[str, float]]
 ) -> list[str]:
-    """What exceeds the recorded ratios in both of two measurements of the same scene; the second
-    one says by how much.
-    """
+    """What exceeds recorded ratios in both of two measurements; the second says by how much."""
     first = {_name_of(result): _exceeding(result, record) for result in results}
     return [
         line

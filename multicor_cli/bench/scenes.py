@@ -67,15 +67,12 @@ class BenchScene:
     """A scene.
 
     Attributes:
-        name: Name on the command line.
         text: Makes the scenario of a number of grains (of one tile if it is tiled) and a seed.
         warm_steps: Steps of the last stage before the clock starts.
-        steps: Steps that are measured in each round.
         tile: Grains of the tile that is repeated; 0 if the scene itself grows.
         is_frozen: Whether nothing moves in the last stage and heat flows.
         is_weighed: Whether the floor carries the weight of all grains.
-        rests: Whether the first stage ends when the grains have come to rest; its duration is the
-            longest time allowed.
+        rests: Whether the first stage ends when the grains rest, and its duration is a limit.
     """
 
     name: str
@@ -104,9 +101,7 @@ def _lattice(bottom: float = 0.0) -> dict[str, object]:
 
 
 def _bed(name: str, count: int, seed: int, copies: int, heat: str, stages: str) -> str:
-    """Grains laid down one by one, each on two others: forces are nearly unique, a solve costs the
-    same in all such beds.
-    """
+    """Grains laid down one by one, each on two: forces, and costs of a solve, are nearly unique."""
     size = (_COLUMNS * _PITCH * copies, 1.5 * _ROWS * _PITCH)
     return (
         _head(name, seed, count * copies, size, packing='{ kind = "deposited" }')
@@ -168,9 +163,7 @@ _LOAD = 10.0  # P: force per length on the upper wall [N/m]; √(m/P) is 1.0 ms
 
 
 def _start(count: int, seed: int, copies: int) -> str:
-    """A bed that is laid down, with heat: its first step has contacts and needs nearly all
-    kernels.
-    """
+    """A bed laid down, with heat: its first step has contacts and needs nearly all kernels."""
     stage = '[[loading]]\nname = "fall"\nduration = 1.0\n'
     return _bed("start", count, seed, copies, "[heat]\ntemperature = 300.0\n", stage)
 
@@ -204,9 +197,7 @@ _ANGLE = 1.0
 
 
 def _drum(count: int, seed: int, _copies: int) -> str:
-    """A rough drum, a third full, turns at a Froude number of 0.05. Grains fall into it while it
-    turns.
-    """
+    """A rough drum, a third full, turns at a Froude number of 0.05 while grains fall into it."""
     radius = math.sqrt(1.1 * count * _PITCH * _PITCH / 1.05)
     low, high = 0.34 * radius, 1.66 * radius  # a square inside the circle
     spin = math.sqrt(0.05 * 9.81 / radius)

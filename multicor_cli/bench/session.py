@@ -1,7 +1,4 @@
-"""A whole benchmark, and its table: yardsticks, then scenes one after the other.
-
-Each is measured in a process of its own, which is this module as a program.
-"""
+"""A whole benchmark, and its table; this module measures each part in a process of its own."""
 
 from __future__ import annotations
 
@@ -23,13 +20,11 @@ T = TypeVar("T")
 
 
 class CompileTimes(NamedTuple):
-    """Times from a scenario of 100 grains on, in a process of its own and, where there is a second
-    core, a second one.
+    """Times from a scenario of 100 grains on, in a process of its own, or two on two cores.
 
     Attributes:
         cold: To the end of its first steps, with an empty cache: everything is compiled [s].
-        hard: To the last kernel of those that only steps need in which the sweeps are stuck, with
-            an empty cache [s].
+        hard: To the last kernel that only steps need whose sweeps are stuck; the cache empty [s].
         cached: As ``cold``, with the cache that this has left: everything is loaded [s].
     """
 
@@ -40,9 +35,7 @@ class CompileTimes(NamedTuple):
 
 @dataclass(frozen=True)
 class Benchmark:
-    """What was measured: on which machine, its copy bandwidth by number of threads [B/s], a result
-    for each scene and size.
-    """
+    """What was measured: machine, copy bandwidth by number of threads [B/s], results of scenes."""
 
     machine: str
     bandwidth: dict[int, float]
@@ -50,7 +43,6 @@ class Benchmark:
     compilation: CompileTimes | None
 
     def as_dict(self) -> dict[str, Any]:
-        """Everything as JSON types."""
         return {
             "machine": self.machine,
             "copy_bandwidth": {str(threads): value for threads, value in self.bandwidth.items()},
@@ -62,9 +54,7 @@ class Benchmark:
 def run_benchmark(
     tasks: Sequence[Task], *, has_compilation: bool, say: Callable[[str], None]
 ) -> Benchmark:
-    """Measure tasks, at least one, one after the other, and compilation if asked for; ``say`` is
-    told what is being done.
-    """
+    """Measure tasks, at least one, and compilation if asked for; ``say`` is told what goes on."""
     say("calibrating: copy bandwidth")
     counts = sorted({1, *(task.threads for task in tasks)})
     bandwidth = {count: _apart(copy_bandwidth, count) for count in counts}
@@ -100,9 +90,7 @@ with shared_compilation(os.cpu_count() or 1) as other:
 
 
 def _first_steps(folder: str) -> tuple[float, float]:
-    """Times `_CODE` with a folder as the cache [s]; raises `RuntimeError` if the scene does not
-    run.
-    """
+    """Times `_CODE` with a folder as the cache [s]; raises `RuntimeError` if it does not run."""
     command, environment = python_child("-c", _CODE, NUMBA_CACHE_DIR=folder)
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -112,8 +100,7 @@ def _first_steps(folder: str) -> tuple[float, float]:
 
 
 def _apart(function: Callable[..., T], *arguments: Any) -> T:
-    """Call a function in a process of its own, which shares neither memory nor threads with
-    anything else.
+    """Call a function in a process of its own, which shares neither memory nor threads.
 
     Ctrl-C reaches this process only, which ends the other: machine code knows no exceptions.
     """

@@ -1,8 +1,6 @@
 """What this machine can do in this minute: copying memory, the sweep in C, and a step's other work.
 
-Times are given as ratios to these.
-
-Kernels of the benchmark are here too, none of which is part of the product.
+Times are given as ratios to these. None of the kernels here is part of the product.
 """
 
 from __future__ import annotations
@@ -59,8 +57,7 @@ def copy_bandwidth(threads: int) -> float:
 _ENOUGH = 2_000_000  # contact relaxations in one measurement
 
 CSweep = Callable[[OneByOne, Floats, float, int], float]
-"""Some sweeps of contacts in C, with the velocities of their bodies and β; returns the sum of the
-squares of the corrections."""
+"""Sweeps of contacts in C, given velocities, β and their number; returns Σ of corrections²."""
 
 
 @dataclass(frozen=True)
@@ -68,12 +65,10 @@ class SweepTimes:
     """One sweep, ours and that in C, measured alternately.
 
     Attributes:
-        contacts: Diagonal contacts of the problem.
         bytes_moved: Bytes of the problem that a sweep reads or writes at least once [B].
         ours: Time per contact and sweep by number of threads, median [s].
         in_c: That in C on one thread, the fastest; nan without a compiler [s].
-        ratio: Ours on one thread over C: median of the ratios of neighboring measurements; nan
-            without a compiler.
+        ratio: Ours on one thread over C, median of neighboring measurements; nan without C.
     """
 
     contacts: int
@@ -92,11 +87,7 @@ class SweepTimes:
 
 
 def time_sweep(system: System, threads: tuple[int, ...]) -> SweepTimes:
-    """Measure one sweep of a problem. The problem is copied; general contacts are left out.
-
-    Raises:
-        RuntimeError: If the sweep in C does not do what ours does.
-    """
+    """Measure a sweep of a copy without general contacts; raises `RuntimeError` if C differs."""
     diagonal = _only_diagonal(system)
     rows, velocity, before = flatten(diagonal), aligned_copy(diagonal.velocity), _before(diagonal)
     count = len(rows.pair)
@@ -175,7 +166,6 @@ def compile_sweep() -> CSweep | None:
 
 
 def _only_diagonal(system: System) -> System:
-    """A copy without general contacts."""
     none = slice(0, 0)
     return system._replace(
         velocity=aligned_copy(system.velocity),
@@ -189,14 +179,12 @@ def _only_diagonal(system: System) -> System:
 
 
 def _before(system: System) -> Before:
-    """Impulses before the first sweep: those that there are."""
     return Before(
         aligned_copy(system.impulse), system.general_impulse.copy(), system.couples.impulse.copy()
     )
 
 
 def _compare(system: System, c_sweep: CSweep) -> None:
-    """Both sweeps give the same but for the order of roundings."""
     mine = system._replace(velocity=system.velocity.copy(), impulse=system.impulse.copy())
     rows, velocity = flatten(system), system.velocity.copy()
     _sweep_repeatedly(mine, _before(mine), 1, False, np.zeros(mine.tile_start.size - 1))
@@ -210,9 +198,7 @@ def _compare(system: System, c_sweep: CSweep) -> None:
 def _sweep_repeatedly(
     s: System, before: Before, repeats: int, parallel: bool, partial: Floats
 ) -> float:
-    """Some sweeps without anything around them; arguments as `sweep`. Returns the sum of the
-    squares of all corrections [m²/s²].
-    """
+    """Sweeps without anything around them, arguments as `sweep`; returns Σ of corrections²."""
     total = 0.0
     for _ in range(repeats):
         total += sweep(s, before, EXACT, Relaxation(1.0, 1.0, 0.0), parallel, partial)
@@ -233,9 +219,7 @@ def _core_time(work: Callable[[], object]) -> float:
 
 
 def _bytes_moved(system: System) -> int:
-    """Pairs and frames are read, impulses and the velocities of the bodies in contact read and
-    written.
-    """
+    """Pairs and frames are read; impulses and velocities of bodies in contact read and written."""
     bodies = np.unique(system.pair).size
     impulses = 4 * system.impulse.nbytes  # now and before
     return int(
@@ -254,8 +238,7 @@ _NEIGHBORS = 5  # cells whose grains are looked at: the own one and half of thos
 
 
 class ReferenceStep:
-    """A step of ``n`` grains of a square lattice, shaken: the yardstick for everything but the
-    solve.
+    """A step of ``n`` shaken grains of a square lattice: the yardstick for all but the solve.
 
     What a step does besides its sweeps is a hundred calls of short kernels and array functions from
     Python. How fast a machine does that has little to do with how fast it sweeps, so it has a
@@ -265,7 +248,6 @@ class ReferenceStep:
     """
 
     def __init__(self, grains: int) -> None:
-        """Place the grains; always the same ones."""
         self._side = max(4, round(math.sqrt(grains)))
         count = self._side * self._side
         shake = (

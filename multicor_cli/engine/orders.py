@@ -45,8 +45,9 @@ class Settings:
 
 @dataclass(frozen=True)
 class Orders:
-    """All that a loading stage orders; what it leaves out is as the model has it. Signals count
-    from the start of the stage.
+    """All that a loading stage orders; what it leaves out is as the model has it.
+
+    Signals count from the start of the stage.
 
     Attributes:
         drives: What the walls do, one for each; None: they stand still.
@@ -101,9 +102,7 @@ class StepReport:
 
 
 class PhysicsError(Exception):
-    """The run cannot go on: the state is not finite, no admissible positions exist, or the solver
-    failed by request.
-    """
+    """The run cannot go on: an absurd state, no admissible positions, or a solve that failed."""
 
     exit_code = 4
 

@@ -58,9 +58,7 @@ _NO_ROWS = np.zeros(2, np.int64)
 
 
 def precompile() -> None:
-    """Compile the kernels of a step from its solve on, then those that prepare the solve, then
-    those that hard steps need.
-    """
+    """Compile a step from its solve on, then what prepares the solve, then what hard steps need."""
     numba.set_num_threads(1)
     model = _one_grain()
     state = State.at_rest(model, np.zeros((1, 2)))
@@ -84,7 +82,6 @@ def precompile() -> None:
 
 
 def _without_contacts() -> System:
-    """A batch whose lanes are empty, and nothing else."""
     frame, slot = aligned((1, 5, LANES)), np.full((1, LANES), -1, np.int32)
     frame[:] = 0.0
     frame[:, MASS] = 1.0
@@ -173,7 +170,6 @@ def _unstick(system: System, momentum: Momentum, memory: NDArray[np.void]) -> No
 
 
 def _one_grain() -> Model:
-    """A grain and a wall that is a disc, of one material."""
     one, zero, index = np.ones(1), np.zeros(1), np.zeros(1, np.int32)
     return Model(
         grains=Grains(one, one, one, index, index),

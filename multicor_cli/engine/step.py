@@ -1,6 +1,4 @@
-"""One time step of rigid grains with Coulomb friction and heat: the phases of Moreau–Jean time
-stepping, in order.
-"""
+"""One time step of rigid grains with friction and heat: the phases of Moreau–Jean, in order."""
 
 from __future__ import annotations
 
@@ -64,8 +62,7 @@ from multicor_cli.model.model import LEAST_DIAMETERS, ContactLaws, Floats, Model
 from multicor_cli.model.state import State
 
 SLIPS_RMS, SLIPS = 50.0, 10.0
-"""Scales of the rms and of the largest velocity correction over the mean slip between grains: by
-default 5 % and half of it."""
+"""Scales of rms and largest correction over the mean slip: 5 % and half of it pass by default."""
 PHASES = ("predict", "detect", "prepare", "solve", "account", "move", "correct")
 _NOBODY, _NO_TEMPERATURE = np.empty(0, np.int64), np.empty(0)
 _NOTHING_TO_SOLVE = Outcome(0.0, True, 0.0, 0.0, 0.0)
@@ -73,22 +70,16 @@ _NOTHING_TO_CORRECT = Correction(0.0, 0.0, 0.0, 0)
 
 
 class Layout:
-    """What a step works on: made for the grains that are present, and rebuilt when one comes or
-    goes.
+    """What a step works on, made for the grains that are present: rebuilt when one comes or goes.
 
     No result depends on how long a layout has been in use.
 
     Attributes:
-        model: The grains that are present, and all walls.
-        state: Their state.
         newcomers: Grains that have had no step yet.
-        threads: Number of threads that may be used.
-        threading: How many of them pay.
-        scheduler: Keeps the order of the sweep as long as it may.
+        threads: Number of threads that may be used; ``threading`` says how many of them pay.
         mass: Mass of all these grains [kg].
         middle: q_m, shape ``(n, 3)``.
-        before: Grains and walls (v_x, v_y, a ω, 1/m) at the start of the step, shape
-            ``(n + w, 4)``.
+        before: Bodies (v_x, v_y, a ω, 1/m) at the start of the step, shape ``(n + w, 4)``.
         free: The same with their free velocities.
         flagged: Work space of the position correction, shape ``(n,)``.
     """
@@ -108,7 +99,6 @@ class Layout:
 
     @cached_property
     def pairs(self) -> NeighborList:
-        """The neighbor list; without grains there is none."""
         return NeighborList(self.model)
 
 
@@ -116,13 +106,11 @@ class Prediction(NamedTuple):
     """A step before its contacts are known.
 
     Attributes:
-        dt: Time step [s].
         gravity: Acceleration of gravity in the middle of the step [m/s²], shape ``(2,)``.
         scene: Shapes at q_m.
-        cutoff: A gap that no pair closes in the step, as far as velocities before the solve tell
-            [m].
-        stopped: How far grains are from where they would be at q_m, where something stopped them
-            [m], shape ``(n, 2)``; or None.
+        cutoff: A gap that no pair closes, as far as velocities before the solve tell [m].
+        stopped: How far grains that something stopped are from where they would be at q_m [m],
+            shape ``(n, 2)``; or None.
     """
 
     dt: float
@@ -194,8 +182,9 @@ class Engine:
         return self._layout.threads
 
     def begin(self, orders: Orders) -> None:
-        """Take up the orders of a stage, before its first step: books, displacements of walls and
-        their heat begin with it.
+        """Take up the orders of a stage, before its first step.
+
+        Books, displacements of walls and their heat begin with it.
         """
         state, before = self._gathered(), self._motion.kinetic(self.state.wall_velocity)
         self.resume(orders)
@@ -208,9 +197,7 @@ class Engine:
             begin_bodies(orders.conditions, orders.is_new, state.wall_temperature)
 
     def resume(self, orders: Orders) -> None:
-        """As `begin`, in the middle of a stage: the state knows already what begins with it, and is
-        not touched.
-        """
+        """As `begin`, in the middle of a stage: the state knows what began, and is not touched."""
         still = [WallDrive()] * self.model.wall_count
         self._motion = WallMotion(
             self.model, still if orders.drives is None else list(orders.drives)
@@ -222,8 +209,9 @@ class Engine:
         self._begin_heat()
 
     def pass_grains(self) -> None:
-        """Let grains go and come, once before each step: `step` does, unless it has been done to
-        begin a stage with those present.
+        """Let grains go and come, once before each step.
+
+        `step` does, unless it has been done to begin a stage with those present.
 
         Raises:
             PhysicsError: If a grain is lost and that is to end the run.
@@ -268,10 +256,10 @@ class Engine:
         return report
 
     def contacts(self) -> ContactTable:
-        """Contacts of the last step, sorted by (i, j): those within reach, loaded or not; in frozen
-        stages those that stand still.
+        """Contacts of the last step, sorted by (i, j): those within reach, loaded or not.
 
-        Empty before the first step and after an interrupted one.
+        In frozen stages those that stand still. Empty before the first step and after an
+        interrupted one.
         """
         heat, is_frozen = self._heat, self.orders.is_frozen and self._layout.model.grain_count > 0
         table = (
@@ -314,13 +302,10 @@ class Engine:
         return problem, contacts.impulse
 
     def next_system(self, dt: float, t: float) -> OrderedSystem:
-        """The contact problem of the next step as the sweep sees it, without taking the step.
-        Arguments as `step`.
-        """
+        """The contact problem of the next step as the sweep sees it, not taken; as `next_start`."""
         return self._assemble(*self._next_contacts(dt, t))
 
     def _next_contacts(self, dt: float, t: float) -> tuple[Scene, StepContacts]:
-        """Shapes and contacts of the next step, as `step` finds them at first."""
         step = self._predict(dt, t)
         self._layout.pairs.update(self._layout.middle, step.scene.world, step.cutoff)
         return step.scene, self._gather(step, self._margin(step))[0]
@@ -328,7 +313,6 @@ class Engine:
     # ---- Parts that an engine may have
 
     def _lay_out(self) -> None:
-        """Start anew with the grains that are present."""
         population, (model, state), newcomers = self._population, (self.model, self.state), _NOBODY
         if population is not None:
             model, state, newcomers = (
@@ -349,7 +333,6 @@ class Engine:
             )
 
     def _gathered(self) -> State:
-        """The state of the grains that are present, between two steps."""
         if self._population is not None:
             self._population.gather()
         return self._layout.state
@@ -431,7 +414,6 @@ class Engine:
         )  # fmt: skip
 
     def _move_walls_alone(self, dt: float, t: float) -> StepReport:
-        """The mechanics of a step without any grain: nothing meets the walls."""
         state, motion, w = self._layout.state, self._motion, self.model.wall_count
         walls = motion.predict(state, self._gravity.value(t + 0.5 * dt), t, dt)
         self._require_sound(np.empty(0), walls)
@@ -476,9 +458,7 @@ class Engine:
         return step._replace(stopped=stopped, cutoff=self._cutoff_before(scene, gravity, walls, dt))
 
     def _require_sound(self, speeds: Floats, walls: Floats) -> None:
-        """Raise `PhysicsError` if a speed of the grains, or what is known of the walls in the step,
-        is not finite or absurd.
-        """
+        """Raise `PhysicsError` if a speed of the grains or walls is absurd or not finite."""
         state, motion = self._layout.state, self._motion
         of_walls = np.concatenate(
             [walls, motion.before, state.wall_position, motion.belt_before], axis=None
@@ -493,9 +473,7 @@ class Engine:
         )
 
     def _cutoff_before(self, scene: Scene, gravity: Floats, walls: Floats, dt: float) -> float:
-        """A gap that no pair closes in the step, as far as velocities before the solve tell [m];
-        ``walls`` are those of walls.
-        """
+        """A gap that no pair closes [m], as far as velocities before the solve tell."""
         layout, model = self._layout, self._layout.model
         drift = fit_drift(layout.free, layout.middle, model.period)
         fall = dt * np.abs(gravity)  # between the velocities at the start and the free ones
@@ -515,18 +493,14 @@ class Engine:
         return self._motion.closing(drift, step.scene, walls).cutoff(step.dt, layout.pairs.largest)
 
     def _margin(self, step: Prediction) -> float:
-        """Largest gap of the contacts of the step, as far as velocities before the solve tell [m];
-        measures the listed pairs.
-        """
+        """Largest gap of contacts [m], as velocities before the solve tell; measures the pairs."""
         fastest = self._measure_pairs(step, step.cutoff)
         return max(
             step.dt * fastest, closing_distance(self._laws(), self._layout.model.grains, step.dt)
         )
 
     def _measure_pairs(self, step: Prediction, cutoff: float) -> float:
-        """Gaps of the listed pairs into the list; returns the largest approach speed of a pair
-        nearer than ``cutoff`` [m/s].
-        """
+        """Gaps into the list; returns the largest approach speed below ``cutoff`` [m/s]."""
         layout, pairs = self._layout, self._layout.pairs
         fastest = chunks_for(layout.model.grain_count)
         measure_pairs(
@@ -543,9 +517,7 @@ class Engine:
         return float(fastest.max())
 
     def _find_missed(self, step: Prediction, margin: float, cutoff: float, after: Floats) -> float:
-        """Largest approach speed of a pair beyond ``margin`` that meets with the velocities v⁺
-        [m/s]; 0 if none does.
-        """
+        """Largest approach speed beyond ``margin`` of a pair that meets with v⁺ [m/s], or 0."""
         layout, pairs = self._layout, self._layout.pairs
         if cutoff > pairs.complete:
             pairs.update(layout.middle, step.scene.world, cutoff)
@@ -572,9 +544,7 @@ class Engine:
         return assemble(scene, contacts, schedule, free, motion.inverse, model.shape_factor)
 
     def _gather(self, step: Prediction, margin: float) -> tuple[StepContacts, ResidualScale]:
-        """Contacts with a gap up to ``margin``, with their warm start, and the scale of the
-        residuals.
-        """
+        """Contacts with a gap up to ``margin``, warm-started, and the scale of the residuals."""
         layout, state, dt = self._layout, self._layout.state, step.dt
         row = warm_rows(layout.model.grain_count, state.contact_i)
         warm = WarmStart(row, state.contact_j, state.contact_impulse, state.contact_couple)
@@ -584,8 +554,7 @@ class Engine:
         )
         scale = self._scale(step, float(contacts.attraction.max(initial=0.0)), *speeds)
         if scale.velocity == 0.0:
-            # Nothing closes and nothing pushes: the impulses of the step before must not act once
-            # more.
+            # Nothing closes and nothing pushes: the last impulses must not act once more.
             contacts.impulse[:] = 0.0
             contacts.rolling[:, COUPLE] = 0.0
         return contacts, scale
@@ -603,9 +572,8 @@ class Engine:
 
         Velocities: u_ref = max(u_load, 10 times the mean slip), and u_rms = max(u_load, 50 times
         the mean slip), with u_load = max(Δt |g|, Δt P d̄/m̄, rms of the closing velocities).
-        Energies: ½ M u_load u_ref, or ½ M u_ref² where nothing loads. Where there is neither weight
-        nor load, Δt F_a/m̄ stands in for them; ``attraction`` is the largest F_a Δt of a contact [N
-        s].
+        Energies: ½ M u_load u_ref, or ½ M u_ref² where nothing loads. Without weight and load
+        ``attraction``/m̄ stands in for them, the largest F_a Δt of a contact [N s] over m̄.
         """
         layout, model = self._layout, self._layout.model
         mean_mass = layout.mass / model.grain_count
@@ -621,15 +589,11 @@ class Engine:
         return ResidualScale(max(load, SLIPS_RMS * mean_slip), reference, energy)
 
     def _move_walls(self, middle: Floats, after: Floats, dt: float) -> None:
-        """Walls at the end of the step, from their positions at mid-step and their velocities
-        V⁺.
-        """
         state = self._layout.state
         state.wall_velocity, state.wall_surface = after, self._motion.surface_after(state)
         state.wall_position = middle + 0.5 * dt * after
 
     def _correct(self, step: Prediction, cutoff: float) -> Correction:
-        """Push overlaps apart, and bring the grains back into the period."""
         layout, state, model = self._layout, self._layout.state, self._layout.model
         # Beside that of q_m, which heat still looks at
         end = scene_of(model, state.position, state.wall_position)

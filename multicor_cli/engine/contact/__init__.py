@@ -1,3 +1,1 @@
-"""The contact problem of a step: its contacts, its law, its sweeps, and the errors of its
-solution.
-"""
+"""The contact problem of a step: its contacts, law and sweeps, and the errors of its solution."""

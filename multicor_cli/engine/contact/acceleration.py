@@ -1,9 +1,8 @@
-"""The loop of the global solve: plain or accelerated Gauss–Seidel sweeps until the residual is
-small enough.
+"""The loop of the global solve: plain or accelerated Gauss–Seidel sweeps until residuals pass.
 
 The accelerated method extrapolates the sweep as Nesterov does, y = x + ω (x − x_last), on impulses
 and velocities alike (they are linear in each other). Friction makes the problem no minimization,
-and unguarded momentum cycles in sliding states. Four guards:
+and unguarded momentum cycles in sliding states. Guards:
 
 * the momentum restarts when the new change points against the extrapolation (gradient restart);
 * it restarts when the change per sweep has grown to 1.5 times its lowest value since the last
@@ -42,14 +41,9 @@ from multicor_cli.model.model import Floats
 
 
 class Momentum(NamedTuple):
-    """Last iterate, and last change of the velocities; shapes as in `System`.
+    """Last iterate, and last change of the velocities, 0 in the last column; as in `System`.
 
-    Attributes:
-        velocity: Last velocities of the bodies; the last column as in `System`.
-        change: Their last change; 0 in the last column.
-        weight: Mass of each velocity [kg] (m, m, m/β; of walls M, M, J), 0 where nothing can be
-            moved.
-        before: Last impulses.
+    ``weight`` is the mass of each velocity [kg] (m, m, m/β; of walls M, M, J), or 0 if it is held.
     """
 
     velocity: Floats
@@ -102,8 +96,7 @@ _CROSS, _SQUARE = 0, 1  # columns of partial products
 
 FAST, CALM = 0, 1
 MODES = np.array([[1.0, 1.0, 1.5], [0.5, 1.0, 1.2]])
-"""Rows: factors on the normal and tangential corrections; growth of the change per sweep over its
-lowest value since the last restart, at which the momentum restarts."""
+"""Rows: factors on both corrections; growth of the change per sweep that restarts the momentum."""
 GROWTH = 2  # its column
 # Growth for local solves that are not exact: with more, they and the momentum drive each other
 CAREFUL = 1.0
@@ -166,18 +159,10 @@ def extrapolate_scalar(
 ) -> tuple[float, float]:
     """Record velocities and their change, and move them on by ``factor`` times the change.
 
-    Args:
-        first: First body.
-        last: One past the last.
-        now: Velocities after the sweep, flat. **Modified.**
-        before: Those before; these on return, flat. **Modified.**
-        change: Their last change; the new one on return, flat. **Modified.**
-        weight: Masses, flat.
-        factor: ω.
-
-    Returns:
-        Products of the new change with the last one and with itself in the metric of the kinetic
-        energy [J]: component by component, then over the components.
+    For bodies ``first … last-1``, arrays flat. ``now`` are the velocities after the sweep,
+    ``before`` those before, ``change`` is their last change: all **modified**. Returns products of
+    the new change with the last one and with itself in the metric of the kinetic energy [J]:
+    component by component, then over the components.
     """
     cross, square = 0.0, 0.0
     for column in range(4):
@@ -214,7 +199,6 @@ def _extrapolate_chunks(
 def _extrapolate_bodies(
     s: System, m: Momentum, factor: float, parallel: bool
 ) -> tuple[float, float]:
-    """As `extrapolate_scalar` over all bodies, in fixed chunks."""
     now, before, change, weight = (
         s.velocity.reshape(-1),
         m.velocity.reshape(-1),
@@ -247,9 +231,7 @@ def _switch(mode: int, loop: Any) -> None:
 
 @kernel
 def _choose_mode(change: float, tolerance: float, loop: Any) -> None:
-    """Calm down where the tolerance is near, and come back; say so where nothing has been gained
-    for long though it is not near.
-    """
+    """Calm down near the tolerance, and come back; say so where it is far and nothing is gained."""
     if change < GAIN * loop["best"]:
         loop["best"], loop["best_at"] = change, loop["sweeps"]
     in_mode = loop["sweeps"] - loop["since"]
@@ -264,9 +246,7 @@ def _choose_mode(change: float, tolerance: float, loop: Any) -> None:
 
 @kernel
 def begin_again(s: System, m: Momentum, is_patched: bool, loop: Any) -> None:
-    """Go on with fresh momentum after the loop was stuck, from impulses and velocities that a patch
-    may have changed.
-    """
+    """Go on with fresh momentum after the loop was stuck; a patch may have changed the iterate."""
     velocity = m.velocity.reshape(-1)
     copy_into(velocity, s.velocity.reshape(-1)[: velocity.size])
     m.change[:] = 0.0
@@ -283,7 +263,6 @@ def begin_again(s: System, m: Momentum, is_patched: bool, loop: Any) -> None:
 
 @kernel
 def _growth(loop: Any) -> float:
-    """Growth of the change per sweep at which the momentum restarts now."""
     mode, sweeps = loop["mode"], loop["sweeps"]
     is_long = mode == FAST and loop["patches"] == 0 and LONG_FROM <= sweeps < LONG_TO
     return LONG_GROWTH if is_long else MODES[mode, GROWTH]
@@ -308,9 +287,7 @@ def restart(change: float, loop: Any) -> float:
 
 @kernel
 def choose_factor(change: float, growth: float, loop: Any) -> float:
-    """The factor ω of the next extrapolation, unless the gradient wants a restart (see
-    `move_on`).
-    """
+    """The factor ω of the next extrapolation, unless `move_on` restarts by the gradient."""
     if change > growth * loop["lowest"]:
         return restart(change, loop)
     loop["lowest"] = min(loop["lowest"], change)
@@ -321,19 +298,12 @@ def choose_factor(change: float, growth: float, loop: Any) -> float:
 def move_on(
     s: System, m: Momentum, change: float, growth: float, loop: Any, parallel: bool
 ) -> None:
-    """Record the new velocities and move them on, with the two restarts; the next sweep does the
-    same with the impulses.
+    """Record velocities and move them on, with both restarts; the next sweep moves impulses.
 
-    Args:
-        s: The problem. **Velocities modified.**
-        m: Momentum. **Modified.**
-        change: Change per sweep [m/s].
-        growth: Growth of the change at which the momentum restarts.
-        loop: Record of `LOOP`; its ``factor`` is that of the next sweep on return. **Modified.**
-        parallel: Use several threads; the result is the same.
+    ``change`` is that per sweep [m/s], ``growth`` that at which the momentum restarts. **Modifies**
+    velocities, momentum, and the record ``loop``, whose ``factor`` is then that of the next sweep.
     """
-    # Velocities are moved on as if the gradient did not mind, in the pass that finds out whether it
-    # does: it seldom does.
+    # Velocities move on in the pass that finds out whether the gradient minds: it seldom does.
     factor = choose_factor(change, growth, loop)
     cross, square = _extrapolate_bodies(s, m, factor, parallel)
     if loop["factor"] * cross > square:
@@ -344,16 +314,10 @@ def move_on(
 
 @kernel
 def step_back(s: System, m: Momentum) -> None:
-    """Take velocities back to where the impulses are, after a call of `iterate` that its limit has
-    ended.
+    """Take velocities back to where the impulses are, after `iterate` has ended at its limit.
 
     `move_on` moves velocities on and leaves the impulses to the next sweep. Whoever does not sweep
-    next, but solves some contacts or begins again, would work with velocities that no impulses have
-    made, and that no book knows of.
-
-    Args:
-        s: The problem. **Velocities modified.**
-        m: Momentum, with the velocities after the last sweep.
+    next, but solves some contacts or begins again, would work with velocities of no impulses.
     """
     copy_into(s.velocity.reshape(-1), m.velocity.reshape(-1))
 
@@ -402,17 +366,9 @@ def iterate(
 ) -> None:
     """Sweep until converged, or until ``limit`` sweeps have been done in all.
 
-    Args:
-        s: The problem. **Impulses and velocities modified.**
-        m: Momentum, carried from one call to the next. **Modified.**
-        local: Kind of local solve, see `multicor_cli.engine.contact.sweep`.
-        accelerated: Extrapolate, or sweep plainly.
-        parallel: Use several threads; the result is the same.
-        limit: Number of sweeps at which to return.
-        is_last: Whether the caller gives up at ``limit``: the residual is then evaluated there.
-        tolerance: When to end.
-        memory: From `start_loop`, carried from one call to the next. **Modified.**
-        partial: Work space, shape ``(tiles,)``.
+    A caller that gives up there says so (``is_last``): the residual is then evaluated there.
+    Momentum and ``memory``, from `start_loop`, are carried from one call to the next: **modified**,
+    as impulses and velocities are.
     """
     loop = memory[0]
     while loop["sweeps"] < limit:

@@ -1,5 +1,4 @@
-"""From the neighbor list to the contacts of one step: gaps, frames, relative velocities, laws,
-adhesion, rolling, warm start.
+"""From the neighbor list to the contacts of a step: gaps, frames, velocities, laws, warm start.
 
 Bodies are rows of one velocity array: grains ``0 … n-1`` hold (v_x, v_y, s = a ω, 1/m); walls
 ``n … n+w-1`` hold (V_x, V_y, Ω, s), with s = −V_s where a drive lets the surface of the wall run.
@@ -60,8 +59,7 @@ class StepContacts(NamedTuple):
     Attributes:
         i: Grain, shape ``(c,)``.
         j: Grain or wall shape, shape ``(c,)``.
-        frame: Normal n_x, n_y (from j to i), gap at q_m [m], bias b [m/s], friction μ, shape
-            ``(c, 5)``.
+        frame: n_x, n_y (from j to i), gap at q_m [m], bias b [m/s], friction μ, shape ``(c, 5)``.
         before: u_n⁻, u_t⁻ [m/s], shape ``(c, 2)``.
         impulse: p_n, p_t [N s], shape ``(c, 2)``.
         lever: From the wall's reference point to the contact [m]; 0 for grains, shape ``(c, 2)``.
@@ -82,9 +80,7 @@ class StepContacts(NamedTuple):
 
 
 class WarmStart(NamedTuple):
-    """Impulses of the step before, by grain: those of grain i are ``row[i]:row[i+1]``; couples
-    where there are any [N m s].
-    """
+    """Impulses of the step before, of grain i ``row[i]:row[i+1]``; couples, if any [N m s]."""
 
     row: NDArray[np.int64]
     j: Ints
@@ -111,11 +107,8 @@ def _wall_lever(
 def relative_velocity(
     velocity: Floats, i: int, body_j: int, nx: float, ny: float, is_wall: bool, lx: float, ly: float
 ) -> tuple[float, float]:
-    """u_n, u_t of grain i relative to grain ``body_j``, or to the point (lx, ly) of the wall in row
-    ``body_j`` [m/s].
-    """
-    # Number by number: a row taken out of an array would count as a reference to it, and threads
-    # count one after the other.
+    """u_n, u_t of grain i relative to grain ``body_j``, or to point (lx, ly) of that wall [m/s]."""
+    # Number by number: threads count references to a row of an array one after the other.
     if is_wall:
         dx = velocity[i, X] - (velocity[body_j, X] - velocity[body_j, SURFACE] * ly)
         dy = velocity[i, Y] - (velocity[body_j, Y] + velocity[body_j, SURFACE] * lx)
@@ -148,20 +141,11 @@ def measure_pairs(
     normal: Floats,
     fastest: Floats,
 ) -> None:
-    """Gaps and normals of all listed pairs at q_m, and the largest approach speed among those
-    nearer than ``cutoff``.
+    """Gaps and normals of the listed pairs at q_m; largest approach speed below ``cutoff``.
 
-    Args:
-        scene: Shapes at q_m.
-        row: Start of each grain's row, shape ``(n + 1,)``.
-        partner: Partners, shape ``(pairs,)``.
-        start: Body velocities at the start of the step, shape ``(bodies, 4)``.
-        free: Free velocities, shape ``(bodies, 4)``.
-        cutoff: No pair farther apart can touch in this step [m].
-        gap: Gaps [m], shape ``(pairs,)``. **Modified.**
-        normal: Normals n_x, n_y, from j to i, shape ``(pairs, 2)``. **Modified.**
-        fastest: Largest approach speed in each chunk of grains, at the start or free [m/s]; 0 if
-            nothing approaches, shape ``(chunks, 1)``. **Modified.**
+    No pair farther apart than that can touch in this step [m]. **Modifies** ``gap`` [m], ``normal``
+    (from j to i) and ``fastest``: the largest approach speed in each chunk of grains, at the start
+    or free [m/s]; 0 if nothing approaches, shape ``(chunks, 1)``.
     """
     count = scene.radius.size
     for chunk in prange(fastest.shape[0]):
@@ -192,9 +176,7 @@ def count_contacts(row: NDArray[np.int64], gap: Floats, margin: float) -> NDArra
 
 @formula
 def friction_of(laws: ContactLaws, a: int, b: int, speed: float) -> float:
-    """μ of a pair of materials at a sliding speed [m/s]: the table of the pair, linear between its
-    points, or a constant.
-    """
+    """μ of a pair of materials at a sliding speed [m/s]: constant, or linear in its table."""
     table = laws.table[a, b]
     if table < 0:
         return laws.friction[a, b]
@@ -212,9 +194,7 @@ def friction_of(laws: ContactLaws, a: int, b: int, speed: float) -> float:
 
 @kernel
 def _softened(laws: ContactLaws, a: int, b: int, mu: float, first: float, second: float) -> float:
-    """μ at the mean of two temperatures [K]; the second may be nan (a wall without temperature),
-    then the first counts.
-    """
+    """μ at the mean of two temperatures [K]; of the first where the second is nan (a wall's)."""
     rate = laws.softening_rate[a, b]
     if rate == 0.0:
         return mu
@@ -241,9 +221,7 @@ def _fill_contact(
     dt: float,
     out: StepContacts,
 ) -> float:
-    """Fill row ``c`` of ``out``, impulses left out; returns min(u_n⁻, 0) if the contact closes
-    within the step, else 0.
-    """
+    """Fill row ``c`` but for impulses; returns min(u_n⁻, 0) if it closes in the step, else 0."""
     count = scene.radius.size
     lx, ly = 0.0, 0.0
     if j < count:
@@ -269,9 +247,7 @@ def _fill_contact(
 def _start_warm(
     c: int, j: int, k: int, last: int, warm: WarmStart, scale: float, out: StepContacts
 ) -> int:
-    """Start contact ``c`` with j from the impulses of the step before, if it is among
-    ``k … last-1``; returns where to go on.
-    """
+    """Start contact ``c`` from impulses of the step before, ``k … last-1``; returns the next k."""
     while k < last and warm.j[k] < j:  # both ascend
         k += 1
     if k < last and warm.j[k] == j:
@@ -301,26 +277,12 @@ def fill_contacts(
     out: StepContacts,
     speeds: Floats,
 ) -> None:
-    """Fill the contacts of a step, sorted by (i, j).
+    """Fill the contacts of a step, sorted by (i, j), with the pairs up to the gap ``margin`` [m].
 
-    Args:
-        scene: Shapes at q_m.
-        laws: Contact laws.
-        row: Rows of the neighbor list, shape ``(n + 1,)``.
-        partner: Partners in the list.
-        gap: Gaps of the listed pairs [m].
-        normal: Their normals.
-        margin: Pairs with a larger gap are left out [m].
-        kept: Row pointers from `count_contacts`.
-        start: Body velocities at the start of the step, shape ``(bodies, 4)``.
-        dt: Time step [s].
-        warm: Impulses of the step before.
-        scale: Ratio of this time step to that of the warm start.
-        out: The contacts. **Modified.**
-        speeds: For each chunk of grains the sum of min(u_n⁻, 0)² over the contacts that close
-            within the step [m²/s²] and their number; the sum of |u_t⁻| over the contacts of two
-            grains that carried an impulse [m/s] and their number; shape ``(chunks, 4)``.
-            **Modified.**
+    ``kept`` are row pointers from `count_contacts`, ``scale`` is the ratio of this time step to
+    that of the warm start. **Modifies** ``out`` and ``speeds``: in each chunk of grains the sum of
+    min(u_n⁻, 0)² [m²/s²] and the number of contacts that close in the step; the sum of |u_t⁻| [m/s]
+    and the number of contacts of two grains that carried an impulse; shape ``(chunks, 4)``.
     """
     count = row.size - 1
     for chunk in prange(speeds.shape[0]):
@@ -369,12 +331,10 @@ def find_missed(
     dt: float,
     worst: Floats,
 ) -> None:
-    """Largest approach speed of a pair that was left out although it closes within the step; 0 if
-    there is none.
+    """Largest approach speed of a pair that was left out although it closes within the step, or 0.
 
-    Args as `fill_contacts`; ``after`` are the velocities v⁺, ``cutoff`` the distance that no pair
-    can close [m] and ``worst`` the result per chunk of grains [m/s], shape ``(chunks, 1)``,
-    **modified**.
+    Arguments as `fill_contacts`; ``after`` are the velocities v⁺, ``cutoff`` is what no pair closes
+    [m] and ``worst`` the result per chunk of grains [m/s], shape ``(chunks, 1)``, **modified**.
     """
     count = row.size - 1
     for chunk in prange(worst.shape[0]):
@@ -435,19 +395,14 @@ def attractions(
     warm: WarmStart,
     dt: float,
 ) -> Floats:
-    """F_a Δt of all contacts [N s], shape ``(c,)``; 0 where a contact is not adhesive in this step.
+    """F_a Δt of all contacts [N s], shape ``(c,)``; 0 where one is not adhesive in this step.
 
     Adhesive are contacts without a gap (but for rounding), and those whose place carried an impulse
     in the step before and that adhesion alone would close within this one, ``gap ≤ F_a Δt² W_nn``
     (of the grains): contacts turn, which leaves a gap of second order.
 
-    Args:
-        scene: Shapes at q_m.
-        laws: Contact laws.
-        contacts: Contacts with their warm start; new adhesive ones start with p = 0. **Modified.**
-        bodies: Body velocities with the inverse masses, shape ``(bodies, 4)``.
-        warm: Impulses of the step before.
-        dt: Time step [s].
+    New ones start with p = 0: ``contacts`` are **modified**. ``bodies`` hold velocities and inverse
+    masses, shape ``(bodies, 4)``.
     """
     count = scene.radius.size
     found = np.zeros(contacts.i.size)
@@ -470,9 +425,7 @@ def attractions(
 
 
 def closing_distance(laws: ContactLaws, grains: Grains, dt: float) -> float:
-    """No adhesive contact has a larger gap [m]; 0 if no pair of materials has adhesion. Arguments
-    as `attractions`.
-    """
+    """No adhesive contact has a larger gap [m]; 0 if no pair of materials has adhesion."""
     if not laws.adhesion.size:
         return 0.0
     fastest = dt * dt * 2.0 * float(laws.adhesion.max()) / float(grains.mass.min())
@@ -480,15 +433,7 @@ def closing_distance(laws: ContactLaws, grains: Grains, dt: float) -> float:
 
 
 def attract(scene: Scene, contacts: StepContacts, free: Floats, wall_inverse: Floats) -> Floats:
-    """Free velocities after the attraction of adhesive contacts; ``free`` itself where there is
-    none.
-
-    Args:
-        scene: Shapes at q_m.
-        contacts: Contacts of the step.
-        free: Free velocities of grains and walls, shape ``(n + w, 4)``.
-        wall_inverse: Inverse mass per degree of freedom of the walls, shape ``(w, 3)``.
-    """
+    """Free velocities of grains and walls after adhesion; ``free`` itself where there is none."""
     if not contacts.attraction.any():
         return free
     attracted = free.copy()
@@ -525,24 +470,19 @@ def net_impulses(reaction: Floats, attraction: Floats) -> Floats:
 
 
 def resting_attraction(laws: ContactLaws, scene: Scene, i: Ints, j: Ints, dt: float) -> Floats:
-    """F_a Δt of contacts that are known to touch [N s], shape ``(c,)``; of size 0 if no pair of
-    materials has adhesion.
-    """
+    """F_a Δt of contacts known to touch [N s], shape ``(c,)``; of size 0 without any adhesion."""
     if not laws.adhesion.size:
         return np.empty(0)
     sharing = totals_of_places(find_places(scene, i, j)[0], np.ones(i.size))
     return dt * laws.adhesion[scene.material[i], scene.material[j]] / sharing
 
 
-# ---- Rolling resistance of contacts: what it is in a step, and where its couples stand in the
-#      sweep (theory §3.2)
+# ---- Rolling resistance: what it is in a step, and where its couples stand (theory §3.2)
 
 
 @formula
 def _rolling_velocity(scene: Scene, i: int, j: int, arm: float, velocity: Floats) -> float:
-    """u_r = a* (ω_i − ω_j) of a pair [m/s]; ``velocity`` of grains and walls, shape
-    ``(bodies, 4)``.
-    """
+    """u_r = a* (ω_i − ω_j) of a pair [m/s]; ``velocity`` of all bodies, shape ``(bodies, 4)``."""
     count = scene.radius.size
     if j < count:
         return arm * (
@@ -562,10 +502,7 @@ def rolling_of_contacts(
     warm: WarmStart,
     scale: float,
 ) -> Floats:
-    """Rolling resistance of all contacts, as in `StepContacts`.
-
-    Arguments as `fill_contacts`.
-    """
+    """Rolling resistance as in `StepContacts`, shape ``(c, 4)``; arguments as `fill_contacts`."""
     rolling = np.zeros((contacts.i.size, 4))
     for c in range(contacts.i.size):
         i, j = contacts.i[c], contacts.j[c]
@@ -583,9 +520,7 @@ def rolling_of_contacts(
 
 @formula
 def rolling_loss(c: int, scene: Scene, contacts: StepContacts, after: Floats) -> float:
-    """Energy that the couple of a contact takes in a step, −p_r ½(u_r⁻ + u_r⁺) [J]; ``after`` are
-    the velocities v⁺.
-    """
+    """Energy that a couple takes in a step, −p_r ½(u_r⁻ + u_r⁺) [J]; ``after`` are the v⁺."""
     if not contacts.rolling.size or contacts.rolling[c, COUPLE] == 0.0:
         return 0.0
     u_r = _rolling_velocity(scene, contacts.i[c], contacts.j[c], contacts.rolling[c, ARM], after)
@@ -594,9 +529,7 @@ def rolling_loss(c: int, scene: Scene, contacts: StepContacts, after: Floats) ->
 
 @formula
 def rolled_loss(c: int, scene: Scene, contacts: StepContacts, after: Floats) -> float:
-    """What the couple of a contact that rolls takes by the rule of the end of the step, |p_r u_r⁺|
-    [J].
-    """
+    """What a couple that rolls takes by the rule of the end of the step, |p_r u_r⁺| [J]."""
     if not contacts.rolling.size or contacts.rolling[c, COUPLE] == 0.0:
         return 0.0
     u_r = _rolling_velocity(scene, contacts.i[c], contacts.j[c], contacts.rolling[c, ARM], after)
@@ -605,16 +538,12 @@ def rolled_loss(c: int, scene: Scene, contacts: StepContacts, after: Floats) -> 
 
 @formula
 def couple_of(c: int, contacts: StepContacts) -> float:
-    """Impulse of the couple of a contact on its first body [N m s]; 0 without rolling
-    resistance.
-    """
+    """Impulse of a contact's couple on its first body [N m s]; 0 without rolling resistance."""
     return contacts.rolling[c, ARM] * contacts.rolling[c, COUPLE] if contacts.rolling.size else 0.0
 
 
 def couples_of_contacts(contacts: StepContacts) -> Floats:
-    """`couple_of` of all contacts, shape ``(c,)``; of size 0 if no pair of materials has rolling
-    resistance.
-    """
+    """`couple_of` of all contacts, shape ``(c,)``; of size 0 if no pair of materials has any."""
     return np.asarray(contacts.rolling[:, ARM] * contacts.rolling[:, COUPLE])
 
 
@@ -627,18 +556,7 @@ def pack_couples(
     place: Ints,
     inverse: Floats,
 ) -> Couples:
-    """The couples of the contacts that have rolling resistance, in the order of these.
-
-    Args:
-        scene: Shapes at q_m.
-        contacts: Contacts sorted by key, with the warm start in ``rolling``.
-        belt: Speed of the surface of each wall, column `BELT` of the bodies [m/s], shape ``(w,)``.
-        slot: Contact in each lane, -1 if there is none, shape ``(q, 4)``.
-        general: General contacts, shape ``(g,)``.
-        place: Row of each grain, shape ``(n,)``; walls follow the grains.
-        inverse: Inverse mass per degree of freedom of grains and walls, in these rows, shape
-            ``(n + w, 3)``.
-    """
+    """Couples of contacts, in their order; arrays of `Schedule`, `System` and `OrderedSystem`."""
     if not contacts.rolling.size:
         return NO_COUPLES
     contact = np.flatnonzero(contacts.rolling[:, LIMIT] > 0.0)
@@ -700,9 +618,7 @@ def gather_contacts(
 ) -> tuple[StepContacts, Floats]:
     """Contacts with a gap up to ``margin`` [m], sorted by key; arguments as `fill_contacts`.
 
-    Also returns the sum of min(u_n⁻, 0)² over closing contacts [m²/s²] and their number, and the
-    sum of |u_t⁻| over the contacts of two grains that carried an impulse [m/s] and their number,
-    shape ``(4,)``.
+    Also returns the sums of the ``speeds`` of `fill_contacts` over all chunks, shape ``(4,)``.
     """
     kept = count_contacts(lists.row, lists.gap, margin)
     count = int(kept[-1])

@@ -1,11 +1,8 @@
-"""Unilateral contact with Coulomb friction, one contact at a time, and friction that depends on
-temperature.
+"""Unilateral contact with Coulomb friction, one contact at a time.
 
 Frame: n points from body j to body i, t is n turned by +90°; u is the velocity of i relative to j
 and p the impulse of j on i. The law: ``ũ_n = u_n⁺ + b``, ``0 ≤ p_n ⟂ ũ_n ≥ 0``, ``|p_t| ≤ μ p_n``
-with ``p_t`` opposing slip.
-
-Plain scalar functions: the kernels compile them, the tests call them as they are.
+with ``p_t`` opposing slip. Plain scalar functions: kernels compile them, tests call them.
 """
 
 from __future__ import annotations
@@ -42,21 +39,11 @@ def solve_exact(
 ) -> tuple[float, float]:
     """Exact solution of one contact whose Delassus matrix is diagonal (discs, spheres).
 
-    Args:
-        p_n: Normal impulse now [N s].
-        p_t: Tangential impulse now [N s].
-        u_n: ``u_n + b`` that goes with these impulses [m/s].
-        u_t: Tangential velocity that goes with them [m/s].
-        w_n_inverse: 1/W_nn [kg].
-        w_t_inverse: 1/W_tt [kg].
-        mu: Coefficient of friction μ.
-
-    Returns:
-        The impulses (p_n, p_t) that satisfy the law with all other contacts held (theory §4: the
-        normal impulse first, then the tangential one cut to the cone; W_nt = 0 decouples them).
+    Takes impulses now [N s], ``u_n + b`` and u_t that go with them [m/s], 1/W_nn, 1/W_tt [kg] and
+    μ. Returns the impulses (p_n, p_t) that satisfy the law with all other contacts held (theory §4:
+    the normal impulse first, then the tangential one cut to the cone; W_nt = 0 decouples them).
     """
-    # Conditional expressions compile to selections; the built-in min and max to branches, which
-    # cost twice the time here.
+    # Selections, as in `bias`: branches cost twice the time here.
     new_n = p_n - u_n * w_n_inverse
     new_n = new_n if new_n > 0.0 else 0.0
     bound = mu * new_n
@@ -68,9 +55,7 @@ def solve_exact(
 
 @formula
 def project_on_cone(tau_n: float, tau_t: float, mu: float) -> tuple[float, float]:
-    """Orthogonal projection of (τ_n, τ_t) on Coulomb's cone: open, stick or slip (de Saxcé & Feng;
-    Fortin et al. 2005).
-    """
+    """Orthogonal projection on Coulomb's cone (de Saxcé & Feng; Fortin et al. 2005)."""
     size = abs(tau_t)
     if mu * size <= -tau_n:
         return 0.0, 0.0
@@ -82,9 +67,7 @@ def project_on_cone(tau_n: float, tau_t: float, mu: float) -> tuple[float, float
 
 @formula
 def bipotential_parameter(w_n_inverse: float, w_t_inverse: float) -> float:
-    """ρ = 1/√(W_nn W_tt) [kg], inside the admissible range 0 < ρ < 2/W_tt of the
-    predictor–corrector (W_tt ≤ 3.5 W_nn).
-    """
+    """ρ = 1/√(W_nn W_tt) [kg], within 0 < ρ < 2/W_tt, as it must be (W_tt ≤ 3.5 W_nn)."""
     return sqrt(w_n_inverse * w_t_inverse)
 
 
@@ -92,11 +75,7 @@ def bipotential_parameter(w_n_inverse: float, w_t_inverse: float) -> float:
 def predict_and_correct(
     p_n: float, p_t: float, u_n: float, u_t: float, rho: float, mu: float
 ) -> tuple[float, float]:
-    """Predictor ``τ = p − ρ (u + μ|u_t| n)``, corrector the projection on the cone (Fortin, Millet
-    & de Saxcé 2005).
-
-    Arguments as `solve_exact`, with ρ [kg].
-    """
+    """Predictor ``τ = p − ρ (u + μ|u_t| n)`` and projection (Fortin, Millet & de Saxcé 2005)."""
     return project_on_cone(p_n - rho * (u_n + mu * abs(u_t)), p_t - rho * u_t, mu)
 
 
@@ -110,9 +89,7 @@ def solve_bipotential(
     w_t_inverse: float,
     mu: float,
 ) -> tuple[float, float]:
-    """One predictor–corrector step of the bipotential method with its own ρ; arguments as
-    `solve_exact`.
-    """
+    """One predictor–corrector step of the bipotential method; arguments as `solve_exact`."""
     return predict_and_correct(
         p_n, p_t, u_n, u_t, bipotential_parameter(w_n_inverse, w_t_inverse), mu
     )
@@ -122,8 +99,7 @@ def solve_bipotential(
 def solve_full(
     p_n: float, p_t: float, u_n: float, u_t: float, w_nn: float, w_nt: float, w_tt: float, mu: float
 ) -> tuple[float, float]:
-    """Exact solution of one contact with a full 2×2 Delassus matrix, by enumeration of open, stick
-    and both slips.
+    """Exact solution with a full 2×2 Delassus matrix, by enumeration of open, stick and both slips.
 
     Arguments as `solve_exact`, with the matrix itself [1/kg]. Of several solutions (possible only
     if ``W_nn < μ|W_nt|``) the first in the order open, stick, slip is taken; if rounding leaves
@@ -154,8 +130,7 @@ def solve_full(
     return best_n, best_t
 
 
-# ---- A coefficient of friction that depends on temperature: `μ(T) = μ_0 [1 − c (T − T_r)]`, cut to
-#      a range (phenomenological).
+# ---- Friction that depends on temperature: `μ(T) = μ_0 [1 − c (T − T_r)]` (phenomenological).
 #
 # Validity: the linear law has no universal source: its rate is a fit to a material pair over the
 # measured range, and T is the temperature of the grains, not that of the spot.
@@ -167,13 +142,7 @@ def softened_friction(
 ) -> float:
     """Coefficient of friction ``μ_0 [1 − c (T − T_r)]``, cut to [lowest, highest].
 
-    Args:
-        mu: μ_0, the coefficient at T_r.
-        rate: c [1/K]; negative if friction rises with temperature.
-        temperature: T [K].
-        start: T_r [K].
-        lowest: Smallest coefficient.
-        highest: Largest coefficient.
+    ``mu`` is μ_0, ``rate`` c [1/K], negative if friction rises with temperature, ``start`` T_r [K].
     """
     value = mu * (1.0 - rate * (temperature - start))
     value = value if value > lowest else lowest

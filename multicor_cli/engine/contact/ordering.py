@@ -1,12 +1,11 @@
-"""The order in which contacts are relaxed: square tiles in four colors that share no body, batches
-of four, and their schedule.
+"""The order in which contacts are relaxed: tiles in four colors, batches of four, a schedule.
 
 The order is a pure function of the contacts and positions of the step, hence the same for any
-number of threads. Within a tile the contacts are ordered by key, which keeps the propagation of a
-serial sweep, cut into `STREAMS` parts from which one contact is taken in turn: neighbors by key
-share a grain, and could not lie in one batch. Tiles also keep the bodies of a thread in its cache.
-Contacts with fixed or prescribed walls do not tie tiles together. Crowded grains (many contacts)
-come last, serially.
+number of threads. Tiles are square; those of one color share no body. Within a tile the contacts
+are ordered by key, which keeps the propagation of a serial sweep, cut into `STREAMS` parts from
+which one contact is taken in turn: neighbors by key share a grain, and could not lie in one batch.
+Tiles also keep the bodies of a thread in its cache. Contacts with fixed or prescribed walls do not
+tie tiles together. Crowded grains (many contacts) come last, serially.
 """
 
 from __future__ import annotations
@@ -37,12 +36,10 @@ STREAMS = 4  # parts of a tile whose contacts take turns
 def classify_contacts(
     scene: Scene, contacts: StepContacts, wall_is_free: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int8], float]:
-    """Say how each contact is relaxed.
+    """How each contact is relaxed, shape ``(c,)``, and how far apart tiled grains may be [m].
 
-    Returns:
-        Class of each contact (`TILED`, `CROWDED`, or `GENERAL`: with a wall that has a free degree
-        of freedom), shape ``(c,)``, and the largest distance in x or y between the grains of a
-        tiled contact [m].
+    `TILED`, `CROWDED`, or `GENERAL`: with a wall that has a free degree of freedom. The distance
+    is the largest in x or y between the grains of a tiled contact.
     """
     n = scene.radius.size
     degree = np.zeros(n, np.int32)
@@ -101,19 +98,10 @@ def assign_tiles(
     height: float,
     color_start: NDArray[np.int64],
 ) -> Ints:
-    """Tile of each contact, shape ``(c,)``: that of its grain i; one more for all crowded contacts,
-    and -1 for general ones.
+    """Tile of each contact, shape ``(c,)``: of its grain i; the next if crowded, -1 if general.
 
-    Args:
-        scene: Positions at q_m.
-        contacts: Contacts sorted by key.
-        classes: From `classify_contacts`.
-        columns: Number of tiles in x; even or 1 if the domain is periodic.
-        rows: Number of tiles in y.
-        corner: Lower left corner of the first tile [m], shape ``(2,)``.
-        width: Width of a tile [m].
-        height: Height of a tile [m].
-        color_start: From `color_tiles`.
+    Tiles of ``width`` and ``height`` [m] begin at a ``corner``; with a period ``columns`` are even
+    or 1. ``classes`` are from `classify_contacts`.
     """
     half_x = (columns + 1) // 2
     tile = np.empty(contacts.i.size, np.int32)
@@ -134,16 +122,7 @@ def assign_tiles(
 
 @kernel
 def order_contacts(tile: Ints, tiles: int) -> tuple[Ints, Ints, NDArray[np.int64]]:
-    """Sort contacts by tile and key.
-
-    Args:
-        tile: From `assign_tiles`.
-        tiles: Number of tiles, that of the crowded contacts included.
-
-    Returns:
-        Diagonal contacts in the order of the sweep, general contacts, and the start of each tile in
-        it, shape ``(tiles + 1,)``.
-    """
+    """Diagonal contacts by tile, crowded ones last, and key; general ones; the starts of tiles."""
     start = np.zeros(tiles + 1, np.int64)
     for c in range(tile.size):
         if tile[c] >= 0:
@@ -167,9 +146,7 @@ def order_contacts(tile: Ints, tiles: int) -> tuple[Ints, Ints, NDArray[np.int64
 
 @kernel
 def _interleave(order: Ints, start: NDArray[np.int64]) -> None:
-    """Deal the contacts of each tile out to `STREAMS` parts of equal length and take one from each
-    part in turn.
-    """
+    """Deal each tile out to `STREAMS` parts of equal length and take one from each in turn."""
     longest = 0
     for t in range(start.size - 1):
         longest = max(longest, start[t + 1] - start[t])
@@ -192,25 +169,15 @@ def _interleave(order: Ints, start: NDArray[np.int64]) -> None:
 def number_bodies(
     i: Ints, j: Ints, order: Ints, general: Ints, grains: int, walls: int
 ) -> tuple[Ints, Ints, int]:
-    """Rows of the bodies in the velocities of the sweep: grains in the order in which the sweep
-    first meets them, walls, proxies.
+    """Rows of the bodies: grains in the order in which the sweep first meets them, walls, proxies.
 
     However grains are numbered, a tile then reads and writes one piece of memory: three times
     faster where the velocities of all grains do not fit into the caches. A prescribed wall is
     replaced by one *proxy* per contact: a body of infinite mass that has the velocity of the wall
     at the contact. The sweep then needs no branch, and no two contacts share a proxy.
 
-    Args:
-        i: Grain of each contact.
-        j: Grain, or wall shape (a number beyond those of the grains), of each contact.
-        order: Diagonal contacts in the order of the sweep, shape ``(k,)``.
-        general: General contacts.
-        grains: Number of grains.
-        walls: Number of walls.
-
-    Returns:
-        Row of each grain, shape ``(n,)``; rows of the bodies of each diagonal contact in the order
-        of the sweep, shape ``(k, 2)``; and the number of rows.
+    ``order`` are the diagonal contacts in the order of the sweep, shape ``(k,)``. Returns the row
+    of each grain; the rows of the bodies of ``order``, shape ``(k, 2)``; and the number of rows.
     """
     place = np.full(grains, -1, np.int32)
     pair = np.empty((order.size, 2), np.int32)
@@ -240,8 +207,7 @@ def number_bodies(
     return place, pair, rows
 
 
-# ---- Puts the diagonal contacts of a step into batches of four that share no body, for the vector
-#      loops.
+# ---- Batches of four diagonal contacts that share no body, for the vector loops.
 #
 # The order of the sweep is kept: a contact goes into the first batch with an empty lane that comes
 # `SPACING` batches or more after the last one with one of its bodies. Contacts that share no body
@@ -257,13 +223,8 @@ less (by a tenth), with 4 more lanes are empty.
 
 
 class _Work(NamedTuple):
-    """Work space of the schedule.
-
-    Attributes:
-        ready: First batch that each body may come in; zeros between tiles.
-        filled: Filled lanes of each batch of a tile.
-        following: Where to look for an empty lane from each batch on: there itself, or at a later
-            one.
+    """Work space of the schedule: the first batch that each body may come in (else zeros), filled
+    lanes of batches, and where to look for an empty lane from each batch on.
     """
 
     ready: Ints
@@ -273,7 +234,6 @@ class _Work(NamedTuple):
 
 @loop_body
 def _open(batch: int, base: int, slot: Ints, work: _Work) -> None:
-    """An empty batch of a tile whose batches begin at ``base``."""
     work.filled[batch], work.following[batch] = 0, batch
     for lane in range(LANES):
         slot[base + batch, lane] = -1
@@ -281,9 +241,7 @@ def _open(batch: int, base: int, slot: Ints, work: _Work) -> None:
 
 @kernel
 def _schedule(pair: Ints, first: int, last: int, base: int, slot: Ints, work: _Work) -> int:
-    """Write the contacts ``first … last-1`` of a tile into ``slot`` from batch ``base`` on; returns
-    the number of batches.
-    """
+    """Write contacts ``first … last-1`` of a tile to ``slot[base:]``; returns how many batches."""
     ready, filled, following = work.ready, work.filled, work.following
     count = 0
     for k in range(first, last):
@@ -320,16 +278,10 @@ def _schedule(pair: Ints, first: int, last: int, base: int, slot: Ints, work: _W
 def make_batches(
     pair: Ints, tile_start: NDArray[np.int64], bodies: int
 ) -> tuple[Ints, NDArray[np.int64]]:
-    """Batches of the contacts of each tile.
+    """Batches of the contacts of each tile, from the rows ``(k, 2)`` of their bodies, in order.
 
-    Args:
-        pair: Bodies of the contacts in the order of the sweep, shape ``(k, 2)``.
-        tile_start: First contact of each tile, shape ``(tiles + 1,)``.
-        bodies: Number of bodies.
-
-    Returns:
-        Contact in each lane, -1 if there is none, shape ``(q, 4)``, and the first batch of each
-        tile, shape ``(tiles + 1,)``.
+    Returns the contact in each lane, -1 if there is none, shape ``(q, 4)``, and the first batch of
+    each tile, shape ``(tiles + 1,)``.
     """
     longest = 0
     for t in range(tile_start.size - 1):
@@ -350,17 +302,10 @@ def make_batches(
 def fill_lanes(
     order: Ints, bodies: Ints, rows: int, tile_start: NDArray[np.int64], slot: Ints, pair: Ints
 ) -> None:
-    """Put the bodies of the contacts into their lanes.
+    """Put contacts and their bodies into their lanes: ``slot`` and ``pair`` are **modified**.
 
-    Args:
-        order: Contacts in the order of the sweep, shape ``(k,)``.
-        bodies: Rows of their bodies, shape ``(k, 2)``.
-        rows: Number of rows; two for the empty lanes of each tile follow, so that no two tiles
-            share a body.
-        tile_start: First batch of each tile, shape ``(tiles + 1,)``.
-        slot: From `make_batches`, shape ``(q, 4)``; on return the contacts themselves in place of
-            their ranks. **Modified.**
-        pair: Four times the rows of the bodies, shape ``(q, 2, 4)``. **Modified.**
+    ``order`` are the contacts in the order of the sweep, ``bodies`` their rows. Two more rows are
+    for the empty lanes of each tile: no two tiles share a body. ``slot`` has ranks at first.
     """
     for t in range(tile_start.size - 1):
         for q in range(tile_start[t], tile_start[t + 1]):
@@ -379,23 +324,17 @@ def fill_lanes(
                     )
 
 
-# ---- Which contact is relaxed when, and where its bodies lie: everything about a sweep that forces
-#      and velocities do not change
+# ---- Schedules: everything about a sweep that forces and velocities do not change
 
 TILE = 16.0  # width of a tile in mean diameters: a few hundred contacts
 
 
 class Schedule(NamedTuple):
-    """Order and places of the contacts of a step.
+    """Order and places of the contacts of a step; what is not listed is as in `System`.
 
     Attributes:
-        slot: Contact in each lane of the batches, -1 if there is none, shape ``(q, 4)``.
-        pair: Four times the rows of their bodies, shape ``(q, 2, 4)``.
-        tile_start: First batch of each tile, shape ``(tiles + 1,)``.
-        color_start: First tile of each color, shape ``(colors + 1,)``.
         general: General contacts, shape ``(g,)``.
-        place: Row of each grain, shape ``(n,)``; walls follow the grains, then come the wall
-            proxies.
+        place: Row of each grain, shape ``(n,)``; then come the walls, then the wall proxies.
         rows: Number of all these rows. Two rows for the empty lanes of each tile follow.
     """
 
@@ -409,11 +348,7 @@ class Schedule(NamedTuple):
 
 
 class Scheduler:
-    """Makes schedules, and keeps the last one for as long as the same contacts lie in the same
-    tiles, as they do at rest.
-
-    A schedule is a pure function of these: keeping it changes nothing but the time.
-    """
+    """Makes schedules; keeps the last one while the same contacts lie in the same tiles."""
 
     def __init__(self) -> None:
         self._last: Schedule | None = None
@@ -426,14 +361,7 @@ class Scheduler:
         wall_is_free: NDArray[np.bool_],
         mean_diameter: float,
     ) -> Schedule:
-        """The schedule of the contacts of a step.
-
-        Args:
-            scene: Shapes at q_m.
-            contacts: Contacts sorted by key.
-            wall_is_free: Walls with a driven degree of freedom, shape ``(w,)``.
-            mean_diameter: d̄ [m].
-        """
+        """The schedule of contacts sorted by key; ``wall_is_free`` marks walls that loads move."""
         classes, span = classify_contacts(scene, contacts, wall_is_free)
         columns, rows, corner, width, height = _grid(scene, max(TILE * mean_diameter, 2.2 * span))
         color_start = color_tiles(columns, rows)
@@ -464,9 +392,6 @@ def _make(
 
 
 def _grid(scene: Scene, width: float) -> tuple[int, int, Floats, float, float]:
-    """Numbers of columns and rows, the corner and the size of the tiles; at least ``width`` wide
-    and high.
-    """
     left, right, bottom, top = extent_of(scene.position)
     low = np.array([left, bottom])
     size = np.array([right - left, top - bottom])

@@ -1,5 +1,4 @@
-"""Solves the contacts around the worst one exactly and all at once, with the impulses of all others
-held.
+"""Solves the contacts around the worst one exactly and at once, with all other impulses held.
 
 Where friction and unilaterality chase each other around a small cluster of contacts, sweeps may go
 on for ever: the solution of the cluster is an unstable fixed point of the sweep. In two dimensions
@@ -58,8 +57,7 @@ from multicor_cli.model.columns import (
 )
 from multicor_cli.model.model import Floats, Ints
 
-# ---- Linear complementarity problems `w = q + M z, 0 ≤ w ⟂ z ≥ 0`, by Lemke's method (Cottle, Pang
-#      & Stone 1992, chapter 4)
+# ---- `w = q + M z, 0 ≤ w ⟂ z ≥ 0` by Lemke's method (Cottle, Pang & Stone 1992, chapter 4)
 
 SMALLEST = 1e-11
 """Pivots below this are rounding errors, in a problem whose numbers are of order 1."""
@@ -76,7 +74,6 @@ def _add(target: Floats, source: Floats, factor: float) -> None:
 
 @kernel
 def _exchange(table: Floats, row: int, column: int) -> None:
-    """Let the variables of a row and a column of the table change places."""
     pivot = 1.0 / table[row, column]
     for k in range(table.shape[1]):
         table[row, k] *= -pivot
@@ -94,8 +91,7 @@ def _exchange(table: Floats, row: int, column: int) -> None:
 def _leaving_row(table: Floats, column: int, basic: Ints, artificial: int) -> int:
     """The row that first becomes negative as the variable of a column grows; -1 if none does.
 
-    Of several the artificial variable's, for then the problem is solved, or else the one with the
-    largest pivot.
+    Of several the artificial variable's, which solves the problem, else that of the largest pivot.
     """
     last = table.shape[1] - 1
     least = np.inf
@@ -114,17 +110,7 @@ def _leaving_row(table: Floats, column: int, basic: Ints, artificial: int) -> in
 
 @kernel
 def solve_complementarity(matrix: Floats, vector: Floats, limit: int, solution: Floats) -> bool:
-    """Lemke's method with a covering vector of ones.
-
-    Args:
-        matrix: M, its numbers of order 1, shape ``(n, n)``.
-        vector: q, likewise, shape ``(n,)``.
-        limit: Cap on the number of pivots.
-        solution: z, shape ``(n,)``. **Modified.**
-
-    Returns:
-        Whether a solution was found; the method may end at a ray, or at the cap.
-    """
+    """Whether Lemke's method (covering vector of ones) finds z; it may end at a ray or the cap."""
     n = vector.size
     artificial = 2 * n
     solution[:] = 0.0
@@ -159,23 +145,19 @@ def solve_complementarity(matrix: Floats, vector: Floats, limit: int, solution: 
     return False
 
 
-# ---- Solves the contacts around the worst one exactly and all at once, with the impulses of all
-#      others held
+# ---- The contacts around the worst one
 
 SIZES = (50, 50, 70, 70, 100)
-"""Contacts of the first patch of a solve, of the second, and so on. The work grows with the third
-power."""
+"""Contacts of the first patch of a solve, of the second, …; work grows with the third power."""
 
 BLOCKS = (50, 70, 100, 200)
-"""The same of those after these, which are solved by turns with sweeps over all other contacts;
-further ones are as the last."""
+"""The same of later ones, the last for all others: they take turns with sweeps over the rest."""
 
 SMALL = 100
 """A system with no more contacts than that is one cluster."""
 
 PEAK, SHARE = 5.0, 0.5
-"""Contacts whose e_c is that many times the rms are a peak; where peaks hold that share of Σ e_c²,
-errors are those of clusters."""
+"""Peaks have an e_c so many times the rms; errors are clustered if these hold a share of Σ e_c²."""
 
 PIVOTS = 10
 """Cap on the number of pivots, per unknown."""
@@ -191,7 +173,6 @@ def _body(contact: int, side: int, s: System) -> int:
 
 @loop_body
 def _mobility(body: int, d: int, s: System) -> float:
-    """Inverse mass of a degree of freedom."""
     m = s.velocity[body, INVERSE_MASS]
     if m > 0.0:
         return m * s.spin_factor if d == SPIN else m
@@ -215,9 +196,7 @@ def _contact_of(couple: int, s: System) -> int:
 
 @kernel
 def _measure(s: System) -> tuple[NDArray[np.bool_], Floats]:
-    """Contacts that carry an impulse or would, and e_c² of all, with e_r² of their couples
-    [m²/s²].
-    """
+    """Contacts that carry an impulse or would; e_c² of all, with e_r² of their couples [m²/s²]."""
     lanes = s.slot.size
     velocity, pair, frame, impulse = (
         s.velocity.reshape(-1),
@@ -243,11 +222,7 @@ def _measure(s: System) -> tuple[NDArray[np.bool_], Floats]:
 
 @kernel
 def has_clusters(s: System) -> bool:
-    """Whether errors are those of small clusters, and not spread over many contacts, where a patch
-    would gain nothing.
-
-    A small system is one cluster.
-    """
+    """Whether errors are those of small clusters, where patches help; a small system is one."""
     active, square = _measure(s)
     whole, count = 0.0, 0
     for k in range(square.size):
@@ -286,9 +261,7 @@ def _contacts_by_body(
 
 @kernel
 def _around(worst: int, size: int, active: NDArray[np.bool_], s: System) -> NDArray[np.int64]:
-    """Up to ``size`` active contacts: the worst one, then those that share a movable body with one
-    that is chosen already.
-    """
+    """Up to ``size`` active contacts: the worst, then those that share a movable body with one."""
     start, contact = _contacts_by_body(active, s)
     chosen, is_left = np.empty(size, np.int64), active.copy()
     chosen[0], is_left[worst] = worst, False
@@ -403,7 +376,6 @@ def _gather(contact: NDArray[np.int64], s: System) -> _Patch:
 
 @kernel
 def _couples_within(place: Ints, s: System) -> NDArray[np.int64]:
-    """Couples of the contacts with a ``place`` in the patch that is not negative."""
     found = np.empty(s.couples.impulse.size, np.int64)
     count = 0
     for r in range(found.size):
@@ -448,9 +420,7 @@ def _delassus(patch: _Patch, s: System) -> Floats:
 
 @kernel
 def _solve(patch: _Patch, s: System) -> tuple[bool, Floats]:
-    """Impulses of the rows with all others held, shape ``(k + f,)``, and whether they were
-    found.
-    """
+    """Whether impulses with all others held were found, and they, shape ``(k + f,)``."""
     count, rows, with_friction = patch.contact.size, patch.owner.size, patch.friction.size
     w = _delassus(patch, s)
     mean = 0.0
@@ -503,15 +473,7 @@ def choose_patch(s: System, size: int) -> NDArray[np.int64]:
 
 @kernel
 def solve_patch(s: System, contact: NDArray[np.int64]) -> bool:
-    """Solve some contacts.
-
-    Args:
-        s: The problem. **Impulses and velocities modified.**
-        contact: Their numbers, from `choose_patch`.
-
-    Returns:
-        Whether they were solved. If not nothing has changed.
-    """
+    """Whether some contacts were solved; impulses and velocities are **modified** only if so."""
     patch = _gather(contact, s)
     is_solved, new = _solve(patch, s)
     if not is_solved:
@@ -547,15 +509,7 @@ def solve_patch(s: System, contact: NDArray[np.int64]) -> bool:
 
 @kernel
 def hold(s: System, contact: NDArray[np.int64]) -> Floats:
-    """Let sweeps leave diagonal contacts as they are: a contact without mass changes nothing.
-
-    Args:
-        s: The problem. **Frames modified.**
-        contact: Numbers of contacts; general ones among them are not held.
-
-    Returns:
-        What `release` needs, shape ``(k,)`` [kg].
-    """
+    """Keep sweeps off diagonal contacts by taking their mass; returns it for `release` [kg]."""
     frame, mass = s.frame.reshape(-1), np.zeros(contact.size)
     for k in range(contact.size):
         if contact[k] < s.slot.size:

@@ -52,14 +52,11 @@ _SHAPES = {
 
 @dataclass(frozen=True)
 class ContactProblem:
-    """Find impulses p with ``u = u_free + W p``, ``0 ≤ p_n ⟂ u_n + b ≥ 0``, ``|p_t| ≤ μ p_n``
-    opposing slip.
+    """Find impulses p with ``u = u_free + W p``, ``0 ≤ p_n ⟂ u_n + b ≥ 0``, ``|p_t| ≤ μ p_n``.
 
-    u_t is that of the bodies less ``slide``, by which the surface of j runs ahead of it along t (n
-    turned by +90°).
-
-    ``b`` bodies, ``c`` contacts. A body that cannot be moved has inverse masses 0 (and may have a
-    velocity).
+    p_t opposes slip: u_t, that of the bodies less ``slide``, by which the surface of j runs ahead
+    of it along t (n turned by +90°). ``b`` bodies, ``c`` contacts. A body that cannot be moved has
+    inverse masses 0 (and may have a velocity).
 
     Attributes:
         inverse_mass: 1/m in x and y [1/kg] and 1/I [1/(kg m²)], shape ``(b, 3)``.
@@ -169,8 +166,7 @@ def solve_contacts(
     reference_velocity: float | None = None,
     start: Floats | None = None,
 ) -> ContactSolution:
-    """Solve one contact problem with the solver of the engine, on one thread, in the given order of
-    contacts.
+    """Solve one contact problem as the engine does, on one thread, in the given order of contacts.
 
     Args:
         problem: The problem.
@@ -250,7 +246,6 @@ def _closing_velocity(problem: ContactProblem) -> float:
 
 
 def _general_system(problem: ContactProblem, impulse: Floats) -> System:
-    """All contacts with their full 2×2 matrices."""
     frame = np.empty((len(problem.pair), 8))
     frame[:, [NX, NY]] = problem.normal
     frame[:, BIAS], frame[:, MU], frame[:, SLIDE] = problem.bias, problem.friction, problem.slide
@@ -278,7 +273,6 @@ def _system(
     impulse: Floats,
     spin_factor: float,
 ) -> System:
-    """A system of diagonal contacts in one tile, and general ones."""
     count = int(np.count_nonzero(diagonal.slot >= 0)) + len(pair)
     return System(
         diagonal.velocity, inverse, diagonal.slot, diagonal.pair, diagonal.frame, diagonal.impulse,
@@ -288,12 +282,7 @@ def _system(
 
 
 def _disc_system(problem: ContactProblem, impulse: Floats) -> tuple[System, Floats] | None:
-    """The diagonal form, if every movable body is a disc or sphere of one kind and levers lie along
-    the normals; else None.
-
-    Also returns the radius of each body (0 for bodies that cannot be moved): the third velocity is
-    a ω.
-    """
+    """The diagonal form and radii of bodies, if movable ones are discs of one kind, or None."""
     inverse, lever = problem.inverse_mass, problem.levers()
     movable = np.asarray(inverse.any(axis=1))
     # Signed levers: a disc's u_t gets −a ω_i and +(−a) ω_j with normals from j to i.
@@ -356,18 +345,10 @@ def _disc_system(problem: ContactProblem, impulse: Floats) -> tuple[System, Floa
 def problem_of_step(
     scene: Scene, contacts: StepContacts, free: Floats, wall_inverse: Floats, spin_factor: float
 ) -> ContactProblem:
-    """The contact problem of a step of the engine, in physical velocities; bodies are the grains,
-    then the walls.
+    """The contact problem of a step, in physical velocities; bodies are the grains, then the walls.
 
-    Args:
-        scene: Shapes at q_m.
-        contacts: Contacts sorted by key.
-        free: Free velocities (v_x, v_y, a ω or Ω, 1/m or s), shape ``(n + w, 4)``.
-        wall_inverse: Inverse masses of the walls, shape ``(w, 3)``.
-        spin_factor: β = m a²/I.
-
-    Raises:
-        ValueError: If there is rolling resistance.
+    ``free`` are (v_x, v_y, a ω or Ω, 1/m or s), shape ``(n + w, 4)``, ``wall_inverse`` inverse
+    masses of the walls, shape ``(w, 3)``. Raises `ValueError` if there is rolling resistance.
     """
     if contacts.rolling.size:
         message = "a contact problem has no couples, and contacts here have rolling resistance"
@@ -396,9 +377,7 @@ def problem_of_step(
 
 
 def delassus(pair: Ints, normal: Floats, lever: Floats, inverse: Floats) -> Floats:
-    """W_nn, W_nt, W_tt of contacts between bodies with an inverse mass per degree of freedom, shape
-    ``(g, 3)`` [1/kg].
-    """
+    """W_nn, W_nt, W_tt of contacts of bodies with their own inverse masses [1/kg], ``(g, 3)``."""
     nx, ny = normal.T
     w_nn, w_nt, w_tt = np.zeros((3, len(pair)))
     for side in (FIRST, SECOND):

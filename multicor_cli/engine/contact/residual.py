@@ -1,6 +1,4 @@
-"""How far impulses are from satisfying the contact law: the only stopping criterion of the solver
-(theory §5.3).
-"""
+"""How far impulses are from the contact law: the solver's only stopping criterion (theory §5.3)."""
 
 from __future__ import annotations
 
@@ -43,9 +41,7 @@ _BATCHES = CHUNK // LANES  # of a chunk
 def lane_velocity(
     lane: np.uint64, velocity: Floats, pair: Ints, frame: Floats
 ) -> tuple[float, float]:
-    """u_n + b and u_t of a diagonal contact [m/s]; arrays as in
-    `multicor_cli.engine.contact.sweep.relax_lane`.
-    """
+    """u_n + b and u_t of a diagonal contact [m/s]; arrays as in `relax_lane`."""
     q, f = pair_place(lane), frame_place(lane)
     i, j = np.uint64(pair[q]), np.uint64(pair[q + SECOND_])
     nx, ny = frame[f], frame[f + NY_]
@@ -58,11 +54,7 @@ def lane_velocity(
 def measure_lane(
     lane: np.uint64, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float
 ) -> tuple[float, float, float, bool]:
-    """Square of e_c of a diagonal contact, the powers p_n e_n and p_t e_t [J], and whether it
-    carries an impulse or would.
-
-    Arrays as in `multicor_cli.engine.contact.sweep.relax_lane`.
-    """
+    """Square of e_c, p_n e_n and p_t e_t [J], whether p_n > 0 or e_c > 0; as `relax_lane`."""
     u_n, u_t = lane_velocity(lane, velocity, pair, frame)
     f, p = frame_place(lane), impulse_place(lane)
     w_inverse, mu = frame[f + MASS_], frame[f + MU_]
@@ -78,11 +70,10 @@ def measure_lane(
 def measure_scalar(
     first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float
 ) -> tuple[float, float, float, float, float]:
-    """Residuals of the diagonal contacts of batches ``first … last-1``; arrays as in
-    `measure_lane`.
+    """Residuals of the diagonal contacts of batches ``first … last-1``; arrays as `measure_lane`.
 
-    Returns the sums of the squares of e_c and of both powers, the largest square, and the number of
-    contacts with p_n > 0 or e_c > 0. Sums are taken lane by lane, then over the lanes.
+    Returns the sums of e_c² and of both powers, the largest e_c², and the number of contacts with
+    p_n > 0 or e_c > 0. Sums are taken lane by lane, then over the lanes.
     """
     squares, normal, tangential, largest, active = 0.0, 0.0, 0.0, 0.0, 0.0
     for column in range(LANES):
@@ -156,11 +147,7 @@ def measure_general(g: int, s: System) -> tuple[float, float, float, bool]:
 
 @kernel
 def measure_residual(s: System, parallel: bool) -> tuple[float, float, float, float]:
-    """Residuals of the present impulses and velocities.
-
-    Args:
-        s: The problem; read only.
-        parallel: Use several threads; the result is the same.
+    """Residuals of the present impulses and velocities; the same on one thread and several.
 
     Returns:
         rms and maximum of e_c, the velocity correction that an exact local solve of contact c would

@@ -1,6 +1,4 @@
-"""The global solve of one contact problem, in slices short enough to be interrupted, on one thread
-or several.
-"""
+"""The global solve of one contact problem, in slices short enough to be interrupted."""
 
 from __future__ import annotations
 
@@ -38,8 +36,7 @@ from multicor_cli.engine.contact.sweep import BIPOTENTIAL, EXACT, System
 from multicor_cli.engine.orders import Interrupted, PhysicsError, Settings
 from multicor_cli.model.model import Floats
 
-# ---- One thread or several: whichever has been faster lately. Results do not depend on it, so it
-#      may follow the clock
+# ---- One thread or several: whichever was faster lately; results do not depend on it
 
 SLICE = 2_000_000
 """Contact relaxations between two looks at the signals and the clock: well under 0.2 s."""
@@ -58,13 +55,9 @@ class ThreadChoice:
     On idle cores, threads pay from some thousand contacts on. On cores that other programs use too,
     they can cost many times what they save, because the tiles of one color wait for the slowest
     thread four times in every sweep.
-
-    Attributes:
-        threads: Number of threads that may be used.
     """
 
     def __init__(self, threads: int = 1) -> None:
-        """Begin without knowledge; ``threads`` is the number of threads that may be used."""
         self.threads = threads
         self._cost = {False: math.nan, True: math.nan}
         self._work = 0.0  # since the other way was tried
@@ -72,13 +65,10 @@ class ThreadChoice:
 
     @property
     def favorite(self) -> int:
-        """Number of threads for everything that is not measured: as many as may be used unless one
-        has been faster.
-        """
+        """Threads for what is not measured: as many as may be used unless one was faster."""
         return 1 if self._cost[False] < self._cost[True] else self.threads
 
     def choose(self, contacts: int) -> bool:
-        """Whether to use several threads in the next slice of a problem."""
         if self.threads == 1 or contacts < PARALLEL_FROM:
             return False
         if math.isnan(self._cost[True]):
@@ -90,14 +80,7 @@ class ThreadChoice:
         return best if self._work < _PATIENCE * ratio else not best
 
     def note(self, contacts: int, is_parallel: bool, relaxations: float, seconds: float) -> None:
-        """Take note of a slice; the very first one counts for nothing.
-
-        Args:
-            contacts: Contacts of the problem; small ones count for nothing.
-            is_parallel: Whether it used several threads.
-            relaxations: Contact relaxations in it.
-            seconds: Time that it took [s].
-        """
+        """Note the time of a slice [s]; the very first, and small problems, count for nothing."""
         if self.threads == 1 or contacts < PARALLEL_FROM or relaxations <= 0.0:
             return
         if not self._is_warm:  # the kernels were compiled or loaded in it
@@ -118,13 +101,7 @@ class ThreadChoice:
 
 @dataclass(frozen=True)
 class ResidualScale:
-    """What residuals are measured against (theory §5.3).
-
-    Attributes:
-        rms: Scale of the rms velocity correction, u_rms [m/s].
-        velocity: Scale of the largest one, u_ref [m/s].
-        energy: ½ M u_load u_ref [J].
-    """
+    """Scales of residuals: u_rms and u_ref [m/s], ½ M u_load u_ref [J] (theory §5.3)."""
 
     rms: float
     velocity: float
@@ -142,9 +119,7 @@ class Outcome:
     energy: float
 
     def require_convergence(self, settings: Settings, step: int) -> None:
-        """Raise `PhysicsError` at ``step`` if the solve has failed and that is an error by
-        ``settings``.
-        """
+        """Raise `PhysicsError` at ``step`` if ``settings`` make a failed solve an error."""
         if self.converged or settings.on_failure == "warn":
             return
         message = (
@@ -163,16 +138,8 @@ def solve_system(
 ) -> Outcome:
     """Sweep until the three tolerances are met or the cap is reached.
 
-    Args:
-        system: The problem, with velocities that match its impulses. **Impulses and velocities
-            modified.**
-        scale: Scale of the residuals.
-        settings: Method, tolerances, cap.
-        pace: Decides between one thread and several, and takes note of what they cost.
-        should_stop: Asked between slices.
-
-    Raises:
-        Interrupted: If ``should_stop`` says so.
+    Velocities match impulses at first; both are **modified**. ``pace`` decides between one thread
+    and several. ``should_stop`` is asked between slices: `Interrupted` is raised if it says so.
     """
     count = system.contacts
     if count == 0 or scale.velocity == 0.0:
@@ -267,8 +234,7 @@ def _take_turns(
     partial: Floats,
     should_stop: Callable[[], bool] | None,
 ) -> None:
-    """Solve a patch exactly and sweep over all other contacts, by turns: block Gauss–Seidel with
-    one block that is not a contact.
+    """Solve a patch exactly and sweep over all other contacts, by turns: block Gauss–Seidel.
 
     A patch that is solved once and then swept over like everything else is left again, because its
     solution is an unstable fixed point of the sweep. Held, it cannot be left. Slow shear of rough

@@ -1,5 +1,4 @@
-"""Gauss–Seidel sweeps over contacts, in the matrix-free form: velocities are updated in place after
-each contact.
+"""Gauss–Seidel sweeps over contacts, matrix-free: each contact updates velocities in place.
 
 Two kinds of contact, and couples of rolling resistance, relaxed after them:
 
@@ -61,8 +60,7 @@ from multicor_cli.model.columns import (
 )
 from multicor_cli.model.model import Floats, Ints
 
-# ---- The couples of rolling resistance in the sweep: each is one more unknown, relaxed after all
-#      contacts (theory §3.2).
+# ---- Couples of rolling resistance: further unknowns, relaxed after all contacts (theory §3.2).
 #
 # In velocity units a couple is friction on the rolling velocity u_r = a* (ω_i − ω_j): |p_r| ≤ μ_r
 # q_n, where p_r is the impulse of the couple over a*. It acts on spins alone and takes its bound
@@ -72,16 +70,14 @@ from multicor_cli.model.model import Floats, Ints
 
 
 class Couples(NamedTuple):
-    """The couples of a `System`, ``k`` rows; arrays without rows where there is no rolling
-    resistance.
+    """The couples of a `System`, ``k`` rows; none where there is no rolling resistance.
 
     Attributes:
         contact: Contact behind each, shape ``(k,)``.
         place: Where its normal impulse is: in the flat ``impulse`` of the system, or -1 - g for the
             general contact g, shape ``(k,)``.
         body: Rows of its bodies, shape ``(k, 2)``.
-        arm: What the third velocities of both bodies count in u_r: a*/a for grains, a* [m] for
-            walls, shape ``(k, 2)``.
+        arm: Factors of both third velocities in u_r: a*/a for grains, a* [m] for walls, ``(k, 2)``.
         limit: μ_r, shape ``(k,)``.
         inverse: 1/W_rr [kg], shape ``(k,)``.
         impulse: p_r [N s], shape ``(k,)``. **Modified by sweeps.**
@@ -107,15 +103,7 @@ NO_COUPLES = Couples(
 
 @formula
 def solve_rolling(p_r: float, u_r: float, w_inverse: float, bound: float) -> float:
-    """Exact p_r of one couple with all else held [N s]: stick, cut to ± ``bound`` = μ_r q_n (theory
-    §3.2).
-
-    Args:
-        p_r: Impulse now [N s].
-        u_r: Rolling velocity that goes with it [m/s].
-        w_inverse: 1/W_rr [kg].
-        bound: Largest impulse [N s].
-    """
+    """Exact p_r of one couple with all else held [N s]: stick, cut to ± μ_r q_n (theory §3.2)."""
     return min(max(p_r - u_r * w_inverse, -bound), bound)
 
 
@@ -139,7 +127,7 @@ def couple_velocity(k: int, couples: Couples, velocity: Floats) -> float:
 
 @loop_body
 def push_couple(k: int, d_r: float, couples: Couples, velocity: Floats, inverse: Floats) -> None:
-    """Change the spins of the two bodies of a couple by an impulse. Arrays as in `System`."""
+    """Change the spins of both bodies by an impulse of a couple. Arrays as in `System`."""
     i, j = couples.body[k, FIRST], couples.body[k, SECOND]
     velocity[i, SURFACE] += inverse[i, SPIN] * couples.arm[k, FIRST] * d_r
     velocity[j, SURFACE] -= inverse[j, SPIN] * couples.arm[k, SECOND] * d_r
@@ -151,11 +139,7 @@ def relax_couples(
     before: Floats,
     extrapolation: float,
 ) -> float:  # fmt: skip
-    """Relax all couples; returns the sum of the squares of the velocity corrections [m²/s²].
-
-    Arrays as in `System`, the impulses of diagonal contacts flat, and the last impulses of the
-    couples, ``before``, from which they are extrapolated first.
-    """
+    """Relax all couples, extrapolated first; returns Σ of corrections² [m²/s²]; impulses flat."""
     total = 0.0
     for k in range(couples.impulse.size):
         now = couples.impulse[k]
@@ -187,8 +171,8 @@ def measure_couples(
 ) -> tuple[float, float, float, float]:
     """Residuals of the couples, arguments as `relax_couples`.
 
-    Returns the sum of the squares of their velocity corrections e_r and the largest of them
-    [m²/s²], the sum of the powers p_r e_r [J], and the number of couples with p_r ≠ 0 or e_r ≠ 0.
+    Returns Σ e_r² and the largest e_r² of their velocity corrections e_r [m²/s²], the power Σ p_r
+    e_r [J], and the number of couples with p_r ≠ 0 or e_r ≠ 0.
     """
     squares, largest, power, active = 0.0, 0.0, 0.0, 0.0
     for k in range(couples.impulse.size):
@@ -278,12 +262,7 @@ def relax_general(
     before: Floats,
     is_exact: bool, extrapolation: float,
 ) -> float:  # fmt: skip
-    """Relax all general contacts; returns the sum of the squares of the velocity corrections
-    [m²/s²].
-
-    Arrays as in `System`, and the last impulses ``before``, from which impulses are extrapolated
-    first.
-    """
+    """Relax all general contacts, extrapolated first; returns Σ of corrections² [m²/s²]."""
     total = 0.0
     for g in range(pair.shape[0]):
         now_n, now_t = impulse[g, NORMAL], impulse[g, TANGENTIAL]
@@ -301,8 +280,7 @@ def relax_general(
     return total
 
 
-# ---- Gauss–Seidel sweeps over contacts, in the matrix-free form: velocities are updated in place
-#      after each contact
+# ---- The sweep
 
 EXACT, BIPOTENTIAL = 0, 1
 
@@ -310,12 +288,9 @@ EXACT, BIPOTENTIAL = 0, 1
 class Relaxation(NamedTuple):
     """How contacts are relaxed.
 
-    Attributes:
-        normal: Factor on the normal correction of the exact local solve of diagonal contacts: 1
-            solves the contact, less goes part of the way.
-        tangential: The same for the tangential correction.
-        extrapolation: ω; impulses of all contacts are moved on by ω times their last change before
-            they are relaxed.
+    ``normal`` and ``tangential`` are factors on corrections of the exact local solve of diagonal
+    contacts: 1 solves the contact, less goes part of the way. ``extrapolation`` is ω: impulses of
+    all contacts move on by ω times their last change before they are relaxed.
     """
 
     normal: float
@@ -324,19 +299,17 @@ class Relaxation(NamedTuple):
 
 
 class System(NamedTuple):
-    """A contact problem in the order of the sweep: ``q`` batches of four diagonal contacts, ``g``
-    general contacts, ``b`` bodies.
+    """A contact problem in the order of the sweep.
 
-    A lane of a batch without contact joins two bodies of its tile that nothing moves. Arrays begin
-    at cache lines.
+    ``q`` batches of four diagonal contacts, ``g`` general contacts, ``b`` bodies. A lane without
+    contact joins two bodies of its tile that nothing moves. Arrays begin at cache lines.
 
     Attributes:
         velocity: Bodies: v_x, v_y [m/s], s (a ω for grains [m/s], Ω for walls [rad/s]), 1/m [1/kg];
             then wall proxies, then bodies of empty lanes. **Modified by sweeps.**
         inverse: Bodies: inverse mass per degree of freedom, for general contacts, shape ``(b, 3)``.
         slot: Contact in each lane, -1 if there is none, shape ``(q, 4)``.
-        pair: Bodies of the diagonal contacts: four times the row of the first, and that of the
-            second, shape ``(q, 2, 4)``.
+        pair: Bodies of the diagonal contacts: four times their rows, shape ``(q, 2, 4)``.
         frame: Diagonal: n_x, n_y, 1/W_nn [kg], bias b [m/s], μ, shape ``(q, 5, 4)``.
         impulse: Diagonal: p_n, p_t [N s], shape ``(q, 2, 4)``. **Modified by sweeps.**
         tile_start: First batch of each tile, shape ``(tiles + 1,)``; no tile has a single batch.
@@ -371,9 +344,7 @@ class System(NamedTuple):
 
 
 class Before(NamedTuple):
-    """Impulses before the last sweep [N s]: diagonal contacts, ``(q, 2, 4)``, general ones,
-    ``(g, 2)``, couples, ``(k,)``.
-    """
+    """Impulses before the last sweep [N s]; shapes ``(q, 2, 4)``, ``(g, 2)`` and ``(k,)``."""
 
     impulse: Floats
     general_impulse: Floats
@@ -386,11 +357,7 @@ def relax_lane(
     beta: float, local: int,
     way: Relaxation,
 ) -> float:  # fmt: skip
-    """Relax one diagonal contact; returns the square of the velocity correction [m²/s²].
-
-    The arrays are those of `System`, flat; ``lane`` counts the lanes of all batches. Velocities are
-    read once.
-    """
+    """Relax a lane, its velocities read once; returns the square of its correction [m²/s²]."""
     q, f, p = pair_place(lane), frame_place(lane), impulse_place(lane)
     i, j = np.uint64(pair[q]), np.uint64(pair[q + SECOND_])
     nx, ny, w_inverse, mu = frame[f], frame[f + NY_], frame[f + MASS_], frame[f + MU_]
@@ -445,12 +412,7 @@ def relax_scalar(
     before: Floats, beta: float, local: int,
     way: Relaxation,
 ) -> float:  # fmt: skip
-    """Relax the diagonal contacts of batches ``first … last-1`` one by one; arrays as in
-    `relax_lane`.
-
-    Returns the sum of the squares of the velocity corrections [m²/s²]: lane by lane, then over the
-    lanes.
-    """
+    """Relax batches ``first … last-1``; returns Σ of corrections² [m²/s²], first lane by lane."""
     a, b, c, d = 0.0, 0.0, 0.0, 0.0
     for batch in range(first, last):
         lane = np.uint64(LANES * batch)
@@ -520,19 +482,12 @@ def _relax_tiles_on_threads(
 def sweep(
     s: System, before: Before, local: int, way: Relaxation, parallel: bool, partial: Floats
 ) -> float:
-    """One Gauss–Seidel sweep over all contacts and couples.
+    """One Gauss–Seidel sweep over all contacts and couples; returns Σ of corrections² [m²/s²].
 
-    Args:
-        s: The problem. **Impulses and velocities modified.**
-        before: Impulses before the last sweep; before this one on return. **Modified.**
-        local: `EXACT` or `BIPOTENTIAL`.
-        way: Factors of the exact local solve, and of the extrapolation of impulses (velocities are
-            extrapolated already).
-        parallel: Relax the tiles of one color on several threads; the result is the same.
-        partial: Work space, shape ``(tiles,)``.
-
-    Returns:
-        Sum of the squares of the velocity corrections [m²/s²].
+    ``before`` are the impulses before the last sweep, on return those before this one. ``way`` has
+    the factors of the exact local solve and of the extrapolation of impulses (velocities have had
+    theirs). Results on several threads (``parallel``), which relax the tiles of one color, are the
+    same. ``partial`` is work space, shape ``(tiles,)``.
     """
     velocity, pair, frame, impulse = (
         s.velocity.reshape(-1),
@@ -597,9 +552,7 @@ def push_lane(
 
 @kernel
 def add_impulses(s: System) -> None:
-    """Add the effect of the impulses to the velocities: free velocities become v_free + M⁻¹ H p. In
-    the order of the sweep.
-    """
+    """Free velocities become v_free + M⁻¹ H p, in the order of the sweep."""
     velocity, pair, frame, impulse = (
         s.velocity.reshape(-1),
         s.pair.reshape(-1),

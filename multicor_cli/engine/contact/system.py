@@ -1,6 +1,4 @@
-"""Puts the contacts of a step into the arrays of the sweep, takes them out again, and into a table
-that is stored.
-"""
+"""Puts the contacts of a step into the arrays of the sweep, and takes them out again."""
 
 from __future__ import annotations
 
@@ -53,13 +51,7 @@ from multicor_cli.model.model import Floats, Ints
 
 
 class OneByOne(NamedTuple):
-    """Diagonal contacts in the order of the sweep, ``k`` rows.
-
-    Attributes:
-        pair: Rows of their bodies, shape ``(k, 2)``.
-        frame: n_x, n_y, 1/W_nn [kg], bias b [m/s], μ, shape ``(k, 5)``.
-        impulse: p_n, p_t [N s], shape ``(k, 2)``.
-    """
+    """Diagonal contacts in the order of the sweep, a row for each; fields as in `System`."""
 
     pair: Ints
     frame: Floats
@@ -78,9 +70,7 @@ class Batches(NamedTuple):
 
 
 def flatten(system: System) -> OneByOne:
-    """The diagonal contacts of a system, in an order of which its batches make the same sweep.
-    Copies.
-    """
+    """The diagonal contacts, copied, in an order of which their batches make the same sweep."""
     has = system.slot.reshape(-1) >= 0
     pair, frame, impulse = (
         _rows(blocks)[has] for blocks in (system.pair, system.frame, system.impulse)
@@ -91,12 +81,7 @@ def flatten(system: System) -> OneByOne:
 
 
 def batch(contacts: OneByOne, velocity: Floats) -> Batches:
-    """Contacts in batches, as one tile; ``slot`` names them by their rows.
-
-    Args:
-        contacts: In the order of the sweep.
-        velocity: Bodies as in `System`, shape ``(b, 4)``.
-    """
+    """Contacts, in the order of the sweep, as batches of one tile; ``slot`` names their rows."""
     bodies = velocity.shape[0]
     slot, start = make_batches(contacts.pair, np.array([0, len(contacts.pair)]), bodies)
     has = slot.reshape(-1) >= 0
@@ -119,9 +104,7 @@ def batch(contacts: OneByOne, velocity: Floats) -> Batches:
 
 
 def by_slot(slot: Ints, impulse: Floats, count: int) -> Floats:
-    """Impulses of ``count`` contacts, as ``slot`` numbers them, from their batches; shape
-    ``(count, 2)``.
-    """
+    """Impulses of ``count`` contacts, as ``slot`` numbers them, shape ``(count, 2)``."""
     has = slot.reshape(-1) >= 0
     result = np.zeros((count, 2))
     result[slot.reshape(-1)[has]] = _rows(impulse)[has]
@@ -141,19 +124,12 @@ def _blocks(rows: NDArray[Any]) -> NDArray[Any]:
     return blocks
 
 
-# ---- Between the contacts and bodies of a step and the arrays of the sweep: once a step, and
-#      memory is what takes time
+# ---- To the arrays of the sweep and back: once a step, and memory is what takes time
 
 
 @kernel
 def pack_bodies(free: Floats, place: Ints, velocity: Floats) -> None:
-    """Copy bodies into the arrays of the sweep.
-
-    Args:
-        free: Free velocities of grains and walls, shape ``(bodies, 4)``.
-        place: Row of each grain, shape ``(n,)``; walls follow the grains.
-        velocity: All bodies of the sweep, bodies first. **Modified.**
-    """
+    """Copy bodies into those of the sweep: grains to their ``place``, then walls."""
     for b in range(free.shape[0]):
         row = np.int64(place[b]) if b < place.size else np.int64(b)
         for d in range(4):
@@ -185,15 +161,8 @@ def pack_contacts(
 ) -> None:
     """Copy contacts into their lanes, and give the proxies of walls their velocities.
 
-    Args:
-        scene: Shapes at q_m.
-        contacts: Contacts sorted by key.
-        belt: Speed of the surface of each wall, column `BELT` of the bodies [m/s], shape ``(w,)``.
-        slot: Contact in each lane, shape ``(q, 4)``.
-        pair: Their bodies as in `System`, shape ``(q, 2, 4)``.
-        velocity: From `pack_bodies`. **Modified.**
-        frame: As in `System`, shape ``(q, 5, 4)``. **Modified.**
-        impulse: As in `System`, shape ``(q, 2, 4)``. **Modified.**
+    Arrays as in `System`; ``velocity``, from `pack_bodies`, ``frame`` and ``impulse`` are
+    **modified**. ``belt`` as in `OrderedSystem`.
     """
     n = scene.radius.size
     for q in prange(slot.shape[0]):
@@ -225,16 +194,8 @@ def pack_general(
 ) -> tuple[Ints, Floats, Floats, Floats]:
     """Arrays of the contacts with walls that have a free degree of freedom, as in `System`.
 
-    Args:
-        scene: Shapes at q_m.
-        contacts: Contacts sorted by key.
-        belt: As for `pack_contacts`.
-        place: From `number_bodies`.
-        general: Contacts of class 2, shape ``(g,)``.
-        inverse: Inverse mass per degree of freedom of grains and walls, shape ``(n + w, 3)``.
-
-    Returns:
-        Bodies ``(g, 2)``, frames ``(g, 8)``, levers ``(g, 2, 2)`` and impulses ``(g, 2)``.
+    ``general`` are these contacts, ``inverse`` as in `System`, ``belt`` as in `OrderedSystem`.
+    Returns bodies ``(g, 2)``, frames ``(g, 8)``, levers ``(g, 2, 2)`` and impulses ``(g, 2)``.
     """
     n = scene.radius.size
     pair, impulse = np.empty((general.size, 2), np.int32), np.empty((general.size, 2))
@@ -251,8 +212,7 @@ def pack_general(
             contacts.impulse[c, NORMAL],
             contacts.impulse[c, TANGENTIAL],
         )
-        # u_t gains −s from the grain's surface speed; u_n and u_t −Ω (l_x n_y − l_y n_x) and −Ω
-        # (l_x n_x + l_y n_y) from the wall.
+        # Grains add −s to u_t; walls −Ω (l_x n_y − l_y n_x) to u_n, −Ω (l_x n_x + l_y n_y) to u_t
         lever[g, FIRST, NORMAL], lever[g, FIRST, TANGENTIAL] = 0.0, -1.0
         lever[g, SECOND, NORMAL], lever[g, SECOND, TANGENTIAL] = (
             lx * ny - ly * nx,
@@ -270,16 +230,7 @@ def pack_general(
 def unpack(
     slot: Ints, impulse: Floats, place: Ints, velocity: Floats, by_contact: Floats, by_body: Floats
 ) -> None:
-    """Back from the arrays of the sweep.
-
-    Args:
-        slot: Contact in each lane, shape ``(q, 4)``.
-        impulse: Their impulses, shape ``(q, 2, 4)``.
-        place: Row of each grain, shape ``(n,)``.
-        velocity: Bodies as in `pack_bodies`.
-        by_contact: Impulses of the contacts, shape ``(c, 2)``. **Modified.**
-        by_body: Velocities of grains and walls, shape ``(bodies, 4)``. **Modified.**
-    """
+    """Back from the arrays of the sweep: ``by_contact`` and ``by_body`` are **modified**."""
     for q in range(slot.shape[0]):
         for lane in range(LANES):
             c = slot[q, lane]
@@ -312,9 +263,7 @@ class OrderedSystem:
     belt: Floats
 
     def collect(self, contacts: StepContacts) -> Floats:
-        """Write impulses and couples back into ``contacts``; returns the velocities of grains and
-        walls, shape ``(n + w, 4)``.
-        """
+        """Put impulses and couples into ``contacts``; returns v⁺, shape ``(n + w, 4)``."""
         system = self.system
         after = np.empty((system.inverse.shape[0], 4))
         unpack(system.slot, system.impulse, self.place, system.velocity, contacts.impulse, after)
@@ -333,15 +282,10 @@ def assemble(
     wall_inverse: Floats,
     spin_factor: float,
 ) -> OrderedSystem:
-    """Build the arrays of the sweep.
+    """Build the arrays of the sweep, from contacts sorted by key, with their warm start.
 
-    Args:
-        scene: Shapes at q_m.
-        contacts: Contacts sorted by key, with the warm start in ``impulse`` and ``rolling``.
-        schedule: Their order.
-        free: Free velocities of grains and walls, shape ``(n + w, 4)``.
-        wall_inverse: Inverse mass per degree of freedom of the walls, shape ``(w, 3)``.
-        spin_factor: β = m a²/I.
+    ``free`` are velocities of grains and walls, shape ``(n + w, 4)``, ``wall_inverse`` inverse
+    masses per degree of freedom, shape ``(w, 3)``.
     """
     slot, pair, tile_start, color_start, general, place, rows = schedule
     bodies, batches = free.shape[0], slot.shape[0]
@@ -366,20 +310,14 @@ def assemble(
     return OrderedSystem(system, general, place, belt)
 
 
-# ---- From the contacts of a step, as the solver has them, to a table that can be stored or looked
-#      at
+# ---- To a table that can be stored or looked at
 
 
 class Moved(NamedTuple):
     """A step of the mechanics that has been taken.
 
-    Attributes:
-        scene: Shapes at q_m.
-        contacts: Contacts with their impulses.
-        after: Body velocities v⁺, shape ``(bodies, 4)``.
-        loaded_i: First shapes of the contacts that carried an impulse in the step before,
-            ascending.
-        loaded_j: Their second shapes.
+    ``scene`` is at q_m, ``after`` are velocities v⁺, shape ``(bodies, 4)``; ``loaded_i`` and
+    ``loaded_j`` the shapes of contacts that carried an impulse in the step before, ascending.
     """
 
     scene: Scene
@@ -403,8 +341,7 @@ def tabulate_contacts(moved: Moved | None) -> ContactTable:
         return ContactTable.empty()
     scene, contacts, after = moved[:3]
     q_n, p_t = contacts.impulse.T
-    # The local solve cuts p_t to ±μ q_n exactly, so equality means sliding; only a rounding of the
-    # product is allowed for.
+    # The local solve cuts p_t to ±μ q_n exactly: equality, but for rounding, means sliding.
     sliding = (q_n > 0.0) & (np.abs(p_t) >= contacts.frame[:, MU] * q_n * (1.0 - 1e-12))
     return ContactTable(
         contacts.i,

@@ -1,8 +1,7 @@
 """The loops of the solver over diagonal contacts, four at a time: sweep, residual, extrapolation.
 
 What they compute is defined by their scalar twins, `relax_scalar`, `measure_scalar` and
-`extrapolate_scalar`, to the bit. Arrays are those of `multicor_cli.engine.contact.sweep.System`,
-flat.
+`extrapolate_scalar`, to the bit. Arrays are those of a `System`, flat.
 """
 
 from __future__ import annotations
@@ -30,9 +29,7 @@ from multicor_cli.model.columns import (
 )
 
 # ---- Where the numbers of a contact lie in the flat arrays of the sweep: blocks of rows of four, a
-#      lane for each contact of a batch.
-#
-# Offsets are unsigned, so that no negative index has to be wrapped.
+#      lane for each contact of a batch. Offsets are unsigned: no negative index to be wrapped.
 
 PAIR_ROWS, FRAME_ROWS, IMPULSE_ROWS = 2, 5, 2
 """Rows of the blocks."""
@@ -50,9 +47,7 @@ SECOND_, TANGENTIAL_ = np.uint64(LANES * SECOND), np.uint64(LANES * TANGENTIAL)
 
 @formula
 def pair_place(lane: np.uint64) -> np.uint64:
-    """Place of the first body of a contact among the pairs; ``lane`` counts the lanes of all
-    batches.
-    """
+    """Place of the first body of a contact; ``lane`` counts the lanes of all batches."""
     return _PAIR * (lane >> _SHIFT) + (lane & _MASK)
 
 
@@ -74,23 +69,19 @@ def lane_of_impulse(place: int) -> int:
     return place // (IMPULSE_ROWS * LANES) * LANES + place % LANES
 
 
-# ---- The loops of the solver over diagonal contacts, four at a time: sweep, residual,
-#      extrapolation
+# ---- The loops
 
 _Value = Any  # of LLVM
 
 
 OPPOSITE = (True, True, False, False)
-"""What has the other sign for the second body of a contact: forces have, surface speeds and inverse
-masses add."""
+"""What has the other sign at the second body: forces; surface speeds and inverse masses add."""
 
 
 def _between(
     code: Writer, velocity: _Value, i: Sequence[_Value], j: Sequence[_Value]
 ) -> list[Vector]:
-    """v_i - v_j in x and y, s_i + s_j and 1/m_i + 1/m_j of the contacts of a batch, from the rows
-    of their bodies.
-    """
+    """v_i - v_j in x and y, s_i + s_j and 1/m_i + 1/m_j of a batch, from the rows of its bodies."""
     pairs = zip(i, j, strict=True)
     return code.transpose(
         [code.load(velocity, a) + code.load(velocity, b).flipped(OPPOSITE) for a, b in pairs]
@@ -98,9 +89,7 @@ def _between(
 
 
 class _Sweep:
-    """The three stages of relaxing a batch: gather its velocities, solve its contacts, apply the
-    changes to its bodies.
-    """
+    """Three stages: gather the velocities of a batch, solve its contacts, apply the changes."""
 
     def __init__(
         self, code: Writer, arrays: Sequence[_Value], beta: _Value, way: Sequence[_Value]

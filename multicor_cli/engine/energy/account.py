@@ -1,6 +1,4 @@
-"""The energy books, and what the contacts of a step add to them: where the energy went, and what
-the grains exert on the walls.
-"""
+"""The energy books, and what contacts add to them in a step: losses, and impulses on walls."""
 
 from __future__ import annotations
 
@@ -91,9 +89,7 @@ def _account_chunk(
     partial: Floats,
     wall_impulse: Floats,
 ) -> None:
-    """Write the sums over contacts ``first … last-1``. Numbers, not elements of an array, are added
-    to: twice as fast.
-    """
+    """Write sums over contacts ``first … last-1``; numbers, not elements, for twice the speed."""
     friction, impact, sliding, negative, largest, loaded = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     xx, xy, yx, yy = 0.0, 0.0, 0.0, 0.0
     for c in range(first, last):
@@ -149,11 +145,6 @@ def account_contacts(scene: Scene, contacts: StepContacts, after: Floats) -> Con
 
     The losses are −p·½(u⁻+u⁺), exact for the scheme whether or not the solver has converged
     (Moreau–Jean energy identity). p is what acts, adhesion taken off; couples count as friction.
-
-    Args:
-        scene: Shapes at q_m.
-        contacts: Contacts with their impulses, sorted by key.
-        after: Body velocities v⁺, shape ``(bodies, 4)``.
     """
     partial = chunks_for(contacts.i.size, SUMS)
     partial_wall = np.zeros((len(partial), scene.wall_position.shape[0], 4))
@@ -165,11 +156,9 @@ def account_contacts(scene: Scene, contacts: StepContacts, after: Floats) -> Con
 
 
 def warm_start_of(contacts: StepContacts) -> tuple[Ints, Ints, Floats, Floats]:
-    """Shapes i, j, impulses [N s] and couples [N m s] of the contacts that carry an impulse, in the
-    same order.
+    """Shapes i, j, impulses [N s] and couples [N m s] of contacts that carry an impulse, in order.
 
-    Shapes ``(k,), (k,), (k, 2)``, and ``(k,)``, or ``(0,)`` without rolling resistance. With
-    adhesion impulses are those of `StepContacts`.
+    Couples are of size 0 without rolling resistance. Impulses are those of `StepContacts`.
     """
     couple = couples_of_contacts(contacts)
     return *_carrying(contacts), couple[
@@ -196,10 +185,8 @@ def _carrying(contacts: StepContacts) -> tuple[Ints, Ints, Floats]:
     return i, j, impulse
 
 
-# ---- Energy books: kinetic change = gravity work + wall work + load work − friction − impact −
-#      damping − correction.
-#
-# Where grains come and go, plus what they bring with them, minus what they take along.
+# ---- Energy books: kinetic change = gravity + wall + load work − friction − impact − damping −
+#      correction, plus what grains that come bring, minus what those that go take along.
 
 _BOOK = {name: k for k, name in enumerate(BOOK_NAMES)}
 _TALLY = {name: k for k, name in enumerate(TALLY_NAMES)}
@@ -212,14 +199,11 @@ SUMMED_SHARE = 2.0**-8
 by is far below 10⁻¹⁰ of it."""
 
 ROUNDED_SHARE = 2.0**-14
-"""The same for each step taken: a step rounds every velocity, by up to 2⁻⁵³ of it, perhaps always
-in the same direction."""
+"""The same for each step: it rounds a velocity by up to 2⁻⁵³ of it, perhaps always in one way."""
 
 
 def open_books(state: State, model: Model, motion: WallMotion) -> None:
-    """Open the books with the kinetic energy of the initial state; once more if that has changed
-    before the first step.
-    """
+    """Open the books with the kinetic energy now; once more if it changes before the first step."""
     grains = model.grains
     u, v, spin = state.velocity.T
     kinetic = total(0.5 * grains.mass * (u * u + v * v) + 0.5 * grains.inertia * (spin * spin))
@@ -229,18 +213,14 @@ def open_books(state: State, model: Model, motion: WallMotion) -> None:
 
 
 def switch_wall_kinetic(state: State, change: float) -> None:
-    """Book the kinetic energy that appears when a moving wall changes between prescribed and driven
-    as work of the wall.
-    """
+    """Book as wall work the energy of walls that turn from prescribed to driven or back."""
     state.books[_BOOK["kinetic"]] += change
     state.books[_BOOK["wall_work"]] += change
     state.books[_BOOK["terms"]] += 2.0 * abs(change)
 
 
 def book_exchange(state: State, brought: float, taken: float) -> None:
-    """Enter the kinetic energy that grains bring with them and take along [J] where the books are
-    open.
-    """
+    """Enter the kinetic energy that grains bring and take along [J] where the books are open."""
     state.exchange[_EXCHANGE["kinetic_in"]] += brought
     state.exchange[_EXCHANGE["kinetic_out"]] += taken
     state.books[_BOOK["kinetic"]] += brought - taken
@@ -248,9 +228,7 @@ def book_exchange(state: State, brought: float, taken: float) -> None:
 
 
 def _brought_in(state: State) -> float:
-    """Kinetic energy that came with grains less what went with them [J]; 0 where none comes or
-    goes.
-    """
+    """Kinetic energy that came with grains less what went with them [J]."""
     if not state.exchange.size:
         return 0.0
     return float(state.exchange[_EXCHANGE["kinetic_in"]] - state.exchange[_EXCHANGE["kinetic_out"]])
@@ -268,15 +246,8 @@ def book_step(
 ) -> None:
     """Enter one step into the books, the tallies and the window of the time series.
 
-    Args:
-        state: **Modified**; its wall velocities are those after the step.
-        motion: Drives of the step.
-        sums: Losses, virial and wall impulses of the contacts.
-        kinetic: Kinetic energy of the grains after the step [J].
-        gravity_work: Work of gravity on the grains, correction left out [J].
-        correction: What the position correction did.
-        outcome: What the solver did.
-        dt: Time step [s].
+    Wall velocities of ``state``, which is **modified**, and the ``kinetic`` energy of the
+    grains [J] are those after the step. ``gravity_work`` [J] leaves out the correction.
     """
     mean = 0.5 * (motion.before + state.wall_velocity)
     driven = motion.driven
@@ -311,11 +282,7 @@ def book_step(
 
 
 def _close(state: State) -> None:
-    """Strike the balance.
-
-    An imbalance is compared with the terms; where little has worked on the grains, with a share of
-    their energy (theory §8).
-    """
+    """Strike the balance: an imbalance over the terms, or a share of the energy (theory §8)."""
     books = state.books
     works = books[_BOOK["gravity_work"]] + books[_BOOK["wall_work"]] + books[_BOOK["load_work"]]
     losses = (

@@ -1,3 +1,1 @@
-"""Where bodies are: gaps and normals of shapes, and the list of neighbors that may touch within a
-step.
-"""
+"""Where bodies are: gaps and normals of shapes, and neighbors that may touch within a step."""

@@ -1,5 +1,4 @@
-"""How fast shapes can come closer to each other: far slower than they move in a flow, where
-neighbors move alike.
+"""How fast shapes can come closer: far slower than they move in a flow, where neighbors move alike.
 
 The vectors of the grains (displacements, or velocities) are split into an affine field a + G x,
 fitted by least squares, and the rest. Two discs at a distance D approach by |G| D and twice the
@@ -23,8 +22,7 @@ from multicor_cli.model.columns import SPIN, TAIL_X, TAIL_Y, X, Y
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.shapes import ShapeKind
 
-# ---- Motions split into an affine field and a rest: grains and walls come nearer to each other
-#      only by the rest
+# ---- Motions split into an affine field and a rest, by which alone shapes come nearer
 
 _DISC = int(ShapeKind.DISC)
 _PLANE = int(ShapeKind.PLANE)
@@ -60,9 +58,7 @@ def _add_sums(
     row: int,
     out: Floats,
 ) -> None:
-    """Write the sums of a chunk of grains. Numbers, not elements of an array, are added to: three
-    times faster.
-    """
+    """Write the sums of a chunk of grains. Numbers, not elements, are added to: 3 times faster."""
     sx, sy, sxx, sxy, syy, su, sv, sxu, sxv, syu, syv = (
         0.0,
         0.0,
@@ -107,9 +103,7 @@ def _compare_with_fit(
     row: int,
     out: Floats,
 ) -> None:
-    """Write the largest square of a deviation from the fit and the largest components in a chunk of
-    grains.
-    """
+    """Write the largest square of a deviation from the fit, and the largest components."""
     a_x, a_y, xx, xy, yx, yy = (
         fit[AT_ORIGIN, X],
         fit[AT_ORIGIN, Y],
@@ -136,10 +130,8 @@ def _compare_with_fit(
 
 @formula
 def _least_squares(count: int, sums: Floats, is_periodic: bool, fit: Floats) -> None:
-    """The fit out of the first row of the sums."""
     mean_x, mean_y = sums[0, _SUM_X] / count, sums[0, _SUM_Y] / count
-    # A little more on the diagonal: places may lie on one line. Any fit is good, only the bound
-    # grows.
+    # A little more on the diagonal: places may lie on one line. Any fit is good for a bound.
     more = 1e-9 * (sums[0, _SUM_XX] + sums[0, _SUM_YY])
     more = more if more > 0.0 else 1.0
     xx, yy = (
@@ -170,16 +162,10 @@ def fit_affine(
 ) -> None:
     """Split vectors into an affine field, fitted by least squares, and a rest.
 
-    Args:
-        vectors: Vectors in the first two columns, shape ``(≥ n, ≥ 2)``.
-        origin: What is taken from them, nearest image, shape ``(n, 2)``; nothing if empty.
-        position: Grains, shape ``(n, ≥ 2)``.
-        period: Period in x [m] or 0; the field does not depend on x if there is one.
-        fit: The field: its value at the first grain, its changes per length in x and in y, shape
-            ``(3, 2)``. **Modified.**
-        out: One row per chunk of grains, shape ``(chunks, 11)``. **Modified**: the first row begins
-            with the largest square of a deviation from the field, and the largest components in x
-            and in y.
+    ``vectors`` are in the first two columns; ``origin`` is taken from them, nearest image, if it is
+    not empty. With a period in x [m] the field does not depend on x. **Modifies** ``fit``, as in
+    `Drift`, and ``out``, shape ``(chunks, 11)``, whose first row then begins with the largest
+    square of a deviation, and the largest components in x and in y.
     """
     count = position.shape[0]
     for has_fit in range(2):  # one loop for both passes compiles faster than two
@@ -206,20 +192,13 @@ def shape_bounds(
 ) -> tuple[float, float, float]:
     """How far the motion of wall shapes is from that of the grains.
 
-    Args:
-        kind: `ShapeKind` of the wall shapes, shape ``(m,)``.
-        world: Their geometry in the world, shape ``(m, 4)``.
-        vectors: Displacements or velocities of their reference points, shape ``(m, 2)``.
-        turn: What turning adds to the motion of any of their points that a grain may meet, shape
-            ``(m,)``; discs do without.
-        center: Where x and y of the fit are counted from, shape ``(2,)``.
-        fit: As in `fit_affine`.
-        largest: Largest components of the grains' vectors, shape ``(2,)``.
+    ``vectors`` are displacements or velocities of their reference points, shape ``(m, 2)``;
+    ``turn``, shape ``(m,)``, is what turning adds to the motion of any of their points that a grain
+    may meet (discs do without). ``fit``, ``center`` and ``largest`` as in `Drift`.
 
-    Returns:
-        Of the discs the largest deviation from the affine field and the largest vector; of all
-        other shapes the largest bound on how a grain and the shape come closer. Of planes only what
-        is along their normal counts.
+    Returns of the discs the largest deviation from the affine field and the largest vector; of all
+    other shapes the largest bound on how a grain and the shape come closer. Of planes only what is
+    along their normal counts.
     """
     square, fastest, wall = 0.0, 0.0, 0.0
     for k in range(kind.size):
@@ -255,18 +234,10 @@ def shape_velocities(
     vectors: Floats,
     turn: Floats,
 ) -> None:
-    """Velocities of the reference points of wall shapes: of the centers of discs, of the walls' own
-    points otherwise.
+    """Velocities of the reference points of wall shapes: centers of discs, or points of walls.
 
-    Args:
-        kind: `ShapeKind` of the wall shapes, shape ``(m,)``.
-        wall: Wall of each shape, shape ``(m,)``.
-        world: Geometry in the world, shape ``(m, 4)``.
-        wall_position: Wall frames, shape ``(w, 3)``.
-        velocity: Velocities of the walls, shape ``(w, 3)``.
-        extent: How far the shapes of each wall reach from its reference point [m], shape ``(w,)``.
-        vectors: Velocities, shape ``(m, 2)``. **Modified.**
-        turn: What the wall's spin adds [m/s], shape ``(m,)``. **Modified.**
+    ``extent`` is how far shapes of a wall reach from its reference point [m]. **Modifies**
+    ``vectors``, shape ``(m, 2)``, and ``turn``, what the wall's spin adds [m/s], shape ``(m,)``.
     """
     for k in range(kind.size):
         w = wall[k]
@@ -303,15 +274,7 @@ _NOTHING = np.empty((0, 2))
 
 
 def fit_drift(vectors: Floats, position: Floats, period: float, origin: Floats = _NOTHING) -> Drift:
-    """Split the vectors of the grains.
-
-    Args:
-        vectors: Vectors in the first two columns, shape ``(≥ n, ≥ 2)``.
-        position: Grains, shape ``(n, ≥ 2)``.
-        period: Period in x [m] or 0; the field does not depend on x if there is one.
-        origin: What is taken from the vectors, nearest image: where the grains were, shape
-            ``(n, 2)``. Nothing if empty.
-    """
+    """Split the vectors of the grains; arguments as `fit_affine`."""
     fit, chunks = np.empty((3, 2)), chunks_for(len(position), 11)
     fit_affine(vectors, origin, position, period, fit, chunks)
     gradient = math.sqrt(total(fit[1:] * fit[1:]))
@@ -324,11 +287,8 @@ def fit_drift(vectors: Floats, position: Floats, period: float, origin: Floats =
 class ApproachBound:
     """Bounds on how fast shapes come closer.
 
-    Attributes:
-        rest: Of two discs, what does not depend on their distance.
-        gradient: Of two discs, per distance of their centers.
-        disc: Of two discs at any distance.
-        wall: Of a grain and a wall shape that is not a disc.
+    Two discs: ``rest``, and ``gradient`` times the distance of their centers, or ``disc`` at any
+    distance. A grain and a wall shape that is not a disc: ``wall``.
     """
 
     rest: float
@@ -338,10 +298,10 @@ class ApproachBound:
 
     def over(self, distance: float) -> float:
         """Bound for discs whose centers are ``distance`` [m] apart, and for walls."""
+        """Bound for discs whose centers are ``distance`` [m] apart, and for walls."""
         return max(min(self.rest + self.gradient * distance, self.disc), self.wall)
 
     def or_faster(self, other: ApproachBound) -> ApproachBound:
-        """Bounds that hold for both."""
         return ApproachBound(
             max(self.rest, other.rest),
             max(self.gradient, other.gradient),
@@ -350,9 +310,7 @@ class ApproachBound:
         )
 
     def cutoff(self, dt: float, diameter: float) -> float:
-        """Gap [m] that no pair closes in a time step, given velocities and the largest diameter of
-        a disc [m].
-        """
+        """Gap [m] that no pair closes in ``dt``, from velocities; discs up to ``diameter`` [m]."""
         growth = dt * self.gradient
         cutoff = dt * self.disc
         if growth < 1.0:
@@ -363,16 +321,7 @@ class ApproachBound:
 def bound_approach(
     kind: Ints, drift: Drift, world: Floats, vectors: Floats, turn: Floats
 ) -> ApproachBound:
-    """Bounds of grains and wall shapes together.
-
-    Args:
-        kind: `ShapeKind` of the wall shapes, shape ``(m,)``.
-        drift: Vectors of the grains.
-        world: Wall shapes, shape ``(m, 4)``.
-        vectors: Displacements or velocities of their reference points, shape ``(m, 2)``.
-        turn: What turning adds to the motion of any of their points that a grain may meet, shape
-            ``(m,)``; discs do without.
-    """
+    """Bounds of grains and wall shapes together; arguments as `shape_bounds`."""
     rest, fastest, wall = shape_bounds(
         kind, world, vectors, turn, drift.center, drift.fit, drift.largest
     )

@@ -1,5 +1,4 @@
-"""Neighbor list: all pairs of shapes whose gap is below a cutoff, in O(N) time and memory for any
-mixture of sizes.
+"""Neighbor list: all pairs of shapes with a gap below a cutoff, in O(N) for any mixture of sizes.
 
 Discs are binned on several grids, one per class of radii (factor two), so that a few large grains
 do not make the cells of the small ones large. Each grain owns the row of its partners with a higher
@@ -24,17 +23,11 @@ from multicor_cli.model.columns import RADIUS, TAIL_X, TAIL_Y, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.shapes import ShapeKind
 
-# ---- Cell grids for discs of any mixture of sizes: one grid for each class of radii, with no more
-#      cells than a few per disc
+# ---- Cell grids for discs of any sizes: one per class of radii, with a few cells per disc at most
 
 
 class SizeClasses(NamedTuple):
-    """Classes of radii, each a factor of two wide.
-
-    Attributes:
-        level: Class of each disc, shape ``(d,)``.
-        radius: Largest radius of each class [m], shape ``(levels,)``.
-    """
+    """Classes of radii, a factor of two wide: of each disc, and the largest radius of each [m]."""
 
     level: Ints
     radius: Floats
@@ -71,15 +64,9 @@ def classify(radius: Floats) -> SizeClasses:
 def make_grids(
     classes: SizeClasses, low: Floats, high: Floats, period: float, cutoff: float
 ) -> Grids:
-    """Grids for discs with centers between the corners ``low`` and ``high``; cells grow where these
-    are far apart.
+    """Grids for discs between the corners ``low`` and ``high``; cells grow if these are far apart.
 
-    Args:
-        classes: Classes of the discs.
-        low: Lower left corner [m], shape ``(2,)``.
-        high: Upper right corner [m], shape ``(2,)``.
-        period: Period in x [m] or 0; with one the grids span 0 to it exactly.
-        cutoff: Gap up to which pairs will be looked for [m].
+    With a period they span 0 to it exactly. Pairs are looked for up to the gap ``cutoff`` [m].
     """
     cutoff = max(cutoff, 0.0)
     origin, size = (
@@ -125,20 +112,7 @@ def bin_discs(
     level_start: Ints,
     level_shape: Ints,
 ) -> tuple[Ints, Ints]:
-    """Sort discs into the cells of their level.
-
-    Args:
-        center: Centers [m], shape ``(d, 2)``.
-        level: Grid of each disc, shape ``(d,)``.
-        level_cells: Cell width and height of each level [m], shape ``(levels, 2)``.
-        origin: Lower left corner of all grids [m], shape ``(2,)``.
-        level_start: Number of the first cell of each level, shape ``(levels + 1,)``.
-        level_shape: Number of cells in x and y of each level, shape ``(levels, 2)``.
-
-    Returns:
-        Start of each cell in the sorted list, shape ``(cells + 1,)``, and the discs sorted by cell
-        (ascending within a cell).
-    """
+    """Discs sorted into the cells of `Grids`, ascending in each, after the start of each cell."""
     cell = np.empty(level.size, np.int32)
     start = np.zeros(level_start[-1] + 1, np.int32)
     for d in range(level.size):
@@ -191,8 +165,7 @@ def _scan_row(
         columns, rows = level_shape[k, X], level_shape[k, Y]
         first_y = max(int(np.floor((y - span - origin[Y]) / level_cells[k, Y])), 0)
         last_y = min(int(np.floor((y + span - origin[Y]) / level_cells[k, Y])), rows - 1)
-        # Cells beyond the last row or column are merged into it, so a disc outside the grid is
-        # still found there.
+        # What lies outside the grid is in the cells at its edge.
         first_y = min(first_y, rows - 1)
         last_y = max(last_y, 0)
         first_x = int(np.floor((x - span - origin[X]) / level_cells[k, X]))
@@ -287,39 +260,19 @@ def list_pairs(
     sorted_radius: Floats,
     cell_disc: Ints,
 ) -> tuple[Ints, Ints]:
-    """All pairs with a gap below ``cutoff`` [m]; see `bin_discs` for the grids.
+    """All pairs with a gap below ``cutoff`` [m].
 
-    Args:
-        grain_count: Number of grains; they are the first discs.
-        center: Centers of all discs, grains first, then the discs of walls [m], shape ``(d, 2)``.
-        radius: Radii of all discs [m], shape ``(d,)``.
-        shape_of: Shape number of each wall disc, ascending, shape ``(d - n,)``.
-        others: Wall shapes that are not discs, ascending.
-        kind: `ShapeKind` of the wall shapes, shape ``(m,)``.
-        world: Their geometry in the world [m], shape ``(m, 4)``.
-        cutoff: Largest gap of interest [m].
-        period: Period in x [m] or 0.
-        level_cells: Cell sizes [m], shape ``(levels, 2)``.
-        level_radius: Largest radius of each level [m], shape ``(levels,)``.
-        origin: Corner of the grids [m], shape ``(2,)``.
-        level_start: First cell of each level, shape ``(levels + 1,)``.
-        level_shape: Cells in x and y, shape ``(levels, 2)``.
-        cell_start: Start of each cell in ``cell_disc``.
-        sorted_x: x of the discs sorted by cell.
-        sorted_y: Their y.
-        sorted_radius: Their radii.
-        cell_disc: Discs sorted by cell.
-
-    Returns:
-        ``row`` of shape ``(n + 1,)`` and ``partner``: the shapes near grain i, ascending, are
-        ``partner[row[i]:row[i+1]]``.
+    Discs, ``center`` and ``radius`` [m], are the grains, then those of walls, whose shape numbers
+    are ``shape_of``; ``others`` are the wall shapes that are not discs: both ascending. Levels,
+    origin and cells are those of `Grids`, ``cell_start`` and ``cell_disc`` from `bin_discs`, and
+    ``sorted_…`` of the discs sorted by cell. Returns ``row``, shape ``(n + 1,)``, and ``partner``:
+    ``partner[row[i]:row[i+1]]`` are the shapes near grain i, ascending.
     """
     row = np.zeros(grain_count + 1, np.int64)
     chunks = max(1, -(-grain_count // CHUNK))
     begin = np.zeros(chunks + 1, np.int64)
     found_pairs = np.empty(0, np.int32)
-    # The same loop first finds how much room each chunk of grains needs at most, then fills its
-    # part from the start on.
+    # The loop first finds how much room each chunk needs at most, then fills its part.
     for is_writing in range(2):
         for number in prange(chunks):
             chunk: int = np.int64(number)  # type: ignore[assignment]  # unsigned, the functions below would be compiled once more
@@ -371,15 +324,7 @@ def list_pairs(
 def leave_out_unmet(
     row: NDArray[np.int64], partner: Ints, group: Ints, wall: Ints, meets: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int64], Ints]:
-    """A list without the pairs of grains and walls that do not meet.
-
-    Args:
-        row: From `find_near`, shape ``(n + 1,)``.
-        partner: From `find_near`.
-        group: Group of each grain, shape ``(n,)``.
-        wall: Wall of each wall shape, shape ``(m,)``.
-        meets: Which groups meet each wall, shape ``(w, g)``.
-    """
+    """A list without pairs of grains and walls that do not meet; ``meets`` is ``(w, g)``."""
     count, found = row.size - 1, 0
     kept_row, kept = np.zeros(row.size, np.int64), np.empty(partner.size, np.int32)
     for i in range(count):
@@ -404,9 +349,7 @@ def find_near(
     cutoff: float,
     period: float,
 ) -> tuple[NDArray[np.int64], Ints]:
-    """All pairs with a gap below ``cutoff`` [m], whatever the grids are; arguments and result as of
-    `list_pairs`.
-    """
+    """All pairs with a gap below ``cutoff`` [m], whatever the grids; as `list_pairs`."""
     _, cells, largest, origin, start, shape = grids
     cell_start, cell_disc = bin_discs(center, grids.level, cells, origin, start, shape)
     row, partner = list_pairs(
@@ -417,7 +360,7 @@ def find_near(
     return row.astype(np.int64, copy=False), partner
 
 
-# ---- Keeps a neighbor list and rebuilds it only when something has moved too far for it
+# ---- The list that is kept
 
 OUTSIDE = 0.005  # share of the grains on each side that a grid may leave outside
 SKIN = 0.3  # of the mean diameter: what is listed beyond the cutoff of a step
@@ -427,9 +370,8 @@ class NeighborList:
     """All pairs of shapes closer than a cutoff, with a skin that lets the list serve many steps.
 
     A grain and a wall that its group does not meet are never a pair: no contact, no heat and no
-    correction joins them.
-
-    The list is only a superset of the contacts of a step: results do not depend on its age.
+    correction joins them. The list is only a superset of the contacts of a step: results do not
+    depend on its age.
 
     Attributes:
         row: Rows of the grains, shape ``(n + 1,)``.
@@ -468,13 +410,7 @@ class NeighborList:
         self.builds = 0
 
     def update(self, position: Floats, world: Floats, cutoff: float) -> None:
-        """Make sure that all pairs with a gap below ``cutoff`` [m] are listed.
-
-        Args:
-            position: Grains, shape ``(n, 3)``.
-            world: Wall shapes in the world, shape ``(m, 4)``.
-            cutoff: Largest gap of interest [m].
-        """
+        """Make sure that all pairs with a gap below ``cutoff`` [m] are listed."""
         if self._cutoff >= 0.0:
             self.complete = self._cutoff - self._approach(position, world)
         if self.complete < cutoff:
@@ -499,8 +435,7 @@ class NeighborList:
         closing = bound_approach(
             kind, drift, self._reference_world, np.ascontiguousarray(change[:, :2]), turn
         )
-        # Discs that are not listed are at least this far apart; for those farther apart there is
-        # more room than they can lose.
+        # Those not listed are at least this far apart; farther apart they have more room to lose.
         return closing.over(self.largest + self._cutoff)
 
     def _build(self, position: Floats, world: Floats, cutoff: float) -> None:
@@ -548,8 +483,7 @@ class NeighborList:
         if cell_count(high - low, 2.0 * float(self._classes.radius.min()) + cutoff) > cells_for(
             len(centers)
         ):
-            # A few grains that have flown far away must not make all cells large, and all grains
-            # neighbors.
+            # A few grains far away must not make all cells large, and all grains neighbors.
             few = int(OUTSIDE * len(centers))
             low, high = np.partition(centers, (few, len(centers) - 1 - few), axis=0)[
                 [few, -1 - few]

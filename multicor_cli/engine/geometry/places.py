@@ -51,13 +51,7 @@ def _is_piece(scene: Scene, j: int) -> bool:
 
 @formula
 def is_covered(near: float, far: float, cosine: float) -> bool:
-    """Whether the farther of two points is of the place of the nearer.
-
-    Args:
-        near: Distance r_P of the nearer from the center of the grain [m].
-        far: Distance r_Q of the farther [m].
-        cosine: Cosine of the angle between their directions.
-    """
+    """Whether the farther of two points seen from a grain is of the place of the nearer."""
     return near - far * cosine <= RISE * near
 
 
@@ -81,15 +75,9 @@ def share_place(scene: Scene, i: int, j: int, k: int) -> bool:
 def find_places(scene: Scene, i: Ints, j: Ints) -> tuple[Ints, Floats]:
     """Place of each pair, and its share of what crosses the gap there.
 
-    Args:
-        scene: Shapes.
-        i: Grains, shape ``(c,)``, ascending.
-        j: Grains or wall shapes, shape ``(c,)``, ascending for each grain.
-
-    Returns:
-        The number of the pair with the nearest point of the place, and the share: 1 of the nearest
-        point, divided equally where several are equally near, and 0 of others; both of shape
-        ``(c,)``.
+    Grains ``i`` ascend, and ``j`` for each. Returns the pair with the nearest point of the place,
+    and the share: 1 of the nearest point, divided equally where several are equally near, and 0 of
+    others; both of shape ``(c,)``.
     """
     place, share = np.arange(i.size).astype(np.int32), np.ones(i.size)
     first = 0
@@ -108,7 +96,6 @@ def find_places(scene: Scene, i: Ints, j: Ints) -> tuple[Ints, Floats]:
 def _join(
     scene: Scene, i: Ints, j: Ints, first: int, last: int, place: Ints, share: Floats
 ) -> None:
-    """Fill ``place`` and ``share`` for the pairs ``first … last-1`` of one grain."""
     distance, normal = np.full(last - first, np.inf), np.zeros((last - first, 2))
     for c in range(first, last):
         if _is_piece(scene, j[c]):
@@ -151,9 +138,7 @@ def totals_of_places(place: Ints, values: Floats) -> Floats:
 
 @kernel
 def largest_of_places(place: Ints, values: Floats) -> Floats:
-    """Largest of the values, none below 0, of all pairs of the place of each pair, shape
-    ``(c,)``.
-    """
+    """Largest of the values, or 0, of all pairs of the place of each pair, shape ``(c,)``."""
     largest, found = np.zeros(place.size), np.empty(place.size)
     for c in range(place.size):
         largest[place[c]] = max(largest[place[c]], values[c])
@@ -166,16 +151,7 @@ def largest_of_places(place: Ints, values: Floats) -> Floats:
 def met_before(
     scene: Scene, row: NDArray[np.int64], known_j: Ints, i: Ints, j: Ints
 ) -> NDArray[np.bool_]:
-    """Whether a grain has met the place of each pair before, on whatever piece of it, shape
-    ``(c,)``.
-
-    Args:
-        scene: Shapes.
-        row: First of the known pairs of each grain, shape ``(n + 1,)``.
-        known_j: Second shapes of the known pairs.
-        i: First shapes of the pairs asked for, shape ``(c,)``.
-        j: Their second shapes, shape ``(c,)``.
-    """
+    """Whether a grain has met the place of each pair before, on whatever piece of it."""
     found = np.zeros(i.size, np.bool_)
     for c in range(i.size):
         for k in range(row[i[c]], row[i[c] + 1]):

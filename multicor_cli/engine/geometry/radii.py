@@ -14,9 +14,8 @@ if TYPE_CHECKING:
 _DISC, _CIRCLE = int(ShapeKind.DISC), int(ShapeKind.CIRCLE)
 
 LARGEST_CUP = 100.0
-"""Largest radius of contact in a circle, over that of the grain. Beyond (R < 1.01 a) the bodies lie
-against each other over much of the grain: no spot small against it is left, for which alone Hertz'
-formulas hold."""
+"""Largest radius of contact in a circle over the grain's. Beyond (R < 1.01 a) the bodies lie on
+each other over much of the grain: no spot is small against it, as Hertz' formulas need."""
 
 
 @formula
@@ -36,11 +35,10 @@ def other_radius(scene: Scene, j: int) -> float:
 
 @formula
 def surface_turning(scene: Scene, j: int, speed: float) -> float:
-    """How fast the material of a wall shape turns whose surface runs along it at ``speed``,
-    counter-clockwise [rad/s].
+    """How fast the material of a wall shape turns whose surface runs at ``speed`` [rad/s].
 
-    Round a disc it turns as the disc would, along the inside of a circle the other way; a straight
-    line does not turn it.
+    Counter-clockwise. Round a disc it turns as the disc would, along the inside of a circle the
+    other way; a straight line does not turn it.
     """
     shape = j - scene.radius.size
     if speed == 0.0 or not (scene.kind[shape] == _DISC or scene.kind[shape] == _CIRCLE):
@@ -57,22 +55,14 @@ def pair_radius(scene: Scene, i: int, j: int) -> float:
 
 @formula
 def cup_radius(a: float, circle: float) -> float:
-    """Effective radius inside a circle ``1/a* = 1/a − 1/R`` [m] (Johnson, eq. 4.3, concave), at
-    most `LARGEST_CUP` times a.
-
-    Args:
-        a: Radius of the grain [m].
-        circle: Radius R of the circle [m].
-    """
+    """``1/a* = 1/a − 1/R`` in a circle [m] (Johnson, eq. 4.3, concave); at most `LARGEST_CUP` a."""
     room = (circle - a) / circle
     return a / room if room * LARGEST_CUP > 1.0 else LARGEST_CUP * a
 
 
 @formula
 def hertz_radius(scene: Scene, i: int, j: int) -> float:
-    """a* of the elastic contact of a pair [m]: as `pair_radius`, but a circle is as hollow as it
-    is. Lines are flat.
-    """
+    """a* of an elastic contact [m]: as `pair_radius`, but a circle is as hollow as it is."""
     shape = j - scene.radius.size
     if shape >= 0 and scene.kind[shape] == _CIRCLE:
         return cup_radius(scene.radius[i], scene.world[shape, RADIUS])

@@ -14,8 +14,7 @@ from multicor_cli.model.columns import ANGLE, TAIL_X, TAIL_Y, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.shapes import TAIL, ShapeKind, Tail
 
-# ---- Gap and normal between a disc and each kind of shape. Normals point from the shape towards
-#      the disc
+# ---- Gap and normal between a disc and each kind of shape; normals point to the disc
 
 _DISC = int(ShapeKind.DISC)
 _PLANE = int(ShapeKind.PLANE)
@@ -27,9 +26,7 @@ _SIDE = int(ShapeKind.SIDE)
 
 @formula
 def minimum_image(dx: float, period: float) -> float:
-    """The shortest of the periodic images of a difference in x [m]; ``period`` 0 means not
-    periodic. |dx| < 3/2 period.
-    """
+    """Nearest periodic image of a difference in x [m] below 3/2 period; ``period`` 0: none."""
     if period > 0.0:
         half = 0.5 * period
         if dx > half:
@@ -49,9 +46,7 @@ def nearest_image(dx: float, period: float) -> float:
 
 @formula
 def disc_disc(dx: float, dy: float, radii: float) -> tuple[float, float, float]:
-    """Gap [m] and unit normal of two discs whose centers differ by (dx, dy) and whose radii sum to
-    ``radii``.
-    """
+    """Gap [m] and unit normal of two discs with centers (dx, dy) apart and this sum of radii."""
     distance = sqrt(dx * dx + dy * dy)
     if distance == 0.0:
         return -radii, 0.0, 1.0
@@ -68,8 +63,7 @@ def disc_plane(
 
 @formula
 def from_first_end(x: float, x0: float, x1: float, period: float) -> float:
-    """``x − x0`` [m] of the image of x nearest to the middle of a line from x0 to x1: that is the
-    one the whole line may meet.
+    """``x − x0`` [m] of the image of x nearest to the middle of a line: the one it may meet.
 
     Lines are shorter than half a period (`WallBody.with_line`), so that an image near one of their
     ends is near no other image.
@@ -81,9 +75,7 @@ def from_first_end(x: float, x0: float, x1: float, period: float) -> float:
 
 @formula
 def segment_parameter(px: float, py: float, x0: float, y0: float, x1: float, y1: float) -> float:
-    """Where the foot of (px, py) lies on the line from (x0, y0) to (x1, y1): 0 at the first end, 1
-    at the second.
-    """
+    """Foot of (px, py) on the line from (x0, y0) to (x1, y1): 0 and 1 at the ends."""
     ex, ey = x1 - x0, y1 - y0
     return ((px - x0) * ex + (py - y0) * ey) / (ex * ex + ey * ey)
 
@@ -92,9 +84,7 @@ def segment_parameter(px: float, py: float, x0: float, y0: float, x1: float, y1:
 def disc_circle(
     dx: float, dy: float, circle_radius: float, radius: float
 ) -> tuple[float, float, float]:
-    """Disc inside a circle (a drum); (dx, dy) from the circle's center to the disc's. The normal
-    points inwards.
-    """
+    """Disc inside a circle (a drum); (dx, dy) from its center to the disc's. Normal inwards."""
     distance = sqrt(dx * dx + dy * dy)
     if distance == 0.0:
         return circle_radius - radius, 0.0, 1.0
@@ -116,9 +106,7 @@ def _past_end(
 def gap_to_shape(
     x: float, y: float, radius: float, shape: int, kind: Ints, world: Floats, period: float
 ) -> tuple[float, float, float]:
-    """Gap [m] and unit normal of a grain at (x, y) against a wall shape; ``inf`` where another
-    shape of the wall is closer.
-    """
+    """Gap [m] and normal of a grain and a wall shape; ``inf`` where another one is closer."""
     what = kind[shape]
     g0, g1, g2, g3 = world[shape, X], world[shape, Y], world[shape, TAIL_X], world[shape, TAIL_Y]
     dx, dy = nearest_image(x - g0, period), y - g1
@@ -146,9 +134,7 @@ def gap_to_shape(
 def distance_to_whole(
     x: float, y: float, what: int, g0: float, g1: float, g2: float, g3: float, period: float
 ) -> tuple[float, float, float]:
-    """Distance of (x, y) from a wall shape of kind ``what`` with its ends [m] and unit normal, even
-    if another is closer.
-    """
+    """Distance of (x, y) from a shape with its ends [m] and normal, even if another is closer."""
     dx, dy = nearest_image(x - g0, period), y - g1
     if what == _DISC:
         return disc_disc(dx, dy, g2)
@@ -184,11 +170,9 @@ def is_near_shape(
     period: float,
     cutoff: float,
 ) -> bool:
-    """Whether a grain at (x, y) is nearer than ``cutoff`` [m] to a wall shape with its ends, even
-    if another shape is closer.
+    """Whether a grain is nearer than ``cutoff`` [m] to a wall shape, even if another is closer.
 
-    `gap_to_shape` returns infinity where another shape of the wall is closer, so it cannot be used
-    to build the neighbor list.
+    For the neighbor list: `gap_to_shape` is infinite where another shape of the wall is closer.
     """
     return distance_to_shape(x, y, shape, kind, world, period)[0] - radius < cutoff
 
@@ -212,8 +196,8 @@ class Scene(NamedTuple):
         world: Wall shapes at q_m [m], shape ``(m, 4)``.
         wall_position: Wall frames at q_m, shape ``(w, 3)``.
         period: Period in x [m] or 0.
-        temperature: Temperatures of all shapes [K] for friction that depends on them, nan where a
-            wall has none, shape ``(n + m,)``; of size 0 where nobody asks for them.
+        temperature: Temperatures of all shapes [K], nan where a wall has none, shape ``(n + m,)``;
+            of size 0 where no friction depends on them.
     """
 
     position: Floats
@@ -231,9 +215,7 @@ class Scene(NamedTuple):
 def placed_shape(
     kind: int, local: Floats, shape: int, frame_x: float, frame_y: float, angle: float
 ) -> tuple[float, float, float, float]:
-    """The four numbers of a wall shape in the world, if the frame of its wall is at (frame_x,
-    frame_y) [m] and turned [rad].
-    """
+    """Four numbers of a wall shape in the world, its wall at (frame_x, frame_y) [m] and turned."""
     c, s = cos(angle), sin(angle)
     x, y, u, v = local[shape, X], local[shape, Y], local[shape, TAIL_X], local[shape, TAIL_Y]
     tail = TAIL[kind]
@@ -248,14 +230,9 @@ def placed_shape(
 def place_shapes(
     kind: Ints, wall: Ints, local: Floats, wall_position: Floats, world: Floats
 ) -> None:
-    """Move the wall shapes from the frame of their wall to the world.
+    """Move wall shapes from the frames of their walls, ``local``, to the ``world`` (**modified**).
 
-    Args:
-        kind: `ShapeKind` of each shape, shape ``(m,)``.
-        wall: Wall of each shape, shape ``(m,)``.
-        local: Geometry in the wall's frame [m], shape ``(m, 4)``.
-        wall_position: Frames: origin [m] and angle [rad], shape ``(w, 3)``.
-        world: Geometry in the world [m], shape ``(m, 4)``. **Modified.**
+    Shapes are ``(m, 4)`` [m]; frames are an origin [m] and an angle [rad], shape ``(w, 3)``.
     """
     for k in range(kind.size):
         frame = wall_position[wall[k]]
@@ -267,9 +244,7 @@ def place_shapes(
 def scene_of(
     model: Model, position: Floats, wall_position: Floats, temperature: Floats = _NO_TEMPERATURE
 ) -> Scene:
-    """Shapes where grains and walls are, in arrays of its own where the wall shapes are; arguments
-    as the attributes of `Scene`.
-    """
+    """Shapes where grains and walls are; ``world`` is an array of its own."""
     shapes, world = model.shapes, np.empty((model.shape_count, 4))
     place_shapes(shapes.kind, shapes.wall, shapes.geometry, wall_position, world)
     return Scene(
@@ -298,9 +273,7 @@ def pair_geometry(scene: Scene, i: int, j: int) -> tuple[float, float, float]:
 
 @formula
 def known_geometry(scene: Scene, i: int, j: int) -> tuple[float, float, float]:
-    """As `pair_geometry`, of a pair that is known to have met: a wall shape counts with its ends,
-    even if another is closer now.
-    """
+    """As `pair_geometry` of a pair that has met: walls with ends, even if another is closer now."""
     count = scene.radius.size
     if j < count:
         return pair_geometry(scene, i, j)

@@ -1,3 +1,1 @@
-"""How kernels are compiled and kept: decorators, the cache, the threading layer, elementary
-functions of arrays.
-"""
+"""How kernels are compiled and kept: decorators, cache, threading layer, elementary functions."""

@@ -1,5 +1,4 @@
-"""What must be chosen before Numba is imported: where compiled kernels are kept between runs, and
-the threading layer.
+"""What must be chosen before Numba is imported: where kernels are kept, and the threading layer.
 
 Numba does not notice that a function *called by* a cached function has changed: the stale machine
 code is used without a word. So the cache directory is named after a digest of all sources that
@@ -30,27 +29,22 @@ KEPT = 3
 """How many cache directories survive pruning."""
 
 MIN_AGE = 3600.0
-"""A cache directory used within this time [s] is never pruned: another run may still be compiling
-into it."""
+"""Cache directories used within this time [s] stay: another run may still be compiling into one."""
 
 SPACE = 64 << 20
-"""A directory with less free space than this [bytes] is passed over: Numba cannot cope with a full
-disk."""
+"""Directories with less free space [bytes] are passed over: Numba cannot cope with a full disk."""
 
 _IMPORT = re.compile(r"^ *from (multicor_cli[\w.]*) import (\([^)]*\)|.*)$", re.MULTILINE)
 _NAME = re.compile(r"kernels-[0-9a-f]{16}-numba[\w.+]+-[\w.-]+-[0-9a-f]{8}")
 
 
 def configure_cache() -> Path | None:
-    """Set ``NUMBA_CACHE_DIR`` to a directory that holds kernels compiled from exactly these
-    sources.
+    """Set ``NUMBA_CACHE_DIR`` to a directory of kernels compiled from exactly these sources.
 
     The directory lies in ``$NUMBA_CACHE_DIR`` if the user has set it, else in the user's cache
     directory, else (nothing writable) in the temporary directory. With ``MULTICOR_NO_CACHE=1``
-    kernels go to a private directory that is deleted at exit.
-
-    Returns:
-        The cache directory, or None if nothing outlives this process.
+    kernels go to a private directory that is deleted at exit. Returns the directory, or None if
+    nothing outlives this process.
     """
     if not _may_keep():
         _announce(_private_directory())
@@ -67,9 +61,7 @@ def configure_cache() -> Path | None:
 
 
 def is_compiled() -> bool:
-    """Whether `configure_cache` has found kernels of these sources, so that (most of) the
-    compilation is done.
-    """
+    """Whether `configure_cache` has found kernels of these sources: most are compiled."""
     directory = os.environ.get("NUMBA_CACHE_DIR", "")
     return bool(directory) and next(Path(directory).rglob("*.nbi"), None) is not None
 
@@ -101,12 +93,7 @@ def cache_name() -> str:
 
 
 def kernel_sources(root: Path) -> list[Path]:
-    """Files that machine code is made of: modules with kernels, and whatever those import from the
-    package, near or far.
-
-    Args:
-        root: Directory of the package.
-    """
+    """Modules with kernels below ``root``, the package, and whatever those import from it."""
     found = {_dotted(path, root): path for path in root.rglob("*.py")}
     texts = {name: path.read_text(encoding="utf-8") for name, path in found.items()}
     decorators = f"{root.name}.{DECORATORS}"
@@ -126,7 +113,6 @@ def _dotted(path: Path, root: Path) -> str:
 
 
 def _imports(text: str, known: Container[str]) -> Iterator[str]:
-    """Modules of the package that a module imports, or names from."""
     for module, names in _IMPORT.findall(text):
         yield from (
             name
@@ -145,9 +131,7 @@ def _source_digest() -> str:
 
 
 def _processor_digest() -> str:
-    """Digest of the processor's name and instruction sets: a home directory may be shared by unlike
-    machines.
-    """
+    """Of the name and instruction sets: a home directory may be shared by unlike machines."""
     try:
         lines = Path("/proc/cpuinfo").read_text(errors="replace").splitlines()
     except OSError:
@@ -159,7 +143,6 @@ def _processor_digest() -> str:
 
 
 def _candidates() -> Iterator[Path]:
-    """Directories that may hold caches, best first."""
     given = os.environ.get("NUMBA_CACHE_DIR")
     if given:
         path = Path(given).absolute()
@@ -176,9 +159,7 @@ def _candidates() -> Iterator[Path]:
 
 
 def _prepare(base: Path, name: str) -> Path | None:
-    """Create ``base/name``; None if that is impossible or if others could write to it (the cache is
-    code that we run).
-    """
+    """Create ``base/name``; None if it fails or others could write to it: the cache is code."""
     directory = base / name
     try:
         base.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -227,19 +208,16 @@ def _announce(directory: Path) -> None:
         numba.config.CACHE_DIR = str(directory)
 
 
-# ---- Which threading layer Numba takes. To be chosen before Numba is imported
+# ---- The threading layer
 
 PRIORITY = "omp tbb workqueue"
-"""OpenMP first: under TBB, which Numba prefers where some other program has installed it, sweeps do
-not gain from threads."""
+"""OpenMP first: sweeps gain nothing from threads under TBB, which Numba prefers if it finds it."""
 
 _CHOICES = ("NUMBA_THREADING_LAYER", "NUMBA_THREADING_LAYER_PRIORITY")
 
 
 def prefer_openmp() -> None:
-    """Prefer OpenMP unless the user's environment chooses a layer. Results do not depend on it,
-    only speed does.
-    """
+    """Prefer OpenMP unless the user chooses a layer: results do not depend on it, speed does."""
     if any(os.environ.get(name) for name in _CHOICES):
         return
     os.environ["NUMBA_THREADING_LAYER_PRIORITY"] = PRIORITY
@@ -249,9 +227,7 @@ def prefer_openmp() -> None:
 
 
 def describe_layer() -> str:
-    """The threading layer that kernels get here, found by starting its threads; in words, also if
-    there is none.
-    """
+    """The threading layer that kernels get, in words, found by starting its threads."""
     prefer_openmp()
     import numba
 
@@ -272,12 +248,7 @@ class NoThreadingLayer(Exception):
 
 
 def require_layer() -> None:
-    """Start the threads of a layer that the environment chooses: Numba complains of one that is not
-    there in the midst of a kernel.
-
-    Raises:
-        NoThreadingLayer: If it is not there.
-    """
+    """Start the threads of a chosen layer; raises `NoThreadingLayer` before a kernel complains."""
     import numba
 
     chosen = [

@@ -1,5 +1,4 @@
-"""Arrays for kernels on several threads: reductions whose bits do not depend on their number,
-memory that begins at cache lines.
+"""Arrays for kernels on threads: reductions whose bits do not depend on their number, alignment.
 
 `CHUNK` grains or contacts form one unit: a kernel leaves one row of partial results per chunk, and
 its caller sums the rows in order. (Array expressions and reductions inside a parallel kernel would
@@ -23,18 +22,12 @@ _CACHE_LINE = 64  # bytes
 
 
 def chunks_for(size: int, columns: int = 1) -> Floats:
-    """Zeroed partial results for ``size`` items, one row per chunk (at least one), shape
-    ``(chunks, columns)``.
-    """
+    """Zeroed partial results, one row per chunk of items (at least one), ``(chunks, columns)``."""
     return np.zeros((max(1, -(-size // CHUNK)), columns))
 
 
 def aligned(shape: tuple[int, ...], dtype: type[Any] = np.float64) -> NDArray[Any]:
-    """An array that begins at a cache line, so that rows of four doubles never lie in two; its
-    elements are not set.
-
-    (The sweep is up to a sixth slower where they do.)
-    """
+    """An unset array from a cache line on: the sweep is up to a sixth slower if rows lie in two."""
     size = math.prod(shape) * np.dtype(dtype).itemsize
     memory = np.empty(size + _CACHE_LINE, np.uint8)
     return np.ndarray(shape, dtype, memory, -memory.ctypes.data % _CACHE_LINE)
@@ -54,8 +47,7 @@ def aligned_copy(array: NDArray[Any]) -> NDArray[Any]:
 def copy_into(target: Floats, source: Floats) -> None:
     """Write ``source`` over the beginning of ``target``; both flat.
 
-    (``target[:] = source`` compiles the message about arrays that do not fit too: up to three
-    seconds in each kernel.)
+    ``target[:] = source`` compiles an error message too: up to three seconds in each kernel.
     """
     for k in range(source.size):
         target[k] = source[k]

@@ -1,6 +1,4 @@
-"""The decorators of all kernels, in one place: cached, IEEE arithmetic (no fastmath), division by
-zero gives inf.
-"""
+"""The decorators of all kernels: cached, IEEE arithmetic (no fastmath), 1/0 gives inf."""
 
 from __future__ import annotations
 
@@ -52,9 +50,7 @@ def _inlined(function: Callable[..., Any]) -> None:
 
 
 def _called(*modules: ModuleType) -> None:
-    """Let kernels call the functions of modules that know nothing of kernels; they are too long to
-    be inlined everywhere.
-    """
+    """Let kernels call modules that know nothing of kernels, too long to be inlined everywhere."""
     for module in modules:
         for function in vars(module).values():
             if inspect.isfunction(function) and function.__module__ == module.__name__:
@@ -76,12 +72,10 @@ def threaded_loop(function: F) -> F:
 
 
 def parallel_kernel(function: F) -> F:
-    """Compile a kernel whose ``prange`` loops run on several threads: twice, each version when it
-    is first needed.
+    """Compile a kernel with ``prange`` loops on threads twice, each version when first needed.
 
     The one for a single thread compiles in half the time, and small problems need no other. Both
-    compute the same bits. Where the one for several threads is there it serves a single thread as
-    well.
+    compute the same bits. Where the one for several is there it serves a single thread as well.
     """
     twin = FunctionType(
         function.__code__,
@@ -106,11 +100,7 @@ def parallel_kernel(function: F) -> F:
 
 
 def loop_body(function: F) -> F:
-    """Compile the inner loop of serial and parallel kernels into both.
-
-    For loops over whole arrays in the solver: as a `formula` the same loop takes the solve a fifth
-    longer.
-    """
+    """Compile an inner loop into its kernels; as a `formula` it makes the solve a fifth longer."""
     return numba.njit(
         cache=True, error_model="numpy", forceinline=True, **_NO_C, **_WITHOUT_COUNTING
     )(function)  # type: ignore[return-value]

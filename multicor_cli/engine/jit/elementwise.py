@@ -1,6 +1,4 @@
-"""The functions of `multicor_cli.arithmetic` applied to float64 arrays of any shape; each is
-compiled when it is first called.
-"""
+"""`multicor_cli.arithmetic` on float64 arrays of any shape, compiled when first called."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Scalar formulas: plain Python where Python calls them, machine code where kernels do. Does not
-load Numba.
-"""
+"""Scalar formulas: Python where Python calls them, machine code in kernels. Loads no Numba."""
 
 from __future__ import annotations
 

@@ -11,9 +11,7 @@ PARALLEL_GRAINS = 4_000
 
 @contextlib.contextmanager
 def threads_for(grains: int) -> Iterator[None]:
-    """One thread in the block where grains are few: kernels for several would be compiled for
-    nothing.
-    """
+    """One thread where grains are few: kernels for several would be compiled for nothing."""
     import numba
 
     before = numba.get_num_threads()

@@ -96,36 +96,29 @@ class Vector:
 
 
 class Writer:
-    """Writes the instructions of a vector loop. Indices are LLVM values of 64 bits, arrays pointers
-    to their first element.
-    """
+    """Writes a vector loop. Indices are LLVM values of 64 bits, arrays pointers to element 0."""
 
     def __init__(self, builder: ir.IRBuilder) -> None:
         self.builder = builder
 
     def number(self, value: float) -> Vector:
-        """The same constant in all lanes."""
         return Vector(self.builder, ir.Constant(_VECTOR, [value] * LANES))
 
     def spread(self, scalar: ir.Value) -> Vector:
-        """A number known at run time in all lanes."""
+        """A number known at run time, in all lanes."""
         single = self.builder.insert_element(_UNDEFINED, scalar, _INT(0))
         return Vector(self.builder, self._shuffle(single, _UNDEFINED, (0,) * LANES))
 
     def times(self, index: ir.Value, factor: int, plus: int = 0) -> ir.Value:
-        """``factor · index + plus``."""
         return self.builder.add(self.builder.mul(index, _LONG(factor)), _LONG(plus))
 
     def offset(self, index: ir.Value, by: int) -> ir.Value:
-        """``index + by``."""
         return self.builder.add(index, _LONG(by))
 
     def load(self, array: ir.Value, at: ir.Value) -> Vector:
-        """Four elements of an array from ``at`` on."""
         return Vector(self.builder, self.builder.load(self._place(array, at), align=8))
 
     def store(self, array: ir.Value, at: ir.Value, vector: Vector) -> None:
-        """Write four elements of an array from ``at`` on."""
         self.builder.store(vector.value, self._place(array, at), align=8)
 
     def block(self, array: ir.Value, number: ir.Value, rows: int, *which: int) -> list[Vector]:
@@ -151,7 +144,6 @@ class Writer:
         return [Vector(self.builder, self._shuffle(*column)) for column in columns]
 
     def keep(self, vectors: Iterable[Vector]) -> Kept:
-        """Variables that live through the loop, with these values to begin with."""
         return Kept(self.builder, vectors)
 
     @contextmanager
@@ -200,18 +192,15 @@ class Kept:
         self._places = [cgutils.alloca_once_value(builder, vector.value) for vector in vectors]
 
     def get(self) -> list[Vector]:
-        """Their values now."""
         return [Vector(self._builder, self._builder.load(place)) for place in self._places]
 
     def put(self, vectors: Iterable[Vector]) -> None:
-        """Give them new values."""
         for vector, place in zip(vectors, self._places, strict=True):
             self._builder.store(vector.value, place)
 
 
 def vector_loop(results: int) -> Callable[[Callable[..., Sequence[ir.Value]]], Callable[..., Any]]:
-    """Decorator of a function that writes a loop: makes a function of numbers and flat arrays that
-    kernels can call.
+    """Decorator: a function that writes a loop becomes one of numbers and flat arrays for kernels.
 
     The function gets a `Writer` and the arguments, arrays as pointers to their first element, and
     returns ``results`` numbers: what a kernel gets from the call (one by itself, several as a
@@ -256,9 +245,7 @@ def vector_loop(results: int) -> Callable[[Callable[..., Sequence[ir.Value]]], C
 
 
 def _kind(argument: types.Type) -> types.Type:
-    """The type that an argument is passed as: an array as it is, any integer with 64 bits, any
-    other number as a double.
-    """
+    """Type of an argument: arrays as they are, integers with 64 bits, other numbers as doubles."""
     if isinstance(argument, types.Array):
         return argument
     return (

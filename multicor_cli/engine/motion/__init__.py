@@ -1,3 +1,1 @@
-"""How bodies move: predicted and final positions, drives of walls, and the correction of
-overlaps.
-"""
+"""How bodies move: predicted and final positions, drives of walls, correction of overlaps."""

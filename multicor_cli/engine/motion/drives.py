@@ -14,8 +14,7 @@ from multicor_cli.arithmetic import cos, hypot, sin
 from multicor_cli.model.model import Floats
 
 REVERSAL = 0.01
-"""Share of its swing by which a table has to turn back for that to be an oscillation: measured
-values are noisy."""
+"""Share of its swing by which a table must turn back to oscillate: measured values are noisy."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +24,6 @@ class Constant:
     level: float
 
     def value(self, t: float) -> float:
-        """Value at ``t`` seconds after the start of the stage."""
         return self.level
 
     def largest(self) -> float:
@@ -41,15 +39,11 @@ class Constant:
         return 0.0
 
     def shortest_period(self, start: float, end: float) -> float:
-        """Shortest period of what it does between ``start`` and ``end`` [s]; infinite if it does
-        not go up and down.
-        """
+        """Shortest period between the times [s]; infinite if it does not go up and down."""
         return math.inf
 
     def corners(self, start: float, end: float) -> list[float]:
-        """Times between ``start`` and ``end`` at which an integrator should begin a new step
-        [s].
-        """
+        """Times in between at which an integrator should begin a new step [s]."""
         return []
 
 
@@ -62,33 +56,23 @@ class Ramp:
     duration: float
 
     def value(self, t: float) -> float:
-        """Value at ``t`` seconds after the start of the stage."""
         if t >= self.duration:
             return self.end
         return self.start + (self.end - self.start) * (t / self.duration)
 
     def largest(self) -> float:
-        """Largest magnitude at any time."""
         return max(abs(self.start), abs(self.end))
 
     def steepest(self) -> float:
-        """Largest magnitude of its rate of change [1/s]."""
         return abs(self.end - self.start) / self.duration
 
     def swing(self) -> float:
-        """How far apart its values are at most."""
         return abs(self.end - self.start)
 
     def shortest_period(self, start: float, end: float) -> float:
-        """Shortest period of what it does between ``start`` and ``end`` [s]; infinite if it does
-        not go up and down.
-        """
         return math.inf
 
     def corners(self, start: float, end: float) -> list[float]:
-        """Times between ``start`` and ``end`` at which an integrator should begin a new step
-        [s].
-        """
         return [self.duration] if start < self.duration < end else []
 
 
@@ -102,46 +86,34 @@ class Sine:
     phase: float = 0.0
 
     def value(self, t: float) -> float:
-        """Value at ``t`` seconds after the start of the stage."""
         return self.mean + self.amplitude * sin(2.0 * math.pi * (t / self.period) + self.phase)
 
     def largest(self) -> float:
-        """Largest magnitude at any time."""
         return abs(self.mean) + abs(self.amplitude)
 
     def steepest(self) -> float:
-        """Largest magnitude of its rate of change [1/s]."""
         return 2.0 * math.pi * abs(self.amplitude) / self.period
 
     def swing(self) -> float:
-        """How far apart its values are at most."""
         return 2.0 * abs(self.amplitude)
 
     def shortest_period(self, start: float, end: float) -> float:
-        """Shortest period of what it does between ``start`` and ``end`` [s]; infinite if it does
-        not go up and down.
-        """
         return self.period if self.amplitude else math.inf
 
     def corners(self, start: float, end: float) -> list[float]:
-        """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]:
-        16 in a period.
-        """
+        """As for `Constant`: 16 in a period."""
         part = self.period / 16.0
         return [k * part for k in range(math.floor(start / part) + 1, math.ceil(end / part))]
 
 
 @dataclass(frozen=True)
 class Interpolated:
-    """Linear interpolation between ``(times, values)``; constant before the first and after the
-    last time.
-    """
+    """Linear interpolation between ``(times, values)``; constant before and after them."""
 
     times: tuple[float, ...]
     values: tuple[float, ...]
 
     def value(self, t: float) -> float:
-        """Value at ``t`` seconds after the start of the stage."""
         k = bisect.bisect_right(self.times, t)
         if k == 0:
             return self.values[0]
@@ -152,11 +124,9 @@ class Interpolated:
         return self.values[k - 1] + (self.values[k] - self.values[k - 1]) * share
 
     def largest(self) -> float:
-        """Largest magnitude at any time."""
         return max(abs(value) for value in self.values)
 
     def steepest(self) -> float:
-        """Largest magnitude of its rate of change [1/s]."""
         rows = list(zip(self.times, self.values, strict=True))
         return max(
             (abs((v1 - v0) / (t1 - t0)) for (t0, v0), (t1, v1) in itertools.pairwise(rows)),
@@ -164,25 +134,19 @@ class Interpolated:
         )
 
     def swing(self) -> float:
-        """How far apart its values are at most."""
         return max(self.values) - min(self.values)
 
     def shortest_period(self, start: float, end: float) -> float:
-        """Shortest period of what it does between ``start`` and ``end`` [s]; infinite if it does
-        not go up and down.
+        """Twice the shortest time from the middle of a rise to that of the next fall, or back.
 
-        That is twice the shortest time from the middle of a rise to the middle of the fall that
-        follows, or the other way round. What turns back by no more than `REVERSAL` of the swing
-        belongs to the rise or fall in which it lies.
+        What turns back by no more than `REVERSAL` of the swing belongs to the rise or fall in which
+        it lies.
         """
         times = [start, *self.corners(start, end), *([end] if end < math.inf else [])]
         middles = _middles(times, [self.value(t) for t in times], REVERSAL * self.swing())
         return 2.0 * min((b - a for a, b in itertools.pairwise(middles)), default=math.inf)
 
     def corners(self, start: float, end: float) -> list[float]:
-        """Times between ``start`` and ``end`` at which an integrator should begin a new step
-        [s].
-        """
         return list(
             self.times[bisect.bisect_right(self.times, start) : bisect.bisect_left(self.times, end)]
         )
@@ -190,39 +154,27 @@ class Interpolated:
 
 @dataclass(frozen=True)
 class Shifted:
-    """A signal of an earlier stage that goes on; ``offset`` [s] is the time from that stage's start
-    to this stage's.
-    """
+    """A signal of the stage that began ``offset`` [s] before this one; bounds include the past."""
 
     signal: Constant | Ramp | Sine | Interpolated
     offset: float
 
     def value(self, t: float) -> float:
-        """Value at ``t`` seconds after the start of the present stage."""
         return self.signal.value(self.offset + t)
 
     def largest(self) -> float:
-        """Largest magnitude at any time, the past included."""
         return self.signal.largest()
 
     def steepest(self) -> float:
-        """Largest magnitude of its rate of change [1/s], the past included."""
         return self.signal.steepest()
 
     def swing(self) -> float:
-        """How far apart its values are at most, the past included."""
         return self.signal.swing()
 
     def shortest_period(self, start: float, end: float) -> float:
-        """Shortest period of what it does between ``start`` and ``end`` [s]; infinite if it does
-        not go up and down.
-        """
         return self.signal.shortest_period(self.offset + start, self.offset + end)
 
     def corners(self, start: float, end: float) -> list[float]:
-        """Times between ``start`` and ``end`` at which an integrator should begin a new step
-        [s].
-        """
         return [
             t - self.offset for t in self.signal.corners(self.offset + start, self.offset + end)
         ]
@@ -232,9 +184,7 @@ Signal = Constant | Ramp | Sine | Interpolated | Shifted
 
 
 def _middles(times: Sequence[float], values: Sequence[float], least: float) -> list[float]:
-    """When the rises and falls of a broken line are halfway, one after the other [s]; each changes
-    by more than ``least``.
-    """
+    """When rises and falls of a broken line by more than ``least`` are halfway, in order [s]."""
     turns, farthest, way = [0], 0, 0.0
     for k, value in enumerate(values):
         change = value - values[farthest]
@@ -245,8 +195,7 @@ def _middles(times: Sequence[float], values: Sequence[float], least: float) -> l
             farthest, way = k, -way
     ends = list(itertools.pairwise([*turns, farthest] if way else []))
     halves = [0.5 * (values[a] + values[b]) for a, b in ends]
-    # The first and the last may be parts of longer ones: they are halfway where those beside them
-    # are, as far as they get there.
+    # The first and the last may be parts of longer ones: they take the level of those beside them.
     beside = [*halves[1:2], *halves[1:-1], *halves[-2:-1]] if len(ends) > 1 else halves
     return [
         _passing(times[a : b + 1], values[a : b + 1], half)
@@ -255,9 +204,7 @@ def _middles(times: Sequence[float], values: Sequence[float], least: float) -> l
 
 
 def _passing(times: Sequence[float], values: Sequence[float], level: float) -> float:
-    """When a broken line last passes a level on its way up or down [s]; its end if it does not get
-    there, or begins beyond it.
-    """
+    """When a broken line last passes a level [s]; its start if it begins beyond, else its end."""
     sign = math.copysign(1.0, values[-1] - values[0])
     before = [k for k, value in enumerate(values) if sign * value <= sign * level]
     if not before:
@@ -272,9 +219,7 @@ def _passing(times: Sequence[float], values: Sequence[float], level: float) -> f
 class Spring:
     """A linear spring between a degree of freedom of a wall and an anchor: force −k (u − u₀).
 
-    Attributes:
-        stiffness: k [N/m], or [N m/rad] for the spin.
-        anchor: u₀, the displacement at which it exerts no force [m], or [rad].
+    ``stiffness`` is k [N/m], or [N m/rad] for the spin; ``anchor`` u₀, where it exerts no force.
     """
 
     stiffness: float
@@ -290,15 +235,12 @@ class DofDrive:
 
     Attributes:
         velocity: Prescribed velocity [m/s], or spin [rad/s].
-        position: Prescribed displacement [m], or angle [rad], since the drive was named; 0 at that
-            time.
+        position: Prescribed displacement [m], or angle [rad], since the drive was named.
         force: Force [N], or torque [N m].
         stress: Force per length [N/m], of x or y.
         between: Names of the two walls whose distance across the axis is that length; None: the
             length of the wall itself.
-        spring: A spring.
-        damping: Damping of a driven degree of freedom [N s/m], or [N m s]; it acts at the mid-step
-            velocity.
+        damping: Damping of a driven degree of freedom, at mid-step velocity [N s/m], or [N m s].
         is_kept: Whether displacements count from where they did in the stage before: the drive was
             named earlier.
     """
@@ -314,24 +256,18 @@ class DofDrive:
 
     @property
     def is_driven(self) -> bool:
-        """Whether it moves as loads and grains push it."""
         return self.force is not None or self.stress is not None or self.spring is not None
 
     @property
     def has_origin(self) -> bool:
-        """Whether it has to know the displacement since the drive was named."""
         return self.position is not None or self.spring is not None
 
 
 @dataclass(frozen=True)
 class WallDrive:
-    """The three degrees of freedom of one wall during a stage, and its surface; default: held
-    fixed.
+    """The three degrees of freedom of one wall in a stage, and its surface; default: held fixed.
 
     Attributes:
-        x: Horizontal motion.
-        y: Vertical motion.
-        spin: Rotation.
         surface: V_s, with which the material of the surface runs along it while the shape stays
             where it is: along the normal (wall → grain) turned by −90° [m/s]; None: it does not.
     """
@@ -342,7 +278,6 @@ class WallDrive:
     surface: Signal | None = None
 
     def dofs(self) -> tuple[DofDrive, DofDrive, DofDrive]:
-        """The drives of x, y and rotation, in this order."""
         return self.x, self.y, self.spin
 
 
@@ -360,12 +295,10 @@ class Gravity:
 
     @classmethod
     def constant(cls, value: Floats) -> Gravity:
-        """The same vector at all times, shape ``(2,)``."""
         x, y = value.tolist()
         return cls(Constant(x), Constant(y))
 
     def value(self, t: float) -> Floats:
-        """Acceleration at ``t`` seconds after the start of the stage [m/s²], shape ``(2,)``."""
         return np.array([self.x.value(t), self.y.value(t)])
 
     def largest(self) -> tuple[float, float, float]:
@@ -374,16 +307,13 @@ class Gravity:
         return x, y, hypot(x, y)
 
     def shortest_period(self, start: float, end: float) -> float:
-        """Shortest period of its components between ``start`` and ``end`` [s]; infinite if neither
-        goes up and down.
-        """
+        """Shortest period of x or y between the times [s]; infinite if both are steady."""
         return min(self.x.shortest_period(start, end), self.y.shortest_period(start, end))
 
 
 @dataclass(frozen=True)
 class TiltedGravity:
-    """Gravity by its magnitude [m/s²] and the angle [degrees] by which it is turned,
-    counter-clockwise, from −y towards +x.
+    """Gravity by magnitude [m/s²] and angle [degrees], counter-clockwise from −y towards +x.
 
     g = (g sin θ, −g cos θ): what a floor feels that is tilted by θ so that it descends towards +x.
     """
@@ -392,12 +322,10 @@ class TiltedGravity:
     magnitude: Signal
 
     def value(self, t: float) -> Floats:
-        """Acceleration at ``t`` seconds after the start of the stage [m/s²], shape ``(2,)``."""
         angle, magnitude = DEGREE * self.angle.value(t), self.magnitude.value(t)
         return np.array([magnitude * sin(angle), -magnitude * cos(angle)])
 
     def largest(self) -> tuple[float, float, float]:
-        """Bounds of the magnitudes of x, y and the whole at any time [m/s²]."""
         largest = self.magnitude.largest()
         return largest * sin(min(DEGREE * self.angle.largest(), 0.5 * math.pi)), largest, largest
 

@@ -1,6 +1,4 @@
-"""Prediction and motion of the grains: q_m = q + ½Δt v, free velocities, and q⁺ = q_m + ½Δt v⁺
-(Moreau–Jean, θ = ½).
-"""
+"""Grains in a step: q_m = q + ½Δt v, free velocities, q⁺ = q_m + ½Δt v⁺ (Moreau–Jean, θ = ½)."""
 
 from __future__ import annotations
 
@@ -28,19 +26,9 @@ def predict(
 ) -> None:
     """Positions at mid-step and free velocities of the grains.
 
-    Args:
-        position: x, y [m], angle [rad], shape ``(n, 3)``.
-        velocity: v_x, v_y [m/s], ω [rad/s], shape ``(n, 3)``.
-        radius: Radii [m], shape ``(n,)``.
-        mass: Masses [kg], shape ``(n,)``.
-        gravity: Acceleration of gravity [m/s²], shape ``(2,)``.
-        dt: Time step [s].
-        middle: q_m, shape ``(n, 3)``. **Modified.**
-        start: Bodies (v_x, v_y, a ω, 1/m) at the start of the step, shape ``(bodies, 4)``. **Grains
-            modified.**
-        free: The same with the free velocities. **Grains modified.**
-        fastest: Largest speed in each chunk of grains, at the start or free [m/s]; ``nan`` if a
-            number is not finite or absurd, shape ``(chunks, 1)``. **Modified.**
+    **Modifies** ``middle``, q_m; the grains of ``start`` and ``free``, bodies (v_x, v_y, a ω, 1/m)
+    at the start of the step and with free velocities; and ``fastest``: the largest speed of both in
+    each chunk of grains [m/s], ``nan`` if a number is not finite or absurd, ``(chunks, 1)``.
     """
     count = radius.size
     half = 0.5 * dt
@@ -88,22 +76,10 @@ def move(
     velocity: Floats,
     sums: Floats,
 ) -> None:
-    """End of the step for the grains.
+    """End of the step for the grains; ``spin_factor`` is β = m a²/I, other arrays as `predict`.
 
-    Args:
-        middle: q_m, shape ``(n, 3)``.
-        start: Bodies (v_x, v_y, a ω, 1/m) at the start of the step.
-        after: The same with the velocities v⁺.
-        radius: Radii [m], shape ``(n,)``.
-        mass: Masses [kg], shape ``(n,)``.
-        gravity: Acceleration of gravity [m/s²], shape ``(2,)``.
-        spin_factor: β = m a²/I.
-        dt: Time step [s].
-        position: Positions at the end of the step (x not yet wrapped), shape ``(n, 3)``.
-            **Modified.**
-        velocity: Velocities and spins v⁺, shape ``(n, 3)``. **Modified.**
-        sums: For each chunk of grains the kinetic energy at the end [J] and the work of gravity
-            ΣF·½Δt(v⁻+v⁺) [J], shape ``(chunks, 2)``. **Modified.**
+    **Modifies** ``position`` (x not yet wrapped), ``velocity``, and ``sums``: in each chunk of
+    grains the kinetic energy at the end and the work of gravity ΣF·½Δt(v⁻+v⁺) [J].
     """
     count = radius.size
     half = 0.5 * dt
@@ -123,9 +99,7 @@ def move(
 
 @kernel
 def wrap(position: Floats, image: np.ndarray, period: float) -> None:
-    """Bring x back into [0, period) and count how often. **Modifies** ``position`` ``(n, 3)`` and
-    ``image`` ``(n,)``.
-    """
+    """Bring x back into [0, period) and count how often; **modifies** ``position``, ``image``."""
     for i in range(position.shape[0]):
         if position[i, X] >= period:
             position[i, X] -= period

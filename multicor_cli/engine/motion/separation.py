@@ -1,5 +1,4 @@
-"""Position correction after a step: the overlaps that it leaves, and how the grains around them are
-pushed apart.
+"""Position correction after a step: overlaps that it leaves, and how they are pushed apart.
 
 The correction is the smallest one in the metric of the masses, min ½ Σ m δq² with gap + n·δq ≥
 −target for all near pairs. That is a convex problem, a contact problem without friction whose
@@ -49,19 +48,10 @@ def measure_overlaps(
 ) -> None:
     """Overlaps at the end of a step among the pairs whose gap at mid-step was below ``cutoff``.
 
-    Args:
-        scene: Shapes at q⁺.
-        row: Rows of the neighbor list, shape ``(n + 1,)``.
-        partner: Partners.
-        gap: Gaps at q_m [m].
-        cutoff: Pairs farther apart at q_m cannot overlap now [m].
-        tolerance: Allowed overlap over the smaller radius.
-        gap_after: Gaps at q⁺ [m], infinite for pairs that are farther apart at q_m, shape
-            ``(pairs,)``. **Modified.**
-        flagged: Whether grain i has a pair in its row that overlaps more, shape ``(n,)``.
-            **Modified.**
-        found: For each chunk of grains the largest overlap over the smaller radius (0 if there is
-            none) and the number of flagged grains, shape ``(chunks, 2)``. **Modified.**
+    **Modifies** ``gap_after``, gaps at q⁺ [m], infinite beyond the cutoff; ``flagged``, grains with
+    a pair in their row that overlaps by more than ``tolerance`` of the smaller radius; and
+    ``found``: in each chunk of grains the largest overlap over the smaller radius (or 0) and the
+    number of flagged grains, shape ``(chunks, 2)``.
     """
     count = row.size - 1
     for chunk in prange(found.shape[0]):
@@ -87,7 +77,7 @@ def measure_overlaps(
         found[chunk, 0], found[chunk, 1] = best, flags
 
 
-# ---- Pushes the grains around overlaps apart, with all others held where they are; or all grains
+# ---- Pushing apart: the grains around overlaps with all others held, or all grains
 
 _MASS = 3  # column of the frames of pairs: 1/W
 RESTART_GROWTH = 1.5  # of the change per sweep, at which the momentum restarts
@@ -97,9 +87,7 @@ RESTART_GROWTH = 1.5  # of the change per sweep, at which the momentum restarts
 def pairs_within(
     row: NDArray[np.int64], partner: Ints, gap: Floats, near: float
 ) -> tuple[Ints, Ints]:
-    """Pairs of the neighbor list with a ``gap`` up to ``near`` [m]: grains i, and grains or wall
-    shapes j.
-    """
+    """Grains i, and grains or wall shapes j, of the listed pairs with a ``gap`` up to ``near``."""
     found = 0
     for p in range(partner.size):
         if gap[p] <= near:
@@ -116,18 +104,7 @@ def pairs_within(
 
 @kernel
 def surround(i: Ints, j: Ints, rings: int, marked: NDArray[np.bool_]) -> int:
-    """Mark the neighbors of the marked grains too, ring by ring.
-
-    Args:
-        i: Grain of each pair of neighbors.
-        j: The other grain, or a wall shape (a number beyond those of the grains), which is never
-            marked.
-        rings: Number of rings, fewer than 100.
-        marked: Shape ``(n,)``. **Modified.**
-
-    Returns:
-        Number of marked grains.
-    """
+    """Mark the grains around marked ones too, in up to 99 rings; returns how many are marked."""
     ring_of = np.full(marked.size, -1, np.int8)
     found = 0
     for k in range(marked.size):
@@ -188,8 +165,7 @@ def _bodies(marked: NDArray[np.bool_], mass: Floats, wall_inverse: Floats) -> _B
 def _measure(
     scene: Scene, bodies: _Bodies, i: Ints, j: Ints, target: float, allowed: float
 ) -> tuple[Ints, Floats]:
-    """Pairs that can be moved: their bodies; their normal, how far they may still close [m] and 1/W
-    [kg].
+    """Pairs that can be moved: bodies; normal, how far they may still close [m] and 1/W [kg].
 
     A pair with a held body keeps an overlap between ``target`` and ``allowed``: a grain between two
     held ones could not be freed of both.
@@ -247,8 +223,7 @@ def _push_apart(
 def _solve(
     pair: Ints, frame: Floats, bodies: _Bodies, enough: float, sweeps: int, memory: NDArray[np.void]
 ) -> Floats:
-    """Displacements of the bodies [m], shape ``(b + 1, 4)``: accelerated sweeps, as in the solver
-    of the contacts.
+    """Displacements of the bodies [m], shape ``(b + 1, 4)``, by accelerated sweeps.
 
     ``memory`` is that of `start_loop`. It belongs to the caller: Numba frees an array after its
     last use, while a record of it is still in use.
@@ -297,27 +272,14 @@ def separate(
     enough: float,
     sweeps: int,
 ) -> Floats:
-    """Move the marked grains by the smallest mass-weighted displacements that leave no more than a
-    target of overlap.
+    """Move the marked grains as little as leaves no more than a target of overlap.
 
-    Solves min ½ Σ m δq² with gap + n·δq ≥ −target for all pairs that can be moved, linearized at
-    the present positions.
-
-    Args:
-        scene: Shapes. **Positions modified.**
-        i: Grain of each near pair.
-        j: Grain or wall shape of each near pair.
-        marked: Grains that may be moved, shape ``(n,)``.
-        mass: Masses of the grains [kg], shape ``(n,)``.
-        wall_inverse: Inverse masses of the walls in x and y, 0 for those that are held [1/kg],
-            shape ``(w, 2)``.
-        target: Overlap over the smaller radius that is left.
-        allowed: Overlap over the smaller radius up to which a pair with a held body is left alone.
-        enough: Largest displacement of a sweep with which it ends [m].
-        sweeps: Cap on the number of sweeps.
-
-    Returns:
-        Displacements of the walls [m], shape ``(w, 2)``: theirs is to follow.
+    Solves min ½ Σ m δq² with gap + n·δq ≥ −target for all near pairs that can be moved, linearized
+    at the present positions, which are **modified**. Inverse masses of walls in x and y are of
+    shape ``(w, 2)``, 0 if held [1/kg]. Overlaps are over the smaller radius: ``target`` is left,
+    and up to ``allowed`` a pair with a held body is left alone. Sweeps end with one whose largest
+    displacement is ``enough`` [m] or less. Returns the displacements of the walls [m], shape
+    ``(w, 2)``: theirs is to follow.
     """
     bodies = _bodies(marked, mass, wall_inverse)
     pair, frame = _measure(scene, bodies, i, j, target, allowed)
@@ -350,13 +312,10 @@ LOCAL_SWEEPS = 200
 
 @dataclass(frozen=True)
 class Correction:
-    """What the correction of a step did.
+    """What the correction of a step did; no ``rounds`` if nothing had to be moved.
 
-    Attributes:
-        overlap: Largest overlap over the smaller radius that is left.
-        gravity_work: Work of gravity on the displacements ΣF·δq [J].
-        load_work: Work of the loads on the walls' displacements ΣF·δq [J].
-        rounds: Number of rounds; 0 if nothing had to be moved.
+    ``overlap`` is the largest over the smaller radius that is left; works of gravity and of loads
+    on walls are ΣF·δq over the displacements [J].
     """
 
     overlap: float
@@ -377,18 +336,10 @@ def correct_positions(
 ) -> Correction:
     """Project positions, mass-weighted, until no overlap exceeds `ALLOWED`.
 
-    Args:
-        scene: Shapes at q⁺. **Positions, wall frames and wall shapes modified.**
-        model: The model.
-        gravity: Acceleration of gravity in the step [m/s²], shape ``(2,)``.
-        motion: Drives; force-driven walls move according to their mass.
-        lists: Neighbor list with the gaps at q_m.
-        cutoff: Pairs farther apart than this at q_m cannot overlap now [m].
-        flagged: Work space, shape ``(n,)``.
-        step: For messages.
-
-    Raises:
-        PhysicsError: If overlaps above `FORBIDDEN` cannot be removed.
+    **Modifies** positions, wall frames and wall shapes of ``scene``, at q⁺. Walls that a force
+    drives move according to their mass. ``lists`` have the gaps at q_m, where pairs farther apart
+    than ``cutoff`` [m] cannot overlap now; ``flagged`` is work space, shape ``(n,)``. Raises
+    `PhysicsError` if overlaps above `FORBIDDEN` cannot be removed.
     """
     overlap, count = _overlaps(scene, lists, cutoff, flagged)
     if count == 0:
@@ -402,8 +353,7 @@ def correct_positions(
         near = min(cutoff, 20.0 * overlap * float(model.grains.radius.max()))
         _correct_once(scene, model, lists, near, flagged, inverse, rounds < LOCAL_ROUNDS)
         rounds += 1
-        # Grains pushed apart may have been pushed into others that were not near at q_m: look a
-        # little farther.
+        # Grains may have been pushed into others that were not near: look a little farther.
         overlap, count = _overlaps(scene, lists, cutoff + 0.1 * model.mean_diameter, flagged)
     if overlap > FORBIDDEN:
         raise PhysicsError(step, _name_overlap(scene, model, lists, flagged, overlap))
@@ -423,11 +373,9 @@ def _correct_once(
     inverse: Floats,
     is_local: bool,
 ) -> None:
-    """One linearized correction: of the grains around the ``flagged`` ones (**modified**), or of
-    everything.
+    """One linearized correction: of the grains around the ``flagged`` (**modified**), or of all.
 
-    ``inverse`` are the inverse masses of the walls in x and y, shape ``(w, 2)``; they move with
-    everything only.
+    Walls, with inverse masses in x and y of shape ``(w, 2)``, move with everything only.
     """
     i, j = pairs_within(lists.row, lists.partner, lists.gap_after, near)
     sweeps = LOCAL_SWEEPS
@@ -446,9 +394,7 @@ def _correct_once(
 def _overlaps(
     scene: Scene, lists: NeighborList, cutoff: float, flagged: NDArray[np.bool_]
 ) -> tuple[float, int]:
-    """Largest overlap over the smaller radius, and number of grains flagged for one above
-    `ALLOWED`; gaps go into the list.
-    """
+    """Largest overlap over the smaller radius, and number of grains flagged; fills in gaps."""
     found = chunks_for(flagged.size, 2)
     measure_overlaps(
         scene, lists.row, lists.partner, lists.gap, cutoff, ALLOWED, lists.gap_after, flagged, found
@@ -459,7 +405,6 @@ def _overlaps(
 def _name_overlap(
     scene: Scene, model: Model, lists: NeighborList, flagged: NDArray[np.bool_], overlap: float
 ) -> str:
-    """Name the pair that overlaps most."""
     worst, pair = -1.0, (0, 0)
     for i in np.flatnonzero(flagged).tolist():
         for j in lists.partner[lists.row[i] : lists.row[i + 1]].tolist():

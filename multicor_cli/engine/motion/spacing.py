@@ -14,14 +14,9 @@ from multicor_cli.model.state import State
 
 @dataclass(frozen=True)
 class Spacing:
-    """Measures the distance between two walls along an axis, positive if the second one lies
-    further along it.
+    """The distance of two walls along an axis, positive if the second lies further along it.
 
-    Attributes:
-        lower: Index of the first wall.
-        upper: Index of the second wall.
-        axis: Column of the axis in positions, x or y.
-        distance: What the places of their shapes add to the distance of their frames [m].
+    ``distance`` is what the places of their shapes add to the distance of their frames [m].
     """
 
     lower: int
@@ -31,11 +26,7 @@ class Spacing:
 
     @classmethod
     def between(cls, model: Model, lower: str, upper: str, axis: int = Y) -> Spacing:
-        """The spacing of the two walls of these names.
-
-        Raises:
-            ValueError: If a wall does not exist, or both are the same.
-        """
+        """The spacing of two named walls; raises `ValueError` for an unknown one, or the same."""
         for name in (lower, upper):
             if name not in model.walls.names:
                 message = f"there is no wall '{name}'"
@@ -48,16 +39,13 @@ class Spacing:
         return cls(first, second, axis, float(places[second] - places[first]))
 
     def of(self, state: State) -> float:
-        """The distance [m]."""
         return self.distance + float(
             state.wall_position[self.upper, self.axis] - state.wall_position[self.lower, self.axis]
         )
 
 
 def wall_places(model: Model, axis: int) -> Floats:
-    """Place of each wall along an axis in its frame: the mean over its shapes [m], shape ``(w,)``;
-    0 without shapes.
-    """
+    """Mean place of the shapes of each wall in its frame [m], shape ``(w,)``; 0 without any."""
     shapes = model.shapes
     place = shapes.geometry[:, axis].copy()
     has_end = TAIL[shapes.kind] == Tail.POINT

@@ -45,14 +45,11 @@ SHORTEST = math.sqrt(2.0 * ALLOWED)
 than overlaps may be."""
 
 _OWN = -1
-"""Motion of a grain that has met nothing; then that of a wall, by its number, or of grains that
-have met, by higher ones."""
+"""Motion of a grain that has met nothing; then that of walls, and of grains that have met."""
 
 
 class Unseen(NamedTuple):
-    """Which bodies go somewhere that no step has looked at: grains, shape ``(n,)``, and walls,
-    shape ``(w,)``.
-    """
+    """Bodies that go where no step has looked: grains ``(n,)``, and walls ``(w,)``."""
 
     grains: NDArray[np.bool_]
     walls: NDArray[np.bool_]
@@ -69,8 +66,7 @@ class Paths(NamedTuple):
         motion: What each grain goes with, shape ``(n,)``.
         since: Time since which it does [s], shape ``(n,)``.
         place: Its center at that time [m], shape ``(n, 2)``.
-        velocity: Its velocity from then on, at a wall that of the wall's reference point [m/s],
-            shape ``(n, 2)``.
+        velocity: From then on its own, or that of the wall's reference point [m/s], ``(n, 2)``.
     """
 
     scene: Scene
@@ -86,16 +82,7 @@ class Paths(NamedTuple):
 def find_unseen(
     state: State, newcomers: NDArray[np.int64], model: Model, motion: WallMotion, dt: float
 ) -> Unseen | None:
-    """Who goes farther in the next half step than has been looked at; None if nobody does, but for
-    ways too short to pass anything.
-
-    Args:
-        state: The state before the step.
-        newcomers: Grains that have had no step yet.
-        model: The model.
-        motion: The walls in this step.
-        dt: Time step [s].
-    """
+    """Who goes farther in the next half step than was looked at; None if too little to pass any."""
     has_begun = state.step > state.frozen_steps
     seen = min(dt, state.last_dt) if has_begun else 0.0
     grains = np.full(model.grain_count, seen < dt)
@@ -129,21 +116,8 @@ def stop_unseen(
 ) -> Floats | None:
     """Let ways that nobody has looked at end where they meet something, if any leads through it.
 
-    Args:
-        state: The state before the step.
-        model: The model.
-        motion: The walls in this step.
-        unseen: Whose ways these are.
-        lists: All pairs that may meet.
-        dt: Time step [s].
-        middle: q_m, shape ``(n, 3)``. **Modified.**
-
-    Returns:
-        How far grains are from where they would have been [m], shape ``(n, 2)``; None if nothing is
-        passed.
-
-    Raises:
-        PhysicsError: If a grain is caught between two walls.
+    **Modifies** ``middle``, q_m. Returns how far grains are from where they would be [m], shape
+    ``(n, 2)``; None if nothing is passed. Raises `PhysicsError` if two walls catch a grain.
     """
     n = model.grain_count
     paths = Paths(
@@ -231,15 +205,7 @@ def _approach(paths: Paths, i: int, j: int, t: float, end: float) -> tuple[float
 
 @kernel
 def meeting_time(paths: Paths, i: int, j: int, begin: float, end: float) -> float:
-    """When a pair meets [s]; infinite if it never overlaps by more than is allowed.
-
-    Args:
-        paths: The motions.
-        i: A grain.
-        j: A grain or a wall shape.
-        begin: Time since which both move as they do [s].
-        end: Time until which they do [s].
-    """
+    """When a pair meets in ``begin … end`` [s]; infinite if it overlaps by no more than allowed."""
     smaller = smaller_radius(paths.scene, i, j)
     allowed, t = ALLOWED * smaller, begin
     while t < end:
@@ -257,9 +223,7 @@ def meeting_time(paths: Paths, i: int, j: int, begin: float, end: float) -> floa
 
 @kernel
 def _is_seen(paths: Paths, i: int, j: int, met: float, end: float) -> bool:
-    """Whether a pair that has met is found at q_m as the contact that it is: closing, and not too
-    deep in each other.
-    """
+    """Whether a pair that met is found at q_m as the contact it is: closing, and not too deep."""
     gap, rate, fastest = _approach(paths, i, j, end, end)
     is_elsewhere = 0.0 < paths.scene.period < 2.0 * fastest * (end - met)
     return (
@@ -277,16 +241,10 @@ def find_passing(
     end: float,
     passing: NDArray[np.bool_],
 ) -> bool:
-    """Whether anything is passed unseen.
+    """Whether anything is passed unseen until ``end`` [s], half a step.
 
-    Args:
-        paths: The motions.
-        row: Rows of the neighbor list, shape ``(n + 1,)``.
-        partner: Partners in the list.
-        unseen: Grains whose ways nobody has looked at, shape ``(n,)``.
-        unseen_walls: The same of walls, shape ``(w,)``.
-        end: Half a time step [s].
-        passing: Grains that pass something or are passed, shape ``(n,)``. **Modified.**
+    ``unseen`` and ``unseen_walls`` are those whose ways nobody has looked at, ``passing``
+    (**modified**) the grains that pass something or are passed.
     """
     count, is_any = row.size - 1, False
     for i in range(count):
@@ -305,7 +263,6 @@ def find_passing(
 def _join(
     paths: Paths, k: int, t: float, motion: int, u: float, v: float, changed: NDArray[np.bool_]
 ) -> None:
-    """Let a grain go on with a motion from a time on, unless it does."""
     if paths.motion[k] != motion:
         x, y, _, _, _ = _grain_at(paths, k, t)
         paths.motion[k], paths.since[k] = motion, t
@@ -322,20 +279,11 @@ def _join(
 def meet(
     paths: Paths, owner: Ints, partner: Ints, end: float, changed: NDArray[np.bool_]
 ) -> tuple[int, float]:
-    """Go from one meeting to the next: of two motions both go on with the older one; walls come
-    first.
+    """From one meeting to the next: both go on with the older of two motions; walls come first.
 
     So the motion of a grain only ever becomes an older one, and meetings come to an end.
-
-    Args:
-        paths: The motions. **Modified.**
-        owner: First grain of each listed pair, shape ``(pairs,)``.
-        partner: Its second shape.
-        end: Half a time step [s].
-        changed: Grains whose meetings count from the start, shape ``(n,)``. **Modified.**
-
-    Returns:
-        The pair by which a grain that goes with a wall meets another wall, or -1, and when [s].
+    **Modifies** the motions, and ``changed``: grains whose meetings count from the start. Returns
+    the pair by which a grain that goes with a wall meets another wall, or -1, and when [s].
     """
     scene, walls = paths.scene, paths.wall_velocity.shape[0]
     count, now, next_motion = scene.radius.size, 0.0, walls
@@ -383,9 +331,7 @@ def meet(
 
 @kernel
 def place_grains(paths: Paths, t: float, middle: Floats) -> None:
-    """Put the grains that have met something where they are at a time; ``middle`` of shape
-    ``(n, ≥ 2)`` is **modified**.
-    """
+    """Put grains that have met something where they are at a time: ``middle`` (**modified**)."""
     for k in range(paths.motion.size):
         if paths.motion[k] >= 0:
             middle[k, X], middle[k, Y], _, _, _ = _grain_at(paths, k, t)

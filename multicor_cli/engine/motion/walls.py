@@ -1,6 +1,4 @@
-"""Motion of the walls in a step: prescribed velocities and positions, and degrees of freedom driven
-by loads and springs.
-"""
+"""Motion of walls in a step: prescribed, or driven by loads and springs."""
 
 from __future__ import annotations
 
@@ -31,23 +29,20 @@ class WallMotion:
     springs at the mean velocity and displacement of the step, so that the effective mass is M +
     ½cΔt + ¼kΔt².
 
+    Arrays are of shape ``(w, 3)``, those after ``extent`` are set by `predict`.
+
     Attributes:
-        driven: Which degrees of freedom loads or springs drive, shape ``(w, 3)``.
+        driven: Which degrees of freedom loads or springs drive; other arrays are 0 elsewhere.
         is_free: Which walls have at least one such degree of freedom, shape ``(w,)``.
-        mass: Mass or inertia of the driven degrees of freedom, 0 elsewhere, shape ``(w, 3)``.
-        damping: Damping coefficients of driven degrees of freedom, shape ``(w, 3)``.
-        stiffness: Stiffness of their springs, shape ``(w, 3)``.
-        before: V⁻, shape ``(w, 3)``; set by `predict`.
-        load: Forces and torques at mid-step, gravity left out, but those of springs at the start of
-            the step, shape ``(w, 3)``; set by `predict`.
-        weight: Weights of the driven degrees of freedom, shape ``(w, 3)``; set by `predict`.
-        mobility: Inverse masses, 0 where not driven, shape ``(w, 3)``.
-        inverse: Inverse effective masses of the step, 0 where not driven, shape ``(w, 3)``; set by
-            `predict`.
-        belt_before: −V_s⁻, as in column `BELT` of the bodies, shape ``(w,)``; set by `predict`.
-        belt: −V_s⁺, shape ``(w,)``; set by `predict`.
-        extent: How far the shapes of each wall reach from its reference point [m]; planes are given
-            1 m, shape ``(w,)``.
+        mass: Masses or inertias; ``damping`` and ``stiffness`` are of dampers and springs.
+        mobility: Inverse masses.
+        extent: How far the shapes of each wall reach from its reference point [m], planes 1 m,
+            shape ``(w,)``.
+        before: V⁻, of all degrees of freedom.
+        load: Forces and torques at mid-step without gravity; of springs at the start of the step.
+        weight: Weights.
+        inverse: Inverse effective masses of the step.
+        belt_before: −V_s⁻, as in column `BELT` of the bodies, shape ``(w,)``; ``belt`` is −V_s⁺.
     """
 
     def __init__(self, model: Model, drives: list[WallDrive]) -> None:
@@ -95,9 +90,7 @@ class WallMotion:
         self.extent: Floats = _extents(model)
 
     def origins(self, state: State) -> Floats:
-        """What `State.wall_origin` is from the start of the stage on: a drive that is kept counts
-        from where it did.
-        """
+        """`State.wall_origin` from the start of the stage on; drives that are kept keep theirs."""
         if not any(drive.has_origin for _, _, drive in self._drives):
             return np.empty((0, 3))
         origin = state.wall_position.copy()
@@ -107,14 +100,10 @@ class WallMotion:
         return origin
 
     def predict(self, state: State, gravity: Floats, t: float, dt: float) -> Floats:
-        """Velocities V⁺ of the prescribed degrees of freedom and free velocities of the driven
-        ones, shape ``(w, 3)``.
+        """V⁺ of prescribed degrees of freedom and free velocities of driven ones, shape ``(w, 3)``.
 
-        Args:
-            state: The state before the step.
-            gravity: Acceleration of gravity at mid-step [m/s²], shape ``(2,)``.
-            t: Time since the start of the stage at the beginning of the step [s].
-            dt: Time step [s].
+        ``gravity`` is that at mid-step [m/s²], ``t`` the time from the start of the stage to that
+        of the step [s].
         """
         self.before, after = state.wall_velocity.copy(), np.zeros_like(state.wall_velocity)
         self.load[:] = 0.0
@@ -142,9 +131,7 @@ class WallMotion:
         return after
 
     def _set_free(self, after: Floats, gravity: Floats, dt: float) -> None:
-        """Free velocities of the driven degrees of freedom: (M + h) V⁺ = (M − h) V⁻ + Δt F with h =
-        ½cΔt + ¼kΔt².
-        """
+        """(M + h) V⁺ = (M − h) V⁻ + Δt F with h = ½cΔt + ¼kΔt², of what is driven."""
         driven = self.driven
         self.weight = np.where(self._is_heavy, self.mass * np.append(gravity, 0.0), 0.0)
         half = 0.5 * dt * self.damping + 0.25 * dt * dt * self.stiffness
@@ -153,9 +140,7 @@ class WallMotion:
         after[driven] = free[driven]
 
     def surface_after(self, state: State) -> Floats:
-        """What `State.wall_surface` is after the step: V_s⁺, or nothing as long as no surface has
-        ever run.
-        """
+        """`State.wall_surface` after the step: V_s⁺, or nothing if no surface has ever run."""
         return 0.0 - self.belt if self._surfaces or state.wall_surface.size else state.wall_surface
 
     def pressure(self) -> float:
@@ -168,28 +153,18 @@ class WallMotion:
         return float(max((force / length for force, length in loads if length > 0.0), default=0.0))
 
     def load_work(self, mean: Floats, dt: float) -> float:
-        """Work of the loads and springs on walls that move with ``mean`` = ½(V⁻ + V⁺), shape
-        ``(w, 3)``, in a step [J].
-        """
+        """Work of loads and springs in a step [J]; ``mean`` = ½(V⁻ + V⁺), shape ``(w, 3)``."""
         return dt * total((self.load - 0.5 * dt * self.stiffness * mean) * mean)
 
     def shift_work(self, end: Floats, shift: Floats) -> float:
-        """Work of the loads and springs on a displacement after a step [J].
-
-        Args:
-            end: Positions of the walls at the end of the step [m, m, rad], shape ``(w, 3)``.
-            shift: By how much they are then displaced, shape ``(w, 3)``.
-        """
+        """Work of loads and springs on a ``shift`` from ``end``, where the step has led [J]."""
         return total((self.load - self.stiffness * (end - self._start + 0.5 * shift)) * shift)
 
     def kinetic(self, velocity: Floats) -> float:
-        """Kinetic energy of the driven degrees of freedom [J]."""
         return total(0.5 * self.mass * velocity * velocity)
 
     def closing(self, drift: Drift, scene: Scene, *velocities: Floats) -> ApproachBound:
-        """Bounds on how fast shapes come closer [m/s], given velocities of the grains and one or
-        more of the walls ``(w, 3)``.
-        """
+        """Bounds of approach [m/s] for velocities of grains and one or more of walls ``(w, 3)``."""
         vectors, turn = np.empty((len(scene.world), 2)), np.empty(len(scene.world))
         closing = ApproachBound(0.0, 0.0, 0.0, 0.0)
         for velocity in velocities:
@@ -210,27 +185,18 @@ class WallMotion:
 
 
 def follow(position: Signal, u: float, t: float, dt: float) -> tuple[float, float]:
-    """Velocities V⁻ and V⁺ of a step whose displacement ½Δt (V⁻ + V⁺) leads to where the signal s
-    is after it (derived; theory §2).
+    """V⁻ and V⁺ of a step that leads by ½Δt (V⁻ + V⁺) to the signal s (derived; theory §2).
 
     V⁺ = [s(t + 2Δt) − s(t)]/2Δt, the velocity at t + Δt to second order, depends on the signal
     alone, so that no oscillation can build up, and adds up to the displacement over many steps. V⁻
-    makes good what is left.
-
-    Args:
-        position: Displacement since the drive was named [m], or angle [rad].
-        u: Displacement now.
-        t: Time since the start of the stage [s].
-        dt: Time step [s].
+    makes good what is left. ``u`` is the displacement at ``t``, as that of the signal [m] or [rad].
     """
     after = (position.value(t + 2.0 * dt) - position.value(t)) / (2.0 * dt)
     return 2.0 * (position.value(t + dt) - u) / dt - after, after
 
 
 def _load(drive: DofDrive, length: float, u: float, t: float) -> float:
-    """Force or torque on a driven degree of freedom with the displacement ``u``, at the time
-    ``t``.
-    """
+    """Force or torque on a driven degree of freedom with displacement ``u`` at the time ``t``."""
     load = 0.0 if drive.force is None else drive.force.value(t)
     if drive.stress is not None:
         load += drive.stress.value(t) * length
@@ -242,9 +208,6 @@ def _load(drive: DofDrive, length: float, u: float, t: float) -> float:
 def _spacings(
     model: Model, drives: list[tuple[int, int, DofDrive]]
 ) -> dict[tuple[int, int], Spacing]:
-    """What measures the length for a stress, where that is the distance of two walls across the
-    axis.
-    """
     return {
         (w, d): Spacing.between(model, *drive.between, Y if d == X else X)
         for w, d, drive in drives
@@ -253,14 +216,11 @@ def _spacings(
 
 
 def _inverse_where(chosen: NDArray[np.bool_], values: Floats) -> Floats:
-    """1/value where chosen, 0 elsewhere."""
     return np.where(chosen, 1.0 / np.where(chosen, values, 1.0), 0.0)
 
 
 def _extents(model: Model) -> Floats:
-    """How far the shapes of each wall reach from its reference point [m]; planes reach across all
-    grains and are given 1 m.
-    """
+    """How far shapes reach from a wall's reference point [m]; planes, which reach anywhere, 1 m."""
     kind, (x, y, u, v) = model.shapes.kind, model.shapes.geometry.T
     head, tail = np.sqrt(x * x + y * y), np.sqrt(u * u + v * v)
     outermost = np.where(TAIL[kind] == Tail.POINT, np.maximum(head, tail), head)
