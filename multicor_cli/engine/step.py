@@ -184,7 +184,9 @@ class Engine:
     def begin(self, orders: Orders) -> None:
         """Take up the orders of a stage, before its first step.
 
-        Books, displacements of walls and their heat begin with it.
+        Displacements of walls and their heat count from here. Energy books are opened before the
+        first step of a run; later they go on, and the kinetic energy of walls that are driven in
+        another way is booked.
         """
         state, before = self._gathered(), self._motion.kinetic(self.state.wall_velocity)
         self.resume(orders)
@@ -280,6 +282,7 @@ class Engine:
 
     def next_start(self, dt: float, t: float) -> tuple[ContactProblem, Floats]:
         """The contact problem of the next step, without taking it: to save, compare and study.
+
         Arguments as `step`.
 
         Returns:

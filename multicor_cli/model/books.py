@@ -160,7 +160,7 @@ BOOKS = (
     # ΣF·δq of gravity and loads
     _book("correction_work", "energy moved by the projection of positions since the start"),
     # The rule of the paper
-    _book("friction_sliding", "mu |u_t+| p_n summed since the start: the end-of-step rule"),
+    _book("friction_sliding", "mu |u_t+| q_n summed since the start: the end-of-step rule"),
     # Contacts that gained energy
     _book("negative_loss", "negative part of friction_loss + impact_loss since the start"),
     _book("terms", "sum of the absolute terms of the energy balance since the start"),

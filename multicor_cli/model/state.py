@@ -99,8 +99,8 @@ class State:
         ("rolling_row",), "N m s", "impulse of the rolling resistance of each of them", since=(1, 1)
     )
     books: Floats = _array(("book",), "J", "energy books, in the order of model.BOOK_NAMES")
-    tallies: Floats = _array(("tally",), "mixed", "counters, in the order of state.TALLY_NAMES")
-    window: Floats = _array(("window",), "mixed", "sums, in the order of state.WINDOW_NAMES")
+    tallies: Floats = _array(("tally",), "mixed", "counters, in the order of model.TALLY_NAMES")
+    window: Floats = _array(("window",), "mixed", "sums, in the order of model.WINDOW_NAMES")
     window_wall_impulse: Floats = _array(
         ("wall", 3), "N s, N s, N m s", "impulse on each wall since the last series row"
     )

@@ -331,8 +331,8 @@ BIN_LIMIT = 100_000
 WALL_LAYER = 1.0
 """Mean diameters at a wall that profiles leave out by default: walls order the grains there."""
 
-# of the distance of the walls: no more than that is left out at each unless told otherwise
 _NEAR = 0.125
+"""Share of the distance of the walls: no more is left out at each unless told otherwise."""
 _NOTHING = 1e-9  # of the distance of the walls: a height below that is zero but for rounding
 
 

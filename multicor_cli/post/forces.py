@@ -200,25 +200,27 @@ def force_distribution(
     chosen, contacts = _between_grains(source, selection)
     edges = np.geomspace(_SMALLEST, _LARGEST, bins + 1)
     normal, tangential = np.zeros(bins, np.int64), np.zeros(bins, np.int64)
-    total, sliding, count, rubbing = 0.0, 0.0, 0, 0
+    normal_sum, tangential_sum, count, tangential_count = 0.0, 0.0, 0, 0
     width = np.diff(edges)
     rows: list[Floats] = []
     for loaded in contacts:
         f, g = np.abs(_between(loaded, loaded.force)).T
-        total, sliding, count = total + float(f.sum()), sliding + float(g.sum()), count + f.size
-        own, rubbed = _count(f / f.mean(), edges), np.full(bins, np.nan)
+        normal_sum += float(f.sum())
+        tangential_sum += float(g.sum())
+        count += f.size
+        own, across = _count(f / f.mean(), edges), np.full(bins, np.nan)
         normal += own
         if g.any():
-            slid = _count(g / g.mean(), edges)
-            tangential += slid
-            rubbing += g.size
-            rubbed = slid / (g.size * width)
-        rows.append(np.array([own / (f.size * width), rubbed]))
+            found = _count(g / g.mean(), edges)
+            tangential += found
+            tangential_count += g.size
+            across = found / (g.size * width)
+        rows.append(np.array([own / (f.size * width), across]))
     _need_contacts(count)
     normal_scatter, tangential_scatter = scatter(np.array(rows))
     densities = (
         normal / (count * width),
-        tangential / (rubbing * width) if rubbing else np.full(bins, np.nan),
+        tangential / (tangential_count * width) if tangential_count else np.full(bins, np.nan),
     )
     columns = [
         Column("low", "1", edges[:-1], "f/<f> from"),
@@ -232,8 +234,8 @@ def force_distribution(
     values = {column.name: column.values for column in columns}
     facts = {
         **_frames_of(source, chosen, count),
-        "normal_force_mean": total / count,
-        "tangential_force_mean": sliding / count,
+        "normal_force_mean": normal_sum / count,
+        "tangential_force_mean": tangential_sum / count,
         "edges": edges,
         **{
             name: values[name]
@@ -245,8 +247,8 @@ def force_distribution(
         facts,
         frames=chosen,
         center=np.sqrt(edges[1:] * edges[:-1]),
-        mean=total / count,
-        tangential_mean=sliding / count,
+        mean=normal_sum / count,
+        tangential_mean=tangential_sum / count,
     )
 
 

@@ -311,10 +311,10 @@ Only free grains count, not those glued to walls: the solid fraction is the area
 the grains receive; what goes into walls is left out. The granular temperature is ½⟨v'·v'⟩ per unit
 of mass (per degree of freedom in the plane) with velocities v' relative to the mean flow of all
 selected frames at the height of the grain (`multicor_cli.post.flow.MeanFlow`). Contacts are those
-with a positive normal force; Z is their number at each grain, those with walls included, averaged
-over all grains, rattlers included. Stresses are forces per length, compression positive: σ_ab is
-the flux of the momentum along a through a line across b, so a flow in which the upper layers move
-towards +x has σ_xy < 0. The pressure is half the trace of the contact stress.
+that carry a normal force (tension is negative); Z is their number at each grain, those with walls
+included, averaged over all grains, rattlers included. Stresses are forces per length, compression
+positive: σ_ab is the flux of the momentum along a through a line across b, so a flow in which the
+upper layers move towards +x has σ_xy < 0. The pressure is half the trace of the contact stress.
 """
 
 PROFILED: dict[str, GrainQuantity] = {

@@ -40,9 +40,10 @@ from multicor_cli.post.table import Quantity, TimeTable
 MARGIN = 8.0
 """Mean diameters next to a wall that are no bulk: a rough wall disturbs the spins that far."""
 
-_LARGEST = 0.25  # of the distance of the walls: the margin of a thin layer
-# of what is free between the surfaces of the walls: the margin between large glued grains
+_LARGEST = 0.25
+"""Margin of a thin layer over the distance of the walls."""
 _CLEAR = 1.0 / 3.0
+"""Margin between large glued grains over what is free between the surfaces of the walls."""
 
 SUM_NAMES = (
     "lapse", "rate", "spin", "solid", "area", "kinetic", "weight",

@@ -184,7 +184,7 @@ class Controller:
         The run stops when the ``clock`` reads ``deadline`` [s]; the program that steers is not
         asked in frozen stages. ``stage_starts`` are the times at which the stages up to that of the
         state have begun [s]; for a run that goes on from another on the clock of that one, so that
-        what signals are kept from stage to stage by has the same bits.
+        the offsets by which signals are carried on have the same bits.
         """
         self._plan = plan
         self._engine = engine
@@ -272,7 +272,7 @@ class Controller:
         except Interrupted:
             return None
         self._steps += 1
-        # The engine takes all steps for as long as the last
+        # The engine takes all steps of a stage for as long as this one; the last may be cut.
         state.time = state.stage_start + stage.time_after(state.stage_step)
         update_peak(state)
         if stage.until is not None:

@@ -3,10 +3,10 @@
 What a longer step does to a flow has been measured (``benchmarks/time_step``): friction and solid
 fraction depend on two ratios, Δt to the time √(m̄/P) in which the pressure moves a grain by its own
 size, and Δt to the time 1/γ̇ of one unit of strain. The second one is the sliding distance per step
-over the diameter, and the angle by which contacts turn in a step, hence the curvature that a step
-cuts off. The more friction, the shorter the step has to be. Overlaps do not limit it: rigid grains
-are kept apart at any step. What walls, loads and gravity are told to do is sampled once in a step,
-so their periods limit it, too.
+over the diameter. It is also the angle by which contacts turn in a step, and so the curvature that
+a step cuts off. The more friction, the shorter the step has to be. Overlaps do not limit it: rigid
+grains are kept apart at any step. What walls, loads and gravity are told to do is sampled once in a
+step, so their periods limit it, too.
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ def stage_cycles(
     duration = loading[number].duration or math.inf
     window = Window(duration, math.inf if any(stage.until for stage in before) else duration)
     motion = list(wall_cycles(model, acting.drives.started(starts), window))
-    # of an earlier stage's, the last value is kept
+    # Gravity of an earlier stage keeps its last value.
     if acting.gravity is not None and acting.gravity.named_by == number:
         motion.append(Cycle(acting.gravity.gravity.shortest_period(0.0, duration), "gravity"))
     of_heat = (

@@ -284,7 +284,7 @@ class Heat(Table):
     friction: Literal["energy", "sliding", "none"] = Field(
         "energy",
         description=(
-            'heat of friction: "energy" (the work lost, exact), "sliding" (μ |u_t| r_n at the end '
+            'heat of friction: "energy" (the work lost, exact), "sliding" (μ |u_t| q_n at the end '
             'of the step) or "none"'
         ),
     )

@@ -274,13 +274,6 @@ class Sources:
     def _offsets(self) -> dict[KeyPath, int]:
         return locate_keys(self.text)
 
-    def locate(self, path: KeyPath) -> tuple[str, int, int]:
-        """File, line and column of a key, or of the innermost table around it that there is.
-
-        Line and column are 0 for what the command line has set, and without a file.
-        """
-        return self._place(path)[:3]
-
     def _place(self, path: KeyPath) -> _Place:
         ends = range(len(path), 0, -1)
         for end in ends:  # what the command line has set replaces all that the file says below it

@@ -16,9 +16,9 @@ from multicor_cli.engine.jit.formulas import formula
 def bias(gap: float, normal_velocity: float, restitution: float, dt: float) -> float:
     """The term b that is added to u_n⁺ in the contact law [m/s].
 
-    A contact that closes within the step rebounds by Newton's law, ``b = e·min(u_n⁻, 0)``; any
-    other may approach no further than its gap allows, ``b = max(gap, 0)/Δt`` (theory §3). Letting
-    both act on one contact never converges with Δt.
+    With e > 0 a contact that closes within the step rebounds by Newton's law,
+    ``b = e·min(u_n⁻, 0)``; any other may approach no further than its gap allows,
+    ``b = max(gap, 0)/Δt`` (theory §3). Letting both act on one contact never converges with Δt.
     """
     # Conditional expressions compile to selections, the built-in min and max to branches.
     closing = normal_velocity if normal_velocity < 0.0 else 0.0
@@ -106,14 +106,14 @@ def solve_full(
     none, the sliding one with the larger impulse.
     """
     # Velocities if this contact carried nothing.
-    q_n = u_n - w_nn * p_n - w_nt * p_t
-    q_t = u_t - w_nt * p_n - w_tt * p_t
-    if q_n >= 0.0:
+    free_n = u_n - w_nn * p_n - w_nt * p_t
+    free_t = u_t - w_nt * p_n - w_tt * p_t
+    if free_n >= 0.0:
         return 0.0, 0.0
     det = w_nn * w_tt - w_nt * w_nt
     if det > 0.0:
-        stick_n = (w_nt * q_t - w_tt * q_n) / det
-        stick_t = (w_nt * q_n - w_nn * q_t) / det
+        stick_n = (w_nt * free_t - w_tt * free_n) / det
+        stick_t = (w_nt * free_n - w_nn * free_t) / det
         if stick_n >= 0.0 and abs(stick_t) <= mu * stick_n:
             return stick_n, stick_t
     best_n, best_t = 0.0, 0.0
@@ -121,9 +121,9 @@ def solve_full(
         stiffness = w_nn + sign * mu * w_nt
         if stiffness <= 0.0:
             continue
-        slip_n = -q_n / stiffness
+        slip_n = -free_n / stiffness
         slip_t = sign * mu * slip_n
-        if sign * (q_t + w_nt * slip_n + w_tt * slip_t) <= 0.0:
+        if sign * (free_t + w_nt * slip_n + w_tt * slip_t) <= 0.0:
             return slip_n, slip_t
         if slip_n > best_n:
             best_n, best_t = slip_n, slip_t

@@ -78,7 +78,7 @@ def _exchange(table: Floats, row: int, column: int) -> None:
     for k in range(table.shape[1]):
         table[row, k] *= -pivot
     table[row, column] = pivot
-    # of which the compiler knows that no other row changes it: this is where time goes
+    # A copy, of which the compiler knows that no other row changes it: this is where time goes.
     source = table[row].copy()
     for i in range(table.shape[0]):
         factor = table[i, column]

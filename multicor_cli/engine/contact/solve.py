@@ -154,7 +154,7 @@ def solve_system(
     partial = np.empty(system.tile_start.size - 1)
     local = EXACT if settings.local == "exact" else BIPOTENTIAL
     slice_ = max(1, SLICE // count)
-    # This also starts them: kernels that might use them must find them
+    # Asking for their number also starts Numba's threads, which parallel kernels need.
     outside = numba.get_num_threads()
     try:
         while not loop["is_converged"] and loop["sweeps"] < settings.max_sweeps:

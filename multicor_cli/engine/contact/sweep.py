@@ -412,7 +412,7 @@ def relax_scalar(
     before: Floats, beta: float, local: int,
     way: Relaxation,
 ) -> float:  # fmt: skip
-    """Relax batches ``first … last-1``; returns Σ of corrections² [m²/s²], first lane by lane."""
+    """Relax batches ``first … last-1``; returns Σ of corrections² [m²/s²], over each lane first."""
     a, b, c, d = 0.0, 0.0, 0.0, 0.0
     for batch in range(first, last):
         lane = np.uint64(LANES * batch)

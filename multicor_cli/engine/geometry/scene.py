@@ -18,7 +18,6 @@ from multicor_cli.model.shapes import TAIL, ShapeKind, Tail
 
 _DISC = int(ShapeKind.DISC)
 _PLANE = int(ShapeKind.PLANE)
-_SEGMENT = int(ShapeKind.SEGMENT)
 _VERTEX = int(ShapeKind.VERTEX)
 _CIRCLE = int(ShapeKind.CIRCLE)
 _SIDE = int(ShapeKind.SIDE)
@@ -244,7 +243,7 @@ def place_shapes(
 def scene_of(
     model: Model, position: Floats, wall_position: Floats, temperature: Floats = _NO_TEMPERATURE
 ) -> Scene:
-    """Shapes where grains and walls are; ``world`` is an array of its own."""
+    """Shapes where grains and walls are; positions are the arrays given, no copies of them."""
     shapes, world = model.shapes, np.empty((model.shape_count, 4))
     place_shapes(shapes.kind, shapes.wall, shapes.geometry, wall_position, world)
     return Scene(

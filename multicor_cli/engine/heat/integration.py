@@ -9,8 +9,8 @@ Three schemes, each for what it does best. With τ = C/ΣH the shortest time con
   439): third order, made of Euler steps none of which lets a mode overshoot. The second of its
   three solutions, of second order, gives the error::
 
-      T_1 = T_0 + h F_0,   T_½ = T_0 + h (F_0 + F_1)/4,   T = T_0 + h (F_0 + F_1 + 4 F_½)/6,
-        F = rate/C
+      F = rate/C,   T_1 = T_0 + h F_0,   T_½ = T_0 + h (F_0 + F_1)/4
+      T = T_0 + h (F_0 + F_1 + 4 F_½)/6
 
 - **TR-BDF2**, implicit, of second order and L-stable, where many time constants go by (R. E. Bank
   et al., IEEE Trans. Electron Devices 32, 1985, 1992; coefficients and error estimate of M. E.
