@@ -191,6 +191,16 @@ def test_exponential_forces_have_an_exponential_density() -> None:
     assert (table.tangential[low > 2.05] == 0.0).all()
 
 
+def test_density_agrees_with_a_histogram() -> None:
+    normal, force = exponential(5000)
+    table = force_distribution(make_source(normal, force), ALL, 13)
+    ratio = force[:, 0] / force[:, 0].mean()
+    assert table.count.tolist() == np.histogram(ratio, table.edges)[0].tolist()
+    assert (table.normal * np.diff(table.edges)).sum() == pytest.approx(table.count.sum() / 5000)
+    assert table.contacts == 5000
+    assert len(table.rows) == 13
+
+
 def test_every_frame_counts_with_its_own_mean() -> None:
     normal, force = exponential(5000)
     one = force_distribution(make_source(normal, force), ALL)

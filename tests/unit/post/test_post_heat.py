@@ -14,6 +14,9 @@ from made_up_frames import source_of
 
 from multicor_cli.model import Model
 from multicor_cli.post import PostError, Selection, grain_map, theta_eta
+from multicor_cli.post.bins import find_extent
+from multicor_cli.post.flow import mean_flow
+from multicor_cli.post.sums import Bins
 from multicor_cli.store import Frame, Run, open_run
 
 HEIGHTS = RADIUS + 2.0 * RADIUS * np.arange(GRAINS)
@@ -78,6 +81,15 @@ def test_heat_profile_is_the_exact_rate_per_area(run: Run, frames: slice) -> Non
     assert table.units[1] == "W/m2"
 
 
+def test_heat_of_bins_without_grains_is_zero_and_errors_come_from_intervals(run: Run) -> None:
+    table = profile(run, "heat", Selection(frames=slice(None)), bins=37)
+    assert (table.value >= 0.0).all()
+    assert (table.value * table.width * 4.0).sum() == pytest.approx(RATES.sum())
+    assert table.error == pytest.approx(0.0, abs=1e-12)
+    one = profile(run, "heat", Selection(frames=slice(0, 2)), bins=3)
+    assert np.isnan(one.error).all()
+
+
 def test_heat_follows_grains_that_move(run: Run) -> None:
     """A grain that crosses from one bin to another in an interval leaves its heat halfway."""
     first, last = run.frames[1], run.frames[2]
@@ -92,6 +104,33 @@ def test_heat_needs_two_frames_and_has_no_normalized_form(run: Run) -> None:
         profile(run, "heat", Selection(frames=slice(0, 1)))
     with pytest.raises(PostError, match="choose from: velocity, spin, temperature"):
         profile(run, "heat", LATER).normalized()
+
+
+def test_solid_fraction_is_area_over_area(run: Run) -> None:
+    table = profile(run, "solid-fraction", LATER, bins=GRAINS)
+    assert table.value == pytest.approx(np.pi * RADIUS**2 / (0.1 * 4.0))
+
+
+def test_granular_temperature_is_relative_to_the_mean_flow(run: Run) -> None:
+    """A steady linear flow has none; a vertical velocity of c in one frame and −c in the next has
+    ½c².
+    """
+    assert profile(run, "granular-temperature", LATER, bins=GRAINS).value == pytest.approx(
+        0.0, abs=1e-20
+    )
+    frames = [run.frames[k] for k in (1, 2)]
+    for frame, c in zip(frames, (0.3, -0.3), strict=True):
+        frame.velocity[:, 1] = c
+    table = profile(source(run, frames), "granular-temperature", Selection(start=0.0), bins=GRAINS)
+    assert table.value == pytest.approx(0.5 * 0.3**2)
+
+
+def test_mean_flow_is_linear_between_bins(run: Run) -> None:
+    chosen = np.array([1, 2])
+    extent = find_extent(run, chosen)
+    flow = mean_flow(run, chosen, Bins(extent, 0.1, 10))
+    frame = run.frames[3]
+    assert flow.fluctuation(frame) == pytest.approx(np.zeros((GRAINS, 2)), abs=1e-12)
 
 
 @pytest.mark.parametrize("of", ["temperature", "heat"])
@@ -121,6 +160,16 @@ def test_theta_eta_from_the_top_and_from_the_bottom(run: Run) -> None:
     up = theta_eta(run, wall="bottom", reference=290.0, bins=GRAINS)
     assert up.eta == pytest.approx(HEIGHTS)
     assert up.theta == pytest.approx((10.0 + GRADIENT * HEIGHTS) / 10.0)
+
+
+def test_spread_of_a_bin(run: Run) -> None:
+    """Two bins with five grains each."""
+    table = theta_eta(run, wall="top", bins=2)
+    lower = HEIGHTS[5:]
+    assert table.count.tolist() == [5, 5]
+    assert table.mean[0] == pytest.approx(lower.mean())
+    assert table.spread[0] == pytest.approx(lower.std())
+    assert (table.lowest[0], table.highest[0]) == pytest.approx((lower.min(), lower.max()))
 
 
 def test_height_scales_eta_and_leaves_out_what_is_beyond(run: Run) -> None:
