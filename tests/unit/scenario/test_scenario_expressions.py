@@ -158,12 +158,7 @@ WRONG = {
     "power": ("= 2 * d^2", "2 * d^2", "is no power", "**"),
     "division by zero": ("= 1 + d / (2 - 2)", "d / (2", "divides by zero", "divisor"),
     "zero to a negative power": ("= 0**-1", "0**", "divides by zero", "divisor"),
-    "root of a negative number": (
-        "= 2 * sqrt(-d)",
-        "sqrt",
-        '"sqrt(-d)" is not a real number',
-        "domain",
-    ),
+    "root of a negative number": ("= 2 * sqrt(-d)", "sqrt", '"sqrt(-d)" is not a real number', "domain"),
     "logarithm of zero": ("= log(0)", "log", '"log(0)" is not finite', "1e308"),
     "power of a negative number": ("= (-d)**0.5", "(-d", "is not a real number", "domain"),
     "huge power": ("= 9**9**9", "9**9**9", "is not finite", "1e308"),
@@ -191,7 +186,7 @@ WRONG = {
     "statements": ("= d; 2", "; 2", "cannot follow", "= 2 * d"),
     "too long": ("= " + "+".join(["d"] * 200), "= d+", "401 characters", "split it"),
     "too deep": ("= " + "-" * 150 + "d", "-" * 150, "too many parentheses", "split it"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", WRONG)
@@ -240,31 +235,15 @@ def test_the_excerpt_points_into_the_command_line(override):
     ("change", "key", "message"),
     [
         (("dt = 2e-4", 'dt = "= -d"'), "solver.dt", 'must be positive, is -0.001 ("= -d")'),
-        (
-            ("size = [0.03, 0.05]", 'size = [0.03, "= -50 * d"]'),
-            "domain.size.1",
-            'must be positive, is -0.05 ("= -50 * d")',
-        ),
-        (
-            ("young = 70e9", 'young = "= 193 * rows / 5"'),
-            "materials.glass.young",
-            '("= 193 * rows / 5" = 193.0)',
-        ),
+        (("size = [0.03, 0.05]", 'size = [0.03, "= -50 * d"]'), "domain.size.1", 'must be positive, is -0.05 ("= -50 * d")'),
+        (("young = 70e9", 'young = "= 193 * rows / 5"'), "materials.glass.young", '("= 193 * rows / 5" = 193.0)'),
         (("min = 0.4e-3", 'min = "= 0.8*d"'), "particles.0.sizes.max", "0.0008"),
-        (
-            ("max = [0.03, 0.049]", 'max = ["= -d", "= -d"]'),
-            "particles.0.region.max",
-            '("= -d", "= -d")',
-        ),
-        (
-            ("count = 100", 'count = "= rows / 2"'),
-            "particles.0.count",
-            'must be a whole number, is 2.5 ("= rows / 2")',
-        ),
+        (("max = [0.03, 0.049]", 'max = ["= -d", "= -d"]'), "particles.0.region.max", '("= -d", "= -d")'),
+        (("count = 100", 'count = "= rows / 2"'), "particles.0.count", 'must be a whole number, is 2.5 ("= rows / 2")'),
         (("count = 100", 'count = "= -rows"'), "particles.0.count", 'is -5 ("= -rows")'),
         (("count = 100", 'count = "= 0.3 / 0.1"'), "particles.0.count", "is 2.9999999999999996"),
     ],
-)
+)  # fmt: skip
 def test_values_are_checked_as_numbers_and_shown_with_their_expression(change, key, message):
     (problem,) = problems_of(with_variables(change))
     assert problem.key == key

@@ -7,6 +7,7 @@ import tomllib
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from scenario_problems import places
 
 from multicor_cli.scenario.sources import (
     MAX_NESTING,
@@ -161,19 +162,6 @@ class Writer:
         self.text += self.choice.choice(["", "\n", "# [x] = {\n", "  \n"])
 
 
-def all_paths(node, path=()):
-    entries = (
-        node.items()
-        if isinstance(node, dict)
-        else enumerate(node)
-        if isinstance(node, list)
-        else ()
-    )
-    for key, value in entries:
-        yield (*path, key)
-        yield from all_paths(value, (*path, key))
-
-
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(DOCUMENTS, st.integers(0, 10**6))
 def test_all_keys_are_found_where_they_were_written(document, seed):
@@ -181,7 +169,7 @@ def test_all_keys_are_found_where_they_were_written(document, seed):
     writer.table((), (), document)
     data = tomllib.loads(writer.text)
     offsets = locate_keys(writer.text)
-    assert set(offsets) == set(all_paths(data))
+    assert set(offsets) == set(places(data))
     assert offsets == writer.offsets
 
 
@@ -194,14 +182,8 @@ def test_an_explicit_header_wins_over_the_key_that_made_the_table():
 
 def test_lines_and_columns_count_from_one():
     lines = Lines("ab\nçd\r\n\nx")
-    assert [lines.position(offset) for offset in (0, 2, 3, 4, 7, 8)] == [
-        (1, 1),
-        (1, 3),
-        (2, 1),
-        (2, 2),
-        (3, 1),
-        (4, 1),
-    ]
+    ends = [(1, 1), (1, 3), (2, 1), (2, 2), (3, 1), (4, 1)]
+    assert [lines.position(offset) for offset in (0, 2, 3, 4, 7, 8)] == ends
     assert lines.line(2) == "çd"
     assert lines.line(9) == ""
 

@@ -60,66 +60,18 @@ def test_a_sine_has_a_period_or_a_frequency(tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (
-            (sizes_line(), 'sizes = { kind = "table", file = "none.csv" }'),
-            ["sizes.file", "no file 'none.csv'", "relative to"],
-        ),
-        (
-            (sizes_line(), 'sizes = { kind = "table" }'),
-            ["particles.0.sizes", "two rows", "radii and passing, or file"],
-        ),
-        (
-            (sizes_line(), 'sizes = { kind = "table", file = "x.csv", radii = [1e-3, 2e-3] }'),
-            ["sizes.radii", "both file and radii", "one of them"],
-        ),
-        (
-            (
-                sizes_line(),
-                'sizes = { kind = "table", radii = [4e-4, 6e-4], passing = [0.1, 1.0] }',
-            ),
-            ["sizes.passing", "from 0.1 to 1", "begin with"],
-        ),
-        (
-            (
-                sizes_line(),
-                'sizes = { kind = "table", radii = [4e-4, 5e-4, 6e-4], passing = [0.0, 2.0, 1.0] }',
-            ),
-            ["sizes.passing.1", "2"],
-        ),
-        (
-            (
-                sizes_line(),
-                (
-                    'sizes = { kind = "table", radii = [4e-4, 5e-4, 5.5e-4, 6e-4], passing = '
-                    "[0.0, 0.6, 0.5, 1.0] }"
-                ),
-            ),
-            ["sizes.passing", "falls from 0.6 to 0.5", "cumulated"],
-        ),
-        (
-            (
-                sizes_line(),
-                'sizes = { kind = "table", radii = [6e-4, 4e-4], passing = [0.0, 1.0] }',
-            ),
-            ["sizes.radii", "must ascend", "sort the rows"],
-        ),
-        (
-            (
-                sizes_line(),
-                'sizes = { kind = "normal", mean = 1e-3, sigma = 1e-4, min = 4e-4, max = 6e-4 }',
-            ),
-            ["sizes.mean", "the mean 0.001 is outside", "between the two"],
-        ),
-        (
-            (signal_text(), "sine = { amplitude = 0.1 }"),
-            ["velocity.sine", "neither period nor frequency", "give one of them"],
-        ),
-        (
-            (signal_text(), "sine = { amplitude = 0.1, period = 1.0, frequency = 1.0 }"),
-            ["velocity.sine", "both period and frequency", "give one of them"],
-        ),
+        ((sizes_line(), 'sizes = { kind = "table", file = "none.csv" }'), ["sizes.file", "no file 'none.csv'", "relative to"]),
+        ((sizes_line(), 'sizes = { kind = "table" }'), ["particles.0.sizes", "two rows", "radii and passing, or file"]),
+        ((sizes_line(), 'sizes = { kind = "table", file = "x.csv", radii = [1e-3, 2e-3] }'), ["sizes.radii", "both file and radii", "one of them"]),
+        ((sizes_line(), 'sizes = { kind = "table", radii = [4e-4, 6e-4], passing = [0.1, 1.0] }'), ["sizes.passing", "from 0.1 to 1", "begin with"]),
+        ((sizes_line(), 'sizes = { kind = "table", radii = [4e-4, 5e-4, 6e-4], passing = [0.0, 2.0, 1.0] }'), ["sizes.passing.1", "2"]),
+        ((sizes_line(), 'sizes = { kind = "table", radii = [4e-4, 5e-4, 5.5e-4, 6e-4], passing = [0.0, 0.6, 0.5, 1.0] }'), ["sizes.passing", "falls from 0.6 to 0.5", "cumulated"]),
+        ((sizes_line(), 'sizes = { kind = "table", radii = [6e-4, 4e-4], passing = [0.0, 1.0] }'), ["sizes.radii", "must ascend", "sort the rows"]),
+        ((sizes_line(), 'sizes = { kind = "normal", mean = 1e-3, sigma = 1e-4, min = 4e-4, max = 6e-4 }'), ["sizes.mean", "the mean 0.001 is outside", "between the two"]),
+        ((signal_text(), "sine = { amplitude = 0.1 }"), ["velocity.sine", "neither period nor frequency", "give one of them"]),
+        ((signal_text(), "sine = { amplitude = 0.1, period = 1.0, frequency = 1.0 }"), ["velocity.sine", "both period and frequency", "give one of them"]),
     ],
-)
+)  # fmt: skip
 def test_mistakes(change, words):
     [problem] = problems_of(changed(SHEAR, change))
     assert [word for word in words if word not in str(problem)] == []
@@ -132,21 +84,12 @@ def test_mistakes(change, words):
         ("time,speed\n0,0\n", ["no column value", "time,value"]),
         ("time,value\n0,zero\n", ["line 2 of 'motion.csv'", "'zero' is not a number"]),
         ("time,value\n0\n", ["line 2 of 'motion.csv'", "'' is not a number"]),
-        (
-            "time,value\n0,nan\n",
-            ["velocity", "line 2 of 'motion.csv'", "value = 'nan' is not finite"],
-        ),
-        (
-            "# in s\ntime,value\n\n0,0\n1,1e300\n",
-            ["line 5 of 'motion.csv'", "value = '1e300' is not between -1e+12 and 1e+12"],
-        ),
-        (
-            "time,value\n-1,0\n",
-            ["line 2 of 'motion.csv'", "time = '-1' is not between 0 and 1e+12"],
-        ),
+        ("time,value\n0,nan\n", ["velocity", "line 2 of 'motion.csv'", "value = 'nan' is not finite"]),
+        ("# in s\ntime,value\n\n0,0\n1,1e300\n", ["line 5 of 'motion.csv'", "value = '1e300' is not between -1e+12 and 1e+12"]),
+        ("time,value\n-1,0\n", ["line 2 of 'motion.csv'", "time = '-1' is not between 0 and 1e+12"]),
         (b"time,value\n0,\xff\n", ["cannot be read", "UTF-8"]),
     ],
-)
+)  # fmt: skip
 def test_mistakes_in_files(tmp_path, content, words):
     (tmp_path / "motion.csv").write_bytes(
         content if isinstance(content, bytes) else content.encode()
