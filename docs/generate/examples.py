@@ -13,8 +13,8 @@ from typing import Any
 
 from multicor_cli.scenario.base import Table
 from multicor_cli.scenario.documents import in_line
-from multicor_cli.scenario.model import ScenarioModel
 from multicor_cli.scenario.scenario import load_scenario
+from multicor_cli.scenario.tables import ScenarioModel
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("configs", "docs/reference/examples")

@@ -10,7 +10,7 @@ from typing import Any
 from examples import Example, examples
 
 from multicor_cli.scenario.documents import in_line
-from multicor_cli.scenario.model import scenario_schema
+from multicor_cli.scenario.tables import scenario_schema
 
 SINCE = "0.1"
 """Version of keys that say none (``json_schema_extra={"since": "0.2"}`` of a field does)."""

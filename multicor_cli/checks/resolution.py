@@ -23,7 +23,7 @@ from multicor_cli.running.time_step import (
     largest_gravity,
     largest_speed,
 )
-from multicor_cli.scenario.materials import PrescribedForce
+from multicor_cli.scenario.heat import PrescribedForce
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.text import format_bytes
 

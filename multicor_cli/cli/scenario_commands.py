@@ -108,7 +108,7 @@ def validate(
 
 def schema() -> None:
     """Print the JSON Schema of scenario files, for editors that complete and check TOML."""
-    from multicor_cli.scenario.model import scenario_schema
+    from multicor_cli.scenario.tables import scenario_schema
 
     emit_json(scenario_schema())
 

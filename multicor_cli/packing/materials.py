@@ -17,11 +17,11 @@ from multicor_cli.scenario import Scenario
 from multicor_cli.scenario.base import KELVIN_BOUNDS
 from multicor_cli.scenario.materials import ContactPair, FrictionTable, Softening
 from multicor_cli.scenario.particles import (
-    AnyTemperature,
     FileTemperature,
     GradientTemperature,
     ParticleGroup,
     RegionsTemperature,
+    Temperature,
     ValuesTemperature,
 )
 from multicor_cli.scenario.problems import Refused
@@ -181,7 +181,7 @@ def _start(
     return np.full(n, scenario.heat.temperature)
 
 
-def _told(scenario: Scenario, table: AnyTemperature, center: Floats) -> Floats:
+def _told(scenario: Scenario, table: Temperature, center: Floats) -> Floats:
     n = len(center)
     if isinstance(table, GradientTemperature):
         return _gradient(table, center)

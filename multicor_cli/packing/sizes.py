@@ -25,12 +25,12 @@ from multicor_cli.arithmetic import normal_cdf, sums
 from multicor_cli.engine.jit import elementwise
 from multicor_cli.model.model import Floats
 from multicor_cli.packing.initial_grains import Shape
-from multicor_cli.scenario.particles import (
-    AnySizes,
+from multicor_cli.scenario.sizes import (
     ListSizes,
     LognormalSizes,
     NormalSizes,
     PowerSizes,
+    Sizes,
     TableSizes,
 )
 
@@ -319,7 +319,7 @@ def normal_sizes(
 # ---- From a `sizes` table of the scenario to a distribution
 
 
-def sizes_of(table: AnySizes, shape: Shape) -> SizeDistribution:
+def sizes_of(table: Sizes, shape: Shape) -> SizeDistribution:
     """The distribution of a ``sizes`` table; ``shape`` tells how mass grows with the radius."""
     power = MASS_POWER[shape]
     if isinstance(table, ListSizes):

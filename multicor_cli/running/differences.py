@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from multicor_cli.scenario.base import CHANGEABLE, Formerly
-from multicor_cli.scenario.model import ScenarioModel
 from multicor_cli.scenario.problems import KeyPath, show
+from multicor_cli.scenario.tables import ScenarioModel
 from multicor_cli.scenario.translate import find_field, find_location
 
 _ABSENT = object()

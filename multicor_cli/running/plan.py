@@ -24,20 +24,20 @@ from multicor_cli.engine.orders import Orders, Settings
 from multicor_cli.model import ContactLaws, Model, State
 from multicor_cli.model.model import Floats
 from multicor_cli.running.conditions import KINETIC, Condition, StrainReached, is_due
-from multicor_cli.scenario.drives import StageDrives, engine_signal, kept_signal
-from multicor_cli.scenario.loading import (
-    AnyCondition,
-    AnyStageGravity,
+from multicor_cli.scenario.drives import (
     CapacityCondition,
     FlowCondition,
+    StageGravityTable,
     TemperatureCondition,
     TiltedGravityTable,
+    WallCondition,
 )
-from multicor_cli.scenario.materials import AverageForce, Heat
+from multicor_cli.scenario.heat import AverageForce, Heat
 from multicor_cli.scenario.particles import ParticleGroup
 from multicor_cli.scenario.region import RectangleRegion
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.settings import Output
+from multicor_cli.scenario.stage_drives import StageDrives, engine_signal, kept_signal
 from multicor_cli.store.documents import Reason, StageEnd
 
 if TYPE_CHECKING:  # a plan is read without Numba, which these load
@@ -82,7 +82,7 @@ def stage_gravity(scenario: Scenario) -> list[StageGravity]:
     return found
 
 
-def _engine_gravity(gravity: AnyStageGravity, magnitude: float) -> AnyGravity:
+def _engine_gravity(gravity: StageGravityTable, magnitude: float) -> AnyGravity:
     """The engine's form of what a stage says; ``magnitude`` is that of the domain [m/s²]."""
     if isinstance(gravity, TiltedGravityTable):
         given = magnitude if gravity.magnitude is None else gravity.magnitude
@@ -167,7 +167,7 @@ def wall_heat(scenario: Scenario, wall_names: Sequence[str]) -> list[StageWallHe
     return found
 
 
-def _engine_condition(condition: AnyCondition, fallback: float) -> WallHeat:
+def _engine_condition(condition: WallCondition, fallback: float) -> WallHeat:
     if isinstance(condition, CapacityCondition):
         initial = math.nan if condition.initial is None else condition.initial
         return WallHeat("capacity", capacity=condition.capacity, initial=initial, fallback=fallback)

@@ -25,7 +25,9 @@ from multicor_cli.running.conditions import (
 from multicor_cli.running.plan import RunPlan, StageHeat, StagePlan, stage_gravity, wall_heat
 from multicor_cli.running.time_step import OSCILLATIONS, Acting, automatic_step, scales_of_stage
 from multicor_cli.scenario.checks.stages import MAX_STEPS
-from multicor_cli.scenario.loading import (
+from multicor_cli.scenario.problems import Refused
+from multicor_cli.scenario.scenario import Scenario
+from multicor_cli.scenario.stages import (
     BoundEnd,
     Stage,
     SteadyEnd,
@@ -37,8 +39,6 @@ from multicor_cli.scenario.loading import (
     UntilStrain,
     UntilStress,
 )
-from multicor_cli.scenario.problems import Refused
-from multicor_cli.scenario.scenario import Scenario
 
 # ---- Times in steps: how many make up a stage, and how many lie between outputs
 

@@ -29,10 +29,10 @@ from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import TAIL, Tail
 from multicor_cli.running.plan import RunPlan, StageGravity, StageHeat, StagePlan
-from multicor_cli.scenario.drives import DOF_NAMES, StageDrives
-from multicor_cli.scenario.loading import Stage
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.settings import Output
+from multicor_cli.scenario.stage_drives import DOF_NAMES, StageDrives
+from multicor_cli.scenario.stages import Stage
 
 PRESSURE = 0.2
 """Largest Δt over √(m̄/P)."""

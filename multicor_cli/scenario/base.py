@@ -5,11 +5,12 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Self, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -20,6 +21,7 @@ from pydantic import (
     Strict,
     ValidationInfo,
     WithJsonSchema,
+    model_validator,
 )
 
 from multicor_cli.files import open_regular
@@ -37,6 +39,16 @@ class Table(BaseModel):
     """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+    def faults(self) -> Iterator[Refused]:
+        """What is wrong with keys that are right one by one; the first is told."""
+        yield from ()
+
+    @model_validator(mode="after")
+    def _has_no_fault(self) -> Self:
+        for fault in self.faults():
+            raise fault
+        return self
 
     def as_record(self, kind: type[Record], **more: object) -> Record:
         """The record with attributes named as keys that are given; ``more`` are other values."""
@@ -86,7 +98,7 @@ TwoWalls = Annotated[tuple[Name, Name], Strict(False)]
 
 
 def true_only(key: str, remedy: str) -> AfterValidator:
-    """Validator of a key that can only be true; the remedy says what to give instead of false."""
+    """Validator of a key that can only be true; ``remedy``: what to give instead of false."""
 
     def check(value: bool) -> bool:
         if not value:
@@ -97,22 +109,19 @@ def true_only(key: str, remedy: str) -> AfterValidator:
 
 
 KELVIN_BOUNDS = (1.0, 1e5)
+ROOM_TEMPERATURE = 293.15
 
 
 def check_kelvin(value: float) -> float:
     """The value; raises `Refused` if it is no temperature in kelvin, perhaps one in °C."""
-    low, high = KELVIN_BOUNDS
+    (low, high), remedy = KELVIN_BOUNDS, "give it in kelvin"
     if value <= 0.0:
-        hint = (
-            f"did you mean {value + 273.15:g} (from degrees Celsius)?"
-            if value > -273.0
-            else "give it in kelvin"
-        )
-        raise Refused(
-            (), f"{value:g} K is not above absolute zero: temperatures are in kelvin", hint
-        )
+        if value > -273.0:
+            remedy = f"did you mean {value + 273.15:g} (from degrees Celsius)?"
+        what = f"{value:g} K is not above absolute zero: temperatures are in kelvin"
+        raise Refused((), what, remedy)
     if not low <= value <= high:
-        raise Refused((), f"{value:g} K is outside {low:g} to {high:g} K", "give it in kelvin")
+        raise Refused((), f"{value:g} K is outside {low:g} to {high:g} K", remedy)
     return value
 
 
@@ -124,21 +133,23 @@ Kelvin = Annotated[
 """A temperature [K]."""
 
 
-def require_ascending(values: Sequence[float], what: str) -> None:
-    """Raise unless ``values`` ascend strictly; ``what`` names them."""
-    for k in range(1, len(values)):
-        if not values[k] > values[k - 1]:
-            raise Refused(
-                (k,),
-                f"{what} must ascend, {values[k]!r} follows {values[k - 1]!r}",
-                "sort the rows and remove duplicates",
-            )
+def ascending(what: str) -> Callable[[Sequence[float]], Sequence[float]]:
+    """Validator of numbers that ascend strictly; ``what`` names them."""
+
+    def check(values: Sequence[float]) -> Sequence[float]:
+        for k in range(1, len(values)):
+            if not values[k] > values[k - 1]:
+                fault = f"{what} must ascend, {values[k]!r} follows {values[k - 1]!r}"
+                raise Refused((k,), fault, "sort the rows and remove duplicates")
+        return values
+
+    return check
 
 
 def one_of(
-    what: str, *keys: str, more: str = "", tags: Mapping[str, str] = MappingProxyType({})
+    what: str, keys: str, *, more: str = "", tags: Mapping[str, str] = MappingProxyType({})
 ) -> Discriminator:
-    """Discriminator of a union whose tables differ by which of ``keys`` is present.
+    """Discriminator of a union whose tables differ by which of some keys, ``"a, b"``, is present.
 
     The tags are ``<key>``, or ``<name>`` with the name that ``tags`` gives to a key; anything but a
     table gets ``<plain>``. Not exactly one of the keys: no tag, hence an error, which begins with
@@ -146,17 +157,13 @@ def one_of(
     """
 
     def tag(value: Any) -> str | None:
-        if isinstance(value, BaseModel):
-            names: Any = type(value).model_fields
-        elif isinstance(value, dict):
-            names = value
-        else:
+        if not isinstance(value, dict | BaseModel):
             return "<plain>"
-        present = [key for key in keys if key in names]
-        names_tag = {tags.get(key, key) for key in present}
-        return f"<{names_tag.pop()}>" if len(names_tag) == 1 else None
+        present = value if isinstance(value, dict) else type(value).model_fields
+        names = {tags.get(key, key) for key in keys.split(", ") if key in present}
+        return f"<{names.pop()}>" if len(names) == 1 else None
 
-    message = f"{what} exactly one of {', '.join(keys)}{more}"
+    message = f"{what} exactly one of {keys}{more}"
     return Discriminator(tag, custom_error_type="one_of", custom_error_message=message)
 
 
@@ -177,6 +184,7 @@ DIRECTORY = "directory"
 
 MAX_BYTES = 10_000_000
 MAX_ROWS = 100_000
+_refused = partial(Refused, ("file",))
 
 
 class Column(NamedTuple):
@@ -186,14 +194,22 @@ class Column(NamedTuple):
     bounds: tuple[float, float]
 
 
-def refuse_both(data: dict[str, Any], *arrays: str) -> None:
-    """Refuse a table that names a file and also gives one of the ``arrays`` that come from it."""
-    for key in arrays:
-        if key in data:
-            raise Refused((key,), f"both file and {key} are given", "give one of them")
+def columns_of_file(**columns: Column) -> Any:
+    """Validator of a table that may name a CSV ``file`` in place of arrays, by their keys."""
+
+    def read(data: Any, info: ValidationInfo) -> Any:
+        if not (isinstance(data, dict) and isinstance(data.get("file"), str)):
+            return data
+        for key in columns:
+            if key in data:
+                raise Refused((key,), f"both file and {key} are given", "give one of them")
+        values = _read_columns(data["file"], info, list(columns.values()))
+        return data | {"file": None} | dict(zip(columns, values, strict=True))
+
+    return model_validator(mode="before")(staticmethod(read))
 
 
-def read_columns(name: str, info: ValidationInfo, *columns: Column) -> list[list[float]]:
+def _read_columns(name: str, info: ValidationInfo, columns: list[Column]) -> list[list[float]]:
     """The columns of a CSV file; its first line names them, others may stand between them.
 
     Args:
@@ -204,66 +220,50 @@ def read_columns(name: str, info: ValidationInfo, *columns: Column) -> list[list
     Raises:
         Refused: The file cannot be read, lacks a column, or has a value out of bounds.
     """
-    path = Path((info.context or {}).get(DIRECTORY, ".")) / name
-    rows = _rows(path, name)
+    rows = _rows(Path((info.context or {}).get(DIRECTORY, ".")) / name, name)
+    example = ",".join(next(iter(column.names)) for column in columns)
+    remedy = (
+        f"let the first line name the columns, as {example}, and each further line give their "
+        "numbers"
+    )
     if not rows:
-        raise Refused(("file",), f"'{name}' is empty", _remedy(columns))
+        raise _refused(f"'{name}' is empty", remedy)
     header = [title.strip().lower() for title in rows[0][1]]
     values: list[list[float]] = []
     for names, bounds in columns:
         found = [title for title in names if title in header]
         if len(found) != 1:
             what = "no column" if not found else "several columns"
-            raise Refused(("file",), f"'{name}' has {what} {' or '.join(names)}", _remedy(columns))
+            raise _refused(f"'{name}' has {what} {' or '.join(names)}", remedy)
         title, factor = found[0], names[found[0]]
         place, least, most = header.index(title), bounds[0] / factor, bounds[1] / factor
         numbers: list[float] = []
         for line, row in rows[1:]:
             text = row[place].strip() if place < len(row) else ""
-            fault = _fault(text, least, most)
-            if fault:
-                raise Refused(
-                    ("file",),
-                    f"line {line} of '{name}': {title} = {text[:40]!r} {fault}",
-                    "correct it",
-                )
+            if fault := _fault(text, least, most):
+                what = f"line {line} of '{name}': {title} = {text[:40]!r} {fault}"
+                raise _refused(what, "correct it")
             numbers.append(factor * float(text))
         values.append(numbers)
     return values
 
 
-def _remedy(columns: tuple[Column, ...]) -> str:
-    example = ",".join(next(iter(column.names)) for column in columns)
-    return (
-        f"let the first line name the columns, as {example}, and each further line give their "
-        "numbers"
-    )
-
-
 def _rows(path: Path, name: str) -> list[tuple[int, list[str]]]:
     """Rows that are neither empty nor comments, with the numbers of their lines."""
     try:
-        with io.TextIOWrapper(
-            open_regular(path, MAX_BYTES), encoding="utf-8-sig", newline=""
-        ) as file:
+        content = open_regular(path, MAX_BYTES)
+        with io.TextIOWrapper(content, encoding="utf-8-sig", newline="") as file:
             reader = csv.reader("\n" if line.lstrip().startswith("#") else line for line in file)
             rows = [(reader.line_num, row) for row in reader if row]
     except FileNotFoundError:
-        raise Refused(
-            ("file",), f"there is no file '{name}'", "give its path relative to the scenario file"
-        ) from None
+        remedy = "give its path relative to the scenario file"
+        raise _refused(f"there is no file '{name}'", remedy) from None
     except (OSError, ValueError, csv.Error) as error:
-        raise _unreadable(name, error) from None
+        what = f"'{name}' cannot be read: {getattr(error, 'strerror', None) or error}"
+        raise _refused(what, "it must be a CSV file in UTF-8") from None
     if len(rows) > MAX_ROWS + 1:
-        raise Refused(("file",), f"'{name}' has more than {MAX_ROWS} rows", "give fewer")
+        raise _refused(f"'{name}' has more than {MAX_ROWS} rows", "give fewer")
     return rows
-
-
-def _unreadable(name: str, error: Exception) -> Refused:
-    reason = getattr(error, "strerror", None) or str(error)
-    return Refused(
-        ("file",), f"'{name}' cannot be read: {reason}", "it must be a CSV file in UTF-8"
-    )
 
 
 def _fault(text: str, least: float, most: float) -> str:

@@ -15,7 +15,14 @@ import numpy as np
 import tomli_w
 from pydantic import Field, Strict, StrictBool
 
-from multicor_cli.scenario.problems import OVERRIDE, KeyPath, Problem, ScenarioError, format_key
+from multicor_cli.scenario.problems import (
+    OVERRIDE,
+    KeyPath,
+    Problem,
+    Refused,
+    ScenarioError,
+    format_key,
+)
 from multicor_cli.scenario.sources import MAX_NESTING
 
 # ---- Values as TOML in one line, as `tomli_w` does not write them: for `--set`, and for pages
@@ -39,90 +46,60 @@ def in_line(value: Any) -> str:
 # ---- A whole scenario
 
 _SCALARS = (bool, int, float, str, dt.date, dt.time)  # a datetime is a date
-_REMEDY = "give a number, text, true or false, a date, a list or a dict"
 
 
 def to_document(data: Mapping[str, Any]) -> str:
     """The TOML of a document; raises `ScenarioError` about all that TOML has no value for."""
-    import tomli_w
-
-    problems: list[Problem] = []
-    plain = _plain(data, (), problems)
-    if problems:
-        raise ScenarioError(problems)
-    if not isinstance(plain, dict):
+    faults: list[Refused] = []
+    plain = _plain(data, (), faults)
+    if not faults and not isinstance(plain, dict):
+        what = f"the scenario is of type {type(data).__name__}"
+        faults = [Refused((), what, "give a dict of its tables")]
+    if faults:
         raise ScenarioError(
-            [
-                Problem(
-                    "",
-                    0,
-                    0,
-                    "",
-                    f"the scenario is of type {type(data).__name__}",
-                    "give a dict of its tables",
-                )
-            ]
+            Problem("", 0, 0, format_key(fault.where), fault.what, fault.remedy) for fault in faults
         )
     return tomli_w.dumps(plain)
 
 
 def to_override(key: str, value: Any) -> str:
     """The argument of ``--set`` for a value; raises `ScenarioError` if TOML has none like it."""
-    problems: list[Problem] = []
-    plain = _plain(value, (), problems)
-    if problems:
+    faults: list[Refused] = []
+    plain = _plain(value, (), faults)
+    if faults:
         raise ScenarioError(
-            [Problem(OVERRIDE, 0, 0, key, problem.message, problem.remedy) for problem in problems]
+            Problem(OVERRIDE, 0, 0, key, fault.what, fault.remedy) for fault in faults
         )
     return f"{key}={in_line(plain)}"
 
 
-def _plain(value: Any, path: KeyPath, problems: list[Problem]) -> Any:
-    """A value in the types that TOML has; what is wrong with it goes to ``problems``."""
+def _plain(value: Any, path: KeyPath, faults: list[Refused]) -> Any:
+    """A value in the types that TOML has; what is wrong with it goes to ``faults``."""
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if len(path) > MAX_NESTING:
-        problems.append(
-            Problem(
-                "",
-                0,
-                0,
-                format_key(path),
-                f"nested more than {MAX_NESTING} deep",
-                "use fewer levels",
-            )
-        )
+        faults.append(Refused(path, f"nested more than {MAX_NESTING} deep", "use fewer levels"))
     elif isinstance(value, Mapping):
-        return {
-            _name(name, path, problems): _plain(item, (*path, str(name)), problems)
-            for name, item in value.items()
-        }
+        table = {}
+        for name, item in value.items():
+            inside = (*path, str(name))
+            if not isinstance(name, str):
+                what = f"a key of type {type(name).__name__}"
+                faults.append(Refused(inside, what, "give text"))
+            table[str(name)] = _plain(item, inside, faults)
+        return table
     elif isinstance(value, list | tuple):
-        return [_plain(item, (*path, k), problems) for k, item in enumerate(value)]
+        return [_plain(item, (*path, k), faults) for k, item in enumerate(value)]
     elif isinstance(value, PurePath):
         return str(value)
     elif isinstance(value, _SCALARS):
         return value
+    elif value is None:
+        faults.append(Refused(path, "None is no value", "leave the key out"))
     else:
-        what = "None is no value" if value is None else f"a value of type {type(value).__name__}"
-        remedy = "leave the key out" if value is None else _REMEDY
-        problems.append(Problem("", 0, 0, format_key(path), what, remedy))
+        remedy = "give a number, text, true or false, a date, a list or a dict"
+        faults.append(Refused(path, f"a value of type {type(value).__name__}", remedy))
     return None
-
-
-def _name(name: Any, path: KeyPath, problems: list[Problem]) -> str:
-    if not isinstance(name, str):
-        problems.append(
-            Problem(
-                "",
-                0,
-                0,
-                format_key((*path, str(name))),
-                f"a key of type {type(name).__name__}",
-                "give text",
-            )
-        )
-    return str(name)
 
 
 # ---- The scenario that a steered run has carried out: stages as a program ended and added them.
@@ -161,15 +138,11 @@ def steered_document(document: dict[str, Any], decisions: Sequence[Decision]) ->
     """The document with its stages as they were carried out: ended ones last as many steps."""
     loading: list[dict[str, Any]] = list(document["loading"])
     for decision in decisions:
-        ended = {
-            **loading[decision.stage],
-            "duration": decision.stage_steps * decision.dt,
-            "dt": decision.dt,
-        }
+        duration = decision.stage_steps * decision.dt
+        ended = {**loading[decision.stage], "duration": duration, "dt": decision.dt}
         ended.pop("on_timeout", None)
-        if "strain" not in (
-            ended.get("until") or {}
-        ):  # a strain is recorded while it is waited for; else a condition leaves no trace
+        # A strain is recorded while it is waited for; else a condition leaves no trace
+        if "strain" not in (ended.get("until") or {}):
             ended.pop("until", None)
         then = [] if decision.then is None else [decision.then]
         rest = [] if decision.ends_run else loading[decision.stage + 1 :]
@@ -181,6 +154,4 @@ def steered_text(resolved: str, decisions: Sequence[Decision]) -> str:
     """As `steered_document`, of the TOML of a scenario to TOML."""
     if not decisions:
         return resolved
-    import tomli_w
-
     return tomli_w.dumps(steered_document(tomllib.loads(resolved), decisions))

@@ -1,183 +1,282 @@
-"""From the loading stages to the drives of the engine.
-
-A wall that a stage does not name keeps its drive, and so does what is left out of a named wall;
-at first everything is fixed. A signal counts from the start of the stage that names it: one that is
-kept goes on where it is, one that is named again starts anew.
-"""
+"""What a stage says of walls and gravity: how they move, what pushes them, what heats them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import NamedTuple, TypeVar
+from collections.abc import Iterator
+from typing import Annotated
 
-from multicor_cli.engine.motion.drives import (
-    Constant,
-    DofDrive,
-    Interpolated,
-    Ramp,
-    Shifted,
-    Sine,
-    Spring,
-    WallDrive,
+from pydantic import AfterValidator, Discriminator, Field, Strict, Tag
+
+from multicor_cli.scenario.base import (
+    Kelvin,
+    Table,
+    TwoWalls,
+    check_kelvin,
+    one_of,
+    tag_table,
+    true_only,
 )
-from multicor_cli.engine.motion.drives import Signal as EngineSignal
-from multicor_cli.scenario.loading import AnyDof, FixedDof, LoadDof, PositionDof, Stage
-from multicor_cli.scenario.signals import AnySignal, RampSignal, SineSignal, TableSignal
+from multicor_cli.scenario.problems import Refused
+from multicor_cli.scenario.signals import Signal, SineSignal, first_level, levels
 
-DOF_NAMES = ("x", "y", "spin")
-NEVER = -1
-Kept = TypeVar("Kept", bound=EngineSignal | None)
+# ---- What moves a degree of freedom of a wall: a table of `drives.NAME`
 
-
-class KeptDrive(NamedTuple):
-    """Drive of a degree of freedom or surface, and index of the stage that says so, or `NEVER`."""
-
-    dof: AnyDof
-    stage: int
+_FORMS = "a number, or a table with ramp, sine or times"
+_NEARLY = 1e-9  # of the largest value of a signal, which counts as 0
 
 
-WallDofs = tuple[KeptDrive, KeptDrive, KeptDrive, KeptDrive]
-"""Of x, y, spin and the surface of a wall."""
+class VelocityDof(Table):
+    """A prescribed velocity."""
 
-_AT_FIRST = KeptDrive(FixedDof(fixed=True), NEVER)
-
-
-def resolve_dofs(loading: Sequence[Stage], wall_names: Sequence[str]) -> list[list[WallDofs]]:
-    """What drives each wall in each stage, by stage and wall."""
-    current: list[WallDofs] = [(_AT_FIRST,) * 4] * len(wall_names)
-    resolved = []
-    for number, stage in enumerate(loading):
-        current = [
-            _named(stage, number, name, before)
-            for name, before in zip(wall_names, current, strict=True)
-        ]
-        resolved.append(current)
-    return resolved
+    velocity: Signal = Field(description=f"velocity [m/s], spin [rad/s]: {_FORMS}")
 
 
-def _named(stage: Stage, number: int, wall: str, before: WallDofs) -> WallDofs:
-    drives = stage.drives.get(wall)
-    if drives is None:
-        return before
-    named = (drives.x, drives.y, drives.spin, drives.surface)
-    x, y, spin, surface = (
-        kept if dof is None else KeptDrive(dof, number)
-        for dof, kept in zip(named, before, strict=True)
+class PositionDof(Table):
+    """A prescribed displacement."""
+
+    position: Signal = Field(
+        description=(
+            "displacement since the start of the stage that says so [m], angle [rad] for the "
+            "spin, 0 at first: a table with ramp, sine or times"
+        )
     )
-    return x, y, spin, surface
+
+    def faults(self) -> Iterator[Refused]:
+        first = first_level(self.position)
+        if abs(first) > _NEARLY * max(map(abs, levels(self.position))):
+            remedy = f"begin with 0: subtract {first:g} from all values, or use a ramp from 0"
+            if isinstance(self.position, SineSignal):
+                mean = self.position.sine.mean - first
+                remedy = f"add mean = {mean:g} to the sine, or use phase = 0"
+            what = "displacements count from the start of the stage, but this one begins with"
+            yield Refused(("position",), f"{what} {first:g}", remedy)
 
 
-@dataclass(frozen=True)
-class StageDrives:
-    """The drives of one stage.
+class Spring(Table):
+    """A linear spring that is fixed to an anchor."""
 
-    Attributes:
-        stage: Index of the stage.
-        walls: One drive per wall; signals count from the start of the stage that named them.
-        named_by: For each wall the index of the stage that named its x, y, spin and surface;
-            `NEVER` if none has (then it is fixed).
-    """
-
-    stage: int
-    walls: tuple[WallDrive, ...]
-    named_by: tuple[tuple[int, int, int, int], ...]
-
-    def started(self, stage_starts: Sequence[float]) -> list[WallDrive]:
-        """The drives as functions of the time since the start of this stage.
-
-        Args:
-            stage_starts: Times at which the stages up to this one have begun [s].
-        """
-        return [
-            self._wall_since(*wall, stage_starts)
-            for wall in zip(self.walls, self.named_by, strict=True)
-        ]
-
-    def _wall_since(
-        self, wall: WallDrive, named_by: tuple[int, int, int, int], starts: Sequence[float]
-    ) -> WallDrive:
-        x, y, spin = (
-            self._since(dof, number, starts)
-            for dof, number in zip(wall.dofs(), named_by[:3], strict=True)
-        )
-        return WallDrive(x, y, spin, kept_signal(wall.surface, named_by[3], self.stage, starts))
-
-    def _since(self, dof: DofDrive, named_by: int, starts: Sequence[float]) -> DofDrive:
-        def kept(signal: Kept) -> Kept | Shifted:
-            return kept_signal(signal, named_by, self.stage, starts)
-
-        return replace(
-            dof,
-            velocity=kept(dof.velocity),
-            position=kept(dof.position),
-            force=kept(dof.force),
-            stress=kept(dof.stress),
-            spring=None
-            if dof.spring is None
-            else replace(dof.spring, anchor=kept(dof.spring.anchor)),
-            is_kept=dof.has_origin and named_by != self.stage,
-        )
+    stiffness: float = Field(
+        gt=0.0, le=1e15, description="stiffness k [N/m], [N m/rad] for the spin"
+    )
+    anchor: Signal = Field(
+        0.0,
+        description=(
+            "displacement since the start of the stage that says so at which the spring exerts no "
+            f"force [m], [rad] for the spin: {_FORMS}; one that varies pulls the wall along"
+        ),
+    )
 
 
-def stage_drives(loading: Sequence[Stage], wall_names: Sequence[str]) -> list[StageDrives]:
-    """The drives of all stages.
+class LoadDof(Table):
+    """A degree of freedom that moves under loads, a spring and the grains' push."""
 
-    Args:
-        loading: The stages in time order.
-        wall_names: Names of the walls, in the order of the engine.
-    """
-    resolved = resolve_dofs(loading, wall_names)
-    return [
-        StageDrives(
-            number,
-            tuple(_engine_drive(dofs) for dofs in walls),
-            tuple((x.stage, y.stage, spin.stage, surface.stage) for x, y, spin, surface in walls),
-        )
-        for number, walls in enumerate(resolved)
-    ]
+    force: Signal | None = Field(
+        None, description=f"force [N], torque [N m] for the spin: {_FORMS}"
+    )
+    stress: Signal | None = Field(
+        None,
+        description=(
+            f"force per length [N/m], positive along the axis like a force: {_FORMS}; the length "
+            "is that of the wall"
+        ),
+    )
+    between: TwoWalls | None = Field(
+        None,
+        description=(
+            "two walls whose distance across the axis is, in each step, the length on which the "
+            "stress acts, as "
+            '["bottom", "top"] for a side wall that moves in x'
+        ),
+    )
+    spring: Spring | None = Field(
+        None, description="a spring, as { stiffness = 1e3 }; a force beside it is added"
+    )
+    damping: float = Field(
+        0.0, ge=0.0, le=1e12, description="viscous damping [N s/m], [N m s] for the spin"
+    )
+
+    def faults(self) -> Iterator[Refused]:
+        if self.force is not None and self.stress is not None:
+            yield Refused(("stress",), "both force and stress are given", "give one of them")
+        if self.between is not None and self.stress is None:
+            what = "between has no meaning without stress"
+            yield Refused(("between",), what, "add stress [N/m], or remove it")
+        if self.between is not None and self.between[0] == self.between[1]:
+            what = f"'{self.between[0]}' is named twice"
+            yield Refused(("between",), what, "name two different walls")
 
 
-def _engine_drive(dofs: WallDofs) -> WallDrive:
-    x, y, spin, surface = (_engine_dof(kept.dof) for kept in dofs)
-    return WallDrive(x, y, spin, surface.velocity)
+class FixedDof(Table):
+    """A degree of freedom that does not move."""
+
+    fixed: Annotated[bool, true_only("fixed", "give velocity or force instead")] = Field(
+        description="true: does not move", json_schema_extra={"const": True}
+    )
 
 
-def _engine_dof(dof: AnyDof) -> DofDrive:
-    if isinstance(dof, FixedDof):
-        return DofDrive()
+Dof = Annotated[
+    Annotated[VelocityDof, Tag("<velocity>")]
+    | Annotated[PositionDof, Tag("<position>")]
+    | Annotated[LoadDof, Tag("<load>")]
+    | Annotated[FixedDof, Tag("<fixed>")],
+    one_of(
+        "a degree of freedom is a table with",
+        "velocity, position, force, stress, spring, fixed",
+        more=" (a spring may have a force or stress beside it)",
+        tags={"force": "load", "stress": "load", "spring": "load"},
+    ),
+]
+
+
+class WallDrives(Table):
+    """``drives.NAME``: what a stage does to the wall NAME; what is left out keeps its drive."""
+
+    x: Dof | None = Field(
+        None,
+        description=(
+            "horizontal motion, as { velocity = 0.1 }, { force = -5.0 } or { fixed = true }"
+        ),
+    )
+    y: Dof | None = Field(
+        None,
+        description="vertical motion, as { velocity = 0.1 }, { force = -5.0 } or { fixed = true }",
+    )
+    spin: Dof | None = Field(
+        None, description="rotation about the wall's reference point, counter-clockwise"
+    )
+    surface: VelocityDof | None = Field(
+        None,
+        description=(
+            "motion of the surface along itself while the shape stays, as { velocity = 0.1 } "
+            "[m/s] of a conveyor: to the right for a grain that the wall carries, along the "
+            "normal from wall to grain turned by -90 degrees; a disc turns clockwise, and so does "
+            "each of the glued grains of a rough wall, in its place"
+        ),
+    )
+
+    def faults(self) -> Iterator[Refused]:
+        if self.x is None and self.y is None and self.spin is None and self.surface is None:
+            remedy = (
+                "name x, y, spin or surface, or remove it: a wall that is not named keeps its drive"
+            )
+            yield Refused((), "the table is empty", remedy)
+        if isinstance(self.spin, LoadDof) and self.spin.stress is not None:
+            what = "a stress acts along x or y, not on the spin"
+            yield Refused(("spin",), what, "give the torque [N m] as force")
+
+
+def moves(dof: Dof) -> bool:
+    """Whether a degree of freedom may move at all."""
+    if isinstance(dof, VelocityDof | PositionDof):
+        return any(levels(dof.velocity if isinstance(dof, VelocityDof) else dof.position))
+    return isinstance(dof, LoadDof)
+
+
+def keeps_moving(dof: Dof) -> bool:
+    """Whether a degree of freedom moves for as long as one waits."""
     if isinstance(dof, PositionDof):
-        return DofDrive(position=engine_signal(dof.position))
-    if isinstance(dof, LoadDof):
-        return DofDrive(
-            force=None if dof.force is None else engine_signal(dof.force),
-            stress=None if dof.stress is None else engine_signal(dof.stress),
-            between=dof.between,
-            spring=None
-            if dof.spring is None
-            else Spring(dof.spring.stiffness, engine_signal(dof.spring.anchor)),
-            damping=dof.damping,
+        return isinstance(dof.position, SineSignal) and dof.position.sine.amplitude != 0.0
+    if isinstance(dof, VelocityDof):
+        values = levels(dof.velocity)
+        return any(values) if isinstance(dof.velocity, SineSignal) else values[-1] != 0.0
+    return isinstance(dof, LoadDof)
+
+
+def is_prescribed(dof: Dof) -> bool:
+    """Whether a degree of freedom moves as it is told, whatever pushes it."""
+    return isinstance(dof, VelocityDof | PositionDof)
+
+
+# ---- `gravity` of a loading stage: a vector of signals, or a direction that tilts
+
+
+class TiltedGravityTable(Table):
+    """Gravity of a given magnitude whose direction is turned."""
+
+    angle: Signal = Field(
+        description=(
+            "angle by which gravity is turned from -y, counter-clockwise, so that it points "
+            "towards +x if positive [degrees]: a number, or a table with ramp, sine or times"
         )
-    return DofDrive(velocity=engine_signal(dof.velocity))
+    )
+    magnitude: Signal | None = Field(
+        None,
+        description=(
+            "acceleration [m/s²]: a number, or a table with ramp, sine or times; default: that of "
+            "[domain] gravity"
+        ),
+    )
 
 
-def engine_signal(signal: AnySignal) -> EngineSignal:
-    """The engine's form of a signal."""
-    if isinstance(signal, RampSignal):
-        return Ramp(signal.ramp[0], signal.ramp[1], signal.duration)
+GravityVector = Annotated[tuple[Signal, Signal], Strict(False)]
+StageGravityTable = Annotated[
+    Annotated[GravityVector, Tag("<plain>")] | Annotated[TiltedGravityTable, Tag("<table>")],
+    Discriminator(tag_table),
+]
+
+
+# ---- Thermal conditions of walls
+
+
+def _check_kelvin_signal(signal: Signal) -> Signal:
+    extremes = levels(signal)
     if isinstance(signal, SineSignal):
-        wave = signal.sine
-        return Sine(wave.mean, wave.amplitude, wave.cycle, wave.phase)
-    if isinstance(signal, TableSignal):
-        return Interpolated(signal.times, signal.values)
-    return Constant(signal)
+        mean, amplitude = signal.sine.mean, abs(signal.sine.amplitude)
+        extremes = mean - amplitude, mean + amplitude
+    for value in extremes:
+        check_kelvin(value)
+    return signal
 
 
-def kept_signal(signal: Kept, named_by: int, stage: int, starts: Sequence[float]) -> Kept | Shifted:
-    """A signal of the stage ``named_by``, or None, by the time since the start of ``stage``.
+class TemperatureCondition(Table):
+    """A wall of prescribed temperature."""
 
-    ``starts`` are the times at which the stages up to that have begun [s].
-    """
-    if named_by == stage or signal is None or isinstance(signal, Constant | Shifted):
-        return signal
-    return Shifted(signal, starts[stage] - starts[named_by])
+    temperature: Annotated[Signal, AfterValidator(_check_kelvin_signal)] = Field(
+        description="temperature [K]: a number, or a table with ramp, sine or times"
+    )
+
+
+class FlowCondition(Table):
+    """A wall that gives a prescribed heat flow to the grains that touch it."""
+
+    flow: Signal = Field(
+        description=(
+            "heat flow from the wall into the grains that touch it, shared in proportion to their "
+            "conductances [W]: a number, or a table with ramp, sine or times"
+        )
+    )
+
+
+class CapacityCondition(Table):
+    """A wall that is a body with a temperature of its own, which heat and friction change."""
+
+    capacity: Annotated[float, Field(ge=1e-18, le=1e18)] = Field(
+        description=(
+            "heat capacity of the wall [J/K]: it has one temperature, which what it exchanges "
+            "with grains changes"
+        )
+    )
+    initial: Kelvin | None = Field(
+        None,
+        description=(
+            "its temperature when this condition begins [K]; default: that before, if it had one, "
+            "else that of [heat]"
+        ),
+    )
+
+
+class InsulatedCondition(Table):
+    """A wall that exchanges no heat; a grain that rubs on it gets all the heat of friction."""
+
+    insulated: Annotated[bool, true_only("insulated", "give temperature or flow instead")] = Field(
+        description="true: no heat passes", json_schema_extra={"const": True}
+    )
+
+
+WallCondition = Annotated[
+    Annotated[TemperatureCondition, Tag("<temperature>")]
+    | Annotated[FlowCondition, Tag("<flow>")]
+    | Annotated[CapacityCondition, Tag("<capacity>")]
+    | Annotated[InsulatedCondition, Tag("<insulated>")],
+    one_of("a thermal condition is a table with", "temperature, flow, capacity, insulated"),
+]

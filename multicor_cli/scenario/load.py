@@ -18,7 +18,6 @@ from multicor_cli.files import Unfit, read_regular
 from multicor_cli.scenario.base import DIRECTORY
 from multicor_cli.scenario.checks import check_all
 from multicor_cli.scenario.expressions import evaluate_expressions, unused_overrides
-from multicor_cli.scenario.model import PartialScenario, ScenarioModel
 from multicor_cli.scenario.particles import take_groups
 from multicor_cli.scenario.problems import (
     OVERRIDE,
@@ -31,6 +30,7 @@ from multicor_cli.scenario.problems import (
     show,
 )
 from multicor_cli.scenario.sources import MAX_NESTING, Lines, Sources, find_deep_nesting, parse_key
+from multicor_cli.scenario.tables import PartialScenario, ScenarioModel
 from multicor_cli.scenario.translate import translate
 
 # ---- Values from the command line: `--set loading.1.duration=2.0`

@@ -1,11 +1,11 @@
-"""Materials, contact laws of pairs of them, and ``[heat]``: its mechanisms and integration."""
+"""Materials and the contact laws of pairs of materials."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any
 
 from pydantic import (
     BaseModel,
@@ -23,382 +23,19 @@ from pydantic_core import CoreSchema
 from pydantic_core.core_schema import no_info_after_validator_function
 
 from multicor_cli.scenario.base import (
+    ROOM_TEMPERATURE,
     Fraction,
     Friction,
     Kelvin,
     Table,
-    Time,
-    Vector,
-    one_of,
-    require_ascending,
+    ascending,
 )
 from multicor_cli.scenario.problems import Refused
-
-# ---- `[heat]`: which mechanisms carry heat, and how temperatures are integrated
-
-ROOM_TEMPERATURE = 293.15
-NEEDS_POROSITY = ("gunn", "li-mason")
-GUNN_POROSITY = (0.35, 1.0)
-LEAST_CONTRAST = 10.0
-"""Least ratio of conductivities, solid to gas, for Batchelor & O'Brien's formula."""
-
-EQUAL = 1.1
-"""Largest ratio of radii that counts as equal."""
-
-_REACH = 0.4
-_SPOT = ("conductivity", "young", "poisson")
-_ROUGH = ("roughness", "asperity_slope", "microhardness")
-_PARTITION = {
-    "effusivity": ("conductivity", "heat_capacity"),
-    "conductivity": ("conductivity",),
-    "half": (),
-    "electrothermal": ("conductivity", "resistivity"),
-}
-
-Reach = Annotated[float, Field(gt=0.0, le=2.0)]
-FluidConductivity = Annotated[float, Field(ge=1e-6, le=1e3)]
 
 Need = tuple[str, tuple[str, ...]]
 """What needs properties of a material, in the words of the scenario, and which."""
 
-
-class MechanismTable(Table):
-    """A table of ``[heat]`` that switches on the mechanism of its key in
-    `multicor_cli.engine.heat.settings.MECHANISMS`.
-    """
-
-    def needs(self, *, is_of_grains: bool) -> tuple[str, ...]:
-        """Properties that it needs of a material of grains, or of walls alone."""
-        return ()
-
-    def check_material(self, name: str, material: Material) -> Iterator[Refused]:
-        """Findings about a material of grains or walls, but for what it lacks."""
-        yield from ()
-
-
-class AverageForce(Table):
-    """The force of a contact is its average over a time."""
-
-    average: Time = Field(description="time over which the normal force is averaged [s]")
-
-
-class PrescribedForce(Table):
-    """The force is the same for all contacts that carry one."""
-
-    prescribed: Annotated[float, Field(ge=1e-15, le=1e12)] = Field(description="normal force [N]")
-
-
-Force = Annotated[
-    Annotated[AverageForce, Tag("<average>")] | Annotated[PrescribedForce, Tag("<prescribed>")],
-    one_of(
-        "force is a table with",
-        "average",
-        "prescribed",
-        more="; without it, the force of each step counts",
-    ),
-]
-
-
-class GasTable(MechanismTable):
-    """Stagnant gas in the gaps between grains, and between grains and walls."""
-
-    conductivity: FluidConductivity = Field(
-        description="thermal conductivity of the gas [W/(m K)], for air 0.026"
-    )
-    model: Literal["parallel", "batchelor", "vargas"] = Field(
-        "parallel",
-        description=(
-            'conductance of a gap: "parallel" (flux along the axis, exact), "batchelor" '
-            "(Batchelor & O'Brien, solids at least ten times as conductive as the gas) or "
-            '"vargas" (Vargas & McCarthy, equal grains that touch)'
-        ),
-    )
-    reach: Reach = Field(_REACH, description="largest gap that conducts, over the smaller radius")
-
-    def needs(self, *, is_of_grains: bool) -> tuple[str, ...]:
-        """As `MechanismTable.needs`."""
-        return _SPOT
-
-    def check_material(self, name: str, material: Material) -> Iterator[Refused]:
-        """Batchelor & O'Brien's formula holds for solids that conduct much better than the gas."""
-        solid = material.conductivity
-        if (
-            self.model == "batchelor"
-            and solid is not None
-            and solid < LEAST_CONTRAST * self.conductivity
-        ):
-            least = (
-                f'"batchelor" needs solids at least {LEAST_CONTRAST:g} times as conductive as the '
-                "gas"
-            )
-            what = f"{least}, '{name}' is {solid / self.conductivity:.3g} times"
-            yield Refused(("heat", "gas", "model"), what, 'use "parallel"')
-
-    def misfits(self, smallest: float, largest: float) -> list[Refused]:
-        """What is wrong with it for grains of these smallest and largest radii [m]."""
-        if self.model != "vargas" or largest <= EQUAL * smallest:
-            return []
-        what = (
-            f'"vargas" is for grains of equal size, but the radii are {smallest:g} to {largest:g} m'
-        )
-        return [Refused(("heat", "gas", "model"), what, 'use "parallel" or "batchelor"')]
-
-
-class AmbientCoefficient(MechanismTable):
-    """Convection with a constant coefficient."""
-
-    temperature: Kelvin = Field(description="temperature of the fluid [K]")
-    coefficient: Annotated[float, Field(ge=1e-6, le=1e9)] = Field(
-        description="heat transfer coefficient h [W/(m² K)]"
-    )
-
-
-class AmbientCorrelation(MechanismTable):
-    """Convection by a correlation of the Nusselt number of each grain."""
-
-    temperature: Kelvin = Field(description="temperature of the fluid [K]")
-    correlation: Literal["ranz-marshall", "whitaker", "gunn", "li-mason"] = Field(
-        description=(
-            'correlation of the Nusselt number: "ranz-marshall", "whitaker" (single spheres), '
-            '"gunn" or "li-mason" (beds)'
-        )
-    )
-    conductivity: FluidConductivity = Field(
-        description="thermal conductivity of the fluid [W/(m K)]"
-    )
-    viscosity: Annotated[float, Field(ge=1e-9, le=1e3)] = Field(
-        description="kinematic viscosity of the fluid [m²/s]"
-    )
-    prandtl: Annotated[float, Field(ge=1e-4, le=1e6)] = Field(
-        description="Prandtl number of the fluid, for air 0.7"
-    )
-    porosity: Annotated[float, Field(gt=0.0, le=1.0)] | None = Field(
-        None,
-        description=(
-            'volume fraction of the fluid; for "gunn" (0.35 to 1) and "li-mason", required there'
-        ),
-    )
-    velocity: Vector = Field(
-        (0.0, 0.0),
-        description=(
-            "velocity of the fluid [m/s]; the Reynolds number takes each grain's velocity "
-            "relative to it"
-        ),
-    )
-
-    @model_validator(mode="after")
-    def _check_porosity(self) -> Self:
-        name = f'correlation = "{self.correlation}"'
-        if self.correlation in NEEDS_POROSITY and self.porosity is None:
-            raise Refused(
-                (),
-                f"{name} needs the porosity",
-                "add porosity, the volume fraction of the fluid, as 0.4",
-            )
-        if self.correlation not in NEEDS_POROSITY and self.porosity is not None:
-            raise Refused(
-                ("porosity",),
-                f"porosity has no meaning for {name}",
-                'remove it, or use "gunn" or "li-mason"',
-            )
-        low, high = GUNN_POROSITY
-        if (
-            self.correlation == "gunn"
-            and self.porosity is not None
-            and not low <= self.porosity <= high
-        ):
-            what = f"{name} holds for a porosity of {low:g} to {high:g}, is {self.porosity:g}"
-            raise Refused(("porosity",), what, 'use "li-mason" for denser beds')
-        return self
-
-
-Ambient = Annotated[
-    Annotated[AmbientCoefficient, Tag("<coefficient>")]
-    | Annotated[AmbientCorrelation, Tag("<correlation>")],
-    one_of("ambient is a table with temperature and", "coefficient", "correlation"),
-]
-
-
-def _default_reach(data: dict[str, object]) -> float | None:
-    return _REACH if data.get("neighbors") else None
-
-
-class RadiationTable(MechanismTable):
-    """Thermal radiation of gray grains."""
-
-    surroundings: Kelvin | None = Field(
-        None, description="temperature of the surroundings, a black body [K]; default: none"
-    )
-    neighbors: bool = Field(
-        False, description="whether grains and walls within reach exchange radiation"
-    )
-    reach: Reach | None = Field(
-        default_factory=_default_reach,
-        description=(
-            "largest gap across which neighbors exchange radiation, over the smaller radius; "
-            "default: 0.4"
-        ),
-    )
-
-    @model_validator(mode="after")
-    def _radiates(self) -> Self:
-        if self.surroundings is None and not self.neighbors:
-            raise Refused(
-                (),
-                "there is nothing to exchange radiation with",
-                "give surroundings [K], or neighbors = true",
-            )
-        if self.reach is not None and not self.neighbors:
-            raise Refused(
-                ("reach",),
-                "reach has no meaning without neighbors = true",
-                "remove it, or add neighbors = true",
-            )
-        return self
-
-    def needs(self, *, is_of_grains: bool) -> tuple[str, ...]:
-        """As `MechanismTable.needs`."""
-        return ("emissivity",) if is_of_grains or self.neighbors else ()
-
-
-class Heat(Table):
-    """``[heat]``: its presence switches temperatures on."""
-
-    temperature: Kelvin = Field(
-        ROOM_TEMPERATURE, description="initial temperature of all grains [K]"
-    )
-    conduction: Literal["hertz", "rough", "none"] = Field(
-        "hertz",
-        description=(
-            'conductance of contacts: "hertz" (smooth grains), "rough" (Bahrami & Yovanovich) or '
-            '"none"'
-        ),
-    )
-    force: Force | None = Field(
-        None,
-        description=(
-            "normal force that makes the contact spot: { average = 0.01 } (over a time [s]) or { "
-            "prescribed = 1.0 } [N]; default: that of each step"
-        ),
-    )
-    friction: Literal["energy", "sliding", "none"] = Field(
-        "energy",
-        description=(
-            'heat of friction: "energy" (the work lost, exact), "sliding" (μ |u_t| q_n at the end '
-            'of the step) or "none"'
-        ),
-    )
-    impact: bool = Field(False, description="whether the energy lost in impacts becomes heat too")
-    partition: Literal["effusivity", "conductivity", "half", "electrothermal"] = Field(
-        "effusivity", description="how the heat of a contact is shared by the two bodies"
-    )
-    collisional: bool = Field(
-        False,
-        description=(
-            "whether a contact that is new in a step conducts by the formula for impacts (Sun & "
-            "Chen)"
-        ),
-    )
-    gas: GasTable | None = Field(
-        None,
-        description=(
-            'gas in the gaps, as { conductivity = 0.026, model = "parallel" }; default: vacuum'
-        ),
-    )
-    ambient: Ambient | None = Field(
-        None,
-        description=(
-            "convection to a fluid around the grains, as { temperature = 293.15, coefficient = "
-            "10.0 }; default: none"
-        ),
-    )
-    radiation: RadiationTable | None = Field(
-        None, description="thermal radiation, as { surroundings = 293.15 }; default: none"
-    )
-    integrator: Literal["auto", "explicit", "implicit"] = Field(
-        "auto",
-        description=(
-            '"explicit", "implicit", or "auto": implicit in frozen stages and in steps of many '
-            "time constants C/ΣH"
-        ),
-    )
-    sub_step: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
-        1.0,
-        description=(
-            "largest sub-step of the explicit integrator over the longest that lets no "
-            "temperature overshoot, C/(2 ΣH)"
-        ),
-    )
-    tolerance: Annotated[float, Field(ge=1e-10, le=0.1)] = Field(
-        1e-4,
-        description=(
-            "largest estimated error of a sub-step of the heat flow, over the spread of the "
-            "temperatures"
-        ),
-    )
-
-    @property
-    def has_sources(self) -> bool:
-        """Whether contacts generate heat."""
-        return self.friction != "none" or self.impact
-
-    @property
-    def has_spots(self) -> bool:
-        """Whether the size of contact spots, and hence the normal force, matters."""
-        return self.conduction != "none" or self.gas is not None
-
-    @property
-    def needs_forces(self) -> bool:
-        """Whether contact spots follow from the forces that contacts carry."""
-        return self.conduction != "none" and not isinstance(self.force, PrescribedForce)
-
-    @property
-    def mechanisms(self) -> dict[str, MechanismTable]:
-        """The mechanisms that are on, by key."""
-        return {key: table for key, table in self if isinstance(table, MechanismTable)}
-
-    @property
-    def crosses_gaps(self) -> bool:
-        """Whether a mechanism carries heat between bodies that are only near each other."""
-        return any(getattr(table, "reach", None) for table in self.mechanisms.values())
-
-    def needs(self, *, is_of_grains: bool) -> Iterator[Need]:
-        """What needs properties of a material of grains, or of walls alone, and which."""
-        if is_of_grains:
-            yield "[heat]", ("heat_capacity",)
-        if self.conduction != "none":
-            yield (
-                f'conduction = "{self.conduction}"',
-                (*_SPOT, *_ROUGH) if self.conduction == "rough" else _SPOT,
-            )
-        if self.collisional:
-            yield "collisional = true", (*_SPOT, "heat_capacity")
-        if self.has_sources:
-            yield f'partition = "{self.partition}"', _PARTITION[self.partition]
-        for key, table in self.mechanisms.items():
-            yield key, table.needs(is_of_grains=is_of_grains)
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        if self.force is not None and not self.has_spots:
-            raise Refused(
-                ("force",),
-                'force has no meaning with conduction = "none" and without gas',
-                "remove force",
-            )
-        if self.collisional and self.conduction == "none":
-            raise Refused(
-                ("collisional",),
-                'collisional = true has no meaning with conduction = "none"',
-                "remove one of the two",
-            )
-        return self
-
-
-# ---- Materials and the contact laws of pairs of materials
-
 MAX_MATERIALS = 100
-MAX_FRICTION = 10.0
 
 
 @dataclass(frozen=True)
@@ -421,20 +58,17 @@ class _OfSolids:
 
     def check(self, value: float) -> float:
         """The value itself, if it is within the bounds."""
-        right = f"give it in {self.unit}, {self.example}"
+        remedy = f"give it in {self.unit}, {self.example}"
         if value <= 0.0:
-            raise Refused((), f"the {self.name} must be positive, is {value:g} {self.unit}", right)
+            what = f"the {self.name} must be positive, is {value:g} {self.unit}"
+            raise Refused((), what, remedy)
         if not self.low <= value <= self.high:
-            meant = f"{1000.0 * value:g}" if self.power == 3 else f"{value:g}e{self.power}"
-            hint = f"did you mean {meant} (from {self.origin})?" if value < self.low else right
-            raise Refused(
-                (),
-                (
-                    f"{value:g} {self.unit} is not the {self.name} of a solid ({self.low:g} to "
-                    f"{self.high:g})"
-                ),
-                hint,
-            )
+            if value < self.low:
+                meant = f"{1000.0 * value:g}" if self.power == 3 else f"{value:g}e{self.power}"
+                remedy = f"did you mean {meant} (from {self.origin})?"
+            bounds = f"({self.low:g} to {self.high:g})"
+            what = f"{value:g} {self.unit} is not the {self.name} of a solid {bounds}"
+            raise Refused((), what, remedy)
         return value
 
     def __get_pydantic_core_schema__(
@@ -508,14 +142,11 @@ class Material(Table):
         unit = re.search(r"\[.*?\]", cls.model_fields[key].description or "")
         return f"{key} {unit[0]}" if unit else key
 
-    @model_validator(mode="after")
-    def _both_or_none(self) -> Self:
+    def faults(self) -> Iterator[Refused]:
         if (self.young is None) != (self.poisson is None):
             given, other = ("young", "poisson") if self.poisson is None else ("poisson", "young")
-            raise Refused(
-                (given,), f"{given} is given without {other}", f"give {other} too, or neither"
-            )
-        return self
+            what = f"{given} is given without {other}"
+            yield Refused((given,), what, f"give {other} too, or neither")
 
 
 def _when_softening(value: float) -> Callable[[dict[str, Any]], float | None]:
@@ -545,25 +176,18 @@ class Softening(Table):
         description="smallest coefficient of friction; default with softening: 0",
     )
     max: Friction | None = Field(
-        default_factory=_when_softening(MAX_FRICTION),
+        default_factory=_when_softening(10.0),
         description="largest coefficient of friction; default with softening: 10",
     )
 
-    @model_validator(mode="after")
-    def _softens(self) -> Self:
-        if self.softening is None:
-            for key in ("reference", "min", "max"):
-                if getattr(self, key) is not None:
-                    raise Refused(
-                        (key,),
-                        f"{key} has no meaning without softening",
-                        "add softening [1/K], or remove it",
-                    )
-        elif self.min is not None and self.max is not None and self.max < self.min:
-            raise Refused(
-                ("max",), f"max = {self.max:g} is below min = {self.min:g}", "swap the two"
-            )
-        return self
+    def faults(self) -> Iterator[Refused]:
+        for key in ("reference", "min", "max"):
+            if self.softening is None and getattr(self, key) is not None:
+                what = f"{key} has no meaning without softening"
+                yield Refused((key,), what, "add softening [1/K], or remove it")
+        if self.min is not None and self.max is not None and self.max < self.min:
+            what = f"max = {self.max:g} is below min = {self.min:g}"
+            yield Refused(("max",), what, "swap the two")
 
 
 class SofteningFriction(Softening):
@@ -571,15 +195,11 @@ class SofteningFriction(Softening):
 
     value: Friction = Field(description="coefficient of friction at the reference temperature")
 
-    @model_validator(mode="after")
-    def _is_softening(self) -> Self:
+    def faults(self) -> Iterator[Refused]:
+        yield from super().faults()
         if self.softening is None:
-            raise Refused(
-                (),
-                "the softening of the friction is missing",
-                "add softening [1/K], or give the coefficient as a number",
-            )
-        return self
+            remedy = "add softening [1/K], or give the coefficient as a number"
+            yield Refused((), "the softening of the friction is missing", remedy)
 
 
 class FrictionTable(Softening):
@@ -598,42 +218,30 @@ class FrictionTable(Softening):
     @classmethod
     def _no_temperatures(cls, data: Any) -> Any:
         if isinstance(data, dict) and "temperature" in data:
-            raise Refused(
-                ("temperature",),
-                "friction is not a table of temperatures",
-                (
-                    "use { value = 0.5, softening = 1e-3, reference = 293.15 }: it falls by "
-                    "softening per kelvin"
-                ),
+            remedy = (
+                "use { value = 0.5, softening = 1e-3, reference = 293.15 }: it falls by softening "
+                "per kelvin"
             )
+            what = "friction is not a table of temperatures"
+            raise Refused(("temperature",), what, remedy)
         return data
 
-    @field_validator("speed")
-    @classmethod
-    def _ascending(cls, speed: tuple[float, ...]) -> tuple[float, ...]:
-        require_ascending(speed, "speeds")
-        return speed
+    _ascending = field_validator("speed")(ascending("speeds"))
 
-    @model_validator(mode="after")
-    def _same_length(self) -> Self:
+    def faults(self) -> Iterator[Refused]:
+        yield from super().faults()
         if len(self.speed) != len(self.values):
-            raise Refused(
-                ("values",),
-                f"{len(self.values)} values for {len(self.speed)} speeds",
-                "give one coefficient of friction per speed",
-            )
-        return self
+            what = f"{len(self.values)} values for {len(self.speed)} speeds"
+            yield Refused(("values",), what, "give one coefficient of friction per speed")
 
 
 def _tag_friction(value: Any) -> str:
     """Tag in `AnyFriction`: a table of speeds unless only keys of a softening number stand."""
     if not isinstance(value, dict | BaseModel):
         return "<plain>"
-    names = type(value).model_fields if isinstance(value, BaseModel) else value
-    is_table = (
-        "speed" in names or "values" in names or not ("value" in names or "softening" in names)
-    )
-    return "<speed>" if is_table else "<value>"
+    names = value if isinstance(value, dict) else type(value).model_fields
+    is_value = "speed" not in names and "values" not in names
+    return "<value>" if is_value and ("value" in names or "softening" in names) else "<speed>"
 
 
 AnyFriction = Annotated[
@@ -665,12 +273,11 @@ class PairFriction(Table):
     @property
     def coefficient(self) -> float:
         """Coefficient of friction at rest and at the reference temperature."""
-        if isinstance(self.friction, SofteningFriction):
-            return self.friction.value
+        if isinstance(self.friction, float):
+            return self.friction
         # A table begins with the value at the lowest speed.
-        return (
-            self.friction.values[0] if isinstance(self.friction, FrictionTable) else self.friction
-        )
+        law = self.friction
+        return law.value if isinstance(law, SofteningFriction) else law.values[0]
 
     @property
     def softening(self) -> Softening | None:
@@ -691,7 +298,7 @@ class PairFriction(Table):
 
     def covers(self, a: str, b: str) -> bool:
         """Whether this entry speaks of contacts between ``a`` and ``b`` (in either order)."""
-        (p, q) = self.pair
+        p, q = self.pair
         return (p in ("*", a) and q in ("*", b)) or (p in ("*", b) and q in ("*", a))
 
 
@@ -726,7 +333,6 @@ class ContactPair(PairFriction):
 
     @property
     def thermal_keys(self) -> Iterator[tuple[str, ...]]:
-        """Keys that mean something only with heat."""
         yield from super().thermal_keys
         if self.wear is not None:
             yield ("wear",)

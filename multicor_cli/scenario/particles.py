@@ -1,28 +1,16 @@
-"""Groups of free grains: sizes, placing, temperatures, coming and going, and from other runs."""
+"""Groups of free grains: placing, temperatures, coming and going, and from other runs."""
 
 from __future__ import annotations
 
-import math
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
-from pydantic import (
-    Discriminator,
-    Field,
-    Strict,
-    Tag,
-    ValidationInfo,
-    field_validator,
-    model_validator,
-)
+from pydantic import Discriminator, Field, Strict, Tag
 
 from multicor_cli.files import LARGEST_RECORD, read_regular
 from multicor_cli.scenario.base import (
-    FRACTION_BOUNDS,
-    RADIUS_BOUNDS,
-    Column,
-    Fraction,
     Friction,
     GrainCount,
     Kelvin,
@@ -31,14 +19,10 @@ from multicor_cli.scenario.base import (
     Name,
     Number,
     Point,
-    Radius,
     Ratio,
     Table,
     Vector,
     one_of,
-    read_columns,
-    refuse_both,
-    require_ascending,
 )
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.region import (
@@ -51,248 +35,9 @@ from multicor_cli.scenario.region import (
     tag_kind,
 )
 from multicor_cli.scenario.settings import Domain
+from multicor_cli.scenario.sizes import Sizes
 
-# ---- Distributions of the radii of grains
-
-MAX_SIZE_RATIO = 1000.0
-
-
-class _Sizes(Table):
-    by: Literal["number", "mass"] = Field(
-        "number",
-        description=(
-            'whether the distribution is one of the number or of the mass of grains: "number" or '
-            '"mass"'
-        ),
-    )
-
-
-class ListSizes(_Sizes):
-    """A list of radii, each with its fraction."""
-
-    kind: Literal["list"]
-    radii: Annotated[tuple[Radius, ...], Strict(False)] = Field(
-        min_length=1, max_length=1000, description="radii [m]"
-    )
-    fractions: Annotated[tuple[Fraction, ...], Strict(False)] | None = Field(
-        None,
-        max_length=1000,
-        description="fraction of each radius, adding up to 1; default: equal fractions",
-    )
-
-    @model_validator(mode="after")
-    def _check_fractions(self) -> Self:
-        if self.fractions is None:
-            return self
-        if len(self.fractions) != len(self.radii):
-            raise Refused(
-                ("fractions",),
-                f"{len(self.fractions)} fractions for {len(self.radii)} radii",
-                "give one per radius",
-            )
-        total = math.fsum(self.fractions)
-        if abs(total - 1.0) > 1e-6:
-            raise Refused(
-                ("fractions",), f"the fractions add up to {total:g}", "make them add up to 1"
-            )
-        return self
-
-    @property
-    def smallest(self) -> float:
-        """Smallest radius [m]."""
-        return min(self.radii)
-
-    @property
-    def largest(self) -> float:
-        """Largest radius [m]."""
-        return max(self.radii)
-
-
-class _Range(_Sizes):
-    min: Radius = Field(description="smallest radius [m]")
-    max: Radius = Field(description="largest radius [m]")
-
-    @field_validator("max")
-    @classmethod
-    def _above_min(cls, largest: float, info: ValidationInfo) -> float:
-        smallest = info.data.get("min", largest)
-        if largest < smallest:
-            raise Refused((), f"max = {largest:g} is below min = {smallest:g}", "swap the two")
-        if largest > MAX_SIZE_RATIO * smallest:
-            raise Refused(
-                (),
-                f"max = {largest:g} is more than {MAX_SIZE_RATIO:g} times min = {smallest:g}",
-                "narrow the range; radii are in meters",
-            )
-        return largest
-
-    @property
-    def smallest(self) -> float:
-        """Smallest radius [m]."""
-        return self.min
-
-    @property
-    def largest(self) -> float:
-        """Largest radius [m]."""
-        return self.max
-
-
-class UniformSizes(_Range):
-    """All radii between ``min`` and ``max`` are equally likely."""
-
-    kind: Literal["uniform"]
-
-
-class LognormalSizes(_Range):
-    """The logarithm of the radius is normally distributed; cut at ``min`` and ``max``."""
-
-    kind: Literal["lognormal"]
-    median: Radius = Field(description="median radius before the cut [m], between min and max")
-    sigma: float = Field(
-        ge=1e-6, le=3.0, description="standard deviation of the logarithm of the radius"
-    )
-
-    @field_validator("median")
-    @classmethod
-    def _inside(cls, median: float, info: ValidationInfo) -> float:
-        low, high = info.data.get("min", median), info.data.get("max", median)
-        if not low <= median <= high:
-            raise Refused(
-                (),
-                f"the median {median:g} is outside min = {low:g} to max = {high:g}",
-                "put it between the two",
-            )
-        return median
-
-
-class NormalSizes(_Range):
-    """The radius is normally distributed; cut at ``min`` and ``max``."""
-
-    kind: Literal["normal"]
-    mean: Radius = Field(description="mean radius before the cut [m], between min and max")
-    sigma: float = Field(
-        ge=1e-12, le=1e4, description="standard deviation of the radius before the cut [m]"
-    )
-
-    @field_validator("mean")
-    @classmethod
-    def _inside(cls, mean: float, info: ValidationInfo) -> float:
-        low, high = info.data.get("min", mean), info.data.get("max", mean)
-        if not low <= mean <= high:
-            raise Refused(
-                (),
-                f"the mean {mean:g} is outside min = {low:g} to max = {high:g}",
-                "put it between the two",
-            )
-        return mean
-
-
-class PowerSizes(_Range):
-    """Probability density proportional to radius to the power ``-exponent`` between ``min`` and
-    ``max``.
-    """
-
-    kind: Literal["power"]
-    exponent: float = Field(ge=-20.0, le=20.0, description="exponent p of the density r^-p")
-
-
-class TableSizes(Table):
-    """What passes at each radius, as a sieve curve: the density is constant between two rows."""
-
-    kind: Literal["table"]
-    by: Literal["number", "mass"] = Field(
-        "mass",
-        description=(
-            "whether passing is a share of the mass (a sieve curve) or of the number of grains: "
-            '"mass" or "number"'
-        ),
-    )
-    file: str | None = Field(
-        None,
-        description=(
-            "CSV file with the columns radius or diameter [m], and passing, in place of the two "
-            "arrays"
-        ),
-    )
-    radii: Annotated[tuple[Radius, ...], Strict(False)] = Field(
-        (), max_length=100_000, description="radii [m], ascending"
-    )
-    passing: Annotated[tuple[Fraction, ...], Strict(False)] = Field(
-        (),
-        max_length=100_000,
-        description="share of the grains that is smaller than each of the radii, from 0 to 1",
-    )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _read(cls, data: Any, info: ValidationInfo) -> Any:
-        if not (isinstance(data, dict) and isinstance(data.get("file"), str)):
-            return data
-        refuse_both(data, "radii", "passing")
-        radius, passing = (
-            Column({"radius": 1.0, "diameter": 0.5}, RADIUS_BOUNDS),
-            Column({"passing": 1.0}, FRACTION_BOUNDS),
-        )
-        columns = read_columns(data["file"], info, radius, passing)
-        return {**data, "file": None, "radii": columns[0], "passing": columns[1]}
-
-    @field_validator("radii")
-    @classmethod
-    def _ascending(cls, radii: tuple[float, ...]) -> tuple[float, ...]:
-        require_ascending(radii, "radii")
-        if radii and radii[-1] > MAX_SIZE_RATIO * radii[0]:
-            wide = f"the last radius is more than {MAX_SIZE_RATIO:g} times the first"
-            raise Refused((), wide, "narrow the range; radii are in meters")
-        return radii
-
-    @model_validator(mode="after")
-    def _check_passing(self) -> Self:
-        if len(self.radii) < 2:
-            raise Refused(
-                (), "a table of sizes needs two rows at least", "give radii and passing, or file"
-            )
-        if len(self.passing) != len(self.radii):
-            raise Refused(
-                ("passing",),
-                f"{len(self.passing)} shares for {len(self.radii)} radii",
-                "give one per radius",
-            )
-        if self.passing[0] != 0.0 or self.passing[-1] != 1.0:
-            ends = f"passing goes from {self.passing[0]:g} to {self.passing[-1]:g}"
-            raise Refused(
-                ("passing",),
-                ends,
-                (
-                    "begin with the radius that nothing passes, 0, and end with the one that all "
-                    "pass, 1"
-                ),
-            )
-        for k in range(1, len(self.passing)):
-            if self.passing[k] < self.passing[k - 1]:
-                falls = f"passing falls from {self.passing[k - 1]:g} to {self.passing[k]:g}"
-                raise Refused(
-                    ("passing",), falls, "give the cumulated share that is smaller than each radius"
-                )
-        return self
-
-    @property
-    def smallest(self) -> float:
-        """Smallest radius [m]."""
-        return self.radii[0]
-
-    @property
-    def largest(self) -> float:
-        """Largest radius [m]."""
-        return self.radii[-1]
-
-
-AnySizes = ListSizes | UniformSizes | LognormalSizes | NormalSizes | PowerSizes | TableSizes
-Sizes = Annotated[AnySizes, Field(discriminator="kind")]
-
-
-# ---- Groups
-
-# -- How the grains of a group are placed at the start
+# ---- How the grains of a group are placed at the start
 
 MAX_FILL = 0.9069
 FilePath = Annotated[str, Field(min_length=1, max_length=4096, pattern=r"^[^\x00]+$")]
@@ -395,16 +140,13 @@ class TilePacking(Table):
         Strict(False),
     ] = Field(description="number of tiles in x and in y")
 
-    @model_validator(mode="after")
-    def _one_count(self) -> Self:
-        given = (self.tile_count is not None) + (self.tile_fill is not None)
-        if given == 2:
-            raise Refused(
-                ("tile_fill",), "both tile_count and tile_fill are given", "give one of them"
-            )
-        if given == 0 and not isinstance(self.source, LatticePacking):
-            raise Refused((), "neither tile_count nor tile_fill is given", "give one of them")
-        return self
+    def faults(self) -> Iterator[Refused]:
+        if self.tile_count is not None and self.tile_fill is not None:
+            what = "both tile_count and tile_fill are given"
+            yield Refused(("tile_fill",), what, "give one of them")
+        is_bounded = self.tile_count is not None or self.tile_fill is not None
+        if not (is_bounded or isinstance(self.source, LatticePacking)):
+            yield Refused((), "neither tile_count nor tile_fill is given", "give one of them")
 
 
 class FilePacking(Table):
@@ -446,7 +188,7 @@ Packing = Annotated[
 ]
 
 
-# -- Initial temperatures of a group of grains
+# ---- Initial temperatures of a group of grains
 
 MAX_VALUES = 100_000
 """Most temperatures in the scenario file itself; more go into a file of their own."""
@@ -530,14 +272,11 @@ Temperature = Annotated[
     | Annotated[RegionsTemperature, Tag("<regions>")]
     | Annotated[ValuesTemperature, Tag("<values>")]
     | Annotated[FileTemperature, Tag("<file>")],
-    one_of("a temperature is a number or a table with", "gradient", "regions", "values", "file"),
+    one_of("a temperature is a number or a table with", "gradient, regions, values, file"),
 ]
-AnyTemperature = (
-    float | GradientTemperature | RegionsTemperature | ValuesTemperature | FileTemperature
-)
 
 
-# -- How grains come and go: releases of groups, and outlets
+# ---- How grains come and go: releases of groups, and outlets
 
 Rate = Annotated[float, Field(gt=0.0, le=1e12)]
 
@@ -557,17 +296,12 @@ class Release(Table):
     )
     start: float = Field(0.0, ge=0.0, le=1e12, description="time of the first release [s]")
 
-    @model_validator(mode="after")
-    def _one_rate(self) -> Self:
-        given = [key for key in ("rate", "mass_rate") if getattr(self, key) is not None]
-        if len(given) != 1:
-            what = (
-                "both rate and mass_rate are given"
-                if given
-                else "neither rate nor mass_rate is given"
-            )
-            raise Refused((), what, "give one of them: grains per second, or kilograms per second")
-        return self
+    def faults(self) -> Iterator[Refused]:
+        if (self.rate is None) == (self.mass_rate is None):
+            has = "neither rate nor mass_rate is given"
+            if self.rate is not None:
+                has = "both rate and mass_rate are given"
+            yield Refused((), has, "give one of them: grains per second, or kilograms per second")
 
 
 class Outlet(Table):
@@ -586,13 +320,10 @@ class Outlet(Table):
     )
 
 
-# -- Going on from another run: where grains start, and what groups they belong to
+# ---- Going on from another run: where grains start, and what groups they belong to
 
 RECORD = "scenario.resolved.toml"
 """The scenario of a run in its directory, with all defaults."""
-
-KIND = "start"
-"""Kind of packing of the groups whose grains come from the run of ``[start]``."""
 
 _KEPT = ("name", "material", "shape", "thickness", "sizes")
 """What a group is; the other keys said how its grains were placed."""
@@ -617,11 +348,9 @@ class Start(Table):
         description="index of a frame of the run to go on from; -1 is the last one",
     )
 
-    @model_validator(mode="after")
-    def _one_moment(self) -> Self:
+    def faults(self) -> Iterator[Refused]:
         if self.at is not None and self.frame is not None:
-            raise Refused(("frame",), 'both at = "end" and frame are given', "give one of them")
-        return self
+            yield Refused(("frame",), 'both at = "end" and frame are given', "give one of them")
 
 
 def take_groups(document: dict[str, Any], directory: Path) -> bool:
@@ -633,23 +362,20 @@ def take_groups(document: dict[str, Any], directory: Path) -> bool:
     start = document.get("start")
     if not isinstance(start, dict) or "particles" in document:
         return False
-    path = start.get("run")
-    document["particles"] = _groups_of(directory / path) if isinstance(path, str) else []
+    document["particles"] = []
+    if isinstance(path := start.get("run"), str):
+        try:
+            text = read_regular(directory / path / RECORD, LARGEST_RECORD).decode()
+            document["particles"] = [
+                {key: group[key] for key in _KEPT if key in group} | {"packing": {"kind": "start"}}
+                for group in tomllib.loads(text)["particles"]
+            ]
+        except (OSError, ValueError, RecursionError, LookupError, TypeError):
+            pass
     return True
 
 
-def _groups_of(run: Path) -> list[dict[str, Any]]:
-    try:
-        groups = tomllib.loads(read_regular(run / RECORD, LARGEST_RECORD).decode())["particles"]
-        return [
-            {key: group[key] for key in _KEPT if key in group} | {"packing": {"kind": KIND}}
-            for group in groups
-        ]
-    except (OSError, ValueError, RecursionError, LookupError, TypeError):
-        return []
-
-
-# -- Groups
+# ---- Groups
 
 
 class ParticleGroup(Table):
@@ -736,78 +462,46 @@ class ParticleGroup(Table):
         """Whether the packing tells the number of grains and their radii (from a file or a run)."""
         return isinstance(self.packing, FilePacking | RunPacking | StartPacking)
 
-    @model_validator(mode="after")
-    def _check_release(self) -> Self:
+    def faults(self) -> Iterator[Refused]:
+        yield from self._faults_of_coming()
+        if self.shape == "disc" and self.thickness is None:
+            yield Refused((), "discs need a thickness", "add thickness [m]")
+        if self.shape == "sphere" and self.thickness is not None:
+            remedy = 'remove it, or use shape = "disc"'
+            yield Refused(("thickness",), "spheres have no thickness", remedy)
+        if not self.brings_grains and self.sizes is None:
+            remedy = 'add sizes, as { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }'
+            yield Refused((), "the sizes of the grains are missing", remedy)
+        for key in ("region",) if isinstance(self.packing, StartPacking) else ("sizes", "region"):
+            if self.brings_grains and getattr(self, key) is not None:
+                yield Refused((key,), f"{key} {self._is_unused}", f"remove {key}")
+        yield from self._faults_of_number()
+
+    @property
+    def _is_unused(self) -> str:
+        return f'has no meaning for packing kind = "{getattr(self.packing, "kind", "")}"'
+
+    def _faults_of_coming(self) -> Iterator[Refused]:
         if self.packing is None and self.release is None:
-            raise Refused(
-                ("packing",),
-                "the group has no packing",
-                'add packing = { kind = "random" }, or a release',
-            )
+            remedy = 'add packing = { kind = "random" }, or a release'
+            yield Refused(("packing",), "the group has no packing", remedy)
         if self.release is not None and self.shear_rate:
             what = "grains are released with one velocity, but shear_rate gives each height its own"
-            raise Refused(("shear_rate",), what, "remove shear_rate, or release")
-        for key in ("region", "fill"):
+            yield Refused(("shear_rate",), what, "remove shear_rate, or release")
+        for key, remedy in (("region", "give release.region"), ("fill", "give count")):
             if self.packing is None and getattr(self, key) is not None:
-                remedy = "give release.region" if key == "region" else "give count"
-                raise Refused(
-                    (key,), f"{key} has no meaning for grains that wait for their release", remedy
-                )
-        return self
+                what = f"{key} has no meaning for grains that wait for their release"
+                yield Refused((key,), what, remedy)
 
-    @model_validator(mode="after")
-    def _check_thickness(self) -> Self:
-        if self.shape == "disc" and self.thickness is None:
-            raise Refused((), "discs need a thickness", "add thickness [m]")
-        if self.shape == "sphere" and self.thickness is not None:
-            raise Refused(
-                ("thickness",), "spheres have no thickness", 'remove it, or use shape = "disc"'
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _check_sizes(self) -> Self:
-        if not self.brings_grains and self.sizes is None:
-            raise Refused(
-                (),
-                "the sizes of the grains are missing",
-                'add sizes, as { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }',
-            )
-        for key in ("region",) if isinstance(self.packing, StartPacking) else ("sizes", "region"):
-            if self.packing is not None and self.brings_grains and getattr(self, key) is not None:
-                raise Refused(
-                    (key,),
-                    f'{key} has no meaning for packing kind = "{self.packing.kind}"',
-                    f"remove {key}",
-                )
-        return self
-
-    @model_validator(mode="after")
-    def _check_count(self) -> Self:
+    def _faults_of_number(self) -> Iterator[Refused]:
         given = [key for key in ("count", "fill") if getattr(self, key) is not None]
         if len(given) == 2:
-            raise Refused(("fill",), "both count and fill are given", "give one of them")
-        if (
-            given
-            and self.packing is not None
-            and (self.brings_grains or isinstance(self.packing, TilePacking))
-        ):
-            remedy = (
-                "use tile_count or tile_fill of the packing"
-                if isinstance(self.packing, TilePacking)
-                else "remove it"
-            )
-            raise Refused(
-                (given[0],),
-                f'{given[0]} has no meaning for packing kind = "{self.packing.kind}"',
-                remedy,
-            )
-        if not given and not (
-            self.brings_grains or isinstance(self.packing, TilePacking | LatticePacking)
-        ):
-            raise Refused(
-                (),
-                "neither count nor fill is given",
-                "give the number of grains or the area fraction of the region",
-            )
-        return self
+            yield Refused(("fill",), "both count and fill are given", "give one of them")
+        is_tile = isinstance(self.packing, TilePacking)
+        if given and (self.brings_grains or is_tile):
+            remedy = "use tile_count or tile_fill of the packing" if is_tile else "remove it"
+            yield Refused((given[0],), f"{given[0]} {self._is_unused}", remedy)
+        fills = self.brings_grains or isinstance(self.packing, TilePacking | LatticePacking)
+        if not given and not fills:
+            remedy = "give the number of grains or the area fraction of the region"
+            yield Refused((), "neither count nor fill is given", remedy)

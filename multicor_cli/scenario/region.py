@@ -20,11 +20,8 @@ def above_min(corner: tuple[float, float], info: ValidationInfo) -> tuple[float,
     """The corner ``max`` of a rectangle if it is above and to the right of ``min``."""
     low = info.data.get("min")
     if low is not None and not (corner[0] > low[0] and corner[1] > low[1]):
-        raise Refused(
-            (),
-            f"max = {list(corner)} is not above and to the right of min = {list(low)}",
-            "swap the corners",
-        )
+        what = f"max = {list(corner)} is not above and to the right of min = {list(low)}"
+        raise Refused((), what, "swap the corners")
     return corner
 
 
@@ -90,7 +87,6 @@ class RectangleRegion(Region):
     _above_min = field_validator("max")(above_min)
 
     def area(self) -> Rectangle:
-        """The rectangle."""
         return Rectangle(self.min, self.max)
 
 
@@ -102,7 +98,6 @@ class CircleRegion(Region):
     radius: Length = Field(description="radius [m]")
 
     def area(self) -> Annulus:
-        """The disc."""
         return Annulus(self.center, self.radius)
 
     def __str__(self) -> str:
@@ -122,13 +117,11 @@ class AnnulusRegion(Region):
     def _above_inner(cls, outer: float, info: ValidationInfo) -> float:
         inner = info.data.get("inner")
         if inner is not None and outer <= inner:
-            raise Refused(
-                (), f"outer = {outer:g} is not larger than inner = {inner:g}", "swap the two radii"
-            )
+            what = f"outer = {outer:g} is not larger than inner = {inner:g}"
+            raise Refused((), what, "swap the two radii")
         return outer
 
     def area(self) -> Annulus:
-        """The annulus."""
         return Annulus(self.center, self.outer, self.inner)
 
     @property
@@ -151,7 +144,6 @@ class PolygonRegion(Region):
     _simple = field_validator("points")(simple_polygon)
 
     def area(self) -> Polygon:
-        """The polygon."""
         return Polygon(np.array(self.points))
 
     def __str__(self) -> str:

@@ -7,18 +7,24 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import tomli_w
 from pydantic import ConfigDict, Field
 
 from multicor_cli.scenario.documents import to_document, to_override
-from multicor_cli.scenario.drives import StageDrives, stage_drives
 from multicor_cli.scenario.load import read_tables, read_text
-from multicor_cli.scenario.loading import KeptCondition, frozen_dt, resolve_conditions
 from multicor_cli.scenario.materials import ContactPair
-from multicor_cli.scenario.model import ScenarioModel
-from multicor_cli.scenario.particles import AnySizes
 from multicor_cli.scenario.problems import Refused, ScenarioError
 from multicor_cli.scenario.settings import Solver
+from multicor_cli.scenario.sizes import Sizes
 from multicor_cli.scenario.sources import Sources
+from multicor_cli.scenario.stage_drives import (
+    KeptCondition,
+    StageDrives,
+    resolve_conditions,
+    stage_drives,
+)
+from multicor_cli.scenario.stages import frozen_dt
+from multicor_cli.scenario.tables import ScenarioModel
 from multicor_cli.scenario.walls import Wall
 from multicor_cli.text import count_noun
 
@@ -137,7 +143,7 @@ class Scenario(ScenarioModel):
                 )
         return law
 
-    def glued_sizes(self, wall: Wall) -> AnySizes | None:
+    def glued_sizes(self, wall: Wall) -> Sizes | None:
         """Sizes of the glued grains of a wall; ``None`` if it has no glued grains."""
         glued = wall.geometry.glued()
         if glued is None:
@@ -189,8 +195,6 @@ class Scenario(ScenarioModel):
 
     def resolved_toml(self) -> str:
         """What `as_dict` holds, as TOML; loads back to an equal scenario."""
-        import tomli_w
-
         return tomli_w.dumps(self.as_dict())
 
     def __eq__(self, other: object) -> bool:

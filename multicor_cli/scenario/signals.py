@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Self
+from collections.abc import Iterator
+from typing import Annotated
 
-from pydantic import Field, Strict, Tag, ValidationInfo, field_validator, model_validator
+from pydantic import Field, Strict, Tag, field_validator
 
 from multicor_cli.arithmetic import sin
 from multicor_cli.scenario.base import (
@@ -15,10 +16,9 @@ from multicor_cli.scenario.base import (
     Table,
     Time,
     Vector,
+    ascending,
+    columns_of_file,
     one_of,
-    read_columns,
-    refuse_both,
-    require_ascending,
 )
 from multicor_cli.scenario.problems import Refused
 
@@ -47,16 +47,12 @@ class SineWave(Table):
         0.0, description="angle of the sine at the start of the stage [rad]"
     )
 
-    @model_validator(mode="after")
-    def _one_rate(self) -> Self:
+    def faults(self) -> Iterator[Refused]:
         if (self.period is None) == (self.frequency is None):
-            both = (
-                "both period and frequency are given"
-                if self.period is not None
-                else "neither period nor frequency is given"
-            )
-            raise Refused((), both, "give one of them: period [s] or frequency [1/s]")
-        return self
+            both = "neither period nor frequency is given"
+            if self.period is not None:
+                both = "both period and frequency are given"
+            yield Refused((), both, "give one of them: period [s] or frequency [1/s]")
 
     @property
     def cycle(self) -> float:
@@ -89,37 +85,17 @@ class TableSignal(Table):
         (), max_length=100_000, description="value at each of the times"
     )
 
-    @model_validator(mode="before")
-    @classmethod
-    def _read(cls, data: Any, info: ValidationInfo) -> Any:
-        if not (isinstance(data, dict) and isinstance(data.get("file"), str)):
-            return data
-        refuse_both(data, "times", "values")
-        times, values = read_columns(
-            data["file"],
-            info,
-            Column({"time": 1.0}, TIME_BOUNDS),
-            Column({"value": 1.0}, NUMBER_BOUNDS),
-        )
-        return {**data, "file": None, "times": times, "values": values}
+    _read = columns_of_file(
+        times=Column({"time": 1.0}, TIME_BOUNDS), values=Column({"value": 1.0}, NUMBER_BOUNDS)
+    )
+    _ascending = field_validator("times")(ascending("times"))
 
-    @field_validator("times")
-    @classmethod
-    def _ascending(cls, times: tuple[float, ...]) -> tuple[float, ...]:
-        require_ascending(times, "times")
-        return times
-
-    @model_validator(mode="after")
-    def _same_length(self) -> Self:
+    def faults(self) -> Iterator[Refused]:
         if not self.times:
-            raise Refused((), "a table needs one row at least", "give times and values, or file")
+            yield Refused((), "a table needs one row at least", "give times and values, or file")
         if len(self.times) != len(self.values):
-            raise Refused(
-                ("values",),
-                f"{len(self.values)} values for {len(self.times)} times",
-                "give one value per time",
-            )
-        return self
+            what = f"{len(self.values)} values for {len(self.times)} times"
+            yield Refused(("values",), what, "give one value per time")
 
 
 Signal = Annotated[
@@ -129,24 +105,20 @@ Signal = Annotated[
     | Annotated[TableSignal, Tag("<times>")],
     one_of(
         "a signal is a number or a table with",
-        "ramp",
-        "sine",
-        "times",
-        "file",
+        "ramp, sine, times, file",
         tags={"file": "times"},
     ),
 ]
-AnySignal = float | RampSignal | SineSignal | TableSignal
 
 
-def first_level(signal: AnySignal) -> float:
+def first_level(signal: Signal) -> float:
     """Value of a signal at the time 0."""
     if isinstance(signal, SineSignal):
         return signal.sine.mean + signal.sine.amplitude * sin(signal.sine.phase)
     return levels(signal)[0]
 
 
-def levels(signal: AnySignal) -> tuple[float, ...]:
+def levels(signal: Signal) -> tuple[float, ...]:
     """Values that tell whether a signal is always zero; last the one where it ends, if it does."""
     if isinstance(signal, RampSignal):
         return signal.ramp

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Iterator
-from typing import Annotated, Literal, NamedTuple, Self
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from pydantic import (
@@ -21,7 +21,6 @@ from pydantic import (
     Tag,
     ValidationInfo,
     field_validator,
-    model_validator,
 )
 
 from multicor_cli.arithmetic import hypot
@@ -39,11 +38,12 @@ from multicor_cli.scenario.base import (
     Vector,
     tag_table,
 )
-from multicor_cli.scenario.loading import WallCondition
-from multicor_cli.scenario.particles import ParticleGroup, Sizes
+from multicor_cli.scenario.drives import WallCondition
+from multicor_cli.scenario.particles import ParticleGroup
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.region import MAX_CORNERS, Corners, above_min, simple_polygon
 from multicor_cli.scenario.settings import Domain
+from multicor_cli.scenario.sizes import Sizes
 
 # ---- Where grains are glued: in a row on a line, in a ring along a circle, or along a polygon
 
@@ -177,12 +177,12 @@ class WallGeometry(Table):
             return False
         body, half = self.body(domain), 0.5 * domain.period
         for _, outline in outlines(body.kind, body.geometry):
-            reach = max(hypot(*point) for point in outline.points.reshape(-1, 2).tolist())
+            extent = max(hypot(*point) for point in outline.points.reshape(-1, 2).tolist())
             # A line of one period is joined to its image; a circle of that width is not.
             if outline.radius is None:
-                spans = reach >= half * (1.0 - 1e-9)
+                spans = extent >= half * (1.0 - 1e-9)
             else:
-                spans = reach + float(outline.radius.max()) > half * (1.0 + 1e-9)
+                spans = extent + float(outline.radius.max()) > half * (1.0 + 1e-9)
             if spans:
                 return True
         return False
@@ -193,13 +193,30 @@ class WallGeometry(Table):
         return None
 
 
+def _too_wide(
+    domain: Domain, width: float, key: str, what: str, remedy: str = ""
+) -> Iterator[Refused]:
+    """What does not fit into the period, as ``what`` says."""
+    if domain.periodic and width > domain.size[0]:
+        remedy = remedy or "make it smaller, or use periodic = false"
+        yield Refused((key,), f"{what} the period of {domain.size[0]:g} m", remedy)
+
+
 # ---- Solid bodies among the grains, and containers around them
 
 _TOUCHING = 1e-6  # overlap over the smaller radius that rounded numbers give discs that touch
-_ELSEWHERE = "make it smaller, or use periodic = false"
 
 
-class DiscGeometry(WallGeometry):
+class _Discs(WallGeometry):
+    def room(self, discs: Floats) -> Room:
+        return Room(outside=(Discs(discs),))
+
+    @property
+    def substance(self) -> Substance | None:
+        return "discs"
+
+
+class DiscGeometry(_Discs):
     """A solid disc with the grains outside: an intruder, an inner cylinder."""
 
     kind: Literal["disc"]
@@ -214,38 +231,19 @@ class DiscGeometry(WallGeometry):
     )
 
     def body(self, domain: Domain) -> WallBody:
-        """The disc; a load spreads over its circumference."""
         smooth = WallBody.empty(self.center, 2.0 * math.pi * self.radius)
         return smooth.with_shapes(ShapeKind.DISC, [(0.0, 0.0, self.radius, 0.0)])
 
     def glued(self, domain: Domain | None = None) -> Glued | None:
-        """A ring of them, if it is rough."""
-        return (
-            None
-            if self.rough is None
-            else Glued(Ring(self.center, self.radius, is_outside=True), self.rough, "rough")
-        )
+        ring = Ring(self.center, self.radius, is_outside=True)
+        return None if self.rough is None else Glued(ring, self.rough, "rough")
 
     def misfits(self, domain: Domain) -> Iterator[Refused]:
-        """It fits into the period."""
-        if domain.periodic and 2.0 * self.radius > domain.size[0]:
-            what = (
-                f"the disc of radius {self.radius:g} m is wider than the period of "
-                f"{domain.size[0]:g} m"
-            )
-            yield Refused(("radius",), what, _ELSEWHERE)
-
-    def room(self, discs: Floats) -> Room:
-        """All that lies outside."""
-        return Room(outside=(Discs(discs),))
-
-    @property
-    def substance(self) -> Substance:
-        """The disc, and what is glued to it."""
-        return "discs"
+        what = f"the disc of radius {self.radius:g} m is wider than"
+        yield from _too_wide(domain, 2.0 * self.radius, "radius", what)
 
 
-class ClusterGeometry(WallGeometry):
+class ClusterGeometry(_Discs):
     """Grains glued to each other, anywhere: one grain to be driven, a tracer, a rigid cluster."""
 
     kind: Literal["cluster"]
@@ -265,9 +263,8 @@ class ClusterGeometry(WallGeometry):
         seen: set[tuple[float, float]] = set()
         for k, (x, y, _) in enumerate(discs):
             if (x, y) in seen:
-                raise Refused(
-                    (k,), f"two grains have their centers at {[x, y]}", "remove one of them"
-                )
+                what = f"two grains have their centers at {[x, y]}"
+                raise Refused((k,), what, "remove one of them")
             seen.add((x, y))
         return discs
 
@@ -282,32 +279,20 @@ class ClusterGeometry(WallGeometry):
         )
 
     def misfits(self, domain: Domain) -> Iterator[Refused]:
-        """It fits into the period."""
         low, high = Discs(np.array(self.discs)).corners()[:, 0].tolist()
-        if domain.periodic and high - low > domain.size[0]:
-            what = (
-                f"the cluster is {high - low:g} m wide, more than the period of "
-                f"{domain.size[0]:g} m"
-            )
-            yield Refused(("discs",), what, _ELSEWHERE)
-
-    def room(self, discs: Floats) -> Room:
-        """All that lies outside."""
-        return Room(outside=(Discs(discs),))
+        what = f"the cluster is {high - low:g} m wide, more than"
+        yield from _too_wide(domain, high - low, "discs", what)
 
     @property
     def substance(self) -> Substance | None:
         """Its grains; unless they overlap, so that their sum counts parts twice."""
-        return None if self._overlaps() else "discs"
-
-    def _overlaps(self) -> bool:
         x, y, radius = np.array(self.discs).T
         for k in range(len(radius) - 1):
             dx, dy, near = x[k + 1 :] - x[k], y[k + 1 :] - y[k], radius[k + 1 :] + radius[k]
             slack = _TOUCHING * np.minimum(radius[k + 1 :], radius[k])
             if (dx * dx + dy * dy < (near - slack) * (near - slack)).any():
-                return True
-        return False
+                return None
+        return "discs"
 
 
 class PolygonGeometry(WallGeometry):
@@ -336,11 +321,8 @@ class PolygonGeometry(WallGeometry):
         """The polygon, solid on the left of each side: clockwise if grains are inside."""
         polygon = Polygon(np.array(self.points))
         is_left = polygon.signed_size > 0.0
-        return (
-            polygon
-            if is_left == (self.grains == "outside")
-            else Polygon(polygon.points[::-1].copy())
-        )
+        is_right = is_left == (self.grains == "outside")
+        return polygon if is_right else Polygon(polygon.points[::-1].copy())
 
     def body(self, domain: Domain) -> WallBody:
         """A side between corners and a vertex at each, around the center of area."""
@@ -351,22 +333,15 @@ class PolygonGeometry(WallGeometry):
         )
 
     def glued(self, domain: Domain | None = None) -> Glued | None:
-        """A row along each side, if it is rough."""
         return None if self.rough is None else Glued(Sides(self.area()), self.rough, "rough")
 
     def misfits(self, domain: Domain) -> Iterator[Refused]:
-        """It fits into the period however it is turned."""
         polygon = self.area()
         width = 2.0 * max(hypot(*away) for away in (polygon.points - polygon.centroid).tolist())
-        if domain.periodic and width > domain.size[0]:
-            what = (
-                f"the polygon is {width:g} m wide when it is turned, more than the period of "
-                f"{domain.size[0]:g} m"
-            )
-            yield Refused(("points",), what, _ELSEWHERE)
+        what = f"the polygon is {width:g} m wide when it is turned, more than"
+        yield from _too_wide(domain, width, "points", what)
 
     def room(self, discs: Floats) -> Room:
-        """All that lies outside, or inside."""
         room = Room().without(Discs(discs)) if len(discs) else Room()
         return room.without(self.area()) if self.grains == "outside" else room.within(self.area())
 
@@ -405,11 +380,8 @@ class PlaneGeometry(WallGeometry):
     @classmethod
     def _not_zero(cls, normal: tuple[float, float]) -> tuple[float, float]:
         if hypot(*normal) < 1e-9:
-            raise Refused(
-                (),
-                f"the normal {list(normal)} has no direction",
-                "give a direction towards the grains, as [0, 1]",
-            )
+            what = f"the normal {list(normal)} has no direction"
+            raise Refused((), what, "give a direction towards the grains, as [0, 1]")
         return normal
 
     def body(self, domain: Domain) -> WallBody:
@@ -425,12 +397,10 @@ class PlaneGeometry(WallGeometry):
             yield Refused(("normal",), what, "use [0, 1] or [0, -1], or periodic = false")
 
     def spans_period(self, domain: Domain) -> bool:
-        """In a periodic domain it does."""
         return domain.periodic
 
     @property
     def height(self) -> float:
-        """Height of its point [m]."""
         return self.point[1]
 
 
@@ -455,37 +425,30 @@ class RoughGeometry(WallGeometry):
     @classmethod
     def _has_length(cls, end: tuple[float, float], info: ValidationInfo) -> tuple[float, float]:
         if end == info.data.get("start"):
-            raise Refused(
-                (), f"the line begins and ends at {list(end)}", "give two different points"
-            )
+            what = f"the line begins and ends at {list(end)}"
+            raise Refused((), what, "give two different points")
         return end
 
     def body(self, domain: Domain) -> WallBody:
-        """No shapes but the glued grains."""
         row = self._row(domain)
         return WallBody.empty(row.middle, row.length)
 
     def glued(self, domain: Domain | None = None) -> Glued:
-        """A row of them."""
         return Glued(self._row(domain), self.sizes, "sizes")
 
     def _row(self, domain: Domain | None) -> Row:
         start, end, is_left = self.start, self.end, self.side == "left"
         way = end[0] - start[0]
         is_level = abs(end[1] - start[1]) <= _LEVEL * abs(way)
-        if (
-            domain is None
-            or not is_level
-            or not domain.is_spanned(min(start[0], end[0]), max(start[0], end[0]))
-        ):
+        left, right = min(start[0], end[0]), max(start[0], end[0])
+        if domain is None or not is_level or not domain.is_spanned(left, right):
             return Row(start, end, is_left, is_closed=False)
         # Exactly, so that the last glued grain touches the first.
         end = start[0] + math.copysign(domain.period, way), start[1]
         return Row(start, end, is_left, is_closed=True)
 
     def spans_period(self, domain: Domain) -> bool:
-        """As a rule it does."""
-        return domain.periodic
+        return domain.periodic  # as a rule
 
     @property
     def height(self) -> float:
@@ -513,11 +476,8 @@ class BoxGeometry(WallGeometry):
         if len(set(sides)) != len(sides):
             raise Refused((), f"a side is named twice in {list(sides)}", "name each open side once")
         if len(sides) == 4:
-            raise Refused(
-                (),
-                "all four sides are open: nothing is left of the box",
-                "remove the wall or close a side",
-            )
+            what = "all four sides are open: nothing is left of the box"
+            raise Refused((), what, "remove the wall or close a side")
         return sides
 
     def body(self, domain: Domain) -> WallBody:
@@ -565,26 +525,16 @@ class CircleGeometry(WallGeometry):
     )
 
     def body(self, domain: Domain) -> WallBody:
-        """The smooth circle."""
         smooth = WallBody.empty(self.center, 2.0 * math.pi * self.radius)
         return smooth.with_shapes(ShapeKind.CIRCLE, [(0.0, 0.0, self.radius, 0.0)])
 
     def glued(self, domain: Domain | None = None) -> Glued | None:
-        """A ring of them, if it is rough."""
-        return (
-            None
-            if self.rough is None
-            else Glued(Ring(self.center, self.radius), self.rough, "rough")
-        )
+        ring = Ring(self.center, self.radius)
+        return None if self.rough is None else Glued(ring, self.rough, "rough")
 
     def misfits(self, domain: Domain) -> Iterator[Refused]:
-        """It fits into the period."""
-        if domain.periodic and 2.0 * self.radius > domain.size[0]:
-            what = (
-                f"the circle of radius {self.radius:g} m is wider than the period of "
-                f"{domain.size[0]:g} m"
-            )
-            yield Refused(("radius",), what, "use periodic = false")
+        what = f"the circle of radius {self.radius:g} m is wider than"
+        yield from _too_wide(domain, 2.0 * self.radius, "radius", what, "use periodic = false")
 
 
 class PolylineGeometry(WallGeometry):
@@ -601,20 +551,14 @@ class PolylineGeometry(WallGeometry):
     def _distinct(cls, points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
         for k in range(1, len(points)):
             if points[k] == points[k - 1]:
-                raise Refused(
-                    (k,), f"the point {list(points[k])} follows itself", "remove one of the two"
-                )
+                what = f"the point {list(points[k])} follows itself"
+                raise Refused((k,), what, "remove one of the two")
         return points
 
-    @model_validator(mode="after")
-    def _closable(self) -> Self:
+    def faults(self) -> Iterator[Refused]:
         if self.closed and (len(self.points) < 3 or self.points[0] == self.points[-1]):
-            raise Refused(
-                ("points",),
-                "a closed line needs three corners, and the first is not repeated at the end",
-                "remove the last point or closed = true",
-            )
-        return self
+            what = "a closed line needs three corners, and the first is not repeated at the end"
+            yield Refused(("points",), what, "remove the last point or closed = true")
 
     def body(self, domain: Domain) -> WallBody:
         """A line around the mean of its points; a load spreads over its length."""

@@ -25,9 +25,9 @@ from multicor_cli.post.rheology import rheology
 from multicor_cli.post.source import Selection
 from multicor_cli.post.sums import Sums, average
 from multicor_cli.post.theta_eta import theta_eta
-from multicor_cli.scenario.loading import UntilStrain
 from multicor_cli.scenario.problems import KeyPath, Refused
 from multicor_cli.scenario.scenario import Scenario
+from multicor_cli.scenario.stages import UntilStrain
 from multicor_cli.scenario.translate import did_you_mean
 from multicor_cli.store.atomic import commit_bytes
 from multicor_cli.store.documents import SIZE_LIMIT

@@ -89,7 +89,7 @@ KERNELS = {
     "multicor_cli.engine.step",
 }
 SCENARIOS = {
-    "multicor_cli.scenario.models",
+    "multicor_cli.scenario.tables",
     "multicor_cli.running.plan",
     "multicor_cli.packing.assembly",
 }

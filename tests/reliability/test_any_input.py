@@ -31,8 +31,8 @@ from multicor_cli.running.plan import begin_stage
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine
 from multicor_cli.scenario import parse_scenario
-from multicor_cli.scenario.model import scenario_schema
 from multicor_cli.scenario.problems import ScenarioError
+from multicor_cli.scenario.tables import scenario_schema
 
 SOON = 1.0
 """Time in which a scenario is checked [s]."""

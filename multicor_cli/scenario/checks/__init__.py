@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from multicor_cli.scenario.checks import grains, laws, stages
-from multicor_cli.scenario.model import PartialScenario
 from multicor_cli.scenario.problems import Refused
+from multicor_cli.scenario.tables import PartialScenario
 
 __all__ = ["check_all"]
 

@@ -6,9 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from multicor_cli.model.model import LEAST_DIAMETERS
-from multicor_cli.scenario.model import PartialScenario
 from multicor_cli.scenario.particles import (
-    AnySizes,
     CompactedPacking,
     DepositedPacking,
     GradientTemperature,
@@ -21,6 +19,8 @@ from multicor_cli.scenario.particles import (
 from multicor_cli.scenario.problems import KeyPath, Refused, name_list, show
 from multicor_cli.scenario.region import RectangleRegion, Region
 from multicor_cli.scenario.settings import Domain
+from multicor_cli.scenario.sizes import Sizes
+from multicor_cli.scenario.tables import PartialScenario
 from multicor_cli.scenario.translate import did_you_mean
 from multicor_cli.scenario.walls import Glued, Wall
 
@@ -339,7 +339,7 @@ def _check_borrowed(
         yield from _check_room(path, glued, group.sizes)
 
 
-def _check_room(path: KeyPath, glued: Glued, sizes: AnySizes) -> Iterator[Refused]:
+def _check_room(path: KeyPath, glued: Glued, sizes: Sizes) -> Iterator[Refused]:
     """Glued grains fit on the wall, in a number that makes sense."""
     place, diameter = glued.place, 2.0 * sizes.largest
     remedy = "give radii and points in meters"

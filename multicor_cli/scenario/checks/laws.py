@@ -5,17 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import combinations_with_replacement
 
-from multicor_cli.scenario.loading import AnyCondition, FlowCondition, TemperatureCondition
-from multicor_cli.scenario.materials import (
-    MAX_MATERIALS,
-    ContactPair,
-    Heat,
-    Material,
-    Need,
-    PairFriction,
-)
-from multicor_cli.scenario.model import PartialScenario
+from multicor_cli.scenario.drives import FlowCondition, TemperatureCondition, WallCondition
+from multicor_cli.scenario.heat import Heat
+from multicor_cli.scenario.materials import MAX_MATERIALS, ContactPair, Material, Need, PairFriction
 from multicor_cli.scenario.problems import KeyPath, Refused, name_list, show
+from multicor_cli.scenario.tables import PartialScenario
 from multicor_cli.scenario.translate import did_you_mean
 
 # ---- Materials and contact laws
@@ -269,7 +263,7 @@ def _check_conditions(tables: PartialScenario, heat: Heat) -> Iterator[Refused]:
             yield Refused((*path, "temperature"), what, "let contacts conduct, or remove it")
 
 
-def _conditions(tables: PartialScenario) -> Iterator[tuple[KeyPath, AnyCondition]]:
+def _conditions(tables: PartialScenario) -> Iterator[tuple[KeyPath, WallCondition]]:
     for k, wall in enumerate(tables.walls):
         if wall and wall.thermal:
             yield ("walls", k, "thermal"), wall.thermal

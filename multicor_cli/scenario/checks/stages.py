@@ -6,22 +6,24 @@ import math
 from collections.abc import Iterator
 
 from multicor_cli.scenario.checks.grains import double_names
-from multicor_cli.scenario.drives import DOF_NAMES, WallDofs, resolve_dofs
-from multicor_cli.scenario.loading import (
+from multicor_cli.scenario.drives import (
     LoadDof,
-    Stage,
     TiltedGravityTable,
+    is_prescribed,
+    keeps_moving,
+    moves,
+)
+from multicor_cli.scenario.problems import KeyPath, Refused, name_list, show
+from multicor_cli.scenario.stage_drives import DOF_NAMES, WallDofs, resolve_dofs
+from multicor_cli.scenario.stages import (
+    Stage,
     UntilAxialStrain,
     UntilDisplacement,
     UntilStrain,
     frozen_dt,
-    is_prescribed,
-    keeps_moving,
-    moves,
     walls_of,
 )
-from multicor_cli.scenario.model import PartialScenario
-from multicor_cli.scenario.problems import KeyPath, Refused, name_list, show
+from multicor_cli.scenario.tables import PartialScenario
 from multicor_cli.scenario.translate import did_you_mean
 from multicor_cli.scenario.walls import Wall, prism_height
 

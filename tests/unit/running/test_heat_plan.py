@@ -21,7 +21,7 @@ from multicor_cli.packing import build
 from multicor_cli.running.plan import heat_settings, laws_of_scenario, wall_heat
 from multicor_cli.running.planning import make_plan
 from multicor_cli.scenario import ScenarioError, parse_scenario
-from multicor_cli.scenario.materials import Heat, MechanismTable
+from multicor_cli.scenario.heat import Heat, MechanismTable
 from multicor_cli.scenario.settings import Solver
 
 GLASS, STEEL, SPARE = range(3)

@@ -15,7 +15,7 @@ from multicor_cli.engine.motion.drives import (
     WallDrive,
 )
 from multicor_cli.scenario import parse_scenario
-from multicor_cli.scenario.drives import NEVER
+from multicor_cli.scenario.stage_drives import NEVER
 
 SCENARIO = parse_scenario(SHEAR, "shear.toml")
 BOTTOM, TOP, PADDLE = range(3)

@@ -13,7 +13,7 @@ from multicor_cli.scenario import (
     scenario_schema,
     schema_text,
 )
-from multicor_cli.scenario.model import ScenarioModel
+from multicor_cli.scenario.tables import ScenarioModel
 from multicor_cli.scenario.templates import COOKBOOK, template_table
 
 SCHEMA_FILE = ROOT / "schema" / "multicor.schema.json"

@@ -9,17 +9,18 @@ from __future__ import annotations
 import itertools
 import json
 from dataclasses import dataclass
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
 from pydantic import Field, Strict, ValidationError, ValidationInfo, field_validator
 
 from multicor_cli.scenario.base import CHANGEABLE, Name, Table
 from multicor_cli.scenario.expressions import Variable, VariableName
-from multicor_cli.scenario.loading import Stage
-from multicor_cli.scenario.materials import MAX_MATERIALS, ContactPair, Heat, Material
+from multicor_cli.scenario.heat import Heat
+from multicor_cli.scenario.materials import MAX_MATERIALS, ContactPair, Material
 from multicor_cli.scenario.particles import Outlet, ParticleGroup, Start
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.settings import Domain, Header, Output, Solver
+from multicor_cli.scenario.stages import Stage
 from multicor_cli.scenario.translate import without_unknown_keys
 from multicor_cli.scenario.walls import Wall
 from multicor_cli.text import unwrapped
@@ -82,8 +83,22 @@ class ScenarioModel(Table):
 
 # ---- The tables that are valid on their own: a wrong one must not hide what is wrong elsewhere
 
-T = TypeVar("T", bound=Table)
 Context = dict[str, Any]
+
+_TABLES: dict[str, type[Table]] = {
+    "domain": Domain,
+    "heat": Heat,
+    "solver": Solver,
+    "output": Output,
+}
+_ARRAYS: dict[str, type[Table]] = {
+    "contacts": ContactPair,
+    "particles": ParticleGroup,
+    "walls": Wall,
+    "outlets": Outlet,
+    "loading": Stage,
+}
+_MAX_TABLES = 1000  # more are refused by the models
 
 
 @dataclass(frozen=True)
@@ -100,18 +115,18 @@ class PartialScenario:
         has_heat: Whether there is a table ``[heat]``, right or wrong.
     """
 
-    domain: Domain | None
     material_names: list[str]
+    group_names: list[str | None]
+    wall_names: list[str | None]
+    has_start: bool
+    has_heat: bool
     materials: dict[str, Material | None]
     contacts: list[ContactPair | None]
-    has_start: bool
     particles: list[ParticleGroup | None]
-    group_names: list[str | None]
     walls: list[Wall | None]
-    wall_names: list[str | None]
     outlets: list[Outlet | None]
     loading: list[Stage | None]
-    has_heat: bool
+    domain: Domain | None
     heat: Heat | None
     solver: Solver | None
     output: Output | None
@@ -119,54 +134,48 @@ class PartialScenario:
     @classmethod
     def of_model(cls, model: ScenarioModel) -> PartialScenario:
         """That of a scenario whose tables are all valid on their own."""
+        arrays: dict[str, Any] = {key: list(getattr(model, key)) for key in _ARRAYS}
         return cls(
-            model.domain,
             list(model.materials),
-            dict(model.materials),
-            list(model.contacts),
-            model.start is not None,
-            list(model.particles),
             [group.name for group in model.particles],
-            list(model.walls),
             [wall.name for wall in model.walls],
-            list(model.outlets),
-            list(model.loading),
+            model.start is not None,
             model.heat is not None,
-            model.heat,
-            model.solver,
-            model.output,
+            dict(model.materials),
+            **arrays,
+            **{key: getattr(model, key) for key in _TABLES},
         )
 
     @classmethod
     def of_document(cls, data: dict[str, Any], context: Context) -> PartialScenario:
         """That of a document of which some tables are wrong; ``context``: of the validation."""
         raw = data.get("materials")
-        materials = (
-            dict(itertools.islice(raw.items(), _MAX_TABLES)) if isinstance(raw, dict) else {}
-        )
+        materials = raw if isinstance(raw, dict) else {}
+        arrays: dict[str, Any] = {
+            key: [_valid(model, table, context) for table in _elements(data.get(key))]
+            for key, model in _ARRAYS.items()
+        }
+        defaults: dict[str, Any] = {"solver": {}}
         return cls(
-            _table(Domain, data.get("domain"), context),
-            list(raw) if isinstance(raw, dict) else [],
-            {name: _table(Material, table, context) for name, table in materials.items()},
-            _tables(ContactPair, data.get("contacts"), context),
-            "start" in data,
-            _tables(ParticleGroup, data.get("particles"), context),
+            list(materials),
             _names(data.get("particles")),
-            _tables(Wall, data.get("walls"), context),
             _names(data.get("walls")),
-            _tables(Outlet, data.get("outlets"), context),
-            _tables(Stage, data.get("loading"), context),
+            "start" in data,
             "heat" in data,
-            _table(Heat, data.get("heat"), context),
-            _table(Solver, data.get("solver", {}), context),
-            _table(Output, data.get("output"), context),
+            {
+                name: _valid(Material, table, context)
+                for name, table in itertools.islice(materials.items(), _MAX_TABLES)
+            },
+            **arrays,
+            **{
+                key: _valid(model, data.get(key, defaults.get(key)), context)
+                for key, model in _TABLES.items()
+            },
         )
 
 
-_MAX_TABLES = 1000  # more are refused by the models
-
-
-def _table(model: type[T], raw: Any, context: Context) -> T | None:
+def _valid(model: type[Table], raw: Any, context: Context) -> Any:
+    """A table, as it is or without its unknown keys; None if it is invalid on its own."""
     try:
         return model.model_validate(raw, context=context)
     except ValidationError as error:
@@ -181,16 +190,10 @@ def _elements(raw: Any) -> list[Any]:
     return raw[:_MAX_TABLES] if isinstance(raw, list) else []
 
 
-def _tables(model: type[T], raw: Any, context: Context) -> list[T | None]:
-    return [_table(model, element, context) for element in _elements(raw)]
-
-
 def _names(raw: Any) -> list[str | None]:
-    if len(raw if isinstance(raw, list) else ()) > _MAX_TABLES:
+    if isinstance(raw, list) and len(raw) > _MAX_TABLES:
         return [None]  # not all names are known
-    names = [
-        element.get("name") if isinstance(element, dict) else None for element in _elements(raw)
-    ]
+    names = [each.get("name") if isinstance(each, dict) else None for each in _elements(raw)]
     return [name if isinstance(name, str) else None for name in names]
 
 
@@ -226,11 +229,15 @@ def _plain(node: Any) -> Any:
         return [_plain(element) for element in node]
     if not isinstance(node, dict):
         return node
-    cleaned = {key: _plain(value) for key, value in node.items() if not _is_noise(key, value)}
+    noise: dict[str, type] = {"default": type(None), "title": str}
+    cleaned = {
+        key: _plain(value)
+        for key, value in node.items()
+        if key not in noise or not isinstance(value, noise[key])
+    }
     if isinstance(text := cleaned.get("description"), str):
         cleaned["description"] = unwrapped(text)
-    choices = cleaned.get("anyOf")
-    if isinstance(choices, list):
+    if isinstance(choices := cleaned.get("anyOf"), list):
         choices = [choice for choice in choices if choice != {"type": "null"}]
         if len(choices) == 1:
             del cleaned["anyOf"]
@@ -249,7 +256,3 @@ def _with_expressions(node: Any) -> Any:
     if node.get("type") in ("number", "integer"):
         extended |= {"type": [node["type"], "string"], "pattern": "^="}
     return extended
-
-
-def _is_noise(key: str, value: Any) -> bool:
-    return (key == "default" and value is None) or (key == "title" and isinstance(value, str))

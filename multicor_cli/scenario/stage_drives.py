@@ -1,0 +1,196 @@
+"""What drives and heats each wall in each stage, and from the tables to the drives of the engine.
+
+A wall that a stage does not name keeps its drive and thermal condition, and so does what is left
+out of a named wall. At first everything is fixed, and the condition is that of the wall's table, or
+insulated. A signal counts from the start of the stage that names it (that of a wall's table from
+the start of the run): one that is kept goes on where it is, one that is named again starts anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple, TypeVar
+
+from multicor_cli.engine.motion.drives import (
+    Constant,
+    DofDrive,
+    Interpolated,
+    Ramp,
+    Shifted,
+    Sine,
+    Spring,
+    WallDrive,
+)
+from multicor_cli.engine.motion.drives import Signal as EngineSignal
+from multicor_cli.scenario.drives import (
+    Dof,
+    FixedDof,
+    InsulatedCondition,
+    LoadDof,
+    PositionDof,
+    WallCondition,
+)
+from multicor_cli.scenario.signals import RampSignal, Signal, SineSignal, TableSignal
+from multicor_cli.scenario.stages import Stage
+
+DOF_NAMES = ("x", "y", "spin")
+NEVER = -1
+Kept = TypeVar("Kept", bound=EngineSignal | None)
+
+
+class KeptDrive(NamedTuple):
+    """Drive of a degree of freedom or surface, and index of the stage that says so, or `NEVER`."""
+
+    dof: Dof
+    stage: int
+
+
+class KeptCondition(NamedTuple):
+    """A wall's thermal condition, and index of the stage from whose start its signal counts."""
+
+    condition: WallCondition
+    stage: int
+
+
+WallDofs = tuple[KeptDrive, KeptDrive, KeptDrive, KeptDrive]
+"""Of x, y, spin and the surface of a wall."""
+
+
+def resolve_dofs(loading: Sequence[Stage], wall_names: Sequence[str]) -> list[list[WallDofs]]:
+    """What drives each wall in each stage, by stage and wall."""
+    current: list[WallDofs] = [(KeptDrive(FixedDof(fixed=True), NEVER),) * 4] * len(wall_names)
+    resolved = []
+    for number, stage in enumerate(loading):
+        current = current.copy()
+        for wall, name in enumerate(wall_names):
+            if (drives := stage.drives.get(name)) is not None:
+                named = (drives.x, drives.y, drives.spin, drives.surface)
+                x, y, spin, surface = (
+                    before if dof is None else KeptDrive(dof, number)
+                    for dof, before in zip(named, current[wall], strict=True)
+                )
+                current[wall] = x, y, spin, surface
+        resolved.append(current)
+    return resolved
+
+
+def resolve_conditions(
+    loading: Sequence[Stage], first: Mapping[str, WallCondition | None], wall_names: Sequence[str]
+) -> list[list[KeptCondition]]:
+    """Thermal conditions by stage and wall; ``first``: that of a wall's table, None: insulated."""
+    current = [
+        KeptCondition(first[name] or InsulatedCondition(insulated=True), 0) for name in wall_names
+    ]
+    resolved = []
+    for number, stage in enumerate(loading):
+        current = [
+            KeptCondition(stage.thermal[name], number) if name in stage.thermal else before
+            for name, before in zip(wall_names, current, strict=True)
+        ]
+        resolved.append(current)
+    return resolved
+
+
+@dataclass(frozen=True)
+class StageDrives:
+    """The drives of one stage.
+
+    Attributes:
+        stage: Index of the stage.
+        walls: One drive per wall; signals count from the start of the stage that named them.
+        named_by: For each wall the index of the stage that named its x, y, spin and surface;
+            `NEVER` if none has (then it is fixed).
+    """
+
+    stage: int
+    walls: tuple[WallDrive, ...]
+    named_by: tuple[tuple[int, int, int, int], ...]
+
+    def started(self, stage_starts: Sequence[float]) -> list[WallDrive]:
+        """The drives as functions of the time since the start of this stage.
+
+        Args:
+            stage_starts: Times at which the stages up to this one have begun [s].
+        """
+
+        def since(dof: DofDrive, named_by: int) -> DofDrive:
+            def kept(signal: Kept) -> Kept | Shifted:
+                return kept_signal(signal, named_by, self.stage, stage_starts)
+
+            spring = dof.spring and replace(dof.spring, anchor=kept(dof.spring.anchor))
+            return replace(
+                dof,
+                velocity=kept(dof.velocity),
+                position=kept(dof.position),
+                force=kept(dof.force),
+                stress=kept(dof.stress),
+                spring=spring,
+                is_kept=dof.has_origin and named_by != self.stage,
+            )
+
+        started = []
+        for wall, named_by in zip(self.walls, self.named_by, strict=True):
+            x, y, spin = (since(*dof) for dof in zip(wall.dofs(), named_by[:3], strict=True))
+            surface = kept_signal(wall.surface, named_by[3], self.stage, stage_starts)
+            started.append(WallDrive(x, y, spin, surface))
+        return started
+
+
+def stage_drives(loading: Sequence[Stage], wall_names: Sequence[str]) -> list[StageDrives]:
+    """The drives of all stages.
+
+    Args:
+        loading: The stages in time order.
+        wall_names: Names of the walls, in the order of the engine.
+    """
+    drives = []
+    for number, walls in enumerate(resolve_dofs(loading, wall_names)):
+        engine_drives = []
+        for dofs in walls:
+            x, y, spin, surface = (_engine_dof(kept.dof) for kept in dofs)
+            engine_drives.append(WallDrive(x, y, spin, surface.velocity))
+        named_by = tuple((x.stage, y.stage, spin.stage, s.stage) for x, y, spin, s in walls)
+        drives.append(StageDrives(number, tuple(engine_drives), named_by))
+    return drives
+
+
+def _engine_dof(dof: Dof) -> DofDrive:
+    if isinstance(dof, FixedDof):
+        return DofDrive()
+    if isinstance(dof, PositionDof):
+        return DofDrive(position=engine_signal(dof.position))
+    if isinstance(dof, LoadDof):
+        spring = None
+        if dof.spring is not None:
+            spring = Spring(dof.spring.stiffness, engine_signal(dof.spring.anchor))
+        return DofDrive(
+            force=None if dof.force is None else engine_signal(dof.force),
+            stress=None if dof.stress is None else engine_signal(dof.stress),
+            between=dof.between,
+            spring=spring,
+            damping=dof.damping,
+        )
+    return DofDrive(velocity=engine_signal(dof.velocity))
+
+
+def engine_signal(signal: Signal) -> EngineSignal:
+    """The engine's form of a signal."""
+    if isinstance(signal, RampSignal):
+        return Ramp(signal.ramp[0], signal.ramp[1], signal.duration)
+    if isinstance(signal, SineSignal):
+        wave = signal.sine
+        return Sine(wave.mean, wave.amplitude, wave.cycle, wave.phase)
+    if isinstance(signal, TableSignal):
+        return Interpolated(signal.times, signal.values)
+    return Constant(signal)
+
+
+def kept_signal(signal: Kept, named_by: int, stage: int, starts: Sequence[float]) -> Kept | Shifted:
+    """A signal of the stage ``named_by``, or None, by the time since the start of ``stage``.
+
+    ``starts`` are the times at which the stages up to that have begun [s].
+    """
+    if named_by == stage or signal is None or isinstance(signal, Constant | Shifted):
+        return signal
+    return Shifted(signal, starts[stage] - starts[named_by])
