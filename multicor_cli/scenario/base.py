@@ -167,14 +167,14 @@ def one_of(
     return Discriminator(tag, custom_error_type="one_of", custom_error_message=message)
 
 
-def tag_word(value: Any) -> str:
-    """Discriminator of a union of a string and something else: ``<word>`` or ``<plain>``."""
-    return "<word>" if isinstance(value, str) else "<plain>"
-
-
 def tag_table(value: Any) -> str:
     """Discriminator of a union of one table and something plain: ``<table>`` or ``<plain>``."""
     return "<table>" if isinstance(value, dict | BaseModel) else "<plain>"
+
+
+def tag_word(value: Any) -> str:
+    """Discriminator of a union of a string and something else: ``<word>`` or ``<plain>``."""
+    return "<word>" if isinstance(value, str) else "<plain>"
 
 
 # ---- Columns of numbers from a CSV file: read once, kept in the resolved scenario
@@ -211,11 +211,6 @@ def columns_of_file(**columns: Column) -> Any:
 
 def _read_columns(name: str, info: ValidationInfo, columns: list[Column]) -> list[list[float]]:
     """The columns of a CSV file; its first line names them, others may stand between them.
-
-    Args:
-        name: Path of the file, relative to the scenario file.
-        info: Of the validation, whose context knows the directory of the scenario file.
-        columns: What is wanted.
 
     Raises:
         Refused: The file cannot be read, lacks a column, or has a value out of bounds.

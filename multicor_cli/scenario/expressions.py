@@ -49,8 +49,13 @@ def raised(x: Value, y: Value) -> Value:
         OverflowError: It is larger than any number.
         ZeroDivisionError: Zero to a negative power.
     """
-    if y == int(y) and _is_short(x, int(y)):
-        return _whole_power(x, int(y))
+    above, below = x.as_integer_ratio()
+    if y == int(y) and max(above.bit_length(), below.bit_length()) * abs(int(y)) <= _MANY_BITS:
+        n = int(y)
+        above, below = (above, below) if n >= 0 else (below, above)
+        above, below = math.prod([above] * abs(n)), math.prod([below] * abs(n))
+        # Python rounds a quotient of integers once
+        return above if isinstance(x, int) and n >= 0 else above / below
     if x == 0 and y < 0:
         raise ZeroDivisionError
     size = power(float(abs(x)), float(y))
@@ -59,56 +64,20 @@ def raised(x: Value, y: Value) -> Value:
     return -size if y % 2 == 1 else math.nan
 
 
-def _is_short(x: Value, n: int) -> bool:
-    above, below = x.as_integer_ratio()
-    return max(above.bit_length(), below.bit_length()) * abs(n) <= _MANY_BITS
-
-
-def _whole_power(x: Value, n: int) -> Value:
-    above, below = x.as_integer_ratio() if n >= 0 else reversed(x.as_integer_ratio())
-    above, below = math.prod([above] * abs(n)), math.prod([below] * abs(n))
-    # Python rounds a quotient of integers once
-    return above if isinstance(x, int) and n >= 0 else above / below
-
-
-def _sqrt(x: Value) -> float:
-    return math.sqrt(x) if x >= 0 else math.nan
-
-
-def _cbrt(x: Value) -> float:
-    return math.copysign(cbrt(abs(x)), x)
-
-
-def _tan(x: Value) -> float:
-    return sin(x) / cos(x)
-
-
-def _atan(x: Value) -> float:
-    return atan2(x, 1.0)
-
-
-def _radians(x: Value) -> float:
-    return x * math.pi / 180.0
-
-
-def _degrees(x: Value) -> float:
-    return x * 180.0 / math.pi
-
-
 FUNCTIONS = {
-    "sqrt": Function(_sqrt),
-    "cbrt": Function(_cbrt),
+    "sqrt": Function(lambda x: math.sqrt(x) if x >= 0 else math.nan),
+    "cbrt": Function(lambda x: math.copysign(cbrt(abs(x)), x)),
     "exp": Function(exp),
     "log": Function(log),
     "sin": Function(sin),
     "cos": Function(cos),
-    "tan": Function(_tan),
+    "tan": Function(lambda x: sin(x) / cos(x)),
     "asin": Function(asin),
     "acos": Function(acos),
-    "atan": Function(_atan),
+    "atan": Function(lambda x: atan2(x, 1.0)),
     "atan2": Function(atan2, 2, 2),
-    "radians": Function(_radians),
-    "degrees": Function(_degrees),
+    "radians": Function(lambda x: x * math.pi / 180.0),
+    "degrees": Function(lambda x: x * 180.0 / math.pi),
     "abs": Function(abs),
     "min": Function(min, 2, _MANY),
     "max": Function(max, 2, _MANY),
@@ -121,15 +90,11 @@ CONSTANTS = {"pi": math.pi}
 
 def _not_reserved(name: str) -> str:
     if name in FUNCTIONS or name in CONSTANTS:
-        raise Refused(
-            (),
-            f"'{name}' is a {'function' if name in FUNCTIONS else 'constant'} of expressions",
-            "choose another name",
-        )
+        what = f"'{name}' is a {'function' if name in FUNCTIONS else 'constant'} of expressions"
+        raise Refused((), what, "choose another name")
     if keyword.iskeyword(name):
-        raise Refused(
-            (), f"'{name}' cannot stand in an expression", f"choose another name, as {name}_"
-        )
+        what = f"'{name}' cannot stand in an expression"
+        raise Refused((), what, f"choose another name, as {name}_")
     return name
 
 
@@ -197,13 +162,11 @@ class Expression:
             what = f"an expression of {len(self.text)} characters (at most {MAX_LENGTH})"
             raise Refused((), what, "split it into several variables", (self.text, 0))
         if match := _STRANGE.search(self._source):
-            raise self._error(
-                f"the character {show(match[0])} cannot stand", _EXAMPLE, match.start()
-            )
+            what = f"the character {show(match[0])} cannot stand"
+            raise self._error(what, _EXAMPLE, match.start())
         if not self._source:
-            raise Refused(
-                (), f"nothing follows the = of {show(self.text)}", _EXAMPLE, (self.text, 0)
-            )
+            what = f"nothing follows the = of {show(self.text)}"
+            raise Refused((), what, _EXAMPLE, (self.text, 0))
 
     def _parsed(self) -> ast.expr:
         try:
@@ -213,13 +176,9 @@ class Expression:
         except SyntaxError as error:
             at = min(error.offset - 1, len(self._source)) if error.offset else len(self._source)
             rest = self._source[at:]
-            what = (
-                error.msg
-                if _CLEAR.fullmatch(error.msg)
-                else f"{show(rest)} cannot follow"
-                if rest
-                else "something is missing"
-            )
+            what = f"{show(rest)} cannot follow" if rest else "something is missing"
+            if _CLEAR.fullmatch(error.msg):
+                what = error.msg
             raise self._error(what, _EXAMPLE, at) from None
         except (RecursionError, MemoryError):
             raise self._too_deep() from None
@@ -230,23 +189,24 @@ class Expression:
         )
 
     def _check_nodes(self) -> None:
-        if _depth(self._tree) > MAX_DEPTH:
+        depth = 0
+        level: list[ast.AST] = [self._tree]
+        while level:
+            depth, level = depth + 1, [e for node in level for e in ast.iter_child_nodes(node)]
+        if depth > MAX_DEPTH:
             raise self._too_deep()
         for node in self._nodes:
             if isinstance(node, ast.Call) and not isinstance(node.func, ast.Name):
                 raise self._wrong(node.func, "cannot be called", "write * between factors")
             if isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitXor):
                 raise self._wrong(node, "is no power", "write ** for a power")
-            if not self._is_arithmetic(node):
+            is_arithmetic = isinstance(node, _NODES)
+            if isinstance(node, ast.Constant):
+                is_arithmetic = type(node.value) in (int, float)
+            elif isinstance(node, ast.BinOp | ast.UnaryOp):
+                is_arithmetic = type(node.op) in _OPERATORS
+            if not is_arithmetic:
                 raise self._wrong(node, "is not arithmetic", _EXAMPLE)
-
-    @staticmethod
-    def _is_arithmetic(node: ast.AST) -> bool:
-        if isinstance(node, ast.Constant):
-            return type(node.value) in (int, float)
-        if isinstance(node, ast.BinOp | ast.UnaryOp):
-            return type(node.op) in _OPERATORS
-        return isinstance(node, _NODES)
 
     def check_names(self, variables: Mapping[str, object]) -> None:
         """Raise `Refused` if a variable or function does not exist."""
@@ -270,11 +230,10 @@ class Expression:
         """The value; an int where only whole numbers are added, multiplied, raised. May refuse."""
         from simpleeval import SimpleEval  # few scenarios have expressions
 
-        names = {**variables, **CONSTANTS}
         evaluator = SimpleEval(
             operators=_OPERATORS,
             functions={name: f.compute for name, f in FUNCTIONS.items()},
-            names=names,
+            names={**variables, **CONSTANTS},
         )
         evaluator.nodes = {kind: partial(self._evaluated, evaluator.nodes[kind]) for kind in _NODES}
         value: Value = evaluator.eval(self._source, self._tree)
@@ -283,45 +242,28 @@ class Expression:
     def _evaluated(self, evaluate: Callable[[Any], Any], node: Any) -> Value:
         """The value of a part, which is checked to be a finite number."""
         if isinstance(node, ast.Call):
-            self._check_arguments(node)
+            name, count = ast.unparse(node.func), len(node.args)
+            _, fewest, most = FUNCTIONS[name]
+            if not fewest <= count <= most:
+                takes = f"{fewest} argument{'s' * (fewest > 1)}"
+                if fewest < most:
+                    takes = f"{fewest} or more arguments"
+                what = f"has {count or 'no'} argument{'s' * (count != 1)}"
+                raise self._wrong(node, what, f"{name} takes {takes}")
         try:
             value: Value = evaluate(node)
             is_finite, is_nan = math.isfinite(value), math.isnan(value)
         except ZeroDivisionError:
             raise self._wrong(node, "divides by zero", "keep the divisor from zero") from None
         except OverflowError:
-            raise self._wrong(
-                node, "is larger than any number", "keep numbers below 1e308"
-            ) from None
+            what = "is larger than any number"
+            raise self._wrong(node, what, "keep numbers below 1e308") from None
         if is_nan:
-            raise self._wrong(
-                node, "is not a real number", "keep the arguments within the domain of the function"
-            )
+            remedy = "keep the arguments within the domain of the function"
+            raise self._wrong(node, "is not a real number", remedy)
         if not is_finite:
             raise self._wrong(node, "is not finite", "keep numbers below 1e308")
         return value
-
-    def _check_arguments(self, node: ast.Call) -> None:
-        name = ast.unparse(node.func)
-        _, fewest, most = FUNCTIONS[name]
-        if not fewest <= len(node.args) <= most:
-            takes = (
-                f"{fewest} argument{'s' * (fewest > 1)}"
-                if fewest == most
-                else f"{fewest} or more arguments"
-            )
-            raise self._wrong(
-                node,
-                f"has {len(node.args) or 'no'} argument{'s' * (len(node.args) != 1)}",
-                f"{name} takes {takes}",
-            )
-
-
-def _depth(tree: ast.AST) -> int:
-    depth, level = 0, [tree]
-    while level:
-        depth, level = depth + 1, [child for node in level for child in ast.iter_child_nodes(node)]
-    return depth
 
 
 # -- Numbers in place of the expressions of a document: between reading and validation
@@ -368,13 +310,12 @@ def unused_overrides(
         if path[0] == _TABLE and isinstance(data[_TABLE], dict):
             for name in path[1:2] or data[_TABLE]:
                 if name not in used:
+                    remedy = did_you_mean(str(name), used)
                     remedy = (
-                        did_you_mean(str(name), used)
-                        or f"expressions refer to {name_list(sorted(used)) or 'no variable'}"
+                        remedy or f"expressions refer to {name_list(sorted(used)) or 'no variable'}"
                     )
-                    findings.append(
-                        Refused((_TABLE, name), "no expression refers to this variable", remedy)
-                    )
+                    what = "no expression refers to this variable"
+                    findings.append(Refused((_TABLE, name), what, remedy))
     return findings
 
 
@@ -397,10 +338,6 @@ def _places(path: KeyPath, node: Any, types: list[Any]) -> Iterator[_Place]:
                 yield _Place((*path, key), value, float not in inside)
 
 
-def _is_number(value: Any) -> bool:
-    return type(value) in (int, float) and abs(value) <= _LARGEST
-
-
 class _Document:
     def __init__(self, data: dict[str, Any]) -> None:
         self.data = data
@@ -408,7 +345,9 @@ class _Document:
         self.variables: dict[str, Any] = table if isinstance(table, dict) else {}
         self.is_table = isinstance(table, dict | None)
         self.values: dict[str, Value] = {
-            name: value for name, value in self.variables.items() if _is_number(value)
+            name: value
+            for name, value in self.variables.items()
+            if type(value) in (int, float) and abs(value) <= _LARGEST
         }
         self.expressions: dict[KeyPath, Expression] = {}
         self.whole: set[KeyPath] = set()
@@ -419,10 +358,9 @@ class _Document:
         for place in places[:MAX_EXPRESSIONS]:
             self._read(place)
         if more := [place.path for place in places[MAX_EXPRESSIONS:]]:
+            what = f"more than {MAX_EXPRESSIONS} expressions"
             remedy = "write numbers, or put tables of grains into a file"
-            self.result.findings.append(
-                Refused(more[0], f"more than {MAX_EXPRESSIONS} expressions", remedy)
-            )
+            self.result.findings.append(Refused(more[0], what, remedy))
             self.result.failed.update(more)
         variables = [(_TABLE, name) for name in self._order_of_variables()]
         for path in dict.fromkeys([*variables, *self.expressions]):
@@ -469,13 +407,8 @@ class _Document:
         first = circle.index(min(circle, key=names.index))
         chain = [*circle[first:], *circle[:first]]
         shown = [*chain, chain[0]] if len(chain) <= 10 else [*chain[:10], "...", chain[0]]
-        self._fail(
-            Refused(
-                (_TABLE, chain[0]),
-                f"refers to itself: {' -> '.join(shown)}",
-                "give one of them a number",
-            )
-        )
+        what = f"refers to itself: {' -> '.join(shown)}"
+        self._fail(Refused((_TABLE, chain[0]), what, "give one of them a number"))
 
     def _evaluate(self, path: KeyPath) -> None:
         expression = self.expressions[path]
@@ -491,13 +424,11 @@ class _Document:
             what = f"must be a whole number, is {show(value)} ({show(expression.text)})"
             self._fail(Refused(path, what, "use round(...), floor(...) or ceil(...)"))
             return
-        self._put(path, int(value) if path in self.whole else value)
-        self.result.shown[path] = (expression.text, show(value))
-
-    def _put(self, path: KeyPath, value: Value) -> None:
+        number = int(value) if path in self.whole else value
         node: Any = self.data
         for part in path[:-1]:
             node = node[part]
-        node[path[-1]] = value
+        node[path[-1]] = number
         if path[0] == _TABLE:
-            self.values[str(path[1])] = value
+            self.values[str(path[1])] = number
+        self.result.shown[path] = (expression.text, show(value))

@@ -41,30 +41,21 @@ _WORD = re.compile(r"[^\W\d][\w ./:~+-]*|[./~][\w ./:~+-]*")
 def apply_overrides(
     data: dict[str, Any], overrides: Sequence[str]
 ) -> tuple[dict[KeyPath, str], list[Problem]]:
-    """Set values in a parsed document.
+    """Set values in a parsed document, which is **modified**.
 
-    Each override is ``key=value``: a dotted key with 0-based indices for elements of arrays, and a
-    value in TOML syntax; words that are no TOML values, and expressions (``key== 2*d``), are taken
-    as strings. Tables that are missing on the way are added, elements of arrays are not.
-
-    Args:
-        data: The document. **Modified.**
-        overrides: The arguments of ``--set``, applied in this order.
-
-    Returns:
-        The argument that has set each path, and the problems of the arguments that could not be
-        applied.
+    Each override, applied in their order, is ``key=value``: a dotted key with 0-based indices for
+    elements of arrays, and a value in TOML syntax; words that are no TOML values, and expressions
+    (``key== 2*d``), are taken as strings. Tables that are missing on the way are added, elements of
+    arrays are not. Returns the argument that has set each path, and the problems of the others.
     """
     applied: dict[KeyPath, str] = {}
     problems = []
     for argument in overrides:
         try:
-            key, value = _parse(argument)
-            path = _assign(data, key, value)
+            path = _assign(data, *_parse(argument))
         except Refused as error:
-            problems.append(
-                Problem(OVERRIDE, 0, 0, format_key(error.where), error.what, error.remedy, argument)
-            )
+            key = format_key(error.where)
+            problems.append(Problem(OVERRIDE, 0, 0, key, error.what, error.remedy, argument))
             continue
         # What is set again is set last: overrides are kept in the order in which they hold
         applied.pop(path, None)
@@ -80,34 +71,36 @@ def _parse(argument: str) -> tuple[KeyPath, Any]:
         key, end = parse_key(argument)
     except ValueError:
         raise Refused((), f"{show(argument)} has no key", remedy) from None
-    return key, _parse_value(key, argument[end + 1 :].strip())
-
-
-def _parse_value(key: KeyPath, text: str) -> Any:
+    text = argument[end + 1 :].strip()
     try:
         table = tomllib.loads(f"value = {text}")
     except ValueError:
         table = {}
     if len(table) == 1:
-        return table["value"]
+        return key, table["value"]
     if _WORD.fullmatch(text) or text.startswith("="):
-        return text
-    raise Refused(
-        key,
-        f"{show(text)} is not a valid TOML value",
-        'write it as in the file, strings in quotes: name="a b"',
-    )
+        return key, text
+    remedy = 'write it as in the file, strings in quotes: name="a b"'
+    raise Refused(key, f"{show(text)} is not a valid TOML value", remedy)
 
 
 def _assign(data: dict[str, Any], key: KeyPath, value: Any) -> KeyPath:
     """Set ``value``; returns the path (indices as numbers) of the outermost new or changed key."""
     node: Any = data
     path: KeyPath = ()
-    for depth, part in enumerate(key[:-1]):
+    for depth, part in enumerate(key[:-1], start=1):
         place = _place(node, part, key, path)
         path = (*path, place)
         if isinstance(node, dict) and place not in node:
-            node[place] = _nested(key, depth, value, _closest_key(part, node))
+            if any(str(part).isdecimal() for part in key[depth:]):
+                matches = difflib.get_close_matches(str(part)[:100], list(node)[:200], n=1)
+                remedy = f"there is {name_list(node) or 'nothing'}"
+                if matches:
+                    remedy = f"did you mean '{matches[0]}'?"
+                raise Refused(key, f"there is no {format_key(key[:depth])}", remedy)
+            for inner in reversed(key[depth:]):  # new tables
+                value = {inner: value}
+            node[place] = value
             return path
         node = node[place]
     place = _place(node, key[-1], key, path)
@@ -115,39 +108,20 @@ def _assign(data: dict[str, Any], key: KeyPath, value: Any) -> KeyPath:
     return (*path, place)
 
 
-def _nested(key: KeyPath, depth: int, value: Any, remedy: str) -> Any:
-    """New tables for what follows part ``depth`` of ``key``, with ``value`` in the innermost."""
-    rest = key[depth + 1 :]
-    if any(str(part).isdecimal() for part in rest):
-        raise Refused(key, f"there is no {format_key(key[: depth + 1])}", remedy)
-    for part in reversed(rest):
-        value = {part: value}
-    return value
-
-
-def _closest_key(part: str | int, node: dict[str, Any]) -> str:
-    matches = difflib.get_close_matches(str(part)[:100], list(node)[:200], n=1)
-    return (
-        f"did you mean '{matches[0]}'?" if matches else f"there is {name_list(node) or 'nothing'}"
-    )
-
-
 def _place(node: Any, part: str | int, key: KeyPath, path: KeyPath) -> str | int:
     """Key or index at which ``part`` is found in ``node``."""
-    name = format_key(path) or "the scenario"
+    name, text = format_key(path) or "the scenario", str(part)
     if isinstance(node, dict):
-        if str(part).isdecimal() and part not in node:
+        if text.isdecimal() and part not in node:
             known = name_list(node) or "nothing"
             raise Refused(key, f"{name} is not an array: it has no index {part}", f"it has {known}")
         return part
     if not isinstance(node, list):
         raise Refused(key, f"{name} is {show(node)}: it has no key {show(part)}", "shorten the key")
-    text = str(part)
     if not (text.isdecimal() and text.isascii()) or len(text) > 9 or int(text) >= len(node):
         limits = f"use 0 to {len(node) - 1}" if node else "it is empty"
-        raise Refused(
-            key, f"{name} is an array of {len(node)}: it has no index {show(part)}", limits
-        )
+        what = f"{name} is an array of {len(node)}: it has no index {show(part)}"
+        raise Refused(key, what, limits)
     return int(text)
 
 
@@ -170,14 +144,8 @@ def read_tables(
 ) -> tuple[ScenarioModel, Sources]:
     """The tables of a text, and what gives later problems their positions.
 
-    Args:
-        text: The text.
-        path: The file, to whose directory paths in it are relative.
-        overrides: Values set on the command line.
-        file: What messages call the file; empty: they name keys only.
-
-    Raises:
-        ScenarioError: The scenario is wrong.
+    Paths in it are relative to the directory of ``path``; messages call it ``file``, or name keys
+    only if that is empty. Raises `ScenarioError` about all that is wrong.
     """
     text = text.removeprefix("\ufeff").replace("\r\n", "\n")
     data = deepcopy(parse_toml(text, file))
@@ -186,25 +154,20 @@ def read_tables(
     sources = Sources(file, text, applied, evaluated.shown, overrides)
     has_taken = take_groups(data, path.parent)
     model, invalid = check_document(data, path.parent)
-    if has_taken:
-        invalid = [_about_start(finding) for finding in invalid]
-    findings = [
-        *evaluated.findings,
-        *(finding for finding in invalid if not _is_within(finding.where, evaluated.failed)),
+    if has_taken:  # what is wrong with a group is at the key of the run: the file does not name it
+        invalid = [
+            Refused(("start", "run"), f"{format_key(f.where)} of this run: {f.what}", f.remedy)
+            if f.where[0] == "particles"
+            else f
+            for f in invalid
+        ]
+    findings = evaluated.findings + [
+        f for f in invalid if not _is_within(f.where, evaluated.failed)
     ]
     findings = _add_new(findings, unused_overrides(data, applied, evaluated.used))
     if model is None or problems or findings:
         raise ScenarioError([*problems, *sources.problems(findings)])
     return model, sources
-
-
-def _about_start(finding: Refused) -> Refused:
-    """A problem of a group from a run, at the key of the run: the file does not name the group."""
-    if finding.where[0] != "particles":
-        return finding
-    return Refused(
-        ("start", "run"), f"{format_key(finding.where)} of this run: {finding.what}", finding.remedy
-    )
 
 
 def check_document(
@@ -238,68 +201,49 @@ def _is_within(path: KeyPath, known: set[KeyPath]) -> bool:
 
 def read_text(path: Path, *, kind: str = "scenario") -> str:
     """Text of a file; raises `ScenarioError` if it is unreadable, too large, or not UTF-8."""
+    line = column = 0
     try:
         content = read_regular(path, MAX_FILE_SIZE)
+        return content.decode("utf-8")
     except FileNotFoundError:
         hint = ", or make one with: multicor new NAME" if kind == "scenario" else ""
-        raise ScenarioError(
-            [_whole_file(path, "there is no such file", f"check the path{hint}")]
-        ) from None
+        what, remedy = "there is no such file", f"check the path{hint}"
     except Unfit as error:
-        is_large = error.errno == errno.EFBIG
-        remedy = (
-            "put long tables of grains into a CSV file"
-            if is_large
-            else f"give the path of a {kind} file"
+        what, remedy = (
+            f"this cannot be a {kind}: {error.strerror}",
+            f"give the path of a {kind} file",
         )
-        raise ScenarioError(
-            [_whole_file(path, f"this cannot be a {kind}: {error.strerror}", remedy)]
-        ) from None
+        if error.errno == errno.EFBIG:
+            remedy = "put long tables of grains into a CSV file"
     except OSError as error:
         what = f"the file cannot be read: {error.strerror}"
-        raise ScenarioError(
-            [_whole_file(path, what, "check the path and its permissions")]
-        ) from None
-    try:
-        return content.decode("utf-8")
+        remedy = "check the path and its permissions"
     except UnicodeDecodeError as error:
-        raise ScenarioError([_not_utf8(path, content, error.start)]) from None
-
-
-def _whole_file(path: Path, message: str, remedy: str) -> Problem:
-    return Problem(str(path), 0, 0, "", message, remedy)
-
-
-def _not_utf8(path: Path, content: bytes, offset: int) -> Problem:
-    line = content.count(b"\n", 0, offset) + 1
-    begin = content.rfind(b"\n", 0, offset) + 1
-    column = len(content[begin:offset].decode("utf-8", "replace")) + 1
-    message = f"the byte 0x{content[offset]:02x} is not UTF-8"
-    return Problem(str(path), line, column, "", message, "save the file with the encoding UTF-8")
+        line = content.count(b"\n", 0, error.start) + 1
+        begin = content.rfind(b"\n", 0, error.start) + 1
+        column = len(content[begin : error.start].decode("utf-8", "replace")) + 1
+        what = f"the byte 0x{content[error.start]:02x} is not UTF-8"
+        remedy = "save the file with the encoding UTF-8"
+    raise ScenarioError([Problem(str(path), line, column, "", what, remedy)])
 
 
 @lru_cache(maxsize=4)  # a study makes all its cases from one text
 def parse_toml(text: str, file: str) -> dict[str, Any]:
     """A document, not to be modified; raises `ScenarioError` if not TOML, or too deep."""
-    if (offset := find_deep_nesting(text)) is not None:
-        message = f"nested more than {MAX_NESTING} deep"
-        raise ScenarioError([_at_offset(file, text, offset, message, "use fewer levels")])
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ScenarioError([_syntax_problem(file, text, str(error))]) from None
-    except (ValueError, RecursionError) as error:  # numbers with thousands of digits
-        number = _LONG_NUMBER.search(text)
-        message = "a number has too many digits" if number else f"not TOML: {error}"
-        raise ScenarioError(
-            [_at_offset(file, text, number.start() if number else 0, message, "write it as 1e3")]
-        ) from None
-
-
-def _at_offset(file: str, text: str, offset: int, message: str, remedy: str) -> Problem:
+    offset = find_deep_nesting(text)
+    message, remedy = f"nested more than {MAX_NESTING} deep", "use fewer levels"
+    if offset is None:
+        try:
+            return tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise ScenarioError([_syntax_problem(file, text, str(error))]) from None
+        except (ValueError, RecursionError) as error:  # numbers with thousands of digits
+            number = _LONG_NUMBER.search(text)
+            message = "a number has too many digits" if number else f"not TOML: {error}"
+            offset, remedy = number.start() if number else 0, "write it as 1e3"
     lines = Lines(text)
     line, column = lines.position(offset)
-    return Problem(file, line, column, "", message, remedy, lines.line(line))
+    raise ScenarioError([Problem(file, line, column, "", message, remedy, lines.line(line))])
 
 
 def _syntax_problem(file: str, text: str, message: str) -> Problem:
@@ -309,16 +253,11 @@ def _syntax_problem(file: str, text: str, message: str) -> Problem:
         what = match[1]
         line, column = (int(match[2]), int(match[3])) if match[2] else (line, column)
     what = _QUOTED_PATH.sub(lambda path: format_key(tuple(_QUOTED_PART.findall(path[1]))), what)
-    return Problem(
-        file, line, column, "", f"not TOML: {what}", _syntax_remedy(text, what), lines.line(line)
-    )
-
-
-def _syntax_remedy(text: str, what: str) -> str:
+    remedy = "write [table], then key = value lines; strings in quotes"
     if text.lstrip().startswith(("{", "---", "<")):
-        return "this looks like JSON, YAML or XML; write TOML: [table], then key = value lines"
-    if what.startswith(("Cannot declare", "Cannot mutate")):
-        return "write a table once; [[name]] for each of several tables"
-    if what.startswith(("Cannot overwrite", "Duplicate")):
-        return "give each key once"
-    return "write [table], then key = value lines; strings in quotes"
+        remedy = "this looks like JSON, YAML or XML; write TOML: [table], then key = value lines"
+    elif what.startswith(("Cannot declare", "Cannot mutate")):
+        remedy = "write a table once; [[name]] for each of several tables"
+    elif what.startswith(("Cannot overwrite", "Duplicate")):
+        remedy = "give each key once"
+    return Problem(file, line, column, "", f"not TOML: {what}", remedy, lines.line(line))

@@ -104,13 +104,10 @@ class ScenarioError(Exception):
 
 def format_key(path: KeyPath) -> str:
     """Dotted form of a path, as ``loading.1.drives.lid``; parts that need quotes get them."""
-    return ".".join(_format_part(part) for part in path)
-
-
-def _format_part(part: str | int) -> str:
-    if isinstance(part, int) or _BARE_KEY.fullmatch(part):
-        return str(part)
-    return _quote(part)
+    return ".".join(
+        str(part) if isinstance(part, int) or _BARE_KEY.fullmatch(part) else _quote(part)
+        for part in path
+    )
 
 
 def _quote(text: str) -> str:

@@ -234,11 +234,7 @@ def parse_scenario(
 ) -> Scenario:
     """As `load_scenario` with the text given: ``path`` is for messages and relative paths only.
 
-    Args:
-        text: The text.
-        path: The file.
-        overrides: Values set on the command line.
-        file: What messages call the file, if that is not its path; empty: they name keys only.
+    Messages call it ``file`` if that is given; empty: they name keys only.
 
     Raises:
         ScenarioError: The scenario is wrong.

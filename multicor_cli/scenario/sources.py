@@ -107,10 +107,8 @@ class _Scanner:
         table: KeyPath = ()
         self._skip(_FILLING)
         while self.at < len(self.text):
-            if self.text.startswith("[[", self.at):
-                table = self._element_header()
-            elif self.text[self.at] == "[":
-                table = self._table_header()
+            if self.text[self.at] == "[":
+                table = self._header()
             else:
                 self._pair(table)
             self._skip(_FILLING)
@@ -127,22 +125,17 @@ class _Scanner:
             self.offsets.setdefault(path[:end], offset)
         self.offsets[path] = offset
 
-    def _table_header(self) -> KeyPath:
-        start = self.at
-        self.at += 1
-        path = self._resolve(self.read_key())
-        self.at += 1
-        self._note(path, 0, start)
-        return path
-
-    def _element_header(self) -> KeyPath:
-        start = self.at
-        self.at += 2
+    def _header(self) -> KeyPath:
+        start, brackets = self.at, 2 if self.text.startswith("[[", self.at) else 1
+        self.at += brackets
         key = self.read_key()
-        self.at += 2
-        array = (*self._resolve(key[:-1]), key[-1])
-        self.last_element[array] = self.last_element.get(array, -1) + 1
-        path = (*array, self.last_element[array])
+        self.at += brackets
+        if brackets == 1:
+            path = self._resolve(key)
+        else:
+            array = (*self._resolve(key[:-1]), key[-1])
+            self.last_element[array] = self.last_element.get(array, -1) + 1
+            path = (*array, self.last_element[array])
         self._note(path, 0, start)
         return path
 
@@ -160,16 +153,14 @@ class _Scanner:
         parts: list[str] = []
         while True:
             self._skip(_BLANKS)
-            parts.append(self._key_part())
+            if self.text[self.at] in "\"'":
+                parts.append(str(tomllib.loads(f"key = {self._skip(_STRING)}")["key"]))
+            else:
+                parts.append(self._skip(_BARE))
             self._skip(_BLANKS)
             if self.text[self.at] != ".":
                 return tuple(parts)
             self.at += 1
-
-    def _key_part(self) -> str:
-        if self.text[self.at] not in "\"'":
-            return self._skip(_BARE)
-        return str(tomllib.loads(f"key = {self._skip(_STRING)}")["key"])
 
     def _pair(self, table: KeyPath) -> None:
         start = self.at
@@ -182,24 +173,18 @@ class _Scanner:
     def _value(self, path: KeyPath) -> None:
         first = self.text[self.at]
         if first == "[":
-            self._array(path)
+            self.at += 1
+            index = 0
+            while not self._ends("]"):
+                self.offsets[(*path, index)] = self.at
+                self._value((*path, index))
+                index += 1
         elif first == "{":
-            self._inline_table(path)
+            self.at += 1
+            while not self._ends("}"):
+                self._pair(path)
         else:
             self._skip(_STRING if first in "\"'" else _SCALAR)
-
-    def _array(self, path: KeyPath) -> None:
-        self.at += 1
-        index = 0
-        while not self._ends("]"):
-            self.offsets[(*path, index)] = self.at
-            self._value((*path, index))
-            index += 1
-
-    def _inline_table(self, path: KeyPath) -> None:
-        self.at += 1
-        while not self._ends("}"):
-            self._pair(path)
 
     def _ends(self, bracket: str) -> bool:
         """Skip what separates elements; whether ``bracket`` followed, which is stepped over."""
@@ -288,28 +273,20 @@ class Sources:
         return _Place(self.file, 1, 1, "")
 
     def problem(self, finding: Refused) -> Problem:
-        """The finding with its position."""
-        place = self._place(finding.where)
-        column = place.column if finding.inside is None else _column_inside(place, *finding.inside)
-        message = f"{finding.what}{self._expressions_of(finding)}"
-        return Problem(
-            place.file,
-            place.line,
-            column,
-            format_key(finding.where),
-            message,
-            finding.remedy,
-            place.source_line,
-        )
+        """The finding with its position, and the expressions that it does not tell.
 
-    def _expressions_of(self, finding: Refused) -> str:
-        """The expressions at a finding's key or in its array, with values that it does not tell."""
-        shown = [
+        Those at its key or in its array, with their values.
+        """
+        place, path = self._place(finding.where), finding.where
+        column = place.column if finding.inside is None else _column_inside(place, *finding.inside)
+        told = [
             show(text) if value in finding.what else f"{show(text)} = {value}"
-            for path, (text, value) in self.expressions.items()
-            if path == finding.where or (path[:-1] == finding.where and isinstance(path[-1], int))
+            for at, (text, value) in self.expressions.items()
+            if at == path or (at[:-1] == path and isinstance(at[-1], int))
         ]
-        return f" ({', '.join(shown[:4])})" if shown else ""
+        message = f"{finding.what} ({', '.join(told[:4])})" if told else finding.what
+        key, line = format_key(path), place.source_line
+        return Problem(place.file, place.line, column, key, message, finding.remedy, line)
 
     def problems(self, findings: list[Refused]) -> list[Problem]:
         """The first `MAX_PROBLEMS` findings with their positions, in the order of the file."""
@@ -317,17 +294,7 @@ class Sources:
             (self.problem(f) for f in findings[: 2 * MAX_PROBLEMS]),
             key=lambda p: (p.line, p.column),
         )
-        if len(findings) <= MAX_PROBLEMS:
+        if (more := len(findings) - MAX_PROBLEMS) <= 0:
             return found
-        more = len(findings) - MAX_PROBLEMS
-        return [
-            *found[:MAX_PROBLEMS],
-            Problem(
-                self.file,
-                0,
-                0,
-                "",
-                f"… and at least {more} more problems",
-                "correct the first ones",
-            ),
-        ]
+        what = f"… and at least {more} more problems"
+        return [*found[:MAX_PROBLEMS], Problem(self.file, 0, 0, "", what, "correct the first ones")]

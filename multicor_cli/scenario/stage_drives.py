@@ -110,8 +110,7 @@ class StageDrives:
     def started(self, stage_starts: Sequence[float]) -> list[WallDrive]:
         """The drives as functions of the time since the start of this stage.
 
-        Args:
-            stage_starts: Times at which the stages up to this one have begun [s].
+        ``stage_starts`` are the times at which the stages up to this one have begun [s].
         """
 
         def since(dof: DofDrive, named_by: int) -> DofDrive:
@@ -138,12 +137,7 @@ class StageDrives:
 
 
 def stage_drives(loading: Sequence[Stage], wall_names: Sequence[str]) -> list[StageDrives]:
-    """The drives of all stages.
-
-    Args:
-        loading: The stages in time order.
-        wall_names: Names of the walls, in the order of the engine.
-    """
+    """The drives of all stages, which are in time order; walls in the order of their names."""
     drives = []
     for number, walls in enumerate(resolve_dofs(loading, wall_names)):
         engine_drives = []

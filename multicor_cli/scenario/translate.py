@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 import types
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from copy import deepcopy
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -32,6 +32,11 @@ class Location:
     def known_keys(self) -> list[str]:
         """Keys that the innermost table knows."""
         return [field.alias or name for name, field in self.table.model_fields.items()]
+
+    @property
+    def expected(self) -> str:
+        """What the models expect there, as a remedy."""
+        return f"expected: {self.description}" if self.description else ""
 
 
 def find_location(model: type[BaseModel], location: tuple[str | int, ...]) -> Location:
@@ -100,19 +105,16 @@ def _alternatives(annotation: Any) -> Iterator[Any]:
 
 
 def _union_member(annotation: Any, part: str | int) -> Any:
-    """The member of a union that ``part`` is the tag of."""
+    """The member of a union that ``part`` is the tag of, or the kind."""
     for member in _members(annotation):
         tags = [data.tag for data in get_args(member)[1:] if isinstance(data, Tag)]
-        if part in tags or part == _kind(_strip(member)):
+        table = _strip(member)
+        kind = table.model_fields.get("kind") if _is_table(table) else None
+        if kind is not None and get_origin(kind.annotation) is Literal:
+            tags.append(str(get_args(kind.annotation)[0]))
+        if part in tags:
             return member
     return None
-
-
-def _kind(annotation: Any) -> str | None:
-    if not _is_table(annotation) or "kind" not in annotation.model_fields:
-        return None
-    kind = annotation.model_fields["kind"].annotation
-    return str(get_args(kind)[0]) if get_origin(kind) is Literal else None
 
 
 def _inside(annotation: Any, part: str | int) -> Any:
@@ -140,7 +142,6 @@ _TYPES = {
     "int_from_float": "must be a whole number",
     "bool_type": "must be true or false",
     "string_type": "must be a string in quotes",
-    "tuple_type": "must be an array",
     "dict_type": "must be a table",
     "model_type": "must be a table",
     "model_attributes_type": "must be a table",
@@ -178,13 +179,15 @@ def translate(model: type[BaseModel], errors: Iterable[ErrorDetails]) -> list[Re
         for error in errors
         if not _is_consequence(error)
     ]
-    missing_gone = _explained_tables(placed)
+    meant: set[KeyPath] = set()  # keys that are only misspelled, hence not missing
+    for place, error in placed:
+        if error["type"] == "extra_forbidden":
+            meant.add((*place.path[:-1], _intended(place) or ""))
     found: dict[KeyPath, Refused] = {}
     for place, error in placed:
-        if error["type"] == "missing" and _is_explained(place, missing_gone):
-            continue
-        finding = _translate_one(place, error)
-        found.setdefault(finding.where, finding)
+        if not (error["type"] == "missing" and place.path in meant):
+            finding = _translate_one(place, error)
+            found.setdefault(finding.where, finding)
     return list(found.values())
 
 
@@ -201,20 +204,16 @@ def without_unknown_keys(model: type[BaseModel], table: Any, errors: Iterable[Er
     known = deepcopy(table)
     # Each form that a table may have complains of the same key
     for place in {each.path: each for each in places}.values():
-        owner, key = _at(known, place.path[:-1]), str(place.path[-1])
+        owner, key = known, str(place.path[-1])
+        for part in place.path[:-1]:
+            owner = owner[part]
         value = owner.pop(key)
-        intended = _intended(key, place.known_keys)
-        if intended is not None and _UNIT_SUFFIX.fullmatch(key):
-            return None
+        intended = _intended(place)
         if intended is not None:
+            if _UNIT_SUFFIX.fullmatch(key):
+                return None
             owner.setdefault(intended, value)
     return known
-
-
-def _at(table: Any, path: KeyPath) -> Any:
-    for key in path:
-        table = table[key]
-    return table
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
@@ -238,135 +237,90 @@ def _is_consequence(error: ErrorDetails) -> bool:
     return error["type"] == "too_short" and len(error["input"]) >= error["ctx"]["min_length"]
 
 
-def _explained_tables(placed: Sequence[tuple[Location, ErrorDetails]]) -> dict[KeyPath, set[str]]:
-    """For each table with unknown keys: the missing keys that are only misspelled."""
-    explained: dict[KeyPath, set[str]] = {}
-    for place, error in placed:
-        if error["type"] == "extra_forbidden":
-            key = str(place.path[-1])
-            explained.setdefault(place.path[:-1], set()).add(_intended(key, place.known_keys) or "")
-    return explained
-
-
-def _is_explained(place: Location, explained: dict[KeyPath, set[str]]) -> bool:
-    return place.path[-1] in explained.get(place.path[:-1], set())
-
-
-def _intended(key: str, known: list[str]) -> str | None:
+def _intended(place: Location) -> str | None:
+    """The key that is meant by an unknown one."""
+    key, known = str(place.path[-1]), place.known_keys
     if (match := _UNIT_SUFFIX.fullmatch(key)) and match[1] in known:
         return match[1]
     return _closest(key, known)
 
 
 def _translate_one(place: Location, error: ErrorDetails) -> Refused:
-    kind = error["type"]
-    if kind in _TYPES:
-        return _wrong_type(place, error)
-    if kind in _BOUNDS:
-        return _out_of_bounds(place, error)
-    handler = _HANDLERS.get(kind)
+    handler = _HANDLERS.get(error["type"])
     if handler is not None:
         return handler(place, error)
-    return Refused(place.path, f"{error['msg']}, is {show(error['input'])}", _expected(place))
+    what = _TYPES.get(error["type"], error["msg"])
+    return Refused(place.path, f"{what}, is {show(error['input'])}", place.expected)
 
 
-def _expected(place: Location) -> str:
-    return f"expected: {place.description}" if place.description else ""
-
-
-def _wrong_type(place: Location, error: ErrorDetails) -> Refused:
-    what = _TYPES[error["type"]]
-    if error["type"] == "tuple_type" and len(place.path) == 1:
-        return Refused(
-            place.path,
-            f"must be an array of tables, is {show(error['input'])}",
-            f"write [[{place.path[0]}]]",
-        )
-    return Refused(place.path, f"{what}, is {show(error['input'])}", _expected(place))
+def _no_array(place: Location, error: ErrorDetails) -> Refused:
+    if len(place.path) > 1:
+        what, remedy = "must be an array", place.expected
+    else:
+        what, remedy = "must be an array of tables", f"write [[{place.path[0]}]]"
+    return Refused(place.path, f"{what}, is {show(error['input'])}", remedy)
 
 
 def _out_of_bounds(place: Location, error: ErrorDetails) -> Refused:
     key, what = _BOUNDS[error["type"]]
     bound, value = error["ctx"][key], error["input"]
+    what = f"{what} {bound:g}"
     if 0.0 < bound < _TINY and value <= 0.0:
-        return Refused(place.path, f"must be positive, is {show(value)}", _expected(place))
-    return Refused(place.path, f"{what} {bound:g}, is {show(value)}", _expected(place))
+        what = "must be positive"
+    return Refused(place.path, f"{what}, is {show(value)}", place.expected)
 
 
 def _missing(place: Location, error: ErrorDetails) -> Refused:
     key = place.path[-1]
     if isinstance(key, int):
-        return Refused(
-            place.path[:-1], f"has too few elements: {show(error['input'])}", _expected(place)
-        )
+        what = f"has too few elements: {show(error['input'])}"
+        return Refused(place.path[:-1], what, place.expected)
+    added = str(key)
     if len(place.path) == 1:
-        header = f"[[{key}]]" if key in ("particles", "loading") else f"[{key}]"
-        return Refused(place.path, "is missing", f"add {header}: {place.description}")
-    return Refused(place.path, "is missing", f"add {key}: {place.description}")
+        added = f"[[{key}]]" if key in ("particles", "loading") else f"[{key}]"
+    return Refused(place.path, "is missing", f"add {added}: {place.description}")
 
 
 def _unknown_key(place: Location, _error: ErrorDetails) -> Refused:
-    key = str(place.path[-1])
     known = place.known_keys
-    if (match := _UNIT_SUFFIX.fullmatch(key)) and match[1] in known:
-        return Refused(
-            place.path,
-            "unknown key: keys carry no unit, all numbers are in SI units",
-            f"did you mean '{match[1]}'?",
-        )
-    return Refused(
-        place.path, "unknown key", did_you_mean(key, known) or f"known here: {name_list(known)}"
-    )
+    if (match := _UNIT_SUFFIX.fullmatch(str(place.path[-1]))) and match[1] in known:
+        what = "unknown key: keys carry no unit, all numbers are in SI units"
+        return Refused(place.path, what, f"did you mean '{match[1]}'?")
+    remedy = did_you_mean(str(place.path[-1]), known) or f"known here: {name_list(known)}"
+    return Refused(place.path, "unknown key", remedy)
 
 
-def _wrong_literal(place: Location, error: ErrorDetails) -> Refused:
-    return _not_one_of(
-        place.path, error["input"], re.findall(r"'([^']*)'", error["ctx"]["expected"])
-    )
-
-
-def _wrong_tag(place: Location, error: ErrorDetails) -> Refused:
-    choices = re.findall(r"'([^']*)'", error["ctx"]["expected_tags"])
-    return _not_one_of((*place.path, "kind"), error["input"].get("kind"), choices)
-
-
-def _not_one_of(path: KeyPath, value: Any, choices: list[str]) -> Refused:
-    what = f"{show(value)} is not {'one of ' if len(choices) > 1 else ''}{name_list(choices)}"
+def _not_one_of(place: Location, error: ErrorDetails) -> Refused:
+    path, value, context = place.path, error["input"], error["ctx"]
+    if "expected_tags" in context:
+        path, value = (*path, "kind"), value.get("kind")
+    choices = re.findall(r"'([^']*)'", context.get("expected_tags") or context["expected"])
+    one, use = ("one of ", "one of them") if len(choices) > 1 else ("", "it")
     remedy = did_you_mean(value, choices) if isinstance(value, str) else ""
-    return Refused(path, what, remedy or f"use {'one of them' if len(choices) > 1 else 'it'}")
+    what = f"{show(value)} is not {one}{name_list(choices)}"
+    return Refused(path, what, remedy or f"use {use}")
 
 
 def _no_tag(place: Location, error: ErrorDetails) -> Refused:
     if isinstance(error["input"], dict):
         return Refused((*place.path, "kind"), "is missing", f"add kind: {place.description}")
-    return Refused(place.path, f"must be a table, is {show(error['input'])}", _expected(place))
+    return Refused(place.path, f"must be a table, is {show(error['input'])}", place.expected)
 
 
 def _not_exactly_one(place: Location, error: ErrorDetails) -> Refused:
-    value = error["input"]
-    has = (
-        f"has {name_list(map(str, value)) or 'none'}"
-        if isinstance(value, dict)
-        else f"is {show(value)}"
-    )
-    return Refused(place.path, f"{has}", error["msg"])
+    value, what = error["input"], f"is {show(error['input'])}"
+    if isinstance(value, dict):
+        what = f"has {name_list(map(str, value)) or 'none'}"
+    return Refused(place.path, what, error["msg"])
 
 
 def _wrong_length(place: Location, error: ErrorDetails) -> Refused:
     context, value = error["ctx"], error["input"]
     side, key = ("at most", "max_length") if "max_length" in context else ("at least", "min_length")
-    bound = f"{side} {count_noun(context[key], 'element')}"
-    return Refused(place.path, f"must have {bound}, has {len(value)}", _expected(place))
-
-
-def _wrong_text_length(place: Location, error: ErrorDetails) -> Refused:
-    context, value = error["ctx"], error["input"]
-    bound = (
-        f"at most {context['max_length']}"
-        if "max_length" in context
-        else f"at least {context['min_length']}"
-    )
-    return Refused(place.path, f"must have {bound} characters, has {len(value)}", _expected(place))
+    size = count_noun(context[key], "element")
+    if isinstance(value, str):
+        size = f"{context[key]} characters"
+    return Refused(place.path, f"must have {side} {size}, has {len(value)}", place.expected)
 
 
 def _wrong_characters(place: Location, error: ErrorDetails) -> Refused:
@@ -374,25 +328,20 @@ def _wrong_characters(place: Location, error: ErrorDetails) -> Refused:
     pattern = error["ctx"]["pattern"]
     signs = " . _ -" if "._-" in pattern else " _ -" if "_-" in pattern else " _"
     rule = f"use letters, digits and{signs} only; " if "A-Za-z" in pattern else ""
-    return Refused(place.path, what, f"{rule}{_expected(place)}")
-
-
-def _refused(place: Location, error: ErrorDetails) -> Refused:
-    refused: Refused = error["ctx"]["error"]
-    return refused.within(*place.path)
+    return Refused(place.path, what, f"{rule}{place.expected}")
 
 
 _HANDLERS: dict[str, Callable[[Location, ErrorDetails], Refused]] = {
     "missing": _missing,
     "extra_forbidden": _unknown_key,
-    "literal_error": _wrong_literal,
-    "union_tag_invalid": _wrong_tag,
+    "literal_error": _not_one_of,
+    "union_tag_invalid": _not_one_of,
     "union_tag_not_found": _no_tag,
     "one_of": _not_exactly_one,
-    "too_long": _wrong_length,
-    "too_short": _wrong_length,
-    "string_too_long": _wrong_text_length,
-    "string_too_short": _wrong_text_length,
+    "tuple_type": _no_array,
+    **dict.fromkeys(_BOUNDS, _out_of_bounds),
+    **dict.fromkeys(("too_long", "too_short"), _wrong_length),
+    **dict.fromkeys(("string_too_long", "string_too_short"), _wrong_length),
     "string_pattern_mismatch": _wrong_characters,
-    "value_error": _refused,
+    "value_error": lambda place, error: error["ctx"]["error"].within(*place.path),
 }

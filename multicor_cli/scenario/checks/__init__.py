@@ -14,7 +14,7 @@ def check_all(tables: PartialScenario) -> list[Refused]:
     checks = (
         laws.check,
         grains.check,
-        grains.check_exchange,
+        grains.check_inflow,
         grains.check_walls,
         stages.check,
         stages.check_ends,

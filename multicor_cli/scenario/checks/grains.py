@@ -22,7 +22,7 @@ from multicor_cli.scenario.settings import Domain
 from multicor_cli.scenario.sizes import Sizes
 from multicor_cli.scenario.tables import PartialScenario
 from multicor_cli.scenario.translate import did_you_mean
-from multicor_cli.scenario.walls import Glued, Wall
+from multicor_cli.scenario.walls import Glued
 
 # ---- Groups of grains fit together, into the domain and into their regions
 
@@ -47,11 +47,8 @@ def double_names(names: Sequence[str | None], table: str) -> Iterator[Refused]:
     first: dict[str, int] = {}
     for k, name in enumerate(names):
         if name is not None and first.setdefault(name, k) != k:
-            yield Refused(
-                (table, k, "name"),
-                f"{show(name)} is also the name of {table}.{first[name]}",
-                "give another name",
-            )
+            what = f"{show(name)} is also the name of {table}.{first[name]}"
+            yield Refused((table, k, "name"), what, "give another name")
 
 
 def _unlike_shapes(tables: PartialScenario) -> Iterator[Refused]:
@@ -76,52 +73,45 @@ def _unlike_starts(tables: PartialScenario) -> Iterator[Refused]:
                 "the run"
             )
         else:
-            what, remedy = (
-                'kind = "start" without a table [start]',
-                'add [start] with run = "...", or use another packing',
-            )
+            what = 'kind = "start" without a table [start]'
+            remedy = 'add [start] with run = "...", or use another packing'
         yield Refused(("particles", k, "packing"), what, remedy)
 
 
-def _check_group(path: KeyPath, group: ParticleGroup, domain: Domain) -> Iterator[Refused]:
-    region = group.placed_in(domain)
+def _beyond_period(path: KeyPath, region: Region, domain: Domain, remedy: str) -> Iterator[Refused]:
     if domain.periodic and not (region.left >= 0.0 and region.right <= domain.size[0]):
         what = (
             f"reaches from x = {region.left:g} to {region.right:g}, beyond the period from 0 to "
             f"{domain.size[0]:g}"
         )
-        yield Refused((*path, "region"), what, "keep it inside [domain] size")
-    if isinstance(group.packing, CompactedPacking | TilePacking) and not isinstance(
-        region, RectangleRegion
-    ):
-        what = f'packing kind = "{group.packing.kind}" fills rectangles only, not the {region}'
-        yield Refused(
-            (*path, "region"),
-            what,
-            'use region = { min, max }, or packing kind = "lattice", "random" or "deposited"',
-        )
-    if isinstance(group.packing, DepositedPacking) and domain.gravity[1] >= 0.0:
+        yield Refused(path, what, remedy)
+
+
+def _check_group(path: KeyPath, group: ParticleGroup, domain: Domain) -> Iterator[Refused]:
+    region, packing = group.placed_in(domain), group.packing
+    yield from _beyond_period((*path, "region"), region, domain, "keep it inside [domain] size")
+    is_plain = isinstance(region, RectangleRegion)
+    if isinstance(packing, CompactedPacking | TilePacking) and not is_plain:
+        what = f'packing kind = "{packing.kind}" fills rectangles only, not the {region}'
+        remedy = 'use region = { min, max }, or packing kind = "lattice", "random" or "deposited"'
+        yield Refused((*path, "region"), what, remedy)
+    if isinstance(packing, DepositedPacking) and domain.gravity[1] >= 0.0:
         yield _no_weight((*path, "packing"), domain)
     if group.sizes is not None:
-        yield from _check_sizes(path, group, region, domain)
-    if isinstance(group.packing, TilePacking):
-        yield from _check_tile(path, group.packing, region, domain)
+        yield from _check_sizes(path, group, group.sizes, region, domain)
+    if isinstance(packing, TilePacking):
+        yield from _check_tile(path, packing, region, domain)
 
 
 def _check_sizes(
-    path: KeyPath, group: ParticleGroup, region: Region, domain: Domain
+    path: KeyPath, group: ParticleGroup, sizes: Sizes, region: Region, domain: Domain
 ) -> Iterator[Refused]:
-    assert group.sizes is not None
-    diameter = 2.0 * group.sizes.largest
+    diameter = 2.0 * sizes.largest
     tile = group.packing.tile if isinstance(group.packing, TilePacking) else (math.inf, math.inf)
-    room = min(region.room, *tile)
-    if diameter > room * (1.0 + _SLACK):
-        is_plain = isinstance(region, RectangleRegion)
-        place = (
-            f"{min(region.width, tile[0]):g} × {min(region.height, tile[1]):g} m"
-            if is_plain
-            else f"the {region}"
-        )
+    if diameter > min(region.room, *tile) * (1.0 + _SLACK):
+        place = f"the {region}"
+        if isinstance(region, RectangleRegion):
+            place = f"{min(region.width, tile[0]):g} × {min(region.height, tile[1]):g} m"
         what = f"grains of diameter {diameter:g} m do not fit into {place}"
         yield Refused((*path, "sizes"), what, "give radii and lengths in meters")
     elif domain.periodic and domain.size[0] < LEAST_DIAMETERS * diameter:
@@ -130,14 +120,11 @@ def _check_sizes(
             f"{diameter:g} m"
         )
         yield Refused((*path, "sizes"), what, "widen the domain or use smaller grains")
-    elif group.count is not None and _least_area(group, group.count) > region.area().size:
-        what = f"{group.count} grains cover more than the {region}"
-        yield Refused((*path, "count"), what, "lower count, or enlarge region")
-
-
-def _least_area(group: ParticleGroup, count: int) -> float:
-    assert group.sizes is not None
-    return count * math.pi * group.sizes.smallest * group.sizes.smallest
+    elif group.count is not None:
+        least_area = group.count * math.pi * sizes.smallest * sizes.smallest
+        if least_area > region.area().size:
+            what = f"{group.count} grains cover more than the {region}"
+            yield Refused((*path, "count"), what, "lower count, or enlarge region")
 
 
 def _check_tile(
@@ -161,119 +148,79 @@ def _too_many(tables: PartialScenario) -> Iterator[Refused]:
     """The total number of grains is bounded; area fractions give a lower estimate."""
     total = 0.0
     for k, group in enumerate(tables.particles):
-        if group is None or tables.domain is None:
+        if group is None or group.sizes is None or tables.domain is None:
             continue
-        total += _least_count(group, tables.domain)
+        packing, largest_area = group.packing, math.pi * group.sizes.largest * group.sizes.largest
+        if isinstance(packing, TilePacking):
+            area = (packing.tile_fill or 0.0) * packing.tile[0] * packing.tile[1]
+            one = packing.tile_count or area / largest_area
+            total += one * packing.repeat[0] * packing.repeat[1]
+        else:
+            area = (group.fill or 0.0) * group.placed_in(tables.domain).area().size
+            total += group.count or area / largest_area
         if total > MAX_GRAINS:
             what = f"there would be at least {total:.3g} grains, more than {MAX_GRAINS:.3g}"
-            yield Refused(
-                ("particles", k),
-                what,
-                "use fewer or larger grains; radii and lengths are in meters",
-            )
+            remedy = "use fewer or larger grains; radii and lengths are in meters"
+            yield Refused(("particles", k), what, remedy)
             return
-
-
-def _least_count(group: ParticleGroup, domain: Domain) -> float:
-    packing, sizes = group.packing, group.sizes
-    if sizes is None:
-        return 0.0
-    largest_area = math.pi * sizes.largest * sizes.largest
-    if isinstance(packing, TilePacking):
-        one = (
-            packing.tile_count
-            or (packing.tile_fill or 0.0) * packing.tile[0] * packing.tile[1] / largest_area
-        )
-        return one * packing.repeat[0] * packing.repeat[1]
-    region = group.placed_in(domain)
-    return group.count or (group.fill or 0.0) * region.area().size / largest_area
 
 
 # ---- Grains that come and go: releases and outlets fit into the domain, and to each other
 
 
-def check_exchange(tables: PartialScenario) -> Iterator[Refused]:
+def check_inflow(tables: PartialScenario) -> Iterator[Refused]:
     """Findings about releases and outlets."""
-    yield from double_names(
-        [outlet.name if outlet else None for outlet in tables.outlets], "outlets"
-    )
+    names = [outlet.name if outlet else None for outlet in tables.outlets]
+    yield from double_names(names, "outlets")
     for k, group in enumerate(tables.particles):
         if group is not None and group.release is not None and tables.domain is not None:
-            yield from _check_release(("particles", k), group, tables.domain)
+            yield from _check_release(("particles", k), group, group.release.region, tables.domain)
     for k, outlet in enumerate(tables.outlets):
         if outlet is not None:
             yield from _check_outlet(("outlets", k), outlet, tables)
 
 
-def _check_release(path: KeyPath, group: ParticleGroup, domain: Domain) -> Iterator[Refused]:
-    assert group.release is not None
-    region, (width, height) = group.release.region, domain.size
-    if not (
-        region.min[0] >= 0.0
-        and region.max[0] <= width
-        and region.min[1] >= 0.0
-        and region.max[1] <= height
-    ):
+def _check_release(
+    path: KeyPath, group: ParticleGroup, region: RectangleRegion, domain: Domain
+) -> Iterator[Refused]:
+    place, (width, height) = (*path, "release", "region"), domain.size
+    if not (min(region.min) >= 0.0 and region.max[0] <= width and region.max[1] <= height):
         what = (
             f"reaches from {list(region.min)} to {list(region.max)} m, beyond the domain of "
             f"{width:g} × {height:g} m"
         )
-        yield Refused(
-            (*path, "release", "region"), what, "keep it inside [domain] size, or enlarge that"
-        )
-    if group.sizes is not None:
-        diameter = 2.0 * group.sizes.largest
-        if diameter > min(region.width, region.height) * (1.0 + _SLACK):
-            what = (
-                f"grains of diameter {diameter:g} m never fit into the region of {region.width:g} "
-                f"× {region.height:g} m"
-            )
-            yield Refused(
-                (*path, "release", "region"), what, "enlarge it: grains are released wholly inside"
-            )
-    if group.packing is None and isinstance(
-        group.temperature, GradientTemperature | RegionsTemperature
-    ):
+        yield Refused(place, what, "keep it inside [domain] size, or enlarge that")
+    diameter = 0.0 if group.sizes is None else 2.0 * group.sizes.largest
+    if diameter > region.room * (1.0 + _SLACK):
+        what = f"grains of diameter {diameter:g} m never fit into the {region}"
+        yield Refused(place, what, "enlarge it: grains are released wholly inside")
+    depends_on_place = isinstance(group.temperature, GradientTemperature | RegionsTemperature)
+    if group.packing is None and depends_on_place:
         what = "the temperature depends on the place, but grains that wait have none"
-        yield Refused(
-            (*path, "temperature"), what, "give one temperature [K], or one for each grain"
-        )
+        remedy = "give one temperature [K], or one for each grain"
+        yield Refused((*path, "temperature"), what, remedy)
 
 
 def _check_outlet(path: KeyPath, outlet: Outlet, tables: PartialScenario) -> Iterator[Refused]:
-    groups = [(k, group) for k, group in enumerate(tables.particles) if group is not None]
-    for k, group in groups:
-        if group.release is not None and _overlap(outlet.region, group.release.region):
+    low, high = outlet.region.min, outlet.region.max
+    releases = [(k, group.release) for k, group in enumerate(tables.particles) if group]
+    for k, release in releases:
+        if release is not None and all(
+            low[axis] < release.region.max[axis] and release.region.min[axis] < high[axis]
+            for axis in (0, 1)
+        ):
             what = (
                 f"overlaps the release region of particles.{k}: grains would leave where they come"
             )
             yield Refused((*path, "region"), what, "move one of the two")
-    if (
-        outlet.then == "release"
-        and len(groups) == len(tables.particles)
-        and not any(group.release for _, group in groups)
-    ):
+    has_release = None in tables.particles or any(release for _, release in releases)
+    if outlet.then == "release" and not has_release:
         what = "grains are to be released again, but no group has a release"
-        yield Refused(
-            (*path, "then"),
-            what,
-            'give a group release = { rate = ..., region = ... }, or use then = "remove"',
-        )
-    domain = tables.domain
-    if (
-        domain is not None
-        and domain.periodic
-        and not (outlet.region.min[0] >= 0.0 and outlet.region.max[0] <= domain.size[0])
-    ):
-        what = (
-            f"reaches from x = {outlet.region.min[0]:g} to {outlet.region.max[0]:g}, beyond the "
-            f"period from 0 to {domain.size[0]:g}"
-        )
-        yield Refused((*path, "region"), what, "keep it within the period: x is counted there")
-
-
-def _overlap(a: RectangleRegion, b: RectangleRegion) -> bool:
-    return all(a.min[axis] < b.max[axis] and b.min[axis] < a.max[axis] for axis in (0, 1))
+        remedy = 'give a group release = { rate = ..., region = ... }, or use then = "remove"'
+        yield Refused((*path, "then"), what, remedy)
+    if tables.domain is not None:
+        remedy = "keep it within the period: x is counted there"
+        yield from _beyond_period((*path, "region"), outlet.region, tables.domain, remedy)
 
 
 # ---- Walls fit to the domain and know what they are made of
@@ -284,58 +231,50 @@ _MAX_GLUED = 10_000_000
 def check_walls(tables: PartialScenario) -> Iterator[Refused]:
     """Findings about the walls."""
     yield from double_names(tables.wall_names, "walls")
+    groups = [name for name in tables.group_names if name]
+    are_known = bool(groups) and None not in tables.group_names  # else it may be one without a name
     for k, wall in enumerate(tables.walls):
         if wall is None:
             continue
-        yield from _unknown_groups(("walls", k, "groups"), wall, tables)
+        for e, name in enumerate(wall.groups or ()):
+            if are_known and name not in groups:
+                remedy = did_you_mean(name, groups) or f"the groups are {name_list(groups)}"
+                what = f"there is no group of particles {show(name)}"
+                yield Refused(("walls", k, "groups", e), what, remedy)
         path, glued = ("walls", k, "geometry"), wall.geometry.glued()
         if glued is not None:
-            yield from _check_glued((*path, glued.key), glued, tables)
+            place, sizes = (*path, glued.key), glued.sizes
+            if isinstance(sizes, str) and sizes not in groups:
+                remedy = did_you_mean(sizes, groups)
+                remedy = remedy or f"use one of {name_list(groups)}, or a table of sizes"
+                if groups and len(groups) == len(tables.group_names):
+                    what = f"there is no group of particles {show(sizes)}"
+                    yield Refused(place, what, remedy)
+            elif sizes is not None and not isinstance(sizes, str):
+                yield from _check_room(place, glued, sizes)
+            elif tables.particles:
+                number = 0 if sizes is None else tables.group_names.index(sizes)
+                yield from _check_borrowed(place, glued, tables.particles[number], tables)
         if tables.domain:
             for found in wall.geometry.misfits(tables.domain):
                 yield found.within(*path)
-
-
-def _unknown_groups(path: KeyPath, wall: Wall, tables: PartialScenario) -> Iterator[Refused]:
-    """Groups that a wall is to meet."""
-    if None in tables.group_names or not tables.group_names:
-        return  # the group that is meant may be one without a name
-    known = [name for name in tables.group_names if name]
-    for e, name in enumerate(wall.groups or ()):
-        if name not in known:
-            remedy = did_you_mean(name, known) or f"the groups are {name_list(known)}"
-            yield Refused((*path, e), f"there is no group of particles {show(name)}", remedy)
-
-
-def _check_glued(path: KeyPath, glued: Glued, tables: PartialScenario) -> Iterator[Refused]:
-    named = glued.sizes
-    if named is not None and not isinstance(named, str):
-        yield from _check_room(path, glued, named)
-    elif named is not None and named not in tables.group_names:
-        known = [name for name in tables.group_names if name]
-        # The group that is meant may be one without a name
-        if not known or len(known) < len(tables.group_names):
-            return
-        remedy = did_you_mean(named, known) or f"use one of {name_list(known)}, or a table of sizes"
-        yield Refused(path, f"there is no group of particles {show(named)}", remedy)
-    elif tables.particles:
-        group = tables.particles[0 if named is None else tables.group_names.index(named)]
-        yield from _check_borrowed(path, glued, group, tables)
 
 
 def _check_borrowed(
     path: KeyPath, glued: Glued, group: ParticleGroup | None, tables: PartialScenario
 ) -> Iterator[Refused]:
     """Glued grains with the sizes of a group of free grains."""
-    if group is None:
-        return
-    if group.sizes is None:
+    if group is not None and group.sizes is None:
         what = f"the group '{group.name}' has no sizes that the glued grains could have"
-        yield Refused(
-            path, what, 'give them here, as { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }'
-        )
-    # if larger, the group itself is told
-    elif tables.domain and 2.0 * group.sizes.largest <= min(tables.domain.size):
+        remedy = 'give them here, as { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }'
+        yield Refused(path, what, remedy)
+    # If they are larger, the group itself is told
+    elif (
+        group
+        and group.sizes
+        and tables.domain
+        and 2.0 * group.sizes.largest <= min(tables.domain.size)
+    ):
         yield from _check_room(path, glued, group.sizes)
 
 

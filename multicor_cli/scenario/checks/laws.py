@@ -7,8 +7,8 @@ from itertools import combinations_with_replacement
 
 from multicor_cli.scenario.drives import FlowCondition, TemperatureCondition, WallCondition
 from multicor_cli.scenario.heat import Heat
-from multicor_cli.scenario.materials import MAX_MATERIALS, ContactPair, Material, Need, PairFriction
-from multicor_cli.scenario.problems import KeyPath, Refused, name_list, show
+from multicor_cli.scenario.materials import MAX_MATERIALS, Material, Need, PairFriction
+from multicor_cli.scenario.problems import KeyPath, Refused, format_key, name_list, show
 from multicor_cli.scenario.tables import PartialScenario
 from multicor_cli.scenario.translate import did_you_mean
 
@@ -41,27 +41,17 @@ def _lists(tables: PartialScenario) -> Iterator[tuple[KeyPath, Entries]]:
 def _undefined_materials(tables: PartialScenario) -> Iterator[Refused]:
     used: list[tuple[KeyPath, str]] = []
     for path, entries in _lists(tables):
+        for k, entry in _given(entries):
+            used += [((*path, k, "pair", e), name) for e, name in enumerate(entry.pair)]
+    for table, owners in (("particles", tables.particles), ("walls", tables.walls)):
         used += [
-            ((*path, k, "pair", e), name)
-            for k, c in _given(entries)
-            for e, name in enumerate(c.pair)
-            if name != "*"
+            ((table, k, "material"), owner.material) for k, owner in enumerate(owners) if owner
         ]
-    used += [
-        (("particles", k, "material"), group.material)
-        for k, group in enumerate(tables.particles)
-        if group
-    ]
-    used += [
-        (("walls", k, "material"), wall.material) for k, wall in enumerate(tables.walls) if wall
-    ]
     known = tables.material_names
     for path, name in used:
-        if known and name not in known:
-            remedy = (
-                did_you_mean(name, known)
-                or f"add [materials.{name}], or use one of {name_list(known)}"
-            )
+        if known and name not in (*known, "*"):
+            remedy = did_you_mean(name, known)
+            remedy = remedy or f"add [materials.{name}], or use one of {name_list(known)}"
             yield Refused(path, f"there is no material {show(name)}", remedy)
 
 
@@ -71,11 +61,6 @@ def _given(entries: Entries) -> Iterator[tuple[int, PairFriction]]:
 
 def _key(a: str, b: str) -> tuple[str, str]:
     return (a, b) if a <= b else (b, a)
-
-
-def _covering(a: str, b: str) -> set[tuple[str, str]]:
-    """All pairs that an entry about ``a`` and ``b`` can have; "*" sorts before all names."""
-    return {_key(a, b), ("*", a), ("*", b), ("*", "*")}
 
 
 def _by_pair(entries: Entries) -> dict[tuple[str, str], int]:
@@ -90,10 +75,8 @@ def _double_entries(path: KeyPath, entries: Entries) -> Iterator[Refused]:
     first = _by_pair(entries)
     for k, entry in _given(entries):
         if (before := first[_key(*entry.pair)]) != k:
-            what = (
-                f"the pair {_show_pair(entry.pair)} is given twice, first in "
-                f"{_dotted(path)}.{before}"
-            )
+            twice = f"the pair {_show_pair(entry.pair)} is given twice, first in"
+            what = f"{twice} {format_key(path)}.{before}"
             yield Refused((*path, k, "pair"), what, "remove one of the two")
 
 
@@ -117,10 +100,6 @@ def _show_pair(pair: tuple[str, str]) -> str:
     return f'["{pair[0]}", "{pair[1]}"]'
 
 
-def _dotted(path: KeyPath) -> str:
-    return ".".join(map(str, path))
-
-
 def _ambiguous_pairs(path: KeyPath, entries: Entries, tables: PartialScenario) -> Iterator[Refused]:
     """Pairs that two entries such as ["a", "*"] and ["b", "*"] cover, but none of their own."""
     first = _by_pair(entries)
@@ -129,7 +108,7 @@ def _ambiguous_pairs(path: KeyPath, entries: Entries, tables: PartialScenario) -
         rivals = sorted(first[key] for key in {("*", a), ("*", b)} if key in first)
         if len(rivals) == 2 and (a, b) not in first and rivals[1] not in told:
             told.add(rivals[1])
-            one, other = (f"{_dotted(path)}.{rival}" for rival in rivals)
+            one, other = (f"{format_key(path)}.{rival}" for rival in rivals)
             what = f"{one} and {other} both apply to the pair {_show_pair((a, b))}"
             yield Refused(
                 (*path, rivals[1], "pair"), what, f"add an entry with pair = {_show_pair((a, b))}"
@@ -142,19 +121,18 @@ def _uncovered_pairs(tables: PartialScenario) -> Iterator[Refused]:
     if None in tables.contacts or not named <= set(tables.material_names):
         return
     given = _by_pair(tables.contacts).keys()
-    uncovered = [pair for pair in touching_pairs(tables) if not given & _covering(*pair)]
-    if not uncovered:
-        return
-    pairs = ", ".join(_show_pair(pair) for pair in uncovered[:_MAX_NAMED_PAIRS])
-    more = (
-        f" and {len(uncovered) - _MAX_NAMED_PAIRS} more"
-        if len(uncovered) > _MAX_NAMED_PAIRS
-        else ""
-    )
-    remedy = (
-        f'add [[contacts]] with pair = {_show_pair(uncovered[0])}, or ["*", "*"] for all others'
-    )
-    yield Refused(("contacts",), f"no contact law for {pairs}{more}", remedy)
+    uncovered = [
+        (a, b)
+        for a, b in touching_pairs(tables)
+        if not given & {_key(a, b), ("*", a), ("*", b), ("*", "*")}  # "*" sorts before all names
+    ]
+    if uncovered:
+        pairs = ", ".join(_show_pair(pair) for pair in uncovered[:_MAX_NAMED_PAIRS])
+        if len(uncovered) > _MAX_NAMED_PAIRS:
+            pairs += f" and {len(uncovered) - _MAX_NAMED_PAIRS} more"
+        example = _show_pair(uncovered[0])
+        remedy = f'add [[contacts]] with pair = {example}, or ["*", "*"] for all others'
+        yield Refused(("contacts",), f"no contact law for {pairs}", remedy)
 
 
 # ---- Thermal keys have an effect: `[heat]`, stages, walls and gas can do what is asked of them
@@ -163,70 +141,52 @@ def _uncovered_pairs(tables: PartialScenario) -> Iterator[Refused]:
 def check_heat(tables: PartialScenario) -> Iterator[Refused]:
     """Findings about heat, but for the properties of materials."""
     if not tables.has_heat:
-        yield from _without_heat(tables)
+        for path in _thermal_keys(tables):
+            what = f"there is no heat in this scenario, but {path[-1]} needs it"
+            yield Refused(path, what, "add a table [heat], or remove the key")
         return
-    yield from _never_on(tables)
+    if tables.loading and all(stage and stage.heat is False for stage in tables.loading):
+        what = "all stages have heat = false: no temperature ever changes"
+        yield Refused(("heat",), what, "remove [heat], or one heat = false")
     if tables.heat is not None:
         yield from _check_frozen(tables, tables.heat)
-        yield from _check_conditions(tables, tables.heat)
-        yield from _check_sizes(tables, tables.heat)
-
-
-def _without_heat(tables: PartialScenario) -> Iterator[Refused]:
-    """Keys that mean nothing without ``[heat]``."""
-    for path in _thermal_keys(tables):
-        yield Refused(
-            path,
-            f"there is no heat in this scenario, but {path[-1]} needs it",
-            "add a table [heat], or remove the key",
-        )
+        if not tables.heat.has_spots:
+            yield from _check_conditions(tables, tables.heat)
+        # Groups that bring their grains are checked later
+        sizes = [group.sizes for group in tables.particles if group and group.sizes]
+        if tables.heat.gas is not None and sizes:
+            smallest, largest = min(s.smallest for s in sizes), max(s.largest for s in sizes)
+            yield from tables.heat.gas.misfits(smallest, largest)
 
 
 def _thermal_keys(tables: PartialScenario) -> Iterator[KeyPath]:
-    for k, entry in enumerate(tables.contacts):
-        for keys in entry.thermal_keys if entry else ():
+    """Keys that mean nothing without ``[heat]``."""
+    for k, entry in _given(tables.contacts):
+        for keys in entry.thermal_keys:
             yield ("contacts", k, *keys)
-    yield from (
-        ("particles", k, "temperature")
-        for k, group in enumerate(tables.particles)
-        if group and group.temperature
-    )
-    yield from (
-        ("walls", k, "thermal") for k, wall in enumerate(tables.walls) if wall and wall.thermal
-    )
+    for table, key, owners in (
+        ("particles", "temperature", tables.particles),
+        ("walls", "thermal", tables.walls),
+    ):
+        for k, owner in enumerate(owners):
+            if owner and getattr(owner, key):
+                yield table, k, key
     for k, stage in enumerate(tables.loading):
         if stage is None:
             continue
         for e, softer in enumerate(stage.contacts):
             for keys in softer.thermal_keys:
                 yield ("loading", k, "contacts", e, *keys)
-        given = {
-            "thermal": bool(stage.thermal),
-            "frozen": stage.frozen,
-            "heat": stage.heat is not None,
-        }
+        given = {"thermal": stage.thermal, "frozen": stage.frozen, "heat": stage.heat is not None}
         yield from (("loading", k, key) for key, is_given in given.items() if is_given)
-
-
-def _never_on(tables: PartialScenario) -> Iterator[Refused]:
-    """A table ``[heat]`` that no stage uses."""
-    if tables.loading and all(
-        stage is not None and stage.heat is False for stage in tables.loading
-    ):
-        yield Refused(
-            ("heat",),
-            "all stages have heat = false: no temperature ever changes",
-            "remove [heat], or one heat = false",
-        )
 
 
 def _check_frozen(tables: PartialScenario, heat: Heat) -> Iterator[Refused]:
     """Contact spots need forces, which only a mechanical step finds, here or in ``[start]``."""
-    knows_spots = tables.has_start or not heat.needs_forces
     for k, stage in enumerate(tables.loading):
         if stage is None or not stage.frozen:
             return
-        if not knows_spots:
+        if heat.needs_forces and not tables.has_start:
             what = (
                 "the forces of the contacts are not known before the first step, and conduction "
                 "needs them"
@@ -240,46 +200,30 @@ def _check_frozen(tables: PartialScenario, heat: Heat) -> Iterator[Refused]:
 
 
 def _check_conditions(tables: PartialScenario, heat: Heat) -> Iterator[Refused]:
-    """What is prescribed at a wall reaches the grains somehow."""
-    if heat.has_spots:
-        return
+    """What is prescribed at a wall reaches grains without contact spots somehow."""
+    conditions: list[tuple[KeyPath, WallCondition]] = [
+        (("walls", k, "thermal"), wall.thermal)
+        for k, wall in enumerate(tables.walls)
+        if wall and wall.thermal
+    ]
+    for k, stage in enumerate(tables.loading):
+        for name, condition in stage.thermal.items() if stage else ():
+            conditions.append((("loading", k, "thermal", name), condition))
     has_effect = heat.has_sources or heat.crosses_gaps
-    for path, condition in _conditions(tables):
+    for path, condition in conditions:
         if isinstance(condition, FlowCondition):
             what = (
                 'no heat can flow from the wall into grains with conduction = "none" and without '
                 "gas"
             )
-            yield Refused(
-                (*path, "flow"),
-                what,
-                "let contacts conduct, or prescribe the temperature of the wall",
-            )
+            remedy = "let contacts conduct, or prescribe the temperature of the wall"
+            yield Refused((*path, "flow"), what, remedy)
         elif isinstance(condition, TemperatureCondition) and not has_effect:
             what = (
                 'the wall cannot heat grains with conduction = "none" and without gas, friction '
                 "or radiation of neighbors"
             )
             yield Refused((*path, "temperature"), what, "let contacts conduct, or remove it")
-
-
-def _conditions(tables: PartialScenario) -> Iterator[tuple[KeyPath, WallCondition]]:
-    for k, wall in enumerate(tables.walls):
-        if wall and wall.thermal:
-            yield ("walls", k, "thermal"), wall.thermal
-    for k, stage in enumerate(tables.loading):
-        for name, condition in stage.thermal.items() if stage else ():
-            yield ("loading", k, "thermal", name), condition
-
-
-def _check_sizes(tables: PartialScenario, heat: Heat) -> Iterator[Refused]:
-    """The gas model for equal grains; groups that bring their grains are checked later."""
-    sizes = [group.sizes for group in tables.particles if group and group.sizes]
-    if heat.gas is None or not sizes:
-        return
-    yield from heat.gas.misfits(
-        min(table.smallest for table in sizes), max(table.largest for table in sizes)
-    )
 
 
 # ---- Materials have the properties that the chosen mechanisms and laws need, and fit them
@@ -291,7 +235,15 @@ def check_thermal_materials(tables: PartialScenario) -> Iterator[Refused]:
         return
     of_grains = {group.material for group in tables.particles if group}
     of_walls = {wall.material for wall in tables.walls if wall}
-    laws = _laws(tables)
+    entries = [entry for entry in tables.contacts if entry]
+    covering = {
+        pair: [entry for entry in entries if entry.covers(*pair)] for pair in touching_pairs(tables)
+    }
+    laws = {
+        pair: max(found, key=lambda entry: entry.specificity)
+        for pair, found in covering.items()
+        if found
+    }
     for name, material in tables.materials.items():
         if material is None or name not in of_grains | of_walls:
             continue
@@ -311,19 +263,5 @@ def _missing(name: str, material: Material, needs: Iterable[Need]) -> Iterator[R
     if missing:
         reasons = sorted(set().union(*lacking.values()))
         what = f"'{name}' has no {', '.join(missing)}; needed by {', '.join(reasons)}"
-        yield Refused(
-            ("materials", name), what, f"add {', '.join(map(Material.with_unit, missing))}"
-        )
-
-
-def _laws(tables: PartialScenario) -> dict[tuple[str, str], ContactPair]:
-    """The laws of the pairs of materials that can touch, as far as they are known."""
-    entries = [entry for entry in tables.contacts if entry]
-    covering = {
-        pair: [entry for entry in entries if entry.covers(*pair)] for pair in touching_pairs(tables)
-    }
-    return {
-        pair: max(found, key=lambda entry: entry.specificity)
-        for pair, found in covering.items()
-        if found
-    }
+        remedy = f"add {', '.join(map(Material.with_unit, missing))}"
+        yield Refused(("materials", name), what, remedy)

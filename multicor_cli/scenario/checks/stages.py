@@ -38,16 +38,12 @@ def check(tables: PartialScenario) -> Iterator[Refused]:
     yield from _nothing_to_tilt(tables)
     if len(set(tables.wall_names) - {None}) < len(tables.wall_names):
         return  # a name is missing or double, and may be the one that is meant below
-    unknown = [
-        finding
-        for k, stage in _stages(tables)
-        for finding in _unknown_walls(("loading", k), stage, tables)
-    ]
+    unknown = list(_unknown_walls(tables))
     yield from unknown
     if not unknown:
-        for index, wall in enumerate(tables.walls):
+        for k, wall in enumerate(tables.walls):
             if wall is not None:
-                yield from _check_inertia(("walls", index), wall, tables)
+                yield from _check_inertia(("walls", k), wall, tables)
                 yield from _check_turning(wall, tables)
                 yield from _check_lengths(wall, tables)
 
@@ -56,20 +52,19 @@ def _stages(tables: PartialScenario) -> Iterator[tuple[int, Stage]]:
     return ((k, stage) for k, stage in enumerate(tables.loading) if stage)
 
 
-def _unknown_walls(path: KeyPath, stage: Stage, tables: PartialScenario) -> Iterator[Refused]:
+def _unknown_walls(tables: PartialScenario) -> Iterator[Refused]:
     known = [name for name in tables.wall_names if name]
-    used: list[tuple[KeyPath, str]] = [((*path, "drives", name), name) for name in stage.drives]
-    used += [((*path, "thermal", name), name) for name in stage.thermal]
-    used += [((*path, "until", *keys), name) for keys, name in walls_of(stage.until).items()]
-    for wall, dof, table in _loads(stage):
-        used += [
-            ((*path, "drives", wall, dof, "between", e), name)
-            for e, name in enumerate(table.between or ())
-        ]
-    for place, name in used:
-        if name not in known:
-            remedy = did_you_mean(name, known) or f"the walls are {name_list(known) or 'none'}"
-            yield Refused(place, f"there is no wall {show(name)}", remedy)
+    for k, stage in _stages(tables):
+        used: list[tuple[KeyPath, str]] = [(("drives", name), name) for name in stage.drives]
+        used += [(("thermal", name), name) for name in stage.thermal]
+        used += [(("until", *keys), name) for keys, name in walls_of(stage.until).items()]
+        for wall, dof, load in _loads(stage):
+            between = enumerate(load.between or ())
+            used += [(("drives", wall, dof, "between", e), name) for e, name in between]
+        for place, name in used:
+            if name not in known:
+                remedy = did_you_mean(name, known) or f"the walls are {name_list(known) or 'none'}"
+                yield Refused(("loading", k, *place), f"there is no wall {show(name)}", remedy)
 
 
 def _loads(stage: Stage) -> Iterator[tuple[str, str, LoadDof]]:
@@ -92,56 +87,40 @@ def _check_lengths(wall: Wall, tables: PartialScenario) -> Iterator[Refused]:
         for name, dof, load in _loads(stage):
             if name != wall.name or load.between is None or not set(load.between) <= origins.keys():
                 continue
-            path, across = (
-                ("loading", k, "drives", name, dof, "between"),
-                "y" if dof == "x" else "x",
-            )
+            path = ("loading", k, "drives", name, dof, "between")
+            across = "y" if dof == "x" else "x"
             first, second = (float(origins[other]["xy".index(across)]) for other in load.between)
             if name in load.between:
-                yield Refused(
-                    path,
-                    f"the stress on '{name}' cannot act between '{name}' and another wall",
-                    "name its two neighbors",
-                )
+                what = f"the stress on '{name}' cannot act between '{name}' and another wall"
+                yield Refused(path, what, "name its two neighbors")
             elif abs(first - second) <= _LEVEL * max(tables.domain.size):
                 what = (
                     f"there is no length between '{load.between[0]}' and '{load.between[1]}': "
                     f"both lie at {across} = {first:g}"
                 )
-                yield Refused(
-                    path,
-                    what,
-                    (
-                        f"name two walls apart in {across}, or remove it: the length is then that "
-                        f"of '{name}'"
-                    ),
+                remedy = (
+                    f"name two walls apart in {across}, or remove it: the length is then that of "
+                    f"'{name}'"
                 )
+                yield Refused(path, what, remedy)
 
 
 def _nothing_to_tilt(tables: PartialScenario) -> Iterator[Refused]:
     """Gravity of the magnitude of the domain's, where there is none."""
+    if tables.domain is None or any(tables.domain.gravity):
+        return
     for k, stage in _stages(tables):
         gravity = stage.gravity
-        if (
-            isinstance(gravity, TiltedGravityTable)
-            and gravity.magnitude is None
-            and tables.domain
-            and not any(tables.domain.gravity)
-        ):
+        if isinstance(gravity, TiltedGravityTable) and gravity.magnitude is None:
             what = "[domain] has gravity = [0, 0], which no angle turns"
-            yield Refused(
-                ("loading", k, "gravity"), what, "add magnitude [m/s²], as magnitude = 9.81"
-            )
+            remedy = "add magnitude [m/s²], as magnitude = 9.81"
+            yield Refused(("loading", k, "gravity"), what, remedy)
 
 
 def _check_turning(wall: Wall, tables: PartialScenario) -> Iterator[Refused]:
     """A wall that reaches from one period to the next has no center to turn about."""
-    geometry = wall.geometry
-    if (
-        tables.domain is None
-        or any(geometry.misfits(tables.domain))
-        or not geometry.spans_period(tables.domain)
-    ):
+    geometry, domain = wall.geometry, tables.domain
+    if domain is None or any(geometry.misfits(domain)) or not geometry.spans_period(domain):
         return
     for k, stage in _stages(tables):
         drives = stage.drives.get(wall.name)
@@ -157,42 +136,30 @@ def _check_turning(wall: Wall, tables: PartialScenario) -> Iterator[Refused]:
 def _check_inertia(path: KeyPath, wall: Wall, tables: PartialScenario) -> Iterator[Refused]:
     """A wall that forces drive has a mass; gravity acts only on such walls."""
     driven: dict[str, int] = {}
-    weighs = _weighs(wall, tables)
     for k, stage in _stages(tables):
-        drives = stage.drives.get(wall.name)
-        for dof in DOF_NAMES:
-            if drives is not None and isinstance(getattr(drives, dof), LoadDof):
+        for name, dof, _ in _loads(stage):
+            if name == wall.name:
                 driven.setdefault(dof, k)
+    substance, groups = wall.geometry.substance, tables.particles
+    # Whether mass and inertia follow from the geometry and the material
+    weighs = substance is not None
+    if substance == "prism" and groups and groups[0]:
+        weighs = prism_height(groups[0]) is not None
     moved = [dof for dof in ("x", "y") if dof in driven]
     if moved and wall.mass is None and not weighs:
-        what = (
-            f"the wall '{wall.name}' has no mass, but a force drives its {moved[0]} in "
-            f"loading.{driven[moved[0]]}"
-        )
-        yield Refused((*path, "mass"), what, "add mass [kg]")
+        stage_key = f"loading.{driven[moved[0]]}"
+        what = f"the wall '{wall.name}' has no mass, but a force drives its {moved[0]} in"
+        yield Refused((*path, "mass"), f"{what} {stage_key}", "add mass [kg]")
     if "spin" in driven and wall.inertia is None and not weighs:
-        what = (
-            f"the wall '{wall.name}' has no moment of inertia, but a torque drives its spin in "
-            f"loading.{driven['spin']}"
-        )
-        yield Refused((*path, "inertia"), what, "add inertia [kg m²]")
+        stage_key = f"loading.{driven['spin']}"
+        what = f"the wall '{wall.name}' has no moment of inertia, but a torque drives its spin in"
+        yield Refused((*path, "inertia"), f"{what} {stage_key}", "add inertia [kg m²]")
     if wall.gravity and not moved and None not in tables.loading:
         what = (
             f"no force drives the wall '{wall.name}' in any stage, so that gravity cannot act on it"
         )
-        yield Refused(
-            (*path, "gravity"),
-            what,
-            "remove gravity = true, or drive x or y by a force (which may be 0)",
-        )
-
-
-def _weighs(wall: Wall, tables: PartialScenario) -> bool:
-    """Whether mass and inertia of a wall follow from its geometry and material."""
-    if wall.geometry.substance == "prism":
-        first = tables.particles[0] if tables.particles else None
-        return first is None or prism_height(first) is not None
-    return wall.geometry.substance is not None
+        remedy = "remove gravity = true, or drive x or y by a force (which may be 0)"
+        yield Refused((*path, "gravity"), what, remedy)
 
 
 # ---- Stages that wait for something of walls wait for what can come
@@ -201,48 +168,37 @@ def _weighs(wall: Wall, tables: PartialScenario) -> bool:
 def check_ends(tables: PartialScenario) -> Iterator[Refused]:
     """Findings about the conditions that end stages."""
     stages = [stage for stage in tables.loading if stage]
-    walls = [wall for wall in tables.walls if wall]
+    walls = {wall.name: wall for wall in tables.walls if wall}
     if len(stages) < len(tables.loading) or len(walls) < len(tables.walls):
-        return
-    by_name = {wall.name: wall for wall in walls}
-    names = list(by_name)
-    if len(names) < len(walls):
-        return  # a name is double
-    for k, (stage, dofs) in enumerate(zip(stages, resolve_dofs(stages, names), strict=True)):
-        if set(walls_of(stage.until).values()) <= by_name.keys():
-            yield from _check_stage(
-                ("loading", k, "until"), stage, by_name, dict(zip(names, dofs, strict=True))
-            )
+        return  # one is wrong, or a name is double
+    for k, (stage, dofs) in enumerate(zip(stages, resolve_dofs(stages, [*walls]), strict=True)):
+        if set(walls_of(stage.until).values()) <= walls.keys():
+            path, driven = ("loading", k, "until"), dict(zip(walls, dofs, strict=True))
+            yield from _check_end(path, stage, walls, driven)
 
 
-def _check_stage(
+def _check_end(
     path: KeyPath, stage: Stage, walls: dict[str, Wall], dofs: dict[str, WallDofs]
 ) -> Iterator[Refused]:
     until = stage.until
     if isinstance(until, UntilStrain):
-        yield from _check_pair((*path, "strain"), until.strain.walls, "x", "y", walls, dofs)
-        drives = [dofs[name][0].dof for name in until.strain.walls]
-        if (
-            stage.duration is None
-            and any(map(moves, drives))
-            and not any(map(keeps_moving, drives))
-        ):
-            lower, upper = until.strain.walls
+        path, (lower, upper) = (*path, "strain"), until.strain.walls
+        yield from _check_pair(path, (lower, upper), "x", "y", walls, dofs)
+        drives = [dofs[name][0].dof for name in (lower, upper)]
+        stalls = any(map(moves, drives)) and not any(map(keeps_moving, drives))
+        if stage.duration is None and stalls:
             what = f"'{lower}' and '{upper}' come to a stop, so that the stage may never end"
-            yield Refused((*path, "strain"), what, "give duration [s] too, as its upper bound")
+            yield Refused(path, what, "give duration [s] too, as its upper bound")
     elif isinstance(until, UntilAxialStrain):
-        axis = until.axial_strain.axis
-        yield from _check_pair(
-            (*path, "axial_strain"), until.axial_strain.walls, axis, axis, walls, dofs
-        )
+        path, end = (*path, "axial_strain"), until.axial_strain
+        yield from _check_pair(path, end.walls, end.axis, end.axis, walls, dofs)
     elif isinstance(until, UntilDisplacement):
-        end = until.displacement
-        if not moves(dofs[end.wall][DOF_NAMES.index(end.axis)].dof):
-            doing = "turn" if end.axis == "spin" else f"move in {end.axis}"
-            remedy = f"drive it, as drives.{end.wall}.{end.axis} = {{ velocity = 0.1 }}"
-            yield Refused(
-                (*path, "displacement"), f"'{end.wall}' does not {doing} in this stage", remedy
-            )
+        wall, axis = until.displacement.wall, until.displacement.axis
+        if not moves(dofs[wall][DOF_NAMES.index(axis)].dof):
+            doing = "turn" if axis == "spin" else f"move in {axis}"
+            remedy = f"drive it, as drives.{wall}.{axis} = {{ velocity = 0.1 }}"
+            what = f"'{wall}' does not {doing} in this stage"
+            yield Refused((*path, "displacement"), what, remedy)
 
 
 def _check_pair(
@@ -258,21 +214,18 @@ def _check_pair(
     if lower == upper:
         yield Refused((*path, "walls"), f"'{lower}' is named twice", "name two different walls")
         return
-    heights = [walls[name].geometry.height for name in pair]
-    if apart == "y" and heights[0] is not None and heights[0] == heights[1]:
-        what = (
-            f"'{lower}' and '{upper}' both lie at y = {heights[0]:g}: there is no strain between "
-            "them"
-        )
+    height, other = (walls[name].geometry.height for name in pair)
+    if apart == "y" and height is not None and height == other:
+        both = f"'{lower}' and '{upper}' both lie at y = {height:g}"
+        what = f"{both}: there is no strain between them"
         yield Refused((*path, "walls"), what, "name two walls at different heights")
     drives = [dofs[name][DOF_NAMES.index(moved)].dof for name in pair]
     if not any(map(moves, drives)) or (drives[0] == drives[1] and is_prescribed(drives[0])):
         what = (
             f"neither '{lower}' nor '{upper}' moves in {moved} relative to the other in this stage"
         )
-        yield Refused(
-            path, what, f"drive one of them, as drives.{upper}.{moved} = {{ velocity = 0.1 }}"
-        )
+        remedy = f"drive one of them, as drives.{upper}.{moved} = {{ velocity = 0.1 }}"
+        yield Refused(path, what, remedy)
 
 
 # ---- Time steps, durations and intervals of output go together
@@ -292,15 +245,6 @@ def check_timing(tables: PartialScenario) -> Iterator[Refused]:
         yield from _check_amounts(tables)
 
 
-def _time_steps(tables: PartialScenario) -> list[float]:
-    """Time steps of the stages in which something moves, as far as they are known.
-
-    That of a frozen stage is the interval at which temperatures are evaluated: output waits for it.
-    """
-    steps = [_time_step(tables, stage) for stage in tables.loading if stage and not stage.frozen]
-    return [dt for dt in steps if dt is not None]
-
-
 def _time_step(tables: PartialScenario, stage: Stage) -> float | None:
     """Time step of a stage; None if not known yet: an automatic one suits the output."""
     dt = stage.dt
@@ -318,21 +262,20 @@ def _check_durations(tables: PartialScenario) -> Iterator[Refused]:
             continue
         path = ("loading", k, "duration")
         if stage.duration < dt * (1.0 - _SLACK):
-            yield Refused(
-                path,
-                f"{stage.duration:g} s is shorter than the time step dt = {dt:g} s",
-                "lower dt",
-            )
+            what = f"{stage.duration:g} s is shorter than the time step dt = {dt:g} s"
+            yield Refused(path, what, "lower dt")
         elif stage.duration > MAX_STEPS * dt:
             what = f"{stage.duration:g} s are {stage.duration / dt:.2g} steps of dt = {dt:g} s"
             yield Refused(path, what, f"stay below {MAX_STEPS:g} steps; times are in seconds")
 
 
 def _check_intervals(tables: PartialScenario) -> Iterator[Refused]:
-    output, steps = tables.output, _time_steps(tables)
-    if output is None or not steps:
+    output = tables.output
+    # That of a frozen stage is the interval at which temperatures are evaluated: output waits
+    steps = [_time_step(tables, stage) for _, stage in _stages(tables) if not stage.frozen]
+    longest = max((dt for dt in steps if dt is not None), default=0.0)
+    if output is None:
         return
-    longest = max(steps)
     if output.frame_interval < longest * (1.0 - _SLACK):
         what = f"{output.frame_interval:g} s is less than the time step dt = {longest:g} s"
         yield Refused(("output", "frame_interval"), what, "make it at least dt")
@@ -347,23 +290,21 @@ def _check_amounts(tables: PartialScenario) -> Iterator[Refused]:
     output = tables.output
     if output is None:
         return
-    stages = [stage for stage in tables.loading if stage]
-    limits = (
+    stages = [(stage, stage.duration or 0.0) for _, stage in _stages(tables)]
+    for key, interval, most in (
         ("frame_interval", output.frame_interval, MAX_FRAMES),
         ("series_interval", output.series_interval, MAX_ROWS),
-    )
-    for key, interval, most in limits:
-        times = math.fsum((stage.duration or 0.0) / _between(stage, interval) for stage in stages)
+    ):
+        # A frozen stage writes no more often than it evaluates temperatures
+        times = math.fsum(
+            duration / (max(interval, s.dt) if s.frozen and isinstance(s.dt, float) else interval)
+            for s, duration in stages
+        )
         if times > most:
-            total = math.fsum(stage.duration or 0.0 for stage in stages)
+            total = math.fsum(duration for _, duration in stages)
             what = (
                 f"{total:g} s of loading at intervals of {interval:g} s are written {times:.2g} "
                 "times"
             )
             yield Refused(("output", key), what, f"stay below {most:g}; times are in seconds")
             return
-
-
-def _between(stage: Stage, interval: float) -> float:
-    """Time between two rows or frames that are wanted at an interval [s]."""
-    return max(interval, stage.dt) if stage.frozen and isinstance(stage.dt, float) else interval
