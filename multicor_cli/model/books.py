@@ -8,43 +8,17 @@ of their table: their places in a state count.
 from __future__ import annotations
 
 from dataclasses import MISSING, dataclass, field, fields
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 # ---- What files say of arrays: type, shape, unit and meaning, beside the field that holds each
 
 Dim = Literal[
-    "one",
-    "frame",
-    "frame_edge",
-    "particle_row",
-    "contact_row",
-    "rolling_row",
-    "series_row",
-    "grain",
-    "shape",
-    "wall",
-    "material",
-    "group",
-    "stage",
-    "table_edge",
-    "table_row",
-    "heat_grain",
-    "heat_wall",
-    "heat_book",
-    "mean_row",
-    "stage_note",
-    "origin_row",
-    "surface_row",
-    "before_row",
-    "outlet",
-    "exchange_grain",
-    "exchange_group",
-    "exchange_outlet",
-    "exchange_book",
-    "book",
-    "tally",
-    "window",
-]
+    "one", "frame", "frame_edge", "particle_row", "contact_row", "rolling_row", "series_row",
+    "grain", "shape", "wall", "material", "group", "stage", "table_edge", "table_row",
+    "heat_grain", "heat_wall", "heat_book", "mean_row", "stage_note", "origin_row", "surface_row",
+    "before_row", "outlet", "exchange_grain", "exchange_group", "exchange_outlet", "exchange_book",
+    "book", "tally", "window",
+]  # fmt: skip
 """Named lengths. ``frame_edge`` is ``frame + 1``: row ``offset[k]:offset[k+1]`` belongs to frame
 ``k``. Those that begin with ``heat`` are 0 in states of runs without heat, those that begin with
 ``exchange`` where no grain comes or goes."""
@@ -69,9 +43,9 @@ Export = Literal["vtk", "gsd"]
 """What shows a dataset of the frames besides CSV, which shows all: ParaView's view, GSD files."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Stored:
-    """What files say of a field.
+    """What files say of a quantity: a field of a dataclass, a number, or a dataset.
 
     Attributes:
         dtype: Stored type.
@@ -79,8 +53,8 @@ class Stored:
         unit: SI unit, one per column (separated by commas) where they differ; ``1`` if
             dimensionless.
         meaning: What it is, in a sentence.
-        columns: Names of its columns in tables, if it has several.
-        exports: What shows it.
+        columns: Names of its columns in tables, if it has several; others are not shown.
+        exports: What shows it, besides CSV.
         only_with: Feature of the runs that have it, or None if all have it.
         since: Version of the file format in which it appeared.
     """
@@ -95,9 +69,10 @@ class Stored:
     since: Version = (1, 0)
 
 
-def stored(about: Stored, default: Any = MISSING, default_factory: Any = MISSING) -> Any:
+def stored(default: Any = MISSING, default_factory: Any = MISSING, **about: Any) -> Any:
     """A field of a dataclass with what files say of it."""
-    return field(default=default, default_factory=default_factory, metadata={"stored": about})
+    metadata = {"stored": Stored(**about)}
+    return field(default=default, default_factory=default_factory, metadata=metadata)
 
 
 def stored_fields(cls: type) -> dict[str, Stored]:
@@ -108,38 +83,38 @@ def stored_fields(cls: type) -> dict[str, Stored]:
 # ---- The numbers that a run keeps
 
 
-class Entry(NamedTuple):
-    """A number that a run keeps.
+@dataclass(frozen=True, kw_only=True)
+class Entry(Stored):
+    """A number that a run keeps, a row of the time series.
 
     Attributes:
         name: Its name in the program.
-        meaning: What it is, as files say it.
-        unit: SI unit; ``1`` if dimensionless.
         series: Its name in the time series; None if it is not there.
-        dtype: How the time series stores it: ``i8`` for counts.
         per_step: Whether the time series holds its mean over the steps of the window.
         summary: Its own key in the summary of a run, if any; see `multicor_cli.store.summarize`.
         label: What ``multicor info`` calls it, and adds to the number; None: it does not show it.
-        since: Version of the file format in which it appeared.
     """
 
     name: str
-    meaning: str
-    unit: str = "1"
     series: str | None = None
-    dtype: DType = "f8"
     per_step: bool = False
     summary: str | None = None
     label: tuple[str, str] | None = None
-    since: Version = (1, 0)
+
+
+def _entry(
+    name: str, meaning: str, unit: str = "1", series: str | None = None, **more: Any
+) -> Entry:
+    said = {"dtype": "f8", "dims": ("series_row",), **more}
+    return Entry(name=name, meaning=meaning, unit=unit, series=series, **said)
 
 
 def _book(name: str, meaning: str, unit: str = "J") -> Entry:
-    return Entry(name, meaning, unit, series=name)
+    return _entry(name, meaning, unit, name)
 
 
-def _heat(name: str, meaning: str, unit: str = "J", dtype: DType = "f8") -> Entry:
-    return Entry(name, meaning, unit, series=f"heat_{name}", dtype=dtype)
+def _heat(name: str, meaning: str, unit: str = "J", **more: Any) -> Entry:
+    return _entry(name, meaning, unit, f"heat_{name}", **more)
 
 
 BOOKS = (
@@ -178,25 +153,25 @@ BOOKS = (
 """The energy books, in the order of `State.books`."""
 
 TALLIES = (
-    Entry("sweeps", "sweep-equivalents of the contact solver, summed over steps"),
-    Entry("unconverged_steps", "steps that hit the cap on sweeps"),
-    Entry("residual_rms_max", "largest rms velocity correction of a step over u_ref"),
-    Entry("residual_max_max", "largest velocity correction of a step over u_ref"),
-    Entry(  # at the end of a step
+    _entry("sweeps", "sweep-equivalents of the contact solver, summed over steps"),
+    _entry("unconverged_steps", "steps that hit the cap on sweeps"),
+    _entry("residual_rms_max", "largest rms velocity correction of a step over u_ref"),
+    _entry("residual_max_max", "largest velocity correction of a step over u_ref"),
+    _entry(  # at the end of a step
         "max_overlap",
         "largest overlap over the smaller radius so far",
         series="max_overlap",
         summary="max_overlap",
         label=("largest overlap", " of the smaller radius"),
     ),
-    Entry(
+    _entry(
         "corrected_steps",
         "steps so far after which positions were projected",
         series="corrected_steps",
         dtype="i8",
         summary="corrected_steps",
     ),
-    Entry(  # the largest mean contact force of a step
+    _entry(  # the largest mean contact force of a step
         "max_impulse_rate",
         "largest normal impulse over dt so far",
         "N",
@@ -207,42 +182,42 @@ TALLIES = (
 """Counters of a run, in the order of `State.tallies`."""
 
 WINDOW = (
-    Entry(
+    _entry(
         "duration",
         "length of the window since the row before; 0 in a row without steps",
         "s",
         series="window_duration",
     ),
-    Entry("steps", "steps in the window", series="window_steps", dtype="i8"),
-    Entry(
+    _entry("steps", "steps in the window", series="window_steps", dtype="i8"),
+    _entry(
         "sweeps",
         "sweep-equivalents per step of the window; 0 in a row without steps",
         series="sweeps_mean",
         per_step=True,
     ),
-    Entry(
+    _entry(
         "unconverged",
         "steps of the window that hit the cap on sweeps",
         series="unconverged",
         dtype="i8",
     ),
-    Entry(
+    _entry(
         "residual_rms",
         "largest rms velocity correction over u_ref in the window",
         series="residual_rms",
     ),
-    Entry(
+    _entry(
         "residual_max",
         "largest velocity correction over u_ref in the window",
         series="residual_max",
     ),
-    Entry("residual_energy", "largest energy residual G in the window", series="residual_energy"),
-    Entry(
+    _entry("residual_energy", "largest energy residual G in the window", series="residual_energy"),
+    _entry(
         "contacts", "loaded contacts per step of the window", series="contacts_mean", per_step=True
     ),
     # Σ p_a ℓ_b over grain–grain contacts, ℓ from j to i; the time series has its rate.
     *(
-        Entry(f"virial_{a}{b}", f"sum of p_{a} l_{b} in the window", "J s")
+        _entry(f"virial_{a}{b}", f"sum of p_{a} l_{b} in the window", "J s")
         for a in "xy"
         for b in "xy"
     ),
@@ -270,19 +245,19 @@ HEAT_BOOKS = (
     _heat(
         "closure", "largest |heat_imbalance| / (heat_exchanged + sum of C |T - T_0|) so far", "1"
     ),
-    _heat("sub_steps", "sub-steps of the heat integrator so far", "1", "i8"),
-    Entry("max_biot", "largest Biot number of a contact so far", series="max_biot"),
-    Entry(
+    _heat("sub_steps", "sub-steps of the heat integrator so far", "1", dtype="i8"),
+    _entry("max_biot", "largest Biot number of a contact so far", series="max_biot"),
+    _entry(
         "solid_gas_min",
         "smallest k_s s/(k_f a) of a contact in the last step; 0 without gas",
         series="solid_gas_min",
     ),
-    Entry(
+    _entry(
         "solid_gas_max",
         "largest k_s s/(k_f a) of a contact in the last step; 0 without gas",
         series="solid_gas_max",
     ),
-    Entry(  # or ½ Δt ΣH/C of a step of Euler's rule
+    _entry(  # or ½ Δt ΣH/C of a step of Euler's rule
         "integration_error",
         "largest estimated error of temperatures in a sub-step so far, over their spread",
         series="heat_integration_error",
@@ -292,8 +267,8 @@ HEAT_BOOKS = (
 """Heat books, in the order of `State.heat_books`; empty in runs without heat."""
 
 
-def _exchange(name: str, meaning: str, unit: str = "1", dtype: DType = "f8") -> Entry:
-    return Entry(name, meaning, unit, series=name, dtype=dtype, since=(1, 2))
+def _exchange(name: str, meaning: str, unit: str = "1", **more: Any) -> Entry:
+    return _entry(name, meaning, unit, name, since=(1, 2), **more)
 
 
 def _grains(name: str, meaning: str) -> Entry:
@@ -337,14 +312,19 @@ EXCHANGE_BOOKS = (
 """Books of grains that come and go, in the order of `State.exchange`; empty where none does."""
 
 
-def _names(entries: tuple[Entry, ...]) -> tuple[str, ...]:
-    return tuple(entry.name for entry in entries)
+NUMBERS = {
+    "books": BOOKS,
+    "tallies": TALLIES,
+    "window": WINDOW,
+    "heat_books": HEAT_BOOKS,
+    "exchange": EXCHANGE_BOOKS,
+}
+"""The tables of the numbers, by the array of `State` that holds them."""
 
+NAMES = {field: tuple(entry.name for entry in table) for field, table in NUMBERS.items()}
+"""Names of the entries of each array, in its order."""
 
-BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, HEAT_BOOK_NAMES, EXCHANGE_NAMES = map(
-    _names, (BOOKS, TALLIES, WINDOW, HEAT_BOOKS, EXCHANGE_BOOKS)
-)
-"""Names of the entries, in the order of the arrays of `State`."""
+BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, HEAT_BOOK_NAMES, EXCHANGE_NAMES = NAMES.values()
 
 
 def entry_counts(version: Version | None = None) -> dict[str, int]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model.books import DType, Export, Feature, Shape, Stored, Version, stored
+from multicor_cli.model.books import DType, Export, Shape, stored
 from multicor_cli.model.model import Floats, Ints
 
 
@@ -19,14 +19,12 @@ def _column(
     *,
     columns: tuple[str, ...] = (),
     exports: tuple[Export, ...] = ("vtk",),
-    only_with: Feature | None = None,
-    since: Version = (1, 0),
     default: Any = MISSING,
+    **more: Any,
 ) -> Any:
     dims: Shape = ("contact_row", len(columns)) if columns else ("contact_row",)
-    return stored(
-        Stored(dtype, dims, unit, meaning, columns, exports, only_with, since), default=default
-    )
+    about = {"columns": columns, "exports": exports, **more}
+    return stored(default, dtype=dtype, dims=dims, unit=unit, meaning=meaning, **about)
 
 
 def _heat(unit: str, meaning: str, exports: tuple[Export, ...] = ("vtk",)) -> Any:

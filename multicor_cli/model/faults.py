@@ -7,14 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model.books import (
-    BOOK_NAMES,
-    EXCHANGE_NAMES,
-    HEAT_BOOK_NAMES,
-    TALLY_NAMES,
-    WINDOW_NAMES,
-    stored_fields,
-)
+from multicor_cli.model.books import NAMES, stored_fields
 from multicor_cli.model.model import Model
 from multicor_cli.model.state import Presence, State, state_shapes
 
@@ -25,13 +18,6 @@ _CONTACTS = {
     "contact_impulse": ("contact_i", "contact_j"),
     "contact_couple": ("contact_i", "contact_j"),
     "mean_force": ("mean_i", "mean_j"),
-}
-_ENTRIES = {
-    "books": BOOK_NAMES,
-    "tallies": TALLY_NAMES,
-    "window": WINDOW_NAMES,
-    "heat_books": HEAT_BOOK_NAMES,
-    "exchange": EXCHANGE_NAMES,
 }
 
 
@@ -59,7 +45,7 @@ def find_absurd_value(state: State, model: Model) -> str | None:
     Impulses and heat, which friction may depend on, come first: where one is wrong, velocities
     follow within a step.
     """
-    for name in (*_CONTACTS, *_OF_GRAINS, *_OF_WALLS, *_ENTRIES, *_NUMBERS, *_NOTES):
+    for name in (*_CONTACTS, *_OF_GRAINS, *_OF_WALLS, *NAMES, *_NUMBERS, *_NOTES):
         values = np.atleast_1d(getattr(state, name))
         size = (
             np.abs(values).max(initial=0.0)
@@ -126,6 +112,6 @@ def _owner(state: State, model: Model, name: str, row: int) -> str:
         n = model.grain_count
         other = model.name_of(j) if j < n else f"wall {model.walls.names[model.shapes.wall[j - n]]}"
         return f"{plain} between {model.name_of(i)} and {other}"
-    if name in _ENTRIES:
-        return f"{_ENTRIES[name][row]} in the {plain.removeprefix('the ')}"
+    if name in NAMES:
+        return f"{NAMES[name][row]} in the {plain.removeprefix('the ')}"
     return plain

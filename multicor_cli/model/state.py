@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 from multicor_cli.model.books import (
     EXCHANGE_BOOKS,
     HEAT_BOOKS,
+    NAMES,
     DType,
     Feature,
     Shape,
-    Stored,
-    Version,
     entry_counts,
     stored,
     stored_fields,
@@ -32,25 +31,29 @@ def _array(
     unit: str,
     meaning: str,
     dtype: DType = "f8",
-    *,
-    columns: tuple[str, ...] = (),
-    since: Version = (1, 0),
+    **more: Any,
 ) -> Any:
     """An array; without elements until it is given some."""
     word = str(dims[0]).split("_")[0]
     feature: Feature | None = (
         "heat" if word == "heat" else "exchange" if word == "exchange" else None
     )
-    about = Stored(dtype, dims, unit, meaning, columns, only_with=feature, since=since)
-    return stored(about, default_factory=lambda: np.zeros(_shape(dims, entry_counts()), dtype))
+    return stored(
+        default_factory=lambda: np.zeros(_shape(dims, entry_counts()), dtype),
+        dtype=dtype,
+        dims=dims,
+        unit=unit,
+        meaning=meaning,
+        **{"only_with": feature, **more},
+    )
 
 
 def _number(unit: str, meaning: str) -> Any:
-    return stored(Stored("f8", ("one",), unit, meaning), default=0.0)
+    return stored(0.0, dtype="f8", dims=("one",), unit=unit, meaning=meaning)
 
 
 def _count(meaning: str) -> Any:
-    return stored(Stored("i8", ("one",), "1", meaning), default=0)
+    return stored(0, dtype="i8", dims=("one",), unit="1", meaning=meaning)
 
 
 def _shape(dims: Shape, lengths: dict[str, int]) -> tuple[int, ...]:
@@ -223,6 +226,11 @@ class State:
         return (
             np.flatnonzero(self.presence == Presence.THERE) if self.presence.size else slice(None)
         )
+
+    def named(self, field: str) -> dict[str, float]:
+        """The numbers of one of the arrays in `books.NUMBERS` by name; none if it is empty."""
+        values: Floats = getattr(self, field)
+        return dict(zip(NAMES[field] if values.size else (), values.tolist(), strict=True))
 
     def as_dict(self) -> dict[str, NDArray[np.generic]]:
         """All fields as arrays (numbers 0-d), in declaration order: what a checkpoint stores."""

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.orders import StepReport
-from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, Model, State
+from multicor_cli.model import Model, State
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.planning import make_plan, stage_name
@@ -172,8 +172,7 @@ class LiveRun:
     @property
     def books(self) -> dict[str, float]:
         """Energy books and heat books by name [J]; see docs/reference/formats/results.md."""
-        heat = dict(zip(HEAT_BOOK_NAMES, self._state.heat_books.tolist(), strict=False))
-        return dict(zip(BOOK_NAMES, self._state.books.tolist(), strict=True)) | heat
+        return self._state.named("books") | self._state.named("heat_books")
 
     def __repr__(self) -> str:
         return f"<LiveRun: step {self.step}, t = {self.time:.6g} s, stage {self.stage}>"

@@ -165,7 +165,7 @@ class DatasetStream:
             )
         digest = self._digest.hexdigest()
         self._dataset.attrs["unit"] = self._spec.unit
-        self._dataset.attrs["long_name"] = self._spec.long_name
+        self._dataset.attrs["long_name"] = self._spec.meaning
         write_text(self._dataset, "blake2b", digest)
         return digest
 

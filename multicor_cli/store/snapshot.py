@@ -10,16 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.model import (
-    BOOK_NAMES,
-    EXCHANGE_NAMES,
-    HEAT_BOOK_NAMES,
-    TALLY_NAMES,
-    WINDOW_NAMES,
-    Model,
-    State,
+from multicor_cli.model import BOOK_NAMES, Model, State
+from multicor_cli.model.books import (
+    EXCHANGE_BOOKS,
+    NUMBERS,
+    TALLIES,
+    Version,
+    entry_counts,
+    measures_first,
 )
-from multicor_cli.model.books import EXCHANGE_BOOKS, TALLIES, Version, entry_counts, measures_first
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.model import Floats, Thermal
 
@@ -48,28 +47,13 @@ class Snapshot:
         return np.zeros(self.table.i.size) if values is None else values
 
     @cached_property
-    def books(self) -> dict[str, float]:
-        """Energy books by name, see `multicor_cli.model.BOOK_NAMES`."""
-        return dict(zip(BOOK_NAMES, self.state.books.tolist(), strict=True))
+    def numbers(self) -> dict[str, dict[str, float]]:
+        """Books, counters and sums by name, for each array of `model.books.NUMBERS`."""
+        return {field: self.state.named(field) for field in NUMBERS}
 
-    @cached_property
-    def tallies(self) -> dict[str, float]:
-        """Counters by name, see `multicor_cli.model.TALLY_NAMES`."""
-        return dict(zip(TALLY_NAMES, self.state.tallies.tolist(), strict=True))
-
-    @cached_property
+    @property
     def window(self) -> dict[str, float]:
-        return dict(zip(WINDOW_NAMES, self.state.window.tolist(), strict=True))
-
-    @cached_property
-    def heat_books(self) -> dict[str, float]:
-        """Heat books by name, see `multicor_cli.model.HEAT_BOOK_NAMES`."""
-        return dict(zip(HEAT_BOOK_NAMES, self.state.heat_books.tolist(), strict=True))
-
-    @cached_property
-    def exchange(self) -> dict[str, float]:
-        """Books of grains that come and go by name, see `multicor_cli.model.EXCHANGE_NAMES`."""
-        return dict(zip(EXCHANGE_NAMES, self.state.exchange.tolist(), strict=True))
+        return self.numbers["window"]
 
     def per_step(self, name: str) -> float:
         """Mean of a sum of the window over its steps; 0 without steps."""
@@ -151,8 +135,7 @@ def summarize(state: State, model: Model) -> Summary:
         [K]; and ``exchange`` (null: no grain comes or goes) with its books and
         ``outlets.NAME.{grains, mass}``.
     """
-    tallies = dict(zip(TALLY_NAMES, state.tallies.tolist(), strict=True))
-    books = dict(zip(BOOK_NAMES, state.books.tolist(), strict=True))
+    tallies, books = state.named("tallies"), state.named("books")
     heat = None if model.thermal is None else _summarize_heat(state, model.thermal)
     return {
         "step": state.step,
@@ -181,7 +164,7 @@ def summarize(state: State, model: Model) -> Summary:
 
 def _summarize_exchange(state: State, outlets: tuple[str, ...]) -> Summary:
     counts = {entry.name for entry in EXCHANGE_BOOKS if entry.dtype == "i8"}
-    books = dict(zip(EXCHANGE_NAMES, state.exchange.tolist(), strict=True))
+    books = state.named("exchange")
     flows = {
         name: {"grains": round(grains), "mass": mass}
         for name, (grains, mass) in zip(outlets, state.outlet_flow.tolist(), strict=True)
@@ -192,7 +175,7 @@ def _summarize_exchange(state: State, outlets: tuple[str, ...]) -> Summary:
 
 
 def _summarize_heat(state: State, thermal: Thermal) -> Summary:
-    books = dict(zip(HEAT_BOOK_NAMES, state.heat_books.tolist(), strict=True))
+    books = state.named("heat_books")
     counters = {
         name: books.pop(name)
         for name in ("sub_steps", "max_biot", "solid_gas_min", "solid_gas_max", "integration_error")

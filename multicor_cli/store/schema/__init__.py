@@ -29,15 +29,7 @@ SEGMENT_TABLE = FRAME_TABLE + SERIES
 RESULTS_TABLE = SCENARIO + MODEL + FRAME_TABLE + SERIES
 
 CHECKPOINT = tuple(
-    Dataset(
-        f"state/{name}",
-        about.dtype,
-        about.dims,
-        about.unit,
-        about.meaning,
-        finite=False,
-        since=about.since,
-    )
+    Dataset.of(about, f"state/{name}", finite=False, only_with=None)
     for name, about in stored_fields(State).items()
 )
 """Everything in a checkpoint: the fields of `State`; those of heat are empty in runs without."""

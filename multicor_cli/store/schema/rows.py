@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Set
-from dataclasses import dataclass, replace
-from typing import Any, Generic, NoReturn, Protocol, TypeVar, overload
+from dataclasses import dataclass, fields
+from operator import attrgetter
+from typing import Any, Generic, NoReturn, Protocol, Self, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,6 @@ from multicor_cli.model.books import (
     Dim,
     DType,
     Entry,
-    Export,
     Feature,
     Shape,
     Stored,
@@ -42,43 +42,29 @@ Value = Callable[[Snapshot], Any]
 T = TypeVar("T")
 
 
-@dataclass(frozen=True)
-class Dataset:
+@dataclass(frozen=True, kw_only=True)
+class Dataset(Stored):
     """One row of a table.
 
     Attributes:
         path: Name inside the file, without the leading slash.
-        dtype: Stored type.
-        dims: Shape: named lengths and numbers.
-        unit: SI unit, one per column (with commas) where they differ; ``1`` if dimensionless.
-        long_name: What it is, in a sentence.
         value: What is stored of a moment; None where the writer or a getter of its own knows.
         finite: Whether every value must be finite.
-        since: Format version in which the dataset appeared.
-        only_with: Feature of the runs that have it, or None if all have it.
-        columns: Names of its columns in tables, if it has several; further columns are not shown.
-        exports: What shows it, besides CSV.
     """
 
     path: str
-    dtype: DType
-    dims: Shape
-    unit: str
-    long_name: str
     value: Value | None = None
     finite: bool = True
-    since: Version = (1, 0)
-    only_with: Feature | None = None
-    columns: tuple[str, ...] = ()
-    exports: tuple[Export, ...] = ()
+
+    @classmethod
+    def of(cls, about: Stored, path: str, **changes: Any) -> Self:
+        """The row of a field that says itself what it is, but for ``changes``."""
+        said = {field.name: getattr(about, field.name) for field in fields(Stored)}
+        return cls(**{**said, "path": path, **changes})
 
     @property
     def name(self) -> str:
         return self.path.rsplit("/", 1)[-1]
-
-    @property
-    def group(self) -> str:
-        return self.path.rsplit("/", 1)[0]
 
     @property
     def row(self) -> Dim | int:
@@ -92,7 +78,7 @@ class Reader(Protocol):
         """The rows of a dataset that belong to it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Column(Dataset, Generic[T]):
     """A row about frames, which is also a frame's attribute: read when it is first used, and kept.
 
@@ -127,7 +113,7 @@ _SYMBOLS = {"particle_row": "n", "contact_row": "c", "wall": "w"}
 
 
 def _describe(column: Column[Any]) -> str:
-    name = column.about or column.long_name
+    name = column.about or column.meaning
     dims = [_SYMBOLS.get(str(d), str(d)) for d in column.dims if d != "frame"]
     if column.columns:
         dims[-1] = str(len(column.columns))
@@ -135,11 +121,9 @@ def _describe(column: Column[Any]) -> str:
     text += f" [{column.unit}]" if column.unit != "1" else ""
     text += f", shape ``({', '.join(dims)}{',' * (len(dims) == 1)})``" if dims else ""
     text += f"; None in a run without {column.only_with}" if column.only_with else ""
-    return text + (
-        f"; None in a run of an older format than {column.since[0]}.{column.since[1]}"
-        if column.since > (1, 0)
-        else ""
-    )
+    if column.since > (1, 0):
+        text += f"; None in a run of an older format than {column.since[0]}.{column.since[1]}"
+    return text
 
 
 def select(
@@ -178,7 +162,7 @@ def markdown(table: tuple[Dataset, ...]) -> str:
     for row in table:
         shape = ", ".join(symbols[d] if isinstance(d, str) else str(d) for d in row.dims)
         since = ".".join(map(str, row.since)) + (f", {row.only_with}" if row.only_with else "")
-        meaning = row.long_name.replace("|", "\\|")
+        meaning = row.meaning.replace("|", "\\|")
         lines.append(
             f"| `{row.path}` | {row.dtype} | ({shape}) | {row.unit} | {meaning} | {since} |"
         )
@@ -186,189 +170,116 @@ def markdown(table: tuple[Dataset, ...]) -> str:
 
 
 _DIM_SYMBOL: dict[str, str] = {
-    "one": "1",
-    "frame": "K",
-    "frame_edge": "K+1",
-    "particle_row": "P",
-    "contact_row": "C",
-    "rolling_row": "C°",
-    "series_row": "S",
-    "grain": "n",
-    "shape": "m",
-    "wall": "w",
-    "material": "k",
-    "group": "g",
-    "stage": "L",
-    "table_edge": "T+1",
-    "table_row": "R",
-    "heat_grain": "n*",
-    "heat_wall": "w*",
-    "heat_book": "b*",
-    "mean_row": "A",
-    "stage_note": "N",
-    "origin_row": "w°",
-    "surface_row": "w°",
-    "before_row": "B",
-    "outlet": "o",
-    "exchange_grain": "n°",
-    "exchange_group": "g°",
-    "exchange_outlet": "o°",
-    "exchange_book": "x°",
-}
-
+    "one": "1", "frame": "K", "frame_edge": "K+1", "particle_row": "P", "contact_row": "C",
+    "rolling_row": "C°", "series_row": "S", "grain": "n", "shape": "m", "wall": "w",
+    "material": "k", "group": "g", "stage": "L", "table_edge": "T+1", "table_row": "R",
+    "heat_grain": "n*", "heat_wall": "w*", "heat_book": "b*", "mean_row": "A", "stage_note": "N",
+    "origin_row": "w°", "surface_row": "w°", "before_row": "B", "outlet": "o",
+    "exchange_grain": "n°", "exchange_group": "g°", "exchange_outlet": "o°", "exchange_book": "x°",
+}  # fmt: skip
 
 # ---- What is written once: the model and the scenario of a run
 
 
-def _thermal(name: str, unit: str, long_name: str, attribute: str = "") -> Dataset:
+def _of_model(
+    name: str, dtype: DType, dims: Shape, unit: str, meaning: str, where: str = "", **more: Any
+) -> Dataset:
+    """A row of the model; ``where`` it is there, if not in the part, or under the name, of here."""
+    value = attrgetter(f"model.{where or name.replace('/', '.')}")
     return Dataset(
-        f"model/thermal/{name}",
-        "f8",
-        ("grain",),
-        unit,
-        long_name,
-        lambda m: getattr(m.thermal, attribute or name),
-        only_with="heat",
+        dtype=dtype,
+        dims=dims,
+        unit=unit,
+        meaning=meaning,
+        path=f"model/{name}",
+        value=value,
+        **more,
     )
 
 
-def _law(name: str, dtype: DType, dims: Shape, unit: str, long_name: str) -> Dataset:
-    return Dataset(
-        f"model/laws/{name}", dtype, dims, unit, long_name, lambda m: getattr(m.model.laws, name)
-    )
+def _law(name: str, unit: str, meaning: str, dtype: DType = "f8", **more: Any) -> Dataset:
+    return _of_model(f"laws/{name}", dtype, ("material", "material"), unit, meaning, **more)
 
 
-def _softening(name: str, unit: str, long_name: str) -> Dataset:
-    return replace(
-        _law(f"softening_{name}", "f8", ("material", "material"), unit, long_name),
-        only_with="softening",
-    )
-
-
-def _pair(name: str, unit: str, long_name: str, feature: Feature) -> Dataset:
-    return replace(
-        _law(name, "f8", ("material", "material"), unit, long_name), only_with=feature, since=(1, 1)
-    )
+def _thermal(name: str, unit: str, meaning: str, where: str = "") -> Dataset:
+    return _of_model(f"thermal/{name}", "f8", ("grain",), unit, meaning, where, only_with="heat")
 
 
 MODEL: tuple[Dataset, ...] = (
-    Dataset("model/radius", "f8", ("grain",), "m", "radius of each grain",
-        lambda m: m.model.grains.radius),
-    Dataset("model/mass", "f8", ("grain",), "kg", "mass of each grain",
-        lambda m: m.model.grains.mass),
-    Dataset(
-        "model/inertia", "f8", ("grain",), "kg m2",
-        "moment of inertia of each grain about its center",
-        lambda m: m.model.grains.inertia,
-    ),
-    Dataset(
-        "model/material", "i4", ("grain",), "1", ("material of each grain, a row of "
-            "model/material_names"),
-        lambda m: m.model.grains.material,
-    ),
-    Dataset(
-        "model/group", "i4", ("grain",), "1", ("particle group of each grain, a row of "
-            "model/group_names"),
-        lambda m: m.model.grains.group,
-    ),
-    Dataset("model/material_names", "str", ("material",), "1", "names of the materials",
-        lambda m: m.model.materials),
-    Dataset("model/group_names", "str", ("group",), "1", "names of the particle groups",
-        lambda m: m.model.groups),
-    Dataset("model/walls/names", "str", ("wall",), "1", "names of the walls",
-        lambda m: m.model.walls.names),
-    Dataset(
-        "model/walls/mass", "f8", ("wall",), "kg", "mass that a load moves; nan if none was given",
-        lambda m: m.model.walls.mass, finite=False,
-    ),
-    Dataset(
-        "model/walls/inertia", "f8", ("wall",), "kg m2", "moment of inertia of a wall; nan if none",
-        lambda m: m.model.walls.inertia, finite=False,
-    ),
-    Dataset(
-        "model/walls/has_gravity", "u1", ("wall",), "1", "whether gravity acts on the wall: 0 or 1",
-        lambda m: m.model.walls.has_gravity,
-    ),
-    Dataset(
-        "model/walls/length", "f8", ("wall",), "m", "length over which a load on the wall spreads",
-        lambda m: m.model.walls.length,
-    ),
-    Dataset(
-        "model/walls/runs", "u1", ("wall",), "1",
+    _of_model("radius", "f8", ("grain",), "m", "radius of each grain", "grains.radius"),
+    _of_model("mass", "f8", ("grain",), "kg", "mass of each grain", "grains.mass"),
+    _of_model("inertia", "f8", ("grain",), "kg m2",
+        "moment of inertia of each grain about its center", "grains.inertia"),
+    _of_model("material", "i4", ("grain",), "1",
+        "material of each grain, a row of model/material_names", "grains.material"),
+    _of_model("group", "i4", ("grain",), "1",
+        "particle group of each grain, a row of model/group_names", "grains.group"),
+    _of_model("material_names", "str", ("material",), "1", "names of the materials", "materials"),
+    _of_model("group_names", "str", ("group",), "1", "names of the particle groups", "groups"),
+    _of_model("walls/names", "str", ("wall",), "1", "names of the walls"),
+    _of_model("walls/mass", "f8", ("wall",), "kg",
+        "mass that a load moves; nan if none was given", finite=False),
+    _of_model("walls/inertia", "f8", ("wall",), "kg m2",
+        "moment of inertia of a wall; nan if none", finite=False),
+    _of_model("walls/has_gravity", "u1", ("wall",), "1",
+        "whether gravity acts on the wall: 0 or 1"),
+    _of_model("walls/length", "f8", ("wall",), "m",
+        "length over which a load on the wall spreads"),
+    _of_model("walls/runs", "u1", ("wall",), "1",
         "whether a drive lets the surface of the wall run along it: 0 or 1",
-        lambda m: m.model.walls.runs, only_with="surface", since=(1, 3),
-    ),
-    Dataset(
-        "model/walls/meets", "u1", ("wall", "group"), "1",
+        only_with="surface", since=(1, 3)),
+    _of_model("walls/meets", "u1", ("wall", "group"), "1",
         "whether grains of the group meet the wall: 0 (they pass through) or 1",
-        lambda m: m.model.walls.meets, only_with="groups", since=(1, 3),
-    ),
-    Dataset(
-        "model/shapes/kind", "i4", ("shape",), "1",
-        ", ".join(f"{kind:d} {shape.name}" for kind, shape in SHAPES.items()),
-        lambda m: m.model.shapes.kind,
-    ),
-    Dataset(
-        "model/shapes/wall", "i4", ("shape",), "1",
-        "wall that carries the shape, a row of model/walls/names",
-        lambda m: m.model.shapes.wall,
-    ),
-    Dataset(
-        "model/shapes/geometry", "f8", ("shape", 4), "m",
-        "four numbers in the frame of the wall; see the table of kinds",
-        lambda m: m.model.shapes.geometry,
-    ),
-    Dataset(
-        "model/shapes/material", "i4", ("shape",), "1",
-        "material of the shape, a row of model/material_names",
-        lambda m: m.model.shapes.material,
-    ),
-    _law("friction", "f8", ("material", "material"), "1",
-        "coefficient of friction where laws/table is -1"),
-    _law("restitution", "f8", ("material", "material"), "1", "coefficient of normal restitution"),
-    _law("table", "i4", ("material", "material"), "1",
-        "table of friction against sliding speed, or -1"),
-    _law("table_start", "i4", ("table_edge",), "1", "first row of each table in the two below"),
-    _law("table_speed", "f8", ("table_row",), "m/s", "sliding speeds, ascending within a table"),
-    _law("table_friction", "f8", ("table_row",), "1", "coefficient of friction at these speeds"),
-    _softening("rate", "1/K", "c of mu = mu0 (1 - c (T - T_r)); 0 for pairs without it"),
-    _softening("start", "K", "temperature T_r at which mu = mu0"),
-    _softening("lowest", "1", "smallest coefficient of friction"),
-    _softening("highest", "1", "largest coefficient of friction"),
-    _pair("adhesion", "N", "tension that a contact bears", "adhesion"),
-    _pair("rolling", "1", "coefficient of rolling resistance", "rolling"),
+        only_with="groups", since=(1, 3)),
+    _of_model("shapes/kind", "i4", ("shape",), "1",
+        ", ".join(f"{kind:d} {shape.name}" for kind, shape in SHAPES.items())),
+    _of_model("shapes/wall", "i4", ("shape",), "1",
+        "wall that carries the shape, a row of model/walls/names"),
+    _of_model("shapes/geometry", "f8", ("shape", 4), "m",
+        "four numbers in the frame of the wall; see the table of kinds"),
+    _of_model("shapes/material", "i4", ("shape",), "1",
+        "material of the shape, a row of model/material_names"),
+    _law("friction", "1", "coefficient of friction where laws/table is -1"),
+    _law("restitution", "1", "coefficient of normal restitution"),
+    _law("table", "1", "table of friction against sliding speed, or -1", "i4"),
+    _of_model("laws/table_start", "i4", ("table_edge",), "1",
+        "first row of each table in the two below"),
+    _of_model("laws/table_speed", "f8", ("table_row",), "m/s",
+        "sliding speeds, ascending within a table"),
+    _of_model("laws/table_friction", "f8", ("table_row",), "1",
+        "coefficient of friction at these speeds"),
+    _law("softening_rate", "1/K", "c of mu = mu0 (1 - c (T - T_r)); 0 for pairs without it",
+        only_with="softening"),
+    _law("softening_start", "K", "temperature T_r at which mu = mu0", only_with="softening"),
+    _law("softening_lowest", "1", "smallest coefficient of friction", only_with="softening"),
+    _law("softening_highest", "1", "largest coefficient of friction", only_with="softening"),
+    _law("adhesion", "N", "tension that a contact bears", only_with="adhesion", since=(1, 1)),
+    _law("rolling", "1", "coefficient of rolling resistance", only_with="rolling", since=(1, 1)),
     _thermal("capacity", "J/K", "heat capacity of each grain"),
     _thermal("start", "K", "temperature of each grain at the start of the run",
-        "initial_temperature"),
+        "thermal.initial_temperature"),
     _thermal("surface", "m2", "area through which each grain meets fluid and surroundings"),
-    Dataset(
-        "model/outlets", "str", ("outlet",), "1", "names of the outlets",
-        lambda m: m.model.outlets, only_with="exchange", since=(1, 2),
-    ),
-    Dataset(
-        "model/start_speed", "f8", ("one",), "m/s",
-        ("speed of the fastest grain, surface of a grain or wall at the start, but for the shear "
-            "that walls impose"),
-        lambda m: m.model.start_speed, only_with="motion", since=(1, 3),
-    ),
-    Dataset("model/period", "f8", ("one",), "m", "period in x; 0 if the domain is not periodic",
-        lambda m: m.model.period),
-    Dataset("model/gravity", "f8", (2,), "m/s2", "acceleration of gravity (x, y)",
-        lambda m: m.model.gravity),
-    Dataset(
-        "model/shape_factor", "f8", ("one",), "1",
-        "m a2/I of every grain: 2 for discs, 5/2 for spheres",
-        lambda m: m.model.shape_factor,
-    ),
+    _of_model("outlets", "str", ("outlet",), "1", "names of the outlets",
+        only_with="exchange", since=(1, 2)),
+    _of_model("start_speed", "f8", ("one",), "m/s",
+        "speed of the fastest grain, surface of a grain or wall at the start, but for the shear "
+        "that walls impose", only_with="motion", since=(1, 3)),
+    _of_model("period", "f8", ("one",), "m", "period in x; 0 if the domain is not periodic"),
+    _of_model("gravity", "f8", (2,), "m/s2", "acceleration of gravity (x, y)"),
+    _of_model("shape_factor", "f8", ("one",), "1",
+        "m a2/I of every grain: 2 for discs, 5/2 for spheres"),
 )  # fmt: skip
 """Written once (`model.Model`)."""
 
-SCENARIO: tuple[Dataset, ...] = (
-    Dataset("scenario/source", "str", ("one",), "1", "the scenario file as given"),
-    Dataset(
-        "scenario/resolved", "str", ("one",), "1", "the scenario with all defaults and overrides"
-    ),
-    Dataset("scenario/stages", "str", ("stage",), "1", "names of the loading stages"),
+
+def _text(name: str, dim: Dim, meaning: str) -> Dataset:
+    return Dataset(dtype="str", dims=(dim,), unit="1", meaning=meaning, path=f"scenario/{name}")
+
+
+SCENARIO = (
+    _text("source", "one", "the scenario file as given"),
+    _text("resolved", "one", "the scenario with all defaults and overrides"),
+    _text("stages", "stage", "names of the loading stages"),
 )
 """Only in ``results.h5``; a running run has the same texts as files beside it."""
 
@@ -381,165 +292,100 @@ SCENARIO: tuple[Dataset, ...] = (
 
 Array = NDArray[Any]
 
-
-def _all(rows: Array) -> Array:
-    return rows
-
-
-def _in_plane(rows: Array) -> Array:
-    return rows[:, :2]
-
-
-def _first(rows: Array) -> Any:
-    return rows[0]
-
-
-def _flags(rows: Array) -> NDArray[np.bool_]:
-    return rows.astype(np.bool_)
+_FIRST_DIMS: dict[str, Shape] = {
+    "steps": ("frame",),
+    "particles": ("particle_row",),
+    "contacts": ("contact_row",),
+    "walls": ("frame", "wall"),
+}
+_CONVERT: dict[str, Callable[[Array], Any]] = {
+    "steps": lambda rows: rows[0].item(),
+    "particles": lambda rows: rows,
+    "contacts": lambda rows: rows,
+    "walls": lambda rows: rows[0],
+}
+"""What an attribute is made of the rows of a frame, by the group of the dataset."""
 
 
-def _of_frame(
-    name: str,
-    kind: Callable[[Any], T],
+def _column(
+    path: str,
     dtype: DType,
     unit: str,
     meaning: str,
-    value: Value,
-    exports: tuple[Export, ...] = (),
-) -> Column[T]:
-    path = f"steps/{name}"
+    value: str | Value,
+    dims: Shape = (),
+    **more: Any,
+) -> Column[Any]:
+    """A row about frames; ``value``: a getter, or its place in a moment; ``dims``: further ones."""
+    group = path.partition("/")[0]
     return Column(
-        path,
-        dtype,
-        ("frame",),
-        unit,
-        meaning,
-        value,
-        exports=exports,
-        convert=lambda rows: kind(rows[0]),
-    )
-
-
-def _of_grains(
-    name: str,
-    unit: str,
-    meaning: str,
-    value: Value,
-    dtype: DType = "float",
-    exports: tuple[Export, ...] = ("vtk",),
-) -> Column[Array]:
-    return Column(
-        f"particles/{name}", dtype, ("particle_row",), unit, meaning, value, exports=exports
+        dtype=dtype,
+        dims=(*_FIRST_DIMS[group], *dims),
+        unit=unit,
+        meaning=meaning,
+        path=path,
+        value=attrgetter(value) if isinstance(value, str) else value,
+        **{"convert": _CONVERT[group], **more},
     )
 
 
 class StepColumns:
     """One row per frame."""
 
-    step = _of_frame(
-        "step",
-        int,
-        "i8",
-        "1",
-        "steps done since the start of the run",
-        lambda m: m.state.step,
-        ("vtk",),
-    )
-    time = _of_frame(
-        "time",
-        float,
-        "f8",
-        "s",
-        "time since the start of the run",
-        lambda m: m.state.time,
-        ("gsd",),
-    )
-    dt = _of_frame(
-        "dt", float, "f8", "s", ("length of the last step; impulse/dt is its mean contact force; "
-            "0 before it"),
-        lambda m: m.state.last_dt, ("vtk", "gsd"),
-    )  # fmt: skip
-    stage = _of_frame(
-        "stage",
-        int,
-        "i4",
-        "1",
-        "loading stage, a row of scenario/stages",
-        lambda m: m.state.stage,
-        ("vtk", "gsd"),
-    )
-    contacts_recorded = _of_frame(
-        "contacts_recorded", bool, "u1", "1",
+    step: Column[int] = _column("steps/step", "i8", "1",
+        "steps done since the start of the run", "state.step", exports=("vtk",))  # fmt: skip
+    time: Column[float] = _column("steps/time", "f8", "s",
+        "time since the start of the run", "state.time", exports=("gsd",))  # fmt: skip
+    dt: Column[float] = _column("steps/dt", "f8", "s",
+        "length of the last step; impulse/dt is its mean contact force; 0 before it",
+        "state.last_dt", exports=("vtk", "gsd"))  # fmt: skip
+    stage: Column[int] = _column("steps/stage", "i4", "1",
+        "loading stage, a row of scenario/stages", "state.stage",
+        exports=("vtk", "gsd"))  # fmt: skip
+    contacts_recorded: Column[bool] = _column("steps/contacts_recorded", "u1", "1",
         "1 if the contacts of the frame are in the file, 0 if not",
-        lambda m: m.contacts is not None,
-    )  # fmt: skip
+        lambda m: m.contacts is not None, convert=lambda rows: bool(rows[0]))  # fmt: skip
 
 
 class GrainColumns:
     """One row per grain and frame, in the order of the grains."""
 
-    position = Column[Array](
-        "particles/position", "float", ("particle_row", 3), "m",
-        "centers x, y, z; x wrapped into the period, z = 0",
-        lambda m: in_plane(m.state.position), columns=("x", "y"),
-        convert=_in_plane, about="centers, x wrapped into the period",
-    )  # fmt: skip
-    angle = _of_grains(
-        "angle", "rad", "rotation since the start of the run", lambda m: m.state.position[:, ANGLE]
-    )
-    image = _of_grains(
-        "image",
-        "1",
-        "periods by which x was wrapped: x + image*period is unwrapped",
-        lambda m: m.state.image,
-        "i8",
-        (),
-    )
-    velocity = Column[Array](
-        "particles/velocity", "float", ("particle_row", 3), "m/s",
-        "velocities x, y, z of the centers; z = 0",
-        lambda m: in_plane(m.state.velocity), columns=("velocity_x", "velocity_y"),
-        exports=("vtk",),
-        convert=_in_plane, about="velocities of the centers",
-    )  # fmt: skip
-    spin = _of_grains(
-        "spin",
-        "rad/s",
-        "angular velocity, counter-clockwise positive",
-        lambda m: m.state.velocity[:, SPIN],
-    )
-    temperature = Column[Array | None](
-        "particles/temperature", "f8", ("particle_row",), "K", "temperature",
-        lambda m: m.temperature,
-        only_with="heat", exports=("vtk", "gsd"),
-    )  # fmt: skip
+    position: Column[Array] = _column("particles/position", "float", "m",
+        "centers x, y, z; x wrapped into the period, z = 0", lambda m: in_plane(m.state.position),
+        (3,), columns=("x", "y"), convert=lambda rows: rows[:, :2],
+        about="centers, x wrapped into the period")  # fmt: skip
+    angle: Column[Array] = _column("particles/angle", "float", "rad",
+        "rotation since the start of the run", lambda m: m.state.position[:, ANGLE],
+        exports=("vtk",))  # fmt: skip
+    image: Column[Array] = _column("particles/image", "i8", "1",
+        "periods by which x was wrapped: x + image*period is unwrapped", "state.image")  # fmt: skip
+    velocity: Column[Array] = _column("particles/velocity", "float", "m/s",
+        "velocities x, y, z of the centers; z = 0", lambda m: in_plane(m.state.velocity), (3,),
+        columns=("velocity_x", "velocity_y"), convert=lambda rows: rows[:, :2], exports=("vtk",),
+        about="velocities of the centers")  # fmt: skip
+    spin: Column[Array] = _column("particles/spin", "float", "rad/s",
+        "angular velocity, counter-clockwise positive", lambda m: m.state.velocity[:, SPIN],
+        exports=("vtk",))  # fmt: skip
+    temperature: Column[Array | None] = _column("particles/temperature", "f8", "K", "temperature",
+        "temperature", only_with="heat", exports=("vtk", "gsd"))  # fmt: skip
 
 
 class WallColumns:
     """One row per frame and wall."""
 
-    wall_position = Column[Array](
-        "walls/position", "f8", ("frame", "wall", 3), "m, m, rad",
-        "reference point and angle of the wall",
-        lambda m: m.state.wall_position, columns=("x", "y", "angle"),
-        convert=_first, about="displacement and angle of the walls since the start",
-    )  # fmt: skip
-    wall_velocity = Column[Array](
-        "walls/velocity", "f8", ("frame", "wall", 3), "m/s, m/s, rad/s",
-        "velocity and spin of the wall",
-        lambda m: m.state.wall_velocity, columns=("velocity_x", "velocity_y", "spin"),
-        convert=_first,
-    )  # fmt: skip
-    wall_surface = Column[Array | None](
-        "walls/surface", "f8", ("frame", "wall"), "m/s",
-        "velocity of the surface of the wall along it", lambda m: m.wall_surface,
-        only_with="surface", since=(1, 3), convert=_first,
-    )  # fmt: skip
-    wall_temperature = Column[Array | None](
-        "walls/temperature", "f8", ("frame", "wall"), "K",
-        "temperature of the wall; nan where none is prescribed",
-        lambda m: m.state.wall_temperature, finite=False, only_with="heat", convert=_first,
-    )  # fmt: skip
+    wall_position: Column[Array] = _column("walls/position", "f8", "m, m, rad",
+        "reference point and angle of the wall", "state.wall_position", (3,),
+        columns=("x", "y", "angle"),
+        about="displacement and angle of the walls since the start")  # fmt: skip
+    wall_velocity: Column[Array] = _column("walls/velocity", "f8", "m/s, m/s, rad/s",
+        "velocity and spin of the wall", "state.wall_velocity", (3,),
+        columns=("velocity_x", "velocity_y", "spin"))  # fmt: skip
+    wall_surface: Column[Array | None] = _column("walls/surface", "f8", "m/s",
+        "velocity of the surface of the wall along it", "wall_surface",
+        only_with="surface", since=(1, 3))  # fmt: skip
+    wall_temperature: Column[Array | None] = _column("walls/temperature", "f8", "K",
+        "temperature of the wall; nan where none is prescribed", "state.wall_temperature",
+        finite=False, only_with="heat")  # fmt: skip
 
 
 class KeptColumns(FrameFields):
@@ -549,41 +395,34 @@ class KeptColumns(FrameFields):
 class ContactColumns(ContactTable):
     """One row per contact of the last step and frame, ordered by (i, j)."""
 
-    kind = Column[Array](
-        "contacts/kind", "u1", ("contact_row",), "1", "0 grain-grain, 1 grain-wall",
-        lambda m: m.table.j >= m.model.grain_count, exports=("vtk",),
-    )  # fmt: skip
+    kind: Column[Array] = _column("contacts/kind", "u1", "1", "0 grain-grain, 1 grain-wall",
+        lambda m: m.table.j >= m.model.grain_count, exports=("vtk",))  # fmt: skip
 
 
-def _kept_of_grains(name: str, about: Stored) -> Column[Any]:
-    exports: tuple[Export, ...] = (
-        ("vtk",) if about.only_with == "exchange" else ("vtk", "gsd")
-    )  # GSD has those alone that are there
-    return Column(
-        f"particles/{name}", about.dtype, ("particle_row", *about.dims[1:]), about.unit,
-        about.meaning,
-        lambda m: getattr(m.state, name), since=about.since, only_with=about.only_with,
-        columns=about.columns,
-        exports=exports,
-    )  # fmt: skip
-
-
-def _kept_of_walls(name: str, about: Stored) -> Column[Any]:
-    return Column(
-        f"walls/{name.removeprefix('wall_')}", about.dtype, ("frame", "wall", *about.dims[1:]),
-        about.unit, about.meaning,
-        lambda m: getattr(m.state, name), since=about.since, only_with=about.only_with,
-        columns=about.columns, convert=_first,
-    )  # fmt: skip
+def _kept(name: str) -> Column[Any]:
+    """The row of a field of `State` for each grain or wall."""
+    about = stored_fields(State)[name]
+    group = "walls" if name.startswith("wall_") else "particles"
+    # GSD has those alone that are there
+    shown = ("vtk",) if about.only_with == "exchange" else ("vtk", "gsd")
+    return Column.of(
+        about,
+        f"{group}/{name.removeprefix('wall_')}",
+        dims=(*_FIRST_DIMS[group], *about.dims[1:]),
+        value=attrgetter(f"state.{name}"),
+        exports=shown if group == "particles" else (),
+        convert=_CONVERT[group],
+    )
 
 
 def _of_contacts(name: str, about: Stored) -> Column[Any]:
-    return Column(
-        f"contacts/{name}", about.dtype, about.dims, about.unit, about.meaning,
-        lambda m: m.of_contacts(getattr(m.table, name)), since=about.since,
-        only_with=about.only_with, columns=about.columns,
-        exports=about.exports, convert=_flags if about.dtype == "u1" else _all,
-    )  # fmt: skip
+    as_flags = (lambda rows: rows.astype(np.bool_)) if about.dtype == "u1" else _CONVERT["contacts"]
+    return Column.of(
+        about,
+        f"contacts/{name}",
+        value=lambda m: m.of_contacts(getattr(m.table, name)),
+        convert=as_flags,
+    )
 
 
 def _attach(owner: type, columns: dict[str, Column[Any]]) -> tuple[Column[Any], ...]:
@@ -596,43 +435,35 @@ def _rows(owner: type) -> tuple[Column[Any], ...]:
     return tuple(row for row in vars(owner).values() if isinstance(row, Column))
 
 
-_KEPT = {name: stored_fields(State)[name] for name in FrameFields.__annotations__}
-_KEPT_OF_WALLS = {
-    name: _kept_of_walls(name, about) for name, about in _KEPT.items() if name.startswith("wall_")
-}
-_KEPT_OF_GRAINS = {
-    name: _kept_of_grains(name, about)
-    for name, about in _KEPT.items()
-    if name not in _KEPT_OF_WALLS
-}
-_TABLE = {name: _of_contacts(name, about) for name, about in stored_fields(ContactTable).items()}
-_I, _J, *_MORE_OF_CONTACTS = _attach(ContactColumns, _TABLE)
+_KEPT = {name: _kept(name) for name in FrameFields.__annotations__}
+_I, _J, *_MORE_OF_CONTACTS = _attach(
+    ContactColumns,
+    {name: _of_contacts(name, about) for name, about in stored_fields(ContactTable).items()},
+)
 
 STEPS = _rows(StepColumns)
 
-OFFSETS: tuple[Dataset, ...] = (
+OFFSETS = tuple(
     Dataset(
-        "steps/particle_offset",
-        "i8",
-        ("frame_edge",),
-        "1",
-        "rows offset[k]:offset[k+1] of particles/* are frame k",
-    ),
-    Dataset(
-        "steps/contact_offset",
-        "i8",
-        ("frame_edge",),
-        "1",
-        "rows offset[k]:offset[k+1] of contacts/* are frame k",
-    ),
+        dtype="i8",
+        dims=("frame_edge",),
+        unit="1",
+        meaning=f"rows offset[k]:offset[k+1] of {kind}s/* are frame k",
+        path=f"steps/{kind}_offset",
+    )
+    for kind in ("particle", "contact")
 )
 """Where the rows of each frame lie."""
 
-PARTICLES = _rows(GrainColumns) + _attach(KeptColumns, _KEPT_OF_GRAINS)
+PARTICLES = _rows(GrainColumns) + _attach(
+    KeptColumns, {name: row for name, row in _KEPT.items() if row.row == "particle_row"}
+)
 
 CONTACTS = (_I, _J, ContactColumns.kind, *_MORE_OF_CONTACTS)
 
-WALLS = _rows(WallColumns) + _attach(KeptColumns, _KEPT_OF_WALLS)
+WALLS = _rows(WallColumns) + _attach(
+    KeptColumns, {name: row for name, row in _KEPT.items() if row.row == "frame"}
+)
 
 FRAME_TABLE = STEPS + OFFSETS + PARTICLES + CONTACTS + WALLS
 """Everything that a frame consists of."""
@@ -644,121 +475,81 @@ FRAME_TABLE = STEPS + OFFSETS + PARTICLES + CONTACTS + WALLS
 # they are (`model.books`).
 
 
-def _scalar(
+def _series(
     name: str,
     unit: str,
-    long_name: str,
-    value: Value,
+    meaning: str,
+    value: str | Value,
+    dims: Shape = (),
+    columns: tuple[str, ...] = (),
+    *,
     dtype: DType = "f8",
-    *,
-    only_with: Feature | None = None,
-    since: Version = (1, 0),
+    **more: Any,
 ) -> Dataset:
+    """A row of the series; ``value``: a getter, or its place in a moment; ``dims``: per point."""
     return Dataset(
-        f"series/{name}",
-        dtype,
-        ("series_row",),
-        unit,
-        long_name,
-        value,
-        only_with=only_with,
-        since=since,
+        dtype=dtype,
+        dims=("series_row", *dims),
+        unit=unit,
+        meaning=meaning,
+        columns=columns,
+        path=f"series/{name}",
+        value=attrgetter(value) if isinstance(value, str) else value,
+        **more,
     )
 
 
-def _array(
-    name: str,
-    dims: Shape,
-    unit: str,
-    long_name: str,
-    value: Value,
-    columns: tuple[str, ...],
-    *,
-    only_with: Feature | None = None,
-    since: Version = (1, 0),
-) -> Dataset:
-    path, shape = f"series/{name}", ("series_row", *dims)
-    return Dataset(
-        path, "f8", shape, unit, long_name, value, only_with=only_with, since=since, columns=columns
-    )
-
-
-def _kept(
-    entries: tuple[Entry, ...],
-    values: Callable[[Snapshot], dict[str, float]],
-    only_with: Feature | None = None,
+def _kept_numbers(
+    entries: tuple[Entry, ...], where: str, only_with: Feature | None = None
 ) -> tuple[Dataset, ...]:
     """Rows of the numbers that the engine keeps, as far as they are in the time series."""
 
-    def row(entry: Entry, series: str) -> Dataset:
+    def row(entry: Entry) -> Dataset:
         def value(moment: Snapshot) -> float:
-            return moment.per_step(entry.name) if entry.per_step else values(moment)[entry.name]
+            name = entry.name
+            return moment.per_step(name) if entry.per_step else moment.numbers[where][name]
 
-        return _scalar(
-            series,
-            entry.unit,
-            entry.meaning,
-            value,
-            entry.dtype,
-            only_with=only_with,
-            since=entry.since,
+        return Dataset.of(
+            entry, f"series/{entry.series}", dims=("series_row",), value=value, only_with=only_with
         )
 
-    return tuple(row(entry, entry.series) for entry in entries if entry.series is not None)
+    return tuple(row(entry) for entry in entries if entry.series is not None)
 
 
 SERIES: tuple[Dataset, ...] = (
-    _scalar("step", "1", "steps done since the start of the run", lambda m: m.state.step, "i8"),
-    _scalar("time", "s", "time since the start of the run, the end of the window",
-        lambda m: m.state.time),
-    _scalar("stage", "1", "loading stage, a row of scenario/stages", lambda m: m.state.stage, "i4"),
-    _scalar("strain", "1", "shear strain accumulated in this stage",
-        lambda m: m.state.stage_strain),
-    *_kept(BOOKS, lambda m: m.books),
-    *_kept(measures_first(TALLIES), lambda m: m.tallies),
-    *_kept(WINDOW, lambda m: m.window),
-    _array(
-        "virial_rate", (2, 2), "N m",
-        ("window mean of sum f_a l_b over grain-grain contacts, l from j to i; over an area: mean "
-            "stress, compression positive"),
-        lambda m: m.rate(m.virial), ("virial_xx", "virial_xy", "virial_yx", "virial_yy"),
-    ),
-    _array(
-        "wall_force", ("wall", 3), "N, N, N m", ("window mean of the force and torque exerted by "
-            "the grains on each wall"),
-        lambda m: m.rate(m.state.window_wall_impulse), ("force_x", "force_y", "torque"),
-    ),
-    _array(
-        "wall_position", ("wall", 3), "m, m, rad", "reference point and angle of the wall",
-        lambda m: m.state.wall_position, ("x", "y", "angle"),
-    ),
-    _array(
-        "wall_velocity", ("wall", 3), "m/s, m/s, rad/s", "velocity and spin of the wall",
-        lambda m: m.state.wall_velocity, ("velocity_x", "velocity_y", "spin"),
-    ),
-    _array(
-        "wall_surface", ("wall",), "m/s", "velocity of the surface of the wall along it",
-        lambda m: m.wall_surface, (), only_with="surface", since=(1, 3),
-    ),
-    *_kept(HEAT_BOOKS, lambda m: m.heat_books, "heat"),
-    _scalar(
-        "temperature_mean", "K", "mean temperature of the grains, weighted by heat capacity",
-        lambda m: m.temperatures_here[0], only_with="heat",
-    ),
-    _scalar("temperature_min", "K", "lowest temperature of a grain",
+    _series("step", "1", "steps done since the start of the run", "state.step", dtype="i8"),
+    _series("time", "s", "time since the start of the run, the end of the window", "state.time"),
+    _series("stage", "1", "loading stage, a row of scenario/stages", "state.stage", dtype="i4"),
+    _series("strain", "1", "shear strain accumulated in this stage", "state.stage_strain"),
+    *_kept_numbers(BOOKS, "books"),
+    *_kept_numbers(measures_first(TALLIES), "tallies"),
+    *_kept_numbers(WINDOW, "window"),
+    _series("virial_rate", "N m",
+        "window mean of sum f_a l_b over grain-grain contacts, l from j to i; over an area: mean "
+        "stress, compression positive",
+        lambda m: m.rate(m.virial), (2, 2), ("virial_xx", "virial_xy", "virial_yx", "virial_yy")),
+    _series("wall_force", "N, N, N m",
+        "window mean of the force and torque exerted by the grains on each wall",
+        lambda m: m.rate(m.state.window_wall_impulse), ("wall", 3),
+        ("force_x", "force_y", "torque")),
+    _series("wall_position", "m, m, rad", "reference point and angle of the wall",
+        "state.wall_position", ("wall", 3), ("x", "y", "angle")),
+    _series("wall_velocity", "m/s, m/s, rad/s", "velocity and spin of the wall",
+        "state.wall_velocity", ("wall", 3), ("velocity_x", "velocity_y", "spin")),
+    _series("wall_surface", "m/s", "velocity of the surface of the wall along it",
+        "wall_surface", ("wall",), only_with="surface", since=(1, 3)),
+    *_kept_numbers(HEAT_BOOKS, "heat_books", "heat"),
+    _series("temperature_mean", "K", "mean temperature of the grains, weighted by heat capacity",
+        lambda m: m.temperatures_here[0], only_with="heat"),
+    _series("temperature_min", "K", "lowest temperature of a grain",
         lambda m: m.temperatures_here[1], only_with="heat"),
-    _scalar("temperature_max", "K", "highest temperature of a grain",
+    _series("temperature_max", "K", "highest temperature of a grain",
         lambda m: m.temperatures_here[2], only_with="heat"),
-    _array(
-        "wall_heat", ("wall", 2), "J",
-        "heat given to the grains; heat of friction and impacts received",
-        lambda m: m.state.wall_heat, ("heat_given", "heat_received"), only_with="heat",
-    ),
-    *_kept(EXCHANGE_BOOKS, lambda m: m.exchange, "exchange"),
-    _array(
-        "outlet_flow", ("outlet", 2), "1, kg",
-        "grains and mass that left through each outlet since the start",
-        lambda m: m.state.outlet_flow, ("grains", "mass"), only_with="exchange", since=(1, 2),
-    ),
+    _series("wall_heat", "J", "heat given to the grains; heat of friction and impacts received",
+        "state.wall_heat", ("wall", 2), ("heat_given", "heat_received"), only_with="heat"),
+    *_kept_numbers(EXCHANGE_BOOKS, "exchange", "exchange"),
+    _series("outlet_flow", "1, kg",
+        "grains and mass that left through each outlet since the start", "state.outlet_flow",
+        ("outlet", 2), ("grains", "mass"), only_with="exchange", since=(1, 2)),
 )  # fmt: skip
 """One row per point of the time series, which has its own, denser cadence than the frames."""

@@ -237,7 +237,7 @@ def test_every_dataset_has_unit_long_name_and_checksum(heated: Path) -> None:
             dataset = file[spec.path]
             assert dataset.fletcher32, spec.path
             assert dataset.attrs["unit"] == spec.unit
-            assert dataset.attrs["long_name"] == spec.long_name
+            assert dataset.attrs["long_name"] == spec.meaning
         assert not file["particles/position"][:, 2].any()
         assert file["walls/position"].shape == (9, 2, 3)
 
