@@ -126,7 +126,7 @@ def _summary(run: Prepared) -> dict[str, Any]:
             wall.name: {"mass": wall.mass, "inertia": wall.inertia, "given": wall.is_given}
             for wall in _pushed_walls(run.scenario, plan, model)
         },
-        "origin": None if run.origin is None else run.origin.as_document(),
+        "origin": None if run.origin is None else asdict(run.origin),
         "stages": [
             {
                 "name": stage.name,

@@ -9,7 +9,7 @@ import functools
 import hashlib
 import json
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, cast
 
@@ -69,11 +69,9 @@ def parse_document(data: bytes, where: str) -> Document:
         raise DamagedRun(f"{where}: damaged ({error})") from error
     if not isinstance(value, dict):
         raise DamagedRun(f"{where}: damaged (not a JSON object)")
-    page, line = (
-        json.dumps(value, indent=1, ensure_ascii=False),
-        json.dumps(value, ensure_ascii=False),
-    )
-    is_as_written = data.decode() in (page + "\n", line)  # not a blank more
+    page = json.dumps(value, indent=1, ensure_ascii=False) + "\n"
+    # Not a blank more
+    is_as_written = data.decode() in (page, json.dumps(value, ensure_ascii=False))
     check = value.pop(_CHECK, None)
     if check != _digest(value) or not is_as_written:
         raise DamagedRun(f"{where}: damaged or edited (its content does not match its digest)")
@@ -179,12 +177,6 @@ class Origin:
     new_walls: tuple[str, ...] = ()
     lost_walls: tuple[str, ...] = ()
 
-    def as_document(self) -> dict[str, Any]:
-        return {
-            name: list(value) if isinstance(value, tuple) else value
-            for name, value in asdict(self).items()
-        }
-
     @property
     def text(self) -> str:
         """From where, in words."""
@@ -241,9 +233,6 @@ class StageEnd:
     goal: Number | None = None
     unit: str = "1"
 
-    def as_document(self) -> dict[str, Any]:
-        return asdict(self)
-
     @property
     def has_timed_out(self) -> bool:
         return self.reason == "timeout"
@@ -258,30 +247,12 @@ class StageEnd:
             return f"its duration of {self.duration:.6g} s was over"
         if self.reason == "steered":
             return f"ended by the program that steers the run, after {self.duration:.6g} s"
-        reached = f"{self._reached}, {self._goal}"
-        return (
-            reached
-            if self.reason == "condition"
-            else f"timed out after {self.duration:.6g} s; {reached}"
-        )
-
-    @property
-    def _reached(self) -> str:
-        return (
-            f"{self.quantity} never had a value"
-            if self.value is None
-            else f"{self.quantity} was {self._number(self.value)}"
-        )
-
-    @property
-    def _goal(self) -> str:
-        return (
-            f"asked for was {self.relation} "
-            f"{self._number(self.goal if self.goal is not None else math.nan)}"
-        )
-
-    def _number(self, value: float) -> str:
-        return f"{value:.5g}" + (f" {self.unit}" if self.unit != "1" else "")
+        unit = f" {self.unit}" if self.unit != "1" else ""
+        was = "never had a value" if self.value is None else f"was {self.value:.5g}{unit}"
+        goal = math.nan if self.goal is None else self.goal
+        reached = f"{self.quantity} {was}, asked for was {self.relation} {goal:.5g}{unit}"
+        is_late = self.reason == "timeout"
+        return f"timed out after {self.duration:.6g} s; {reached}" if is_late else reached
 
 
 # ---- Models of the documents

@@ -33,7 +33,6 @@ from multicor_cli.store.hdf5 import CheckedFile
 from multicor_cli.store.provenance import new_session
 from multicor_cli.store.results import FILETYPE as RESULTS_FILETYPE
 from multicor_cli.store.results import read_model, read_offsets, write_model
-from multicor_cli.store.schema import Dataset
 from multicor_cli.store.segments import FrameWriter, Segment
 
 SERIES_ROWS = 4096
@@ -170,17 +169,13 @@ def _write_segments(
         version=min(file.version, schema.FORMAT_VERSION),
     )
     # Frames one by one, as stored, then the series in pieces.
-    rows = {name: int(file.dataset(_SPECS[path]).shape[0]) for name, path in _ROWS.items()}
-    ends = {
-        name: read_offsets(file, _SPECS[f"steps/{name.removesuffix('_row')}_offset"], count)
-        for name, count in rows.items()
-    }
-    for k in range(int(file.dataset(_SPECS["steps/step"]).shape[0])):
-        spans = {name: offset[k : k + 2].tolist() for name, offset in ends.items()}
+    offsets = {name: read_offsets(file, spec) for name, spec in schema.OFFSET_OF.items()}
+    for k in range(int(file.dataset(schema.DATASETS["steps/step"]).shape[0])):
+        spans = {name: offset[k : k + 2].tolist() for name, offset in offsets.items()}
         writer.copy_frame(
             {s.path: file.read(s, *spans.get(str(s.row), (k, k + 1))) for s in writer.frame_table}
         )
-    count = int(file.dataset(_SPECS["series/step"]).shape[0])
+    count = int(file.dataset(schema.DATASETS["series/step"]).shape[0])
     for start in range(0, count, SERIES_ROWS):
         stop = min(start + SERIES_ROWS, count)
         writer.copy_series(
@@ -188,7 +183,3 @@ def _write_segments(
         )
     writer.flush()
     return writer.segments
-
-
-_SPECS: dict[str, Dataset] = {spec.path: spec for spec in schema.SEGMENT_TABLE}
-_ROWS = {"particle_row": "particles/angle", "contact_row": "contacts/gap"}

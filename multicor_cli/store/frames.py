@@ -20,9 +20,9 @@ from multicor_cli.model.model import Floats
 from multicor_cli.optional import library
 from multicor_cli.store import schema
 from multicor_cli.store.errors import DamagedRun, frame_number
-from multicor_cli.store.hdf5 import CheckedFile
+from multicor_cli.store.hdf5 import CheckedFile, dtype_of
 from multicor_cli.store.results import FILETYPE as RESULTS_FILETYPE
-from multicor_cli.store.results import read_offsets, segment_dims
+from multicor_cli.store.results import read_offsets
 from multicor_cli.store.schema.rows import (
     Column,
     ContactColumns,
@@ -33,7 +33,7 @@ from multicor_cli.store.schema.rows import (
     WallColumns,
 )
 from multicor_cli.store.segments import FILETYPE as SEGMENT_FILETYPE
-from multicor_cli.store.segments import Segment
+from multicor_cli.store.segments import Segment, segment_dims
 from multicor_cli.text import count_noun
 
 # ---- Files of a run, one `results.h5` or segments, as one sequence of frames
@@ -57,28 +57,22 @@ class Part:
 
 def segment_part(directory: Path, segment: Segment) -> Part:
     """The part that a line of the manifest describes."""
-    dims = segment_dims(segment)
     return Part(
-        directory / segment.name, SEGMENT_FILETYPE, segment.frames, segment.series_rows, dims
+        directory / segment.name,
+        SEGMENT_FILETYPE,
+        segment.frames,
+        segment.series_rows,
+        segment_dims(segment),
     )
 
 
 def results_part(path: Path, run_id: str | None = None) -> Part:
     """The part that is a whole ``results.h5``; raises `DamagedRun` or `StorageError`."""
     with CheckedFile(path, RESULTS_FILETYPE, run_id=run_id) as file:
-        for name in (
-            "steps/step",
-            "series/step",
-            "particles/angle",
-            "contacts/gap",
-            "walls/position",
-        ):
-            file.dataset(_SPECS[name])
+        for name in ("steps/step", "series/step", *schema.COUNTED.values(), "walls/position"):
+            file.dataset(schema.DATASETS[name])
         dims = dict(file.dims)
     return Part(path, RESULTS_FILETYPE, dims["frame"], dims["series_row"], dims)
-
-
-_SPECS = {spec.path: spec for spec in schema.RESULTS_TABLE}
 
 
 class OpenPart:
@@ -87,15 +81,12 @@ class OpenPart:
     def __init__(self, part: Part, run_id: str | None) -> None:
         self.file = CheckedFile(part.path, part.filetype, run_id=run_id, dims=part.dims)
         try:
-            self.offsets = {name: self._offsets(name) for name in ("particle_row", "contact_row")}
+            self.offsets = {
+                rows: read_offsets(self.file, spec) for rows, spec in schema.OFFSET_OF.items()
+            }
         except BaseException:
             self.file.close()
             raise
-
-    def _offsets(self, name: str) -> NDArray[np.int64]:
-        spec = _SPECS[f"steps/{name.removesuffix('_row')}_offset"]
-        rows = _SPECS["particles/angle" if name == "particle_row" else "contacts/gap"]
-        return read_offsets(self.file, spec, int(self.file.dataset(rows).shape[0]))
 
 
 class Parts:
@@ -195,7 +186,13 @@ class Parts:
                 pieces[spec.path].append(opened.file.read(spec))
         if not self.parts:
             lengths = self._lengths()
-            return {spec.path: _nothing(spec, lengths) for spec in specs}
+            return {
+                spec.path: np.zeros(
+                    tuple(d if isinstance(d, int) else lengths.get(d, 0) for d in spec.dims),
+                    dtype_of(spec, "double"),
+                )
+                for spec in specs
+            }
         return {spec.path: np.concatenate(pieces[spec.path]) for spec in specs}
 
     def _opened(self, part: Part) -> OpenPart:
@@ -205,13 +202,6 @@ class Parts:
                 self._open.popitem(last=False)[1].file.close()
         self._open.move_to_end(part.path)
         return self._open[part.path]
-
-
-def _nothing(spec: Dataset, lengths: Mapping[str, int]) -> NDArray[Any]:
-    dtype = {"f8": np.float64, "float": np.float64, "i8": np.int64, "i4": np.int32, "u1": np.uint8}[
-        spec.dtype
-    ]
-    return np.zeros(tuple(d if isinstance(d, int) else lengths.get(d, 0) for d in spec.dims), dtype)
 
 
 # ---- What grains are: sizes, masses, and names where the model has numbers
@@ -238,10 +228,8 @@ class GrainFacts:
     @classmethod
     def of(cls, model: Model) -> GrainFacts:
         grains = model.grains
-        material, group = (
-            np.array(model.materials)[grains.material],
-            np.array(model.groups)[grains.group],
-        )
+        material = np.array(model.materials)[grains.material]
+        group = np.array(model.groups)[grains.group]
         return cls(grains.radius, grains.mass, grains.inertia, material, group)
 
     def __len__(self) -> int:
@@ -376,19 +364,15 @@ class Contacts(ContactColumns):
     def read(self, column: Column[T]) -> T:
         """An attribute's value; raises as `Frame.column`, and `DamagedRun` for unknown shapes."""
         found = self._frame.read(column)
-        if column.name in ("i", "j"):
-            self._check_shapes(column, np.asarray(found))
+        if column.name in ("i", "j"):  # files that come from elsewhere may hold anything
+            frame, model = self._frame, self._frame.run_model
+            grains = frame.number.size if frame.is_open else model.grain_count
+            count = grains + (0 if column.name == "i" else model.shape_count)
+            if not _are_within(np.asarray(found), count):
+                raise DamagedRun(
+                    f"frame {frame.index}: damaged ({column.path} names shapes that do not exist)"
+                )
         return found
-
-    def _check_shapes(self, column: Column[Any], found: Array) -> None:
-        """Files that come from elsewhere may hold anything."""
-        model = self._frame.run_model
-        grains = self._frame.number.size if self._frame.is_open else model.grain_count
-        count = grains + (0 if column.name == "i" else model.shape_count)
-        if not _are_within(found, count):
-            raise DamagedRun(
-                f"frame {self._frame.index}: damaged ({column.path} names shapes that do not exist)"
-            )
 
 
 def _are_within(numbers: Array, count: int) -> bool:
@@ -421,7 +405,7 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
             DamagedRun: If the file is damaged, or the run has no such quantity.
             StorageError: If it cannot be read.
         """
-        spec = _SPECS[path]
+        spec = schema.DATASETS[path]
         rows = self._parts.frame_rows(spec, self.index)
         if spec.row == "particle_row" and len(rows) != self.run_model.grain_count:
             raise DamagedRun(
@@ -484,11 +468,8 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
     def _of_those_here(self, column: Column[Any], rows: Array) -> Array:
         """The rows of the present grains; shapes of contacts are counted among these too."""
         if column.path in _OF_SHAPES:
-            n, shapes, here = (
-                self.run_model.grain_count,
-                self.run_model.shape_count,
-                self.number.size,
-            )
+            n, shapes = self.run_model.grain_count, self.run_model.shape_count
+            here = self.number.size
             number = np.zeros(n + shapes, rows.dtype)
             number[self.number], number[n:] = np.arange(here), np.arange(here, here + shapes)
             return number[rows] if _are_within(rows, n + shapes) else rows
@@ -543,18 +524,18 @@ class Frames(Sequence[Frame]):
     @cached_property
     def step(self) -> Array:
         """Step of every frame, shape ``(K,)``."""
-        return self._parts.column(_SPECS["steps/step"])
+        return self.column("steps/step")
 
     @cached_property
     def time(self) -> Array:
         """Time of every frame [s], shape ``(K,)``."""
-        return self._parts.column(_SPECS["steps/time"])
+        return self.column("steps/time")
 
     @cached_property
     def stage(self) -> Array:
         """Loading stage of every frame, shape ``(K,)``."""
-        return self._parts.column(_SPECS["steps/stage"])
+        return self.column("steps/stage")
 
     def column(self, path: str) -> Array:
         """A dataset of ``schema`` with one row per frame (``steps/*``, ``walls/*``): all rows."""
-        return self._parts.column(_SPECS[path])
+        return self._parts.column(schema.DATASETS[path])

@@ -208,9 +208,13 @@ class Hdf5Writer:
         if len(self.digests) == 3:
             kill_point(f"{self._label}.mid_tmp")
 
-    def write(self, spec: Dataset, values: NDArray[Any]) -> None:
-        stream = self.stream(spec, values.shape, values.dtype if values.dtype.kind == "S" else None)
-        stream.append(values)
+    def write(self, spec: Dataset, *pieces: NDArray[Any], row: tuple[int, ...] = ()) -> None:
+        """Write a dataset that consists of pieces; ``row``: shape of a row where there are none."""
+        rows, row = sum(map(len, pieces)), pieces[0].shape[1:] if pieces else row
+        dtype = pieces[0].dtype if pieces and pieces[0].dtype.kind == "S" else None
+        stream = self.stream(spec, (rows, *row), dtype)
+        for piece in pieces:
+            stream.append(piece)
         self.finish(spec, stream)
 
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import math
+from collections import Counter
 from collections.abc import Mapping, Sequence, Set
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +31,6 @@ from multicor_cli.store.documents import Document, ResultsDocument, record_of
 from multicor_cli.store.errors import DamagedRun
 from multicor_cli.store.hdf5 import (
     CheckedFile,
-    DatasetStream,
     Hdf5Writer,
     Precision,
     data_digest,
@@ -39,7 +41,13 @@ from multicor_cli.store.hdf5 import (
 )
 from multicor_cli.store.schema import Dataset
 from multicor_cli.store.segments import FILETYPE as SEGMENT_FILETYPE
-from multicor_cli.store.segments import Segment, check_segment, columns_of
+from multicor_cli.store.segments import (
+    Segment,
+    check_segment,
+    columns_of,
+    model_dims,
+    segment_dims,
+)
 from multicor_cli.store.snapshot import Snapshot
 from multicor_cli.store.vtkhdf import check_view, estimate_view, link_view, write_view
 
@@ -109,27 +117,18 @@ def read_model(file: CheckedFile) -> Model:
     """The model in an open ``model.h5`` or ``results.h5``, indices checked; raises `DamagedRun`."""
     specs = filter(file.has, schema.MODEL)
     data = {spec.path.removeprefix("model/"): _read(file, spec) for spec in specs}
+    flags = {
+        name: data[f"walls/{name}"].astype(np.bool_)
+        for name in ("has_gravity", "runs", "meets")
+        if f"walls/{name}" in data
+    }
     model = Model(
-        grains=Grains(
-            data["radius"], data["mass"], data["inertia"], data["material"], data["group"]
-        ),
-        shapes=WallShapes(
-            data["shapes/kind"],
-            data["shapes/wall"],
-            data["shapes/geometry"],
-            data["shapes/material"],
-        ),
+        grains=Grains(*(data[field.name] for field in fields(Grains))),
+        shapes=WallShapes(*(data[f"shapes/{field.name}"] for field in fields(WallShapes))),
         walls=Walls(
-            tuple(data["walls/names"]),
-            data["walls/mass"],
-            data["walls/inertia"],
-            data["walls/has_gravity"].astype(np.bool_),
-            data["walls/length"],
-            **{
-                name: data[f"walls/{name}"].astype(np.bool_)
-                for name in ("runs", "meets")
-                if f"walls/{name}" in data
-            },
+            names=tuple(data["walls/names"]),
+            **{name: data[f"walls/{name}"] for name in ("mass", "inertia", "length")},
+            **flags,
         ),
         laws=ContactLaws(
             **{name: data[f"laws/{name}"] for name in ContactLaws._fields if f"laws/{name}" in data}
@@ -159,32 +158,27 @@ def _read(file: CheckedFile, spec: schema.Dataset) -> Any:
 
 
 def _check_model(model: Model, path: Path) -> None:
-    materials, start = len(model.materials), model.laws.table_start
-    checks = {
-        "model/material": _within(model.grains.material, materials),
-        "model/group": _within(model.grains.group, len(model.groups)),
-        "model/shapes/kind": _within(model.shapes.kind, len(ShapeKind)),
-        "model/shapes/wall": _within(model.shapes.wall, model.wall_count),
-        "model/shapes/material": _within(model.shapes.material, materials),
-        "model/laws/table": _within(model.laws.table + 1, start.size),
-        "model/laws/table_start": bool(
-            start[0] == 0
-            and (np.diff(start) >= 0).all()
-            and start[-1] == model.laws.table_speed.size
-        ),
-        "model/radius": bool(
-            ((model.grains.radius >= 1.0 / LARGEST) & (model.grains.radius <= LARGEST)).all()
-        ),
-        "model/thermal/capacity": model.thermal is None
-        or bool((model.thermal.capacity > 0.0).all()),
+    grains, shapes, laws = model.grains, model.shapes, model.laws
+    materials, start = len(model.materials), laws.table_start
+    indices = {
+        "model/material": (grains.material, materials),
+        "model/group": (grains.group, len(model.groups)),
+        "model/shapes/kind": (shapes.kind, len(ShapeKind)),
+        "model/shapes/wall": (shapes.wall, model.wall_count),
+        "model/shapes/material": (shapes.material, materials),
+        "model/laws/table": (laws.table + 1, start.size),
     }
-    for name, is_right in checks.items():
-        if not is_right:
+    is_right = {
+        **{name: (values >= 0) & (values < count) for name, (values, count) in indices.items()},
+        "model/laws/table_start": np.diff(start, prepend=0, append=laws.table_speed.size) >= 0,
+        "model/radius": (grains.radius >= 1.0 / LARGEST) & (grains.radius <= LARGEST),
+        "model/thermal/capacity": np.ones(1)
+        if model.thermal is None
+        else model.thermal.capacity > 0.0,
+    }
+    for name, found in is_right.items():
+        if not found.all():
             raise DamagedRun(f"{path}: {name} holds values out of range")
-
-
-def _within(values: NDArray[Any], count: int) -> bool:
-    return bool(((values >= 0) & (values < count)).all())
 
 
 # ---- All segments in one file
@@ -210,21 +204,59 @@ def write_results(
     Raises `DamagedRun` if a segment does not match its digest, or the file is not as it was
     written; `StorageFull` if there is no room for it beside the segments; `StorageError`.
     """
-    merger = _Merger(directory, segments, model, scenario, run_id, precision, version)
-    root = {
-        "filetype": FILETYPE,
-        "run_id": run_id,
-        "features": sorted(merger.features),
-        "precision": precision,
-        "data_digest": "",
-        **attributes,
+    constant = {path: encode_strings(list(texts)) for path, texts in scenario.items()}
+    constant |= model_columns(model)
+    features = schema.features_of(model)
+    table = schema.select(schema.SEGMENT_TABLE, features, version)
+    rows = Counter[str]()
+    for segment in segments:
+        rows.update(segment_dims(segment))
+    lengths = rows | model_dims(model)
+    shapes = {
+        spec: tuple(d if isinstance(d, int) else lengths[d] for d in spec.dims)
+        for spec in table
+        if spec not in schema.OFFSETS
     }
+
+    def fill(writer: Hdf5Writer) -> None:
+        for spec in schema.SCENARIO + schema.MODEL:
+            if spec.path in constant:
+                writer.write(spec, constant[spec.path])
+        streams = {spec: writer.stream(spec, shape) for spec, shape in shapes.items()}
+        counts = {spec: [np.zeros(1, np.int64)] for spec in schema.OFFSETS}
+        for segment in segments:
+            check_segment(directory, segment)
+            dims = segment_dims(segment) | model_dims(model)
+            file_path = directory / segment.name
+            with CheckedFile(file_path, SEGMENT_FILETYPE, run_id=run_id, dims=dims) as file:
+                check_features(file, features)
+                for spec, stream in streams.items():
+                    for block in file.blocks(spec):
+                        stream.append(block)
+                for spec, parts in counts.items():
+                    parts.append(np.diff(read_offsets(file, spec)))
+        for spec, stream in streams.items():
+            writer.finish(spec, stream)
+        for spec, parts in counts.items():
+            writer.write(spec, np.cumsum(np.concatenate(parts)))
+        write_view(writer.file, model)
+
+    size = sum(values.nbytes for values in constant.values()) + 16 * (rows["frame"] + 1)
+    size += sum(math.prod(shapes[s]) * dtype_of(s, precision).itemsize for s in shapes)
+    view = estimate_view(rows["frame"], rows["contact_row"])
     digests = write_hdf5(
         path,
         "results",
-        root,
-        merger.fill,
-        size=estimate_size(schema.RESULTS_TABLE, merger.bytes) + merger.view_bytes,
+        {
+            "filetype": FILETYPE,
+            "run_id": run_id,
+            "features": sorted(features),
+            "precision": precision,
+            "data_digest": "",
+            **attributes,
+        },
+        fill,
+        size=estimate_size(schema.RESULTS_TABLE, size) + view,
         precision=precision,
         version=version,
         compress_integers=True,
@@ -236,7 +268,7 @@ def write_results(
         "size": path.stat().st_size,
         "data_digest": data_digest(digests),
         "blake2b": file_digest(path),
-        "frames": merger.rows["frame"],
+        "frames": rows["frame"],
     }
 
 
@@ -244,89 +276,6 @@ def _verify_results(path: Path, digests: dict[str, str]) -> None:
     with CheckedFile(path, FILETYPE) as file:
         file.check_written(filter(file.has, schema.RESULTS_TABLE), digests)
     check_view(path)
-
-
-class _Merger:
-    def __init__(
-        self,
-        directory: Path,
-        segments: Sequence[Segment],
-        model: Model,
-        scenario: Mapping[str, Sequence[str]],
-        run_id: str,
-        precision: Precision,
-        version: Version,
-    ) -> None:
-        self._directory, self._segments, self._run_id = directory, segments, run_id
-        self._scenario = {path: encode_strings(list(texts)) for path, texts in scenario.items()}
-        self._full_model = model
-        self._model = model_columns(model)
-        self._lengths = {"wall": model.wall_count, "outlet": len(model.outlets or ())}
-        self.features = schema.features_of(model)
-        self._table = tuple(
-            s
-            for s in schema.select(schema.SEGMENT_TABLE, self.features, version)
-            if s not in schema.OFFSETS
-        )
-        self.rows = {
-            "frame": sum(s.frames for s in segments),
-            "particle_row": sum(s.particle_rows for s in segments),
-            "contact_row": sum(s.contact_rows for s in segments),
-            "series_row": sum(s.series_rows for s in segments),
-        }
-        constant = sum(
-            values.nbytes for values in [*self._scenario.values(), *self._model.values()]
-        )
-        rows = sum(
-            int(np.prod(self._shape(s), dtype=np.int64)) * dtype_of(s, precision).itemsize
-            for s in self._table
-        )
-        self.bytes = constant + rows + 16 * (self.rows["frame"] + 1)
-        self.view_bytes = estimate_view(self.rows["frame"], self.rows["contact_row"])
-
-    def fill(self, writer: Hdf5Writer) -> None:
-        constant = self._scenario | self._model
-        for spec in schema.SCENARIO + schema.MODEL:
-            if spec.path in constant:
-                writer.write(spec, constant[spec.path])
-        streams = {spec: writer.stream(spec, self._shape(spec)) for spec in self._table}
-        counts: dict[Dataset, list[NDArray[np.int64]]] = {
-            spec: [np.zeros(1, np.int64)] for spec in schema.OFFSETS
-        }
-        for segment in self._segments:
-            self._copy(segment, streams, counts)
-        for spec, stream in streams.items():
-            writer.finish(spec, stream)
-        for spec, parts in counts.items():
-            writer.write(spec, np.cumsum(np.concatenate(parts)))
-        write_view(writer.file, self._full_model)
-
-    def _copy(
-        self,
-        segment: Segment,
-        streams: dict[Dataset, DatasetStream],
-        counts: dict[Dataset, list[NDArray[np.int64]]],
-    ) -> None:
-        check_segment(self._directory, segment)
-        dims = segment_dims(segment) | self._lengths
-        with CheckedFile(
-            self._directory / segment.name, SEGMENT_FILETYPE, run_id=self._run_id, dims=dims
-        ) as file:
-            check_features(file, self.features)
-            for spec, stream in streams.items():
-                for block in file.blocks(spec):
-                    stream.append(block)
-            for spec, parts in counts.items():
-                rows = (
-                    segment.particle_rows
-                    if spec.name == "particle_offset"
-                    else segment.contact_rows
-                )
-                parts.append(np.diff(read_offsets(file, spec, rows)))
-
-    def _shape(self, spec: Dataset) -> tuple[int, ...]:
-        lengths = {**self.rows, **self._lengths}
-        return tuple(d if isinstance(d, int) else lengths[d] for d in spec.dims)
 
 
 def read_description(file: CheckedFile) -> Document:
@@ -349,18 +298,9 @@ def check_features(file: CheckedFile, features: Set[str]) -> None:
         )
 
 
-def segment_dims(segment: Segment) -> dict[str, int]:
-    """Named lengths of the datasets in a segment, as its line in the manifest tells them."""
-    return {
-        "frame": segment.frames,
-        "particle_row": segment.particle_rows,
-        "contact_row": segment.contact_rows,
-        "series_row": segment.series_rows,
-    }
-
-
-def read_offsets(file: CheckedFile, spec: Dataset, rows: int) -> NDArray[np.int64]:
+def read_offsets(file: CheckedFile, spec: Dataset) -> NDArray[np.int64]:
     """Offsets of the frames, checked against the number of rows; raises `DamagedRun`."""
+    rows = file.dataset(schema.DATASETS[schema.COUNTED[spec.path]]).shape[0]
     values: NDArray[np.int64] = file.read(spec)
     if not values.size or values[0] != 0 or values[-1] != rows or (np.diff(values) < 0).any():
         raise DamagedRun(f"{file.path}: {spec.path} does not fit {rows} rows")

@@ -10,6 +10,7 @@ import os
 import tempfile
 import uuid
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal
 
@@ -183,7 +184,7 @@ def new_document(
         "stage_ends": [],
         "source_sha256": hashlib.sha256(source).hexdigest(),
         "resolved_sha256": hashlib.sha256(resolved.encode()).hexdigest(),
-        "origin": None if origin is None else origin.as_document(),
+        "origin": None if origin is None else asdict(origin),
         "provenance": plain(dict(provenance)),
         "extensions": [],
         "steering": steering,
@@ -466,7 +467,7 @@ class RunDirectory:
     def stage_ended(self, end: StageEnd) -> None:
         """Note how a loading stage ended; ``run.json`` says so from the next checkpoint on."""
         self._forget_stage_ends(end.stage)
-        self._document["stage_ends"].append(end.as_document())
+        self._document["stage_ends"].append(asdict(end))
         self._has_news = True
 
     def _forget_stage_ends(self, stage: int) -> None:

@@ -93,8 +93,8 @@ def read_manifest(directory: Path) -> list[Segment]:
     ]
 
 
-def keep_segments(directory: Path, segments: list[Segment]) -> list[str]:
-    """Make the manifest list ``segments``, `set_aside` other files; raises `StorageError`."""
+def keep_segments(directory: Path, segments: list[Segment]) -> None:
+    """Make the manifest list ``segments``, rename others to ``*.orphan``; raises `StorageError`."""
     data = b"".join(document_line(asdict(segment)) for segment in segments)
     path = directory / MANIFEST
     with storage_errors(path):
@@ -104,25 +104,18 @@ def keep_segments(directory: Path, segments: list[Segment]) -> list[str]:
             before = None
     if before != data:
         commit_bytes(path, "manifest", data)
-    return set_aside(directory, {segment.name for segment in segments})
-
-
-def set_aside(directory: Path, keep: set[str]) -> list[str]:
-    """Rename segment files that are not in ``keep`` to ``*.orphan``; returns their names."""
-    renamed = []
-    for path in sorted(directory.glob("*.h5")):
-        if path.name in keep:
+    keep = {segment.name for segment in segments}
+    for file in sorted(directory.glob("*.h5")):
+        if file.name in keep:
             continue
-        with storage_errors(path):
-            require_own(path)
-            orphan, count = path.with_name(f"{path.name}.orphan"), 0
+        with storage_errors(file):
+            require_own(file)
+            orphan, count = file.with_name(f"{file.name}.orphan"), 0
             while orphan.exists():
                 count += 1
-                orphan = path.with_name(f"{path.name}.{count}.orphan")
-            path.rename(orphan)
-        renamed.append(path.name)
+                orphan = file.with_name(f"{file.name}.{count}.orphan")
+            file.rename(orphan)
         kill_point("orphan.mid")
-    return renamed
 
 
 def check_segment(directory: Path, segment: Segment) -> None:
@@ -136,6 +129,21 @@ def check_segment(directory: Path, segment: Segment) -> None:
         raise DamagedRun(f"{path}: damaged (it does not match its digest in {MANIFEST})")
 
 
+def segment_dims(segment: Segment) -> dict[str, int]:
+    """Named lengths of the datasets in a segment, as its line in the manifest tells them."""
+    return {
+        "frame": segment.frames,
+        "particle_row": segment.particle_rows,
+        "contact_row": segment.contact_rows,
+        "series_row": segment.series_rows,
+    }
+
+
+def model_dims(model: Model) -> dict[str, int]:
+    """Named lengths of the datasets about walls and outlets."""
+    return {"wall": model.wall_count, "outlet": len(model.outlets or ())}
+
+
 # ---- Writing segments
 
 FILETYPE = "multicor-segment"
@@ -145,7 +153,6 @@ BYTE_LIMIT = 64 << 20
 """A segment is committed as soon as it holds this much (one frame may be larger) [bytes]."""
 
 _FRAME_ROWS = schema.STEPS + schema.PARTICLES + schema.CONTACTS + schema.WALLS
-_OFFSETS_OF = {"particle_offset": "particles/angle", "contact_offset": "contacts/gap"}
 
 
 class FrameWriter:
@@ -179,20 +186,12 @@ class FrameWriter:
         committed: Iterable[Segment] = (),
         last_steps: tuple[int, int] = (-1, -1),
     ) -> None:
-        self._directory, self._run_id, self._precision, self._version = (
-            directory,
-            run_id,
-            precision,
-            version,
-        )
+        self._directory, self._run_id = directory, run_id
+        self._precision, self._version = precision, version
         self.model = model
-        self._dims = {
-            "wall": model.wall_count,
-            "outlet": len(model.outlets or ()),
-            "particle_row": model.grain_count,
-            "frame": 1,
-            "series_row": 1,
-        }
+        self._dims = model_dims(model) | {
+            "particle_row": model.grain_count, "frame": 1, "series_row": 1,
+        }  # fmt: skip
         self._features = schema.features_of(model)
         self.frame_table = schema.select(_FRAME_ROWS, self._features, version)
         self.series_table = schema.select(schema.SERIES, self._features, version)
@@ -216,10 +215,7 @@ class FrameWriter:
             raise ValueError(f"frame at step {step} after one at step {self.last_frame_step}")
         columns = columns_of(self.frame_table, moment)
         self._check_contacts(columns, step)
-        stored = self._stored(self.frame_table, columns, f"frame at step {step}")
-        self.last_frame_step = step
-        self._frames.append(stored)
-        self._grow(stored)
+        self.copy_frame(self._stored(self.frame_table, columns, f"frame at step {step}"))
 
     def series_row(self, moment: Snapshot) -> None:
         """Add the row that ends a window, which the caller then clears; raises as `frame` does.
@@ -231,12 +227,8 @@ class FrameWriter:
             raise ValueError(
                 f"row of the time series at step {step} after one at step {self.last_series_step}"
             )
-        stored = self._stored(
-            self.series_table, columns_of(self.series_table, moment), f"time series at step {step}"
-        )
-        self.last_series_step = step
-        self._rows.append(stored)
-        self._grow(stored)
+        columns = columns_of(self.series_table, moment)
+        self.copy_series(self._stored(self.series_table, columns, f"time series at step {step}"))
 
     def copy_frame(self, columns: Columns) -> None:
         """Add a frame as stored before, by path; raises `StorageFull` or `StorageError`."""
@@ -250,20 +242,13 @@ class FrameWriter:
         self._rows.append(columns)
         self._grow(columns)
 
-    @property
-    def _row_count(self) -> int:
-        return sum(len(rows["series/step"]) for rows in self._rows)
-
     def flush(self) -> None:
         """Commit what is pending, or keep it: raises `StorageFull`, `StorageError`, `RunLocked`."""
         if not self._frames and not self._rows:
             return
         path = self._directory / f"{len(self.segments):06d}.h5"
-        attributes = {
-            "filetype": FILETYPE,
-            "run_id": self._run_id,
-            "features": sorted(self._features),
-        }
+        features = sorted(self._features)
+        attributes = {"filetype": FILETYPE, "run_id": self._run_id, "features": features}
         size = estimate_size(self._table, self._bytes)
         write_hdf5(
             path,
@@ -316,23 +301,12 @@ class FrameWriter:
     def _fill(self, writer: Hdf5Writer) -> None:
         for spec in self._table:
             if spec in schema.OFFSETS:
-                writer.write(spec, self._offsets(spec))
-            else:
-                self._write_pieces(
-                    writer, spec, self._rows if spec in self.series_table else self._frames
-                )
-
-    def _write_pieces(self, writer: Hdf5Writer, spec: Dataset, pieces: list[Columns]) -> None:
-        rows = sum(len(piece[spec.path]) for piece in pieces)
-        tail = tuple(d if isinstance(d, int) else self._dims[d] for d in spec.dims[1:])
-        stream = writer.stream(spec, (rows, *tail))
-        for piece in pieces:
-            stream.append(piece[spec.path])
-        writer.finish(spec, stream)
-
-    def _offsets(self, spec: Dataset) -> NDArray[np.int64]:
-        counts = [len(frame[_OFFSETS_OF[spec.name]]) for frame in self._frames]
-        return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+                counts = [len(frame[schema.COUNTED[spec.path]]) for frame in self._frames]
+                writer.write(spec, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64))
+                continue
+            pieces = self._rows if spec in self.series_table else self._frames
+            row = tuple(d if isinstance(d, int) else self._dims[d] for d in spec.dims[1:])
+            writer.write(spec, *(piece[spec.path] for piece in pieces), row=row)
 
     def _verify(self, path: Path, digests: dict[str, str]) -> None:
         with CheckedFile(path, FILETYPE, run_id=self._run_id) as file:
@@ -346,7 +320,7 @@ class FrameWriter:
             frames=len(self._frames),
             particle_rows=sum(len(frame["particles/angle"]) for frame in self._frames),
             contact_rows=sum(len(frame["contacts/gap"]) for frame in self._frames),
-            series_rows=self._row_count,
+            series_rows=sum(len(rows["series/step"]) for rows in self._rows),
             first_step=min(steps),
             last_step=max(steps),
             size=path.stat().st_size,

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from multicor_cli.model import Model
 from multicor_cli.store import layout, schema
@@ -31,11 +30,10 @@ from multicor_cli.store.results import (
     read_description,
     read_model,
     read_offsets,
-    segment_dims,
 )
 from multicor_cli.store.schema import Dataset
 from multicor_cli.store.segments import FILETYPE as SEGMENT_FILETYPE
-from multicor_cli.store.segments import Segment, check_segment
+from multicor_cli.store.segments import Segment, check_segment, model_dims, segment_dims
 from multicor_cli.store.vtkhdf import check_view
 
 
@@ -54,8 +52,6 @@ class FileFinding:
     message: str
 
 
-Check = Callable[[], object]
-
 _CONTACT_BLOCK = 1 << 20
 
 
@@ -73,7 +69,7 @@ def verify(path: Path | str) -> list[FileFinding]:
     """
     path = Path(path)
     if is_regular(path):
-        return _run_checks([(path, partial(_check_results, path, None, None))])
+        return _run_checks([(path, partial(_check_results, path))])
     if not is_regular(path / layout.RUN) and is_regular(path / layout.RESULTS):
         return _missing_run_document(path) + verify(path / layout.RESULTS)
     try:
@@ -82,23 +78,14 @@ def verify(path: Path | str) -> list[FileFinding]:
         raise
     except DamagedRun as error:
         return [FileFinding("error", str(path / layout.RUN), str(error))]
-    scenarios = (
-        (path / layout.SOURCE, "source_sha256"),
-        (path / layout.RESOLVED, "resolved_sha256"),
-    )
+    scenarios = ((layout.SOURCE, "source_sha256"), (layout.RESOLVED, "resolved_sha256"))
     findings = _run_checks(
-        [(file, partial(read_scenario, file, str(document[key]))) for file, key in scenarios]
+        (path / name, partial(read_scenario, path / name, str(document[key])))
+        for name, key in scenarios
     )
     if document["results"]:
         results = path / layout.RESULTS
-        findings += _run_checks(
-            [
-                (
-                    results,
-                    partial(_check_results, results, str(document["run_id"]), document["results"]),
-                )
-            ]
-        )
+        findings += _run_checks([(results, partial(_check_results, results, document))])
     else:
         findings += _verify_segments(path, document)
     return findings + _verify_checkpoints(path, document) + list(_leftovers(path, document))
@@ -106,21 +93,14 @@ def verify(path: Path | str) -> list[FileFinding]:
 
 def _missing_run_document(path: Path) -> list[FileFinding]:
     """Results may lie alone in a directory; beside other files of a run ``run.json`` is missing."""
-    if not any(
-        (path / name).exists()
-        for name in (layout.SOURCE, layout.RESOLVED, layout.MODEL, layout.CHECKPOINTS)
-    ):
+    others = (layout.SOURCE, layout.RESOLVED, layout.MODEL, layout.CHECKPOINTS)
+    if not any((path / name).exists() for name in others):
         return []
-    return [
-        FileFinding(
-            "error",
-            str(path / layout.RUN),
-            "missing: the run cannot be continued; results.h5 can be read without it",
-        )
-    ]
+    message = "missing: the run cannot be continued; results.h5 can be read without it"
+    return [FileFinding("error", str(path / layout.RUN), message)]
 
 
-def _run_checks(checks: list[tuple[Path, Check]]) -> list[FileFinding]:
+def _run_checks(checks: Iterable[tuple[Path, Callable[[], object]]]) -> list[FileFinding]:
     findings = []
     for file, check in checks:
         try:
@@ -144,37 +124,39 @@ def _verify_segments(path: Path, document: Document) -> list[FileFinding]:
             _check_whole(file, document["model"])
     except StoreError as error:
         return [FileFinding("error", str(file), str(error))]
-    limits = _limits(model, len(document["stages"]))
+    stages = len(document["stages"])
     return _run_checks(
-        [
-            (directory / s.name, partial(_check_one_segment, directory, s, run_id, limits))
-            for s in segments
-        ]
+        (directory / s.name, partial(_check_one_segment, directory, s, run_id, model, stages))
+        for s in segments
     )
 
 
-def _check_one_segment(directory: Path, segment: Segment, run_id: str, limits: Limits) -> None:
+def _check_one_segment(
+    directory: Path, segment: Segment, run_id: str, model: Model, stages: int
+) -> None:
     check_segment(directory, segment)
-    dims = {**segment_dims(segment), "wall": limits.walls, "outlet": limits.outlets}
+    dims = segment_dims(segment) | model_dims(model)
     with CheckedFile(directory / segment.name, SEGMENT_FILETYPE, run_id=run_id, dims=dims) as file:
-        check_features(file, limits.features)
-        _check_tables(file, schema.SEGMENT_TABLE, limits)
+        check_features(file, schema.features_of(model))
+        _check_tables(file, schema.SEGMENT_TABLE, model, stages)
 
 
-def _check_results(path: Path, run_id: str | None, recorded: Document | None) -> None:
+def _check_results(path: Path, document: Document | None = None) -> None:
+    run_id = str(document["run_id"]) if document else None
     with CheckedFile(path, RESULTS_FILETYPE, run_id=run_id) as file:
         file.check_texts()
         model = read_model(file)
         read_description(file)
         stages = len(file.strings(schema.SCENARIO[-1]))
-        limits = _limits(model, stages)
-        digest = data_digest(_check_tables(file, schema.RESULTS_TABLE, limits))
-        expected = {file.text("data_digest"), *([recorded["data_digest"]] if recorded else [])}
+        digest = data_digest(_check_tables(file, schema.RESULTS_TABLE, model, stages))
+        expected = {file.text("data_digest")}
+    if document:
+        expected.add(document["results"]["data_digest"])
     if expected != {digest}:
         raise DamagedRun(f"{path}: the data do not match their digest")
     check_view(path)
-    if recorded:
-        _check_whole(path, recorded)
+    if document:
+        _check_whole(path, document["results"])
 
 
 def _check_whole(path: Path, recorded: Document) -> None:
@@ -187,77 +169,53 @@ def _check_whole(path: Path, recorded: Document) -> None:
         )
 
 
-@dataclass(frozen=True)
-class Limits:
-    """What values are compared with: how many there are, and the features of the run."""
-
-    grains: int
-    shapes: int
-    walls: int
-    outlets: int
-    stages: int
-    features: frozenset[str]
-
-
-def _limits(model: Model, stages: int) -> Limits:
-    return Limits(
-        model.grain_count,
-        model.shape_count,
-        model.wall_count,
-        len(model.outlets or ()),
-        stages,
-        schema.features_of(model),
-    )
-
-
-def _check_tables(file: CheckedFile, table: tuple[Dataset, ...], limits: Limits) -> dict[str, str]:
+def _check_tables(
+    file: CheckedFile, table: tuple[Dataset, ...], model: Model, stages: int
+) -> dict[str, str]:
     """Digest, finite values, counts and ranges of the datasets of a run; returns the digests."""
-    specs = schema.select(table, limits.features, file.version)
+    specs = schema.select(table, schema.features_of(model), file.version)
     digests = {spec.path: file.check_digest(spec) for spec in specs}
     for spec in specs:
         if spec.finite and file.dataset(spec).dtype.kind == "f":
             for block in file.blocks(spec):
                 if not np.isfinite(block).all():
                     raise DamagedRun(f"{file.path}: {spec.path} holds a value that is not finite")
-    _check_rows(file, limits)
-    _check_contacts(file, limits)
+    _check_rows(file, model)
+    _check_contacts(file, model)
     for path, highest in (
         ("contacts/sliding", 2),
         ("steps/contacts_recorded", 2),
-        ("steps/stage", max(limits.stages, 1)),
+        ("steps/stage", max(stages, 1)),
     ):
-        for block in file.blocks(_SPECS[path]):
+        for block in file.blocks(schema.DATASETS[path]):
             if ((block < 0) | (block >= highest)).any():
                 raise DamagedRun(f"{file.path}: {path} holds a value outside 0 … {highest - 1}")
     return digests
 
 
-_SPECS = {spec.path: spec for spec in schema.RESULTS_TABLE}
-
-
-def _check_rows(file: CheckedFile, limits: Limits) -> None:
-    rows: NDArray[np.int64] = read_offsets(
-        file, _SPECS["steps/particle_offset"], file.dims["particle_row"]
-    )
-    read_offsets(file, _SPECS["steps/contact_offset"], file.dims["contact_row"])
-    if (np.diff(rows) != limits.grains).any():
-        raise DamagedRun(f"{file.path}: a frame does not hold {limits.grains} grains")
-    if file.dims["wall"] != limits.walls:
-        raise DamagedRun(f"{file.path}: holds {file.dims['wall']} walls instead of {limits.walls}")
+def _check_rows(file: CheckedFile, model: Model) -> None:
+    rows, _ = (read_offsets(file, spec) for spec in schema.OFFSETS)
+    grains, walls = model.grain_count, model.wall_count
+    if (np.diff(rows) != grains).any():
+        raise DamagedRun(f"{file.path}: a frame does not hold {grains} grains")
+    if file.dims["wall"] != walls:
+        raise DamagedRun(f"{file.path}: holds {file.dims['wall']} walls instead of {walls}")
     for path in ("steps/step", "series/step"):
-        if (np.diff(file.read(_SPECS[path])) <= 0).any():
+        if (np.diff(file.read(schema.DATASETS[path])) <= 0).any():
             raise DamagedRun(f"{file.path}: {path} does not ascend")
 
 
-def _check_contacts(file: CheckedFile, limits: Limits) -> None:
+def _check_contacts(file: CheckedFile, model: Model) -> None:
+    n, shapes = model.grain_count, model.shape_count
     for start in range(0, file.dims["contact_row"], _CONTACT_BLOCK):
         stop = min(start + _CONTACT_BLOCK, file.dims["contact_row"])
         i, j, kind = (
-            file.read(_SPECS[f"contacts/{name}"], start, stop) for name in ("i", "j", "kind")
+            file.read(schema.DATASETS[f"contacts/{name}"], start, stop)
+            for name in ("i", "j", "kind")
         )
-        if ((i < 0) | (i >= limits.grains) | (j <= i) | (j >= limits.grains + limits.shapes)).any():
+        if ((i < 0) | (i >= n) | (j <= i) | (j >= n + shapes)).any():
             raise DamagedRun(f"{file.path}: a contact names a shape that does not exist")
-        if (kind != (j >= limits.grains)).any():
+        if (kind != (j >= n)).any():
             raise DamagedRun(f"{file.path}: contacts/kind does not fit contacts/j")
 
 
@@ -265,15 +223,10 @@ def _verify_checkpoints(path: Path, document: Document) -> list[FileFinding]:
     directory = path / layout.CHECKPOINTS
     identity = Identity.of(document)
     sidecars = newest_first(directory)
-    named = (
-        document["summary"]["step"]
-        if document["summary"] and document["status"] != "finished"
-        else -1
-    )
-    findings = _run_checks(
-        [(sidecar, partial(load_checkpoint, sidecar, identity)) for sidecar in sidecars]
-    )
-    if named > max((step_of(sidecar) for sidecar in sidecars), default=-1):
+    findings = _run_checks((file, partial(load_checkpoint, file, identity)) for file in sidecars)
+    is_named = document["summary"] and document["status"] != "finished"
+    named = document["summary"]["step"] if is_named else -1
+    if named > max(map(step_of, sidecars), default=-1):
         message = (
             f"{directory}: the checkpoint at step {named}, of which {layout.RUN} knows, is missing"
         )
@@ -282,28 +235,17 @@ def _verify_checkpoints(path: Path, document: Document) -> list[FileFinding]:
 
 
 def _leftovers(path: Path, document: Document) -> Iterator[FileFinding]:
-    for entry in layout.temporaries(path):
-        if entry.exists():
-            yield FileFinding(
-                "warning", str(entry), "left by an interrupted write; the next start removes it"
-            )
-    for entry in sorted((path / layout.SEGMENTS).glob("*.orphan")):
-        yield FileFinding(
-            "warning",
-            str(entry),
-            "written after the checkpoint from which the run was continued; not used",
-        )
-    if (
-        document["results"]
-        and (path / layout.SEGMENTS).exists()
-        and document["status"] == "finished"
-    ):
-        is_ours = bool(layout.own_files(path, layout.SEGMENTS))
+    segments = path / layout.SEGMENTS
+    for entry in filter(Path.exists, layout.temporaries(path)):
+        message = "left by an interrupted write; the next start removes it"
+        yield FileFinding("warning", str(entry), message)
+    for entry in sorted(segments.glob("*.orphan")):
+        message = "written after the checkpoint from which the run was continued; not used"
+        yield FileFinding("warning", str(entry), message)
+    if document["results"] and segments.exists() and document["status"] == "finished":
         remedy = (
             "the next start removes it"
-            if is_ours
+            if layout.own_files(path, layout.SEGMENTS)
             else "it is a link or holds files that no run has made, and stays"
         )
-        yield FileFinding(
-            "warning", str(path / layout.SEGMENTS), f"not needed beside results.h5; {remedy}"
-        )
+        yield FileFinding("warning", str(segments), f"not needed beside results.h5; {remedy}")

@@ -9,8 +9,10 @@ from multicor_cli.model.books import Feature, stored_fields
 from multicor_cli.model.state import State
 from multicor_cli.store.schema.rows import (
     CONTACTS,
+    COUNTED,
     FRAME_TABLE,
     MODEL,
+    OFFSET_OF,
     OFFSETS,
     PARTICLES,
     SCENARIO,
@@ -28,6 +30,9 @@ SEGMENT_TABLE = FRAME_TABLE + SERIES
 
 RESULTS_TABLE = SCENARIO + MODEL + FRAME_TABLE + SERIES
 
+DATASETS = {row.path: row for row in RESULTS_TABLE}
+"""By path."""
+
 CHECKPOINT = tuple(
     Dataset.of(about, f"state/{name}", finite=False, only_with=None)
     for name, about in stored_fields(State).items()
@@ -41,10 +46,13 @@ refuses another major version and ignores unknown datasets."""
 __all__ = [
     "CHECKPOINT",
     "CONTACTS",
+    "COUNTED",
+    "DATASETS",
     "FORMAT_VERSION",
     "FRAME_TABLE",
     "MODEL",
     "OFFSETS",
+    "OFFSET_OF",
     "PARTICLES",
     "RESULTS_TABLE",
     "SCENARIO",

@@ -455,6 +455,12 @@ OFFSETS = tuple(
 )
 """Where the rows of each frame lie."""
 
+OFFSET_OF = dict(zip(("particle_row", "contact_row"), OFFSETS, strict=True))
+"""By the rows that it counts."""
+
+COUNTED = {"steps/particle_offset": "particles/angle", "steps/contact_offset": "contacts/gap"}
+"""A dataset with the rows that each of them counts."""
+
 PARTICLES = _rows(GrainColumns) + _attach(
     KeptColumns, {name: row for name, row in _KEPT.items() if row.row == "particle_row"}
 )

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -226,5 +227,5 @@ def test_results_alone_know_how_stages_ended(tmp_path: Path) -> None:
     outcome = run_one(tmp_path, LATE)
     (tmp_path / "run" / "results.h5").rename(tmp_path / "mailed.h5")
     ends = run_info(tmp_path / "mailed.h5")["stage_ends"]
-    assert ends == [end.as_document() for end in outcome.stage_ends]
+    assert ends == [asdict(end) for end in outcome.stage_ends]
     assert json.loads((tmp_path / "run" / "run.json").read_text())["stage_ends"] == ends
