@@ -12,19 +12,7 @@ from multicor_cli.model.shapes import ShapeKind, WallBody
 from multicor_cli.model.state import Presence, State
 
 __all__ = [
-    "BOOK_NAMES",
-    "EXCHANGE_NAMES",
-    "HEAT_BOOK_NAMES",
-    "TALLY_NAMES",
-    "WINDOW_NAMES",
-    "ContactLaws",
-    "Grains",
-    "Model",
-    "Presence",
-    "ShapeKind",
-    "State",
-    "Thermal",
-    "WallBody",
-    "WallShapes",
+    "BOOK_NAMES", "EXCHANGE_NAMES", "HEAT_BOOK_NAMES", "TALLY_NAMES", "WINDOW_NAMES", "ContactLaws",
+    "Grains", "Model", "Presence", "ShapeKind", "State", "Thermal", "WallBody", "WallShapes",
     "Walls",
-]
+]  # fmt: skip

@@ -124,14 +124,14 @@ BOOKS = (
     _book("gravity_work", "work of gravity since the start, position correction included"),
     _book("wall_work", "work done on the grains by prescribed wall velocities since the start"),
     # ΣF·Δq
-    _book(
-        "load_work",
-        "work of the loads on driven walls since the start, position correction included",
-    ),
+    _book("load_work",
+        "work of the loads on driven walls since the start, position correction included"),
     # −Σ p_t ½(u_t⁻+u_t⁺)
     _book("friction_loss", "energy lost to friction since the start, signed"),
-    _book("impact_loss", "energy lost to impacts since the start, signed"),  # −Σ p_n ½(u_n⁻+u_n⁺)
-    _book("damping_loss", "energy lost in the damping of loads since the start"),  # Σ c v̄² Δt
+    # −Σ p_n ½(u_n⁻+u_n⁺)
+    _book("impact_loss", "energy lost to impacts since the start, signed"),
+    # Σ c v̄² Δt
+    _book("damping_loss", "energy lost in the damping of loads since the start"),
     # ΣF·δq of gravity and loads
     _book("correction_work", "energy moved by the projection of positions since the start"),
     # The rule of the paper
@@ -141,15 +141,10 @@ BOOKS = (
     _book("terms", "sum of the absolute terms of the energy balance since the start"),
     # The correction is among the losses
     _book("imbalance", "kinetic - kinetic_start - works + losses now"),
-    _book(
-        "closure",
-        (
-            "largest |imbalance| so far over terms, or over a small share of the kinetic energy "
-            "where that is more"
-        ),
-        "1",
-    ),
-)
+    _book("closure",
+        "largest |imbalance| so far over terms, or over a small share of the kinetic energy where "
+        "that is more", "1"),
+)  # fmt: skip
 """The energy books, in the order of `State.books`."""
 
 TALLIES = (
@@ -157,76 +152,42 @@ TALLIES = (
     _entry("unconverged_steps", "steps that hit the cap on sweeps"),
     _entry("residual_rms_max", "largest rms velocity correction of a step over u_ref"),
     _entry("residual_max_max", "largest velocity correction of a step over u_ref"),
-    _entry(  # at the end of a step
-        "max_overlap",
-        "largest overlap over the smaller radius so far",
-        series="max_overlap",
-        summary="max_overlap",
-        label=("largest overlap", " of the smaller radius"),
-    ),
-    _entry(
-        "corrected_steps",
-        "steps so far after which positions were projected",
-        series="corrected_steps",
-        dtype="i8",
-        summary="corrected_steps",
-    ),
-    _entry(  # the largest mean contact force of a step
-        "max_impulse_rate",
-        "largest normal impulse over dt so far",
-        "N",
-        series="max_impulse_rate",
-        summary="max_contact_force",
-    ),
-)
+    # at the end of a step
+    _entry("max_overlap", "largest overlap over the smaller radius so far", series="max_overlap",
+        summary="max_overlap", label=("largest overlap", " of the smaller radius")),
+    _entry("corrected_steps", "steps so far after which positions were projected",
+        series="corrected_steps", dtype="i8", summary="corrected_steps"),
+    # the largest mean contact force of a step
+    _entry("max_impulse_rate", "largest normal impulse over dt so far", "N",
+        series="max_impulse_rate", summary="max_contact_force"),
+)  # fmt: skip
 """Counters of a run, in the order of `State.tallies`."""
 
 WINDOW = (
-    _entry(
-        "duration",
-        "length of the window since the row before; 0 in a row without steps",
-        "s",
-        series="window_duration",
-    ),
+    _entry("duration", "length of the window since the row before; 0 in a row without steps", "s",
+        series="window_duration"),
     _entry("steps", "steps in the window", series="window_steps", dtype="i8"),
-    _entry(
-        "sweeps",
-        "sweep-equivalents per step of the window; 0 in a row without steps",
-        series="sweeps_mean",
-        per_step=True,
-    ),
-    _entry(
-        "unconverged",
-        "steps of the window that hit the cap on sweeps",
-        series="unconverged",
-        dtype="i8",
-    ),
-    _entry(
-        "residual_rms",
-        "largest rms velocity correction over u_ref in the window",
-        series="residual_rms",
-    ),
-    _entry(
-        "residual_max",
-        "largest velocity correction over u_ref in the window",
-        series="residual_max",
-    ),
+    _entry("sweeps", "sweep-equivalents per step of the window; 0 in a row without steps",
+        series="sweeps_mean", per_step=True),
+    _entry("unconverged", "steps of the window that hit the cap on sweeps", series="unconverged",
+        dtype="i8"),
+    _entry("residual_rms", "largest rms velocity correction over u_ref in the window",
+        series="residual_rms"),
+    _entry("residual_max", "largest velocity correction over u_ref in the window",
+        series="residual_max"),
     _entry("residual_energy", "largest energy residual G in the window", series="residual_energy"),
-    _entry(
-        "contacts", "loaded contacts per step of the window", series="contacts_mean", per_step=True
-    ),
+    _entry("contacts", "loaded contacts per step of the window", series="contacts_mean",
+        per_step=True),
     # Σ p_a ℓ_b over grain–grain contacts, ℓ from j to i; the time series has its rate.
-    *(
-        _entry(f"virial_{a}{b}", f"sum of p_{a} l_{b} in the window", "J s")
-        for a in "xy"
-        for b in "xy"
-    ),
-)
+    *(_entry(f"virial_{a}{b}", f"sum of p_{a} l_{b} in the window", "J s")
+        for a in "xy" for b in "xy"),
+)  # fmt: skip
 """Sums kept between two rows of the time series, in the order of `State.window`."""
 
 HEAT_BOOKS = (
     _heat("stored", "heat content of the grains since the start"),
-    _heat("friction", "heat of friction since the start"),  # by the rule in use
+    # by the rule in use
+    _heat("friction", "heat of friction since the start"),
     _heat("impact", "heat of impacts since the start"),
     _heat("to_walls", "share of the heat of friction and impacts that went into the walls"),
     # conduction, gas, radiation
@@ -235,35 +196,23 @@ HEAT_BOOKS = (
     _heat("from_surroundings", "heat from the surroundings by radiation since the start, signed"),
     # Step by step
     _heat("exchanged", "sum of the absolute exchanges with the outside since the start"),
-    _heat(
-        "undelivered", "heat that walls of prescribed flow could not pass on: nothing touched them"
-    ),
-    _heat(
-        "imbalance",
-        "heat_stored - (friction + impact - to_walls + from_walls + ambient + surroundings) now",
-    ),
-    _heat(
-        "closure", "largest |heat_imbalance| / (heat_exchanged + sum of C |T - T_0|) so far", "1"
-    ),
+    _heat("undelivered",
+        "heat that walls of prescribed flow could not pass on: nothing touched them"),
+    _heat("imbalance",
+        "heat_stored - (friction + impact - to_walls + from_walls + ambient + surroundings) now"),
+    _heat("closure", "largest |heat_imbalance| / (heat_exchanged + sum of C |T - T_0|) so far",
+        "1"),
     _heat("sub_steps", "sub-steps of the heat integrator so far", "1", dtype="i8"),
     _entry("max_biot", "largest Biot number of a contact so far", series="max_biot"),
-    _entry(
-        "solid_gas_min",
-        "smallest k_s s/(k_f a) of a contact in the last step; 0 without gas",
-        series="solid_gas_min",
-    ),
-    _entry(
-        "solid_gas_max",
-        "largest k_s s/(k_f a) of a contact in the last step; 0 without gas",
-        series="solid_gas_max",
-    ),
-    _entry(  # or ½ Δt ΣH/C of a step of Euler's rule
-        "integration_error",
+    _entry("solid_gas_min", "smallest k_s s/(k_f a) of a contact in the last step; 0 without gas",
+        series="solid_gas_min"),
+    _entry("solid_gas_max", "largest k_s s/(k_f a) of a contact in the last step; 0 without gas",
+        series="solid_gas_max"),
+    # or ½ Δt ΣH/C of a step of Euler's rule
+    _entry("integration_error",
         "largest estimated error of temperatures in a sub-step so far, over their spread",
-        series="heat_integration_error",
-        since=(1, 4),
-    ),
-)
+        series="heat_integration_error", since=(1, 4)),
+)  # fmt: skip
 """Heat books, in the order of `State.heat_books`; empty in runs without heat."""
 
 
@@ -289,26 +238,18 @@ EXCHANGE_BOOKS = (
     _exchange("mass_left", "mass that left through outlets since the start", "kg"),
     _exchange("mass_returned", "mass of this that went back to wait", "kg"),
     _exchange("mass_lost", "mass removed beyond the domain since the start", "kg"),
-    _exchange(
-        "mass_closure",
-        "largest |waiting + present + left - returned + lost - all mass| over all mass so far",
-    ),
+    _exchange("mass_closure",
+        "largest |waiting + present + left - returned + lost - all mass| over all mass so far"),
     _exchange("kinetic_in", "kinetic energy of the grains released since the start", "J"),
     _exchange("kinetic_out", "kinetic energy of the grains gone since the start", "J"),
-    _exchange(
-        "potential_in",
+    _exchange("potential_in",
         "their energy in the gravity of the domain, zero at the origin, where they were released",
-        "J",
-    ),
-    _exchange(
-        "potential_out",
-        "their energy in the gravity of the domain, zero at the origin, where they went",
-        "J",
-    ),
-    _exchange(
-        "heat_out", "heat content that the grains gone have taken along since the start", "J"
-    ),
-)
+        "J"),
+    _exchange("potential_out",
+        "their energy in the gravity of the domain, zero at the origin, where they went", "J"),
+    _exchange("heat_out", "heat content that the grains gone have taken along since the start",
+        "J"),
+)  # fmt: skip
 """Books of grains that come and go, in the order of `State.exchange`; empty where none does."""
 
 

@@ -42,18 +42,11 @@ class ContactTable:
 
     i: Ints = _column("1", "first shape of the contact: a grain", "i4", exports=())
     j: Ints = _column("1", "second shape: a grain if < n, else wall shape j - n", "i4", exports=())
-    normal: Floats = _column(
-        "1",
-        "unit normal n from j to i; the tangent is n turned by +90 deg",
-        columns=("normal_x", "normal_y"),
-        exports=(),
-    )
+    normal: Floats = _column("1", "unit normal n from j to i; the tangent is n turned by +90 deg",
+        columns=("normal_x", "normal_y"), exports=())  # fmt: skip
     gap: Floats = _column("m", "gap, negative where shapes overlap")
-    impulse: Floats = _column(
-        "N s",
-        "normal and tangential impulse on i in the last step",
-        columns=("normal_impulse", "tangential_impulse"),
-    )
+    impulse: Floats = _column("N s", "normal and tangential impulse on i in the last step",
+        columns=("normal_impulse", "tangential_impulse"))  # fmt: skip
     slip: Floats = _column("m/s", "tangential velocity of i relative to j after the step")
     sliding: NDArray[np.bool_] = _column(
         "1", "1 if the contact slides, 0 if it sticks or carries nothing", "u1"
@@ -62,13 +55,9 @@ class ContactTable:
         "J", "heat generated in the contact in the last step", exports=("vtk", "gsd")
     )
     conductance: Floats | None = _heat("W/K", "conductance of the contact in the last step")
-    couple: Floats | None = _column(
-        "N m s",
-        "impulse of the rolling resistance on i in the last step",
-        only_with="rolling",
-        since=(1, 1),
-        default=None,
-    )
+    couple: Floats | None = _column("N m s",
+        "impulse of the rolling resistance on i in the last step", only_with="rolling",
+        since=(1, 1), default=None)  # fmt: skip
 
     def carrying(self) -> ContactTable:
         """The contacts that carry a force or heat, which frames hold; others were only near."""

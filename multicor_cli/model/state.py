@@ -129,12 +129,9 @@ class State:
         ("heat_grain",), "J", "heat of friction and impacts received since the start"
     )
     wear: Floats = _array(("heat_grain",), "m3", "volume worn off since the start")
-    wall_heat: Floats = _array(
-        ("heat_wall", 2),
-        "J",
+    wall_heat: Floats = _array(("heat_wall", 2), "J",
         "heat given to the grains; heat of friction and impacts received",
-        columns=("heat_given", "heat_received"),
-    )
+        columns=("heat_given", "heat_received"))  # fmt: skip
     wall_wear: Floats = _array(("heat_wall",), "m3", "volume worn off since the start")
     wall_temperature: Floats = _array(
         ("heat_wall",), "K", "temperature of the walls; nan where none is prescribed"
@@ -152,18 +149,12 @@ class State:
     heat_dt: float = _number(
         "s", "sub-step that the heat integrator tries first; 0: the whole step"
     )
-    heat_before: Floats = _array(
-        ("before_row",),
-        "J",
+    heat_before: Floats = _array(("before_row",), "J",
         "heat content of all grains at the start, if the run goes on from another with heat",
-        since=(1, 2),
-    )
-    stage_notes: Floats = _array(
-        ("stage_note",),
-        "mixed",
+        since=(1, 2))  # fmt: skip
+    stage_notes: Floats = _array(("stage_note",), "mixed",
         "what the condition that ends this stage remembers; empty if it needs nothing",
-        since=(1, 1),
-    )
+        since=(1, 1))  # fmt: skip
     wall_origin: Floats = _array(
         ("origin_row", 3),
         "m, m, rad",
@@ -173,12 +164,9 @@ class State:
         ),
         since=(1, 2),
     )
-    wall_surface: Floats = _array(
-        ("surface_row",),
-        "m/s",
+    wall_surface: Floats = _array(("surface_row",), "m/s",
         "velocity of the surface of each wall along it; empty as long as none has run",
-        since=(1, 3),
-    )
+        since=(1, 3))  # fmt: skip
     # What follows is empty where no grain comes or goes. Arrays of grains hold all: one that is not
     # there keeps what it had.
     presence: NDArray[np.uint8] = _array(

@@ -6,6 +6,7 @@ import io
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -64,35 +65,29 @@ def make_figures(run: Run, books: EnergyTable | None) -> list[Figure] | None:
 def make_figure(title: str, size: tuple[float, float], fill: Callable[[Any], None]) -> Figure:
     """A figure, sizes in inch, in the page's colors; raises `MissingLibrary` without matplotlib."""
     with house_style():
+        import matplotlib as mpl
         from matplotlib.figure import Figure as Canvas
 
-        _recolor()
+        ink: Any = ("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color")
+        mpl.rcParams.update(dict.fromkeys(ink, _INK))
         canvas = Canvas(figsize=size, layout="constrained", facecolor="none")
         fill(canvas)
         for axes in canvas.axes:
             axes.set_facecolor("none")
         buffer = io.StringIO()
-        canvas.savefig(
-            buffer,
-            format="svg",
-            metadata={"Date": None, "Creator": None, "Format": None, "Type": None},
-        )
+        metadata = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+        canvas.savefig(buffer, format="svg", metadata=metadata)
         return Figure(title, _inline(buffer.getvalue()))
-
-
-def _recolor() -> None:
-    import matplotlib as mpl
-
-    ink: Any = ("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color")
-    mpl.rcParams.update(dict.fromkeys(ink, _INK))
 
 
 def _profiles(run: Run) -> list[Figure]:
     """Profiles over the later half of the last stage that vary between walls that shear or heat."""
+    chosen = Selection().indices(run.frames)
+    frames = Selection(frames=slice(int(chosen[0]), None, -(-chosen.size // _PROFILE_FRAMES)))
     found = []
     for of in ("velocity", "temperature", "solid-fraction"):
         try:
-            table = profile(run, of, _some_frames(run))
+            table = profile(run, of, frames)
         except PostError:
             continue  # a run without heat has no temperatures
         has_shear = np.isfinite(table.shear_rate) and table.shear_rate != 0.0
@@ -103,7 +98,7 @@ def _profiles(run: Run) -> list[Figure]:
             f"{table.field.label.capitalize()} over the height, mean of t = {table.times[0]:.4g} "
             f"to {table.times[1]:.4g} s"
         )
-        found.append(_draw(title, lambda axes, table=table: draw_profile(axes, table)))  # type: ignore[misc]
+        found.append(_draw(title, partial(draw_profile, table=table)))
     return found
 
 
@@ -111,65 +106,50 @@ def _finite(values: Floats) -> Floats:
     return values[np.isfinite(values)]
 
 
-def _some_frames(run: Run) -> Selection:
-    chosen = Selection().indices(run.frames)
-    step = -(-chosen.size // _PROFILE_FRAMES)
-    return Selection(frames=slice(int(chosen[0]), None, step))
-
-
 def _histories(run: Run, books: EnergyTable) -> list[Figure]:
     series = run.series
     if series.row_count < 2:
         return []
     pick = _Thinning(np.asarray(series["time"]))
-    found = []
-    if energies := _book_lines(books, MECHANICAL, pick, books.closure):
-        found.append(
-            _draw(
-                "Energy books over time (sums since the start)",
-                lambda axes: _lines(axes, pick.time, energies, "energy [J]"),
-            )
-        )
-    if books.heat_closure is not None and (
-        heats := _book_lines(books, HEAT, pick, books.heat_closure)
-    ):
-        found.append(
-            _draw(
-                "Books of heat over time (sums since the start)",
-                lambda axes: _lines(axes, pick.time, heats, "heat [J]"),
-            )
-        )
+    found: list[tuple[str, str, list[Line], dict[str, Any]]] = []
+    closures = [("Energy books", "energy", MECHANICAL, books.closure)]
+    if books.heat_closure is not None:
+        closures += [("Books of heat", "heat", HEAT, books.heat_closure)]
+    for title, label, entries, closure in closures:
+        lines = _book_lines(books, entries, pick, closure)
+        if lines:
+            title += " over time (sums since the start)"
+            found.append((title, f"{label} [J]", lines, {"time": pick.time}))
     if "heat_stored" in series:
-        temperatures = [
+        lines = [
             Line(label, pick.last(series[f"temperature_{name}"])) for name, label in _TEMPERATURES
         ]
-        found.append(
-            _draw(
-                "Temperature over time",
-                lambda axes: _lines(axes, pick.time, temperatures, "temperature [K]", keep=True),
-            )
-        )
+        options = {"time": pick.time, "keep": True}
+        found.append(("Temperature over time", "temperature [K]", lines, options))
     worked = pick.most(series["window_steps"]) > 0
-    if worked.sum() < 2:
-        return found
-    time = pick.time[worked]
-    residuals = [Line(label, pick.most(series[name])[worked]) for name, label in _RESIDUALS]
-    effort = [Line("sweeps per step", pick.most(series["sweeps_mean"])[worked])]
-    contacts = [Line("loaded contacts", pick.last(series["contacts_mean"])[worked])]
+    if worked.sum() >= 2:
+        options = {"time": pick.time[worked], "keep": True}
+        residuals = [Line(label, pick.most(series[name])[worked]) for name, label in _RESIDUALS]
+        effort = Line("sweeps per step", pick.most(series["sweeps_mean"])[worked])
+        contacts = Line("loaded contacts", pick.last(series["contacts_mean"])[worked])
+        found += [
+            (
+                "Residuals of the solver, largest of each window",
+                "residual [–]",
+                residuals,
+                {"time": options["time"], "log": True},
+            ),
+            (
+                "Work of the solver, mean of each window",
+                "sweeps per step [–]",
+                [effort],
+                options,
+            ),
+            ("Contacts that carry a force", "contacts [–]", [contacts], options),
+        ]
     return [
-        *found,
-        _draw(
-            "Residuals of the solver, largest of each window",
-            lambda axes: _lines(axes, time, residuals, "residual [–]", log=True),
-        ),
-        _draw(
-            "Work of the solver, mean of each window",
-            lambda axes: _lines(axes, time, effort, "sweeps per step [–]", keep=True),
-        ),
-        _draw(
-            "Contacts that carry a force",
-            lambda axes: _lines(axes, time, contacts, "contacts [–]", keep=True),
-        ),
+        _draw(title, partial(_lines, lines=lines, label=label, **options))
+        for title, label, lines, options in found
     ]
 
 
@@ -216,7 +196,13 @@ class _Thinning:
 
 
 def _lines(
-    axes: Any, time: Floats, lines: list[Line], label: str, *, log: bool = False, keep: bool = False
+    axes: Any,
+    *,
+    time: Floats,
+    lines: list[Line],
+    label: str,
+    log: bool = False,
+    keep: bool = False,
 ) -> None:
     """Draw lines; those that are zero throughout are left out unless all are to be kept."""
     shown = [line for line in lines if keep or np.any(line.value)]
@@ -224,20 +210,21 @@ def _lines(
         value = np.where(line.value > 0.0, line.value, np.nan) if log else line.value
         value = np.where(np.abs(value) < _ABSURD, value, np.nan)
         style = "-" if number < len(COLORS) else "--"
-        axes.plot(
-            time,
-            value,
-            style,
-            color=line.color or COLORS[number % len(COLORS)],
-            linewidth=1.2,
-            label=line.label,
-        )
+        color = line.color or COLORS[number % len(COLORS)]
+        axes.plot(time, value, style, color=color, linewidth=1.2, label=line.label)
     if log and any(np.any(line.value > 0.0) for line in shown):
         axes.set_yscale("log")
     elif not log:
         axes.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
     axes.set_ylabel(label)
-    _count_from_reference(axes, label, shown)
+    # Temperatures that hardly differ are shown as rises above a round one
+    values = _finite(np.concatenate([line.value for line in shown])) if shown else np.zeros(0)
+    unit = label[label.index("[") + 1 : -1]
+    ends = (float(values.min()), float(values.max())) if values.size else None
+    reference = None if ends is None else rise_reference(unit, *ends)
+    if reference is not None:
+        axes.set_ylabel(rise_label("temperature", "T", reference))
+        axes.yaxis.set_major_formatter(rise_formatter(reference))
     axes.set_xlabel("time [s]")
     axes.margins(x=0.0)
     if len(shown) > 1:
@@ -246,18 +233,6 @@ def _lines(
             loc="outside lower center",
             ncols=3 if max(len(line.label) for line in shown) < _SHORT else 2,
         )
-
-
-def _count_from_reference(axes: Any, label: str, lines: list[Line]) -> None:
-    """Temperatures that hardly differ are shown as rises above a round one."""
-    values = _finite(np.concatenate([line.value for line in lines])) if lines else np.zeros(0)
-    unit = label[label.index("[") + 1 : -1]
-    reference = (
-        rise_reference(unit, float(values.min()), float(values.max())) if values.size else None
-    )
-    if reference is not None:
-        axes.set_ylabel(rise_label("temperature", "T", reference))
-        axes.yaxis.set_major_formatter(rise_formatter(reference))
 
 
 def _draw(title: str, draw: Callable[[Any], None]) -> Figure:

@@ -21,6 +21,7 @@ from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import outlines
 from multicor_cli.plots.grain_map import solid_polygons
 from multicor_cli.plots.style import rise_reference
+from multicor_cli.post import GrainQuantity
 from multicor_cli.post.energy import HEAT, MECHANICAL, EnergyTable
 from multicor_cli.report.figures import Figure
 from multicor_cli.report.pack import Packed
@@ -65,17 +66,22 @@ def make_page(
     scenario = _scenario_of(resolved)
     name = _shorten(str(scenario.get("name") or run.path.resolve().name))
     program = "\n" + "\n".join(_file(script) for script in _SCRIPTS)
+    made = f"Made by multicor {escape(__version__)} from {escape(run.path.resolve().name)}."
     body = [
         _header(name, str(scenario.get("description") or ""), info),
         _checks(checks),
         _file("view.html").replace("NOTE_ON_FRAMES", escape(_note(packing))),
         _tables(run, info, books),
         figure_cards(figures),
-        _scenario(source, resolved),
-        (
-            f"<footer><p>Made by multicor {escape(__version__)} from "
-            f"{escape(run.path.resolve().name)}.</p></footer>"
+        *(
+            f'<details class="card"><summary>{title}</summary><pre tabindex="0">{escape(text)}'
+            "</pre></details>"
+            for title, text in (
+                ("Scenario as given", source), ("Scenario with all defaults", resolved),
+            )
+            if text.strip()
         ),
+        f"<footer><p>{made}</p></footer>",
         _data("meta", "application/json", _json(_meta(run, packing))),
         _data("radii", "text/plain", _base64(packing.radii)),
         *(
@@ -83,10 +89,9 @@ def make_page(
             for k, chunk in enumerate(packing.chunks)
         ),
         f"<script>{program}</script>",
-    ]
-    return "\n".join([make_head(name, program), "<body>", *body, "</body>", "</html>", ""]).encode(
-        errors="backslashreplace"
-    )
+    ]  # fmt: skip
+    text = "\n".join([make_head(name, program), "<body>", *body, "</body>", "</html>", ""])
+    return text.encode(errors="backslashreplace")
 
 
 def _shorten(text: str) -> str:
@@ -152,16 +157,10 @@ def _checks(checks: Sequence[Check]) -> str:
     rows = describe_checks(checks)
     if not rows:
         return ""
-    counts = {
-        verdict: sum(row.verdict == verdict for row in rows) for verdict in ("bad", "warning", "ok")
-    }
-    words = {"warning": "warnings"}
+    counts = {kind: sum(row.verdict == kind for row in rows) for kind in ("bad", "warning", "ok")}
     marks = ", ".join(
-        (
-            f'<span class="{verdict}">{count} '
-            f"{words.get(verdict, verdict) if count > 1 else verdict}</span>"
-        )
-        for verdict, count in counts.items()
+        f'<span class="{kind}">{count} {kind}{"s" * (kind == "warning" and count > 1)}</span>'
+        for kind, count in counts.items()
         if count
     )
     is_open = "" if counts["ok"] == len(rows) else " open"
@@ -170,24 +169,19 @@ def _checks(checks: Sequence[Check]) -> str:
 
 
 def _tables(run: Run, info: dict[str, Any], books: EnergyTable | None) -> str:
-    parts = [
-        table_card("What was run", describe_run(info)),
-        table_card("Rheology, means of the later half", describe_rheology(run)),
-        table_card("Contact forces", describe_forces(run)),
-        table_card("Ends of the stages", describe_stages(info)),
-        table_card("Contact solver", describe_solver(info)),
-        *_book_tables(books),
+    tables = [
+        ("What was run", describe_run(info)),
+        ("Rheology, means of the later half", describe_rheology(run)),
+        ("Contact forces", describe_forces(run)),
+        ("Ends of the stages", describe_stages(info)),
+        ("Contact solver", describe_solver(info)),
     ]
-    return f'<section class="cards">{"".join(parts)}</section>'
-
-
-def _book_tables(books: EnergyTable | None) -> list[str]:
-    if books is None:
-        return []
-    return [
-        table_card(title, describe_books(books, lines))
-        for title, lines in (("Energy books", MECHANICAL), ("Books of heat", HEAT))
-    ]
+    if books is not None:
+        tables += [
+            ("Energy books", describe_books(books, MECHANICAL)),
+            ("Books of heat", describe_books(books, HEAT)),
+        ]
+    return f'<section class="cards">{"".join(table_card(*table) for table in tables)}</section>'
 
 
 def table_card(title: str, rows: list[ReportRow]) -> str:
@@ -200,50 +194,26 @@ def table_card(title: str, rows: list[ReportRow]) -> str:
 
 
 def _row(row: ReportRow) -> str:
-    mark = (
-        f' <span class="{row.verdict}">{row.verdict} [{escape(row.limit)}]</span>'
-        if row.limit
-        else ""
-    )
+    verdict = f' <span class="{row.verdict}">{row.verdict} [{escape(row.limit)}]</span>'
     note = f'<tr><td colspan="2" class="note">{escape(row.note)}</td></tr>' if row.note else ""
-    return (
-        f'<tr><th scope="row">{escape(row.name)}</th><td '
-        f'dir="auto">{escape(_shorten(row.value))}{mark}</td></tr>{note}'
-    )
+    value = escape(_shorten(row.value)) + (verdict if row.limit else "")
+    return f'<tr><th scope="row">{escape(row.name)}</th><td dir="auto">{value}</td></tr>{note}'
 
 
 def figure_cards(figures: Sequence[Figure] | None) -> str:
     """Figures side by side; None: there is no matplotlib."""
+    text = "".join(
+        f'<figure class="card"><figcaption>{escape(figure.title)}</figcaption>'
+        + figure.svg.replace("<svg", f'<svg role="img" aria-label="{escape(figure.title)}"', 1)
+        + "</figure>"
+        for figure in figures or ()
+    )
     if figures is None:
         text = (
             "<p>There are no figures here: the installation that made this page has no "
             "matplotlib.</p>"
         )
-    else:
-        text = "".join(
-            (
-                "<figure "
-                f'class="card"><figcaption>{escape(figure.title)}</figcaption>{_labeled(figure)}</figure>'
-            )
-            for figure in figures
-        )
     return f'<section class="figures">{text}</section>' if text else ""
-
-
-def _labeled(figure: Figure) -> str:
-    return figure.svg.replace("<svg", f'<svg role="img" aria-label="{escape(figure.title)}"', 1)
-
-
-def _scenario(source: str, resolved: str) -> str:
-    parts = [("Scenario as given", source), ("Scenario with all defaults", resolved)]
-    return "".join(
-        (
-            f'<details class="card"><summary>{title}</summary><pre '
-            f'tabindex="0">{escape(text)}</pre></details>'
-        )
-        for title, text in parts
-        if text.strip()
-    )
 
 
 def _scenario_of(resolved: str) -> dict[str, Any]:
@@ -257,11 +227,8 @@ def _scenario_of(resolved: str) -> dict[str, Any]:
 def _meta(run: Run, packing: Packed) -> dict[str, Any]:
     """What the scripts need to know besides the packed numbers."""
     model, frames = run.model, run.frames
-    times, steps, stages = (
-        np.asarray(frames.time),
-        np.asarray(frames.step),
-        np.asarray(frames.stage),
-    )
+    times, steps, stages = map(np.asarray, (frames.time, frames.step, frames.stage))
+    drawn = list(outlines(model.shapes.kind, model.shapes.geometry))
     return {
         "grains": model.grain_count,
         "groups": [_shorten(name) for name in model.groups],
@@ -270,8 +237,11 @@ def _meta(run: Run, packing: Packed) -> dict[str, Any]:
         "meanForce": packing.mean_force,
         "box": packing.box.tolist(),
         "frameCount": packing.frame_count,
-        "codes": {name: _code(code) for name, code in packing.codes.items()},
-        "fields": [_field(packing, k) for k in range(len(packing.fields))],
+        "codes": {
+            name: {n: getattr(code, n) for n in ("low", "high", "largest", "spacing")}
+            for name, code in packing.codes.items()
+        },
+        "fields": [_field(field, *packing.colors[field.name]) for field in packing.fields],
         "shapes": [
             {
                 "wall": model.shapes.wall[which].tolist(),
@@ -280,11 +250,11 @@ def _meta(run: Run, packing: Packed) -> dict[str, Any]:
                 "normal": None if outline.normal is None else _short(outline.normal),
                 "isGrain": outline.is_grain,
             }
-            for which, outline in outlines(model.shapes.kind, model.shapes.geometry)
+            for which, outline in drawn
         ],
         "solids": [
             {"wall": wall, "corners": _short(corners)}
-            for which, outline in outlines(model.shapes.kind, model.shapes.geometry)
+            for which, outline in drawn
             if outline.is_solid
             for wall, corners in _solids(model.shapes.wall[which], outline.points)
         ],
@@ -297,9 +267,9 @@ def _meta(run: Run, packing: Packed) -> dict[str, Any]:
                 "arrays": chunk.arrays,
                 "contactCount": chunk.contact_count,
                 "box": chunk.box.tolist(),
-                "walls": packing.walls[k].tolist(),
+                "walls": walls.tolist(),
             }
-            for k, chunk in enumerate(packing.chunks)
+            for chunk, walls in zip(packing.chunks, packing.walls, strict=True)
         ],
     }
 
@@ -312,31 +282,18 @@ def _solids(wall: NDArray[Any], sides: Floats) -> Iterator[tuple[int, Floats]]:
 
 def _short(values: Floats) -> Any:
     """Numbers of an array as lists, with as many digits as a picture needs."""
-    return (
-        np.array([float(f"{value:.7g}") for value in values.ravel().tolist()])
-        .reshape(values.shape)
-        .tolist()
-    )
+    short = np.array([float(f"{value:.7g}") for value in values.ravel().tolist()])
+    return short.reshape(values.shape).tolist()
 
 
 def _stage_name(run: Run, stage: int) -> str:
     return _shorten(run.stages[stage]) if 0 <= stage < len(run.stages) else ""
 
 
-def _code(code: Any) -> dict[str, Any]:
-    return {"low": code.low, "high": code.high, "largest": code.largest, "spacing": code.spacing}
-
-
-def _field(packing: Packed, number: int) -> dict[str, Any]:
+def _field(field: GrainQuantity, low: float, high: float) -> dict[str, Any]:
     """A field for the scripts; temperatures that hardly differ have a round ``reference``."""
-    field = packing.fields[number]
-    low, high = packing.colors[field.name]
     return {
-        "name": field.name,
-        "label": field.label,
-        "unit": field.unit,
-        "colors": field.colors,
-        "scale": field.scale,
+        **{name: getattr(field, name) for name in ("name", "label", "unit", "colors", "scale")},
         "range": [low, high],
         "reference": rise_reference(field.unit, low, high),
     }

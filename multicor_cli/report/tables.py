@@ -34,68 +34,52 @@ class ReportRow:
 
 def describe_run(info: dict[str, Any]) -> list[ReportRow]:
     """What was run and how it ended, from `multicor_cli.store.run_info`."""
-    made = info["provenance"]
-    reason = info["stop_reason"]
-    status = (
-        info["status"] if not reason or reason == info["status"] else f"{info['status']} ({reason})"
-    )
-    rows = [
-        ("status", status),
-        ("time", _number(info["time"], "s")),
-        ("steps", _number(info["step"])),
-        ("stages", ", ".join(info["stages"])),
-        ("grains", _number(info["grain_count"])),
-        ("walls", ", ".join(info["walls"]) or "none"),
-        (
-            "frames",
-            f"{info['frame_count']:,}, and {info['series_count']:,} rows of the time series",
-        ),
-        ("seed", str(made.get("seed", "–"))),
-        ("started", _moment(info["started"])),
-        ("finished", _moment(info["finished"])),
-        (
-            "wall time",
-            "–" if info["duration"] is None else str(timedelta(seconds=round(info["duration"]))),
-        ),
-        ("version", f"multicor {made['multicor_version']}" if "multicor_version" in made else "–"),
-        ("command", made.get("command", "–")),
-        ("processor", str(made.get("cpu") or "–")),
-        ("threads", str(made.get("threads") or "–")),
-        ("state digest", str(info["state_digest"] or "–")),
-    ]
-    return [ReportRow(name, str(value)) for name, value in rows if value != "–"]
+    made, status, reason = info["provenance"], info["status"], info["stop_reason"]
+    seconds = info["duration"]
+    rows = {
+        "status": status if not reason or reason == status else f"{status} ({reason})",
+        "time": _number(info["time"], "s"),
+        "steps": _number(info["step"]),
+        "stages": ", ".join(info["stages"]),
+        "grains": _number(info["grain_count"]),
+        "walls": ", ".join(info["walls"]) or "none",
+        "frames": f"{info['frame_count']:,}, and {info['series_count']:,} rows of the time series",
+        "seed": made.get("seed", "–"),
+        "started": _moment(info["started"]),
+        "finished": _moment(info["finished"]),
+        "wall time": "–" if seconds is None else timedelta(seconds=round(seconds)),
+        "version": f"multicor {made['multicor_version']}" if "multicor_version" in made else "–",
+        "command": made.get("command", "–"),
+        "processor": made.get("cpu") or "–",
+        "threads": made.get("threads") or "–",
+        "state digest": info["state_digest"] or "–",
+    }
+    return [ReportRow(name, str(value)) for name, value in rows.items() if value != "–"]
 
 
 def describe_stages(info: dict[str, Any]) -> list[ReportRow]:
     """Why and when each stage ended that is over, as far as the run has kept it."""
-    return [
-        ReportRow(end.name, end.text)
-        for end in (record_of(StageEnd, end) for end in info["stage_ends"])
-    ]
+    ends = (record_of(StageEnd, end) for end in info["stage_ends"])
+    return [ReportRow(end.name, end.text) for end in ends]
 
 
 def describe_checks(checks: Sequence[Check]) -> list[ReportRow]:
     """What was checked of the run."""
-    return [_checked(check) for check in checks]
 
+    def note(check: Check) -> str:
+        return "" if check.verdict is Verdict.OK else f"{check.meaning} {check.remedy}"
 
-def _checked(check: Check) -> ReportRow:
-    note = "" if check.verdict is Verdict.OK else f"{check.meaning} {check.remedy}"
-    return ReportRow(check.name, check.text, check.limit, check.verdict.value, note)
+    return [ReportRow(c.name, c.text, c.limit, c.verdict.value, note(c)) for c in checks]
 
 
 def describe_solver(info: dict[str, Any]) -> list[ReportRow]:
     """Residuals and counters of the solver, and the largest force."""
-    solver = info["solver"]
+    solver, force = info["solver"], _number(info["max_contact_force"], "N")
+    residual = _number(solver["residual_rms_max"])
     rows = [
-        ReportRow(
-            "largest residual over the reference velocity (rms of a step)",
-            _number(solver["residual_rms_max"]),
-        ),
+        ReportRow("largest residual over the reference velocity (rms of a step)", residual),
         ReportRow("sweeps per step", _number(solver["sweeps_mean"])),
-        ReportRow(
-            "largest contact force (mean of a step)", _number(info["max_contact_force"], "N")
-        ),
+        ReportRow("largest contact force (mean of a step)", force),
     ]
     return [row for row in rows if row.value != "–"]
 

@@ -14,7 +14,7 @@ from multicor_cli.files import open_regular
 from multicor_cli.post.energy import energy
 from multicor_cli.post.source import PostError
 from multicor_cli.report.figures import make_figures
-from multicor_cli.report.pack import Packed, pack_frames
+from multicor_cli.report.pack import pack_frames
 from multicor_cli.report.page import MARK, make_page
 from multicor_cli.store import open_run, run_info
 from multicor_cli.store.atomic import commit_result, storage_errors
@@ -92,26 +92,19 @@ def write_report(
         figures = make_figures(run, books)
         page = make_page(run, info, check_run(directory), books, packing, figures)
     commit_result(target, "report", page)
-    return _summary(target, len(page), packing, figures is not None)
+    shown, count, limit = len(packing.chunks), packing.frame_count, packing.contact_limit
+    return ReportSummary(target, len(page), shown, count, limit, figures is not None)
 
 
 def check_target(path: Path, *, is_overwriting: bool) -> None:
     """Refuse a file as `check_output` does, and always one that is not a page of ours."""
     check_output(path, is_overwriting=is_overwriting)
-    if os.path.lexists(path) and (
-        not path.is_file() or (path.stat().st_size and MARK not in _head(path))
-    ):
+    is_ours = not os.path.lexists(path)
+    if path.is_file():
+        with storage_errors(path), open_regular(path) as file:
+            head = file.read(400).decode("utf-8", "replace")
+        is_ours = not head or MARK in head
+    if not is_ours:
         raise ExportRefused(
             f"{path}: is not a report of multicor and is not replaced; choose another file with -o"
         )
-
-
-def _head(path: Path) -> str:
-    with storage_errors(path), open_regular(path) as file:
-        return file.read(400).decode("utf-8", "replace")
-
-
-def _summary(path: Path, size: int, packing: Packed, has_figures: bool) -> ReportSummary:
-    return ReportSummary(
-        path, size, len(packing.chunks), packing.frame_count, packing.contact_limit, has_figures
-    )

@@ -27,6 +27,7 @@ from multicor_cli.model import (
 )
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.store import RunDirectory, Snapshot, run_info, verify
+from multicor_cli.store.extension import Extension
 from multicor_cli.store.hdf5 import write_digests, write_text
 
 SOURCE = "# scénario\r\n[scenario]\nname = 'tiny'\n"
@@ -44,46 +45,32 @@ def make_model(grains: int = 5, *, walls: bool = True, heat: bool = False) -> Mo
     """Five grains, or others; with heat it has all that only some runs have."""
     names = ("bottom", "dessus-é") if walls else ()
     w, m = len(names), 3 if walls else 0
-    radius = np.linspace(1.0, 2.0, grains) * 1e-3
+    radius, zeros = np.linspace(1.0, 2.0, grains) * 1e-3, np.zeros(grains, np.int32)
     kinds = [ShapeKind.PLANE, ShapeKind.DISC, ShapeKind.DISC][:m]
+    nan = np.full(w, np.nan)
+
+    def pairs(value: float) -> np.ndarray:
+        return np.full((2, 2), value)
+
+    laws = ContactLaws(
+        pairs(0.3),
+        pairs(0.1),
+        np.full((2, 2), -1, np.int32),
+        np.array([0, 2], np.int32),
+        np.array([0.0, 1.0]),
+        np.array([0.3, 0.2]),
+        *(map(pairs, (1e-3, 293.15, 0.1, 1.0, 1e-5, 0.2)) if heat else ()),
+    )
     return Model(
-        grains=Grains(
-            radius,
-            radius**2 * 1e3,
-            radius**4 * 5e2,
-            np.zeros(grains, np.int32),
-            np.zeros(grains, np.int32),
-        ),
+        grains=Grains(radius, radius**2 * 1e3, radius**4 * 5e2, zeros, zeros),
         shapes=WallShapes(
             np.array(kinds, np.int32),
             np.array([0, 1, 1], np.int32)[:m],
             np.ones((m, 4)) * 1e-3,
             np.ones(m, np.int32),
         ),
-        walls=Walls(
-            names, np.full(w, np.nan), np.full(w, np.nan), np.zeros(w, np.bool_), np.ones(w)
-        ),
-        laws=ContactLaws(
-            np.full((2, 2), 0.3),
-            np.full((2, 2), 0.1),
-            np.full((2, 2), -1, np.int32),
-            np.array([0, 2], np.int32),
-            np.array([0.0, 1.0]),
-            np.array([0.3, 0.2]),
-            *(
-                [
-                    np.full((2, 2), 1e-3),
-                    np.full((2, 2), 293.15),
-                    np.full((2, 2), 0.1),
-                    np.ones((2, 2)),
-                ]
-                if heat
-                else []
-            ),
-            **(
-                {"adhesion": np.full((2, 2), 1e-5), "rolling": np.full((2, 2), 0.2)} if heat else {}
-            ),
-        ),
+        walls=Walls(names, nan, nan, np.zeros(w, np.bool_), np.ones(w)),
+        laws=laws,
         materials=("steel", "glass"),
         groups=("grains",),
         period=0.1,
@@ -229,6 +216,17 @@ def continue_run(path: Path) -> None:
     with run:
         if not run.is_finished:
             drive(run, model, steps=40, checkpoint_every=15)
+
+
+LONGER = Extension(SOURCE + "# and on\n", RESOLVED + "[more]\n", ("load", "shear", "on"))
+
+
+def extend_run(path: Path, model: Model) -> None:
+    """What ``multicor run --extend`` does: add the stages unless they are there, carry them out."""
+    has_them = run_info(path)["stages"] == list(LONGER.stages)
+    with RunDirectory.resume(path, extension=None if has_them else LONGER) as run:
+        if not run.is_finished:
+            drive(run, model, steps=60, checkpoint_every=15)
 
 
 def killed_at(path: Path, point: str, go_on: Callable[[Path], object] = continue_run) -> bool:

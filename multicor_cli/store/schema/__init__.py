@@ -44,26 +44,7 @@ FORMAT_VERSION = max(row.since for row in RESULTS_TABLE + CHECKPOINT)
 refuses another major version and ignores unknown datasets."""
 
 __all__ = [
-    "CHECKPOINT",
-    "CONTACTS",
-    "COUNTED",
-    "DATASETS",
-    "FORMAT_VERSION",
-    "FRAME_TABLE",
-    "MODEL",
-    "OFFSETS",
-    "OFFSET_OF",
-    "PARTICLES",
-    "RESULTS_TABLE",
-    "SCENARIO",
-    "SEGMENT_TABLE",
-    "SERIES",
-    "STEPS",
-    "WALLS",
-    "Dataset",
-    "Feature",
-    "features_of",
-    "markdown",
-    "names",
-    "select",
-]
+    "CHECKPOINT", "CONTACTS", "COUNTED", "DATASETS", "FORMAT_VERSION", "FRAME_TABLE", "MODEL",
+    "OFFSETS", "OFFSET_OF", "PARTICLES", "RESULTS_TABLE", "SCENARIO", "SEGMENT_TABLE", "SERIES",
+    "STEPS", "WALLS", "Dataset", "Feature", "features_of", "markdown", "names", "select",
+]  # fmt: skip

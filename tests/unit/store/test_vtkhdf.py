@@ -224,15 +224,3 @@ def test_a_file_system_without_links_does_no_harm(
     run_whole(tmp_path / "run")
     assert not (tmp_path / "run" / "results.vtkhdf").exists()
     assert verify(tmp_path / "run") == []
-
-
-@pytest.mark.parametrize("name", ["PointData/radius", "Lines/Connectivity", "Steps/PointOffsets"])
-def test_a_damaged_view_is_noticed(tmp_path: Path, name: str) -> None:
-    run_whole(tmp_path / "run")
-    file = shutil.copy(tmp_path / "run" / "results.h5", tmp_path / "alone.h5")
-    assert verify(file) == []
-    with h5py.File(file, "r+") as opened:
-        opened[f"VTKHDF/{name}"][1] += 1
-    assert ["VTKHDF" in finding.message for finding in verify(file)] == [True]
-    shutil.copy(file, tmp_path / "run" / "results.h5")
-    assert len(verify(tmp_path / "run")) == 1
