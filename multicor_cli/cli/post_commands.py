@@ -6,7 +6,7 @@ import math
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Optional
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -22,6 +22,7 @@ from multicor_cli.cli.post_output import (
     OneFrame,
     Shown,
     Start,
+    option,
     parse_frames,
     selected,
     shows_table,
@@ -35,99 +36,48 @@ if TYPE_CHECKING:
 
 # ---- Commands `post profile`, `post theta-eta`, `post map`
 
+_PROFILED = "What to average: {profiled}, or all components with {groups}."
 ProfileOf = Annotated[
-    str,
-    typer.Option(
-        "--of",
-        metavar="FIELD",
-        help="What to average: {profiled}, or all components with {groups}.",
-        autocompletion=listed("profiled", "groups"),
-    ),
+    str, option("--of FIELD", _PROFILED, autocompletion=listed("profiled", "groups"))
 ]
 MapOf = Annotated[
-    str,
-    typer.Option(
-        "--of", metavar="FIELD", help="What to show: {mapped}.", autocompletion=listed("mapped")
-    ),
+    str, option("--of FIELD", "What to show: {mapped}.", autocompletion=listed("mapped"))
 ]
-Normalized = Annotated[
-    bool,
-    typer.Option(
-        "--normalized",
-        help=(
-            "y/H, and velocity or temperature from 0 at the lower to 1 at the upper wall; spin "
-            "over the shear rate of the walls."
-        ),
-    ),
-]
+_NORMALIZED = (
+    "y/H, and velocity or temperature from 0 at the lower to 1 at the upper wall; spin over the "
+    "shear rate of the walls."
+)
+Normalized = Annotated[bool, option("--normalized", _NORMALIZED)]
 BritishNormalized = Annotated[bool, typer.Option("--normalised", hidden=True)]
 WallName = Annotated[
-    Optional[str],  # noqa: UP045  (evaluated by typer)
-    typer.Option(
-        "--wall",
-        metavar="NAME",
-        help="Wall from which η counts.",
-        show_default="the only one with a temperature",
-    ),
+    str | None,
+    option("--wall NAME", "Wall from which η counts.", "the only one with a temperature"),
 ]
 Height = Annotated[
-    Optional[float],  # noqa: UP045
-    typer.Option(
-        "--height",
-        metavar="H",
-        help="Height H of the bed (in m).",
-        show_default="how far the grains reach",
-    ),
+    float | None, option("--height H", "Height H of the bed (in m).", "how far the grains reach")
 ]
 Reference = Annotated[
-    Optional[float],  # noqa: UP045
-    typer.Option(
-        "--reference",
-        metavar="T0",
-        help="Temperature T₀ (in K).",
-        show_default="mean of the first frame",
-    ),
+    float | None,
+    option("--reference T0", "Temperature T₀ (in K).", "mean of the first frame"),
 ]
-Grains = Annotated[
-    bool,
-    typer.Option(
-        "--grains", help="Include every grain: in JSON besides the bins, in CSV instead of them."
-    ),
-]
+_GRAINS = "Include every grain: in JSON besides the bins, in CSV instead of them."
+Grains = Annotated[bool, option("--grains", _GRAINS)]
 BinWidth = Annotated[
-    Optional[float],  # noqa: UP045
-    typer.Option(
-        "--bin-width",
-        metavar="D",
-        help="Width of a bin in mean diameters, instead of --bins.",
-        show_default="1",
-    ),
+    float | None,
+    option("--bin-width D", "Width of a bin in mean diameters, instead of --bins.", "1"),
 ]
 ExcludeWalls = Annotated[
-    Optional[float],  # noqa: UP045
-    typer.Option(
-        "--exclude-walls",
-        metavar="D",
-        help="Leave out this many mean diameters at each wall.",
-        show_default="1, at most an eighth of the distance of the walls",
+    float | None,
+    option(
+        "--exclude-walls D",
+        "Leave out this many mean diameters at each wall.",
+        "1, at most an eighth of the distance of the walls",
     ),
 ]
-Groups = Annotated[
-    Optional[list[str]],  # noqa: UP045
-    typer.Option(
-        "--group",
-        metavar="NAME",
-        help="Count the grains of this group only; several times for several.",
-        show_default="all",
-    ),
-]
-Streamlines = Annotated[
-    bool,
-    typer.Option(
-        "--streamlines/--no-streamlines",
-        help="Show a fluctuation as streamlines of its local mean, or as arrows of the grains.",
-    ),
-]
+_GROUP = "Count the grains of this group only; several times for several."
+Groups = Annotated[list[str] | None, option("--group NAME", _GROUP, "all")]
+_STREAMLINES = "Show a fluctuation as streamlines of its local mean, or as arrows of the grains."
+Streamlines = Annotated[bool, option("--streamlines/--no-streamlines", _STREAMLINES)]
 
 
 def profile(
@@ -212,7 +162,7 @@ def theta_eta(
         raise typer.BadParameter("--grains needs --json or --csv", param_hint="--grains")
     if frames is not None and frame != -1:
         raise typer.BadParameter("give either --frame or --frames")
-    wanted = parse_frames(frames, None, None)
+    wanted = parse_frames(frames)
     from multicor_cli import post
 
     with store.open_run(directory) as run:
@@ -260,32 +210,19 @@ def map_grains(
 
 # ---- Commands `post forces`, `post rheology`: what the contacts carry
 
-Distribution = Annotated[
-    bool, typer.Option("--distribution", help="Show how many contacts carry which force instead.")
-]
-Angles = Annotated[
-    bool, typer.Option("--angles", help="Show contacts and forces by direction instead.")
-]
+_DISTRIBUTION = "Show how many contacts carry which force instead."
+Distribution = Annotated[bool, option("--distribution", _DISTRIBUTION)]
+Angles = Annotated[bool, option("--angles", "Show contacts and forces by direction instead.")]
 Margin = Annotated[
-    Optional[float],  # noqa: UP045  (evaluated by typer)
-    typer.Option(
-        "--margin",
-        metavar="D",
-        help="Thickness of the layer at each wall that is left out of the bulk, in mean diameters.",
-        show_default=(
-            "8, or a quarter of the height or a third of the gap between the walls if less"
-        ),
+    float | None,
+    option(
+        "--margin D",
+        "Thickness of the layer at each wall that is left out of the bulk, in mean diameters.",
+        "8, or a quarter of the height or a third of the gap between the walls if less",
     ),
 ]
-ManyFrames = Annotated[
-    Optional[str],  # noqa: UP045
-    typer.Option(
-        "--frames",
-        metavar="A:B[:STEP]",
-        help="With --distribution or --angles: the frames to average over.",
-        show_default=False,
-    ),
-]
+_MANY = "With --distribution or --angles: the frames to average over."
+ManyFrames = Annotated[str | None, option("--frames A:B[:STEP]", _MANY, False)]
 
 
 def forces(
@@ -316,7 +253,7 @@ def forces(
         return Shown(
             network, f"contact forces in frame {network.frame} at t = {network.time:g} s", directory
         )
-    wanted = parse_frames(frames, None, None)
+    wanted = parse_frames(frames)
     with store.open_run(directory) as run:
         index = post.frame_index(run.frames, frame)
         selection = post.Selection(frames=slice(index, index + 1) if wanted is None else wanted)
@@ -372,18 +309,11 @@ def rheology(
 # ---- Command `post region`: what is inside a part of the plane
 
 EXAMPLE = '{ kind = "circle", center = [0.02, 0.01], radius = 0.005 }'
-Place = Annotated[
-    str,
-    typer.Option(
-        "--in",
-        metavar="REGION",
-        help=(
-            f"The region, as in a scenario: {EXAMPLE}, an annulus, a polygon, or a rectangle {{ "
-            f"min, max }}."
-        ),
-        show_default=False,
-    ),
-]
+_PLACE = (
+    f"The region, as in a scenario: {EXAMPLE}, an annulus, a polygon, or a rectangle "
+    "{ min, max }."
+)
+Place = Annotated[str, option("--in REGION", _PLACE, False)]
 
 
 def region(
@@ -428,45 +358,26 @@ def _parse(text: str) -> Area:
 
 # ---- Command `post fields`: coarse-grained fields over the plane, along a line, or about a center
 
+_FIELDS = (
+    "Field of the figure, and of the table of a line or of rings; several times for several. The "
+    "table of a grid lists what there is."
+)
 FieldNames = Annotated[
-    Optional[list[str]],  # noqa: UP045  (evaluated by typer)
-    typer.Option(
-        "--of",
-        metavar="FIELD",
-        help=(
-            "Field of the figure, and of the table of a line or of rings; several times for "
-            "several. The table of a grid lists what there is."
-        ),
-        show_default="solid-fraction; velocities of a line or of rings",
+    list[str] | None,
+    option(
+        "--of FIELD",
+        _FIELDS,
+        "solid-fraction; velocities of a line or of rings",
         autocompletion=options.fields,
     ),
 ]
-Spacing = Annotated[
-    float, typer.Option("--spacing", metavar="D", help="Distance of the points in mean diameters.")
-]
-Reach = Annotated[
-    float,
-    typer.Option("--reach", metavar="D", help="How far the kernel reaches, in mean diameters."),
-]
-CenterPoint = Annotated[
-    Optional[str],  # noqa: UP045
-    typer.Option(
-        "--center",
-        metavar="X,Y",
-        help="Polar coordinates about this point (in m).",
-        show_default=False,
-    ),
-]
-Along = Annotated[
-    Optional[str],  # noqa: UP045
-    typer.Option(
-        "--line",
-        metavar="X0,Y0:X1,Y1",
-        help="Fields on the line between these points (in m).",
-        show_default=False,
-    ),
-]
-Radial = Annotated[bool, typer.Option("--radial", help="Average over rings about --center.")]
+Spacing = Annotated[float, option("--spacing D", "Distance of the points in mean diameters.")]
+Reach = Annotated[float, option("--reach D", "How far the kernel reaches, in mean diameters.")]
+_CENTER = "Polar coordinates about this point (in m)."
+CenterPoint = Annotated[str | None, option("--center X,Y", _CENTER, False)]
+_ALONG = "Fields on the line between these points (in m)."
+Along = Annotated[str | None, option("--line X0,Y0:X1,Y1", _ALONG, False)]
+Radial = Annotated[bool, option("--radial", "Average over rings about --center.")]
 
 
 def fields(
@@ -531,22 +442,14 @@ def parse_line(text: str, option: str) -> tuple[tuple[float, float], tuple[float
 
 # ---- Commands `post energy`, `post compare`: whole runs
 
-Earliest = Annotated[
-    Optional[float],  # noqa: UP045  (evaluated by typer)
-    typer.Option("--from", metavar="T", help="Earliest time (in s).", show_default="the start"),
-]
+Earliest = Annotated[float | None, option("--from T", "Earliest time (in s).", "the start")]
 OtherPath = Annotated[
     Path, typer.Argument(metavar="OTHER", help="Run to compare it with.", show_default=False)
 ]
+_COMPARED = "Field whose profiles are compared, see `post profile`; may be given several times."
 ComparedFields = Annotated[
-    Optional[list[str]],  # noqa: UP045
-    typer.Option(
-        "--of",
-        metavar="FIELD",
-        help="Field whose profiles are compared, see `post profile`; may be given several times.",
-        show_default="velocity",
-        autocompletion=listed("profiled"),
-    ),
+    list[str] | None,
+    option("--of FIELD", _COMPARED, "velocity", autocompletion=listed("profiled")),
 ]
 
 
@@ -610,31 +513,22 @@ def _names(first: Path, second: Path) -> tuple[str, str]:
 
 # ---- Commands `post series` and `post flow`: columns over time, and what flows through a line
 
+_COLUMNS = (
+    "A column, as kinetic or 'top: force_x'; force_x alone means that of all walls. Several times "
+    "for several."
+)
 ColumnNames = Annotated[
-    Optional[list[str]],  # noqa: UP045  (evaluated by typer)
-    typer.Option(
-        "--of",
-        metavar="COLUMN",
-        help=(
-            "A column, as kinetic or 'top: force_x'; force_x alone means that of all walls. "
-            "Several times for several."
-        ),
-        show_default="all; in a figure kinetic energy, forces on walls and number of contacts",
+    list[str] | None,
+    option(
+        "--of COLUMN",
+        _COLUMNS,
+        "all; in a figure kinetic energy, forces on walls and number of contacts",
         autocompletion=options.columns,
     ),
 ]
-SeriesStart = Annotated[
-    Optional[float],  # noqa: UP045
-    typer.Option("--from", metavar="T", help="Earliest time, in s.", show_default="the start"),
-]
-Line = Annotated[
-    str,
-    typer.Option(
-        "--line",
-        metavar="X0,Y0:X1,Y1",
-        help="The line (in m); what crosses to its left is positive.",
-    ),
-]
+SeriesStart = Annotated[float | None, option("--from T", "Earliest time, in s.", "the start")]
+_LINE = "The line (in m); what crosses to its left is positive."
+Line = Annotated[str, option("--line X0,Y0:X1,Y1", _LINE)]
 
 
 def series(
@@ -672,23 +566,15 @@ def flow(
 
 # ---- Command `post animate`: a film of a map
 
-FilmOf = Annotated[
-    str,
-    typer.Option(
-        "--of", metavar="FIELD", help="What to show: {mapped}.", autocompletion=listed("mapped")
-    ),
-]
 FilmFile = Annotated[Path, output_option(metavar="FILE", help="File to write: FILE.mp4 or .gif.")]
-Rate = Annotated[
-    float, typer.Option("--fps", metavar="N", min=0.1, max=120.0, help="Pictures per second.")
-]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace the file if it exists.")]
+Rate = Annotated[float, option("--fps N", "Pictures per second.", min=0.1, max=120.0)]
+Overwrite = Annotated[bool, option("--overwrite", "Replace the file if it exists.")]
 
 
 def animate(
     directory: RunPath,
     output: FilmFile,
-    of: FilmOf = "velocity",
+    of: MapOf = "velocity",
     frames: Frames = None,
     rate: Rate = 20.0,
     is_overwriting: Overwrite = False,
@@ -710,9 +596,7 @@ def animate(
 
     with store.open_run(directory) as run, show_progress("frame") as progress:
         chosen = (
-            post.Selection(frames=parse_frames(frames, None, None) or slice(None))
-            .indices(run.frames)
-            .tolist()
+            post.Selection(frames=parse_frames(frames) or slice(None)).indices(run.frames).tolist()
         )
         film = write_film(
             lambda: _maps(run, of, chosen), len(chosen), output, rate=rate, progress=progress

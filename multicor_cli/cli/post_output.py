@@ -7,10 +7,9 @@ import inspect
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import update_wrapper
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Optional
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -18,63 +17,35 @@ from multicor_cli.cli.console import emit_json, emit_table, say
 from multicor_cli.text import with_unit_signs
 
 if TYPE_CHECKING:
-    from multicor_cli.plots import Terminal
     from multicor_cli.post import Selection, Table
 
 # ---- Options that the commands `post …` share
 
-FigureFile = Annotated[
-    Optional[Path],  # noqa: UP045  (evaluated by typer)
-    typer.Option(
-        "--plot",
-        metavar="FILE",
-        help="Draw a figure: FILE.png, .svg or .pdf; the word term draws it in the terminal.",
-        show_default=False,
-    ),
-]
-OverwriteFigure = Annotated[
-    bool, typer.Option("--overwrite", help="Replace the figure if there is one.")
-]
+
+def option(words: str, help: str, shown: str | bool = True, **more: Any) -> Any:  # noqa: A002
+    """An option: its name and what stands for its value, its help, what the default is called."""
+    name, _, metavar = words.partition(" ")
+    return typer.Option(name, metavar=metavar or None, help=help, show_default=shown, **more)
+
+
 Start = Annotated[
-    Optional[float],  # noqa: UP045
-    typer.Option(
-        "--from",
-        metavar="T",
-        help="Earliest time, in s.",
-        show_default="the later half of the last stage",
-    ),
+    float | None, option("--from T", "Earliest time, in s.", "the later half of the last stage")
 ]
-End = Annotated[
-    Optional[float],  # noqa: UP045
-    typer.Option("--to", metavar="T", help="Latest time, in s.", show_default="the end"),
-]
-Frames = Annotated[
-    Optional[str],  # noqa: UP045
-    typer.Option(
-        "--frames",
-        metavar="A:B[:STEP]",
-        help="Frames instead of times, as in Python: -10: are the last ten.",
-        show_default=False,
-    ),
-]
-OneFrame = Annotated[
-    int, typer.Option("--frame", metavar="K", help="Number of the frame; -1 is the last one.")
-]
-Bins = Annotated[
-    Optional[int],  # noqa: UP045
-    typer.Option("--bins", min=1, help="Number of bins.", show_default="one per mean diameter"),
-]
+End = Annotated[float | None, option("--to T", "Latest time, in s.", "the end")]
+_FRAMES = "Frames instead of times, as in Python: -10: are the last ten."
+Frames = Annotated[str | None, option("--frames A:B[:STEP]", _FRAMES, False)]
+OneFrame = Annotated[int, option("--frame K", "Number of the frame; -1 is the last one.")]
+Bins = Annotated[int | None, option("--bins", "Number of bins.", "one per mean diameter", min=1)]
+_WALLS = "Names of the walls below and above."
 Between = Annotated[
-    Optional[tuple[str, str]],  # noqa: UP045
-    typer.Option(
-        "--between",
-        metavar="LOWER UPPER",
-        help="Names of the walls below and above.",
-        show_default="those that bound the grains",
-    ),
+    tuple[str, str] | None,
+    option("--between LOWER UPPER", _WALLS, "those that bound the grains"),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print the data as JSON.")]
-AsCsv = Annotated[bool, typer.Option("--csv", help="Print the data as CSV.")]
+AsJson = Annotated[bool, option("--json", "Print the data as JSON.")]
+AsCsv = Annotated[bool, option("--csv", "Print the data as CSV.")]
+_FIGURE = "Draw a figure: FILE.png, .svg or .pdf; the word term draws it in the terminal."
+FigureFile = Annotated[Path | None, option("--plot FILE", _FIGURE, False)]
+OverwriteFigure = Annotated[bool, option("--overwrite", "Replace the figure if there is one.")]
 
 
 def selected(start: float | None, end: float | None, frames: str | None) -> Selection:
@@ -84,7 +55,9 @@ def selected(start: float | None, end: float | None, frames: str | None) -> Sele
     return Selection(start, end, parse_frames(frames, start, end))
 
 
-def parse_frames(text: str | None, start: float | None, end: float | None) -> slice | None:
+def parse_frames(
+    text: str | None, start: float | None = None, end: float | None = None
+) -> slice | None:
     """The slice that ``--frames`` names; refuses other texts, and ``--from`` or ``--to`` beside."""
     if text is None:
         return None
@@ -105,80 +78,6 @@ def parse_frames(text: str | None, start: float | None, end: float | None) -> sl
 # ---- How the tables of the commands `post …` leave the program: as text, JSON, CSV or a figure
 
 _TERMINAL = Path("term")  # the name of a figure that means the terminal
-
-
-@dataclass(frozen=True)
-class TableOutput:
-    """What was asked for. Options that exclude each other are refused before anything is computed.
-
-    Raises:
-        ExportRefused: There is a figure already, or the place is none for a file.
-    """
-
-    is_json: bool
-    is_csv: bool
-    plot: Path | None
-    is_overwriting: bool = False
-
-    def __post_init__(self) -> None:
-        if self.is_json and self.is_csv:
-            raise typer.BadParameter("--json and --csv exclude each other")
-        if self.plot == Path():
-            raise typer.BadParameter("the name is empty", param_hint="--plot")
-        if self.plot not in (None, _TERMINAL) and self.plot.suffix.lower() not in (
-            ".png",
-            ".svg",
-            ".pdf",
-        ):
-            raise typer.BadParameter(
-                f"'{self.plot}' does not end in .png, .svg or .pdf", param_hint="--plot"
-            )
-        if self.plot not in (None, _TERMINAL):
-            from multicor_cli.export.target import check_output
-
-            check_output(self.plot, is_overwriting=self.is_overwriting)
-
-    def draw(self, found: Shown) -> None:
-        """Draw the figure if one was asked for, and say so."""
-        if self.plot is None:
-            return
-        from multicor_cli import plots
-
-        table = found.figure or found.table
-        if self.plot == _TERMINAL:
-            say(plots.show(table, _terminal(), **found.drawing))
-        else:
-            plots.plot(table, self.plot, **found.drawing)
-            say(f"wrote {self.plot}")
-
-    def deliver(self, found: Shown) -> None:
-        table = found.table
-        if self.is_json:
-            emit_json(
-                {
-                    **({} if found.run is None else {"run": str(found.run)}),
-                    **table.as_dict(**found.content),
-                }
-            )
-            return
-        for line in found.remarks:
-            say(line)
-        if self.is_csv:
-            _emit_csv(
-                *(
-                    (table.detail_headings, table.detail_rows)
-                    if found.is_detailed
-                    else (table.headings, table.rows)
-                )
-            )
-            return
-        say(found.about)
-        rows = table.rows
-        digits = [_digits(column) for column in zip(*rows, strict=True)]
-        emit_table(
-            [with_unit_signs(name) for name in table.headings],
-            [[_cell(value, n) for value, n in zip(row, digits, strict=True)] for row in rows],
-        )
 
 
 class Shown(NamedTuple):
@@ -215,10 +114,18 @@ def shows_table(command: Callable[..., Shown]) -> Callable[..., None]:
         is_overwriting: OverwriteFigure = False,
         **own: Any,
     ) -> None:
-        output = TableOutput(is_json, is_csv, plot, is_overwriting=is_overwriting)
+        if is_json and is_csv:  # refused before anything is computed
+            raise typer.BadParameter("--json and --csv exclude each other")
+        if plot is not None:
+            _check_figure(plot, is_overwriting=is_overwriting)
         found = command(**own)
-        output.draw(found)
-        output.deliver(found)
+        if plot is not None:
+            _draw(found, plot)
+        if is_json:
+            run = {} if found.run is None else {"run": str(found.run)}
+            emit_json({**run, **found.table.as_dict(**found.content)})
+        else:
+            _emit(found, is_csv=is_csv)
 
     # Typer reads the options from signature and annotations: those of the command come first.
     *shared, _ = inspect.signature(show, eval_str=True).parameters.values()
@@ -230,24 +137,57 @@ def shows_table(command: Callable[..., Shown]) -> Callable[..., None]:
     return show
 
 
-def _emit_csv(headings: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """Every digit of every number; nothing where there is no value."""
-    writer = csv.writer(sys.stdout, lineterminator="\n")
-    writer.writerow(headings)
-    writer.writerows(
-        ["" if isinstance(value, float) and math.isnan(value) else value for value in row]
-        for row in rows
-    )
+def _check_figure(plot: Path, *, is_overwriting: bool) -> None:
+    """Raises `ExportRefused` if there is a figure already, or the place is none for a file."""
+    if plot == Path():
+        raise typer.BadParameter("the name is empty", param_hint="--plot")
+    if plot == _TERMINAL:
+        return
+    if plot.suffix.lower() not in (".png", ".svg", ".pdf"):
+        raise typer.BadParameter(
+            f"'{plot}' does not end in .png, .svg or .pdf", param_hint="--plot"
+        )
+    from multicor_cli.export.target import check_output
+
+    check_output(plot, is_overwriting=is_overwriting)
 
 
-def _terminal() -> Terminal:
-    """The terminal that people look at."""
+def _draw(found: Shown, plot: Path) -> None:
+    """Draw the figure, and say so."""
+    from multicor_cli import plots
+
+    table = found.figure or found.table
+    if plot != _TERMINAL:
+        plots.plot(table, plot, **found.drawing)
+        say(f"wrote {plot}")
+        return
     from rich.console import Console
 
-    from multicor_cli.plots import Terminal
+    console = Console(file=sys.stderr)  # the terminal that people look at
+    terminal = plots.Terminal(console.width, max(console.height - 3, 10), console.color_system)
+    say(plots.show(table, terminal, **found.drawing))
 
-    console = Console(file=sys.stderr)
-    return Terminal(console.width, max(console.height - 3, 10), console.color_system)
+
+def _emit(found: Shown, *, is_csv: bool) -> None:
+    """The table for people; or as CSV, every digit of every number, nothing where no value is."""
+    table = found.table
+    for line in found.remarks:
+        say(line)
+    if is_csv:
+        writer = csv.writer(sys.stdout, lineterminator="\n")
+        writer.writerow(table.detail_headings if found.is_detailed else table.headings)
+        writer.writerows(
+            ["" if isinstance(value, float) and math.isnan(value) else value for value in row]
+            for row in (table.detail_rows if found.is_detailed else table.rows)
+        )
+        return
+    say(found.about)
+    rows = table.rows
+    digits = [_digits(column) for column in zip(*rows, strict=True)]
+    emit_table(
+        [with_unit_signs(name) for name in table.headings],
+        [[_cell(value, n) for value, n in zip(row, digits, strict=True)] for row in rows],
+    )
 
 
 def _digits(column: Sequence[Any]) -> int:

@@ -352,7 +352,7 @@ def to_gsd(
     Temperatures, angular velocities and forces are logged quantities, which OVITO shows as
     properties. Needs the library gsd.
     """
-    chosen = parse_frames(frames, None, None)
+    chosen = parse_frames(frames)
     from multicor_cli.export import export_gsd
     from multicor_cli.store import open_run
 
@@ -372,7 +372,7 @@ def to_csv(
 
     Headings carry the units; numbers are written so that reading them gives the same bits.
     """
-    chosen = parse_frames(frames, None, None)
+    chosen = parse_frames(frames)
     from multicor_cli.export import export_csv
     from multicor_cli.store import open_run
 

@@ -6,21 +6,21 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.plots.grain_map import draw_walls, is_wide, place_scene
+from multicor_cli.plots.grain_map import add_color_bar, draw_walls, place_scene
 from multicor_cli.plots.style import (
     COLORS,
     COLUMN,
+    HOLLOW,
     Renderer,
     Terminal,
     TextLine,
     axis_label,
+    beyond,
     color_map,
     draw_picture,
     draw_text,
     explain_errors,
-    rise_formatter,
-    rise_label,
-    rise_reference,
+    legend_above,
 )
 from multicor_cli.post.field_sums import Field
 from multicor_cli.post.fields import FieldTable
@@ -37,16 +37,7 @@ def _fill(figure: Any, table: FieldTable) -> None:
     place, field = place_scene(figure, table.scene), table.of[0]
     mesh, extend = _draw_mesh(place.axes, table, field)
     draw_walls(place.axes, table.scene)
-    direction = "horizontal" if is_wide(table.scene) else "vertical"
-    bar = figure.colorbar(
-        mesh, cax=place.bar, extend=extend, extendfrac=0.03, orientation=direction
-    )
-    reference = rise_reference(field.unit, mesh.norm.vmin, mesh.norm.vmax)
-    if reference is None:
-        bar.set_label(axis_label(field.label, field.symbol, field.unit))
-    else:
-        bar.formatter = rise_formatter(reference)
-        bar.set_label(rise_label(field.label, field.symbol, reference))
+    add_color_bar(place.bar, mesh, table.scene, field, extend)
 
 
 def _draw_mesh(axes: Any, table: FieldTable, field: Field) -> tuple[Any, str]:
@@ -60,16 +51,8 @@ def _draw_mesh(axes: Any, table: FieldTable, field: Field) -> tuple[Any, str]:
     else:
         cells = values.reshape(table.points.shape)
     name = "balance" if field.is_signed else "plasma" if field.name == "temperature" else "viridis"
-    mesh = axes.pcolormesh(
-        x,
-        y,
-        np.ma.masked_invalid(cells),
-        cmap=color_map(name),
-        vmin=low,
-        vmax=high,
-        rasterized=True,
-    )
-    return mesh, extend
+    colors: dict[str, Any] = {"cmap": color_map(name), "vmin": low, "vmax": high}
+    return axes.pcolormesh(x, y, np.ma.masked_invalid(cells), rasterized=True, **colors), extend
 
 
 def _is_beyond(table: FieldTable) -> Any:
@@ -91,12 +74,7 @@ def _color_range(values: Any, field: Field) -> tuple[float, float, str]:
         low = -high
     elif low == high:
         low, high = low - 1e-3 * (abs(low) or 1.0), high + 1e-3 * (abs(high) or 1.0)
-    ends = bool(known.min() < low), bool(known.max() > high)
-    return (
-        low,
-        high,
-        {(False, False): "neither", (True, False): "min", (False, True): "max"}.get(ends, "both"),
-    )
+    return low, high, beyond(known, low, high)
 
 
 def _draw_lines(figure: Any, table: FieldTable) -> None:
@@ -109,46 +87,23 @@ def _draw_lines(figure: Any, table: FieldTable) -> None:
         for color, field in zip(COLORS, shown, strict=False):
             value, error = table.values[field.name], table.error[field.name]
             known = np.isfinite(error)
-            panel.fill_between(
-                at, value - error, value + error, color=color, alpha=0.25, linewidth=0.0
-            )
-            panel.plot(
-                at,
-                value,
-                "o-",
-                color=color,
-                markersize=2.5,
-                markeredgewidth=0.0,
-                linewidth=0.9,
-                label=f"${field.symbol}$",
-            )
+            band: dict[str, Any] = {"color": color, "alpha": 0.25, "linewidth": 0.0}
+            panel.fill_between(at, value - error, value + error, **band)
+            style: dict[str, Any] = {"color": color, "markersize": 2.5}
+            line = {**style, "markeredgewidth": 0.0, "linewidth": 0.9}
+            panel.plot(at, value, "o-", label=f"${field.symbol}$", **line)
             if known.any():
-                hollow: Any = {
-                    "color": color,
-                    "markersize": 2.5,
-                    "markerfacecolor": "white",
-                    "markeredgewidth": 0.7,
-                }
-                panel.plot(at[~known], value[~known], "o", **hollow)
+                panel.plot(at[~known], value[~known], "o", **style, **HOLLOW)
         panel.set_ylabel(_label(shown))
         panel.ticklabel_format(scilimits=(-3, 4), useMathText=True)
         if panel is panels[0]:
             explain_errors(panel, [table.error[field.name] for field in table.of])
         handles, labels = panel.get_legend_handles_labels()
         if len(handles) > 1:
-            panel.legend(
-                handles,
-                labels,
-                loc="lower right",
-                bbox_to_anchor=(1.0, 1.0),
-                ncols=3,
-                borderaxespad=0.1,
-                columnspacing=1.0,
-            )
+            legend_above(panel, 3, handles, labels)
+    is_radial = table.points.axes == "rt"
     panels[-1].set_xlabel(
-        "distance from the center $r$ [m]"
-        if table.points.axes == "rt"
-        else "distance along the line [m]"
+        "distance from the center $r$ [m]" if is_radial else "distance along the line [m]"
     )
     figure.align_ylabels()
 
@@ -166,16 +121,13 @@ def _label(shown: list[Field]) -> str:
 
 def fields_text(table: FieldTable, terminal: Terminal) -> str:
     """A field as a picture, or charts along a line; a picture may raise `MissingLibrary`."""
+    names = {field.name: f"{field.label} [{unit_sign(field.unit)}]" for field in table.of}
     if not table.points.is_grid:
-        at = table.points.coordinates[:, 0]
-        label = table.points.names[0]
-        charts = [
-            draw_text(
-                [TextLine("", at, table.values[f.name])], label, f"{f.label} [{unit_sign(f.unit)}]"
-            )
-            for f in table.of
-        ]
-        return "\n\n".join(charts)
+        at, label = table.points.coordinates[:, 0], table.points.names[0]
+        return "\n\n".join(
+            draw_text([TextLine("", at, table.values[name])], label, text)
+            for name, text in names.items()
+        )
     field = table.of[0]
     low, high, _ = _color_range(table.values[field.name], field)
 
@@ -184,7 +136,7 @@ def fields_text(table: FieldTable, terminal: Terminal) -> str:
         draw_walls(axes, table.scene)
 
     picture = draw_picture(table.scene, draw, terminal)
-    return f"{picture}\n{field.label} [{unit_sign(field.unit)}] from {low:.6g} to {high:.6g}"
+    return f"{picture}\n{names[field.name]} from {low:.6g} to {high:.6g}"
 
 
 def _size(table: FieldTable) -> tuple[float, float]:

@@ -123,26 +123,12 @@ def draw_distribution(axes: Any, table: ForceDistribution) -> None:
     for color, (density, scatter, marker, label) in zip(COLORS, curves, strict=False):
         known = density > 0.0
         if known.any():
-            axes.loglog(
-                table.center[known],
-                density[known],
-                marker,
-                linestyle="-",
-                color=color,
-                label=label,
-                linewidth=0.7,
-            )
-            around = np.nan_to_num(scatter[known])
+            center, shown, around = table.center[known], density[known], np.nan_to_num(scatter[known])
+            line: dict[str, Any] = {"linestyle": "-", "linewidth": 0.7, "label": label}
+            axes.loglog(center, shown, marker, color=color, **line)
             # a logarithmic axis has no zero
-            lower = np.maximum(density[known] - around, 0.1 * density[known])
-            axes.fill_between(
-                table.center[known],
-                lower,
-                density[known] + around,
-                color=color,
-                alpha=0.2,
-                linewidth=0.0,
-            )
+            lower = np.maximum(shown - around, 0.1 * shown)
+            axes.fill_between(center, lower, shown + around, color=color, alpha=0.2, linewidth=0.0)
     if table.frames.size > 1:
         axes.fill_between([], [], color="0.3", alpha=0.2, linewidth=0.0, label="scatter of frames")
     shown = np.concatenate([table.normal, table.tangential])
@@ -156,24 +142,13 @@ def draw_distribution(axes: Any, table: ForceDistribution) -> None:
 def draw_angles(figure: Any, table: AngularDistribution) -> None:
     """Draw both polar histograms, with the second harmonics that the anisotropies mean."""
     contacts, forces = figure.subplots(1, 2, subplot_kw={"projection": "polar"})
-    moments = table.moments
-    level = 0.5 / np.pi
-    _draw_polar(
-        contacts, table, table.density, level, moments["a_c"], moments["theta_c"], COLORS[0]
-    )
-    contacts.set_title(
-        "contact directions $E(\\theta)$ [1/rad]\n" + _moment("c", table), fontsize=8.0, pad=10.0
-    )
+    title = "contact directions $E(\\theta)$ [1/rad]"
+    _draw_polar(contacts, table, "c", table.density, 0.5 / np.pi, COLORS[0], title)
+    title = "normal force $\\langle f_n \\rangle(\\theta)/\\langle f_n \\rangle$ [–]"
     mean = float(np.nanmean(table.normal))
-    _draw_polar(forces, table, table.normal, mean, moments["a_n"], moments["theta_n"], COLORS[1])
-    title = "normal force $\\langle f_n \\rangle(\\theta)/\\langle f_n \\rangle$ [–]\n"
-    forces.set_title(title + _moment("n", table), fontsize=8.0, pad=10.0)
-    line = forces.lines[-1]
-    figure.legend(
-        [line],
-        [r"$1 + a \cos 2(\theta - \theta_a)$ times the mean, with the $a$ and $\theta_a$ above"],
-        loc="outside lower center",
-    )
+    _draw_polar(forces, table, "n", table.normal, mean, COLORS[1], title)
+    text = r"$1 + a \cos 2(\theta - \theta_a)$ times the mean, with the $a$ and $\theta_a$ above"
+    figure.legend([forces.lines[-1]], [text], loc="outside lower center")
 
 
 def _moment(name: str, table: AngularDistribution) -> str:
@@ -192,23 +167,22 @@ def _moment(name: str, table: AngularDistribution) -> str:
 def _draw_polar(
     axes: Any,
     table: AngularDistribution,
+    name: str,
     values: Any,
     level: float,
-    a: float,
-    degrees: float,
     color: str,
+    title: str,
 ) -> None:
+    """A histogram and the harmonic of the moments ``name`` about a level."""
     from matplotlib.ticker import MaxNLocator
 
     width = 2.0 * np.pi / table.angle.size
     axes.bar(table.angle, np.nan_to_num(values), width=width, color=color, alpha=0.4, linewidth=0.0)
     theta = np.linspace(0.0, 2.0 * np.pi, 361)
-    axes.plot(
-        theta,
-        level * (1.0 + a * np.cos(2.0 * (theta - np.radians(degrees)))),
-        color="0.15",
-        linewidth=0.8,
-    )
+    a, degrees = table.moments[f"a_{name}"], table.moments[f"theta_{name}"]
+    wave = level * (1.0 + a * np.cos(2.0 * (theta - np.radians(degrees))))
+    axes.plot(theta, wave, color="0.15", linewidth=0.8)
+    axes.set_title(f"{title}\n{_moment(name, table)}", fontsize=8.0, pad=10.0)
     axes.set_rlabel_position(22.5)
     axes.yaxis.set_major_locator(MaxNLocator(4))
     axes.minorticks_off()
@@ -219,10 +193,7 @@ def _draw_polar(
 
 def distribution_text(table: ForceDistribution, _terminal: Terminal) -> str:
     """A force distribution on logarithmic scales."""
-    lines = [
-        TextLine("normal", table.center, table.normal),
-        TextLine("tangential", table.center, table.tangential),
-    ]
+    lines = [TextLine(n, table.center, getattr(table, n)) for n in ("normal", "tangential")]
     return draw_text(
         lines, "force over mean force [–]", "probability density [–]", is_logarithmic=True
     )

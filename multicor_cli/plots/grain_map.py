@@ -18,15 +18,15 @@ from multicor_cli.plots.style import (
     Renderer,
     Terminal,
     axis_label,
+    beyond,
     color_map,
+    count_small_rises,
     draw_picture,
     house_style,
-    rise_formatter,
-    rise_label,
-    rise_reference,
 )
 from multicor_cli.post.grain_map import GrainMap, GrainScene, grain_map, images
 from multicor_cli.post.quantities import color_range
+from multicor_cli.post.table import Quantity
 from multicor_cli.text import unit_sign
 
 # ---- Grains and walls of a frame drawn to scale
@@ -52,12 +52,7 @@ _TICK_X, _TICK_Y = 0.5, 0.3  # room that the label of a tick takes [inch]
 
 
 class Place(NamedTuple):
-    """Where a scene is drawn.
-
-    Attributes:
-        axes: Axes of matplotlib with the aspect of the scene.
-        bar: Axes for the color bar; None without one.
-    """
+    """Axes of matplotlib with the aspect of a scene, and for its color bar, None without one."""
 
     axes: Any
     bar: Any
@@ -112,15 +107,12 @@ def draw_discs(
     axes: Any, scene: GrainScene, *, value: Floats | None = None, color: str = "none", **style: Any
 ) -> Any:
     """Draw the grains, colored by ``value`` or in one color; returns matplotlib's collection."""
-    which, shift = images(scene.center[:, 0], scene.radius, scene.period)
-    center = scene.center[which] + np.column_stack([shift, np.zeros_like(shift)])
-    edge = (
-        {"edgecolors": "0.2", "linewidths": 0.3}
-        if scene.radius.size <= _FEW
-        else {"edgecolors": "none", "linewidths": 0.0}
-    )
-    filling: dict[str, Any] = {"facecolors": color} if value is None else {"array": value[which]}
-    return _add_discs(axes, center, scene.radius[which], **{**edge, **filling, **style})
+    has_edge = scene.radius.size <= _FEW
+    edge: dict[str, Any] = {"edgecolors": "0.2" if has_edge else "none"}
+    edge["linewidths"] = 0.3 if has_edge else 0.0
+    filling = {"facecolors": color} if value is None else {"array": value}
+    look = {**edge, **filling, **style}
+    return _add_discs(axes, scene.center, scene.radius, scene.period, **look)
 
 
 def draw_walls(axes: Any, scene: GrainScene) -> None:
@@ -136,19 +128,17 @@ def draw_walls(axes: Any, scene: GrainScene) -> None:
     axes.set_ylabel("$y$ [m]")
 
 
-def _add_discs(axes: Any, center: Floats, radius: Floats, **style: Any) -> Any:
+def _add_discs(axes: Any, center: Floats, radius: Floats, period: float, **style: Any) -> Any:
+    """Discs and their images across the period, each with a value if ``array`` gives some."""
     from matplotlib.collections import EllipseCollection
 
-    width = 2.0 * radius
-    discs = EllipseCollection(
-        width,
-        width,
-        np.zeros_like(width),
-        units="xy",
-        offsets=center,
-        offset_transform=axes.transData,
-        **style,
-    )
+    which, shift = images(center[:, 0], radius, period)
+    width = 2.0 * radius[which]
+    if "array" in style:
+        style["array"] = style["array"][which]
+    style["offsets"] = center[which] + np.column_stack([shift, np.zeros_like(shift)])
+    style["offset_transform"] = axes.transData
+    discs = EllipseCollection(width, width, np.zeros_like(width), units="xy", **style)
     axes.add_collection(discs)
     return discs
 
@@ -157,41 +147,25 @@ def _draw_outline(axes: Any, scene: GrainScene, outline: Outline) -> None:
     from matplotlib.collections import LineCollection, PolyCollection
 
     if outline.is_solid:
+        polygons = solid_polygons(outline.points)
         axes.add_collection(
-            PolyCollection(
-                solid_polygons(outline.points), facecolors=SOLID, edgecolors="none", zorder=1.9
-            )
+            PolyCollection(polygons, facecolors=SOLID, edgecolors="none", zorder=1.9)
         )
-    if outline.radius is None:
-        lines = (
-            outline.points
-            if outline.normal is None
-            else _visible_part(outline.points[:, 0], outline.normal, scene.box)
-        )
-        axes.add_collection(LineCollection(list(lines), colors=WALL, linewidths=1.0, zorder=2))
-    elif outline.is_grain:
-        center = outline.points[:, 0]
-        which, shift = images(center[:, 0], outline.radius, scene.period)
-        center = center[which] + np.column_stack([shift, np.zeros_like(shift)])
-        _add_discs(
-            axes,
-            center,
-            outline.radius[which],
-            facecolors=SOLID,
-            edgecolors=WALL,
-            linewidths=0.3,
-            zorder=2,
-        )
-    else:
-        _add_discs(
-            axes,
-            outline.points[:, 0],
-            outline.radius,
-            facecolors="none",
-            edgecolors=WALL,
-            linewidths=1.0,
-            zorder=2,
-        )
+    if outline.radius is not None:
+        glued, circle = (scene.period, SOLID, 0.3), (0.0, "none", 1.0)
+        period, color, width = glued if outline.is_grain else circle
+        look: dict[str, Any] = {"facecolors": color, "edgecolors": WALL, "linewidths": width}
+        _add_discs(axes, outline.points[:, 0], outline.radius, period, zorder=2, **look)
+        return
+    lines = outline.points
+    if outline.normal is not None:  # endless: what is to be seen
+        normal, reach = outline.normal, 2.0 * float(np.hypot(*(scene.box[1] - scene.box[0])))
+        along = np.column_stack([-normal[:, 1], normal[:, 0]]) * reach
+        point = lines[:, 0]
+        away = ((scene.box.mean(axis=0) - point) * along).sum(axis=1) / (along**2).sum(axis=1)
+        nearest = point + away[:, np.newaxis] * along
+        lines = np.stack([nearest - along, nearest + along], axis=1)
+    axes.add_collection(LineCollection(list(lines), colors=WALL, linewidths=1.0, zorder=2))
 
 
 def solid_polygons(sides: Floats) -> list[Floats]:
@@ -203,19 +177,6 @@ def solid_polygons(sides: Floats) -> list[Floats]:
     first = np.flatnonzero(jump > _JOINED * np.abs(sides).max()) + 1
     polygons = np.split(sides[:, 0], first)
     return [corners for corners in polygons if Polygon(corners).signed_size > 0.0]
-
-
-def _visible_part(point: Floats, normal: Floats, box: Floats) -> Floats:
-    """Ends of what is to be seen of endless lines [m], shape ``(k, 2, 2)``."""
-    along = (
-        np.column_stack([-normal[:, 1], normal[:, 0]]) * float(np.hypot(*(box[1] - box[0]))) * 2.0
-    )
-    nearest = (
-        point
-        + (((box.mean(axis=0) - point) * along).sum(axis=1) / (along**2).sum(axis=1))[:, np.newaxis]
-        * along
-    )
-    return np.stack([nearest - along, nearest + along], axis=1)
 
 
 # ---- Streamlines of the vectors of grains, averaged over a few diameters so that vortices are seen
@@ -239,18 +200,10 @@ def draw_streamlines(axes: Any, table: GrainMap) -> None:
     across, upwards = (table.scene.box[1] - table.scene.box[0]).tolist()
     longest = max(across, upwards)
     density = (across / longest, upwards / longest)
-    drawn = axes.streamplot(
-        x,
-        y,
-        np.ma.masked_invalid(field[..., 0]),
-        np.ma.masked_invalid(field[..., 1]),
-        density=tuple(max(_DENSITY * part, 0.3) for part in density),
-        color="white",
-        linewidth=0.8,
-        arrowsize=0.8,
-        arrowstyle="-|>",
-        zorder=3,
-    )
+    look: dict[str, Any] = {"color": "white", "linewidth": 0.8, "arrowsize": 0.8, "zorder": 3}
+    u, v = (np.ma.masked_invalid(field[..., axis]) for axis in (0, 1))
+    spacing = tuple(max(_DENSITY * part, 0.3) for part in density)
+    drawn = axes.streamplot(x, y, u, v, density=spacing, arrowstyle="-|>", **look)
     # Readable on light grains and between them
     outline = [Stroke(linewidth=1.8, foreground="0.1"), Normal()]
     drawn.lines.set_path_effects(outline)
@@ -322,25 +275,17 @@ def draw_map(place: Place, table: GrainMap, *, has_streamlines: bool = True) -> 
         has_streamlines: Whether vectors are streamlines of their local mean, or else arrows.
     """
     scale = color_scale(table)
-    draw_bar(
-        place.bar,
-        table,
-        draw_values(place.axes, table, scale[0], has_streamlines=has_streamlines),
-        scale,
-    )
+    discs = draw_values(place.axes, table, scale[0], has_streamlines=has_streamlines)
+    draw_bar(place.bar, table, discs, scale[1])
 
 
 def draw_values(axes: Any, table: GrainMap, norm: Any, *, has_streamlines: bool = True) -> Any:
     """Draw grains, walls and vectors in colors of ``norm``; returns the collection of grains."""
     # Where a color is the background's own, an outline keeps the grain visible.
-    outline: dict[str, Any] = (
-        {"edgecolors": "0.45", "linewidths": 0.2}
-        if table.field.scale in ("centered", "logarithmic")
-        else {}
-    )
-    discs = draw_discs(
-        axes, table.scene, value=table.value, cmap=_colors(table), norm=norm, **outline
-    )
+    look: dict[str, Any] = {"cmap": _colors(table), "norm": norm}
+    if table.field.scale in ("centered", "logarithmic"):
+        look |= {"edgecolors": "0.45", "linewidths": 0.2}
+    discs = draw_discs(axes, table.scene, value=table.value, **look)
     draw_walls(axes, table.scene)
     if table.vector is not None:
         (draw_streamlines if has_streamlines else _draw_arrows)(axes, table)
@@ -356,56 +301,47 @@ def _colors(table: GrainMap) -> Any:
 
         return ListedColormap([COLORS[k % len(COLORS)] for k in range(len(table.names))])
     colors = mpl.colormaps[color_map(table.field.colors)]
-    return (
-        colors.with_extremes(bad="white", under="white")
-        if table.field.scale == "logarithmic"
-        else colors
-    )
+    is_logarithmic = table.field.scale == "logarithmic"
+    return colors.with_extremes(bad="white", under="white") if is_logarithmic else colors
 
 
-def draw_bar(axes: Any, table: GrainMap, discs: Any, scale: tuple[Any, str]) -> None:
+def draw_bar(axes: Any, table: GrainMap, discs: Any, extend: str) -> None:
     """Draw the color bar of a map into axes beside or below it."""
-    norm, extend = scale
     if len(table.names) == 1:  # nothing to tell apart
         axes.set_axis_off()
         axes.set_title(f"{table.field.label}:\n{table.names[0]}", loc="left", fontsize=8.0, y=0.5)
-        return
-    if table.names:
-        bar = axes.figure.colorbar(
-            discs, cax=axes, orientation="horizontal" if is_wide(table.scene) else "vertical"
-        )
+    elif table.names:
+        direction = "horizontal" if is_wide(table.scene) else "vertical"
+        bar = axes.figure.colorbar(discs, cax=axes, orientation=direction)
         bar.set_ticks(range(len(table.names)), labels=table.names)
         bar.ax.minorticks_off()
         bar.set_label(table.field.label)
-        return
-    direction = "horizontal" if is_wide(table.scene) else "vertical"
-    bar = axes.figure.colorbar(
-        discs, cax=axes, extend=extend, extendfrac=0.03, orientation=direction
-    )
-    field = table.field
-    reference = rise_reference(field.unit, norm.vmin, norm.vmax)
-    if reference is None:
-        none = "; white: none" if field.scale == "logarithmic" else ""
-        bar.set_label(axis_label(field.label, field.symbol, field.unit) + none)
     else:
-        bar.formatter = rise_formatter(reference)
-        bar.set_label(rise_label(field.label, field.symbol, reference))
+        note = "; white: none" if table.field.scale == "logarithmic" else ""
+        add_color_bar(axes, discs, table.scene, table.field, extend, note)
+
+
+def add_color_bar(
+    axes: Any, drawn: Any, scene: GrainScene, field: Quantity, extend: str, note: str = ""
+) -> None:
+    """A color bar with its label below a wide scene, or beside a tall one."""
+    direction = "horizontal" if is_wide(scene) else "vertical"
+    bar = axes.figure.colorbar(
+        drawn, cax=axes, extend=extend, extendfrac=0.03, orientation=direction
+    )
+    ends = np.array([drawn.norm.vmin, drawn.norm.vmax])
+    if not count_small_rises(bar.long_axis, field.label, field.symbol, field.unit, ends):
+        bar.set_label(axis_label(field.label, field.symbol, field.unit) + note)
 
 
 def color_scale(table: GrainMap) -> tuple[Any, str]:
     """Norm of matplotlib, and which ends of the color bar stand for more than their value."""
     colors = library("matplotlib.colors")
-    if table.names:
-        return colors.BoundaryNorm(
-            [k - 0.5 for k in range(len(table.names) + 1)], len(table.names)
-        ), "neither"
-    value, is_logarithmic = table.value, table.field.scale == "logarithmic"
-    low, high = color_range(table.field, value, table.scene.radius.size)
-    ends = (bool(value.min() < low), bool(value.max() > high))
-    extend = {(False, False): "neither", (True, False): "min", (False, True): "max"}.get(
-        ends, "both"
-    )
-    return colors.LogNorm(low, high) if is_logarithmic else colors.Normalize(low, high), extend
+    if count := len(table.names):
+        return colors.BoundaryNorm([k - 0.5 for k in range(count + 1)], count), "neither"
+    low, high = color_range(table.field, table.value, table.scene.radius.size)
+    norm = colors.LogNorm if table.field.scale == "logarithmic" else colors.Normalize
+    return norm(low, high), beyond(table.value, low, high)
 
 
 def _draw_arrows(axes: Any, table: GrainMap) -> None:
@@ -418,31 +354,21 @@ def _draw_arrows(axes: Any, table: GrainMap) -> None:
     spacing = float(np.sqrt(np.prod(scene.box[1] - scene.box[0]) / order.size))
     longest = float(np.quantile(table.value, _LONG)) or 1.0
     cut = np.minimum(1.0, longest / np.maximum(table.value, longest))
-    axes.quiver(
-        *scene.center[order].T,
-        *(vector * cut[:, np.newaxis])[order].T,
-        angles="xy",
-        scale_units="xy",
-        scale=longest / (_LENGTH * spacing),
-        units="xy",
-        width=0.09 * spacing,
-        pivot="middle",
-        color="white",
-        edgecolor="0.1",
-        linewidth=0.2,
-        zorder=3,
-    )
+    arrows = (*scene.center[order].T, *(vector * cut[:, np.newaxis])[order].T)
+    size = {"scale": longest / (_LENGTH * spacing), "width": 0.09 * spacing}
+    kind = {"angles": "xy", "scale_units": "xy", "units": "xy", "pivot": "middle"}
+    axes.quiver(*arrows, **size, **kind, color="white", edgecolor="0.1", linewidth=0.2, zorder=3)
 
 
 def map_text(table: GrainMap, terminal: Terminal, *, has_streamlines: bool = True) -> str:
     """A map as a picture, with its range of values; raises `MissingLibrary` without matplotlib."""
     norm, _ = color_scale(table)
     values = ", ".join(table.names) if table.names else f"from {norm.vmin:.6g} to {norm.vmax:.6g}"
-    picture = draw_picture(
-        table.scene,
-        lambda axes: draw_values(axes, table, norm, has_streamlines=has_streamlines),
-        terminal,
-    )
+
+    def draw(axes: Any) -> None:
+        draw_values(axes, table, norm, has_streamlines=has_streamlines)
+
+    picture = draw_picture(table.scene, draw, terminal)
     unit = "" if table.names else f" [{unit_sign(table.field.unit)}]"
     return f"{picture}\n{table.field.label}{unit} {values}"
 
@@ -453,19 +379,13 @@ _DPI = 150  # of a notebook
 
 
 def picture(shown: Any) -> bytes | None:
-    """A map of a frame, or of the last one of a run, as PNG; None without grains or matplotlib.
+    """A map of a `Frame`, or of the last one of a `Run`, as PNG; None without grains or matplotlib.
 
     Temperatures where there is heat, else speeds.
-
-    Args:
-        shown: `Run` or `Frame`.
     """
     run: Any = shown if hasattr(shown, "frames") else _Single(shown)
-    if (
-        not len(run.frames.time)
-        or not len(run.frames[-1].position)
-        or find_spec("matplotlib") is None
-    ):
+    has_grains = len(run.frames.time) and len(run.frames[-1].position)
+    if not has_grains or find_spec("matplotlib") is None:
         return None
     table = grain_map(run, "temperature" if run.frames[-1].has_heat else "speed")
     with house_style():

@@ -14,12 +14,10 @@ from multicor_cli.plots.style import (
     Terminal,
     TextLine,
     axis_label,
+    count_small_rises,
     draw_text,
     draw_with_errors,
     explain_errors,
-    rise_formatter,
-    rise_label,
-    rise_reference,
 )
 from multicor_cli.post import Comparison, ProfilePair, ProfileSet, ProfileTable, ThetaTable
 from multicor_cli.text import unit_sign
@@ -39,17 +37,8 @@ def _fill(figure: Any, profiles: ProfileSet) -> None:
 def _draw_profiles(axes: Any, profiles: ProfileSet) -> None:
     for color, marker, table in zip(COLORS, "os^D", profiles.tables, strict=False):
         names = (f"${table.field.symbol}$", "", "")
-        draw_with_errors(
-            axes,
-            table.value,
-            table.y,
-            table.error,
-            marker,
-            names=names,
-            color=color,
-            markersize=2.5,
-            linewidth=0.9,
-        )
+        style: Any = {"names": names, "color": color, "markersize": 2.5, "linewidth": 0.9}
+        draw_with_errors(axes, table.value, table.y, table.error, marker, **style)
     explain_errors(axes, [table.error for table in profiles.tables])
     _, upwards = axis_labels(profiles.first)
     what = profiles.name.replace("-", " ") + profiles.first.about_groups
@@ -62,26 +51,15 @@ def _draw_profiles(axes: Any, profiles: ProfileSet) -> None:
 
 def draw_profile(axes: Any, table: ProfileTable) -> None:
     """Draw a profile into matplotlib axes."""
-    has_errors = np.isfinite(table.error).any()
-    names = (
-        "mean" if has_errors else "mean, errors not known",
-        "standard error",
-        "mean, error not known",
-    )
+    mean = "mean" if np.isfinite(table.error).any() else "mean, errors not known"
+    names = (mean, "standard error", "mean, error not known")
     draw_with_errors(axes, table.value, table.y, table.error, "o", names=names, color=COLORS[0])
     across, upwards = axis_labels(table)
     axes.locator_params(axis="x", nbins=5)
     axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
-    field = table.field
-    low, high = (
-        float(np.nanmin(table.value, initial=np.inf)),
-        float(np.nanmax(table.value, initial=-np.inf)),
-    )
-    reference = rise_reference(table.units[1], low, high)
-    if reference is not None:
-        across = rise_label(f"{field.label}{table.about_groups}", field.symbol, reference)
-        axes.xaxis.set_major_formatter(rise_formatter(reference))
     axes.set_xlabel(across)
+    label = f"{table.field.label}{table.about_groups}"
+    count_small_rises(axes.xaxis, label, table.field.symbol, table.units[1], table.value)
     axes.set_ylabel(upwards)
     axes.set_ylim(0.0, 1.0 if table.is_normalized else table.height)
     # Above the panel, where no line runs.
@@ -92,24 +70,17 @@ def draw_profile(axes: Any, table: ProfileTable) -> None:
 
 def axis_labels(table: ProfileTable) -> tuple[str, str]:
     """Labels of the axes: quantity, symbol and unit."""
-    field = table.field
+    field, label = table.field, f"{table.field.label}{table.about_groups}"
     if not table.is_normalized:
-        return axis_label(
-            f"{field.label}{table.about_groups}", field.symbol, field.unit
-        ), "height $y$ [m]"
-    return f"{field.label}{table.about_groups} ${_scaled_symbol(table)}$ [–]", "height $y/H$ [–]"
-
-
-def _scaled_symbol(table: ProfileTable) -> str:
-    field, low = table.field, table.wall_values[0]
-    if field.scaling == "shear":
-        return f"{field.symbol} H/(V_1 - V_0)"
+        return axis_label(label, field.symbol, field.unit), "height $y$ [m]"
     symbol = field.symbol.split("_")[0]
-    return (
-        f"({field.symbol} - {symbol}_0)/({symbol}_1 - {symbol}_0)"
-        if low
-        else f"{field.symbol}/{symbol}_\\mathrm{{wall}}"
-    )
+    if field.scaling == "shear":
+        scaled = f"{field.symbol} H/(V_1 - V_0)"
+    elif table.wall_values[0]:
+        scaled = f"({field.symbol} - {symbol}_0)/({symbol}_1 - {symbol}_0)"
+    else:
+        scaled = f"{field.symbol}/{symbol}_\\mathrm{{wall}}"
+    return f"{label} ${scaled}$ [–]", "height $y/H$ [–]"
 
 
 def profiles_text(profiles: ProfileSet, _terminal: Terminal) -> str:
@@ -136,27 +107,18 @@ def draw_comparison(figure: Any, comparison: Comparison) -> None:
 
 
 def _draw_pair(axes: Any, pair: ProfilePair, names: tuple[str, str]) -> None:
-    for color, marker, table, name in zip(
-        COLORS, "os", (pair.first, pair.second), names, strict=False
-    ):
-        y = table.y / table.height
-        draw_with_errors(
-            axes, table.value, y, table.error, marker, names=(name, "", ""), color=color
-        )
-    across = axis_labels(pair.first)[0]
     tables = (pair.first, pair.second)
-    values = np.concatenate([table.value for table in tables])
-    low, high = float(np.nanmin(values, initial=np.inf)), float(np.nanmax(values, initial=-np.inf))
-    reference = rise_reference(pair.first.units[1], low, high)
-    if reference is not None:
-        across = rise_label(pair.first.field.label, pair.first.field.symbol, reference)
-        axes.xaxis.set_major_formatter(rise_formatter(reference))
+    for color, marker, table, name in zip(COLORS, "os", tables, names, strict=False):
+        style: Any = {"names": (name, "", ""), "color": color}
+        y = table.y / table.height
+        draw_with_errors(axes, table.value, y, table.error, marker, **style)
     axes.locator_params(axis="x", nbins=5)
-    axes.set_xlabel(across)
+    axes.set_xlabel(axis_labels(pair.first)[0])
     axes.set_ylabel("height $y/H$ [–]")
     axes.set_ylim(0.0, 1.0)
-    if reference is None:
-        axes.ticklabel_format(axis="x", scilimits=(-3, 4), useMathText=True)
+    axes.ticklabel_format(axis="x", scilimits=(-3, 4), useMathText=True)
+    field, values = pair.first.field, np.concatenate([table.value for table in tables])
+    count_small_rises(axes.xaxis, field.label, field.symbol, pair.first.units[1], values)
     axes.legend(loc="best")
 
 
@@ -169,15 +131,8 @@ def _draw_ratio(axes: Any, pair: ProfilePair) -> None:
     )
     axes.set_xlabel("difference / standard error [–]")
     if not known.any():
-        axes.text(
-            0.5,
-            0.9,
-            "no standard errors:\ntoo few frames",
-            ha="center",
-            va="center",
-            fontsize=7.0,
-            transform=axes.transAxes,
-        )
+        place: dict[str, Any] = {"ha": "center", "va": "center", "transform": axes.transAxes}
+        axes.text(0.5, 0.9, "no standard errors:\ntoo few frames", fontsize=7.0, **place)
     elif not known.all():
         axes.set_title(f"known in {pair.note}", fontsize=7.0)
     limit = max(3.0, 1.1 * float(np.abs(pair.ratio[known]).max(initial=0.0)))
@@ -190,13 +145,8 @@ def comparison_text(comparison: Comparison, _terminal: Terminal) -> str:
     for pair in comparison.profiles.values():
         tables = zip((pair.first, pair.second), comparison.names, strict=True)
         lines = [TextLine(name, table.value, table.y / table.height) for table, name in tables]
-        charts.append(
-            draw_text(
-                lines,
-                f"{pair.first.field.label} [{unit_sign(pair.first.field.unit)}]",
-                "height y/H [–]",
-            )
-        )
+        label = f"{pair.first.field.label} [{unit_sign(pair.first.field.unit)}]"
+        charts.append(draw_text(lines, label, "height y/H [–]"))
     return "\n\n".join(charts)
 
 
@@ -212,46 +162,27 @@ _WARM = 0.5
 def draw_theta_eta(axes: Any, table: ThetaTable) -> None:
     """Draw θ against η into matplotlib axes."""
     size = 4.0 if table.eta.size < 1000 else 1.5
-    axes.plot(
-        table.eta,
-        table.theta,
-        ".",
-        color="0.65",
-        markersize=size,
-        markeredgewidth=0.0,
-        rasterized=True,
-    )
-    axes.plot([], [], ".", color="0.65", markersize=4.0, markeredgewidth=0.0, label="grains")
+    point: dict[str, Any] = {"color": "0.65", "markeredgewidth": 0.0}
+    axes.plot(table.eta, table.theta, ".", markersize=size, rasterized=True, **point)
+    axes.plot([], [], ".", markersize=4.0, label="grains", **point)
     known = np.isfinite(table.mean)
-    axes.errorbar(
-        table.center[known],
-        table.mean[known],
-        yerr=table.spread[known],
-        fmt="o-",
-        color=COLORS[0],
-        markeredgewidth=0.0,
-        markersize=2.5,
-        linewidth=0.8,
-        elinewidth=0.6,
-        capsize=1.2,
-        capthick=0.6,
-        label="mean and standard deviation",
-    )
+    line: dict[str, Any] = {"color": COLORS[0], "markeredgewidth": 0.0, "markersize": 2.5}
+    line |= {"linewidth": 0.8, "elinewidth": 0.6, "capsize": 1.2, "capthick": 0.6}
+    line["label"] = "mean and standard deviation"
+    center, mean, spread = (v[known] for v in (table.center, table.mean, table.spread))
+    axes.errorbar(center, mean, yerr=spread, fmt="o-", **line)
     axes.set_xlabel(r"distance from the wall $\eta = y/H$ [–]")
     axes.set_ylabel(r"temperature $\theta = (T - T_0)/(T_\mathrm{wall} - T_0)$ [–]")
-    axes.set_xlim(0.0, _shown(table))
+    # η up to 1/4 beyond the last bin that differs from θ = 0
+    changed = np.flatnonzero(np.abs(np.nan_to_num(table.mean)) > _NOTHING)
+    last = 1.25 * float(table.center[changed[-1]]) + 0.02 if changed.size else 1.0
+    axes.set_xlim(0.0, min(1.0, last))
     low, high = float(table.theta.min()), float(table.theta.max())
     # From 0 to 1, unless all grains are so warm that there would be nothing to see below them.
     axes.set_ylim(
         min(0.0, low) if low < _WARM else low - 0.1 * (max(1.0, high) - low), max(1.0, high)
     )
     axes.legend(loc="best")
-
-
-def _shown(table: ThetaTable) -> float:
-    """η up to which there is something to see: 1/4 beyond the last bin that differs from θ = 0."""
-    changed = np.flatnonzero(np.abs(np.nan_to_num(table.mean)) > _NOTHING)
-    return min(1.0, 1.25 * float(table.center[changed[-1]]) + 0.02) if changed.size else 1.0
 
 
 def theta_eta_text(table: ThetaTable, _terminal: Terminal) -> str:

@@ -32,6 +32,9 @@ PAGE = 7.0
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
 """Line colors that color-blind readers can tell apart (Okabe and Ito)."""
 
+HOLLOW: Any = {"markeredgewidth": 0.7, "markerfacecolor": "white", "linestyle": "none"}
+"""Marker of a value whose error is not known."""
+
 SUFFIXES = (".png", ".svg", ".pdf")
 """Formats of figures."""
 
@@ -90,46 +93,38 @@ def draw_with_errors(
     calls means, errors and means without error; empty: nothing.
     """
     mean, band, unknown = (name or None for name in names)
-    known = np.isfinite(error)
-    band = band if known.any() else None
+    color, known = style["color"], np.isfinite(error)
+    shade: dict[str, Any] = {"color": color, "alpha": 0.25, "linewidth": 0.0}
     axes.fill_betweenx(
-        y,
-        values - error,
-        values + error,
-        color=style["color"],
-        alpha=0.25,
-        linewidth=0.0,
-        label=band,
+        y, values - error, values + error, label=band if known.any() else None, **shade
     )
     beside = np.concatenate([[False], known, [False]])
     alone = known & ~beside[:-2] & ~beside[2:]  # a band of one point has no area
     if alone.any():
-        axes.errorbar(
-            values[alone],
-            y[alone],
-            xerr=error[alone],
-            fmt="none",
-            ecolor=style["color"],
-            elinewidth=0.7,
-            capsize=1.2,
-        )
+        bars: dict[str, Any] = {"ecolor": color, "elinewidth": 0.7, "capsize": 1.2}
+        axes.errorbar(values[alone], y[alone], xerr=error[alone], fmt="none", **bars)
     axes.plot(values, y, marker + "-", label=mean, **{"markeredgewidth": 0.0, **style})
     if known.any() and not known.all():
-        open_: Any = {
-            **style,
-            "markeredgewidth": 0.7,
-            "markerfacecolor": "white",
-            "linestyle": "none",
-        }
-        axes.plot(values[~known], y[~known], marker, label=unknown, **open_)
+        axes.plot(values[~known], y[~known], marker, label=unknown, **{**style, **HOLLOW})
 
 
-_BALANCE = "RdBu_r"  # matplotlib's nearest to what the page calls balance
+def legend_above(panel: Any, columns: int, *handles: Any, **more: Any) -> None:
+    """A legend over the right end of a panel, where no line runs."""
+    place: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0)}
+    panel.legend(*handles, ncols=columns, borderaxespad=0.1, columnspacing=1.0, **place, **more)
 
 
 def color_map(name: str) -> str:
     """The name that matplotlib has for the colors of a quantity."""
-    return _BALANCE if name == "balance" else name
+    return "RdBu_r" if name == "balance" else name  # the nearest to what the page calls balance
+
+
+def beyond(values: Floats, low: float, high: float) -> str:
+    """Which ends of a color bar stand for more than their value."""
+    is_below, is_above = bool(values.min() < low), bool(values.max() > high)
+    if is_below and is_above:
+        return "both"
+    return "min" if is_below else "max" if is_above else "neither"
 
 
 class PlotError(Exception):
@@ -159,13 +154,7 @@ def explain_errors(axes: Any, errors: Iterable[Floats]) -> None:
     if known.any():
         axes.fill_between([], [], color="0.3", alpha=0.2, linewidth=0.0, label="± standard error")
     if known.any() and not known.all():
-        hollow: Any = {
-            "color": "0.3",
-            "markerfacecolor": "white",
-            "markeredgewidth": 0.7,
-            "linestyle": "none",
-        }
-        axes.plot([], [], "o", label="error not known", **hollow)
+        axes.plot([], [], "o", color="0.3", label="error not known", **HOLLOW)
 
 
 def check_suffix(path: Path) -> None:
@@ -240,6 +229,16 @@ def rise_label(label: str, symbol: str, reference: float) -> str:
     return f"{label} ${symbol}$ − {reference:.12g} K [mK]"
 
 
+def count_small_rises(axis: Any, label: str, symbol: str, unit: str, values: Floats) -> bool:
+    """Let an axis of temperatures that hardly differ count from a round one; whether it does."""
+    known = values[np.isfinite(values)]
+    reference = rise_reference(unit, float(known.min()), float(known.max())) if known.size else None
+    if reference is not None:
+        axis.set_major_formatter(rise_formatter(reference))
+        axis.set_label_text(rise_label(label, symbol, reference))
+    return reference is not None
+
+
 def rise_formatter(reference: float) -> Any:
     """Formatter of matplotlib: temperatures [K] as millikelvin above ``reference`` [K]."""
     from matplotlib.ticker import FuncFormatter
@@ -257,13 +256,7 @@ _RAMP = " .:-=+*#%@"  # from white to black
 
 @dataclass(frozen=True)
 class Terminal:
-    """What a terminal can show.
-
-    Attributes:
-        columns: Letters in a line.
-        rows: Lines.
-        colors: Color system as rich names it ("truecolor", "256", "standard"); None without colors.
-    """
+    """Letters in a line, lines, and the color system as rich names it, None without colors."""
 
     columns: int = 80
     rows: int = 40
@@ -279,7 +272,11 @@ def draw_picture(scene: GrainScene, draw: Callable[[Any], Any], terminal: Termin
     most = min(terminal.columns, 2.0 * terminal.rows * across / upwards)
     width, lines = max(int(most), 4), max(round(0.5 * most * upwards / across), 2)
     pixels = _render(draw, width, 2 * lines)
-    return _in_letters(pixels) if terminal.colors is None else _in_colors(pixels, terminal.colors)
+    if terminal.colors is not None:
+        return _in_colors(pixels, terminal.colors)
+    light = pixels.reshape(lines, 2, -1, 3).mean(axis=(1, 3)) / 255.0
+    rank = np.rint((1.0 - light) * (len(_RAMP) - 1)).astype(int)
+    return "\n".join("".join(_RAMP[k] for k in row).rstrip() for row in rank)
 
 
 def _render(draw: Callable[[Any], Any], width: int, height: int) -> NDArray[np.uint8]:
@@ -295,12 +292,6 @@ def _render(draw: Callable[[Any], Any], width: int, height: int) -> NDArray[np.u
         axes.set_axis_off()
         canvas.draw()
         return np.asarray(canvas.buffer_rgba())[:, :, :3]
-
-
-def _in_letters(pixels: NDArray[np.uint8]) -> str:
-    light = pixels.reshape(len(pixels) // 2, 2, -1, 3).mean(axis=(1, 3)) / 255.0
-    rank = np.rint((1.0 - light) * (len(_RAMP) - 1)).astype(int)
-    return "\n".join("".join(_RAMP[k] for k in row).rstrip() for row in rank)
 
 
 def _in_colors(pixels: NDArray[np.uint8], colors: str) -> str:
@@ -356,11 +347,7 @@ def draw_text(
     Lines beyond 16 are left out, and on logarithmic axes points that are not positive.
     """
     known = [_known(line, is_logarithmic=is_logarithmic) for line in lines[: len(_MARKS)]]
-    points = (
-        np.concatenate([np.column_stack([line.x, line.y]) for line in known])
-        if known
-        else np.zeros((0, 2))
-    )
+    points = np.concatenate([np.zeros((0, 2)), *known])
     if not points.size:
         return f"{y_label}: nothing to draw"
     low, high = points.min(axis=0), points.max(axis=0)
@@ -375,29 +362,24 @@ def draw_text(
         area[row, column] = _MARKS[number] if len(known) > 1 else "*"
     if is_logarithmic:
         low, high = 10.0**low, 10.0**high
+    names = [f"  {mark}  {line.label}" for mark, line in zip(_MARKS, lines, strict=False)]
     chart = _frame(area, low, high, x_label, y_label)
-    return "\n".join(
-        [
-            *chart,
-            *(f"  {_MARKS[k]}  {line.label}" for k, line in enumerate(known) if len(known) > 1),
-        ]
-    )
+    return "\n".join([*chart, *(names if len(known) > 1 else ())])
 
 
-def _known(line: TextLine, *, is_logarithmic: bool) -> TextLine:
-    """The points that can be drawn, as their logarithms if asked."""
-    x, y = np.asarray(line.x, np.float64), np.asarray(line.y, np.float64)
+def _known(line: TextLine, *, is_logarithmic: bool) -> Floats:
+    """The points that can be drawn, ``(n, 2)``, as their logarithms if asked."""
+    points = np.column_stack([line.x, line.y]).astype(np.float64)
     if is_logarithmic:
-        x, y = (np.log10(v, where=v > 0.0, out=np.full_like(v, np.nan)) for v in (x, y))
-    kept = np.isfinite(x) & np.isfinite(y)
-    return TextLine(line.label, x[kept], y[kept])
+        points = np.log10(points, where=points > 0.0, out=np.full_like(points, np.nan))
+    return np.asarray(points[np.isfinite(points).all(axis=1)])
 
 
 def _cells(
-    line: TextLine, low: Floats, high: Floats, rows: int
+    points: Floats, low: Floats, high: Floats, rows: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Columns and rows that a line passes, row 0 at the top."""
-    part = (np.column_stack([line.x, line.y]) - low) / (high - low)
+    """Columns and rows that the line through points passes, row 0 at the top."""
+    part = (points - low) / (high - low)
     if len(part) > 1:  # so many points between that no cell is missed
         between = np.linspace(0.0, 1.0, 2 * (WIDTH + rows))[:, np.newaxis, np.newaxis]
         part = (part[:-1] + between * np.diff(part, axis=0)).reshape(-1, 2)
