@@ -93,6 +93,20 @@ def heated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.fixture(scope="session")
+def column(heated: Path) -> multicor.Run:
+    """That run: ten grains on top of each other; each frame is read anew."""
+    return multicor.open_run(heated)
+
+
+@pytest.fixture(scope="session")
+def silent(tmp_path_factory: pytest.TempPathFactory) -> multicor.Run:
+    """The same without contacts."""
+    path = tmp_path_factory.mktemp("silent") / "run"
+    write_heated_run(path, contacts=False)
+    return multicor.open_run(path)
+
+
 @pytest.fixture
 def typed(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[..., CompletedProcess[str]]:
     """``typed("post map RUN")`` is a command as typed in an empty folder, which ends with ``code``.

@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,11 +30,8 @@ _SAMPLE = 2_000_000  # values that the color scale is made from, at most
 
 @dataclass(frozen=True)
 class Film:
-    """A film that was written.
-
-    Attributes:
-        path: The file; a GIF instead of the MP4 that was asked for where ffmpeg is missing.
-        skipped: Frames without the quantity, as the first frame has no heat since the one before.
+    """A film that was written: its file, which may be another (`film_path`), its frames, and those
+    that were skipped without the quantity, as the first frame has no heat since the one before.
     """
 
     path: Path
@@ -44,11 +41,8 @@ class Film:
 
 def film_path(path: Path) -> Path:
     """The file that `write_film` writes: ``.gif`` instead of ``.mp4`` where ffmpeg is missing."""
-    return (
-        path
-        if path.suffix.lower() != ".mp4" or shutil.which("ffmpeg")
-        else path.with_suffix(".gif")
-    )
+    can_be = path.suffix.lower() != ".mp4" or shutil.which("ffmpeg")
+    return path if can_be else path.with_suffix(".gif")
 
 
 def write_film(
@@ -77,56 +71,46 @@ def write_film(
         stage = _find_stage(maps(), count)
         if stage is None:
             raise PlotError(f"{path}: no frame has this quantity")
-        drawn = _Counter(count, progress)
-        pictures = _draw_all(drawn.watch(maps()), stage, _SIDES[target.suffix.lower()])
+        skipped: list[int] = []
+
+        def present() -> Iterator[GrainMap]:
+            for number, table in enumerate(maps()):
+                if table is None:
+                    skipped.append(number)
+                else:
+                    yield table
+                progress(number + 1, count)
+
+        pictures = _draw_all(present(), stage, _SIDES[target.suffix.lower()])
         with storage_errors(target):
             _write(pictures, target, rate)
-    return Film(target, drawn.maps, count - drawn.maps)
+    return Film(target, count - len(skipped), len(skipped))
 
 
-@dataclass(frozen=True)
-class _Stage:
+class _Stage(NamedTuple):
     """What all pictures have in common: the part of the plane and the color scale."""
 
     box: Floats
     scale: tuple[Any, str]
 
 
-class _Counter:
-    def __init__(self, total: int, progress: Progress) -> None:
-        self._total, self._progress = total, progress
-        self.maps = 0
-
-    def watch(self, maps: Iterable[GrainMap | None]) -> Iterator[GrainMap]:
-        for number, table in enumerate(maps):
-            if table is not None:
-                self.maps += 1
-                yield table
-            self._progress(number + 1, self._total)
-
-
 def _find_stage(maps: Iterable[GrainMap | None], count: int) -> _Stage | None:
     found: list[Floats] = []
     boxes: list[Floats] = []
-    last = None
+    last, most = None, max(_SAMPLE // count, 1000)
     for table in maps:
         if table is not None:
-            last = table
+            last, value = table, table.value
             boxes.append(table.scene.box)
-            found.append(_sample(table.value, max(_SAMPLE // count, 1000)))
+            if value.size > most:  # some of them, the smallest and the largest among them
+                some = value[:: -(-value.size // most)]
+                value = np.concatenate([some, [value.min(), value.max()]])
+            found.append(value)
     if last is None:
         return None
-    box = np.array(
-        [np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)]
-    )
+    low, high = np.swapaxes(boxes, 0, 1)
+    box = np.array([low.min(axis=0), high.max(axis=0)])
     return _Stage(box, color_scale(last.with_(value=np.concatenate(found))))
-
-
-def _sample(values: Floats, most: int) -> Floats:
-    """Some of the values, the smallest and the largest among them."""
-    if values.size <= most:
-        return values
-    return np.concatenate([values[:: -(-values.size // most)], [values.min(), values.max()]])
 
 
 def _draw_all(maps: Iterable[GrainMap], stage: _Stage, most: int) -> Iterator[Any]:
@@ -134,24 +118,20 @@ def _draw_all(maps: Iterable[GrainMap], stage: _Stage, most: int) -> Iterator[An
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = place = None
+    figure: Any = Figure(dpi=100.0)
+    canvas: Any = FigureCanvasAgg(figure)
+    place = None
     for table in maps:
         shown = table.with_(scene=replace(table.scene, box=stage.box))
-        if figure is None or place is None:
-            figure = Figure(dpi=100.0)
-            canvas: Any = FigureCanvasAgg(figure)
+        is_first = place is None
+        if place is None:
             place = place_scene(figure, shown.scene, top=_TITLE, width=PAGE)
             _make_even(figure, most)
-            draw_bar(
-                place.bar,
-                shown,
-                draw_values(place.axes, shown, stage.scale[0], has_streamlines=False),
-                stage.scale,
-            )
-        else:
-            for artist in [*place.axes.collections, *place.axes.patches]:
-                artist.remove()
-            draw_values(place.axes, shown, stage.scale[0], has_streamlines=False)
+        for artist in [*place.axes.collections, *place.axes.patches]:
+            artist.remove()
+        discs = draw_values(place.axes, shown, stage.scale[0], has_streamlines=False)
+        if is_first:
+            draw_bar(place.bar, shown, discs, stage.scale[1])
         place.axes.set_title(f"$t$ = {shown.time:.4g} s", fontsize=8.0)
         canvas.draw()
         yield np.asarray(canvas.buffer_rgba())
@@ -167,7 +147,14 @@ def _make_even(figure: Any, most: int) -> None:
 
 
 def _write(pictures: Iterator[Any], target: Path, rate: float) -> None:
-    temporary = _temporary(target)
+    handle, name = tempfile.mkstemp(
+        prefix=f".{target.stem}-", suffix=target.suffix, dir=target.parent
+    )
+    os.close(handle)
+    temporary = Path(name)
+    mask = os.umask(0)
+    os.umask(mask)
+    temporary.chmod(0o666 & ~mask)
     try:
         (_write_mp4 if target.suffix.lower() == ".mp4" else _write_gif)(pictures, temporary, rate)
         temporary.replace(target)
@@ -175,48 +162,12 @@ def _write(pictures: Iterator[Any], target: Path, rate: float) -> None:
         temporary.unlink(missing_ok=True)
 
 
-def _temporary(target: Path) -> Path:
-    handle, name = tempfile.mkstemp(
-        prefix=f".{target.stem}-", suffix=target.suffix, dir=target.parent
-    )
-    os.close(handle)
-    Path(name).chmod(0o666 & ~_umask())
-    return Path(name)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
-
-
 def _write_mp4(pictures: Iterator[Any], path: Path, rate: float) -> None:
     first = next(pictures)
     height, width = first.shape[:2]
-    source = [
-        "-f",
-        "rawvideo",
-        "-pix_fmt",
-        "rgba",
-        "-s",
-        f"{width}x{height}",
-        "-r",
-        f"{rate:g}",
-        "-i",
-        "-",
-    ]
-    coding = [
-        "-an",
-        "-c:v",
-        "libx264",
-        "-crf",
-        "18",
-        "-pix_fmt",
-        "yuv420p",
-        "-movflags",
-        "+faststart",
-    ]
-    command = ["ffmpeg", "-y", "-loglevel", "error", *source, *coding, str(path)]
+    raw = f"-f rawvideo -pix_fmt rgba -s {width}x{height} -r {rate:g} -i - -an"
+    coding = f"{raw} -c:v libx264 -crf 18 -pix_fmt yuv420p -movflags +faststart"
+    command = ["ffmpeg", "-y", "-loglevel", "error", *coding.split(), str(path)]
     with tempfile.TemporaryFile() as errors:
         process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=errors

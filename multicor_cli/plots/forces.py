@@ -123,7 +123,11 @@ def draw_distribution(axes: Any, table: ForceDistribution) -> None:
     for color, (density, scatter, marker, label) in zip(COLORS, curves, strict=False):
         known = density > 0.0
         if known.any():
-            center, shown, around = table.center[known], density[known], np.nan_to_num(scatter[known])
+            center, shown, around = (
+                table.center[known],
+                density[known],
+                np.nan_to_num(scatter[known]),
+            )
             line: dict[str, Any] = {"linestyle": "-", "linewidth": 0.7, "label": label}
             axes.loglog(center, shown, marker, color=color, **line)
             # a logarithmic axis has no zero

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 
-from multicor_cli.model.model import Floats
 from multicor_cli.plots.style import (
     COLORS,
     COLUMN,
@@ -16,10 +16,9 @@ from multicor_cli.plots.style import (
     Renderer,
     Terminal,
     TextLine,
+    count_small_rises,
     draw_text,
-    rise_formatter,
-    rise_label,
-    rise_reference,
+    legend_above,
     show_decades,
 )
 from multicor_cli.post.crossings import FlowTable
@@ -61,21 +60,19 @@ COLOR_OF = {
 
 def draw_energy(figure: Any, table: EnergyTable) -> None:
     """Draw the books into a figure: mechanics, beside it heat if any, the closures below."""
-    books = [("energy since the start [J]", [*_flows(table, MECHANICAL), _GAIN], table.closure)]
+    books = [("energy", MECHANICAL, _GAIN, table.closure)]
     if table.heat_closure is not None:
-        books.append(
-            ("heat since the start [J]", [*_flows(table, HEAT), _STORED], table.heat_closure)
-        )
+        books.append(("heat", HEAT, _STORED, table.heat_closure))
     grid = figure.subplots(2, len(books), sharex=True, squeeze=False, height_ratios=(3.0, 1.0))
-    for (above, below), (label, entries, closure) in zip(grid.T, books, strict=True):
-        _draw_stack(above, table, entries)
-        above.set_ylabel(label)
-        _draw_closure(below, table.time, closure)
-
-
-def _flows(table: EnergyTable, entries: Sequence[BookLine]) -> list[BookLine]:
-    """The lines of what comes in and goes out that the run has."""
-    return [entry for entry in entries if entry.sign and entry.name in table.books]
+    for (above, below), (name, entries, kept, closure) in zip(grid.T, books, strict=True):
+        flows = [entry for entry in entries if entry.sign and entry.name in table.books]
+        _draw_stack(above, table, [*flows, kept])
+        above.set_ylabel(f"{name} since the start [J]")
+        known = closure > 0.0
+        below.semilogy(table.time[known], closure[known], color=COLORS[0])
+        below.set_xlabel("time $t$ [s]")
+        below.set_ylabel("closure [–]")
+        show_decades(below.yaxis, closure[known])
 
 
 def _draw_stack(panel: Any, table: EnergyTable, entries: Sequence[BookLine]) -> None:
@@ -94,56 +91,31 @@ def _draw_stack(panel: Any, table: EnergyTable, entries: Sequence[BookLine]) -> 
     panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
     panel.margins(x=0.0)
     if shown:
-        panel.legend(
-            loc="lower center",
-            bbox_to_anchor=(0.5, 1.03),
-            ncols=3,
-            columnspacing=1.0,
-            handlelength=1.0,
-        )
-
-
-def _draw_closure(panel: Any, time: Floats, closure: Floats) -> None:
-    known = closure > 0.0
-    panel.semilogy(time[known], closure[known], color=COLORS[0])
-    panel.set_xlabel("time $t$ [s]")
-    panel.set_ylabel("closure [–]")
-    show_decades(panel.yaxis, closure[known])
+        place: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.03)}
+        panel.legend(ncols=3, columnspacing=1.0, handlelength=1.0, **place)
 
 
 def energy_text(table: EnergyTable, _terminal: Terminal) -> str:
     """The energy books over time, mechanical ones and those of heat in one chart."""
-    lines = [
-        TextLine(f"{entry.label} [J]", table.time, table.books[entry.name])
-        for entry in table.entries
-    ]
+    lines = [TextLine(f"{e.label} [J]", table.time, table.books[e.name]) for e in table.entries]
     largest = max((float(np.abs(line.y).max()) for line in lines), default=0.0)
-    return draw_text(
-        [line for line in lines if np.abs(line.y).max() > _VISIBLE * largest],
-        "time [s]",
-        "energy [J]",
-    )
+    shown = [line for line in lines if np.abs(line.y).max() > _VISIBLE * largest]
+    return draw_text(shown, "time [s]", "energy [J]")
 
 
 # ---- Figure of columns of the time series: a panel for each unit
 
 
 def _units(table: SeriesTable) -> list[str]:
-    units = list(dict.fromkeys(column.unit for column in table.quantities))
-    crowded = [
-        unit
-        for unit in units
-        if sum(column.unit == unit for column in table.quantities) > len(COLORS)
-    ]
-    if crowded:
-        unit = "without unit" if crowded[0] == "1" else f"in {crowded[0]}"
-        count = sum(column.unit == crowded[0] for column in table.quantities)
-        message = (
-            f"{count} lines {unit} cannot be told apart in one panel: choose columns, as --of "
-            "kinetic or --of force_x"
-        )
-        raise PlotError(message)
-    return units
+    counts = Counter(column.unit for column in table.quantities)
+    for unit, count in counts.items():
+        if count > len(COLORS):
+            lines = f"{count} lines {'without unit' if unit == '1' else f'in {unit}'}"
+            raise PlotError(
+                f"{lines} cannot be told apart in one panel: choose columns, as --of kinetic or "
+                "--of force_x"
+            )
+    return list(counts)
 
 
 def draw_series(figure: Any, table: SeriesTable) -> None:
@@ -153,48 +125,32 @@ def draw_series(figure: Any, table: SeriesTable) -> None:
     for panel, unit in zip(panels, units, strict=True):
         shown = [column for column in table.quantities if column.unit == unit]
         for color, column in zip(COLORS, shown, strict=False):
-            style = {
-                "color": color,
-                "linewidth": 0.9,
-                "marker": "o" if table.time.size == 1 else "",
-            }
-            panel.plot(table.time, column.values, label=column.name.replace("_", " "), **style)
-        names = list(
-            dict.fromkeys(column.name.rpartition(": ")[2].replace("_", " ") for column in shown)
-        )
-        name = names[0] if len(names) == 1 else _common_words(names)
-        panel.set_ylabel(f"{name} [{unit_sign(unit)}]".strip())
+            style = {"linewidth": 0.9, "marker": "o" if table.time.size == 1 else ""}
+            label = column.name.replace("_", " ")
+            panel.plot(table.time, column.values, color=color, label=label, **style)
+        names = {column.name.rpartition(": ")[2].replace("_", " ") for column in shown}
+        words = zip(*(name.split() for name in names), strict=False)
+        common = " ".join(word for word, *others in words if set(others) <= {word})
+        panel.set_ylabel(f"{common} [{unit_sign(unit)}]".strip())
         panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
         if len(shown) > 1:
-            panel.legend(
-                loc="lower right",
-                bbox_to_anchor=(1.0, 1.0),
-                ncols=2,
-                borderaxespad=0.1,
-                columnspacing=1.0,
-            )
+            legend_above(panel, 2)
     panels[-1].set_xlabel("time $t$ [s]")
     figure.align_ylabels()
 
 
-def _common_words(names: list[str]) -> str:
-    words = [name.split() for name in names]
-    shared = [column[0] for column in zip(*words, strict=False) if len(set(column)) == 1]
-    return " ".join(shared)
-
-
 def series_text(table: SeriesTable, _terminal: Terminal) -> str:
     """The columns as charts of letters, one below the other."""
-    charts = [
-        draw_text(
-            [TextLine("", table.time, column.values)],
-            "time [s]",
-            f"{column.name} [{unit_sign(column.unit)}]",
-            rows=_LOW,
-        )
+    return _charts(
+        (f"{column.name} [{unit_sign(column.unit)}]", [TextLine("", table.time, column.values)])
         for column in table.quantities
-    ]
-    return "\n\n".join(charts)
+    )
+
+
+def _charts(charts: Iterable[tuple[str, list[TextLine]]]) -> str:
+    """Low charts of letters over time below each other: labels, and the lines in each."""
+    drawn = [draw_text(lines, "time [s]", label, rows=_LOW) for label, lines in charts]
+    return "\n\n".join(drawn)
 
 
 def _series_size(table: SeriesTable) -> tuple[float, float]:
@@ -212,9 +168,9 @@ def draw_flow(figure: Any, table: FlowTable) -> None:
     axes.plot(time, mass, color=COLORS[0], label="crossed")
     mean, error = table.mean["mass"], float(table.spread["mass"].error)
     rate = with_error(mean, error)
-    text = (
-        f"mean, ({rate}) kg/s" if "±" in rate and not rate.startswith("(") else f"mean, {rate} kg/s"
-    )
+    if "±" in rate and not rate.startswith("("):
+        rate = f"({rate})"
+    text = f"mean, {rate} kg/s"
     axes.plot(time, mean * (time - start), color="0.3", linewidth=0.8, linestyle="--", label=text)
     axes.set_xlabel("time $t$ [s]")
     axes.set_ylabel("mass through the line [kg]")
@@ -224,16 +180,16 @@ def draw_flow(figure: Any, table: FlowTable) -> None:
 
 def flow_text(table: FlowTable, _terminal: Terminal) -> str:
     """The mass that has crossed as a chart of letters."""
-    return draw_text(
-        [TextLine("", table.time, np.cumsum(table.crossed["mass"]))],
-        "time [s]",
-        "mass through the line [kg]",
-    )
+    line = TextLine("", table.time, np.cumsum(table.crossed["mass"]))
+    return draw_text([line], "time [s]", "mass through the line [kg]")
 
 
 # ---- Rheology over time, with averages and their errors as bands
 
-_OF_RHEOLOGY: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
+Panels = Sequence[tuple[str, Sequence[tuple[str, str]]]]
+"""Label of the axis, and the quantities of each panel with their names."""
+
+_OF_RHEOLOGY: Panels = (
     ("inertial number $I$ [–]", (("inertial_number", ""),)),
     ("pressure [N/m]", (("pressure", "walls, $P$"), ("bulk_stress_yy", r"bulk, $\sigma_{yy}$"))),
     (r"friction $\mu^*$ [–]", (("friction_walls", "walls"), ("friction_bulk", "bulk"))),
@@ -246,9 +202,6 @@ _OF_RHEOLOGY: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
     (r"spin $\langle\omega\rangle/\dot\gamma$ [–]", (("spin_ratio", ""),)),
     (r"granular temp. $T_g$ [m²/s²]", (("granular_temperature", ""),)),
 )
-"""Label of the axis, and the quantities of each panel with their names."""
-
-
 _KNOWN: Any = "--"  # line of a mean with a standard error
 _UNKNOWN: Any = ":"  # line of one without
 _CHARTS_OF_RHEOLOGY = (
@@ -265,46 +218,27 @@ _CHARTS_OF_RHEOLOGY = (
 
 def draw_rheology(figure: Any, table: Rheology) -> None:
     """Draw the panels of a rheology into a matplotlib figure."""
-    grid = figure.subplots(4, 2, sharex=True)
-    for panel, (label, quantities) in zip(grid.flat, _OF_RHEOLOGY, strict=True):
-        draw_panel(panel, table, label, quantities)
-    explain(figure, table, _OF_RHEOLOGY)
-    for panel in grid[-1]:
-        panel.set_xlabel("time $t$ [s]")
+    _draw_panels(figure, figure.subplots(4, 2, sharex=True), table, _OF_RHEOLOGY)
 
 
-def draw_panel(
-    panel: Any, table: TimeTable, label: str, quantities: Sequence[tuple[str, str]]
-) -> None:
-    """Draw quantities, each a name and a text of the legend, over time with means and errors."""
-    for color, (name, text) in zip(COLORS, quantities, strict=False):
-        _draw_quantity(panel, table, name, text, color)
-    panel.set_ylabel(label)
-    panel.margins(y=0.12)
-    _widen(panel, [table.mean[name] for name, _ in quantities])
-    panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
-    if len(quantities) > 1:  # above the panel, where no line runs
-        panel.legend(
-            loc="lower right",
-            bbox_to_anchor=(1.0, 1.0),
-            ncols=len(quantities),
-            borderaxespad=0.1,
-            columnspacing=1.0,
-            handlelength=1.4,
-        )
-
-
-def explain(
-    figure: Any, table: TimeTable, panels: Sequence[tuple[str, Sequence[tuple[str, str]]]]
-) -> None:
-    """Say below the panels what lines and bands are."""
+def _draw_panels(figure: Any, grid: Any, table: TimeTable, panels: Panels) -> None:
+    """Draw quantities over time with means and errors; say below what lines and bands are."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
+    for panel, (label, quantities) in zip(grid.flat, panels, strict=True):
+        for color, (name, text) in zip(COLORS, quantities, strict=False):
+            _draw_quantity(panel, table, name, text, color)
+        panel.set_ylabel(label)
+        panel.margins(y=0.12)
+        _widen(panel, [table.mean[name] for name, _ in quantities])
+        panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
+        if len(quantities) > 1:
+            legend_above(panel, len(quantities), handlelength=1.4)
+    for panel in grid[-1]:
+        panel.set_xlabel("time $t$ [s]")
     names = [name for _, quantities in panels for name, _ in quantities]
-    known = [
-        bool(np.isfinite(table.error[name])) for name in names if np.isfinite(table.mean[name])
-    ]
+    known = [bool(np.isfinite(table.error[n])) for n in names if np.isfinite(table.mean[n])]
     line: dict[str, Any] = {"color": "0.3", "linewidth": 0.7}
     entries = [
         (any(known), Line2D([], [], linestyle=_KNOWN, **line), "mean"),
@@ -325,42 +259,29 @@ def _widen(panel: Any, means: list[float]) -> None:
 
 def _draw_quantity(panel: Any, table: TimeTable, name: str, text: str, color: str) -> None:
     known = np.isfinite(table.values[name])
-    style = {"marker": "o", "markersize": 2.0, "markeredgewidth": 0.0} if known.sum() < 60 else {}
-    panel.plot(
-        table.time[known],
-        table.values[name][known],
-        color=color,
-        linewidth=0.8,
-        label=text or None,
-        **style,
-    )
+    style: dict[str, Any] = {"color": color, "linewidth": 0.8, "label": text or None}
+    if known.sum() < 60:
+        style |= {"marker": "o", "markersize": 2.0, "markeredgewidth": 0.0}
+    panel.plot(table.time[known], table.values[name][known], **style)
     mean, error = table.mean[name], table.error[name]
-    if not np.isfinite(mean):
-        return
-    panel.axhline(
-        mean, color=color, linewidth=0.7, linestyle=_KNOWN if np.isfinite(error) else _UNKNOWN
-    )
-    if np.isfinite(error):
+    if np.isfinite(mean):
+        line = _KNOWN if np.isfinite(error) else _UNKNOWN
+        panel.axhline(mean, color=color, linewidth=0.7, linestyle=line)
+    if np.isfinite(mean) and np.isfinite(error):
         panel.axhspan(mean - error, mean + error, color=color, alpha=0.2, linewidth=0.0)
 
 
 def rheology_text(table: Rheology, _terminal: Terminal) -> str:
     """A rheology over time, one low chart for each kind of quantity."""
-    charts = [
-        draw_text(
-            [TextLine(text, table.time, table.values[name]) for name, text in lines],
-            "time [s]",
-            label,
-            rows=_LOW,
-        )
+    return _charts(
+        (label, [TextLine(text, table.time, table.values[name]) for name, text in lines])
         for label, lines in _CHARTS_OF_RHEOLOGY
-    ]
-    return "\n\n".join(charts)
+    )
 
 
 # ---- What is in a region over time, in the same way
 
-_OF_REGION: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
+_OF_REGION: Panels = (
     (r"solid fraction $\nu$ [–]", (("solid_fraction", ""),)),
     ("contacts per grain $Z$ [–]", (("coordination", ""),)),
     ("velocity [m/s]", (("velocity_x", "$v_x$"), ("velocity_y", "$v_y$"))),
@@ -378,33 +299,17 @@ _OF_REGION: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
     ),
     ("temperature $T$ [K]", (("temperature", ""),)),
 )
-"""Label of the axis, quantities of each panel with their names; without heat the last is spin."""
-
-_SPIN = (r"spin $\omega$ [rad/s]", (("spin", ""),))
+_SPIN = (r"spin $\omega$ [rad/s]", (("spin", ""),))  # instead of the last one without heat
 
 
 def draw_region(figure: Any, table: RegionTable) -> None:
     """Draw the panels into a matplotlib figure."""
-    grid = figure.subplots(2, 3, sharex=True)
-    panels = _OF_REGION if "temperature" in table.values else (*_OF_REGION[:-1], _SPIN)
-    for panel, (label, quantities) in zip(grid.flat, panels, strict=True):
-        draw_panel(panel, table, label, quantities)
-        if quantities[0][0] == "temperature":
-            _count_small_rises(panel, table.values["temperature"])
-    explain(figure, table, panels)
-    for panel in grid[-1]:
-        panel.set_xlabel("time $t$ [s]")
-
-
-def _count_small_rises(panel: Any, values: Any) -> None:
-    """Let an axis of temperatures that hardly differ count from a round one."""
-    known = values[np.isfinite(values)]
-    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
-    reference = rise_reference("K", low, high)
-    if reference is not None:
-        panel.set_ylim(low - 0.12 * (high - low), high + 0.12 * (high - low))
-        panel.yaxis.set_major_formatter(rise_formatter(reference))
-        panel.set_ylabel(rise_label("temp.", "T", reference))
+    grid, values = figure.subplots(2, 3, sharex=True), table.values.get("temperature")
+    panels = _OF_REGION if values is not None else (*_OF_REGION[:-1], _SPIN)
+    _draw_panels(figure, grid, table, panels)
+    if values is not None and count_small_rises(grid[-1, -1].yaxis, "temp.", "T", "K", values):
+        low, high = float(np.nanmin(values)), float(np.nanmax(values))
+        grid[-1, -1].set_ylim(low - 0.12 * (high - low), high + 0.12 * (high - low))
 
 
 def region_text(table: RegionTable, _terminal: Terminal) -> str:
@@ -413,16 +318,8 @@ def region_text(table: RegionTable, _terminal: Terminal) -> str:
         ("solid fraction nu [–]", ("solid_fraction",)),
         ("stress of contacts [N/m]", ("stress_xx", "stress_yy", "stress_xy")),
     )
-    return "\n\n".join(
-        draw_text(
-            [
-                TextLine(name[-2:] if len(names) > 1 else "", table.time, table.values[name])
-                for name in names
-            ],
-            "time [s]",
-            label,
-            rows=_LOW,
-        )
+    return _charts(
+        (label, [TextLine(n[-2:] if names[1:] else "", table.time, table.values[n]) for n in names])
         for label, names in charts
         if any(np.isfinite(table.values[name]).any() for name in names)
     )

@@ -1,69 +1,44 @@
 """Tables computed from a run directory, each in a module of its own; these are at hand here."""
 
-from multicor_cli.post.compare import Comparison, ProfilePair, compare
-from multicor_cli.post.crossings import FlowTable, flow_through
-from multicor_cli.post.energy import EnergyTable, SeriesTable, energy, series
-from multicor_cli.post.fields import FieldTable, fields
-from multicor_cli.post.forces import (
-    AngularDistribution,
-    ForceDistribution,
-    ForceNetwork,
-    angular_distribution,
-    force_distribution,
-    force_network,
-)
-from multicor_cli.post.grain_map import GrainMap, GrainScene, grain_map, make_scene
-from multicor_cli.post.profile import ProfileSet, ProfileTable, profile, profiles
-from multicor_cli.post.quantities import MAPPED, PROFILE_GROUPS, PROFILED, QUANTITIES, GrainQuantity
-from multicor_cli.post.region import RegionTable, in_region
-from multicor_cli.post.rheology import Rheology, rheology
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, frame_index
-from multicor_cli.post.table import Column, Quantity, Table
-from multicor_cli.post.theta_eta import ThetaTable, theta_eta
-
-__all__ = [
-    "MAPPED",
-    "PROFILED",
-    "PROFILE_GROUPS",
-    "QUANTITIES",
-    "AngularDistribution",
-    "Column",
-    "Comparison",
-    "EnergyTable",
-    "FieldTable",
-    "FlowTable",
-    "ForceDistribution",
-    "ForceNetwork",
-    "FrameSource",
-    "GrainFrame",
-    "GrainMap",
-    "GrainQuantity",
-    "GrainScene",
-    "PostError",
-    "ProfilePair",
-    "ProfileSet",
-    "ProfileTable",
-    "Quantity",
-    "RegionTable",
-    "Rheology",
-    "Selection",
-    "SeriesTable",
-    "Table",
-    "ThetaTable",
-    "angular_distribution",
-    "compare",
-    "energy",
-    "fields",
-    "flow_through",
-    "force_distribution",
-    "force_network",
-    "frame_index",
-    "grain_map",
-    "in_region",
-    "make_scene",
-    "profile",
-    "profiles",
-    "rheology",
-    "series",
-    "theta_eta",
-]
+from multicor_cli.post.compare import Comparison as Comparison
+from multicor_cli.post.compare import ProfilePair as ProfilePair
+from multicor_cli.post.compare import compare as compare
+from multicor_cli.post.crossings import FlowTable as FlowTable
+from multicor_cli.post.crossings import flow_through as flow_through
+from multicor_cli.post.energy import EnergyTable as EnergyTable
+from multicor_cli.post.energy import SeriesTable as SeriesTable
+from multicor_cli.post.energy import energy as energy
+from multicor_cli.post.energy import series as series
+from multicor_cli.post.fields import FieldTable as FieldTable
+from multicor_cli.post.fields import fields as fields
+from multicor_cli.post.forces import AngularDistribution as AngularDistribution
+from multicor_cli.post.forces import ForceDistribution as ForceDistribution
+from multicor_cli.post.forces import ForceNetwork as ForceNetwork
+from multicor_cli.post.forces import angular_distribution as angular_distribution
+from multicor_cli.post.forces import force_distribution as force_distribution
+from multicor_cli.post.forces import force_network as force_network
+from multicor_cli.post.grain_map import GrainMap as GrainMap
+from multicor_cli.post.grain_map import GrainScene as GrainScene
+from multicor_cli.post.grain_map import grain_map as grain_map
+from multicor_cli.post.grain_map import make_scene as make_scene
+from multicor_cli.post.profile import ProfileSet as ProfileSet
+from multicor_cli.post.profile import ProfileTable as ProfileTable
+from multicor_cli.post.profile import profile as profile
+from multicor_cli.post.profile import profiles as profiles
+from multicor_cli.post.quantities import MAPPED as MAPPED
+from multicor_cli.post.quantities import PROFILE_GROUPS as PROFILE_GROUPS
+from multicor_cli.post.quantities import PROFILED as PROFILED
+from multicor_cli.post.quantities import QUANTITIES as QUANTITIES
+from multicor_cli.post.quantities import GrainQuantity as GrainQuantity
+from multicor_cli.post.region import RegionTable as RegionTable
+from multicor_cli.post.region import in_region as in_region
+from multicor_cli.post.rheology import Rheology as Rheology
+from multicor_cli.post.rheology import rheology as rheology
+from multicor_cli.post.source import PostError as PostError
+from multicor_cli.post.source import Selection as Selection
+from multicor_cli.post.source import frame_index as frame_index
+from multicor_cli.post.table import Column as Column
+from multicor_cli.post.table import Quantity as Quantity
+from multicor_cli.post.table import Table as Table
+from multicor_cli.post.theta_eta import ThetaTable as ThetaTable
+from multicor_cli.post.theta_eta import theta_eta as theta_eta

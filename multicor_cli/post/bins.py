@@ -13,8 +13,7 @@ from multicor_cli.model import Model, ShapeKind
 from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import outlines
-from multicor_cli.post.contacts import LoadedContacts
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, model_of, need_grains
+from multicor_cli.post.source import Frame, PostError, Run, model_of, need_grains
 from multicor_cli.text import choices
 
 # ---- Sharing discs and lines out among horizontal bins by exact area and length
@@ -43,10 +42,8 @@ def share_discs(y: Floats, radius: Floats, bottom: float, width: float, count: i
     last = np.floor((y + radius - bottom) / width).astype(np.int64)
 
     def area(grain: NDArray[np.int64], bin_: NDArray[np.int64]) -> Floats:
-        edge = bottom + bin_ * width - y[grain]
-        return np.maximum(
-            area_below(edge + width, radius[grain]) - area_below(edge, radius[grain]), 0.0
-        )
+        edge, a = bottom + bin_ * width - y[grain], radius[grain]
+        return np.maximum(area_below(edge + width, a) - area_below(edge, a), 0.0)
 
     return _share(first, last, count, area)
 
@@ -132,24 +129,21 @@ class Extent:
     floor: float
     height: float
 
-    def origin(self, frame: GrainFrame) -> float:
+    def origin(self, frame: Frame) -> float:
         """Height y from which this frame is measured [m]."""
         if self.lower is None:
             return self.floor
         return float(self.line[self.lower] + frame.wall_position[self.lower, 1])
 
-    def span(self, frame: GrainFrame) -> float:
+    def span(self, frame: Frame) -> float:
         """Distance of the walls in this frame [m]; where one is missing, `height`."""
         if self.lower is None or self.upper is None:
             return self.height
-        return float(self.line[self.upper] + frame.wall_position[self.upper, 1]) - self.origin(
-            frame
-        )
+        top = float(self.line[self.upper] + frame.wall_position[self.upper, 1])
+        return top - self.origin(frame)
 
 
-def find_extent(
-    source: FrameSource, indices: NDArray[np.int64], between: Between | None = None
-) -> Extent:
+def find_extent(source: Run, indices: NDArray[np.int64], between: Between | None = None) -> Extent:
     """The extent over frames, between the walls named or else those that bound the grains.
 
     Raises:
@@ -177,11 +171,9 @@ def find_extent(
             gap += float(at[upper] - at[lower]) / len(indices)
             continue
         y, radius = np.asarray(frame.position)[:, 1], model_of(source, frame).grains.radius
-        start = float(at[lower]) if lower is not None else 0.0
         floor = min(floor, float((y - radius).min()))
-        ceiling = max(
-            ceiling, (float(at[upper]) if upper is not None else float((y + radius).max())) - start
-        )
+        top = float(at[upper]) if upper is not None else float((y + radius).max())
+        ceiling = max(ceiling, top - (float(at[lower]) if lower is not None else 0.0))
     if lower is not None:
         floor = 0.0
     return Extent(lower, upper, line, floor, gap or ceiling - floor)
@@ -190,7 +182,7 @@ def find_extent(
 def _named_walls(
     names: tuple[str, ...],
     between: Between,
-    frames: list[GrainFrame],
+    frames: list[Frame],
     spans: tuple[Floats, Floats],
     levels: Floats,
 ) -> tuple[int, int]:
@@ -211,7 +203,7 @@ def _named_walls(
 
 
 def _bounding_walls(
-    frames: list[GrainFrame],
+    frames: list[Frame],
     spans: tuple[Floats, Floats],
     levels: Floats,
     width: Floats,
@@ -220,15 +212,13 @@ def _bounding_walls(
     """The highest wall below the grains in all of some frames, and the lowest above them."""
     is_below, is_above = np.ones(width.size, np.bool_), np.ones(width.size, np.bool_)
     for frame in frames:
-        first, last = np.quantile(np.asarray(frame.position)[:, 0], (_STRAY, 1.0 - _STRAY))
+        x, y = np.asarray(frame.position)[:, :2].T
+        first, last = np.quantile(x, (_STRAY, 1.0 - _STRAY))
         is_wide = width >= _WIDE * (last - first)
         is_below, is_above = is_below & is_wide, is_above & is_wide
-        low, middle, high = np.quantile(
-            np.asarray(frame.position)[:, 1], (_STRAY, 0.5, 1.0 - _STRAY)
-        )
+        low, middle, high = np.quantile(y, (_STRAY, 0.5, 1.0 - _STRAY))
         wall_y = np.asarray(frame.wall_position)[:, 1]
-        reach = high - low + diameter
-        floor, lid = levels + wall_y
+        reach, (floor, lid) = high - low + diameter, levels + wall_y
         is_below &= (spans[1] + wall_y < middle) & (floor <= low) & (floor >= low - _FAR * reach)
         is_above &= (spans[0] + wall_y > middle) & (lid >= high) & (lid <= high + _FAR * reach)
     wall_y = np.asarray(frames[0].wall_position)[:, 1]
@@ -267,11 +257,9 @@ def _widths(model: Model) -> Floats:
     low, high = np.full(model.wall_count, np.inf), np.full(model.wall_count, -np.inf)
     shapes = model.shapes
     for which, outline in outlines(shapes.kind, shapes.geometry):
-        ends = (
-            np.full((2, which.size), [[-np.inf], [np.inf]])
-            if outline.normal is not None
-            else outline.corners()[:, :, 0]
-        )
+        ends = outline.corners()[:, :, 0]
+        if outline.normal is not None:  # endless
+            ends = np.full((2, which.size), [[-np.inf], [np.inf]])
         np.minimum.at(low, shapes.wall[which], ends[0])
         np.maximum.at(high, shapes.wall[which], ends[1])
     return np.asarray(high - low)
@@ -300,13 +288,11 @@ def wall_spans(model: Model) -> tuple[Floats, Floats]:
 
 def _are_round(model: Model) -> NDArray[np.bool_]:
     """Which walls are one disc, alone or with others glued around it."""
-    shapes = model.shapes
-    found = np.zeros(model.wall_count, np.bool_)
+    shapes, found = model.shapes, np.zeros(model.wall_count, np.bool_)
     for wall in np.unique(shapes.wall).tolist():
         own = shapes.wall == wall
-        found[wall] = bool((shapes.kind[own] == ShapeKind.DISC).all()) and _surround_one(
-            shapes.geometry[own]
-        )
+        are_discs = bool((shapes.kind[own] == ShapeKind.DISC).all())
+        found[wall] = are_discs and _surround_one(shapes.geometry[own])
     return found
 
 
@@ -369,7 +355,7 @@ class Bins:
         """Centers above the origin, averaged over the frames [m], shape ``(b,)``."""
         return np.asarray(self.bottom + (np.arange(self.count) + 0.5) * self.width)
 
-    def place(self, frame: GrainFrame) -> BinPlace:
+    def place(self, frame: Frame) -> BinPlace:
         """Where the bins are in a frame; raises `PostError` if the walls come too near."""
         width = self.width + (self.extent.span(frame) - self.extent.height) / self.count
         if not width * self.count > _NOTHING * self.extent.height:
@@ -384,18 +370,13 @@ class Bins:
         """Which grain lies in which bin with which area."""
         return share_discs(y, radius, *place, self.count)
 
-    def share_branches(self, contacts: LoadedContacts, y: Floats, place: BinPlace) -> Shares:
-        """Which branch lies in which bin with which part of its length; ``y`` of the grains [m]."""
-        start = y[contacts.i]
-        return share_lines(start, start - contacts.branch[:, 1], *place, self.count)
-
     def total(self, shares: Shares, values: Floats) -> Floats:
         """Sum of values of the shares in each bin, shape ``(b,)``."""
         return np.asarray(np.bincount(shares.bin, weights=values, minlength=self.count), np.float64)
 
 
 def make_bins(
-    source: FrameSource,
+    source: Run,
     chosen: NDArray[np.int64],
     bins: int | None = None,
     *,
@@ -429,16 +410,13 @@ def make_bins(
         )
     if bin_width is not None and not bin_width > 0.0:
         raise PostError(f"bins cannot be {bin_width:g} mean diameters wide: choose more than 0")
-    count = (
-        bins
-        if bins is not None
-        else max(round(min(height / ((bin_width or 1.0) * diameter), 2.0 * BIN_LIMIT)), 1)
-    )
+    wide = (bin_width or 1.0) * diameter
+    count = max(round(min(height / wide, 2.0 * BIN_LIMIT)), 1) if bins is None else bins
     if not 1 <= count <= BIN_LIMIT:
         raise PostError(f"{count} bins: choose between 1 and {BIN_LIMIT}")
     return Bins(extent, height / count, count, bottom, edge)
 
 
-def heights(frame: GrainFrame) -> Floats:
+def heights(frame: Frame) -> Floats:
     """Heights y of the grains [m], shape ``(n,)``."""
     return np.asarray(frame.position, np.float64)[:, 1]

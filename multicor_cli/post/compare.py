@@ -12,7 +12,7 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post.energy import energy
 from multicor_cli.post.profile import ProfileTable, profile
 from multicor_cli.post.rheology import QUANTITIES, rheology
-from multicor_cli.post.source import PostError, Selection, SeriesSource
+from multicor_cli.post.source import PostError, Run, Selection
 from multicor_cli.post.table import Column, Table, plain, with_unit
 
 
@@ -99,6 +99,17 @@ class ProfilePair:
             Column("difference_over_error", "1", self.ratio, "difference over its error"),
         )
 
+    def as_dict(self) -> dict[str, Any]:
+        """Everything as JSON types; numbers may be nan."""
+        _, y, *columns = self.columns()
+        return {
+            "unit": self.first.field.unit,
+            y.name: y.values,
+            "heights": [self.first.height, self.second.height],
+            **{column.name: column.values for column in columns},
+            "rms_difference_over_error": self.rms_ratio,
+        }
+
 
 class Comparison(Table):
     """What `compare` finds.
@@ -110,76 +121,10 @@ class Comparison(Table):
         profiles: Profiles by field.
     """
 
-    def __init__(
-        self,
-        names: tuple[str, str],
-        keys: tuple[tuple[str, str, str], ...],
-        numbers: tuple[Pair, ...],
-        profiles: dict[str, ProfilePair],
-    ) -> None:
-        nan = np.nan
-        lines = [(p.label, p.first, p.second, p.difference, p.ratio, p.note) for p in numbers]
-        # One line for each profile: the root mean square of its differences over their errors.
-        lines += [
-            (f"profile of {name} (rms over bins)", nan, nan, nan, p.rms_ratio, p.note)
-            for name, p in profiles.items()
-        ]
-        headings = ("quantity", *names, "difference", "over its standard error", "note")
-        facts = {
-            "runs": names,
-            "scenario": [dict(zip(("key", "first", "second"), key, strict=True)) for key in keys],
-            "numbers": {
-                p.name: {
-                    "first": p.first,
-                    "second": p.second,
-                    "difference": p.difference,
-                    "error": p.error,
-                }
-                for p in numbers
-            },
-            "profiles": {name: _data_of(pair) for name, pair in profiles.items()},
-        }
-        columns = [
-            Column(name, "", values, label, "")
-            for name, values, label in zip(
-                ("quantity", "one", "two", "difference", "ratio", "note"),
-                zip(*lines, strict=True),
-                headings,
-                strict=True,
-            )
-        ]
-        super().__init__(
-            columns,
-            facts,
-            _joined([pair.columns() for pair in profiles.values()]),
-            names=names,
-            keys=keys,
-        )
-        self.numbers, self.profiles = numbers, profiles
-
-
-def _joined(tables: list[tuple[Column, ...]]) -> list[Column]:
-    """Tables with the same columns below each other."""
-    return [
-        columns[0]._replace(values=[value for column in columns for value in plain(column.values)])
-        for columns in zip(*tables, strict=True)
-    ]
-
-
-def _data_of(pair: ProfilePair) -> dict[str, Any]:
-    _, y, *columns, ratio = pair.columns()
-    return {
-        "unit": pair.first.field.unit,
-        y.name: y.values,
-        "heights": [pair.first.height, pair.second.height],
-        **{column.name: column.values for column in (*columns, ratio)},
-        "rms_difference_over_error": pair.rms_ratio,
-    }
-
 
 def compare(
-    first: SeriesSource,
-    second: SeriesSource,
+    first: Run,
+    second: Run,
     of: Sequence[str] = ("velocity",),
     selection: Selection | None = None,
     bins: int | None = None,
@@ -205,12 +150,44 @@ def compare(
 
     differences = find_differences(first.scenario_resolved, second.scenario_resolved)
     keys = tuple((format_key(d.path), d.before, d.after) for d in differences)
-    return Comparison(
-        _labels(keys, names),
-        keys,
-        (*_sizes(first, second), *_books(first, second), *_rheologies(first, second, selection)),
-        {field: _profiles(first, second, field, selection, bins) for field in dict.fromkeys(of)},
-    )
+    names = _labels(keys, names)
+    numbers = (*_sizes(first, second), *_books(first, second))
+    numbers += (*_rheologies(first, second, selection),)
+    profiles = {}
+    for field in dict.fromkeys(of):
+        one = profile(first, field, selection, bins)
+        profiles[field] = ProfilePair(one, profile(second, field, selection, one.y.size))
+    lines = [(p.label, p.first, p.second, p.difference, p.ratio, p.note) for p in numbers]
+    # One line for each profile: the root mean square of its differences over their errors.
+    nan = np.nan
+    lines += [
+        (f"profile of {name} (rms over bins)", nan, nan, nan, p.rms_ratio, p.note)
+        for name, p in profiles.items()
+    ]
+    headings = {
+        "quantity": "quantity", "one": names[0], "two": names[1], "difference": "difference",
+        "ratio": "over its standard error", "note": "note",
+    }  # fmt: skip
+    columns = [
+        Column(name, "", values, label, "")
+        for (name, label), values in zip(headings.items(), zip(*lines, strict=True), strict=True)
+    ]
+    tables = [pair.columns() for pair in profiles.values()]
+    details = [
+        same[0]._replace(values=[value for column in same for value in plain(column.values)])
+        for same in zip(*tables, strict=True)
+    ]
+    facts = {
+        "runs": names,
+        "scenario": [dict(zip(("key", "first", "second"), key, strict=True)) for key in keys],
+        "numbers": {
+            p.name: {key: getattr(p, key) for key in ("first", "second", "difference", "error")}
+            for p in numbers
+        },
+        "profiles": {name: pair.as_dict() for name, pair in profiles.items()},
+    }
+    parts = {"numbers": numbers, "profiles": profiles, "names": names, "keys": keys}
+    return Comparison(columns, facts, details, **parts)
 
 
 _NAMELESS = ("scenario.name", "scenario.description", "scenario.seed")
@@ -232,50 +209,35 @@ def _labels(keys: Sequence[tuple[str, str, str]], names: tuple[str, str]) -> tup
     return f"{name} = {first}", f"{name} = {second}"
 
 
-def _sizes(first: SeriesSource, second: SeriesSource) -> list[Pair]:
-    kinds: tuple[tuple[str, str, Callable[[SeriesSource], float]], ...] = (
-        ("grain_count", "grains", lambda run: run.model.grain_count),
-        ("frame_count", "frames", lambda run: np.asarray(run.frames.time).size),
-        (
-            "time",
-            "time at the last frame [s]",
-            lambda run: float(np.asarray(run.frames.time)[-1:].sum()),
+def _sizes(first: Run, second: Run) -> list[Pair]:
+    kinds: dict[tuple[str, str], Callable[[Run], float]] = {
+        ("grain_count", "grains"): lambda run: run.model.grain_count,
+        ("frame_count", "frames"): lambda run: np.asarray(run.frames.time).size,
+        ("time", "time at the last frame [s]"): (
+            lambda run: float(np.asarray(run.frames.time)[-1:].sum())
         ),
-    )
-    return [
-        Pair(name, label, float(value(first)), float(value(second))) for name, label, value in kinds
-    ]
+    }
+    return [Pair(*names, float(of(first)), float(of(second))) for names, of in kinds.items()]
 
 
-def _books(first: SeriesSource, second: SeriesSource) -> list[Pair]:
+def _books(first: Run, second: Run) -> list[Pair]:
     one, two = energy(first), energy(second)
-    ends = [
-        (
-            entry.name,
-            entry.label,
-            "J",
-            *(float(table.books[entry.name][-1]) for table in (one, two)),
-        )
-        for entry in one.entries
-        if entry.name in two.books
+    pairs = [
+        Pair(e.name, with_unit(e.label, "J"), float(one.books[e.name][-1]), float(last[-1]))
+        for e in one.entries
+        if (last := two.books.get(e.name)) is not None
     ]
-    ends.append(("energy_closure", "closure", "1", float(one.closure[-1]), float(two.closure[-1])))
-    if one.heat_closure is not None and two.heat_closure is not None:
-        ends.append(
-            (
-                "heat_closure",
-                "closure of heat",
-                "1",
-                float(one.heat_closure[-1]),
-                float(two.heat_closure[-1]),
-            )
-        )
-    return [Pair(name, with_unit(label, unit), *values) for name, label, unit, *values in ends]
+    for name, label, of in (
+        ("energy_closure", "closure [1]", "closure"),
+        ("heat_closure", "closure of heat [1]", "heat_closure"),
+    ):
+        begin, end = getattr(one, of), getattr(two, of)
+        if begin is not None and end is not None:
+            pairs.append(Pair(name, label, float(begin[-1]), float(end[-1])))
+    return pairs
 
 
-def _rheologies(
-    first: SeriesSource, second: SeriesSource, selection: Selection | None
-) -> list[Pair]:
+def _rheologies(first: Run, second: Run, selection: Selection | None) -> list[Pair]:
     """Pairs of the rheology; nothing if one of the runs is not sheared between two walls."""
     try:
         one, two = rheology(first, selection), rheology(second, selection)
@@ -284,6 +246,10 @@ def _rheologies(
     angles = [table.mean["fabric_direction"] for table in (one, two)]
     # Directions repeat every 180°.
     two.mean["fabric_direction"] = angles[0] + ((angles[1] - angles[0] + 90.0) % 180.0 - 90.0)
+    notes = [
+        ", ".join(dict.fromkeys(filter(None, (t.spread[q.name].note() for t in (one, two)))))
+        for q in QUANTITIES
+    ]
     return [
         Pair(
             q.name,
@@ -291,20 +257,7 @@ def _rheologies(
             one.mean[q.name],
             two.mean[q.name],
             float(np.hypot(one.error[q.name], two.error[q.name])),
-            ", ".join(
-                dict.fromkeys(note for table in (one, two) if (note := table.spread[q.name].note()))
-            ),
+            note,
         )
-        for q in QUANTITIES
+        for q, note in zip(QUANTITIES, notes, strict=True)
     ]
-
-
-def _profiles(
-    first: SeriesSource,
-    second: SeriesSource,
-    field: str,
-    selection: Selection | None,
-    bins: int | None,
-) -> ProfilePair:
-    one = profile(first, field, selection, bins)
-    return ProfilePair(one, profile(second, field, selection, one.y.size))

@@ -1,8 +1,7 @@
-"""The contacts of a frame that carry a force, and a run with the grains of some groups only."""
+"""The contacts of a frame that carry a force: what stresses and networks are made of."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -12,13 +11,10 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.model.shapes import ShapeKind
-from multicor_cli.post.source import FrameSequence, FrameSource, GrainFrame, PostError, model_of
-from multicor_cli.text import choices
+from multicor_cli.post.source import Frame, PostError, Run
 
 if TYPE_CHECKING:
     from multicor_cli.store.frames import Contacts
-
-# ---- What stresses and networks are made of
 
 
 @dataclass(frozen=True)
@@ -94,6 +90,16 @@ class LoadedContacts:
         load = np.bincount(self.i, self.force[:, 0], minlength=n)
         return np.asarray(load + np.bincount(self.j[between], self.force[between, 0], minlength=n))
 
+    def parts(self, grains: NDArray[np.int64]) -> Floats:
+        """Which part of each contact is that of the grains with these numbers, shape ``(c,)``.
+
+        Half for each of two grains, all if with a wall: the parts of all groups add up to 1.
+        """
+        counts = np.zeros(self.reach_of.size)
+        counts[grains] = 1.0
+        first, second = counts[self.i], counts[self.j]
+        return np.asarray(np.where(self.is_wall, first, 0.5 * (first + second)))
+
     @property
     def largest(self) -> Floats:
         """Largest normal force on each grain [N], shape ``(n,)``."""
@@ -103,12 +109,12 @@ class LoadedContacts:
         return found
 
 
-def has_forces(frame: GrainFrame) -> bool:
+def has_forces(frame: Frame) -> bool:
     """Whether contact forces belong to a frame: they were recorded, and a step came before it."""
     return bool(frame.contacts.recorded) and frame.dt > 0.0
 
 
-def loaded_contacts(frame: GrainFrame, model: Model) -> LoadedContacts:
+def loaded_contacts(frame: Frame, model: Model) -> LoadedContacts:
     """The contacts of a frame that carry a force."""
     contacts = frame.contacts
     force = np.asarray(contacts.force, np.float64)
@@ -120,7 +126,7 @@ def loaded_contacts(frame: GrainFrame, model: Model) -> LoadedContacts:
     )
 
 
-def with_forces(source: FrameSource, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
+def with_forces(source: Run, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
     """Those of the frames ``chosen`` with contact forces; raises `PostError` if there is none."""
     found = [int(k) for k in chosen if has_forces(source.frames[int(k)])]
     if not found:
@@ -132,7 +138,7 @@ def with_forces(source: FrameSource, chosen: NDArray[np.int64]) -> NDArray[np.in
     return np.array(found, np.int64)
 
 
-def refuse_frame(source: FrameSource, index: int, name: str) -> None:
+def refuse_frame(source: Run, index: int, name: str) -> None:
     """Say why no forces belong to a frame; raises `PostError` if that is so."""
     frame = source.frames[index]
     if not frame.contacts.recorded:
@@ -143,88 +149,3 @@ def refuse_frame(source: FrameSource, index: int, name: str) -> None:
     if not frame.dt > 0.0:
         why = "no step of the mechanics was done before (frozen stages do none)"
         raise PostError(f"there are no contact forces in {name}: {why}; choose other frames")
-
-
-# ---- A run as if it had only the grains of some of its groups
-
-_OF_GRAINS = ("position", "velocity", "spin", "temperature", "generated", "unwrapped", "angle")
-
-
-class FrameOfGroups:
-    """A frame with the grains of some groups; walls, times and the like are those of the whole.
-
-    Attributes:
-        whole: The frame with all its grains.
-        rows: Rows of these grains in it, shape ``(n,)``.
-    """
-
-    def __init__(self, whole: GrainFrame, model: Model, groups: NDArray[np.int64]) -> None:
-        self.whole, self._model = whole, model
-        self.rows = np.flatnonzero(np.isin(model.grains.group, groups))
-
-    @cached_property
-    def model(self) -> Model:
-        """The model of these grains."""
-        return self._model.with_grains(self.rows)
-
-    @property
-    def number(self) -> NDArray[np.int64]:
-        """Numbers of these grains among all of the run, shape ``(n,)``."""
-        numbers = getattr(self.whole, "number", None)
-        return self.rows if numbers is None else np.asarray(numbers)[self.rows]
-
-    @property
-    def contacts(self) -> Any:
-        """Refused: a contact may be one with a grain of another group; see `parts`."""
-        raise PostError(
-            "contacts are not those of one group: leave out --group, or choose a quantity of grains"
-        )
-
-    def parts(self, contacts: LoadedContacts) -> Floats:
-        """Which part of each contact of the whole is that of these grains, shape ``(c,)``.
-
-        Half for each of two grains, all if with a wall: the parts of all groups add up to 1.
-        """
-        n = contacts.grain_count
-        counts = np.zeros(contacts.reach_of.size)
-        counts[self.rows] = 1.0
-        first, second = counts[contacts.i], counts[contacts.j]
-        return np.asarray(np.where(contacts.j < n, 0.5 * (first + second), first))
-
-    def __getattr__(self, name: str) -> Any:
-        values = getattr(self.whole, name)
-        return values if name not in _OF_GRAINS or values is None else np.asarray(values)[self.rows]
-
-
-@dataclass(frozen=True)
-class _Frames:
-    source: FrameSource
-    groups: NDArray[np.int64]
-
-    @property
-    def time(self) -> NDArray[Any]:
-        return self.source.frames.time
-
-    @property
-    def stage(self) -> NDArray[Any]:
-        return self.source.frames.stage
-
-    def __getitem__(self, index: int) -> Any:
-        frame = self.source.frames[index]
-        return FrameOfGroups(frame, model_of(self.source, frame), self.groups)
-
-
-@dataclass(frozen=True)
-class _Source:
-    model: Model
-    frames: FrameSequence
-
-
-def of_groups(source: FrameSource, names: Sequence[str]) -> FrameSource:
-    """The run as if it had only grains of these groups; raises `PostError` if one is missing."""
-    known = source.model.groups
-    for name in names:
-        if name not in known:
-            raise PostError(f"there is no group '{name}'; {choices(name, known)}")
-    groups = np.array([known.index(name) for name in names], np.int64)
-    return _Source(source.model, _Frames(source, groups))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -10,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, model_of
+from multicor_cli.post.source import Frame, PostError, Run, Selection, model_of
 from multicor_cli.post.table import Column, TimeTable
 from multicor_cli.text import count_noun
 
 Line = tuple[tuple[float, float], tuple[float, float]]
-Rows = NDArray[np.int64]
 _UNITS = {"grains": "1/s", "mass": "kg/s", "area": "m2/s"}
 
 
@@ -30,68 +28,14 @@ class FlowTable(TimeTable):
         forth: Grains that crossed to the left in all.
         back: Grains that crossed to the right in all.
         lost: Grains that came, went, or did both between two frames: what they crossed is unknown.
+        note: A word on these; empty if there are none.
+        rate: What crossed per time in each interval, by name, shape ``(r,)``.
     """
 
     KEYS = (
-        "line",
-        "units",
-        "mean",
-        "standard_error",
-        "to_the_left",
-        "to_the_right",
-        "not_counted",
-        "time",
-        "rate",
-    )
-
-    def __init__(
-        self,
-        line: Line,
-        time: Floats,
-        duration: Floats,
-        crossed: Floats,
-        counts: tuple[int, int, int],
-    ) -> None:
-        by_name = dict(zip(_UNITS, crossed, strict=True))
-        rates = [
-            Column(name, _UNITS[name], values / duration, f"{name} per time")
-            for name, values in by_name.items()
-        ]
-        forth, back, lost = counts
-        facts = {"line": line, "to_the_left": forth, "to_the_right": back, "not_counted": lost}
-        parts = {
-            "duration": duration,
-            "crossed": by_name,
-            "forth": forth,
-            "back": back,
-            "lost": lost,
-        }
-        super().__init__(time, rates, facts, **parts)
-        self.details = (self.details[0], *rates)
-        self.facts["rate"] = self.values
-
-    @property
-    def note(self) -> str:
-        """A word on grains whose way is not known; empty if there are none."""
-        if not self.lost:
-            return ""
-        times = count_noun(self.lost, "time")
-        return (
-            f"{times} a grain came or went between two frames; what it crossed then is not "
-            "counted: use more frames"
-        )
-
-    @property
-    def rate(self) -> dict[str, Floats]:
-        """What crossed per time in each interval, by name, shape ``(r,)``."""
-        return self.values
-
-    @cached_property
-    def mean(self) -> dict[str, float]:
-        """Mean rates over the time, by name."""
-        return {
-            name: float(values.sum() / self.duration.sum()) for name, values in self.crossed.items()
-        }
+        "line", "units", "mean", "standard_error", "to_the_left", "to_the_right", "not_counted",
+        "time", "rate",
+    )  # fmt: skip
 
     @property
     def rows(self) -> list[tuple[Any, ...]]:
@@ -103,7 +47,7 @@ class FlowTable(TimeTable):
         return [*super().rows, *((name, count, np.nan, np.nan, "") for name, count in counts)]
 
 
-def flow_through(source: FrameSource, line: Line, selection: Selection | None = None) -> FlowTable:
+def flow_through(source: Run, line: Line, selection: Selection | None = None) -> FlowTable:
     """Which grains have crossed a line with their centers, from frame to frame.
 
     Paths between two frames are taken for straight. Grains that come or go between them are left
@@ -130,75 +74,68 @@ def flow_through(source: FrameSource, line: Line, selection: Selection | None = 
     rows: list[tuple[Any, ...]] = []
     forth, back, lost, before = 0, 0, 0, source.frames[chosen[0]]
     for _, last in pairwise(chosen):
-        after = source.frames[last]
-        one, two, count = _shared(
-            source, before, after, float(times[len(rows) + 1] - times[len(rows)])
-        )
-        lost += count
-        sign, mass, radius = _crossings(source, before, after, line, (one, two))
+        after, lapse = source.frames[last], float(times[len(rows) + 1] - times[len(rows)])
+        sign, mass, radius, count = _crossings(source, before, after, line, lapse)
         rows.append((sign.sum(), (sign * mass).sum(), np.pi * (sign * radius**2).sum()))
-        forth, back, before = forth + int((sign > 0).sum()), back + int((sign < 0).sum()), after
-    return FlowTable(
-        line, times[1:], np.diff(times), np.array(rows, np.float64).T, (forth, back, lost)
-    )
+        forth, back = forth + int((sign > 0).sum()), back + int((sign < 0).sum())
+        before, lost = after, lost + count
+    duration, crossed = np.diff(times), dict(zip(_UNITS, np.array(rows, float).T, strict=True))
+    rates = [
+        Column(name, _UNITS[name], values / duration, f"{name} per time")
+        for name, values in crossed.items()
+    ]
+    mean = {name: float(values.sum() / duration.sum()) for name, values in crossed.items()}
+    facts = {"line": line, "to_the_left": forth, "to_the_right": back, "not_counted": lost}
+    facts["rate"] = {rate.name: rate.values for rate in rates}
+    note = ""
+    if lost:
+        note = (
+            f"{count_noun(lost, 'time')} a grain came or went between two frames; what it crossed "
+            "then is not counted: use more frames"
+        )
+    parts: dict[str, Any] = {"duration": duration, "crossed": crossed, "note": note, "mean": mean}
+    return FlowTable(times[1:], rates, facts, rates, forth=forth, back=back, lost=lost, **parts)
 
 
 def _crossings(
-    source: FrameSource,
-    before: GrainFrame,
-    after: GrainFrame,
-    line: Line,
-    shared: tuple[Rows, Rows],
-) -> tuple[NDArray[np.int64], Floats, Floats]:
-    """+1, −1 or 0 for each grain that has gone from one frame to the other, its mass and radius."""
-    one, two = shared
+    source: Run, before: Frame, after: Frame, line: Line, duration: float
+) -> tuple[NDArray[np.int64], Floats, Floats, int]:
+    """+1, −1 or 0 for each grain that went from one frame to the other, its mass and radius; and
+    how many are in one of the two only, or farther away than they can have come.
+    """
+    model, lost = source.model, 0
+    first: Any
+    second: Any
+    first, second = (getattr(frame, "number", None) for frame in (before, after))
+    are_known = first is not None and second is not None and getattr(before, "is_open", True)
+    one = two = np.arange(len(before.position))
+    if are_known:
+        _, one, two = np.intersect1d(first, second, assume_unique=True, return_indices=True)
+        lost = len(first) + len(second) - 2 * one.size
     start, end = (
         np.asarray(f.unwrapped, np.float64)[rows, :2] for f, rows in ((before, one), (after, two))
     )
-    grains, period = model_of(source, before).grains, source.model.period
-    sign = np.zeros(one.size, np.int64)
-    shifts = _shifts(start, end, line, period) if one.size else []
+    if are_known:
+        speed = (
+            max(  # falling, a grain gets faster than in either frame
+                float(np.hypot(*np.asarray(frame.velocity, np.float64).T[:2]).max(initial=0.0))
+                for frame in (before, after)
+            )
+            + float(np.hypot(*model.gravity)) * duration
+        )
+        is_near = np.hypot(*(end - start).T) <= speed * duration + model.mean_diameter
+        lost += int((~is_near).sum())
+        one, start, end = one[is_near], start[is_near], end[is_near]
+    sign, shifts = np.zeros(one.size, np.int64), np.zeros(1)
+    if model.period > 0.0 and one.size:  # the images of the line that may be crossed
+        x, ends = np.concatenate([start[:, 0], end[:, 0]]), (line[0][0], line[1][0])
+        low = np.floor((x.min() - max(ends)) / model.period)
+        high = np.ceil((x.max() - min(ends)) / model.period)
+        shifts = np.arange(low, high + 1.0) * model.period
     for shift in shifts:
         sign += _crossed(start, end, np.array(line) + np.array([shift, 0.0]))
-    return sign, grains.mass[one], grains.radius[one]
-
-
-def _shared(
-    source: FrameSource, before: GrainFrame, after: GrainFrame, duration: float
-) -> tuple[Rows, Rows, int]:
-    """Rows of grains that went from frame to frame, and how many others are in one of the two."""
-    first, second = (getattr(frame, "number", None) for frame in (before, after))
-    if first is None or second is None or not getattr(before, "is_open", True):
-        everything = np.arange(len(before.position))
-        return everything, everything, 0
-    _, one, two = np.intersect1d(first, second, assume_unique=True, return_indices=True)
-    start, end = (
-        np.asarray(frame.unwrapped, np.float64)[rows, :2]
-        for frame, rows in ((before, one), (after, two))
-    )
-    moved = np.hypot(*(end - start).T) <= _farthest(source, before, after, duration)
-    return one[moved], two[moved], len(first) + len(second) - 2 * one.size + int((~moved).sum())
-
-
-def _farthest(source: FrameSource, before: GrainFrame, after: GrainFrame, duration: float) -> float:
-    """How far a grain can have come between two frames [m]: at their largest speed, and falling."""
-    speeds = (
-        float(np.hypot(*np.asarray(frame.velocity, np.float64).T[:2]).max(initial=0.0))
-        for frame in (before, after)
-    )
-    return (
-        max(speeds) + float(np.hypot(*source.model.gravity)) * duration
-    ) * duration + source.model.mean_diameter
-
-
-def _shifts(start: Floats, end: Floats, line: Line, period: float) -> list[float]:
-    """Where images of the line may be crossed."""
-    if period <= 0.0:
-        return [0.0]
-    x = np.concatenate([start[:, 0], end[:, 0]])
-    ends = (line[0][0], line[1][0])
-    first, last = np.floor((x.min() - max(ends)) / period), np.ceil((x.max() - min(ends)) / period)
-    return [float(k) * period for k in np.arange(first, last + 1.0)]
+    grains = model_of(source, before).grains
+    return sign, grains.mass[one], grains.radius[one], lost
 
 
 def _crossed(start: Floats, end: Floats, line: Floats) -> NDArray[np.int64]:

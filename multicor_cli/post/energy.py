@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.post.source import PostError, SeriesSource, within
+from multicor_cli.model.model import Floats
+from multicor_cli.post.source import PostError, Run, within
 from multicor_cli.post.table import Column, Quantity, Table, TimeTable, values_of_quantities
 from multicor_cli.text import choices
 
@@ -69,9 +70,7 @@ class EnergyTable(Table):
     """
 
 
-def energy(
-    source: SeriesSource, start: float | None = None, end: float | None = None
-) -> EnergyTable:
+def energy(source: Run, start: float | None = None, end: float | None = None) -> EnergyTable:
     """The energy books over time; they count from the start of the run whatever part is asked for.
 
     Args:
@@ -87,55 +86,38 @@ def energy(
     time = np.asarray(series["time"], np.float64)
     rows = within(time, start, end)
     if not rows.size:
-        raise PostError(
-            "the time series has no row in this time"
-            if time.size
-            else "the run has no time series yet"
-        )
+        message = "the time series has no row in this time"
+        raise PostError(message if time.size else "the run has no time series yet")
+
+    def values(name: str) -> Floats:
+        if name == "kinetic_gain":
+            return values("kinetic") - values("kinetic_start")
+        return np.asarray(series[name], np.float64)[rows]
+
     has_heat = "heat_stored" in series
-    gain = np.asarray(series["kinetic"]) - np.asarray(series["kinetic_start"])
     mechanical, heat = (
-        [
-            entry.over_time(
-                np.asarray(
-                    gain if entry.name == "kinetic_gain" else series[entry.name], np.float64
-                )[rows]
-            )
-            for entry in lines
-            if entry.name == "kinetic_gain" or entry.name in series
-        ]
+        [e.over_time(values(e.name)) for e in lines if e.name == "kinetic_gain" or e.name in series]
         for lines in (MECHANICAL, HEAT if has_heat else ())
     )
-    closure = Column("closure", "1", np.asarray(series["closure"], np.float64)[rows])
-    closures = [closure]
+    closures = [Column("closure", "1", values("closure"))]
     if has_heat:
-        closures.append(
-            Column(
-                "heat_closure",
-                "1",
-                np.asarray(series["heat_closure"], np.float64)[rows],
-                "closure of heat",
-            )
-        )
+        closures.append(Column("heat_closure", "1", values("heat_closure"), "closure of heat"))
+    shown = [*mechanical, closures[0], *heat, *closures[1:]]
     books = {column.name: column.values for column in (*mechanical, *heat)}
-    shown = [*mechanical, closure, *heat, *closures[1:]]
+    facts = {
+        "end": {name: book[-1] for name, book in books.items()},
+        "energy_closure": closures[0].values[-1],
+        "heat_closure": closures[1].values[-1] if has_heat else None,
+        "time": time[rows],
+        "books": books,
+        "closure_over_time": closures[0].values,
+        "heat_closure_over_time": closures[1].values if has_heat else None,
+    }
+    over_time = (column._replace(label="") for column in (*mechanical, *heat, *closures))
     return EnergyTable(
-        values_of_quantities(
-            [(column.heading, float(column.values[-1])) for column in shown], "at the end"
-        ),
-        {
-            "end": {name: values[-1] for name, values in books.items()},
-            "energy_closure": closure.values[-1],
-            "heat_closure": closures[1].values[-1] if has_heat else None,
-            "time": time[rows],
-            "books": books,
-            "closure_over_time": closure.values,
-            "heat_closure_over_time": closures[1].values if has_heat else None,
-        },
-        [
-            Column("time", "s", time[rows]),
-            *(c._replace(label="") for c in (*mechanical, *heat, *closures)),
-        ],
+        values_of_quantities([(c.heading, float(c.values[-1])) for c in shown], "at the end"),
+        facts,
+        [Column("time", "s", time[rows]), *over_time],
         entries=tuple(entry for entry in (*MECHANICAL, *HEAT) if entry.name in books),
     )
 
@@ -167,11 +149,7 @@ class SeriesTable(TimeTable):
         """The columns of a figure by default, no more of one unit than it can tell apart."""
         chosen: list[Column] = []
         for word in OVERVIEW:
-            called = [
-                column
-                for column in self.quantities
-                if word in (column.name, *column.name.split(": "))
-            ]
+            called = [c for c in self.quantities if word in (c.name, *c.name.split(": "))]
             alike = sum(bool(called) and column.unit == called[0].unit for column in chosen)
             chosen += called if alike + len(called) <= MOST_LINES else []
         return SeriesTable(self.time, chosen or self.quantities[:1])
@@ -191,7 +169,7 @@ class SeriesTable(TimeTable):
 
 
 def series(
-    source: SeriesSource,
+    source: Run,
     of: Sequence[str] = (),
     start: float | None = None,
     end: float | None = None,
@@ -216,18 +194,14 @@ def series(
         at = f"from t = {time[0]:g} s to {time[-1]:g} s" if time.size else "no rows yet"
         raise PostError(f"the time series has no row at these times: it has rows {at}")
     names = [name for name in columns if name not in _OWN]
-    wanted = (
-        list(dict.fromkeys(name for word in of for name in _called(word, names))) if of else names
-    )
+    wanted: list[str] = []
+    for word in of:
+        called = [name for name in names if word in (name, *name.split(": "))]
+        if not called:
+            raise PostError(f"the time series has no '{word}'; {choices(word, names)}")
+        wanted += called
     kept = [
         Column(name, columns[name].unit, np.asarray(columns[name].values, np.float64)[chosen])
-        for name in wanted
+        for name in dict.fromkeys(wanted if of else names)
     ]
     return SeriesTable(time[chosen], kept)
-
-
-def _called(word: str, names: Sequence[str]) -> list[str]:
-    called = [name for name in names if word in (name, *name.split(": "))]
-    if not called:
-        raise PostError(f"the time series has no '{word}'; {choices(word, names)}")
-    return called

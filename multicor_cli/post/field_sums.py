@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.post.contacts import loaded_contacts
 from multicor_cli.post.grain_map import images
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, model_of
+from multicor_cli.post.source import Frame, PostError, Run, model_of
 from multicor_cli.post.table import Quantity
 
 # ---- Where coarse-grained fields are wanted: a grid, a polar grid, a line, or rings about a center
@@ -58,14 +58,12 @@ def grid(low: Sequence[float], high: Sequence[float], spacing: float) -> FieldPo
     x_edges, y_edges = (_edges(a, b, spacing) for a, b in zip(low, high, strict=True))
     _refuse_many((x_edges.size - 1) * (y_edges.size - 1), spacing)
     y, x = (
-        values.ravel() for values in np.meshgrid(_middle(y_edges), _middle(x_edges), indexing="ij")
+        values.ravel() for values in np.meshgrid(*map(_middle, (y_edges, x_edges)), indexing="ij")
     )
     at = np.column_stack([x, y])
-    return FieldPoints(
-        at, np.zeros(len(at)), "xy", np.arange(len(at)), ("x [m]", "y [m]"), at,
-        (y_edges.size - 1, x_edges.size - 1),
-        (x_edges, y_edges),
-    )  # fmt: skip
+    turn, row, shape = np.zeros(len(at)), np.arange(len(at)), (y_edges.size - 1, x_edges.size - 1)
+    names = ("x [m]", "y [m]")
+    return FieldPoints(at, turn, "xy", row, names, at, shape, (x_edges, y_edges))
 
 
 def polar_grid(
@@ -76,23 +74,12 @@ def polar_grid(
     around = max(np.pi * (inner + outer) / spacing, 8.0)
     _refuse_many((radii.size - 1) * around, spacing)
     turns = np.linspace(0.0, 2.0 * np.pi, round(around) + 1)
-    radius, angle = (
-        values.ravel() for values in np.meshgrid(_middle(radii), _middle(turns), indexing="ij")
-    )
+    radius, angle = (v.ravel() for v in np.meshgrid(*map(_middle, (radii, turns)), indexing="ij"))
     at = _on_rings(center, radius, angle)
     shape = (radii.size - 1, turns.size - 1)
     coordinates = np.column_stack([radius, np.degrees(angle)])
-    return FieldPoints(
-        at,
-        angle,
-        "rt",
-        np.arange(len(at)),
-        ("r [m]", "angle [deg]"),
-        coordinates,
-        shape,
-        (radii, turns),
-        center,
-    )
+    names, row = ("r [m]", "angle [deg]"), np.arange(len(at))
+    return FieldPoints(at, angle, "rt", row, names, coordinates, shape, (radii, turns), center)
 
 
 def line(start: tuple[float, float], end: tuple[float, float], spacing: float) -> FieldPoints:
@@ -114,16 +101,10 @@ def rings(center: tuple[float, float], inner: float, outer: float, spacing: floa
     _refuse_many(np.pi * (outer**2 - inner**2) / spacing**2, spacing)
     counts = np.maximum(np.round(2.0 * np.pi * radii / spacing).astype(np.int64), 8)
     row = np.repeat(np.arange(radii.size), counts)
-    angle = (
-        2.0
-        * np.pi
-        * (np.arange(row.size) - np.repeat(np.cumsum(counts) - counts, counts))
-        / counts[row]
-    )
-    at = _on_rings(center, radii[row], angle)
-    return FieldPoints(
-        at, angle, "rt", row, ("r [m]",), radii[:, np.newaxis], (radii.size,), center=center
-    )
+    number = np.arange(row.size) - np.repeat(np.cumsum(counts) - counts, counts)
+    angle = 2.0 * np.pi * number / counts[row]
+    at, r = _on_rings(center, radii[row], angle), radii[:, np.newaxis]
+    return FieldPoints(at, angle, "rt", row, ("r [m]",), r, (radii.size,), center=center)
 
 
 def _on_rings(center: tuple[float, float], radius: Floats, angle: Floats) -> Floats:
@@ -198,11 +179,8 @@ class CoarseGrid:
         for source, point, away in self._pairs(position):
             slope = (-60.0 / (np.pi * self.reach**4)) * (1.0 - np.hypot(*away.T) / self.reach) ** 2
             for axis in (0, 1):
-                self._add(
-                    total[:, :, axis],
-                    point,
-                    (slope * away[:, axis])[:, np.newaxis] * values[source],
-                )
+                rise = (slope * away[:, axis])[:, np.newaxis]
+                self._add(total[:, :, axis], point, rise * values[source])
         return total
 
     def densities_along(self, start: Floats, branch: Floats, values: Floats) -> Floats:
@@ -234,12 +212,10 @@ class CoarseGrid:
         at = position[which] + np.column_stack([shift, np.zeros_like(shift)])
         cell = self._cell(at)
         for across in (-1, 0, 1):
-            column = cell[:, 0] + across - self._low[0]
-            low, high = (
-                np.clip(cell[:, 1] + up - self._low[1], 0, self._size[1] - 1) for up in (-1, 1)
-            )
-            is_near = (column >= 0) & (column < self._size[0]) & (cell[:, 1] + 1 >= self._low[1])
-            is_near &= cell[:, 1] - 1 < self._low[1] + self._size[1]
+            column, row = cell[:, 0] + across - self._low[0], cell[:, 1] - self._low[1]
+            low, high = (np.clip(row + up, 0, self._size[1] - 1) for up in (-1, 1))
+            is_near = (column >= 0) & (column < self._size[0])
+            is_near &= (row + 1 >= 0) & (row - 1 < self._size[1])
             near = np.flatnonzero(is_near)
             base = column[near] * self._size[1]
             first, last = self._first[base + low[near]], self._first[base + high[near] + 1]
@@ -275,7 +251,9 @@ _HEAT = ("capacity", "energy")
 _SLOPES = ("m_0", "m_1", "p0_0", "p0_1", "p1_0", "p1_1")
 _STRESS = ("s00", "s01", "s10", "s11")
 _WHICH = {"x": "horizontal", "y": "vertical", "r": "radial", "t": "azimuthal"}
-_SYMMETRIC = ((0, 0), (0, 1), (1, 1))
+Pairs = tuple[tuple[int, int], ...]
+_ALL: Pairs = ((0, 0), (0, 1), (1, 0), (1, 1))
+_SYMMETRIC: Pairs = ((0, 0), (0, 1), (1, 1))
 
 
 @dataclass(frozen=True)
@@ -290,26 +268,14 @@ def field_list(axes: str, *, has_heat: bool, has_stress: bool) -> list[Field]:
     tex = [r"\theta" if axis == "t" else axis for axis in axes]
 
     def tensor(
-        name: str,
-        symbol: str,
-        unit: str,
-        pairs: tuple[tuple[int, int], ...],
-        *,
-        is_signed: bool = False,
+        name: str, symbol: str, unit: str, pairs: Pairs = _SYMMETRIC, *, is_signed: bool = False
     ) -> list[Field]:
         made = []
         for i, j in pairs:
-            names = f"{axes[i]}{axes[j]}"
+            names = axes[i] + axes[j]
             label = f"{name.replace('-', ' ')} {names}"
-            made.append(
-                Field(
-                    f"{name}-{names}",
-                    label,
-                    f"{symbol}_{{{tex[i]} {tex[j]}}}",
-                    unit,
-                    is_signed or i != j,
-                )
-            )
+            both = f"{symbol}_{{{tex[i]} {tex[j]}}}"
+            made.append(Field(f"{name}-{names}", label, both, unit, is_signed or i != j))
         return made
 
     found = [
@@ -321,16 +287,16 @@ def field_list(axes: str, *, has_heat: bool, has_stress: bool) -> list[Field]:
         Field("speed", "speed of the mean flow", r"|\mathbf{v}|", "m/s"),
         Field("spin", "spin", r"\omega", "rad/s", True),
         Field("shear-rate", "shear rate", r"|\dot\gamma|", "1/s"),
-        *tensor("strain-rate", r"\dot\varepsilon", "1/s", _SYMMETRIC, is_signed=True),
+        *tensor("strain-rate", r"\dot\varepsilon", "1/s", is_signed=True),
         Field("vorticity", "vorticity", r"\nabla\times\mathbf{v}", "1/s", True),
         Field("granular-temperature", "granular temperature", r"T_g", "m2/s2"),
-        *tensor("kinetic-stress", r"\sigma^\mathrm{kin}", "N/m", _SYMMETRIC),
+        *tensor("kinetic-stress", r"\sigma^\mathrm{kin}", "N/m"),
     ]
     if has_heat:
         found.append(Field("temperature", "temperature", "T", "K"))
     if has_stress:
         found.append(Field("pressure", "contact pressure", "p", "N/m"))
-        found += tensor("stress", r"\sigma", "N/m", ((0, 0), (0, 1), (1, 0), (1, 1)))
+        found += tensor("stress", r"\sigma", "N/m", _ALL)
     return found
 
 
@@ -340,8 +306,8 @@ def column_names(*, has_heat: bool, has_stress: bool) -> tuple[str, ...]:
 
 
 def frame_sums(
-    source: FrameSource,
-    frame: GrainFrame,
+    source: Run,
+    frame: Frame,
     points: FieldPoints,
     coarse: CoarseGrid,
     *,
@@ -356,62 +322,35 @@ def frame_sums(
     if model.thermal is not None:
         assert frame.temperature is not None
         capacity = model.thermal.capacity
-        columns = [
-            *columns,
-            *coarse.densities(
-                position, np.column_stack([capacity, capacity * np.asarray(frame.temperature)])
-            ).T,
-        ]
+        energy = capacity * np.asarray(frame.temperature)
+        columns += [*coarse.densities(position, np.column_stack([capacity, energy])).T]
     if has_stress:
-        columns = [*columns, *_of_contacts(frame, model, position, points, coarse)]
+        contacts = loaded_contacts(frame, model)
+        virial = np.column_stack([contacts.virial(a, b) for a, b in _ALL])
+        xx, xy, yx, yy = coarse.densities_along(position[contacts.i], -contacts.branch, virial).T
+        columns += _tensor(xx, xy, yx, yy, np.cos(points.turn), np.sin(points.turn))
     weight = np.bincount(points.row)
     return np.column_stack([np.bincount(points.row, column) / weight for column in columns])
 
 
 def _of_grains(
-    frame: GrainFrame, model: Model, position: Floats, points: FieldPoints, coarse: CoarseGrid
+    frame: Frame, model: Model, position: Floats, points: FieldPoints, coarse: CoarseGrid
 ) -> list[Floats]:
     grains, velocity = model.grains, np.asarray(frame.velocity, np.float64)[:, :2]
     m = grains.mass
     vx, vy = velocity.T
+    spin = m * np.asarray(frame.spin, np.float64)
     carried = np.column_stack(
-        [
-            np.pi * grains.radius**2,
-            m,
-            m * vx,
-            m * vy,
-            m * np.asarray(frame.spin, np.float64),
-            m * vx * vx,
-            m * vx * vy,
-            m * vy * vy,
-        ]
+        [np.pi * grains.radius**2, m, m * vx, m * vy, spin, m * vx * vx, m * vx * vy, m * vy * vy]
     )
-    found = coarse.densities(position, carried)
+    area, mass, px, py, turned, xx, xy, yy = coarse.densities(position, carried).T
     slopes = coarse.gradients(position, carried[:, 1:4])
+    (mx, my), (px_x, px_y), (py_x, py_y) = np.moveaxis(slopes, 0, -1)
     c, s = np.cos(points.turn), np.sin(points.turn)
-    momentum = _vector(found[:, 2], found[:, 3], c, s)
-    k00, k01, _, k11 = _tensor(found[:, 5], found[:, 6], found[:, 6], found[:, 7], c, s)
-    flow = _tensor(slopes[:, 1, 0], slopes[:, 1, 1], slopes[:, 2, 0], slopes[:, 2, 1], c, s)
-    return [
-        found[:, 0],
-        found[:, 1],
-        *momentum,
-        found[:, 4],
-        k00,
-        k01,
-        k11,
-        *_vector(slopes[:, 0, 0], slopes[:, 0, 1], c, s),
-        *flow,
-    ]
-
-
-def _of_contacts(
-    frame: GrainFrame, model: Model, position: Floats, points: FieldPoints, coarse: CoarseGrid
-) -> list[Floats]:
-    contacts = loaded_contacts(frame, model)
-    virial = np.column_stack([contacts.virial(a, b) for a in (0, 1) for b in (0, 1)])
-    xx, xy, yx, yy = coarse.densities_along(position[contacts.i], -contacts.branch, virial).T
-    return _tensor(xx, xy, yx, yy, np.cos(points.turn), np.sin(points.turn))
+    k00, k01, _, k11 = _tensor(xx, xy, xy, yy, c, s)
+    momentum, slope = _vector(px, py, c, s), _vector(mx, my, c, s)
+    flow = _tensor(px_x, px_y, py_x, py_y, c, s)
+    return [area, mass, *momentum, turned, k00, k01, k11, *slope, *flow]
 
 
 def derive(sums: Floats, names: tuple[str, ...], axes: str) -> dict[str, Floats]:

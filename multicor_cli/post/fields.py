@@ -22,7 +22,7 @@ from multicor_cli.post.field_sums import (
     rings,
 )
 from multicor_cli.post.grain_map import make_scene
-from multicor_cli.post.source import FrameSource, PostError, Selection, model_of, need_grains
+from multicor_cli.post.source import PostError, Run, Selection, model_of, need_grains
 from multicor_cli.post.sums import pseudo_values, spread
 from multicor_cli.post.table import Column, Quantity, Table, split_unit, with_unit
 from multicor_cli.text import choices
@@ -51,7 +51,7 @@ class FieldTable(Table):
 
 
 def fields(
-    source: FrameSource,
+    source: Run,
     of: Sequence[str] = (),
     selection: Selection | None = None,
     *,
@@ -102,7 +102,8 @@ def fields(
     has_heat = source.model.thermal is not None
     names = column_names(has_heat=has_heat, has_stress=has_stress)
     known = tuple(field_list(points.axes, has_heat=has_heat, has_stress=has_stress))
-    wanted = _wanted(of or _default(points), known, is_grid=points.is_grid)
+    default = ["solid-fraction"] if points.is_grid else [f"velocity-{axis}" for axis in points.axes]
+    wanted = _wanted(of or default, known, is_grid=points.is_grid)
     times = np.asarray(source.frames.time)[chosen]
     total = np.zeros((len(points.coordinates), len(names)))
     rows: list[Floats] = []  # of a grid they would fill the memory
@@ -129,56 +130,29 @@ def fields(
     }
     if error:
         facts["standard_error"] = error
-    errors = [
+    details = [*coordinates, *(Column(f.name, f.unit, values[f.name]) for f in known)]
+    details += [
         Column(f"error_{f.name}", f.unit, error[f.name], f"error of {f.name}")
         for f in known
         if f.name in error
     ]
-    return FieldTable(
-        _statistics(known, values)
-        if points.is_grid
-        else _lines(coordinates[0], wanted, values, error),
-        facts,
-        [
-            *coordinates,
-            *(Column(field.name, field.unit, values[field.name]) for field in known),
-            *errors,
-        ],
-        of=wanted,
-        fields=known,
-        points=points,
-        values=values,
-        error=error,
-        frames=chosen,
-        scene=make_scene(source, source.frames[int(chosen[-1])]),
-    )
-
-
-def _lines(
-    at: Column, of: Sequence[Quantity], values: dict[str, Floats], error: dict[str, Floats]
-) -> list[Column]:
-    """A row for each place, with these fields and their errors."""
-    pairs = [
-        (
-            Column(f"shown_{f.name}", f.unit, values[f.name], f.name, ""),
-            Column("errors", "", error[f.name], "standard error", ""),
-        )
-        for f in of
-    ]
-    return [at._replace(key=""), *(column for pair in pairs for column in pair)]
-
-
-def _statistics(fields: Sequence[Quantity], values: dict[str, Floats]) -> list[Column]:
-    """A row for each field of a grid: its mean, smallest and largest value where it has one."""
-    known = [column[np.isfinite(column)] for column in (values[field.name] for field in fields)]
-    columns = [
-        Column("quantity", "", [with_unit(field.label, field.unit) for field in fields], key="")
-    ]
-    for name, statistic in (("mean", np.mean), ("smallest", np.min), ("largest", np.max)):
-        columns.append(
-            Column(name, "", [float(statistic(v)) if v.size else np.nan for v in known], key="")
-        )
-    return columns
+    if points.is_grid:  # a row for each field
+        labels = [with_unit(field.label, field.unit) for field in known]
+        there = [values[field.name][np.isfinite(values[field.name])] for field in known]
+        columns = [Column("quantity", "", labels, key="")]
+        for name, of_all in (("mean", np.mean), ("smallest", np.min), ("largest", np.max)):
+            found = [float(of_all(value)) if value.size else np.nan for value in there]
+            columns.append(Column(name, "", found, key=""))
+    else:  # a row for each place
+        columns = [coordinates[0]._replace(key="")]
+        for f in wanted:
+            columns.append(Column(f"shown_{f.name}", f.unit, values[f.name], f.name, ""))
+            columns.append(Column("errors", "", error[f.name], "standard error", ""))
+    parts = {
+        "of": wanted, "fields": known, "points": points, "values": values, "error": error,
+        "frames": chosen, "scene": make_scene(source, source.frames[int(chosen[-1])]),
+    }  # fmt: skip
+    return FieldTable(columns, facts, details, **parts)
 
 
 def _refuse_sizes(spacing: float, reach: float, diameter: float, period: float) -> None:
@@ -193,12 +167,6 @@ def _refuse_sizes(spacing: float, reach: float, diameter: float, period: float) 
             f"the kernel reaches {reach * diameter:.3g} m, beyond the period of {period:.3g} m: "
             "choose a shorter reach"
         )
-
-
-def _default(points: FieldPoints) -> tuple[str, ...]:
-    return (
-        ("solid-fraction",) if points.is_grid else tuple(f"velocity-{axis}" for axis in points.axes)
-    )
 
 
 def _wanted(of: Sequence[str], known: Sequence[Quantity], *, is_grid: bool) -> tuple[Quantity, ...]:
@@ -223,7 +191,7 @@ def _wanted(of: Sequence[str], known: Sequence[Quantity], *, is_grid: bool) -> t
 
 
 def _points(
-    source: FrameSource,
+    source: Run,
     chosen: NDArray[np.int64],
     spacing: float,
     center: Center | None,
@@ -243,23 +211,19 @@ def _points(
     return grid(low.tolist(), high.tolist(), spacing)
 
 
-def _box(source: FrameSource, chosen: NDArray[np.int64]) -> tuple[Floats, Floats]:
+def _box(source: Run, chosen: NDArray[np.int64]) -> tuple[Floats, Floats]:
     """Lower left and upper right corner of a box that holds the grains in all frames [m]."""
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
     for k in chosen.tolist():
         frame = source.frames[k]
         radius = model_of(source, frame).grains.radius[:, np.newaxis]
         position = np.asarray(frame.position, np.float64)[:, :2]
-        low, high = (
-            np.minimum(low, (position - radius).min(axis=0)),
-            np.maximum(high, (position + radius).max(axis=0)),
-        )
+        low = np.minimum(low, (position - radius).min(axis=0))
+        high = np.maximum(high, (position + radius).max(axis=0))
     return low, high
 
 
-def _beyond(
-    source: FrameSource, chosen: NDArray[np.int64], points: FieldPoints, spacing: float
-) -> str:
+def _beyond(source: Run, chosen: NDArray[np.int64], points: FieldPoints, spacing: float) -> str:
     """A word on rings partly beyond the grains: their means are over what is empty there, too."""
     low, high = _box(source, chosen)
     if source.model.period > 0.0:
@@ -274,7 +238,7 @@ def _beyond(
     )
 
 
-def _distances(source: FrameSource, k: int, center: Center) -> tuple[float, float]:
+def _distances(source: Run, k: int, center: Center) -> tuple[float, float]:
     """How near to the center grains come in a frame, and how far they reach [m]."""
     frame = source.frames[k]
     radius = model_of(source, frame).grains.radius

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import Bins, Extent, heights, make_bins
-from multicor_cli.post.source import FrameSource, GrainFrame, model_of
+from multicor_cli.post.source import Frame, Run, model_of
 
 _CELL_LIMIT = 1000
 # Weight of the slopes beside that of the grains: it decides only what no grain does
@@ -34,7 +34,7 @@ class MeanFlow:
     extent: Extent
     velocity: Floats
 
-    def fluctuation(self, frame: GrainFrame) -> Floats:
+    def fluctuation(self, frame: Frame) -> Floats:
         """Velocities of grains relative to the mean flow at their centers [m/s], ``(n, 2)``."""
         cell, part = _locate(frame, self.extent, len(self.velocity) - 1)
         part = part[:, np.newaxis]
@@ -46,14 +46,14 @@ class MeanFlow:
 class RelativeFrame:
     """A frame for profiles of fluctuations: velocity relative to the mean flow [m/s] ``(n, 2)``."""
 
-    frame: GrainFrame
+    frame: Frame
     velocity: NDArray[Any]
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.frame, name)
 
 
-def mean_flow(source: FrameSource, chosen: NDArray[np.int64], bins: Bins) -> MeanFlow:
+def mean_flow(source: Run, chosen: NDArray[np.int64], bins: Bins) -> MeanFlow:
     """The mean flow over the frames ``chosen``, from wall to wall whatever the bins leave out.
 
     Its knots are as far apart as the bins, but not farther than a mean diameter: coarse bins would
@@ -84,7 +84,7 @@ def mean_flow(source: FrameSource, chosen: NDArray[np.int64], bins: Bins) -> Mea
     return MeanFlow(extent, np.asarray(np.linalg.solve(matrix, right), np.float64))
 
 
-def fluctuations(source: FrameSource, frame: int) -> Floats:
+def fluctuations(source: Run, frame: int) -> Floats:
     """Velocities relative to the mean horizontal flow of the same frame [m/s], shape ``(n, 2)``."""
     chosen = np.array([frame])
     flow = mean_flow(source, chosen, make_bins(source, chosen))
@@ -99,12 +99,12 @@ def _tridiagonal(below: Floats, above: Floats, across: Floats) -> Floats:
     return matrix
 
 
-def _locate(frame: GrainFrame, extent: Extent, count: int) -> tuple[NDArray[np.int64], Floats]:
+def _locate(frame: Frame, extent: Extent, count: int) -> tuple[NDArray[np.int64], Floats]:
     """Cell of each grain between two knots, and where in it the center is: 0 … 1, or −1 … 2."""
     place = (heights(frame) - extent.origin(frame)) * (count / extent.span(frame))
     cell = np.clip(np.floor(place).astype(np.int64), 0, count - 1)
     return cell, np.clip(place - cell, -1.0, 2.0)  # or one grain far away would outweigh all others
 
 
-def _velocities(frame: GrainFrame) -> Floats:
+def _velocities(frame: Frame) -> Floats:
     return np.asarray(frame.velocity, np.float64)[:, :2]

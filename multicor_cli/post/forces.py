@@ -12,8 +12,8 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
 from multicor_cli.post.grain_map import make_scene
 from multicor_cli.post.source import (
-    FrameSource,
     PostError,
+    Run,
     Selection,
     frame_index,
     model_of,
@@ -58,7 +58,7 @@ class ForceNetwork(Table):
     """
 
 
-def force_network(source: FrameSource, frame: int = -1) -> ForceNetwork:
+def force_network(source: Run, frame: int = -1) -> ForceNetwork:
     """The force network of one frame.
 
     Args:
@@ -73,58 +73,42 @@ def force_network(source: FrameSource, frame: int = -1) -> ForceNetwork:
     need_grains(source, np.array([index]))
     with_forces(source, np.array([index]))
     chosen = source.frames[index]
-    loaded = loaded_contacts(chosen, model_of(source, chosen))
-    scene = make_scene(source, chosen)
-    start, sliding = (
-        scene.center[loaded.i],
-        np.asarray(chosen.contacts.sliding, np.bool_)[loaded.row],
-    )
+    loaded, scene = loaded_contacts(chosen, model_of(source, chosen)), make_scene(source, chosen)
+    start, sliding = scene.center[loaded.i], np.asarray(chosen.contacts.sliding, np.bool_)
+    sliding = sliding[loaded.row]
     touch = start - loaded.normal * scene.radius[loaded.i][:, np.newaxis]
-    summary = _summary(loaded, sliding)
+    count, n, with_walls = len(loaded.force), loaded.grain_count, int(loaded.is_wall.sum())
+    normal, tangential = loaded.force.T if count else (np.array([np.nan]),) * 2
+    summary = {
+        "contacts": count,
+        "wall_contacts": with_walls,
+        "normal_force_mean": float(normal.mean()),
+        "normal_force_max": float(normal.max()),
+        "tangential_force_mean": float(np.abs(tangential).mean()),
+        "coordination": float(2 * count - with_walls) / n,
+        "rattler_share": float(np.count_nonzero(loaded.counts < 2)) / n,
+        "sliding_share": float(sliding.mean()) if count else np.nan,
+    }
+    columns = [Column("i", "", loaded.i), Column("j", "", loaded.j)]
+    for name, unit, values, labels in (
+        ("touch_{}", "m", touch, {"x": "x", "y": "y"}),
+        ("normal_{}", "1", loaded.normal, {"x": "normal x", "y": "normal y"}),
+        ("{}_force", "N", loaded.force, {k: f"{k} force" for k in ("normal", "tangential")}),
+    ):
+        columns += [
+            Column(name.format(key), unit, column, label)
+            for (key, label), column in zip(labels.items(), values.T, strict=True)
+        ]
+    parts = {
+        "scene": scene, "normal": loaded.normal, "start": start, "end": start - loaded.branch,
+        "force": loaded.force, "sliding": sliding, "is_wall": loaded.is_wall, "summary": summary,
+    }  # fmt: skip
     return ForceNetwork(
         values_of_quantities([(_NUMBERS[name], value) for name, value in summary.items()]),
         {"frame": index, "time": float(np.asarray(source.frames.time)[index]), **summary},
-        [
-            Column("i", "", loaded.i),
-            Column("j", "", loaded.j),
-            *(Column(f"touch_{axis}", "m", touch[:, k], axis) for k, axis in enumerate("xy")),
-            *(
-                Column(f"normal_{axis}", "1", loaded.normal[:, k], f"normal {axis}")
-                for k, axis in enumerate("xy")
-            ),
-            *(
-                Column(f"{name}_force", "N", loaded.force[:, k], f"{name} force")
-                for k, name in enumerate(("normal", "tangential"))
-            ),
-            Column("slides", "", sliding.astype(np.int64), "sliding"),
-        ],
-        scene=scene,
-        normal=loaded.normal,
-        start=start,
-        end=start - loaded.branch,
-        force=loaded.force,
-        sliding=sliding,
-        is_wall=loaded.is_wall,
-        summary=summary,
+        [*columns, Column("slides", "", sliding.astype(np.int64), "sliding")],
+        **parts,
     )
-
-
-def _summary(contacts: LoadedContacts, sliding: NDArray[np.bool_]) -> dict[str, float]:
-    """The numbers of a network, by name; nan where there is no contact."""
-    count, n = len(contacts.force), contacts.grain_count
-    normal, tangential = contacts.force.T if count else (np.array([np.nan]),) * 2
-    with_walls = int(np.count_nonzero(contacts.is_wall))
-    values = (
-        count,
-        with_walls,
-        float(normal.mean()),
-        float(normal.max()),
-        float(np.abs(tangential).mean()),
-        float(2 * count - with_walls) / n,
-        float(np.count_nonzero(contacts.counts < 2)) / n,
-        float(sliding.mean()) if count else np.nan,
-    )
-    return dict(zip(SUMMARY, values, strict=True))
 
 
 # ---- How contact forces are distributed: over magnitudes, and over directions
@@ -138,6 +122,7 @@ ANGLE_BINS = 36
 MOMENTS = ("a_c", "a_n", "a_t", "theta_c", "theta_n", "theta_t")
 """Names of the moments of an `AngularDistribution`."""
 
+_NOTHING = "no two grains press on each other in these frames"
 _SMALLEST, _LARGEST = 1e-3, 20.0  # range of f/⟨f⟩ that is looked at
 
 
@@ -184,7 +169,7 @@ class AngularDistribution(Table):
 
 
 def force_distribution(
-    source: FrameSource, selection: Selection | None = None, bins: int = FORCE_BINS
+    source: Run, selection: Selection | None = None, bins: int = FORCE_BINS
 ) -> ForceDistribution:
     """Distribution of the contact forces over their magnitude, in logarithmic bins.
 
@@ -204,7 +189,7 @@ def force_distribution(
     width = np.diff(edges)
     rows: list[Floats] = []
     for loaded in contacts:
-        f, g = np.abs(_between(loaded, loaded.force)).T
+        f, g = np.abs(loaded.force[~loaded.is_wall]).T
         normal_sum += float(f.sum())
         tangential_sum += float(g.sum())
         count += f.size
@@ -216,44 +201,40 @@ def force_distribution(
             tangential_count += g.size
             across = found / (g.size * width)
         rows.append(np.array([own / (f.size * width), across]))
-    _need_contacts(count)
-    normal_scatter, tangential_scatter = scatter(np.array(rows))
-    densities = (
-        normal / (count * width),
-        tangential / (tangential_count * width) if tangential_count else np.full(bins, np.nan),
-    )
-    columns = [
-        Column("low", "1", edges[:-1], "f/<f> from"),
-        Column("high", "1", edges[1:], "to"),
-        Column("normal", "1", densities[0], "P of normal forces"),
-        Column("normal_scatter", "1", normal_scatter, "scatter of normal P"),
-        Column("tangential", "1", densities[1], "P of tangential forces"),
-        Column("tangential_scatter", "1", tangential_scatter, "scatter of tangential P"),
-        Column("count", "", normal, "normal forces"),
-    ]
-    values = {column.name: column.values for column in columns}
+    if not count:
+        raise PostError(_NOTHING)
     facts = {
         **_frames_of(source, chosen, count),
         "normal_force_mean": normal_sum / count,
         "tangential_force_mean": tangential_sum / count,
         "edges": edges,
-        **{
-            name: values[name]
-            for name in ("normal", "tangential", "count", "normal_scatter", "tangential_scatter")
-        },
     }
-    return ForceDistribution(
-        [column._replace(key="") for column in columns],
-        facts,
-        frames=chosen,
-        center=np.sqrt(edges[1:] * edges[:-1]),
-        mean=normal_sum / count,
-        tangential_mean=tangential_sum / count,
-    )
+    facts["normal"] = normal / (count * width)
+    facts["tangential"] = np.full(bins, np.nan)
+    if tangential_count:
+        facts["tangential"] = tangential / (tangential_count * width)
+    facts["count"] = normal
+    facts["normal_scatter"], facts["tangential_scatter"] = scatter(np.array(rows))
+    edge = {"low": edges[:-1], "high": edges[1:]}
+    columns = [
+        Column(name, unit, edge[name] if name in edge else facts[name], label, "")
+        for name, unit, label in (
+            ("low", "1", "f/<f> from"),
+            ("high", "1", "to"),
+            ("normal", "1", "P of normal forces"),
+            ("normal_scatter", "1", "scatter of normal P"),
+            ("tangential", "1", "P of tangential forces"),
+            ("tangential_scatter", "1", "scatter of tangential P"),
+            ("count", "", "normal forces"),
+        )
+    ]
+    parts: dict[str, Any] = {"frames": chosen, "center": np.sqrt(edges[1:] * edges[:-1])}
+    parts |= {"mean": normal_sum / count, "tangential_mean": tangential_sum / count}
+    return ForceDistribution(columns, facts, **parts)
 
 
 def angular_distribution(
-    source: FrameSource, selection: Selection | None = None, bins: int = ANGLE_BINS
+    source: Run, selection: Selection | None = None, bins: int = ANGLE_BINS
 ) -> AngularDistribution:
     """Distribution of contact directions and of the forces over them.
 
@@ -275,28 +256,28 @@ def angular_distribution(
     rows: list[Floats] = []
     single: list[dict[str, float]] = []
     for loaded in contacts:
-        normal, force = (_between(loaded, values) for values in (loaded.normal, loaded.force))
+        normal, force = loaded.normal[~loaded.is_wall], loaded.force[~loaded.is_wall]
         # Opposite directions belong to one contact, whose forces are the same from either side.
-        bin_ = np.minimum(
-            (np.arctan2(normal[:, 1], normal[:, 0]) % np.pi / np.pi * half).astype(np.int64),
-            half - 1,
-        )
-        own = np.array(
-            [
-                np.bincount(bin_, weights, minlength=half)
-                for weights in (np.ones(bin_.size), *force.T)
-            ]
-        )
+        place = np.arctan2(normal[:, 1], normal[:, 0]) % np.pi / np.pi * half
+        bin_ = np.minimum(place.astype(np.int64), half - 1)
+        carried = (np.ones(bin_.size), *force.T)
+        own = np.array([np.bincount(bin_, weights, minlength=half) for weights in carried])
         turned = complex(((normal[:, 0] + 1j * normal[:, 1]) ** 2).sum())  # e^{2iθ}
         sums, wave = sums + own, wave + turned
         rows.append(np.array(_directions(own)[:2]))
         single.append(_moments_of(own, turned, center))
     count = int(sums[0].sum())
-    _need_contacts(count)
+    if not count:
+        raise PostError(_NOTHING)
     density, mean, shear = (np.tile(values, 2) for values in _directions(sums))
     density_scatter, normal_scatter = (np.tile(values, 2) for values in scatter(np.array(rows)))
     moments, angle = _moments_of(sums, wave, center), np.concatenate([center, center + np.pi])
-    moments_scatter = _scatter_of(single, moments)
+    moments_scatter = {}
+    for name, middle in moments.items():
+        away = np.array([one[name] for one in single]) - middle
+        if name.startswith("theta"):  # directions repeat every 180°
+            away = (away + 90.0) % 180.0 - 90.0
+        moments_scatter[name] = float(scatter(away))
     facts = {
         **_frames_of(source, chosen, count),
         **moments,
@@ -326,21 +307,26 @@ def _directions(sums: Floats) -> tuple[Floats, Floats, Floats]:
         )
 
 
-def _moments_of(sums: Floats, wave: complex, center: Floats) -> dict[str, float]:
+def _moments_of(sums: Floats, wave: complex, angle: Floats) -> dict[str, float]:
+    """Anisotropies and directions; those of forces from bins that count alike, unless empty."""
     count, f, g = sums
     with np.errstate(invalid="ignore"):
-        return _moments(2.0 * wave / count.sum(), center, f / count, g / count)
-
-
-def _scatter_of(frames: list[dict[str, float]], overall: dict[str, float]) -> dict[str, float]:
-    """Standard deviations of moments from frame to frame; directions repeat every 180°."""
-    deviations = {}
-    for name, middle in overall.items():
-        away = np.array([moments[name] for moments in frames]) - middle
-        deviations[name] = float(
-            scatter((away + 90.0) % 180.0 - 90.0 if name.startswith("theta") else away)
-        )
-    return deviations
+        normal, tangential = f / count, g / count
+    known = np.isfinite(normal)
+    width = np.pi / angle.size
+    # a bin averages e^{2iθ} over its width w: sin(w)/w
+    turned = np.exp(2j * angle[known]) * (width / np.sin(width))
+    level = normal[known].mean()
+    waves = {
+        "c": 2.0 * wave / count.sum(),
+        "n": 2.0 * (normal[known] * turned).mean() / level,
+        "t": 2.0j * (tangential[known] * turned).mean() / level,
+    }
+    moments = {f"a_{name}": float(abs(value)) for name, value in waves.items()}
+    return moments | {
+        f"theta_{name}": float(np.degrees(0.5 * np.angle(value)) % 180.0)
+        for name, value in waves.items()
+    }
 
 
 def _count(values: Floats, edges: Floats) -> NDArray[np.int64]:
@@ -351,29 +337,8 @@ def _count(values: Floats, edges: Floats) -> NDArray[np.int64]:
     return np.bincount(np.minimum(bin_, count - 1), minlength=count)
 
 
-def _moments(
-    fabric: complex, angle: Floats, normal: Floats, tangential: Floats
-) -> dict[str, float]:
-    """Anisotropies and directions; those of forces from bins that count alike, unless empty."""
-    known = np.isfinite(normal)
-    width = np.pi / angle.size
-    # a bin averages e^{2iθ} over its width w: sin(w)/w
-    wave = np.exp(2j * angle[known]) * (width / np.sin(width))
-    level = normal[known].mean()
-    forces = (
-        2.0 * (normal[known] * wave).mean() / level,
-        2.0j * (tangential[known] * wave).mean() / level,
-    )
-    waves = dict(zip("cnt", (fabric, *forces), strict=True))
-    moments = {f"a_{name}": float(abs(value)) for name, value in waves.items()}
-    return moments | {
-        f"theta_{name}": float(np.degrees(0.5 * np.angle(value)) % 180.0)
-        for name, value in waves.items()
-    }
-
-
 def _between_grains(
-    source: FrameSource, selection: Selection | None
+    source: Run, selection: Selection | None
 ) -> tuple[NDArray[np.int64], Iterator[LoadedContacts]]:
     """The frames that have forces, and the contacts of those that have any between grains."""
     chosen = with_forces(source, (selection or Selection()).indices(source.frames))
@@ -384,17 +349,7 @@ def _between_grains(
     return chosen, (contacts for contacts in loaded if not contacts.is_wall.all())
 
 
-def _need_contacts(count: int) -> None:
-    if not count:
-        raise PostError("no two grains press on each other in these frames")
-
-
-def _between(contacts: LoadedContacts, rows: Floats) -> Floats:
-    """Those of rows with one per contact that belong to contacts between grains."""
-    return np.asarray(rows[~contacts.is_wall])
-
-
-def _frames_of(source: FrameSource, chosen: NDArray[np.int64], contacts: int) -> dict[str, Any]:
+def _frames_of(source: Run, chosen: NDArray[np.int64], contacts: int) -> dict[str, Any]:
     times = np.asarray(source.frames.time)[chosen]
     return {
         "frame_count": int(chosen.size),

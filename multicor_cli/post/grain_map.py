@@ -13,9 +13,9 @@ from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Outline, outlines
 from multicor_cli.post.quantities import MAPPED, SAME, GrainQuantity
 from multicor_cli.post.source import (
-    FrameSource,
-    GrainFrame,
+    Frame,
     PostError,
+    Run,
     frame_index,
     model_of,
     need_grains,
@@ -49,7 +49,7 @@ class GrainScene:
     box: Floats
 
 
-def make_scene(source: FrameSource, frame: GrainFrame) -> GrainScene:
+def make_scene(source: Run, frame: Frame) -> GrainScene:
     """The scene of a frame; x is wrapped into the period.
 
     Args:
@@ -61,9 +61,8 @@ def make_scene(source: FrameSource, frame: GrainFrame) -> GrainScene:
     """
     model = model_of(source, frame)
     center = np.array(np.asarray(frame.position, np.float64)[:, :2])
-    walls = [
-        outline for _, outline in placed_walls(model, np.asarray(frame.wall_position, np.float64))
-    ]
+    pose = np.asarray(frame.wall_position, np.float64)
+    walls = [outline for _, outline in placed_walls(model, pose)]
     if model.period > 0.0:
         center[:, 0] %= model.period
         for outline in walls:
@@ -79,10 +78,9 @@ def placed_walls(
     model: Model, pose: Floats, is_asked: NDArray[np.bool_] | None = None
 ) -> Iterator[tuple[NDArray[np.int64], Outline]]:
     """Which shapes of the walls asked for, with outlines at ``pose`` [m, rad], kind by kind."""
-    shapes = model.shapes
-    asked = (
-        np.arange(model.shape_count) if is_asked is None else np.flatnonzero(is_asked[shapes.wall])
-    )
+    shapes, asked = model.shapes, np.arange(model.shape_count)
+    if is_asked is not None:
+        asked = np.flatnonzero(is_asked[shapes.wall])
     for which, outline in outlines(shapes.kind[asked], shapes.geometry[asked]):
         yield asked[which], _placed(outline, pose[shapes.wall[asked[which]]])
 
@@ -102,11 +100,8 @@ def images(x: Floats, reach: Floats, period: float) -> tuple[NDArray[np.int64], 
 def _placed(outline: Outline, pose: Floats) -> Outline:
     """Outlines turned and moved with their walls, whose poses have shape ``(k, 3)``."""
     points = _turned(outline.points, pose[:, np.newaxis, 2]) + pose[:, np.newaxis, :2]
-    return replace(
-        outline,
-        points=points,
-        normal=None if outline.normal is None else _turned(outline.normal, pose[:, 2]),
-    )
+    normal = None if outline.normal is None else _turned(outline.normal, pose[:, 2])
+    return replace(outline, points=points, normal=normal)
 
 
 def _turned(vectors: Floats, angle: Floats) -> Floats:
@@ -121,18 +116,13 @@ def _find_box(center: Floats, radius: Floats, walls: Sequence[Outline]) -> Float
         [np.zeros((2, 0, 2)), *(outline.corners() for outline in walls if outline.normal is None)],
         axis=1,
     )
-    grains = np.array(
-        [
-            (center - radius[:, np.newaxis]).min(axis=0, initial=np.inf),
-            (center + radius[:, np.newaxis]).max(axis=0, initial=-np.inf),
-        ]
-    )
-    if not radius.size:  # none is there yet, or any more
-        grains = (
-            np.array([low.min(axis=0), high.max(axis=0)])
-            if len(low)
-            else np.array([[0.0, 0.0], [1.0, 1.0]])
-        )
+    if radius.size:
+        reach = radius[:, np.newaxis]
+        grains = np.array([(center - reach).min(axis=0), (center + reach).max(axis=0)])
+    elif len(low):  # no grain is there yet, or any more
+        grains = np.array([low.min(axis=0), high.max(axis=0)])
+    else:
+        grains = np.array([[0.0, 0.0], [1.0, 1.0]])
     room = _NEAR * (grains[1] - grains[0]).max()
     near = ((low <= grains[1] + room) & (high >= grains[0] - room)).all(axis=1)
     box = np.array([np.minimum(grains[0], low[near].min(axis=0, initial=np.inf)), grains[1]])
@@ -158,9 +148,7 @@ class GrainMap(Table):
     """
 
 
-def grain_map(
-    source: FrameSource, of: str, frame: int = -1, *, may_be_empty: bool = False
-) -> GrainMap:
+def grain_map(source: Run, of: str, frame: int = -1, *, may_be_empty: bool = False) -> GrainMap:
     """A quantity of every grain of one frame.
 
     Args:
@@ -182,10 +170,8 @@ def grain_map(
     values = chosen.of_grain(source, index)
     vector = values if values.ndim == 2 else None
     value = values if vector is None else np.hypot(*vector.T)
-    scene, names = (
-        make_scene(source, source.frames[index]),
-        () if chosen.names_of is None else chosen.names_of(source.model),
-    )
+    scene = make_scene(source, source.frames[index])
+    names = () if chosen.names_of is None else chosen.names_of(source.model)
     time = float(np.asarray(source.frames.time)[index])
     grains = [
         *(Column(axis, "m", scene.center[:, k]) for k, axis in enumerate("xy")),
@@ -219,14 +205,9 @@ def _statistics(field: GrainQuantity, value: Floats, names: tuple[str, ...]) -> 
     if not value.size:
         return values_of_quantities([("grains", 0.0)])
     quantiles = np.quantile(value, (0.0, 0.05, 0.5, 0.95, 1.0)).tolist()
-    labels = (
-        "smallest",
-        "5 % of the grains below",
-        "half of the grains below",
-        "95 % of the grains below",
-        "largest",
-    )
-    lines = [("mean", float(value.mean())), *zip(labels, quantiles, strict=True)]
+    below = [f"{part} of the grains below" for part in ("5 %", "half", "95 %")]
+    labels = ("mean", "smallest", *below, "largest")
+    lines = zip(labels, (float(value.mean()), *quantiles), strict=True)
     return values_of_quantities(
         [("grains", float(value.size)), *((with_unit(k, field.unit), v) for k, v in lines)]
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,10 +10,18 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import Between, Bins, make_bins
-from multicor_cli.post.contacts import FrameOfGroups, of_groups, with_forces
+from multicor_cli.post.contacts import with_forces
 from multicor_cli.post.flow import RelativeFrame, mean_flow
 from multicor_cli.post.quantities import PROFILE_GROUPS, PROFILED, SAME, GrainQuantity
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, model_of
+from multicor_cli.post.source import (
+    Frame,
+    FrameOfGroups,
+    PostError,
+    Run,
+    Selection,
+    model_of,
+    of_groups,
+)
 from multicor_cli.post.sums import (
     Sums,
     Values,
@@ -21,10 +29,8 @@ from multicor_cli.post.sums import (
     drift_note,
     plane_width,
     sum_contacts,
-    sum_means,
-    sum_numbers,
+    sum_grains,
     sum_rates,
-    sum_shares,
 )
 from multicor_cli.post.table import Column, Table
 from multicor_cli.text import choices
@@ -115,26 +121,20 @@ class ProfileTable(Table):
             normalized=True,
             is_normalized=True,
         )
-        table.columns = (
-            *(column._replace(unit="1") for column in table.columns[:-1]),
-            table.columns[-1],
-        )
+        *scaled, area = table.columns
+        table.columns = (*(column._replace(unit="1") for column in scaled), area)
         return table
 
     def _wall_scale(self) -> tuple[float, float]:
         low, high = self.wall_values
         if not all(self.walls):
             raise PostError("normalizing needs a wall below and a wall above the grains")
-        if not np.isfinite(low) or not np.isfinite(high):
-            free = [
-                name
-                for name, value in zip(self.walls, self.wall_values, strict=True)
-                if not np.isfinite(value)
-            ]
-            raise PostError(
-                f"normalizing needs a prescribed {self.field.label} of both walls; '{free[0]}' "
-                "has none, or not in all of these frames"
-            )
+        for name, value in zip(self.walls, self.wall_values, strict=True):
+            if not np.isfinite(value):
+                raise PostError(
+                    f"normalizing needs a prescribed {self.field.label} of both walls; '{name}' "
+                    "has none, or not in all of these frames"
+                )
         if low == high:
             raise PostError(
                 f"normalizing needs walls of different {self.field.label}; both have {low:g} "
@@ -162,19 +162,16 @@ class ProfileSet(Table):
 
     def __init__(self, name: str, tables: Sequence[ProfileTable]) -> None:
         self.name, self.tables = name, tuple(tables)
-        columns = list(self.first.columns)
+        y, *own, area = self.first.columns
         if len(self.tables) > 1:
-            own = [
-                column._replace(name=f"{column.name}_{k}", label=label)
-                for k, table in enumerate(self.tables)
-                for column, label in zip(
-                    table.columns[1:3],
-                    (table.field.name, f"error {table.field.name[-2:]}"),
-                    strict=True,
-                )
-            ]
-            columns = [columns[0], *own, columns[-1]]
-        super().__init__(columns, {})
+            own = []
+            for k, table in enumerate(self.tables):
+                labels = (table.field.name, f"error {table.field.name[-2:]}")
+                own += [
+                    column._replace(name=f"{column.name}_{k}", label=label)
+                    for column, label in zip(table.columns[1:3], labels, strict=True)
+                ]
+        super().__init__([y, *own, area], {})
 
     @property
     def first(self) -> ProfileTable:
@@ -186,13 +183,11 @@ class ProfileSet(Table):
         if len(self.tables) == 1:
             return self.first.as_dict()
         common = {key: value for key, value in self.first.as_dict().items() if key not in _OWN}
-        own = {
-            table.field.name: {
-                key: value for key, value in table.as_dict().items() if key in _OWN[1:]
-            }
-            for table in self.tables
-        }
-        return {"of": self.name, **common, "fields": own}
+        fields = {}
+        for table in self.tables:
+            data = table.as_dict()
+            fields[table.field.name] = {key: data[key] for key in data if key in _OWN[1:]}
+        return {"of": self.name, **common, "fields": fields}
 
     def normalized(self) -> ProfileSet:
         """The same in a form without unit; raises as `ProfileTable.normalized`."""
@@ -203,7 +198,7 @@ _OWN = ("of", "unit", "wall_values", "value", "standard_error", "note")
 
 
 def profile(
-    source: FrameSource,
+    source: Run,
     of: str = "velocity",
     selection: Selection | None = None,
     bins: int | None = None,
@@ -256,7 +251,7 @@ def profile(
 
 
 def profiles(
-    source: FrameSource,
+    source: Run,
     of: str = "velocity",
     selection: Selection | None = None,
     bins: int | None = None,
@@ -302,29 +297,19 @@ def profiles(
         source, chosen, bins, bin_width=bin_width, exclude_walls=exclude_walls, between=between
     )
     if kind == "contact":
-        sums = sum_contacts(
-            part,
-            chosen,
-            bins_,
-            [field.of_contacts for field in fields if field.of_contacts is not None],
-        )
+        carried = [field.of_contacts for field in fields if field.of_contacts is not None]
+        sums = sum_contacts(part, chosen, bins_, carried)
     else:
-        sums = _SUMS[kind](part, chosen, bins_, _values_of(source, fields, chosen, bins_))
-    return ProfileSet(
-        of,
-        [
-            _make_table(source, *pair, chosen, bins_, tuple(groups))
-            for pair in zip(fields, sums, strict=True)
-        ],
-    )
-
-
-_SUMS: dict[str, Callable[[FrameSource, NDArray[np.int64], Bins, Sequence[Values]], list[Sums]]] = {
-    "mean": sum_means,
-    "number": sum_numbers,
-    "rate": sum_rates,
-    "share": sum_shares,
-}
+        values = _values_of(source, fields, chosen, bins_)
+        if kind == "rate":
+            sums = sum_rates(part, chosen, bins_, values)
+        else:
+            sums = sum_grains(part, chosen, bins_, values, kind)
+    tables = [
+        _make_table(source, *pair, chosen, bins_, tuple(groups))
+        for pair in zip(fields, sums, strict=True)
+    ]
+    return ProfileSet(of, tables)
 
 
 def _find_fields(of: str) -> tuple[GrainQuantity, ...]:
@@ -338,7 +323,7 @@ def _find_fields(of: str) -> tuple[GrainQuantity, ...]:
 
 
 def _make_table(
-    source: FrameSource,
+    source: Run,
     field: GrainQuantity,
     sums: Sums,
     chosen: NDArray[np.int64],
@@ -386,7 +371,7 @@ def _make_table(
 
 
 def _bin_area(
-    source: FrameSource, field: GrainQuantity, sums: Sums, chosen: NDArray[np.int64], bins: Bins
+    source: Run, field: GrainQuantity, sums: Sums, chosen: NDArray[np.int64], bins: Bins
 ) -> float:
     """Area of a bin, averaged over the frames, or over the time of a rate [m²]."""
     if field.kind in ("mean", "number"):
@@ -401,7 +386,7 @@ def _bin_area(
 
 
 def _values_of(
-    source: FrameSource, fields: tuple[GrainQuantity, ...], chosen: NDArray[np.int64], bins: Bins
+    source: Run, fields: tuple[GrainQuantity, ...], chosen: NDArray[np.int64], bins: Bins
 ) -> list[Values]:
     is_relative = any(field.is_relative for field in fields)
     flow = mean_flow(source, chosen, bins) if is_relative else None
@@ -410,15 +395,14 @@ def _values_of(
         averaged = field.averaged
         assert averaged is not None
 
-        def values(frame: GrainFrame) -> Floats:
-            if flow is not None:
-                frame = RelativeFrame(frame, flow.fluctuation(frame))
+        def values(frame: Frame) -> Floats:
             # Contacts with grains of other groups count too
             if field.needs_contacts and isinstance(frame, FrameOfGroups):
-                return np.asarray(averaged(frame.whole, model_of(source, frame.whole)), np.float64)[
-                    frame.rows
-                ]
-            return np.asarray(averaged(frame, model_of(source, frame)), np.float64)
+                return values(frame.whole)[frame.rows]
+            moving: Any = frame
+            if flow is not None:
+                moving = RelativeFrame(frame, flow.fluctuation(frame))
+            return np.asarray(averaged(moving, model_of(source, frame)), np.float64)
 
         return values
 
@@ -426,7 +410,7 @@ def _values_of(
 
 
 def _at_walls(
-    source: FrameSource,
+    source: Run,
     field: GrainQuantity,
     chosen: NDArray[np.int64],
     walls: tuple[int | None, int | None],

@@ -13,9 +13,9 @@ from multicor_cli.model.model import Floats, Model
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
 from multicor_cli.post.flow import fluctuations
 from multicor_cli.post.source import (
-    FrameSource,
-    GrainFrame,
+    Frame,
     PostError,
+    Run,
     model_of,
     need_heat,
     need_same_grains,
@@ -76,12 +76,12 @@ class GrainQuantity(Quantity):
         names_of: Names that the values 0, 1, … stand for, where they are no amounts.
     """
 
-    of_grain: Callable[[FrameSource, int], Floats] | None = None
+    of_grain: Callable[[Run, int], Floats] | None = None
     colors: Colors = "viridis"
     scale: Scale = "linear"
     needs_heat: bool = False
-    averaged: Callable[[GrainFrame, Model], Floats] | None = None
-    of_walls: Callable[[GrainFrame, Model], Floats] | None = None
+    averaged: Callable[[Frame, Model], Floats] | None = None
+    of_walls: Callable[[Frame, Model], Floats] | None = None
     kind: Kind = "mean"
     scaling: Scaling = "none"
     is_relative: bool = False
@@ -97,11 +97,9 @@ class GrainQuantity(Quantity):
 
     def of_profile(self) -> GrainQuantity:
         """The same with the symbol and the unit of its profiles."""
-        return (
-            self
-            if self.per_area is None
-            else replace(self, symbol=self.per_area[0], unit=self.per_area[1])
-        )
+        if self.per_area is None:
+            return self
+        return replace(self, symbol=self.per_area[0], unit=self.per_area[1])
 
 
 def color_range(quantity: GrainQuantity, values: NDArray[Any], grains: int) -> tuple[float, float]:
@@ -115,10 +113,8 @@ def color_range(quantity: GrainQuantity, values: NDArray[Any], grains: int) -> t
     if grains >= _ENOUGH:
         inner = np.quantile(values, (1.0 - _QUANTILE, _QUANTILE)).tolist()
         room = _WORTH * (inner[1] - inner[0])
-        low, high = (
-            (low if low >= inner[0] - room else inner[0]),
-            (high if high <= inner[1] + room else inner[1]),
-        )
+        low = low if low >= inner[0] - room else inner[0]
+        high = high if high <= inner[1] + room else inner[1]
     if quantity.scale == "from zero":
         return 0.0, high or 1.0
     if quantity.scale == "centered":
@@ -128,7 +124,7 @@ def color_range(quantity: GrainQuantity, values: NDArray[Any], grains: int) -> t
     return low, high
 
 
-def _each(values: Callable[[GrainFrame], Any]) -> dict[str, Any]:
+def _each(values: Callable[[Frame], Any]) -> dict[str, Any]:
     """What a map shows and a profile averages, where that is the same."""
     return {
         "of_grain": lambda source, frame: np.array(values(source.frames[frame]), np.float64),
@@ -136,21 +132,21 @@ def _each(values: Callable[[GrainFrame], Any]) -> dict[str, Any]:
     }
 
 
-def _wall(column: int) -> Callable[[GrainFrame, Model], Floats]:
+def _wall(column: int) -> Callable[[Frame, Model], Floats]:
     return lambda frame, _model: np.asarray(frame.wall_velocity[:, column], np.float64)
 
 
-def _speeds(source: FrameSource, frame: int) -> Floats:
+def _speeds(source: Run, frame: int) -> Floats:
     return np.asarray(np.hypot(*np.asarray(source.frames[frame].velocity, np.float64).T[:2]))
 
 
-def _kinds(name: str) -> Callable[[FrameSource, int], Floats]:
+def _kinds(name: str) -> Callable[[Run, int], Floats]:
     return lambda source, frame: np.asarray(
         getattr(model_of(source, source.frames[frame]).grains, name), np.float64
     )
 
 
-def _displacements(source: FrameSource, frame: int) -> Floats:
+def _displacements(source: Run, frame: int) -> Floats:
     """Distances from where grains were in the first frame, periods included [m], shape ``(n,)``."""
     first, now = source.frames[0], source.frames[frame]
     need_same_grains(first, now)
@@ -158,7 +154,7 @@ def _displacements(source: FrameSource, frame: int) -> Floats:
     return np.asarray(np.hypot(*moved.T[:2]))
 
 
-def _heat_rates(source: FrameSource, frame: int) -> Floats:
+def _heat_rates(source: Run, frame: int) -> Floats:
     """Mean heat of friction and impacts per time since the frame before [W], shape ``(n,)``."""
     after = need_heat(source.frames[frame].generated)
     if frame == 0:
@@ -173,16 +169,16 @@ def _heat_rates(source: FrameSource, frame: int) -> Floats:
     )
 
 
-def _contacts_of(source: FrameSource, frame: int) -> LoadedContacts:
+def _contacts_of(source: Run, frame: int) -> LoadedContacts:
     with_forces(source, np.array([frame]))
     return loaded_contacts(source.frames[frame], model_of(source, source.frames[frame]))
 
 
-def _of_contacts(values: Callable[[LoadedContacts], Any]) -> Callable[[FrameSource, int], Floats]:
+def _of_contacts(values: Callable[[LoadedContacts], Any]) -> Callable[[Run, int], Floats]:
     return lambda source, frame: np.asarray(values(_contacts_of(source, frame)), np.float64)
 
 
-def _pressures(source: FrameSource, frame: int) -> Floats:
+def _pressures(source: Run, frame: int) -> Floats:
     """Mean pressure in each grain by its contact forces [N/m], shape ``(n,)``.
 
     Half the trace of its virial Σ f⊗ℓ/(π a²), ℓ from a contact to its center: Σ f_n/(2π a).
@@ -191,16 +187,16 @@ def _pressures(source: FrameSource, frame: int) -> Floats:
     return np.asarray(contacts.loads / (2.0 * np.pi * contacts.reach_of[: contacts.grain_count]))
 
 
-def _granular_temperature(frame: GrainFrame, _model: Model) -> Floats:
+def _granular_temperature(frame: Frame, _model: Model) -> Floats:
     velocity = np.asarray(frame.velocity, np.float64)[:, :2]
     return np.asarray(0.5 * (velocity**2).sum(axis=1))
 
 
-def _one(_frame: GrainFrame, model: Model) -> Floats:
+def _one(_frame: Frame, model: Model) -> Floats:
     return np.ones(model.grain_count)
 
 
-def _coordination(frame: GrainFrame, model: Model) -> Floats:
+def _coordination(frame: Frame, model: Model) -> Floats:
     return loaded_contacts(frame, model).counts.astype(np.float64)
 
 
@@ -226,7 +222,7 @@ def _kinetic_stress(a: int, b: int) -> GrainQuantity:
     """Kinetic stress Σ m v'_a v'_b / area of velocities relative to the mean flow."""
     axes = "xy"[a] + "xy"[b]
 
-    def averaged(frame: GrainFrame, model: Model) -> Floats:
+    def averaged(frame: Frame, model: Model) -> Floats:
         velocity, grains = np.asarray(frame.velocity, np.float64), model.grains
         return np.asarray(
             grains.mass * velocity[:, a] * velocity[:, b] / (np.pi * grains.radius**2)

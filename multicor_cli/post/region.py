@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Area, Rectangle, Room
 from multicor_cli.post.contacts import LoadedContacts, has_forces, loaded_contacts
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, model_of
+from multicor_cli.post.source import Frame, PostError, Run, Selection, model_of
 from multicor_cli.post.sums import spread
 from multicor_cli.post.table import Column, TimeTable, line_of
 
@@ -46,26 +46,8 @@ class RegionTable(TimeTable):
     """
 
     KEYS = (
-        "area",
-        "mean",
-        "standard_error",
-        "drift",
-        "drift_error",
-        "note",
-        "time",
-        "grains",
-        "values",
-    )
-
-    def __init__(
-        self, area: float, time: Floats, grains: NDArray[np.int64], values: dict[str, Floats]
-    ) -> None:
-        quantities = [
-            Column(name, _UNITS[name], column, name.replace("_", " "))
-            for name, column in values.items()
-        ]
-        super().__init__(time, quantities, {"area": area, "grains": grains})
-        self.details = (self.details[0], Column("grains", "", grains), *self.details[1:])
+        "area", "mean", "standard_error", "drift", "drift_error", "note", "time", "grains", "values"
+    )  # fmt: skip
 
     @property
     def rows(self) -> list[tuple[Any, ...]]:
@@ -75,7 +57,7 @@ class RegionTable(TimeTable):
         return [("area [m2]", self.area, 0.0, 0.0, ""), grains, *super().rows]
 
 
-def in_region(source: FrameSource, area: Area, selection: Selection | None = None) -> RegionTable:
+def in_region(source: Run, area: Area, selection: Selection | None = None) -> RegionTable:
     """What is in a part of the plane; with a period, in its images too.
 
     Args:
@@ -92,11 +74,18 @@ def in_region(source: FrameSource, area: Area, selection: Selection | None = Non
     counts, measured = zip(
         *(_measure(source, source.frames[int(k)], room, size) for k in chosen), strict=True
     )
-    values = {name: np.array([row[name] for row in measured]) for name in measured[0]}
-    if not values["solid_fraction"].any():
+    quantities = [
+        Column(name, _UNITS[name], np.array([row[name] for row in measured]))
+        for name in measured[0]
+    ]
+    if not any(row["solid_fraction"] for row in measured):
         raise PostError("no grain is in the region in these frames")
+    grains, time = np.array(counts, np.int64), np.asarray(source.frames.time, np.float64)[chosen]
     return RegionTable(
-        size, np.asarray(source.frames.time, np.float64)[chosen], np.array(counts, np.int64), values
+        time,
+        [column._replace(label=column.name.replace("_", " ")) for column in quantities],
+        {"area": size, "grains": grains},
+        [Column("grains", "", grains), *quantities],
     )
 
 
@@ -110,9 +99,7 @@ def _room(area: Area, period: float) -> tuple[Room, float]:
     return Room(inside=(area,), period=period), area.size
 
 
-def _measure(
-    source: FrameSource, frame: GrainFrame, room: Room, size: float
-) -> tuple[int, dict[str, float]]:
+def _measure(source: Run, frame: Frame, room: Room, size: float) -> tuple[int, dict[str, float]]:
     """Number of grains whose center is inside, and the values of a frame."""
     model, position = model_of(source, frame), np.asarray(frame.position, np.float64)[:, :2]
     radius = model.grains.radius
@@ -122,32 +109,24 @@ def _measure(
     velocity = np.asarray(frame.velocity, np.float64)
     mean = [_ratio(cover, velocity[:, axis]) for axis in (0, 1)]
     values = {
-        "solid_fraction": float(cover.sum()) / size,
-        "coordination": np.nan,
-        "velocity_x": mean[0],
-        "velocity_y": mean[1],
+        "solid_fraction": float(cover.sum()) / size, "coordination": np.nan,
+        "velocity_x": mean[0], "velocity_y": mean[1],
         "spin": _ratio(cover, np.asarray(frame.spin, np.float64)),
-    }
+    }  # fmt: skip
     if frame.temperature is not None:
         values["temperature"] = _ratio(cover, np.asarray(frame.temperature, np.float64))
-    stress = dict.fromkeys((f"stress_{name}" for _, _, name in _AXES), np.nan)
+    values |= dict.fromkeys((f"stress_{name}" for _, _, name in _AXES), np.nan)
     if has_forces(frame):
         contacts = loaded_contacts(frame, model)
         values["coordination"] = _ratio(share, contacts.counts)
         length = _lengths_inside(contacts, position, room)
-        stress = {
-            f"stress_{name}": float(contacts.virial(a, b) @ length) / size for a, b, name in _AXES
-        }
-    mass = model.grains.mass * share
-    away = velocity - np.array(mean)
-    kinetic = {
-        f"kinetic_stress_{name}": float((mass * away[:, a]) @ away[:, b]) / size
-        if share.any()
-        else np.nan
-        for a, b, name in _AXES
-        if name != "yx"
-    }
-    return int(np.count_nonzero(depth >= 0.0)), {**values, **stress, **kinetic}
+        for a, b, name in _AXES:
+            values[f"stress_{name}"] = float(contacts.virial(a, b) @ length) / size
+    mass, away = model.grains.mass * share, velocity - np.array(mean)
+    for a, b, name in (_AXES[0], _AXES[1], _AXES[3]):
+        flux = float((mass * away[:, a]) @ away[:, b]) / size
+        values[f"kinetic_stress_{name}"] = flux if share.any() else np.nan
+    return int(np.count_nonzero(depth >= 0.0)), values
 
 
 def part_inside(depth: Floats, radius: Floats) -> Floats:

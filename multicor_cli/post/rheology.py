@@ -21,18 +21,17 @@ from multicor_cli.post.bins import (
     make_bins,
     part_between,
 )
-from multicor_cli.post.contacts import LoadedContacts, has_forces, loaded_contacts
+from multicor_cli.post.contacts import has_forces, loaded_contacts
 from multicor_cli.post.flow import MeanFlow, mean_flow
 from multicor_cli.post.source import (
-    FrameSource,
-    GrainFrame,
+    Frame,
     PostError,
+    Run,
     Selection,
-    SeriesSource,
     model_of,
     need_same_grains,
 )
-from multicor_cli.post.sums import Spread, pseudo_values, spread
+from multicor_cli.post.sums import pseudo_values, spread
 from multicor_cli.post.table import Quantity, TimeTable
 
 # ---- The bulk, far enough from both walls, and what is summed over it between two frames
@@ -68,7 +67,7 @@ class Band:
     top: float
     margin: float
 
-    def edges(self, frame: GrainFrame) -> tuple[float, float]:
+    def edges(self, frame: Frame) -> tuple[float, float]:
         """Lowest and highest y of the bulk [m]; raises `PostError` if the walls come too near."""
         floor, span = self.extent.origin(frame), self.extent.span(frame)
         if not self.bottom + self.top < span:
@@ -88,15 +87,12 @@ def find_band(model: Model, extent: Extent, margin: float | None) -> Band:
     diameter = model.mean_diameter
     if margin is not None and not margin >= 0.0:
         raise PostError(f"the margin {margin:g} must not be negative")
-    assert extent.lower is not None
-    assert extent.upper is not None
     below, above = _glued_radius(model, extent.lower), _glued_radius(model, extent.upper)
-    clear = max(extent.height - below - above, 0.0)
-    edge = (
-        min(MARGIN * diameter, _LARGEST * extent.height, _CLEAR * clear)
-        if margin is None
-        else margin * diameter
-    )
+    if margin is None:
+        clear = max(extent.height - below - above, 0.0)
+        edge = min(MARGIN * diameter, _LARGEST * extent.height, _CLEAR * clear)
+    else:
+        edge = margin * diameter
     band = Band(extent, edge + below, edge + above, edge)
     if not band.bottom + band.top < extent.height:
         raise PostError(
@@ -106,18 +102,18 @@ def find_band(model: Model, extent: Extent, margin: float | None) -> Band:
     return band
 
 
-def _glued_radius(model: Model, wall: int) -> float:
+def _glued_radius(model: Model, wall: int | None) -> float:
     """Mean radius of the grains glued to a wall [m]; 0 for a smooth wall."""
     glued = (model.shapes.wall == wall) & (model.shapes.kind == ShapeKind.DISC)
     return float(model.shapes.geometry[glued, 2].mean()) if glued.any() else 0.0
 
 
 def interval_sums(
-    source: FrameSource,
+    source: Run,
     band: Band,
     flow: MeanFlow,
-    first: GrainFrame,
-    second: GrainFrame,
+    first: Frame,
+    second: Frame,
     lapse: float,
 ) -> Floats:
     """The sums `SUM_NAMES` over the bulk between two frames that are ``lapse`` apart [s].
@@ -132,22 +128,12 @@ def interval_sums(
     area = area_below(high - y, radius) - area_below(low - y, radius)
     inside = (y > low) & (y < high)
     slip = flow.fluctuation(second)[inside]
-    return np.array(
-        [
-            lapse,
-            *_shear_and_spin(band, model, first, second),
-            area.sum(),
-            (high - low) * model.period,
-            0.5 * (slip**2).sum(),
-            np.count_nonzero(inside),
-            *_contact_sums(model, second, inside, (low, high)),
-        ]
-    )
+    motion = (lapse, *_shear_and_spin(band, model, first, second))
+    bulk = (area.sum(), (high - low) * model.period, 0.5 * (slip**2).sum(), inside.sum())
+    return np.array([*motion, *bulk, *_contact_sums(model, second, inside, (low, high))])
 
 
-def _shear_and_spin(
-    band: Band, model: Model, first: GrainFrame, second: GrainFrame
-) -> tuple[float, float]:
+def _shear_and_spin(band: Band, model: Model, first: Frame, second: Frame) -> tuple[float, float]:
     """Strain and rotation of the bulk in an interval; the grains are where they are halfway."""
     edges = np.mean([band.edges(first), band.edges(second)], axis=0)
     y = 0.5 * (heights(first) + heights(second))
@@ -156,20 +142,16 @@ def _shear_and_spin(
         raise PostError("there are no two grains in the bulk: lower --margin")
     turn = _change(first, second, "angle")
     way = _change(first, second, "position") + model.period * _change(first, second, "image")
-    strain = _slope(y[inside], way[inside])
-    # A least-squares slope weighs the local shear with (y − low)(high − y); so must the rotation.
+    # The slope of the least-squares line
+    x, away = y[inside] - y[inside].mean(), way[inside] - way[inside].mean()
+    square = float((x * x).sum())
+    strain = float((x * away).sum()) / square if square > 0.0 else math.nan
+    # It weighs the local shear with (y − low)(high − y); so must the rotation.
     weight = ((y - edges[0]) * (edges[1] - y))[inside]
     return strain, float(np.average(turn[inside], weights=weight))
 
 
-def _slope(x: Floats, y: Floats) -> float:
-    """Slope of the least-squares line; nan if all x are the same."""
-    apart = x - x.mean()
-    square = float((apart * apart).sum())
-    return float((apart * (y - y.mean())).sum()) / square if square > 0.0 else math.nan
-
-
-def _change(first: GrainFrame, second: GrainFrame, name: str) -> Floats:
+def _change(first: Frame, second: Frame, name: str) -> Floats:
     """How much an array of the grains (its first column) differs between two frames."""
     before, after = (np.asarray(getattr(frame, name), np.float64) for frame in (first, second))
     change = after - before
@@ -177,7 +159,7 @@ def _change(first: GrainFrame, second: GrainFrame, name: str) -> Floats:
 
 
 def _contact_sums(
-    model: Model, frame: GrainFrame, inside: NDArray[np.bool_], edges: tuple[float, float]
+    model: Model, frame: Frame, inside: NDArray[np.bool_], edges: tuple[float, float]
 ) -> list[float]:
     if not has_forces(frame):
         return [0.0] * (len(SUM_NAMES) - SUM_NAMES.index("xx"))
@@ -186,29 +168,16 @@ def _contact_sums(
     part = part_between(start, start - contacts.branch[:, 1], low, high)
     stress = [float((part * contacts.virial(a, b)).sum()) for a in (0, 1) for b in (0, 1)]
     counts = contacts.counts[inside]
-    loaded = counts >= 2
-    return [
-        *stress,
-        (high - low) * model.period,
-        float(counts.sum()),
-        float(counts.size),
-        float(counts[loaded].sum()),
-        float(np.count_nonzero(loaded)),
-        *_normal_sums(contacts, start, edges),
-    ]
-
-
-def _normal_sums(
-    contacts: LoadedContacts, start: Floats, edges: tuple[float, float]
-) -> list[float]:
-    """Sum of n⊗n over the contacts whose branch has its middle in the bulk, and their number."""
+    loaded = counts[counts >= 2]
+    numbers = (counts.sum(), counts.size, loaded.sum(), loaded.size)
+    # n⊗n of the contacts whose branch has its middle in the bulk, and their number
     middle = start - 0.5 * contacts.branch[:, 1]
-    inside = ((middle > edges[0]) & (middle < edges[1])).astype(np.float64)
+    is_near = ((middle > low) & (middle < high)).astype(np.float64)
     x, y = contacts.normal.T
     # Products by hand: BLAS would start threads for each, and wait for busy cores.
-    return [float((inside * a * b).sum()) for a, b in ((x, x), (x, y), (y, y))] + [
-        float(inside.sum())
-    ]
+    normals = [float((is_near * a * b).sum()) for a, b in ((x, x), (x, y), (y, y))]
+    area = (high - low) * model.period
+    return [*stress, area, *map(float, numbers), *normals, float(is_near.sum())]
 
 
 # ---- What is measured there, and its averages
@@ -272,20 +241,9 @@ class Rheology(TimeTable):
         "units", "mean", "standard_error", "drift", "drift_error", "note", "time", "values",
     )  # fmt: skip
 
-    def __init__(
-        self,
-        time: Floats,
-        values: dict[str, Floats],
-        mean: dict[str, float],
-        spread: dict[str, Spread],
-        **facts: Any,
-    ) -> None:
-        super().__init__(time, [q.over_time(values[q.name]) for q in QUANTITIES], facts)
-        self.mean, self.spread = mean, spread
-
 
 def rheology(
-    source: SeriesSource,
+    source: Run,
     selection: Selection | None = None,
     *,
     margin: float | None = None,
@@ -315,30 +273,31 @@ def rheology(
     band = find_band(source.model, extent, margin)
     times = np.asarray(source.frames.time)[chosen]
     sums = np.column_stack([_sum_bulk(source, band, chosen), _sum_walls(source, extent, times)])
-    model, names = source.model, source.model.walls.names
-    mean = {
-        name: float(values[0])
-        for name, values in _derive(model, sums.sum(axis=0)[np.newaxis], direction).items()
+    model, names, whole = source.model, source.model.walls.names, sums.sum(axis=0)
+    values = _derive(model, sums, direction)
+    mean = {n: float(v[0]) for n, v in _derive(model, whole[np.newaxis], direction).items()}
+    without, angle = _derive(model, whole - sums, direction), mean["fabric_direction"]
+    # directions repeat every 180°
+    turned = (without["fabric_direction"] - angle + 90.0) % 180.0 - 90.0
+    without["fabric_direction"] = angle + turned
+    middle = 0.5 * (times[1:] + times[:-1])
+    spreads = {
+        name: spread(pseudo_values(np.asarray(mean[name]), rows), middle)
+        for name, rows in without.items()
     }
     assert extent.lower is not None
     assert extent.upper is not None
-    return Rheology(
-        time=times[1:],
-        values=_derive(model, sums, direction),
-        mean=mean,
-        spread=_spread_of(
-            _derive(model, sums.sum(axis=0) - sums, direction), mean, 0.5 * (times[1:] + times[:-1])
-        ),
-        margin=band.margin,
-        height=extent.height,
-        walls=(names[extent.lower], names[extent.upper]),
-        frame_count=int(chosen.size),
-        frames=chosen,
-        times=(float(times[0]), float(times[-1])),
-    )
+    facts = {
+        "margin": band.margin, "height": extent.height,
+        "walls": (names[extent.lower], names[extent.upper]),
+        "frame_count": int(chosen.size), "times": (float(times[0]), float(times[-1])),
+    }  # fmt: skip
+    quantities = [q.over_time(values[q.name]) for q in QUANTITIES]
+    parts: dict[str, Any] = {"mean": mean, "spread": spreads, "frames": chosen}
+    return Rheology(times[1:], quantities, facts, **parts)
 
 
-def _check_shear(source: FrameSource, extent: Extent, chosen: NDArray[np.int64]) -> float:
+def _check_shear(source: Run, extent: Extent, chosen: NDArray[np.int64]) -> float:
     """+1 if the upper wall moves towards +x relative to the lower one, else −1."""
     if extent.lower is None or extent.upper is None:
         raise PostError("rheology needs a wall below and a wall above the grains that shear them")
@@ -362,20 +321,18 @@ def _check_shear(source: FrameSource, extent: Extent, chosen: NDArray[np.int64])
     return float(np.sign(relative))
 
 
-def _sum_bulk(source: FrameSource, band: Band, chosen: NDArray[np.int64]) -> Floats:
+def _sum_bulk(source: Run, band: Band, chosen: NDArray[np.int64]) -> Floats:
     times = np.asarray(source.frames.time)
     flow = mean_flow(source, chosen, make_bins(source, chosen))
     rows, before = [], source.frames[int(chosen[0])]
     for first, last in pairwise(chosen):
-        after: GrainFrame = source.frames[int(last)]
-        rows.append(
-            interval_sums(source, band, flow, before, after, float(times[last] - times[first]))
-        )
+        after, lapse = source.frames[int(last)], float(times[last] - times[first])
+        rows.append(interval_sums(source, band, flow, before, after, lapse))
         before = after
     return np.array(rows)
 
 
-def _sum_walls(source: SeriesSource, extent: Extent, times: Floats) -> Floats:
+def _sum_walls(source: Run, extent: Extent, times: Floats) -> Floats:
     """Windows that end in each interval [s], and impulses of the walls in them: shear, pressing."""
     series = source.series
     duration, force = np.asarray(series["window_duration"]), np.asarray(series["wall_force"])
@@ -398,7 +355,9 @@ def _derive(model: Model, sums: Floats, direction: float) -> dict[str, Floats]:
     with np.errstate(invalid="ignore", divide="ignore"):
         rate = s["rate"] / s["lapse"]
         pressure = s["normal_impulse"] / s["window"] / model.period
-        fabric, angle = _fabric(s)
+        # ⟨n⊗n⟩ = ½ 1 + ¼ a_c (cos 2θ_c, sin 2θ_c; sin 2θ_c, −cos 2θ_c)
+        along = (s["normal_xx"] - s["normal_yy"]) / s["normal_count"]
+        across = 2.0 * s["normal_xy"] / s["normal_count"]
         derived = {
             "shear_rate": rate,
             "pressure": pressure,
@@ -412,33 +371,10 @@ def _derive(model: Model, sums: Floats, direction: float) -> dict[str, Floats]:
             "solid_fraction": s["solid"] / s["area"],
             "coordination": s["contacts"] / s["grains"],
             "coordination_loaded": s["loaded_contacts"] / s["loaded_grains"],
-            "fabric_anisotropy": fabric,
-            "fabric_direction": angle,
+            "fabric_anisotropy": 2.0 * np.hypot(along, across),
+            "fabric_direction": np.degrees(0.5 * np.arctan2(across, along)) % 180.0,
             "spin_ratio": s["spin"] / s["rate"],
             "granular_temperature": s["kinetic"] / s["weight"],
         }
         # Where nothing presses a ratio has no value, whether it is 0/0 or 1/0.
-        return {
-            name: np.where(np.isfinite(values), values, np.nan) for name, values in derived.items()
-        }
-
-
-def _fabric(s: dict[str, Floats]) -> tuple[Floats, Floats]:
-    """a_c and θ_c [°, 0 … 180]: ⟨n⊗n⟩ = ½ 1 + ¼ a_c (cos 2θ_c, sin 2θ_c; sin 2θ_c, −cos 2θ_c)."""
-    along = (s["normal_xx"] - s["normal_yy"]) / s["normal_count"]
-    across = 2.0 * s["normal_xy"] / s["normal_count"]
-    return 2.0 * np.hypot(along, across), np.degrees(0.5 * np.arctan2(across, along)) % 180.0
-
-
-def _spread_of(
-    without: dict[str, Floats], mean: dict[str, float], middle: Floats
-) -> dict[str, Spread]:
-    """Errors and drifts, from the quantities without each of the intervals, and their middles."""
-    angle = mean["fabric_direction"]  # directions repeat every 180°
-    without["fabric_direction"] = angle + (
-        (without["fabric_direction"] - angle + 90.0) % 180.0 - 90.0
-    )
-    return {
-        name: spread(pseudo_values(np.asarray(mean[name]), values), middle)
-        for name, values in without.items()
-    }
+        return {name: np.where(np.isfinite(v), v, np.nan) for name, v in derived.items()}

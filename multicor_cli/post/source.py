@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from functools import cached_property
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.store.errors import NoFrame, frame_number
+from multicor_cli.text import choices
 
 if TYPE_CHECKING:
-    from multicor_cli.store.frames import Contacts, NamedColumn
+    from multicor_cli.store.frames import Frame as Frame
+    from multicor_cli.store.frames import Frames as Frames
+    from multicor_cli.store.reader import Run as Run
+else:  # reading is loaded by whoever opens a run
+    Frame = Frames = Run = Any
 
 
 class PostError(Exception):
@@ -22,107 +29,12 @@ class PostError(Exception):
     exit_code = 2
 
 
-class GrainFrame(Protocol):
-    """The grains and walls at one time; what belongs to heat is None in a run without."""
-
-    @property
-    def position(self) -> NDArray[Any]:
-        """Centers: x and y come first [m], shape ``(n, 2)`` or more columns."""
-
-    @property
-    def velocity(self) -> NDArray[Any]:
-        """Velocities: x and y come first [m/s], shape ``(n, 2)`` or more columns."""
-
-    @property
-    def spin(self) -> NDArray[Any]:
-        """Spins of the grains [rad/s], shape ``(n,)``."""
-
-    @property
-    def temperature(self) -> NDArray[Any] | None:
-        """Temperatures of the grains [K], shape ``(n,)``."""
-
-    @property
-    def generated(self) -> NDArray[Any] | None:
-        """Heat of friction and impacts received since the start [J], shape ``(n,)``."""
-
-    @property
-    def wall_temperature(self) -> NDArray[Any] | None:
-        """Temperatures of the walls [K], nan where none is prescribed, shape ``(w,)``."""
-
-    @property
-    def dt(self) -> float:
-        """Length of the last step [s]; 0 before the first."""
-
-    @property
-    def unwrapped(self) -> NDArray[Any]:
-        """Centers with the periods added by which x was wrapped [m], shape ``(n, 2)``."""
-
-    @property
-    def angle(self) -> NDArray[Any]:
-        """Rotations since the start of the run [rad], shape ``(n,)``."""
-
-    @property
-    def contacts(self) -> Contacts:
-        """Contacts of the last step."""
-
-    @property
-    def wall_position(self) -> NDArray[Any]:
-        """Walls: x, y [m] and angle [rad] of their frames, shape ``(w, 3)``."""
-
-    @property
-    def wall_velocity(self) -> NDArray[Any]:
-        """Walls: velocity [m/s] and spin [rad/s], shape ``(w, 3)``."""
-
-
-class FrameSequence(Protocol):
-    """The frames of a run, read one by one."""
-
-    @property
-    def time(self) -> NDArray[Any]:
-        """Times of the frames [s], shape ``(frames,)``."""
-
-    @property
-    def stage(self) -> NDArray[Any]:
-        """Loading stage of each frame, shape ``(frames,)``."""
-
-    def __getitem__(self, index: int) -> GrainFrame:
-        """Read a frame."""
-
-
-class FrameSource(Protocol):
-    """What post-processing needs of a run; `multicor_cli.open_run` gives it."""
-
-    @property
-    def model(self) -> Model:
-        """What does not change."""
-
-    @property
-    def frames(self) -> FrameSequence:
-        """The frames."""
-
-
-class SeriesSource(FrameSource, Protocol):
-    """A run with its time series and its scenario; `multicor_cli.open_run` gives it."""
-
-    @property
-    def series(self) -> Mapping[str, NDArray[Any]]:
-        """The time series by name."""
-
-    @property
-    def series_columns(self) -> list[NamedColumn]:
-        """The time series as columns with names and units."""
-
-    @property
-    def scenario_resolved(self) -> str:
-        """The scenario with all defaults."""
-
-
-def model_of(source: FrameSource, frame: GrainFrame) -> Model:
+def model_of(source: Run, frame: Frame) -> Model:
     """The model of the grains that are there in a frame, where grains come and go."""
     return getattr(frame, "model", None) or source.model
 
 
-def need_grains(source: FrameSource, chosen: NDArray[np.int64]) -> None:
+def need_grains(source: Run, chosen: NDArray[np.int64]) -> None:
     """Raises `PostError` if a frame of ``chosen`` has no grain: none is there yet, or any more."""
     for k in chosen.tolist():
         if not len(source.frames[k].position):
@@ -132,7 +44,7 @@ def need_grains(source: FrameSource, chosen: NDArray[np.int64]) -> None:
             )
 
 
-def need_same_grains(first: GrainFrame, second: GrainFrame) -> None:
+def need_same_grains(first: Frame, second: Frame) -> None:
     """Raises `PostError` unless two frames, to be compared grain by grain, have the same grains."""
     before, after = (getattr(frame, "number", None) for frame in (first, second))
     if before is not None and after is not None and not np.array_equal(before, after):
@@ -149,7 +61,7 @@ def need_heat(values: NDArray[Any] | None) -> Floats:
     return np.asarray(values, np.float64)
 
 
-def frame_index(frames: FrameSequence, frame: int) -> int:
+def frame_index(frames: Frames, frame: int) -> int:
     """A frame counted from the first one, of one that may count from the last.
 
     Args:
@@ -191,7 +103,7 @@ class Selection:
     end: float | None = None
     frames: slice | None = None
 
-    def indices(self, frames: FrameSequence) -> NDArray[np.int64]:
+    def indices(self, frames: Frames) -> NDArray[np.int64]:
         """Indices of the selected frames, ascending.
 
         Raises:
@@ -216,3 +128,71 @@ class Selection:
             last = everything[stages == stages[-1]]
             return np.asarray(last[times[last] >= 0.5 * (times[last[0]] + times[-1])])
         return within(times, self.start, self.end)
+
+
+# ---- A run as if it had only the grains of some of its groups
+
+_OF_GRAINS = ("position", "velocity", "spin", "temperature", "generated", "unwrapped", "angle")
+
+
+class FrameOfGroups:
+    """A frame with the grains of some groups; walls, times and the like are those of the whole.
+
+    Attributes:
+        whole: The frame with all its grains.
+        rows: Rows of these grains in it, shape ``(n,)``.
+    """
+
+    def __init__(self, whole: Frame, model: Model, groups: NDArray[np.int64]) -> None:
+        self.whole, self._model = whole, model
+        self.rows = np.flatnonzero(np.isin(model.grains.group, groups))
+
+    @cached_property
+    def model(self) -> Model:
+        """The model of these grains."""
+        return self._model.with_grains(self.rows)
+
+    @property
+    def number(self) -> NDArray[np.int64]:
+        """Numbers of these grains among all of the run, shape ``(n,)``."""
+        numbers = getattr(self.whole, "number", None)
+        return self.rows if numbers is None else np.asarray(numbers)[self.rows]
+
+    @property
+    def contacts(self) -> Any:
+        """Refused: a contact may be one with a grain of another group; see `parts`."""
+        raise PostError(
+            "contacts are not those of one group: leave out --group, or choose a quantity of grains"
+        )
+
+    def __getattr__(self, name: str) -> Any:
+        values = getattr(self.whole, name)
+        return values if name not in _OF_GRAINS or values is None else np.asarray(values)[self.rows]
+
+
+@dataclass(frozen=True)
+class _Frames:
+    source: Run
+    groups: NDArray[np.int64]
+
+    @property
+    def time(self) -> NDArray[Any]:
+        return self.source.frames.time
+
+    @property
+    def stage(self) -> NDArray[Any]:
+        return self.source.frames.stage
+
+    def __getitem__(self, index: int) -> Any:
+        frame = self.source.frames[index]
+        return FrameOfGroups(frame, model_of(self.source, frame), self.groups)
+
+
+def of_groups(source: Run, names: Sequence[str]) -> Run:
+    """The run as if it had only grains of these groups; raises `PostError` if one is missing."""
+    known = source.model.groups
+    for name in names:
+        if name not in known:
+            raise PostError(f"there is no group '{name}'; {choices(name, known)}")
+    groups = np.array([known.index(name) for name in names], np.int64)
+    return cast("Run", SimpleNamespace(model=source.model, frames=_Frames(source, groups)))

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
-from multicor_cli.post.bins import BinPlace, Bins, heights
-from multicor_cli.post.contacts import FrameOfGroups, LoadedContacts, loaded_contacts
-from multicor_cli.post.source import FrameSource, GrainFrame, model_of, need_same_grains
+from multicor_cli.post.bins import BinPlace, Bins, heights, share_lines
+from multicor_cli.post.contacts import LoadedContacts, loaded_contacts
+from multicor_cli.post.source import Frame, FrameOfGroups, Run, model_of, need_same_grains
 from multicor_cli.text import count_noun
 
 # ---- Means over time, their standard errors and drifts: the one place where errors are made
@@ -108,12 +108,8 @@ def scatter(rows: Floats) -> Floats:
     number = known.sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.where(known, rows, 0.0).sum(axis=0) / number
-        return np.asarray(
-            np.sqrt(
-                (np.where(known, rows - mean, 0.0) ** 2).sum(axis=0)
-                / np.where(number > 1, number - 1, np.nan)
-            )
-        )
+        squares = (np.where(known, rows - mean, 0.0) ** 2).sum(axis=0)
+        return np.asarray(np.sqrt(squares / np.where(number > 1, number - 1, np.nan)))
 
 
 def standard_error(rows: Floats) -> Floats:
@@ -175,7 +171,7 @@ def _inefficiency(away: Floats) -> float:
 
 # ---- Sums over grains, contacts, bins and frames
 
-Values = Callable[[GrainFrame], Floats]
+Values = Callable[[Frame], Floats]
 """Values of the grains of a frame, shape ``(n,)``."""
 
 ContactValues = Callable[[LoadedContacts], Floats]
@@ -190,104 +186,90 @@ class Sums(NamedTuple):
     area: Floats
 
 
-def sum_means(
-    source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]
-) -> list[Sums]:
-    """For averages over grains weighted by area; a row per frame, a result for each of values."""
-    return _sum_grains(source, chosen, bins, values, np.ones_like)
+def _gathered(rows: Iterable[tuple[list[Floats], Floats, Floats]]) -> list[Sums]:
+    """Sums of rows with values (an array for each of several fields), weights and areas."""
+    values, weights, areas = zip(*rows, strict=True)
+    weight, area = np.array(weights), np.array(areas)
+    return [Sums(np.array(column), weight, area) for column in zip(*values, strict=True)]
 
 
-def sum_numbers(
-    source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]
-) -> list[Sums]:
-    """For averages over grains that count alike, each with the part of its area in a bin."""
-    return _sum_grains(source, chosen, bins, values, lambda radius: 1.0 / (np.pi * radius**2))
-
-
-def _sum_grains(
-    source: FrameSource,
+def sum_grains(
+    source: Run,
     chosen: NDArray[np.int64],
     bins: Bins,
     values: Sequence[Values],
-    per_area: Callable[[Floats], Floats],
+    kind: Literal["mean", "number", "share"],
 ) -> list[Sums]:
-    """Sums over grains that count with their area in a bin times ``per_area`` of their radii."""
-    area, weight = _empty(chosen.size, bins), _empty(chosen.size, bins)
-    weighted = [_empty(chosen.size, bins) for _ in values]
-    for row, k in enumerate(chosen):
-        frame = source.frames[int(k)]
-        radius = model_of(source, frame).grains.radius
-        shares = bins.share(heights(frame), radius, bins.place(frame))
-        counting = shares.area * per_area(radius)[shares.grain]
-        area[row], weight[row] = bins.total(shares, shares.area), bins.total(shares, counting)
-        for column, value in zip(weighted, values, strict=True):
-            column[row] = bins.total(shares, counting * value(frame)[shares.grain])
-    return [Sums(column, weight, area) for column in weighted]
+    """For what grains have, see `multicor_cli.post.quantities.Kind`; a row per frame.
 
+    A result for each of ``values``. Grains count with their area in a bin, or the part of it.
+    """
 
-def sum_shares(
-    source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]
-) -> list[Sums]:
-    """For values per area of the plane; one row per frame, one result for each of ``values``."""
-    sums = sum_means(source, chosen, bins, values)
-    frames = (source.frames[int(k)] for k in chosen)
-    areas = np.array([bins.place(frame).width * plane_width(source, frame) for frame in frames])
-    weight = np.repeat(areas[:, np.newaxis], bins.count, axis=1)
-    return [found._replace(weight=weight) for found in sums]
+    def row(frame: Frame) -> tuple[list[Floats], Floats, Floats]:
+        radius, place = model_of(source, frame).grains.radius, bins.place(frame)
+        shares = bins.share(heights(frame), radius, place)
+        counting = shares.area
+        if kind == "number":
+            counting = shares.area * (1.0 / (np.pi * radius**2))[shares.grain]
+        if kind == "share":
+            weight = np.full(bins.count, place.width * plane_width(source, frame))
+        else:
+            weight = bins.total(shares, counting)
+        weighted = [bins.total(shares, counting * value(frame)[shares.grain]) for value in values]
+        return weighted, weight, bins.total(shares, shares.area)
+
+    return _gathered(row(source.frames[int(k)]) for k in chosen)
 
 
 def sum_contacts(
-    source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[ContactValues]
+    source: Run, chosen: NDArray[np.int64], bins: Bins, values: Sequence[ContactValues]
 ) -> list[Sums]:
     """For what contacts carry per area, spread along branches; a row per frame with forces."""
-    area, weight = _empty(chosen.size, bins), _empty(chosen.size, bins)
-    spread = [_empty(chosen.size, bins) for _ in values]
-    for row, k in enumerate(chosen):
-        frame = source.frames[int(k)]
-        whole = frame.whole if isinstance(frame, FrameOfGroups) else frame
-        y, place = heights(frame), bins.place(frame)
+
+    def row(frame: Frame) -> tuple[list[Floats], Floats, Floats]:
+        place, group = bins.place(frame), frame if isinstance(frame, FrameOfGroups) else None
+        whole: Frame = frame if group is None else group.whole
         contacts = loaded_contacts(whole, model_of(source, whole))
-        lines = bins.share_branches(contacts, heights(whole), place)
-        length = (
-            lines.area * frame.parts(contacts)[lines.grain]
-            if isinstance(frame, FrameOfGroups)
-            else lines.area
-        )
-        for column, value in zip(spread, values, strict=True):
-            column[row] = bins.total(lines, length * value(contacts)[lines.grain])
-        weight[row] = place.width * plane_width(source, frame)
-        discs = bins.share(y, model_of(source, frame).grains.radius, place)
-        area[row] = bins.total(discs, discs.area)
-    return [Sums(column, weight, area) for column in spread]
+        start = heights(whole)[contacts.i]
+        lines = share_lines(start, start - contacts.branch[:, 1], *place, bins.count)
+        length = lines.area
+        if group is not None:
+            length = lines.area * contacts.parts(group.rows)[lines.grain]
+        carried = [bins.total(lines, length * value(contacts)[lines.grain]) for value in values]
+        weight = np.full(bins.count, place.width * plane_width(source, frame))
+        discs = bins.share(heights(frame), model_of(source, frame).grains.radius, place)
+        return carried, weight, bins.total(discs, discs.area)
+
+    return _gathered(row(source.frames[int(k)]) for k in chosen)
 
 
 def sum_rates(
-    source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]
+    source: Run, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]
 ) -> list[Sums]:
     """For increases per time and area, where grains are halfway; a row per interval of frames."""
     times = np.asarray(source.frames.time)
-    area, weight = _empty(chosen.size - 1, bins), _empty(chosen.size - 1, bins)
-    gained = [_empty(chosen.size - 1, bins) for _ in values]
-    before = source.frames[int(chosen[0])]
-    radius = model_of(source, before).grains.radius
-    for row, (first, last) in enumerate(pairwise(chosen)):
-        after = source.frames[int(last)]
+    radius = model_of(source, source.frames[int(chosen[0])]).grains.radius
+
+    def row(before: Frame, after: Frame, lapse: float) -> tuple[list[Floats], Floats, Floats]:
         need_same_grains(before, after)
-        place = BinPlace(
-            *(0.5 * (a + b) for a, b in zip(bins.place(before), bins.place(after), strict=True))
-        )
+        places = zip(bins.place(before), bins.place(after), strict=True)
+        place = BinPlace(*(0.5 * (a + b) for a, b in places))
         shares = bins.share(0.5 * (heights(before) + heights(after)), radius, place)
-        area[row] = bins.total(shares, shares.area)
-        for column, value in zip(gained, values, strict=True):
+        gained = []
+        for value in values:
             gain = (value(after) - value(before)) / (np.pi * radius**2)
-            column[row] = bins.total(shares, shares.area * gain[shares.grain])
+            gained.append(bins.total(shares, shares.area * gain[shares.grain]))
         width = 0.5 * (plane_width(source, before) + plane_width(source, after))
-        weight[row] = place.width * width * float(times[last] - times[first])
-        before = after
-    return [Sums(column, weight, area) for column in gained]
+        weight = np.full(bins.count, place.width * width * lapse)
+        return gained, weight, bins.total(shares, shares.area)
+
+    return _gathered(
+        row(before, after, float(times[last] - times[first]))
+        for (first, before), (last, after) in pairwise((k, source.frames[int(k)]) for k in chosen)
+    )
 
 
-def plane_width(source: FrameSource, frame: GrainFrame) -> float:
+def plane_width(source: Run, frame: Frame) -> float:
     """Width of the plane [m]: the period, or without one how far the grains reach in x."""
     if source.model.period > 0.0:
         return source.model.period
@@ -328,7 +310,3 @@ def row_values(sums: Sums) -> Floats:
 def _ratio(value: Floats, weight: Floats) -> Floats:
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(value / weight)
-
-
-def _empty(rows: int, bins: Bins) -> Floats:
-    return np.zeros((rows, bins.count))

@@ -113,17 +113,14 @@ class Table:
             message = f"{type(self).__name__} has no {', '.join(sorted(unknown))}"
             raise TypeError(message)
         changed = object.__new__(type(self))
-        for name in ("columns", "details"):
-            columns = [
-                c._replace(values=changes.get(c.name, c.values)) for c in getattr(self, name)
-            ]
-            setattr(changed, name, tuple(columns))
-        for name in ("facts", "parts"):
-            setattr(
-                changed,
-                name,
-                {key: changes.get(key, value) for key, value in getattr(self, name).items()},
-            )
+        changed.columns, changed.details = (
+            tuple(c._replace(values=changes.get(c.name, c.values)) for c in columns)
+            for columns in (self.columns, self.details)
+        )
+        changed.facts, changed.parts = (
+            {key: changes.get(key, value) for key, value in values.items()}
+            for values in (self.facts, self.parts)
+        )
         return changed
 
     @property
@@ -148,10 +145,8 @@ class Table:
 
     def as_dict(self) -> dict[str, Any]:
         """Everything as JSON types; numbers may be nan."""
-        columns = {
-            c.name if c.key is None else c.key: c.values for c in self.columns if c.key != ""
-        }
-        found: dict[str, Any] = plain({**self.facts, **columns})
+        keys = {c.name if c.key is None else c.key: c.values for c in self.columns if c.key != ""}
+        found: dict[str, Any] = plain({**self.facts, **keys})
         return found
 
     def to_pandas(self, *, is_detailed: bool = False) -> Any:
@@ -224,11 +219,15 @@ class TimeTable(Table):
         time: Floats,
         quantities: Sequence[Column],
         facts: Mapping[str, Any] | None = None,
+        details: Sequence[Column] | None = None,
         **parts: Any,
     ) -> None:
+        """``details`` replace the quantities in CSV, ``mean`` and ``spread`` those of the rows."""
         self.time, self.quantities = time, tuple(quantities)
-        details = (Column("time", "s", time), *(column._replace(label="") for column in quantities))
-        super().__init__((), facts or {}, details, **parts)
+        self.__dict__ |= {name: parts.pop(name) for name in ("mean", "spread") if name in parts}
+        if details is None:
+            details = [column._replace(label="") for column in quantities]
+        super().__init__((), facts or {}, (Column("time", "s", time), *details), **parts)
 
     @cached_property
     def values(self) -> dict[str, Floats]:

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import BIN_LIMIT, wall_spans
 from multicor_cli.post.source import (
-    FrameSource,
-    GrainFrame,
+    Frame,
     PostError,
+    Run,
     Selection,
     frame_index,
     model_of,
@@ -49,16 +49,12 @@ class ThetaTable(Table):
 
     def as_dict(self, *, has_grains: bool = False) -> dict[str, Any]:
         """Everything as JSON types, the single grains only if asked for; numbers may be nan."""
-        grains = (
-            {"grains": {"eta": self.eta.tolist(), "theta": self.theta.tolist()}}
-            if has_grains
-            else {}
-        )
-        return super().as_dict() | grains
+        grains = {"eta": self.eta.tolist(), "theta": self.theta.tolist()}
+        return super().as_dict() | ({"grains": grains} if has_grains else {})
 
 
 def theta_eta(
-    source: FrameSource,
+    source: Run,
     frame: int = -1,
     *,
     selection: Selection | None = None,
@@ -83,11 +79,10 @@ def theta_eta(
             temperature of its own or stands beside the grains.
         StoreError: If the run cannot be read.
     """
-    chosen = (
-        np.array([frame_index(source.frames, frame)])
-        if selection is None
-        else selection.indices(source.frames)
-    )
+    if selection is None:
+        chosen = np.array([frame_index(source.frames, frame)])
+    else:
+        chosen = selection.indices(source.frames)
     need_grains(source, chosen)
     start = _first_temperature(source) if reference is None else reference
     if height is not None and not height > 0.0:
@@ -98,26 +93,17 @@ def theta_eta(
     count = bins if bins is not None else max(round(full / source.model.mean_diameter), 1)
     if not 1 <= count <= BIN_LIMIT:
         raise PostError(f"{count} bins: choose between 1 and {BIN_LIMIT}")
-    eta, theta = (
-        np.concatenate([one.distance for one in single]) / full,
-        np.concatenate([one.theta for one in single]),
-    )
+    eta = np.concatenate([one.distance for one in single]) / full
+    theta = np.concatenate([one.theta for one in single])
     mean, deviation, lowest, highest, number_of_grains = _statistics(eta, theta, count)
-    from_frame_to_frame = scatter(
-        np.array([_statistics(one.distance / full, one.theta, count)[0] for one in single])
-    )
+    means = [_statistics(one.distance / full, one.theta, count)[0] for one in single]
+    scatters = scatter(np.array(means))
+    is_many = chosen.size > 1
     columns = [
         Column("center", "1", (np.arange(count) + 0.5) / count, "eta", "eta"),
         Column("mean", "1", mean, "theta", "theta"),
         Column("spread", "1", deviation, "standard deviation", "standard_deviation"),
-        Column(
-            "scatter",
-            "1",
-            from_frame_to_frame,
-            "scatter of frames",
-            "scatter_of_frames",
-            chosen.size > 1,
-        ),
+        Column("scatter", "1", scatters, "scatter of frames", "scatter_of_frames", is_many),
         Column("lowest", "1", lowest, "min", "min"),
         Column("highest", "1", highest, "max", "max"),
         Column("count", "", number_of_grains),
@@ -146,9 +132,7 @@ class _FrameTheta(NamedTuple):
     reach: float
 
 
-def _of_frame(
-    source: FrameSource, frame: GrainFrame, name: str | None, start: float
-) -> _FrameTheta:
+def _of_frame(source: Run, frame: Frame, name: str | None, start: float) -> _FrameTheta:
     temperature = need_heat(frame.temperature)
     number = _find_wall(source, frame, name)
     hot = float(need_heat(frame.wall_temperature)[number])
@@ -161,14 +145,14 @@ def _of_frame(
     return _FrameTheta(distance, (temperature - start) / (hot - start), number, hot, reach)
 
 
-def _first_temperature(source: FrameSource) -> float:
+def _first_temperature(source: Run) -> float:
     need_grains(source, np.array([0]))
     thermal = model_of(source, source.frames[0]).thermal
     weights = None if thermal is None else thermal.capacity
     return float(np.average(need_heat(source.frames[0].temperature), weights=weights))
 
 
-def _find_wall(source: FrameSource, frame: GrainFrame, name: str | None) -> int:
+def _find_wall(source: Run, frame: Frame, name: str | None) -> int:
     names = source.model.walls.names
     prescribed = np.flatnonzero(np.isfinite(need_heat(frame.wall_temperature)))
     known = ", ".join(names[w] for w in prescribed) or "none"
@@ -189,7 +173,7 @@ def _find_wall(source: FrameSource, frame: GrainFrame, name: str | None) -> int:
     return names.index(name)
 
 
-def _distances(source: FrameSource, frame: GrainFrame, wall: int) -> tuple[Floats, float]:
+def _distances(source: Run, frame: Frame, wall: int) -> tuple[Floats, float]:
     """Distances of grains from the surface of a wall below or above, and how far they reach [m]."""
     y = np.asarray(frame.position, np.float64)[:, 1]
     radius = model_of(source, frame).grains.radius
@@ -218,9 +202,8 @@ def _statistics(
     np.maximum.at(highest, bin_, theta[inside])
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.bincount(bin_, weights=theta[inside], minlength=count) / number
-        variance = (
-            np.bincount(bin_, weights=(theta[inside] - mean[bin_]) ** 2, minlength=count) / number
-        )
+        squares = (theta[inside] - mean[bin_]) ** 2
+        variance = np.bincount(bin_, weights=squares, minlength=count) / number
     empty = number == 0
     lowest[empty] = highest[empty] = np.nan
     return mean, np.sqrt(variance), lowest, highest, number

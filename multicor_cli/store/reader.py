@@ -123,7 +123,7 @@ class Run:
         self.path, self.info = path, info
         self._results = results
         self._parts = Parts(self._find_parts(), self.run_id, self._find_parts_again, self._lengths)
-        self.frames = Frames(self._parts, lambda: self.model)
+        self.frames: Frames = Frames(self._parts, lambda: self.model)
         self.series = Series(
             self._parts, lambda: self.rows(schema.SERIES), lambda: self.series_columns
         )

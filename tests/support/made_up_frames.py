@@ -29,6 +29,33 @@ def source_of(
     return SimpleNamespace(model=model, frames=Frames(frames, time), **more)
 
 
+def frame_of(position: ArrayLike, *, walls: int = 2, **said: Any) -> SimpleNamespace:
+    """A frame; of what is not said all is at rest, and no contacts were recorded."""
+    position = np.asarray(position, float)
+    n, wall = len(position), np.zeros((walls, 3))
+    rest = {"velocity": np.zeros((n, 3)), "spin": np.zeros(n), "temperature": None, "dt": 1e-3}
+    rest |= {"contacts": contacts_of(recorded=False), "wall_position": wall, "wall_velocity": wall}
+    return SimpleNamespace(position=position, **rest | said)
+
+
+def contacts_of(
+    i: ArrayLike = (),
+    j: ArrayLike = (),
+    normal: ArrayLike = (0.0, 0.0),
+    force: ArrayLike = (0.0, 0.0),
+    *,
+    recorded: bool = True,
+) -> SimpleNamespace:
+    """Contacts without gaps that stick; a normal or force for all of them, or for each its own."""
+    first, second = np.asarray(i, np.int64), np.asarray(j, np.int64)
+    shape = (first.size, 2)
+    return SimpleNamespace(
+        i=first, j=second, normal=np.broadcast_to(np.asarray(normal, float), shape),
+        force=np.broadcast_to(np.asarray(force, float), shape), gap=np.zeros(first.size),
+        sliding=np.zeros(first.size, bool), recorded=recorded,
+    )  # fmt: skip
+
+
 def profile_of(
     of: str,
     y: ArrayLike,
@@ -52,12 +79,7 @@ def profile_of(
         Column("area", "m2", np.ones(np.size(y))),
     ]  # fmt: skip
     parts = {
-        "frames": np.arange(5),
-        "is_normalized": False,
-        "width": 0.1,
-        "left_out": 0.0,
-        "note": "",
-        "groups": (),
-        "about_groups": "",
-    }
+        "frames": np.arange(5), "is_normalized": False, "width": 0.1, "left_out": 0.0, "note": "",
+        "groups": (), "about_groups": "",
+    }  # fmt: skip
     return ProfileTable(columns, facts, field=field, **parts)

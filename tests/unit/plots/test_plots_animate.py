@@ -34,10 +34,7 @@ def test_all_pictures_share_part_of_the_plane_and_colors(run: Run) -> None:
         assert stage is not None
         pictures = [picture.copy() for picture in _draw_all(maps(run)(), stage, 600)]
     boxes = np.array([table.scene.box for table in maps(run)()])
-    assert stage.box.tolist() == [
-        boxes[:, 0].min(axis=0).tolist(),
-        boxes[:, 1].max(axis=0).tolist(),
-    ]
+    assert stage.box.tolist() == [*map(list, (boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)))]
     assert (stage.scale[0].vmin, stage.scale[0].vmax) == pytest.approx((-0.9, 0.9))
     assert len({picture.shape for picture in pictures}) == 1
     height, width, _ = pictures[0].shape
@@ -78,27 +75,15 @@ def test_name_of_the_film(monkeypatch: pytest.MonkeyPatch) -> None:
     not (shutil.which("ffmpeg") and shutil.which("ffprobe")), reason="needs ffmpeg and ffprobe"
 )
 def test_mp4_has_every_frame(run: Run, tmp_path: Path) -> None:
-    told = []
-    film = write_film(
-        maps(run),
-        6,
-        tmp_path / "film.mp4",
-        rate=5.0,
-        progress=lambda done, total: told.append((done, total)),
-    )
-    assert (film.path, film.frames, film.skipped) == (tmp_path / "film.mp4", 6, 0)
+    told, path = [], tmp_path / "film.mp4"
+    film = write_film(maps(run), 6, path, rate=5.0, progress=lambda *done: told.append(done))
+    assert (film.path, film.frames, film.skipped) == (path, 6, 0)
     assert told[-1] == (6, 6)
-    command = [
-        "ffprobe",
-        "-v",
-        "error",
-        "-count_frames",
-        "-show_entries",
-        "stream=nb_read_frames,r_frame_rate",
-        "-of",
-        "csv=p=0",
-    ]
-    said = subprocess.run([*command, film.path], capture_output=True, text=True, check=True).stdout
+    command = "ffprobe -v error -count_frames -of csv=p=0 -show_entries"
+    entries = "stream=nb_read_frames,r_frame_rate"
+    said = subprocess.run(
+        [*command.split(), entries, film.path], capture_output=True, text=True, check=True
+    ).stdout
     assert said.strip() == "5/1,6"
 
 

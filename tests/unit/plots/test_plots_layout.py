@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from heat_run import write_heated_run
 
 from multicor_cli.model.shapes import Annulus
 from multicor_cli.plots import plot, style
@@ -30,25 +29,12 @@ from multicor_cli.post import (
     rheology,
     theta_eta,
 )
-from multicor_cli.store import Run, open_run
+from multicor_cli.store import Run
 
 ALL = Selection(start=0.0)
 SHAPES = [
-    (4.0, 4.0),
-    (0.1, 0.1),
-    (20.0, 1.0),
-    (1.0, 20.0),
-    (4.5e-3, 3.0e-3),
-    (1234.5, 2345.6),
-    (3.0, 2.2),
-]
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    path = tmp_path_factory.mktemp("run") / "run"
-    write_heated_run(path)
-    return open_run(path)
+    (4.0, 4.0), (0.1, 0.1), (20.0, 1.0), (1.0, 20.0), (4.5e-3, 3.0e-3), (1234.5, 2345.6), (3.0, 2.2)
+]  # fmt: skip
 
 
 @pytest.fixture
@@ -71,12 +57,8 @@ def check(figure: Any) -> None:
     figure.draw_without_rendering()
     renderer = figure._get_renderer()
     legends = [*figure.legends, *(axes.get_legend() for axes in figure.axes if axes.get_legend())]
-    names = [
-        axis.label
-        for axes in figure.axes
-        if axes.name != "polar"
-        for axis in (axes.xaxis, axes.yaxis)
-    ]
+    flat = [axes for axes in figure.axes if axes.name != "polar"]
+    names = [axis.label for axes in flat for axis in (axes.xaxis, axes.yaxis)]
     titles = [axes.title for axes in figure.axes]
     for text in (*names, *titles, *(text for legend in legends for text in legend.get_texts())):
         inside(text, figure, renderer)
@@ -88,25 +70,18 @@ def check(figure: Any) -> None:
 def check_axis(axis: Any, figure: Any, renderer: Any) -> None:
     # Ticks inside the limits
     shown = [label for tick in axis._update_ticks() for label in (tick.label1, tick.label2)]
-    boxes = [
-        inside(label, figure, renderer)
-        for label in shown
-        if label.get_visible() and label.get_text()
-    ]
+    seen = [label for label in shown if label.get_visible() and label.get_text()]
+    boxes = [inside(label, figure, renderer) for label in seen]
     if axis.axes.name == "polar":
         return
     inside(axis.offsetText, figure, renderer)
     along = 0 if axis.axis_name == "x" else 1
     boxes.sort(key=lambda box: box.min[along])
-    texts = [label.get_text() for label in shown]
-    assert all(a.max[along] < b.min[along] for a, b in pairwise(boxes)), (
-        axis.axes.get_xlabel(),
-        axis.axes.get_ylabel(),
-        texts,
-    )
+    about = (axis.axes.get_xlabel(), axis.axes.get_ylabel(), [label.get_text() for label in shown])
+    assert all(a.max[along] < b.min[along] for a, b in pairwise(boxes)), about
     if axis.label.get_text():
         name = axis.label.get_window_extent(renderer)
-        assert not any(name.overlaps(box) for box in boxes), (axis.label.get_text(), texts)
+        assert not any(name.overlaps(box) for box in boxes), about
 
 
 def inside(text: Any, figure: Any, renderer: Any) -> Any:
@@ -118,20 +93,20 @@ def inside(text: Any, figure: Any, renderer: Any) -> Any:
     return box
 
 
-def test_charts(run: Run, drawn: Any) -> None:
+def test_charts(column: Run, drawn: Any) -> None:
     for table in (
         *(
-            profiles(run, of, ALL)
+            profiles(column, of, ALL)
             for of in ("velocity", "spin", "temperature", "stress", "kinetic-stress")
         ),
-        profiles(run, "velocity", ALL).normalized(),
-        theta_eta(run, wall="top"),
-        energy(run),
-        rheology(run, ALL),
-        in_region(run, Annulus((2.0, 2.0), 2.0), ALL),
-        force_distribution(run, ALL),
-        angular_distribution(run, ALL),
-        compare(run, run, ["velocity", "temperature"], ALL),
+        profiles(column, "velocity", ALL).normalized(),
+        theta_eta(column, wall="top"),
+        energy(column),
+        rheology(column, ALL),
+        in_region(column, Annulus((2.0, 2.0), 2.0), ALL),
+        force_distribution(column, ALL),
+        angular_distribution(column, ALL),
+        compare(column, column, ["velocity", "temperature"], ALL),
     ):
         drawn(table)
 
@@ -152,8 +127,8 @@ def reshaped(table: Any, across: float, upwards: float) -> Any:
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: f"{shape[0]:g}x{shape[1]:g}")
 @pytest.mark.parametrize("of", ["temperature", "velocity", "heat", "spin"])
-def test_maps_of_any_shape(run: Run, drawn: Any, shape: tuple[float, float], of: str) -> None:
-    table: GrainMap = reshaped(grain_map(run, of), *shape)
+def test_maps_of_any_shape(column: Run, drawn: Any, shape: tuple[float, float], of: str) -> None:
+    table: GrainMap = reshaped(grain_map(column, of), *shape)
     figure = drawn(table)
     axes, bar = figure.axes
     box = axes.get_window_extent()
@@ -163,8 +138,8 @@ def test_maps_of_any_shape(run: Run, drawn: Any, shape: tuple[float, float], of:
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: f"{shape[0]:g}x{shape[1]:g}")
-def test_networks_of_any_shape(run: Run, drawn: Any, shape: tuple[float, float]) -> None:
-    network: ForceNetwork = reshaped(force_network(run), *shape)
+def test_networks_of_any_shape(column: Run, drawn: Any, shape: tuple[float, float]) -> None:
+    network: ForceNetwork = reshaped(force_network(column), *shape)
     figure = drawn(network)
     (axes,) = figure.axes
     legend = figure.legends[0].get_window_extent()

@@ -4,44 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from heat_run import GRAINS, write_heated_run
+from drawn import map_of, panel_of
+from heat_run import GRAINS
 
-from multicor_cli.plots import draw_forces, draw_map, draw_theta_eta
+from multicor_cli.plots import draw_forces, draw_theta_eta
 from multicor_cli.plots.forces import line_widths, segments
-from multicor_cli.plots.grain_map import color_scale, place_scene, solid_polygons
-from multicor_cli.plots.style import COLORS, house_style
-from multicor_cli.post import MAPPED, GrainMap, force_network, grain_map, theta_eta
-from multicor_cli.store import Run, open_run
+from multicor_cli.plots.grain_map import color_scale, solid_polygons
+from multicor_cli.plots.style import COLORS
+from multicor_cli.post import MAPPED, force_network, grain_map, theta_eta
+from multicor_cli.store import Run
 from multicor_cli.text import unit_sign
 
 
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    path = tmp_path_factory.mktemp("run") / "run"
-    write_heated_run(path)
-    return open_run(path)
-
-
-def axes():
-    from matplotlib.figure import Figure
-
-    return Figure(layout="constrained").add_subplot()
-
-
-def mapped(table: GrainMap):
-    """The axes of a map."""
-    from matplotlib.figure import Figure
-
-    place = place_scene(Figure(), table.scene)
-    draw_map(place, table)
-    return place.axes
-
-
 @pytest.mark.parametrize("of", MAPPED)
-def test_map_shows_every_grain_and_names_its_colors(run: Run, of: str) -> None:
-    with house_style():
-        table = grain_map(run, of)
-        panel = mapped(table)
+def test_map_shows_every_grain_and_names_its_colors(column: Run, of: str) -> None:
+    table = grain_map(column, of)
+    panel = map_of(table)
     discs = panel.collections[0]
     assert discs.get_array().tolist() == table.value.tolist()  # none crosses the ends of the period
     assert discs.get_offsets() == pytest.approx(table.scene.center)
@@ -51,11 +29,10 @@ def test_map_shows_every_grain_and_names_its_colors(run: Run, of: str) -> None:
     assert panel.get_aspect() == 1.0
 
 
-def test_grains_at_the_ends_of_the_period_are_drawn_twice(run: Run) -> None:
-    table = grain_map(run, "temperature")
+def test_grains_at_the_ends_of_the_period_are_drawn_twice(column: Run) -> None:
+    table = grain_map(column, "temperature")
     table.scene.center[3, 0] = 0.01
-    with house_style():
-        panel = mapped(table)
+    panel = map_of(table)
     offsets = panel.collections[0].get_offsets()
     assert len(offsets) == GRAINS + 1
     assert offsets[-1] == pytest.approx([4.01, table.scene.center[3, 1]])
@@ -63,29 +40,19 @@ def test_grains_at_the_ends_of_the_period_are_drawn_twice(run: Run) -> None:
 
 
 def test_solid_polygons_are_filled_and_containers_are_not() -> None:
-    triangle, square = (
-        np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 1.0]]),
-        np.array([[5.0, 5.0], [9.0, 5.0], [9.0, 9.0], [5.0, 9.0]]),
-    )
-    inner = square[::-1] * 3.0
-    sides = np.concatenate(
-        [
-            np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
-            for corners in (triangle, inner, square)
-        ]
-    )
-    found = solid_polygons(sides)
+    triangle = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 1.0]])
+    square = np.array([[5.0, 5.0], [9.0, 5.0], [9.0, 9.0], [5.0, 9.0]])
+    walls = (triangle, square[::-1] * 3.0, square)
+    sides = [np.stack([corners, np.roll(corners, -1, axis=0)], axis=1) for corners in walls]
+    found = solid_polygons(np.concatenate(sides))
     assert [corners.tolist() for corners in found] == [triangle.tolist(), square.tolist()]
 
 
-def test_color_scales(run: Run) -> None:
-    temperature, spin, heat = (grain_map(run, of) for of in ("temperature", "spin", "heat"))
+def test_color_scales(column: Run) -> None:
+    temperature, spin, heat = (grain_map(column, of) for of in ("temperature", "spin", "heat"))
     norm, extend = color_scale(temperature)
-    assert (norm.vmin, norm.vmax, extend) == (
-        temperature.value.min(),
-        temperature.value.max(),
-        "neither",
-    )
+    assert (norm.vmin, norm.vmax) == (temperature.value.min(), temperature.value.max())
+    assert extend == "neither"
     norm, _ = color_scale(spin)
     assert norm.vmin == -norm.vmax
     norm, extend = color_scale(heat)
@@ -99,14 +66,11 @@ def test_color_scales(run: Run) -> None:
     assert norm.vmin < 300.0 < norm.vmax
 
 
-def test_lines_of_forces_are_as_wide_as_the_forces_are_large(run: Run) -> None:
-    network = force_network(run)
-    with house_style():
-        panel = axes()
-        width = line_widths(
-            panel, network.with_(force=network.force[:5], i=network.i[:5], j=network.j[:5])
-        )
-        draw_forces(panel, network)
+def test_lines_of_forces_are_as_wide_as_the_forces_are_large(column: Run) -> None:
+    network = force_network(column)
+    panel = panel_of(draw_forces, network)
+    few = network.with_(force=network.force[:5], i=network.i[:5], j=network.j[:5])
+    width = line_widths(panel, few)
     assert width / width[0] == pytest.approx([1.0, 2.0, 3.0, 4.0, 5.0])
     lines = panel.collections[-1]
     assert len(lines.get_segments()) == GRAINS
@@ -117,19 +81,17 @@ def test_lines_of_forces_are_as_wide_as_the_forces_are_large(run: Run) -> None:
     assert tuple(lines.get_colors()[1]) == pytest.approx(to_rgba(COLORS[0]))
 
 
-def test_forces_across_the_ends_of_the_period_are_drawn_on_both_sides(run: Run) -> None:
-    network = force_network(run)
+def test_forces_across_the_ends_of_the_period_are_drawn_on_both_sides(column: Run) -> None:
+    network = force_network(column)
     network.start[0], network.end[0] = [3.98, 0.5], [4.08, 0.5]
     lines, which = segments(network)
     assert which.tolist() == [*range(GRAINS), 0]
     assert lines[-1] == pytest.approx(np.array([[-0.02, 0.5], [0.08, 0.5]]))
 
 
-def test_theta_eta_shows_grains_and_means(run: Run) -> None:
-    table = theta_eta(run, wall="top", bins=5)
-    with house_style():
-        panel = axes()
-        draw_theta_eta(panel, table)
+def test_theta_eta_shows_grains_and_means(column: Run) -> None:
+    table = theta_eta(column, wall="top", bins=5)
+    panel = panel_of(draw_theta_eta, table)
     assert panel.lines[0].get_xdata() == pytest.approx(table.eta)
     means = next(container for container in panel.containers).lines[0]
     assert means.get_ydata() == pytest.approx(table.mean)
@@ -137,12 +99,10 @@ def test_theta_eta_shows_grains_and_means(run: Run) -> None:
     assert panel.get_ylim() == (0.0, 1.0)
 
 
-def test_network_without_forces_is_drawn(run: Run) -> None:
-    network = force_network(run)
+def test_network_without_forces_is_drawn(column: Run) -> None:
+    network = force_network(column)
     empty = network.with_(
         i=network.i[:0], j=network.j[:0], force=network.force[:0], sliding=network.sliding[:0]
     )
-    with house_style():
-        panel = axes()
-        draw_forces(panel, empty)
+    panel = panel_of(draw_forces, empty)
     assert panel.figure.legends == []

@@ -9,20 +9,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from heat_run import write_heated_run
+from drawn import figure_of, map_of, panel_of
 
 from multicor_cli.plots import (
     draw_angles,
     draw_comparison,
     draw_distribution,
     draw_energy,
-    draw_map,
     draw_rheology,
     plot,
 )
 from multicor_cli.plots.fields import _draw_mesh
-from multicor_cli.plots.grain_map import place_scene, smooth_field
-from multicor_cli.plots.style import house_style
+from multicor_cli.plots.grain_map import smooth_field
 from multicor_cli.post import (
     MAPPED,
     Column,
@@ -40,29 +38,14 @@ from multicor_cli.post import (
     theta_eta,
 )
 from multicor_cli.post.grain_map import GrainScene
-from multicor_cli.store import Run, open_run
+from multicor_cli.store import Run
 
 ALL = Selection(start=0.0)
 
 
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    path = tmp_path_factory.mktemp("run") / "run"
-    write_heated_run(path)
-    return open_run(path)
-
-
-def make_figure():
-    from matplotlib.figure import Figure
-
-    return Figure(layout="constrained")
-
-
-def test_rheology_has_a_panel_for_each_quantity_with_its_mean(run: Run) -> None:
-    table = rheology(run, ALL)
-    with house_style():
-        figure = make_figure()
-        draw_rheology(figure, table)
+def test_rheology_has_a_panel_for_each_quantity_with_its_mean(column: Run) -> None:
+    table = rheology(column, ALL)
+    figure = figure_of(draw_rheology, table)
     panels = figure.axes
     assert len(panels) == 8
     assert figure.legends[0].get_texts()[0].get_text() == "mean"
@@ -73,40 +56,32 @@ def test_rheology_has_a_panel_for_each_quantity_with_its_mean(run: Run) -> None:
     assert "time" in panels[-1].get_xlabel()
 
 
-def test_energy_stacks_what_came_in_and_what_went_out(run: Run) -> None:
-    with house_style():
-        figure = make_figure()
-        draw_energy(figure, energy(run))
+def test_energy_stacks_what_came_in_and_what_went_out(column: Run) -> None:
+    figure = figure_of(draw_energy, energy(column))
     labels = [axes.get_ylabel() for axes in figure.axes]
     assert labels == [
-        "energy since the start [J]",
-        "heat since the start [J]",
-        "closure [–]",
-        "closure [–]",
+        *(f"{n} since the start [J]" for n in ("energy", "heat")),
+        *["closure [–]"] * 2,
     ]
     heat = figure.axes[1]
     assert [text.get_text() for text in heat.get_legend().get_texts()] == ["stored"]
-    lowest = min(
-        path.vertices[:, 1].min() for area in heat.collections for path in area.get_paths()
-    )
-    assert lowest == pytest.approx(-energy(run).books["heat_stored"][-1])
+    paths = [path for area in heat.collections for path in area.get_paths()]
+    lowest = min(path.vertices[:, 1].min() for path in paths)
+    assert lowest == pytest.approx(-energy(column).books["heat_stored"][-1])
 
 
-def test_distributions_show_bins_with_forces_only(run: Run) -> None:
-    table = force_distribution(run, ALL)
-    with house_style():
-        axes = make_figure().add_subplot()
-        draw_distribution(axes, table)
+def test_distributions_show_bins_with_forces_only(column: Run) -> None:
+    table = force_distribution(column, ALL)
+    axes = panel_of(draw_distribution, table)
     assert axes.lines[0].get_ydata() == pytest.approx(table.normal[table.count > 0])
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
 
 
-def test_a_polar_map_ends_where_the_grains_do(run: Run) -> None:
-    table = fields(
-        run, ["velocity-t"], ALL, center=tuple(grain_map(run, "speed").scene.box[0]), reach=4.0
-    )
-    with house_style():
-        mesh, _ = _draw_mesh(make_figure().add_subplot(), table, table.of[0])
+def test_a_polar_map_ends_where_the_grains_do(column: Run) -> None:
+    corner = tuple(grain_map(column, "speed").scene.box[0])
+    table = fields(column, ["velocity-t"], ALL, center=corner, reach=4.0)
+    axes = panel_of(lambda axes, table: _draw_mesh(axes, table, table.of[0]), table)
+    mesh = axes.collections[0]
     shown = ~np.ma.getmaskarray(mesh.get_array()).reshape(table.points.shape[::-1]).T.ravel()
     assert table.scene.period > 0.0  # nothing is beyond the grains to the side
     height, reach = table.points.at[shown, 1], table.scene.radius
@@ -116,27 +91,21 @@ def test_a_polar_map_ends_where_the_grains_do(run: Run) -> None:
     assert np.isfinite(table.values["velocity-t"][~shown]).any()
 
 
-def test_angles_are_polar_histograms_with_their_second_harmonic(run: Run) -> None:
-    table = angular_distribution(run, ALL)
-    with house_style():
-        figure = make_figure()
-        draw_angles(figure, table)
+def test_angles_are_polar_histograms_with_their_second_harmonic(column: Run) -> None:
+    table = angular_distribution(column, ALL)
+    figure = figure_of(draw_angles, table)
     contacts, forces = figure.axes
-    assert [bar.get_height() for bar in contacts.patches] == pytest.approx(table.density)
-    assert [bar.get_height() for bar in forces.patches] == pytest.approx(
-        np.nan_to_num(table.normal)
-    )
-    assert contacts.lines[0].get_ydata().max() == pytest.approx(
-        0.5 / np.pi * (1.0 + table.moments["a_c"]), rel=1e-3
-    )
+    for axes, values in ((contacts, table.density), (forces, np.nan_to_num(table.normal))):
+        assert [bar.get_height() for bar in axes.patches] == pytest.approx(values)
+    highest = 0.5 / np.pi * (1.0 + table.moments["a_c"])
+    assert contacts.lines[0].get_ydata().max() == pytest.approx(highest, rel=1e-3)
     assert f"{table.moments['a_c']:.3f}" in contacts.get_title()
 
 
-def test_comparison_shows_both_profiles_and_their_difference(run: Run) -> None:
-    found = compare(run, run, of=["velocity", "temperature"], selection=ALL, names=("one", "two"))
-    with house_style():
-        figure = make_figure()
-        draw_comparison(figure, found)
+def test_comparison_shows_both_profiles_and_their_difference(column: Run) -> None:
+    of = ["velocity", "temperature"]
+    found = compare(column, column, of, ALL, names=("one", "two"))
+    figure = figure_of(draw_comparison, found)
     assert len(figure.axes) == 4
     left, right = figure.axes[:2]
     assert [line.get_label() for line in left.lines] == ["one", "two"]
@@ -151,9 +120,8 @@ def make_vortex(n: int = 4000) -> GrainMap:
     vector = np.column_stack([0.5 - center[:, 1], center[:, 0] - 0.5])
     scene = GrainScene(center, np.full(n, 0.005), [], 0.0, np.array([[0.0, 0.0], [1.0, 1.0]]))
     speed = Column("value", "m/s", np.hypot(*vector.T))
-    return GrainMap(
-        (), {}, [speed], field=MAPPED["fluctuation"], scene=scene, vector=vector, names=()
-    )
+    parts = {"field": MAPPED["fluctuation"], "scene": scene, "vector": vector, "names": ()}
+    return GrainMap((), {}, [speed], **parts)
 
 
 def test_smooth_field_is_the_local_mean() -> None:
@@ -173,18 +141,11 @@ def test_smooth_field_goes_around_the_ends_of_the_period_and_leaves_empty_region
     table = make_vortex()
     low = table.scene.center[:, 1] < 0.5
     for period in (0.0, 1.0):
-        scene = replace(
-            table.scene,
-            period=period,
-            center=table.scene.center[low],
-            radius=table.scene.radius[low],
-        )
-        right = scene.center[:, 0] > 0.5
-        half = table.with_(
-            scene=scene,
-            value=table.value[low],
-            vector=np.column_stack([np.where(right, 1.0, 0.0), 0.0 * right]),
-        )
+        center, radius = table.scene.center[low], table.scene.radius[low]
+        scene = replace(table.scene, period=period, center=center, radius=radius)
+        right = center[:, 0] > 0.5
+        vector = np.column_stack([np.where(right, 1.0, 0.0), 0.0 * right])
+        half = table.with_(scene=scene, value=table.value[low], vector=vector)
         x, y, field = smooth_field(half)
         assert np.isnan(field[y > 0.7]).all()
         beside = field[10, 0, 0]  # next to x = 0, where the neighbors are beyond the period
@@ -192,40 +153,27 @@ def test_smooth_field_goes_around_the_ends_of_the_period_and_leaves_empty_region
         assert x[0] < 0.02
 
 
-def test_map_has_streamlines_or_arrows(run: Run) -> None:
+def test_map_has_streamlines_or_arrows(column: Run) -> None:
     from matplotlib.collections import LineCollection
     from matplotlib.quiver import Quiver
 
     table = make_vortex(500)
     for has_streamlines in (True, False):
-        with house_style():
-            place = place_scene(make_figure(), table.scene)
-            draw_map(place, table, has_streamlines=has_streamlines)
-        axes = place.axes
-        lines = [
-            c
-            for c in axes.collections
-            if isinstance(c, LineCollection) and len(c.get_segments()) > 5
-        ]
+        drawn = map_of(table, has_streamlines=has_streamlines).collections
+        lines = [c for c in drawn if isinstance(c, LineCollection) and len(c.get_segments()) > 5]
         assert bool(lines) is has_streamlines
-        assert any(isinstance(c, Quiver) for c in axes.collections) is not has_streamlines
-    with house_style():
-        still = grain_map(run, "fluctuation", 0)
-        draw_map(place_scene(make_figure(), still.scene), still)  # at rest: no lines, no error
+        assert any(isinstance(c, Quiver) for c in drawn) is not has_streamlines
+    map_of(grain_map(column, "fluctuation", 0))  # at rest: no lines, no error
 
 
-def test_figures_are_written_and_reproducible(run: Run, tmp_path: Path) -> None:
-    for name in ("a", "b"):
-        plot(rheology(run, ALL), tmp_path / f"rheology-{name}.svg")
-        plot(energy(run), tmp_path / f"energy-{name}.svg")
-        plot(force_distribution(run, ALL), tmp_path / f"distribution-{name}.svg")
-        plot(angular_distribution(run, ALL), tmp_path / f"angles-{name}.svg")
-        plot(compare(run, run, selection=ALL), tmp_path / f"compare-{name}.svg")
-        plot(profiles(run, "stress", ALL), tmp_path / f"stress-{name}.svg")
-        plot(make_vortex(300), tmp_path / f"map-{name}.svg")
-        plot(force_network(run), tmp_path / f"forces-{name}.svg")
-        plot(theta_eta(run, wall="top"), tmp_path / f"theta-{name}.svg")
-    written = sorted(path.name for path in tmp_path.iterdir())
-    assert len(written) == 18
-    for first, second in zip(written[::2], written[1::2], strict=True):
-        assert (tmp_path / first).read_bytes() == (tmp_path / second).read_bytes()
+def test_figures_are_written_and_reproducible(column: Run, tmp_path: Path) -> None:
+    tables = (
+        rheology(column, ALL), energy(column), force_distribution(column, ALL),
+        angular_distribution(column, ALL), compare(column, column, selection=ALL),
+        profiles(column, "stress", ALL), make_vortex(300), force_network(column),
+        theta_eta(column, wall="top"),
+    )  # fmt: skip
+    for table in tables:
+        for name in ("a.svg", "b.svg"):
+            plot(table, tmp_path / name)
+        assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()

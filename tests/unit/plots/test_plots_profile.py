@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from drawn import panel_of
 from made_up_frames import profile_of
 
 from multicor_cli.optional import MissingLibrary
 from multicor_cli.plots import PlotError, draw_profile, plot
 from multicor_cli.plots.profile import axis_labels
-from multicor_cli.plots.style import COLUMN, house_style
+from multicor_cli.plots.style import COLUMN
 from multicor_cli.post import ProfileTable
 
 
@@ -30,11 +31,7 @@ def test_axes_carry_quantity_and_unit() -> None:
 
 
 def test_band_is_the_standard_error_around_the_mean() -> None:
-    from matplotlib.figure import Figure
-
-    with house_style():
-        axes = Figure().add_subplot()
-        draw_profile(axes, make_table())
+    axes = panel_of(draw_profile, make_table())
     line, band = axes.lines[0], axes.collections[0]
     assert np.allclose(line.get_xdata(), make_table().value)
     edges = band.get_paths()[0].vertices
@@ -45,11 +42,7 @@ def test_band_is_the_standard_error_around_the_mean() -> None:
 
 
 def test_without_errors_there_is_no_band_to_explain() -> None:
-    from matplotlib.figure import Figure
-
-    with house_style():
-        axes = Figure().add_subplot()
-        draw_profile(axes, make_table(error=np.nan))
+    axes = panel_of(draw_profile, make_table(error=np.nan))
     assert [text.get_text() for text in axes.get_legend().get_texts()] == ["mean, errors not known"]
 
 

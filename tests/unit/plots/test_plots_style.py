@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from heat_run import write_heated_run
 from made_up_frames import profile_of
 from matplotlib.figure import Figure
 
@@ -37,7 +36,7 @@ from multicor_cli.post import (
     rheology,
     theta_eta,
 )
-from multicor_cli.store import Run, open_run
+from multicor_cli.store import Run
 
 # ---- Axes of temperatures that differ by millikelvin
 
@@ -60,14 +59,8 @@ def test_reference_is_a_round_temperature_near_the_lowest(
     low: float, high: float, expected: float | None
 ) -> None:
     reference = rise_reference("K", low, high)
-    if expected is None:
-        assert reference is None
-    else:
-        assert reference == pytest.approx(expected, abs=1e-9)
-
-
-def test_only_kelvin_have_an_arbitrary_zero() -> None:
-    assert rise_reference("m/s", 298.15, 298.18) is None
+    assert reference is None if expected is None else reference == pytest.approx(expected, abs=1e-9)
+    assert rise_reference("m/s", low, high) is None  # only kelvin have an arbitrary zero
 
 
 def test_numbers_are_millikelvin_above_it() -> None:
@@ -86,11 +79,8 @@ def test_profile_of_a_small_rise_has_no_offset_beside_its_label() -> None:
         figure.draw_without_rendering()
     assert axes.get_xlabel() == "temperature $T$ − 298.15 K [mK]"
     assert axes.xaxis.get_offset_text().get_text() == ""
-    shown = [
-        float(label.get_text().replace("−", "-"))
-        for label in axes.get_xticklabels()
-        if label.get_text()
-    ]
+    texts = filter(None, (label.get_text() for label in axes.get_xticklabels()))
+    shown = [float(text.replace("−", "-")) for text in texts]
     assert 0.0 <= min(shown) < max(shown) <= 6.0
 
 
@@ -102,16 +92,19 @@ def area(chart: str) -> list[str]:
     return [row.split(" |", 1)[1].ljust(WIDTH) for row in chart.splitlines() if " |" in row]
 
 
+def chart(x: list[float], y: list[float], *names: str, **options: Any) -> str:
+    """A chart of one line."""
+    return draw_text([TextLine("", np.array(x), np.array(y))], *(names or ("x", "y")), **options)
+
+
 def test_straight_line_goes_from_corner_to_corner_without_gaps() -> None:
-    chart = draw_text(
-        [TextLine("", np.array([1.0, 3.0]), np.array([-2.0, 5.0]))], "time [s]", "height [m]"
-    )
-    rows = area(chart)
+    drawn = chart([1.0, 3.0], [-2.0, 5.0], "time [s]", "height [m]")
+    rows = area(drawn)
     assert len(rows) == HEIGHT
     assert (rows[0][WIDTH - 1], rows[-1][0]) == ("*", "*")
     assert all("*" in row for row in rows)
     assert all(any(row[column] == "*" for row in rows) for column in range(WIDTH))
-    lines = chart.splitlines()
+    lines = drawn.splitlines()
     assert lines[0].strip() == "height [m]"
     assert lines[1].startswith(" 5 |") or lines[1].split("|")[0].strip() == "5"
     assert lines[HEIGHT].split("|")[0].strip() == "-2"
@@ -120,37 +113,25 @@ def test_straight_line_goes_from_corner_to_corner_without_gaps() -> None:
 
 def test_several_lines_have_letters_and_the_first_is_in_front() -> None:
     x = np.array([0.0, 1.0])
-    chart = draw_text([TextLine("one", x, x), TextLine("two", x, 1.0 - x)], "x", "y")
-    rows = area(chart)
-    assert (rows[0][WIDTH - 1], rows[-1][0], rows[0][0], rows[-1][WIDTH - 1]) == (
-        "a",
-        "a",
-        "b",
-        "b",
-    )
-    assert chart.splitlines()[-2:] == ["  a  one", "  b  two"]
+    drawn = draw_text([TextLine("one", x, x), TextLine("two", x, 1.0 - x)], "x", "y")
+    rows = area(drawn)
+    corners = (rows[0][WIDTH - 1], rows[-1][0], rows[0][0], rows[-1][WIDTH - 1])
+    assert corners == ("a", "a", "b", "b")
+    assert drawn.splitlines()[-2:] == ["  a  one", "  b  two"]
     same = area(draw_text([TextLine("one", x, x), TextLine("two", x, x)], "x", "y"))
     assert not any("b" in row for row in same)
 
 
 def test_points_that_are_not_known_are_left_out() -> None:
-    chart = draw_text(
-        [TextLine("", np.array([0.0, 1.0, 2.0]), np.array([1.0, np.nan, 3.0]))], "x", "y"
-    )
-    assert sum("*" in row for row in area(chart)) == HEIGHT
-    assert (
-        draw_text([TextLine("", np.array([0.0]), np.array([np.nan]))], "x", "y")
-        == "y: nothing to draw"
-    )
-    assert draw_text([], "x", "y") == "y: nothing to draw"
+    known, unknown = chart([0.0, 1.0, 2.0], [1.0, np.nan, 3.0]), chart([0.0], [np.nan])
+    assert sum("*" in row for row in area(known)) == HEIGHT
+    assert unknown == draw_text([], "x", "y") == "y: nothing to draw"
 
 
 def test_constant_and_single_points_lie_in_the_middle() -> None:
-    rows = area(draw_text([TextLine("", np.array([2.0]), np.array([0.0]))], "x", "y"))
-    assert "".join(rows).count("*") == 1
-    assert any(
-        0.4 * HEIGHT < number < 0.6 * HEIGHT and "*" in row for number, row in enumerate(rows)
-    )
+    marked = ["*" in row for row in area(chart([2.0], [0.0]))]
+    assert sum(marked) == 1
+    assert 0.4 * HEIGHT < marked.index(True) < 0.6 * HEIGHT
 
 
 # ---- Figures for the terminal: every table has one, and pictures of grains have the colors of the
@@ -160,24 +141,17 @@ ALL = Selection(start=0.0)
 TERMINAL = Terminal(columns=40, rows=20)
 
 
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    path = tmp_path_factory.mktemp("run") / "run"
-    write_heated_run(path)
-    return open_run(path)
-
-
-def test_every_table_can_be_shown_in_a_terminal(run: Run) -> None:
+def test_every_table_can_be_shown_in_a_terminal(column: Run) -> None:
     tables: dict[str, Any] = {
-        "height y [m]": profiles(run, "stress", ALL),
-        "theta [–]": theta_eta(run, wall="top"),
-        "energy [J]": energy(run),
-        "friction mu* [–]": rheology(run, ALL),
-        "probability density [–]": force_distribution(run, ALL),
-        "direction [°]": angular_distribution(run, ALL),
-        "height y/H [–]": compare(run, run, ["velocity"], ALL),
-        "temperature [K] from": grain_map(run, "temperature"),
-        "normal force, mean": force_network(run),
+        "height y [m]": profiles(column, "stress", ALL),
+        "theta [–]": theta_eta(column, wall="top"),
+        "energy [J]": energy(column),
+        "friction mu* [–]": rheology(column, ALL),
+        "probability density [–]": force_distribution(column, ALL),
+        "direction [°]": angular_distribution(column, ALL),
+        "height y/H [–]": compare(column, column, ["velocity"], ALL),
+        "temperature [K] from": grain_map(column, "temperature"),
+        "normal force, mean": force_network(column),
     }
     for text, table in tables.items():
         shown = show(table, TERMINAL)
@@ -186,19 +160,11 @@ def test_every_table_can_be_shown_in_a_terminal(run: Run) -> None:
 
 
 def test_logarithmic_axes() -> None:
-    chart = draw_text(
-        [TextLine("", np.array([0.01, 1.0, 0.0]), np.array([1.0, 100.0, 5.0]))],
-        "x",
-        "y",
-        rows=5,
-        is_logarithmic=True,
-    )
-    rows = [row.split(" |", 1)[1] for row in chart.splitlines() if " |" in row]
-    assert [row.index("*") for row in rows] == sorted(
-        (row.index("*") for row in rows), reverse=True
-    )
-    assert chart.splitlines()[1].startswith("100 |")
-    assert chart.splitlines()[-1].split() == ["0.01", "x", "1"]  # the point at 0 is left out
+    drawn = chart([0.01, 1.0, 0.0], [1.0, 100.0, 5.0], rows=5, is_logarithmic=True)
+    places = [row.index("*") for row in area(drawn)]
+    assert places == sorted(places, reverse=True)
+    assert drawn.splitlines()[1].startswith("100 |")
+    assert drawn.splitlines()[-1].split() == ["0.01", "x", "1"]  # the point at 0 is left out
 
 
 def scene(across: float, upwards: float) -> GrainScene:
@@ -215,15 +181,11 @@ def quarters(axes: Any) -> None:
 
 
 def test_picture_has_two_pixels_in_a_letter() -> None:
-    picture = draw_picture(
-        scene(1.0, 1.0), quarters, Terminal(columns=8, rows=50, colors="truecolor")
-    )
-    lines = picture.splitlines()
+    terminal = Terminal(columns=8, rows=50, colors="truecolor")
+    lines = draw_picture(scene(1.0, 1.0), quarters, terminal).splitlines()
     assert len(lines) == 4
-    cells = [
-        re.findall(r"\x1b\[38;2;(\d+);(\d+);(\d+);48;2;(\d+);(\d+);(\d+)m(▀+)", line)
-        for line in lines
-    ]
+    cell = r"\x1b\[38;2;(\d+);(\d+);(\d+);48;2;(\d+);(\d+);(\d+)m(▀+)"
+    cells = [re.findall(cell, line) for line in lines]
     white, red, blue = ["255"] * 3, ["255", "0", "0"], ["0", "0", "255"]
     for row, found in enumerate(cells):
         letters = [(list(cell[:3]), list(cell[3:6])) for cell in found for _ in cell[6]]
@@ -232,9 +194,8 @@ def test_picture_has_two_pixels_in_a_letter() -> None:
 
 
 def test_picture_without_colors_tells_dark_from_light() -> None:
-    upper, lower = draw_picture(
-        scene(1.0, 1.0), quarters, Terminal(columns=4, rows=50)
-    ).splitlines()
+    picture = draw_picture(scene(1.0, 1.0), quarters, Terminal(columns=4, rows=50))
+    upper, lower = picture.splitlines()
     assert (upper[:2], len(lower)) == ("  ", 2)  # white
     assert upper[2] == upper[3] == lower[0] == lower[1] != " "  # red and blue are a third as light
 
@@ -245,9 +206,8 @@ def test_picture_without_colors_tells_dark_from_light() -> None:
 def test_picture_fits_into_the_terminal(
     across: float, upwards: float, size: tuple[int, int]
 ) -> None:
-    lines = draw_picture(
-        scene(across, upwards),
-        lambda axes: axes.axvspan(-9.0, 9.0, color="black"),
-        Terminal(30, 10),
-    ).splitlines()
+    def draw(axes: Any) -> None:
+        axes.axvspan(-9.0, 9.0, color="black")
+
+    lines = draw_picture(scene(across, upwards), draw, Terminal(30, 10)).splitlines()
     assert (max(map(len, lines)), len(lines)) == pytest.approx(size, abs=1)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from heat_run import GRAINS, write_heated_run
+from heat_run import GRAINS
 from scenes import write_small
 
 import multicor_cli as multicor
@@ -21,14 +20,11 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> tuple[Run, Run]:
     """The small run twice, with another seed and a faster wall."""
     path = tmp_path_factory.mktemp("pair")
     write_small(path)
-    common = [
-        "loading.0.duration=0.01",
-        "loading.1.until.strain.value=0.5",
-        "output.frame_interval=0.001",
-    ]
+    common = ["loading.0.duration=0.01", "loading.1.until.strain.value=0.5"]
+    common += ["output.frame_interval=0.001"]
     other = ["scenario.seed=4", "loading.1.drives.top.x.velocity.ramp=[0.0, 0.2]"]
-    multicor.run(path / "small.toml", path / "a", overrides=common, threads=1)
-    multicor.run(path / "small.toml", path / "b", overrides=[*common, *other], threads=1)
+    for name, overrides in (("a", common), ("b", common + other)):
+        multicor.run(path / "small.toml", path / name, overrides=overrides, threads=1)
     return open_run(path / "a"), open_run(path / "b")
 
 
@@ -36,9 +32,8 @@ def test_books_balance_in_every_row(pair: tuple[Run, Run]) -> None:
     table = energy(pair[0])
     books = table.books
     came = sum(entry.sign * books[entry.name] for entry in table.entries if entry.sign)
-    assert books["kinetic_gain"] - came == pytest.approx(
-        books["imbalance"], abs=1e-12 * float(np.abs(books["wall_work"]).max())
-    )
+    slack = 1e-12 * float(np.abs(books["wall_work"]).max())
+    assert books["kinetic_gain"] - came == pytest.approx(books["imbalance"], abs=slack)
     assert table.heat_closure is None
     assert table.closure[-1] <= 1e-10
     labels = dict(table.rows)
@@ -66,11 +61,9 @@ def test_books_add_up_where_grains_come_and_go() -> None:
     }
     table = energy(SimpleNamespace(series={"time": np.array([0.0, 1.0]), **series}))
     ends = {entry.name: entry.sign * table.books[entry.name][-1] for entry in table.entries}
-    mechanical = sum(value for name, value in ends.items() if not name.startswith("heat"))
-    assert mechanical == pytest.approx(table.books["kinetic_gain"][-1])
-    assert sum(value for name, value in ends.items() if name.startswith("heat")) == pytest.approx(
-        table.books["heat_stored"][-1]
-    )
+    heat = sum(value for name, value in ends.items() if name.startswith("heat"))
+    assert sum(ends.values()) - heat == pytest.approx(table.books["kinetic_gain"][-1])
+    assert heat == pytest.approx(table.books["heat_stored"][-1])
     assert dict(table.rows)["brought by grains that came [J]"] == 5.0
     assert dict(table.rows)["heat taken along by grains that went [J]"] == 0.2
 
@@ -84,15 +77,13 @@ def test_books_of_a_part_count_from_the_start(pair: tuple[Run, Run]) -> None:
         energy(pair[0], 1e9)
 
 
-def test_books_of_heat(tmp_path: Path) -> None:
-    write_heated_run(tmp_path / "run")
-    with open_run(tmp_path / "run") as run:
-        table = energy(run)
-        assert table.heat_closure is not None
-        assert table.books["heat_stored"][-1] == pytest.approx(run.series["heat_stored"][-1])
-        assert len(table.rows) == len(MECHANICAL) + len(HEAT) - 3 + 2  # no grains come or go
-        assert len(table.detail_headings) == len(table.detail_rows[0])
-        assert table.as_dict()["heat_closure"] == 1e-15
+def test_books_of_heat(column: Run) -> None:
+    table = energy(column)
+    assert table.heat_closure is not None
+    assert table.books["heat_stored"][-1] == pytest.approx(column.series["heat_stored"][-1])
+    assert len(table.rows) == len(MECHANICAL) + len(HEAT) - 3 + 2  # no grains come or go
+    assert len(table.detail_headings) == len(table.detail_rows[0])
+    assert table.as_dict()["heat_closure"] == 1e-15
 
 
 def test_comparison_of_two_runs(pair: tuple[Run, Run]) -> None:
@@ -106,21 +97,12 @@ def test_comparison_of_two_runs(pair: tuple[Run, Run]) -> None:
     assert numbers["grain_count"].difference == 0.0
     assert numbers["friction_loss"].second == energy(pair[1]).books["friction_loss"][-1]
     one, two = (rheology(run, later) for run in pair)
-    rate = numbers["shear_rate"]
+    rate = numbers["shear_rate"]  # the ratios are those of plain loops in the verification
     assert rate.difference == pytest.approx(two.mean["shear_rate"] - one.mean["shear_rate"])
-    assert rate.ratio == pytest.approx(
-        rate.difference / np.hypot(one.error["shear_rate"], two.error["shear_rate"]), nan_ok=True
-    )
     speed = found.profiles["velocity"]
     assert speed.first.value.tolist() == profile(pair[0], "velocity", later).value.tolist()
     assert speed.second.y.size == speed.first.y.size
-    expected = (speed.second.value - speed.first.value) / np.hypot(
-        speed.first.error, speed.second.error
-    )
-    assert speed.ratio == pytest.approx(expected, nan_ok=True)
-    known = expected[np.isfinite(expected)]
-    assert known.size
-    assert speed.rms_ratio == pytest.approx(np.sqrt((known**2).mean()))
+    assert np.isfinite(speed.ratio).any()
     assert len(found.detail_rows) == 2 * speed.y.size
     assert found.as_dict()["profiles"]["velocity"]["rms_difference_over_error"] == speed.rms_ratio
     assert len(found.rows) == len(found.numbers) + 2
@@ -135,17 +117,13 @@ def test_a_run_does_not_differ_from_itself(pair: tuple[Run, Run]) -> None:
 
 
 def test_runs_that_are_not_alike_compare_in_what_they_share(
-    pair: tuple[Run, Run], tmp_path: Path
+    pair: tuple[Run, Run], column: Run
 ) -> None:
-    """The column of made-up grains has heat and does not move: no heat in common, one bin per
-    grain.
-    """
-    write_heated_run(tmp_path / "run")
-    with open_run(tmp_path / "run") as other:
-        found = compare(other, pair[0], selection=Selection(frames=slice(-3, None)))
-        names = {p.name for p in found.numbers}
-        assert "wall_work" in names
-        assert "heat_stored" not in names
-        assert found.profiles["velocity"].y.size == GRAINS - 2  # a layer at each wall is left out
-        with pytest.raises(PostError, match="no heat"):
-            compare(other, pair[0], of=["temperature"])
+    """No heat in common; one bin per grain of the column."""
+    found = compare(column, pair[0], selection=Selection(frames=slice(-3, None)))
+    names = {p.name for p in found.numbers}
+    assert "wall_work" in names
+    assert "heat_stored" not in names
+    assert found.profiles["velocity"].y.size == GRAINS - 2  # a layer at each wall is left out
+    with pytest.raises(PostError, match="no heat"):
+        compare(column, pair[0], of=["temperature"])

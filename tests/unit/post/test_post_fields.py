@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from made_up_frames import source_of
+from made_up_frames import contacts_of, frame_of, source_of
 from scene_parts import make_model
 
 from multicor_cli.post import PostError, Selection, fields
@@ -17,46 +16,18 @@ ALL = Selection(frames=slice(None))
 FIRST = Selection(frames=slice(0, 1))
 
 
-def contacts_of(count: int, force: tuple[float, float] = (0.0, 0.0)) -> Any:
-    """None, which are not recorded, or one of the second grain on the first, with a normal along
-    x.
-    """
-    numbers = np.ones(count, np.int64)
-    return SimpleNamespace(
-        i=numbers, j=0 * numbers, normal=np.tile([1.0, 0.0], (count, 1)), gap=np.zeros(count),
-        force=np.tile(force, (count, 1)),
-        recorded=count > 0,
-    )  # fmt: skip
-
-
 def lattice(spacing: float, size: float, middle: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
     line = np.arange(-size, size + 0.5 * spacing, spacing)
     return np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2) + middle
 
 
 def moving(
-    position: np.ndarray,
-    velocity: np.ndarray,
-    radius: float,
-    *,
-    spin: float = 0.0,
-    period: float = 0.0,
+    position: np.ndarray, velocity: np.ndarray, radius: float, spin: float = 0.0, **model: Any
 ) -> Any:
-    """Grains of one size with the velocities of several frames, shape ``(frames, n, 2)``, that stay
-    where they are.
-    """
-    model = make_model(np.full(len(position), radius), period=period)
-    none = contacts_of(0)
-    walls = np.zeros((1, 3))
-    frames = [
-        SimpleNamespace(
-            position=position, velocity=v, spin=np.full(len(position), spin), temperature=None,
-            contacts=none, dt=1e-3,
-            wall_position=walls, wall_velocity=walls,
-        )
-        for v in velocity
-    ]  # fmt: skip
-    return source_of(model, frames)
+    """Grains of one size with the velocities of several frames that stay where they are."""
+    n = len(position)
+    frames = [frame_of(position, walls=1, velocity=v, spin=np.full(n, spin)) for v in velocity]
+    return source_of(make_model(np.full(n, radius), **model), frames)
 
 
 def test_the_kernel_has_the_integral_one_and_its_slope() -> None:
@@ -66,37 +37,29 @@ def test_the_kernel_has_the_integral_one_and_its_slope() -> None:
     assert density.sum() * 0.02**2 == pytest.approx(1.0, abs=1e-6)
     across = density.reshape(111, 111)
     slope = coarse.gradients(np.array([[0.03, -0.04]]), np.ones((1, 1)))[:, 0].reshape(111, 111, 2)
-    assert slope[1:-1, 1:-1, 0] == pytest.approx(
-        (across[1:-1, 2:] - across[1:-1, :-2]) / 0.04, abs=0.02
-    )
-    assert slope[1:-1, 1:-1, 1] == pytest.approx(
-        (across[2:, 1:-1] - across[:-2, 1:-1]) / 0.04, abs=0.02
-    )
+    rise = np.stack([np.gradient(across, 0.02, axis=axis) for axis in (1, 0)], axis=-1)
+    assert slope[1:-1, 1:-1] == pytest.approx(rise[1:-1, 1:-1], abs=0.02)
 
 
 @pytest.mark.parametrize("period", [0.0, 2.0])
 def test_densities_agree_with_plain_loops(period: float) -> None:
     rng = np.random.default_rng(4)
-    points, position = (
-        rng.uniform((0.0, -1.0), (2.0, 1.0), (300, 2)),
-        rng.uniform((0.0, -1.3), (2.0, 1.3), (200, 2)),
-    )
+    points = rng.uniform((0.0, -1.0), (2.0, 1.0), (300, 2))
+    position = rng.uniform((0.0, -1.3), (2.0, 1.3), (200, 2))
     values, reach = rng.normal(size=(200, 2)), 0.4
     away = points[:, np.newaxis] - position
     if period:
         away[..., 0] -= period * np.round(away[..., 0] / period)
     q = np.hypot(*np.moveaxis(away, -1, 0)) / reach
     kernel = np.where(q < 1.0, 5.0 / (np.pi * reach**2) * (1.0 + 3.0 * q) * (1.0 - q) ** 3, 0.0)
-    assert CoarseGrid(points, reach, period).densities(position, values) == pytest.approx(
-        kernel @ values, abs=1e-10
-    )
+    found = CoarseGrid(points, reach, period).densities(position, values)
+    assert found == pytest.approx(kernel @ values, abs=1e-10)
 
 
 def test_few_points_and_sources_far_away() -> None:
     coarse = CoarseGrid(np.array([[0.0, 0.0]]), 1.0)
-    assert coarse.densities(np.array([[5.0, 0.0], [0.0, -7.0], [0.0, 0.99]]), np.ones((3, 1)))[
-        0, 0
-    ] == pytest.approx(5.0 / np.pi * 3.97 * 0.01**3)
+    found = coarse.densities(np.array([[5.0, 0.0], [0.0, -7.0], [0.0, 0.99]]), np.ones((3, 1)))
+    assert found[0, 0] == pytest.approx(5.0 / np.pi * 3.97 * 0.01**3)
     assert coarse.densities(np.zeros((0, 2)), np.ones((0, 3))).tolist() == [[0.0, 0.0, 0.0]]
 
 
@@ -113,31 +76,20 @@ def test_a_linear_flow_has_its_gradients() -> None:
     at = table.points.at
     assert table.values["velocity-x"] == pytest.approx(3.0 * at[:, 1] + at[:, 0], abs=2e-3)
     assert table.values["velocity-y"] == pytest.approx(2.0 * at[:, 0] - at[:, 1], abs=2e-3)
-    expected = {
-        "strain-rate-xx": 1.0,
-        "strain-rate-xy": 2.5,
-        "strain-rate-yy": -1.0,
-        "vorticity": -1.0,
-        "spin": -7.0,
-    }
-    for name, value in {**expected, "shear-rate": np.hypot(2.0, 5.0)}.items():
+    rates = {"xx": 1.0, "xy": 2.5, "yy": -1.0}
+    expected = {f"strain-rate-{axes}": rate for axes, rate in rates.items()}
+    expected |= {"vorticity": -1.0, "spin": -7.0, "shear-rate": np.hypot(2.0, 5.0)}
+    for name, value in expected.items():
         assert table.values[name] == pytest.approx(np.full(len(at), value), rel=5e-3), name
     # The gradient across the kernel counts as fluctuation, by the second moment of the kernel, here
     # by quadrature.
     r = (np.arange(2000) + 0.5) / 2000.0
-    second = (
-        0.5
-        * (5.0 / np.pi * (1.0 + 3.0 * r) * (1.0 - r) ** 3 * r**2 * 2.0 * np.pi * r).sum()
-        / 2000.0
-        * table.reach**2
-    )
-    density = table.values["solid-fraction"]
-    assert table.values["kinetic-stress-xx"] == pytest.approx(
-        density * (0.01 + 10.0 * second), rel=0.02
-    )
-    assert table.values["granular-temperature"] == pytest.approx(
-        np.full(len(at), 0.005 + 7.5 * second), rel=0.02
-    )
+    kernel = 5.0 / np.pi * (1.0 + 3.0 * r) * (1.0 - r) ** 3
+    second = 0.5 * (kernel * r**2 * 2.0 * np.pi * r).mean() * table.reach**2
+    stress = table.values["solid-fraction"] * (0.01 + 10.0 * second)
+    assert table.values["kinetic-stress-xx"] == pytest.approx(stress, rel=0.02)
+    temperature = np.full(len(at), 0.005 + 7.5 * second)
+    assert table.values["granular-temperature"] == pytest.approx(temperature, rel=0.02)
     # Two rows: half their distance
     assert table.error["velocity-x"] == pytest.approx(np.full(len(at), 0.1), rel=1e-6)
 
@@ -147,10 +99,8 @@ def test_a_rigid_rotation_in_polar_coordinates() -> None:
     position = position[np.hypot(*(position - [3.0, -2.0]).T) < 1.0]
     away = position - [3.0, -2.0]
     turning = 4.0 * np.column_stack([-away[:, 1], away[:, 0]])
-    source = moving(position, turning[np.newaxis], 0.018)
-    table = fields(
-        source, selection=ALL, center=(3.0, -2.0), is_radial=True, spacing=2.0, reach=8.0
-    )
+    source, wide = moving(position, turning[np.newaxis], 0.018), {"spacing": 2.0, "reach": 8.0}
+    table = fields(source, selection=ALL, center=(3.0, -2.0), is_radial=True, **wide)
     r = table.points.coordinates[:, 0]
     assert table.headings[0] == "r [m]"
     assert np.abs(table.values["velocity-r"]).max() < 1e-3
@@ -158,16 +108,13 @@ def test_a_rigid_rotation_in_polar_coordinates() -> None:
     assert table.values["velocity-t"][inner] == pytest.approx(4.0 * r[inner], abs=0.01)
     assert table.values["vorticity"][inner] == pytest.approx(np.full(inner.sum(), 8.0), rel=0.01)
     assert np.abs(table.values["shear-rate"][inner]).max() < 0.1
-    plane = fields(source, selection=ALL, center=(3.0, -2.0), spacing=2.0, reach=8.0)
+    plane = fields(source, selection=ALL, center=(3.0, -2.0), **wide)
     around = plane.values["velocity-t"].reshape(plane.points.shape)[inner]
-    assert around == pytest.approx(
-        np.repeat(4.0 * r[inner, np.newaxis], around.shape[1], axis=1), abs=0.01
-    )
+    expected = np.repeat(4.0 * r[inner, np.newaxis], around.shape[1], axis=1)
+    assert around == pytest.approx(expected, abs=0.01)
     assert plane.error == {}
     assert table.note == ""
-    aside = fields(
-        source, selection=ALL, center=(3.4, -2.0), is_radial=True, spacing=2.0, reach=8.0
-    )
+    aside = fields(source, selection=ALL, center=(3.4, -2.0), is_radial=True, **wide)
     beyond = float(aside.note.partition("r = ")[2].split()[0])
     # The box of the grains ends 0.6 to the right of that center; rings are 0.072 apart.
     assert 0.6 < beyond < 0.6 + 3.0 * 0.072
@@ -175,9 +122,8 @@ def test_a_rigid_rotation_in_polar_coordinates() -> None:
 
 def test_a_vector_stands_for_its_components_along_a_line_and_is_refused_on_a_grid() -> None:
     source = moving(lattice(0.1, 1.0), np.zeros((1, len(lattice(0.1, 1.0)), 2)), 0.04)
-    line = fields(
-        source, ["velocity", "speed", "kinetic-stress"], ALL, along=((-0.5, 0.0), (0.5, 0.0))
-    )
+    names = ["velocity", "speed", "kinetic-stress"]
+    line = fields(source, names, ALL, along=((-0.5, 0.0), (0.5, 0.0)))
     assert [field.name for field in line.of] == [
         "velocity-x", "velocity-y", "speed", "kinetic-stress-xx", "kinetic-stress-xy",
         "kinetic-stress-yy",
@@ -194,9 +140,8 @@ def test_a_grid_holds_all_area_and_momentum() -> None:
     rng = np.random.default_rng(7)
     position = rng.uniform((0.0, 0.5), (4.0, 1.5), (50, 2))
     source = moving(position, rng.normal(size=(1, 50, 2)), 0.1, period=4.0)
-    wide = moving(
-        np.concatenate([position, [[1.0, -3.0], [1.0, 5.0]]]), np.zeros((1, 52, 2)), 0.1, period=4.0
-    )
+    more = np.concatenate([position, [[1.0, -3.0], [1.0, 5.0]]])
+    wide = moving(more, np.zeros((1, 52, 2)), 0.1, period=4.0)
     table = fields(wide, selection=ALL, spacing=0.2, reach=3.0)
     cell = np.prod([edges[1] - edges[0] for edges in table.points.edges])
     held = table.values["solid-fraction"].sum() * cell
@@ -210,17 +155,10 @@ def test_a_grid_holds_all_area_and_momentum() -> None:
 
 
 def pair(force: tuple[float, float]) -> Any:
-    """Two grains of radius 1 that touch at the origin; the normal and tangential force on the right
-    one.
-    """
-    model = make_model(np.ones(2))
-    contacts = contacts_of(1, force)
-    frame = SimpleNamespace(
-        position=np.array([[-1.0, 0.0], [1.0, 0.0]]), velocity=np.zeros((2, 2)), spin=np.zeros(2),
-        temperature=None,
-        contacts=contacts, dt=1e-3, wall_position=np.zeros((1, 3)), wall_velocity=np.zeros((1, 3)),
-    )  # fmt: skip
-    return source_of(model, [frame])
+    """Two grains of radius 1 that touch at the origin, and the force on the right one."""
+    contacts = contacts_of([1], [0], (1.0, 0.0), force)
+    frame = frame_of([[-1.0, 0.0], [1.0, 0.0]], walls=1, contacts=contacts)
+    return source_of(make_model(np.ones(2)), [frame])
 
 
 @pytest.mark.parametrize(("reach", "tolerance"), [(1.5, 2e-3), (4.0, 2e-4)])
@@ -231,17 +169,11 @@ def test_stress_obeys_the_balance_of_momentum(reach: float, tolerance: float) ->
     source, f, step = pair((2.0, 0.5)), np.array([2.0, 0.5]), 1e-3
 
     def moved(dx: float, dy: float) -> Any:
-        return fields(
-            source,
-            selection=ALL,
-            along=((-2.0 + dx, -0.3 + dy), (2.0 + dx, 0.9 + dy)),
-            spacing=0.1,
-            reach=reach,
-        )
+        line = ((-2.0 + dx, -0.3 + dy), (2.0 + dx, 0.9 + dy))
+        return fields(source, selection=ALL, along=line, spacing=0.1, reach=reach)
 
-    right, left, above, below = (
-        moved(*shift).values for shift in ((step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step))
-    )
+    shifts = ((step, 0.0), (-step, 0.0), (0.0, step), (0.0, -step))
+    right, left, above, below = (moved(*shift).values for shift in shifts)
     points = CoarseGrid(moved(0.0, 0.0).points.at, 2.0 * reach)
     force = points.densities(np.array([[-1.0, 0.0], [1.0, 0.0]]), np.array([-f, f]))
     for a, axis in enumerate("xy"):
@@ -252,10 +184,8 @@ def test_stress_obeys_the_balance_of_momentum(reach: float, tolerance: float) ->
 
 def test_stress_adds_up_to_the_virial_and_turns_with_the_axes() -> None:
     source = pair((2.0, 0.5))
-    line = fields(
-        source, selection=ALL, along=((-8.0, 0.0), (8.0, 0.0)), spacing=0.05, reach=1.0
-    ).values
-    assert set(line) >= {"stress-xx", "stress-yx", "pressure"}
+    line = fields(source, selection=ALL, along=((-8.0, 0.0), (8.0, 0.0)), reach=1.0)
+    assert set(line.values) >= {"stress-xx", "stress-yx", "pressure"}
     ring = fields(source, ["stress-tt"], ALL, center=(0.0, 0.0), spacing=0.2, reach=1.0)
     assert ring.of[0].name == "stress-tt"
     trace = ring.values["stress-rr"] + ring.values["stress-tt"]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from from_wall_to_wall import profile
-from made_up_frames import source_of
+from made_up_frames import frame_of, source_of
 from scene_parts import between_planes
 
 from multicor_cli.post import PostError, Selection, SeriesTable, flow_through, grain_map, series
@@ -32,10 +32,8 @@ def falling(
     for k, at in enumerate(position):
         frame = SimpleNamespace(position=at, unwrapped=at, velocity=np.full((n, 3), 2.0))
         if numbers is not None:
-            frame.number, frame.model = (
-                np.array(numbers[k]),
-                model.with_grains(np.array(numbers[k])),
-            )
+            frame.number = np.array(numbers[k])
+            frame.model = model.with_grains(frame.number)
             frame.position = frame.unwrapped = at[frame.number]
             frame.velocity = frame.velocity[frame.number]
         frames.append(frame)
@@ -78,11 +76,8 @@ def test_every_passage_through_a_periodic_cell_counts() -> None:
     table = flow_through(source, ((1.0, 1.0), (1.0, 0.0)), ALL)  # its left is towards +x
     expected = np.diff(np.floor((x - 1.0) / 4.0), axis=0)
     assert table.crossed["grains"].tolist() == expected.sum(axis=1).tolist()
-    alone = flow_through(
-        falling(np.stack([x, np.full_like(x, 0.5)], axis=2), period=0.0),
-        ((1.0, 1.0), (1.0, 0.0)),
-        ALL,
-    )
+    bounded = falling(np.stack([x, np.full_like(x, 0.5)], axis=2), period=0.0)
+    alone = flow_through(bounded, ((1.0, 1.0), (1.0, 0.0)), ALL)
     assert alone.crossed["grains"].tolist() == [1, 0, 0]
 
 
@@ -120,31 +115,19 @@ def columns(rows: int) -> Any:
 def test_columns_of_the_series_by_name_by_wall_and_in_part() -> None:
     source = columns(21)
     everything = series(source)
-    assert [column.name for column in everything.quantities] == [
-        "kinetic",
-        "floor: force_x",
-        "lid: force_x",
-        "lid: force_y",
-    ]
+    names = ["kinetic", "floor: force_x", "lid: force_x", "lid: force_y"]
+    assert [column.name for column in everything.quantities] == names
     assert everything.rows[0][:2] == ("kinetic [J]", pytest.approx(2.0))
     assert everything.rows[0][3:7] == pytest.approx((4.0, 0.0, 4.0, 4.0))
     assert everything.rows[3][2] == 0.0
     later = series(source, ["force_x", "lid"], 0.5, 1.0)
-    assert [column.name for column in later.quantities] == [
-        "floor: force_x",
-        "lid: force_x",
-        "lid: force_y",
-    ]
+    assert [column.name for column in later.quantities] == names[1:]
     assert later.time == pytest.approx(np.arange(5, 11) * 0.1)
     assert later.detail_rows[0] == pytest.approx((0.5, -0.5, 0.5, 1.0))
     assert later.as_dict()["mean"]["lid: force_y"] == 1.0
-    assert [column.name for column in everything.overview().quantities] == [
-        column.name for column in everything.quantities
-    ]
-    crowd = SeriesTable(
-        everything.time,
-        [everything.quantities[1]._replace(name=f"w{k}: force_x") for k in range(9)],
-    )
+    assert [column.name for column in everything.overview().quantities] == names
+    walls = [everything.quantities[1]._replace(name=f"w{k}: force_x") for k in range(9)]
+    crowd = SeriesTable(everything.time, walls)
     assert len(crowd.overview().quantities) == 1  # nine lines of one unit could not be told apart
     with pytest.raises(PostError, match="no 'pressure'; choose from: kinetic, floor: force_x"):
         series(source, ["pressure"])
@@ -155,18 +138,10 @@ def test_columns_of_the_series_by_name_by_wall_and_in_part() -> None:
 def mixture() -> Any:
     rng = np.random.default_rng(5)
     model = between_planes(rng.uniform(0.02, 0.06, 40))
-    group = np.arange(40) % 2
-    model = replace(model, groups=("light", "heavy"), grains=replace(model.grains, group=group))
-    frames = [
-        SimpleNamespace(
-            position=np.column_stack([rng.uniform(0.0, 4.0, 40), rng.uniform(0.1, 0.9, 40)]),
-            velocity=rng.normal(size=(40, 2)),
-            wall_position=np.zeros((2, 3)), wall_velocity=np.zeros((2, 3)), contacts=None,
-            spin=np.zeros(40), temperature=None,
-        )
-        for _ in range(3)
-    ]  # fmt: skip
-    return source_of(model, frames)
+    grains = replace(model.grains, group=np.arange(40) % 2)
+    places = rng.uniform((0.0, 0.1), (4.0, 0.9), (3, 40, 2))
+    frames = [frame_of(position, velocity=rng.normal(size=(40, 2))) for position in places]
+    return source_of(replace(model, groups=("light", "heavy"), grains=grains), frames)
 
 
 @pytest.mark.parametrize("period", [4.0, 0.0])

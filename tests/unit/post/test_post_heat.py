@@ -24,22 +24,15 @@ LATER = Selection(frames=slice(1, None))
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    path = tmp_path_factory.mktemp("heated") / "run"
-    write_heated_run(path)
-    return open_run(path)
-
-
-@pytest.fixture(scope="module")
 def cold(tmp_path_factory: pytest.TempPathFactory) -> Run:
     path = tmp_path_factory.mktemp("cold") / "run"
     write_heated_run(path, heat=False)
     return open_run(path)
 
 
-def source(run: Run, frames: list[Frame], model: Model | None = None) -> SimpleNamespace:
+def source(column: Run, frames: list[Frame], model: Model | None = None) -> SimpleNamespace:
     """The run with changed frames."""
-    return source_of(model or run.model, frames, [frame.time for frame in frames])
+    return source_of(model or column.model, frames, [frame.time for frame in frames])
 
 
 def with_walls(tmp_path: Path, walls: tuple[float, float]) -> Run:
@@ -47,9 +40,9 @@ def with_walls(tmp_path: Path, walls: tuple[float, float]) -> Run:
     return open_run(tmp_path / "run")
 
 
-def test_temperature_profile_and_its_normalized_form(run: Run) -> None:
+def test_temperature_profile_and_its_normalized_form(column: Run) -> None:
     """One grain per bin: T = 300 + 20 y, and (T − 300)/20 between walls at 300 and 320 K."""
-    table = profile(run, "temperature", LATER, bins=GRAINS)
+    table = profile(column, "temperature", LATER, bins=GRAINS)
     assert table.value == pytest.approx(300.0 + GRADIENT * HEIGHTS)
     assert table.wall_values == pytest.approx((300.0, 320.0))
     assert table.units == ("m", "K")
@@ -62,74 +55,76 @@ def test_normalized_temperature_needs_two_prescribed_ones(tmp_path: Path) -> Non
         table.normalized()
 
 
-def test_spin_is_normalized_by_the_shear_rate_of_the_walls(run: Run) -> None:
-    table = profile(run, "spin", LATER, bins=5)
+def test_spin_is_normalized_by_the_shear_rate_of_the_walls(column: Run) -> None:
+    table = profile(column, "spin", LATER, bins=5)
     assert table.value == pytest.approx(-0.5 * SHEAR)
     assert table.shear_rate == pytest.approx(SHEAR)
     assert table.normalized().value == pytest.approx(-0.5)
-    assert profile(run, "spin", Selection(frames=slice(0, 1))).shear_rate == 0.0
+    assert profile(column, "spin", Selection(frames=slice(0, 1))).shear_rate == 0.0
     with pytest.raises(PostError, match="different velocity"):
-        profile(run, "spin", Selection(frames=slice(0, 1))).normalized()
+        profile(column, "spin", Selection(frames=slice(0, 1))).normalized()
 
 
 @pytest.mark.parametrize("frames", [slice(None), slice(None, None, 2), slice(2, 4)])
-def test_heat_profile_is_the_exact_rate_per_area(run: Run, frames: slice) -> None:
+def test_heat_profile_is_the_exact_rate_per_area(column: Run, frames: slice) -> None:
     """Whichever frames are taken; every bin of 0.1 m by the period of 4 m holds one grain."""
-    table = profile(run, "heat", Selection(frames=frames), bins=GRAINS)
+    table = profile(column, "heat", Selection(frames=frames), bins=GRAINS)
     assert table.value == pytest.approx(RATES / (0.1 * 4.0))
     assert table.value.sum() * table.width * 4.0 == pytest.approx(RATES.sum())
     assert table.units[1] == "W/m2"
 
 
-def test_heat_of_bins_without_grains_is_zero_and_errors_come_from_intervals(run: Run) -> None:
-    table = profile(run, "heat", Selection(frames=slice(None)), bins=37)
+def test_heat_of_bins_without_grains_is_zero_and_errors_come_from_intervals(column: Run) -> None:
+    table = profile(column, "heat", Selection(frames=slice(None)), bins=37)
     assert (table.value >= 0.0).all()
     assert (table.value * table.width * 4.0).sum() == pytest.approx(RATES.sum())
     assert table.error == pytest.approx(0.0, abs=1e-12)
-    one = profile(run, "heat", Selection(frames=slice(0, 2)), bins=3)
+    one = profile(column, "heat", Selection(frames=slice(0, 2)), bins=3)
     assert np.isnan(one.error).all()
 
 
-def test_heat_follows_grains_that_move(run: Run) -> None:
+def test_heat_follows_grains_that_move(column: Run) -> None:
     """A grain that crosses from one bin to another in an interval leaves its heat halfway."""
-    first, last = run.frames[1], run.frames[2]
+    first, last = column.frames[1], column.frames[2]
     last.position[:, 1] = first.position[:, 1] + 0.1
-    table = profile(source(run, [first, last]), "heat", Selection(start=0.0), bins=GRAINS)
+    table = profile(source(column, [first, last]), "heat", Selection(start=0.0), bins=GRAINS)
     halves = np.concatenate([RATES[:1] / 2, (RATES[:-1] + RATES[1:]) / 2])
     assert table.value == pytest.approx(halves / (0.1 * 4.0), rel=1e-9)
 
 
-def test_heat_needs_two_frames_and_has_no_normalized_form(run: Run) -> None:
+def test_heat_needs_two_frames_and_has_no_normalized_form(column: Run) -> None:
     with pytest.raises(PostError, match="needs two frames"):
-        profile(run, "heat", Selection(frames=slice(0, 1)))
+        profile(column, "heat", Selection(frames=slice(0, 1)))
     with pytest.raises(PostError, match="choose from: velocity, spin, temperature"):
-        profile(run, "heat", LATER).normalized()
+        profile(column, "heat", LATER).normalized()
 
 
-def test_solid_fraction_is_area_over_area(run: Run) -> None:
-    table = profile(run, "solid-fraction", LATER, bins=GRAINS)
+def test_solid_fraction_is_area_over_area(column: Run) -> None:
+    table = profile(column, "solid-fraction", LATER, bins=GRAINS)
     assert table.value == pytest.approx(np.pi * RADIUS**2 / (0.1 * 4.0))
 
 
-def test_granular_temperature_is_relative_to_the_mean_flow(run: Run) -> None:
+def test_granular_temperature_is_relative_to_the_mean_flow(column: Run) -> None:
     """A steady linear flow has none; a vertical velocity of c in one frame and −c in the next has
     ½c².
     """
-    assert profile(run, "granular-temperature", LATER, bins=GRAINS).value == pytest.approx(
+    assert profile(column, "granular-temperature", LATER, bins=GRAINS).value == pytest.approx(
         0.0, abs=1e-20
     )
-    frames = [run.frames[k] for k in (1, 2)]
+    frames = [column.frames[k] for k in (1, 2)]
     for frame, c in zip(frames, (0.3, -0.3), strict=True):
         frame.velocity[:, 1] = c
-    table = profile(source(run, frames), "granular-temperature", Selection(start=0.0), bins=GRAINS)
+    table = profile(
+        source(column, frames), "granular-temperature", Selection(start=0.0), bins=GRAINS
+    )
     assert table.value == pytest.approx(0.5 * 0.3**2)
 
 
-def test_mean_flow_is_linear_between_bins(run: Run) -> None:
+def test_mean_flow_is_linear_between_bins(column: Run) -> None:
     chosen = np.array([1, 2])
-    extent = find_extent(run, chosen)
-    flow = mean_flow(run, chosen, Bins(extent, 0.1, 10))
-    frame = run.frames[3]
+    extent = find_extent(column, chosen)
+    flow = mean_flow(column, chosen, Bins(extent, 0.1, 10))
+    frame = column.frames[3]
     assert flow.fluctuation(frame) == pytest.approx(np.zeros((GRAINS, 2)), abs=1e-12)
 
 
@@ -144,9 +139,9 @@ def test_runs_without_heat_say_so(cold: Run, of: str) -> None:
 # --- θ–η
 
 
-def test_theta_eta_from_the_top_and_from_the_bottom(run: Run) -> None:
+def test_theta_eta_from_the_top_and_from_the_bottom(column: Run) -> None:
     """T₀ = 300 K, the top wall at 320 K: θ = y, and η counts downwards from the highest grain."""
-    table = theta_eta(run, wall="top", bins=GRAINS)
+    table = theta_eta(column, wall="top", bins=GRAINS)
     assert table.eta == pytest.approx(1.0 - HEIGHTS)
     assert table.theta == pytest.approx(HEIGHTS)
     assert table.mean == pytest.approx(HEIGHTS[::-1])
@@ -156,15 +151,15 @@ def test_theta_eta_from_the_top_and_from_the_bottom(run: Run) -> None:
         (300.0, 320.0, 1.0)
     )
     with pytest.raises(PostError, match="--reference"):
-        theta_eta(run, wall="bottom")
-    up = theta_eta(run, wall="bottom", reference=290.0, bins=GRAINS)
+        theta_eta(column, wall="bottom")
+    up = theta_eta(column, wall="bottom", reference=290.0, bins=GRAINS)
     assert up.eta == pytest.approx(HEIGHTS)
     assert up.theta == pytest.approx((10.0 + GRADIENT * HEIGHTS) / 10.0)
 
 
-def test_spread_of_a_bin(run: Run) -> None:
+def test_spread_of_a_bin(column: Run) -> None:
     """Two bins with five grains each."""
-    table = theta_eta(run, wall="top", bins=2)
+    table = theta_eta(column, wall="top", bins=2)
     lower = HEIGHTS[5:]
     assert table.count.tolist() == [5, 5]
     assert table.mean[0] == pytest.approx(lower.mean())
@@ -172,72 +167,72 @@ def test_spread_of_a_bin(run: Run) -> None:
     assert (table.lowest[0], table.highest[0]) == pytest.approx((lower.min(), lower.max()))
 
 
-def test_height_scales_eta_and_leaves_out_what_is_beyond(run: Run) -> None:
-    table = theta_eta(run, wall="top", height=0.5, bins=5)
+def test_height_scales_eta_and_leaves_out_what_is_beyond(column: Run) -> None:
+    table = theta_eta(column, wall="top", height=0.5, bins=5)
     assert table.eta == pytest.approx((1.0 - HEIGHTS) / 0.5)
     assert table.count.tolist() == [1, 1, 1, 1, 1]
-    wide = theta_eta(run, wall="top", height=2.0, bins=4)
+    wide = theta_eta(column, wall="top", height=2.0, bins=4)
     assert wide.count.tolist() == [5, 5, 0, 0]
     assert np.isnan(wide.mean[2:]).all()
     assert np.isnan(wide.lowest[2:]).all()
 
 
-def test_wall_is_found_if_it_is_the_only_one(tmp_path: Path, run: Run) -> None:
+def test_wall_is_found_if_it_is_the_only_one(tmp_path: Path, column: Run) -> None:
     assert theta_eta(with_walls(tmp_path, (np.nan, 320.0))).wall == "top"
     with pytest.raises(PostError, match=r"choose the wall with --wall: .* bottom, top"):
-        theta_eta(run)
+        theta_eta(column)
     with pytest.raises(PostError, match="are: none"):
-        theta_eta(run, 0)
+        theta_eta(column, 0)
 
 
-def test_theta_eta_refuses_what_makes_no_sense(tmp_path: Path, run: Run) -> None:
+def test_theta_eta_refuses_what_makes_no_sense(tmp_path: Path, column: Run) -> None:
     with pytest.raises(PostError, match="no wall 'lid'; choose from: bottom, top"):
-        theta_eta(run, wall="lid")
+        theta_eta(column, wall="lid")
     with pytest.raises(PostError, match=r"'top' has no prescribed temperature .* bottom"):
         theta_eta(with_walls(tmp_path, (310.0, np.nan)), wall="top")
     with pytest.raises(PostError, match=r"no frame 5: the run has 5, from 0 to 4"):
-        theta_eta(run, 5)
+        theta_eta(column, 5)
     with pytest.raises(PostError, match="must be positive"):
-        theta_eta(run, wall="top", height=0.0)
+        theta_eta(column, wall="top", height=0.0)
     with pytest.raises(PostError, match="bins"):
-        theta_eta(run, wall="top", bins=0)
-    geometry = run.model.shapes.geometry.copy()
+        theta_eta(column, wall="top", bins=0)
+    geometry = column.model.shapes.geometry.copy()
     geometry[1] = [4.0, 0.0, -1.0, 0.0]  # the top wall becomes one at the side
-    turned = replace(run.model, shapes=replace(run.model.shapes, geometry=geometry))
+    turned = replace(column.model, shapes=replace(column.model.shapes, geometry=geometry))
     with pytest.raises(PostError, match="'top' is neither below nor above"):
-        theta_eta(source(run, list(run.frames), turned), wall="top")
+        theta_eta(source(column, list(column.frames), turned), wall="top")
 
 
 # --- maps
 
 
-def test_maps_hold_the_values_of_the_frame(run: Run) -> None:
-    assert grain_map(run, "temperature").value == pytest.approx(300.0 + GRADIENT * HEIGHTS)
-    assert grain_map(run, "velocity", 1).value == pytest.approx(SHEAR * HEIGHTS)
-    assert grain_map(run, "spin", 0).value == pytest.approx(0.0)
-    heat = grain_map(run, "heat", 2)
+def test_maps_hold_the_values_of_the_frame(column: Run) -> None:
+    assert grain_map(column, "temperature").value == pytest.approx(300.0 + GRADIENT * HEIGHTS)
+    assert grain_map(column, "velocity", 1).value == pytest.approx(SHEAR * HEIGHTS)
+    assert grain_map(column, "spin", 0).value == pytest.approx(0.0)
+    heat = grain_map(column, "heat", 2)
     assert heat.value == pytest.approx(RATES)
     assert heat.time == 2 * INTERVAL
-    fluctuation = grain_map(run, "fluctuation")
+    fluctuation = grain_map(column, "fluctuation")
     assert fluctuation.vector == pytest.approx(np.zeros((GRAINS, 2)), abs=1e-12)
 
 
-def test_fluctuation_keeps_the_vertical_velocity(run: Run) -> None:
+def test_fluctuation_keeps_the_vertical_velocity(column: Run) -> None:
     """Only the mean horizontal flow is taken away."""
-    frame = run.frames[2]
+    frame = column.frames[2]
     frame.velocity[:, 1] = 0.3
-    table = grain_map(source(run, [frame]), "fluctuation")
+    table = grain_map(source(column, [frame]), "fluctuation")
     assert table.vector == pytest.approx(np.tile([0.0, 0.3], (GRAINS, 1)), abs=1e-12)
     assert table.value == pytest.approx(0.3)
     assert table.detail_headings[-1] == "fluctuation y [m/s]"
     assert len(table.detail_rows[0]) == len(table.detail_headings)
 
 
-def test_maps_refuse_what_is_not_there(run: Run) -> None:
+def test_maps_refuse_what_is_not_there(column: Run) -> None:
     with pytest.raises(
         PostError,
         match="choose from: velocity, velocity-y, speed, displacement, rotation, spin, temperature",
     ):
-        grain_map(run, "wetness")
+        grain_map(column, "wetness")
     with pytest.raises(PostError, match="frame 0 has none"):
-        grain_map(run, "heat", 0)
+        grain_map(column, "heat", 0)

@@ -1,46 +1,33 @@
 """Maps of how far grains have come and turned, and how values become colors and widths."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from scenarios import scenario
 
 import multicor_cli as multicor
 from multicor_cli import post
 from multicor_cli.post.quantities import MAPPED, color_range
 
-FLIGHT = {
-    "scenario": {"name": "flight", "seed": 1},
-    "domain": {"size": [0.02, 0.02], "periodic": True, "gravity": [0.0, 0.0]},
-    "materials": {"glass": {"density": 2500.0}},
-    "contacts": [{"pair": ["*", "*"], "friction": 0.3}],
-    "particles": [
-        {
-            "name": "one", "material": "glass", "shape": "disc", "thickness": 1e-3, "count": 1,
-            "velocity": [1.0, -0.1],
-            "spin": -7.0, "sizes": {"kind": "list", "radii": [0.5e-3]},
-            "packing": {"kind": "random"},
-            "region": {"min": [0.0, 0.012], "max": [0.02, 0.014]},
-        }
-    ],
-    "loading": [{"duration": 0.05}],
-    "solver": {"dt": 1e-4},
-    "output": {"frame_interval": 0.01},
-}  # fmt: skip
-
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory):
-    directory = tmp_path_factory.mktemp("flight") / "run"
-    multicor.run(multicor.Scenario.from_dict(FLIGHT), directory)
-    with multicor.open_run(directory) as run:
+    """One grain without weight that passes the ends of the period twice."""
+    path = tmp_path_factory.mktemp("flight") / "run"
+    grains = [[0.01, 0.013, 0.5e-3, 1.0, -0.1, -7.0]]
+    free = {"periodic": True, "gravity": [0.0, 0.0], "walls": {}, "size": [0.02, 0.02]}
+    times = {"duration": 0.05, "dt": 1e-4, "frame_interval": 0.01}
+    multicor.run(scenario(grains=grains, **free, **times), path)
+    with multicor.open_run(path) as run:
         yield run
 
 
 @pytest.mark.parametrize(("of", "rate"), [("displacement", np.hypot(1.0, 0.1)), ("rotation", -7.0)])
 def test_a_grain_that_flies_freely_comes_as_far_as_its_velocity_says(flight, of, rate):
-    for k, frame in enumerate(flight.frames):  # it passes the ends of the period twice
-        assert post.grain_map(flight, of, k).value == pytest.approx(
-            rate * frame.time, rel=1e-12, abs=1e-15
-        )
+    for k, frame in enumerate(flight.frames):
+        expected = pytest.approx(rate * frame.time, rel=1e-12, abs=1e-15)
+        assert post.grain_map(flight, of, k).value == expected
 
 
 def test_vertical_velocities_are_those_of_the_frame(flight):
@@ -62,44 +49,27 @@ def test_widths_in_the_legend_are_those_of_the_forces(flight):
 
     from multicor_cli.plots.forces import draw_forces
 
-    count = 4
-    force = np.column_stack([[1.0, 2.0, 3.0, 2.0], np.zeros(count)])  # mean 2
+    force = np.column_stack([[1.0, 2.0, 3.0, 2.0], np.zeros(4)])  # mean 2
+    ends, number = np.linspace(0.0, 0.01, 4)[:, np.newaxis] + np.zeros(2), np.arange(4)
+    contacts = {"start": ends, "end": ends + 1e-3, "sliding": np.zeros(4, bool), "force": force}
     scene = post.make_scene(flight, flight.frames[0])
-    ends = np.linspace(0.0, 0.01, count)[:, np.newaxis] + np.zeros(2)
-    contacts = {
-        "i": np.arange(count),
-        "j": np.arange(count),
-        "start": ends,
-        "end": ends + 1e-3,
-        "sliding": np.zeros(count, bool),
-    }
-    network = post.force_network(flight).with_(scene=scene, force=force, **contacts)
-    figure = Figure()
-    axes = figure.add_subplot()
+    network = post.force_network(flight).with_(scene=scene, i=number, j=number, **contacts)
+    axes = Figure().add_subplot()
     draw_forces(axes, network)
-    legend = {
-        text.get_text(): line.get_linewidth() for text, line in zip(*_legend(figure), strict=True)
-    }
+    (legend,) = axes.figure.legends
+    lines = zip(legend.get_texts(), legend.get_lines(), strict=True)
+    width = {text.get_text(): line.get_linewidth() for text, line in lines}
     drawn = axes.collections[-1].get_linewidths()
-    assert legend["2 N"] == pytest.approx(drawn[1])
-    assert legend["6 N"] == pytest.approx(3.0 * drawn[1])
+    assert width["2 N"] == pytest.approx(drawn[1])
+    assert width["6 N"] == pytest.approx(3.0 * drawn[1])
     assert drawn[2] / drawn[0] == pytest.approx(3.0)
-
-
-def _legend(figure):
-    (legend,) = figure.legends
-    return legend.get_texts(), legend.get_lines()
 
 
 def test_values_beyond_a_signed_scale_have_the_colors_of_its_ends():
     pytest.importorskip("matplotlib")
     from multicor_cli.plots.grain_map import _colors
 
-    class Table:
-        names = ()
-        field = MAPPED["velocity-y"]
-
-    colors = _colors(Table)
+    colors = _colors(SimpleNamespace(names=(), field=MAPPED["velocity-y"]))
     assert colors(-0.1) == colors(0.0)
     assert colors(1.1) == colors(1.0)
 
@@ -108,14 +78,10 @@ def test_what_has_received_no_heat_is_not_black():
     pytest.importorskip("matplotlib")
     from multicor_cli.plots.grain_map import _colors, color_scale
 
-    class Table:
-        names = ()
-        field = MAPPED["heat"]
-        value = np.array([-1.0, 0.0, 1e-6, 1.0])
-        scene = type("Scene", (), {"radius": np.ones(4)})
-
-    norm, extend = color_scale(Table)
-    colors = _colors(Table)(norm(Table.value))
+    scene, value = SimpleNamespace(radius=np.ones(4)), np.array([-1.0, 0.0, 1e-6, 1.0])
+    table = SimpleNamespace(names=(), field=MAPPED["heat"], value=value, scene=scene)
+    norm, extend = color_scale(table)
+    colors = _colors(table)(norm(value))
     assert np.array_equal(colors[:2], np.ones((2, 4)))  # white
     assert colors[3, :3].mean() > 0.5
     assert extend == "min"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,26 +10,17 @@ import pytest
 from from_wall_to_wall import profile
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_up_frames import source_of
+from made_up_frames import frame_of, source_of
 from numpy.typing import NDArray
 from scene_parts import between_planes, make_shapes
 
 from multicor_cli import post
-from multicor_cli.model import ShapeKind
+from multicor_cli.model import ShapeKind, Walls
 from multicor_cli.post import PostError, Selection
 from multicor_cli.post.bins import area_below, share_discs
-from multicor_cli.post.profile import ProfileTable
 from multicor_cli.post.sums import standard_error
 
 EVERY = Selection(frames=slice(None))
-
-
-@dataclass
-class Frame:
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    wall_position: NDArray[np.float64]
-    wall_velocity: NDArray[np.float64]
 
 
 def make_source(
@@ -43,16 +34,35 @@ def make_source(
     """Frames with heights ``y`` and velocities ``speed``, both ``(frames, n)``, between walls at 0
     and 1 + lid.
     """
-    model = between_planes(radius)
+    walls = {
+        "wall_position": np.array([[0.0, 0.0, 0.0], [0.0, lid, 0.0]]),
+        "wall_velocity": np.array([[0.0, 0.0, 0.0], [lid_speed, 0.0, 0.0]]),
+    }
     frames = []
     for heights, values in zip(y, speed, strict=True):
-        position = np.column_stack([np.zeros_like(heights), heights, np.zeros_like(heights)])
-        velocity = np.column_stack([values, np.zeros_like(values), np.zeros_like(values)])
-        walls = np.array([[0.0, 0.0, 0.0], [0.0, lid, 0.0]])
-        frames.append(
-            Frame(position, velocity, walls, np.array([[0.0, 0.0, 0.0], [lid_speed, 0.0, 0.0]]))
+        none = np.zeros_like(heights)
+        frame = frame_of(
+            np.column_stack([none, heights]), **{k: v.copy() for k, v in walls.items()}
         )
-    return source_of(model, frames)
+        frame.velocity[:, 0] = values
+        frames.append(frame)
+    return source_of(between_planes(radius), frames)
+
+
+def with_shapes(source: Any, kinds: list[ShapeKind], geometry: list[list[float]]) -> Any:
+    shapes = make_shapes(list(zip(kinds, range(len(kinds)), geometry, strict=True)))
+    return source_of(replace(source.model, shapes=shapes), source.frames)
+
+
+def two_grains(
+    kinds: list[ShapeKind], geometry: list[list[float]], lower: Any, lid: float, x: float = 0.0
+) -> Any:
+    """Two grains in two frames, ``x`` apart, and two walls at the places ``lower`` and ``lid``."""
+    source = make_source(np.array([[0.1, 0.3], [0.1, 0.4]]), np.full(2, 0.1), np.ones((2, 2)))
+    for frame in source.frames:
+        frame.position[:, 0] = [0.0, x]
+        frame.wall_position[:] = [[*lower, 0.0], [0.0, lid, 0.0]]
+    return with_shapes(source, kinds, geometry)
 
 
 def random_source(frames: int = 7, n: int = 60, seed: int = 1) -> Any:
@@ -75,9 +85,8 @@ def test_area_below_a_line() -> None:
     """Half a disc, a whole one, none, and the cap of height a/2: a²(2π/3 − √3/4) below."""
     a = np.full(5, 2.0)
     area = area_below(np.array([0.0, 2.0, -2.0, 9.0, 1.0]), a)
-    assert area == pytest.approx(
-        [2 * np.pi, 4 * np.pi, 0.0, 4 * np.pi, 4 * (2 * np.pi / 3 + np.sqrt(3) / 4)]
-    )
+    cap = 4 * (2 * np.pi / 3 + np.sqrt(3) / 4)
+    assert area == pytest.approx([2 * np.pi, 4 * np.pi, 0.0, 4 * np.pi, cap])
 
 
 @settings(max_examples=50, deadline=None)
@@ -91,9 +100,8 @@ def test_shares_add_up_to_the_area_of_the_discs(
     """Bins that cover everything share out π a² of every grain."""
     y, radius = (np.array(column) for column in zip(*discs, strict=True))
     shares = share_discs(y, radius, -6.0, 12.0 / count, count)
-    assert np.bincount(shares.grain, weights=shares.area, minlength=y.size) == pytest.approx(
-        np.pi * radius**2, rel=1e-9
-    )
+    found = np.bincount(shares.grain, weights=shares.area, minlength=y.size)
+    assert found == pytest.approx(np.pi * radius**2, rel=1e-9)
     assert shares.bin.min() >= 0
     assert shares.bin.max() < count
 
@@ -101,16 +109,15 @@ def test_shares_add_up_to_the_area_of_the_discs(
 def test_shares_of_a_disc_agree_with_quadrature() -> None:
     shares = share_discs(np.array([0.37]), np.array([0.3]), 0.0, 0.11, 6)
     expected = [numeric_area(0.37, 0.3, 0.11 * k, 0.11 * (k + 1)) for k in range(6)]
-    assert np.bincount(shares.bin, weights=shares.area, minlength=6) == pytest.approx(
-        expected, rel=1e-6
-    )
+    found = np.bincount(shares.bin, weights=shares.area, minlength=6)
+    assert found == pytest.approx(expected, rel=1e-6)
 
 
 def test_uniform_field_is_found_exactly() -> None:
     source = random_source()
     for frame in source.frames:
         frame.velocity[:, 0] = -0.3
-    table = profile(source, "velocity", Selection(start=0.0))
+    table = profile(source, "velocity", EVERY)
     inside = np.isfinite(table.value)
     assert inside.all()
     assert table.value == pytest.approx(-0.3)
@@ -130,23 +137,17 @@ def test_linear_profile_of_a_dense_stack() -> None:
 def test_errors_are_those_of_the_frames_and_drifts_are_told() -> None:
     rng = np.random.default_rng(2)
     speed = np.repeat(rng.normal(size=(60, 1)), 2, axis=1)
-    table = profile(
-        make_source(np.full((60, 2), 0.5), np.full(2, 0.1), speed),
-        selection=Selection(start=0.0),
-        bins=1,
-    )
-    assert table.error[0] == pytest.approx(float(standard_error(speed[:, 0])))
-    assert table.note == ""
     drifting = speed + np.linspace(0.0, 10.0, 60)[:, np.newaxis]
-    note = profile(
-        make_source(np.full((60, 2), 0.5), np.full(2, 0.1), drifting),
-        selection=Selection(start=0.0),
-        bins=1,
-    ).note
-    assert "1 bin drift, most in bin 1: by " in note
-    assert float(note.split("by ")[1].split(";")[0]) == pytest.approx(
-        np.polyfit(np.arange(60), drifting[:, 0], 1)[0] * 59, rel=0.05
+    steady, drift = (
+        profile(make_source(np.full((60, 2), 0.5), np.full(2, 0.1), v), selection=EVERY, bins=1)
+        for v in (speed, drifting)
     )
+    assert steady.error[0] == pytest.approx(float(standard_error(speed[:, 0])))
+    assert steady.note == ""
+    assert "1 bin drift, most in bin 1: by " in drift.note
+    slope = np.polyfit(np.arange(60), drifting[:, 0], 1)[0]
+    found = float(drift.note.split("by ")[1].split(";")[0])
+    assert found == pytest.approx(slope * 59, rel=0.05)
 
 
 def test_empty_bins_and_single_frames_have_no_value_and_no_error() -> None:
@@ -175,7 +176,7 @@ def test_normalizing_needs_two_walls_that_differ() -> None:
     source = make_source(np.full((2, 2), 0.5), np.full(2, 0.1), np.ones((2, 2)), lid_speed=0.0)
     with pytest.raises(PostError, match="different velocity"):
         profile(source).normalized()
-    alone = _with_shapes(source, [ShapeKind.PLANE, ShapeKind.PLANE], [[0, 0, 1, 0], [1, 0, -1, 0]])
+    alone = with_shapes(source, [ShapeKind.PLANE, ShapeKind.PLANE], [[0, 0, 1, 0], [1, 0, -1, 0]])
     table = profile(alone)
     assert table.walls == ("", "")
     assert table.height == pytest.approx(0.2)  # from the lowest to the highest point of the grains
@@ -183,51 +184,31 @@ def test_normalizing_needs_two_walls_that_differ() -> None:
         table.normalized()
 
 
-def test_floor_without_lid_measures_from_the_floor() -> None:
-    source = make_source(np.array([[0.1, 0.3], [0.1, 0.4]]), np.full(2, 0.1), np.ones((2, 2)))
-    for frame in source.frames:
-        frame.wall_position[:] = [[0.0, -0.05, 0.0], [0.0, 0.0, 0.0]]
-    table = profile(
-        _with_shapes(source, [ShapeKind.SEGMENT, ShapeKind.PLANE], [[3, 0, 4, 0], [0, 0, 1, 0]]),
-        selection=Selection(start=0.0),
-    )
-    assert table.walls == ("bottom", "")
-    assert table.height == pytest.approx(0.55)
+SEGMENT, PLANE, DISC = ShapeKind.SEGMENT, ShapeKind.PLANE, ShapeKind.DISC
 
 
-def test_a_solid_disc_below_most_grains_is_no_floor() -> None:
-    source = make_source(np.array([[0.1, 0.3], [0.1, 0.4]]), np.full(2, 0.1), np.ones((2, 2)))
-    for frame in source.frames:
-        frame.wall_position[:] = [[0.0, -0.05, 0.0], [0.0, 0.05, 0.0]]
-    table = profile(
-        _with_shapes(source, [ShapeKind.SEGMENT, ShapeKind.DISC], [[3, 0, 4, 0], [1, 0, 0.15, 0]]),
-        selection=Selection(start=0.0),
-    )
-    assert table.walls == ("bottom", "")
-    assert table.height == pytest.approx(0.55)
+def gate(width: float, lower: tuple[float, float]) -> Any:
+    """A gate that was dropped: heights do not count from where it lies now."""
+    return two_grains([SEGMENT] * 2, [[0, 0, width, 0], [0, 0, 0.1, 0]], lower, 9.0, x=1.0)
 
 
 @pytest.mark.parametrize(
-    ("width", "height", "walls"),
-    [(0.3, -1.0, ("", "")), (0.7, -1.0, ("bottom", "")), (0.7, -5.0, ("", ""))],
-)
-def test_a_gate_that_was_dropped_is_no_floor(
-    width: float, height: float, walls: tuple[str, str]
-) -> None:
-    """Heights count from the lowest point of the grains, not from where the gate of an opening lies
-    now.
-    """
-    source = make_source(np.array([[0.1, 0.3], [0.1, 0.4]]), np.full(2, 0.1), np.ones((2, 2)))
-    for frame in source.frames:
-        frame.wall_position[:] = [[0.4, height, 0.0], [0.0, 9.0, 0.0]]
-        frame.position[:, 0] = [0.0, 1.0]
-    shapes = [[0, 0, width, 0], [0, 0, 0.1, 0]]
-    table = profile(
-        _with_shapes(source, [ShapeKind.SEGMENT, ShapeKind.SEGMENT], shapes),
-        selection=Selection(start=0.0),
-    )
-    assert table.walls == walls
-    assert table.height == pytest.approx(1.5 if walls[0] else 0.5)
+    ("source", "floor", "height"),
+    [
+        (two_grains([SEGMENT, PLANE], [[3, 0, 4, 0], [0, 0, 1, 0]], (0, -0.05), 0.0), "bottom", 0.55),
+        # a solid disc below most grains
+        (two_grains([SEGMENT, DISC], [[3, 0, 4, 0], [1, 0, 0.15, 0]], (0, -0.05), 0.05), "bottom", 0.55),
+        (gate(0.3, (0.4, -1.0)), "", 0.5),
+        (gate(0.7, (0.4, -1.0)), "bottom", 1.5),
+        (gate(0.7, (0.4, -5.0)), "", 0.5),
+    ],
+    ids=["no lid", "disc", "narrow gate", "wide gate", "gate far away"],
+)  # fmt: skip
+def test_which_walls_are_a_floor(source: Any, floor: str, height: float) -> None:
+    """Without one heights count from the lowest point of the grains."""
+    table = profile(source, selection=EVERY)
+    assert table.walls == (floor, "")
+    assert table.height == pytest.approx(height)
 
 
 def test_heights_follow_the_lower_wall() -> None:
@@ -240,30 +221,24 @@ def test_heights_follow_the_lower_wall() -> None:
     )
     for frame, up in zip(source.frames, rise, strict=True):
         frame.wall_position[:, 1] = up
-    table = profile(source, selection=Selection(start=0.0), bins=4)
+    table = profile(source, selection=EVERY, bins=4)
     assert table.height == pytest.approx(1.0)
     assert table.value[[0, 1, 2, 3]] == pytest.approx([1.0, np.nan, np.nan, 2.0], nan_ok=True)
     assert table.area.sum() == pytest.approx(2 * np.pi * 0.1**2)
 
 
-def _with_shapes(source: Any, kinds: list[ShapeKind], geometry: list[list[float]]) -> Any:
-    shapes = make_shapes(list(zip(kinds, range(len(kinds)), geometry, strict=True)))
-    return source_of(replace(source.model, shapes=shapes), source.frames)
-
-
-def _times(table: ProfileTable) -> list[int]:
-    return table.frames.tolist()
-
-
 def test_selection_of_frames() -> None:
     source = make_source(np.full((10, 2), 0.5), np.full(2, 0.1), np.ones((10, 2)))
     source.frames.stage = np.array([0] * 4 + [1] * 6)
-    # The last stage's frames are 4 … 9, its later half begins at 6.5
-    assert _times(profile(source)) == [7, 8, 9]
-    assert _times(profile(source, selection=Selection(start=2.0, end=4.5))) == [2, 3, 4]
-    assert _times(profile(source, selection=Selection(end=1.0))) == [0, 1]
-    assert _times(profile(source, selection=Selection(frames=slice(None, None, 4)))) == [0, 4, 8]
-    assert _times(profile(source, selection=Selection(frames=slice(-2, None)))) == [8, 9]
+    for selection, expected in (
+        # The last stage's frames are 4 … 9, its later half begins at 6.5
+        (None, [7, 8, 9]),
+        (Selection(start=2.0, end=4.5), [2, 3, 4]),
+        (Selection(end=1.0), [0, 1]),
+        (Selection(frames=slice(None, None, 4)), [0, 4, 8]),
+        (Selection(frames=slice(-2, None)), [8, 9]),
+    ):
+        assert profile(source, selection=selection).frames.tolist() == expected
     with pytest.raises(PostError, match="10 frames from t = 0 s to 9 s"):
         profile(source, selection=Selection(start=20.0))
 
@@ -297,32 +272,20 @@ def test_the_layers_at_the_walls_are_left_out_unless_told_otherwise() -> None:
 def test_walls_may_be_named() -> None:
     """A grid inside the layer, which would bound nothing by itself, and a post that is upright."""
     model = between_planes(np.full(9, 0.05))
-    shapes = [
-        (ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0)),
-        (ShapeKind.PLANE, 1, (0.0, 1.0, 0.0, -1.0)),
-    ]
-    shapes += [
-        (ShapeKind.SEGMENT, 2, (0.0, 0.6, 0.2, 0.6)),
-        (ShapeKind.SEGMENT, 3, (1.0, 0.0, 1.0, 1.0)),
-    ]
+    shapes = make_shapes(
+        [
+            (ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0)), (ShapeKind.PLANE, 1, (0.0, 1.0, 0.0, -1.0)),
+            (ShapeKind.SEGMENT, 2, (0.0, 0.6, 0.2, 0.6)),
+            (ShapeKind.SEGMENT, 3, (1.0, 0.0, 1.0, 1.0)),
+        ]
+    )  # fmt: skip
+    fill, none = np.full(4, np.nan), np.zeros(4, bool)
     names = ("bottom", "top", "grid", "post")
-    fill = np.full(4, np.nan)
-    bodies = replace(
-        model.walls,
-        names=names,
-        mass=fill,
-        inertia=fill,
-        has_gravity=np.zeros(4, bool),
-        length=np.ones(4),
-    )
-    model = replace(model, shapes=make_shapes(shapes), walls=bodies)
+    bodies = Walls(names, fill, fill, none, np.ones(4))
+    model = replace(model, shapes=shapes, walls=bodies)
     y = np.linspace(0.1, 0.9, 9)
-    frame = Frame(
-        np.column_stack([np.full(9, 2.0), y]),
-        np.column_stack([y, 0.0 * y]),
-        np.zeros((4, 3)),
-        np.zeros((4, 3)),
-    )
+    velocity = np.column_stack([y, 0.0 * y])
+    frame = frame_of(np.column_stack([np.full(9, 2.0), y]), walls=4, velocity=velocity)
     source = source_of(model, [frame])
     assert profile(source, "velocity", EVERY, 1).walls == ("bottom", "top")
     lower = profile(source, "velocity", EVERY, 1, between=("bottom", "grid"))
