@@ -126,7 +126,11 @@ def _draw_all(maps: Iterable[GrainMap], stage: _Stage, most: int) -> Iterator[An
         is_first = place is None
         if place is None:
             place = place_scene(figure, shown.scene, top=_TITLE, width=PAGE)
-            _make_even(figure, most)
+            # even numbers of pixels, the larger of them ``most``
+            sides = figure.get_size_inches()
+            figure.dpi = most / max(sides)
+            pixels = [2.0 * round(0.5 * figure.dpi * side) + 1e-3 for side in sides]
+            figure.set_size_inches([number / figure.dpi for number in pixels])
         for artist in [*place.axes.collections, *place.axes.patches]:
             artist.remove()
         discs = draw_values(place.axes, shown, stage.scale[0], has_streamlines=False)
@@ -135,15 +139,6 @@ def _draw_all(maps: Iterable[GrainMap], stage: _Stage, most: int) -> Iterator[An
         place.axes.set_title(f"$t$ = {shown.time:.4g} s", fontsize=8.0)
         canvas.draw()
         yield np.asarray(canvas.buffer_rgba())
-
-
-def _make_even(figure: Any, most: int) -> None:
-    """Make width and height even numbers of pixels, the larger of them ``most``."""
-    sides = figure.get_size_inches()
-    figure.dpi = most / max(sides)
-    figure.set_size_inches(
-        [(2.0 * round(0.5 * figure.dpi * side) + 1e-3) / figure.dpi for side in sides]
-    )
 
 
 def _write(pictures: Iterator[Any], target: Path, rate: float) -> None:

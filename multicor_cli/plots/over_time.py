@@ -231,7 +231,11 @@ def _draw_panels(figure: Any, grid: Any, table: TimeTable, panels: Panels) -> No
             _draw_quantity(panel, table, name, text, color)
         panel.set_ylabel(label)
         panel.margins(y=0.12)
-        _widen(panel, [table.mean[name] for name, _ in quantities])
+        # At least a thousandth of the largest mean: what is constant must not seem to vary.
+        (low, high), means = panel.get_ylim(), [table.mean[name] for name, _ in quantities]
+        room = 5e-4 * float(np.nanmax(np.abs(means), initial=0.0))
+        if high - low < 2.0 * room:
+            panel.set_ylim(0.5 * (low + high) - room, 0.5 * (low + high) + room)
         panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
         if len(quantities) > 1:
             legend_above(panel, len(quantities), handlelength=1.4)
@@ -247,14 +251,6 @@ def _draw_panels(figure: Any, grid: Any, table: TimeTable, panels: Panels) -> No
     ]
     shown = [(handle, text) for is_shown, handle, text in entries if is_shown]
     figure.legend(*zip(*shown, strict=True), loc="outside lower center", ncols=len(shown))
-
-
-def _widen(panel: Any, means: list[float]) -> None:
-    """Show at least a thousandth of the largest mean: what is constant must not seem to vary."""
-    low, high = panel.get_ylim()
-    room = 5e-4 * float(np.nanmax(np.abs(means), initial=0.0))
-    if high - low < 2.0 * room:
-        panel.set_ylim(0.5 * (low + high) - room, 0.5 * (low + high) + room)
 
 
 def _draw_quantity(panel: Any, table: TimeTable, name: str, text: str, color: str) -> None:

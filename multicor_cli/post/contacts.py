@@ -129,23 +129,13 @@ def loaded_contacts(frame: Frame, model: Model) -> LoadedContacts:
 def with_forces(source: Run, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
     """Those of the frames ``chosen`` with contact forces; raises `PostError` if there is none."""
     found = [int(k) for k in chosen if has_forces(source.frames[int(k)])]
-    if not found:
-        refuse_frame(
-            source,
-            int(chosen[-1]),
-            "the selected frames" if chosen.size > 1 else f"frame {int(chosen[0])}",
-        )
-    return np.array(found, np.int64)
-
-
-def refuse_frame(source: Run, index: int, name: str) -> None:
-    """Say why no forces belong to a frame; raises `PostError` if that is so."""
-    frame = source.frames[index]
-    if not frame.contacts.recorded:
+    if found:
+        return np.array(found, np.int64)
+    name = "the selected frames" if chosen.size > 1 else f"frame {int(chosen[0])}"
+    if not source.frames[int(chosen[-1])].contacts.recorded:
         raise PostError(
             f"the contacts of {name} were not recorded; set contacts = true in [output] and run "
             "it again"
         )
-    if not frame.dt > 0.0:
-        why = "no step of the mechanics was done before (frozen stages do none)"
-        raise PostError(f"there are no contact forces in {name}: {why}; choose other frames")
+    why = "no step of the mechanics was done before (frozen stages do none)"
+    raise PostError(f"there are no contact forces in {name}: {why}; choose other frames")

@@ -71,16 +71,17 @@ def mean_flow(source: Run, chosen: NDArray[np.int64], bins: Bins) -> MeanFlow:
         frame = source.frames[int(k)]
         cell, part = _locate(frame, extent, count)
         weight = model_of(source, frame).grains.radius ** 2
-        for total, factor in (
-            (below, (1.0 - part) ** 2),
-            (above, part**2),
-            (across, part * (1.0 - part)),
-        ):
+        factors = ((1.0 - part) ** 2, part**2, part * (1.0 - part))
+        for total, factor in zip((below, above, across), factors, strict=True):
             total += np.bincount(cell, weight * factor, minlength=count)
         for axis, speed in enumerate(_velocities(frame).T):
             right[:-1, axis] += np.bincount(cell, weight * (1.0 - part) * speed, minlength=count)
             right[1:, axis] += np.bincount(cell, weight * part * speed, minlength=count)
-    matrix = _tridiagonal(below + smoothing, above + smoothing, across - smoothing)
+    # each cell adds to its lower knot, to its upper knot, and between the two
+    beside = across - smoothing
+    matrix = np.diag(beside, 1) + np.diag(beside, -1)
+    own = np.append(below + smoothing, 0.0) + np.append(0.0, above + smoothing)
+    matrix[np.diag_indices_from(matrix)] += own
     return MeanFlow(extent, np.asarray(np.linalg.solve(matrix, right), np.float64))
 
 
@@ -90,13 +91,6 @@ def fluctuations(source: Run, frame: int) -> Floats:
     flow = mean_flow(source, chosen, make_bins(source, chosen))
     flow.velocity[:, 1] = 0.0
     return flow.fluctuation(source.frames[frame])
-
-
-def _tridiagonal(below: Floats, above: Floats, across: Floats) -> Floats:
-    """The matrix that each cell adds to at its lower knot, its upper knot, and between the two."""
-    matrix = np.diag(across, 1) + np.diag(across, -1)
-    matrix[np.diag_indices_from(matrix)] += np.append(below, 0.0) + np.append(0.0, above)
-    return matrix
 
 
 def _locate(frame: Frame, extent: Extent, count: int) -> tuple[NDArray[np.int64], Floats]:

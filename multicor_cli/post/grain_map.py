@@ -82,7 +82,10 @@ def placed_walls(
     if is_asked is not None:
         asked = np.flatnonzero(is_asked[shapes.wall])
     for which, outline in outlines(shapes.kind[asked], shapes.geometry[asked]):
-        yield asked[which], _placed(outline, pose[shapes.wall[asked[which]]])
+        own = pose[shapes.wall[asked[which]]]
+        points = _turned(outline.points, own[:, np.newaxis, 2]) + own[:, np.newaxis, :2]
+        normal = None if outline.normal is None else _turned(outline.normal, own[:, 2])
+        yield asked[which], replace(outline, points=points, normal=normal)
 
 
 def images(x: Floats, reach: Floats, period: float) -> tuple[NDArray[np.int64], Floats]:
@@ -95,13 +98,6 @@ def images(x: Floats, reach: Floats, period: float) -> tuple[NDArray[np.int64], 
         [np.zeros(x.size), np.full(left.size, -period), np.full(right.size, period)]
     )
     return np.concatenate([everything, left, right]), shift
-
-
-def _placed(outline: Outline, pose: Floats) -> Outline:
-    """Outlines turned and moved with their walls, whose poses have shape ``(k, 3)``."""
-    points = _turned(outline.points, pose[:, np.newaxis, 2]) + pose[:, np.newaxis, :2]
-    normal = None if outline.normal is None else _turned(outline.normal, pose[:, 2])
-    return replace(outline, points=points, normal=normal)
 
 
 def _turned(vectors: Floats, angle: Floats) -> Floats:

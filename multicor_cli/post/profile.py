@@ -35,6 +35,8 @@ from multicor_cli.post.sums import (
 from multicor_cli.post.table import Column, Table
 from multicor_cli.text import choices
 
+_TWO_WALLS = "normalizing needs a wall below and a wall above the grains"
+
 
 class ProfileTable(Table):
     """A profile over the height; ``b`` bins.
@@ -108,7 +110,16 @@ class ProfileTable(Table):
         if self.field.scaling == "none":
             choice = ", ".join(name for name, field in PROFILED.items() if field.scaling != "none")
             raise PostError(f"there is no normalized {self.field.label}; choose from: {choice}")
-        low, scale = self._shear_scale() if self.field.scaling == "shear" else self._wall_scale()
+        if self.field.scaling == "walls":
+            low, scale = self._wall_scale()
+        else:
+            low, scale = 0.0, self.shear_rate
+            if not np.isfinite(scale):
+                raise PostError(_TWO_WALLS)
+            if scale == 0.0:
+                raise PostError(
+                    "normalizing needs walls of different velocity; they do not shear the grains"
+                )
         width = self.width / self.height
         table = self.with_(
             y=self.y / self.height,
@@ -128,7 +139,7 @@ class ProfileTable(Table):
     def _wall_scale(self) -> tuple[float, float]:
         low, high = self.wall_values
         if not all(self.walls):
-            raise PostError("normalizing needs a wall below and a wall above the grains")
+            raise PostError(_TWO_WALLS)
         for name, value in zip(self.walls, self.wall_values, strict=True):
             if not np.isfinite(value):
                 raise PostError(
@@ -141,15 +152,6 @@ class ProfileTable(Table):
                 f"{self.field.unit}"
             )
         return low, high - low
-
-    def _shear_scale(self) -> tuple[float, float]:
-        if not np.isfinite(self.shear_rate):
-            raise PostError("normalizing needs a wall below and a wall above the grains")
-        if self.shear_rate == 0.0:
-            raise PostError(
-                "normalizing needs walls of different velocity; they do not shear the grains"
-            )
-        return 0.0, self.shear_rate
 
 
 class ProfileSet(Table):
@@ -263,18 +265,8 @@ def profiles(
 ) -> ProfileSet:
     """As `profile`, for a field or for several at once, reading every frame once.
 
-    Args:
-        source: The run.
-        of: Name of the field, one of `PROFILED`, or of one of `PROFILE_GROUPS`.
-        selection: Which frames; default: the later half of the last stage.
-        bins: Number of bins, as for `profile`.
-        bin_width: Width of a bin in mean diameters, as for `profile`.
-        exclude_walls: What to leave out at each wall, in mean diameters, as for `profile`.
-        between: Names of the walls below and above, as for `profile`.
-        groups: Groups of grains that count, as for `profile`.
-
-    Raises:
-        PostError: As `profile`.
+    ``of`` may also be one of `PROFILE_GROUPS`; the other arguments are those of `profile`, and it
+    raises as that does.
     """
     fields = _find_fields(of)
     chosen = (selection or Selection()).indices(source.frames)

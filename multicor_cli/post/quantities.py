@@ -136,10 +136,6 @@ def _wall(column: int) -> Callable[[Frame, Model], Floats]:
     return lambda frame, _model: np.asarray(frame.wall_velocity[:, column], np.float64)
 
 
-def _speeds(source: Run, frame: int) -> Floats:
-    return np.asarray(np.hypot(*np.asarray(source.frames[frame].velocity, np.float64).T[:2]))
-
-
 def _kinds(name: str) -> Callable[[Run, int], Floats]:
     return lambda source, frame: np.asarray(
         getattr(model_of(source, source.frames[frame]).grains, name), np.float64
@@ -187,23 +183,6 @@ def _pressures(source: Run, frame: int) -> Floats:
     return np.asarray(contacts.loads / (2.0 * np.pi * contacts.reach_of[: contacts.grain_count]))
 
 
-def _granular_temperature(frame: Frame, _model: Model) -> Floats:
-    velocity = np.asarray(frame.velocity, np.float64)[:, :2]
-    return np.asarray(0.5 * (velocity**2).sum(axis=1))
-
-
-def _one(_frame: Frame, model: Model) -> Floats:
-    return np.ones(model.grain_count)
-
-
-def _coordination(frame: Frame, model: Model) -> Floats:
-    return loaded_contacts(frame, model).counts.astype(np.float64)
-
-
-def _mean_pressure(contacts: LoadedContacts) -> Floats:
-    return np.asarray(0.5 * (contacts.virial(0, 0) + contacts.virial(1, 1)))
-
-
 def _stress(a: int, b: int) -> GrainQuantity:
     """Contact stress Σ f_a ℓ_b/area, force on a grain times branch to it; compression positive."""
     axes = "xy"[a] + "xy"[b]
@@ -248,13 +227,15 @@ QUANTITIES: dict[str, GrainQuantity] = {
             **_each(lambda frame: frame.velocity[:, 1]),
             of_walls=_wall(1), colors="balance", scale="centered",
         ),
-        GrainQuantity("speed", "speed", r"|v|", "m/s", _speeds, scale="from zero"),
+        GrainQuantity(
+            "speed", "speed", r"|v|", "m/s",
+            _each(lambda frame: np.hypot(*frame.velocity.T[:2]))["of_grain"], scale="from zero",
+        ),
         GrainQuantity("displacement", "displacement", r"|\Delta x|", "m", _displacements,
             scale="from zero"),
         GrainQuantity(
             "rotation", "rotation since the start", r"\theta", "rad",
-            lambda source, frame: np.asarray(source.frames[frame].angle, np.float64), "balance",
-            "centered",
+            _each(lambda frame: frame.angle)["of_grain"], "balance", "centered",
         ),
         GrainQuantity(
             "spin", "spin", r"\omega", "rad/s", **_each(lambda frame: frame.spin),
@@ -274,15 +255,18 @@ QUANTITIES: dict[str, GrainQuantity] = {
         ),
         GrainQuantity("fluctuation", "velocity fluctuation", r"|v - \langle v_x \rangle|", "m/s",
             fluctuations, scale="from zero"),
-        GrainQuantity("solid-fraction", "solid fraction", r"\nu", "1", averaged=_one, kind="share"),
+        GrainQuantity("solid-fraction", "solid fraction", r"\nu", "1",
+            averaged=lambda _frame, model: np.ones(model.grain_count), kind="share"),
         GrainQuantity(
             "granular-temperature", "granular temperature", r"T_g", "m2/s2",
-            averaged=_granular_temperature, is_relative=True,
+            averaged=lambda frame, _model: 0.5 * (frame.velocity[:, :2] ** 2).sum(axis=1),
+            is_relative=True,
         ),
         GrainQuantity(
             "coordination", "contacts per grain", "Z", "1",
             _of_contacts(lambda contacts: contacts.counts),
-            averaged=_coordination, kind="number", needs_contacts=True,
+            averaged=lambda frame, model: loaded_contacts(frame, model).counts.astype(np.float64),
+            kind="number", needs_contacts=True,
         ),
         GrainQuantity(
             "force", "largest contact force", r"f_\mathrm{max}", "N",
@@ -295,7 +279,8 @@ QUANTITIES: dict[str, GrainQuantity] = {
             names_of=lambda model: model.materials),
         GrainQuantity("stress", "contact pressure", "p", "N/m", _pressures, "cividis", "from zero"),
         GrainQuantity("pressure", "contact pressure", "p", "N/m", kind="contact",
-            of_contacts=_mean_pressure, needs_contacts=True),
+            of_contacts=lambda contacts: 0.5 * (contacts.virial(0, 0) + contacts.virial(1, 1)),
+            needs_contacts=True),
         *(_stress(a, b) for a in (0, 1) for b in (0, 1)),
         *(_kinetic_stress(a, b) for a, b in ((0, 0), (0, 1), (1, 1))),
     )

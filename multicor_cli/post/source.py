@@ -109,25 +109,22 @@ class Selection:
         Raises:
             PostError: If the run has no frames, or none of them is selected.
         """
-        times = np.asarray(frames.time)
+        times, stages = np.asarray(frames.time), np.asarray(frames.stage)
         if not times.size:
             raise PostError("the run has no frames yet")
-        chosen = self._choose(times, np.asarray(frames.stage))
+        if self.frames is not None:
+            chosen = np.sort(np.arange(times.size)[self.frames])
+        elif self.start is None and self.end is None:
+            last = np.flatnonzero(stages == stages[-1])
+            chosen = last[times[last] >= 0.5 * (times[last[0]] + times[-1])]
+        else:
+            chosen = within(times, self.start, self.end)
         if not chosen.size:
             raise PostError(
                 f"no frame is selected: the run has {times.size} frames from t = {times[0]:g} s "
                 f"to {times[-1]:g} s"
             )
         return chosen
-
-    def _choose(self, times: Floats, stages: NDArray[np.integer]) -> NDArray[np.int64]:
-        everything = np.arange(times.size)
-        if self.frames is not None:
-            return np.sort(everything[self.frames])
-        if self.start is None and self.end is None:
-            last = everything[stages == stages[-1]]
-            return np.asarray(last[times[last] >= 0.5 * (times[last[0]] + times[-1])])
-        return within(times, self.start, self.end)
 
 
 # ---- A run as if it had only the grains of some of its groups

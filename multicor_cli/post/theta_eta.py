@@ -84,7 +84,13 @@ def theta_eta(
     else:
         chosen = selection.indices(source.frames)
     need_grains(source, chosen)
-    start = _first_temperature(source) if reference is None else reference
+    start = reference
+    if start is None:
+        need_grains(source, np.array([0]))
+        first = source.frames[0]
+        thermal = model_of(source, first).thermal
+        weights = None if thermal is None else thermal.capacity
+        start = float(np.average(need_heat(first.temperature), weights=weights))
     if height is not None and not height > 0.0:
         raise PostError(f"the height {height:g} m must be positive")
     single = [_of_frame(source, source.frames[int(k)], wall, start) for k in chosen]
@@ -143,13 +149,6 @@ def _of_frame(source: Run, frame: Frame, name: str | None, start: float) -> _Fra
         )
     distance, reach = _distances(source, frame, number)
     return _FrameTheta(distance, (temperature - start) / (hot - start), number, hot, reach)
-
-
-def _first_temperature(source: Run) -> float:
-    need_grains(source, np.array([0]))
-    thermal = model_of(source, source.frames[0]).thermal
-    weights = None if thermal is None else thermal.capacity
-    return float(np.average(need_heat(source.frames[0].temperature), weights=weights))
 
 
 def _find_wall(source: Run, frame: Frame, name: str | None) -> int:

@@ -6,10 +6,11 @@ averages from loops over frames, grains, contacts and bins.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from math import asin, pi, sqrt
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,54 +39,33 @@ def random_model(*, is_periodic: bool, seed: int) -> Model:
     """Grains of three sizes between rows of glued ones; masses and heat capacities differ."""
     rng = np.random.default_rng(seed)
     places = np.arange(0.0, PERIOD, 0.5)
-    glued = [
-        (ShapeKind.DISC, wall, (x, y, GLUED, 0.0))
-        for wall, y in enumerate((FLOOR, LID))
-        for x in places
-    ]
-    sides = [
-        (ShapeKind.PLANE, 2, (0.0, 0.0, 1.0, 0.0)),
-        (ShapeKind.PLANE, 3, (PERIOD, 0.0, -1.0, 0.0)),
-    ]
-    period = PERIOD if is_periodic else 0.0
-    model = make_model(
-        rng.choice(RADII, GRAINS),
-        [*glued, *sides],
-        ("floor", "lid", "left", "right"),
-        period=period,
-    )
-    return replace(
-        model,
-        grains=replace(model.grains, mass=model.grains.mass * rng.uniform(0.5, 1.5, GRAINS)),
-        thermal=Thermal(
-            rng.uniform(1.0, 2.0, GRAINS), np.full(GRAINS, 300.0), np.full(GRAINS, 0.1)
-        ),
-    )
+    at = [(wall, y, x) for wall, y in enumerate((FLOOR, LID)) for x in places]
+    shapes = [(ShapeKind.DISC, wall, (x, y, GLUED, 0.0)) for wall, y, x in at]
+    shapes += [(ShapeKind.PLANE, 2, (0.0, 0.0, 1.0, 0.0))]
+    shapes += [(ShapeKind.PLANE, 3, (PERIOD, 0.0, -1.0, 0.0))]
+    names = ("floor", "lid", "left", "right")
+    radii, period = rng.choice(RADII, GRAINS), PERIOD if is_periodic else 0.0
+    model = make_model(radii, shapes, names, period=period)
+    mass, capacity = model.grains.mass * rng.uniform(0.5, 1.5, GRAINS), rng.uniform(1, 2, GRAINS)
+    thermal = Thermal(capacity, np.full(GRAINS, 300.0), np.full(GRAINS, 0.1))
+    return replace(model, grains=replace(model.grains, mass=mass), thermal=thermal)
 
 
 def random_contacts(state: State, model: Model, rng: np.random.Generator) -> ContactTable:
     """Random pairs, every fifth idle, a tenth on glued grains; branches stay between the walls."""
     n, count = model.grain_count, 90
-    pairs = sorted(
-        {(int(a), int(b)) for a, b in np.sort(rng.integers(0, n, (count, 2)), axis=1) if a < b}
-    )
-    pairs = sorted(
-        {*pairs, *((int(k), n + int(rng.integers(0, 12))) for k in rng.integers(0, n, 10))}
-    )
-    i, j = (np.array(column, np.int32) for column in zip(*pairs, strict=True))
+    pairs = {(int(a), int(b)) for a, b in np.sort(rng.integers(0, n, (count, 2)), axis=1) if a < b}
+    pairs |= {(int(k), n + int(rng.integers(0, 12))) for k in rng.integers(0, n, 10)}
+    i, j = (np.array(column, np.int32) for column in zip(*sorted(pairs), strict=True))
     turn = rng.uniform(0.0, 2.0 * pi, i.size)
     normal = np.column_stack([np.cos(turn), np.sin(turn)])
     middle = state.wall_position[:2, 1].mean() + 0.5 * (FLOOR + LID)
-    # Ends inwards
-    normal[:, 1] = np.where(
-        (state.position[i, 1] > middle) == (normal[:, 1] > 0.0), normal[:, 1], -normal[:, 1]
-    )
+    is_inwards = (state.position[i, 1] > middle) == (normal[:, 1] > 0.0)
+    normal[:, 1] *= np.where(is_inwards, 1.0, -1.0)
     impulse = np.column_stack([rng.exponential(0.1, i.size), rng.normal(0.0, 0.03, i.size)])
     impulse[::5] = 0.0
-    none = np.zeros(i.size)
-    return ContactTable(
-        i, j, normal, rng.normal(0.0, 1e-4, i.size), impulse, none, rng.random(i.size) < 0.3
-    )
+    gap, sliding = rng.normal(0.0, 1e-4, i.size), rng.random(i.size) < 0.3
+    return ContactTable(i, j, normal, gap, impulse, np.zeros(i.size), sliding)
 
 
 def write_random_run(
@@ -100,11 +80,9 @@ def write_random_run(
         for frame in range(FRAMES):
             if frame:
                 advance(state, model, frame, rng, writer)
-            contacts = (
-                ContactTable.empty()
-                if frame in WITHOUT_CONTACTS
-                else random_contacts(state, model, rng)
-            )
+            contacts = ContactTable.empty()
+            if frame not in WITHOUT_CONTACTS:
+                contacts = random_contacts(state, model, rng)
             writer.frame(Snapshot(state, model, contacts))
             if frame % 4 == 0:
                 run.checkpoint(state, writer)
@@ -123,9 +101,7 @@ def random_places(model: Model, frame: int, rng: np.random.Generator) -> Floats:
     return np.column_stack([rng.uniform(0.0, room, GRAINS), rng.uniform(bottom, top)])
 
 
-def advance(
-    state: State, model: Model, frame: int, rng: np.random.Generator, writer: object
-) -> None:
+def advance(state: State, model: Model, frame: int, rng: np.random.Generator, writer: Any) -> None:
     """Grains go anywhere, and across the period; what they hold grows by random amounts."""
     lapse = LAPSE * (1.0 + 0.5 * (frame % 3))
     for _ in range(2):
@@ -133,11 +109,9 @@ def advance(
         state.step += 1
         state.window[0] = 0.5 * lapse
         state.window_wall_impulse[:] = rng.normal([0.3, 0.0, 0.0], 0.1, (4, 3)) * 0.5 * lapse
-        state.window_wall_impulse[0, 1], state.window_wall_impulse[1] = (
-            -lapse,
-            [-0.3 * lapse, 1.1 * lapse, 0.0],
-        )
-        writer.series_row(Snapshot(state, model))  # type: ignore[attr-defined]
+        state.window_wall_impulse[0, 1] = -lapse
+        state.window_wall_impulse[1] = [-0.3 * lapse, 1.1 * lapse, 0.0]
+        writer.series_row(Snapshot(state, model))
     state.last_dt = 0.01
     state.position[:, :2] = random_places(model, frame, rng)
     state.position[:, 2] += rng.normal(-0.2, 0.1, GRAINS)
@@ -155,8 +129,7 @@ def advance(
 # --- what must come out
 
 
-@dataclass
-class Layer:
+class Layer(NamedTuple):
     """The bins in a frame: edges, and the width of the plane."""
 
     edges: Floats
@@ -165,14 +138,10 @@ class Layer:
 
 def layer(run: Run, frame: Frame, count: int, left_out: float = 0.0) -> Layer:
     """Equal bins from the glued row below to the one above, less what is left out."""
-    low, high = (
-        FLOOR + frame.wall_position[0, 1] + left_out,
-        LID + frame.wall_position[1, 1] - left_out,
-    )
+    low, high = FLOOR + frame.wall_position[0, 1], LID + frame.wall_position[1, 1]
     x, a = frame.position[:, 0], run.model.grains.radius
-    return Layer(
-        np.linspace(low, high, count + 1), run.period or float((x + a).max() - (x - a).min())
-    )
+    plane = run.period or float((x + a).max() - (x - a).min())
+    return Layer(np.linspace(low + left_out, high - left_out, count + 1), plane)
 
 
 def area_between(low: float, high: float, radius: float) -> float:
@@ -187,10 +156,8 @@ def area_between(low: float, high: float, radius: float) -> float:
 
 def areas(y: Floats, radius: Floats, edges: Floats) -> Floats:
     """Area of each grain in each bin, shape ``(n, b)``."""
-    grains = zip(y, radius, strict=True)
-    return np.array(
-        [[area_between(a - h, b - h, r) for a, b in pairwise(edges)] for h, r in grains]
-    )
+    bins, grains = list(pairwise(edges)), zip(y, radius, strict=True)
+    return np.array([[area_between(a - h, b - h, r) for a, b in bins] for h, r in grains])
 
 
 def branches(run: Run, frame: Frame) -> list[tuple[int, int, Floats, Floats]]:
@@ -226,14 +193,12 @@ def fluctuations(run: Run, chosen: list[int], spacing: float) -> list[Floats]:
     mean = np.mean([np.diff(layer(run, run.frames[k], 1).edges)[0] for k in chosen])
     knots = max(round(mean / spacing), 1)
     radius = run.model.grains.radius
-    bases = [
-        hats(run.frames[k].position[:, 1], layer(run, run.frames[k], knots).edges) for k in chosen
-    ]
-    speeds = [run.frames[k].velocity[:, :2] for k in chosen]
+    frames = [run.frames[k] for k in chosen]
+    bases = [hats(frame.position[:, 1], layer(run, frame, knots).edges) for frame in frames]
+    speeds = [frame.velocity[:, :2] for frame in frames]
     weight = np.tile(radius, len(chosen))[:, np.newaxis]
-    fit = np.linalg.lstsq(
-        weight * np.concatenate(bases), weight * np.concatenate(speeds), rcond=None
-    )[0]
+    sides = (weight * np.concatenate(rows) for rows in (bases, speeds))
+    fit = np.linalg.lstsq(*sides, rcond=None)[0]
     return [speed - base @ fit for speed, base in zip(speeds, bases, strict=True)]
 
 

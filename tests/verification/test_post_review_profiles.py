@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -35,16 +36,18 @@ def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
     )
 
 
+SIMPLE: dict[str, Any] = {
+    "velocity": lambda frame: frame.velocity[:, 0],
+    "velocity-y": lambda frame: frame.velocity[:, 1],
+    "spin": lambda frame: frame.spin,
+    "temperature": lambda frame: frame.temperature,
+}
+
+
 def _grain_values(run: Run, of: str, chosen: list[int], spacing: float) -> dict[int, Floats]:
     frames = {k: run.frames[k] for k in chosen}
-    if of == "velocity":
-        return {k: f.velocity[:, 0] for k, f in frames.items()}
-    if of == "velocity-y":
-        return {k: f.velocity[:, 1] for k, f in frames.items()}
-    if of == "spin":
-        return {k: f.spin for k, f in frames.items()}
-    if of == "temperature":
-        return {k: f.temperature for k, f in frames.items()}
+    if of in SIMPLE:
+        return {k: SIMPLE[of](f) for k, f in frames.items()}
     if of == "coordination":
         counts = {k: np.zeros(run.model.grain_count) for k in chosen}
         for k, frame in frames.items():
@@ -62,11 +65,9 @@ def _grain_values(run: Run, of: str, chosen: list[int], spacing: float) -> dict[
 
 
 def _contact_sum(run: Run, of: str, k: int, edges: Floats) -> Floats:
-    axes = (
-        [(0, 0), (1, 1)]
-        if of == "pressure"
-        else [tuple("xy".index(axis) for axis in of.rsplit("-", 1)[1])]
-    )
+    axes = [(0, 0), (1, 1)]
+    if of != "pressure":
+        axes = [tuple("xy".index(axis) for axis in of.rsplit("-", 1)[1])]
     total = np.zeros(edges.size - 1)
     frame = run.frames[k]
     for i, _, force, way in branches(run, frame):
@@ -81,10 +82,8 @@ def direct(
 ) -> tuple[Floats, Floats]:
     """Values and standard errors of the bins by loops over frames, grains and bins."""
     radius, rows = run.model.grains.radius, []
-    mean = float(
-        np.mean([np.diff(layer(run, run.frames[k], 1, left_out).edges)[0] for k in chosen])
-    )
     layers = {k: layer(run, run.frames[k], count, left_out) for k in chosen}
+    mean = float(np.mean([np.ptp(one.edges) for one in layers.values()]))
     if of == "heat":
         for before, after in pairwise(chosen):
             first, second = run.frames[before], run.frames[after]
@@ -94,10 +93,9 @@ def direct(
             plane = 0.5 * (layers[before].plane + layers[after].plane)
             rows.append((gain @ inside, np.diff(edges) * plane * (second.time - first.time)))
     elif PROFILED[of].of_contacts is not None:
-        rows = [
-            (_contact_sum(run, of, k, layers[k].edges), np.diff(layers[k].edges) * layers[k].plane)
-            for k in chosen
-        ]
+        for k in chosen:
+            edges = layers[k].edges
+            rows.append((_contact_sum(run, of, k, edges), np.diff(edges) * layers[k].plane))
     else:
         spacing = min(mean / count, float(2.0 * radius.mean()))
         values = {} if of == "solid-fraction" else _grain_values(run, of, chosen, spacing)
@@ -126,24 +124,18 @@ def test_profile_agrees_with_plain_loops(
         chosen = [k for k in chosen if k not in BEFORE_FORCES]
     table = profile(run, of, Selection(frames=frames), count, exclude_walls=left_out)
     assert table.frames.tolist() == chosen
-    edge = left_out * run.model.mean_diameter
+    edge, frames_ = left_out * run.model.mean_diameter, [run.frames[k] for k in chosen]
     value, error = direct(run, of, chosen, count, edge)
     scale = np.nanmax(np.abs(value))
     assert table.value == pytest.approx(value, rel=1e-9, abs=1e-10 * scale, nan_ok=True)
     assert table.error == pytest.approx(error, rel=1e-7, abs=1e-9 * scale, nan_ok=True)
     if PROFILED[of].kind != "rate":
-        looked_at = [run.frames[k] for k in chosen]
-        covered = [
-            areas(f.position[:, 1], run.model.grains.radius, layer(run, f, count, edge).edges)
-            for f in looked_at
-        ]
+        places = [(f.position[:, 1], layer(run, f, count, edge).edges) for f in frames_]
+        covered = [areas(y, run.model.grains.radius, edges) for y, edges in places]
         assert table.area == pytest.approx(np.mean(covered, axis=0).sum(axis=0))
     if len(chosen) < 5 and np.isfinite(error).any():
         assert "too few frames for good errors of" in table.note
-    spans = [
-        1.6 + f.wall_position[1, 1] - 0.4 - f.wall_position[0, 1]
-        for f in (run.frames[k] for k in chosen)
-    ]
+    spans = [1.6 + f.wall_position[1, 1] - 0.4 - f.wall_position[0, 1] for f in frames_]
     assert table.height == pytest.approx(np.mean(spans))
     assert table.width == pytest.approx((np.mean(spans) - 2.0 * edge) / count)
     assert table.y == pytest.approx(edge + (np.arange(count) + 0.5) * table.width)
@@ -163,20 +155,11 @@ def test_nothing_is_lost_between_moving_walls(run: Run, count: int) -> None:
     total = float((ends[1].generated - ends[0].generated).sum()) / (ends[1].time - ends[0].time)
     assert heat.value.sum() * heat.bin_area == pytest.approx(total, rel=1e-12)
     frames = [run.frames[k] for k in range(FRAMES) if k not in BEFORE_FORCES]
-    for of, a, b in (
-        ("stress-xx", 0, 0),
-        ("stress-xy", 0, 1),
-        ("stress-yx", 1, 0),
-        ("stress-yy", 1, 1),
-    ):
-        stress = profile(run, of, ALL, count)
-        virial = np.mean(
-            [
-                sum(force[a] * way[b] for _, _, force, way in branches(run, frame))
-                for frame in frames
-            ]
-        )
-        assert stress.value.sum() * stress.bin_area == pytest.approx(virial, rel=1e-9)
+    each = [sum(np.outer(f, way) for *_, f, way in branches(run, frame)) for frame in frames]
+    virial = np.sum([one for one in each if np.ndim(one)], axis=0) / len(frames)
+    for a, b in np.ndindex(2, 2):
+        stress = profile(run, f"stress-{'xy'[a]}{'xy'[b]}", ALL, count)
+        assert stress.value.sum() * stress.bin_area == pytest.approx(virial[a, b], rel=1e-9)
 
 
 def test_mean_number_of_contacts_is_that_of_all_grains(run: Run) -> None:
@@ -194,21 +177,16 @@ def test_a_frame_without_contacts_has_no_stress_and_no_contacts(run: Run) -> Non
 
 def test_a_linear_flow_has_no_fluctuations_whatever_the_bins(run: Run) -> None:
     """Grains of all sizes, cut by edges and walls: only what was added to the flow is found."""
-    frames = []
-    for k, sign in ((3, 1.0), (5, -1.0)):
-        frame = run.frames[k]
+    frames = [run.frames[k] for k in (3, 5)]
+    for frame in frames:
         low, high = layer(run, frame, 1).edges
         frame.velocity[:] = 0.0
         frame.velocity[:, 0] = 7.0 * (frame.position[:, 1] - low) / (high - low) - 2.0
-        frame.velocity[:, 1] = 0.4 * sign
-        frames.append(frame)
     source = source_of(run.model, frames)
-    # the same grains elsewhere: 0.4 up and 0.4 down are no flow, but for few grains at a knot
-    for frame in frames:
-        frame.velocity[:, 1] = 0.0
     for count in (1, 5, 40):
         table = profile(source, "granular-temperature", ALL, count)
         assert table.value[np.isfinite(table.value)] == pytest.approx(0.0, abs=1e-18)
+    # the same grains elsewhere: 0.4 up and 0.4 down are no flow, but for few grains at a knot
     for frame, sign in zip(frames, (1.0, -1.0), strict=True):
         frame.velocity[:, 1] = 0.4 * sign
     table = profile(source, "granular-temperature", ALL, 1)
@@ -236,10 +214,8 @@ def test_normalized_temperature_needs_that_of_the_walls_in_every_frame(run: Run)
 def test_errors_of_few_frames(run: Run, frames: slice) -> None:
     """One frame: none. Two and three: as of so many numbers, with the same grains in all."""
     table = profile(run, "spin", Selection(frames=frames), 1)
-    means = [
-        profile(run, "spin", Selection(frames=slice(k, k + 1)), 1).value
-        for k in range(FRAMES)[frames]
-    ]
+    single = (Selection(frames=slice(k, k + 1)) for k in range(FRAMES)[frames])
+    means = [profile(run, "spin", one, 1).value for one in single]
     expected = remembering_error([(mean, np.ones(1)) for mean in means])
     assert table.error[0] == pytest.approx(expected[0], nan_ok=True)
     if len(means) == 2:

@@ -49,19 +49,6 @@ def test_lines_join_centers_and_end_at_walls(column: Run) -> None:
     assert len(network.detail_rows) == 10
 
 
-def test_contacts_without_force_do_not_count(column: Run) -> None:
-    frame = column.frames[2]
-    frame.contacts.impulse[3:] = 0.0
-    source = source_of(column.model, [frame])
-    network = force_network(source)
-    assert network.i.tolist() == [0, 1, 2]
-    frame.contacts.impulse[:] = 0.0
-    empty = force_network(source)
-    assert empty.summary["contacts"] == 0
-    assert np.isnan(empty.summary["normal_force_mean"])
-    assert (empty.coordination, empty.rattler_share) == (0.0, 1.0)
-
-
 def test_frames_without_forces_are_refused(column: Run, silent: Run) -> None:
     with pytest.raises(PostError, match="no step of the mechanics was done before"):
         force_network(column, 0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,20 +24,13 @@ HEIGHTS = RADIUS + 2.0 * RADIUS * np.arange(GRAINS)
 LATER = Selection(frames=slice(1, None))
 
 
-@pytest.fixture(scope="module")
-def cold(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    path = tmp_path_factory.mktemp("cold") / "run"
-    write_heated_run(path, heat=False)
-    return open_run(path)
-
-
 def source(column: Run, frames: list[Frame], model: Model | None = None) -> SimpleNamespace:
     """The run with changed frames."""
     return source_of(model or column.model, frames, [frame.time for frame in frames])
 
 
-def with_walls(tmp_path: Path, walls: tuple[float, float]) -> Run:
-    write_heated_run(tmp_path / "run", walls=walls)
+def other(tmp_path: Path, **said: Any) -> Run:
+    write_heated_run(tmp_path / "run", **said)
     return open_run(tmp_path / "run")
 
 
@@ -50,7 +44,7 @@ def test_temperature_profile_and_its_normalized_form(column: Run) -> None:
 
 
 def test_normalized_temperature_needs_two_prescribed_ones(tmp_path: Path) -> None:
-    table = profile(with_walls(tmp_path, (300.0, np.nan)), "temperature", LATER)
+    table = profile(other(tmp_path, walls=(300.0, np.nan)), "temperature", LATER)
     with pytest.raises(PostError, match="prescribed temperature of both walls; 'top' has none"):
         table.normalized()
 
@@ -108,15 +102,13 @@ def test_granular_temperature_is_relative_to_the_mean_flow(column: Run) -> None:
     """A steady linear flow has none; a vertical velocity of c in one frame and −c in the next has
     ½c².
     """
-    assert profile(column, "granular-temperature", LATER, bins=GRAINS).value == pytest.approx(
-        0.0, abs=1e-20
-    )
+    steady = profile(column, "granular-temperature", LATER, bins=GRAINS)
+    assert steady.value == pytest.approx(0.0, abs=1e-20)
     frames = [column.frames[k] for k in (1, 2)]
     for frame, c in zip(frames, (0.3, -0.3), strict=True):
         frame.velocity[:, 1] = c
-    table = profile(
-        source(column, frames), "granular-temperature", Selection(start=0.0), bins=GRAINS
-    )
+    both = source(column, frames)
+    table = profile(both, "granular-temperature", Selection(start=0.0), bins=GRAINS)
     assert table.value == pytest.approx(0.5 * 0.3**2)
 
 
@@ -129,7 +121,8 @@ def test_mean_flow_is_linear_between_bins(column: Run) -> None:
 
 
 @pytest.mark.parametrize("of", ["temperature", "heat"])
-def test_runs_without_heat_say_so(cold: Run, of: str) -> None:
+def test_runs_without_heat_say_so(tmp_path: Path, of: str) -> None:
+    cold = other(tmp_path, heat=False)
     for make in (lambda: profile(cold, of), lambda: grain_map(cold, of), lambda: theta_eta(cold)):
         with pytest.raises(PostError, match="has no heat"):
             make()
@@ -147,9 +140,8 @@ def test_theta_eta_from_the_top_and_from_the_bottom(column: Run) -> None:
     assert table.mean == pytest.approx(HEIGHTS[::-1])
     assert table.center == pytest.approx(HEIGHTS)
     assert table.count.tolist() == [1] * GRAINS
-    assert (table.reference, table.wall_temperature, table.height) == pytest.approx(
-        (300.0, 320.0, 1.0)
-    )
+    found = (table.reference, table.wall_temperature, table.height)
+    assert found == pytest.approx((300.0, 320.0, 1.0))
     with pytest.raises(PostError, match="--reference"):
         theta_eta(column, wall="bottom")
     up = theta_eta(column, wall="bottom", reference=290.0, bins=GRAINS)
@@ -178,24 +170,32 @@ def test_height_scales_eta_and_leaves_out_what_is_beyond(column: Run) -> None:
 
 
 def test_wall_is_found_if_it_is_the_only_one(tmp_path: Path, column: Run) -> None:
-    assert theta_eta(with_walls(tmp_path, (np.nan, 320.0))).wall == "top"
+    assert theta_eta(other(tmp_path, walls=(np.nan, 320.0))).wall == "top"
     with pytest.raises(PostError, match=r"choose the wall with --wall: .* bottom, top"):
         theta_eta(column)
     with pytest.raises(PostError, match="are: none"):
         theta_eta(column, 0)
 
 
-def test_theta_eta_refuses_what_makes_no_sense(tmp_path: Path, column: Run) -> None:
-    with pytest.raises(PostError, match="no wall 'lid'; choose from: bottom, top"):
-        theta_eta(column, wall="lid")
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        ({"wall": "lid"}, "no wall 'lid'; choose from: bottom, top"),
+        ({"frame": 5}, "no frame 5: the run has 5, from 0 to 4"),
+        ({"wall": "top", "height": 0.0}, "must be positive"),
+        ({"wall": "top", "bins": 0}, "bins"),
+    ],
+)
+def test_theta_eta_refuses_what_makes_no_sense(column: Run, said: Any, message: str) -> None:
+    with pytest.raises(PostError, match=message):
+        theta_eta(column, **said)
+
+
+def test_theta_eta_needs_a_wall_of_known_temperature_below_or_above(
+    tmp_path: Path, column: Run
+) -> None:
     with pytest.raises(PostError, match=r"'top' has no prescribed temperature .* bottom"):
-        theta_eta(with_walls(tmp_path, (310.0, np.nan)), wall="top")
-    with pytest.raises(PostError, match=r"no frame 5: the run has 5, from 0 to 4"):
-        theta_eta(column, 5)
-    with pytest.raises(PostError, match="must be positive"):
-        theta_eta(column, wall="top", height=0.0)
-    with pytest.raises(PostError, match="bins"):
-        theta_eta(column, wall="top", bins=0)
+        theta_eta(other(tmp_path, walls=(310.0, np.nan)), wall="top")
     geometry = column.model.shapes.geometry.copy()
     geometry[1] = [4.0, 0.0, -1.0, 0.0]  # the top wall becomes one at the side
     turned = replace(column.model, shapes=replace(column.model.shapes, geometry=geometry))
@@ -229,10 +229,8 @@ def test_fluctuation_keeps_the_vertical_velocity(column: Run) -> None:
 
 
 def test_maps_refuse_what_is_not_there(column: Run) -> None:
-    with pytest.raises(
-        PostError,
-        match="choose from: velocity, velocity-y, speed, displacement, rotation, spin, temperature",
-    ):
+    names = "velocity, velocity-y, speed, displacement, rotation, spin, temperature"
+    with pytest.raises(PostError, match=f"choose from: {names}"):
         grain_map(column, "wetness")
     with pytest.raises(PostError, match="frame 0 has none"):
         grain_map(column, "heat", 0)

@@ -72,15 +72,6 @@ def random_source(frames: int = 7, n: int = 60, seed: int = 1) -> Any:
     return make_source(y, radius, rng.normal(y, 0.1))
 
 
-def numeric_area(height: float, radius: float, low: float, high: float) -> float:
-    """Area of a disc between two heights by Gauss–Chebyshev quadrature of its width (second
-    kind).
-    """
-    a, b = np.clip([low - height, high - height], -radius, radius)
-    angle = np.linspace(np.arcsin(a / radius), np.arcsin(b / radius), 2_001)
-    return float(np.trapezoid(2.0 * radius**2 * np.cos(angle) ** 2, angle))
-
-
 def test_area_below_a_line() -> None:
     """Half a disc, a whole one, none, and the cap of height a/2: a²(2π/3 − √3/4) below."""
     a = np.full(5, 2.0)
@@ -104,24 +95,6 @@ def test_shares_add_up_to_the_area_of_the_discs(
     assert found == pytest.approx(np.pi * radius**2, rel=1e-9)
     assert shares.bin.min() >= 0
     assert shares.bin.max() < count
-
-
-def test_shares_of_a_disc_agree_with_quadrature() -> None:
-    shares = share_discs(np.array([0.37]), np.array([0.3]), 0.0, 0.11, 6)
-    expected = [numeric_area(0.37, 0.3, 0.11 * k, 0.11 * (k + 1)) for k in range(6)]
-    found = np.bincount(shares.bin, weights=shares.area, minlength=6)
-    assert found == pytest.approx(expected, rel=1e-6)
-
-
-def test_uniform_field_is_found_exactly() -> None:
-    source = random_source()
-    for frame in source.frames:
-        frame.velocity[:, 0] = -0.3
-    table = profile(source, "velocity", EVERY)
-    inside = np.isfinite(table.value)
-    assert inside.all()
-    assert table.value == pytest.approx(-0.3)
-    assert table.error == pytest.approx(0.0, abs=1e-15)
 
 
 def test_linear_profile_of_a_dense_stack() -> None:

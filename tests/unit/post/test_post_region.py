@@ -33,57 +33,42 @@ def test_parts_of_discs_are_those_of_sampled_points() -> None:
     points = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
     points = points[(points**2).sum(axis=1) <= 1.0]
     for depth in (-2.0, -0.7, 0.0, 0.3, 0.9, 1.5):
-        sampled = np.mean(points[:, 0] >= -depth)
-        assert part_inside(np.array([2.0 * depth]), np.array([2.0]))[0] == pytest.approx(
-            sampled, abs=1e-3
-        )
+        found = part_inside(np.array([2.0 * depth]), np.array([2.0]))[0]
+        assert found == pytest.approx(np.mean(points[:, 0] >= -depth), abs=1e-3)
 
 
 def around(run: Run) -> Rectangle:
     """A rectangle around all grains, or as wide as the period."""
-    frames = range(len(run.frames))
-    low = min(float(run.frames[k].position.min()) for k in frames) - 0.01
-    high = max(float(run.frames[k].position.max()) for k in frames) + 0.01
-    return (
-        Rectangle((0.0, low), (run.model.period, high))
-        if run.model.period
-        else Rectangle((low, low), (high, high))
-    )
+    low = min(float(frame.position.min()) for frame in run.frames) - 0.01
+    high = max(float(frame.position.max()) for frame in run.frames) + 0.01
+    ends = (0.0, run.model.period) if run.model.period else (low, high)
+    return Rectangle((ends[0], low), (ends[1], high))
 
 
 def test_everything_is_all_grains(run: Run) -> None:
     area = around(run)
     table, grains = in_region(run, area, ALL), run.model.grains
     cover = np.pi * grains.radius**2
-    for k in range(len(run.frames)):
-        frame = run.frames[k]
-        assert table.grains[k] == len(frame.position)
-        assert table.values["solid_fraction"][k] == pytest.approx(
-            cover.sum() / area.size, rel=1e-12
-        )
-        assert table.values["velocity_x"][k] == pytest.approx(
-            cover @ frame.velocity[:, 0] / cover.sum(), rel=1e-9
-        )
+    assert table.grains.tolist() == [len(frame.position) for frame in run.frames]
+    assert table.values["solid_fraction"] == pytest.approx(cover.sum() / area.size, rel=1e-12)
+    speeds = np.array([cover @ frame.velocity[:, 0] / cover.sum() for frame in run.frames])
+    assert table.values["velocity_x"] == pytest.approx(speeds, rel=1e-9)
 
 
 def test_a_layer_is_a_bin_of_a_profile(run: Run) -> None:
     """Also of grains that lie across the ends of a period."""
     last = Selection(frames=slice(-1, None))
-    found = {
-        of: profile(run, of, last, bins=3) for of in ("solid-fraction", "stress-yy", "stress-xy")
-    }
+    names = ("solid-fraction", "stress-yy", "stress-xy")
+    found = {of: profile(run, of, last, bins=3) for of in names}
     frame, extent = run.frames[-1], find_extent(run, last.indices(run.frames))
     height = found["stress-yy"].y[1] - found["stress-yy"].y[0]
     low = extent.origin(frame) + found["stress-yy"].y[1] - 0.5 * height
     area = Rectangle((around(run).low[0], low), (around(run).high[0], low + height))
     table = in_region(run, area, last)
     scale = (area.high[0] - area.low[0]) / plane_width(run, frame)
-    for name, of in (
-        ("solid_fraction", "solid-fraction"),
-        ("stress_yy", "stress-yy"),
-        ("stress_xy", "stress-xy"),
-    ):
-        assert table.mean[name] * scale == pytest.approx(found[of].value[1], rel=2e-3)
+    for of in names:
+        mean = table.mean[of.replace("-", "_")] * scale
+        assert mean == pytest.approx(found[of].value[1], rel=2e-3)
 
 
 def test_parts_add_up_to_the_whole(run: Run) -> None:
@@ -95,9 +80,8 @@ def test_parts_add_up_to_the_whole(run: Run) -> None:
     middle = float(run.frames[0].position[:, 1].mean())
     parts: list[list[Area]] = [[Rectangle((x, y), (u, middle)), Rectangle((x, middle), (u, v))]]
     if not run.model.period:
-        parts.append(
-            [Polygon(np.array(p)) for p in ([(x, y), (u, y), (u, v)], [(x, y), (u, v), (x, v)])]
-        )
+        corners = ([(x, y), (u, y), (u, v)], [(x, y), (u, v), (x, v)])
+        parts.append([Polygon(np.array(three)) for three in corners])
     whole = in_region(run, area, ALL)
     for pieces in parts:
         tables = [in_region(run, piece, ALL) for piece in pieces]
@@ -108,10 +92,8 @@ def test_parts_add_up_to_the_whole(run: Run) -> None:
 
 def test_rings_add_up_to_a_disc_but_for_their_curvature(run: Run) -> None:
     area = around(run)
-    center, radius = (
-        tuple(0.5 * (np.array(area.low) + np.array(area.high))),
-        0.3 * (run.model.period or area.high[0] - area.low[0]),
-    )
+    center = tuple(0.5 * (np.array(area.low) + np.array(area.high)))
+    radius = 0.3 * (run.model.period or area.high[0] - area.low[0])
     ring, core, disc = (
         in_region(run, Annulus(center, *radii), ALL)
         for radii in ((radius, 0.5 * radius), (0.5 * radius,), (radius,))

@@ -1,11 +1,6 @@
-"""Stress and contacts of made-up runs against closed forms, and of a small real run against its
-wall forces.
-"""
+"""Stress and contacts of made-up runs against closed forms."""
 
 from __future__ import annotations
-
-from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,56 +8,12 @@ from from_wall_to_wall import profile, profiles
 from heat_run import GRAINS, RADIUS
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_up_frames import source_of
-from scenes import write_small
 
-import multicor_cli as multicor
-from multicor_cli.model import Model
-from multicor_cli.post import PROFILE_GROUPS, PostError, Selection, grain_map, rheology
+from multicor_cli.post import PROFILE_GROUPS, PostError, Selection, grain_map
 from multicor_cli.post.bins import part_between, share_lines
-from multicor_cli.post.contacts import loaded_contacts
-from multicor_cli.store import Run, open_run
+from multicor_cli.store import Run
 
 ALL, LAST = Selection(start=0.0), Selection(frames=slice(-1, None))
-
-
-OVERRIDES = (
-    "domain.size=[0.02, 0.03]",
-    "domain.gravity=[0.0, 0.0]",
-    "particles.0.count=200",
-    "particles.0.region={min = [0.0, 0.001], max = [0.02, 0.0195]}",
-    "particles.0.velocity=[0.5, 0.0]",
-    "particles.0.shear_rate=50.0",
-    "walls.1.geometry.from=[0.0, 0.0205]",
-    "walls.1.geometry.to=[0.02, 0.0205]",
-    "loading.0.duration=0.02",
-    "loading.0.drives.top.x.velocity=1.0",
-    "loading.0.drives.top.y.force=-0.4",
-    "loading.1.until.strain.value=5.0",
-    "loading.1.drives.top.x.velocity=1.0",
-    "solver.dt=5e-5",
-    "output.frame_interval=5e-4",
-    "output.series_interval=5e-5",
-)
-
-
-@pytest.fixture(scope="module")
-def flows(tmp_path_factory: pytest.TempPathFactory) -> list[Run]:
-    """Four times two hundred grains sheared without gravity between rough walls (I = 0.03); a row
-    of the time series for every step.
-    """
-    path = tmp_path_factory.mktemp("sheared")
-    write_small(path)
-    for seed in range(1, 5):
-        overrides = (*OVERRIDES, f"scenario.seed={seed}")
-        multicor.run(path / "small.toml", path / f"{seed}", overrides=overrides, threads=1)
-    return [open_run(path / f"{seed}") for seed in range(1, 5)]
-
-
-@pytest.fixture
-def sheared(flows: list[Run]) -> Run:
-    """The first of them."""
-    return flows[0]
 
 
 @settings(max_examples=50, deadline=None)
@@ -179,92 +130,3 @@ def test_groups_of_fields_come_as_one_table(column: Run) -> None:
         profile(column, "stress")
     with pytest.raises(PostError, match="no normalized"):
         found.normalized()
-
-
-class Regrouped:
-    """A frame of a run whose grains belong to other groups."""
-
-    def __init__(self, frame: Any, model: Model) -> None:
-        self.frame, self.model = frame, model
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.frame, name)
-
-
-def test_stresses_of_groups_add_up_to_that_of_all_and_contacts_count_whole(sheared: Run) -> None:
-    model = sheared.model
-    group = (np.arange(model.grain_count) % 3 == 0).astype(np.int32)
-    model = replace(model, groups=("many", "few"), grains=replace(model.grains, group=group))
-    frames = [Regrouped(sheared.frames[k], model) for k in (-3, -2, -1)]
-    source = source_of(model, frames)
-    whole, many, few = (
-        profiles(source, "stress", ALL, 5, groups=names) for names in ((), ("many",), ("few",))
-    )
-    for all_, first, second in zip(whole.tables, many.tables, few.tables, strict=True):
-        assert first.value + second.value == pytest.approx(all_.value)
-        assert np.abs(second.value).max() > 0.0
-    # Contacts per grain over all heights: each with the contacts that it has, whoever the other is.
-    table = profile(source, "coordination", ALL, 1, groups=["few"])
-    chosen = group == 1
-    expected = []
-    for frame in frames:
-        held, n = frame.contacts.force[:, 0] != 0.0, model.grain_count
-        i, j = np.asarray(frame.contacts.i)[held], np.asarray(frame.contacts.j)[held]
-        expected.append(np.mean([np.sum(i == k) + np.sum(j == k) for k in range(n) if chosen[k]]))
-    assert table.value[0] == pytest.approx(np.mean(expected), rel=1e-6)
-    # A group that touches nothing of its own kind still bears half of what it exchanges with the
-    # other.
-    contacts = loaded_contacts(frames[-1], model)
-    plain = [
-        0.5 * (group[a] + group[b]) if b < model.grain_count else 1.0 * group[a]
-        for a, b in zip(contacts.i, contacts.j, strict=True)
-    ]
-    assert contacts.parts(np.flatnonzero(group == 1)) == pytest.approx(np.array(plain))
-
-
-def test_forces_of_wall_contacts_are_the_recorded_wall_forces(sheared: Run) -> None:
-    """With a row of the time series per step both are the same sums."""
-    model, series = sheared.model, sheared.series
-    for frame in sheared.frames[-20:]:
-        contacts = loaded_contacts(frame, model)
-        walls = model.shapes.wall[contacts.j[contacts.is_wall] - model.grain_count]
-        forces = -contacts.vector[contacts.is_wall]
-        on_walls = [np.bincount(walls, force, minlength=2) for force in forces.T]
-        row = int(np.flatnonzero(series["step"] == frame.step)[0])
-        recorded = series["wall_force"][row, :, :2]
-        assert np.column_stack(on_walls) == pytest.approx(recorded, rel=1e-9, abs=1e-12)
-
-
-def test_stress_equals_wall_forces_per_area(flows: list[Run]) -> None:
-    """Momentum balance: on average the layer carries what the walls exert.
-
-    In single runs the two differ: over 32 seeds by 3.7 % (shear) and 2.7 % (normal stress),
-    standard deviations, with means of 0 %.
-    """
-    ratios = []
-    for run in flows:
-        chosen = Selection(start=0.4 * float(run.frames.time[-1]))
-        xx, xy, yx, yy = (
-            float(profile(run, of, chosen, 1, exclude_walls=2.0).value[0])
-            for of in PROFILE_GROUPS["stress"]
-        )
-        rows = run.series["time"] >= chosen.start
-        force = run.series["wall_force"][rows].mean(axis=0) / run.period
-        shear_force, press = 0.5 * (force[1, 0] - force[0, 0]), 0.5 * (force[1, 1] - force[0, 1])
-        assert xy < 0.0 < min(xx, yy)
-        ratios.append([xy / shear_force, yx / shear_force, yy / press])
-    deviation = np.abs(np.mean(ratios, axis=0) - 1.0)
-    assert (deviation < 3.0 * np.array([0.037, 0.037, 0.027]) / np.sqrt(len(flows))).all(), ratios
-
-
-def test_rheology_of_a_real_run_agrees_between_walls_and_bulk(sheared: Run) -> None:
-    table = rheology(sheared, Selection(start=0.4 * float(sheared.frames.time[-1])))
-    mean, error = table.mean, table.error
-    both = np.hypot(error["friction_walls"], error["friction_bulk"])
-    assert abs(mean["friction_walls"] - mean["friction_bulk"]) < 3.0 * both
-    assert 0.1 < mean["friction_walls"] < 0.8
-    assert 0.6 < mean["solid_fraction"] < 0.9
-    # Contacts resist where the flow compresses: 135° for x upwards of y
-    assert 100.0 < mean["fabric_direction"] < 170.0
-    assert mean["coordination_loaded"] > mean["coordination"] > 1.0
-    assert -1.5 < mean["spin_ratio"] < 0.0
