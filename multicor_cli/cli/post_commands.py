@@ -110,31 +110,18 @@ def profile(
     selection = selected(start, end, frames)
     with store.open_run(directory) as run:
         found = post.profiles(
-            run,
-            of,
-            selection,
-            bins,
-            bin_width=bin_width,
-            exclude_walls=exclude_walls,
-            between=between,
-            groups=groups or (),
-        )
+            run, of, selection, bins, bin_width=bin_width, exclude_walls=exclude_walls,
+            between=between, groups=groups or ()
+        )  # fmt: skip
     if is_normalized or is_normalised:
         found = found.normalized()
     table = found.first
     about = f"{_span(table.frames.size, 'frame', table.times)}, height {table.height:g} m"
     about += f", grains{table.about_groups}" if table.groups else ""
-    notes = [
-        table.note if len(found.tables) == 1 else f"{table.field.name}: {table.note}"
-        for table in found.tables
-        if table.note
-    ]
-    return Shown(
-        found,
-        "\n".join(line for line in (about, table.about_walls, *notes) if line),
-        directory,
-        is_detailed=False,
-    )
+    notes = {table.field.name: table.note for table in found.tables if table.note}
+    told = [note if len(found.tables) == 1 else f"{name}: {note}" for name, note in notes.items()]
+    lines = "\n".join(filter(None, (about, table.about_walls, *told)))
+    return Shown(found, lines, directory, is_detailed=False)
 
 
 def _span(count: int, noun: str, times: Any) -> str:
@@ -168,23 +155,16 @@ def theta_eta(
     with store.open_run(directory) as run:
         selection = None if wanted is None else post.Selection(frames=wanted)
         table = post.theta_eta(
-            run,
-            frame,
-            selection=selection,
-            bins=bins,
-            wall=wall,
-            height=height,
-            reference=reference,
-        )
-    last = f"frame {table.frame} at t = {table.time:g} s"
-    about = (
-        f"{last if table.frames.size == 1 else f'{table.frames.size} frames up to {last}'}, wall "
-        f"'{table.wall}' at {table.wall_temperature:g} K, T0 = {table.reference:g} K, H = "
-        f"{table.height:g} m"
-    )
-    return Shown(
-        table, about, directory, is_detailed=has_grains, content={"has_grains": has_grains}
-    )
+            run, frame, selection=selection, bins=bins, wall=wall, height=height,
+            reference=reference
+        )  # fmt: skip
+    about = f"frame {table.frame} at t = {table.time:g} s"
+    if table.frames.size > 1:
+        about = f"{table.frames.size} frames up to {about}"
+    about += f", wall '{table.wall}' at {table.wall_temperature:g} K, T0 = {table.reference:g} K"
+    about += f", H = {table.height:g} m"
+    content = {"has_grains": has_grains}
+    return Shown(table, about, directory, is_detailed=has_grains, content=content)
 
 
 def map_grains(
@@ -250,9 +230,8 @@ def forces(
             )
         with store.open_run(directory) as run:
             network = post.force_network(run, frame)
-        return Shown(
-            network, f"contact forces in frame {network.frame} at t = {network.time:g} s", directory
-        )
+        about = f"contact forces in frame {network.frame} at t = {network.time:g} s"
+        return Shown(network, about, directory)
     wanted = parse_frames(frames)
     with store.open_run(directory) as run:
         index = post.frame_index(run.frames, frame)
@@ -260,20 +239,14 @@ def forces(
         table: Any = (post.force_distribution if has_distribution else post.angular_distribution)(
             run, selection
         )
-    about = (
-        f"{table.contacts} contacts between grains in "
-        f"{_span(table.frames.size, 'frame', table.times)}"
-    )
+    span = _span(table.frames.size, "frame", table.times)
+    about = f"{table.contacts} contacts between grains in {span}"
     if has_angles:
-        about += "; " + ", ".join(
-            f"{name} = {value:.4g}"
-            + (
-                f" (± {table.moments_scatter[name]:.2g} between frames)"
-                if table.frames.size > 1
-                else ""
-            )
-            for name, value in table.moments.items()
-        )
+        moments = {name: f"{name} = {value:.4g}" for name, value in table.moments.items()}
+        if table.frames.size > 1:
+            for name, scatter in table.moments_scatter.items():
+                moments[name] += f" (± {scatter:.2g} between frames)"
+        about += "; " + ", ".join(moments.values())
     return Shown(table, about, directory, is_detailed=False)
 
 
@@ -298,11 +271,9 @@ def rheology(
     selection = selected(start, end, frames)
     with store.open_run(directory) as run:
         table = post.rheology(run, selection, margin=margin, between=between)
-    about = (
-        f"{_span(table.frames.size, 'frame', table.times)}, between '{table.walls[0]}' and "
-        f"'{table.walls[1]}', {table.height:g} m apart; the bulk begins {table.margin:g} m from "
-        "each"
-    )
+    about = _span(table.frames.size, "frame", table.times)
+    about += f", between '{table.walls[0]}' and '{table.walls[1]}', {table.height:g} m apart; "
+    about += f"the bulk begins {table.margin:g} m from each"
     return Shown(table, about, directory)
 
 
@@ -464,9 +435,8 @@ def energy(directory: RunPath, start: Earliest = None, end: End = None) -> Shown
 
     with store.open_run(directory) as run:
         table = post.energy(run, start, end)
-    return Shown(
-        table, f"energy books from the start of the run to t = {table.time[-1]:g} s", directory
-    )
+    about = f"energy books from the start of the run to t = {table.time[-1]:g} s"
+    return Shown(table, about, directory)
 
 
 def compare(
@@ -493,10 +463,8 @@ def compare(
             first, second, of or ["velocity"], selection, bins, names=_names(directory, other)
         )
     differ = "differs" if len(table.keys) == 1 else "differ"
-    remarks = [
-        f"{count_noun(len(table.keys), 'key')} of the scenarios {differ}"
-        + (":" if table.keys else "")
-    ]
+    keys = count_noun(len(table.keys), "key")
+    remarks = [f"{keys} of the scenarios {differ}{':' if table.keys else ''}"]
     remarks += [f"  {key}: {one} | {two}" for key, one, two in table.keys]
     return Shown(table, f"{directory} and {other}", None, remarks=remarks)
 
@@ -541,12 +509,8 @@ def series(
 
     with store.open_run(directory) as run:
         table = post.series(run, of or (), start, end)
-    return Shown(
-        table,
-        _span(table.time.size, "row", table.time),
-        directory,
-        figure=None if of else table.overview(),
-    )
+    about = _span(table.time.size, "row", table.time)
+    return Shown(table, about, directory, figure=None if of else table.overview())
 
 
 def flow(

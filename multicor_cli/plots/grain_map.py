@@ -267,12 +267,8 @@ def _fill(figure: Any, table: GrainMap, *, has_streamlines: bool = True) -> None
 
 
 def draw_map(place: Place, table: GrainMap, *, has_streamlines: bool = True) -> None:
-    """Draw a map with its color bar where `place_scene` has made room.
-
-    Args:
-        place: The room.
-        table: The map.
-        has_streamlines: Whether vectors are streamlines of their local mean, or else arrows.
+    """Draw a map with its color bar where `place_scene` has made room; vectors as streamlines of
+    their local mean, or else as arrows.
     """
     scale = color_scale(table)
     discs = draw_values(place.axes, table, scale[0], has_streamlines=has_streamlines)

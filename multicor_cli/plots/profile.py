@@ -179,9 +179,8 @@ def draw_theta_eta(axes: Any, table: ThetaTable) -> None:
     axes.set_xlim(0.0, min(1.0, last))
     low, high = float(table.theta.min()), float(table.theta.max())
     # From 0 to 1, unless all grains are so warm that there would be nothing to see below them.
-    axes.set_ylim(
-        min(0.0, low) if low < _WARM else low - 0.1 * (max(1.0, high) - low), max(1.0, high)
-    )
+    top = max(1.0, high)
+    axes.set_ylim(min(0.0, low) if low < _WARM else low - 0.1 * (top - low), top)
     axes.legend(loc="best")
 
 
@@ -192,9 +191,7 @@ def theta_eta_text(table: ThetaTable, _terminal: Terminal) -> str:
 
 FIGURES = {
     ProfileSet: Renderer(
-        lambda table: (COLUMN, COLUMN if len(table.tables) > 1 else 0.9 * COLUMN),
-        _fill,
-        profiles_text,
+        lambda table: (COLUMN, (1.0 if table.tables[1:] else 0.9) * COLUMN), _fill, profiles_text
     ),
     ProfileTable: Renderer(
         lambda _: (COLUMN, 0.9 * COLUMN),

@@ -40,6 +40,8 @@ SUFFIXES = (".png", ".svg", ".pdf")
 
 _COMPONENTS = re.compile(r" [xyrt]{2}$")
 
+_TICKS: Any = {"direction": "in", "minor.visible": True, "labelsize": 7.0}
+_TICKS |= {"major.width": 0.6, "minor.width": 0.4}
 _RC: Any = {
     "font.size": 8.0,
     "font.family": "sans-serif",
@@ -49,18 +51,9 @@ _RC: Any = {
     "axes.labelsize": 8.0,
     "axes.unicode_minus": True,
     "axes.formatter.useoffset": False,
-    "xtick.direction": "in",
-    "ytick.direction": "in",
+    **{f"{axis}tick.{name}": value for axis in "xy" for name, value in _TICKS.items()},
     "xtick.top": True,
     "ytick.right": True,
-    "xtick.minor.visible": True,
-    "ytick.minor.visible": True,
-    "xtick.labelsize": 7.0,
-    "ytick.labelsize": 7.0,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "xtick.minor.width": 0.4,
-    "ytick.minor.width": 0.4,
     "legend.fontsize": 7.0,
     "legend.frameon": False,
     "lines.linewidth": 1.2,
@@ -325,8 +318,7 @@ WIDTH, HEIGHT = 72, 20
 _MARKS = "abcdefghijklmnop"
 
 
-@dataclass(frozen=True)
-class TextLine:
+class TextLine(NamedTuple):
     """A line of a chart; points with nan are left out. An only line has an empty label."""
 
     label: str
@@ -352,10 +344,8 @@ def draw_text(
         return f"{y_label}: nothing to draw"
     low, high = points.min(axis=0), points.max(axis=0)
     same = low == high
-    low, high = (
-        np.where(same, low - 0.5 * (np.abs(low) + same), low),
-        np.where(same, high + 0.5 * (np.abs(high) + same), high),
-    )
+    room = np.where(same, 0.5 * (np.abs(low) + same), 0.0)
+    low, high = low - room, high + room
     area = np.full((rows, WIDTH), " ")
     for number in reversed(range(len(known))):
         column, row = _cells(known[number], low, high, rows)
@@ -397,12 +387,8 @@ def _frame(
     rows = [f"{names.get(k, ''):>{margin}} |{''.join(row).rstrip()}" for k, row in enumerate(area)]
     left, right = f"{low[0]:.4g}", f"{high[0]:.4g}"
     across = f"{left}{x_label:^{WIDTH - len(left) - len(right)}}{right}"
-    return [
-        f"{'':{margin}}  {y_label}",
-        *rows,
-        f"{'':{margin}} +{'-' * WIDTH}",
-        f"{'':{margin}}  {across}",
-    ]
+    space = " " * margin
+    return [f"{space}  {y_label}", *rows, f"{space} +{'-' * WIDTH}", f"{space}  {across}"]
 
 
 # ---- The figure of a table: `FIGURES` of `plots/NAME.py` draw tables of `post/NAME.py`
@@ -435,19 +421,18 @@ def plot(table: Any, path: Path, **options: Any) -> None:
         PlotError: If the ending is not known.
         StorageError: If the file cannot be written.
     """
-    ways = _ways(table)
-    with figure_file(path, *ways.size(table)) as figure:
-        ways.draw(figure, table, **options)
+    renderer = _renderer(table)
+    with figure_file(path, *renderer.size(table)) as figure:
+        renderer.draw(figure, table, **options)
 
 
 def show(table: Any, terminal: Terminal, **options: Any) -> str:
     """The figure of a table as text; raises `PlotError` if it needs matplotlib and has none."""
-    return _ways(table).text(table, terminal, **options)
+    return _renderer(table).text(table, terminal, **options)
 
 
-def _ways(table: Any) -> Renderer:
+def _renderer(table: Any) -> Renderer:
     name = type(table).__module__.rpartition(".")[2]
-    figures: dict[type, Renderer] = import_module(
-        f"multicor_cli.plots.{_DRAWN_IN.get(name, name)}"
-    ).FIGURES
-    return figures[type(table)]
+    module: Any = import_module(f"multicor_cli.plots.{_DRAWN_IN.get(name, name)}")
+    found: Renderer = module.FIGURES[type(table)]
+    return found

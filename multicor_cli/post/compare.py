@@ -46,12 +46,7 @@ class Pair(NamedTuple):
 
 @dataclass(frozen=True)
 class ProfilePair:
-    """A profile of both runs in the same number of bins, matched by y/H; ``b`` bins.
-
-    Attributes:
-        first: Profile of the first run.
-        second: Profile of the second run.
-    """
+    """A profile of both runs in the same number of bins, matched by y/H; ``b`` bins."""
 
     first: ProfileTable
     second: ProfileTable
@@ -193,7 +188,6 @@ def compare(
 _NAMELESS = ("scenario.name", "scenario.description", "scenario.seed")
 """Keys that tell runs apart, and not what they are about."""
 
-
 _VAGUE = ("value", "kind", "min", "max", "count", "walls", "of", "x", "y")
 """Last words of keys that say nothing without the word before."""
 
@@ -250,14 +244,8 @@ def _rheologies(first: Run, second: Run, selection: Selection | None) -> list[Pa
         ", ".join(dict.fromkeys(filter(None, (t.spread[q.name].note() for t in (one, two)))))
         for q in QUANTITIES
     ]
+    errors = [float(np.hypot(one.error[q.name], two.error[q.name])) for q in QUANTITIES]
     return [
-        Pair(
-            q.name,
-            with_unit(q.label, q.unit),
-            one.mean[q.name],
-            two.mean[q.name],
-            float(np.hypot(one.error[q.name], two.error[q.name])),
-            note,
-        )
-        for q, note in zip(QUANTITIES, notes, strict=True)
+        Pair(q.name, with_unit(q.label, q.unit), one.mean[q.name], two.mean[q.name], error, note)
+        for q, error, note in zip(QUANTITIES, errors, notes, strict=True)
     ]

@@ -118,16 +118,12 @@ def fields(
     ]
     note = _beyond(source, chosen, points, spacing * diameter) if is_radial else ""
     facts = {
-        "frame_count": int(chosen.size),
-        "times": (float(times[0]), float(times[-1])),
-        "reach": reach * diameter,
-        "note": note,
-        "axes": list(points.axes),
-        "shape": points.shape,
+        "frame_count": int(chosen.size), "times": (float(times[0]), float(times[-1])),
+        "reach": reach * diameter, "note": note, "axes": list(points.axes), "shape": points.shape,
         "units": {field.name: field.unit for field in known},
         **{column.name: column.values for column in coordinates},
         "values": {name: column.reshape(points.shape) for name, column in values.items()},
-    }
+    }  # fmt: skip
     if error:
         facts["standard_error"] = error
     details = [*coordinates, *(Column(f.name, f.unit, values[f.name]) for f in known)]
@@ -174,11 +170,8 @@ def _wanted(of: Sequence[str], known: Sequence[Quantity], *, is_grid: bool) -> t
     names = {field.name: field for field in known}
     chosen: list[Quantity] = []
     for name in of:
-        components = [
-            field
-            for field in known
-            if field.name.rpartition("-")[0] == name and len(field.name) - len(name) <= 3
-        ]
+        parts = [field for field in known if field.name.rpartition("-")[0] == name]
+        components = [field for field in parts if len(field.name) - len(name) <= 3]
         if name not in names and not components:
             raise PostError(f"there is no field '{name}' here; {choices(name, names)}")
         if name not in names and is_grid:

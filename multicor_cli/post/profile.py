@@ -121,19 +121,12 @@ class ProfileTable(Table):
                     "normalizing needs walls of different velocity; they do not shear the grains"
                 )
         width = self.width / self.height
-        table = self.with_(
-            y=self.y / self.height,
-            value=(self.value - low) / scale,
-            error=self.error / abs(scale),
-            bin_width=width,
-            width=width,
-            unit="1",
-            y_unit="1",
-            normalized=True,
-            is_normalized=True,
-        )
-        *scaled, area = table.columns
-        table.columns = (*(column._replace(unit="1") for column in scaled), area)
+        scaled = {"value": (self.value - low) / scale, "error": self.error / abs(scale)}
+        words = {"unit": "1", "y_unit": "1", "normalized": True, "is_normalized": True}
+        y = self.y / self.height
+        table = self.with_(y=y, bin_width=width, width=width, **scaled, **words)
+        *columns, area = table.columns
+        table.columns = (*(column._replace(unit="1") for column in columns), area)
         return table
 
     def _wall_scale(self) -> tuple[float, float]:
@@ -241,15 +234,9 @@ def profile(
             f"'{of}' has several components: choose one of {', '.join(PROFILE_GROUPS[of])}"
         )
     return profiles(
-        source,
-        of,
-        selection,
-        bins,
-        bin_width=bin_width,
-        exclude_walls=exclude_walls,
-        between=between,
-        groups=groups,
-    ).first
+        source, of, selection, bins, bin_width=bin_width, exclude_walls=exclude_walls,
+        between=between, groups=groups
+    ).first  # fmt: skip
 
 
 def profiles(
@@ -327,20 +314,14 @@ def _make_table(
     walls, speeds = _at_walls(source, field, chosen, (extent.lower, extent.upper))
     times, names = np.asarray(source.frames.time)[chosen], source.model.walls.names
     facts = {
-        "of": field.name,
-        "unit": field.unit,
-        "y_unit": "m",
-        "normalized": False,
-        "frame_count": int(chosen.size),
-        "times": (float(times[0]), float(times[-1])),
+        "of": field.name, "unit": field.unit, "y_unit": "m", "normalized": False,
+        "frame_count": int(chosen.size), "times": (float(times[0]), float(times[-1])),
         "height": extent.height,
         "walls": tuple("" if w is None else names[w] for w in (extent.lower, extent.upper)),
-        "excluded_at_walls": bins.left_out / source.model.mean_diameter,
-        "wall_values": walls,
-        "shear_rate": (speeds[1] - speeds[0]) / extent.height,
-        "bin_width": bins.width,
+        "excluded_at_walls": bins.left_out / source.model.mean_diameter, "wall_values": walls,
+        "shear_rate": (speeds[1] - speeds[0]) / extent.height, "bin_width": bins.width,
         "bin_area": _bin_area(source, field, sums, chosen, bins),
-    }
+    }  # fmt: skip
     of_groups = f" of {' and '.join(map(repr, groups))}" if groups else ""
     columns = [
         Column("y", "m", bins.centers),
@@ -348,18 +329,12 @@ def _make_table(
         Column("error", field.unit, error, "standard error", "standard_error"),
         Column("area", "m2", sums.area.mean(axis=0)),
     ]
-    return ProfileTable(
-        columns,
-        facts,
-        field=field,
-        frames=chosen,
-        is_normalized=False,
-        width=bins.width,
-        left_out=facts["excluded_at_walls"],
-        note=drift_note(sums),
-        groups=groups,
-        about_groups=of_groups,
-    )
+    parts: dict[str, Any] = {
+        "field": field, "frames": chosen, "is_normalized": False, "width": bins.width,
+        "left_out": facts["excluded_at_walls"], "note": drift_note(sums), "groups": groups,
+        "about_groups": of_groups,
+    }  # fmt: skip
+    return ProfileTable(columns, facts, **parts)
 
 
 def _bin_area(
@@ -368,13 +343,11 @@ def _bin_area(
     """Area of a bin, averaged over the frames, or over the time of a rate [m²]."""
     if field.kind in ("mean", "number"):
         frames = (source.frames[int(k)] for k in chosen)
-        return float(
-            np.mean([bins.place(frame).width * plane_width(source, frame) for frame in frames])
-        )
+        areas = [bins.place(frame).width * plane_width(source, frame) for frame in frames]
+        return float(np.mean(areas))
     times = np.asarray(source.frames.time)[chosen]
-    return float(
-        sums.weight[:, 0].sum() / (times[-1] - times[0] if field.kind == "rate" else chosen.size)
-    )
+    lapse = times[-1] - times[0] if field.kind == "rate" else chosen.size
+    return float(sums.weight[:, 0].sum() / lapse)
 
 
 def _values_of(

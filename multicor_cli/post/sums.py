@@ -112,11 +112,6 @@ def scatter(rows: Floats) -> Floats:
         return np.asarray(np.sqrt(squares / np.where(number > 1, number - 1, np.nan)))
 
 
-def standard_error(rows: Floats) -> Floats:
-    """Standard errors of the means over rows, shape ``(r, …)``; see `spread`."""
-    return spread(rows).error
-
-
 def pseudo_values(total: Floats, without: Floats) -> Floats:
     """What each row adds to a quantity of sums over all rows: its errors are those of their mean.
 
@@ -280,7 +275,7 @@ def plane_width(source: Run, frame: Frame) -> float:
 
 def average(sums: Sums) -> tuple[Floats, Floats]:
     """Means over the rows and their standard errors; nan where there is nothing."""
-    return _ratio(sums.value.sum(axis=0), sums.weight.sum(axis=0)), standard_error(row_values(sums))
+    return _ratio(sums.value.sum(axis=0), sums.weight.sum(axis=0)), spread(row_values(sums)).error
 
 
 def drift_note(sums: Sums) -> str:

@@ -115,14 +115,11 @@ def theta_eta(
         Column("count", "", number_of_grains),
     ]
     facts = {
-        "wall": source.model.walls.names[number],
-        "wall_temperature": hot,
-        "reference": start,
-        "height": full,
-        "frame": int(chosen[-1]),
+        "wall": source.model.walls.names[number], "wall_temperature": hot, "reference": start,
+        "height": full, "frame": int(chosen[-1]),
         "time": float(np.asarray(source.frames.time)[chosen[-1]]),
         "frame_count": int(chosen.size),
-    }
+    }  # fmt: skip
     return ThetaTable(
         columns, facts, [Column("eta", "1", eta), Column("theta", "1", theta)], frames=chosen
     )

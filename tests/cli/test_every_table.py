@@ -218,6 +218,7 @@ def books(of: Walled, run: Run, table: dict[str, Any]) -> None:
 def same(of: Walled, run: Run, table: dict[str, Any]) -> None:
     assert table["scenario"] == []
     assert {number["difference"] for number in table["numbers"].values()} <= {0.0, None}
+    assert table["profiles"]["velocity"]["rms_difference_over_error"] in (0.0, None)
     assert ("pressure" in table["numbers"]) == (of.is_periodic and all(of.bounds))
 
 

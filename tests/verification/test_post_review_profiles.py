@@ -7,21 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import post_review_support as oracle
 import pytest
 from from_wall_to_wall import profile
 from made_up_frames import source_of
-from post_review_support import (
-    BEFORE_FORCES,
-    FRAMES,
-    Floats,
-    areas,
-    branches,
-    fluctuations,
-    layer,
-    parts,
-    remembering_error,
-    write_random_run,
-)
 
 from multicor_cli.post import PROFILED, PostError, Selection
 from multicor_cli.store import Run
@@ -31,7 +20,7 @@ ALL = Selection(frames=slice(None))
 
 @pytest.fixture(scope="module", params=[True, False], ids=["periodic", "bounded"])
 def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Run:
-    return write_random_run(
+    return oracle.write_random_run(
         tmp_path_factory.mktemp("random") / "run", is_periodic=request.param, seed=5
     )
 
@@ -44,19 +33,19 @@ SIMPLE: dict[str, Any] = {
 }
 
 
-def _grain_values(run: Run, of: str, chosen: list[int], spacing: float) -> dict[int, Floats]:
+def _grain_values(run: Run, of: str, chosen: list[int], spacing: float) -> dict[int, oracle.Floats]:
     frames = {k: run.frames[k] for k in chosen}
     if of in SIMPLE:
         return {k: SIMPLE[of](f) for k, f in frames.items()}
     if of == "coordination":
         counts = {k: np.zeros(run.model.grain_count) for k in chosen}
         for k, frame in frames.items():
-            for i, j, _, _ in branches(run, frame):
+            for i, j, _, _ in oracle.branches(run, frame):
                 counts[k][i] += 1
                 if j < run.model.grain_count:
                     counts[k][j] += 1
         return counts
-    slips = dict(zip(chosen, fluctuations(run, chosen, spacing), strict=True))
+    slips = dict(zip(chosen, oracle.fluctuations(run, chosen, spacing), strict=True))
     if of == "granular-temperature":
         return {k: 0.5 * (v**2).sum(axis=1) for k, v in slips.items()}
     a, b = ("xy".index(axis) for axis in of.rsplit("-", 1)[1])
@@ -64,31 +53,33 @@ def _grain_values(run: Run, of: str, chosen: list[int], spacing: float) -> dict[
     return {k: density * v[:, a] * v[:, b] for k, v in slips.items()}
 
 
-def _contact_sum(run: Run, of: str, k: int, edges: Floats) -> Floats:
+def _contact_sum(run: Run, of: str, k: int, edges: oracle.Floats) -> oracle.Floats:
     axes = [(0, 0), (1, 1)]
     if of != "pressure":
         axes = [tuple("xy".index(axis) for axis in of.rsplit("-", 1)[1])]
     total = np.zeros(edges.size - 1)
     frame = run.frames[k]
-    for i, _, force, way in branches(run, frame):
+    for i, _, force, way in oracle.branches(run, frame):
         start = float(frame.position[i, 1])
         carried = sum(force[a] * way[b] for a, b in axes) / len(axes)
-        total += carried * parts(start, start - way[1], edges)
+        total += carried * oracle.parts(start, start - way[1], edges)
     return total
 
 
 def direct(
     run: Run, of: str, chosen: list[int], count: int, left_out: float
-) -> tuple[Floats, Floats]:
+) -> tuple[oracle.Floats, oracle.Floats]:
     """Values and standard errors of the bins by loops over frames, grains and bins."""
     radius, rows = run.model.grains.radius, []
-    layers = {k: layer(run, run.frames[k], count, left_out) for k in chosen}
+    layers = {k: oracle.layer(run, run.frames[k], count, left_out) for k in chosen}
     mean = float(np.mean([np.ptp(one.edges) for one in layers.values()]))
     if of == "heat":
         for before, after in pairwise(chosen):
             first, second = run.frames[before], run.frames[after]
             edges = 0.5 * (layers[before].edges + layers[after].edges)
-            inside = areas(0.5 * (first.position[:, 1] + second.position[:, 1]), radius, edges)
+            inside = oracle.areas(
+                0.5 * (first.position[:, 1] + second.position[:, 1]), radius, edges
+            )
             gain = (second.generated - first.generated) / (np.pi * radius**2)
             plane = 0.5 * (layers[before].plane + layers[after].plane)
             rows.append((gain @ inside, np.diff(edges) * plane * (second.time - first.time)))
@@ -100,7 +91,7 @@ def direct(
         spacing = min(mean / count, float(2.0 * radius.mean()))
         values = {} if of == "solid-fraction" else _grain_values(run, of, chosen, spacing)
         for k in chosen:
-            inside = areas(run.frames[k].position[:, 1], radius, layers[k].edges)
+            inside = oracle.areas(run.frames[k].position[:, 1], radius, layers[k].edges)
             if of == "coordination":
                 inside = inside / (np.pi * radius**2)[:, np.newaxis]
             per_plane = of == "solid-fraction" or of.startswith("kinetic")
@@ -108,7 +99,7 @@ def direct(
             rows.append((values.get(k, np.ones(radius.size)) @ inside, below))
     with np.errstate(invalid="ignore"):
         value = sum(row[0] for row in rows) / sum(row[1] for row in rows)
-    return value, remembering_error(rows)
+    return value, oracle.remembering_error(rows)
 
 
 @pytest.mark.parametrize("of", list(PROFILED))
@@ -119,9 +110,9 @@ def direct(
 def test_profile_agrees_with_plain_loops(
     run: Run, of: str, frames: slice, count: int, left_out: float
 ) -> None:
-    chosen = list(range(FRAMES)[frames])
+    chosen = list(range(oracle.FRAMES)[frames])
     if PROFILED[of].needs_contacts:
-        chosen = [k for k in chosen if k not in BEFORE_FORCES]
+        chosen = [k for k in chosen if k not in oracle.BEFORE_FORCES]
     table = profile(run, of, Selection(frames=frames), count, exclude_walls=left_out)
     assert table.frames.tolist() == chosen
     edge, frames_ = left_out * run.model.mean_diameter, [run.frames[k] for k in chosen]
@@ -130,8 +121,8 @@ def test_profile_agrees_with_plain_loops(
     assert table.value == pytest.approx(value, rel=1e-9, abs=1e-10 * scale, nan_ok=True)
     assert table.error == pytest.approx(error, rel=1e-7, abs=1e-9 * scale, nan_ok=True)
     if PROFILED[of].kind != "rate":
-        places = [(f.position[:, 1], layer(run, f, count, edge).edges) for f in frames_]
-        covered = [areas(y, run.model.grains.radius, edges) for y, edges in places]
+        places = [(f.position[:, 1], oracle.layer(run, f, count, edge).edges) for f in frames_]
+        covered = [oracle.areas(y, run.model.grains.radius, edges) for y, edges in places]
         assert table.area == pytest.approx(np.mean(covered, axis=0).sum(axis=0))
     if len(chosen) < 5 and np.isfinite(error).any():
         assert "too few frames for good errors of" in table.note
@@ -154,8 +145,8 @@ def test_nothing_is_lost_between_moving_walls(run: Run, count: int) -> None:
     ends = [run.frames[k] for k in (0, -1)]
     total = float((ends[1].generated - ends[0].generated).sum()) / (ends[1].time - ends[0].time)
     assert heat.value.sum() * heat.bin_area == pytest.approx(total, rel=1e-12)
-    frames = [run.frames[k] for k in range(FRAMES) if k not in BEFORE_FORCES]
-    each = [sum(np.outer(f, way) for *_, f, way in branches(run, frame)) for frame in frames]
+    frames = [run.frames[k] for k in range(oracle.FRAMES) if k not in oracle.BEFORE_FORCES]
+    each = [sum(np.outer(f, way) for *_, f, way in oracle.branches(run, frame)) for frame in frames]
     virial = np.sum([one for one in each if np.ndim(one)], axis=0) / len(frames)
     for a, b in np.ndindex(2, 2):
         stress = profile(run, f"stress-{'xy'[a]}{'xy'[b]}", ALL, count)
@@ -165,7 +156,7 @@ def test_nothing_is_lost_between_moving_walls(run: Run, count: int) -> None:
 def test_mean_number_of_contacts_is_that_of_all_grains(run: Run) -> None:
     """One bin: twice the contacts between grains, once those with walls, whatever the sizes."""
     chosen, n = Selection(frames=slice(6, 7)), run.model.grain_count
-    found = branches(run, run.frames[6])
+    found = oracle.branches(run, run.frames[6])
     expected = sum(2 if j < n else 1 for _, j, _, _ in found) / n
     assert profile(run, "coordination", chosen, 1).value[0] == pytest.approx(expected, rel=1e-12)
 
@@ -179,7 +170,7 @@ def test_a_linear_flow_has_no_fluctuations_whatever_the_bins(run: Run) -> None:
     """Grains of all sizes, cut by edges and walls: only what was added to the flow is found."""
     frames = [run.frames[k] for k in (3, 5)]
     for frame in frames:
-        low, high = layer(run, frame, 1).edges
+        low, high = oracle.layer(run, frame, 1).edges
         frame.velocity[:] = 0.0
         frame.velocity[:, 0] = 7.0 * (frame.position[:, 1] - low) / (high - low) - 2.0
     source = source_of(run.model, frames)
@@ -195,7 +186,7 @@ def test_a_linear_flow_has_no_fluctuations_whatever_the_bins(run: Run) -> None:
 
 def test_walls_that_come_too_near_are_named(run: Run) -> None:
     """The mean distance leaves room, the smallest does not."""
-    spans = [np.diff(layer(run, frame, 1).edges)[0] for frame in run.frames]
+    spans = [np.diff(oracle.layer(run, frame, 1).edges)[0] for frame in run.frames]
     edge = 0.25 * (min(spans) + np.mean(spans)) / run.model.mean_diameter
     with pytest.raises(PostError, match="where they come nearest"):
         profile(run, "velocity", ALL, exclude_walls=edge)
@@ -214,9 +205,9 @@ def test_normalized_temperature_needs_that_of_the_walls_in_every_frame(run: Run)
 def test_errors_of_few_frames(run: Run, frames: slice) -> None:
     """One frame: none. Two and three: as of so many numbers, with the same grains in all."""
     table = profile(run, "spin", Selection(frames=frames), 1)
-    single = (Selection(frames=slice(k, k + 1)) for k in range(FRAMES)[frames])
+    single = (Selection(frames=slice(k, k + 1)) for k in range(oracle.FRAMES)[frames])
     means = [profile(run, "spin", one, 1).value for one in single]
-    expected = remembering_error([(mean, np.ones(1)) for mean in means])
+    expected = oracle.remembering_error([(mean, np.ones(1)) for mean in means])
     assert table.error[0] == pytest.approx(expected[0], nan_ok=True)
     if len(means) == 2:
         assert table.error[0] == pytest.approx(0.5 * abs(means[1] - means[0])[0])
@@ -224,8 +215,8 @@ def test_errors_of_few_frames(run: Run, frames: slice) -> None:
 
 def test_a_run_that_still_goes_on_gives_the_same_numbers(tmp_path: Path) -> None:
     """Segments instead of results.h5, several of them."""
-    whole = write_random_run(tmp_path / "whole", seed=9)
-    part = write_random_run(tmp_path / "part", seed=9, is_finished=False)
+    whole = oracle.write_random_run(tmp_path / "whole", seed=9)
+    part = oracle.write_random_run(tmp_path / "part", seed=9, is_finished=False)
     assert not (tmp_path / "part" / "results.h5").exists()
     for of in ("velocity", "heat", "stress-xy", "coordination", "kinetic-stress-xy"):
         one, two = (profile(run, of, ALL, 6) for run in (whole, part))

@@ -11,59 +11,34 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import post_review_support as oracle
 import pytest
 from from_wall_to_wall import profile
 from made_up_frames import contacts_of, frame_of, source_of
-from post_review_support import (
-    FLOOR,
-    FRAMES,
-    GLUED,
-    LID,
-    PERIOD,
-    areas,
-    branches,
-    error_of_mean,
-    fluctuations,
-    parts,
-    write_random_run,
-)
 from scene_parts import between_planes, make_shapes
 from typer.testing import CliRunner
 
 from multicor_cli import post
 from multicor_cli.cli.app import app
 from multicor_cli.model import ShapeKind
-from multicor_cli.post import (
-    MAPPED,
-    PROFILE_GROUPS,
-    PROFILED,
-    PostError,
-    Selection,
-    angular_distribution,
-    compare,
-    energy,
-    force_distribution,
-    force_network,
-    grain_map,
-    rheology,
-    theta_eta,
-)
 from multicor_cli.post.bins import find_extent
 from multicor_cli.store import Run
 
-ALL = Selection(frames=slice(None))
+ALL = post.Selection(frames=slice(None))
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    return write_random_run(tmp_path_factory.mktemp("random") / "run", seed=21)
+    return oracle.write_random_run(tmp_path_factory.mktemp("random") / "run", seed=21)
 
 
 # --- rheology
 
 
 def bulk_of(frame: Any, edge: float) -> tuple[float, float]:
-    return FLOOR + frame.wall_position[0, 1] + edge, LID + frame.wall_position[1, 1] - edge
+    return oracle.FLOOR + frame.wall_position[0, 1] + edge, oracle.LID + frame.wall_position[
+        1, 1
+    ] - edge
 
 
 def direct_interval(run: Run, first: Any, second: Any, edge: float, slip: Any) -> dict[str, Any]:
@@ -72,7 +47,7 @@ def direct_interval(run: Run, first: Any, second: Any, edge: float, slip: Any) -
     low, high = bulk_of(second, edge)
     y = second.position[:, 1]
     inside = [k for k in range(radius.size) if low < y[k] < high]
-    found = branches(run, second)
+    found = oracle.branches(run, second)
     counts = np.zeros(radius.size)
     for i, j, _, _ in found:
         counts[[i] if j >= radius.size else [i, j]] += 1
@@ -80,7 +55,9 @@ def direct_interval(run: Run, first: Any, second: Any, edge: float, slip: Any) -
     middle = 0
     for i, _, force, way in found:
         start = float(y[i])
-        stress += np.outer(force, way) * parts(start, start - way[1], np.array([low, high]))[0]
+        stress += (
+            np.outer(force, way) * oracle.parts(start, start - way[1], np.array([low, high]))[0]
+        )
         if low < start - 0.5 * way[1] < high:
             normal = way / np.linalg.norm(way)
             normals += np.outer(normal, normal)
@@ -88,7 +65,9 @@ def direct_interval(run: Run, first: Any, second: Any, edge: float, slip: Any) -
     between = 0.5 * (np.array(bulk_of(first, edge)) + bulk_of(second, edge))
     halfway = 0.5 * (first.position[:, 1] + y)
     near = (halfway > between[0]) & (halfway < between[1])
-    across = second.position[:, 0] - first.position[:, 0] + PERIOD * (second.image - first.image)
+    across = (
+        second.position[:, 0] - first.position[:, 0] + oracle.PERIOD * (second.image - first.image)
+    )
     weight = ((halfway - between[0]) * (between[1] - halfway))[near]
     turn = (second.angle - first.angle)[near]
     rows = [k for k, t in enumerate(run.series["time"]) if first.time < t <= second.time]
@@ -97,8 +76,8 @@ def direct_interval(run: Run, first: Any, second: Any, edge: float, slip: Any) -
         "lapse": second.time - first.time,
         "strain": np.polyfit(halfway[near], across[near], 1)[0],
         "turn": (weight * turn).sum() / weight.sum(),
-        "solid": areas(y, radius, np.array([low, high])).sum(),
-        "area": (high - low) * PERIOD,
+        "solid": oracle.areas(y, radius, np.array([low, high])).sum(),
+        "area": (high - low) * oracle.PERIOD,
         "kinetic": sum(0.5 * (slip[k] @ slip[k]) for k in inside),
         "grains": len(inside),
         "contacts": counts[inside].sum(),
@@ -117,7 +96,7 @@ def direct_interval(run: Run, first: Any, second: Any, edge: float, slip: Any) -
 def derived(rows: list[dict[str, Any]], run: Run) -> dict[str, float]:
     """The quantities from sums of intervals, as they are defined in the reference."""
     s = {name: sum(row[name] for row in rows) for name in rows[0]}
-    rate, pressure = s["strain"] / s["lapse"], s["press"] / s["window"] / PERIOD
+    rate, pressure = s["strain"] / s["lapse"], s["press"] / s["window"] / oracle.PERIOD
     grains = run.model.grains
     if not s["middle"]:  # nothing touches
         s["middle"], s["normals"], s["heavies"] = np.nan, np.eye(2), np.nan
@@ -147,17 +126,19 @@ def derived(rows: list[dict[str, Any]], run: Run) -> dict[str, float]:
 
 @pytest.mark.parametrize("frames", [slice(None), slice(1, 12, 2), slice(3, 5)])
 def test_rheology_agrees_with_plain_loops(run: Run, frames: slice) -> None:
-    table = rheology(run, Selection(frames=frames), margin=1.0)
-    chosen = list(range(FRAMES)[frames])
-    edge = run.model.mean_diameter + GLUED
+    table = post.rheology(run, post.Selection(frames=frames), margin=1.0)
+    chosen = list(range(oracle.FRAMES)[frames])
+    edge = run.model.mean_diameter + oracle.GLUED
     mean = np.mean([np.diff(bulk_of(run.frames[k], 0.0))[0] for k in chosen])
     spacing = min(mean / round(mean / run.model.mean_diameter), run.model.mean_diameter)
-    slips = fluctuations(run, chosen, spacing)
+    slips = oracle.fluctuations(run, chosen, spacing)
     found = [run.frames[k] for k in chosen]
     steps = zip(found[:-1], found[1:], slips[1:], strict=True)
     rows = [direct_interval(run, a, b, edge, slip) for a, b, slip in steps]
     assert table.mean == pytest.approx(derived(rows, run), rel=1e-8, nan_ok=True)
     assert table.time.tolist() == [frame.time for frame in found[1:]]
+    assert len(table.detail_rows) == len(rows)
+    assert len(table.rows) == len(table.mean) == len(table.detail_rows[0]) - 1
     for k, row in enumerate(rows):
         if row["contacts"]:
             one = {name: values[k] for name, values in table.values.items()}
@@ -169,7 +150,7 @@ def test_rheology_agrees_with_plain_loops(run: Run, frames: slice) -> None:
         "friction_walls",
     ):  # fmt: skip
         added = np.array([n * whole[name] - (n - 1) * without[name] for without in rest])
-        expected = error_of_mean(added) if n > 1 else np.nan
+        expected = oracle.error_of_mean(added) if n > 1 else np.nan
         assert table.error[name] == pytest.approx(expected, rel=1e-8, nan_ok=True), name
 
 
@@ -180,7 +161,7 @@ def test_where_nothing_presses_ratios_have_no_value(run: Run) -> None:
     series["wall_force"][:] = 0.0
     series["wall_force"][:, 0, 0] = 1.0
     loose = SimpleNamespace(model=run.model, frames=run.frames, series=series)
-    mean = rheology(loose, ALL, margin=1.0).mean
+    mean = post.rheology(loose, ALL, margin=1.0).mean
     ratios = ("inertial_number", "inertial_number_density", "friction_walls")
     assert all(np.isnan(mean[name]) for name in ratios)
     assert mean["pressure"] == 0.0
@@ -203,8 +184,8 @@ def between_grains(run: Run, k: int) -> list[tuple[float, float, float]]:
 
 
 def test_force_distribution_agrees_with_plain_loops(run: Run) -> None:
-    table = force_distribution(run, ALL, 15)
-    frames = [between_grains(run, k) for k in range(1, FRAMES)]
+    table = post.force_distribution(run, ALL, 15)
+    frames = [between_grains(run, k) for k in range(1, oracle.FRAMES)]
     normal, tangential, total = np.zeros(15), np.zeros(15), 0
     for rows in (rows for rows in frames if rows):
         f, g = np.array([row[1] for row in rows]), np.abs([row[2] for row in rows])
@@ -223,8 +204,8 @@ def test_force_distribution_agrees_with_plain_loops(run: Run) -> None:
 
 
 def test_angular_distribution_agrees_with_plain_loops(run: Run) -> None:
-    table = angular_distribution(run, ALL, 12)
-    rows = np.array([row for k in range(1, FRAMES) for row in between_grains(run, k)])
+    table = post.angular_distribution(run, ALL, 12)
+    rows = np.array([row for k in range(1, oracle.FRAMES) for row in between_grains(run, k)])
     both = np.concatenate([rows, rows + np.array([np.pi, 0.0, 0.0])])
     bins = np.floor((both[:, 0] % (2.0 * np.pi)) / (np.pi / 6.0)).astype(int) % 12
     for b in range(12):
@@ -248,7 +229,7 @@ def test_anisotropies_make_up_the_stress_ratio() -> None:
     none = np.zeros(theta.size)
     contacts = contacts_of(none, none + 1, normal, np.column_stack([f, g]))
     source = source_of(between_planes(), [frame_of(np.zeros((2, 2)), contacts=contacts)])
-    moments = angular_distribution(source, ALL).moments
+    moments = post.angular_distribution(source, ALL).moments
     across = np.column_stack([-normal[:, 1], normal[:, 0]])
     force = f[:, np.newaxis] * normal + g[:, np.newaxis] * across
     small, large = np.linalg.eigvalsh(0.5 * (force.T @ normal + normal.T @ force))
@@ -258,8 +239,8 @@ def test_anisotropies_make_up_the_stress_ratio() -> None:
 
 
 def test_force_network_agrees_with_plain_loops(run: Run) -> None:
-    network, frame, n = force_network(run, 9), run.frames[9], run.model.grain_count
-    found = branches(run, frame)
+    network, frame, n = post.force_network(run, 9), run.frames[9], run.model.grain_count
+    found = oracle.branches(run, frame)
     counts = np.zeros(n)
     for i, j, _, _ in found:
         counts[[i] if j >= n else [i, j]] += 1
@@ -271,7 +252,7 @@ def test_force_network_agrees_with_plain_loops(run: Run) -> None:
     ends = np.array([frame.position[i] - way for i, _, _, way in found])
     assert network.end == pytest.approx(ends)
     assert network.i.tolist() == [i for i, *_ in found]  # every fifth contact has no force
-    empty = force_network(run, 4)
+    empty = post.force_network(run, 4)
     assert empty.contacts == empty.coordination == 0
     assert empty.rattler_share == 1.0
     assert np.isnan(empty.normal_force_mean)
@@ -283,19 +264,19 @@ def test_force_network_agrees_with_plain_loops(run: Run) -> None:
 def test_maps_agree_with_plain_loops(run: Run) -> None:
     frame, before = run.frames[8], run.frames[7]
     load = np.zeros(run.model.grain_count)
-    for i, j, force, way in branches(run, frame):
+    for i, j, force, way in oracle.branches(run, frame):
         push = float(force @ way) / float(np.linalg.norm(way))
         load[i] += push
         if j < load.size:
             load[j] += push
     pressure = load / (2.0 * np.pi * run.model.grains.radius)
-    assert grain_map(run, "stress", 8).value == pytest.approx(pressure)
+    assert post.grain_map(run, "stress", 8).value == pytest.approx(pressure)
     heat = (frame.generated - before.generated) / (frame.time - before.time)
-    assert grain_map(run, "heat", 8).value == pytest.approx(heat)
+    assert post.grain_map(run, "heat", 8).value == pytest.approx(heat)
     mean = np.diff(bulk_of(frame, 0.0))[0]
     spacing = min(mean / round(mean / run.model.mean_diameter), run.model.mean_diameter)
-    slip = fluctuations(run, [8], spacing)[0]
-    vector = grain_map(run, "fluctuation", 8).vector
+    slip = oracle.fluctuations(run, [8], spacing)[0]
+    vector = post.grain_map(run, "fluctuation", 8).vector
     assert vector is not None
     assert vector[:, 0] == pytest.approx(slip[:, 0])
     assert vector[:, 1] == pytest.approx(frame.velocity[:, 1])
@@ -304,7 +285,7 @@ def test_maps_agree_with_plain_loops(run: Run) -> None:
 @pytest.mark.parametrize(("wall", "temperature"), [("floor", 310.0), ("lid", 350.0)])
 def test_theta_eta_agrees_with_plain_loops(run: Run, wall: str, temperature: float) -> None:
     """The first frame is at 300 K."""
-    table = theta_eta(run, 9, wall=wall, bins=6)
+    table = post.theta_eta(run, 9, wall=wall, bins=6)
     frame, radius = run.frames[9], run.model.grains.radius
     y = frame.position[:, 1]
     low, high = min(y - radius), max(y + radius)
@@ -318,8 +299,8 @@ def test_theta_eta_agrees_with_plain_loops(run: Run, wall: str, temperature: flo
         if mine.size:
             assert (table.mean[b], table.spread[b]) == pytest.approx((mine.mean(), mine.std()))
             assert (table.lowest[b], table.highest[b]) == pytest.approx((mine.min(), mine.max()))
-    with pytest.raises(PostError, match="'lid' has no prescribed temperature in this frame"):
-        theta_eta(run, 7, wall="lid")
+    with pytest.raises(post.PostError, match="'lid' has no prescribed temperature in this frame"):
+        post.theta_eta(run, 7, wall="lid")
 
 
 def test_a_wall_at_the_temperature_of_the_grains_gives_no_theta(run: Run) -> None:
@@ -331,8 +312,8 @@ def test_a_wall_at_the_temperature_of_the_grains_gives_no_theta(run: Run) -> Non
         model = SimpleNamespace(thermal=thermal, walls=run.model.walls, grains=run.model.grains)
         frame = run.frames[9]
         frame.temperature[:] = frame.wall_temperature[0] = 298.15
-        with pytest.raises(PostError, match="not at the reference temperature"):
-            theta_eta(source_of(model, [frame]), 0, wall="floor")
+        with pytest.raises(post.PostError, match="not at the reference temperature"):
+            post.theta_eta(source_of(model, [frame]), 0, wall="floor")
 
 
 # --- windows
@@ -353,13 +334,13 @@ def test_ends_of_a_window_count_though_times_are_rounded(column: Run) -> None:
         (0.3, 0.3, [2]),
         (0.07, 0.3, [2]),
     ):
-        assert profile(source, "velocity", Selection(start, end)).frames.tolist() == expected
-        assert energy(source, start, end).time.tolist() == times[expected].tolist()
+        assert profile(source, "velocity", post.Selection(start, end)).frames.tolist() == expected
+        assert post.energy(source, start, end).time.tolist() == times[expected].tolist()
     for start, end in ((0.07, 0.29), (0.3, 0.06), (5.0, None)):
-        with pytest.raises(PostError, match="no frame is selected"):
-            profile(source, "velocity", Selection(start, end))
-        with pytest.raises(PostError, match="no row in this time"):
-            energy(source, start, end)
+        with pytest.raises(post.PostError, match="no frame is selected"):
+            profile(source, "velocity", post.Selection(start, end))
+        with pytest.raises(post.PostError, match="no row in this time"):
+            post.energy(source, start, end)
 
 
 # --- which walls bound the grains
@@ -374,7 +355,7 @@ def with_walls(run: Run, kinds: list[ShapeKind], geometry: list[list[float]]) ->
     return source_of(model, frames, run.frames.time)
 
 
-SIDES = [[0.0, 0.0, 1.0, 0.0], [PERIOD, 0.0, -1.0, 0.0]]
+SIDES = [[0.0, 0.0, 1.0, 0.0], [oracle.PERIOD, 0.0, -1.0, 0.0]]
 
 
 @pytest.mark.parametrize(
@@ -393,7 +374,7 @@ def test_only_walls_that_bound_the_grains_count(
 ) -> None:
     kinds = [ShapeKind.SEGMENT, ShapeKind.SEGMENT, ShapeKind.PLANE, ShapeKind.PLANE]
     source = with_walls(run, kinds, [first, second, *SIDES])
-    extent = find_extent(source, np.arange(FRAMES))
+    extent = find_extent(source, np.arange(oracle.FRAMES))
     assert (extent.lower, extent.upper) == (lower, upper)
     table = profile(source, "solid-fraction", ALL, 8)
     area = float((np.pi * run.model.grains.radius**2).sum())
@@ -404,12 +385,12 @@ def test_only_walls_that_bound_the_grains_count(
 
 
 def test_comparison_agrees_with_plain_loops(tmp_path: Path) -> None:
-    runs = [write_random_run(tmp_path / f"run-{seed}", seed=seed) for seed in (1, 2)]
+    runs = [oracle.write_random_run(tmp_path / f"run-{seed}", seed=seed) for seed in (1, 2)]
     sources = [
         SimpleNamespace(model=r.model, frames=r.frames, series=r.series, scenario_resolved="")
         for r in runs
     ]
-    found = compare(*sources, of=["spin"], selection=ALL, bins=5)
+    found = post.compare(*sources, of=["spin"], selection=ALL, bins=5)
     tables = [post.profile(run, "spin", ALL, 5) for run in runs]  # without the layers at the walls
     error = np.sqrt(tables[0].error ** 2 + tables[1].error ** 2)
     ratio = (tables[1].value - tables[0].value) / error
@@ -418,7 +399,7 @@ def test_comparison_agrees_with_plain_loops(tmp_path: Path) -> None:
     assert pair.rms_ratio == pytest.approx(np.sqrt(np.mean(ratio**2)))
     assert 0.3 < pair.rms_ratio < 3.0  # both runs are drawn alike
     numbers = {number.name: number for number in found.numbers}
-    flows = [rheology(run, ALL) for run in runs]
+    flows = [post.rheology(run, ALL) for run in runs]
     for name in ("shear_rate", "solid_fraction", "spin_ratio"):
         one, two = (flow.mean[name] for flow in flows)
         error = np.sqrt(sum(flow.error[name] ** 2 for flow in flows))
@@ -427,8 +408,8 @@ def test_comparison_agrees_with_plain_loops(tmp_path: Path) -> None:
 
 
 COMMANDS = [
-    *(f"profile --of {of} --frames :" for of in (*PROFILED, *PROFILE_GROUPS)),
-    *(f"map --of {of}" for of in MAPPED),
+    *(f"profile --of {of} --frames :" for of in (*post.PROFILED, *post.PROFILE_GROUPS)),
+    *(f"map --of {of}" for of in post.MAPPED),
     "profile --of stress-yy --frames 4:5", "theta-eta --wall floor", "forces", "forces --frame 4",
     "forces --distribution --frames :", "forces --angles --frames :", "rheology --frames :",
     "rheology --frames 3:5", "energy",

@@ -12,26 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from multicor_cli import post
 from multicor_cli.model.shapes import Annulus
 from multicor_cli.plots import plot, style
-from multicor_cli.post import (
-    ForceNetwork,
-    GrainMap,
-    Selection,
-    angular_distribution,
-    compare,
-    energy,
-    force_distribution,
-    force_network,
-    grain_map,
-    in_region,
-    profiles,
-    rheology,
-    theta_eta,
-)
 from multicor_cli.store import Run
 
-ALL = Selection(start=0.0)
+ALL = post.Selection(start=0.0)
 SHAPES = [
     (4.0, 4.0), (0.1, 0.1), (20.0, 1.0), (1.0, 20.0), (4.5e-3, 3.0e-3), (1234.5, 2345.6), (3.0, 2.2)
 ]  # fmt: skip
@@ -96,17 +82,17 @@ def inside(text: Any, figure: Any, renderer: Any) -> Any:
 def test_charts(column: Run, drawn: Any) -> None:
     for table in (
         *(
-            profiles(column, of, ALL)
+            post.profiles(column, of, ALL)
             for of in ("velocity", "spin", "temperature", "stress", "kinetic-stress")
         ),
-        profiles(column, "velocity", ALL).normalized(),
-        theta_eta(column, wall="top"),
-        energy(column),
-        rheology(column, ALL),
-        in_region(column, Annulus((2.0, 2.0), 2.0), ALL),
-        force_distribution(column, ALL),
-        angular_distribution(column, ALL),
-        compare(column, column, ["velocity", "temperature"], ALL),
+        post.profiles(column, "velocity", ALL).normalized(),
+        post.theta_eta(column, wall="top"),
+        post.energy(column),
+        post.rheology(column, ALL),
+        post.in_region(column, Annulus((2.0, 2.0), 2.0), ALL),
+        post.force_distribution(column, ALL),
+        post.angular_distribution(column, ALL),
+        post.compare(column, column, ["velocity", "temperature"], ALL),
     ):
         drawn(table)
 
@@ -128,7 +114,7 @@ def reshaped(table: Any, across: float, upwards: float) -> Any:
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: f"{shape[0]:g}x{shape[1]:g}")
 @pytest.mark.parametrize("of", ["temperature", "velocity", "heat", "spin"])
 def test_maps_of_any_shape(column: Run, drawn: Any, shape: tuple[float, float], of: str) -> None:
-    table: GrainMap = reshaped(grain_map(column, of), *shape)
+    table: post.GrainMap = reshaped(post.grain_map(column, of), *shape)
     figure = drawn(table)
     axes, bar = figure.axes
     box = axes.get_window_extent()
@@ -139,7 +125,7 @@ def test_maps_of_any_shape(column: Run, drawn: Any, shape: tuple[float, float], 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: f"{shape[0]:g}x{shape[1]:g}")
 def test_networks_of_any_shape(column: Run, drawn: Any, shape: tuple[float, float]) -> None:
-    network: ForceNetwork = reshaped(force_network(column), *shape)
+    network: post.ForceNetwork = reshaped(post.force_network(column), *shape)
     figure = drawn(network)
     (axes,) = figure.axes
     legend = figure.legends[0].get_window_extent()

@@ -11,41 +11,18 @@ import numpy as np
 import pytest
 from drawn import figure_of, map_of, panel_of
 
-from multicor_cli.plots import (
-    draw_angles,
-    draw_comparison,
-    draw_distribution,
-    draw_energy,
-    draw_rheology,
-    plot,
-)
+from multicor_cli import plots, post
 from multicor_cli.plots.fields import _draw_mesh
 from multicor_cli.plots.grain_map import smooth_field
-from multicor_cli.post import (
-    MAPPED,
-    Column,
-    GrainMap,
-    Selection,
-    angular_distribution,
-    compare,
-    energy,
-    fields,
-    force_distribution,
-    force_network,
-    grain_map,
-    profiles,
-    rheology,
-    theta_eta,
-)
 from multicor_cli.post.grain_map import GrainScene
 from multicor_cli.store import Run
 
-ALL = Selection(start=0.0)
+ALL = post.Selection(start=0.0)
 
 
 def test_rheology_has_a_panel_for_each_quantity_with_its_mean(column: Run) -> None:
-    table = rheology(column, ALL)
-    figure = figure_of(draw_rheology, table)
+    table = post.rheology(column, ALL)
+    figure = figure_of(plots.draw_rheology, table)
     panels = figure.axes
     assert len(panels) == 8
     assert figure.legends[0].get_texts()[0].get_text() == "mean"
@@ -57,7 +34,7 @@ def test_rheology_has_a_panel_for_each_quantity_with_its_mean(column: Run) -> No
 
 
 def test_energy_stacks_what_came_in_and_what_went_out(column: Run) -> None:
-    figure = figure_of(draw_energy, energy(column))
+    figure = figure_of(plots.draw_energy, post.energy(column))
     labels = [axes.get_ylabel() for axes in figure.axes]
     assert labels == [
         *(f"{n} since the start [J]" for n in ("energy", "heat")),
@@ -67,19 +44,19 @@ def test_energy_stacks_what_came_in_and_what_went_out(column: Run) -> None:
     assert [text.get_text() for text in heat.get_legend().get_texts()] == ["stored"]
     paths = [path for area in heat.collections for path in area.get_paths()]
     lowest = min(path.vertices[:, 1].min() for path in paths)
-    assert lowest == pytest.approx(-energy(column).books["heat_stored"][-1])
+    assert lowest == pytest.approx(-post.energy(column).books["heat_stored"][-1])
 
 
 def test_distributions_show_bins_with_forces_only(column: Run) -> None:
-    table = force_distribution(column, ALL)
-    axes = panel_of(draw_distribution, table)
+    table = post.force_distribution(column, ALL)
+    axes = panel_of(plots.draw_distribution, table)
     assert axes.lines[0].get_ydata() == pytest.approx(table.normal[table.count > 0])
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
 
 
 def test_a_polar_map_ends_where_the_grains_do(column: Run) -> None:
-    corner = tuple(grain_map(column, "speed").scene.box[0])
-    table = fields(column, ["velocity-t"], ALL, center=corner, reach=4.0)
+    corner = tuple(post.grain_map(column, "speed").scene.box[0])
+    table = post.fields(column, ["velocity-t"], ALL, center=corner, reach=4.0)
     axes = panel_of(lambda axes, table: _draw_mesh(axes, table, table.of[0]), table)
     mesh = axes.collections[0]
     shown = ~np.ma.getmaskarray(mesh.get_array()).reshape(table.points.shape[::-1]).T.ravel()
@@ -92,8 +69,8 @@ def test_a_polar_map_ends_where_the_grains_do(column: Run) -> None:
 
 
 def test_angles_are_polar_histograms_with_their_second_harmonic(column: Run) -> None:
-    table = angular_distribution(column, ALL)
-    figure = figure_of(draw_angles, table)
+    table = post.angular_distribution(column, ALL)
+    figure = figure_of(plots.draw_angles, table)
     contacts, forces = figure.axes
     for axes, values in ((contacts, table.density), (forces, np.nan_to_num(table.normal))):
         assert [bar.get_height() for bar in axes.patches] == pytest.approx(values)
@@ -104,8 +81,8 @@ def test_angles_are_polar_histograms_with_their_second_harmonic(column: Run) -> 
 
 def test_comparison_shows_both_profiles_and_their_difference(column: Run) -> None:
     of = ["velocity", "temperature"]
-    found = compare(column, column, of, ALL, names=("one", "two"))
-    figure = figure_of(draw_comparison, found)
+    found = post.compare(column, column, of, ALL, names=("one", "two"))
+    figure = figure_of(plots.draw_comparison, found)
     assert len(figure.axes) == 4
     left, right = figure.axes[:2]
     assert [line.get_label() for line in left.lines] == ["one", "two"]
@@ -113,15 +90,15 @@ def test_comparison_shows_both_profiles_and_their_difference(column: Run) -> Non
     assert np.abs(right.lines[-1].get_xdata()).max(initial=0.0) == 0.0
 
 
-def make_vortex(n: int = 4000) -> GrainMap:
+def make_vortex(n: int = 4000) -> post.GrainMap:
     """Rigid rotation about (0.5, 0.5)."""
     rng = np.random.default_rng(0)
     center = rng.random((n, 2))
     vector = np.column_stack([0.5 - center[:, 1], center[:, 0] - 0.5])
     scene = GrainScene(center, np.full(n, 0.005), [], 0.0, np.array([[0.0, 0.0], [1.0, 1.0]]))
-    speed = Column("value", "m/s", np.hypot(*vector.T))
-    parts = {"field": MAPPED["fluctuation"], "scene": scene, "vector": vector, "names": ()}
-    return GrainMap((), {}, [speed], **parts)
+    speed = post.Column("value", "m/s", np.hypot(*vector.T))
+    parts = {"field": post.MAPPED["fluctuation"], "scene": scene, "vector": vector, "names": ()}
+    return post.GrainMap((), {}, [speed], **parts)
 
 
 def test_smooth_field_is_the_local_mean() -> None:
@@ -163,17 +140,17 @@ def test_map_has_streamlines_or_arrows(column: Run) -> None:
         lines = [c for c in drawn if isinstance(c, LineCollection) and len(c.get_segments()) > 5]
         assert bool(lines) is has_streamlines
         assert any(isinstance(c, Quiver) for c in drawn) is not has_streamlines
-    map_of(grain_map(column, "fluctuation", 0))  # at rest: no lines, no error
+    map_of(post.grain_map(column, "fluctuation", 0))  # at rest: no lines, no error
 
 
 def test_figures_are_written_and_reproducible(column: Run, tmp_path: Path) -> None:
     tables = (
-        rheology(column, ALL), energy(column), force_distribution(column, ALL),
-        angular_distribution(column, ALL), compare(column, column, selection=ALL),
-        profiles(column, "stress", ALL), make_vortex(300), force_network(column),
-        theta_eta(column, wall="top"),
+        post.rheology(column, ALL), post.energy(column), post.force_distribution(column, ALL),
+        post.angular_distribution(column, ALL), post.compare(column, column, selection=ALL),
+        post.profiles(column, "stress", ALL), make_vortex(300), post.force_network(column),
+        post.theta_eta(column, wall="top"),
     )  # fmt: skip
     for table in tables:
         for name in ("a.svg", "b.svg"):
-            plot(table, tmp_path / name)
+            plots.plot(table, tmp_path / name)
         assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()

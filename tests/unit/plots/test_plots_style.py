@@ -10,6 +10,7 @@ import pytest
 from made_up_frames import profile_of
 from matplotlib.figure import Figure
 
+from multicor_cli import post
 from multicor_cli.plots import Terminal, show
 from multicor_cli.plots.profile import draw_profile
 from multicor_cli.plots.style import (
@@ -22,19 +23,6 @@ from multicor_cli.plots.style import (
     rise_formatter,
     rise_label,
     rise_reference,
-)
-from multicor_cli.post import (
-    GrainScene,
-    Selection,
-    angular_distribution,
-    compare,
-    energy,
-    force_distribution,
-    force_network,
-    grain_map,
-    profiles,
-    rheology,
-    theta_eta,
 )
 from multicor_cli.store import Run
 
@@ -137,21 +125,21 @@ def test_constant_and_single_points_lie_in_the_middle() -> None:
 # ---- Figures for the terminal: every table has one, and pictures of grains have the colors of the
 #      figures in files
 
-ALL = Selection(start=0.0)
+ALL = post.Selection(start=0.0)
 TERMINAL = Terminal(columns=40, rows=20)
 
 
 def test_every_table_can_be_shown_in_a_terminal(column: Run) -> None:
     tables: dict[str, Any] = {
-        "height y [m]": profiles(column, "stress", ALL),
-        "theta [–]": theta_eta(column, wall="top"),
-        "energy [J]": energy(column),
-        "friction mu* [–]": rheology(column, ALL),
-        "probability density [–]": force_distribution(column, ALL),
-        "direction [°]": angular_distribution(column, ALL),
-        "height y/H [–]": compare(column, column, ["velocity"], ALL),
-        "temperature [K] from": grain_map(column, "temperature"),
-        "normal force, mean": force_network(column),
+        "height y [m]": post.profiles(column, "stress", ALL),
+        "theta [–]": post.theta_eta(column, wall="top"),
+        "energy [J]": post.energy(column),
+        "friction mu* [–]": post.rheology(column, ALL),
+        "probability density [–]": post.force_distribution(column, ALL),
+        "direction [°]": post.angular_distribution(column, ALL),
+        "height y/H [–]": post.compare(column, column, ["velocity"], ALL),
+        "temperature [K] from": post.grain_map(column, "temperature"),
+        "normal force, mean": post.force_network(column),
     }
     for text, table in tables.items():
         shown = show(table, TERMINAL)
@@ -167,9 +155,9 @@ def test_logarithmic_axes() -> None:
     assert drawn.splitlines()[-1].split() == ["0.01", "x", "1"]  # the point at 0 is left out
 
 
-def scene(across: float, upwards: float) -> GrainScene:
+def scene(across: float, upwards: float) -> post.GrainScene:
     box = np.array([[0.0, 0.0], [across, upwards]])
-    return GrainScene(np.zeros((0, 2)), np.zeros(0), [], 0.0, box)
+    return post.GrainScene(np.zeros((0, 2)), np.zeros(0), [], 0.0, box)
 
 
 def quarters(axes: Any) -> None:

@@ -108,14 +108,6 @@ def test_comparison_of_two_runs(pair: tuple[Run, Run]) -> None:
     assert len(found.rows) == len(found.numbers) + 2
 
 
-def test_a_run_does_not_differ_from_itself(pair: tuple[Run, Run]) -> None:
-    # Over less, errors may not be known
-    found = compare(pair[0], pair[0], selection=Selection(start=0.012))
-    assert found.keys == ()
-    assert all(p.difference == 0.0 or np.isnan(p.difference) for p in found.numbers)
-    assert found.profiles["velocity"].rms_ratio == 0.0
-
-
 def test_runs_that_are_not_alike_compare_in_what_they_share(
     pair: tuple[Run, Run], column: Run
 ) -> None:

@@ -12,15 +12,8 @@ from heat_run import GRAINS, RADIUS
 from made_up_frames import contacts_of, frame_of, source_of
 from scene_parts import between_planes, make_model
 
+from multicor_cli import post
 from multicor_cli.model import ShapeKind
-from multicor_cli.post import (
-    PostError,
-    Selection,
-    angular_distribution,
-    force_distribution,
-    force_network,
-    make_scene,
-)
 from multicor_cli.post.grain_map import images
 from multicor_cli.store import Run
 
@@ -29,7 +22,7 @@ def test_numbers_of_a_network(column: Run) -> None:
     """Nine contacts between ten grains and one with the top plane, with 1 … 10 N; the lowest grain
     has only one contact.
     """
-    network = force_network(column)
+    network = post.force_network(column)
     expected = {
         "contacts": 10, "wall_contacts": 1, "normal_force_mean": 5.5, "normal_force_max": 10.0,
         "tangential_force_mean": 0.55, "coordination": 1.9, "rattler_share": 0.1,
@@ -41,7 +34,7 @@ def test_numbers_of_a_network(column: Run) -> None:
 
 
 def test_lines_join_centers_and_end_at_walls(column: Run) -> None:
-    network = force_network(column)
+    network = post.force_network(column)
     heights = RADIUS + 2 * RADIUS * np.arange(GRAINS)
     assert network.start[:, 1] == pytest.approx(heights)
     assert network.end[:, 1] == pytest.approx([*heights[1:], 1.0])
@@ -50,12 +43,12 @@ def test_lines_join_centers_and_end_at_walls(column: Run) -> None:
 
 
 def test_frames_without_forces_are_refused(column: Run, silent: Run) -> None:
-    with pytest.raises(PostError, match="no step of the mechanics was done before"):
-        force_network(column, 0)
-    with pytest.raises(PostError, match="no frame -6"):
-        force_network(column, -6)
-    for function in (force_network, force_distribution, angular_distribution):
-        with pytest.raises(PostError, match=r"contacts = true in \[output\]"):
+    with pytest.raises(post.PostError, match="no step of the mechanics was done before"):
+        post.force_network(column, 0)
+    with pytest.raises(post.PostError, match="no frame -6"):
+        post.force_network(column, -6)
+    for function in (post.force_network, post.force_distribution, post.angular_distribution):
+        with pytest.raises(post.PostError, match=r"contacts = true in \[output\]"):
             function(silent)
 
 
@@ -73,7 +66,7 @@ def scene_of(
     model = make_model([0.5, 0.5], shapes, ("bottom", "top"), period=period)
     walls = np.array([pose, [0.0, 0.0, 0.0]])
     frame = frame_of([[0.5, 0.5], [4.5, 0.5]], wall_position=walls)
-    return make_scene(source_of(model, [frame]), frame)
+    return post.make_scene(source_of(model, [frame]), frame)
 
 
 def test_walls_are_turned_and_moved_with_their_frame() -> None:
@@ -105,7 +98,7 @@ def test_box_holds_the_grains_and_the_walls_nearby() -> None:
 # ---- Distributions of forces and contact directions that were drawn from known ones, and the
 #      forces of a small run
 
-ALL = Selection(start=0.0)
+ALL = post.Selection(start=0.0)
 
 
 def make_source(
@@ -129,7 +122,7 @@ def exponential(count: int = 200_000) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_exponential_forces_have_an_exponential_density() -> None:
-    table = force_distribution(make_source(*exponential()), ALL)
+    table = post.force_distribution(make_source(*exponential()), ALL)
     low, high = table.edges[:-1], table.edges[1:]
     expected = (np.exp(-low) - np.exp(-high)) / (high - low)
     counts = table.count
@@ -145,8 +138,8 @@ def test_exponential_forces_have_an_exponential_density() -> None:
 
 def test_every_frame_counts_with_its_own_mean() -> None:
     normal, force = exponential(5000)
-    one = force_distribution(make_source(normal, force), ALL)
-    three = force_distribution(make_source(normal, force, frames=3, scale=10.0), ALL)
+    one = post.force_distribution(make_source(normal, force), ALL)
+    three = post.force_distribution(make_source(normal, force, frames=3, scale=10.0), ALL)
     assert three.normal == pytest.approx(one.normal)
     assert three.mean == pytest.approx(37.0 * one.mean)
     assert three.contacts == 15_000
@@ -155,7 +148,7 @@ def test_every_frame_counts_with_its_own_mean() -> None:
 def test_contacts_without_friction_have_no_tangential_distribution() -> None:
     normal, force = exponential(100)
     force[:, 1] = 0.0
-    table = force_distribution(make_source(normal, force), ALL)
+    table = post.force_distribution(make_source(normal, force), ALL)
     assert np.isnan(table.tangential).all()
 
 
@@ -174,7 +167,7 @@ def test_angular_distribution_gives_the_anisotropies_back(turned: bool) -> None:
         theta = theta[::-1] + np.pi  # each contact seen from its other grain
     f = 2.0 * (1.0 + 0.3 * np.cos(2.0 * (theta - np.radians(130.0))))
     g = -2.0 * 0.1 * np.sin(2.0 * (theta - np.radians(140.0)))
-    table = angular_distribution(
+    table = post.angular_distribution(
         make_source(np.column_stack([np.cos(theta), np.sin(theta)]), np.column_stack([f, g])), ALL
     )
     expected = {"a_c": 0.4, "a_n": 0.3, "a_t": 0.1}
@@ -189,22 +182,22 @@ def test_angular_distribution_gives_the_anisotropies_back(turned: bool) -> None:
 
 def test_directions_without_contacts_have_no_force() -> None:
     normal = np.tile([1.0, 0.0], (10, 1))
-    table = angular_distribution(make_source(normal, np.ones((10, 2))), ALL, 8)
+    table = post.angular_distribution(make_source(normal, np.ones((10, 2))), ALL, 8)
     assert np.isfinite(table.normal).tolist() == [True, False, False, False] * 2
     assert table.moments["a_c"] == pytest.approx(2.0)
     assert table.moments["theta_c"] == pytest.approx(0.0)
     for bins in (2, 7):
-        with pytest.raises(PostError, match="even number"):
-            angular_distribution(make_source(normal, np.ones((10, 2))), ALL, bins)
+        with pytest.raises(post.PostError, match="even number"):
+            post.angular_distribution(make_source(normal, np.ones((10, 2))), ALL, bins)
 
 
 def test_walls_do_not_count_and_frames_without_forces_are_left_out(column: Run) -> None:
-    table = force_distribution(column, ALL)
+    table = post.force_distribution(column, ALL)
     assert table.frames.tolist() == [1, 2, 3, 4]
     assert table.contacts == 4 * (GRAINS - 1)
     assert table.mean == pytest.approx(5.0)  # of 1 … 9 N
-    assert angular_distribution(column, ALL).moments["theta_c"] == pytest.approx(90.0)
+    assert post.angular_distribution(column, ALL).moments["theta_c"] == pytest.approx(90.0)
     alone = make_source(np.zeros((0, 2)), np.zeros((0, 2)))
-    for function in (force_distribution, angular_distribution):
-        with pytest.raises(PostError, match="no two grains press"):
+    for function in (post.force_distribution, post.angular_distribution):
+        with pytest.raises(post.PostError, match="no two grains press"):
             function(alone, ALL)

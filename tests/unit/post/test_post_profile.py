@@ -18,7 +18,7 @@ from multicor_cli import post
 from multicor_cli.model import ShapeKind, Walls
 from multicor_cli.post import PostError, Selection
 from multicor_cli.post.bins import area_below, share_discs
-from multicor_cli.post.sums import standard_error
+from multicor_cli.post.sums import spread
 
 EVERY = Selection(frames=slice(None))
 
@@ -115,7 +115,7 @@ def test_errors_are_those_of_the_frames_and_drifts_are_told() -> None:
         profile(make_source(np.full((60, 2), 0.5), np.full(2, 0.1), v), selection=EVERY, bins=1)
         for v in (speed, drifting)
     )
-    assert steady.error[0] == pytest.approx(float(standard_error(speed[:, 0])))
+    assert steady.error[0] == pytest.approx(float(spread(speed[:, 0]).error))
     assert steady.note == ""
     assert "1 bin drift, most in bin 1: by " in drift.note
     slope = np.polyfit(np.arange(60), drifting[:, 0], 1)[0]

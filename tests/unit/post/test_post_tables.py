@@ -7,15 +7,8 @@ import sys
 import numpy as np
 import pytest
 
+from multicor_cli import post
 from multicor_cli.optional import MissingLibrary
-from multicor_cli.post import (
-    Selection,
-    angular_distribution,
-    energy,
-    force_distribution,
-    profile,
-    theta_eta,
-)
 from multicor_cli.post.compare import _labels
 from multicor_cli.post.sums import scatter
 from multicor_cli.store import Run
@@ -23,13 +16,13 @@ from multicor_cli.store import Run
 
 def test_frames_of_pandas_have_names_and_units(column: Run) -> None:
     pytest.importorskip("pandas")
-    table = profile(column, "temperature", Selection(start=0.0))
+    table = post.profile(column, "temperature", post.Selection(start=0.0))
     frame = table.to_pandas()
     units = {"y": "m", "temperature": "K", "standard error": "K", "area": "m2"}
     assert list(frame.columns) == list(units)
     assert frame.attrs["units"] == units
     assert frame["temperature"].to_numpy() == pytest.approx(table.value, nan_ok=True)
-    books = energy(column)
+    books = post.energy(column)
     at_end = books.to_pandas().set_index("quantity")
     assert at_end.loc["lost to friction", "unit"] == "J"
     assert at_end.loc["heat stored in the grains", "at the end"] == books.books["heat_stored"][-1]
@@ -41,20 +34,21 @@ def test_frames_of_pandas_have_names_and_units(column: Run) -> None:
 def test_without_pandas_the_extra_is_named(column: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(MissingLibrary, match=r"multicor-cli\[study\]"):
-        energy(column).to_pandas()
+        post.energy(column).to_pandas()
 
 
 def test_tables_show_themselves(column: Run) -> None:
-    table = profile(column, "temperature", Selection(start=0.0), 3)
+    table = post.profile(column, "temperature", post.Selection(start=0.0), 3)
     assert repr(table).startswith("<ProfileTable: 3 rows of y [m], temperature [K]")
     assert table._repr_html_().count("<tr>") == 4
 
 
 def test_theta_of_several_frames(column: Run) -> None:
-    chosen = Selection(frames=slice(-3, None))
-    several = theta_eta(column, selection=chosen, wall="top", bins=4)
+    chosen = post.Selection(frames=slice(-3, None))
+    several = post.theta_eta(column, selection=chosen, wall="top", bins=4)
     single = [
-        theta_eta(column, int(k), wall="top", bins=4, height=several.height) for k in several.frames
+        post.theta_eta(column, int(k), wall="top", bins=4, height=several.height)
+        for k in several.frames
     ]
     assert several.eta.size == sum(one.eta.size for one in single)
     expected = np.std([one.mean for one in single], axis=0, ddof=1)
@@ -65,10 +59,12 @@ def test_theta_of_several_frames(column: Run) -> None:
 
 
 def test_distributions_of_several_frames_scatter_as_those_of_each(column: Run) -> None:
-    chosen = Selection(frames=slice(-3, None))
-    for make, name in ((force_distribution, "normal"), (angular_distribution, "density")):
+    chosen = post.Selection(frames=slice(-3, None))
+    for make, name in ((post.force_distribution, "normal"), (post.angular_distribution, "density")):
         several = make(column, chosen)
-        alone = [make(column, Selection(frames=slice(k, k + 1))) for k in several.frames.tolist()]
+        alone = [
+            make(column, post.Selection(frames=slice(k, k + 1))) for k in several.frames.tolist()
+        ]
         expected = np.std([getattr(one, name) for one in alone], axis=0, ddof=1)
         assert getattr(several, f"{name}_scatter") == pytest.approx(expected)
         assert np.isnan(getattr(alone[0], f"{name}_scatter")).all()
