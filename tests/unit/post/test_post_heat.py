@@ -149,16 +149,6 @@ def test_theta_eta_from_the_top_and_from_the_bottom(column: Run) -> None:
     assert up.theta == pytest.approx((10.0 + GRADIENT * HEIGHTS) / 10.0)
 
 
-def test_spread_of_a_bin(column: Run) -> None:
-    """Two bins with five grains each."""
-    table = theta_eta(column, wall="top", bins=2)
-    lower = HEIGHTS[5:]
-    assert table.count.tolist() == [5, 5]
-    assert table.mean[0] == pytest.approx(lower.mean())
-    assert table.spread[0] == pytest.approx(lower.std())
-    assert (table.lowest[0], table.highest[0]) == pytest.approx((lower.min(), lower.max()))
-
-
 def test_height_scales_eta_and_leaves_out_what_is_beyond(column: Run) -> None:
     table = theta_eta(column, wall="top", height=0.5, bins=5)
     assert table.eta == pytest.approx((1.0 - HEIGHTS) / 0.5)
