@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,10 +67,8 @@ class PreparedScene:
             solves.append(self._solve_time() - solved)
             if between is not None and number % 4 == 0:
                 between()
-        after = self.engine.timers
-        return Round(
-            seconds, solves, shares, {name: after[name] - before[name] for name in after}, reports
-        )
+        phases = {name: after - before[name] for name, after in self.engine.timers.items()}
+        return Round(seconds, solves, shares, phases, reports)
 
     def _solve_time(self) -> float:
         return dict(self.engine.timers).get("solve", 0.0)
@@ -97,10 +95,10 @@ def prepare(scene: BenchScene, grains: int, *, seed: int = 1, threads: int = 1) 
     if len(plan.stages) > 1:
         starts = _run_to_last(scene, narrow, model, state)
     # the books begin with the part that is measured
-    if copies > 1 or len(plan.stages) > 1:
-        model, state = (
-            repeat_scene(model, state, copies) if scene.tile else (model, _fresh(model, state))
-        )
+    if scene.tile and (copies > 1 or len(plan.stages) > 1):
+        model, state = repeat_scene(model, state, copies)
+    elif len(plan.stages) > 1:
+        state = _fresh(model, state)
     engine = make_engine(wide, model, state, threads)
     begin_stage(engine, plan.stages[-1], starts)
     return PreparedScene(scene, model, engine, plan.stages[-1])
@@ -130,15 +128,8 @@ class _NoRecorder:
 def _fresh(model: Model, state: State) -> State:
     """The same places, velocities and contacts at step 0, with new books."""
     result = State.at_rest(model, state.position)
-    for name in (
-        "velocity",
-        "wall_position",
-        "wall_velocity",
-        "contact_i",
-        "contact_j",
-        "contact_impulse",
-        "heat",
-    ):
+    motion = ("velocity", "wall_position", "wall_velocity")
+    for name in (*motion, "contact_i", "contact_j", "contact_impulse", "heat"):
         setattr(result, name, np.array(getattr(state, name)))
     result.last_dt = state.last_dt
     return result
@@ -169,9 +160,8 @@ class Rest:
     def of(cls, model: Model, dt: float) -> Rest:
         diameter, gravity = model.mean_diameter, hypot(*model.gravity.tolist())
         weight = total(model.grains.mass) * gravity
-        return cls(
-            QUIET * weight * diameter, math.ceil(REST_FOR * math.sqrt(diameter / gravity) / dt)
-        )
+        steps = math.ceil(REST_FOR * math.sqrt(diameter / gravity) / dt)
+        return cls(QUIET * weight * diameter, steps)
 
     @property
     def is_reached(self) -> bool:
@@ -214,20 +204,37 @@ def repeat_scene(model: Model, state: State, copies: int) -> tuple[Model, State]
     if not model.period > 0.0:
         raise ValueError("only a periodic scene can be repeated")
     shape_copies = np.where(model.shapes.kind == ShapeKind.PLANE, 1, copies)
-    grains, thermal = model.grains, model.thermal
+    walls, thermal = model.walls, model.thermal
     wide = replace(
         model,
-        grains=Grains(*(np.tile(getattr(grains, each.name), copies) for each in fields(grains))),
+        grains=_tiled(model.grains, copies),
         shapes=_repeat_shapes(model, shape_copies),
-        walls=replace(
-            model.walls, mass=model.walls.mass * copies, length=model.walls.length * copies
-        ),
+        walls=replace(walls, mass=walls.mass * copies, length=walls.length * copies),
         period=model.period * copies,
-        thermal=None
-        if thermal is None
-        else Thermal(*(np.tile(getattr(thermal, each.name), copies) for each in fields(thermal))),
+        thermal=None if thermal is None else _tiled(thermal, copies),
     )
-    return wide, _repeat_state(model, wide, state, shape_copies, copies)
+    position = np.tile(state.position, (copies, 1))
+    position[:, 0] += np.repeat(np.arange(copies), model.grain_count) * model.period
+    result = State.at_rest(wide, position)
+    result.velocity[:] = np.tile(state.velocity, (copies, 1))
+    result.wall_position = state.wall_position.copy()
+    result.wall_velocity = state.wall_velocity.copy()
+    contacts = _repeat_contacts(model, state, shape_copies, copies)
+    result.contact_i, result.contact_j, result.contact_impulse = contacts
+    result.last_dt = state.last_dt
+    if thermal is not None:
+        result.heat = np.tile(state.heat, copies)
+        result.wall_temperature = state.wall_temperature.copy()
+    return wide, result
+
+
+Columns = TypeVar("Columns", Grains, Thermal)
+
+
+def _tiled(columns: Columns, copies: int) -> Columns:
+    return type(columns)(
+        *(np.tile(getattr(columns, each.name), copies) for each in fields(columns))
+    )
 
 
 def _repeat_shapes(model: Model, shape_copies: NDArray[np.int64]) -> WallShapes:
@@ -244,27 +251,6 @@ def _repeat_shapes(model: Model, shape_copies: NDArray[np.int64]) -> WallShapes:
     return WallShapes(kind, wall, geometry, material)
 
 
-def _repeat_state(
-    model: Model, wide: Model, state: State, shape_copies: NDArray[np.int64], copies: int
-) -> State:
-    position = np.tile(state.position, (copies, 1))
-    position[:, 0] += np.repeat(np.arange(copies), model.grain_count) * model.period
-    result = State.at_rest(wide, position)
-    result.velocity[:] = np.tile(state.velocity, (copies, 1))
-    result.wall_position, result.wall_velocity = (
-        state.wall_position.copy(),
-        state.wall_velocity.copy(),
-    )
-    result.contact_i, result.contact_j, result.contact_impulse = _repeat_contacts(
-        model, state, shape_copies, copies
-    )
-    result.last_dt = state.last_dt
-    if wide.thermal is not None:
-        result.heat = np.tile(state.heat, copies)
-        result.wall_temperature = state.wall_temperature.copy()
-    return result
-
-
 def _repeat_contacts(
     model: Model, state: State, shape_copies: NDArray[np.int64], copies: int
 ) -> tuple[Ints, Ints, Floats]:
@@ -273,23 +259,17 @@ def _repeat_contacts(
     i, j = state.contact_i.astype(np.int64), state.contact_j.astype(np.int64)
     is_wall = j >= n
     shape = np.where(is_wall, j - n, 0)
-    x = np.concatenate(
-        [
-            state.position[:, 0],
-            model.shapes.geometry[:, 0] + state.wall_position[model.shapes.wall, 0],
-        ]
-    )
+    of_walls = model.shapes.geometry[:, 0] + state.wall_position[model.shapes.wall, 0]
+    x = np.concatenate([state.position[:, 0], of_walls])
     across = np.rint((x[i] - x[j]) / period).astype(np.int64)
     first_copy = np.concatenate([[0], np.cumsum(shape_copies)])[:-1]
     rows = []
     for copy in range(copies):
         other = (copy + across) % copies
-        wall_shape = (
-            n * copies + first_copy[shape] + np.where(shape_copies[shape] > 1, other, 0)
-            if shape_copies.size
-            else j
-        )
-        a, b = i + copy * n, np.where(is_wall, wall_shape, j + other * n)
+        a, b = i + copy * n, j + other * n
+        if shape_copies.size:
+            of_shape = first_copy[shape] + np.where(shape_copies[shape] > 1, other, 0)
+            b = np.where(is_wall, n * copies + of_shape, b)
         # Exchanging the two keeps p_n and p_t
         rows.append(np.column_stack([np.minimum(a, b), np.maximum(a, b)]))
     pairs = np.concatenate(rows)

@@ -118,8 +118,9 @@ def measure(task: Task) -> Result:
         is_cold = scene.rests and not scene.is_frozen
         cold_rounds = [prepared.take_cold() for _ in range(_COLD * task.rounds if is_cold else 0)]
     except (NoRestError, PhysicsError) as error:
+        faults = [str(error)]
         return Result(
-            task.scene, task.grains, task.threads, scene.steps, task.rounds, faults=[str(error)]
+            task.scene, task.grains, task.threads, scene.steps, task.rounds, faults=faults
         )
     faults = find_faults(prepared, [warm, *rounds, *cold_rounds])
     sweep = None
@@ -129,26 +130,28 @@ def measure(task: Task) -> Result:
         sweep = time_sweep(ordered.system, (1, task.threads) if task.threads > 1 else (1,))
 
     reports = [report for round_ in rounds for report in round_.reports]
+    candidates, contacts, sweeps = (
+        [getattr(report, name) for report in reports]
+        for name in ("candidates", "contacts", "sweeps")
+    )
     cold_sweeps = [report.sweeps for round_ in cold_rounds for report in round_.reports]
     step = statistics.median(seconds for round_ in rounds for seconds in round_.seconds)
+    phases = {name: [round_.phases[name] for round_ in rounds] for name in rounds[0].phases}
     return Result(
         scene=task.scene,
         grains=prepared.model.grain_count,
         threads=task.threads,
         steps=scene.steps,
         rounds=task.rounds,
-        candidates=float(np.mean([report.candidates for report in reports])),
-        loaded=float(np.mean([report.contacts for report in reports])),
-        sweeps=float(np.mean([report.sweeps for report in reports])),
-        median_sweeps=statistics.median(report.sweeps for report in reports),
+        candidates=statistics.fmean(candidates),
+        loaded=statistics.fmean(contacts),
+        sweeps=statistics.fmean(sweeps),
+        median_sweeps=statistics.median(sweeps),
         cold_sweeps=statistics.median(cold_sweeps) if cold_sweeps else None,
         missed=sum(not report.converged for report in reports),
         residual=max(report.rms for report in reports),
         step=step,
-        phases={
-            name: statistics.median(round_.phases[name] for round_ in rounds) / scene.steps
-            for name in rounds[0].phases
-        },
+        phases={name: statistics.median(each) / scene.steps for name, each in phases.items()},
         grain_steps=prepared.model.grain_count / step,
         per_contact=None if scene.is_frozen else _per_contact(cold_rounds or rounds),
         reference=_quartile(references),
@@ -166,14 +169,8 @@ def other_time(rounds: list[Round]) -> float:
     half of a step, the time outside it is scaled by the share of CPU that the step had; otherwise
     only the quarter of the steps with the least loss is used, or all steps with hardly any.
     """
-    steps = np.array(
-        [
-            row
-            for round_ in rounds
-            for row in zip(round_.seconds, round_.solves, round_.shares, strict=True)
-        ]
-    )
-    seconds, solves, shares = steps.T
+    each = [(round_.seconds, round_.solves, round_.shares) for round_ in rounds]
+    seconds, solves, shares = np.concatenate([np.array(columns) for columns in each], axis=1)
     if 2.0 * float(np.median(solves / seconds)) < 1.0:
         return _quartile(list((seconds - solves) * shares))
     return _quartile(list((seconds - solves)[shares >= np.percentile(shares, 75.0) - 0.01]))
@@ -233,12 +230,8 @@ def find_faults(prepared: PreparedScene, rounds: list[Round]) -> list[str]:
         if not closure <= CLOSURE:
             faults.append(f"the heat books are open by {closure:.1e}")
         temperature = state.temperature(model.thermal)
-        known = np.concatenate(
-            [
-                model.thermal.initial_temperature,
-                state.wall_temperature[np.isfinite(state.wall_temperature)],
-            ]
-        )
+        of_walls = state.wall_temperature[np.isfinite(state.wall_temperature)]
+        known = np.concatenate([model.thermal.initial_temperature, of_walls])
         if not known.min() - 1e-6 <= temperature.min() <= temperature.max() <= known.max() + 1e-6:
             faults.append(f"temperatures from {temperature.min():g} to {temperature.max():g} K")
         if not state.heat_books[HEAT_BOOK_NAMES.index("stored")] > 0.0:

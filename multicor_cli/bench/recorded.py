@@ -75,13 +75,10 @@ def write_record(path: Path, results: Iterable[Result]) -> None:
         if not result.faults:
             by_seed.setdefault(_name_of(result), []).append(ratios(result))
     for name, several in by_seed.items():
-        known[name] = {
-            key: statistics.median(each[key] for each in several if key in each)
-            for key in several[0]
-        }
-    commit_result(
-        path, "record", (json.dumps(dict(sorted(known.items())), indent=2) + "\n").encode()
-    )
+        values = {key: [each[key] for each in several if key in each] for key in several[0]}
+        known[name] = {key: statistics.median(each) for key, each in values.items()}
+    text = json.dumps(dict(sorted(known.items())), indent=2) + "\n"
+    commit_result(path, "record", text.encode())
 
 
 def read_record(path: Path) -> dict[str, dict[str, float]]:
@@ -117,11 +114,11 @@ def slower_twice(
 
 
 def _exceeding(result: Result, record: dict[str, dict[str, float]]) -> dict[str, str]:
-    name, before = _name_of(result), record.get(_name_of(result), {})
-    return {
-        key: f"{name}: {key.replace('_', ' ')} {value:.3g}, recorded {before[key]:.3g}"
-        for key, value in ratios(result).items()
-        if key in before
-        and value
-        > max(MARGINS[key] * before[key], before[key] + (LOOK if key.endswith("sweeps") else 0.0))
-    }
+    name, found = _name_of(result), {}
+    before = record.get(name, {})
+    for key, value in ratios(result).items():
+        look = LOOK if key.endswith("sweeps") else 0.0
+        if key in before and value > max(MARGINS[key] * before[key], before[key] + look):
+            text = f"{key.replace('_', ' ')} {value:.3g}, recorded {before[key]:.3g}"
+            found[key] = f"{name}: {text}"
+    return found

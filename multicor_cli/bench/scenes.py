@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 _HEAD = """\
 [scenario]
@@ -100,32 +101,44 @@ def _lattice(bottom: float = 0.0) -> dict[str, object]:
     return {"packing": packing, "bottom": bottom}
 
 
-def _bed(name: str, count: int, seed: int, copies: int, heat: str, stages: str) -> str:
+def _bed(name: str, rest: str, count: int, seed: int, copies: int) -> str:
     """Grains laid down one by one, each on two: forces, and costs of a solve, are nearly unique."""
     size = (_COLUMNS * _PITCH * copies, 1.5 * _ROWS * _PITCH)
-    return (
-        _head(name, seed, count * copies, size, packing='{ kind = "deposited" }')
-        + _FLOOR
-        + heat
-        + stages
-    )
+    head = _head(name, seed, count * copies, size, packing='{ kind = "deposited" }')
+    return head + _FLOOR + rest.replace("PATIENCE", repr(_PATIENCE))
 
 
-def _settled(count: int, seed: int, copies: int) -> str:
-    stages = (
-        f'[[loading]]\nname = "settle"\nduration = {_PATIENCE!r}\n[[loading]]\nname = "rest"\n'
-        "duration = 9.0\n"
-    )
-    return _bed("bed", count, seed, copies, "", stages)
+_REST = """\
+[[loading]]
+name = "settle"
+duration = PATIENCE
+[[loading]]
+name = "rest"
+duration = 9.0
+"""
 
+_HEATED = """\
+thermal = { temperature = 350.0 }
+[heat]
+temperature = 300.0
+[[loading]]
+name = "settle"
+duration = PATIENCE
+heat = false
+[[loading]]
+name = "heat"
+frozen = true
+duration = 1e5
+dt = 2.0
+"""
 
-def _heated(count: int, seed: int, copies: int) -> str:
-    heat = "thermal = { temperature = 350.0 }\n[heat]\ntemperature = 300.0\n"
-    stages = (
-        f'[[loading]]\nname = "settle"\nduration = {_PATIENCE!r}\nheat = false\n'
-        '[[loading]]\nname = "heat"\nfrozen = true\nduration = 1e5\ndt = 2.0\n'
-    )
-    return _bed("heated-bed", count, seed, copies, heat, stages)
+_FALL = """\
+[heat]
+temperature = 300.0
+[[loading]]
+name = "fall"
+duration = 1.0
+"""
 
 
 def _shear(
@@ -134,17 +147,13 @@ def _shear(
     """A layer between rough walls under a load, without gravity. I = (V/H) √(m/P)."""
     width, layer = _COLUMNS * _PITCH, _ROWS * _PITCH
     size = (width * copies, 1.2 * layer)
-    walls = "".join(
-        (
-            f'[[walls]]\nname = "{wall}"\nmaterial = "stuff"\n'
-            f'geometry = {{ kind = "rough", from = [0.0, {y!r}], to = [{size[0]!r}, {y!r}], side '
-            f'= "{side}" }}\n{mass}'
-        )
-        for wall, y, side, mass in (
-            ("bottom", 0.0, "left", ""),
-            ("top", layer + 2.5 * _DIAMETER, "right", f"mass = {1e-3 * copies!r}\n"),
-        )
-    )
+    wall = (
+        '[[walls]]\nname = "{}"\nmaterial = "stuff"\ngeometry = {{ kind = "rough", '
+        'from = [0.0, {!r}], to = [{!r}, {!r}], side = "{}" }}\n'
+    ).format
+    top = layer + 2.5 * _DIAMETER
+    walls = wall("bottom", 0.0, size[0], 0.0, "left") + wall("top", top, size[0], top, "right")
+    walls += f"mass = {1e-3 * copies!r}\n"
     load = -_LOAD * size[0]
     drives = (
         f"drives.top = {{ x = {{ velocity = {speed!r} }}, y = {{ force = {load!r}, damping = "
@@ -162,34 +171,15 @@ def _shear(
 _LOAD = 10.0  # P: force per length on the upper wall [N/m]; √(m/P) is 1.0 ms
 
 
-def _start(count: int, seed: int, copies: int) -> str:
-    """A bed laid down, with heat: its first step has contacts and needs nearly all kernels."""
-    stage = '[[loading]]\nname = "fall"\nduration = 1.0\n'
-    return _bed("start", count, seed, copies, "[heat]\ntemperature = 300.0\n", stage)
-
-
 def _collapse(count: int, seed: int, _copies: int) -> str:
     """A column of half the height of its base's square falls apart."""
     width = round(math.sqrt(count) / 1.6) * _PITCH
     height = (count / (width / _PITCH) + 2.0) * _PITCH
-    return (
-        _head(
-            "collapse",
-            seed,
-            count,
-            (4.0 * width, height),
-            periodic="false",
-            right=width,
-            **_lattice(),
-        )
-        + _FLOOR
-        + (
-            '[[walls]]\nname = "left"\nmaterial = "stuff"\n'
-            'geometry = { kind = "plane", point = [0.0, 0.0], normal = [1.0, 0.0] }\n'
-        )
-        + f'[[loading]]\nname = "fall"\nduration = {math.sqrt(0.5 * height / 9.81)!r}\n'
-        + '[[loading]]\nname = "spread"\nduration = 99.0\n'
-    )
+    size = (4.0 * width, height)
+    head = _head("collapse", seed, count, size, periodic="false", right=width, **_lattice())
+    left = _FLOOR.replace("floor", "left").replace("[0.0, 1.0]", "[1.0, 0.0]")
+    fall = f'[[loading]]\nname = "fall"\nduration = {math.sqrt(0.5 * height / 9.81)!r}\n'
+    return head + _FLOOR + left + fall + '[[loading]]\nname = "spread"\nduration = 99.0\n'
 
 
 # That a drum has turned before it is measured: more than twice the angle of repose [rad]
@@ -204,38 +194,28 @@ def _drum(count: int, seed: int, _copies: int) -> str:
     geometry = f'{{ kind = "circle", center = [{radius!r}, {radius!r}], radius = {radius!r} }}'
     drive = f"drives.drum = {{ spin = {{ velocity = {spin!r} }} }}\n"
     place = {"left": low, "right": high, "bottom": low, "top": high, **_lattice(low)}
-    return (
-        _head("drum", seed, count, (2.0 * radius, 2.0 * radius), periodic="false", **place)
-        + f'[[walls]]\nname = "drum"\nmaterial = "stuff"\ngeometry = {geometry}\n'
-        + (
-            f'[[loading]]\nname = "begin"\nduration = {_ANGLE / spin!r}\n{drive}[[loading]]\n'
-            f'name = "turn"\nduration = 99.0\n{drive}'
-        )
-    )
+    head = _head("drum", seed, count, (2.0 * radius, 2.0 * radius), periodic="false", **place)
+    wall = f'[[walls]]\nname = "drum"\nmaterial = "stuff"\ngeometry = {geometry}\n'
+    begin = f'[[loading]]\nname = "begin"\nduration = {_ANGLE / spin!r}\n{drive}'
+    return f'{head}{wall}{begin}[[loading]]\nname = "turn"\nduration = 99.0\n{drive}'
 
 
-START = BenchScene("start", _start, 0, 2)
-"""What a fresh installation is timed with: the first steps of a bed with heat."""
+START = BenchScene("start", partial(_bed, "start", _FALL), 0, 2)
+"""What a fresh installation is timed with: the first steps of a bed with heat, which has contacts
+and needs nearly all kernels."""
 
-
-def _slow_shear(count: int, seed: int, copies: int) -> str:
-    """Quasi-static: I = 0.01."""
-    return _shear("shear", 0.55, 2e-4, 0.5, count, seed, copies)
-
-
-def _fast_shear(count: int, seed: int, copies: int) -> str:
-    """Dynamic: I = 0.1."""
-    return _shear("shear-dynamic", 5.5, 1e-4, 4.0, count, seed, copies)
-
+_BED, _HEATED_BED = partial(_bed, "bed", _REST), partial(_bed, "heated-bed", _HEATED)
+_SLOW = partial(_shear, "shear", 0.55, 2e-4, 0.5)  # quasi-static: I = 0.01
+_FAST = partial(_shear, "shear-dynamic", 5.5, 1e-4, 4.0)  # dynamic: I = 0.1
 
 SCENES = {
     scene.name: scene
     for scene in (
-        BenchScene("bed", _settled, 20, 20, tile=_TILE, is_weighed=True, rests=True),
-        BenchScene("shear", _slow_shear, 10, 60, tile=_TILE),
-        BenchScene("shear-dynamic", _fast_shear, 10, 60, tile=_TILE),
+        BenchScene("bed", _BED, 20, 20, tile=_TILE, is_weighed=True, rests=True),
+        BenchScene("shear", _SLOW, 10, 60, tile=_TILE),
+        BenchScene("shear-dynamic", _FAST, 10, 60, tile=_TILE),
         BenchScene("collapse", _collapse, 10, 20),
-        BenchScene("heated-bed", _heated, 2, 20, tile=_TILE, is_frozen=True, rests=True),
+        BenchScene("heated-bed", _HEATED_BED, 2, 20, tile=_TILE, is_frozen=True, rests=True),
         BenchScene("drum", _drum, 100, 20),
     )
 }

@@ -67,9 +67,8 @@ def run_benchmark(
     for task in tasks:
         say(f"{task.scene}, about {task.grains} grains, {task.threads} threads")
         results.append(_apart(measure, task))
-    return Benchmark(
-        f"{platform.machine()}, {platform.platform()}", bandwidth, results, compilation
-    )
+    machine = f"{platform.machine()}, {platform.platform()}"
+    return Benchmark(machine, bandwidth, results, compilation)
 
 
 _CODE = """
@@ -153,22 +152,15 @@ _MANY = 50_000  # grains whose memory can be told from that of the kernels
 
 def row(result: Result) -> list[str]:
     """The row of a scene; one with wrong physics has no times."""
-    head = [
-        result.scene,
-        f"{result.grains}",
-        f"{result.threads}",
-        f"{result.candidates:.0f}",
-        f"{result.sweeps:.0f}",
-    ]
+    counts = (result.grains, result.threads, result.candidates, result.sweeps)
+    head = [result.scene, *(f"{count:.0f}" for count in counts)]
     if result.faults:
         return [*head, "refused", *[""] * (len(HEADINGS) - len(head) - 1)]
     solve = result.phases.get("solve", 0.0) / max(sum(result.phases.values()), 1e-300)
     sweep, share, each = result.sweep, result.other_share, result.per_contact
-    gain = (
-        ""
-        if sweep is None or len(sweep.ours) < 2
-        else f"{sweep.ours[1] / sweep.ours[result.threads]:.2f}"
-    )
+    gain = ""
+    if sweep is not None and len(sweep.ours) > 1:
+        gain = f"{sweep.ours[1] / sweep.ours[result.threads]:.2f}"
     return [
         *head, f"{1e3 * result.step:.3g}", f"{100.0 * solve:.0f} %",
         "" if share is None else f"{100.0 * share:.0f} %",
@@ -187,13 +179,10 @@ def notes(benchmark: Benchmark) -> list[str]:
     named = [(f"{result.scene}, {result.grains} grains", result) for result in benchmark.results]
     for name, result in named:
         if result.sweep is not None and not result.faults:
-            used = ", ".join(
-                f"{100.0 * v / benchmark.bandwidth[n]:.0f} % with {n}"
-                for n, v in result.sweep.bandwidth.items()
-            )
-            lines.append(
-                f"{name}: a sweep moves {result.sweep.bytes_moved / 1e6:.1f} MB; of copying: {used}"
-            )
+            parts = {n: v / benchmark.bandwidth[n] for n, v in result.sweep.bandwidth.items()}
+            used = ", ".join(f"{100.0 * part:.0f} % with {n}" for n, part in parts.items())
+            size = f"{result.sweep.bytes_moved / 1e6:.1f} MB"
+            lines.append(f"{name}: a sweep moves {size}; of copying: {used}")
     if benchmark.compilation is not None:
         cold, hard, cached = benchmark.compilation
         lines.append(

@@ -103,28 +103,22 @@ def time_sweep(system: System, threads: tuple[int, ...]) -> SweepTimes:
             numba.set_num_threads(number)
             several = number > 1
             clock = _wall_time if several else _core_time
-            seconds = clock(
-                functools.partial(_sweep_repeatedly, diagonal, before, repeats, several, partial)
+            ours_now = functools.partial(
+                _sweep_repeatedly, diagonal, before, repeats, several, partial
             )
-            ours[number].append(seconds / (repeats * count))
+            ours[number].append(clock(ours_now) / (repeats * count))
         if c_sweep is not None:
-            in_c.append(
-                _core_time(lambda: c_sweep(rows, velocity, diagonal.spin_factor, repeats))
-                / (repeats * count)
-            )
+            seconds = _core_time(lambda: c_sweep(rows, velocity, diagonal.spin_factor, repeats))
+            in_c.append(seconds / (repeats * count))
         if round_ == 0:  # the first round only warms up
             ours, in_c = {number: [] for number in threads}, []
-    ratio = (
-        statistics.median(a / b for a, b in zip(ours[threads[0]], in_c, strict=True))
-        if in_c
-        else float("nan")
-    )
+    ratios = [a / b for a, b in zip(ours[threads[0]], in_c, strict=False)]
     return SweepTimes(
         count,
         _bytes_moved(diagonal),
         {number: statistics.median(times) for number, times in ours.items()},
-        min(in_c, default=float("nan")),
-        ratio,
+        min(in_c, default=math.nan),
+        statistics.median(ratios) if ratios else math.nan,
     )
 
 
@@ -137,26 +131,14 @@ def compile_sweep() -> CSweep | None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder)
         (path / "sweep.c").write_text(source, encoding="utf-8")
-        command = [
-            compiler,
-            "-O3",
-            "-march=native",
-            "-shared",
-            "-fPIC",
-            "-o",
-            str(path / "sweep.so"),
-            str(path / "sweep.c"),
-        ]
+        options = ("-O3", "-march=native", "-shared", "-fPIC", "-o")
+        command = [compiler, *options, str(path / "sweep.so"), str(path / "sweep.c")]
         if subprocess.run(command, capture_output=True, check=False).returncode:
             return None
         function = ctypes.CDLL(str(path / "sweep.so")).sweeps
-    function.restype = ctypes.c_double
-    function.argtypes = [
-        ctypes.c_ssize_t,
-        ctypes.c_ssize_t,
-        ctypes.c_double,
-        *[ctypes.c_void_p] * 4,
-    ]
+    size, number = ctypes.c_ssize_t, ctypes.c_double
+    function.restype = number
+    function.argtypes = [size, size, number, *[ctypes.c_void_p] * 4]
 
     def run(rows: OneByOne, velocity: Floats, spin_factor: float, repeats: int) -> float:
         pointers = [array.ctypes.data for array in (velocity, rows.pair, rows.frame, rows.impulse)]
@@ -222,12 +204,8 @@ def _bytes_moved(system: System) -> int:
     """Pairs and frames are read; impulses and velocities of bodies in contact read and written."""
     bodies = np.unique(system.pair).size
     impulses = 4 * system.impulse.nbytes  # now and before
-    return int(
-        system.pair.nbytes
-        + system.frame.nbytes
-        + impulses
-        + 2 * bodies * system.velocity.itemsize * 4
-    )
+    velocities = 2 * bodies * system.velocity.itemsize * 4
+    return int(system.pair.nbytes + system.frame.nbytes + impulses + velocities)
 
 
 # ---- A step's other work
@@ -250,9 +228,8 @@ class ReferenceStep:
     def __init__(self, grains: int) -> None:
         self._side = max(4, round(math.sqrt(grains)))
         count = self._side * self._side
-        shake = (
-            np.random.Philox(1).random_raw(2 * count).astype(np.float64).reshape(count, 2) / 2.0**64
-        )
+        raw = np.random.Philox(1).random_raw(2 * count)
+        shake = raw.astype(np.float64).reshape(count, 2) / 2.0**64
         corner = np.column_stack([np.arange(count) % self._side, np.arange(count) // self._side])
         self._position, self._velocity = corner + 0.1 + 0.8 * shake, shake - 0.5
         self._share = grains / count
@@ -274,10 +251,8 @@ class ReferenceStep:
         return total + float((pull * pull).sum())
 
     def _move(self, number: int, count: int) -> Floats:
-        middle = np.empty((count, 2))
-        _move(
-            self._position[:count], self._velocity[:count], 1e-3 * number, float(self._side), middle
-        )
+        middle, way = np.empty((count, 2)), 1e-3 * number
+        _move(self._position[:count], self._velocity[:count], way, float(self._side), middle)
         if not np.isfinite(middle).all():
             raise FloatingPointError
         return middle
@@ -325,11 +300,8 @@ def _measure(position: Floats, side: int, first: Ints, order: Ints, pair: Ints, 
                     i, j = order[a], order[b]
                     x, y = position[j, 0] - position[i, 0], position[j, 1] - position[i, 1]
                     if found < len(gap):
-                        pair[found, 0], pair[found, 1], gap[found] = (
-                            i,
-                            j,
-                            np.sqrt(x * x + y * y) - 0.8,
-                        )
+                        pair[found, 0], pair[found, 1] = i, j
+                        gap[found] = np.sqrt(x * x + y * y) - 0.8
                         found += 1
     return found
 

@@ -20,21 +20,6 @@ CLOSURE_LIMIT = 1e-10
 _OVERLAP = 1e-3
 
 
-def _closure(run: Recorded) -> Iterator[Measured]:
-    if run.has_steps:
-        yield Measured(run.info["energy_closure"])
-
-
-def _heat_closure(run: Recorded) -> Iterator[Measured]:
-    if run.has_steps and run.info["heat_closure"] is not None:
-        yield Measured(run.info["heat_closure"])
-
-
-def _overlap(run: Recorded) -> Iterator[Measured]:
-    if run.has_steps:
-        yield Measured(run.info["max_overlap"])
-
-
 def _correction(run: Recorded) -> Iterator[Measured]:
     if not run.has_steps:
         return
@@ -61,18 +46,21 @@ def _undelivered(run: Recorded) -> Iterator[Measured]:
 
 RULES: tuple[Rule[Recorded], ...] = (
     Rule(
-        "energy closure", _closure, warning=CLOSURE_LIMIT, bad=CLOSURE_LIMIT,
+        "energy closure", lambda run: run.summary("energy_closure"),
+        warning=CLOSURE_LIMIT, bad=CLOSURE_LIMIT,
         meaning="Largest imbalance of the energy books over the sum of their terms. They close "
             "to round-off by construction.",
         remedy="Report it: this is a bug, or the files were changed.",
     ),
     Rule(
-        "heat closure", _heat_closure, warning=CLOSURE_LIMIT, bad=CLOSURE_LIMIT,
+        "heat closure", lambda run: run.summary("heat_closure"),
+        warning=CLOSURE_LIMIT, bad=CLOSURE_LIMIT,
         meaning="The same of the heat books.",
         remedy="Report it: this is a bug, or the files were changed.",
     ),
     Rule(
-        "overlap", _overlap, unit="of the smaller radius", warning=_OVERLAP, bad=_OVERLAP,
+        "overlap", lambda run: run.summary("max_overlap"), unit="of the smaller radius",
+        warning=_OVERLAP, bad=_OVERLAP,
         meaning="Largest overlap at the end of a step. Positions are corrected until none "
             "exceeds half of the limit.",
         remedy="Look at where the run began: a packing or a wall may have pressed grains into "

@@ -90,11 +90,8 @@ class Rule(Generic[S]):
     def limit(self) -> str:
         """The limits in words."""
         if self.least is not None:
-            return (
-                f"{self.least:g} to {self.warning:g}"
-                if self.warning < math.inf
-                else f"at least {self.least:g}"
-            )
+            has_top = self.warning < math.inf
+            return f"{self.least:g} to {self.warning:g}" if has_top else f"at least {self.least:g}"
         if self.bad == self.warning:
             return f"bad above {self.bad:g}"
         normal = "none" if self.warning == 0.0 else f"at most {self.warning:g}"
@@ -105,47 +102,30 @@ class Rule(Generic[S]):
         found = list(self.measure(subject))
         if not found:
             return None
-        worst = max(
-            found,
-            key=lambda measured: (
-                _ORDER.index(self._verdict(measured.value)),
-                self._excess(measured.value),
-            ),
-        )
-        return Check(
-            self.name,
-            worst.value,
-            self._text(worst),
-            self.limit,
-            self._verdict(worst.value),
-            self.meaning,
-            self.remedy,
-        )
+
+        def badness(measured: Measured) -> tuple[int, float]:
+            value = measured.value
+            return _ORDER.index(self._verdict(value)), self._excess(value)
+
+        value, about = max(found, key=badness)
+        text = f"{value:.3g} {self.unit}".strip()
+        if about:
+            text += f" ({about if len(about) <= _LONGEST else about[: _LONGEST - 1] + '…'})"
+        verdict = self._verdict(value)
+        return Check(self.name, value, text, self.limit, verdict, self.meaning, self.remedy)
 
     def _verdict(self, value: float) -> Verdict:
         # What is not a number is beyond every limit.
         if self.bad is not None and not value <= self.bad:
             return Verdict.BAD
-        return (
-            Verdict.OK
-            if value <= self.warning and (self.least is None or value >= self.least)
-            else Verdict.WARNING
-        )
+        is_normal = value <= self.warning and (self.least is None or value >= self.least)
+        return Verdict.OK if is_normal else Verdict.WARNING
 
     def _excess(self, value: float) -> float:
         """How far a number is towards its limits: the larger, the nearer or the farther beyond."""
         if self.least is None:
             return value
         return max(value / self.warning, self.least / value if value > 0.0 else math.inf)
-
-    def _text(self, measured: Measured) -> str:
-        number = f"{measured.value:.3g} {self.unit}".strip()
-        about = (
-            measured.about
-            if len(measured.about) <= _LONGEST
-            else measured.about[: _LONGEST - 1] + "…"
-        )
-        return f"{number} ({about})" if about else number
 
 
 def judge_all(rules: Sequence[Rule[S]], subject: S) -> list[Check]:

@@ -49,10 +49,9 @@ class _Grid:
 
     def block(self, low: Floats, high: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         limits = np.array([self.columns, self.rows])
-        first = np.clip(np.floor((low - self.low) / self.size), 0, limits).astype(np.int64)
-        return first, np.clip(np.ceil((high - self.low) / self.size) + 1, 0, limits).astype(
-            np.int64
-        )
+        first = np.clip(np.floor((low - self.low) / self.size), 0, limits)
+        last = np.clip(np.ceil((high - self.low) / self.size) + 1, 0, limits)
+        return first.astype(np.int64), last.astype(np.int64)
 
 
 def escape_share(
@@ -68,13 +67,9 @@ def escape_share(
     escaped = 0
     for which, is_met in model.meeting_alike():
         walls = [outline for _, outline in placed_walls(model, wall_position, is_met)]
-        escaped += int(
-            np.count_nonzero(
-                _escape(
-                    model.with_grains(which), np.array(position[which, :2], float), walls, gravity
-                )
-            )
-        )
+        center = np.array(position[which, :2], float)
+        found = _escape(model.with_grains(which), center, walls, gravity)
+        escaped += int(np.count_nonzero(found))
     return escaped / model.grain_count
 
 
@@ -138,32 +133,24 @@ def _block_shape(
         found |= (x - points[0, 0]) * n[0] + (y - points[0, 1]) * n[1] < reach
         return
     radius = 0.0 if outline.radius is None else float(outline.radius[k])
-    first, last = grid.block(
-        points.min(axis=0) - radius - reach, points.max(axis=0) + radius + reach
-    )
+    low, high = points.min(axis=0) - radius - reach, points.max(axis=0) + radius + reach
+    first, last = grid.block(low, high)
     if (last <= first).any():
         return
-    x, y = grid.centers(first, last)
-    distance = _distance(x, y, points)
-    # The inside of a circle holds grains; glued grains are solid.
-    is_near = (
-        np.abs(distance - radius) < reach
-        if radius > 0.0 and not outline.is_grain
-        else distance - radius < reach
-    )
-    found[first[1] : last[1], first[0] : last[0]] |= is_near
+    distance = _distance(*grid.centers(first, last), points) - radius
+    if radius > 0.0 and not outline.is_grain:
+        distance = np.abs(distance)  # the inside of a circle holds grains; glued grains are solid
+    found[first[1] : last[1], first[0] : last[0]] |= distance < reach
 
 
 def _distance(x: Floats, y: Floats, points: Floats) -> Floats:
     """Distance of cells from a point or a straight line between two [m]."""
-    start = points[0]
+    dx, dy = x - points[0, 0], y - points[0, 1]
     if len(points) == 1:
-        return np.asarray(np.hypot(x - start[0], y - start[1]))
-    way = points[1] - start
-    along = np.clip(
-        ((x - start[0]) * way[0] + (y - start[1]) * way[1]) / float(way @ way), 0.0, 1.0
-    )
-    return np.asarray(np.hypot(x - start[0] - along * way[0], y - start[1] - along * way[1]))
+        return np.asarray(np.hypot(dx, dy))
+    way = points[1] - points[0]
+    along = np.clip((dx * way[0] + dy * way[1]) / float(way @ way), 0.0, 1.0)
+    return np.asarray(np.hypot(dx - along * way[0], dy - along * way[1]))
 
 
 def _reaches_bottom(free: Flags, *, is_periodic: bool) -> Flags:
@@ -199,15 +186,14 @@ def _at_grains(grid: _Grid, free: Flags, open_: Flags, center: Floats) -> Flags:
 def _escapes(run: Prepared) -> Iterator[Measured]:
     seen = set()
     for stage, gravity in zip(run.plan.stages, run.gravity, strict=True):
-        axis = _larger(gravity)
-        if (axis, gravity[axis] < 0.0) in seen:
+        down = _larger(gravity), gravity[_larger(gravity)] < 0.0
+        if down in seen:
             continue
-        seen.add((axis, gravity[axis] < 0.0))
+        seen.add(down)
         share = escape_share(run.model, run.state.position, run.state.wall_position, gravity)
         if share is not None:
-            yield Measured(
-                share, f"gravity of stage {stage.name}" if len(run.plan.stages) > 1 else ""
-            )
+            about = f"gravity of stage {stage.name}" if len(run.plan.stages) > 1 else ""
+            yield Measured(share, about)
 
 
 RULES: tuple[Rule[Prepared], ...] = (
@@ -232,18 +218,13 @@ _SAMPLES = 32
 
 def _wall_spans(run: Prepared) -> tuple[Floats, Floats]:
     """Lowest, highest points of walls in x and y [m], ``(w, 2)``; of planes the given point."""
-    low, high = (
-        np.full((run.model.wall_count, 2), np.inf),
-        np.full((run.model.wall_count, 2), -np.inf),
-    )
+    low = np.full((run.model.wall_count, 2), np.inf)
+    high = -low
     for which, outline in placed_walls(run.model, run.state.wall_position):
         wall, corners = run.model.shapes.wall[which], outline.corners()
         if outline.normal is not None:  # a plane has a side in the direction of its normal only
-            corners = np.where(
-                np.abs(outline.normal) > math.sqrt(0.5),
-                corners,
-                np.array([[[-np.inf]], [[np.inf]]]),
-            )
+            is_side = np.abs(outline.normal) > math.sqrt(0.5)
+            corners = np.where(is_side, corners, np.array([[[-np.inf]], [[np.inf]]]))
         np.minimum.at(low, wall, corners[0])
         np.maximum.at(high, wall, corners[1])
     return low, high
@@ -280,10 +261,8 @@ def _pulls(run: Prepared) -> Iterator[Measured]:
                 # `between` two walls is a length like this one
                 force *= float(walls.length[w]) if dof.force is None else 1.0
                 force += float(walls.mass[w] * gravity[axis]) if walls.has_gravity[w] else 0.0
-                yield Measured(
-                    max(0.0, force * float(outward[w, axis])),
-                    f"wall {walls.names[w]} in stage {stage.name}",
-                )
+                about = f"wall {walls.names[w]} in stage {stage.name}"
+                yield Measured(max(0.0, force * float(outward[w, axis])), about)
 
 
 LIDS: tuple[Rule[Prepared], ...] = (
@@ -313,9 +292,8 @@ def lost_grains(
     down, count = gravity / np.hypot(*gravity), 0
     for which, is_met in model.meeting_alike():
         walls = [outline for _, outline in placed_walls(model, wall_position, is_met)]
-        is_lost = _is_lost(
-            position[which], velocity[which], model.grains.radius[which], walls, down
-        )
+        radius = model.grains.radius[which]
+        is_lost = _is_lost(position[which], velocity[which], radius, walls, down)
         count += int(np.count_nonzero(is_lost))
     return count
 
@@ -349,12 +327,9 @@ def _lost(run: Recorded) -> Iterator[Measured]:
 
 
 def _removed(run: Recorded) -> Iterator[Measured]:
-    books = run.info["exchange"]
+    books, count = run.info["exchange"], run.run.model.grain_count
     if books is not None:
-        yield Measured(
-            books["lost"] / run.run.model.grain_count,
-            f"{books['lost']} of {run.run.model.grain_count}",
-        )
+        yield Measured(books["lost"] / count, f"{books['lost']} of {count}")
 
 
 def _late(run: Recorded) -> Iterator[Measured]:

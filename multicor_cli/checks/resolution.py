@@ -12,10 +12,12 @@ from multicor_cli.arithmetic.sums import total
 from multicor_cli.checks.check import Measured, Rule
 from multicor_cli.checks.subjects import Prepared, Recorded
 from multicor_cli.engine.heat.hertz import contact_modulus
+from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import DofDrive
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
 from multicor_cli.running.compiling import available_memory
+from multicor_cli.running.plan import StagePlan
 from multicor_cli.running.time_step import (
     Scales,
     StepReview,
@@ -38,26 +40,21 @@ nothing about the step."""
 
 
 def _compare(
-    names: Sequence[str], steps: Sequence[float], reviews: Sequence[StepReview | None]
+    stages: Sequence[StagePlan], reviews: Sequence[StepReview | None]
 ) -> Iterator[Measured]:
-    for name, dt, review in zip(names, steps, reviews, strict=True):
+    for stage, review in zip(stages, reviews, strict=True):
         if review is not None and review.automatic is not None:
-            ratio = 1.0 if review.is_automatic else dt / review.automatic
-            yield Measured(
-                ratio, f"{dt:.3g} s in stage {name}; the automatic one is set by {review.set_by}"
-            )
+            ratio = 1.0 if review.is_automatic else stage.dt / review.automatic
+            about = f"{stage.dt:.3g} s in stage {stage.name}"
+            yield Measured(ratio, f"{about}; the automatic one is set by {review.set_by}")
 
 
 def _asked_for(run: Prepared) -> Iterator[Measured]:
-    stages = run.plan.stages
-    return _compare([stage.name for stage in stages], [stage.dt for stage in stages], run.reviews)
+    return _compare(run.plan.stages, run.reviews)
 
 
 def _used(run: Recorded) -> Iterator[Measured]:
-    if run.planned is None:
-        return iter(())
-    stages = run.planned[1].stages
-    return _compare([stage.name for stage in stages], [stage.dt for stage in stages], run.reviews)
+    return _compare([] if run.planned is None else run.planned[1].stages, run.reviews)
 
 
 def _needed(run: Recorded) -> Iterator[Measured]:
@@ -75,9 +72,8 @@ def _needed(run: Recorded) -> Iterator[Measured]:
         if rows.size < 2 or not used.size:
             continue
         weight = run.series("window_duration")[rows]
-        if total(weight * run.series("contacts_mean")[rows]) < _DENSE * model.grain_count * total(
-            weight
-        ):
+        contacts = total(weight * run.series("contacts_mean")[rows])
+        if contacts < _DENSE * model.grain_count * total(weight):
             continue
         virial = run.series("virial_rate")[rows]
         trace = total(weight * (virial[:, 0, 0] + virial[:, 1, 1])) / total(weight)
@@ -87,12 +83,8 @@ def _needed(run: Recorded) -> Iterator[Measured]:
             continue
         friction = largest_friction(model, run.laws(stage))
         rate = work / (0.5 * trace * friction) if friction > 0.0 else 0.0
-        scales = Scales(
-            math.sqrt(mass * area / (0.5 * trace)),
-            1.0 / rate if rate > 0.0 else math.inf,
-            math.inf,
-            friction,
-        )
+        shear = 1.0 / rate if rate > 0.0 else math.inf
+        scales = Scales(math.sqrt(mass * area / (0.5 * trace)), shear, math.inf, friction)
         yield Measured(float(used.max()) / scales.limit, f"{used.max():.3g} s in stage {name}")
 
 
@@ -134,12 +126,6 @@ _RATIO = (
 )
 
 
-def _heat_error(run: Recorded) -> Iterator[Measured]:
-    heat = run.info["heat"]
-    if run.has_steps and heat is not None and heat.get("integration_error") is not None:
-        yield Measured(heat["integration_error"])
-
-
 BEFORE_RUN: tuple[Rule[Prepared], ...] = (
     Rule("time step", _asked_for, _RATIO, _AUTOMATIC, unit="automatic steps", warning=1.25,
         bad=5.0),
@@ -172,7 +158,7 @@ OF_RUN: tuple[Rule[Recorded], ...] = (
             bad=0.1,
     ),
     Rule(
-        "error of temperatures", _heat_error,
+        "error of temperatures", lambda run: run.summary("heat", "integration_error"),
         ("Largest estimated error of temperatures in a sub-step of the heat flow so far, over "
             "their spread; where a step is short against the time constants C/ΣH and Euler's rule "
             "does, half of their ratio, by which the temperature of a grain decays too fast (a "
@@ -221,32 +207,17 @@ def _in_impacts(run: Prepared) -> Iterator[Measured]:
     )
     for name, table in run.scenario.materials.items():
         if table.young is not None and table.poisson is not None and speed > 0.0:
-            yield Measured(
-                impact_deflection(speed, table.density, table.young, table.poisson),
-                f"{name} at {speed:.3g} m/s",
-            )
+            deflection = impact_deflection(speed, table.density, table.young, table.poisson)
+            yield Measured(deflection, f"{name} at {speed:.3g} m/s")
 
 
 def _predicted_biot(run: Prepared) -> Iterator[Measured]:
     """Bi = 2 λ a_c/(λ a) between equal grains; radius of contact a_c = a √(δ/2a) (Hertz)."""
     heat, deflection = run.scenario.heat, run.cost.deflection
-    if (
-        heat is not None
-        and heat.conduction == "hertz"
-        and deflection is not None
-        and not isinstance(heat.force, PrescribedForce)
-    ):
+    if heat is None or heat.conduction != "hertz" or deflection is None:
+        return
+    if not isinstance(heat.force, PrescribedForce):
         yield Measured(2.0 * math.sqrt(deflection))
-
-
-def _reached(run: Recorded) -> Iterator[Measured]:
-    if run.has_steps and run.info["hertz_deflection"] is not None:
-        yield Measured(run.info["hertz_deflection"])
-
-
-def _reached_biot(run: Recorded) -> Iterator[Measured]:
-    if run.has_steps and run.info["heat"] is not None:
-        yield Measured(run.info["heat"]["max_biot"])
 
 
 _STIFFER = (
@@ -282,14 +253,16 @@ RIGIDITY_BEFORE_RUN: tuple[Rule[Prepared], ...] = (
 
 RIGIDITY_OF_RUN: tuple[Rule[Recorded], ...] = (
     Rule(
-        "Hertz deflection", _reached,
+        "Hertz deflection", lambda run: run.summary("hertz_deflection"),
         _RIGID + " Of the largest contact force so far, which is an impulse over the time step.",
         _STIFFER + (" If a single impact made it, which is far from the mean forces, it is no "
             "more than that."),
         unit="of a diameter", warning=_SOFT, bad=_TOO_SOFT,
     ),
-    Rule("largest Biot number", _reached_biot, _ONE_TEMPERATURE, _LOWER_BIOT, warning=_BIOT,
-        bad=1.0),
+    Rule(
+        "largest Biot number", lambda run: run.summary("heat", "max_biot"), _ONE_TEMPERATURE,
+        _LOWER_BIOT, warning=_BIOT, bad=1.0,
+    ),
 )  # fmt: skip
 """What is checked of a run."""
 
@@ -308,11 +281,9 @@ def _densities(run: Prepared) -> Iterator[Measured]:
 
 
 def _young(run: Prepared) -> Iterator[Measured]:
-    return (
-        Measured(table.young, name)
-        for name, table in run.scenario.materials.items()
-        if table.young is not None
-    )
+    for name, table in run.scenario.materials.items():
+        if table.young is not None:
+            yield Measured(table.young, name)
 
 
 def _diameters(run: Prepared) -> Iterator[Measured]:
@@ -324,15 +295,10 @@ def _diameters(run: Prepared) -> Iterator[Measured]:
 
 
 def _friction(run: Prepared) -> Iterator[Measured]:
-    named = [
-        ("", run.model.laws),
-        *(
-            (f"stage {stage.name}", stage.laws)
-            for stage in run.plan.stages
-            if stage.laws is not None
-        ),
-    ]
-    for name, laws in named:
+    stages = [(f"stage {stage.name}", stage.laws) for stage in run.plan.stages]
+    for name, laws in [("", run.model.laws), *stages]:
+        if laws is None:
+            continue
         values = np.concatenate([laws.friction.ravel(), laws.table_friction])
         values = values[np.isfinite(values)]
         if values.size:
@@ -344,26 +310,29 @@ def _temperatures(run: Prepared) -> Iterator[Measured]:
     if heat is None or thermal is None:
         return
     yield Measured(float(run.state.temperature(thermal).min()), "coldest grain")
-    for stage in run.plan.stages:
-        conditions = (
-            []
-            if stage.heat is None
-            else stage.heat.conditions.started([0.0] * len(run.plan.stages))
-        )
-        for name, wall in zip(run.model.walls.names, conditions, strict=False):
-            if wall.kind == "temperature" and wall.signal is not None:
-                yield Measured(wall.signal.value(0.0), f"wall {name} in stage {stage.name}")
+    for name, wall, _, stage in _wall_conditions(run):
+        if wall.signal is not None:
+            yield Measured(wall.signal.value(0.0), f"wall {name} in stage {stage}")
     if heat.ambient is not None:
         yield Measured(heat.ambient.temperature, "fluid")
     if heat.radiation is not None and heat.radiation.surroundings is not None:
         yield Measured(heat.radiation.surroundings, "surroundings")
 
 
+def _wall_conditions(run: Prepared) -> Iterator[tuple[str, WallHeat, int, str]]:
+    """Walls of prescribed temperature: name, condition and index, and the stage's name."""
+    starts = [0.0] * len(run.plan.stages)
+    for stage in run.plan.stages:
+        conditions = [] if stage.heat is None else stage.heat.conditions.started(starts)
+        for w, (name, wall) in enumerate(zip(run.model.walls.names, conditions, strict=False)):
+            if wall.kind == "temperature":
+                yield name, wall, w, stage.name
+
+
 def _melting(scenario: Scenario, model: Model) -> Floats:
     """Temperature that each material bears [K], shape ``(k,)``."""
-    return np.array(
-        [scenario.materials[name].melting or _HOTTEST_SOLID for name in model.materials]
-    )
+    tables = (scenario.materials[name] for name in model.materials)
+    return np.array([table.melting or _HOTTEST_SOLID for table in tables])
 
 
 def _of_grains(scenario: Scenario, model: Model, temperature: Floats) -> Iterator[Measured]:
@@ -371,9 +340,8 @@ def _of_grains(scenario: Scenario, model: Model, temperature: Floats) -> Iterato
     for k, limit in enumerate(_melting(scenario, model)):
         of_it = temperature[model.grains.material == k]
         if of_it.size:
-            yield Measured(
-                float(of_it.max() / limit), f"{of_it.max():.5g} K, a grain of {model.materials[k]}"
-            )
+            about = f"{of_it.max():.5g} K, a grain of {model.materials[k]}"
+            yield Measured(float(of_it.max() / limit), about)
 
 
 def _hot(run: Prepared) -> Iterator[Measured]:
@@ -386,18 +354,9 @@ def _hot(run: Prepared) -> Iterator[Measured]:
         float(melting[shapes.material[shapes.wall == w]].min(initial=_HOTTEST_SOLID))
         for w in range(model.wall_count)
     ]
-    for stage in run.plan.stages:
-        conditions = (
-            []
-            if stage.heat is None
-            else stage.heat.conditions.started([0.0] * len(run.plan.stages))
-        )
-        for name, limit, wall in zip(model.walls.names, bears, conditions, strict=False):
-            if wall.kind == "temperature":
-                hottest = wall.signal.largest()
-                yield Measured(
-                    hottest / limit, f"{hottest:.5g} K, wall {name} in stage {stage.name}"
-                )
+    for name, wall, w, stage in _wall_conditions(run):
+        hottest = wall.signal.largest()
+        yield Measured(hottest / bears[w], f"{hottest:.5g} K, wall {name} in stage {stage}")
 
 
 def _temperature_reached(run: Recorded) -> Iterator[Measured]:
@@ -405,10 +364,8 @@ def _temperature_reached(run: Recorded) -> Iterator[Measured]:
     model = run.run.model
     if not run.has_steps or model.thermal is None or run.planned is None:
         return
-    scenario = run.planned[0]
-    hottest = float(
-        run.series("temperature_max").max(initial=run.info["heat"]["temperature"]["max"])
-    )
+    scenario, last = run.planned[0], run.info["heat"]["temperature"]["max"]
+    hottest = float(run.series("temperature_max").max(initial=last))
     bears = float(_melting(scenario, model)[model.grains.material].max(initial=0.0))
     if bears > 0.0:
         yield Measured(hottest / bears, f"{hottest:.5g} K, the hottest grain so far")
@@ -509,25 +466,17 @@ def _of_loads(run: Prepared) -> Iterator[Measured]:
     for stage, drives in zip(run.plan.stages, run.drives, strict=True):
         length = 1.0 if stage.length is None else stage.length
         for w, drive in enumerate(drives):
-            dofs = (
+            for dof, mass, lever in (
                 (drive.x, walls.mass[w], 1.0),
                 (drive.y, walls.mass[w], 1.0),
                 (drive.spin, walls.inertia[w], walls.length[w]),
-            )
-            for dof, mass, lever in dofs:
+            ):
                 load = _largest_load(dof, float(walls.length[w]), length)
                 if load > 0.0:
-                    way = (
-                        load
-                        * stage.dt
-                        * stage.dt
-                        / (float(mass) + 0.5 * stage.dt * dof.damping)
-                        * float(lever)
-                    )
-                    yield Measured(
-                        _DOUBLE * way / _smallest(run),
-                        f"load of wall {walls.names[w]} in stage {stage.name}",
-                    )
+                    inertia = float(mass) + 0.5 * stage.dt * dof.damping
+                    way = load * stage.dt * stage.dt / inertia * float(lever)
+                    about = f"load of wall {walls.names[w]} in stage {stage.name}"
+                    yield Measured(_DOUBLE * way / _smallest(run), about)
 
 
 def _largest_load(dof: DofDrive, length: float, duration: float) -> float:
@@ -570,24 +519,18 @@ ROUNDING: tuple[Rule[Prepared], ...] = (
 
 
 def _disk(run: Prepared) -> Iterator[Measured]:
-    place = run.directory.absolute()
+    place, needed = run.directory.absolute(), run.cost.disk_peak
     while not place.exists():
         place = place.parent
     free = shutil.disk_usage(place).free
-    if run.cost.disk_peak is not None:
-        yield Measured(
-            run.cost.disk_peak / max(free, 1),
-            f"{format_bytes(run.cost.disk_peak)} of {format_bytes(free)}",
-        )
+    if needed is not None:
+        yield Measured(needed / max(free, 1), f"{format_bytes(needed)} of {format_bytes(free)}")
 
 
 def _memory(run: Prepared) -> Iterator[Measured]:
-    free = available_memory()
+    free, needed = available_memory(), run.cost.memory
     if free is not None:
-        yield Measured(
-            run.cost.memory / max(free, 1),
-            f"{format_bytes(run.cost.memory)} of {format_bytes(free)}",
-        )
+        yield Measured(needed / max(free, 1), f"{format_bytes(needed)} of {format_bytes(free)}")
 
 
 COST: tuple[Rule[Prepared], ...] = (

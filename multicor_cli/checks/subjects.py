@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from multicor_cli.checks.check import Measured
 from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.model import Model, State
 from multicor_cli.model.model import ContactLaws, Floats
 from multicor_cli.running.estimate import Estimate, estimate
-from multicor_cli.running.plan import RunPlan
+from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.time_step import StepReview, largest_gravity, review_steps
 from multicor_cli.scenario.problems import ScenarioError
@@ -104,48 +105,59 @@ class Recorded:
     @cached_property
     def reviews(self) -> list[StepReview | None]:
         """How the time step of each stage compares with what it needs; None for frozen stages."""
-        return (
-            []
-            if self.planned is None
-            else review_steps(self.planned[0], self.run.model, self.planned[1])
-        )
+        if self.planned is None:
+            return []
+        return review_steps(self.planned[0], self.run.model, self.planned[1])
 
     @cached_property
     def gravity(self) -> Floats:
         """Gravity at the newest checkpoint [m/s²], shape ``(2,)``; the domain's without a plan."""
         starts = [0.0, *(end["time"] for end in self.info["stage_ends"])]
-        if self.planned is None or self.info["stage"] is None:
-            return self.run.model.gravity
-        number = min(int(self.info["stage"]), len(self.planned[1].stages) - 1)
-        gravity = self.planned[1].stages[number].gravity
-        if gravity is None or number >= len(starts):
+        number = self._stage
+        gravity = None if number is None else self._stages[number].gravity
+        if number is None or gravity is None or number >= len(starts):
             return self.run.model.gravity
         return gravity.started(starts).value(self.info["time"] - starts[number])
+
+    @property
+    def _stages(self) -> Sequence[StagePlan]:
+        return [] if self.planned is None else self.planned[1].stages
+
+    @property
+    def _stage(self) -> int | None:
+        """Index of the newest stage; None where no plan is known."""
+        if not self._stages or self.info["stage"] is None:
+            return None
+        return min(int(self.info["stage"]), len(self._stages) - 1)
 
     @cached_property
     def largest_gravity(self) -> float:
         """Largest gravity in any stage [m/s²]; that of the domain where no plan is known."""
         model = self.run.model
-        stages = [] if self.planned is None else self.planned[1].stages
-        return max(
-            (largest_gravity(stage, model)[2] for stage in stages),
-            default=math.hypot(*model.gravity.tolist()),
-        )
+        largest = (largest_gravity(stage, model)[2] for stage in self._stages)
+        return max(largest, default=math.hypot(*model.gravity.tolist()))
 
     def laws(self, stage: int) -> ContactLaws:
         """Contact laws of a stage; those of the model where the plan is not known."""
-        laws = None if self.planned is None else self.planned[1].stages[stage].laws
+        laws = self._stages[stage].laws if self._stages else None
         return self.run.model.laws if laws is None else laws
 
     @cached_property
     def lifted_walls(self) -> list[int]:
         """Walls whose height follows from forces in the newest stage; none without a known plan."""
-        if self.planned is None or self.info["stage"] is None:
+        number = self._stage
+        if number is None:
             return []
-        stages = self.planned[1].stages
-        number = min(int(self.info["stage"]), len(stages) - 1)
-        drives = stages[number].drives.started([0.0] * (number + 1))
+        drives = self._stages[number].drives.started([0.0] * (number + 1))
         return [w for w, drive in enumerate(drives) if drive.y.is_driven]
+
+    def summary(self, *keys: str) -> Iterator[Measured]:
+        """A number of the summary, if it is known and there are steps, to be judged."""
+        value: Any = self.info
+        for key in keys:
+            value = None if value is None else value.get(key)
+        if self.has_steps and value is not None:
+            yield Measured(value)
 
     @property
     def has_steps(self) -> bool:

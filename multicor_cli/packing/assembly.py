@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model import Grains, Model, Presence, ShapeKind, State, Thermal
 from multicor_cli.model.columns import RADIUS, SPIN, X, Y
-from multicor_cli.model.model import LEAST_DIAMETERS, LEAST_THROAT, SHAPE_FACTOR, Floats, Ints
+from multicor_cli.model.model import LEAST_DIAMETERS, LEAST_THROAT, SHAPE_FACTOR, Floats
 from multicor_cli.model.state import nudge, nudge_seed
 from multicor_cli.packing.going_on import (
     carried_over,
@@ -21,11 +21,10 @@ from multicor_cli.packing.going_on import (
     placed_walls,
 )
 from multicor_cli.packing.groups import make_group
-from multicor_cli.packing.initial_grains import InitialGrains, Shape, inertias, masses
+from multicor_cli.packing.initial_grains import InitialGrains, inertias, masses
 from multicor_cli.packing.materials import (
     contact_laws,
     group_thermal,
-    joined,
     sizes_problems,
     touching_pairs,
 )
@@ -68,45 +67,35 @@ def place(scenario: Scenario) -> Placed:
         ScenarioError: A packing or a wall cannot be made, or bodies overlap by more than 10⁻³ of
             the smaller radius; there is no run to go on from, or it does not fit.
     """
-    if scenario.start is not None:
-        return _go_on(scenario)
+    source = None
     try:
-        walls = build_walls(scenario)
+        if scenario.start is not None:
+            source = read_source(scenario)
+            problems = misfits(scenario, source)
+            if problems:
+                raise scenario.refuse(*problems)
+            walls = placed_walls(build_walls(scenario, known_bodies(scenario, source)), source)
+        else:
+            walls = build_walls(scenario)
     except Refused as error:
         raise scenario.refuse(error) from error
-    groups = _make_groups(scenario, walls)
-    model = replace(_model(scenario, walls, groups), thermal=_thermal(scenario, groups))
+    groups = _make_groups(scenario, walls) if source is None else grains_of(scenario, source)
+    model = _model(scenario, walls, groups)
     _refuse_throats(scenario, model)
-    state = _state(scenario, model, walls, groups)
-    _refuse_overlaps(scenario, model, state, walls)
-    seed = nudge_seed()
-    if seed is not None:
-        state.position = nudge(state.position, model.period, seed)
-    return Placed(replace(model, start_speed=start_speed(scenario, model, state)), state)
-
-
-def _go_on(scenario: Scenario) -> Placed:
-    """Bodies from another run; not nudged: what moved them by an ulp did so when it began."""
-    try:
-        source = read_source(scenario)
-        problems = misfits(scenario, source)
-        if problems:
-            raise scenario.refuse(*problems)
-        walls = placed_walls(build_walls(scenario, known_bodies(scenario, source)), source)
-    except Refused as error:
-        raise scenario.refuse(error) from error
-    groups = grains_of(scenario, source)
-    model = replace(_model(scenario, walls, groups), thermal=_thermal(scenario, groups))
-    _refuse_throats(scenario, model)
-    if source.model.outlets is not None and model.outlets is None:
+    if source is not None and source.model.outlets is not None and model.outlets is None:
         model = replace(model, outlets=())  # grains that are not there stay away
     state = _state(scenario, model, walls, groups)
-    carry_presence(source, model, state)
+    if source is not None:
+        carry_presence(source, model, state)
     _refuse_overlaps(scenario, model, state, walls)
-    model, state = carried_over(scenario, source, model, state)
-    _refuse_unknown_forces(scenario, source, state)
+    if source is not None:
+        model, state = carried_over(scenario, source, model, state)
+        _refuse_unknown_forces(scenario, source, state)
+    elif (seed := nudge_seed()) is not None:
+        # A run that goes on is not nudged: what moved it by an ulp did so when it began
+        state.position = nudge(state.position, model.period, seed)
     model = replace(model, start_speed=start_speed(scenario, model, state))
-    return Placed(model, state, origin_of(source, model))
+    return Placed(model, state, None if source is None else origin_of(source, model))
 
 
 def _refuse_unknown_forces(scenario: Scenario, source: Source, state: State) -> None:
@@ -133,19 +122,25 @@ def _refuse_unknown_forces(scenario: Scenario, source: Source, state: State) -> 
 def _make_groups(scenario: Scenario, walls: BuiltWalls) -> list[InitialGrains]:
     """The grains of all groups; problems of all groups are reported together."""
     groups: list[InitialGrains] = []
-    errors, placed = [], np.zeros((0, 3))
-    for k in range(len(scenario.particles)):
+    errors, placed, domain = [], np.zeros((0, 3)), scenario.domain
+    for k, table in enumerate(scenario.particles):
         try:
             group = make_group(scenario, k, walls.obstacles(k).with_discs(placed))
-            _check_period(scenario, k, float(group.radius.max(initial=0.0)))
+            largest = float(group.radius.max(initial=0.0))
+            if domain.periodic and domain.size[0] < 2.0 * LEAST_DIAMETERS * largest:
+                text = (
+                    f"the period {domain.size[0]:g} m is less than four of the largest diameters, "
+                    f"{2.0 * largest:g} m"
+                )
+                key = "sizes" if table.sizes is not None else "packing"
+                raise Refused((key,), text, "widen the domain or use smaller grains")
         except Refused as error:
             errors.append(error.within("particles", k))
             continue
         groups.append(group)
-        if scenario.particles[k].packing is not None:
-            placed = np.concatenate(
-                [placed, np.column_stack([_wrapped(scenario, group.position), group.radius])]
-            )
+        if table.packing is not None:
+            discs = np.column_stack([_wrapped(scenario, group.position), group.radius])
+            placed = np.concatenate([placed, discs])
     if errors:
         raise scenario.refuse(*errors)
     return groups
@@ -156,20 +151,6 @@ def _wrapped(scenario: Scenario, position: Floats) -> Floats:
     if scenario.domain.periodic:
         center[:, X] = wrap(center[:, X], scenario.domain.size[0])
     return center
-
-
-def _check_period(scenario: Scenario, index: int, largest: float) -> None:
-    sizes, domain = scenario.particles[index].sizes, scenario.domain
-    if domain.periodic and domain.size[0] < 2.0 * LEAST_DIAMETERS * largest:
-        text = (
-            f"the period {domain.size[0]:g} m is less than four of the largest diameters, "
-            f"{2.0 * largest:g} m"
-        )
-        raise Refused(
-            ("sizes",) if sizes is not None else ("packing",),
-            text,
-            "widen the domain or use smaller grains",
-        )
 
 
 def _refuse_throats(scenario: Scenario, model: Model) -> None:
@@ -184,10 +165,8 @@ def _refuse_throats(scenario: Scenario, model: Model) -> None:
     for w, name in enumerate(model.walls.names):
         discs = shapes.geometry[(shapes.wall == w) & (shapes.kind == ShapeKind.DISC), RADIUS]
         meeting = model.grains.radius[_meets(model, w, np.arange(model.grain_count))]
-        left, diameter = (
-            model.period - 2.0 * float(discs.max(initial=0.0)),
-            2.0 * float(meeting.max(initial=0.0)),
-        )
+        left = model.period - 2.0 * float(discs.max(initial=0.0))
+        diameter = 2.0 * float(meeting.max(initial=0.0))
         if left < diameters * diameter:
             text = (
                 f"a disc of the wall '{name}' and its image one period of {model.period:g} m away "
@@ -204,10 +183,21 @@ def _refuse_throats(scenario: Scenario, model: Model) -> None:
 
 
 def _model(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -> Model:
-    names = list(scenario.materials)
-    grains = _grains(scenario, groups)
+    names, mass, inertia = list(scenario.materials), [], []
+    for table, group in zip(scenario.particles, groups, strict=True):
+        density = scenario.materials[table.material].density
+        mass.append(masses(group.radius, density, table.shape, table.thickness))
+        inertia.append(inertias(group.radius, mass[-1], table.shape))
+    counts = [group.radius.size for group in groups]
+    material = np.array([names.index(table.material) for table in scenario.particles], np.int32)
+    grains = Grains(
+        radius=np.concatenate([group.radius for group in groups]),
+        mass=np.concatenate(mass),
+        inertia=np.concatenate(inertia),
+        material=np.repeat(material, counts),
+        group=np.repeat(np.arange(len(groups), dtype=np.int32), counts),
+    )
     touching = touching_pairs(grains, walls.shapes, walls.walls)
-    domain = scenario.domain
     return Model(
         grains=grains,
         shapes=walls.shapes,
@@ -215,10 +205,11 @@ def _model(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -
         laws=contact_laws(names, touching, scenario.law),
         materials=tuple(names),
         groups=tuple(group.name for group in scenario.particles),
-        period=domain.period,
-        gravity=np.array(domain.gravity, float),
+        period=scenario.domain.period,
+        gravity=np.array(scenario.domain.gravity, float),
         shape_factor=SHAPE_FACTOR[scenario.particles[0].shape],
         outlets=tuple(outlet.name for outlet in scenario.outlets) if scenario.is_open else None,
+        thermal=_thermal(scenario, groups),
     )
 
 
@@ -235,30 +226,8 @@ def _thermal(scenario: Scenario, groups: list[InitialGrains]) -> Thermal | None:
             errors.append(error.within("particles", k))
     if errors:
         raise scenario.refuse(*errors)
-    return joined(parts)
-
-
-def _grains(scenario: Scenario, groups: list[InitialGrains]) -> Grains:
-    names = list(scenario.materials)
-    counts = [group.radius.size for group in groups]
-    mass, inertia = [], []
-    for table, group in zip(scenario.particles, groups, strict=True):
-        shape: Shape = table.shape
-        mass.append(
-            masses(group.radius, scenario.materials[table.material].density, shape, table.thickness)
-        )
-        inertia.append(inertias(group.radius, mass[-1], shape))
-    return Grains(
-        radius=np.concatenate([group.radius for group in groups]),
-        mass=np.concatenate(mass),
-        inertia=np.concatenate(inertia),
-        material=_repeat([names.index(table.material) for table in scenario.particles], counts),
-        group=_repeat(list(range(len(groups))), counts),
-    )
-
-
-def _repeat(values: list[int], counts: list[int]) -> Ints:
-    return np.repeat(np.array(values, np.int32), counts)
+    columns = ([getattr(part, each.name) for part in parts] for each in fields(Thermal))
+    return Thermal(*map(np.concatenate, columns))
 
 
 def _state(
@@ -270,9 +239,7 @@ def _state(
     state.velocity = np.concatenate([group.velocity for group in groups])
     state.wall_position[:] = walls.position
     if state.presence.size:
-        waiting = [
-            number for number, table in enumerate(scenario.particles) if table.packing is None
-        ]
+        waiting = [k for k, table in enumerate(scenario.particles) if table.packing is None]
         state.presence[np.isin(model.grains.group, waiting)] = Presence.WAITS
         # Loads the solver, and few scenarios need it
         from multicor_cli.engine.inflow.population import note_presence
@@ -283,28 +250,17 @@ def _state(
 
 def _refuse_overlaps(scenario: Scenario, model: Model, state: State, walls: BuiltWalls) -> None:
     """Refuse overlaps, grains in solid matter, and grains on the wrong side of rough walls."""
-    grains, names, here = model.grains, model.walls.names, np.arange(model.grain_count)[state.here]
+    names, here = model.walls.names, np.arange(model.grain_count)[state.here]
     if not here.size:
         return
     meeting = [here[_meets(model, w, here)] for w in range(model.wall_count)]
-    within = [
+    within = (
         solid_problem(state.position, meeting[w], room, names[w], w)
         for w, room in enumerate(walls.rooms)
-    ]
+    )
     problems = [problem for problem in within if problem is not None]
     told = {problem.where for problem in problems}
-    solid = walls.obstacles()
-    cut = overlap_problems(
-        state.position,
-        grains.radius,
-        grains.group,
-        solid,
-        model.shapes.wall,
-        names,
-        model.period,
-        here,
-        model.is_met,
-    )
+    cut = overlap_problems(state.position, model, walls.obstacles(), here)
     problems += [problem for problem in cut if problem.where not in told]
     for w, front in enumerate(walls.fronts):
         if front is not None:
@@ -335,15 +291,11 @@ def start_speed(scenario: Scenario, model: Model, state: State) -> float:
     along = velocity[:, X] - _imposed(scenario, model, state, spans, state.position[here, Y])
     of_walls = np.where(spans, 0.0, state.wall_velocity[:, X])
     speeds = (
-        _length(along, velocity[:, Y]),
+        np.sqrt(along * along + velocity[:, Y] * velocity[:, Y]),
         radius[here] * np.abs(velocity[:, SPIN]),
-        _length(of_walls, state.wall_velocity[:, Y]),
+        np.sqrt(of_walls * of_walls + state.wall_velocity[:, Y] * state.wall_velocity[:, Y]),
     )
     return max(float(values.max(initial=0.0)) for values in speeds)
-
-
-def _length(x: Floats, y: Floats) -> Floats:
-    return np.sqrt(x * x + y * y)
 
 
 def _imposed(

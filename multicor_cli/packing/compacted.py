@@ -22,7 +22,7 @@ from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.model import ContactLaws, Grains, Model, ShapeKind, State, WallBody
 from multicor_cli.model.columns import NORMAL, SPIN, X, Y
 from multicor_cli.model.model import SHAPE_FACTOR, Floats
-from multicor_cli.packing.initial_grains import PackingRegion, Shape, inertias, masses
+from multicor_cli.packing.initial_grains import PackingRegion, Shape, inertias
 from multicor_cli.packing.walls import join_shapes, join_walls
 from multicor_cli.scenario.problems import Refused
 
@@ -42,9 +42,8 @@ def compact(
     radius: Floats,
     region: PackingRegion,
     *,
-    density: float,
+    mass: Floats,
     shape: Shape,
-    thickness: float | None,
     pressure: float,
     friction: float,
     kinetic_energy_ratio: float,
@@ -52,38 +51,34 @@ def compact(
     """Press a packing without overlaps together: new centers [m], shape ``(n, 2)``.
 
     ``region``'s bottom is the floor, its top where the lid starts; it has sides unless it is
-    periodic. Density [kg/m³] and thickness [m] are those of the grains; the load on the lid per
-    length is ``pressure`` [N/m]; ``friction`` is that of all bodies meanwhile. The packing is at
-    rest when its kinetic energy has fallen to ``kinetic_energy_ratio`` of its largest value; if it
-    does not come to rest, or the engine fails, it is `Refused`.
+    periodic. Masses [kg] have shape ``(n,)``; the load on the lid per length is ``pressure`` [N/m];
+    ``friction`` is that of all bodies meanwhile. The packing is at rest when its kinetic energy has
+    fallen to ``kinetic_energy_ratio`` of its largest value; if it does not come to rest, or the
+    engine fails, it is `Refused`.
     """
     from multicor_cli.engine import PhysicsError
 
-    mass = masses(radius, density, shape, thickness)
     model, state = _press(position, radius, mass, region, shape, friction)
     beat = math.sqrt(mean(mass) / pressure)
     load = pressure * region.width
     drag = load * beat / (_APPROACH * region.height)
     lid = WallDrive(y=DofDrive(force=Constant(-load), damping=drag))
-    press = _Press(model, state, lid, load, _STEP * beat)
+    press, at_rest = _Press(model, state, lid, load, _STEP * beat), kinetic_energy_ratio
     try:
-        press.close()
-        if press.wait(kinetic_energy_ratio, _PATIENCE):
-            return state.position[:, :2].copy()
-        press.hold()
-        if press.wait(kinetic_energy_ratio, _MOST_STEPS):
-            return state.position[:, :2].copy()
+        # The lid comes down until the grains carry it and most of the motion is over
+        press.advance(_MOST_STEPS, motion=0.02, imbalance=0.2)
+        if not press.advance(_PATIENCE, motion=at_rest, imbalance=_BALANCE):
+            press.hold()
+            if not press.advance(_MOST_STEPS, motion=at_rest, imbalance=_BALANCE):
+                raise Refused(
+                    ("packing", "kinetic_energy_ratio"),
+                    f"the packing has not come to rest within {press.steps} steps of compaction",
+                    "raise kinetic_energy_ratio",
+                )
     except PhysicsError as error:
-        raise Refused(
-            ("packing",),
-            f"the compaction failed: {error}",
-            "start from a lower fill or a larger region",
-        ) from error
-    raise Refused(
-        ("packing", "kinetic_energy_ratio"),
-        f"the packing has not come to rest within {press.steps} steps of compaction",
-        "raise kinetic_energy_ratio",
-    )
+        remedy = "start from a lower fill or a larger region"
+        raise Refused(("packing",), f"the compaction failed: {error}", remedy) from error
+    return state.position[:, :2].copy()
 
 
 class _Press:
@@ -105,30 +100,21 @@ class _Press:
         self._engine = Engine(model, self.state)
         self._engine.begin(Orders(self._drives, settings))
 
-    def _advance(self) -> tuple[float, float]:
-        """One step; returns kinetic energy over its peak, and |lid's force − load| over load."""
+    def advance(self, most: int, *, motion: float, imbalance: float) -> bool:
+        """Step until both have fallen so far; False if they have not after ``most`` steps.
+
+        ``motion`` is the kinetic energy over its peak, ``imbalance`` |lid's force − load| over the
+        load.
+        """
         state = self.state
-        self._engine.step(self.dt, self.steps * self.dt)
-        self.steps += 1
-        kinetic = _kinetic(self.model, state)
-        self._peak = max(self._peak, kinetic)
-        state.velocity *= 1.0 - _DAMPING
-        return kinetic / self._peak if self._peak > 0.0 else 0.0, abs(
-            _carried(self.model, state) / self.load - 1.0
-        )
-
-    def close(self) -> None:
-        """Bring the lid down until the grains carry it and most of the motion is over."""
-        for _ in range(_MOST_STEPS):
-            motion, imbalance = self._advance()
-            if motion < 0.02 and imbalance < 0.2:
-                return
-
-    def wait(self, ratio: float, steps: int) -> bool:
-        """Step until the motion has fallen to ``ratio``; False if it has not after ``steps``."""
-        for _ in range(steps):
-            motion, imbalance = self._advance()
-            if motion <= ratio and imbalance <= _BALANCE:
+        for _ in range(most):
+            self._engine.step(self.dt, self.steps * self.dt)
+            self.steps += 1
+            kinetic = _kinetic(self.model, state)
+            self._peak = max(self._peak, kinetic)
+            state.velocity *= 1.0 - _DAMPING
+            left = kinetic / self._peak if self._peak > 0.0 else 0.0
+            if left <= motion and abs(_carried(self.model, state) / self.load - 1.0) <= imbalance:
                 return True
         return False
 
@@ -147,29 +133,26 @@ def _press(
     friction: float,
 ) -> tuple[Model, State]:
     """Grains between a floor and a lid, with sides unless the region is periodic."""
-    floor, lid = (
-        WallBody.empty((region.left, region.bottom), region.width),
-        WallBody.empty((region.left, region.top), region.width),
-    )
-    bodies = [floor.with_shapes(ShapeKind.PLANE, [_UP]), lid.with_shapes(ShapeKind.PLANE, [_DOWN])]
     names = ["floor", "lid"]
+    bodies = [
+        WallBody.empty((region.left, height), region.width).with_shapes(ShapeKind.PLANE, [plane])
+        for height, plane in ((region.bottom, _UP), (region.top, _DOWN))
+    ]
     if not region.is_periodic:
         half = 0.5 * region.width
         middle = 0.5 * (region.left + region.right), 0.5 * (region.bottom + region.top)
         sides = [(-half, 0.0, 1.0, 0.0), (half, 0.0, -1.0, 0.0)]
-        bodies.append(
-            WallBody.empty(middle, 2.0 * region.height).with_shapes(ShapeKind.PLANE, sides)
-        )
+        both = WallBody.empty(middle, 2.0 * region.height).with_shapes(ShapeKind.PLANE, sides)
+        bodies.append(both)
         names.append("sides")
     # As heavy as one layer of grains: it neither rattles nor drags.
     lid_mass = mean(mass) * region.width / (2.0 * mean(radius))
     inertia = [(lid_mass if k == _LID else math.nan, math.nan) for k in range(len(bodies))]
-    count = radius.size
     one, none = np.full((1, 1), friction), np.zeros(0)
     laws = ContactLaws(
         one, np.zeros((1, 1)), np.full((1, 1), -1, np.int32), np.zeros(1, np.int32), none, none
     )
-    index = np.zeros(count, np.int32)
+    index = np.zeros(radius.size, np.int32)
     model = Model(
         grains=Grains(radius, mass, inertias(radius, mass, shape), index, index),
         shapes=join_shapes(bodies, [0] * len(bodies)),
@@ -188,10 +171,9 @@ def _press(
 
 def _kinetic(model: Model, state: State) -> float:
     """Kinetic energy of the grains and of the lid [J]."""
-    v = state.velocity
-    square = model.grains.mass * (v[:, X] * v[:, X] + v[:, Y] * v[:, Y]) + model.grains.inertia * (
-        v[:, SPIN] * v[:, SPIN]
-    )
+    v, grains = state.velocity, model.grains
+    square = grains.mass * (v[:, X] * v[:, X] + v[:, Y] * v[:, Y])
+    square += grains.inertia * (v[:, SPIN] * v[:, SPIN])
     lid = float(state.wall_velocity[_LID, 1])
     return 0.5 * total(square) + 0.5 * float(model.walls.mass[_LID]) * lid * lid
 

@@ -45,11 +45,8 @@ def deposit(radius: Floats, region: PackingRegion, obstacles: Obstacles, rng: St
     fit, `Refused` says how many do.
     """
     if not region.is_periodic and 2.0 * radius.max() > region.width:
-        text = (
-            f"the largest diameter, {2.0 * radius.max():g} m, exceeds the width of the region, "
-            f"{region.width:g} m"
-        )
-        raise Refused((), text, "widen the region")
+        text = f"the largest diameter, {2.0 * radius.max():g} m, exceeds the width of the region, "
+        raise Refused((), f"{text}{region.width:g} m", "widen the region")
     left = 0.0 if region.is_periodic else region.left
     top = min([region.top, *(height for height in obstacles.lids if height > region.bottom)])
     sides = np.array([left, region.bottom, left + region.width, top])
@@ -61,11 +58,8 @@ def deposit(radius: Floats, region: PackingRegion, obstacles: Obstacles, rng: St
         uniform = rng.random(max(_BATCH, radius.size - done))
         done, tried = drop_and_roll(field, fixed, done, tried, _ATTEMPTS, uniform, sides)
         if tried >= _ATTEMPTS:
-            filled = (
-                np.pi
-                * total(radius[:done] * radius[:done])
-                / (region.width * (top - region.bottom))
-            )
+            area = region.width * (top - region.bottom)
+            filled = np.pi * total(radius[:done] * radius[:done]) / area
             raise _refusal(radius, done, f" (area fraction {filled:.3f})", region, top)
     return field.disc[fixed:, :2].copy()
 
@@ -76,35 +70,28 @@ def _deposit_in_room(
     """As `deposit`, with dummies where grains must not be."""
     # Dummies cover less than the region; large grains, which fit in fewer places, are more often
     # among them than small ones.
+    top = float(sides[-1])
     spare = math.ceil(_SPARE * region.area / (math.pi * mean(radius * radius)))
-    field, fixed = make_field(
-        radius[np.arange(radius.size + spare) % radius.size], region, obstacles, float(sides[-1])
-    )
+    sizes = radius[np.arange(radius.size + spare) % radius.size]
+    field, fixed = make_field(sizes, region, obstacles, top)
     level = field.grids.level[fixed : fixed + radius.size].copy()
     kept: list[int] = []
     for d in range(fixed, len(field.disc)):
         i = len(kept)
         field.disc[d, RADIUS], field.grids.level[d] = radius[i], level[i]
-        so_far = field._replace(disc=field.disc[: d + 1])  # one grain at a time
-        if (
-            drop_and_roll(so_far, fixed, d - fixed, 0, _ATTEMPTS, rng.random(_ATTEMPTS), sides)[0]
-            == d - fixed
-        ):
+        so_far, places = field._replace(disc=field.disc[: d + 1]), rng.random(_ATTEMPTS)
+        done, _ = drop_and_roll(so_far, fixed, d - fixed, 0, _ATTEMPTS, places, sides)
+        if done == d - fixed:
             break
         if obstacles.room.clearance(field.disc[d : d + 1, :2])[0] >= radius[i] * (1.0 - _SLACK):
             kept.append(d)
         if len(kept) == radius.size:
             return field.disc[kept, :2].copy()
-    raise _refusal(radius, len(kept), "", region, float(sides[-1]))
+    raise _refusal(radius, len(kept), "", region, top)
 
 
 def _refusal(radius: Floats, done: int, more: str, region: PackingRegion, top: float) -> Refused:
     under = f" up to the rough wall above them at y = {top:g} m" if top < region.top else ""
     text = f"{radius.size} grains do not fit: the region is full{under} with {done} of them{more}"
-    return Refused(
-        (),
-        text,
-        "raise the wall, or ask for fewer grains"
-        if under
-        else "enlarge the region or ask for fewer grains",
-    )
+    larger = "raise the wall, or" if under else "enlarge the region or"
+    return Refused((), text, f"{larger} ask for fewer grains")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import difflib
+import functools
 import math
 import warnings
 from collections.abc import Iterator
@@ -44,64 +45,47 @@ _MOST_COMPRESSED = 1100
 _LARGEST_CHUNK = 2**20  # values
 _NUMBERS = "uif"  # kinds of numpy types that are plain numbers
 
+_refused = functools.partial(Refused, _KEY)
+
 
 def read_grains(path: Path, shift: tuple[float, float]) -> InitialGrains:
     """Grains from a file whose name ends in .csv, .h5 or .hdf5; ``shift`` is added to x and y [m].
 
     `Refused` if it is missing, unreadable, too large, or holds something else; rows are named.
     """
-    kind = path.suffix.lower()
-    if kind == ".csv":
-        columns = _read_csv(path)
-    elif kind in (".h5", ".hdf5"):
-        columns = _read_hdf5(path)
-    else:
-        raise Refused(
-            _KEY,
-            f"cannot tell what kind of file '{path.name}' is",
-            "its name must end in .csv, .h5 or .hdf5",
-        )
-    n = columns["x"].size
-    values = [columns.get(name, np.zeros(n)) for name in (*REQUIRED, *OPTIONAL)]
-    x, y, radius, angle, vx, vy, spin = values
-    return InitialGrains(
-        radius,
-        np.column_stack([x + shift[0], y + shift[1], angle]),
-        np.column_stack([vx, vy, spin]),
-    )
+    readers = {".csv": _read_csv, ".h5": _read_hdf5, ".hdf5": _read_hdf5}
+    reader = readers.get(path.suffix.lower())
+    if reader is None:
+        what = f"cannot tell what kind of file '{path.name}' is"
+        raise _refused(what, "its name must end in .csv, .h5 or .hdf5")
+    columns = reader(path)
+    none = np.zeros(columns["x"].size)
+    x, y, radius, angle, vx, vy, spin = (columns.get(name, none) for name in REQUIRED + OPTIONAL)
+    position = np.column_stack([x + shift[0], y + shift[1], angle])
+    return InitialGrains(radius, position, np.column_stack([vx, vy, spin]))
 
 
 def _check_names(names: list[str], path: Path, what: str) -> None:
     """All required names once, and no others."""
     missing = [name for name in REQUIRED if name not in names]
     if missing:
-        raise Refused(
-            _KEY,
-            f"'{path}' has no {what} {', '.join(missing)}",
-            f"it must have {', '.join(REQUIRED)}",
-        )
+        text = f"'{path}' has no {what} {', '.join(missing)}"
+        raise _refused(text, f"it must have {', '.join(REQUIRED)}")
     for k, name in enumerate(names):
         if name in names[:k]:
-            raise Refused(_KEY, f"'{path}' has the {what} '{name}' twice", "remove one")
-        if name not in (*REQUIRED, *OPTIONAL):
+            raise _refused(f"'{path}' has the {what} '{name}' twice", "remove one")
+        if name not in REQUIRED + OPTIONAL:
             near = difflib.get_close_matches(name, OPTIONAL, 1)
-            hint = (
-                f"did you mean '{near[0]}'?"
-                if near
-                else f"remove it; known are {', '.join((*REQUIRED, *OPTIONAL))}"
-            )
-            raise Refused(_KEY, f"'{path}' has an unknown {what} {name[:40]!r}", hint)
+            known = f"remove it; known are {', '.join(REQUIRED + OPTIONAL)}"
+            hint = f"did you mean '{near[0]}'?" if near else known
+            raise _refused(f"'{path}' has an unknown {what} {name[:40]!r}", hint)
 
 
-def _refuse_count(path: Path, n: int) -> None:
+def _check_count(path: Path, n: int) -> None:
     if n == 0:
-        raise Refused(_KEY, f"'{path}' holds no grains", "add one row per grain")
+        raise _refused(f"'{path}' holds no grains", "add one row per grain")
     if n > MAX_GRAINS:
-        raise Refused(_KEY, f"'{path}' holds {n} grains", f"the limit is {MAX_GRAINS}")
-
-
-def _refuse_rows(path: Path, faults: list[str], total: str) -> Refused:
-    return Refused(_KEY, f"'{path}': {'; '.join(faults)}{total}", "correct the file")
+        raise _refused(f"'{path}' holds {n} grains", f"the limit is {MAX_GRAINS}")
 
 
 def _read_csv(path: Path) -> dict[str, Floats]:
@@ -110,59 +94,50 @@ def _read_csv(path: Path) -> dict[str, Floats]:
         _check_names(names, path, "column")
         table = _parse_rows(path, header_line)
         if table is not None:
-            _refuse_count(path, len(table) if table.size else 0)
+            _check_count(path, len(table) if table.size else 0)
             if table.shape[1] == len(names):
                 columns = {name: np.ascontiguousarray(table[:, k]) for k, name in enumerate(names)}
                 if not faulty_rows(columns).size:
                     return columns
-        raise _explain_csv(path, names, header_line)
-
-
-def _parse_rows(path: Path, header_line: int) -> Floats | None:
-    """Rows below the header, `MAX_GRAINS` + 1 at most; None if they are not a table of numbers."""
-    try:
-        with warnings.catch_warnings(action="ignore"):  # about empty lines and files
-            lines = text_lines(path, MAX_BYTES)
-            return np.loadtxt(
-                lines,
-                delimiter=",",
-                skiprows=header_line,
-                ndmin=2,
-                max_rows=MAX_GRAINS + 1,
-                dtype=float,
-            )
-    except ValueError:
-        return None
+        faults = _csv_faults(path, names, header_line) or ["the rows cannot be read as numbers"]
+    raise _refused(f"'{path}': {'; '.join(faults)}", "correct the file")
 
 
 def _read_header(path: Path) -> tuple[list[str], int]:
     """Names of the columns, and number of their line: the first neither empty nor a comment."""
     for number, line in enumerate(text_lines(path, MAX_BYTES), 1):
         if line.strip() and not line.startswith("#"):
-            cells = next(csv.reader([line]))
-            return [cell.strip() for cell in cells], number
-    raise Refused(
-        _KEY, f"'{path}' is empty", f"its first line must name the columns, as {','.join(REQUIRED)}"
-    )
+            return [cell.strip() for cell in next(csv.reader([line]))], number
+    names = ",".join(REQUIRED)
+    raise _refused(f"'{path}' is empty", f"its first line must name the columns, as {names}")
 
 
-def _explain_csv(path: Path, names: list[str], header_line: int) -> Refused:
-    """Read a faulty file again, slowly, and name the first faulty lines."""
+def _parse_rows(path: Path, header_line: int) -> Floats | None:
+    """Rows below the header, `MAX_GRAINS` + 1 at most; None if they are not a table of numbers."""
+    lines, most = text_lines(path, MAX_BYTES), MAX_GRAINS + 1
+    try:
+        with warnings.catch_warnings(action="ignore"):  # about empty lines and files
+            return np.loadtxt(
+                lines, float, delimiter=",", skiprows=header_line, ndmin=2, max_rows=most
+            )
+    except ValueError:
+        return None
+
+
+def _csv_faults(path: Path, names: list[str], header_line: int) -> list[str]:
+    """The first faulty lines of a file, which is read again, slowly."""
     faults: list[str] = []
     for number, line in enumerate(text_lines(path, MAX_BYTES), 1):
         text = line.split("#", 1)[0]
         if number <= header_line or not text.strip():
             continue
-        fault = (
-            _line_fault(text, names)
-            if len(line) < LINE_LIMIT
-            else f"has more than {LINE_LIMIT} characters"
-        )
+        is_long = len(line) >= LINE_LIMIT
+        fault = f"has more than {LINE_LIMIT} characters" if is_long else _line_fault(text, names)
         if fault and len(faults) == NAMED:
-            return _refuse_rows(path, faults, "; and more")
+            return [*faults, "and more"]
         if fault:
             faults.append(f"line {number}: {fault}")
-    return _refuse_rows(path, faults or ["the rows cannot be read as numbers"], "")
+    return faults
 
 
 def _line_fault(text: str, names: list[str]) -> str:
@@ -190,33 +165,26 @@ def _read_hdf5(path: Path) -> dict[str, Floats]:
         ):
             names = list(file)
             if "particles" in names and "model" in names:
-                raise Refused(
-                    _KEY,
-                    f"'{path}' is the result of a run",
-                    'use packing kind = "run" with the run directory',
-                )
+                remedy = 'use packing kind = "run" with the run directory'
+                raise _refused(f"'{path}' is the result of a run", remedy)
             _check_names(names, path, "dataset")
             sizes = {name: _dataset_size(file, name, path) for name in names}
-            _refuse_count(path, sizes["x"])
+            _check_count(path, sizes["x"])
             for name, size in sizes.items():
                 if size != sizes["x"]:
-                    raise Refused(
-                        _KEY,
-                        f"'{path}': {name} has {size} values and x has {sizes['x']}",
-                        "give one per grain",
-                    )
+                    what = f"'{path}': {name} has {size} values and x has {sizes['x']}"
+                    raise _refused(what, "give one per grain")
             with np.errstate(over="ignore"):  # long doubles become infinite, which is refused below
                 columns = {name: np.asarray(file[name][()], float) for name in names}
     except Refused:
         raise
     # The last two: types that NumPy does not have
     except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:
-        raise Refused(
-            _KEY, f"cannot read '{path}' as HDF5: {error}", "check the file, it may be damaged"
-        ) from None
+        what = f"cannot read '{path}' as HDF5: {error}"
+        raise _refused(what, "check the file, it may be damaged") from None
     faults = describe_faults(columns)
     if faults:
-        raise _refuse_rows(path, [faults], "")
+        raise _refused(f"'{path}': {faults}", "correct the file")
     return columns
 
 
@@ -226,43 +194,28 @@ def _dataset_size(file: Any, name: str, path: Path) -> int:
 
     link = file.get(name, getlink=True)
     item = file[name] if isinstance(link, h5py.HardLink) else None
+    fault = None
     if not isinstance(item, h5py.Dataset) or item.is_virtual or item.external:
-        raise Refused(
-            _KEY,
-            f"'{path}': {name} is not a dataset stored in this file",
-            "store the numbers themselves",
-        )
-    if item.dtype.kind not in _NUMBERS or len(item.shape or ()) != 1:
-        raise Refused(
-            _KEY,
-            f"'{path}': {name} is not a one-dimensional array of numbers",
-            "store one number per grain",
-        )
-    if item.size * item.dtype.itemsize > _MOST_COMPRESSED * max(1, item.id.get_storage_size()):
-        raise Refused(
-            _KEY,
-            f"'{path}': {name} has more values than are stored in the file",
-            "store every value",
-        )
-    # One chunk is unpacked whole
-    if math.prod(item.chunks or (0,)) > max(item.size, _LARGEST_CHUNK):
-        raise Refused(
-            _KEY,
-            f"'{path}': {name} is stored in chunks of {item.chunks[0]} values",
-            "use smaller chunks",
-        )
+        fault = "is not a dataset stored in this file", "store the numbers themselves"
+    elif item.dtype.kind not in _NUMBERS or len(item.shape or ()) != 1:
+        fault = "is not a one-dimensional array of numbers", "store one number per grain"
+    elif item.size * item.dtype.itemsize > _MOST_COMPRESSED * max(1, item.id.get_storage_size()):
+        fault = "has more values than are stored in the file", "store every value"
+    elif math.prod(item.chunks or (0,)) > max(item.size, _LARGEST_CHUNK):
+        # One chunk is unpacked whole
+        fault = f"is stored in chunks of {item.chunks[0]} values", "use smaller chunks"
+    if fault:
+        raise _refused(f"'{path}': {name} {fault[0]}", fault[1])
+    assert item is not None  # that is a fault
     return int(item.shape[0])
 
 
 # ---- Initial temperatures from a text file: one number per line.
 #
-# The file comes from elsewhere and is not trusted: its size is checked before memory is taken, and
-# what is wrong is named with its line. Empty lines and what follows a `#` are left out.
+# Empty lines and what follows a `#` are left out.
 
 MAX_TEXT_BYTES = 2**31
 """Largest file: more than 40 characters for each of the most grains there can be."""
-
-_TEMPERATURE_KEY = ("temperature", "file")
 
 
 def read_temperatures(path: Path) -> Floats:
@@ -270,29 +223,25 @@ def read_temperatures(path: Path) -> Floats:
 
     `Refused` if it is missing, unreadable, too large, or holds something else; lines are named.
     """
-    values: list[float] = []
-    faults: list[str] = []
-    with reading_input(path, "text in UTF-8, one temperature per line", _TEMPERATURE_KEY):
+    key, values, faults = ("temperature", "file"), [], []
+    with reading_input(path, "text in UTF-8, one temperature per line", key):
         for number, text in _lines(path):
-            value, fault = _parse(text)
-            if fault:
-                faults.append(f"line {number}: {fault}")
+            value = 0.0
+            try:
+                value = float(text)
+                fault = find_fault("temperature", value)
+            except ValueError:
+                fault = f"{text[:40]!r} is not a number"
+            faults += [f"line {number}: {fault}"] if fault else []
             values.append(value)
             if len(faults) > NAMED or len(values) > MAX_GRAINS:
                 break
     if faults:
-        more = "; and more" if len(faults) > NAMED else ""
-        raise Refused(
-            _TEMPERATURE_KEY,
-            f"'{path}': {'; '.join(faults[:NAMED])}{more}",
-            "give one temperature in kelvin per line",
-        )
+        what = f"'{path}': {'; '.join(faults[:NAMED])}{'; and more' if faults[NAMED:] else ''}"
+        raise Refused(key, what, "give one temperature in kelvin per line")
     if len(values) > MAX_GRAINS:
-        raise Refused(
-            _TEMPERATURE_KEY,
-            f"'{path}' holds more than {MAX_GRAINS} temperatures",
-            "give one per grain",
-        )
+        what = f"'{path}' holds more than {MAX_GRAINS} temperatures"
+        raise Refused(key, what, "give one per grain")
     return np.array(values, float)
 
 
@@ -307,12 +256,3 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
             if text:
                 yield number, f"{text[:40]}…" if is_cut else text
         is_rest = is_cut
-
-
-def _parse(text: str) -> tuple[float, str]:
-    """The temperature [K], and what is wrong with it; empty if nothing is."""
-    try:
-        value = float(text)
-    except ValueError:
-        return 0.0, f"{text[:40]!r} is not a number"
-    return value, find_fault("temperature", value)

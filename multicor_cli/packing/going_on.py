@@ -32,68 +32,39 @@ _RUN = ("start", "run")
 
 def misfits(scenario: Scenario, source: Source) -> list[Refused]:
     """What of a scenario does not fit to the run that it goes on from."""
-    what = f"the run '{source.path}'"
+    what, before = f"the run '{source.path}'", source.model
+    verify = "check {} with multicor verify".format
     if not scenario.particles:
-        return [
-            Refused(
-                _RUN, f"the scenario of {what} cannot be read", "check the run with multicor verify"
-            )
-        ]
+        return [Refused(_RUN, f"the scenario of {what} cannot be read", verify("the run"))]
     found, domain = [], scenario.domain
     groups = tuple(group.name for group in scenario.particles)
-    if groups != source.model.groups:
-        text = (
-            f"{what} has the groups {', '.join(source.model.groups)}, the scenario "
-            f"{', '.join(groups)}"
-        )
-        found.append(
-            Refused(
-                ("particles",),
-                text,
-                "remove [[particles]], or name the groups of the run in their order",
-            )
-        )
+    if groups != before.groups:
+        text = f"{what} has the groups {', '.join(before.groups)}, the scenario {', '.join(groups)}"
+        remedy = "remove [[particles]], or name the groups of the run in their order"
+        found.append(Refused(("particles",), text, remedy))
     shape = scenario.particles[0].shape
-    if SHAPE_FACTOR[shape] != source.model.shape_factor:
+    if SHAPE_FACTOR[shape] != before.shape_factor:
+        remedy = "remove [[particles]], or use the shape that they have in the run"
         text = f"{what} has other grains than {shape}s"
-        found.append(
-            Refused(
-                ("particles", 0, "shape"),
-                text,
-                "remove [[particles]], or use the shape that they have in the run",
-            )
-        )
-    if (np.diff(source.model.grains.group) < 0).any():
-        found.append(
-            Refused(
-                _RUN,
-                f"{what} has grains that are not in the order of its groups",
-                "check it with multicor verify",
-            )
-        )
-    if domain.period != source.model.period:
-        text = (
-            f"the period is {domain.period:g} m, that of {what} {source.model.period:g} m (0: none)"
-        )
+        found.append(Refused(("particles", 0, "shape"), text, remedy))
+    if (np.diff(before.grains.group) < 0).any():
+        text = f"{what} has grains that are not in the order of its groups"
+        found.append(Refused(_RUN, text, verify("it")))
+    if domain.period != before.period:
+        text = f"the period is {domain.period:g} m, that of {what} {before.period:g} m (0: none)"
         found.append(Refused(("domain", "size"), text, "use the size and periodic of that run"))
-    return found + _outside(scenario, source)
-
-
-def _outside(scenario: Scenario, source: Source) -> list[Refused]:
-    """Grains beyond a domain other than the run's; what has left its own may stay outside."""
-    size, before = scenario.domain.size, source.size
-    if before is None or before == size:
-        return []
-    center = source.state.position[source.state.here, :2]
-    is_outside = (center < 0.0) | (center > np.array(size))
-    if source.model.period > 0.0:
-        is_outside = is_outside[:, Y:]
-    count = int(np.count_nonzero(is_outside.any(axis=1)))
-    if not count:
-        return []
-    room = f"{size[0]:g} × {size[1]:g} m (there: {before[0]:g} × {before[1]:g} m)"
-    text = f"{count} grains of the run '{source.path}' lie outside {room}"
-    return [Refused(("domain", "size"), text, "enlarge the domain, or use that of the run")]
+    # Grains beyond a domain other than the run's; what has left its own may stay outside
+    if source.size is not None and source.size != domain.size:
+        center = source.state.position[source.state.here, :2]
+        is_outside = (center < 0.0) | (center > np.array(domain.size))
+        if before.period > 0.0:
+            is_outside = is_outside[:, Y:]
+        count = int(np.count_nonzero(is_outside.any(axis=1)))
+        room, there = (f"{width:g} × {height:g} m" for width, height in (domain.size, source.size))
+        text = f"{count} grains of {what} lie outside {room} (there: {there})"
+        remedy = "enlarge the domain, or use that of the run"
+        found += [Refused(("domain", "size"), text, remedy)] if count else []
+    return found
 
 
 def grains_of(scenario: Scenario, source: Source) -> list[InitialGrains]:
@@ -103,9 +74,8 @@ def grains_of(scenario: Scenario, source: Source) -> list[InitialGrains]:
     for k, group in enumerate(scenario.particles):
         mine = np.flatnonzero(grains.group == k)
         warmth = None if temperature is None else temperature[mine]
-        found = InitialGrains(
-            grains.radius[mine], state.position[mine], state.velocity[mine], warmth
-        )
+        place, motion = state.position[mine], state.velocity[mine]
+        found = InitialGrains(grains.radius[mine], place, motion, warmth)
         has_more = any((*group.velocity, group.spin, group.shear_rate))
         # Else -0 would become 0
         groups.append(with_motion(scenario, group, found) if has_more else found)
@@ -114,21 +84,14 @@ def grains_of(scenario: Scenario, source: Source) -> list[InitialGrains]:
 
 def known_bodies(scenario: Scenario, source: Source) -> dict[str, WallBody]:
     """Walls whose geometry is that in the run: rough ones keep their grains, at any seed."""
-    tables = tomllib.loads(scenario.resolved_toml()).get("walls", [])
-    names = source.model.walls.names
-    same = [
-        t["name"]
-        for t in tables
-        if t["name"] in names and t["geometry"] == source.geometries.get(t["name"])
-    ]
-    return {name: _body(source, names.index(name)) for name in same}
-
-
-def _body(source: Source, wall: int) -> WallBody:
-    kind, geometry = _shapes_of(source.model, wall)
-    return WallBody(
-        source.state.wall_position[wall, :2], kind, geometry, float(source.model.walls.length[wall])
-    )
+    known = {}
+    for table in tomllib.loads(scenario.resolved_toml()).get("walls", []):
+        name, walls = table["name"], source.model.walls
+        if name in walls.names and table["geometry"] == source.geometries.get(name):
+            wall = walls.names.index(name)
+            origin, length = source.state.wall_position[wall, :2], float(walls.length[wall])
+            known[name] = WallBody(origin, *_shapes_of(source.model, wall), length)
+    return known
 
 
 def _shapes_of(model: Model, wall: int) -> tuple[Ints, Floats]:
@@ -160,10 +123,8 @@ def carry_presence(source: Source, model: Model, state: State) -> None:
     from multicor_cli.engine.inflow.population import note_presence
 
     if state.presence.size:
-        old = source.state.presence
-        state.presence = (
-            old.copy() if old.size else np.full(model.grain_count, Presence.THERE, np.uint8)
-        )
+        there = np.full(state.presence.size, Presence.THERE, np.uint8)
+        state.presence = source.state.presence.copy() if source.state.presence.size else there
         note_presence(state, model, 0)
 
 
@@ -184,7 +145,9 @@ def carried_over(
     _carry_contacts(source, model, state, same)
     if model.thermal is not None and source.model.thermal is not None:
         thermal = _carry_heat(scenario, source, model.thermal, state)
-        _carry_averages(source, model, state, same)
+        # Running averages of contact forces; used only where the new run averages too
+        kept, state.mean_i, state.mean_j = _renumbered(source, model, old.mean_i, old.mean_j, same)
+        state.mean_force, state.mean_age = old.mean_force[kept], old.mean_age
         for new, before in same.items():
             state.wall_temperature[new] = old.wall_temperature[before]
         model = replace(model, thermal=thermal)
@@ -196,14 +159,13 @@ def _carry_contacts(source: Source, model: Model, state: State, same: Mapping[in
     from multicor_cli.engine.contact.contacts import resting_attraction
 
     old, before = source.state, source.model
-    kept, state.contact_i, state.contact_j = _renumbered(
-        source, model, old.contact_i, old.contact_j, same
-    )
+    i, j = old.contact_i, old.contact_j
+    kept, state.contact_i, state.contact_j = _renumbered(source, model, i, j, same)
     impulse = old.contact_impulse[kept]
     was, now = (
         resting_attraction(m.laws, scene_of(m, s.position, s.wall_position), i, j, old.last_dt)
         for m, s, i, j in (
-            (before, old, old.contact_i[kept], old.contact_j[kept]),
+            (before, old, i[kept], j[kept]),
             (model, state, state.contact_i, state.contact_j),
         )
     )
@@ -211,16 +173,8 @@ def _carry_contacts(source: Source, model: Model, state: State, same: Mapping[in
     impulse[:, NORMAL] = np.maximum(impulse[:, NORMAL] + change, 0.0)
     state.contact_impulse = impulse
     if model.laws.rolling.size:
-        state.contact_couple = (
-            old.contact_couple[kept] if old.contact_couple.size else np.zeros(len(kept))
-        )
-
-
-def _carry_averages(source: Source, model: Model, state: State, same: Mapping[int, int]) -> None:
-    """Running averages of contact forces; used only where the new run averages too."""
-    old = source.state
-    kept, state.mean_i, state.mean_j = _renumbered(source, model, old.mean_i, old.mean_j, same)
-    state.mean_force, state.mean_age = old.mean_force[kept], old.mean_age
+        couple, none = old.contact_couple, np.zeros(len(kept))
+        state.contact_couple = couple[kept] if couple.size else none
 
 
 def _carry_heat(scenario: Scenario, source: Source, thermal: Thermal, state: State) -> Thermal:
@@ -231,20 +185,14 @@ def _carry_heat(scenario: Scenario, source: Source, thermal: Thermal, state: Sta
     """
     before = source.model.thermal
     assert before is not None  # only then there is something to carry
-    is_told = np.array([group.temperature is not None for group in scenario.particles])[
-        source.model.grains.group
-    ]
-    goes_on = ~is_told & (thermal.capacity == before.capacity)
+    is_told = np.array([group.temperature is not None for group in scenario.particles])
+    goes_on = ~is_told[source.model.grains.group] & (thermal.capacity == before.capacity)
     state.heat = np.where(goes_on, source.state.heat, 0.0)
     state.heat_dt = source.state.heat_dt
     if state.heat.any():
         state.heat_before = np.array([total(state.heat[state.here])])
-    return replace(
-        thermal,
-        initial_temperature=np.where(
-            goes_on, before.initial_temperature, thermal.initial_temperature
-        ),
-    )
+    start = np.where(goes_on, before.initial_temperature, thermal.initial_temperature)
+    return replace(thermal, initial_temperature=start)
 
 
 def _renumbered(
@@ -257,12 +205,10 @@ def _renumbered(
     n = model.grain_count
     number = np.concatenate([np.arange(n), np.full(source.model.shape_count, -1)])
     for new, old in same.items():
-        kind, geometry = _shapes_of(model, new)
-        kind_before, geometry_before = _shapes_of(source.model, old)
-        if np.array_equal(kind, kind_before) and np.array_equal(geometry, geometry_before):
-            number[n + np.flatnonzero(source.model.shapes.wall == old)] = n + np.flatnonzero(
-                model.shapes.wall == new
-            )
+        (kind, geometry), before = _shapes_of(model, new), _shapes_of(source.model, old)
+        if np.array_equal(kind, before[0]) and np.array_equal(geometry, before[1]):
+            mine = np.flatnonzero(model.shapes.wall == new)
+            number[n + np.flatnonzero(source.model.shapes.wall == old)] = n + mine
     second = number[j].astype(np.int32)
     is_kept, of_walls = second >= 0, np.flatnonzero(second >= n)
     is_kept[of_walls] &= model.is_met(i[of_walls], second[of_walls] - n)

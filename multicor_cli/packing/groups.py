@@ -14,8 +14,8 @@ from multicor_cli.model.shapes import Area
 from multicor_cli.packing.compacted import compact
 from multicor_cli.packing.deposited import deposit
 from multicor_cli.packing.file import read_grains
-from multicor_cli.packing.initial_grains import InitialGrains, PackingRegion, Shape
-from multicor_cli.packing.lattice import lattice, lattice_capacity, repeat_tile
+from multicor_cli.packing.initial_grains import InitialGrains, PackingRegion, masses
+from multicor_cli.packing.lattice import lay_out, repeat_tile
 from multicor_cli.packing.other_run import read_frame
 from multicor_cli.packing.random import DEFAULT_ATTEMPTS, random_packing
 from multicor_cli.packing.sizes import (
@@ -82,10 +82,9 @@ class _Task:
         )
         reached = total(disc_area(radii)) / room
         if reached > _MOST_FILLED * self.fill:
-            grains = count_noun(radii.size, "grain")
             what = (
-                f"a fill of {self.fill:g} is too small for grains of these sizes: {grains} fill "
-                f"{reached:.3g}"
+                f"a fill of {self.fill:g} is too small for grains of these sizes: "
+                f"{count_noun(radii.size, 'grain')} fill {reached:.3g}"
             )
             larger = f"give a fill of {reached:.2g} or more, " if reached < MAX_FILL else ""
             raise Refused((), what, f"{larger}enlarge the region, or use smaller grains")
@@ -97,11 +96,28 @@ def make_group(scenario: Scenario, index: int, obstacles: Obstacles) -> InitialG
 
     Obstacles are walls, and grains of earlier groups. Keys of `Refused` are relative to the group.
     """
-    group = scenario.particles[index]
-    if group.packing is None:
-        return _waiting(scenario, group, index)
-    region = region_of_group(scenario, group)
-    return with_motion(scenario, group, _place(scenario, group, index, region, obstacles))
+    group, packing = scenario.particles[index], scenario.particles[index].packing
+
+    def random(purpose: Purpose) -> Stream:
+        return stream(scenario.seed, TableKind.PARTICLES, index, purpose)
+
+    if packing is None:  # they wait in the middle of the region of their release
+        assert group.sizes is not None
+        assert group.release is not None
+        assert group.count is not None  # the scenario has been checked
+        radius = sizes_of(group.sizes, group.shape).draw(group.count, random(Purpose.SIZES))
+        place = group.release.region
+        return InitialGrains.at_rest(radius, 0.5 * (np.array(place.min) + np.array(place.max)))
+    if isinstance(packing, StartPacking):
+        message = "grains of [start] are not placed here"
+        raise TypeError(message)
+    if isinstance(packing, FilePacking):
+        grains = read_grains(scenario.resolve_path(packing.path), packing.shift)
+    elif isinstance(packing, RunPacking):
+        grains = read_frame(scenario.resolve_path(packing.path), packing.frame)
+    else:
+        grains = _place(scenario, group, packing, obstacles, random)
+    return with_motion(scenario, group, grains)
 
 
 def with_motion(scenario: Scenario, group: ParticleGroup, grains: InitialGrains) -> InitialGrains:
@@ -115,19 +131,6 @@ def with_motion(scenario: Scenario, group: ParticleGroup, grains: InitialGrains)
     return replace(grains, velocity=velocity)
 
 
-def _waiting(scenario: Scenario, group: ParticleGroup, index: int) -> InitialGrains:
-    """Grains that wait: in the middle of the region of their release, if anywhere."""
-    assert group.sizes is not None
-    assert group.release is not None
-    assert group.count is not None  # the scenario has been checked
-    sizes = sizes_of(group.sizes, group.shape)
-    radius = sizes.draw(
-        group.count, stream(scenario.seed, TableKind.PARTICLES, index, Purpose.SIZES)
-    )
-    region = group.release.region
-    return InitialGrains.at_rest(radius, 0.5 * (np.array(region.min) + np.array(region.max)))
-
-
 def region_of_group(scenario: Scenario, group: ParticleGroup) -> PackingRegion:
     """The rectangle of a group, or around its region; periodic if it spans the domain's period."""
     table, domain = group.placed_in(scenario.domain), scenario.domain
@@ -136,154 +139,85 @@ def region_of_group(scenario: Scenario, group: ParticleGroup) -> PackingRegion:
         return PackingRegion(left, bottom, right, top)
     # exactly, so that nothing is lost between the two ends
     if domain.is_spanned(table.min[0], table.max[0]):
-        return PackingRegion(
-            table.min[0], table.min[1], table.min[0] + domain.period, table.max[1], True
-        )
+        return PackingRegion(*table.min, table.min[0] + domain.period, table.max[1], True)
     return PackingRegion(*table.min, *table.max)
 
 
 def _place(
     scenario: Scenario,
     group: ParticleGroup,
-    index: int,
-    region: PackingRegion,
+    packing: Source | TilePacking,
     obstacles: Obstacles,
-) -> InitialGrains:
-    packing = group.packing
-    if isinstance(packing, FilePacking):
-        return read_grains(scenario.resolve_path(packing.path), packing.shift)
-    if isinstance(packing, StartPacking):
-        message = "grains of [start] are not placed here"
-        raise TypeError(message)
-    if isinstance(packing, RunPacking):
-        return read_frame(scenario.resolve_path(packing.path), packing.frame)
-    assert packing is not None
-    assert group.sizes is not None  # the scenario has been checked
-
-    def random(purpose: Purpose) -> Stream:
-        return stream(scenario.seed, TableKind.PARTICLES, index, purpose)
-
-    sizes = sizes_of(group.sizes, group.shape)
-    if isinstance(packing, TilePacking):
-        return _tile(scenario, group, packing, sizes, region, random)
-    table, solid = (
-        group.placed_in(scenario.domain),
-        obstacles.around(region, scenario.domain.period),
-    )
-    area = None if isinstance(table, RectangleRegion) else table.area()
-    if area is not None:
-        solid = solid.with_boundary(area)
-    return _make(
-        scenario,
-        group,
-        packing,
-        _Task(sizes, group.count, group.fill, region, solid, random, area=area),
-    )
-
-
-def _tile(
-    scenario: Scenario,
-    group: ParticleGroup,
-    packing: TilePacking,
-    sizes: SizeDistribution,
-    region: PackingRegion,
     random: Callable[[Purpose], Stream],
 ) -> InitialGrains:
-    """One tile, periodic in x (a random one in y too), and its copies."""
-    source = packing.source
-    if packing.repeat[1] > 1 and isinstance(source, DepositedPacking | CompactedPacking):
+    assert group.sizes is not None  # the scenario has been checked
+    region, sizes = region_of_group(scenario, group), sizes_of(group.sizes, group.shape)
+    if not isinstance(packing, TilePacking):
+        table = group.placed_in(scenario.domain)
+        solid = obstacles.around(region, scenario.domain.period)
+        area = None if isinstance(table, RectangleRegion) else table.area()
+        if area is not None:
+            solid = solid.with_boundary(area)
+        task = _Task(sizes, group.count, group.fill, region, solid, random, area=area)
+        return _make(scenario, group, packing, task)
+    # One tile, periodic in x (a random one in y too), and its copies
+    source, (columns, rows), (width, height) = packing.source, packing.repeat, packing.tile
+    if rows > 1 and isinstance(source, DepositedPacking | CompactedPacking):
         text = (
             f"a {source.kind} tile lies between a floor and a free surface or lid: it cannot be "
             "repeated in y"
         )
-        raise Refused(
-            ("packing", "repeat"), text, f"use repeat = [{packing.repeat[0]}, 1] and a higher tile"
-        )
-    width, height = packing.tile
-    if width < 8.0 * sizes.largest:
-        text = (
-            f"a tile of width {width:g} m is too narrow for grains of diameter "
-            f"{2.0 * sizes.largest:g} m"
-        )
-        raise Refused(
-            ("packing", "tile"), text, "make it at least four of the largest diameters wide"
-        )
+        remedy = f"use repeat = [{columns}, 1] and a higher tile"
+        raise Refused(("packing", "repeat"), text, remedy)
+    closes = isinstance(source, RandomPacking) and rows > 1
+    sides = [(width, "width", "narrow", "wide"), (height, "height", "low", "high")]
+    for length, name, small, large in sides if closes else sides[:1]:
+        if length < 8.0 * sizes.largest:
+            diameter = f"grains of diameter {2.0 * sizes.largest:g} m"
+            text = f"a tile of {name} {length:g} m is too {small} for {diameter}"
+            remedy = f"make it at least four of the largest diameters {large}"
+            raise Refused(("packing", "tile"), text, remedy)
     one = PackingRegion(0.0, 0.0, width, height, True)
-    is_random = isinstance(source, RandomPacking)
-    if is_random and height < 8.0 * sizes.largest and packing.repeat[1] > 1:
-        text = (
-            f"a tile of height {height:g} m is too low for grains of diameter "
-            f"{2.0 * sizes.largest:g} m"
-        )
-        raise Refused(
-            ("packing", "tile"), text, "make it at least four of the largest diameters high"
-        )
-    task = _Task(
-        sizes,
-        packing.tile_count,
-        packing.tile_fill,
-        one,
-        Obstacles.none(),
-        random,
-        is_random and packing.repeat[1] > 1,
-    )
-    return repeat_tile(_make(scenario, group, source, task), packing.tile, packing.repeat, region)
+    counts = packing.tile_count, packing.tile_fill
+    task = _Task(sizes, *counts, one, Obstacles.none(), random, is_periodic_in_y=closes)
+    tile = _make(scenario, group, source, task)
+    return repeat_tile(tile, packing.tile, packing.repeat, region)
 
 
 def _make(scenario: Scenario, group: ParticleGroup, packing: Source, task: _Task) -> InitialGrains:
+    region, obstacles = task.region, task.obstacles
     if isinstance(packing, LatticePacking):
-        return _lattice(packing, task)
-    radius = task.radii()
-    places = task.random(Purpose.PLACES)
+        radius = None
+        if task.count is not None or task.fill is not None:
+            radius = task.radii()
+        layout = (packing.lattice, packing.spacing, packing.jitter, obstacles.room)
+        lattice = lay_out(task.sizes.largest, region, *layout)
+        if radius is None:
+            radius = task.sizes.draw(lattice.capacity(), task.random(Purpose.SIZES))
+        sites = lattice.sites(radius.size, task.random(Purpose.JITTER))
+        return InitialGrains.at_rest(radius, sites)
+    radius, places = task.radii(), task.random(Purpose.PLACES)
     if isinstance(packing, DepositedPacking):
-        return InitialGrains.at_rest(radius, deposit(radius, task.region, task.obstacles, places))
+        return InitialGrains.at_rest(radius, deposit(radius, region, obstacles, places))
+    separation, attempts = 0.0, DEFAULT_ATTEMPTS
     if isinstance(packing, RandomPacking):
-        centers = random_packing(
-            radius, task.region, task.obstacles, packing.separation, packing.attempts, places,
-            is_periodic_in_y=task.is_periodic_in_y,
-        )  # fmt: skip
-        return InitialGrains.at_rest(radius, centers)
-    loose = random_packing(radius, task.region, task.obstacles, 0.0, DEFAULT_ATTEMPTS, places)
-    return InitialGrains.at_rest(
-        radius, _compacted(scenario, group, packing, task.region, radius, loose)
+        separation, attempts = packing.separation, packing.attempts
+    closes = task.is_periodic_in_y
+    center = random_packing(
+        radius, region, obstacles, separation, attempts, places, is_periodic_in_y=closes
     )
-
-
-def _lattice(packing: LatticePacking, task: _Task) -> InitialGrains:
-    layout, room = (
-        (task.sizes.largest, task.region, packing.lattice, packing.spacing, packing.jitter),
-        task.obstacles.room,
-    )
-    if task.count is None and task.fill is None:
-        radius = task.sizes.draw(lattice_capacity(*layout, room), task.random(Purpose.SIZES))
-    else:
-        radius = task.radii()
-    return InitialGrains.at_rest(
-        radius, lattice(radius.size, *layout, task.random(Purpose.JITTER), room)
-    )
-
-
-def _compacted(
-    scenario: Scenario,
-    group: ParticleGroup,
-    packing: CompactedPacking,
-    region: PackingRegion,
-    radius: Floats,
-    loose: Floats,
-) -> Floats:
-    friction = packing.friction
-    if friction is None:
-        # at rest, as a compaction ends
-        friction = scenario.law(group.material, group.material).coefficient
-    shape: Shape = group.shape
-    return compact(
-        loose,
-        radius,
-        region,
-        density=scenario.materials[group.material].density,
-        shape=shape,
-        thickness=group.thickness,
-        pressure=packing.pressure,
-        friction=friction,
-        kinetic_energy_ratio=packing.kinetic_energy_ratio,
-    )
+    if isinstance(packing, CompactedPacking):
+        friction, density = packing.friction, scenario.materials[group.material].density
+        if friction is None:  # at rest, as a compaction ends
+            friction = scenario.law(group.material, group.material).coefficient
+        center = compact(
+            center,
+            radius,
+            region,
+            mass=masses(radius, density, group.shape, group.thickness),
+            shape=group.shape,
+            pressure=packing.pressure,
+            friction=friction,
+            kinetic_energy_ratio=packing.kinetic_energy_ratio,
+        )
+    return InitialGrains.at_rest(radius, center)

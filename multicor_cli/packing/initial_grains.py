@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from multicor_cli.files import open_regular
 from multicor_cli.model.model import SHAPE_FACTOR, Floats
-from multicor_cli.model.shapes import Polygon
 from multicor_cli.scenario.base import (
     COORDINATE_BOUNDS,
     KELVIN_BOUNDS,
@@ -40,9 +39,8 @@ def reading_input(path: Path, what: str, key: KeyPath) -> Iterator[None]:
     try:
         yield
     except FileNotFoundError:
-        raise Refused(
-            key, f"there is no file '{path}'", "give its path relative to the scenario file"
-        ) from None
+        remedy = "give its path relative to the scenario file"
+        raise Refused(key, f"there is no file '{path}'", remedy) from None
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise Refused(key, f"'{path}' cannot be read: {reason}", f"it must be {what}") from None
@@ -74,11 +72,8 @@ def find_fault(name: str, value: float) -> str:
     low, high = _BOUNDS.get(name, NUMBER_BOUNDS)
     if low <= value <= high:
         return ""
-    hint = (
-        f" (from degrees Celsius: {value + 273.15:g})"
-        if name == "temperature" and -273.15 < value <= 0.0
-        else ""
-    )
+    is_celsius = name == "temperature" and -273.15 < value <= 0.0
+    hint = f" (from degrees Celsius: {value + 273.15:g})" if is_celsius else ""
     unit = _UNITS.get(name, "")
     return f"{name} = {value:g}{unit} is not between {low:g} and {high:g}{unit}{hint}"
 
@@ -88,8 +83,12 @@ def describe_faults(columns: Mapping[str, Floats]) -> str:
     rows = faulty_rows(columns)
     if not rows.size:
         return ""
+    named = []
+    for row in rows[:NAMED]:
+        faults = (find_fault(name, float(values[row])) for name, values in columns.items())
+        named.append(f"row {row}: {next(filter(None, faults), '')}")
     more = f"; and {rows.size - NAMED} more rows" if rows.size > NAMED else ""
-    return "; ".join(_name_rows(columns, rows[:NAMED])) + more
+    return "; ".join(named) + more
 
 
 def faulty_rows(columns: Mapping[str, Floats]) -> NDArray[np.int64]:
@@ -101,15 +100,7 @@ def faulty_rows(columns: Mapping[str, Floats]) -> NDArray[np.int64]:
     return np.flatnonzero(bad)
 
 
-def _name_rows(columns: Mapping[str, Floats], rows: NDArray[np.int64]) -> Iterator[str]:
-    for row in rows:
-        for name, values in columns.items():
-            if fault := find_fault(name, float(values[row])):
-                yield f"row {row}: {fault}"
-                break
-
-
-# ---- Masses and moments of inertia of grains and solid polygons
+# ---- Masses and moments of inertia of grains
 
 Shape = Literal["disc", "sphere"]
 
@@ -130,11 +121,6 @@ def masses(radius: Floats, density: float, shape: Shape, thickness: float | None
 def inertias(radius: Floats, mass: Floats, shape: Shape) -> Floats:
     """Moments of inertia about the center [kg m²]: ½ m a² of a disc, 2/5 m a² of a sphere."""
     return np.asarray(mass * (radius * radius) / SHAPE_FACTOR[shape])
-
-
-def prism_inertia(polygon: Polygon, density: float, height: float) -> tuple[float, float]:
-    """Mass ρ h A [kg], and inertia about the centroid ρ h ∫ r² dA [kg m²], of a thickness h [m]."""
-    return density * height * polygon.size, density * height * polygon.polar_moment
 
 
 # ---- The rectangle that a packing fills

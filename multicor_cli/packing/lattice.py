@@ -29,61 +29,6 @@ LatticeKind = Literal["triangular", "square"]
 _SLACK = 1e-9  # share of a spacing by which rounding may miss a whole number of spacings
 
 
-def lattice(
-    count: int,
-    largest: float,
-    region: PackingRegion,
-    kind: LatticeKind,
-    spacing: float | None,
-    jitter: float,
-    rng: Stream,
-    room: Room = OPEN,
-) -> Floats:
-    """Centers of the first ``count`` sites of a lattice [m], shape ``(count, 2)``.
-
-    Neighbors are ``spacing`` [m] apart, by default the ``largest`` diameter, so that equal grains
-    touch; centers move at random by up to ``jitter`` of that. Discs stay inside ``region``; sites
-    outside of ``room``, which solid bodies and other regions leave, are left out. `Refused` if
-    there are fewer, or if jittered neighbors could overlap.
-    """
-    layout = _lay_out(largest, region, kind, spacing, jitter)
-    capacity = layout.capacity if room.is_open else len(_free_sites(layout, region, room))
-    if count > capacity:
-        text = (
-            f"{count} grains on a {kind} lattice of spacing {layout.step:g} m do not fit into the "
-            f"region of {_extent(region)}"
-        )
-        raise Refused(
-            (), f"{text}: it holds {capacity}", "enlarge the region or ask for fewer grains"
-        )
-    sites = (
-        _sites(count, layout, region) if room.is_open else _free_sites(layout, region, room)[:count]
-    )
-    if jitter > 0.0:
-        sites += _jitter(count, jitter * layout.step, rng)
-    return sites
-
-
-def lattice_capacity(
-    largest: float,
-    region: PackingRegion,
-    kind: LatticeKind,
-    spacing: float | None,
-    jitter: float,
-    room: Room = OPEN,
-) -> int:
-    """Number of sites that the region holds, 1 at least; arguments and errors as `lattice`."""
-    layout = _lay_out(largest, region, kind, spacing, jitter)
-    capacity = layout.capacity if room.is_open else len(_free_sites(layout, region, room))
-    if capacity == 0:
-        text = (
-            f"the region of {_extent(region)} holds no site of a {kind} lattice for grains of "
-            f"radius {largest:g} m"
-        )
-        raise Refused((), text, "enlarge the region")
-    return capacity
-
-
 class _Row(NamedTuple):
     """First x, from the left side of the region [m], and number of sites of a row."""
 
@@ -91,38 +36,110 @@ class _Row(NamedTuple):
     sites: int
 
 
-class _Layout(NamedTuple):
+class Lattice(NamedTuple):
     """A lattice in its region.
 
     Neighbors are ``step`` [m] apart, ``pitch`` in a row and ``rise`` from row to row; ``margin``
     [m] is the distance of the outermost sites from the sides. ``even`` are the rows 0, 2, ….
+    ``most`` are the sites in the region, of which those in ``room`` count.
     """
 
+    kind: LatticeKind
+    largest: float
+    region: PackingRegion
+    room: Room
+    jitter: float
     step: float
     margin: float
     pitch: float
     rise: float
     even: _Row
     odd: _Row
-    capacity: int
+    most: int
+
+    @property
+    def extent(self) -> str:
+        return f"{self.region.width:g} m x {self.region.height:g} m"
+
+    def capacity(self) -> int:
+        """Number of sites; `Refused` if there is none."""
+        capacity = self.most if self.room.is_open else len(self._first(self.most))
+        if capacity == 0:
+            text = (
+                f"the region of {self.extent} holds no site of a {self.kind} lattice for grains of "
+                f"radius {self.largest:g} m"
+            )
+            raise Refused((), text, "enlarge the region")
+        return capacity
+
+    def sites(self, count: int, rng: Stream) -> Floats:
+        """The first sites, moved at random [m], shape ``(count, 2)``; `Refused` if there are fewer.
+
+        Discs stay inside the region.
+        """
+        sites = self._first(min(count, self.most) if self.room.is_open else self.most)
+        if count > len(sites):
+            capacity = self.most if self.room.is_open else len(sites)
+            text = (
+                f"{count} grains on a {self.kind} lattice of spacing {self.step:g} m do not fit "
+                f"into the region of {self.extent}: it holds {capacity}"
+            )
+            raise Refused((), text, "enlarge the region or ask for fewer grains")
+        sites = sites[:count]
+        if self.jitter > 0.0:  # uniform in a disc
+            distance = self.jitter * self.step * np.sqrt(rng.random(count))
+            angle = 2.0 * math.pi * rng.random(count)
+            away = [distance * elementwise.cos(angle), distance * elementwise.sin(angle)]
+            sites += np.column_stack(away)
+        return sites
+
+    def _first(self, count: int) -> Floats:
+        """Those of the first sites whose grains lie wholly in the room [m], shape ``(n, 2)``."""
+        even, odd = self.even, self.odd
+        pair, place = np.divmod(np.arange(count), max(even.sites + odd.sites, 1))
+        is_odd = place >= even.sites
+        column = np.where(is_odd, place - even.sites, place)
+        x = np.where(is_odd, odd.first, even.first) + column * self.pitch
+        sites = np.column_stack([x, (2 * pair + is_odd) * self.rise])
+        sites += (self.region.left, self.region.bottom + self.margin)
+        if self.room.is_open:
+            return sites
+        return sites[self.room.clearance(sites) >= self.margin * (1.0 - _SLACK)]
 
 
-def _lay_out(
-    largest: float, region: PackingRegion, kind: LatticeKind, spacing: float | None, jitter: float
-) -> _Layout:
-    step = 2.0 * largest if spacing is None else spacing
-    _check_room(step, largest, jitter)
-    margin = largest + jitter * step
-    pitch, rise = _steps(kind, step, region)
-    even, odd = _rows(kind, region, margin, pitch)
-    room = region.height - 2.0 * margin
-    levels = _whole(room / rise) if room >= -_SLACK * region.height else 0
-    capacity = (levels + 1) // 2 * even.sites + levels // 2 * odd.sites
-    return _Layout(step, margin, pitch, rise, even, odd, capacity)
+def lay_out(
+    largest: float,
+    region: PackingRegion,
+    kind: LatticeKind,
+    spacing: float | None,
+    jitter: float,
+    room: Room = OPEN,
+) -> Lattice:
+    """A lattice whose neighbors are ``spacing`` [m] apart, by default the ``largest`` diameter.
 
-
-def _check_room(step: float, largest: float, jitter: float) -> None:
+    Equal grains then touch; centers move at random by up to ``jitter`` of the spacing. Sites
+    outside of ``room``, which solid bodies and other regions leave, are left out. `Refused` if
+    jittered neighbors could overlap.
+    """
     diameter = 2.0 * largest
+    step = diameter if spacing is None else spacing
+    _check_room(step, diameter, jitter)
+    margin, pitch, rise = largest + jitter * step, step, step
+    if region.is_periodic:
+        pitch = region.width / max(1, _whole(region.width / step) - 1)
+    if kind == "triangular" and pitch < 1.9 * step:
+        # A stretched row lies lower between the grains of the row below, so that the distance
+        # across rows stays `step`.
+        rise = math.sqrt(step * step - 0.25 * pitch * pitch)
+    even, odd = _rows(kind, region, margin, pitch)
+    height = region.height - 2.0 * margin
+    levels = _whole(height / rise) if height >= -_SLACK * region.height else 0
+    most = (levels + 1) // 2 * even.sites + levels // 2 * odd.sites
+    sides = (step, margin, pitch, rise)
+    return Lattice(kind, largest, region, room, jitter, *sides, even, odd, most)
+
+
+def _check_room(step: float, diameter: float, jitter: float) -> None:
     if step < diameter * (1.0 - _SLACK):
         text = f"{step:g} m is less than the largest diameter, {diameter:g} m: grains would overlap"
         raise Refused(("packing", "spacing"), text, "leave it out or make it at least the diameter")
@@ -131,35 +148,15 @@ def _check_room(step: float, largest: float, jitter: float) -> None:
             f"{jitter:g} lets neighbors overlap, their spacing is {step:g} m and the largest "
             f"diameter {diameter:g} m"
         )
-        most = max(0.0, 0.5 * (1.0 - diameter / step))
-        wider = (
-            f" or make the spacing at least {diameter / (1.0 - 2.0 * jitter):.4g} m"
-            if jitter < 0.5
-            else ""
-        )
-        raise Refused(("packing", "jitter"), text, f"make it at most {most:.3g}{wider}")
-
-
-def _extent(region: PackingRegion) -> str:
-    return f"{region.width:g} m x {region.height:g} m"
+        remedy = f"make it at most {max(0.0, 0.5 * (1.0 - diameter / step)):.3g}"
+        if jitter < 0.5:
+            remedy += f" or make the spacing at least {diameter / (1.0 - 2.0 * jitter):.4g} m"
+        raise Refused(("packing", "jitter"), text, remedy)
 
 
 def _whole(steps: float) -> int:
     """Number of sites in a row that is ``steps`` spacings long."""
     return max(0, math.floor(steps + _SLACK) + 1)
-
-
-def _steps(kind: LatticeKind, step: float, region: PackingRegion) -> tuple[float, float]:
-    """Distance of neighbors in a row and of the rows [m]."""
-    pitch = step
-    if region.is_periodic:
-        fits = max(1, _whole(region.width / step) - 1)
-        pitch = region.width / fits
-    if kind == "square":
-        return pitch, step
-    # A stretched row lies lower between the grains of the row below, so that the distance across
-    # rows stays `step`.
-    return pitch, math.sqrt(step * step - 0.25 * pitch * pitch) if pitch < 1.9 * step else step
 
 
 def _rows(
@@ -174,30 +171,6 @@ def _rows(
     used = max((even - 1) * pitch, (odd - 1) * pitch + offset)
     first = margin + max(0.0, 0.5 * (inner - used))
     return _Row(first, even), _Row(first + offset, odd)
-
-
-def _sites(count: int, layout: _Layout, region: PackingRegion) -> Floats:
-    even, odd = layout.even, layout.odd
-    pair, place = np.divmod(np.arange(count), max(even.sites + odd.sites, 1))
-    is_odd = place >= even.sites
-    column = np.where(is_odd, place - even.sites, place)
-    x = np.where(is_odd, odd.first, even.first) + column * layout.pitch
-    sites = np.column_stack([x, (2 * pair + is_odd) * layout.rise])
-    sites += (region.left, region.bottom + layout.margin)
-    return sites
-
-
-def _free_sites(layout: _Layout, region: PackingRegion, room: Room) -> Floats:
-    """The sites whose grains lie wholly in a room [m]."""
-    sites = _sites(layout.capacity, layout, region)
-    return sites[room.clearance(sites) >= layout.margin * (1.0 - _SLACK)]
-
-
-def _jitter(count: int, reach: float, rng: Stream) -> Floats:
-    """Points uniform in a disc of radius ``reach`` [m]."""
-    distance = reach * np.sqrt(rng.random(count))
-    angle = 2.0 * math.pi * rng.random(count)
-    return np.column_stack([distance * elementwise.cos(angle), distance * elementwise.sin(angle)])
 
 
 # ---- A small packing repeated over a region
@@ -215,10 +188,8 @@ def repeat_tile(
     """
     width, height = repeat[0] * size[0], repeat[1] * size[1]
     if width > region.width * (1.0 + _SLACK) or height > region.height * (1.0 + _SLACK):
-        text = (
-            f"{repeat[0]} x {repeat[1]} tiles cover {width:g} m x {height:g} m, more than the "
-            "region"
-        )
+        tiles = f"{repeat[0]} x {repeat[1]} tiles cover {width:g} m x {height:g} m"
+        text = f"{tiles}, more than the region"
         raise Refused(("packing", "repeat"), text, "use fewer tiles or enlarge the region")
     row, column = np.divmod(np.arange(repeat[0] * repeat[1]), repeat[0])
     shift = np.column_stack(

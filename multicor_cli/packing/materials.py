@@ -21,7 +21,6 @@ from multicor_cli.scenario.particles import (
     GradientTemperature,
     ParticleGroup,
     RegionsTemperature,
-    Temperature,
     ValuesTemperature,
 )
 from multicor_cli.scenario.problems import Refused
@@ -37,7 +36,7 @@ _SOFTENING = {
     "softening_lowest": "min",
     "softening_highest": "max",
 }
-"""Arrays of the laws about softening, and the keys that they are made of."""
+"""Arrays about softening, named as in the files of runs, and the keys that they are made of."""
 
 _FRICTION = ("friction", "table", "table_start", "table_speed", "table_friction")
 """The other arrays of the laws about friction."""
@@ -64,32 +63,41 @@ def contact_laws(
 ) -> ContactLaws:
     """The laws of the pairs ``touching``, by indices; others are left at zero and never used."""
     k = len(materials)
-    friction, restitution, table = np.zeros((k, k)), np.zeros((k, k)), np.full((k, k), -1, np.int32)
-    number: dict[tuple[tuple[float, ...], tuple[float, ...]], int] = {}
-    softening: dict[tuple[int, int], Softening] = {}
     given = {(a, b): law_of(materials[a], materials[b]) for a, b in touching}
+    table, friction = np.full((k, k), -1, np.int32), {}
+    number: dict[tuple[tuple[float, ...], tuple[float, ...]], int] = {}
     for (a, b), law in given.items():
-        if law.softening is not None:
-            softening[a, b] = softening[b, a] = law.softening
-        restitution[a, b] = restitution[b, a] = law.restitution
         if isinstance(law.friction, FrictionTable):
-            table[a, b] = table[b, a] = number.setdefault(
-                (law.friction.speed, law.friction.values), len(number)
-            )
+            rows = law.friction.speed, law.friction.values
+            table[a, b] = table[b, a] = number.setdefault(rows, len(number))
         else:
-            friction[a, b] = friction[b, a] = law.coefficient
+            friction[a, b] = law.coefficient
+    adhesion = {pair: law.adhesion for pair, law in given.items() if law.adhesion}
+    rolling = {pair: law.rolling_friction for pair, law in given.items() if law.rolling_friction}
+    soft = {pair: law.softening for pair, law in given.items() if law.softening is not None}
+    optional = {"adhesion": _symmetric(k, adhesion)} if adhesion else {}
+    optional |= {"rolling": _symmetric(k, rolling)} if rolling else {}
+    for name, key in _SOFTENING.items() if soft else ():
+        values = {pair: getattr(softening, key) for pair, softening in soft.items()}
+        optional[name] = _symmetric(k, values, getattr(_UNSOFTENED, key))
     sizes = [len(speeds) for speeds, _ in number]
     return ContactLaws(
-        friction=friction,
-        restitution=restitution,
+        friction=_symmetric(k, friction),
+        restitution=_symmetric(k, {pair: law.restitution for pair, law in given.items()}),
         table=table,
         table_start=np.cumsum([0, *sizes]).astype(np.int32),
         table_speed=np.array([speed for speeds, _ in number for speed in speeds], float),
         table_friction=np.array([value for _, values in number for value in values], float),
-        **(_softening(k, softening) if softening else {}),
-        **_of_pairs(k, "adhesion", {pair: law.adhesion for pair, law in given.items()}),
-        **_of_pairs(k, "rolling", {pair: law.rolling_friction for pair, law in given.items()}),
+        **optional,
     )
+
+
+def _symmetric(k: int, values: Mapping[tuple[int, int], float], others: float = 0.0) -> Floats:
+    """What pairs of ``k`` materials have, and all others, shape ``(k, k)``."""
+    table = np.full((k, k), others)
+    for (a, b), value in values.items():
+        table[a, b] = table[b, a] = value
+    return table
 
 
 def stage_laws(scenario: Scenario, model: Model) -> list[ContactLaws | None]:
@@ -99,34 +107,11 @@ def stage_laws(scenario: Scenario, model: Model) -> list[ContactLaws | None]:
     for number, stage in enumerate(scenario.loading):
         laws = found[-1] if found else None
         if stage.contacts:
-            named = contact_laws(
-                model.materials, touching, functools.partial(scenario.law, stage=number)
-            )
-            laws = model.laws._replace(
-                **{key: getattr(named, key) for key in (*_FRICTION, *_SOFTENING)}
-            )
+            law_of = functools.partial(scenario.law, stage=number)
+            named = contact_laws(model.materials, touching, law_of)._asdict()
+            laws = model.laws._replace(**{key: named[key] for key in (*_FRICTION, *_SOFTENING)})
         found.append(laws)
     return found
-
-
-def _of_pairs(
-    k: int, name: str, values: Mapping[tuple[int, int], float | None]
-) -> dict[str, Floats]:
-    """A symmetric table of what pairs have; nothing if none has it."""
-    if not any(values.values()):
-        return {}
-    table = np.zeros((k, k))
-    for (a, b), value in values.items():
-        table[a, b] = table[b, a] = value or 0.0
-    return {name: table}
-
-
-def _softening(k: int, pairs: Mapping[tuple[int, int], Softening]) -> dict[str, Floats]:
-    tables = [[pairs.get((a, b), _UNSOFTENED) for b in range(k)] for a in range(k)]
-    return {
-        name: np.array([[getattr(table, key) for table in row] for row in tables], float)
-        for name, key in _SOFTENING.items()
-    }
 
 
 # ---- Heat
@@ -146,53 +131,36 @@ def group_thermal(scenario: Scenario, index: int, grains: InitialGrains, center:
         message = "a material of grains without heat capacity"  # loading a scenario excludes it
         raise ValueError(message)
     mass = masses(radius, material.density, group.shape, group.thickness)
-    # 4π a² of a sphere, 2π a h of a disc.
-    around = (
-        2.0 * radius
-        if group.shape == "sphere"
-        else np.full(radius.size, group.thickness or math.nan)
-    )
+    # 4π a² of a sphere, 2π a h of a disc
+    height = np.full(radius.size, group.thickness or math.nan)
     return Thermal(
         capacity=mass * material.heat_capacity,
-        initial_temperature=_start(scenario, group, grains, center),
-        surface=np.asarray(2.0 * math.pi * radius * around),
+        initial_temperature=_initial_temperature(scenario, group, grains, center),
+        surface=2.0 * math.pi * radius * (2.0 * radius if group.shape == "sphere" else height),
     )
 
 
-def joined(parts: Sequence[Thermal]) -> Thermal:
-    """All grains of all groups."""
-    return Thermal(
-        capacity=np.concatenate([part.capacity for part in parts]),
-        initial_temperature=np.concatenate([part.initial_temperature for part in parts]),
-        surface=np.concatenate([part.surface for part in parts]),
-    )
-
-
-def _start(
+def _initial_temperature(
     scenario: Scenario, group: ParticleGroup, grains: InitialGrains, center: Floats
 ) -> Floats:
     """Initial temperatures [K], shape ``(n,)``: the group's, else the packing's, else heat's."""
-    n, table = grains.radius.size, group.temperature
-    if table is not None:
-        return _told(scenario, table, center)
-    if grains.temperature is not None:
-        return grains.temperature
-    assert scenario.heat is not None  # only then temperatures are asked for
-    return np.full(n, scenario.heat.temperature)
-
-
-def _told(scenario: Scenario, table: Temperature, center: Floats) -> Floats:
-    n = len(center)
+    n, table = len(center), group.temperature
     if isinstance(table, GradientTemperature):
         return _gradient(table, center)
     if isinstance(table, RegionsTemperature):
-        return _regions(table, center)
+        temperature = np.full(n, table.value)
+        for region in table.regions:
+            temperature[region.area().contains(center)] = region.value
+        return temperature
     if isinstance(table, ValuesTemperature):
         return _one_per_grain(np.array(table.values, float), n, "values", "are given")
     if isinstance(table, FileTemperature):
         path = scenario.resolve_path(table.file)
         return _one_per_grain(read_temperatures(path), n, "file", f"are in '{path}'")
-    return np.full(n, table)
+    if table is None and grains.temperature is not None:
+        return grains.temperature
+    assert scenario.heat is not None  # only then temperatures are asked for
+    return np.full(n, scenario.heat.temperature if table is None else table)
 
 
 def _gradient(table: GradientTemperature, center: Floats) -> Floats:
@@ -210,13 +178,6 @@ def _gradient(table: GradientTemperature, center: Floats) -> Floats:
         raise Refused(
             (*_KEY, "gradient"), text, "lower the gradient, or set at to a point among the grains"
         )
-    return temperature
-
-
-def _regions(table: RegionsTemperature, center: Floats) -> Floats:
-    temperature = np.full(len(center), table.value)
-    for region in table.regions:
-        temperature[region.area().contains(center)] = region.value
     return temperature
 
 

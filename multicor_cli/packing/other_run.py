@@ -18,7 +18,7 @@ from multicor_cli.model.model import Floats
 from multicor_cli.packing.initial_grains import InitialGrains, describe_faults
 from multicor_cli.scenario import Scenario
 from multicor_cli.scenario.problems import Refused
-from multicor_cli.store import Run, StoreError, layout, open_run
+from multicor_cli.store import StoreError, layout, open_run
 from multicor_cli.store.atomic import is_regular
 from multicor_cli.store.errors import NoFrame
 from multicor_cli.store.frames import Frame
@@ -58,6 +58,7 @@ def read_source(scenario: Scenario) -> Source:
     start = scenario.start
     assert start is not None  # only then it is asked for
     path = scenario.resolve_path(start.run)
+    verify = "check {} with multicor verify, {}".format
     try:
         if not is_regular(path / layout.RUN):
             what = f"'{path}' is not a run directory"
@@ -65,25 +66,28 @@ def read_source(scenario: Scenario) -> Source:
         with open_run(path) as run:
             model, told = run.model, _told(run.scenario_resolved)
             if start.frame is None:
-                return Source(path, run.run_id, None, model, *_end(run, path), *told)
+                state = run.state()
+                if state is None:
+                    what = (
+                        f"the run '{path}' has no checkpoint: it stopped before its grains were "
+                        "placed, or its checkpoints were removed"
+                    )
+                    raise Refused(_RUN, what, "let it run first, or go on from a frame")
+                return Source(path, run.run_id, None, model, state, state.digest(), *told)
             frame = run.frames[start.frame]
-            model, state, digest = _of_frame(frame, model)
-            source = Source(path, run.run_id, frame.index, model, state, digest, *told)
+            source = Source(path, run.run_id, frame.index, *_of_frame(frame, model), *told)
     except NoFrame as error:
-        raise Refused(
-            _FRAME, f"cannot go on from the run '{path}': {error}", "choose another frame"
-        ) from None
+        what = f"cannot go on from the run '{path}': {error}"
+        raise Refused(_FRAME, what, "choose another frame") from None
     except Refused:
         raise
     except (StoreError, ValueError, RecursionError) as error:
-        remedy = "check it with multicor verify, and whether it ever began"
-        raise Refused(_RUN, f"cannot go on from the run '{path}': {error}", remedy) from None
+        what = f"cannot go on from the run '{path}': {error}"
+        raise Refused(_RUN, what, verify("it", "and whether it ever began")) from None
     misfit = find_misfit(source.state, source.model)
     if misfit is not None:
         what = f"frame {source.frame} of the run '{path}': {misfit}"
-        raise Refused(
-            _FRAME, what, "check the run with multicor verify, or go on from another frame"
-        )
+        raise Refused(_FRAME, what, verify("the run", "or go on from another frame"))
     return source
 
 
@@ -98,17 +102,6 @@ def _told(resolved: str) -> tuple[tuple[float, float] | None, dict[str, Any]]:
         return None, {}
 
 
-def _end(run: Run, path: Path) -> tuple[State, str]:
-    state = run.state()
-    if state is None:
-        what = (
-            f"the run '{path}' has no checkpoint: it stopped before its grains were placed, or "
-            "its checkpoints were removed"
-        )
-        raise Refused(_RUN, what, "let it run first, or go on from a frame")
-    return state, state.digest()
-
-
 def _of_frame(frame: Frame, model: Model) -> tuple[Model, State, str]:
     """What a frame holds as a model with its temperatures, a state, and the digest of both.
 
@@ -120,35 +113,28 @@ def _of_frame(frame: Frame, model: Model) -> tuple[Model, State, str]:
     state.image[here] = frame.image
     if frame.is_open:
         state.presence = np.array(frame.column("particles/presence"), np.uint8)
-    state.wall_position, state.wall_velocity = (
-        np.array(frame.wall_position, float),
-        np.array(frame.wall_velocity, float),
-    )
+    state.wall_position = np.array(frame.wall_position, float)
+    state.wall_velocity = np.array(frame.wall_velocity, float)
     if frame.wall_surface is not None:
         state.wall_surface = np.array(frame.wall_surface, float)
     state.step, state.time, state.last_dt = frame.step, frame.time, frame.dt
     _take_contacts(frame, model, state)
     digest = hashlib.blake2b(state.digest().encode(), digest_size=16)
-    if (
-        model.thermal is not None
-        and frame.temperature is not None
-        and frame.wall_temperature is not None
-    ):
-        temperature = model.thermal.initial_temperature.copy()
+    thermal, of_walls = model.thermal, frame.wall_temperature
+    if thermal is not None and frame.temperature is not None and of_walls is not None:
+        temperature = thermal.initial_temperature.copy()
         temperature[here] = frame.temperature
-        model = replace(model, thermal=replace(model.thermal, initial_temperature=temperature))
-        state.wall_temperature = np.array(frame.wall_temperature, float)
+        model = replace(model, thermal=replace(thermal, initial_temperature=temperature))
+        state.wall_temperature = np.array(of_walls, float)
         digest.update(temperature.tobytes())
     return model, state, digest.hexdigest()
 
 
 def _motion(frame: Frame) -> tuple[Floats, Floats]:
     """Centers, angles [m, rad], velocities, spins [m/s, rad/s] in a frame, both ``(n, 3)``."""
-    bodies = (
-        np.column_stack([frame.position, frame.angle]),
-        np.column_stack([frame.velocity, frame.spin]),
-    )
-    return bodies[0].astype(float), bodies[1].astype(float)
+    position = np.column_stack([frame.position, frame.angle])
+    velocity = np.column_stack([frame.velocity, frame.spin])
+    return position.astype(float), velocity.astype(float)
 
 
 def _take_contacts(frame: Frame, model: Model, state: State) -> None:
@@ -158,28 +144,21 @@ def _take_contacts(frame: Frame, model: Model, state: State) -> None:
     contacts = frame.contacts
     if not contacts.recorded or not len(contacts) or not state.last_dt:
         return
-    number = np.concatenate(
-        [frame.number, np.arange(model.grain_count, model.grain_count + model.shape_count)]
-    ).astype(np.int32)
+    shapes = model.grain_count + np.arange(model.shape_count)
+    number = np.concatenate([frame.number, shapes]).astype(np.int32)
     i, j = number[contacts.i], number[contacts.j]
     impulse = np.array(contacts.impulse, float)
     is_loaded = impulse.any(axis=1)
-    attraction = resting_attraction(
-        model.laws, scene_of(model, state.position, state.wall_position), i, j, state.last_dt
-    )
+    scene = scene_of(model, state.position, state.wall_position)
+    attraction = resting_attraction(model.laws, scene, i, j, state.last_dt)
     if attraction.size:
         impulse[:, NORMAL] += attraction
     is_loaded &= impulse[:, NORMAL] > 0.0
-    state.contact_i, state.contact_j, state.contact_impulse = (
-        i[is_loaded],
-        j[is_loaded],
-        impulse[is_loaded],
-    )
+    state.contact_i, state.contact_j = i[is_loaded], j[is_loaded]
+    state.contact_impulse = impulse[is_loaded]
     if model.laws.rolling.size:
-        couple = contacts.couple
-        state.contact_couple = (
-            np.zeros(state.contact_i.size) if couple is None else np.array(couple, float)[is_loaded]
-        )
+        couple = np.zeros(len(i)) if contacts.couple is None else contacts.couple
+        state.contact_couple = np.array(couple, float)[is_loaded]
 
 
 # ---- A group of grains from a frame of another run
@@ -198,41 +177,26 @@ def read_frame(path: Path, frame: int) -> InitialGrains:
         with open_run(path) as run:
             chosen = run.frames[frame]
             position, velocity = _motion(chosen)
-            warmth = chosen.temperature
-            temperature = None if warmth is None else np.array(warmth, float)
             radius = np.array(chosen.model.grains.radius, float)
+            temperature = chosen.temperature
     except NoFrame as error:
-        raise Refused(
-            ("packing", "frame"),
-            f"cannot take grains from the run '{path}': {error}",
-            "choose another frame",
-        ) from None
+        what = f"cannot take grains from the run '{path}': {error}"
+        raise Refused(("packing", "frame"), what, "choose another frame") from None
     except StoreError as error:
-        raise Refused(
-            _KEY, f"the run '{path}' cannot be read: {error}", "give the directory of a run"
-        ) from None
-    sizes = {
-        len(radius),
-        len(position),
-        len(velocity),
-        len(radius if temperature is None else temperature),
-    }
-    if len(sizes) > 1:
+        what = f"the run '{path}' cannot be read: {error}"
+        raise Refused(_KEY, what, "give the directory of a run") from None
+    names = ("x", "y", "angle", "vx", "vy", "spin")
+    columns = dict(zip(names, [*position.T, *velocity.T], strict=True)) | {"radius": radius}
+    if temperature is not None:
+        columns["temperature"] = np.array(temperature, float)
+    if len({len(values) for values in columns.values()}) > 1:
         what = (
             f"the run '{path}' is damaged: the number of grains in frame {frame} differs from "
             "that of the run"
         )
         raise Refused(_KEY, what, "check it with multicor verify")
-    columns = dict(
-        zip(("x", "y", "angle", "vx", "vy", "spin"), [*position.T, *velocity.T], strict=True)
-    ) | {"radius": radius}
-    faults = describe_faults(
-        columns | ({} if temperature is None else {"temperature": temperature})
-    )
+    faults = describe_faults(columns)
     if faults:
-        raise Refused(
-            _KEY,
-            f"frame {frame} of the run '{path}': {faults}",
-            "check the run with multicor verify",
-        )
-    return InitialGrains(radius, position, velocity, temperature)
+        what = f"frame {frame} of the run '{path}': {faults}"
+        raise Refused(_KEY, what, "check the run with multicor verify")
+    return InitialGrains(radius, position, velocity, columns.get("temperature"))

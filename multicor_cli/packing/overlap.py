@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +12,7 @@ from multicor_cli.engine.geometry.neighbors import classify, find_near, make_gri
 from multicor_cli.engine.geometry.scene import gap_to_shape
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.threads import threads_for
+from multicor_cli.model import Model
 from multicor_cli.model.columns import RADIUS, X, Y
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.shapes import Room, ShapeKind
@@ -40,28 +40,18 @@ def find_pairs(
 
     Centers [m] have shape ``(n, 2)``; x is wrapped by the period [m], unless it is 0.
     """
-    discs = obstacles.discs()
+    discs, count = obstacles.discs(), radius.size
     center = np.concatenate([position[:, :2], discs[:, :2]])
     if period > 0.0:
         center[:, X] = wrap(center[:, X], period)
     radii = np.concatenate([radius, discs[:, RADIUS]])
     grids = make_grids(classify(radii), center.min(axis=0), center.max(axis=0), period, cutoff)
-    shape_of = (radius.size + np.flatnonzero(obstacles.is_disc)).astype(np.int32)
+    shape_of = (count + np.flatnonzero(obstacles.is_disc)).astype(np.int32)
     others = np.flatnonzero(~obstacles.is_disc).astype(np.int32)
-    with threads_for(radius.size):
+    kind, world = obstacles.kind, obstacles.world
+    with threads_for(count):
         return DiscPairs(
-            *find_near(
-                grids,
-                radius.size,
-                center,
-                radii,
-                shape_of,
-                others,
-                obstacles.kind,
-                obstacles.world,
-                cutoff,
-                period,
-            )
+            *find_near(grids, count, center, radii, shape_of, others, kind, world, cutoff, period)
         )
 
 
@@ -146,72 +136,41 @@ def thin_crowds(position: Floats, radius: Floats) -> NDArray[np.int64]:
     return np.sort(order[rank < CROWD])
 
 
-def _renumber(bodies: Ints, kept: NDArray[np.int64], count: int) -> Ints:
-    """Numbers of grains and wall shapes among ``kept`` grains as those among all ``count``."""
-    return np.where(
-        bodies < kept.size, kept[np.minimum(bodies, kept.size - 1)], bodies - kept.size + count
-    ).astype(np.int32)
-
-
 def overlap_problems(
-    position: Floats,
-    radius: Floats,
-    group: Ints,
-    shapes: Obstacles,
-    wall: Ints,
-    names: Sequence[str],
-    period: float,
-    here: NDArray[np.int64] | None = None,
-    is_met: Callable[[Ints, Ints], NDArray[np.bool_]] | None = None,
+    position: Floats, model: Model, shapes: Obstacles, here: NDArray[np.int64]
 ) -> list[Refused]:
     """One problem for all grains that overlap each other and one for each wall that cuts grains.
 
-    ``wall`` is that of each shape, ``names`` are those of walls; grains are ``here``, ascending,
-    and meet shapes as ``is_met`` says: by default all are and do.
+    ``shapes`` are those of the model, in the world; only the grains ``here``, ascending, count.
     """
-    count = radius.size
-    here = np.arange(count) if here is None else here
-    kept = here[thin_crowds(position[here], radius[here])]
-    i, j, overlap = overlapping_pairs(position[kept], radius[kept], shapes, period)
-    i, j = _renumber(i, kept, count), _renumber(j, kept, count)
-    problems = []
-    among = j < count
+    radius, group, wall = model.grains.radius, model.grains.group, model.shapes.wall
+    kept = here[thin_crowds(position[here], radius[here])].astype(np.int32)
+    i, j, overlap = overlapping_pairs(position[kept], radius[kept], shapes, model.period)
+    among, problems = j < kept.size, []
     if among.any():
-        a, b, size = i[among], j[among], overlap[among]
+        a, b = kept[i[among]], kept[j[among]]
         smaller = np.minimum(radius[a], radius[b])
-        items = [
-            f"grains {a[k]} and {b[k]} by {_amount(size[k], smaller[k])}"
-            for k in range(min(NAMED, a.size))
-        ]
-        text = (
-            "grains overlap at the start: "
-            f"{_listing(items, a.size, 'pairs' if kept.size == here.size else 'pairs at least')}"
-        )
+        amounts = _amounts(overlap[among], smaller)
+        items = [f"grains {p} and {q} by {by}" for p, q, by in zip(a, b, amounts, strict=False)]
+        what = "pairs" if kept.size == here.size else "pairs at least"
+        text = f"grains overlap at the start: {_listing(items, a.size, what)}"
+        remedy = "move them apart: a larger spacing or region, or fewer grains"
         key = ("particles", int(max(group[a[0]], group[b[0]])))
-        problems.append(
-            Refused(key, text, "move them apart: a larger spacing or region, or fewer grains")
-        )
-    cut_shape, cut_grain, cut_size = j[~among] - count, i[~among], overlap[~among]
-    if is_met is not None:
-        met = is_met(cut_grain, cut_shape)
-        cut_shape, cut_grain, cut_size = cut_shape[met], cut_grain[met], cut_size[met]
-    for w in np.unique(wall[cut_shape]):
-        mine = np.flatnonzero(wall[cut_shape] == w)
-        _, first = np.unique(cut_grain[mine], return_index=True)
+        problems.append(Refused(key, text, remedy))
+    grain, shape, overlap = kept[i[~among]], j[~among] - kept.size, overlap[~among]
+    met = model.is_met(grain, shape)
+    grain, shape, overlap = grain[met], shape[met], overlap[met]
+    for w in np.unique(wall[shape]):
+        mine = np.flatnonzero(wall[shape] == w)
+        _, first = np.unique(grain[mine], return_index=True)
         mine = mine[np.sort(first)]
-        problems.append(_wall_problem(names[w], int(w), cut_grain[mine], cut_size[mine], radius))
+        amounts = _amounts(overlap[mine], radius[grain[mine]])
+        items = [f"grain {g} by {by}" for g, by in zip(grain[mine], amounts, strict=False)]
+        cut = _listing(items, mine.size, "grains")
+        text = f"the wall '{model.walls.names[w]}' cuts grains at the start: {cut}"
+        remedy = "move the wall, or give the grains a region that keeps clear of it"
+        problems.append(Refused(("walls", int(w)), text, remedy))
     return problems
-
-
-def _wall_problem(name: str, w: int, grain: Ints, overlap: Floats, radius: Floats) -> Refused:
-    items = [
-        f"grain {grain[k]} by {_amount(overlap[k], radius[grain[k]])}"
-        for k in range(min(NAMED, grain.size))
-    ]
-    text = f"the wall '{name}' cuts grains at the start: {_listing(items, grain.size, 'grains')}"
-    return Refused(
-        ("walls", w), text, "move the wall, or give the grains a region that keeps clear of it"
-    )
 
 
 def behind_problem(
@@ -222,7 +181,10 @@ def behind_problem(
     if period > 0.0 and math.isfinite(front.depth):
         middle = 0.5 * front.length * front.along[0]
         offset[:, X] -= period * np.floor((offset[:, X] - middle) / period + 0.5)
-    across, along = _along(offset, front.normal), _along(offset, front.along)
+    across, along = (
+        offset[:, X] * direction[X] + offset[:, Y] * direction[Y]
+        for direction in (front.normal, front.along)
+    )
     is_behind = (across < 0.0) & (across > -front.depth)
     if math.isfinite(front.depth):
         is_behind &= (along > front.depth) & (along < front.length - front.depth)
@@ -231,13 +193,9 @@ def behind_problem(
         return None
     found = found[np.lexsort((found, across[found]))]
     items = [f"grain {here[g]} by {-across[g]:.3g} m" for g in found[:NAMED]]
-    text = (
-        f"grains lie behind the rough wall '{name}', whose flow side is the other: "
-        f"{_listing(items, found.size, 'grains')}"
-    )
-    return Refused(
-        ("walls", w), text, "choose the other side, or keep the grains' region clear of the wall"
-    )
+    text = f"grains lie behind the rough wall '{name}', whose flow side is the other: "
+    remedy = "choose the other side, or keep the grains' region clear of the wall"
+    return Refused(("walls", w), text + _listing(items, found.size, "grains"), remedy)
 
 
 def solid_problem(
@@ -248,20 +206,17 @@ def solid_problem(
     if not found.size:
         return None
     items = [f"grain {g} at ({position[g, X]:g}, {position[g, Y]:g}) m" for g in found[:NAMED]]
-    text = (
-        f"grains lie in the solid matter of the wall '{name}': "
-        f"{_listing(items, found.size, 'grains')}"
-    )
+    text = f"grains lie in the solid matter of the wall '{name}': "
     remedy = "move the wall, or give the grains a packing or a region that keeps clear of it"
-    return Refused(("walls", w), text, remedy)
+    return Refused(("walls", w), text + _listing(items, found.size, "grains"), remedy)
 
 
-def _along(offset: Floats, direction: Floats) -> Floats:
-    return np.asarray(offset[:, X] * direction[X] + offset[:, Y] * direction[Y])
-
-
-def _amount(relative: float, smaller: float) -> str:
-    return f"{relative * smaller:.3g} m ({100.0 * relative:.3g} % of the smaller radius)"
+def _amounts(relative: Floats, smaller: Floats) -> list[str]:
+    """The first overlaps, over the smaller radii [m]."""
+    return [
+        f"{share * radius:.3g} m ({100.0 * share:.3g} % of the smaller radius)"
+        for share, radius in zip(relative[:NAMED], smaller, strict=False)
+    ]
 
 
 def _listing(items: list[str], total: int, what: str) -> str:

@@ -28,9 +28,6 @@ _FLOOR = -2
 _SIDE = -3
 _MOST_ROLLS = 100_000
 
-Box = tuple[float, float, float, float]
-"""Smallest x and y, width and height [m]."""
-
 
 class PlacedDiscs(NamedTuple):
     """Discs that are already there, as linked lists by cell, and the fixed shapes.
@@ -60,26 +57,12 @@ class PlacedDiscs(NamedTuple):
 
 
 @kernel
-def _column_of(x: float, field: PlacedDiscs, level: int) -> int:
-    columns = field.grids.shape[level, X]
-    return int(
-        min(
-            max(np.floor((x - field.grids.origin[X]) / field.grids.cells[level, X]), 0.0),
-            columns - 1.0,
-        )
-    )
-
-
-@kernel
-def _row_of(y: float, field: PlacedDiscs, level: int) -> int:
-    rows = field.grids.shape[level, Y]
+def _cell_of(place: float, field: PlacedDiscs, level: int, axis: int) -> int:
+    """Column (``axis`` `X`) or row of a cell, the nearest one outside of the grid."""
+    cells = field.grids
     # Clamped before it becomes an integer: y may be infinite.
-    return int(
-        min(
-            max(np.floor((y - field.grids.origin[Y]) / field.grids.cells[level, Y]), 0.0),
-            rows - 1.0,
-        )
-    )
+    inside = max(np.floor((place - cells.origin[axis]) / cells.cells[level, axis]), 0.0)
+    return int(min(inside, cells.shape[level, axis] - 1.0))
 
 
 @kernel
@@ -94,13 +77,11 @@ def _columns_between(low: float, high: float, field: PlacedDiscs, level: int) ->
 
 
 @kernel
-def file_disc(field: PlacedDiscs, d: int) -> None:
+def _file(field: PlacedDiscs, d: int) -> None:
     """Put disc ``d`` into its cell."""
     level = field.grids.level[d]
-    column, row = (
-        _column_of(field.disc[d, X], field, level),
-        _row_of(field.disc[d, Y], field, level),
-    )
+    column = _cell_of(field.disc[d, X], field, level, X)
+    row = _cell_of(field.disc[d, Y], field, level, Y)
     cell = field.grids.start[level] + row * field.grids.shape[level, X] + column
     field.next[d] = field.head[cell]
     field.head[cell] = d
@@ -111,7 +92,7 @@ def file_disc(field: PlacedDiscs, d: int) -> None:
 @kernel
 def _file_first(field: PlacedDiscs, count: int) -> None:
     for d in range(count):
-        file_disc(field, d)
+        _file(field, d)
 
 
 @kernel
@@ -120,7 +101,8 @@ def _hits_disc(x: float, y: float, radius: float, field: PlacedDiscs) -> bool:
         reach = radius + field.grids.radius[k]
         columns = field.grids.shape[k, X]
         first, last = _columns_between(x - reach, x + reach, field, k)
-        for row in range(_row_of(y - reach, field, k), _row_of(y + reach, field, k) + 1):
+        low, high = _cell_of(y - reach, field, k, Y), _cell_of(y + reach, field, k, Y)
+        for row in range(low, high + 1):
             base = field.grids.start[k] + row * columns
             for column in range(first, last + 1):
                 d = field.head[base + column % columns]
@@ -136,11 +118,10 @@ def _hits_disc(x: float, y: float, radius: float, field: PlacedDiscs) -> bool:
 
 @kernel
 def _is_free(x: float, y: float, radius: float, field: PlacedDiscs) -> bool:
-    for shape in range(field.kind.size):
-        if (
-            field.kind[shape] != _DISC
-            and gap_to_shape(x, y, radius, shape, field.kind, field.world, field.period)[0] < 0.0
-        ):
+    kind, world = field.kind, field.world
+    for shape in range(kind.size):
+        is_solid = kind[shape] != _DISC
+        if is_solid and gap_to_shape(x, y, radius, shape, kind, world, field.period)[0] < 0.0:
             return False
     return not _hits_disc(x, y, radius, field)
 
@@ -177,7 +158,7 @@ def insert_at_random(
         is_free = _is_free(field.disc[d, X], field.disc[d, Y], field.disc[d, RADIUS], field)
         if is_free or tried >= attempts:
             blocked[i] = 0 if is_free else 1
-            file_disc(field, d)
+            _file(field, d)
             i += 1
             tried = 0
     return i, tried
@@ -198,7 +179,7 @@ def _fall(
         first, last = _columns_between(x - reach, x + reach, field, k)
         for column in range(first, last + 1):
             place = column % columns
-            row = min(field.highest[field.first_column[k] + place], _row_of(y, field, k))
+            row = min(field.highest[field.first_column[k] + place], _cell_of(y, field, k, Y))
             # Rows whose upper edge lies more than a reach below the best landing cannot beat it.
             while row >= 0 and field.grids.origin[Y] + (row + 1) * height + reach > best:
                 d = field.head[field.grids.start[k] + row * columns + place]
@@ -241,21 +222,14 @@ def _meeting(angle: float, rolling: float, dx: float, dy: float, near: float) ->
 
 @kernel
 def _roll(
-    x: float,
-    y: float,
-    radius: float,
-    j: int,
-    side: float,
-    floor: float,
-    left: float,
-    right: float,
-    field: PlacedDiscs,
+    x: float, y: float, radius: float, j: int, side: float, sides: Floats, field: PlacedDiscs
 ) -> tuple[float, float, int]:
     """Roll a grain at (x, y) down around disc ``j`` towards ``side`` (±1).
 
     Returns its new center [m], and what stopped it: another disc, `_FLOOR`, `_SIDE`, or `_FALLS`
     past the widest point of ``j``.
     """
+    left, floor, right, _ = sides
     xj, yj = field.disc[j, X], field.disc[j, Y]
     rolling = radius + field.disc[j, RADIUS]
     start = atan2(side * minimum_image(x - xj, field.period), y - yj)
@@ -272,22 +246,17 @@ def _roll(
         columns = field.grids.shape[k, X]
         ends = xj + side * (rolling * sin(start) - reach), xj + side * (rolling + reach)
         first, last = _columns_between(min(ends), max(ends), field, k)
-        for row in range(
-            _row_of(yj - reach, field, k), _row_of(yj + rolling + reach, field, k) + 1
-        ):
+        low = _cell_of(yj - reach, field, k, Y)
+        high = _cell_of(yj + rolling + reach, field, k, Y)
+        for row in range(low, high + 1):
             base = field.grids.start[k] + row * columns
             for column in range(first, last + 1):
                 d = field.head[base + column % columns]
                 while d >= 0:
                     if d != j:
                         dx = side * minimum_image(field.disc[d, X] - xj, field.period)
-                        meeting = _meeting(
-                            start,
-                            rolling,
-                            dx,
-                            field.disc[d, Y] - yj,
-                            radius + field.disc[d, RADIUS],
-                        )
+                        dy, near = field.disc[d, Y] - yj, radius + field.disc[d, RADIUS]
+                        meeting = _meeting(start, rolling, dx, dy, near)
                         if meeting < best:
                             best, what = meeting, d
                     d = field.next[d]
@@ -303,12 +272,11 @@ def _wrapped(x: float, period: float) -> float:
 
 
 @kernel
-def _settle(
-    x: float, top: float, radius: float, floor: float, left: float, right: float, field: PlacedDiscs
-) -> tuple[float, float]:
+def _settle(x: float, radius: float, sides: Floats, field: PlacedDiscs) -> tuple[float, float]:
     """Where a grain dropped at ``x`` comes to rest [m]."""
+    floor = sides[1]
     nothing: int = np.int64(-1)  # type: ignore[assignment]  # for a literal `_fall` would be compiled once more
-    y, j = _fall(x, top, radius, nothing, floor, field)
+    y, j = _fall(x, np.inf, radius, nothing, floor, field)
     side = 0.0
     for _ in range(_MOST_ROLLS):
         if j == _FLOOR:
@@ -316,7 +284,7 @@ def _settle(
         offset = minimum_image(x - field.disc[j, X], field.period)
         if side == 0.0:
             side = 1.0 if offset >= 0.0 else -1.0
-        x, y, what = _roll(x, y, radius, j, side, floor, left, right, field)
+        x, y, what = _roll(x, y, radius, j, side, sides, field)
         x = _wrapped(x, field.period)
         if what == _FALLS:
             y, j = _fall(x, y, radius, j, floor, field)
@@ -346,7 +314,7 @@ def drop_and_roll(
     Returns:
         The grain to go on with and the attempts spent on it; ``attempts`` if it does not fit.
     """
-    left, floor, right, top = sides
+    left, _, right, top = sides
     i = first
     for k in range(uniform.size):
         d = fixed + i
@@ -355,11 +323,11 @@ def drop_and_roll(
         radius = field.disc[d, RADIUS]
         inset = radius if field.period <= 0.0 else 0.0
         x = left + inset + uniform[k] * (right - left - 2.0 * inset)
-        x, y = _settle(x, np.inf, radius, floor, left, right, field)
+        x, y = _settle(x, radius, sides, field)
         tried += 1
         if y + radius <= top * (1.0 + 1e-12):
             field.disc[d, X], field.disc[d, Y] = x, y
-            file_disc(field, d)
+            _file(field, d)
             i += 1
             tried = 0
     return i, tried
@@ -383,10 +351,8 @@ def make_field(
         discs = np.column_stack([wrap(discs[:, X], period), discs[:, 1:]])
     # Discs far from the region can hit nothing; clamped into the border cells they would only
     # lengthen the lists.
-    near = np.all(
-        (discs[:, :2] + discs[:, 2:] > low) & (discs[:, :2] - discs[:, 2:] < high), axis=1
-    ) & (discs[:, Y] < ceiling)
-    discs = discs[near]
+    reaches = (discs[:, :2] + discs[:, 2:] > low) & (discs[:, :2] - discs[:, 2:] < high)
+    discs = discs[reaches.all(axis=1) & (discs[:, Y] < ceiling)]
     disc = np.concatenate([discs, np.column_stack([np.zeros((radius.size, 2)), radius])])
     grids = make_grids(classify(disc[:, RADIUS]), low, high, period, 0.0)
     columns = np.concatenate([[0], np.cumsum(grids.shape[:, X])]).astype(np.int32)

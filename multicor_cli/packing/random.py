@@ -9,7 +9,6 @@ near 0.84; in narrow regions, whose sides waste space, below that).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +18,7 @@ from multicor_cli.engine.geometry.scene import gap_to_shape, minimum_image
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats, Ints
-from multicor_cli.model.shapes import IS_THIN, Room
+from multicor_cli.model.shapes import IS_THIN
 from multicor_cli.packing.initial_grains import PackingRegion
 from multicor_cli.packing.overlap import DiscPairs, find_pairs, wrap
 from multicor_cli.packing.placing import insert_at_random, make_field
@@ -55,15 +54,6 @@ class Ghosts(NamedTuple):
     shape: Ints
     source: Ints
     shift: Floats
-
-
-@dataclass(frozen=True)
-class Relaxed:
-    """Centers after a relaxation [m], the largest overlap over the smaller radius, and steps."""
-
-    position: Floats
-    overlap: float
-    iterations: int
 
 
 @kernel
@@ -207,11 +197,12 @@ def relax(
     *,
     iterations: int = 20_000,
     is_periodic_in_y: bool = False,
-) -> Relaxed:
+) -> tuple[Floats, float, int]:
     """Move grains apart until none overlap, they are jammed, or ``iterations`` are spent.
 
     Closed sides of the region have to be among the obstacles; centers [m] have shape ``(n, 2)``.
-    ``is_periodic_in_y``: its lower and upper side are one and the same.
+    ``is_periodic_in_y``: its lower and upper side are one and the same. Returns new centers, the
+    largest overlap over the smaller radius, and steps.
     """
     enlarged = radius * (1.0 + INFLATION)
     skin = _SKIN * mean(radius)
@@ -232,7 +223,7 @@ def relax(
             clock, 2.0 * INFLATION, 0.5 * skin, iterations - done,
         )  # fmt: skip
         done += steps
-    return Relaxed(now, max(0.0, worst - 2.0 * INFLATION), done)
+    return now, max(0.0, worst - 2.0 * INFLATION), done
 
 
 # ---- Random packings
@@ -276,17 +267,19 @@ def random_packing(
     position, is_complete = inserted
     if shrink == 1.0 and is_complete and not is_periodic_in_y:
         return position
-    relaxed = relax(position, enlarged, region, solid, is_periodic_in_y=is_periodic_in_y)
-    is_inside = _is_inside(relaxed.position, region, is_periodic_in_y) and _is_clear(
-        relaxed.position, solid.room
+    position, overlap, steps = relax(
+        position, enlarged, region, solid, is_periodic_in_y=is_periodic_in_y
     )
-    if relaxed.overlap > _ACCEPTED_OVERLAP or not is_inside:
-        left = (
-            f"an overlap of {relaxed.overlap:.1e} of the smaller radius is left after "
-            f"{relaxed.iterations} relaxation steps"
-        )
+    x, y = position.T
+    is_inside = region.is_periodic | ((x >= region.left) & (x <= region.right))
+    is_inside &= is_periodic_in_y | ((y >= region.bottom) & (y <= region.top))
+    if not solid.room.is_open:
+        is_inside &= solid.room.clearance(position) > 0.0
+    if overlap > _ACCEPTED_OVERLAP or not is_inside.all():
+        left = f"an overlap of {overlap:.1e} of the smaller radius is left after "
+        left += f"{steps} relaxation steps"
         raise _refusal(radius.size, fraction, left)
-    return relaxed.position
+    return position
 
 
 def _insert(
@@ -322,27 +315,12 @@ def _refusal(count: int, fraction: float, why: str) -> Refused:
         f"region, {why}"
     )
     if fraction > _USUAL_FRACTION:
-        fits = int(count * _USUAL_FRACTION / fraction)
-        remedy = (
-            f"about {fits} would fit (fraction {_USUAL_FRACTION:.2f}): enlarge the region or ask "
-            "for fewer grains"
-        )
-    else:  # what usually fits does not where sides and corners are near
-        remedy = (
-            "enlarge the region, in which sides and corners leave less room, or ask for fewer "
-            f"grains, {int(0.9 * count)} say"
-        )
-    return Refused((), text, remedy)
-
-
-def _is_inside(position: Floats, region: PackingRegion, is_periodic_in_y: bool) -> bool:
-    x, y = position[:, X], position[:, Y]
-    across = region.is_periodic or bool(np.all((x >= region.left) & (x <= region.right)))
-    return across and (is_periodic_in_y or bool(np.all((y >= region.bottom) & (y <= region.top))))
-
-
-def _is_clear(position: Floats, room: Room) -> bool:
-    return room.is_open or bool((room.clearance(position) > 0.0).all())
+        fits, share = int(count * _USUAL_FRACTION / fraction), f"{_USUAL_FRACTION:.2f}"
+        larger = f"about {fits} would fit (fraction {share}): enlarge the region or ask for"
+        return Refused((), text, f"{larger} fewer grains")
+    # What usually fits does not where sides and corners are near
+    larger = "enlarge the region, in which sides and corners leave less room, or ask for fewer"
+    return Refused((), text, f"{larger} grains, {int(0.9 * count)} say")
 
 
 def _fraction(radius: Floats, region: PackingRegion, obstacles: Obstacles) -> float:
@@ -350,10 +328,10 @@ def _fraction(radius: Floats, region: PackingRegion, obstacles: Obstacles) -> fl
     x = region.left + (np.arange(_PROBES) + 0.5) / _PROBES * region.width
     y = region.bottom + (np.arange(_PROBES) + 0.5) / _PROBES * region.height
     points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    # A point is never inside a thin shape.
-    pairs = find_pairs(
-        points, np.full(len(points), 1e-9 * radius.min()), _solid(obstacles), 0.0, region.period
-    )
+    # A point is never inside a thin shape
+    thick, size = ~IS_THIN[obstacles.kind], np.full(len(points), 1e-9 * radius.min())
+    solid = Obstacles(obstacles.kind[thick], obstacles.world[thick])
+    pairs = find_pairs(points, size, solid, 0.0, region.period)
     covered = np.zeros(len(points), bool)
     owner = np.repeat(np.arange(len(points)), np.diff(pairs.row))
     covered[owner[pairs.partner >= len(points)]] = True
@@ -361,8 +339,3 @@ def _fraction(radius: Floats, region: PackingRegion, obstacles: Obstacles) -> fl
         covered |= obstacles.room.clearance(points) <= 0.0
     free = region.area * (1.0 - np.count_nonzero(covered) / covered.size)
     return np.pi * total(radius * radius) / free if free > 0.0 else math.inf
-
-
-def _solid(obstacles: Obstacles) -> Obstacles:
-    keep = ~IS_THIN[obstacles.kind]
-    return replace(obstacles, kind=obstacles.kind[keep], world=obstacles.world[keep])

@@ -16,7 +16,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
@@ -89,19 +89,6 @@ _PROBES = 4096
 _FITS = 8
 
 
-class SizeDistribution(Protocol):
-    """A distribution of radii."""
-
-    @property
-    def largest(self) -> float:
-        """Largest radius that can be drawn [m]."""
-        ...
-
-    def draw(self, count: int, rng: Stream) -> Floats:
-        """``count`` radii [m] in random order."""
-        ...
-
-
 @dataclass(frozen=True)
 class DiscreteSizes:
     """A few radii [m] with fractions by number, whose sum is 1, shape ``(k,)``."""
@@ -142,24 +129,24 @@ class ContinuousSizes:
         return rng.shuffled(self.quantile(levels))
 
 
+SizeDistribution = DiscreteSizes | ContinuousSizes
+
+
 def list_sizes(
     radii: Floats, fractions: Floats | None, by: Basis, mass_power: int
 ) -> DiscreteSizes:
     """Radii [m] with ``fractions``, normalized here (default: equal), by number or by mass."""
     weights = np.ones(radii.size) if fractions is None else np.array(fractions, float)
     if by == "mass":
-        weights = weights / _mass_factor(radii / radii.max(), mass_power)
+        ratio = radii / radii.max()
+        weights = weights / (ratio * ratio if mass_power == 2 else ratio * ratio * ratio)
     return DiscreteSizes(np.array(radii, float), weights / sums.total(weights))
-
-
-def _mass_factor(ratio: Floats, mass_power: int) -> Floats:
-    return ratio * ratio if mass_power == 2 else ratio * ratio * ratio
 
 
 def power_sizes(
     exponent: float, smallest: float, largest: float, by: Basis, mass_power: int
 ) -> ContinuousSizes:
-    """Density ∝ r^-exponent between ``smallest`` and ``largest`` [m]."""
+    """Density ∝ r^-exponent between ``smallest`` and ``largest`` [m]; constant for 0."""
     slope = 1.0 - exponent - (mass_power if by == "mass" else 0)
     span = arithmetic.log(largest / smallest)
 
@@ -174,11 +161,6 @@ def power_sizes(
         return smallest * elementwise.exp(elementwise.log1p(level * growth) / slope)
 
     return ContinuousSizes(quantile, largest)
-
-
-def uniform_sizes(smallest: float, largest: float, by: Basis, mass_power: int) -> ContinuousSizes:
-    """Constant density between ``smallest`` and ``largest`` [m]."""
-    return power_sizes(0.0, smallest, largest, by, mass_power)
 
 
 def lognormal_sizes(
@@ -321,16 +303,15 @@ def normal_sizes(
 
 def sizes_of(table: Sizes, shape: Shape) -> SizeDistribution:
     """The distribution of a ``sizes`` table; ``shape`` tells how mass grows with the radius."""
-    power = MASS_POWER[shape]
+    by, power = table.by, MASS_POWER[shape]
     if isinstance(table, ListSizes):
         fractions = None if table.fractions is None else np.array(table.fractions)
-        return list_sizes(np.array(table.radii), fractions, table.by, power)
-    if isinstance(table, LognormalSizes):
-        return lognormal_sizes(table.median, table.sigma, table.min, table.max, table.by, power)
-    if isinstance(table, NormalSizes):
-        return normal_sizes(table.mean, table.sigma, table.min, table.max, table.by, power)
+        return list_sizes(np.array(table.radii), fractions, by, power)
     if isinstance(table, TableSizes):
-        return table_sizes(np.array(table.radii), np.array(table.passing), table.by, power)
-    if isinstance(table, PowerSizes):
-        return power_sizes(table.exponent, table.min, table.max, table.by, power)
-    return uniform_sizes(table.min, table.max, table.by, power)
+        return table_sizes(np.array(table.radii), np.array(table.passing), by, power)
+    bounds = (table.min, table.max, by, power)
+    if isinstance(table, LognormalSizes):
+        return lognormal_sizes(table.median, table.sigma, *bounds)
+    if isinstance(table, NormalSizes):
+        return normal_sizes(table.mean, table.sigma, *bounds)
+    return power_sizes(table.exponent if isinstance(table, PowerSizes) else 0.0, *bounds)

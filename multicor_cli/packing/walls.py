@@ -9,7 +9,6 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import column_totals, mean, total
@@ -19,13 +18,7 @@ from multicor_cli.model import WallBody
 from multicor_cli.model.columns import RADIUS, TAIL_X, X, Y
 from multicor_cli.model.model import Floats, Ints, Walls, WallShapes
 from multicor_cli.model.shapes import TAIL, Annulus, Area, Polygon, Room, ShapeKind, Tail, outlines
-from multicor_cli.packing.initial_grains import (
-    PackingRegion,
-    Shape,
-    inertias,
-    masses,
-    prism_inertia,
-)
+from multicor_cli.packing.initial_grains import PackingRegion, Shape, inertias, masses
 from multicor_cli.packing.sizes import (
     Purpose,
     SizeDistribution,
@@ -41,7 +34,6 @@ from multicor_cli.scenario.particles import ParticleGroup
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.walls import (
     ClusterGeometry,
-    Glued,
     PolygonGeometry,
     Ring,
     Row,
@@ -200,22 +192,15 @@ class Obstacles:
         added = replace(self, room=self.room.within(area))
         if isinstance(area, Annulus):
             added = added._append(ShapeKind.CIRCLE, np.array([[*area.center, area.outer, 0.0]]))
-            return (
-                added.with_discs(np.array([[*area.center, area.inner]]))
-                if area.inner > 0.0
-                else added
-            )
-        if isinstance(area, Polygon):
-            first, number = len(self.kind), np.arange(len(area.points))
-            added = added._append(
-                ShapeKind.SIDE, np.column_stack([area.points, np.roll(area.points, -1, axis=0)])
-            )
-            return added._append(
-                ShapeKind.VERTEX,
-                np.column_stack([area.points, first + np.roll(number, 1), first + number]),
-            )
-        message = f"no outline of a {type(area).__name__}"
-        raise TypeError(message)
+            inner = np.array([[*area.center, area.inner]])
+            return added.with_discs(inner) if area.inner > 0.0 else added
+        if not isinstance(area, Polygon):
+            message = f"no outline of a {type(area).__name__}"
+            raise TypeError(message)
+        points, first, number = area.points, len(self.kind), np.arange(len(area.points))
+        sides = np.column_stack([points, np.roll(points, -1, axis=0)])
+        corners = np.column_stack([points, first + np.roll(number, 1), first + number])
+        return added._append(ShapeKind.SIDE, sides)._append(ShapeKind.VERTEX, corners)
 
     def around(self, region: PackingRegion, period: float) -> Obstacles:
         """Make the obstacles of a periodic domain fit for ``region``, maybe a part of the period.
@@ -231,18 +216,12 @@ class Obstacles:
             ends[:, which] = outline.corners()[:, :, X]
         has_ends = self.kind != ShapeKind.PLANE  # planes are level
         nearby = self
-        first = math.floor(
-            (region.left - float(ends[1, has_ends].max(initial=region.left))) / period
-        )
-        last = math.ceil(
-            (region.right - float(ends[0, has_ends].min(initial=region.right))) / period
-        )
-        for k in range(first, last + 1):
-            near = (
-                has_ends
-                & (ends[1] + k * period > region.left)
-                & (ends[0] + k * period < region.right)
-            )
+        left = float(ends[0, has_ends].min(initial=region.right))
+        right = float(ends[1, has_ends].max(initial=region.left))
+        first = math.floor((region.left - right) / period)
+        for k in range(first, math.ceil((region.right - left) / period) + 1):
+            moved = ends + k * period
+            near = has_ends & (moved[1] > region.left) & (moved[0] < region.right)
             refers = TAIL[self.kind] == Tail.SHAPES
             for end in self.world[near & refers, TAIL_X:].astype(np.int64).T:
                 near[end[end >= 0]] = True  # a vertex asks its lines
@@ -254,15 +233,13 @@ class Obstacles:
             place = np.where(near, len(nearby.kind) + np.cumsum(near) - 1, -1)
             tail = rows[refers, TAIL_X:].astype(np.int64)
             rows[refers, TAIL_X:] = np.where(tail >= 0, place[tail], -1)
-            nearby = nearby._with(self.kind[near], rows)
+            nearby = nearby._append(self.kind[near], rows)
         return nearby
 
-    def _append(self, kind: ShapeKind, rows: Floats) -> Obstacles:
-        return self._with(np.full(len(rows), int(kind), np.int32), rows)
-
-    def _with(self, kind: Ints, rows: Floats) -> Obstacles:
+    def _append(self, kind: ShapeKind | Ints, rows: Floats) -> Obstacles:
+        kinds = np.full(len(rows), kind, np.int32)
         return replace(
-            self, kind=np.concatenate([self.kind, kind]), world=np.concatenate([self.world, rows])
+            self, kind=np.concatenate([self.kind, kinds]), world=np.concatenate([self.world, rows])
         )
 
 
@@ -301,11 +278,6 @@ class Front:
         )
 
 
-def with_glued(body: WallBody, glued: Floats) -> WallBody:
-    """A wall with grains glued to it: x, y and radius in its frame [m], shape ``(k, 3)``."""
-    return body.with_shapes(ShapeKind.DISC, np.column_stack([glued, np.zeros(len(glued))]))
-
-
 def about_center_of_mass(body: WallBody, shape: Shape) -> WallBody:
     """A wall of discs with its center of mass as reference point, about which it turns freely."""
     discs = body.glued
@@ -314,20 +286,6 @@ def about_center_of_mass(body: WallBody, shape: Shape) -> WallBody:
     geometry = body.geometry.copy()
     geometry[:, :2] -= center
     return WallBody(body.origin + center, body.kind, geometry, body.length)
-
-
-def glued_inertia(
-    body: WallBody, density: float, shape: Shape, thickness: float | None
-) -> tuple[float, float]:
-    """Mass [kg] and inertia about the reference point [kg m²] of a wall's discs; nan for none."""
-    glued = body.glued
-    if not len(glued):
-        return math.nan, math.nan
-    mass = masses(glued[:, RADIUS], density, shape, thickness)
-    about = inertias(glued[:, RADIUS], mass, shape) + mass * (
-        glued[:, X] * glued[:, X] + glued[:, Y] * glued[:, Y]
-    )
-    return total(mass), total(about)
 
 
 def join_shapes(bodies: list[WallBody], materials: list[int]) -> WallShapes:
@@ -391,11 +349,9 @@ class BuiltWalls(NamedTuple):
         if group is not None and self.walls.meets.size:
             is_met = self.walls.meets[:, group]
         met = np.flatnonzero(is_met).tolist()
-        shapes = (
-            self.shapes
-            if is_met.all()
-            else join_shapes([self.bodies[w] for w in met], [0] * len(met))
-        )
+        shapes = self.shapes
+        if not is_met.all():
+            shapes = join_shapes([self.bodies[w] for w in met], [0] * len(met))
         world = np.empty(shapes.geometry.shape)
         place_shapes(shapes.kind, shapes.wall, shapes.geometry, self.position[met], world)
         rooms = [self.rooms[w] for w in met]
@@ -404,15 +360,11 @@ class BuiltWalls(NamedTuple):
             tuple(area for room in rooms for area in room.outside),
             max((room.period for room in rooms), default=0.0),
         )
-        lids = [
-            self.bodies[w]
-            for w, front in enumerate(self.fronts)
-            if front is not None and front.is_lid and is_met[w]
-        ]
-        lowest = [
-            float((body.origin[1] + body.glued[:, 1] - body.glued[:, 2]).min()) for body in lids
-        ]
-        return Obstacles(shapes.kind, world, room, tuple(lowest))
+        lids = []
+        for body, front in ((self.bodies[w], self.fronts[w]) for w in met):
+            if front is not None and front.is_lid:
+                lids.append(float((body.origin[1] + body.glued[:, 1] - body.glued[:, 2]).min()))
+        return Obstacles(shapes.kind, world, room, tuple(lids))
 
 
 def build_walls(scenario: Scenario, known: Mapping[str, WallBody] | None = None) -> BuiltWalls:
@@ -420,93 +372,68 @@ def build_walls(scenario: Scenario, known: Mapping[str, WallBody] | None = None)
 
     `Refused` if glued grains cannot be made; its key begins at the wall.
     """
-    materials = list(scenario.materials)
+    materials, period = list(scenario.materials), scenario.domain.period
     there = known or {}
     made = [
         (there[wall.name], None) if wall.name in there else _make(scenario, k, wall)
         for k, wall in enumerate(scenario.walls)
     ]
     bodies = [body for body, _ in made]
-    inertia = [
-        _inertia(scenario, wall, body) for wall, body in zip(scenario.walls, bodies, strict=True)
-    ]
+    each = list(zip(scenario.walls, bodies, strict=True))
     names = [wall.name for wall in scenario.walls]
+    inertia = [_inertia(scenario, wall, body) for wall, body in each]
     walls = join_walls(names, bodies, inertia, [wall.gravity for wall in scenario.walls])
+    drives = [drive for stage in scenario.loading for drive in stage.drives.items()]
+    running = {name for name, drive in drives if drive.surface is not None}
+    meets = [
+        [wall.groups is None or group.name in wall.groups for group in scenario.particles]
+        for wall in scenario.walls
+    ]
+    is_met_by_all = all(wall.groups is None for wall in scenario.walls)
+    rooms = [wall.geometry.room(body.glued + np.append(body.origin, 0.0)) for wall, body in each]
     return BuiltWalls(
         bodies,
         [front for _, front in made],
-        replace(walls, runs=_running(scenario), meets=_meetings(scenario)),
+        replace(
+            walls,
+            runs=np.array([name in running for name in names] if running else [], np.bool_),
+            meets=np.zeros((0, 0), np.bool_) if is_met_by_all else np.array(meets),
+        ),
         join_shapes(bodies, [materials.index(wall.material) for wall in scenario.walls]),
         np.array([[*body.origin, 0.0] for body in bodies]).reshape(-1, 3),
-        [_room(scenario, wall, body) for wall, body in zip(scenario.walls, bodies, strict=True)],
+        [replace(room, period=period) for room in rooms],
     )
-
-
-def _running(scenario: Scenario) -> NDArray[np.bool_]:
-    """`Walls.runs`."""
-    named = [drives for stage in scenario.loading for drives in stage.drives.items()]
-    names = {name for name, drive in named if drive.surface is not None}
-    return np.array([wall.name in names for wall in scenario.walls] if names else [], np.bool_)
-
-
-def _meetings(scenario: Scenario) -> NDArray[np.bool_]:
-    """`Walls.meets`."""
-    if all(wall.groups is None for wall in scenario.walls):
-        return np.zeros((0, 0), np.bool_)
-    return np.array(
-        [
-            [wall.groups is None or g.name in wall.groups for g in scenario.particles]
-            for wall in scenario.walls
-        ]
-    )
-
-
-def _room(scenario: Scenario, wall: Wall, body: WallBody) -> Room:
-    room = wall.geometry.room(body.glued + np.append(body.origin, 0.0))
-    return replace(room, period=scenario.domain.period)
 
 
 def _make(scenario: Scenario, index: int, wall: Wall) -> tuple[WallBody, Front | None]:
     body, glued = wall.geometry.body(scenario.domain), wall.geometry.glued(scenario.domain)
     if isinstance(wall.geometry, ClusterGeometry):
-        body = about_center_of_mass(body, _shape(scenario))
+        body = about_center_of_mass(body, scenario.particles[0].shape)
     if glued is None:
         return body, None
-    try:
-        return _glue(scenario, index, wall, body, glued)
-    except Refused as error:
-        raise error.within("walls", index, "geometry") from error
-
-
-def _glue(
-    scenario: Scenario, index: int, wall: Wall, body: WallBody, glued: Glued
-) -> tuple[WallBody, Front | None]:
-    table = scenario.glued_sizes(wall)
+    table, place = scenario.glued_sizes(wall), glued.place
     assert table is not None  # the scenario has been checked
-    sizes, place = sizes_of(table, _shape(scenario)), glued.place
+    sizes = sizes_of(table, scenario.particles[0].shape)
 
     def restart(*side: int) -> Stream:
         return stream(scenario.seed, TableKind.WALLS, index, Purpose.SIZES, *side)
 
-    if isinstance(place, Ring):
-        return with_glued(
-            body, chain_on_circle(place.radius, sizes, restart, is_outside=place.is_outside)
-        ), None
-    if isinstance(place, Sides):
-        corners = place.polygon.points - body.origin
-        ends = zip(corners, np.roll(corners, -1, axis=0), strict=True)
-        sides = [
-            chain_on_line(start, end, sizes, partial(restart, k))
-            for k, (start, end) in enumerate(ends)
-        ]
-        return with_glued(body, np.concatenate(sides)), None
-    chain = chain_on_line(np.array(place.start), np.array(place.end), sizes, restart)
-    return with_glued(body, chain - np.append(body.origin, 0.0)), Front.of(place, chain)
-
-
-def _shape(scenario: Scenario) -> Shape:
-    shape: Shape = scenario.particles[0].shape
-    return shape
+    front = None
+    try:
+        if isinstance(place, Ring):
+            discs = chain_on_circle(place.radius, sizes, restart, is_outside=place.is_outside)
+        elif isinstance(place, Sides):
+            corners = place.polygon.points - body.origin
+            ends = enumerate(zip(corners, np.roll(corners, -1, axis=0), strict=True))
+            discs = np.concatenate(
+                [chain_on_line(*pair, sizes, partial(restart, k)) for k, pair in ends]
+            )
+        else:
+            chain = chain_on_line(np.array(place.start), np.array(place.end), sizes, restart)
+            discs, front = chain - np.append(body.origin, 0.0), Front.of(place, chain)
+    except Refused as error:
+        raise error.within("walls", index, "geometry") from error
+    return body.with_shapes(ShapeKind.DISC, np.column_stack([discs, np.zeros(len(discs))])), front
 
 
 def _inertia(scenario: Scenario, wall: Wall, body: WallBody) -> tuple[float, float]:
@@ -515,21 +442,23 @@ def _inertia(scenario: Scenario, wall: Wall, body: WallBody) -> tuple[float, flo
     Where only the mass is given, the inertia that follows from the geometry is scaled with it: the
     same distribution of mass.
     """
-    mass, inertia = _default_inertia(scenario, wall, body)
-    if wall.mass is not None:
-        inertia *= wall.mass / mass
-        mass = wall.mass
-    return mass, inertia if wall.inertia is None else wall.inertia
-
-
-def _default_inertia(scenario: Scenario, wall: Wall, body: WallBody) -> tuple[float, float]:
     density, geometry = scenario.materials[wall.material].density, wall.geometry
-    if geometry.substance is None:
-        return math.nan, math.nan
+    first, discs = scenario.particles[0], body.glued
+    mass = inertia = math.nan
     if isinstance(geometry, PolygonGeometry) and geometry.substance == "prism":
-        height = prism_height(scenario.particles[0])
-        return prism_inertia(geometry.area(), density, math.nan if height is None else height)
-    return glued_inertia(body, density, _shape(scenario), _model_group(scenario, wall).thickness)
+        # ρ h A, and about the centroid ρ h ∫ r² dA
+        polygon, height = geometry.area(), prism_height(first)
+        height = math.nan if height is None else height
+        mass, inertia = density * height * polygon.size, density * height * polygon.polar_moment
+    elif geometry.substance is not None and len(discs):
+        thickness = _model_group(scenario, wall).thickness
+        each = masses(discs[:, RADIUS], density, first.shape, thickness)
+        square = discs[:, X] * discs[:, X] + discs[:, Y] * discs[:, Y]
+        about = inertias(discs[:, RADIUS], each, first.shape) + each * square
+        mass, inertia = total(each), total(about)
+    if wall.mass is not None:
+        mass, inertia = wall.mass, inertia * (wall.mass / mass)
+    return mass, inertia if wall.inertia is None else wall.inertia
 
 
 def _model_group(scenario: Scenario, wall: Wall) -> ParticleGroup:

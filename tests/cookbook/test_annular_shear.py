@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from places import ROOT
+from scenarios import run_config
 
 import multicor_cli as multicor
 from multicor_cli.model import Model
@@ -34,10 +34,8 @@ def cross(a: Floats, b: Floats) -> Floats:
 
 def momenta(frame: Frame, model: Model, center: Floats) -> Floats:
     """Angular momentum of each grain about the axis, its spin included [N m s], shape ``(n,)``."""
-    orbital = cross(
-        frame.position[:, :2] - center, model.grains.mass[:, None] * frame.velocity[:, :2]
-    )
-    return orbital + model.grains.inertia * frame.spin
+    momentum = model.grains.mass[:, None] * frame.velocity[:, :2]
+    return cross(frame.position[:, :2] - center, momentum) + model.grains.inertia * frame.spin
 
 
 def by_contacts(frame: Frame, model: Model, center: Floats) -> Floats:
@@ -49,18 +47,14 @@ def by_contacts(frame: Frame, model: Model, center: Floats) -> Floats:
     """
     contacts = frame.contacts
     n = np.asarray(contacts.normal, np.float64)
-    p = contacts.impulse[:, :1] * n + contacts.impulse[:, 1:] * np.stack(
-        [-n[:, 1], n[:, 0]], axis=1
-    )
+    across = np.stack([-n[:, 1], n[:, 0]], axis=1)
+    p = contacts.impulse[:, :1] * n + contacts.impulse[:, 1:] * across
     at = frame.position[:, :2] - center
     torque = cross(at[contacts.i] - model.grains.radius[contacts.i, None] * n, p) / frame.dt
-    r = np.concatenate(
-        [np.hypot(at[:, 0], at[:, 1]), np.where(model.shapes.wall == INNER, 0.0, math.inf)]
-    )
-    inside, outside = (
-        np.minimum(r[contacts.i], r[contacts.j]),
-        np.maximum(r[contacts.i], r[contacts.j]),
-    )
+    of_walls = np.where(model.shapes.wall == INNER, 0.0, math.inf)
+    r = np.concatenate([np.hypot(at[:, 0], at[:, 1]), of_walls])
+    inside = np.minimum(r[contacts.i], r[contacts.j])
+    outside = np.maximum(r[contacts.i], r[contacts.j])
     share = np.minimum(outside[:, None], CIRCLES[1:]) - np.maximum(inside[:, None], CIRCLES[:-1])
     outwards = np.where(r[contacts.i] > r[contacts.j], torque, -torque)
     return (outwards @ np.maximum(share, 0.0)) / np.diff(CIRCLES)
@@ -82,11 +76,7 @@ def test_every_circle_passes_on_the_torque_of_the_cylinders(seed: int, tmp_path:
     up to nothing.
     """
     changes = [f"scenario.seed={seed}", "variables.turns=2", f"output.frame_interval={0.01 / SPIN}"]
-    multicor.run(
-        multicor.load_scenario(ROOT / "configs" / "annular-shear.toml", overrides=changes),
-        tmp_path / "run",
-    )
-    with multicor.open_run(tmp_path / "run") as run:
+    with multicor.open_run(run_config("annular-shear", tmp_path / "run", *changes)) as run:
         model, series = run.model, run.series
         frames = [frame for frame in run.frames if run.stages[frame.stage] == "steady"]
         center = np.asarray(series["wall_position"])[0, OUTER, :2]
@@ -96,8 +86,7 @@ def test_every_circle_passes_on_the_torque_of_the_cylinders(seed: int, tmp_path:
         gained = (last - first) / (frames[-1].time - frames[0].time)
         rows = np.asarray(series["time"]) > frames[0].time
         weight, force = (
-            np.asarray(series["window_duration"])[rows],
-            np.asarray(series["wall_force"])[rows],
+            np.asarray(series[name])[rows] for name in ("window_duration", "wall_force")
         )
     torque = np.average(force[:, :, 2], axis=0, weights=weight)
     through, outer = contacts + grains, torque[OUTER]

@@ -14,15 +14,14 @@ import numpy as np
 import pytest
 from bulk import Bulk, measure_bulk
 from numpy.typing import NDArray
-from places import ROOT
 from recorded import keep
+from scenarios import run_config
 
 import multicor_cli as multicor
 from multicor_cli.store import Run
 
 pytestmark = [pytest.mark.validation, pytest.mark.timeout(1800)]
 
-BIAXIAL, SHEAR = ROOT / "configs" / "biaxial.toml", ROOT / "configs" / "shear-gravity-free.toml"
 BOTTOM, LEFT, TOP, RIGHT = range(4)
 STRESS = 100.0
 STEADY = 0.1
@@ -53,19 +52,16 @@ class Rows:
 
 def rows_of(run: Run, stage: str) -> Rows:
     series = run.series
-    rows = np.flatnonzero(
-        (np.asarray(series["stage"]) == run.stages.index(stage))
-        & (np.asarray(series["window_duration"]) > 0.0)
-    )
-    place, force = np.asarray(series["wall_position"])[rows], np.asarray(series["wall_force"])[rows]
+    is_moving = np.asarray(series["window_duration"]) > 0.0
+    in_stage = np.asarray(series["stage"]) == run.stages.index(stage)
+    rows = np.flatnonzero(in_stage & is_moving)
+    place, force = (np.asarray(series[name])[rows] for name in ("wall_position", "wall_force"))
     width, height = place[:, RIGHT, 0] - place[:, LEFT, 0], place[:, TOP, 1] - place[:, BOTTOM, 1]
-    stress = [
-        -force[:, BOTTOM, 1] / width,
-        -force[:, LEFT, 0] / height,
-        force[:, TOP, 1] / width,
-        force[:, RIGHT, 0] / height,
-    ]
-    return Rows(np.asarray(series["time"])[rows], width, height, np.array(stress))
+    stress = np.array(
+        [-force[:, BOTTOM, 1], -force[:, LEFT, 0], force[:, TOP, 1], force[:, RIGHT, 0]]
+    )
+    stress /= np.stack([width, height, width, height])
+    return Rows(np.asarray(series["time"])[rows], width, height, stress)
 
 
 def covered(position: Floats, radius: Floats, low: float, high: Floats) -> float:
@@ -85,8 +81,7 @@ def critical_state(run: Run) -> tuple[float, float, float, float]:
     rows, model = rows_of(run, "compress"), run.model
     steady = rows.strain > STEADY
     major, minor = (
-        rows.stress[[BOTTOM, TOP]][:, steady].mean(),
-        rows.stress[[LEFT, RIGHT]][:, steady].mean(),
+        rows.stress[list(pair)][:, steady].mean() for pair in ((BOTTOM, TOP), (LEFT, RIGHT))
     )
     began, fractions = rows.time[steady][0], []
     for frame in run.frames:
@@ -97,12 +92,8 @@ def critical_state(run: Run) -> tuple[float, float, float, float]:
     rate = np.ptp(rows.strain[steady]) / np.ptp(rows.time[steady])
     swelling = np.polyfit(rows.strain[steady], np.log(rows.width * rows.height)[steady], 1)[0]
     number = 2.0 * rate * np.sqrt(model.grains.mass.mean() / (0.5 * (major + minor)))
-    return (
-        (major - minor) / (major + minor),
-        float(np.mean(fractions)),
-        float(swelling),
-        float(number),
-    )
+    sine = (major - minor) / (major + minor)
+    return sine, float(np.mean(fractions)), float(swelling), float(number)
 
 
 def plane_shear(directory: Path, seed: int) -> Bulk:
@@ -111,13 +102,11 @@ def plane_shear(directory: Path, seed: int) -> Bulk:
     """
     speed = 0.147
     changes = [
-        f"scenario.seed={seed}", f"loading.0.drives.top.x.velocity={speed}",
-        f"particles.0.velocity=[{0.5 * speed},0.0]",
-        f"particles.0.shear_rate={speed / 0.045}", "output.frame_interval=0.02", "solver.dt=auto",
-        "solver.tolerance_rms=3e-4",
-        "loading.0.until.strain.value=6.0",
+        f"scenario.seed={seed}", f"loading.0.drives.top.x.velocity={speed}", "solver.dt=auto",
+        f"particles.0.velocity=[{0.5 * speed},0.0]", f"particles.0.shear_rate={speed / 0.045}",
+        "output.frame_interval=0.02", "solver.tolerance_rms=3e-4", "loading.0.until.strain.value=6.0",
     ]  # fmt: skip
-    multicor.run(multicor.load_scenario(SHEAR, overrides=changes), directory)
+    run_config("shear-gravity-free", directory, *changes)
     return measure_bulk(directory, load=0.3, strain=2.0)
 
 
@@ -126,31 +115,24 @@ def test_stresses_and_the_critical_state(
 ) -> None:
     found = []
     for seed in (3, 4, 5, 6):
-        path = tmp_path / f"run-{seed}"
-        multicor.run(multicor.load_scenario(BIAXIAL, overrides=[f"scenario.seed={seed}"]), path)
+        path = run_config("biaxial", tmp_path / f"run-{seed}", f"scenario.seed={seed}")
         with multicor.open_run(path) as run:
             isotropic, compress = rows_of(run, "isotropic"), rows_of(run, "compress")
             found.append(critical_state(run))
         settled = isotropic.stress[:, isotropic.time > isotropic.time[-1] - 0.02].mean(axis=1)
-        print(
-            f"seed {seed}: {settled}, then {compress.stress.mean(axis=1)} N/m; sin φ, ν, d ln "
-            f"V/dε, I: {np.array(found[-1])}"
-        )
+        means = compress.stress.mean(axis=1)
+        print(f"seed {seed}: {settled}, then {means} N/m; sin φ, ν, d ln V/dε, I: {found[-1]}")
         assert settled == pytest.approx(np.full(4, STRESS), rel=0.01)
         assert compress.stress[RIGHT].mean() == pytest.approx(STRESS, rel=0.01)
     sine, fraction, swelling, number = np.mean(found, axis=0)
     error = np.std(found, axis=0, ddof=1) / np.sqrt(len(found))
     sheared = [plane_shear(tmp_path / f"shear-{seed}", seed) for seed in (1, 2)]
-    print(
-        f"biaxial: sin φ = {sine:.4f} ± {error[0]:.4f}, ν = {fraction:.4f} ± {error[1]:.4f}, I = "
-        f"{number:.4f}"
-    )
+    fractions = f"sin φ = {sine:.4f} ± {error[0]:.4f}, ν = {fraction:.4f} ± {error[1]:.4f}"
+    print(f"biaxial: {fractions}, I = {number:.4f}")
     print("\n".join(f"shear: {bulk}" for bulk in sheared))
-    keep(
-        record_property, inertial_number=number, friction=sine, friction_error=error[0],
-        solid_fraction=fraction,
-        solid_fraction_error=error[1],
-    )  # fmt: skip
+    errors = {"friction_error": error[0], "solid_fraction_error": error[1]}
+    numbers = {"inertial_number": number, "friction": sine, "solid_fraction": fraction}
+    keep(record_property, **numbers, **errors)
     assert sine == pytest.approx(np.mean([bulk.friction for bulk in sheared]), abs=0.03)
     assert fraction == pytest.approx(np.mean([bulk.solid_fraction for bulk in sheared]), abs=0.01)
     assert abs(swelling) < 0.05

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bulk import measure_bulk
-from places import ROOT
 from recorded import keep
+from scenarios import run_config
 
 import multicor_cli as multicor
 from multicor_cli.post.profile import profile
@@ -22,16 +22,13 @@ from multicor_cli.post.source import Selection
 
 pytestmark = [pytest.mark.validation, pytest.mark.timeout(1800)]
 
-CHUTE, SHEAR = ROOT / "configs" / "chute.toml", ROOT / "configs" / "shear-gravity-free.toml"
 LAYER = 0.25, 0.8
 """Part of the layer that is looked at: the base orders the grains above it, and the topmost ones
 fly."""
 
 
 def flow(directory: Path, angle: float) -> Path:
-    scenario = multicor.load_scenario(CHUTE, overrides=[f"variables.angle={angle}"])
-    multicor.run(scenario, directory / f"chute-{angle}")
-    return directory / f"chute-{angle}"
+    return run_config("chute", directory / f"chute-{angle}", f"variables.angle={angle}")
 
 
 def layer(directory: Path) -> tuple[np.ndarray, np.ndarray, float, float]:
@@ -50,13 +47,8 @@ def layer(directory: Path) -> tuple[np.ndarray, np.ndarray, float, float]:
     middle = slice(*(round(share * len(table.y)) for share in LAYER))
     slope, top = np.polyfit(load[middle], table.y[middle], 1)
     assert slope < 0.0
-    rate = np.gradient(table.value, table.y)
-    return (
-        table.y[middle],
-        table.value[middle],
-        float(top),
-        float(np.mean((rate * np.sqrt(mass / load))[middle])),
-    )
+    number = np.gradient(table.value, table.y) * np.sqrt(mass / load)
+    return table.y[middle], table.value[middle], float(top), float(np.mean(number[middle]))
 
 
 def sheared_friction(directory: Path, inertial_number: float) -> float:
@@ -70,7 +62,7 @@ def sheared_friction(directory: Path, inertial_number: float) -> float:
             "solver.dt=auto",
         ]  # fmt: skip
         path = directory / f"shear-{inertial_number:.3f}-{factor}"
-        multicor.run(multicor.load_scenario(SHEAR, overrides=changes), path)
+        run_config("shear-gravity-free", path, *changes)
         found.append(measure_bulk(path, load=0.3))
     numbers, frictions = [bulk.inertial_number for bulk in found], [bulk.friction for bulk in found]
     share = math.log(inertial_number / numbers[0]) / math.log(numbers[1] / numbers[0])
@@ -87,19 +79,11 @@ def test_steady_flow(
     amplitude, slip = np.polyfit(shape, v, 1)
     misfit = np.abs(slip + amplitude * shape - v).max() / np.ptp(v)
     friction = sheared_friction(tmp_path, inertial_number)
-    print(
-        f"θ = {angle}°: H = {top:.4g} m, I = {inertial_number:.4f}, misfit {misfit:.4f}, μ(I) = "
-        f"{friction:.4f}"
-    )
-    keep(
-        record_property,
-        height=y,
-        velocity=v,
-        bagnold=slip + amplitude * shape,
-        top=top,
-        inertial_number=inertial_number,
-        friction=friction,
-    )
+    numbers = f"H = {top:.4g} m, I = {inertial_number:.4f}, misfit {misfit:.4f}"
+    print(f"θ = {angle}°: {numbers}, μ(I) = {friction:.4f}")
+    curves = {"height": y, "velocity": v, "bagnold": slip + amplitude * shape}
+    found = {"top": top, "inertial_number": inertial_number, "friction": friction}
+    keep(record_property, **curves, **found)
     assert misfit < 0.03
     assert friction == pytest.approx(math.tan(math.radians(angle)), abs=0.03)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from places import ROOT
+from scenarios import run_config
 
 import multicor_cli as multicor
 from multicor_cli.post.rheology import rheology
@@ -36,20 +36,15 @@ def backbone(grains: int, i: NDArray[np.int32], j: NDArray[np.int32]) -> tuple[i
 
 @pytest.mark.parametrize("seed", [4, 5])
 def test_isostatic_without_friction_and_less_with_it(seed: int, tmp_path: Path) -> None:
-    scenario = multicor.load_scenario(
-        ROOT / "configs" / "dense-packing.toml", overrides=[f"scenario.seed={seed}"]
-    )
-    multicor.run(scenario, tmp_path / "run")
-    with multicor.open_run(tmp_path / "run") as run:
+    path = run_config("dense-packing", tmp_path / "run", f"scenario.seed={seed}")
+    with multicor.open_run(path) as run:
         last = int(np.flatnonzero(np.asarray(run.frames.stage) == 0)[-1])
         contacts, grains = run.frames[last].contacts, run.model.grain_count
         discs, count = backbone(grains, contacts.i, contacts.j)
         sheared = rheology(run)
     per_disc = 2.0 * (count - 1) / discs  # one of the equations is that of the lid
-    print(
-        f"{discs} of {grains} discs held, {count} contacts: {per_disc:.4f} a disc; sheared: "
-        f"{sheared.mean['coordination']:.3f}"
-    )
+    print(f"{discs} of {grains} discs held, {count} contacts: {per_disc:.4f} a disc")
+    print(f"sheared: {sheared.mean['coordination']:.3f}")
     assert discs > 0.9 * grains
     assert per_disc == pytest.approx(4.0, abs=0.08)
     assert sheared.mean["coordination"] < 3.5  # friction needs fewer

@@ -10,23 +10,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from places import ROOT
-from scenarios import plane, scenario
+from scenarios import plane, run_config, scenario
 
 import multicor_cli as multicor
 
 pytestmark = [pytest.mark.validation, pytest.mark.timeout(3600)]
 
-HEAP = ROOT / "configs" / "heap.toml"
 # Its width, its distance from the left end of the domain, and its height [m]
 PLATE, DROP = 30e-3, 14e-3
 SEEDS = range(1, 7)
-VARIANTS = {
-    "neither": (0.0, 0.0),
-    "adhesion": (4.0, 0.0),
-    "rolling": (0.0, 0.3),
-    "both": (4.0, 0.3),
-}
+VARIANTS = {"neither": (0, 0), "adhesion": (4, 0), "rolling": (0, 0.3), "both": (4, 0.3)}
 """Granular Bond number and coefficient of rolling resistance."""
 
 STRIP = 2e-3  # [m]
@@ -58,20 +51,11 @@ def test_slopes_grow_with_adhesion_and_with_rolling_resistance(tmp_path: Path) -
     for name, (bond, rolling) in VARIANTS.items():
         angles = []
         for seed in SEEDS:
-            changes = [
-                f"scenario.seed={seed}",
-                f"variables.bond={bond}",
-                f"variables.rolling={rolling}",
-            ]
-            multicor.run(
-                multicor.load_scenario(HEAP, overrides=changes), tmp_path / f"{name}-{seed}"
-            )
+            changes = (f"variables.bond={bond}", f"variables.rolling={rolling}")
+            run_config("heap", tmp_path / f"{name}-{seed}", f"scenario.seed={seed}", *changes)
             angles.append(slope(tmp_path / f"{name}-{seed}"))
         mean[name], error[name] = np.mean(angles), np.std(angles, ddof=1) / math.sqrt(len(angles))
-        print(
-            f"{name}: {mean[name]:.1f} ± {error[name]:.1f}° "
-            f"({', '.join(f'{angle:.1f}' for angle in angles)})"
-        )
+        print(f"{name}: {mean[name]:.1f} ± {error[name]:.1f}°", np.round(angles, 1))
     for name in ("adhesion", "rolling", "both"):
         assert mean[name] - mean["neither"] > 2.0 * math.hypot(error[name], error["neither"])
 
@@ -79,15 +63,7 @@ def test_slopes_grow_with_adhesion_and_with_rolling_resistance(tmp_path: Path) -
 WEIGHT = 2500.0 * 9.81 * math.pi / 4.0 * 1e-9  # of a disc with a diameter of 1 mm [N]
 
 
-def ends(
-    run: Any,
-    name: str,
-    heights: list[float],
-    *,
-    rolling: float = 0.0,
-    adhesion: float = 0.0,
-    angle: float = 0.0,
-) -> tuple[np.ndarray, np.ndarray, float]:
+def ends(run: Any, name: str, heights: list[float], rolling=0.0, adhesion=0.0, angle=0.0):
     """Positions and velocities of discs at the end, and the time of the run; a ceiling holds them
     with ten weights.
     """

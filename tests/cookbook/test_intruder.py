@@ -8,20 +8,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 from places import ROOT
+from scenarios import run_config
 
 import multicor_cli as multicor
 from multicor_cli.store import run_info
 
 pytestmark = [pytest.mark.validation, pytest.mark.timeout(1800)]
 
-CONFIG, INTRUDER = ROOT / "configs" / "intruder.toml", 1
+INTRUDER = 1
 
 
 def test_the_work_of_the_drive_is_lost_or_stored(tmp_path: Path) -> None:
     """Its work is summed from the recorded forces on the intruder; what is stored, from the
     frames.
     """
-    multicor.run(multicor.load_scenario(CONFIG), tmp_path / "run")
+    run_config("intruder", tmp_path / "run")
     info, books = run_info(tmp_path / "run"), run_info(tmp_path / "run")["books"]
     with multicor.open_run(tmp_path / "run") as run:
         x = np.asarray(run.series["wall_position"])[:, INTRUDER, 0]
@@ -32,10 +33,8 @@ def test_the_work_of_the_drive_is_lost_or_stored(tmp_path: Path) -> None:
         kinetic = float(run.series["kinetic"][-1])
         cooled = 400.0 - float(last.wall_temperature[INTRUDER])
     lost = books["friction_loss"] + books["impact_loss"]
-    print(
-        f"work {work:.6g} J, lost {lost:.6g} J, lifted {lifted:.6g} J, kinetic {kinetic:.3g} J, "
-        f"cooled by {cooled:.3f} K"
-    )
+    stored = f"lifted {lifted:.6g} J, kinetic {kinetic:.3g} J"
+    print(f"work {work:.6g} J, lost {lost:.6g} J, {stored}, cooled by {cooled:.3f} K")
     assert work == pytest.approx(lost + lifted + kinetic, rel=0.02)
     assert cooled > 0.1
     assert info["heat_closure"] < 1e-12
@@ -46,13 +45,11 @@ def test_its_temperature_follows_from_the_measured_conductances(tmp_path: Path) 
     which are of every step here.
     """
     step = 1e-4
-    changes = [
-        f"solver.dt={step}",
-        f"output.frame_interval={step}",
-        "loading.1.duration=0.03",
-        "loading.0.duration=0.05",
-    ]
-    scenario = multicor.load_scenario(CONFIG, overrides=changes)
+    changes = ("loading.1.duration=0.03", "loading.0.duration=0.05")
+    every = (f"solver.dt={step}", f"output.frame_interval={step}")
+    scenario = multicor.load_scenario(
+        ROOT / "configs" / "intruder.toml", overrides=[*every, *changes]
+    )
     multicor.run(scenario, tmp_path / "run")
     capacity = scenario.walls[INTRUDER].thermal.capacity
     with multicor.open_run(tmp_path / "run") as run:
@@ -68,8 +65,5 @@ def test_its_temperature_follows_from_the_measured_conductances(tmp_path: Path) 
             expected.append(temperature)
             found.append(float(frame.wall_temperature[INTRUDER]))
     change = np.array(found) - found[0]
-    print(
-        f"changes by {change[-1]:.6g} K, off by at most "
-        f"{np.abs(np.array(found) - expected).max():.3g} K"
-    )
+    print(f"changes by {change[-1]:.6g} K, off by {np.abs(np.array(found) - expected).max():.3g} K")
     assert np.abs(np.array(found) - expected).max() < 1e-3 * np.abs(change).max()

@@ -22,15 +22,17 @@ pytestmark = [pytest.mark.validation, pytest.mark.timeout(1800)]
 
 SIEVES = ROOT / "configs" / "sieve-curve.toml"
 DENSITY, LOAD, HEIGHT = 2650.0, 1.0, 32e-3
+LARGE = ("variables.width=0.2", "variables.height=0.5")
 
 
 def sieves() -> tuple[np.ndarray, np.ndarray]:
     """Diameters and what passes."""
     with SIEVES.with_suffix(".csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
-    return np.array([float(row["diameter"]) for row in rows]), np.array(
-        [float(row["passing"]) for row in rows]
+    diameter, passing = (
+        np.array([float(row[name]) for row in rows]) for name in ("diameter", "passing")
     )
+    return diameter, passing
 
 
 def mass_of(diameter: np.ndarray) -> np.ndarray:
@@ -61,19 +63,15 @@ def test_every_class_has_its_mass(tmp_path: Path) -> None:
     multicor.run(SIEVES, tmp_path / "run")
     with multicor.open_run(tmp_path / "run") as run:
         grains, end, series = run.model.grains, run.frames[-1], run.series
-        inside = (end.position[:, 1] > 0.0) & (
-            end.position[:, 1] < end.wall_position[1, 1] + HEIGHT
-        )
-        assert inside.all()
+        y = end.position[:, 1]
+        assert ((y > 0.0) & (y < end.wall_position[1, 1] + HEIGHT)).all()
         found = masses(grains.radius, grains.mass)
         weight = 9.81 * grains.mass.sum()
         floor, lid = series["wall_force"][series["time"] > end.time - 0.02, :, 1].mean(axis=0)
     count, bound = grains.radius.size, 2.0 * mass_of(sieves()[0][1:])
     difference = found - expected_masses(count)
     shares = ", ".join(f"{share:.4f}" for share in found / found.sum())
-    print(
-        f"shares {shares}; largest difference {np.abs(difference / bound).max():.2f} of the bound"
-    )
+    print(f"shares {shares}; {np.abs(difference / bound).max():.2f} of the bound at most")
     print(f"lid {lid:.4f} N, floor {-floor:.4f} N, weight {weight:.4f} N")
     assert (np.abs(difference) <= bound).all()
     assert found.sum() == pytest.approx(grains.mass.sum(), rel=1e-12)
@@ -87,16 +85,10 @@ def test_the_bound_holds_for_all_seeds_and_shrinks_with_the_number_of_grains(cou
     bound, expected = 2.0 * mass_of(sieves()[0][1:]), expected_masses(count)
     used = []
     for seed in range(10):
-        changes = [
-            f"scenario.seed={seed}",
-            f"variables.count={count}",
-            "variables.width=0.2",
-            "variables.height=0.5",
-        ]
+        changes = [f"scenario.seed={seed}", f"variables.count={count}", *LARGE]
         model = build(multicor.load_scenario(SIEVES, overrides=changes))[0]
         used.append(np.abs(masses(model.grains.radius, model.grains.mass) - expected) / bound)
     print(
-        f"{count} grains: at most {np.max(used):.2f} of the bound, which is "
-        f"{np.max(bound / expected):.4f} of the mass of a class"
+        f"{count} grains: {np.max(used):.2f} of the bound, {np.max(bound / expected):.4f} of a class"
     )
     assert np.max(used) <= 1.0

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from places import ROOT
 from recorded import keep
+from scenarios import run_config
 from scipy.optimize import curve_fit
 
 import multicor_cli as multicor
@@ -25,15 +25,11 @@ from multicor_cli.store import Run
 
 pytestmark = [pytest.mark.validation, pytest.mark.timeout(3600)]
 
-CONFIG = ROOT / "configs" / "silo.toml"
 D, WIDTH, BOTTOM = 2e-3, 40e-3, 24e-3
 SETTLED = 0.4
 """Time after the start of the discharge from which the flow is steady [s]."""
 
-OPENINGS = 6, 8, 10, 12
-
-
-SEEDS = 1, 2
+OPENINGS, SEEDS = (6, 8, 10, 12), (1, 2)
 
 
 @pytest.fixture(scope="module")
@@ -42,8 +38,7 @@ def silos(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[int, int], Pat
     folder = tmp_path_factory.mktemp("silo")
     made = {(opening, seed): folder / f"{opening}-{seed}" for opening in OPENINGS for seed in SEEDS}
     for (opening, seed), path in made.items():
-        changes = [f"variables.opening={opening}", f"scenario.seed={seed}"]
-        multicor.run(multicor.load_scenario(CONFIG, overrides=changes), path)
+        run_config("silo", path, f"variables.opening={opening}", f"scenario.seed={seed}")
     return made
 
 
@@ -73,10 +68,8 @@ def test_the_flow_rate_follows_beverloo(
     slope, start = np.polyfit(OPENINGS, powers, 1)
     misfit = powers - np.polyval([slope, start], OPENINGS)
     keep(record_property, opening=OPENINGS, rate=each, slope=slope, start=start)
-    print(
-        f"W = {rates.round()} grains/s at D/d = {OPENINGS}: k = {-start / slope:.2f}, misfit of "
-        f"W^(2/3) {misfit / powers}"
-    )
+    print(f"W = {rates.round()} grains/s at D/d = {OPENINGS}: k = {-start / slope:.2f}")
+    print(f"misfit of W^(2/3) {misfit / powers}")
     assert np.abs(misfit / powers).max() < 0.04
     assert 0.5 < -start / slope < 3.0
 
@@ -107,14 +100,8 @@ def stresses(directory: Path) -> tuple[np.ndarray, ...]:
     density = float(model.grains.mass.sum()) / (math.pi * float((model.grains.radius**2).sum()))
     load = np.full(int(deep.sum()), 9.81 * float(fill.value[deep].mean()) * density)
     friction = np.full(load.size, -float(left[1] + right[1]) / float(right[0] - left[0]))
-    return (
-        surface - y[deep],
-        along.value[deep],
-        along.error[deep],
-        across.value[deep],
-        load,
-        friction,
-    )
+    values = along.value[deep], along.error[deep], across.value[deep]
+    return surface - y[deep], *values, load, friction
 
 
 def test_the_stress_saturates_as_janssen_says(
@@ -138,31 +125,19 @@ def test_the_stress_saturates_as_janssen_says(
     misfit = float(np.sqrt(((fitted - stress) ** 2).mean()) / stress.max())
     by_error = float((((fitted - stress) / error) ** 2).sum() / (depth.size - 2))
     order = np.argsort(depth)
-    found = {
-        "depth": depth / WIDTH,
-        "stress": stress,
-        "janssen": fitted,
-        "weight": load * depth + top,
-    }
+    weight = load * depth + top
+    found = {"depth": depth / WIDTH, "stress": stress, "janssen": fitted, "weight": weight}
     keep(record_property, **{name: values[order] for name, values in found.items()})
     deepest = int(np.argmax(depth))
+    product, ratio = 0.5 * WIDTH / length, 0.5 * WIDTH / length / friction
+    print(f"λ = {length / WIDTH:.2f} widths, misfit {misfit:.3f}, χ² {by_error:.2f} per degree")
     print(
-        f"λ = {length / WIDTH:.2f} widths, rms misfit {misfit:.3f}, χ² {by_error:.2f} per degree, "
-        f"μ of the walls {friction:.3f}"
+        f"μ {friction:.3f}, μK {product:.3f}, K {ratio:.2f}; σ_xx/σ_yy {(across / stress).mean():.2f}"
     )
-    print(
-        f"μK = {0.5 * WIDTH / length:.3f}, K = {0.5 * WIDTH / length / friction:.2f}; σ_xx/σ_yy = "
-        f"{(across / stress).mean():.2f}"
-    )
-    print(
-        f"σ_yy at {depth[deepest] / WIDTH:.2f} widths: {stress[deepest]:.3f} N/m; all weight "
-        f"{load * depth[deepest] + top:.3f}"
-    )
+    print(f"σ_yy deepest {stress[deepest]:.3f} N/m; all weight {weight[deepest]:.3f}")
     assert misfit < 0.1
     assert by_error < 3.0
-    assert stress[deepest] < 0.6 * (load * depth[deepest] + top)
+    assert stress[deepest] < 0.6 * weight[deepest]
     # Rankine's limits for the internal friction of these grains, sin φ = 0.35 (GDR MiDi, 2004, at
     # small inertial numbers).
-    assert (
-        (1.0 - 0.35) / (1.0 + 0.35) < 0.5 * WIDTH / length / friction < (1.0 + 0.35) / (1.0 - 0.35)
-    )
+    assert (1.0 - 0.35) / (1.0 + 0.35) < ratio < (1.0 + 0.35) / (1.0 - 0.35)

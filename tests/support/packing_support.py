@@ -5,12 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from scenes import PACKED
 
+from multicor_cli.model import Model, State
+from multicor_cli.packing import build
 from multicor_cli.packing.overlap import find_pairs
-from multicor_cli.packing.sizes import Stream
+from multicor_cli.packing.sizes import ContinuousSizes, Stream, power_sizes
 from multicor_cli.packing.walls import Obstacles
-from multicor_cli.scenario import Scenario, parse_scenario
+from multicor_cli.scenario import Scenario, ScenarioError, parse_scenario
+from multicor_cli.scenario.problems import Problem
 
 SECOND = """
 [[particles]]
@@ -24,15 +28,33 @@ packing = { kind = "random" }
 """
 """A group of other grains."""
 
+GRAVITY = "domain.gravity=[0.0,-9.81]"
+PERIODIC = "domain.periodic=true"
+
 
 def generator(seed: int = 3) -> Stream:
     return Stream(np.random.Philox(seed))
+
+
+def uniform(low: float, high: float) -> ContinuousSizes:
+    return power_sizes(0.0, low, high, "number", 2)
 
 
 def scenario(
     *overrides: str, text: str = PACKED, extra: str = "", path: str | Path = "test.toml"
 ) -> Scenario:
     return parse_scenario(text + extra, path, overrides)
+
+
+def built(*overrides: str, **given: str) -> tuple[Model, State]:
+    return build(scenario(*overrides, **given))
+
+
+def problems(*overrides: str, **given: str) -> list[Problem]:
+    """What is wrong when a scenario is built."""
+    with pytest.raises(ScenarioError) as caught:
+        built(*overrides, **given)
+    return caught.value.problems
 
 
 def wall(name: str, geometry: str, rest: str = "") -> str:

@@ -31,13 +31,15 @@ from pathlib import Path
 from typing import Any
 
 import tomli_w
+from places import ROOT
 
+from multicor_cli import run
 from multicor_cli.model import Model
 from multicor_cli.packing import build
 from multicor_cli.running.plan import begin_stage
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine
-from multicor_cli.scenario import Scenario, parse_scenario
+from multicor_cli.scenario import Scenario, load_scenario, parse_scenario
 from multicor_cli.store import run_info
 
 _TABLES = tomllib.loads("""
@@ -150,6 +152,12 @@ def scenario(text: str = "", *, overrides: Sequence[str] = (), **said: Any) -> S
 def write(path: Path, text: str = "", **said: Any) -> Path:
     path.write_text(toml(text, **said))
     return path
+
+
+def run_config(name: str, directory: Path, *overrides: str) -> Path:
+    """Carry out a scenario of ``configs``; returns the directory."""
+    run(load_scenario(ROOT / "configs" / f"{name}.toml", overrides=overrides), directory)
+    return directory
 
 
 def engine(given: Scenario, *, threads: int = 1) -> tuple[Any, Model]:

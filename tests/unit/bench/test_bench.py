@@ -10,6 +10,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -43,61 +44,59 @@ from multicor_cli.scenario import parse_scenario
 LOAD, SPEED, DT = 1.0, 0.3, 0.1
 
 
-def drives_of(period: float) -> list[WallDrive]:
-    return [
-        WallDrive(),
-        WallDrive(
-            x=DofDrive(velocity=Constant(SPEED)),
-            y=DofDrive(force=Constant(-LOAD * period), damping=0.0),
-        ),
-    ]
+KINETIC, CLOSURE = (BOOK_NAMES.index(name) for name in ("kinetic", "closure"))
 
 
-def test_copies_of_a_sheared_layer_move_like_the_original() -> None:
+@pytest.fixture(scope="module")
+def sheared() -> Engine:
     engine = shear_engine(columns=12, rows=8, load=LOAD, speed=SPEED)
     advance(engine, DT, 200)
     assert engine.state.contact_i.size > 100
-    model, state = repeat_scene(engine.model, engine.state, 3)
+    return engine
+
+
+def copied(engine: Engine, copies: int) -> Engine:
+    """An engine for copies of a layer side by side."""
+    model, state = repeat_scene(engine.model, engine.state, copies)
+    load = DofDrive(force=Constant(-LOAD * model.period), damping=0.0)
+    lid = WallDrive(x=DofDrive(velocity=Constant(SPEED)), y=load)
     wide = Engine(model, state, threads=1)
-    wide.begin(Orders(drives_of(model.period), engine.orders.settings))
-    n = engine.model.grain_count
-    reports = [(engine.step(DT, 0.0), wide.step(DT, 0.0)) for _ in range(3)]
-    for narrow, broad in reports:
+    wide.begin(Orders([WallDrive(), lid], engine.orders.settings))
+    return wide
+
+
+def test_the_warm_start_of_copies_is_that_of_the_original(sheared: Engine) -> None:
+    """With all impulses in place the first residual of the copies is that of the original: nothing
+    is joined wrongly.
+    """
+    wide = copied(sheared, 4)
+    pairs = np.column_stack([wide.state.contact_i, wide.state.contact_j]).tolist()
+    assert pairs == sorted(pairs)
+    narrow_problem, narrow_start = sheared.next_start(DT, 0.0)
+    wide_problem, wide_start = wide.next_start(DT, 0.0)
+    assert len(wide_problem.pair) == 4 * len(narrow_problem.pair)
+    for own, copies in ((narrow_start, wide_start), (narrow_problem.bias, wide_problem.bias)):
+        four = np.sort(np.tile(own, (4,) + (1,) * (own.ndim - 1)), axis=0)
+        np.testing.assert_allclose(four, np.sort(copies, axis=0), rtol=1e-9, atol=1e-11)
+
+
+def test_copies_of_a_sheared_layer_move_like_the_original(sheared: Engine) -> None:
+    wide = copied(sheared, 3)
+    state, n = wide.state, sheared.model.grain_count
+    for _ in range(3):
+        narrow, broad = sheared.step(DT, 0.0), wide.step(DT, 0.0)
         assert broad.candidates == 3 * narrow.candidates
         # The weakest forces are not unique
         assert broad.contacts == pytest.approx(3 * narrow.contacts, rel=0.03)
     for copy in range(3):
         part = slice(copy * n, (copy + 1) * n)
-        moved = (state.position[part, 0] - engine.state.position[:, 0]) / engine.model.period
+        moved = (state.position[part, 0] - sheared.state.position[:, 0]) / sheared.model.period
         np.testing.assert_allclose(moved, np.rint(moved), atol=1e-4)
         # to the tolerance of the solver
-        np.testing.assert_allclose(state.velocity[part], engine.state.velocity, atol=0.05)
-    assert np.median(np.abs(state.velocity[:n] - engine.state.velocity)) < 1e-3
+        np.testing.assert_allclose(state.velocity[part], sheared.state.velocity, atol=0.05)
+    assert np.median(np.abs(state.velocity[:n] - sheared.state.velocity)) < 1e-3
     with pytest.raises(ValueError, match="periodic"):
-        repeat_scene(replace(engine.model, period=0.0), engine.state, 2)
-
-
-def test_the_warm_start_of_copies_is_that_of_the_original() -> None:
-    """With all impulses in place the first residual of the copies is that of the original: nothing
-    is joined wrongly.
-    """
-    engine = shear_engine(columns=12, rows=8, load=LOAD, speed=SPEED)
-    advance(engine, DT, 200)
-    model, state = repeat_scene(engine.model, engine.state, 4)
-    pairs = np.column_stack([state.contact_i, state.contact_j]).tolist()
-    assert pairs == sorted(pairs)
-    wide = Engine(model, state, threads=1)
-    wide.begin(Orders(drives_of(model.period), engine.orders.settings))
-    narrow_problem, narrow_start = engine.next_start(DT, 0.0)
-    wide_problem, wide_start = wide.next_start(DT, 0.0)
-    assert len(wide_problem.pair) == 4 * len(narrow_problem.pair)
-    for own, copied in ((narrow_start, wide_start), (narrow_problem.bias, wide_problem.bias)):
-        np.testing.assert_allclose(
-            np.sort(np.tile(own, (4,) + (1,) * (own.ndim - 1)), axis=0),
-            np.sort(copied, axis=0),
-            rtol=1e-9,
-            atol=1e-11,
-        )
+        repeat_scene(replace(sheared.model, period=0.0), sheared.state, 2)
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -122,9 +121,7 @@ def test_c_sweep_is_ours_and_a_wrong_one_is_refused(monkeypatch: pytest.MonkeyPa
     assert times.contacts == np.count_nonzero(system.slot >= 0)
     assert times.ratio > 0.0
     assert system.impulse.tolist() == before.tolist()  # the problem itself is left alone
-    monkeypatch.setattr(
-        yardsticks, "compile_sweep", lambda: lambda rows, velocity, beta, repeats: 0.0
-    )
+    monkeypatch.setattr(yardsticks, "compile_sweep", lambda: lambda *_: 0.0)
     with pytest.raises(RuntimeError, match="differs"):
         time_sweep(system, (1,))
 
@@ -133,19 +130,14 @@ def test_wrong_physics_is_found() -> None:
     prepared = prepare(SCENES["collapse"], 100)
     rounds = [prepared.take(5)]
     assert find_faults(prepared, rounds) == []
-    prepared.state.books[BOOK_NAMES.index("closure")] = 1e-3
+    prepared.state.books[CLOSURE] = 1e-3
     prepared.state.tallies[TALLY_NAMES.index("max_overlap")] = 0.1
     # One of five: more than one in a hundred
     rounds[0].reports[2] = replace(rounds[0].reports[2], converged=False)
+    prepared.scene = replace(prepared.scene, is_weighed=True)  # half of it is still in the air
     faults = " ".join(find_faults(prepared, rounds))
-    assert all(text in faults for text in ("energy books", "overlap", "1 steps did not converge"))
-
-
-def test_a_bed_that_floats_is_found() -> None:
-    prepared = prepare(replace(SCENES["collapse"], is_weighed=True), 100)
-    rounds = [prepared.take(3)]
-    # Half of it is still in the air
-    assert any("of the weight" in fault for fault in find_faults(prepared, rounds))
+    words = ("energy books", "overlap", "1 steps did not converge", "of the weight")
+    assert all(text in faults for text in words)
 
 
 def result(**changes: object) -> Result:
@@ -163,101 +155,85 @@ def test_ratios_and_shares() -> None:
     found = result()
     assert found.other == pytest.approx(4e-4)
     assert found.other_share == pytest.approx(4e-4 / (4e-4 + 30 * 2000 * 1e-8))
-    all_of_them = {
-        "sweeps": 30.0,
-        "cold_sweeps": 300.0,
-        "sweep_over_c": 1.1,
-        "solve_over_c": 1.0,
-        "other_over_reference": 2.0,
-    }
-    assert ratios(found) == pytest.approx(all_of_them)
-    assert ratios(result(sweep=None, cold_sweeps=None)) == {
-        "sweeps": 30.0,
-        "other_over_reference": 2.0,
-    }
+    other, sweeps = {"other_over_reference": 2.0}, {"sweeps": 30.0}
+    over_c = {"sweep_over_c": 1.1, "solve_over_c": 1.0}
+    assert ratios(found) == pytest.approx({**other, **sweeps, **over_c, "cold_sweeps": 300.0})
+    assert ratios(result(sweep=None, cold_sweeps=None)) == {**sweeps, **other}
     # That would be the time of everything around
     assert "solve_over_c" not in ratios(result(cold_sweeps=None, median_sweeps=2.0))
-    assert ratios(result(sweep=None, cold_sweeps=None, per_contact=None)) == {
-        "other_over_reference": 2.0
-    }
+    assert ratios(result(sweep=None, cold_sweeps=None, per_contact=None)) == other
     assert json.loads(json.dumps(found.as_dict()))["other_share"] == pytest.approx(0.4)
 
 
-def test_what_is_slower_than_recorded_is_named(tmp_path: Path) -> None:
-    path = tmp_path / "record.json"
-    write_record(path, [result(), result(scene="shear", faults=["grains overlap"])])
-    record = read_record(path)
-    assert list(record) == ["bed-1000-threads-1"]  # nothing is recorded of wrong physics
-    assert find_slower([result(), result(scene="new")], record) == []
-    assert find_slower([result(per_contact=1.4e-8, median_sweeps=32.0, sweeps=90.0)], record) == []
-    (line,) = find_slower([result(per_contact=1.9e-8)], record)
+@pytest.fixture
+def record(tmp_path: Path) -> Path:
+    return tmp_path / "record.json"
+
+
+def test_what_is_slower_than_recorded_is_named(record: Path) -> None:
+    write_record(record, [result(), result(scene="shear", faults=["grains overlap"])])
+    known = read_record(record)
+    assert list(known) == ["bed-1000-threads-1"]  # nothing is recorded of wrong physics
+    assert find_slower([result(), result(scene="new")], known) == []
+    assert find_slower([result(per_contact=1.4e-8, median_sweeps=32.0, sweeps=90.0)], known) == []
+    (line,) = find_slower([result(per_contact=1.9e-8)], known)
     assert line == "bed-1000-threads-1: solve over c 1.9, recorded 1"
-    write_record(path, [result(scene="drum")])
-    assert len(read_record(path)) == 2
-    path.write_text("[1, 2]")
+    write_record(record, [result(scene="drum")])
+    assert len(read_record(record)) == 2
+    record.write_text("[1, 2]")
     with pytest.raises(RecordError, match=r"record\.json"):
-        read_record(path)
+        read_record(record)
 
 
 @pytest.mark.parametrize(
     ("name", "factor"),
     [
-        ("median_sweeps", 2.0),
-        ("cold_sweeps", 2.0),
-        ("per_contact", 2.0),
-        ("other_ratio", 3.0),
-        ("sweep", 2.0),
+        ("median_sweeps", 2),
+        ("cold_sweeps", 2),
+        ("per_contact", 2),
+        ("other_ratio", 3),
+        ("sweep", 2),
     ],
 )
-def test_whatever_takes_that_much_longer_is_slower(
-    name: str, factor: float, tmp_path: Path
-) -> None:
-    path = tmp_path / "record.json"
-    write_record(path, [result()])
+def test_whatever_takes_that_much_longer_is_slower(name: str, factor: float, record: Path) -> None:
+    write_record(record, [result()])
     before = getattr(result(), name)
-    after = (
-        replace(before, ratio=factor * before.ratio)
-        if isinstance(before, SweepTimes)
-        else factor * before
-    )
-    assert len(find_slower([result(**{name: after})], read_record(path))) == 1
+    if isinstance(before, SweepTimes):
+        after: object = replace(before, ratio=factor * before.ratio)
+    else:
+        after = factor * before
+    assert len(find_slower([result(**{name: after})], read_record(record))) == 1
 
 
-def test_two_sweeps_more_are_not_twice_as_many(tmp_path: Path) -> None:
+def test_two_sweeps_more_are_not_twice_as_many(record: Path) -> None:
     """A solve looks at its residual at 2, 5 or 8 sweep-equivalents: a median of 5 beside one of 2
     is one look more.
     """
-    path = tmp_path / "record.json"
-    write_record(path, [result(median_sweeps=2.0)])
-    assert find_slower([result(median_sweeps=5.0)], read_record(path)) == []
-    assert len(find_slower([result(median_sweeps=8.0)], read_record(path))) == 1
+    write_record(record, [result(median_sweeps=2.0)])
+    assert find_slower([result(median_sweeps=5.0)], read_record(record)) == []
+    assert len(find_slower([result(median_sweeps=8.0)], read_record(record))) == 1
 
 
-def test_medians_of_seeds_are_recorded_and_slower_is_what_is_so_twice(tmp_path: Path) -> None:
-    path = tmp_path / "record.json"
-    write_record(path, [result(median_sweeps=sweeps) for sweeps in (20.0, 90.0, 40.0)])
-    record = read_record(path)
-    assert record["bed-1000-threads-1"]["sweeps"] == 40.0
-    first, other = (
-        result(median_sweeps=90.0, other_ratio=9.0),
-        result(median_sweeps=80.0, cold_sweeps=900.0),
-    )
-    assert slower_twice([first], [other], record) == ["bed-1000-threads-1: sweeps 80, recorded 40"]
-    assert slower_twice([first], [result(median_sweeps=41.0)], record) == []
+def test_medians_of_seeds_are_recorded_and_slower_is_what_is_so_twice(record: Path) -> None:
+    write_record(record, [result(median_sweeps=sweeps) for sweeps in (20.0, 90.0, 40.0)])
+    known = read_record(record)
+    assert known["bed-1000-threads-1"]["sweeps"] == 40.0
+    first = result(median_sweeps=90.0, other_ratio=9.0)
+    other = result(median_sweeps=80.0, cold_sweeps=900.0)
+    assert slower_twice([first], [other], known) == ["bed-1000-threads-1: sweeps 80, recorded 40"]
+    assert slower_twice([first], [result(median_sweeps=41.0)], known) == []
 
 
-@pytest.mark.parametrize(("nudge", "seed"), [("1", 1), ("2", 2), ("3", 3)])
-def test_a_bed_rests_when_it_is_measured(
-    nudge: str, seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv(VARIABLE, nudge)
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_bed_rests_when_it_is_measured(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(VARIABLE, str(seed))
     bed = small_bed(monkeypatch)
     prepared = prepare(bed, 60, seed=seed)
     grains = prepared.model.grains
     energies = []
     for _ in range(20):
         reports = prepared.take(1).reports
-        energies.append(prepared.state.books[BOOK_NAMES.index("kinetic")])
+        energies.append(prepared.state.books[KINETIC])
         assert reports[0].converged
     allowed = QUIET * float(grains.mass.sum()) * 9.81 * prepared.model.mean_diameter
     assert Rest.of(prepared.model, prepared.stage.dt).allowed == pytest.approx(allowed)
@@ -268,9 +244,8 @@ def test_a_bed_rests_when_it_is_measured(
 
 
 def small_bed(monkeypatch: pytest.MonkeyPatch, patience: float = 2.0) -> scenes.BenchScene:
-    monkeypatch.setattr(scenes, "_PATIENCE", patience)
-    monkeypatch.setattr(scenes, "_COLUMNS", 8)
-    monkeypatch.setattr(scenes, "_ROWS", 8)
+    for name, value in (("_PATIENCE", patience), ("_COLUMNS", 8), ("_ROWS", 8)):
+        monkeypatch.setattr(scenes, name, value)
     return replace(SCENES["bed"], tile=60)
 
 
@@ -298,46 +273,36 @@ def test_the_command_ends_with_the_code_of_physics(monkeypatch: pytest.MonkeyPat
 
 
 def test_what_looks_slower_is_measured_again_with_another_seed(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    monkeypatch: pytest.MonkeyPatch, record: Path
 ) -> None:
-    path, asked = tmp_path / "record.json", []
-    write_record(path, [result(), result(scene="shear")])
+    asked: list[Task] = []
+    write_record(record, [result(), result(scene="shear")])
 
-    def run(factor: float, tasks: list[Task], **_: object) -> session.Benchmark:
+    def run(factor: float, tasks: list[Task], **_: object) -> Benchmark:
         asked.extend(tasks)
-        slow = [
-            result(
-                scene=task.scene,
-                other_ratio=2.0 * (factor ** (task.seed - 1) * 3.0 if task.scene == "bed" else 1.0),
-            )
-            for task in tasks
+        slower = {task: 3.0 * factor ** (task.seed - 1) for task in tasks if task.scene == "bed"}
+        times = [
+            result(scene=task.scene, other_ratio=2.0 * slower.get(task, 1.0)) for task in tasks
         ]
-        return Benchmark("some", {1: 1e9}, slow, None)
+        return Benchmark("some", {1: 1e9}, times, None)
 
     for factor, ends in ((0.1, False), (1.0, True)):
         asked.clear()
         monkeypatch.setattr(session, "run_benchmark", partial(run, factor))
         with pytest.raises(typer.Exit) if ends else nullcontext() as ended:
-            bench(["bed", "shear"], [1000], 1, 2, compare=path)
+            bench(["bed", "shear"], [1000], 1, 2, compare=record)
         assert [(task.scene, task.seed) for task in asked] == [("bed", 1), ("shear", 1), ("bed", 2)]
         assert ended is None or ended.value.exit_code == ExitCode.BUG
 
 
 def test_moving_grains_begin_to_wait_anew() -> None:
-    prepared = prepare(SCENES["collapse"], 100)
-    state, rest = prepared.state, Rest(1.0, 3)
-    kinetic = BOOK_NAMES.index("kinetic")
-    for energy, reached in (
-        (0.5, False),
-        (1.0, False),
-        (1.1, False),
-        (0.0, False),
-        (0.0, False),
-        (0.0, True),
-    ):
-        state.books[kinetic] = energy
-        rest.note(state)
-        assert rest.is_reached is reached
+    rest, reached = Rest(1.0, 3), []
+    for energy in (0.5, 1.0, 1.1, 0.0, 0.0, 0.0):
+        books = np.zeros(len(BOOK_NAMES))
+        books[KINETIC] = energy
+        rest.note(SimpleNamespace(books=books))  # type: ignore[arg-type]
+        reached.append(rest.is_reached)
+    assert reached == [False] * 5 + [True]
 
 
 def test_physics_that_fails_while_a_scene_is_prepared_is_a_fault(

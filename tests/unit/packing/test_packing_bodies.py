@@ -1,6 +1,4 @@
-"""Solid bodies and regions: what they are made of, what they weigh, and where packings put
-grains.
-"""
+"""Solid bodies and regions: what they are made of, what they weigh, where packings put grains."""
 
 from __future__ import annotations
 
@@ -9,23 +7,30 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from packing_support import generator, scenario, wall
+from packing_support import (
+    GRAVITY,
+    PERIODIC,
+    built,
+    generator,
+    problems,
+    scenario,
+    uniform,
+    wall,
+)
 
 from multicor_cli.engine.geometry.scene import gap_to_shape
 from multicor_cli.model import ShapeKind
 from multicor_cli.model.shapes import Polygon
-from multicor_cli.packing import build
-from multicor_cli.packing.sizes import uniform_sizes
 from multicor_cli.packing.walls import BuiltWalls, build_walls, chain_on_circle
 from multicor_cli.scenario import ScenarioError
 
 DENSITY, THICKNESS = 7800.0, 2e-3  # of steel, and of the discs of the scenario
 TRIANGLE = [[0.02, 0.02], [0.05, 0.02], [0.02, 0.06]]
-SPHERES = ('particles.0={name="grains",material="glass",shape="sphere",sizes={kind="list",radii=[1e-3]},count=50,'
-    'packing={kind="random"}}')  # fmt: skip
+SPHERES = 'particles.0={name="grains",material="glass",shape="sphere",sizes={kind="list",radii=[1e-3]},count=50,packing={kind="random"}}'
+LOADED = "loading.0.drives.w={x={force=0.0}}"
 
 
-def built(geometry: str, *overrides: str, rest: str = "") -> BuiltWalls:
+def walls_of(geometry: str, *overrides: str, rest: str = "") -> BuiltWalls:
     return build_walls(scenario(*overrides, extra=wall("w", geometry, rest)))
 
 
@@ -35,9 +40,7 @@ def polygon(corners: object, more: str = 'grains = "outside"') -> str:
 
 
 def test_grains_around_a_disc_touch_it_and_each_other():
-    chain = chain_on_circle(
-        0.01, uniform_sizes(0.4e-3, 1.6e-3, "number", 2), generator, is_outside=True
-    )
+    chain = chain_on_circle(0.01, uniform(0.4e-3, 1.6e-3), generator, is_outside=True)
     np.testing.assert_allclose(np.hypot(chain[:, 0], chain[:, 1]) - chain[:, 2], 0.01, rtol=1e-13)
     after = np.roll(chain, -1, axis=0)
     gap = np.hypot(*(after[:, :2] - chain[:, :2]).T) - chain[:, 2] - after[:, 2]
@@ -45,34 +48,29 @@ def test_grains_around_a_disc_touch_it_and_each_other():
     assert chain[:, 2].mean() == pytest.approx(1e-3, rel=0.05)
 
 
-def test_a_rough_disc_weighs_what_it_and_its_grains_weigh():
-    result = built('kind = "disc", center = [0.03, 0.04], radius = 0.01, rough = "grains"')
-    discs = result.bodies[0].glued
+def test_a_disc_weighs_what_it_and_its_grains_weigh():
+    rough = walls_of('kind = "disc", center = [0.03, 0.04], radius = 0.01, rough = "grains"')
+    discs = rough.bodies[0].glued
     assert discs[0].tolist() == [0.0, 0.0, 0.01]
     assert len(discs) > 30
     mass = DENSITY * THICKNESS * math.pi * discs[:, 2] ** 2
-    assert result.walls.mass[0] == pytest.approx(mass.sum(), rel=1e-12)
-    assert result.walls.inertia[0] == pytest.approx(
-        (mass * (0.5 * discs[:, 2] ** 2 + (discs[:, :2] ** 2).sum(axis=1))).sum()
-    )
-    assert result.position[0].tolist() == [0.03, 0.04, 0.0]
-
-
-def test_a_smooth_disc_among_spheres_is_a_sphere():
-    walls = built('kind = "disc", center = [0.03, 0.04], radius = 0.01', SPHERES).walls
+    about = mass * (0.5 * discs[:, 2] ** 2 + (discs[:, :2] ** 2).sum(axis=1))
+    assert rough.walls.mass[0] == pytest.approx(mass.sum(), rel=1e-12)
+    assert rough.walls.inertia[0] == pytest.approx(about.sum())
+    assert rough.position[0].tolist() == [0.03, 0.04, 0.0]
+    # A smooth one among spheres is a sphere
+    walls = walls_of('kind = "disc", center = [0.03, 0.04], radius = 0.01', SPHERES).walls
     assert walls.mass[0] == pytest.approx(DENSITY * 4.0 / 3.0 * math.pi * 1e-6)
     assert walls.inertia[0] == pytest.approx(0.4 * walls.mass[0] * 1e-4)
 
 
 @pytest.mark.parametrize(("power", "overrides"), [(2, ()), (3, (SPHERES,))])
 def test_a_cluster_turns_about_its_center_of_mass(power, overrides):
-    result = built(
-        'kind = "cluster", discs = [[0.01, 0.02, 1e-3], [0.013, 0.02, 2e-3]]', *overrides
-    )
+    discs = [[0.01, 0.02, 1e-3], [0.013, 0.02, 2e-3]]
+    result = walls_of(f'kind = "cluster", discs = {discs}', *overrides)
     share = 2.0**power / (1.0 + 2.0**power)
     assert result.position[0, :2] == pytest.approx([0.01 + 0.003 * share, 0.02])
-    world = result.obstacles().world
-    np.testing.assert_allclose(world[:, :3], [[0.01, 0.02, 1e-3], [0.013, 0.02, 2e-3]], rtol=1e-12)
+    np.testing.assert_allclose(result.obstacles().world[:, :3], discs, rtol=1e-12)
     single = DENSITY * (THICKNESS * math.pi * 1e-6 if power == 2 else 4.0 / 3.0 * math.pi * 1e-9)
     assert result.walls.mass[0] == pytest.approx(single * (1.0 + 2.0**power))
     factor, reduced = (0.5, 0.4)[power - 2], single * share
@@ -82,46 +80,39 @@ def test_a_cluster_turns_about_its_center_of_mass(power, overrides):
 
 def test_overlapping_grains_of_a_cluster_have_no_mass_of_their_own():
     geometry = 'kind = "cluster", discs = [[0.01, 0.02, 1e-3], [0.011, 0.02, 1e-3]]'
-    assert math.isnan(built(geometry).walls.mass[0])
+    assert math.isnan(walls_of(geometry).walls.mass[0])
     with pytest.raises(ScenarioError, match="has no mass"):
-        built(geometry, "loading.0.drives.w={x={force=0.0}}")
-    assert (
-        built(geometry, "loading.0.drives.w={x={force=0.0}}", rest="mass = 1e-3").walls.mass[0]
-        == 1e-3
-    )
+        walls_of(geometry, LOADED)
+    assert walls_of(geometry, LOADED, rest="mass = 1e-3").walls.mass[0] == 1e-3
 
 
 @pytest.mark.parametrize("order", [1, -1])
 def test_a_solid_polygon_weighs_its_area_and_lies_left_of_its_sides(order):
-    result = built(polygon(TRIANGLE[::order]))
-    assert result.walls.mass[0] == pytest.approx(DENSITY * THICKNESS * 0.5 * 0.03 * 0.04)
-    # of a right triangle
-    assert result.walls.inertia[0] == pytest.approx(
-        result.walls.mass[0] * (0.03**2 + 0.04**2) / 18.0
-    )
+    result = walls_of(polygon(TRIANGLE[::order]))
+    mass = DENSITY * THICKNESS * 0.5 * 0.03 * 0.04
+    assert result.walls.mass[0] == pytest.approx(mass)
+    assert result.walls.inertia[0] == pytest.approx(mass * (0.03**2 + 0.04**2) / 18.0)
     assert result.position[0, :2] == pytest.approx([0.03, 0.1 / 3.0])
     assert result.walls.length[0] == pytest.approx(0.12)
     body = result.bodies[0]
     assert body.kind.tolist() == [ShapeKind.SIDE] * 3 + [ShapeKind.VERTEX] * 3
     assert Polygon(body.geometry[:3, :2]).signed_size > 0.0
     np.testing.assert_array_equal(body.geometry[:3, 2:], np.roll(body.geometry[:3, :2], -1, axis=0))
-    container = built(polygon(TRIANGLE[::order], 'grains = "inside"'))
+    container = walls_of(polygon(TRIANGLE[::order], 'grains = "inside"'))
     assert Polygon(container.bodies[0].geometry[:3, :2]).signed_size < 0.0
     assert math.isnan(container.walls.mass[0])
 
 
 def test_a_polygon_among_spheres_is_as_thick_as_the_largest_of_them():
-    assert built(polygon(TRIANGLE), SPHERES).walls.mass[0] == pytest.approx(DENSITY * 2e-3 * 6e-4)
-
-
-def test_a_polygon_among_spheres_of_unknown_size_needs_a_mass(tmp_path):
-    spheres = 'particles.0={name="grains",material="glass",shape="sphere",packing={kind="file",path="a.csv"}}'
+    mass = walls_of(polygon(TRIANGLE), SPHERES).walls.mass[0]
+    assert mass == pytest.approx(DENSITY * 2e-3 * 6e-4)
+    unknown = 'particles.0={name="grains",material="glass",shape="sphere",packing={kind="file",path="a.csv"}}'
     with pytest.raises(ScenarioError, match="has no mass"):
-        built(polygon(TRIANGLE), spheres, "loading.0.drives.w={x={force=0.0}}")
+        walls_of(polygon(TRIANGLE), unknown, LOADED)
 
 
 def test_grains_glued_to_a_polygon_have_their_centers_on_its_sides():
-    result = built(polygon(TRIANGLE, 'grains = "outside", rough = "grains"'))
+    result = walls_of(polygon(TRIANGLE, 'grains = "outside", rough = "grains"'))
     glued = result.bodies[0].glued[:, :2] + result.position[0, :2]
     assert np.abs(Polygon(np.array(TRIANGLE)).depth(glued)).max() < 1e-12
     assert len(glued) == pytest.approx(0.12 / 2e-3, abs=3)
@@ -132,30 +123,24 @@ def test_grains_glued_to_a_polygon_have_their_centers_on_its_sides():
 
 @pytest.mark.parametrize("seed", range(10))
 def test_the_gap_to_a_polygon_is_that_to_its_nearest_side_or_corner(seed):
-    corners = star(np.random.default_rng(seed))
-    obstacles = built(polygon(corners)).obstacles()
+    shape = Polygon(corners := star(np.random.default_rng(seed)))
+    obstacles = walls_of(polygon(corners)).obstacles()
+    kind, world = obstacles.kind, obstacles.world
     points = np.random.default_rng(seed + 50).uniform(0.0, 0.08, (300, 2))
-    depth = Polygon(corners).depth(points)
+    depth = shape.depth(points)
     for (x, y), expected in zip(points[depth < 0.0], -depth[depth < 0.0], strict=True):
-        found = [
-            gap_to_shape(x, y, 1e-3, k, obstacles.kind, obstacles.world, 0.0)
-            for k in range(obstacles.kind.size)
-        ]
-        gap, nx, ny = min(found)
+        gap, nx, ny = min(gap_to_shape(x, y, 1e-3, k, kind, world, 0.0) for k in range(kind.size))
         assert gap == pytest.approx(expected - 1e-3, abs=1e-15)
-        assert Polygon(corners).depth(np.array([[x - expected * nx, y - expected * ny]]))[
-            0
-        ] == pytest.approx(0.0, abs=1e-12)
+        foot = np.array([[x - expected * nx, y - expected * ny]])
+        assert shape.depth(foot)[0] == pytest.approx(0.0, abs=1e-12)
 
 
 def star(rng: np.random.Generator) -> np.ndarray:
     """Corners of a simple polygon around the middle of the domain."""
     count = int(rng.integers(3, 10))
     angle = 2.0 * np.pi * (np.arange(count) + rng.uniform(0.0, 0.9, count)) / count
-    radius = rng.uniform(0.004, 0.018, count)
-    return np.array([0.03, 0.03]) + np.column_stack(
-        [radius * np.cos(angle), radius * np.sin(angle)]
-    )
+    radius = rng.uniform(0.004, 0.018, (count, 1))
+    return np.array([0.03, 0.03]) + radius * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 def is_wound(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -189,11 +174,9 @@ def test_no_grain_is_placed_in_solid_matter(seed):
     """
     rng, packing = np.random.default_rng(seed), list(PACKINGS)[seed % len(PACKINGS)]
     corners, disc = star(rng), rng.uniform([0.01, 0.055, 2e-3], [0.05, 0.07, 9e-3])
-    walls = wall("p", polygon(corners)) + wall(
-        "d", f'kind = "disc", center = {disc[:2].tolist()}, radius = {disc[2]}'
-    )
-    made = scenario(group(packing), "domain.gravity=[0.0,-9.81]", extra=walls)
-    model, state = build(made)
+    round_one = f'kind = "disc", center = {disc[:2].tolist()}, radius = {disc[2]}'
+    walls = wall("p", polygon(corners)) + wall("d", round_one)
+    model, state = built(group(packing), GRAVITY, extra=walls)
     center, radius = state.position[:, :2], model.grains.radius
     assert not is_wound(corners, center).any()
     assert (np.hypot(*(center - disc[:2]).T) >= (disc[2] + radius) * (1.0 - 1e-3)).all()
@@ -202,22 +185,13 @@ def test_no_grain_is_placed_in_solid_matter(seed):
 
 @pytest.mark.parametrize("packing", PACKINGS)
 def test_containers_keep_grains_inside(packing):
-    hopper = [
-        [0.005, 0.07],
-        [0.005, 0.03],
-        [0.025, 0.005],
-        [0.035, 0.005],
-        [0.055, 0.03],
-        [0.055, 0.07],
-    ]
+    sides = [[0.005, 0.07], [0.005, 0.03], [0.025, 0.005]]
+    hopper = [*sides, *([0.06 - x, y] for x, y in sides[::-1])]
     table = group(packing).replace("fill=0.62", "count=900")  # 0.58 of the hopper
-    made = scenario(
-        table, "domain.gravity=[0.0,-9.81]", extra=wall("p", polygon(hopper, 'grains = "inside"'))
-    )
-    model, state = build(made)
-    assert (
-        Polygon(np.array(hopper)).depth(state.position[:, :2]) >= model.grains.radius * (1.0 - 1e-3)
-    ).all()
+    inside = wall("p", polygon(hopper, 'grains = "inside"'))
+    model, state = built(table, GRAVITY, extra=inside)
+    depth = Polygon(np.array(hopper)).depth(state.position[:, :2])
+    assert (depth >= model.grains.radius * (1.0 - 1e-3)).all()
 
 
 REGIONS = {
@@ -232,14 +206,12 @@ REGIONS = {
 
 def distance_inside(region: str, center: np.ndarray) -> np.ndarray:
     """How far points are inside a region, written out."""
+    x, y = center.T
     if region == "polygon":
-        return np.minimum(
-            center[:, 1] - 0.01,
-            (0.08 - center[:, 1] - np.abs(center[:, 0] - 0.03) * 7 / 3) / math.hypot(1, 7 / 3),
-        )
+        return np.minimum(y - 0.01, (0.08 - y - np.abs(x - 0.03) * 7 / 3) / math.hypot(1, 7 / 3))
     if region == "circle":
-        return 0.025 - np.hypot(*(center - (0.03, 0.035)).T)
-    away = np.hypot(*(center - (0.03, 0.04)).T)
+        return 0.025 - np.hypot(x - 0.03, y - 0.035)
+    away = np.hypot(x - 0.03, y - 0.04)
     return np.minimum(0.028 - away, away - 0.012)
 
 
@@ -247,9 +219,7 @@ def distance_inside(region: str, center: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("region", REGIONS)
 def test_grains_lie_wholly_in_their_region(region, packing):
     text, size = REGIONS[region]
-    model, state = build(
-        scenario(group(packing, f",region={{{text}}}"), "domain.gravity=[0.0,-9.81]")
-    )
+    model, state = built(group(packing, f",region={{{text}}}"), GRAVITY)
     radius = model.grains.radius
     assert (distance_inside(region, state.position[:, :2]) >= radius * (1.0 - 1e-3)).all()
     area = math.pi * (radius**2).sum()
@@ -261,30 +231,37 @@ def test_grains_lie_wholly_in_their_region(region, packing):
         assert radius.size == 300
 
 
-def test_a_full_region_is_refused():
-    small = ',region={kind="circle",center=[0.03,0.03],radius=0.0135}'
-    for packing in ("random", "deposited"):
-        with pytest.raises(ScenarioError, match="do not fit"):
-            build(scenario(group(packing, small), "domain.gravity=[0.0,-9.81]"))
-    # Its inscribed circle is too small
-    tiny = ',region={kind="polygon",points=[[0.0,0.0],[0.004,0.0],[0.002,0.004]]}'
-    with pytest.raises(ScenarioError, match="holds no site"):
-        build(scenario(group("lattice", tiny)))
+def polygon_region(points: str) -> str:
+    return f',region={{kind="polygon",points={points}}}'
 
 
-def test_a_needle_is_refused_and_not_searched_for_ever():
-    """The probes for the free area lie on its diagonal, random points hardly ever in it."""
-    needle = ',region={kind="polygon",points=[[0.0,0.0],[0.06,0.0599],[0.06,0.06],[0.0,0.0001]]}'
-    one = group("random", needle).replace("count=300", "fill=0.5")
-    with pytest.raises(ScenarioError, match="do not fit"):
-        build(scenario(one))
+SMALL = ',region={kind="circle",center=[0.03,0.03],radius=0.0135}'
+TINY = polygon_region("[[0.0,0.0],[0.004,0.0],[0.002,0.004]]")  # its inscribed circle is too small
+# The probes for the free area lie on its diagonal, random points hardly ever in it
+NEEDLE = polygon_region("[[0.0,0.0],[0.06,0.0599],[0.06,0.06],[0.0,0.0001]]")
+
+
+@pytest.mark.parametrize(
+    ("packing", "region", "words"),
+    [
+        ("random", SMALL, "do not fit"),
+        ("deposited", SMALL, "do not fit"),
+        ("lattice", TINY, "holds no site"),
+        ("random", NEEDLE, "do not fit"),
+    ],
+)
+def test_a_full_region_is_refused(packing, region, words):
+    table = group(packing, region)
+    table = table.replace("count=300", "fill=0.5") if region is NEEDLE else table
+    (problem,) = problems(table, GRAVITY)
+    assert words in problem.message
 
 
 def test_deposited_grains_pile_up_on_a_disc():
     """Only those whose center is in solid matter are dropped again: the pile touches the disc."""
     disc = wall("d", 'kind = "disc", center = [0.03, 0.03], radius = 0.02')
     table = group("deposited").replace("count=300", "count=900")
-    model, state = build(scenario(table, "domain.gravity=[0.0,-9.81]", extra=disc))
+    model, state = built(table, GRAVITY, extra=disc)
     gap = np.hypot(*(state.position[:, :2] - 0.03).T) - 0.02 - model.grains.radius
     assert np.count_nonzero(np.abs(gap) < 1e-9) > 5
 
@@ -297,33 +274,23 @@ def test_deposited_grains_pile_up_on_a_disc():
     ],
 )
 def test_grains_from_a_file_in_solid_matter_are_refused(geometry, tmp_path: Path):
-    (tmp_path / "grains.csv").write_text(
-        "x,y,radius\n0.03,0.03,1e-3\n0.005,0.07,1e-3\n0.025,0.035,1e-3\n"
-    )
+    rows = "x,y,radius\n0.03,0.03,1e-3\n0.005,0.07,1e-3\n0.025,0.035,1e-3\n"
+    (tmp_path / "grains.csv").write_text(rows)
     grains = 'particles.0={name="grains",material="glass",shape="disc",thickness=2e-3,packing={kind="file",path="grains.csv"}}'
-    made = scenario(grains, extra=wall("body", geometry), path=tmp_path / "test.toml")
-    with pytest.raises(ScenarioError) as caught:
-        build(made)
-    (problem,) = caught.value.problems
+    (problem,) = problems(grains, extra=wall("body", geometry), path=tmp_path / "test.toml")
     assert problem.key == "walls.0"
-    assert (
-        "in the solid matter of the wall 'body': grain 0 at (0.03, 0.03) m, grain 2 at"
-        in problem.message
-    )
+    named = "in the solid matter of the wall 'body': grain 0 at (0.03, 0.03) m, grain 2 at"
+    assert named in problem.message
     assert "grain 1" not in problem.message
 
 
-def test_solid_bodies_repeat_with_the_period():
+@pytest.mark.parametrize("packing", PACKINGS)
+def test_solid_bodies_repeat_with_the_period(packing):
     """A disc across the ends of the period leaves no room at either."""
     disc = wall("d", 'kind = "disc", center = [0.001, 0.04], radius = 0.01')
     block = wall("p", polygon([[0.053, 0.06], [0.065, 0.06], [0.059, 0.07]]))
-    for packing in PACKINGS:
-        made = scenario(
-            group(packing), "domain.gravity=[0.0,-9.81]", "domain.periodic=true", extra=disc + block
-        )
-        model, state = build(made)
-        dx = state.position[:, 0] - 0.001
-        dx -= 0.06 * np.round(dx / 0.06)
-        assert (
-            np.hypot(dx, state.position[:, 1] - 0.04) >= (0.01 + model.grains.radius) * (1.0 - 1e-3)
-        ).all()
+    model, state = built(group(packing), GRAVITY, PERIODIC, extra=disc + block)
+    dx = state.position[:, 0] - 0.001
+    dx -= 0.06 * np.round(dx / 0.06)
+    away = np.hypot(dx, state.position[:, 1] - 0.04)
+    assert (away >= (0.01 + model.grains.radius) * (1.0 - 1e-3)).all()

@@ -5,7 +5,7 @@ import pytest
 from packing_support import generator, pair_gaps, smallest_gap
 
 from multicor_cli.packing.initial_grains import PackingRegion
-from multicor_cli.packing.lattice import lattice, lattice_capacity
+from multicor_cli.packing.lattice import lay_out
 from multicor_cli.scenario import Refused
 
 R = 1e-3
@@ -13,7 +13,7 @@ BOX = PackingRegion(0.0, 0.0, 0.02, 0.02)
 
 
 def sites(count, region=BOX, kind="triangular", spacing=None, jitter=0.0, seed=3):
-    return lattice(count, R, region, kind, spacing, jitter, generator(seed))
+    return lay_out(R, region, kind, spacing, jitter).sites(count, generator(seed))
 
 
 def test_triangular_rows_touch_floor_sides_and_each_other():
@@ -27,15 +27,11 @@ def test_triangular_rows_touch_floor_sides_and_each_other():
     assert np.abs(gap).max() < 1e-17
 
 
-def test_periodic_triangular_lattice_has_three_contacts_per_grain():
-    region = PackingRegion(0.0, 0.0, 0.02, 1.0, True)
-    position = sites(10 * 40, region)
+def test_contacts_of_periodic_and_square_lattices():
+    position = sites(10 * 40, PackingRegion(0.0, 0.0, 0.02, 1.0, True))
     _, _, gap = pair_gaps(position, np.full(400, R), 1e-9, 0.02)
     assert gap.size == 10 * 40 + 2 * 10 * 39
     assert gap.min() > -1e-15
-
-
-def test_square_lattice_contacts():
     _, _, gap = pair_gaps(sites(100, kind="square"), np.full(100, R), 1e-9)
     assert gap.size == 2 * 9 * 10
 
@@ -57,7 +53,7 @@ def test_rows_are_centered_in_their_region():
 
 @pytest.mark.parametrize("kind", ["triangular", "square"])
 def test_capacity_is_what_fits_and_one_more_is_refused(kind):
-    capacity = lattice_capacity(R, BOX, kind, None, 0.0)
+    capacity = lay_out(R, BOX, kind, None, 0.0).capacity()
     position = sites(capacity, kind=kind)
     assert position[:, 1].max() <= 0.02 - R + 1e-12
     assert position[:, 1].max() > 0.02 - R - 2 * R  # one more row would not fit
@@ -67,11 +63,11 @@ def test_capacity_is_what_fits_and_one_more_is_refused(kind):
 
 def test_region_too_low_for_a_grain_holds_none():
     with pytest.raises(Refused, match="holds no site"):
-        lattice_capacity(R, PackingRegion(0.0, 0.0, 0.02, 1.9e-3), "square", None, 0.0)
+        lay_out(R, PackingRegion(0.0, 0.0, 0.02, 1.9e-3), "square", None, 0.0).capacity()
 
 
 def test_jitter_moves_grains_but_never_into_each_other_or_out_of_the_region():
-    count = lattice_capacity(R, BOX, "triangular", 2.5e-3, 0.1)
+    count = lay_out(R, BOX, "triangular", 2.5e-3, 0.1).capacity()
     position = sites(count, spacing=2.5e-3, jitter=0.1)
     still = sites(count, spacing=2.5e-3)
     assert smallest_gap(position, np.full(count, R)) >= -1e-15

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 import pytest
-from packing_support import generator, scenario, wall
+from packing_support import generator, scenario, uniform, wall
 
-from multicor_cli.model import ShapeKind, WallBody
-from multicor_cli.packing.sizes import list_sizes, uniform_sizes
+from multicor_cli.model import ShapeKind
+from multicor_cli.packing.sizes import list_sizes
 from multicor_cli.packing.walls import build_walls, chain_on_circle, chain_on_line, join_shapes
 from multicor_cli.scenario import Refused
 from multicor_cli.scenario.settings import Domain
@@ -18,13 +18,12 @@ from multicor_cli.scenario.walls import (
     CircleGeometry,
     PlaneGeometry,
     PolylineGeometry,
-    WallGeometry,
 )
 
 SIZES = {
     "equal": list_sizes(np.array([1e-3]), None, "number", 2),
     "list": list_sizes(np.array([0.5e-3, 1e-3, 1.5e-3]), None, "mass", 2),
-    "uniform": uniform_sizes(0.4e-3, 1.6e-3, "number", 2),
+    "uniform": uniform(0.4e-3, 1.6e-3),
 }
 
 
@@ -68,14 +67,21 @@ def test_line_shorter_than_a_grain_is_refused():
         chain_on_line(np.zeros(2), np.array([1e-3, 0.0]), SIZES["equal"], generator)
 
 
-def body_of(geometry: WallGeometry) -> WallBody:
-    return geometry.body(Domain(size=(2.0, 1.0)))
+DOMAIN = Domain(size=(2.0, 1.0))
+PERIODIC = Domain(size=(2.0, 1.0), periodic=True)
+
+
+def line(*points, domain=DOMAIN, **more):
+    return PolylineGeometry(kind="polyline", points=points, **more).body(domain)
+
+
+def box(*sides):
+    return BoxGeometry(kind="box", min=(0.0, 0.0), max=(2.0, 1.0), open=sides).body(DOMAIN)
 
 
 def test_open_polyline_corners_name_their_segments():
-    body = body_of(PolylineGeometry(kind="polyline", points=((0.0, 0.0), (1.0, 0.0), (1.0, 2.0))))
+    body = line((0.0, 0.0), (1.0, 0.0), (1.0, 2.0))
     assert body.kind.tolist() == [ShapeKind.SEGMENT] * 2 + [ShapeKind.VERTEX] * 3
-    assert body.geometry[2:, 2:].tolist() == [[-1, 0], [0, 1], [1, -1]]
     np.testing.assert_allclose(body.origin, [2 / 3, 2 / 3])
     assert body.length == 3.0
     for k, (before, after) in enumerate(body.geometry[2:, 2:].astype(int)):
@@ -84,95 +90,92 @@ def test_open_polyline_corners_name_their_segments():
         assert after < 0 or np.array_equal(body.geometry[after, :2], corner)
 
 
-def test_closed_polyline_has_no_loose_end():
-    body = body_of(
-        PolylineGeometry(kind="polyline", points=((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)), closed=True)
-    )
-    assert body.geometry[3:, 2:].tolist() == [[2, 0], [0, 1], [1, 2]]
-    assert body.length == pytest.approx(2 + math.sqrt(2))
+CORNERS = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
+RING = [[2, 0], [0, 1], [1, 2]]
 
 
-def test_a_line_through_the_period_is_cut_and_joined_to_its_image():
-    floor = PolylineGeometry(kind="polyline", points=((0.1, 0.2), (2.1, 0.2))).body(
-        Domain(size=(2.0, 1.0), periodic=True)
-    )
+@pytest.mark.parametrize(
+    ("body", "lines"),
+    [
+        (line((0.0, 0.0), (1.0, 0.0), (1.0, 2.0)), [[-1, 0], [0, 1], [1, -1]]),
+        (line(*CORNERS, closed=True), RING),
+        (line(*CORNERS, CORNERS[0]), RING),
+        (line((0.1, 0.2), (2.1, 0.2), domain=PERIODIC), RING),  # joined to its image
+        # This one ends, one end above the other
+        (line((0.1, 0.2), (2.1, 0.3), domain=PERIODIC), [[-1, 0], [0, 1], [1, 2], [2, -1]]),
+        (box(), [[3, 0], [0, 1], [1, 2], [2, 3]]),
+    ],
+)
+def test_corners_name_the_lines_that_meet_there(body, lines):
+    assert body.geometry[body.kind == ShapeKind.VERTEX, 2:].tolist() == lines
+
+
+def test_a_line_through_the_period_is_cut():
+    floor = line((0.1, 0.2), (2.1, 0.2), domain=PERIODIC)
     assert floor.kind.tolist() == [ShapeKind.SEGMENT] * 3 + [ShapeKind.VERTEX] * 3
-    np.testing.assert_allclose(
-        floor.geometry[:3, 0::2], np.array([[-1, -1 / 3], [-1 / 3, 1 / 3], [1 / 3, 1]])
-    )
-    assert floor.geometry[3:, 2:].tolist() == [[2, 0], [0, 1], [1, 2]]
-    ramp = PolylineGeometry(kind="polyline", points=((0.1, 0.2), (2.1, 0.3))).body(
-        Domain(size=(2.0, 1.0), periodic=True)
-    )
-    # it ends, one above the other
-    assert ramp.geometry[3:, 2:].tolist() == [[-1, 0], [0, 1], [1, 2], [2, -1]]
-    ring = body_of(
-        PolylineGeometry(kind="polyline", points=((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, 0.0)))
-    )
-    assert ring.geometry[3:, 2:].tolist() == [[2, 0], [0, 1], [1, 2]]
+    parts = [[-1, -1 / 3], [-1 / 3, 1 / 3], [1 / 3, 1]]
+    np.testing.assert_allclose(floor.geometry[:3, 0::2], parts)
 
 
 def test_corners_refer_to_rows_of_the_joined_table():
-    geometries = [
-        PlaneGeometry(kind="plane", point=(0.0, 0.0), normal=(0.0, 2.0)),
-        PolylineGeometry(kind="polyline", points=((0.0, 0.0), (1.0, 0.0))),
-    ]
-    bodies = [body_of(geometry) for geometry in geometries]
+    plane = PlaneGeometry(kind="plane", point=(0.0, 0.0), normal=(0.0, 2.0)).body(DOMAIN)
+    bodies = [plane, line((0.0, 0.0), (1.0, 0.0))]
     shapes = join_shapes(bodies, [0, 1])
     assert shapes.geometry[2:, 2:].tolist() == [[-1, 1], [1, -1]]
     # The body itself is not changed
     assert bodies[1].geometry[1:, 2:].tolist() == [[-1, 0], [0, -1]]
-    assert shapes.wall.tolist() == [0, 1, 1, 1]
-    assert shapes.material.tolist() == [0, 1, 1, 1]
+    assert shapes.wall.tolist() == shapes.material.tolist() == [0, 1, 1, 1]
 
 
-def test_bodies_of_simple_geometries():
-    plane = body_of(PlaneGeometry(kind="plane", point=(0.3, 0.1), normal=(3.0, 4.0)))
-    np.testing.assert_allclose(plane.origin, [0.3, 0.1])
-    np.testing.assert_allclose(plane.geometry, [[0, 0, 0.6, 0.8]])
-    assert plane.length == pytest.approx(0.8 * 2.0 + 0.6 * 1.0)
-    box = body_of(BoxGeometry(kind="box", min=(0.0, 0.0), max=(2.0, 1.0), open=("top",)))
-    np.testing.assert_allclose(box.origin, [1.0, 0.5])
-    lines = [[-1, 0.5, -1, -0.5], [-1, -0.5, 1, -0.5], [1, -0.5, 1, 0.5]]
-    np.testing.assert_allclose(
-        box.geometry, [*lines, [-1, 0.5, -1, 0], [-1, -0.5, 0, 1], [1, -0.5, 1, 2], [1, 0.5, 2, -1]]
-    )
-    assert box.length == 4.0
-    posts = body_of(BoxGeometry(kind="box", min=(0.0, 0.0), max=(2.0, 1.0), open=("top", "bottom")))
-    sides = [
-        [1, -0.5, 1, 0.5],
-        [1, -0.5, -1, 0],
-        [1, 0.5, 0, -1],
-        [-1, 0.5, -1, -0.5],
-        [-1, 0.5, -1, 3],
-        [-1, -0.5, 3, -1],
-    ]
-    np.testing.assert_allclose(posts.geometry, sides)
-    closed = body_of(BoxGeometry(kind="box", min=(0.0, 0.0), max=(2.0, 1.0)))
-    assert closed.geometry[4:, 2:].tolist() == [[3, 0], [0, 1], [1, 2], [2, 3]]
-    circle = body_of(CircleGeometry(kind="circle", center=(0.5, 0.6), radius=0.25))
-    np.testing.assert_allclose(circle.origin, [0.5, 0.6])
-    np.testing.assert_allclose(circle.geometry, [[0, 0, 0.25, 0]])
-    assert circle.length == pytest.approx(math.pi / 2)
+LEFT, LOW, RIGHT = [-1, 0.5, -1, -0.5], [-1, -0.5, 1, -0.5], [1, -0.5, 1, 0.5]
+BODIES = {
+    "plane": (
+        PlaneGeometry(kind="plane", point=(0.3, 0.1), normal=(3.0, 4.0)).body(DOMAIN),
+        [0.3, 0.1],
+        [[0, 0, 0.6, 0.8]],
+        0.8 * 2.0 + 0.6 * 1.0,
+    ),
+    "box": (
+        box("top"),
+        [1.0, 0.5],
+        [LEFT, LOW, RIGHT, [-1, 0.5, -1, 0], [-1, -0.5, 0, 1], [1, -0.5, 1, 2], [1, 0.5, 2, -1]],
+        4.0,
+    ),
+    "posts": (
+        box("top", "bottom"),
+        [1.0, 0.5],
+        [RIGHT, [1, -0.5, -1, 0], [1, 0.5, 0, -1], LEFT, [-1, 0.5, -1, 3], [-1, -0.5, 3, -1]],
+        2.0,
+    ),
+    "circle": (
+        CircleGeometry(kind="circle", center=(0.5, 0.6), radius=0.25).body(DOMAIN),
+        [0.5, 0.6],
+        [[0, 0, 0.25, 0]],
+        math.pi / 2,
+    ),
+    "triangle": (line(*CORNERS, closed=True), [1 / 3] * 2, None, 2 + 2**0.5),
+}
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_bodies_of_simple_geometries(name):
+    body, origin, geometry, length = BODIES[name]
+    np.testing.assert_allclose(body.origin, origin)
+    if geometry is not None:
+        np.testing.assert_allclose(body.geometry, geometry)
+    assert body.length == pytest.approx(length)
 
 
 def test_shapes_stand_in_the_world_before_grains_are_placed():
     corners = "[[0.01, 0.0], [0.03, 0.0], [0.02, 0.03]]"
-    walls = wall("a", 'kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0]') + wall(
-        "b", f'kind = "polyline", points = {corners}'
-    )
+    walls = wall("a", SMOOTH) + wall("b", f'kind = "polyline", points = {corners}')
     solid = build_walls(scenario(extra=walls)).obstacles()
-    expected = [
-        [0, 0, 0, 1],
-        [0.01, 0, 0.03, 0],
-        [0.03, 0, 0.02, 0.03],
-        [0.01, 0, -1, 1],
-        [0.03, 0, 1, 2],
-        [0.02, 0.03, 2, -1],
-    ]
-    np.testing.assert_allclose(solid.world, expected, atol=1e-15)
+    lines = [[0.01, 0, 0.03, 0], [0.03, 0, 0.02, 0.03]]
+    ends = [[0.01, 0, -1, 1], [0.03, 0, 1, 2], [0.02, 0.03, 2, -1]]
+    np.testing.assert_allclose(solid.world, [[0, 0, 0, 1], *lines, *ends], atol=1e-15)
 
 
+SMOOTH = 'kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0]'
 ROUGH = 'kind = "rough", from = [0.0, 0.0], to = [0.06, 0.0], side = "left"'
 
 
@@ -180,33 +183,28 @@ def built(geometry, rest="", *overrides):
     return build_walls(scenario(*overrides, extra=wall("w", geometry, rest)))
 
 
-def test_mass_of_a_rough_wall_is_that_of_its_glued_grains():
+def test_mass_of_a_rough_wall_is_that_of_its_glued_grains_unless_given():
     result = built(ROUGH)
-    glued = result.bodies[0].glued
+    glued, walls = result.bodies[0].glued, result.walls
     mass = math.pi * glued[:, 2] ** 2 * 2e-3 * 7800.0
-    assert result.walls.mass[0] == pytest.approx(mass.sum(), rel=1e-12)
+    assert walls.mass[0] == pytest.approx(mass.sum(), rel=1e-12)
     about = 0.5 * mass * glued[:, 2] ** 2 + mass * (glued[:, 0] ** 2 + glued[:, 1] ** 2)
-    assert result.walls.inertia[0] == pytest.approx(about.sum(), rel=1e-12)
-    assert result.walls.length[0] == pytest.approx(0.06)
+    assert walls.inertia[0] == pytest.approx(about.sum(), rel=1e-12)
+    assert walls.length[0] == pytest.approx(0.06)
     np.testing.assert_allclose(result.position, [[0.03, 0.0, 0.0]])
-
-
-def test_given_mass_wins_and_scales_the_inertia():
-    default, given = built(ROUGH), built(ROUGH, "mass = 2.0")
-    assert given.walls.mass[0] == 2.0
-    ratio = 2.0 / default.walls.mass[0]
-    assert given.walls.inertia[0] == pytest.approx(ratio * default.walls.inertia[0], rel=1e-12)
+    given = built(ROUGH, "mass = 2.0").walls
+    assert given.mass[0] == 2.0
+    scaled = 2.0 / walls.mass[0] * walls.inertia[0]
+    assert given.inertia[0] == pytest.approx(scaled, rel=1e-12)
     assert built(ROUGH, "inertia = 7.0").walls.inertia[0] == 7.0
 
 
 def test_mass_of_a_smooth_wall_is_unknown_unless_given():
-    geometry = 'kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0]'
-    walls = built(geometry).walls
+    walls = built(SMOOTH).walls
     assert math.isnan(walls.mass[0])
     assert math.isnan(walls.inertia[0])
-    walls = built(
-        geometry, "mass = 1.5\ngravity = true", "loading.0.drives.w={y={force=0.0}}"
-    ).walls
+    load = "loading.0.drives.w={y={force=0.0}}"
+    walls = built(SMOOTH, "mass = 1.5\ngravity = true", load).walls
     assert walls.mass[0] == 1.5
     assert math.isnan(walls.inertia[0])
     assert walls.has_gravity[0]
@@ -222,11 +220,8 @@ def test_rough_drum_keeps_its_circle():
 
 def test_glued_sizes_depend_on_seed_and_wall_only():
     alone = built(ROUGH).bodies[0].geometry
-    second = wall(
-        "other", ROUGH.replace("0.0], to", "0.01], to").replace("0.06, 0.0", "0.06, 0.01")
-    )
-    extra = wall("w", ROUGH) + second
-    both = build_walls(scenario(extra=extra))
-    np.testing.assert_array_equal(alone, both.bodies[0].geometry)
-    assert not np.array_equal(both.bodies[0].geometry[:, 2], both.bodies[1].geometry[:, 2])
+    higher = ROUGH.replace("0.0], to", "0.01], to").replace("0.06, 0.0", "0.06, 0.01")
+    both = build_walls(scenario(extra=wall("w", ROUGH) + wall("other", higher))).bodies
+    np.testing.assert_array_equal(alone, both[0].geometry)
+    assert not np.array_equal(both[0].geometry[:, 2], both[1].geometry[:, 2])
     assert not np.array_equal(alone, built(ROUGH, "", "scenario.seed=6").bodies[0].geometry)

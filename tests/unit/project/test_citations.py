@@ -22,16 +22,15 @@ LINK = re.compile(r"\]\(([^)\s]+)\)")
 
 def repository(root):
     """Text files of the repository by path relative to its root."""
-    files = [path for path in root.iterdir() if path.is_file()]
-    files += [
-        path for folder in FOLDERS for path in sorted((root / folder).rglob("*")) if path.is_file()
+    paths = [
+        *root.iterdir(),
+        *(path for each in FOLDERS for path in sorted((root / each).rglob("*"))),
     ]
     texts = {}
-    for path in files:
+    for path in paths:
         inside = path.relative_to(root)
-        if path.suffix in ENDINGS and not any(
-            part.startswith(".") and part != ".ci" for part in inside.parts
-        ):
+        is_hidden = any(part.startswith(".") and part != ".ci" for part in inside.parts)
+        if path.is_file() and path.suffix in ENDINGS and not is_hidden:
             texts[inside.as_posix()] = path.read_text(encoding="utf-8", errors="replace")
     return texts
 
@@ -64,17 +63,13 @@ def wrong_citations(texts):
     for name, text in texts.items():
         if name == THIS:
             continue
-        cited = text if name == THEORY else " ".join(CITATION.findall(text))
-        faults += [
-            f"{name}: theory §{number}"
-            for number in re.findall(r"§(\d+(?:\.\d+)?)", cited)
-            if number not in known
-        ]
-        rest = "" if name == THEORY else CITATION.sub("", text)
-        faults += [
-            f"{name}: a section of what? …{match}" for match in re.findall(r".{0,20}§.{0,5}", rest)
-        ]
-        faults += [f"{name}: {match}" for match in PRIVATE.findall(text)]
+        is_theory = name == THEORY
+        cited = text if is_theory else " ".join(CITATION.findall(text))
+        numbers = re.findall(r"§(\d+(?:\.\d+)?)", cited)
+        others = re.findall(r".{0,20}§.{0,5}", "" if is_theory else CITATION.sub("", text))
+        found = [f"theory §{number}" for number in numbers if number not in known]
+        found += [f"a section of what? …{other}" for other in others] + PRIVATE.findall(text)
+        faults += [f"{name}: {each}" for each in found]
     return faults
 
 
@@ -89,16 +84,14 @@ def wrong_links(root, texts):
             path = root / Path(name).parent / target if target else root / name
             if "://" in link or link.startswith("mailto:"):
                 continue
-            if (
-                path.resolve().is_relative_to(root / "docs" / "reference")
-                and path.parent.name in GENERATED
-            ):
+            in_reference = path.resolve().is_relative_to(root / "docs" / "reference")
+            if in_reference and path.parent.name in GENERATED:
                 continue  # the site has them, and is built by a test of its own
             if not path.exists():
                 faults.append(f"{name}: {link}")
-            elif anchor and (
-                path.suffix != ".md" or anchor not in anchors(path.read_text(encoding="utf-8"))
-            ):
+                continue
+            known = anchors(path.read_text(encoding="utf-8")) if path.suffix == ".md" else ()
+            if anchor and anchor not in known:
                 faults.append(f"{name}: {link} (no such heading)")
     return faults
 
@@ -152,37 +145,24 @@ def test_a_right_repository_passes(tmp_path):
     assert faults_of(tmp_path) == []
 
 
+CODE, HEAT = "multicor_cli/a.py", "docs/explanation/heat.md"
+
+
 @pytest.mark.parametrize(
-    ("name", "more", "expected"),
+    ("name", "more", "fault"),
     [
-        ("multicor_cli/a.py", "# theory §3\n", "multicor_cli/a.py: theory §3"),
-        ("multicor_cli/a.py", "# theory §1, §2.2\n", "multicor_cli/a.py: theory §2.2"),
-        ("multicor_cli/a.py", "# theory §9\n", "multicor_cli/a.py: theory §9"),
-        (
-            "multicor_cli/a.py",
-            "# the rule (design §2)\n",
-            "multicor_cli/a.py: a section of what? …# the rule (design §2)",
-        ),
-        ("multicor_cli/a.py", "# of physics.md\n", "multicor_cli/a.py: physics.md"),
-        ("multicor_cli/a.py", "# see checkvalues.py\n", "multicor_cli/a.py: checkvalues"),
-        (THEORY, "As §4 says.\n", f"{THEORY}: theory §4"),
-        ("README.md", "[a](docs/none.md)\n", "README.md: docs/none.md"),
-        (
-            "docs/explanation/heat.md",
-            "[a](docs/explanation/heat.md)\n",
-            "docs/explanation/heat.md: docs/explanation/heat.md",
-        ),
-        (
-            "docs/explanation/heat.md",
-            "[a](theory.md#walls)\n",
-            "docs/explanation/heat.md: theory.md#walls (no such heading)",
-        ),
-        (
-            "docs/explanation/heat.md",
-            "[a](#9-no-heading)\n",
-            "docs/explanation/heat.md: #9-no-heading (no such heading)",
-        ),
+        (CODE, "# theory §3\n", "theory §3"),
+        (CODE, "# theory §1, §2.2\n", "theory §2.2"),
+        (CODE, "# theory §9\n", "theory §9"),
+        (CODE, "# the rule (design §2)\n", "a section of what? …# the rule (design §2)"),
+        (CODE, "# of physics.md\n", "physics.md"),
+        (CODE, "# see checkvalues.py\n", "checkvalues"),
+        (THEORY, "As §4 says.\n", "theory §4"),
+        ("README.md", "[a](docs/none.md)\n", "docs/none.md"),
+        (HEAT, "[a](docs/explanation/heat.md)\n", "docs/explanation/heat.md"),
+        (HEAT, "[a](theory.md#walls)\n", "theory.md#walls (no such heading)"),
+        (HEAT, "[a](#9-no-heading)\n", "#9-no-heading (no such heading)"),
     ],
 )
-def test_every_fault_is_found(tmp_path, name, more, expected):
-    assert faults_of(tmp_path, name, more) == [expected]
+def test_every_fault_is_found(tmp_path, name, more, fault):
+    assert faults_of(tmp_path, name, more) == [f"{name}: {fault}"]

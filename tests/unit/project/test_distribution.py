@@ -30,41 +30,29 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     (path,) = folder.iterdir()
     found = {}
     with tarfile.open(path) as file:
-        for member in file:
-            content = file.extractfile(member)
-            if content is not None:
-                found[member.name.partition("/")[2]] = content.read()
+        for member in filter(tarfile.TarInfo.isfile, file):
+            found[member.name.partition("/")[2]] = file.extractfile(member).read()
     return found
 
 
 def belongs(path: Path) -> bool:
     """Whether a file is of the repository, not made by what works in it."""
-    return (
-        not any(
-            part == "__pycache__" or part.endswith((".egg-info", "_cache")) for part in path.parts
-        )
-        and path.suffix != ".pyc"
+    made = any(
+        part == "__pycache__" or part.endswith((".egg-info", "_cache")) for part in path.parts
     )
+    return not made and path.suffix != ".pyc"
 
 
 def test_it_holds_every_file(archive: dict[str, bytes]) -> None:
     files = [path for path in ROOT.iterdir() if path.is_file() and path.name != ".git"]
     files += [path for folder in FOLDERS for path in (ROOT / folder).rglob("*") if path.is_file()]
-    expected = {
-        inside.as_posix(): path for path in files if belongs(inside := path.relative_to(ROOT))
-    }
+    inside = {path.relative_to(ROOT): path for path in files}
+    expected = {name.as_posix(): path for name, path in inside.items() if belongs(name)}
     held = {name for name in archive if not name.startswith("multicor_cli.egg-info/")}
     assert held - MADE == expected.keys() - MADE
-    assert {
-        "README.md",
-        "CHANGELOG.md",
-        "configs/shear.toml",
-        ".ci/run",
-        "tests/conftest.py",
-    } <= held
-    assert all(
-        archive[name] == path.read_bytes() for name, path in expected.items() if name not in MADE
-    )
+    named = {"README.md", "CHANGELOG.md", "configs/shear.toml", ".ci/run", "tests/conftest.py"}
+    assert named <= held
+    assert all(archive[name] == expected[name].read_bytes() for name in expected.keys() - MADE)
 
 
 def test_an_index_shows_no_dead_link(archive: dict[str, bytes]) -> None:
@@ -81,10 +69,7 @@ def test_an_index_shows_no_dead_link(archive: dict[str, bytes]) -> None:
 
 def test_every_python_that_it_runs_with_is_named(archive: dict[str, bytes]) -> None:
     shown = email.message_from_bytes(archive["PKG-INFO"])
-    named = {
-        text.rpartition(" ")[2]
-        for text in shown.get_all("Classifier")
-        if re.search(r"Python :: 3\.", text)
-    }
+    classifiers = shown.get_all("Classifier")
+    named = {text.rpartition(" ")[2] for text in classifiers if re.search(r"Python :: 3\.", text)}
     assert named == {"3.11", "3.12", "3.13", "3.14"}
     assert shown["Requires-Python"] == PROJECT["requires-python"]

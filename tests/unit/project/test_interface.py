@@ -20,15 +20,8 @@ FUNCTIONS = [
 
 
 def test_names_are_completed() -> None:
-    assert {
-        "run",
-        "open_run",
-        "load_scenario",
-        "check_run",
-        "check_scenario",
-        "study",
-        "picture",
-    } == set(FUNCTIONS)
+    checks = {"check_run", "check_scenario"}
+    assert {"run", "open_run", "load_scenario", *checks, "study", "picture"} == set(FUNCTIONS)
     assert set(multicor_cli.__all__) <= set(dir(multicor_cli))
 
 
@@ -43,10 +36,9 @@ def test_every_function_says_how_it_is_called(function: Callable[..., object]) -
     name = function.__name__
     text = inspect.getdoc(function) or ""
     for parameter in inspect.signature(function).parameters.values():
-        assert parameter.annotation is not inspect.Parameter.empty, (
-            f"{name}: {parameter.name} has no type"
-        )
-        assert f"    {parameter.name}: " in text, f"{name}: {parameter.name} is not explained"
+        what = f"{name}: {parameter.name}"
+        assert parameter.annotation is not inspect.Parameter.empty, f"{what} has no type"
+        assert f"    {parameter.name}: " in text, f"{what} is not explained"
     assert "Raises:" in text or name == "picture"  # it raises nothing
 
 
@@ -60,9 +52,6 @@ def test_every_class_is_explained(name: str) -> None:
 def test_importing_loads_nothing() -> None:
     heavy = "{'numba', 'numpy', 'h5py', 'pydantic', 'pandas', 'matplotlib'}"
     program = f"import sys, multicor_cli; print({heavy} & sys.modules.keys())"
-    assert (
-        subprocess.run(
-            [sys.executable, "-c", program], capture_output=True, text=True, check=True
-        ).stdout
-        == "set()\n"
-    )
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout == "set()\n"

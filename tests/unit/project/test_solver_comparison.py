@@ -37,14 +37,12 @@ def test_these_are_all_methods():
     assert list(THEIRS) == METHODS
 
 
-QUICK = ("gs", "engine", "newton")
-
-
 # The others take a minute of compilation.
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=[] if name in QUICK else pytest.mark.validation) for name in METHODS],
-)
+QUICK = ("gs", "engine", "newton")
+SLOW = [pytest.param(name, marks=pytest.mark.validation) for name in METHODS if name not in QUICK]
+
+
+@pytest.mark.parametrize("name", [*QUICK, *SLOW])
 def test_every_method_finds_the_weights_in_a_column(name):
     from methods import METHODS as THEIRS
     from problems import column
@@ -117,9 +115,8 @@ def test_impulses_by_contact_and_in_batches_are_the_same():
     set_impulses(system, impulse)
     assert all_impulses(system).tolist() == impulse.tolist()
     assert flatten(system).impulse.tolist() == impulse.tolist()
-    assert system.velocity[:, :INVERSE_MASS] == pytest.approx(
-        free[:, :INVERSE_MASS] + assemble(system).push(impulse), abs=1e-12
-    )
+    expected = free[:, :INVERSE_MASS] + assemble(system).push(impulse)
+    assert system.velocity[:, :INVERSE_MASS] == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("is_diagonal", [True, False])
@@ -193,11 +190,8 @@ RECORDED = {"bed": (9.81 * 2e-4, 4304, 203), "shear": (None, 6165, 567)}
 def test_the_accelerated_method_needs_far_fewer_sweeps(name, seed):
     reference, plain, accelerated = RECORDED[name]
     problem = ContactProblem.load(DATA / f"{name}-1008.npz")
-    move = (
-        1e-9 * np.random.default_rng(seed).uniform(-1.0, 1.0, problem.velocity.shape)
-        if seed
-        else 0.0
-    )
+    rng, size = np.random.default_rng(seed), 1e-9 if seed else 0.0
+    move = size * rng.uniform(-1.0, 1.0, problem.velocity.shape)
     problem = replace(problem, velocity=problem.velocity * (1.0 + move))
     found = {}
     for method in ("gauss-seidel", "accelerated"):
@@ -214,14 +208,10 @@ def test_quick_run(tmp_path, capsys):
     from runpy import run_path
 
     main = run_path(str(ROOT / "benchmarks" / "solvers" / "__main__.py"))["main"]
-    files = [
-        "--work",
-        str(tmp_path / "kept"),
-        "--json",
-        str(tmp_path / "out.json"),
-        "--plot",
-        str(tmp_path / "out.png"),
-    ]
+    out = {
+        f"--{key}": str(tmp_path / f"out.{end}") for key, end in (("json", "json"), ("plot", "png"))
+    }
+    files = ["--work", str(tmp_path / "kept"), *(word for pair in out.items() for word in pair)]
     assert main(["--quick", "--methods", "gs", "engine", "--starts", *files]) == 0
     text = capsys.readouterr().out
     assert "shear-1000, warm" in text
@@ -234,9 +224,6 @@ def test_quick_run(tmp_path, capsys):
     assert all(warm["methods"][name]["reached"]["0.001"][0] > 0 for name in ("gs", "engine"))
     distances = np.array(warm["methods"]["engine"]["distance"])
     assert distances[-1] < distances[0]
-    assert [cost["method"] for cost in found["sequences"][0]["costs"]] == [
-        "program",
-        "gs",
-        "engine",
-    ]
+    costs = found["sequences"][0]["costs"]
+    assert [cost["method"] for cost in costs] == ["program", "gs", "engine"]
     assert (tmp_path / "out.png").stat().st_size > 10_000
