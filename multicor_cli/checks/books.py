@@ -86,7 +86,6 @@ RULES: tuple[Rule[Recorded], ...] = (
         remedy="Give the wall a temperature, let the flow begin later, or press the grains on it.",
     ),
 )  # fmt: skip
-"""What is checked of every run."""
 
 
 # ---- Whether what is averaged over the last stage is steady
@@ -161,7 +160,6 @@ DRIFT: tuple[Rule[Recorded], ...] = (
             "transient flow (a collapse), nothing.",
     ),
 )  # fmt: skip
-"""What is checked of averages."""
 
 
 # ---- Whether the stages of a run ended as they were meant to
@@ -183,4 +181,3 @@ STAGES: tuple[Rule[Recorded], ...] = (
             'ends there.',
     ),
 )  # fmt: skip
-"""What is checked of the stages that are over."""

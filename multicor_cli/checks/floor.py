@@ -205,7 +205,6 @@ RULES: tuple[Rule[Prepared], ...] = (
             "(a hopper), nothing.",
     ),
 )  # fmt: skip
-"""What is checked of where grains can go."""
 
 
 # ---- Walls under a load that pulls them off the grains
@@ -274,7 +273,6 @@ LIDS: tuple[Rule[Prepared], ...] = (
             "in y.",
     ),
 )  # fmt: skip
-"""What is checked of loads."""
 
 
 # ---- Grains that have left everything and fall for ever
@@ -360,4 +358,3 @@ LOST: tuple[Rule[Recorded], ...] = (
             "full, nothing.",
     ),
 )  # fmt: skip
-"""What is checked of where the grains are."""

@@ -39,7 +39,7 @@ _DENSE = 0.5
 nothing about the step."""
 
 
-def _compare(
+def _compared(
     stages: Sequence[StagePlan], reviews: Sequence[StepReview | None]
 ) -> Iterator[Measured]:
     for stage, review in zip(stages, reviews, strict=True):
@@ -47,14 +47,6 @@ def _compare(
             ratio = 1.0 if review.is_automatic else stage.dt / review.automatic
             about = f"{stage.dt:.3g} s in stage {stage.name}"
             yield Measured(ratio, f"{about}; the automatic one is set by {review.set_by}")
-
-
-def _asked_for(run: Prepared) -> Iterator[Measured]:
-    return _compare(run.plan.stages, run.reviews)
-
-
-def _used(run: Recorded) -> Iterator[Measured]:
-    return _compare([] if run.planned is None else run.planned[1].stages, run.reviews)
 
 
 def _needed(run: Recorded) -> Iterator[Measured]:
@@ -127,13 +119,13 @@ _RATIO = (
 
 
 BEFORE_RUN: tuple[Rule[Prepared], ...] = (
-    Rule("time step", _asked_for, _RATIO, _AUTOMATIC, unit="automatic steps", warning=1.25,
-        bad=5.0),
+    Rule("time step", lambda run: _compared(run.plan.stages, run.reviews), _RATIO, _AUTOMATIC,
+        unit="automatic steps", warning=1.25, bad=5.0),
 )  # fmt: skip
-"""What is checked before a run."""
 
 OF_RUN: tuple[Rule[Recorded], ...] = (
-    Rule("time step", _used, _RATIO, _AUTOMATIC, unit="automatic steps", warning=1.25, bad=5.0),
+    Rule("time step", lambda run: _compared(run.stages, run.reviews), _RATIO, _AUTOMATIC,
+        unit="automatic steps", warning=1.25, bad=5.0),
     Rule(
         "time step for the flow", _needed,
         ("Time step over the longest that the flow of a stage would have needed, by the rules of "
@@ -167,7 +159,6 @@ OF_RUN: tuple[Rule[Recorded], ...] = (
         "Lower tolerance in [heat].", unit="of the spread", warning=2e-3, bad=0.05,
     ),
 )  # fmt: skip
-"""What is checked of a run."""
 
 
 # ---- Whether grains may be taken for rigid, and each for a body of one temperature
@@ -249,7 +240,6 @@ RIGIDITY_BEFORE_RUN: tuple[Rule[Prepared], ...] = (
         warning=_BIOT, bad=1.0,
     ),
 )  # fmt: skip
-"""What is checked before a run."""
 
 RIGIDITY_OF_RUN: tuple[Rule[Recorded], ...] = (
     Rule(
@@ -264,7 +254,6 @@ RIGIDITY_OF_RUN: tuple[Rule[Recorded], ...] = (
         _LOWER_BIOT, warning=_BIOT, bad=1.0,
     ),
 )  # fmt: skip
-"""What is checked of a run."""
 
 
 # ---- Values allowed but seldom meant: units other than SI, a sign, temperatures of no solid
@@ -276,14 +265,10 @@ _HOTTEST_SOLID = 4300.0
 _SI = "All numbers of a scenario are in SI units."
 
 
-def _densities(run: Prepared) -> Iterator[Measured]:
-    return (Measured(table.density, name) for name, table in run.scenario.materials.items())
-
-
-def _young(run: Prepared) -> Iterator[Measured]:
+def _of_materials(run: Prepared, key: str) -> Iterator[Measured]:
     for name, table in run.scenario.materials.items():
-        if table.young is not None:
-            yield Measured(table.young, name)
+        if getattr(table, key) is not None:
+            yield Measured(getattr(table, key), name)
 
 
 def _diameters(run: Prepared) -> Iterator[Measured]:
@@ -388,13 +373,14 @@ _MELTS = (
 
 PLAUSIBLE_BEFORE_RUN: tuple[Rule[Prepared], ...] = (
     Rule(
-        "density", _densities, unit="kg/m³", least=50.0, warning=25_000.0,
+        "density", lambda run: _of_materials(run, "density"), unit="kg/m³",
+        least=50.0, warning=25_000.0,
         meaning="Solids that flow as grains have densities from 50 (foams) to 23,000 (osmium) "
             f"kg/m³. {_SI}",
         remedy="Give density in kg/m³: 2.5 g/cm³ is 2500.",
     ),
     Rule(
-        "Young's modulus", _young, unit="Pa", least=1e5,
+        "Young's modulus", lambda run: _of_materials(run, "young"), unit="Pa", least=1e5,
         meaning=f"Softer than gels, whose grains are not rigid under any load. {_SI}",
         remedy="Give young in Pa: 70 GPa is 70e9.",
     ),
@@ -425,7 +411,6 @@ PLAUSIBLE_BEFORE_RUN: tuple[Rule[Prepared], ...] = (
         remedy="Give gravity = [0.0, -9.81].",
     ),
 )  # fmt: skip
-"""What is checked of the values of a scenario."""
 
 PLAUSIBLE_OF_RUN: tuple[Rule[Recorded], ...] = (
     Rule(
@@ -435,7 +420,6 @@ PLAUSIBLE_OF_RUN: tuple[Rule[Recorded], ...] = (
         unit="of what it bears", warning=1.0, bad=1.0,
     ),
 )  # fmt: skip
-"""What is checked of a run."""
 
 
 # ---- Whether numbers of the flow stand out of the rounding of larger ones, to which they are added
@@ -512,7 +496,6 @@ ROUNDING: tuple[Rule[Prepared], ...] = (
         remedy='Use precision = "double", or put the domain near the origin.',
     ),
 )  # fmt: skip
-"""What is checked of rounding."""
 
 
 # ---- Whether a run fits on the machine
@@ -547,4 +530,3 @@ COST: tuple[Rule[Prepared], ...] = (
         remedy="Use fewer grains, or a machine with more memory.",
     ),
 )  # fmt: skip
-"""What is checked of the cost of a run."""

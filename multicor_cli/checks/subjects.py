@@ -33,14 +33,8 @@ from multicor_cli.store.documents import Origin
 class Prepared:
     """A scenario with its grains placed.
 
-    Attributes:
-        scenario: What is to be done.
-        plan: How it will be done.
-        model: Its grains and walls.
-        state: Where they are.
-        threads: Number of threads that will do it.
-        directory: Where results will go.
-        origin: The moment of another run from which it goes on.
+    It will be carried out by so many ``threads`` into a ``directory``; ``origin`` is the moment of
+    another run from which it goes on.
     """
 
     scenario: Scenario
@@ -84,12 +78,7 @@ class Prepared:
 
 @dataclass(frozen=True)
 class Recorded:
-    """A run directory, of a run that goes on or has ended.
-
-    Attributes:
-        run: The open run.
-        info: What `multicor_cli.store.run_info` says of it.
-    """
+    """A run directory, of a run that goes on or has ended, and what `run_info` says of it."""
 
     run: Run
     info: dict[str, Any]
@@ -114,32 +103,33 @@ class Recorded:
         """Gravity at the newest checkpoint [m/s²], shape ``(2,)``; the domain's without a plan."""
         starts = [0.0, *(end["time"] for end in self.info["stage_ends"])]
         number = self._stage
-        gravity = None if number is None else self._stages[number].gravity
+        gravity = None if number is None else self.stages[number].gravity
         if number is None or gravity is None or number >= len(starts):
             return self.run.model.gravity
         return gravity.started(starts).value(self.info["time"] - starts[number])
 
     @property
-    def _stages(self) -> Sequence[StagePlan]:
+    def stages(self) -> Sequence[StagePlan]:
+        """What is planned; none where the plan is not known."""
         return [] if self.planned is None else self.planned[1].stages
 
     @property
     def _stage(self) -> int | None:
         """Index of the newest stage; None where no plan is known."""
-        if not self._stages or self.info["stage"] is None:
+        if not self.stages or self.info["stage"] is None:
             return None
-        return min(int(self.info["stage"]), len(self._stages) - 1)
+        return min(int(self.info["stage"]), len(self.stages) - 1)
 
     @cached_property
     def largest_gravity(self) -> float:
         """Largest gravity in any stage [m/s²]; that of the domain where no plan is known."""
         model = self.run.model
-        largest = (largest_gravity(stage, model)[2] for stage in self._stages)
+        largest = (largest_gravity(stage, model)[2] for stage in self.stages)
         return max(largest, default=math.hypot(*model.gravity.tolist()))
 
     def laws(self, stage: int) -> ContactLaws:
         """Contact laws of a stage; those of the model where the plan is not known."""
-        laws = self._stages[stage].laws if self._stages else None
+        laws = self.stages[stage].laws if self.stages else None
         return self.run.model.laws if laws is None else laws
 
     @cached_property
@@ -148,7 +138,7 @@ class Recorded:
         number = self._stage
         if number is None:
             return []
-        drives = self._stages[number].drives.started([0.0] * (number + 1))
+        drives = self.stages[number].drives.started([0.0] * (number + 1))
         return [w for w, drive in enumerate(drives) if drive.y.is_driven]
 
     def summary(self, *keys: str) -> Iterator[Measured]:

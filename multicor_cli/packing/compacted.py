@@ -86,6 +86,7 @@ class _Press:
 
     def __init__(self, model: Model, state: State, lid: WallDrive, load: float, dt: float) -> None:
         self.model, self.state, self.load, self.dt = model, state, load, dt
+        self.lid = model.grain_count + int(np.flatnonzero(model.shapes.wall == _LID)[0])
         self.steps = 0
         self._drives = [WallDrive(), lid, *[WallDrive()] * (model.wall_count - 2)]
         self._peak = 0.0
@@ -114,7 +115,8 @@ class _Press:
             self._peak = max(self._peak, kinetic)
             state.velocity *= 1.0 - _DAMPING
             left = kinetic / self._peak if self._peak > 0.0 else 0.0
-            if left <= motion and abs(_carried(self.model, state) / self.load - 1.0) <= imbalance:
+            held = total(state.contact_impulse[state.contact_j == self.lid, NORMAL]) / state.last_dt
+            if left <= motion and abs(held / self.load - 1.0) <= imbalance:
                 return True
         return False
 
@@ -176,10 +178,3 @@ def _kinetic(model: Model, state: State) -> float:
     square += grains.inertia * (v[:, SPIN] * v[:, SPIN])
     lid = float(state.wall_velocity[_LID, 1])
     return 0.5 * total(square) + 0.5 * float(model.walls.mass[_LID]) * lid * lid
-
-
-def _carried(model: Model, state: State) -> float:
-    """Force with which the grains hold the lid in the last step [N]."""
-    lid = model.grain_count + int(np.flatnonzero(model.shapes.wall == _LID)[0])
-    on_lid = state.contact_j == lid
-    return total(state.contact_impulse[on_lid, NORMAL]) / state.last_dt

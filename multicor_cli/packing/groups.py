@@ -49,7 +49,7 @@ from multicor_cli.text import count_noun
 _MOST_FILLED = 1.5
 """Most that grains fill over what is asked for: whole grains meet it to within half of one."""
 
-Source = LatticePacking | RandomPacking | DepositedPacking | CompactedPacking
+Packing = LatticePacking | RandomPacking | DepositedPacking | CompactedPacking
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ def region_of_group(scenario: Scenario, group: ParticleGroup) -> PackingRegion:
 def _place(
     scenario: Scenario,
     group: ParticleGroup,
-    packing: Source | TilePacking,
+    packing: Packing | TilePacking,
     obstacles: Obstacles,
     random: Callable[[Purpose], Stream],
 ) -> InitialGrains:
@@ -184,7 +184,7 @@ def _place(
     return repeat_tile(tile, packing.tile, packing.repeat, region)
 
 
-def _make(scenario: Scenario, group: ParticleGroup, packing: Source, task: _Task) -> InitialGrains:
+def _make(scenario: Scenario, group: ParticleGroup, packing: Packing, task: _Task) -> InitialGrains:
     region, obstacles = task.region, task.obstacles
     if isinstance(packing, LatticePacking):
         radius = None

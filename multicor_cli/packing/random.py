@@ -139,12 +139,12 @@ def _descend(
     period: float,
     clock: Floats,
     target: float,
-    reach: float,
+    travel: float,
     steps: int,
 ) -> tuple[int, float, bool]:
-    """Relax until overlaps fall to ``target``, a grain moves by ``reach``, or ``steps`` are done.
+    """Relax until overlaps fall to ``target``, a grain moves by ``travel``, or ``steps`` are done.
 
-    The neighbor list ``pairs`` allows the distance ``reach`` [m]; ``world`` [m] holds the obstacles
+    The neighbor list ``pairs`` allows a ``travel`` [m]; ``world`` [m] holds the obstacles
     and images of grains, ``clock`` time step, mixing and steps since the last uphill one.
     **Modifies** ``position`` and ``velocity`` [m], shape ``(n, 2)``, ``world`` and ``clock``.
 
@@ -170,7 +170,7 @@ def _descend(
                 position[i, c] += clock[_STEP] * velocity[i, c]
             dx, dy = position[i, X] - before[i, X], position[i, Y] - before[i, Y]
             moved = max(moved, dx * dx + dy * dy)
-        if moved > reach * reach:
+        if moved > travel * travel:
             return step + 1, worst, False
     return steps, worst, False
 
@@ -179,9 +179,9 @@ def _ghosts(
     position: Floats, radius: Floats, region: PackingRegion, obstacles: Obstacles, skin: float
 ) -> tuple[Ghosts, Obstacles]:
     """Images of the grains near the lower and upper side, and the obstacles with them."""
-    reach = 2.0 * radius.max() + skin
-    low = np.flatnonzero(position[:, Y] < region.bottom + reach)
-    high = np.flatnonzero(position[:, Y] > region.top - reach)
+    cutoff = 2.0 * radius.max() + skin
+    low = np.flatnonzero(position[:, Y] < region.bottom + cutoff)
+    high = np.flatnonzero(position[:, Y] > region.top - cutoff)
     source = np.concatenate([low, high]).astype(np.int32)
     shift = np.concatenate([np.full(low.size, region.height), np.full(high.size, -region.height)])
     shape = (obstacles.kind.size + np.arange(source.size)).astype(np.int32)
@@ -256,7 +256,7 @@ def random_packing(
     overlaps was found; that says how many grains would fit.
     """
     enlarged = radius + separation * mean(radius)
-    solid = obstacles.with_sides(region, bottom=not is_periodic_in_y, top=not is_periodic_in_y)
+    solid = obstacles.with_sides(region, is_periodic_in_y)
     fraction = _fraction(enlarged, region, solid)
     if fraction > _DENSEST_FRACTION:
         raise _refusal(radius.size, fraction, "more than any packing can reach")

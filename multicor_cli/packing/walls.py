@@ -173,18 +173,13 @@ class Obstacles:
         rows[:, :3] = discs
         return self._append(ShapeKind.DISC, rows)
 
-    def with_sides(self, region: PackingRegion, bottom: bool = True, top: bool = True) -> Obstacles:
-        """Append planes along closed sides of ``region``; left and right unless it is periodic."""
-        planes = []
+    def with_sides(self, region: PackingRegion, is_periodic_in_y: bool) -> Obstacles:
+        """Append planes along those sides of ``region`` that are closed."""
+        left, bottom, planes = region.left, region.bottom, []
         if not region.is_periodic:
-            planes += [
-                (region.left, region.bottom, 1.0, 0.0),
-                (region.right, region.bottom, -1.0, 0.0),
-            ]
-        if bottom:
-            planes.append((region.left, region.bottom, 0.0, 1.0))
-        if top:
-            planes.append((region.left, region.top, 0.0, -1.0))
+            planes += [(left, bottom, 1.0, 0.0), (region.right, bottom, -1.0, 0.0)]
+        if not is_periodic_in_y:
+            planes += [(left, bottom, 0.0, 1.0), (left, region.top, 0.0, -1.0)]
         return self._append(ShapeKind.PLANE, np.array(planes).reshape(-1, 4))
 
     def with_boundary(self, area: Area) -> Obstacles:

@@ -2,46 +2,22 @@
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import dataclass
+
+import tomli_w
+from scenarios import document
 
 FLOOR, LID, PERIOD = 0.005, 0.045, 0.06
 """Heights of floor and, at first, lid [m], where glued grains have centers; the period [m]."""
 
 FRICTION, COUNT = 0.4, 60
 
-_SCENARIO = """\
-[scenario]
-name = "walled"
-seed = SEED
-[domain]
-size = [0.06, 0.08]
-periodic = PERIODIC
-gravity = GRAVITY
-[materials.glass]
-density = 2500.0
-young = 70e9
-poisson = 0.22
-conductivity = 1.0
-heat_capacity = 800.0
-[[contacts]]
-pair = ["*", "*"]
-friction = 0.4
-[[particles]]
-name = "grains"
-material = "glass"
-shape = "sphere"
-sizes = { kind = "uniform", min = 1.6e-3, max = 2.4e-3 }
-count = 60
-region = REGION
-packing = { kind = "random" }
-WALLS
-[heat]
-temperature = 300.0
-gas = { conductivity = 0.026, reach = 0.5 }
+_REST = """
+heat = { temperature = 300.0, gas = { conductivity = 0.026, reach = 0.5 } }
 [[loading]]
 name = "gather"
 duration = 0.025
-GATHER
 [[loading]]
 name = "soak"
 duration = 2000.0
@@ -50,30 +26,18 @@ dt = 500.0
 [[loading]]
 name = "move"
 duration = 0.016
-MOVE
-[solver]
-dt = 5e-4
-[output]
-frame_interval = 2e-3
 """
 
-_WALL = '[[walls]]\nname = "{}"\nmaterial = "glass"\nmass = 1e-3\ngeometry = {{ {} }}\n{}\n'
-_HOT = "thermal = { temperature = 400.0 }"
 
-
-def _level(floor: str, lid: str) -> tuple[str, str]:
-    """Geometries of a floor and a lid across the period, each between two points at its height."""
-    ends = "[0, {0}]", "[0.06, {0}]"
-    low, high = ([end.format(y) for end in ends] for y in (FLOOR, LID))
-    return floor.replace("ENDS", f"from = {low[0]}, to = {low[1]}"), lid.replace(
-        "ENDS", f"from = {high[0]}, to = {high[1]}"
-    )
+def _level(text: str, y: float, last: str = "") -> str:
+    """A wall across the period, between two points at its height."""
+    return text.replace("ENDS", f"from = [0, {y}], to = [0.06, {y}]") + last
 
 
 def _rough(sizes: str) -> tuple[str, str]:
-    return _level(
-        f'kind = "rough", ENDS, side = "left"{sizes}',
-        f'kind = "rough", ENDS, side = "right"{sizes}',
+    return (
+        _level('kind = "rough", ENDS, side = "left"', FLOOR, sizes),
+        _level('kind = "rough", ENDS, side = "right"', LID, sizes),
     )
 
 
@@ -87,14 +51,8 @@ LAYERS = {
         'kind = "polyline", points = [[0, 0.045], [0.03, 0.045], [0.06, 0.045]]',
     ),
     "polygons": (
-        (
-            'kind = "polygon", points = [[0.002, 0], [0.058, 0], [0.058, 0.005], [0.002, 0.005]], '
-            'grains = "outside"'
-        ),
-        (
-            'kind = "polygon", points = [[0.002, 0.045], [0.058, 0.045], [0.058, 0.05], [0.002, '
-            '0.05]], grains = "outside"'
-        ),
+        'kind = "polygon", points = [[0.002, 0], [0.058, 0], [0.058, 0.005], [0.002, 0.005]], grains = "outside"',
+        'kind = "polygon", points = [[0.002, 0.045], [0.058, 0.045], [0.058, 0.05], [0.002, 0.05]], grains = "outside"',
     ),
     "boxes": (
         'kind = "box", min = [0, 0.005], max = [0.06, 0.02], open = ["left", "right", "top"]',
@@ -164,11 +122,9 @@ class Walled:
 
     @property
     def walls(self) -> dict[str, str]:
-        return (
-            dict(zip(("floor", "lid"), LAYERS[self.kind], strict=True))
-            if self.is_layer
-            else {**ROOMS, **CHANNELS}[self.kind]
-        )
+        if self.is_layer:
+            return dict(zip(("floor", "lid"), LAYERS[self.kind], strict=True))
+        return {**ROOMS, **CHANNELS}[self.kind]
 
     @property
     def bounds(self) -> tuple[str, str]:
@@ -182,44 +138,35 @@ class Walled:
 
     @property
     def text(self) -> str:
-        walls = [
-            _WALL.format(name, shape, "" if k else _HOT)
-            for k, (name, shape) in enumerate(self.walls.items())
-        ]
-        low, high = (
-            (0.017, 0.034)
-            if "few" in self.kind
-            else (0.0095, 0.0405)
-            if self.is_layer
-            else (0.01, 0.06)
-        )
-        sides = (
-            (0.0, PERIOD)
-            if self.is_periodic
-            else (0.012, 0.048)
-            if "drum" in self.kind
-            else (0.008, 0.052)
-        )
-        if "drum" in self.kind:
-            low, high, move = 0.012, 0.048, "drives.drum = { spin = { velocity = 5.0 } }"
-        else:
-            mover = self.bounds[1] if self.is_periodic else ""
-            move = f"drives.{mover} = {{ x = {{ velocity = 0.2 }} }}" if mover else ""
-        words = {
-            "SEED": str(self.seed),
-            "PERIODIC": str(self.is_periodic).lower(),
-            "GRAVITY": "[0, 0]" if self.is_layer or not self.walls else "[0, -50]",
-            "REGION": f"{{ min = [{sides[0]}, {low}], max = [{sides[1]}, {high}] }}",
-            "WALLS": "".join(walls),
-            "GATHER": "drives.lid = { y = { force = -0.5, damping = 0.5 } }"
-            if self.is_layer
-            else "",
-            "MOVE": move,
+        walls = {
+            name: {"geometry": tomllib.loads(f"it = {{ {shape} }}")["it"], "mass": 1e-3}
+            for name, shape in self.walls.items()
         }
-        text = _SCENARIO
-        for word, value in words.items():
-            text = text.replace(word, value)
-        return text
+        for hot in [*walls.values()][:1]:
+            hot["thermal"] = {"temperature": 400.0}
+        low, high = (0.0095, 0.0405) if self.is_layer else (0.01, 0.06)
+        left, right = (0.0, PERIOD) if self.is_periodic else (0.008, 0.052)
+        mover, move = self.bounds[1] if self.is_periodic else "", {"x": {"velocity": 0.2}}
+        if "few" in self.kind:
+            low, high = 0.017, 0.034
+        if "drum" in self.kind:
+            low, high, left, right = 0.012, 0.048, 0.012, 0.048
+            mover, move = "drum", {"spin": {"velocity": 5.0}}
+        tables = document(
+            _REST, name="walled", seed=self.seed, size=[0.06, 0.08], periodic=self.is_periodic,
+            gravity=[0, 0] if self.is_layer or not self.walls else [0, -50],
+            friction=FRICTION, walls=walls, dt=5e-4, frame_interval=2e-3,
+            grains={
+                "shape": "sphere", "sizes": {"kind": "uniform", "min": 1.6e-3, "max": 2.4e-3},
+                "count": COUNT, "region": {"min": [left, low], "max": [right, high]},
+            },
+        )  # fmt: skip
+        gather, _, moving = tables["loading"]
+        if self.is_layer:
+            gather["drives"] = {"lid": {"y": {"force": -0.5, "damping": 0.5}}}
+        if mover:
+            moving["drives"] = {mover: move}
+        return tomli_w.dumps(tables)
 
 
 RUNS = [

@@ -7,21 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from packing_support import (
-    GRAVITY,
-    PERIODIC,
-    built,
-    generator,
-    problems,
-    scenario,
-    uniform,
-    wall,
-)
+from packing_support import GRAVITY, PERIODIC, built, problems, scenario, wall
 
 from multicor_cli.engine.geometry.scene import gap_to_shape
 from multicor_cli.model import ShapeKind
 from multicor_cli.model.shapes import Polygon
-from multicor_cli.packing.walls import BuiltWalls, build_walls, chain_on_circle
+from multicor_cli.packing.walls import BuiltWalls, build_walls
 from multicor_cli.scenario import ScenarioError
 
 DENSITY, THICKNESS = 7800.0, 2e-3  # of steel, and of the discs of the scenario
@@ -39,26 +30,7 @@ def polygon(corners: object, more: str = 'grains = "outside"') -> str:
     return f'kind = "polygon", points = {points}, {more}'
 
 
-def test_grains_around_a_disc_touch_it_and_each_other():
-    chain = chain_on_circle(0.01, uniform(0.4e-3, 1.6e-3), generator, is_outside=True)
-    np.testing.assert_allclose(np.hypot(chain[:, 0], chain[:, 1]) - chain[:, 2], 0.01, rtol=1e-13)
-    after = np.roll(chain, -1, axis=0)
-    gap = np.hypot(*(after[:, :2] - chain[:, :2]).T) - chain[:, 2] - after[:, 2]
-    assert np.abs(gap).max() < 1e-12
-    assert chain[:, 2].mean() == pytest.approx(1e-3, rel=0.05)
-
-
-def test_a_disc_weighs_what_it_and_its_grains_weigh():
-    rough = walls_of('kind = "disc", center = [0.03, 0.04], radius = 0.01, rough = "grains"')
-    discs = rough.bodies[0].glued
-    assert discs[0].tolist() == [0.0, 0.0, 0.01]
-    assert len(discs) > 30
-    mass = DENSITY * THICKNESS * math.pi * discs[:, 2] ** 2
-    about = mass * (0.5 * discs[:, 2] ** 2 + (discs[:, :2] ** 2).sum(axis=1))
-    assert rough.walls.mass[0] == pytest.approx(mass.sum(), rel=1e-12)
-    assert rough.walls.inertia[0] == pytest.approx(about.sum())
-    assert rough.position[0].tolist() == [0.03, 0.04, 0.0]
-    # A smooth one among spheres is a sphere
+def test_a_smooth_disc_among_spheres_is_a_sphere():
     walls = walls_of('kind = "disc", center = [0.03, 0.04], radius = 0.01', SPHERES).walls
     assert walls.mass[0] == pytest.approx(DENSITY * 4.0 / 3.0 * math.pi * 1e-6)
     assert walls.inertia[0] == pytest.approx(0.4 * walls.mass[0] * 1e-4)

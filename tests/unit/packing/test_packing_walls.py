@@ -13,12 +13,7 @@ from multicor_cli.packing.sizes import list_sizes
 from multicor_cli.packing.walls import build_walls, chain_on_circle, chain_on_line, join_shapes
 from multicor_cli.scenario import Refused
 from multicor_cli.scenario.settings import Domain
-from multicor_cli.scenario.walls import (
-    BoxGeometry,
-    CircleGeometry,
-    PlaneGeometry,
-    PolylineGeometry,
-)
+from multicor_cli.scenario.walls import BoxGeometry, CircleGeometry, PlaneGeometry, PolylineGeometry
 
 SIZES = {
     "equal": list_sizes(np.array([1e-3]), None, "number", 2),
@@ -50,16 +45,18 @@ def test_chain_over_the_period_closes():
 
 
 @pytest.mark.parametrize("sizes", SIZES)
-def test_chain_in_a_circle_touches_the_circle_and_closes(sizes):
-    chain = chain_on_circle(0.02, SIZES[sizes], generator)
-    np.testing.assert_allclose(np.hypot(chain[:, 0], chain[:, 1]) + chain[:, 2], 0.02, rtol=1e-13)
+@pytest.mark.parametrize(("radius", "side"), [(0.02, -1), (0.01, 1)])
+def test_chain_around_a_circle_touches_it_and_closes(sizes, radius, side):
+    """From inside and from outside."""
+    chain = chain_on_circle(radius, SIZES[sizes], generator, is_outside=side > 0)
+    away = np.hypot(chain[:, 0], chain[:, 1])
+    np.testing.assert_allclose(away - side * chain[:, 2], radius, rtol=1e-13)
     after = np.roll(chain, -1, axis=0)
     gap = np.hypot(*(after[:, :2] - chain[:, :2]).T) - chain[:, 2] - after[:, 2]
     assert np.abs(gap).max() < 1e-12
-    assert chain[:, 2].mean() == pytest.approx(
-        SIZES[sizes].draw(len(chain), generator()).mean(),
-        rel=0.51 * 2 * SIZES[sizes].largest / (2 * math.pi * 0.019),
-    )
+    drawn, largest = SIZES[sizes].draw(len(chain), generator()), SIZES[sizes].largest
+    scatter = 0.51 * largest / (math.pi * (radius + side * 1e-3))
+    assert chain[:, 2].mean() == pytest.approx(drawn.mean(), rel=scatter)
 
 
 def test_line_shorter_than_a_grain_is_refused():
@@ -183,20 +180,39 @@ def built(geometry, rest="", *overrides):
     return build_walls(scenario(*overrides, extra=wall("w", geometry, rest)))
 
 
-def test_mass_of_a_rough_wall_is_that_of_its_glued_grains_unless_given():
-    result = built(ROUGH)
-    glued, walls = result.bodies[0].glued, result.walls
-    mass = math.pi * glued[:, 2] ** 2 * 2e-3 * 7800.0
+GLUED = {
+    "rough": (ROUGH, [0.03, 0.0, 0.0], 28),
+    "disc": ('kind = "disc", center = [0.03, 0.04], radius = 0.01, rough = "grains"', [0.03, 0.04, 0.0], 30),
+    "circle": ('kind = "circle", center = [0.03, 0.04], radius = 0.03, rough = "grains"', [0.03, 0.04, 0.0], 60),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", GLUED)
+def test_mass_of_a_rough_wall_is_that_of_its_discs_unless_given(name):
+    geometry, position, least = GLUED[name]
+    result = built(geometry)
+    discs, walls = result.bodies[0].glued, result.walls
+    assert len(discs) >= least
+    mass = math.pi * discs[:, 2] ** 2 * 2e-3 * 7800.0
     assert walls.mass[0] == pytest.approx(mass.sum(), rel=1e-12)
-    about = 0.5 * mass * glued[:, 2] ** 2 + mass * (glued[:, 0] ** 2 + glued[:, 1] ** 2)
+    about = 0.5 * mass * discs[:, 2] ** 2 + mass * (discs[:, :2] ** 2).sum(axis=1)
     assert walls.inertia[0] == pytest.approx(about.sum(), rel=1e-12)
-    assert walls.length[0] == pytest.approx(0.06)
-    np.testing.assert_allclose(result.position, [[0.03, 0.0, 0.0]])
-    given = built(ROUGH, "mass = 2.0").walls
+    np.testing.assert_allclose(result.position, [position])
+    # A rough drum keeps its circle, a rough disc is one
+    kinds = result.shapes.kind.tolist()
+    assert (kinds.count(ShapeKind.CIRCLE), kinds.count(ShapeKind.DISC)) == (
+        name == "circle",
+        len(discs),
+    )
+    assert (discs[0].tolist() == [0.0, 0.0, 0.01]) == (name == "disc")
+    given = built(geometry, "mass = 2.0").walls
     assert given.mass[0] == 2.0
-    scaled = 2.0 / walls.mass[0] * walls.inertia[0]
-    assert given.inertia[0] == pytest.approx(scaled, rel=1e-12)
-    assert built(ROUGH, "inertia = 7.0").walls.inertia[0] == 7.0
+    assert given.inertia[0] == pytest.approx(2.0 / walls.mass[0] * walls.inertia[0], rel=1e-12)
+    assert built(geometry, "inertia = 7.0").walls.inertia[0] == 7.0
+
+
+def test_length_of_a_rough_wall():
+    assert built(ROUGH).walls.length[0] == pytest.approx(0.06)
 
 
 def test_mass_of_a_smooth_wall_is_unknown_unless_given():
@@ -208,14 +224,6 @@ def test_mass_of_a_smooth_wall_is_unknown_unless_given():
     assert walls.mass[0] == 1.5
     assert math.isnan(walls.inertia[0])
     assert walls.has_gravity[0]
-
-
-def test_rough_drum_keeps_its_circle():
-    result = built('kind = "circle", center = [0.03, 0.04], radius = 0.03, rough = "grains"')
-    kinds = result.shapes.kind
-    assert np.count_nonzero(kinds == ShapeKind.CIRCLE) == 1
-    assert np.count_nonzero(kinds == ShapeKind.DISC) > 60
-    assert result.walls.mass[0] > 0.0
 
 
 def test_glued_sizes_depend_on_seed_and_wall_only():

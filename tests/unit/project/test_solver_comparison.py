@@ -26,15 +26,13 @@ METHODS = [
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _on_path():
-    with benchmark_modules("solvers"):
-        yield
+def solvers():
+    with benchmark_modules("solvers") as modules:
+        yield modules
 
 
-def test_these_are_all_methods():
-    from methods import METHODS as THEIRS
-
-    assert list(THEIRS) == METHODS
+def test_these_are_all_methods(solvers):
+    assert list(solvers.methods.METHODS) == METHODS
 
 
 # The others take a minute of compilation.
@@ -43,27 +41,21 @@ SLOW = [pytest.param(name, marks=pytest.mark.validation) for name in METHODS if 
 
 
 @pytest.mark.parametrize("name", [*QUICK, *SLOW])
-def test_every_method_finds_the_weights_in_a_column(name):
-    from methods import METHODS as THEIRS
-    from problems import column
-    from reference import solve_closely
-    from study import exact_error
-
-    problem = column(12)
-    error = exact_error(problem, solve_closely(problem), THEIRS[name], 1e-6, 2000)
+def test_every_method_finds_the_weights_in_a_column(solvers, name):
+    problem = solvers.problems.column(12)
+    error = solvers.study.exact_error(
+        problem, solvers.reference.solve_closely(problem), solvers.methods.METHODS[name], 1e-6, 2000
+    )
     assert error < 1e-4
 
 
-def test_the_distance_falls_with_the_residual():
-    from comparison import trace
-    from methods import METHODS as THEIRS
-    from methods.operators import DISTANCE, RMS
-    from problems import column
-    from reference import solve_closely
-
-    problem = column(40)
-    reference = solve_closely(problem)
-    history = trace(problem, reference, THEIRS["engine"], 1e-5, 2000)
+def test_the_distance_falls_with_the_residual(solvers):
+    DISTANCE, RMS = solvers.methods.operators.DISTANCE, solvers.methods.operators.RMS
+    problem = solvers.problems.column(40)
+    reference = solvers.reference.solve_closely(problem)
+    history = solvers.comparison.trace(
+        problem, reference, solvers.methods.METHODS["engine"], 1e-5, 2000
+    )
     assert reference.rms <= 1e-6
     # Nothing moves in the solution, and everything by g dt at the start, which is what distances
     # are measured in.
@@ -74,16 +66,14 @@ def test_the_distance_falls_with_the_residual():
     assert history[middle:, DISTANCE].max() < history[:middle, DISTANCE].max()
 
 
-def test_costs_are_read_off_the_right_rows():
-    from comparison import Curve
-
+def test_costs_are_read_off_the_right_rows(solvers):
     rows = [
         [1.0, 9, 9, 0.5, 0, 0],
         [5e-4, 9, 9, 0.05, 1, 0.1],
         [9e-4, 1e-2, 1e-3, 0.2, 2, 0.2],
         [1e-5, 1e-5, 1e-5, 0.09, 3, 0.3],
     ]
-    curve = Curve("some", np.array(rows))
+    curve = solvers.comparison.Curve("some", np.array(rows))
     assert curve.first(1e-3) == (2.0, 0.2, 0.2)  # the second row is below in one of three only
     assert curve.first(1e-6) is None
     assert curve.near(0.1) == 0.3  # it was below before, but did not stay
@@ -91,13 +81,10 @@ def test_costs_are_read_off_the_right_rows():
     assert curve.near(1.0) == 0.0
 
 
-def test_starts_keep_velocities_and_impulses_together():
-    from problems import column
-    from starts import STARTS, _started
-
-    problem = column(12)
+def test_starts_keep_velocities_and_impulses_together(solvers):
+    problem = solvers.problems.column(12)
     problem.system.impulse[:, 0] = 1.0
-    changed = _started(problem, STARTS["zero"](problem, None)).system
+    changed = solvers.starts._started(problem, solvers.starts.STARTS["zero"](problem, None)).system
     # Impulses of 1 N s everywhere act on the lowest grain's contact with the floor, taken away they
     # move the top grain only.
     assert not changed.impulse.any()
@@ -105,27 +92,21 @@ def test_starts_keep_velocities_and_impulses_together():
     assert moved == pytest.approx([0.0] * 11 + [-1.0], abs=1e-12)
 
 
-def test_impulses_by_contact_and_in_batches_are_the_same():
-    from methods.assembly import assemble
-    from methods.operators import all_impulses, set_impulses
-    from problems import column
-
-    system = column(12).copy()
+def test_impulses_by_contact_and_in_batches_are_the_same(solvers):
+    system = solvers.problems.column(12).copy()
     free, impulse = system.velocity.copy(), np.random.default_rng(1).uniform(size=(12, 2))
-    set_impulses(system, impulse)
-    assert all_impulses(system).tolist() == impulse.tolist()
+    solvers.methods.operators.set_impulses(system, impulse)
+    assert solvers.methods.operators.all_impulses(system).tolist() == impulse.tolist()
     assert flatten(system).impulse.tolist() == impulse.tolist()
-    expected = free[:, :INVERSE_MASS] + assemble(system).push(impulse)
+    expected = free[:, :INVERSE_MASS] + solvers.methods.assembly.assemble(system).push(impulse)
     assert system.velocity[:, :INVERSE_MASS] == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("is_diagonal", [True, False])
-def test_matrices_give_the_velocities_of_surfaces_that_run(is_diagonal):
+def test_matrices_give_the_velocities_of_surfaces_that_run(solvers, is_diagonal):
     """Two grains lie on a belt and against each other: u = Hᵀ v less the speed of the belt,
     whatever form the contacts have.
     """
-    from methods.assembly import assemble
-
     rng = np.random.default_rng(5)
     pair, angles = np.array([[0, 1], [0, 2], [1, 2]]), rng.uniform(0.0, 6.0, 3)
     normal = np.column_stack([np.cos(angles), np.sin(angles)])
@@ -138,40 +119,39 @@ def test_matrices_give_the_velocities_of_surfaces_that_run(is_diagonal):
     discs = _disc_system(problem, np.zeros((3, 2)))
     system = _general_system(problem, np.zeros((3, 2))) if discs is None else discs[0]
     assert (discs is not None) == is_diagonal
-    u_n, u_t = assemble(system).relative(system.velocity[:, :INVERSE_MASS])
+    u_n, u_t = solvers.methods.assembly.assemble(system).relative(system.velocity[:, :INVERSE_MASS])
     rows = np.column_stack([u_n - problem.bias, u_t])
     slots = system.slot[system.slot >= 0] if is_diagonal else np.arange(3)
     assert rows[np.argsort(slots)] == pytest.approx(free_velocity(problem), abs=1e-12)
 
 
-def test_the_engine_does_the_same_when_it_is_watched():
-    from methods import METHODS as THEIRS
-    from methods.operators import COLUMNS, Log
-    from problems import column
-    from reference import mass_shares
-
-    problem = column(12)
+def test_the_engine_does_the_same_when_it_is_watched(solvers):
+    problem = solvers.problems.column(12)
     ends = []
     for rows in (0, 30):
         system = problem.copy()
-        log = Log(np.zeros((rows, COLUMNS)), np.zeros(3), np.zeros((13, 4)), mass_shares(system))
-        assert THEIRS["engine"](system, 30, log) == 30
+        log = solvers.methods.operators.Log(
+            np.zeros((rows, solvers.methods.operators.COLUMNS)),
+            np.zeros(3),
+            np.zeros((13, 4)),
+            solvers.reference.mass_shares(system),
+        )
+        assert solvers.methods.METHODS["engine"](system, 30, log) == 30
         ends.append([system.velocity.tolist(), system.impulse.tolist()])
     assert ends[0] == ends[1]
 
 
-def test_the_folder_of_a_run_is_a_source(tmp_path):
+def test_the_folder_of_a_run_is_a_source(solvers, tmp_path):
     """Its next step: the impulses of the last one to start from, and none when it is cold."""
-    from problems import consecutive, is_run
     from scenes import SMALL
 
     scenario = tmp_path / "small.toml"
     scenario.write_text(SMALL, encoding="utf-8")
     run(scenario, tmp_path / "some run")
     source = str(tmp_path / "some run")
-    assert is_run(source)
-    assert not is_run(str(tmp_path))
-    (problem,) = consecutive(source, 0, 1, 1, tmp_path / "kept")
+    assert solvers.problems.is_run(source)
+    assert not solvers.problems.is_run(str(tmp_path))
+    (problem,) = solvers.problems.consecutive(source, 0, 1, 1, tmp_path / "kept")
     assert problem.name == "some run"
     assert problem.system.impulse.any()
     assert not problem.cold().system.impulse.any()
