@@ -17,22 +17,33 @@ def peers():
         yield modules
 
 
+ROW = 2e-3 * np.arange(8)
+
+
+def between(peers, x, y, glued, height, **others):
+    """Rows of eight grains between glued ones."""
+    bottom, top = (
+        peers.case.Glued(np.column_stack([glued, np.full(8, y)]), np.full(8, 1e-3))
+        for y in (0.0, height)
+    )
+    position, n = np.column_stack([np.tile(x, len(y)), np.repeat(y, 8)]), 8 * len(y)
+    of_all = (position, np.zeros((n, 3)), np.full(n, 1e-3), 2500.0, 0.5, bottom, top, 16e-3)
+    return peers.case.Layer(*of_all, rise=0.0, load=0.16, height=height, **others)
+
+
 @pytest.fixture
 def layer(peers):
-    """Three rows of flowing grains between glued ones, in contact."""
-    radius = np.full(24, 1e-3)
-    x, y = np.meshgrid(2e-3 * np.arange(8) + 1e-3, 2e-3 * np.arange(1, 4))
-    row = 2e-3 * np.arange(8) + 1e-3
-    bottom, top = (
-        peers.case.Glued(np.column_stack([row, np.full(8, y)]), np.full(8, 1e-3))
-        for y in (0.0, 8e-3)
-    )
-    position = np.column_stack([x.ravel(), y.ravel()])
-    return peers.case.Layer(
-        position, np.zeros((24, 3)), radius, 2500.0, 0.5, bottom, top, 16e-3, speed=0.1, rise=0.0,
-        wall_mass=1e-3, load=0.16,
-        wall_damping=0.1, height=8e-3,
-    )  # fmt: skip
+    """Three rows of flowing grains, in contact."""
+    x, y = ROW + 1e-3, 2e-3 * np.arange(1, 4)
+    return between(peers, x, y, x, 8e-3, speed=0.1, wall_mass=1e-3, wall_damping=0.1)
+
+
+@pytest.fixture
+def nested(peers):
+    """Eight grains in the hollows of the glued rows."""
+    x, rise = ROW + 5e-4, 3.0**0.5 * 1e-3
+    slow = {"speed": 1e-9, "wall_mass": 1e-2, "wall_damping": 600.0}
+    return between(peers, x + 1e-3, np.array([rise]), x, 2.0 * rise, **slow)
 
 
 def test_numbers_of_the_layer(layer):
@@ -213,20 +224,6 @@ def test_tables_give_medians_and_ranges(peers):
     assert peers.table.spread([3.0, 1.0, 2.0]) == "2 [1, 3]"
     assert peers.table.spread([4.0]) == "4"
     assert peers.table.draw(["a", "bc"], [["x", "1"]]).splitlines() == ["a  bc", "-  --", "x   1"]
-
-
-@pytest.fixture
-def nested(peers):
-    """Eight grains in the hollows between two rows of glued ones."""
-    row, rise, radius = 2e-3 * np.arange(8) + 5e-4, 3.0**0.5 * 1e-3, np.full(8, 1e-3)
-    bottom, top = (
-        peers.case.Glued(np.column_stack([row, np.full(8, y)]), radius) for y in (0.0, 2.0 * rise)
-    )
-    return peers.case.Layer(
-        np.column_stack([row + 1e-3, np.full(8, rise)]), np.zeros((8, 3)), radius, 2500.0, 0.5,
-        bottom, top, 16e-3,
-        speed=1e-9, rise=0.0, wall_mass=1e-2, load=0.16, wall_damping=600.0, height=2.0 * rise,
-    )  # fmt: skip
 
 
 @pytest.mark.parametrize("name", ["liggghts", "lammps", "yade"])
