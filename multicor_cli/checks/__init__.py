@@ -1,7 +1,7 @@
 """Lists of checks before a run and of a run, each with value, limit, verdict, meaning and remedy.
 
 A new check is a `Rule` in the table of its module, which is in one of the two lists below;
-docs/reference/checks.md is made of them (``python tests/support/check_tables.py``).
+docs/reference/checks.md is made of them (``python tests/support/page_tables.py``).
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from check_tables import PAGE, with_tables
+from page_tables import CHECKS, with_tables
 
 from multicor_cli.checks import BEFORE_RUN, OF_RUN, Rule, Verdict, worst_verdict
 from multicor_cli.checks.check import Measured, judge_all
@@ -68,6 +68,6 @@ def test_every_rule_has_its_own_name_and_says_everything(rules: tuple[Rule[objec
 
 
 def test_the_page_lists_the_rules() -> None:
-    text = PAGE.read_text(encoding="utf-8")
-    assert with_tables(text) == text, "run python tests/support/check_tables.py"
+    text = CHECKS.read_text(encoding="utf-8")
+    assert with_tables(text) == text, "run python tests/support/page_tables.py"
     assert all(f"| {entry.name} |" in text for entry in (*BEFORE_RUN, *OF_RUN))

@@ -12,7 +12,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from format_tables import PAGES, with_tables
+from page_tables import FORMATS, with_tables
 from places import ROOT
 from store_support import (
     RESOLVED,
@@ -467,7 +467,7 @@ def test_table_of_checkpoints_covers_the_state() -> None:
         assert all(row.value is not None for row in table)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", FORMATS, ids=lambda page: page.stem)
 def test_format_pages_hold_the_tables_of_the_schema(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     assert (
