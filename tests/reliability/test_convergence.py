@@ -1,21 +1,21 @@
 """A step whose contact problem was not solved to the tolerance is never silent."""
 
-from __future__ import annotations
-
 import re
-from pathlib import Path
 
 from command_line import call, read_info
 from scenes import write_small
 
 from multicor_cli.store import open_run
 
-FEW = ("--set", "solver.max_sweeps=3", "--set", "solver.tolerance_rms=1e-6")
+RUN = (
+    "run", "small.toml", "-o", "run", "-q", "--set", "solver.max_sweeps=3",
+    "--set", "solver.tolerance_rms=1e-6",
+)  # fmt: skip
 
 
-def test_unconverged_steps_are_counted_and_told(tmp_path: Path) -> None:
+def test_unconverged_steps_are_counted_and_told(tmp_path):
     write_small(tmp_path)
-    done = call("run", "small.toml", "-o", "run", "-q", *FEW, cwd=tmp_path)
+    done = call(*RUN, cwd=tmp_path)
     assert done.returncode == 0
     info = read_info(tmp_path / "run")
     count = info["solver"]["unconverged_steps"]
@@ -33,11 +33,9 @@ def test_unconverged_steps_are_counted_and_told(tmp_path: Path) -> None:
     assert f"{residual:.4g} of the reference velocity (rms of a step), by step {step}" in shown
 
 
-def test_or_stop_the_run_where_asked(tmp_path: Path) -> None:
+def test_or_stop_the_run_where_asked(tmp_path):
     write_small(tmp_path)
-    done = call(
-        "run", "small.toml", "-o", "run", *FEW, "--set", 'solver.on_failure="error"', cwd=tmp_path
-    )
+    done = call(*RUN, "--set", 'solver.on_failure="error"', cwd=tmp_path)
     assert done.returncode == 4
     assert re.search(r"step \d+: the contact solver did not converge in 3 sweeps: rms", done.stderr)
     assert "Traceback" not in done.stderr

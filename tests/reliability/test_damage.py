@@ -2,17 +2,12 @@
 number, a crash or a traceback.
 """
 
-from __future__ import annotations
-
 import json
 import random
 import shutil
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
 
 import pytest
 from command_line import environment
@@ -22,8 +17,6 @@ from trials import trials
 
 WHOLE_FILES = ("empty", "gone", "foreign", "another run's", "sibling's")
 KINDS = ("finished", "interrupted", "unfinished", "alone")
-Case = tuple[str, str, str, int]
-"""Kind of run, file, damage and seed."""
 
 MOST_FAULTS = 5
 """With so many no more damages are tried."""
@@ -34,57 +27,58 @@ PATIENCE = 60.0
 CODES = {0, 5, 6, 7}
 """What the command line may say: fine, cannot be read, is no run, damaged."""
 
+THOROUGH = {
+    "finished": ("results.h5", "run.json", "scenario.toml", "scenario.resolved.toml"),
+    "interrupted": (
+        "model.h5", "MANIFEST.jsonl", "segments/000001.h5",
+        "checkpoints/step-00000000030.h5", "checkpoints/step-00000000030.json",
+    ),
+    "unfinished": (),
+    "alone": ("results.h5",),
+}  # fmt: skip
+"""Files that get all of the damages, one of each sort; the others get a tenth."""
+
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def runs(tmp_path_factory):
     """Runs: finished, killed between segment and checkpoint, killed before ``results.h5``; that
     file alone; and others.
     """
     directory = tmp_path_factory.mktemp("runs")
-    for group in ("these", "others"):
-        (directory / group).mkdir()
-        continue_run(directory / group / "finished")
-        assert killed_at(directory / group / "interrupted", "checkpoint.after_tmp:3")
-        assert killed_at(directory / group / "unfinished", "results.before_rename")
-        for path in (directory / group).rglob("*.tmp"):
+    for group in (directory / "these", directory / "others"):
+        group.mkdir()
+        continue_run(group / "finished")
+        assert killed_at(group / "interrupted", "checkpoint.after_tmp:3")
+        assert killed_at(group / "unfinished", "results.before_rename")
+        for path in group.rglob("*.tmp"):
             path.unlink()
-        (directory / group / "alone").mkdir()
-        shutil.copy(directory / group / "finished" / "results.h5", directory / group / "alone")
+        (group / "alone").mkdir()
+        shutil.copy(group / "finished" / "results.h5", group / "alone")
     return directory
 
 
-def files_of(run: Path) -> list[str]:
+def files_of(run):
     """Files that hold data: not the lock, and not the link to ``results.h5``."""
-    files = (
-        path
+    return sorted(
+        str(path.relative_to(run))
         for path in run.rglob("*")
         if path.is_file() and not path.is_symlink() and path.name != "lock"
     )
-    return sorted(str(path.relative_to(run)) for path in files)
 
 
-def outcomes(runs: Path, scratch: Path, cases: list[Case]) -> Iterator[tuple[Case, dict[str, Any]]]:
-    """What comes of the cases, one after the other; nothing more is tried if the next is not asked
-    for.
+def outcomes(runs, scratch, cases):
+    """What comes of the cases ``(kind of run, file, damage, seed)``, one after the other; nothing
+    more is tried if the next is not asked for.
     """
-    log, wanted = scratch / "log", "".join(f"{json.dumps(case)}\n" for case in cases)
-    (scratch / "cases").write_text(wanted)
+    log = scratch / "log"
+    (scratch / "cases").write_text("".join(f"{json.dumps(case)}\n" for case in cases))
     with (scratch / "cases").open() as source, log.open("w") as errors:
         worker = subprocess.Popen(
-            [
-                sys.executable,
-                SUPPORT / "damage_worker.py",
-                runs / "these",
-                runs / "others",
-                scratch / "run",
-            ],
-            stdin=source,
-            stdout=subprocess.PIPE,
-            stderr=errors,
+            [sys.executable, SUPPORT / "damage_worker.py", runs / "these", runs / "others",
+             scratch / "run"],
+            stdin=source, stdout=subprocess.PIPE, stderr=errors, text=True,
             env={**environment(), "PYTHONPATH": f"{SUPPORT}:{ROOT}"},
-            text=True,
-        )
-    assert worker.stdout is not None
+        )  # fmt: skip
     try:
         for case in cases:
             watch = threading.Timer(PATIENCE, worker.kill)
@@ -99,8 +93,9 @@ def outcomes(runs: Path, scratch: Path, cases: list[Case]) -> Iterator[tuple[Cas
         worker.stdout.close()
 
 
-def faults(case: Case, found: dict[str, Any]) -> list[str]:
+def faults(case, found):
     """What is wrong with an outcome."""
+    kind, name, how, _ = case
     wrong = []
     if not set(found["codes"]) <= CODES:
         wrong.append("another exit code than those of damage")
@@ -108,54 +103,29 @@ def faults(case: Case, found: dict[str, Any]) -> list[str]:
         wrong.append("a wrong number was read")
     if not found["same_end"]:
         wrong.append("the run went on to another end")
-    # Lines after the newest checkpoint: as if never written
-    is_tail = case[1].endswith("MANIFEST.jsonl") and found["same"]
-    is_pruned = (
-        case[1].startswith("checkpoints/")
-        and case[2] == "gone"
-        and found["same"]
-        and found["same_end"]
-    )  # an older one is there
-    # Bytes that hold nothing: no other file knows a digest of the whole
-    is_beside = case[0] == "alone" and found["same"]
-    if found["changed"] and not found["noticed"] and not (is_tail or is_pruned or is_beside):
+    # An older one is there
+    is_pruned = name.startswith("checkpoints/") and how == "gone" and found["same_end"]
+    # Lines after the newest checkpoint: as if never written; bytes that hold nothing: no other file
+    # knows a digest of the whole
+    is_harmless = name.endswith("MANIFEST.jsonl") or is_pruned or kind == "alone"
+    if found["changed"] and not found["noticed"] and not (is_harmless and found["same"]):
         wrong.append("verify did not notice")
     return wrong
 
 
-def is_thorough(kind: str, name: str) -> bool:
-    """Whether a file gets all of the damages: one of each sort; the others get a tenth."""
-    once = {
-        "finished": ("results.h5", "run.json", "scenario.toml", "scenario.resolved.toml"),
-        "interrupted": ("model.h5", "MANIFEST.jsonl"),
-        "alone": ("results.h5",),
-    }
-    newest = {
-        "interrupted": (
-            "segments/000001.h5",
-            "checkpoints/step-00000000030.h5",
-            "checkpoints/step-00000000030.json",
-        )
-    }
-    return name.endswith(once.get(kind, ())) or name in newest.get(kind, ())
-
-
 @pytest.mark.parametrize("kind", KINDS)
 @trials(short=1, long=200)
-def test_damaged_files(runs: Path, tmp_path: Path, kind: str, count: int) -> None:
+def test_damaged_files(runs, tmp_path, kind, count):
     """``count`` bits flipped in a file, a quarter as many cuts, pages zeroed and bytes inserted,
     and whole files replaced.
     """
-    cases: list[Case] = []
+    cases = []
     for name in files_of(runs / "these" / kind):
-        flips = count if is_thorough(kind, name) else max(1, count // 10)
+        flips = count if name.endswith(THOROUGH[kind]) else max(1, count // 10)
         cases += [(kind, name, "flip", seed) for seed in range(flips)]
-        cases += [
-            (kind, name, how, seed)
-            for how in ("cut", "zero", "shift")
-            for seed in range(max(1, flips // 4))
-        ]
-        # Which is whole
+        for how in ("cut", "zero", "shift"):
+            cases += [(kind, name, how, seed) for seed in range(max(1, flips // 4))]
+        # Another run's file alone is whole
         cases += [
             (kind, name, how, 0) for how in WHOLE_FILES if kind != "alone" or how != "another run's"
         ]

@@ -5,10 +5,7 @@ Each archive is made once for its version, by ``tests/support/keep_run.py``: a s
 run of it, and one that was killed at step 60 of 75, after a checkpoint at step 55.
 """
 
-from __future__ import annotations
-
 import tarfile
-from pathlib import Path
 
 import pytest
 from command_line import call, read_info
@@ -25,48 +22,33 @@ VERSIONS = sorted(
 )
 
 ENDS = {
-    "1.0": {
-        "state": "f509c443bfae08289eebacfcf2a9b7d0",
-        "data": "2ede725dfe6d09f5f08204aa6147ae3e",
-    },
-    "1.1": {
-        "state": "68c62c79694b24f452861aa8892c80bb",
-        "data": "89cd8ffd19c905f955706e29d0d9b5cc",
-    },
-    "1.2": {
-        "state": "68c62c79694b24f452861aa8892c80bb",
-        "data": "5938026dc50e64b853eb36be2f73938a",
-    },
-    "1.3": {
-        "state": "68c62c79694b24f452861aa8892c80bb",
-        "data": "29f0e0f8bf354f7fae89b84102a749e4",
-    },
-    "1.4": {
-        "state": "7568bad5b8be37ab17b8da4a7da76efd",
-        "data": "4daa144c3cdfb4df87530e78689fbcb1",
-    },
-}
+    "1.0": {"state": "f509c443bfae08289eebacfcf2a9b7d0", "data": "2ede725dfe6d09f5f08204aa6147ae3e"},
+    "1.1": {"state": "68c62c79694b24f452861aa8892c80bb", "data": "89cd8ffd19c905f955706e29d0d9b5cc"},
+    "1.2": {"state": "68c62c79694b24f452861aa8892c80bb", "data": "5938026dc50e64b853eb36be2f73938a"},
+    "1.3": {"state": "68c62c79694b24f452861aa8892c80bb", "data": "29f0e0f8bf354f7fae89b84102a749e4"},
+    "1.4": {"state": "7568bad5b8be37ab17b8da4a7da76efd", "data": "4daa144c3cdfb4df87530e78689fbcb1"},
+}  # fmt: skip
 """Digests with which the unfinished run of each version ends, whose files stay of that version.
 They are frozen anew when results change (CHANGELOG.md), the archive stays."""
 
 
 @pytest.fixture(params=VERSIONS)
-def version(request: pytest.FixtureRequest) -> str:
-    return str(request.param)
+def version(request):
+    return request.param
 
 
 @pytest.fixture
-def kept(version: str, tmp_path: Path) -> Path:
+def kept(version, tmp_path):
     with tarfile.open(DATA / f"format-{version}.tar.xz") as archive:
         archive.extractall(tmp_path, filter="data")
     return tmp_path
 
 
-def test_the_version_of_now_is_kept() -> None:
+def test_the_version_of_now_is_kept():
     assert ".".join(map(str, FORMAT_VERSION)) in VERSIONS
 
 
-def test_finished_runs_are_read(kept: Path) -> None:
+def test_finished_runs_are_read(kept):
     assert verify(kept / "finished") == []
     info = read_info(kept / "finished")
     assert (info["status"], info["step"]) == ("finished", 75)
@@ -78,7 +60,7 @@ def test_finished_runs_are_read(kept: Path) -> None:
         assert run.series["heat_stored"][-1] != 0.0
 
 
-def test_finished_runs_are_extended_and_gone_on_from(kept: Path) -> None:
+def test_finished_runs_are_extended_and_gone_on_from(kept):
     """Files of an earlier version become those of a longer run of that version; a new run takes its
     state from them.
     """
@@ -104,7 +86,7 @@ def test_finished_runs_are_extended_and_gone_on_from(kept: Path) -> None:
 @pytest.mark.skipif(
     nudge_seed() is not None, reason=f"{VARIABLE} moves the positions whose bits are frozen"
 )
-def test_unfinished_runs_are_continued(version: str, kept: Path) -> None:
+def test_unfinished_runs_are_continued(version, kept):
     assert verify(kept / "unfinished") == []
     done = call("run", "kept.toml", "-o", "unfinished", cwd=kept)
     assert done.returncode == 0, done.stderr

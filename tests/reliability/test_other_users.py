@@ -2,21 +2,15 @@
 jobs want a key.
 """
 
-from __future__ import annotations
-
+import contextlib
 import json
 import os
 import signal
 import stat
-import subprocess
-import sys
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from pathlib import Path
 
 import pytest
-from command_line import command, environment
+from command_line import call_outside, python, start
 from pretended_slurm import TAG, pretend_slurm, processes_of
 from scenes import SMALL
 from trials import thinned
@@ -84,109 +78,93 @@ print(json.dumps(answers))
 """
 
 
-def attack(mark: Path, ports: list[int], secrets: Sequence[Path] = ()) -> dict[str, str]:
+def attack(mark, ports, secrets=()):
     """What another user, or this one without a key where nobody can become another, is answered who
     tries to have a file made.
     """
     user = NOBODY if os.getuid() == 0 else None
-    given = json.dumps(
-        [user, str(mark), ports, [str(secret) for secret in secrets if user is not None]]
-    )
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", ATTACK],
-        input=given,
-        cwd="/",
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=400,
-    )
+    read = [str(secret) for secret in secrets if user is not None]
+    given = json.dumps([user, str(mark), ports, read])
+    done = python("-P", "-c", ATTACK, cwd="/", given=given, timeout=400)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 
 
-def listening(processes: list[psutil.Process]) -> list[int]:
+def listening(processes):
     """Ports at which processes listen."""
     found = set()
     for process in processes:
-        try:
-            found |= {
-                at.laddr.port
-                for at in process.net_connections(kind="inet")
-                if at.status == psutil.CONN_LISTEN
-            }
-        except psutil.NoSuchProcess:
-            continue
+        with contextlib.suppress(psutil.NoSuchProcess):
+            connections = process.net_connections(kind="inet")
+            found |= {at.laddr.port for at in connections if at.status == psutil.CONN_LISTEN}
     return sorted(found)
 
 
-@contextmanager
-def studying(folder: Path, compute: str, **variables: str) -> Iterator[list[psutil.Process]]:
-    """All processes of a study of which two cases run."""
-    (folder / "small.toml").write_text(SMALL.replace("value = 0.15", "value = 1000.0"))
+def wait_for(is_so, seconds, otherwise):
+    end = time.monotonic() + seconds
+    while not is_so():
+        assert time.monotonic() < end, otherwise()
+        time.sleep(0.1)
+
+
+def write_study(folder, compute, scenario=SMALL):
+    (folder / "small.toml").write_text(scenario)
     (folder / "s.toml").write_text(STUDY + compute)
-    tag = {TAG: str(folder), **variables}
-    with subprocess.Popen(
-        command("study", "run", "s.toml"),
-        cwd=folder,
-        env=environment(**tag),
-        stderr=subprocess.PIPE,
-    ) as client:
-        try:
-            end = time.monotonic() + 200.0
-            while len(list(folder.glob("studies/s/cases/*/progress.json"))) < 2:
-                assert client.poll() is None, client.stderr.read().decode()
-                assert time.monotonic() < end, "no case ran"
-                time.sleep(0.1)
-            yield processes_of(tag[TAG])
-        finally:
-            if client.poll() is None:
-                client.send_signal(signal.SIGINT)
-            errors = client.communicate(timeout=120)[1].decode()
+
+
+@contextlib.contextmanager
+def studying(folder, compute, **variables):
+    """All processes of a study of which two cases run."""
+    write_study(folder, compute, SMALL.replace("value = 0.15", "value = 1000.0"))
+    tag = str(folder)
+    client = start("study", "run", "s.toml", cwd=folder, **{TAG: tag, **variables})
+
+    def two_run():
+        assert client.poll() is None, client.stderr.read()
+        return len(list(folder.glob("studies/s/cases/*/progress.json"))) >= 2
+
+    try:
+        wait_for(two_run, 200.0, lambda: "no case ran")
+        yield processes_of(tag)
+    finally:
+        if client.poll() is None:
+            client.send_signal(signal.SIGINT)
+        errors = client.communicate(timeout=120)[1]
     assert client.returncode == 130, errors
     assert "Traceback" not in errors, errors
-    end = time.monotonic() + 30.0
-    while (
-        left := [process.cmdline() for process in processes_of(tag[TAG])]
-    ) and time.monotonic() < end:
-        time.sleep(0.5)
-    assert not left
+    wait_for(
+        lambda: not processes_of(tag), 30.0, lambda: [each.cmdline() for each in processes_of(tag)]
+    )
 
 
-def test_a_cluster_without_keys_is_open_to_everybody(tmp_path: Path) -> None:
+def scheduler_here(**options):
+    """A scheduler of Dask with one worker."""
+    return distributed.LocalCluster(n_workers=1, host="127.0.0.1", **options)
+
+
+def test_a_cluster_without_keys_is_open_to_everybody(tmp_path):
     """The attack is one."""
-    with distributed.LocalCluster(
-        n_workers=1,
-        processes=False,
-        protocol="tcp://",
-        host="127.0.0.1",
-        dashboard_address="127.0.0.1:0",
-    ) as there:
+    open_to_all = scheduler_here(
+        processes=False, protocol="tcp://", dashboard_address="127.0.0.1:0"
+    )
+    with open_to_all as there:
         answers = attack(tmp_path / "mark", listening([psutil.Process()]))
         assert (tmp_path / "mark").exists(), answers
-        assert [
-            what
-            for what, answer in answers.items()
-            if what.startswith("http") and answer == "answered"
-        ], answers
+        read = [what for what, answer in answers.items() if answer == "answered"]
+        assert any(what.startswith("http") for what in read), answers
         assert there.scheduler_address
 
 
-def test_a_study_here_listens_nowhere(tmp_path: Path) -> None:
+def test_a_study_here_listens_nowhere(tmp_path):
     with studying(tmp_path, "workers = 2\n") as processes:
         assert len(processes) >= 4  # client, the process that forks, two cases
         assert listening(processes) == []
-        paths = [
-            at.laddr
-            for process in processes
-            for at in process.net_connections(kind="unix")
-            if at.laddr
-        ]
-        assert paths == []
+        sockets = [at for process in processes for at in process.net_connections(kind="unix")]
+        assert [at.laddr for at in sockets if at.laddr] == []
 
 
 @pytest.mark.parametrize("scheduler", thinned(SCHEDULERS, 2))
-def test_jobs_work_for_nobody_else(scheduler: str, tmp_path: Path) -> None:
+def test_jobs_work_for_nobody_else(scheduler, tmp_path):
     pytest.importorskip("dask_jobqueue")
     slurm = pretend_slurm(tmp_path / "slurm")
     with studying(tmp_path, JOBS.replace("SCHEDULER", scheduler), **slurm) as processes:
@@ -206,25 +184,15 @@ def test_jobs_work_for_nobody_else(scheduler: str, tmp_path: Path) -> None:
     assert not list((tmp_path / "studies/s/logs").glob(".keys-*"))
 
 
-def test_a_scheduler_without_keys_is_warned_of(tmp_path: Path) -> None:
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
-    ) as there:
-        (tmp_path / "small.toml").write_text(SMALL)
-        (tmp_path / "s.toml").write_text(f'{STUDY}scheduler = "{there.scheduler_address}"\n')
-        done = subprocess.run(
-            command("study", "run", "s.toml"),
-            cwd=tmp_path,
-            env=environment(),
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+def test_a_scheduler_without_keys_is_warned_of(tmp_path):
+    with scheduler_here(threads_per_worker=1, dashboard_address=None) as there:
+        write_study(tmp_path, f'scheduler = "{there.scheduler_address}"\n')
+        done = call_outside("study", "run", "s.toml", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert f"warning: Dask at {there.scheduler_address} asks for no certificate" in done.stderr
 
 
-def test_a_scheduler_with_keys_of_ones_own(tmp_path: Path) -> None:
+def test_a_scheduler_with_keys_of_ones_own(tmp_path):
     keys = distributed.Security.temporary()
     variables = {}
     for name, text in (
@@ -234,28 +202,11 @@ def test_a_scheduler_with_keys_of_ones_own(tmp_path: Path) -> None:
     ):
         (tmp_path / name).write_text(text)
         variables[f"DASK_DISTRIBUTED__COMM__TLS__{name}"] = str(tmp_path / name)
-    with distributed.LocalCluster(
-        n_workers=1,
-        threads_per_worker=1,
-        host="127.0.0.1",
-        dashboard_address=None,
-        security=keys,
-        protocol="tls://",
-    ) as there:
-        (tmp_path / "small.toml").write_text(SMALL)
-        (tmp_path / "s.toml").write_text(f'{STUDY}scheduler = "{there.scheduler_address}"\n')
-        words = command("study", "run", "s.toml")
-        refused = subprocess.run(
-            words, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False
-        )
-        done = subprocess.run(
-            words,
-            cwd=tmp_path,
-            env=environment(**variables),
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+    own = {"security": keys, "protocol": "tls://"}
+    with scheduler_here(threads_per_worker=1, dashboard_address=None, **own) as there:
+        write_study(tmp_path, f'scheduler = "{there.scheduler_address}"\n')
+        refused = call_outside("study", "run", "s.toml", cwd=tmp_path)
+        done = call_outside("study", "run", "s.toml", cwd=tmp_path, **variables)
     assert refused.returncode == 5, refused.stderr
     assert "Traceback" not in refused.stderr
     assert "wants a certificate: set DASK_DISTRIBUTED__COMM__TLS__CA_FILE" in refused.stderr

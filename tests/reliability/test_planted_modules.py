@@ -2,15 +2,13 @@
 kind of child is.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from command_line import environment
+from command_line import python
 from places import ROOT
 from pretended_slurm import pretend_slurm
 from scenes import SMALL
@@ -54,7 +52,7 @@ assert _apart(copy_bandwidth, 1) > 0.0
 """
 
 
-def plant(folder: Path, marks: Path) -> None:
+def plant(folder, marks):
     """Modules in a folder that say that they were run."""
     marks.mkdir(exist_ok=True)
     for name in NAMES:
@@ -65,80 +63,64 @@ def plant(folder: Path, marks: Path) -> None:
         path.with_suffix(".py").write_text(PLANTED.format(marks=str(marks), name=name))
 
 
-def run_there(
-    tmp_path: Path, program: str, *arguments: str, **variables: str
-) -> subprocess.CompletedProcess[str]:
-    """Run a program, whose file lies elsewhere, among planted modules; none of them may run."""
+def run_there(tmp_path, program, *arguments, compute="", **variables):
+    """Run a program, whose file lies elsewhere, among planted modules, with a study to be carried
+    out; none of them may run.
+    """
     there, marks = tmp_path / "there", tmp_path / "marks"
-    there.mkdir(exist_ok=True)
+    there.mkdir()
+    (there / "small.toml").write_text(SMALL)
+    (there / "s.toml").write_text(STUDY + compute)
     plant(there, marks)
-    (tmp_path / "bin").mkdir(exist_ok=True)
+    (tmp_path / "bin").mkdir()
     (tmp_path / "bin" / "multicor").write_text(program)
-    done = subprocess.run(
-        [sys.executable, tmp_path / "bin" / "multicor", *arguments],
-        cwd=there, env=environment(**variables), capture_output=True, text=True, timeout=500,
-        check=False,
-    )  # fmt: skip
+    done = python(tmp_path / "bin" / "multicor", *arguments, cwd=there, timeout=500, **variables)
     assert not list(marks.iterdir()), (list(marks.iterdir()), done.stderr)
     assert done.returncode == 0, done.stderr
     return done
 
 
-def write_study(tmp_path: Path, compute: str) -> None:
-    there = tmp_path / "there"
-    there.mkdir()
-    (there / "small.toml").write_text(SMALL)
-    (there / "s.toml").write_text(STUDY + compute)
-    plant(there, tmp_path / "marks")
-
-
-def test_such_a_module_is_run_if_nobody_minds(tmp_path: Path) -> None:
+def test_such_a_module_is_run_if_nobody_minds(tmp_path):
     plant(tmp_path, tmp_path / "marks")
-    subprocess.run(
-        [sys.executable, "-c", "import random"], cwd=tmp_path, check=False, capture_output=True
-    )
+    words = [sys.executable, "-c", "import random"]
+    subprocess.run(words, cwd=tmp_path, check=False, capture_output=True)
     assert (tmp_path / "marks" / "random").exists()
 
 
-def test_the_diagnosis(tmp_path: Path) -> None:
+def test_the_diagnosis(tmp_path):
     assert "threads" in run_there(tmp_path, COMMAND, "doctor").stdout
 
 
-def test_the_second_process_that_compiles(tmp_path: Path) -> None:
+def test_the_second_process_that_compiles(tmp_path):
     run_there(tmp_path, SECOND_PROCESS, NUMBA_CACHE_DIR=str(tmp_path / "cache"))
 
 
-def test_a_measurement(tmp_path: Path) -> None:
+def test_a_measurement(tmp_path):
     run_there(tmp_path, APART)
 
 
-def test_a_study_here(tmp_path: Path) -> None:
-    write_study(tmp_path, "workers = 1\n")
-    assert "1 case: 1 finished" in run_there(tmp_path, COMMAND, "study", "run", "s.toml").stderr
+def test_a_study_here(tmp_path):
+    done = run_there(tmp_path, COMMAND, "study", "run", "s.toml", compute="workers = 1\n")
+    assert "1 case: 1 finished" in done.stderr
 
 
 @pytest.mark.parametrize("path", [str(ROOT), f"{os.pathsep}{ROOT}{os.pathsep}."])
-def test_a_study_in_jobs(path: str, tmp_path: Path) -> None:
+def test_a_study_in_jobs(path, tmp_path):
     """Jobs begin in the working directory of who submits them. The client gets another path than
     they.
     """
     pytest.importorskip("dask_jobqueue")
-    write_study(tmp_path, JOBS)
     slurm = pretend_slurm(tmp_path / "slurm")
     sbatch = tmp_path / "slurm" / "sbatch"
     sbatch.write_text(sbatch.read_text().replace("\ncp", f"\nexport PYTHONPATH='{path}'\ncp"))
-    done = run_there(tmp_path, COMMAND, "study", "run", "s.toml", **slurm)
+    done = run_there(tmp_path, COMMAND, "study", "run", "s.toml", compute=JOBS, **slurm)
     assert "1 case: 1 finished" in done.stderr
 
 
 @pytest.mark.reliability
 @pytest.mark.parametrize(
     "words",
-    [
-        ("run", "small.toml", "-o", "run", "--threads", "2"),
-        ("bench", "bed", "--grains", "100", "--rounds", "1", "--compilation"),
-    ],
+    ["run small.toml -o run --threads 2", "bench bed --grains 100 --rounds 1 --compilation"],
 )
-def test_whole_commands_without_kernels(words: tuple[str, ...], tmp_path: Path) -> None:
-    write_study(tmp_path, "")
-    run_there(tmp_path, COMMAND, *words, NUMBA_CACHE_DIR=str(tmp_path / "cache"))
+def test_whole_commands_without_kernels(words, tmp_path):
+    run_there(tmp_path, COMMAND, *words.split(), NUMBA_CACHE_DIR=str(tmp_path / "cache"))

@@ -65,26 +65,24 @@ def call(*arguments: object, cwd: Path, **extra: str) -> subprocess.CompletedPro
 
 def call_outside(*arguments: object, cwd: Path, **extra: str) -> subprocess.CompletedProcess[str]:
     """Run a command to its end in a process of its own."""
+    return python(*command(*arguments)[1:], cwd=cwd, **extra)
+
+
+def python(
+    *words: object, cwd: Path, given: str | None = None, timeout: float = 1800.0, **extra: str
+) -> subprocess.CompletedProcess[str]:
+    """Run Python to its end, in the environment of a command."""
     return subprocess.run(
-        command(*arguments),
-        cwd=cwd,
-        env=environment(**extra),
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+        [sys.executable, *map(str, words)], cwd=cwd, env=environment(**extra), input=given,
+        capture_output=True, text=True, timeout=timeout, check=False,
+    )  # fmt: skip
 
 
-def start(*arguments: object, cwd: Path) -> subprocess.Popen[str]:
+def start(*arguments: object, cwd: Path, **extra: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        command(*arguments),
-        cwd=cwd,
-        env=environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+        command(*arguments), cwd=cwd, env=environment(**extra), text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
 
 
 def read_info(directory: Path) -> dict[str, Any]:
