@@ -2,13 +2,9 @@
 the user is run.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +12,7 @@ from heat_run import GRAINS, write_heated_run
 from report_run import EVIL, write_evil_run
 
 from multicor_cli.report import write_report
-from multicor_cli.store import Run, open_run
+from multicor_cli.store import open_run
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="needs the Python package playwright")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -30,7 +26,7 @@ FLAGS = [
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
+def browser():
     with sync_api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
         yield browser
@@ -38,7 +34,7 @@ def browser() -> Iterator[Any]:
 
 
 @pytest.fixture(scope="module")
-def address(tmp_path_factory: pytest.TempPathFactory) -> str:
+def address(tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
     write_evil_run(folder / "run")
     write_report(folder / "run", folder / "page.html")
@@ -46,45 +42,63 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 @pytest.fixture
-def run(address: str) -> Iterator[Run]:
+def run(address):
     """The run that the page is about."""
     with open_run(Path(address.removeprefix("file://")).parent / "run") as opened:
         yield opened
 
 
+PLACE = """(grain) => { const p = state.picture, f = state.frame;
+    const box = p.canvas.getBoundingClientRect(), half = p.canvas.width / 2;
+    return [box.left + (half + (f.x[grain] - p.center[0]) * p.scale) / p.pixels,
+            box.top + (p.middle - (f.y[grain] - p.center[1]) * p.scale) / p.pixels]; }"""
+COLOR = """([x, y]) => { const p = state.picture;
+    const at = [p.canvas.width / 2 + (x - p.center[0]) * p.scale,
+                p.middle - (y - p.center[1]) * p.scale];
+    const pixel = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
+    pixel.drawImage(p.canvas, -Math.round(at[0]), -Math.round(at[1]));
+    return [...pixel.getImageData(0, 0, 1, 1).data]; }"""
+
+
 class Opened:
     """A page, and everything that it said or asked for."""
 
-    def __init__(self, browser: Any, address: str, script: str = "", **options: Any) -> None:
-        self.said: list[str] = []
-        self.context = browser.new_context(
-            **{"viewport": {"width": 1000, "height": 900}, **options}
-        )
+    def __init__(self, browser, address, script="", **options):
+        self.said, self.address = [], address
+        usual = {"viewport": {"width": 1000, "height": 900}}
+        self.context = browser.new_context(**usual | options)
         self.page = self.context.new_page()
         self.page.on("console", lambda message: self.said.append(message.text))
         self.page.on("pageerror", lambda error: self.said.append(str(error)))
-        self.page.on(
-            "request",
-            lambda request: self.said.append(request.url) if request.url != address else None,
-        )
+        self.page.on("request", self._requested)
         if script:
             self.page.add_init_script(script)
         self.page.goto(address)
         self.page.wait_for_selector("#where:not(:empty), #trouble:not([hidden])")
         self.settle()
 
-    def settle(self) -> None:
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.context.close()
+
+    def _requested(self, request):
+        if request.url != self.address:
+            self.said.append(request.url)
+
+    def settle(self):
         """Wait until what was asked for is drawn."""
         self.page.evaluate(
             "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
         )
 
     @property
-    def frame(self) -> int:
+    def frame(self):
         """Number of the frame that the page says it shows."""
         return int(re.match(r"frame (\d+) of", self.page.inner_text("#where")).group(1))
 
-    def wait(self, is_so: Callable[[], Any]) -> bool:
+    def wait(self, is_so):
         """Wait until something is so; the policy of the page forbids to wait inside of it."""
         for _ in range(200):
             if is_so():
@@ -92,65 +106,45 @@ class Opened:
             self.page.wait_for_timeout(25)
         return False
 
-    def place(self, grain: int) -> tuple[float, float]:
+    def place(self, grain):
         """Where a grain is in the window."""
-        return tuple(
-            self.page.evaluate(
-                """(grain) => { const p = state.picture, f = state.frame;
-                const box = p.canvas.getBoundingClientRect(), half = p.canvas.width / 2;
-                return [box.left + (half + (f.x[grain] - p.center[0]) * p.scale) / p.pixels,
-                        box.top + (p.middle - (f.y[grain] - p.center[1]) * p.scale) / p.pixels]; }""",
-                grain,
-            )
-        )
+        return tuple(self.page.evaluate(PLACE, grain))
 
-    def color(self, x: float, y: float) -> list[int]:
+    def color(self, x, y):
         """Color of a point in meters."""
-        return self.page.evaluate(
-            """([x, y]) => { const p = state.picture;
-            const at = [p.canvas.width / 2 + (x - p.center[0]) * p.scale,
-                        p.middle - (y - p.center[1]) * p.scale];
-            const pixel = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
-            pixel.drawImage(p.canvas, -Math.round(at[0]), -Math.round(at[1]));
-            return [...pixel.getImageData(0, 0, 1, 1).data]; }""",
-            [x, y],
-        )
+        return self.page.evaluate(COLOR, [x, y])
 
-    def picture(self) -> str:
+    def picture(self):
         """Everything that is drawn."""
         self.settle()
         return self.page.evaluate("() => state.picture.canvas.toDataURL()")
 
-    def key(self, name: str) -> None:
+    def key(self, name):
         """Press a key with the picture in focus."""
         self.page.press("#canvas", name)
         self.settle()
 
 
 @pytest.fixture
-def opened(browser: Any, address: str) -> Iterator[Opened]:
-    opened = Opened(browser, address)
-    yield opened
-    assert opened.said == []
-    opened.context.close()
+def opened(browser, address):
+    with Opened(browser, address) as opened:
+        yield opened
+        assert opened.said == []
 
 
-def test_page_shows_the_last_frame_and_runs_no_text_of_the_user(opened: Opened) -> None:
+def test_page_shows_the_last_frame_and_runs_no_text_of_the_user(opened):
     assert opened.frame == 5
     assert opened.page.inner_text("h1") == EVIL
     assert opened.page.evaluate("() => window.broken") is None
     assert opened.page.inner_text("#stage-name") == EVIL
-    assert (
-        opened.page.locator("figure svg[role=img][aria-label]").count()
-        == opened.page.locator("figure").count()
-        >= 4
-    )
+    figures = opened.page.locator("figure").count()
+    assert opened.page.locator("figure svg[role=img][aria-label]").count() == figures >= 4
     assert not opened.page.is_visible("#trouble")
     opened.page.click("details:has(pre) summary >> nth=0")
     assert EVIL in opened.page.inner_text("pre >> nth=0")
 
 
-def test_it_plays_to_the_end_and_stops(opened: Opened) -> None:
+def test_it_plays_to_the_end_and_stops(opened):
     opened.page.select_option("#speed", "5")
     opened.page.click("#play")
     assert "Pause" in opened.page.inner_text("#play")
@@ -160,7 +154,7 @@ def test_it_plays_to_the_end_and_stops(opened: Opened) -> None:
     assert (opened.frame, opened.page.inner_text("#play")) == (5, "▶ Play")
 
 
-def test_it_repeats_and_pauses(opened: Opened) -> None:
+def test_it_repeats_and_pauses(opened):
     opened.page.select_option("#speed", "10")
     opened.page.check("#loop")
     opened.page.click("#play")
@@ -173,15 +167,11 @@ def test_it_repeats_and_pauses(opened: Opened) -> None:
     assert opened.frame == before
 
 
-def test_keyboard_and_scrubbing(opened: Opened) -> None:
+def test_keyboard_and_scrubbing(opened):
+    right = "ArrowRight"
     for key, frame in (
-        ("Home", 0),
-        ("ArrowRight", 1),
-        ("ArrowRight", 2),
-        ("ArrowLeft", 1),
-        ("End", 5),
-        ("ArrowRight", 5),
-    ):
+        ("Home", 0), (right, 1), (right, 2), ("ArrowLeft", 1), ("End", 5), (right, 5),
+    ):  # fmt: skip
         opened.key(key)
         assert opened.wait(lambda frame=frame: opened.frame == frame)
     opened.key(" ")
@@ -200,18 +190,14 @@ def test_keyboard_and_scrubbing(opened: Opened) -> None:
     assert opened.page.is_checked("#contacts")
 
 
-def test_pointing_tells_the_values_of_a_grain_and_a_click_keeps_them(opened: Opened) -> None:
+def test_pointing_tells_the_values_of_a_grain_and_a_click_keeps_them(opened):
     opened.page.mouse.move(*opened.place(3))
     tip = opened.page.inner_text("#tip").split("\n")
     told = dict(zip(tip[::2], tip[1::2], strict=True))
-    assert told["grain"] == "3"
-    assert told["group"] == "other"
-    assert told["radius"] == "0.05 m"
-    assert told["speed"] == "0.3 m/s"
-    assert told["spin"] == "−2 rad/s"
-    assert told["temperature"] == "300.02 K"
-    assert told["generated heat"] == "0.003 W"
-    assert told["largest contact force"] == "4 N"
+    assert told.items() >= {
+        "grain": "3", "group": "other", "radius": "0.05 m", "speed": "0.3 m/s", "spin": "−2 rad/s",
+        "temperature": "300.02 K", "generated heat": "0.003 W", "largest contact force": "4 N",
+    }.items()  # fmt: skip
     opened.page.mouse.click(*opened.place(4))
     assert opened.page.input_value("#grain") == "4"
     opened.page.mouse.move(2, 2)
@@ -225,7 +211,7 @@ def test_pointing_tells_the_values_of_a_grain_and_a_click_keeps_them(opened: Ope
     assert not opened.page.is_visible("#chosen")
 
 
-def test_values_under_a_resting_pointer_follow_the_frames(opened: Opened) -> None:
+def test_values_under_a_resting_pointer_follow_the_frames(opened):
     """Frames 0 to 5: speeds are 0 in the first one; the grains of the column stay where they are in
     y.
     """
@@ -238,9 +224,7 @@ def test_values_under_a_resting_pointer_follow_the_frames(opened: Opened) -> Non
     assert opened.wait(lambda: opened.page.is_visible("#tip"))
 
 
-def test_values_told_are_those_of_the_run_as_far_as_their_digits_go(
-    opened: Opened, run: Run
-) -> None:
+def test_values_told_are_those_of_the_run_as_far_as_their_digits_go(opened, run):
     """The page stores steps of 1/65534 of the range; what it tells has no digits beyond that, and
     the others are right.
     """
@@ -253,16 +237,14 @@ def test_values_told_are_those_of_the_run_as_far_as_their_digits_go(
     for grain in range(GRAINS):
         told = dict(opened.page.evaluate("(grain) => valuesOf(grain)", grain))
         for name, values in expected.items():
-            text = told[name].split(" ")[0].replace("−", "-")
-            number, last = parse(text)
-            assert number == pytest.approx(
-                values[grain], abs=0.5 * last + 2.0 / 65534 * np.abs(values).max()
-            ), (name, grain)
+            number, last = parse(told[name].split(" ")[0].replace("−", "-"))
+            error = 0.5 * last + 2.0 / 65534 * np.abs(values).max()
+            assert number == pytest.approx(values[grain], abs=error), (name, grain)
         x, y = told["x, y"].removesuffix(" m").split(", ")
         assert (float(x), float(y)) == pytest.approx(tuple(frame.position[grain]), abs=2e-4)
 
 
-def test_grains_without_heat_have_the_color_of_the_paper(opened: Opened) -> None:
+def test_grains_without_heat_have_the_color_of_the_paper(opened):
     found = opened.page.evaluate(
         """() => {
             const heat = meta.fields.find((field) => field.name === "heat");
@@ -276,12 +258,10 @@ def test_grains_without_heat_have_the_color_of_the_paper(opened: Opened) -> None
     assert "grains without color: none" in opened.page.inner_text("#bar-label")
 
 
-def test_the_view_fits_the_frame_then_the_run_and_stays_where_it_was_put(opened: Opened) -> None:
-    def box() -> list[float]:
-        return opened.page.evaluate(
-            "() => { const [left, right, bottom, top] = state.picture.visible(); return [right - "
-            "left, top - bottom]; }"
-        )
+def test_the_view_fits_the_frame_then_the_run_and_stays_where_it_was_put(opened):
+    def box():
+        left, right, bottom, top = opened.page.evaluate("() => state.picture.visible()")
+        return right - left, top - bottom
 
     whole = opened.page.evaluate("() => meta.box")
     opened.key("ArrowLeft")
@@ -297,69 +277,55 @@ def test_the_view_fits_the_frame_then_the_run_and_stays_where_it_was_put(opened:
 SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 
 
-def parse(text: str) -> tuple[float, float]:
+def parse(text):
     """A number that the page tells, and what its last digit stands for."""
     mantissa, _, power = text.partition("·10")
     scale = 10.0 ** int(power.translate(SUPERSCRIPTS) or 0)
     return float(mantissa) * scale, 10.0 ** -len(mantissa.partition(".")[2]) * scale
 
 
-def test_numbers_and_ticks_for_people(opened: Opened) -> None:
-    ticks = opened.page.evaluate(
-        "() => [[0, 0.296], [-3, 3], [1000, 1010], [2e-7, 9e-7], [293, 373]].map((range) => "
-        "chooseTicks(range).map((t) => t[1]))"
-    )
-    assert ticks[0] == ["0", "0.05", "0.1", "0.15", "0.2", "0.25"]
-    assert ticks[1] == ["−3", "−2", "−1", "0", "1", "2", "3"]
-    assert ticks[2] == ["1000", "1002", "1004", "1006", "1008", "1010"]
-    assert ticks[3][0] == "2·10⁻⁷"
-    assert ticks[4] == ["300", "320", "340", "360"]
-    decades = opened.page.evaluate("() => chooseTicks([1e-6, 1e-2], true).map((t) => t[1])")
-    assert decades == ["1·10⁻⁶", "1·10⁻⁵", "1·10⁻⁴", "0.001", "0.01"]
-    numbers = opened.page.evaluate(
-        "() => [0, -0.5, 12345.678, 1e-5, -2.5e21, NaN].map((number) => format(number))"
-    )
-    assert opened.page.evaluate("() => [1e-9, 1.23456789].map((x) => formatKnown('x', x, 6))") == [
-        "0",
-        "1.2346",
-    ]
-    assert numbers == ["0", "−0.5", "1.235·10⁴", "1·10⁻⁵", "−2.5·10²¹", "–"]
+def test_numbers_and_ticks_for_people(opened):
+    for asked, expected in {
+        "chooseTicks([0, 0.296]).map((t) => t[1])": "0 0.05 0.1 0.15 0.2 0.25",
+        "chooseTicks([-3, 3]).map((t) => t[1])": "−3 −2 −1 0 1 2 3",
+        "chooseTicks([1000, 1010]).map((t) => t[1])": "1000 1002 1004 1006 1008 1010",
+        "chooseTicks([2e-7, 9e-7]).map((t) => t[1]).slice(0, 1)": "2·10⁻⁷",
+        "chooseTicks([293, 373]).map((t) => t[1])": "300 320 340 360",
+        "chooseTicks([1e-6, 1e-2], true).map((t) => t[1])": "1·10⁻⁶ 1·10⁻⁵ 1·10⁻⁴ 0.001 0.01",
+        "[0, -0.5, 12345.678, 1e-5].map((number) => format(number))": "0 −0.5 1.235·10⁴ 1·10⁻⁵",
+        "[-2.5e21, NaN].map((number) => format(number))": "−2.5·10²¹ –",
+        "[1e-9, 1.23456789].map((x) => formatKnown('x', x, 6))": "0 1.2346",
+    }.items():
+        assert opened.page.evaluate(f"() => {asked}") == expected.split(), asked
 
 
-def test_values_without_a_color_of_their_own_are_told(opened: Opened) -> None:
+def test_values_without_a_color_of_their_own_are_told(opened):
     opened.page.evaluate("() => { state.field = { ...state.field, range: [0, 0.45] }; draw(); }")
-    assert (
-        opened.page.inner_text("#bar-label") == "speed [m/s]; values up to 0.9 share the last color"
-    )
+    label = "speed [m/s]; values up to 0.9 share the last color"
+    assert opened.page.inner_text("#bar-label") == label
 
 
-def test_the_first_color_shown_is_that_of_a_quantity_that_differs(
-    browser: Any, tmp_path: Path
-) -> None:
+def test_the_first_color_shown_is_that_of_a_quantity_that_differs(browser, tmp_path: Path):
     """Grains at rest with different temperatures, after a run of one frame: nothing to play."""
     write_heated_run(tmp_path / "run", frames=1)
     write_report(tmp_path / "run", tmp_path / "one.html")
     write_heated_run(tmp_path / "still", frames=2)
     write_report(tmp_path / "still", tmp_path / "still.html")
-    opened = Opened(browser, (tmp_path / "one.html").as_uri())
-    for control in ("#play", "#back", "#next", "#scrub"):
-        assert opened.page.is_disabled(control)
-    assert "The only frame of the run." in opened.page.inner_text(".view")
-    assert opened.said == []
-    opened.context.close()
-    opened = Opened(browser, (tmp_path / "still.html").as_uri())
-    opened.key("Home")
-    assert opened.wait(lambda: opened.frame == 0)
-    # Nothing differs in this frame, speeds do in the run
-    assert opened.page.evaluate("() => chooseField().name") == "speed"
-    opened.page.evaluate("() => { state.frame.values.temperature[0] += 10; }")
-    assert opened.page.evaluate("() => chooseField().name") == "temperature"
-    opened.context.close()
+    with Opened(browser, (tmp_path / "one.html").as_uri()) as opened:
+        for control in ("#play", "#back", "#next", "#scrub"):
+            assert opened.page.is_disabled(control)
+        assert "The only frame of the run." in opened.page.inner_text(".view")
+        assert opened.said == []
+    with Opened(browser, (tmp_path / "still.html").as_uri()) as opened:
+        opened.key("Home")
+        assert opened.wait(lambda: opened.frame == 0)
+        # Nothing differs in this frame, speeds do in the run
+        assert opened.page.evaluate("() => chooseField().name") == "speed"
+        opened.page.evaluate("() => { state.frame.values.temperature[0] += 10; }")
+        assert opened.page.evaluate("() => chooseField().name") == "temperature"
 
 
-def test_a_script_that_got_into_the_page_does_not_run(
-    browser: Any, address: str, tmp_path: Path
-) -> None:
+def test_a_script_that_got_into_the_page_does_not_run(browser, address, tmp_path: Path):
     """The policy names the digest of the one program; this is what an escape that was forgotten
     would look like.
     """
@@ -368,14 +334,13 @@ def test_a_script_that_got_into_the_page_does_not_run(
     (tmp_path / "page.html").write_text(
         text.replace("<footer>", f"{added}<footer>"), encoding="utf-8"
     )
-    opened = Opened(browser, (tmp_path / "page.html").as_uri())
-    assert opened.page.evaluate("() => window.broken") is None
-    assert any("Content Security Policy" in words for words in opened.said)
-    assert opened.frame == 5
-    opened.context.close()
+    with Opened(browser, (tmp_path / "page.html").as_uri()) as opened:
+        assert opened.page.evaluate("() => window.broken") is None
+        assert any("Content Security Policy" in words for words in opened.said)
+        assert opened.frame == 5
 
 
-def test_printed_pages_are_light_and_without_controls(opened: Opened) -> None:
+def test_printed_pages_are_light_and_without_controls(opened):
     opened.page.click("#theme")
     opened.page.evaluate("() => window.dispatchEvent(new Event('beforeprint'))")
     opened.page.emulate_media(media="print")
@@ -386,7 +351,7 @@ def test_printed_pages_are_light_and_without_controls(opened: Opened) -> None:
     assert opened.page.evaluate("() => document.documentElement.dataset.theme") == "dark"
 
 
-def test_grains_have_the_colors_of_their_values_also_across_the_period(opened: Opened) -> None:
+def test_grains_have_the_colors_of_their_values_also_across_the_period(opened):
     opened.key("ArrowLeft")  # frame 4: the column stands at x = 3.99 in a period of 4, radius 0.05
     assert opened.wait(lambda: opened.frame == 4)
     opened.page.select_option("#field", label="spin")
@@ -404,7 +369,7 @@ def test_grains_have_the_colors_of_their_values_also_across_the_period(opened: O
     assert opened.color(2.9, 0.85)[3] == 0
 
 
-def test_choices_change_the_picture(opened: Opened) -> None:
+def test_choices_change_the_picture(opened):
     pictures = [opened.picture()]
     for label in ("spin", "temperature", "generated heat", "largest contact force"):
         opened.page.select_option("#field", label=label)
@@ -425,7 +390,7 @@ def test_choices_change_the_picture(opened: Opened) -> None:
     assert opened.wait(lambda: "not in the file" in opened.page.inner_text("#contact-note"))
 
 
-def test_zooming_keeps_the_place_and_fit_shows_everything(opened: Opened) -> None:
+def test_zooming_keeps_the_place_and_fit_shows_everything(opened):
     whole = opened.picture()
     x, y = opened.place(5)
     opened.page.mouse.move(x, y)
@@ -444,39 +409,26 @@ def test_zooming_keeps_the_place_and_fit_shows_everything(opened: Opened) -> Non
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_light_and_dark(scheme: str, browser: Any, address: str) -> None:
-    opened = Opened(browser, address, color_scheme=scheme)
+def test_light_and_dark(scheme, browser, address):
+    with Opened(browser, address, color_scheme=scheme) as opened:
 
-    def brightness() -> int:
-        return sum(
-            map(
-                int,
-                re.findall(
-                    r"\d+",
-                    opened.page.evaluate("() => getComputedStyle(document.body).backgroundColor"),
-                )[:3],
-            )
-        )
+        def brightness():
+            color = "() => getComputedStyle(document.body).backgroundColor"
+            return sum(map(int, re.findall(r"\d+", opened.page.evaluate(color))[:3]))
 
-    before, picture = brightness(), opened.picture()
-    assert (before > 600) == (scheme == "light")
-    opened.page.click("#theme")
-    assert (brightness() > 600) == (scheme == "dark")
-    assert opened.picture() != picture
-    opened.page.click("#theme")
-    assert brightness() == before
-    assert opened.said == []
-    opened.context.close()
+        before, picture = brightness(), opened.picture()
+        assert (before > 600) == (scheme == "light")
+        opened.page.click("#theme")
+        assert (brightness() > 600) == (scheme == "dark")
+        assert opened.picture() != picture
+        opened.page.click("#theme")
+        assert brightness() == before
+        assert opened.said == []
 
 
-def test_phone(browser: Any, address: str) -> None:
-    opened = Opened(
-        browser,
-        address,
-        viewport={"width": 375, "height": 700},
-        has_touch=True,
-        device_scale_factor=2,
-    )
+def test_phone(browser, address):
+    screen = {"viewport": {"width": 375, "height": 700}, "device_scale_factor": 2}
+    opened = Opened(browser, address, has_touch=True, **screen)
     page = opened.page
     assert page.evaluate("() => document.documentElement.scrollWidth") <= 375
     assert page.locator("#canvas").bounding_box()["width"] <= 375
@@ -491,10 +443,8 @@ def test_phone(browser: Any, address: str) -> None:
     assert "0.6 m/s" in page.inner_text("#tip")  # a finger does not hover
     for x in (0.3, 0.49, 0.51, 0.9):  # wherever it is, nothing of it is cut off
         box = page.locator("#canvas").bounding_box()
-        page.evaluate(
-            "(at) => { state.picture.findGrain = () => 6; showTip(at); }",
-            {"clientX": x * 375, "clientY": box["y"] + 40},
-        )
+        at = {"clientX": x * 375, "clientY": box["y"] + 40}
+        page.evaluate("(at) => { state.picture.findGrain = () => 6; showTip(at); }", at)
         tip = page.locator("#tip").bounding_box()
         assert tip["x"] >= box["x"] - 1
         assert tip["x"] + tip["width"] <= box["x"] + box["width"] + 1
@@ -503,40 +453,24 @@ def test_phone(browser: Any, address: str) -> None:
     opened.context.close()
 
 
-def test_two_fingers_zoom_and_the_page_does_not(browser: Any, address: str) -> None:
-    opened = Opened(
-        browser,
-        address,
-        viewport={"width": 390, "height": 844},
-        has_touch=True,
-        is_mobile=True,
-        device_scale_factor=3,
-    )
+def test_two_fingers_zoom_and_the_page_does_not(browser, address):
+    screen = {"viewport": {"width": 390, "height": 844}, "device_scale_factor": 3}
+    opened = Opened(browser, address, has_touch=True, is_mobile=True, **screen)
     box = opened.page.locator("#canvas").bounding_box()
     x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
     touch = opened.context.new_cdp_session(opened.page)
-    for kind, apart in (
-        ("touchStart", 20),
-        ("touchMove", 40),
-        ("touchMove", 60),
-        ("touchEnd", None),
-    ):
-        points = (
-            []
-            if apart is None
-            else [{"x": x + side * apart, "y": y, "id": side + 1} for side in (-1, 1)]
-        )
-        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+    for kind, apart in (("Start", 20), ("Move", 40), ("Move", 60), ("End", 0)):
+        sides = (-1, 1) if apart else ()
+        points = [{"x": x + side * apart, "y": y, "id": side + 1} for side in sides]
+        touch.send("Input.dispatchTouchEvent", {"type": f"touch{kind}", "touchPoints": points})
     assert opened.wait(lambda: opened.page.evaluate("() => state.picture.zoom") > 2.0)
     assert opened.page.evaluate("() => visualViewport.scale") == 1
-    assert opened.page.evaluate("() => state.picture.pixels") == opened.page.evaluate(
-        "() => devicePixelRatio"
-    )
+    assert opened.page.evaluate("() => state.picture.pixels === devicePixelRatio")
     assert opened.said == []
     opened.context.close()
 
 
-def test_browser_without_decompression_says_so(browser: Any, address: str) -> None:
+def test_browser_without_decompression_says_so(browser, address):
     opened = Opened(browser, address, script="delete window.DecompressionStream")
     assert "too old" in opened.page.inner_text("#trouble")
     assert opened.page.locator("table").count() >= 3

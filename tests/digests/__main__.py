@@ -7,6 +7,7 @@ python tests/digests --write                                  freeze, and say wh
 from __future__ import annotations
 
 import argparse
+import functools
 import json
 import sys
 import tempfile
@@ -28,28 +29,19 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python tests/digests", description=__doc__.splitlines()[0]
     )
-    parser.add_argument(
-        "cases",
-        nargs="*",
-        metavar="CASE",
-        help=f"cases to run; all if none is named: {', '.join(CASES)}",
-    )
+    some = f"cases to run; all if none is named: {', '.join(CASES)}"
+    parser.add_argument("cases", nargs="*", metavar="CASE", help=some)
     parser.add_argument("--threads", type=int, default=1, help="threads of each run (default 1)")
     parser.add_argument("--write", action="store_true", help="freeze what comes out")
-    parser.add_argument(
-        "--json", type=Path, metavar="FILE", help="write what comes out into FILE too"
-    )
+    into = "write what comes out into FILE too"
+    parser.add_argument("--json", type=Path, metavar="FILE", help=into)
     options = parser.parse_args(arguments)
     unknown = sorted(set(options.cases) - set(CASES))
     if unknown:
         parser.error(f"no such case: {', '.join(unknown)}")
     with tempfile.TemporaryDirectory() as folder:
-        found = run_cases(
-            options.cases or list(CASES),
-            Path(folder),
-            options.threads,
-            lambda line: print(line, flush=True),
-        )
+        names, say = options.cases or list(CASES), functools.partial(print, flush=True)
+        found = run_cases(names, Path(folder), options.threads, say)
     if options.json:
         options.json.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     changed = differences(found)

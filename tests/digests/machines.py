@@ -79,7 +79,10 @@ def oldest(folder: Path) -> str:
 
 def check(python: list[str], environment: dict[str, str], threads: int) -> str:
     """Last words of a comparison: how many digests are as frozen; what differs otherwise."""
-    command = [*python, str(HERE), "--threads", str(threads)]
+    return last_words([*python, str(HERE), "--threads", str(threads)], environment)
+
+
+def last_words(command: list[str], environment: dict[str, str]) -> str:
     done = subprocess.run(
         command, env={**os.environ, **environment}, capture_output=True, text=True, check=False
     )
@@ -100,27 +103,9 @@ def emulated(root: Path) -> str:
     # With the times of the files: kernels of unchanged ones stay compiled
     for name in ("multicor_cli", "tests", "configs"):
         shutil.copytree(ROOT / name, target / name, ignore=shutil.ignore_patterns("__pycache__"))
-    command = [
-        "chroot",
-        str(root),
-        "/usr/bin/env",
-        "-i",
-        "HOME=/root",
-        "PATH=/usr/bin:/bin",
-        "PYTHONPATH=/opt/site",
-    ]
-    done = subprocess.run(
-        [*command, "python3", "/opt/multicor/tests/digests"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    lines = [
-        line
-        for line in done.stdout.splitlines()
-        if line.startswith("differs: ") or line.endswith("as frozen")
-    ]
-    return "; ".join(lines) if lines else f"failed: {done.stderr.strip()[-300:]}"
+    clean = ["env", "-i", "HOME=/root", "PATH=/usr/bin:/bin", "PYTHONPATH=/opt/site"]
+    program = ["python3", "/opt/multicor/tests/digests"]
+    return last_words(["chroot", str(root), *clean, *program], {})
 
 
 def _results(options: argparse.Namespace, folder: Path) -> Iterator[tuple[str, Callable[[], str]]]:
@@ -139,24 +124,14 @@ def main(arguments: list[str] | None = None) -> int:
         prog="python tests/digests/machines.py", description=__doc__.splitlines()[0]
     )
     parser.add_argument("--oldest", action="store_true", help="the oldest dependencies too")
-    parser.add_argument(
-        "--aarch64",
-        type=Path,
-        metavar="FOLDER",
-        help="a root directory of AArch64 too (tests/digests/aarch64.sh)",
-    )
-    parser.add_argument(
-        "--only", default="", metavar="TEXT", help="only machines whose names contain it"
-    )
+    root = "a root directory of AArch64 too (tests/digests/aarch64.sh)"
+    parser.add_argument("--aarch64", type=Path, metavar="FOLDER", help=root)
+    some = "only machines whose names contain it"
+    parser.add_argument("--only", default="", metavar="TEXT", help=some)
     options = parser.parse_args(arguments)
     versions = ", ".join(f"{name} {metadata.version(name)}" for name in ("numpy", "numba", "h5py"))
-    print(
-        (
-            f"{platform.machine()}, Python {platform.python_version()}, {versions}\n\n"
-            "| machine | digests |\n|---|---|"
-        ),
-        flush=True,
-    )
+    print(f"{platform.machine()}, Python {platform.python_version()}, {versions}\n")
+    print("| machine | digests |\n|---|---|", flush=True)
     found = []
     with tempfile.TemporaryDirectory() as folder:
         for name, result in _results(options, Path(folder)):

@@ -2,19 +2,15 @@
 with this one as can be had.
 """
 
-from __future__ import annotations
-
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from command_line import python
 from digest_cases import CASES, SHIPPED
 from digest_run import differences, frozen, run_cases
 from machines import another_machine
-from places import DATA, ROOT
+from places import DATA
 
 from multicor_cli.model.state import VARIABLE, nudge_seed
 
@@ -34,8 +30,6 @@ FOREIGN = (
 """Cases for the other machine: every elementary function and kind of law. `machines.py` takes all
 cases."""
 
-PROBLEM = DATA / "bed-1008.npz"
-
 SOLVE = """
 import hashlib, sys
 import numpy as np
@@ -53,6 +47,12 @@ for result in results:
 """Prints digests of a solved contact problem and of elementary functions of arrays."""
 
 
+FEATURES = (
+    "import json; from numpy._core import _multiarray_umath as n; "
+    "print(json.dumps(n.__cpu_features__))"
+)
+
+
 def test_every_case_is_frozen():
     assert list(frozen()) == list(CASES)
 
@@ -63,52 +63,31 @@ def test_frozen_digests_hold_here(tmp_path):
     assert differences(run_cases(names, tmp_path, threads=2)) == []
 
 
-def call(*arguments: str, **environment: str) -> str:
+def call(*words, **environment):
     """Run Python elsewhere; what it prints."""
-    everything = {**os.environ, **environment, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(
-        [sys.executable, *arguments],
-        env=everything,
-        capture_output=True,
-        text=True,
-        timeout=500,
-        check=False,
-    )
+    done = python(*words, cwd=HERE, timeout=500, **environment)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
 
 def test_frozen_digests_hold_on_another_machine(tmp_path):
     """No optional instruction in NumPy, the C library and OpenBLAS; four threads."""
-    elsewhere = {
-        name: value for name, value in another_machine().items() if name != "NUMBA_CPU_NAME"
-    }
-    call(
-        str(HERE), "--threads", "4", "--json", str(tmp_path / "digests.json"), *FOREIGN, **elsewhere
-    )
-    assert json.loads((tmp_path / "digests.json").read_text()) == {
-        name: frozen()[name] for name in FOREIGN
-    }
+    elsewhere, file = another_machine(), tmp_path / "digests.json"
+    del elsewhere["NUMBA_CPU_NAME"]
+    call(HERE, "--threads", "4", "--json", file, *FOREIGN, **elsewhere)
+    assert json.loads(file.read_text()) == {name: frozen()[name] for name in FOREIGN}
 
 
 def test_kernels_of_another_machine_give_the_same_bits():
     """No optional instruction in the kernels either; few of them, as they have to be compiled for
     it.
     """
-    assert call("-c", SOLVE, str(PROBLEM), **another_machine()) == call("-c", SOLVE, str(PROBLEM))
+    words = "-c", SOLVE, DATA / "bed-1008.npz"
+    assert call(*words, **another_machine()) == call(*words)
 
 
 def test_another_machine_is_another_one():
-    features = json.loads(
-        call(
-            "-c",
-            (
-                "import json; from numpy._core import _multiarray_umath as n; "
-                "print(json.dumps(n.__cpu_features__))"
-            ),
-            **another_machine(),
-        )
-    )
+    features = json.loads(call("-c", FEATURES, **another_machine()))
     optional = another_machine()["NPY_DISABLE_CPU_FEATURES"].split()
     assert optional
     assert not any(features[name] for name in optional)

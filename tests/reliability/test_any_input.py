@@ -2,8 +2,6 @@
 soon, never a traceback.
 """
 
-from __future__ import annotations
-
 import copy
 import os
 import random
@@ -11,8 +9,6 @@ import re
 import resource
 import time
 import tomllib
-from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -21,6 +17,8 @@ import tomli_w
 from command_line import call
 from damage_worker import BYTES
 from places import ROOT
+from scenario_problems import places
+from scenarios import plane, toml
 from scenes import SMALL, WARM
 from trials import trials
 
@@ -30,7 +28,7 @@ from multicor_cli.running.estimate import estimate
 from multicor_cli.running.plan import begin_stage
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine
-from multicor_cli.scenario import parse_scenario
+from multicor_cli.scenario import load_scenario, parse_scenario
 from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.scenario.tables import scenario_schema
 
@@ -49,52 +47,17 @@ DOCUMENTS = [
     tomllib.loads(text) for text in (SMALL, WARM, TILTED, *TEMPLATES) if "[variables]" not in text
 ]
 NUMBERS = (
-    0,
-    1,
-    -1,
-    2,
-    1e-12,
-    1e-6,
-    1e-3,
-    0.5,
-    1.5,
-    10.0,
-    1e6,
-    1e12,
-    1e308,
-    float("nan"),
-    float("inf"),
-    True,
-    10**400,
-)
+    0, 1, -1, 2, 1e-12, 1e-6, 1e-3, 0.5, 1.5, 10.0, 1e6, 1e12, 1e308, float("nan"), float("inf"),
+    True, 10**400,
+)  # fmt: skip
 OTHERS = (
-    "",
-    "x",
-    "*",
-    "top",
-    "a\nb\x1b[31m",
-    "é" * 100,
-    [],
-    [[]],
-    {},
-    [{}],
-    {"kind": "random"},
-    "../../etc/passwd",
-    "<script>",
-)
+    "", "x", "*", "top", "a\nb\x1b[31m", "é" * 100, [], [[]], {}, [{}], {"kind": "random"},
+    "../../etc/passwd", "<script>",
+)  # fmt: skip
 EXPRESSIONS = (
-    "= 1",
-    "= 1 / 3",
-    "= -x",
-    "= 2 * d",
-    "= d - d",
-    "= 10**6",
-    "= 9**9**9",
-    "=",
-    "= (",
-    "= 1e308 * 10",
-    "= d.real",
-)
+    "= 1", "= 1 / 3", "= -x", "= 2 * d", "= d - d", "= 10**6", "= 9**9**9", "=", "= (",
+    "= 1e308 * 10", "= d.real",
+)  # fmt: skip
 ROOM = 1 << 30
 """Memory that a few hundred grains may take besides [bytes]."""
 
@@ -102,27 +65,14 @@ LARGEST = 400
 """Grains of a mutant that is placed at most."""
 
 
-def places(node: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    entries = (
-        list(node.items())
-        if isinstance(node, dict)
-        else list(enumerate(node))
-        if isinstance(node, list)
-        else []
-    )
-    return [
-        found for key, value in entries for found in ((*path, key), *places(value, (*path, key)))
-    ]
-
-
-def mutate(document: dict[str, Any], choose: random.Random) -> dict[str, Any]:
+def mutate(document, choose):
     """One to three changes: a number scaled or replaced, a key removed, doubled or given another's
     value.
     """
     document = copy.deepcopy(document)
     for _ in range(choose.choice((1, 1, 1, 2, 3))):
-        *way, last = choose.choice(places(document))
-        node: Any = document
+        *way, last = choose.choice([*places(document)])
+        node = document
         for part in way:
             node = node[part]
         value, action = node[last], choose.random()
@@ -137,12 +87,12 @@ def mutate(document: dict[str, Any], choose: random.Random) -> dict[str, Any]:
         elif isinstance(node, list):
             node.insert(last, copy.deepcopy(value))
         else:
-            *_, other = choose.choice(places(document))
+            *_, other = choose.choice([*places(document)])
             node[other if isinstance(other, str) else "x"] = copy.deepcopy(value)
     return document
 
 
-def problems_of(text: str) -> list[str] | None:
+def problems_of(text):
     """Messages about a scenario, each of which must have a position; ``None`` if it is right."""
     before = time.process_time()
     try:
@@ -162,12 +112,12 @@ def problems_of(text: str) -> list[str] | None:
     return problems
 
 
-def assert_helpful(error: ScenarioError) -> None:
+def assert_helpful(error):
     assert [problem for problem in error.problems if not (problem.message and problem.remedy)] == []
 
 
 @trials(short=300, long=20_000)
-def test_mutants_are_right_or_refused(count: int) -> None:
+def test_mutants_are_right_or_refused(count):
     choose = random.Random(7)
     right = 0
     for _ in range(count):
@@ -181,7 +131,7 @@ def test_mutants_are_right_or_refused(count: int) -> None:
 
 
 @trials(short=300, long=20_000)
-def test_any_text_is_right_or_refused(tmp_path: Path, count: int) -> None:
+def test_any_text_is_right_or_refused(tmp_path, count):
     """Bytes of valid files changed, cut, inserted; and bytes of any kind."""
     choose = random.Random(8)
     path = tmp_path / "any.toml"
@@ -196,8 +146,6 @@ def test_any_text_is_right_or_refused(tmp_path: Path, count: int) -> None:
         try:
             problems_of(data.decode())
         except UnicodeDecodeError:
-            from multicor_cli.scenario import load_scenario
-
             with pytest.raises(ScenarioError, match="UTF-8"):
                 load_scenario(path)
 
@@ -210,21 +158,16 @@ HOSTILE = {
     "line": "# " + "x" * 990_000,
     "string": 'x = "' + "\\u0000" * 150_000 + '"',
     "errors": SMALL + "\n".join(f"[[walls]]\nname = {k}" for k in range(20_000)),
-    "array": SMALL
-    + "\n[[particles]]\nname = 'n'\nsizes = { kind = 'list', radii = ["
-    + "1," * 200_000
-    + "] }",
-    "expressions": SMALL
-    + "[variables]\n"
-    + "\n".join(f'a{k} = "= {"1.1**90*" * 23}x"' for k in range(4_000)),
-    "long expression": SMALL + '[variables]\na = "= ' + "(" * 990_000 + '"',
+    "array": f"{SMALL}\n[[particles]]\nname = 'n'\nsizes = {{ kind = 'list', radii = [{'1,' * 200_000}] }}",
+    "expressions": f"{SMALL}[variables]\n" + "\n".join(f'a{k} = "= {"1.1**90*" * 23}x"' for k in range(4_000)),
+    "long expression": f'{SMALL}[variables]\na = "= {"(" * 990_000}"',
     "large": "x = 1\n" * 400_000,
     "bom": "\ufeff\ufeff" + SMALL,
     "nul": SMALL + "\0",
-}
+}  # fmt: skip
 
 
-def time_of_children() -> float:
+def time_of_children():
     """Processor time of the programs that were run and have ended [s]: that of others on the
     machine does not count.
     """
@@ -233,7 +176,7 @@ def time_of_children() -> float:
 
 
 @pytest.mark.parametrize("name", HOSTILE)
-def test_hostile_texts_are_refused_soon(name: str, tmp_path: Path) -> None:
+def test_hostile_texts_are_refused_soon(name, tmp_path):
     """Through the command line: exit code 3, a position, no traceback; a second, and what it takes
     to start Python.
     """
@@ -251,8 +194,16 @@ def test_hostile_texts_are_refused_soon(name: str, tmp_path: Path) -> None:
     assert took < startup + 5.0 * SOON  # five times as long, for machines that are slow
 
 
+def is_large(document):
+    """More grains than a test has time for, or as many as fit into a region that is not bounded by
+    the test.
+    """
+    counts = [group.get("count", 0) for group in document["particles"]]
+    return sum(counts) > LARGEST or document["solver"].get("max_sweeps", 0) > 10_000
+
+
 @trials(short=25, long=2_000)
-def test_what_is_right_can_be_placed_and_moved(count: int) -> None:
+def test_what_is_right_can_be_placed_and_moved(count):
     """Scenarios that pass the check: placed, planned, estimated and moved by two steps, or refused
     for what only placing shows.
     """
@@ -289,16 +240,17 @@ def test_what_is_right_can_be_placed_and_moved(count: int) -> None:
     assert outcomes["moved"] > count // 3
 
 
-def is_large(document: dict[str, Any]) -> bool:
-    """More grains than a test has time for, or as many as fit into a region that is not bounded by
-    the test.
-    """
-    counts = [group.get("count", 0) for group in document["particles"]]
-    return sum(counts) > LARGEST or document["solver"].get("max_sweeps", 0) > 10_000
+def with_file(name):
+    """A scenario whose grains are in a file."""
+    return toml(
+        grains={"packing": {"kind": "file", "path": name}}, periodic=True, size=[0.02, 0.02],
+        walls={"bottom": {"geometry": plane(), "mass": 1.0},
+               "top": {"geometry": plane(0.01, -1), "mass": 1.0}},
+    )  # fmt: skip
 
 
 @trials(short=60, long=3_000)
-def test_files_of_grains_are_right_or_refused(tmp_path: Path, count: int) -> None:
+def test_files_of_grains_are_right_or_refused(tmp_path, count):
     """CSV and HDF5 files with grains, damaged: exit code 0 or 3 in the terms of the command
     line.
     """
@@ -306,12 +258,8 @@ def test_files_of_grains_are_right_or_refused(tmp_path: Path, count: int) -> Non
     rows = "\n".join(f"{0.001 + 0.001 * k:.4f},0.002,0.0004" for k in range(10))
     (tmp_path / "grains.csv").write_text(f"# made by hand\nx,y,radius\n{rows}\n")
     with h5py.File(tmp_path / "grains.h5", "w") as file:
-        for name, values in {
-            "x": np.linspace(0.001, 0.01, 10),
-            "y": np.full(10, 2e-3),
-            "radius": np.full(10, 4e-4),
-        }.items():
-            file[name] = values
+        file["x"] = np.linspace(0.001, 0.01, 10)
+        file["y"], file["radius"] = np.full(10, 2e-3), np.full(10, 4e-4)
     build(parse_scenario(with_file("grains.csv"), tmp_path / "a.toml"))
     build(parse_scenario(with_file("grains.h5"), tmp_path / "b.toml"))
     for number in range(count):
@@ -327,53 +275,31 @@ def test_files_of_grains_are_right_or_refused(tmp_path: Path, count: int) -> Non
     assert 0 < right < count
 
 
-def with_file(name: str) -> str:
-    """A scenario whose grains are in a file."""
-    document = tomllib.loads(SMALL)
-    document["particles"] = [
-        {
-            "name": "grains",
-            "material": "glass",
-            "shape": "disc",
-            "thickness": 1e-3,
-            "packing": {"kind": "file", "path": name},
-        }
-    ]
-    for wall, height, up in zip(document["walls"], (0.0, 0.01), (1.0, -1.0), strict=True):
-        wall |= {
-            "geometry": {"kind": "plane", "point": [0.0, height], "normal": [0.0, up]},
-            "mass": 1.0,
-        }
-    return tomli_w.dumps(document)
-
-
-def test_the_schema_bounds_every_number_and_array() -> None:
+def test_the_schema_bounds_every_number_and_array():
     """No number without a smallest and a largest value, no array without a largest length: no size
     is a surprise.
     """
-    schema = scenario_schema()
-    unbounded = []
-    numbers = 0
+    unbounded, numbers = [], 0
 
-    def walk(node: Any, path: str) -> None:
+    def walk(node, path):
+        nonlocal numbers
         if isinstance(node, list):
-            for index, value in enumerate(node):
-                walk(value, f"{path}[{index}]")
+            node = dict(enumerate(node))
         elif isinstance(node, dict):
-            nonlocal numbers
-            is_number = not {"number", "integer"}.isdisjoint(
-                np.atleast_1d(node.get("type", ())).tolist()
-            )
-            numbers += is_number
-            if is_number and "enum" not in node and "const" not in node:
+            kinds = np.atleast_1d(node.get("type", ())).tolist()
+            if "number" in kinds or "integer" in kinds:
+                numbers += 1
                 has_low = "minimum" in node or "exclusiveMinimum" in node
-                if not has_low or not ("maximum" in node or "exclusiveMaximum" in node):
+                has_high = "maximum" in node or "exclusiveMaximum" in node
+                is_one_of = "enum" in node or "const" in node
+                if not is_one_of and not (has_low and has_high):
                     unbounded.append(path)
-            if node.get("type") == "array" and "maxItems" not in node:
+            if "array" in kinds and "maxItems" not in node:
                 unbounded.append(path)
+        if isinstance(node, dict):
             for key, value in node.items():
                 walk(value, f"{path}.{key}")
 
-    walk(schema, "schema")
+    walk(scenario_schema(), "schema")
     assert unbounded == []
     assert numbers > 100

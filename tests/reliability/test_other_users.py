@@ -116,8 +116,8 @@ def write_study(folder, compute, scenario=SMALL):
 def studying(folder, compute, **variables):
     """All processes of a study of which two cases run."""
     write_study(folder, compute, SMALL.replace("value = 0.15", "value = 1000.0"))
-    tag = str(folder)
-    client = start("study", "run", "s.toml", cwd=folder, **{TAG: tag, **variables})
+    variables = {TAG: str(folder), **variables}
+    tag, client = variables[TAG], start("study", "run", "s.toml", cwd=folder, **variables)
 
     def two_run():
         assert client.poll() is None, client.stderr.read()

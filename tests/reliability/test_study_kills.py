@@ -5,8 +5,7 @@ A case is done once: after it has been seen finished its files are never touched
 are those of the cases alone.
 """
 
-from __future__ import annotations
-
+import contextlib
 import json
 import os
 import random
@@ -14,11 +13,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
-from pathlib import Path
+from collections import Counter, defaultdict
 
 import pytest
 from command_line import environment, start
@@ -43,135 +38,104 @@ seeds = {list(SEEDS)}
 
 [compute]
 """
+PATIENCE = {"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "10s"}
+"""For a scheduler that does not come back, by default half a minute."""
+
 SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 
 
 @pytest.fixture(scope="module")
-def alone(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+def alone(tmp_path_factory):
     """Digests of the cases, each run alone and undisturbed."""
     folder = tmp_path_factory.mktemp("alone")
     (folder / "small.toml").write_text(SCENARIO)
-    found = {}
     for friction in FRICTIONS:
         for seed in SEEDS:
-            path = folder / f"{friction}-{seed}"
+            path = folder / "runs" / f"friction={friction}_seed={seed}"
             overrides = [f"contacts.0.friction={friction}", f"scenario.seed={seed}"]
             multicor.run(folder / "small.toml", path, overrides=overrides, threads=1)
-            found[f"friction={friction}_seed={seed}"] = digest(path)
-    return found
+    return digests(folder / "runs")
 
 
-def digest(run: Path) -> str:
-    return str(json.loads((run / "run.json").read_text())["summary"]["state_digest"])
+def digests(folder):
+    return {
+        run.name: json.loads((run / "run.json").read_text())["summary"]["state_digest"]
+        for run in folder.iterdir()
+    }
 
 
-@dataclass
-class Finished:
-    """Cases that have been seen finished, and what their files were then."""
-
-    folder: Path
-    seen: dict[str, dict[str, tuple[int, int]]] = field(default_factory=dict)
-
-    def look(self) -> None:
-        """Note new ones; none may have changed."""
-        for document in self.folder.glob("studies/s/cases/*/run.json"):
-            if json.loads(document.read_text()).get("status") != "finished":
-                continue
-            now = {
-                str(file): (file.stat().st_mtime_ns, file.stat().st_size)
-                for file in document.parent.iterdir() if file.name in ("run.json", "results.h5")
-            }  # fmt: skip
-            assert self.seen.setdefault(document.parent.name, now) == now, (
-                f"{document.parent.name} was done twice"
-            )
+def look_at_finished(folder, seen):
+    """Note cases that are finished, and what their files are; none may have changed."""
+    for document in folder.glob("studies/s/cases/*/run.json"):
+        if json.loads(document.read_text()).get("status") == "finished":
+            files = (document, document.with_name("results.h5"))
+            now = [(file.stat().st_mtime_ns, file.stat().st_size) for file in files]
+            name = document.parent.name
+            assert seen.setdefault(name, now) == now, f"{name} was done twice"
 
 
-@dataclass
 class Cluster:
     """A Dask scheduler with two workers, processes of their own; those that die are started
     again.
     """
 
-    folder: Path
-    processes: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
+    def __init__(self, folder):
+        self.folder, self.file = folder, folder / "scheduler.json"
+        self.processes = {}
 
-    @property
-    def address(self) -> str:
-        return str(json.loads((self.folder / "scheduler.json").read_text())["address"])
+    def is_dead(self, name):
+        return name not in self.processes or self.processes[name].poll() is not None
 
-    def mend(self) -> None:
-        """Start what is missing; workers end by themselves once their scheduler is gone."""
-        if "scheduler" not in self.processes or self.processes["scheduler"].poll() is not None:
+    def mend(self):
+        """Start what is missing; workers end by themselves once their scheduler is gone. Gives the
+        line of the study that names the scheduler.
+        """
+        if self.is_dead("scheduler"):
             for process in self.processes.values():
                 process.kill()
                 process.wait()
             self.processes.clear()
-            (self.folder / "scheduler.json").unlink(missing_ok=True)
-            self._start(
-                "scheduler",
-                "--host",
-                "127.0.0.1",
-                "--port",
-                "0",
-                "--dashboard-address",
-                ":0",
-                "--scheduler-file",
-            )
-            while not (self.folder / "scheduler.json").exists():
+            self.file.unlink(missing_ok=True)
+            self._start("scheduler", "--host 127.0.0.1 --port 0 --dashboard-address :0")
+            while not self.file.exists():
                 time.sleep(0.1)
         for name in ("worker 1", "worker 2"):
-            if name not in self.processes or self.processes[name].poll() is not None:
-                self._start(
-                    name,
-                    "--nthreads",
-                    "1",
-                    "--no-dashboard",
-                    "--local-directory",
-                    str(self.folder),
-                    "--nanny",
-                    "--scheduler-file",
-                )
+            if self.is_dead(name):
+                options = "--nthreads 1 --no-dashboard --nanny --local-directory"
+                self._start(name, options, str(self.folder))
+        return f'scheduler = "{json.loads(self.file.read_text())["address"]}"\n'
 
-    def _start(self, name: str, *options: str) -> None:
-        words = [
-            sys.executable,
-            "-m",
-            "distributed.cli.dask_" + name.split()[0],
-            *options,
-            str(self.folder / "scheduler.json"),
-        ]
+    def _start(self, name, options, *more):
+        program = "distributed.cli.dask_" + name.split()[0]
+        words = ["-m", program, *options.split(), *more, "--scheduler-file", str(self.file)]
         with (self.folder / f"{name}.log").open("ab") as log:
             self.processes[name] = subprocess.Popen(
-                words, cwd=self.folder, env=environment(), stdout=log, stderr=log
+                [sys.executable, *words], cwd=self.folder, env=environment(), stdout=log, stderr=log
             )
 
+    def __enter__(self):
+        return self
 
-@contextmanager
-def cluster(folder: Path) -> Iterator[Cluster]:
-    found = Cluster(folder)
-    try:
-        yield found
-    finally:
-        for process in found.processes.values():
-            for child in (
-                psutil.Process(process.pid).children(recursive=True)
-                if process.poll() is None
-                else ()
-            ):
-                child.kill()
+    def __exit__(self, *_):
+        for name, process in self.processes.items():
+            if not self.is_dead(name):
+                for child in psutil.Process(process.pid).children(recursive=True):
+                    child.kill()
             process.kill()
             process.wait()
 
 
-def victims(client: subprocess.Popen[str], there: Cluster | None) -> dict[str, list[int]]:
+def victims(client, there):
     """Processes that may die, by what they are."""
-    found: dict[str, list[int]] = {"client": [client.pid]} if client.poll() is None else {}
-    roots = {"client": client.pid}
+    found = defaultdict(list)
+    if client.poll() is None:
+        found["client"].append(client.pid)
+    roots = [client.pid]
     if there is not None:
-        roots = {name: process.pid for name, process in there.processes.items()}
-        for name, pid in roots.items():
-            found.setdefault(name.split()[0], []).append(pid)
-    for root in roots.values():
+        roots = [process.pid for process in there.processes.values()]
+        for name, process in there.processes.items():
+            found[name.split()[0]].append(process.pid)
+    for root in roots:
         try:
             children = psutil.Process(root).children(recursive=True)
             lines = {child.pid: (" ".join(child.cmdline()), child.ppid()) for child in children}
@@ -180,90 +144,75 @@ def victims(client: subprocess.Popen[str], there: Cluster | None) -> dict[str, l
         for pid, (line, parent) in lines.items():
             if "studies.forking" in line:  # cases are forked from it
                 is_case = "studies.forking" in lines.get(parent, ("", 0))[0]
-                found.setdefault("case" if is_case else "fork server", []).append(pid)
+                found["case" if is_case else "fork server"].append(pid)
             elif "spawn_main" in line:
-                found.setdefault("worker", []).append(pid)
+                found["worker"].append(pid)
     return found
 
 
-def disturb(
-    folder: Path, chance: random.Random, there: Cluster | None, most: int, only: str = ""
-) -> Counter[str]:
+def disturb(folder, chance, there, most, only=""):
     """One study from its beginning to its end, with some kills at most, of one kind if that is
     asked; who was killed.
     """
     (folder / "small.toml").write_text(SCENARIO)
-    (folder / "s.toml").write_text(STUDY + ("workers = 2\n" if there is None else ""))
-    killed: Counter[str] = Counter()
-    finished = Finished(folder)
-    client: subprocess.Popen[str] | None = None
-    while True:
+    killed, seen, client = Counter(), {}, None
+    while client is None or client.poll() != 0:
         if client is None or client.poll() is not None:
-            if client is not None and client.returncode == 0:
-                break
             if client is not None:
                 errors = client.communicate()[1]
                 assert "Traceback" not in errors, errors
                 assert "failed:" not in errors, errors
-            if there is not None:
-                there.mend()
-                (folder / "s.toml").write_text(f'{STUDY}scheduler = "{there.address}"\n')
-            client = start("study", "run", "s.toml", cwd=folder)
-        deadline = time.monotonic() + chance.uniform(0.0, 8.0)
+            compute = "workers = 2\n" if there is None else there.mend()
+            (folder / "s.toml").write_text(STUDY + compute)
+            client = start("study", "run", "s.toml", cwd=folder, **PATIENCE)
+        deadline = time.monotonic() + chance.uniform(0.0, 5.0)
         while time.monotonic() < deadline and client.poll() is None:
-            finished.look()
+            look_at_finished(folder, seen)
             time.sleep(0.05)
         if client.poll() is not None or killed.total() >= most:
             continue
         if there is not None:
             there.mend()
         kinds = victims(client, there)
-        if only and only not in kinds:
-            continue
         kind = only or chance.choice(sorted(kinds))
-        number = signal.SIGKILL if kind != "client" else chance.choice(SIGNALS)
-        try:
-            os.kill(chance.choice(kinds[kind]), number)
-        except ProcessLookupError:
+        if kind not in kinds:
             continue
-        killed[kind] += 1
-        if kind in ("client", "scheduler"):
-            client.wait(timeout=120)
-    finished.look()
-    assert len(finished.seen) == len(FRICTIONS) * len(SEEDS)
+        number = signal.SIGKILL if kind != "client" else chance.choice(SIGNALS)
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(chance.choice(kinds[kind]), number)
+            killed[kind] += 1
+            if kind in ("client", "scheduler"):
+                client.wait(timeout=120)
+    look_at_finished(folder, seen)
+    assert len(seen) == len(FRICTIONS) * len(SEEDS)
     return killed
 
 
+def require_undisturbed(folder, alone):
+    assert digests(folder / "studies/s/cases") == alone
+    assert not list((folder / "studies/s/failed").iterdir())
+
+
 @pytest.mark.parametrize("only", ["fork server", "worker", "scheduler"])
-def test_one_dies(only: str, tmp_path: Path, alone: dict[str, str]) -> None:
-    with cluster(tmp_path) as there:
-        killed = disturb(
-            tmp_path, random.Random(only), None if only == "fork server" else there, 1, only
-        )
-    assert killed == {only: 1}
+def test_one_dies(only, tmp_path, alone):
+    with Cluster(tmp_path) as there:
+        where = None if only == "fork server" else there
+        assert disturb(tmp_path, random.Random(only), where, 1, only) == {only: 1}
     require_undisturbed(tmp_path, alone)
 
 
 @pytest.mark.reliability
 @pytest.mark.parametrize("kind", ["here", "scheduler"])
-def test_anybody_dies_at_25_random_moments(
-    kind: str, tmp_path: Path, alone: dict[str, str]
-) -> None:
-    chance, killed = random.Random(kind), Counter[str]()
+def test_anybody_dies_at_25_random_moments(kind, tmp_path, alone):
+    chance, killed = random.Random(kind), Counter()
     for number in range(25):
         folder = tmp_path / str(number)
         folder.mkdir()
-        with cluster(folder) as there:
-            killed += disturb(
-                folder, chance, there if kind == "scheduler" else None, 25 - killed.total()
-            )
+        with Cluster(folder) as there:
+            where = there if kind == "scheduler" else None
+            killed += disturb(folder, chance, where, 25 - killed.total())
         require_undisturbed(folder, alone)
         if killed.total() == 25:
             break
     print(f"killed: {dict(killed)}")
     assert killed.total() == 25
-
-
-def require_undisturbed(folder: Path, alone: dict[str, str]) -> None:
-    assert {run.name: digest(run) for run in (folder / "studies/s/cases").iterdir()} == alone
-    assert not list((folder / "studies/s/failed").iterdir())

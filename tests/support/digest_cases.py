@@ -22,13 +22,11 @@ class Case:
 
 SHIPPED = {
     "shear": (
-        "loading.0.duration=2e-3",
-        "loading.1.until.strain.value=0.001",
+        "loading.0.duration=2e-3", "loading.1.until.strain.value=0.001",
         "output.frame_interval=2e-3",
     ),
     "shear-dynamic": (
-        "loading.0.duration=2e-3",
-        "loading.1.until.strain.value=0.01",
+        "loading.0.duration=2e-3", "loading.1.until.strain.value=0.01",
         "output.frame_interval=2e-3",
     ),
     "shear-gravity-free": ("loading.0.until.strain.value=0.3",),
@@ -37,45 +35,33 @@ SHIPPED = {
     "hopper": ("loading.0.duration=0.02", "loading.1.duration=0.02"),
     "lattice14": (),
     "heated-bed": (
-        "particles.0.count=400",
-        "domain.size=[0.06,0.13]",
-        "walls.2.geometry.point=[0.06,0.0]",
-        "loading.0.duration=0.3",
-        "loading.1.duration=0.02",
+        "particles.0.count=400", "domain.size=[0.06,0.13]", "walls.2.geometry.point=[0.06,0.0]",
+        "loading.0.duration=0.3", "loading.1.duration=0.02",
     ),
     "chute": ("loading.0.duration=0.02",),
     "dense-packing": (
-        "loading.0.duration=0.01",
-        "loading.0.until.steady.window=4e-3",
-        "loading.0.until.steady.after=0.0",
-        "loading.1.until.strain.value=0.01",
+        "loading.0.duration=0.01", "loading.0.until.steady.window=4e-3",
+        "loading.0.until.steady.after=0.0", "loading.1.until.strain.value=0.01",
         "variables.height=10",
     ),
     "vibrated-bed": ("variables.cycles=1", "variables.layers=2"),
     "silo": (
-        "loading.0.duration=0.03",
-        "loading.1.duration=0.2",
-        "variables.fill=150",
+        "loading.0.duration=0.03", "loading.1.duration=0.2", "variables.fill=150",
         "variables.drop=5",
     ),
     "heap": ("variables.plate=20", "loading.0.duration=0.02", "loading.1.duration=0.02"),
     "sieve-curve": ("variables.count=300", "loading.0.duration=0.02", "loading.1.duration=0.02"),
     "intruder": (
-        "particles.0.count=400",
-        "variables.depth=13",
-        "loading.0.duration=0.02",
+        "particles.0.count=400", "variables.depth=13", "loading.0.duration=0.02",
         "loading.1.duration=0.02",
     ),
     "annular-shear": ("variables.turns=0.02",),
     "biaxial": (
-        "variables.side=16",
-        "loading.0.duration=0.015",
-        "loading.0.until.steady.window=4e-3",
-        "loading.0.until.steady.after=0.0",
-        "loading.1.until.axial_strain.below=-0.02",
+        "variables.side=16", "loading.0.duration=0.015", "loading.0.until.steady.window=4e-3",
+        "loading.0.until.steady.after=0.0", "loading.1.until.axial_strain.below=-0.02",
     ),
     "million": ("particles.0.count=20_000", "domain.size=[1.2,0.14]"),
-}
+}  # fmt: skip
 """What makes each shipped scenario short."""
 
 _BASE = """\
@@ -157,41 +143,26 @@ _SPHERE = 'shape = "sphere"'
 
 def _scene(**parts: str) -> Case:
     values = {
-        "friction": "0.4",
-        "shape": _DISC,
-        "sizes": f"sizes = {_UNIFORM}",
-        "number": "count = 120",
-        "region": "",
-        "packing": '{ kind = "random" }',
-        "temperature": "",
-        "walls": _FLOOR,
-        "drives": "",
-        "second": "duration = 0.005",
-        "heat": "",
-        "periodic": "true",
-        "wear": "",
-        **parts,
-    }
-    return Case(_BASE.format(**values))
+        "friction": "0.4", "shape": _DISC, "sizes": f"sizes = {_UNIFORM}", "number": "count = 120",
+        "region": "", "packing": '{ kind = "random" }', "temperature": "", "walls": _FLOOR,
+        "drives": "", "second": "duration = 0.005", "heat": "", "periodic": "true", "wear": "",
+    }  # fmt: skip
+    return Case(_BASE.format(**{**values, **parts}))
 
 
 def _region(top: float) -> str:
     return f"region = {{ min = [0.0, 0.001], max = [0.03, {top}] }}"
 
 
+_LIST = 'kind = "list", radii = [0.4e-3, 0.5e-3, 0.7e-3], fractions = [0.2, 0.5, 0.3]'
+_LOGNORMAL = 'kind = "lognormal", median = 0.5e-3, sigma = 0.3, min = 0.25e-3, max = 0.9e-3'
 _SIZES = {
-    "list-number": '{ kind = "list", radii = [0.4e-3, 0.5e-3, 0.7e-3], fractions = [0.2, 0.5, 0.3] }',
-    "list-mass": (
-        '{ kind = "list", radii = [0.4e-3, 0.5e-3, 0.7e-3], fractions = [0.2, 0.5, 0.3], by = '
-        '"mass" }'
-    ),
+    "list-number": f"{{ {_LIST} }}",
+    "list-mass": f'{{ {_LIST}, by = "mass" }}',
     "uniform-number": _UNIFORM,
     "uniform-mass": '{ kind = "uniform", min = 0.3e-3, max = 0.6e-3, by = "mass" }',
-    "lognormal-number": '{ kind = "lognormal", median = 0.5e-3, sigma = 0.3, min = 0.25e-3, max = 0.9e-3 }',
-    "lognormal-mass": (
-        '{ kind = "lognormal", median = 0.5e-3, sigma = 0.3, min = 0.25e-3, max = 0.9e-3, by = '
-        '"mass" }'
-    ),
+    "lognormal-number": f"{{ {_LOGNORMAL} }}",
+    "lognormal-mass": f'{{ {_LOGNORMAL}, by = "mass" }}',
     "power-number": '{ kind = "power", exponent = 2.5, min = 0.25e-3, max = 0.9e-3 }',
     "power-mass": '{ kind = "power", exponent = 1.5, min = 0.25e-3, max = 0.9e-3, by = "mass" }',
 }
@@ -308,29 +279,27 @@ _BED = {
 
 def _all_heat(**choices: str) -> str:
     values = {
-        "collisional": "false",
-        "partition": "effusivity",
-        "force": "{ average = 2e-3 }",
-        "gas": "parallel",
-        "correlation": "whitaker",
-        "fluid": _AIR,
-        "integrator": "implicit",
-        **choices,
-    }
-    return _ALL_HEAT.format(**values)
+        "collisional": "false", "partition": "effusivity", "force": "{ average = 2e-3 }",
+        "gas": "parallel", "correlation": "whitaker", "fluid": _AIR, "integrator": "implicit",
+    }  # fmt: skip
+    return _ALL_HEAT.format(**{**values, **choices})
 
 
+_POROUS = _AIR + ", porosity = 0.5"
 _HEAT_OF_IMPACTS = _all_heat(
-    collisional="true",
-    correlation="gunn",
-    fluid=_AIR + ", porosity = 0.5",
-    partition="conductivity",
+    collisional="true", correlation="gunn", fluid=_POROUS, partition="conductivity",
     force="{ prescribed = 0.01 }",
-).replace('conduction = "rough"', 'conduction = "hertz"')
+).replace('conduction = "rough"', 'conduction = "hertz"')  # fmt: skip
 
 _SOFT = "{ softening = 2e-3, reference = 300.0, value = 0.4, min = 0.1, max = 0.5 }"
 _SPEEDS = "{ speed = [0.0, 0.05, 0.3], values = [0.5, 0.4, 0.2] }"
 
+_SHAKEN = {
+    "walls": _MOVING,
+    "periodic": "false",
+    "region": "region = { min = [0.003, 0.003], max = [0.027, 0.029] }",
+    "drives": _SHAKE,
+}
 _LAWS = {
     "rough-drum": {
         "walls": _DRUM,
@@ -339,23 +308,11 @@ _LAWS = {
         "sizes": "sizes = " + _SIZES["lognormal-number"].replace("0.9e-3", "0.6e-3"),
         "drives": "drives.drum = { spin = { velocity = 4.0 } }",
     },
-    "moving-walls": {
-        "walls": _MOVING,
-        "periodic": "false",
-        "region": "region = { min = [0.003, 0.003], max = [0.027, 0.029] }",
-        "drives": _SHAKE,
-    },
-    "adhesion-and-rolling": {
-        "walls": _MOVING,
-        "periodic": "false",
-        "region": "region = { min = [0.003, 0.003], max = [0.027, 0.029] }",
-        "wear": "adhesion = 1e-4\nrolling_friction = 0.1",
-        "drives": _SHAKE,
-    },
+    "moving-walls": _SHAKEN,
+    "adhesion-and-rolling": {**_SHAKEN, "wear": "adhesion = 1e-4\nrolling_friction = 0.1"},
     "positions-springs-stages": {
+        **_SHAKEN,
         "walls": _MOVING + _LID,
-        "periodic": "false",
-        "region": "region = { min = [0.003, 0.003], max = [0.027, 0.029] }",
         "drives": _PULL,
         "second": 'duration = 0.005\ncontacts = [{ pair = ["*", "*"], friction = 0.1 }]',
     },
@@ -370,10 +327,7 @@ _LAWS = {
     "heat-everything-explicit": {
         **_BED,
         "heat": _all_heat(
-            integrator="explicit",
-            correlation="li-mason",
-            fluid=_AIR + ", porosity = 0.5",
-            gas="batchelor",
+            integrator="explicit", correlation="li-mason", fluid=_POROUS, gas="batchelor"
         ),
     },
     "heat-of-impacts": {
@@ -385,34 +339,19 @@ _LAWS = {
 }
 
 _LATTICE_FILE = (CONFIGS / "lattice14.csv").as_posix()
-
+_OF_FILE = f'{{ kind = "file", path = "{_LATTICE_FILE}", shift = [0.01, 0.01] }}'
+_OF_RUN = '{ kind = "run", path = "packing-deposited", frame = 1 }'
 _BROUGHT = {
-    "packing-file": _scene(
-        packing=f'{{ kind = "file", path = "{_LATTICE_FILE}", shift = [0.01, 0.01] }}',
-        sizes="",
-        number="",
-        periodic="false",
-    ),
-    "packing-run": replace(
-        _scene(
-            packing='{ kind = "run", path = "packing-deposited", frame = 1 }', sizes="", number=""
-        ),
-        after="packing-deposited",
-    ),
+    "packing-file": _scene(packing=_OF_FILE, sizes="", number="", periodic="false"),
+    "packing-run": replace(_scene(packing=_OF_RUN, sizes="", number=""), after="packing-deposited"),
 }
 
 _LARGE = (
-    "particles.0.count=5000",
-    "domain.size=[0.3,0.35]",
-    "walls.2.geometry.point=[0.3,0.0]",
-    "particles.0.packing={kind='deposited'}",
-    "loading.0.duration=0.002",
-    "loading.0.heat=true",
-    "loading.1.duration=0.002",
-    "loading.1.solver={max_sweeps=100}",
-    "heat.impact=true",
+    "particles.0.count=5000", "domain.size=[0.3,0.35]", "walls.2.geometry.point=[0.3,0.0]",
+    "particles.0.packing={kind='deposited'}", "loading.0.duration=0.002", "loading.0.heat=true",
+    "loading.1.duration=0.002", "loading.1.solver={max_sweeps=100}", "heat.impact=true",
     "heat.gas={conductivity=0.026}",
-)
+)  # fmt: skip
 
 CASES: dict[str, Case] = {
     **{name: Case(CONFIGS / f"{name}.toml", overrides) for name, overrides in SHIPPED.items()},

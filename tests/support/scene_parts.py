@@ -29,31 +29,13 @@ SPEED = 1.5
 
 
 def make_laws(friction=0.5, restitution=0.0, table=None, *, adhesion=0.0, rolling=0.0):
-    further = {
-        name: np.full((1, 1), value)
-        for name, value in (("adhesion", adhesion), ("rolling", rolling))
-        if value
-    }
-    if table is None:
-        none = np.zeros(0)
-        number, start, speed, values = (
-            np.full((1, 1), -1, np.int32),
-            np.zeros(1, np.int32),
-            none,
-            none,
-        )
-    else:
-        number, start = np.zeros((1, 1), np.int32), np.array([0, len(table[0])], np.int32)
-        speed, values = np.array(table[0], float), np.array(table[1], float)
-    return ContactLaws(
-        np.full((1, 1), friction),
-        np.full((1, 1), restitution),
-        number,
-        start,
-        speed,
-        values,
-        **further,
-    )
+    """Of one material; ``table`` are speeds and values of its friction."""
+    one, given = np.ones((1, 1)), {"adhesion": adhesion, "rolling": rolling}
+    further = {name: value * one for name, value in given.items() if value}
+    number = np.full((1, 1), -1 if table is None else 0, np.int32)
+    start = np.array([0] if table is None else [0, len(table[0])], np.int32)
+    speed, values = np.array(table or ((), ()), float)
+    return ContactLaws(friction * one, restitution * one, number, start, speed, values, **further)
 
 
 def make_shapes(shapes):
@@ -66,52 +48,25 @@ def make_shapes(shapes):
 
 
 def make_model(
-    radius,
-    shapes=(),
-    walls=("floor",),
-    *,
-    friction=0.5,
-    restitution=0.0,
-    gravity=(0.0, -G),
-    period=0.0,
-    mass=None,
-    inertia=None,
-    length=1.0,
-    shape="disc",
-    density=1.0,
-    table=None,
-    wall_gravity=False,
-    adhesion=0.0,
-    rolling=0.0,
-):
+    radius, shapes=(), walls=("floor",), *, friction=0.5, restitution=0.0, gravity=(0.0, -G),
+    period=0.0, mass=np.nan, inertia=np.nan, length=1.0, shape="disc", density=1.0, table=None,
+    wall_gravity=False, adhesion=0.0, rolling=0.0,
+):  # fmt: skip
     """Model of one material; ``shapes`` are (kind, wall, four numbers)."""
     radius = np.asarray(radius, float)
-    n, w = radius.size, len(walls)
     if shape == "disc":
         grain_mass, factor = density * np.pi * radius**2, 2.0
     else:
         grain_mass, factor = density * 4.0 / 3.0 * np.pi * radius**3, 2.5
-    grains = Grains(
-        radius,
-        grain_mass,
-        grain_mass * radius**2 / factor,
-        np.zeros(n, np.int32),
-        np.zeros(n, np.int32),
-    )
-    fill = lambda value: np.full(w, np.nan if value is None else value, float)  # noqa: E731
-    bodies = Walls(tuple(walls), fill(mass), fill(inertia), np.full(w, wall_gravity), fill(length))
+    zero = np.zeros(radius.size, np.int32)
+    grains = Grains(radius, grain_mass, grain_mass * radius**2 / factor, zero, zero.copy())
+    values = (mass, float), (inertia, float), (wall_gravity, bool), (length, float)
+    numbers = (np.full(len(walls), value, kind) for value, kind in values)
     laws = make_laws(friction, restitution, table, adhesion=adhesion, rolling=rolling)
     return Model(
-        grains,
-        make_shapes(shapes),
-        bodies,
-        laws,
-        ("steel",),
-        ("grains",),
-        period,
-        np.array(gravity, float),
-        factor,
-    )
+        grains, make_shapes(shapes), Walls(tuple(walls), *numbers), laws, ("steel",), ("grains",),
+        period, np.array(gravity, float), factor,
+    )  # fmt: skip
 
 
 def between_planes(radii=(0.1, 0.1)):
@@ -234,15 +189,8 @@ def surface_engine(settings=None, threads=1, columns=8, rows=3, load=120.0, spee
     """A bed between a running floor and a lid under a load whose surface runs too."""
     model, positions = bed(columns=columns, rows=rows)
     planes = [*FLOOR, (ShapeKind.PLANE, 1, (0.0, 0.0, 0.0, -1.0))]
-    model = make_model(
-        model.grains.radius,
-        planes,
-        ("floor", "lid"),
-        period=model.period,
-        mass=2.0,
-        gravity=(0.0, 0.0),
-        **laws,
-    )
+    given = {"period": model.period, "mass": 2.0, "gravity": (0.0, 0.0), **laws}
+    model = make_model(model.grains.radius, planes, ("floor", "lid"), **given)
     drives = [running(speed), running(-0.5 * speed, y=DofDrive(force=Constant(-load)))]
     engine = make_engine(model, positions, settings=settings, drives=drives, threads=threads)
     engine.state.wall_position[1, 1] = 0.95 * rows + 0.1

@@ -43,9 +43,8 @@ class Layer:
     """
 
     def __init__(self, conductivity, conditions, seed):
-        model, positions, origins, drives = shear_scene(
-            columns=COLUMNS, rows=ROWS, seed=seed, speed=SPEED
-        )
+        layer = {"columns": COLUMNS, "rows": ROWS, "seed": seed, "speed": SPEED}
+        model, positions, origins, drives = shear_scene(**layer)
         self.model = with_heat(model, AMBIENT, specific=1.0)
         laws = make_heat_laws(conductivity=conductivity, young=2e6 * (1.0 - 0.3**2), poisson=0.3)
         self.settings = HeatSettings(laws, impact=True)
@@ -71,10 +70,8 @@ class Layer:
         return self.state.wall_position[1, 1] - self.state.wall_position[0, 1] - 1.0
 
     def bins(self):
-        low = self.state.wall_position[0, 1] + 0.5
-        return np.clip(
-            ((self.state.position[:, 1] - low) / self.height * BINS).astype(int), 0, BINS - 1
-        )
+        y = self.state.position[:, 1] - self.state.wall_position[0, 1] - 0.5
+        return np.clip((y / self.height * BINS).astype(int), 0, BINS - 1)
 
     def rise(self):
         return self.state.temperature(self.model.thermal) - AMBIENT
@@ -88,19 +85,12 @@ class Layer:
         """
         state = copy_of(self.state)
         state.heat[:] = 0.0
-        model = replace(
-            self.model,
-            thermal=replace(
-                self.model.thermal,
-                initial_temperature=np.full(self.model.grain_count, AMBIENT + 0.5),
-            ),
-        )
+        initial = np.full(self.model.grain_count, AMBIENT + 0.5)
+        thermal = replace(self.model.thermal, initial_temperature=initial)
+        model = replace(self.model, thermal=thermal)
         engine = Engine(model, state, threads=1, heat=self.settings)
-        engine.resume(
-            Orders(
-                conditions=[at_temperature(AMBIENT), at_temperature(AMBIENT + 1.0)], is_frozen=True
-            )
-        )
+        walls = [at_temperature(AMBIENT), at_temperature(AMBIENT + 1.0)]
+        engine.resume(Orders(conditions=walls, is_frozen=True))
         engine.step(1e5, 0.0)
         before = state.wall_heat[1, 0]
         engine.step(1e4, 0.0)
@@ -153,27 +143,19 @@ def test_isothermal_walls(record_property, conductivity, seed):
     mean_source = source.sum() / (layer.model.period * height)
     # A uniform source between walls that add a resistance of their own: a parabola upon a jump.
     face = 0.5 * (layer.model.period / np.mean(flows) - height / bulk)
-    simple = (
-        np.array([parabola(v, height, mean_source, bulk) for v in y])
-        + 0.5 * mean_source * height * face
-    )
+    jump = 0.5 * mean_source * height * face
+    simple = parabola(y, height, mean_source, bulk) + jump
     print(
-        "\n"
-        f"λ = {conductivity}, I = {rate:.4f}: D_cond = {conduction:.4f}, D_mix = {mixing:.2e} "
+        f"\nλ = {conductivity}, I = {rate:.4f}: D_cond = {conduction:.4f}, D_mix = {mixing:.2e} "
         f"({conduction / mixing:.0f} times), relaxation after a strain of {relaxation:.2f}\n"
         f"k_eff {bulk:.4f} ± {np.std(flows) / np.mean(flows) / np.sqrt(len(flows)):.1%}, s h²/(8 "
         f"k_eff) = {peak(height, mean_source, bulk):.4f}, jump at the walls "
-        f"{0.5 * mean_source * height * face:.4f}\nmeasured {np.round(measured, 4)}\n"
+        f"{jump:.4f}\nmeasured {np.round(measured, 4)}\n"
         f"expected {np.round(expected, 4)}\nratio    {np.round(measured / expected, 3)}\n"
         f"parabola {np.round(simple, 4)}\nsource   {np.round(source / source.mean(), 3)}"
     )
-    keep(
-        record_property,
-        conductivity=conductivity,
-        height=y / height,
-        rise=measured,
-        expected=expected,
-    )
+    profile = {"height": y / height, "rise": measured, "expected": expected}
+    keep(record_property, conductivity=conductivity, **profile)
     assert conduction > 20.0 * mixing
     assert relaxation * 5.0 < 9.0
     assert measured == pytest.approx(expected, rel=0.10)
@@ -186,11 +168,8 @@ def test_adiabatic_walls(seed):
     layer = Layer(5.0, [WallHeat(), WallHeat()], seed)
     layer.run(3.0)
     state = layer.state
-    stored, losses, time = (
-        state.heat.sum(),
-        book(state, "friction_loss") + book(state, "impact_loss"),
-        state.time,
-    )
+    stored, time = state.heat.sum(), state.time
+    losses = book(state, "friction_loss") + book(state, "impact_loss")
     state.window_wall_impulse[:] = 0.0
     heights = []
     end = layer.strain + 12.0

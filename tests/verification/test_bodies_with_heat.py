@@ -28,17 +28,15 @@ def test_a_grain_and_a_body_reach_a_common_temperature(integrator, order, monkey
     mean = (300.0 + CAPACITY * 400.0) / (1.0 + CAPACITY)
     errors = []
     for count in (8, 16, 32, 64):
-        engine = on_floor(
-            WallHeat("capacity", capacity=CAPACITY), integrator=integrator, tolerance=1e9
-        )
+        body = WallHeat("capacity", capacity=CAPACITY)
+        engine = on_floor(body, integrator=integrator, tolerance=1e9)
         state = engine.state
         state.wall_temperature[0] = 400.0
         (grain,), body = advanced(engine, tau, count), state.wall_temperature[0]
         errors.append(abs(grain - (mean - 75.0 * np.exp(-1.0))))
         assert grain + CAPACITY * body == pytest.approx(300.0 + CAPACITY * 400.0, rel=1e-14)
-        assert abs(body - (mean + 25.0 * np.exp(-1.0))) == pytest.approx(
-            errors[-1] / CAPACITY, rel=1e-6, abs=1e-11
-        )
+        error = abs(body - (mean + 25.0 * np.exp(-1.0)))
+        assert error == pytest.approx(errors[-1] / CAPACITY, rel=1e-6, abs=1e-11)
         assert state.wall_heat[0].tolist() == pytest.approx([state.heat[0], 0.0], rel=1e-13)
         assert heat_book(state, "closure") < 1e-14
     ratios = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
@@ -57,9 +55,7 @@ def test_a_body_gets_its_share_of_the_heat_of_friction(conduction):
     begin(engine, is_new=np.array([True]))
     state = engine.state
     advance(engine, 1e-4, 2000)
-    lost = 0.5 * float(model.grains.mass[0]) - float(
-        0.5 * model.grains.mass[0] * (1.0 + 0.4) * state.velocity[0, 0] ** 2
-    )
+    lost = 0.5 * float(model.grains.mass[0]) * (1.0 - 1.4 * float(state.velocity[0, 0]) ** 2)
     gained = float(state.heat[0]) + 0.5 * (float(state.wall_temperature[0]) - 310.0)
     assert gained == pytest.approx(lost, rel=1e-9)
     assert state.wall_heat[0, 1] == pytest.approx(0.5 * lost, rel=1e-9)
@@ -109,16 +105,14 @@ def test_a_body_goes_on_after_a_stop(whole, tmp_path):
         ("{ capacity = 0.0 }", "must be positive"),
         (
             "{ capacity = 1.0, temperature = 300.0 }",
-            "exactly one of temperature, flow, capacity, insulated",
+            "one of temperature, flow, capacity, insulated",
         ),
         ("{ initial = 300.0 }", "exactly one of"),
         ("{ capacity = 1.0, initial = -20 }", "kelvin"),
     ],
 )
 def test_refused_bodies(condition, words):
+    """A cold body is none of them."""
     with pytest.raises(ScenarioError, match=words):
         parse_scenario(changed(WARM, (SINE, condition)), "warm.toml")
-
-
-def test_a_cold_body_is_none_of_them():
     parse_scenario(changed(WARM, (SINE, "{ capacity = 1.0, initial = 20 }")), "warm.toml")

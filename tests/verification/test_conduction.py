@@ -1,5 +1,7 @@
 """Conduction through touching grains against closed forms (theory §15.3), every integrator."""
 
+import itertools
+
 import numpy as np
 import pytest
 from heat_parts import (
@@ -39,60 +41,41 @@ def test_two_bodies_to_the_order_of_the_integrator(
     # Stages to rounding, although the tolerance lets every step pass
     monkeypatch.setattr(integration, "SHARPNESS", 1e-24)
     monkeypatch.setattr(integration, "EULER", euler)
-    errors = [
-        abs(
-            advanced(pair(integrator=integrator, tolerance=ONE_STEP), 0.5, n)[0]
-            - (60.0 + 40.0 * np.exp(-1.0))
-        )
-        for n in (8, 16, 32, 64)
-    ]
-    assert 60.0 + 40.0 * np.exp(-1.0) == pytest.approx(74.7152, abs=5e-5)
-    keep(record_property, steps=(8, 16, 32, 64), error=np.array(errors) / 80.0, order=order)
-    ratios = np.array(errors[:-1]) / np.array(errors[1:])
-    assert np.all(np.abs(np.log2(ratios) - order) < 0.12)
+    exact, steps = 60.0 + 40.0 * np.exp(-1.0), (8, 16, 32, 64)
+    assert exact == pytest.approx(74.7152, abs=5e-5)
+    engines = [pair(integrator=integrator, tolerance=ONE_STEP) for _ in steps]
+    errors = np.abs([advanced(e, 0.5, n)[0] - exact for e, n in zip(engines, steps, strict=True)])
+    keep(record_property, steps=steps, error=errors / 80.0, order=order)
+    assert np.all(np.abs(np.log2(errors[:-1] / errors[1:]) - order) < 0.12)
     assert errors[-1] < 40.0 / 64.0**order
 
 
 def test_unequal_bodies_reach_the_common_temperature():
     """τ = C_1 C_2/((C_1 + C_2) H), T_∞ = 40 for capacities 1 and 3."""
-    engine = touching_engine(
-        chain(2),
-        [100.0, 20.0],
-        capacity=np.array([1.0, 3.0]),
-        integrator="implicit",
-        tolerance=1e-9,
-    )
+    engine = pair(capacity=np.array([1.0, 3.0]), integrator="implicit", tolerance=1e-9)
     tau = 0.75
     assert advanced(engine, tau)[0] == pytest.approx(40.0 + 60.0 * np.exp(-1.0), abs=1e-5)
     assert advanced(engine, 40.0 * tau) == pytest.approx([40.0, 40.0], abs=1e-5)
 
 
-NETWORKS = {
-    "chain": (chain(10), [(k, k + 1) for k in range(9)]),
-    "rows 2-3-4-5": (rows((2, 3, 4, 5)), None),
-    "rows 5-4-5": (rows((5, 4, 5)), None),
-}
+def links_of(points):
+    pairs = itertools.combinations(range(len(points)), 2)
+    return [(i, j) for i, j in pairs if np.hypot(*(points[i] - points[j])) < 2.0 + 1e-9]
 
 
-def links_of(points, links):
-    if links is not None:
-        return links
-    n = len(points)
-    return [
-        (i, j)
-        for i in range(n)
-        for j in range(i + 1, n)
-        if np.hypot(*(points[i] - points[j])) < 2.0 + 1e-9
-    ]
+def hot_first(count, hot=100.0, cold=20.0):
+    start = np.full(count, cold)
+    start[0] = hot
+    return start
 
 
-@pytest.mark.parametrize("name", NETWORKS)
-def test_networks_against_the_matrix_exponential(name):
+@pytest.mark.parametrize(
+    "points", [chain(10), rows((2, 3, 4, 5)), rows((5, 4, 5))], ids=["chain", "2-3-4-5", "5-4-5"]
+)
+def test_networks_against_the_matrix_exponential(points):
     """Both integrators against exp(−Kt/C): 1e-6 of the spread."""
-    points, links = NETWORKS[name]
-    start = np.full(len(points), 20.0)
-    start[0] = 100.0
-    exact = exact_temperatures(links_of(points, links), np.ones(len(points)), start, 1.0)
+    start = hot_first(len(points))
+    exact = exact_temperatures(links_of(points), np.ones(len(points)), start, 1.0)
     for integrator in ("explicit", "implicit"):
         found = advanced(touching_engine(points, start, integrator=integrator, tolerance=1e-9), 1.0)
         assert found == pytest.approx(exact, abs=80e-6)
@@ -108,27 +91,26 @@ def test_networks_against_the_matrix_exponential(name):
 def test_fourteen_discs(counts, bonds, expected):
     """T_1, T_5 and T_14 of the networks of theory §15.3, after 1 and 5 C/H, and in the end."""
     points = rows(counts)
-    assert len(links_of(points, None)) == bonds
-    start = np.full(14, 20.0)
-    start[0] = 100.0
+    assert len(links_of(points)) == bonds
     for t, watched in expected.items():
-        engine = touching_engine(points, start, integrator="implicit", tolerance=1e-8)
+        engine = touching_engine(points, hot_first(14), integrator="implicit", tolerance=1e-8)
         assert advanced(engine, t)[[0, 4, 13]] == pytest.approx(watched, abs=6e-5)
     assert advanced(engine, 500.0) == pytest.approx(np.full(14, 25.7143), abs=1e-4)
+
+
+def held_chain(count, hot, cold, tolerance):
+    """Grains in a row, of which the first keeps its temperature."""
+    return touching_engine(
+        chain(count), hot_first(count, hot, cold), capacity=hot_first(count, 1e15, 1.0),
+        integrator="implicit", tolerance=tolerance,
+    )  # fmt: skip
 
 
 def test_chain_on_a_wall_decays_at_the_slowest_rate():
     """4 sin²(π/(4n+2)) H/C, n grains from a wall to nothing: 0.0223383 for 10; H is the same."""
     # A wall has a* = a, so its spot is 2^(1/3) wider. Glue on a grain instead: a first that stays.
-    capacity = np.ones(11)
-    capacity[0] = 1e12
-    start = np.full(11, 1.0)
-    start[0] = 0.0
-    engine = touching_engine(
-        chain(11), start, capacity=capacity, integrator="implicit", tolerance=1e-10
-    )
-    first = advanced(engine, 150.0)[1:]
-    second = advanced(engine, 20.0)[1:]
+    engine = held_chain(11, hot=0.0, cold=1.0, tolerance=1e-10)
+    first, second = (advanced(engine, t)[1:] for t in (150.0, 20.0))
     rate = -np.log(second / first) / 20.0
     assert rate == pytest.approx(np.full(10, 4.0 * np.sin(np.pi / 42.0) ** 2), rel=1e-4)
     assert 4.0 * np.sin(np.pi / 42.0) ** 2 == pytest.approx(0.0223383, abs=5e-8)
@@ -136,13 +118,7 @@ def test_chain_on_a_wall_decays_at_the_slowest_rate():
 
 def test_semi_infinite_chain():
     """θ of the tenth grain after 50 C/H is 0.317311 (theory §15.3), node 0 held at 1."""
-    capacity = np.ones(120)
-    capacity[0] = 1e15
-    start = np.zeros(120)
-    start[0] = 1.0
-    engine = touching_engine(
-        chain(120), start, capacity=capacity, integrator="implicit", tolerance=1e-7
-    )
+    engine = held_chain(120, hot=1.0, cold=0.0, tolerance=1e-7)
     assert advanced(engine, 50.0)[10] == pytest.approx(0.317311, abs=2e-6)
 
 
@@ -157,22 +133,17 @@ def test_a_wall_of_known_temperature_has_the_radius_of_the_grain(integrator):
 
 def test_a_wall_whose_temperature_rises():
     """T_w = a t: T = a (t − τ (1 − exp(−t/τ))) above the start."""
-    engine = on_floor(
-        WallHeat("temperature", Ramp(300.0, 400.0, 10.0)), integrator="implicit", tolerance=1e-8
-    )
-    tau = 2.0 ** (-1.0 / 3.0)
-    t = 5.0
-    assert advanced(engine, t, 10)[0] - 300.0 == pytest.approx(
-        10.0 * (t - tau * (1.0 - np.exp(-t / tau))), rel=2e-6
-    )
+    rising = WallHeat("temperature", Ramp(300.0, 400.0, 10.0))
+    engine = on_floor(rising, integrator="implicit", tolerance=1e-8)
+    t, tau = 5.0, 2.0 ** (-1.0 / 3.0)
+    exact = 10.0 * (t - tau * (1.0 - np.exp(-t / tau)))
+    assert advanced(engine, t, 10)[0] - 300.0 == pytest.approx(exact, rel=2e-6)
 
 
 @pytest.mark.parametrize("integrator", ["explicit", "implicit"])
 def test_a_wall_of_known_flow_gives_exactly_that(integrator):
-    positions = [[0.0, 1.0], [2.0, 1.0], [4.0, 1.0]]
-    engine = on_floor(
-        WallHeat("flow", Ramp(0.0, 6.0, 2.0)), positions=positions, integrator=integrator
-    )
+    flow = WallHeat("flow", Ramp(0.0, 6.0, 2.0))
+    engine = on_floor(flow, positions=chain(3), integrator=integrator)
     advanced(engine, 2.0, 400)
     assert engine.state.heat.sum() == pytest.approx(6.0, rel=1e-9)
     assert engine.state.wall_heat[0, 0] == pytest.approx(6.0, rel=1e-9)

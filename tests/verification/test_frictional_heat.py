@@ -19,6 +19,7 @@ from scene_parts import FLOOR, G, advance, book, continued, make_model, resume, 
 from multicor_cli.engine import Settings
 from multicor_cli.engine.heat.conduction import ContactForce
 from multicor_cli.engine.heat.convection import Ambient
+from multicor_cli.engine.heat.friction import impact_exchange
 from multicor_cli.engine.heat.gas import Gas
 from multicor_cli.engine.heat.radiation import Radiation
 from multicor_cli.engine.heat.walls import WallHeat
@@ -43,24 +44,27 @@ def with_law(model, rate, lowest=0.0):
     )
 
 
-@pytest.mark.parametrize(("shape", "share"), [("disc", 1.0 / 3.0), ("sphere", 2.0 / 7.0)])
+@pytest.mark.parametrize(("shape", "ratio"), [("disc", 0.5), ("sphere", 0.4)])
 @pytest.mark.parametrize("dt", [1e-2, 3.7e-3, 1e-3])
-def test_slide_to_roll_heat_is_exact(shape, share, dt):
+def test_sliding_body_ends_rolling_with_the_exact_velocity_and_heat(shape, ratio, dt):
+    """v = v0/(1 + I/(m a²)) whatever Δt; heat is exactly I/(m a²)/(1 + I/(m a²)) of the energy."""
     engine = slide(shape, dt)
-    energy = 0.5 * engine.model.grains.mass[0]
-    assert engine.state.heat[0] / energy == pytest.approx(share, abs=1e-12)
-    assert engine.state.generated[0] == engine.state.heat[0]
-    assert heat_book(engine.state, "friction") == pytest.approx(
-        book(engine.state, "friction_loss"), rel=1e-14
-    )
+    state, energy = engine.state, 0.5 * engine.model.grains.mass[0]
+    assert state.velocity[0, 0] == pytest.approx(1.0 / (1.0 + ratio), abs=1e-12)
+    assert state.velocity[0, 2] == pytest.approx(-state.velocity[0, 0], abs=1e-12)
+    assert state.heat[0] / energy == pytest.approx(ratio / (1.0 + ratio), abs=1e-12)
+    assert state.generated[0] == state.heat[0]
+    for lost in (book(state, "friction_loss"), heat_book(state, "friction")):
+        assert lost == pytest.approx(state.heat[0], rel=1e-14)
 
 
 @pytest.mark.parametrize(("dt", "share"), [(1e-2, 0.304474540), (1e-3, 0.330395371)])
-def test_the_paper_s_rule_misses_part_of_it(dt, share):
+def test_sliding_disc_end_of_step_rule(dt, share):
+    """The paper's rule μ|u_t⁺| r_n Δt misses part of it; the scheme's values (theory §15.1)."""
     engine = slide(dt=dt, friction="sliding")
-    assert engine.state.heat[0] / (0.5 * engine.model.grains.mass[0]) == pytest.approx(
-        share, abs=1e-9
-    )
+    energy = 0.5 * engine.model.grains.mass[0]
+    assert book(engine.state, "friction_sliding") / energy == pytest.approx(share, abs=1e-9)
+    assert engine.state.heat[0] / energy == pytest.approx(share, abs=1e-9)
     assert heat_book(engine.state, "closure") < 1e-14
 
 
@@ -91,10 +95,8 @@ def test_friction_that_falls_with_temperature():
     """μ(T) = μ_0 [1 − c (T − T_r)]: dv/dt = −μ g, and all heat stays in the grain (first order)."""
     rate, heat_per_speed = 1e-2, 2.0
     model = make_model([1.0], FLOOR, friction=MU, shape="sphere")
-    model = with_law(
-        with_heat(model, 300.0, capacity=model.grains.mass[0] * heat_per_speed * 1e-3), rate, 0.05
-    )
-    dt = 1e-5
+    model = with_heat(model, 300.0, capacity=model.grains.mass[0] * heat_per_speed * 1e-3)
+    model, dt = with_law(model, rate, 0.05), 1e-5
     engine = slide(model=model, dt=dt, duration=0.02)
     # dT/dt = μ g u/(C/m), du/dt = −3.5 μ g, so C/m (T − T_r) = (u0² − u²)/7 and dμ follows.
     u, temperature = 1.0, 0.0
@@ -115,9 +117,8 @@ def impact(steps=1, shape="disc", restitution=0.5, **settings):
     model = warm_model(
         [1.0, 1.0], [300.0, 400.0], restitution=restitution, gravity=(0.0, 0.0), shape=shape
     )
-    engine = coupled_engine(
-        model, [[0.0, 0.0], [2.0, 0.0]], [[0.5, 0.0, 0.0], [-0.5, 0.0, 0.0]], **settings
-    )
+    meeting = [[0.0, 0.0], [2.0, 0.0]], [[0.5, 0.0, 0.0], [-0.5, 0.0, 0.0]]
+    engine = coupled_engine(model, *meeting, **settings)
     advance(engine, 1e-3, steps)
     return engine
 
@@ -135,8 +136,6 @@ def test_impacts_heat_where_asked():
 
 def test_a_collision_conducts_by_its_own_law():
     """Sun & Chen: heat per kelvin of an impact of this mass, radius and speed, whatever Δt."""
-    from multicor_cli.engine.heat.friction import impact_exchange
-
     engine = impact(collisional=True)
     mass = engine.model.grains.mass[0]
     laws = make_heat_laws()
@@ -156,64 +155,41 @@ def test_running_average_of_the_force():
     assert engine.contacts().conductance == pytest.approx([2.0 * 15.0 * spot], rel=1e-9)
 
 
+AIR = {"conductivity": 0.026, "viscosity": 1.6e-5, "prandtl": 0.7}
 ALL_ON = {
     "impact": True,
     "mechanisms": (
         Gas(0.026, reach=0.5),
-        Ambient(
-            350.0,
-            correlation="whitaker",
-            conductivity=0.026,
-            viscosity=1.6e-5,
-            prandtl=0.7,
-            velocity=(0.3, 0.0),
-        ),
+        Ambient(350.0, correlation="whitaker", velocity=(0.3, 0.0), **AIR),
         Radiation(surroundings=250.0, reach=0.4),
     ),
 }
-
-
+AVERAGED = {**ALL_ON, "force": ContactForce("average", 0.1), "collisional": True}
 CONDITIONS = [WallHeat("temperature", Sine(320.0, 30.0, 0.3)), WallHeat("flow", Constant(5.0))]
 
 
 def shear(steps=200, dt=0.02, solver=None, conditions=None, specific=1e-3, **settings):
     model, positions, origins, drives = shear_scene(columns=8, rows=6, gravity=(0.0, -0.02))
-    model = with_heat(
-        model, 300.0 + 40.0 * np.random.default_rng(1).random(model.grain_count), specific=specific
-    )
-    laws = make_heat_laws(conductivity=5.0, emissivity=0.8)
+    temperature = 300.0 + 40.0 * np.random.default_rng(1).random(model.grain_count)
     engine = coupled_engine(
-        model,
-        positions,
-        conditions=conditions or CONDITIONS,
-        laws=laws,
-        solver=solver or Settings(max_sweeps=300),
-        drives=drives,
-        **settings,
-    )
+        with_heat(model, temperature, specific=specific), positions, drives=drives,
+        conditions=conditions or CONDITIONS, solver=solver or Settings(max_sweeps=300),
+        laws=make_heat_laws(conductivity=5.0, emissivity=0.8), **settings,
+    )  # fmt: skip
     engine.state.wall_position[:] = origins
     advance(engine, dt, steps)
     return engine
 
 
 @pytest.mark.parametrize(("integrator", "specific"), [("explicit", 3e-2), ("implicit", 1e-3)])
-@pytest.mark.parametrize(
-    "settings", [ALL_ON, {**ALL_ON, "force": ContactForce("average", 0.1), "collisional": True}]
-)
+@pytest.mark.parametrize("settings", [ALL_ON, AVERAGED])
 def test_first_law_closes_with_everything_on(integrator, specific, settings):
     """Explicit sub-steps are as short as the least C/ΣH: large capacities need 30 times fewer."""
     state = shear(integrator=integrator, specific=specific, **settings).state
     assert heat_book(state, "closure") < 1e-12
     assert heat_book(state, "exchanged") > 0.0
-    for name in (
-        "friction",
-        "impact",
-        "to_walls",
-        "from_walls",
-        "from_ambient",
-        "from_surroundings",
-    ):
-        assert heat_book(state, name) != 0.0, name
+    froms = "from_walls", "from_ambient", "from_surroundings"
+    assert all(heat_book(state, name) for name in ("friction", "impact", "to_walls", *froms))
 
 
 @pytest.mark.parametrize("integrator", ["explicit", "implicit"])
@@ -238,14 +214,7 @@ def test_heat_does_not_move_a_grain():
 
 def test_a_state_goes_on_to_the_bit_from_a_copy():
     """Everything that the future depends on is in the state: averages and sub-steps included."""
-    settings = {
-        **ALL_ON,
-        "force": ContactForce("average", 0.1),
-        "integrator": "implicit",
-        "collisional": True,
-    }
-    through = shear(steps=40, **settings)
-    half = shear(steps=20, **settings)
+    through, half = (shear(steps=n, **AVERAGED, integrator="implicit") for n in (40, 20))
     assert advance(continued(half), 0.02, 20, first=20).digest() == through.state.digest()
 
 
@@ -256,11 +225,8 @@ def test_frozen_frames_keep_the_forces_beside_averages():
     state = engine.state
     carried = state.contact_impulse[0, 0]
     # Grain 1 has left the floor: an average without a force.
-    state.contact_i, state.contact_j, state.contact_impulse = (
-        state.contact_i[:1],
-        state.contact_j[:1],
-        state.contact_impulse[:1],
-    )
+    for name in ("contact_i", "contact_j", "contact_impulse"):
+        setattr(state, name, getattr(state, name)[:1])
     resume(engine, is_frozen=True)
     engine.step(1.0, 0.0)
     table = engine.contacts()

@@ -71,12 +71,10 @@ def test_errors_follow_the_tolerance(way, tolerance):
     assert found[0, 0] == pytest.approx(1000.0 - 700.0 / np.e, abs=20.0 * tolerance * 700.0)
     assert 0.0 < heat.error <= 10.0 * tolerance
     area = 1.0 / (STEFAN_BOLTZMANN * 1500.0**3)  # it cools by T in a time of C/(σ X T³) = 1 s
-    found, _ = advance(
-        network(1, outside=1.0, area=area), [1500.0], 10.0, way=way, tolerance=tolerance
-    )
-    assert found[0, 0] == pytest.approx(
-        1500.0 * 31.0 ** (-1.0 / 3.0), abs=20.0 * tolerance * 1500.0
-    )
+    net = network(1, outside=1.0, area=area)
+    found, _ = advance(net, [1500.0], 10.0, way=way, tolerance=tolerance)
+    exact = 1500.0 * 31.0 ** (-1.0 / 3.0)
+    assert found[0, 0] == pytest.approx(exact, abs=20.0 * tolerance * 1500.0)
 
 
 @settings(max_examples=40, deadline=None)
@@ -113,9 +111,8 @@ def test_what_a_wall_draws_ends_at_absolute_zero(way, radiates, dt):
 @pytest.mark.parametrize("way", WAYS, ids=str)
 def test_a_grain_that_is_fed_stays_above_absolute_zero(way):
     """5 W from a grain that a heated neighbor keeps warm: a long step must not end the run."""
-    found, _ = advance(
-        network(2, [(0, 1)], flow=[0]), [10.0, 10.0], 50.0, flow=-5.0, source=2.6, steps=4, way=way
-    )
+    net, given = network(2, [(0, 1)], flow=[0]), {"flow": -5.0, "source": 2.6}
+    found, _ = advance(net, [10.0, 10.0], 50.0, steps=4, way=way, **given)
     assert found.min() > 0.0
     rise = 0.1 * 50.0 * np.arange(1, 5)  # of the mean, from 10 K; the difference goes to 2.5 K
     assert found.mean(axis=1) == pytest.approx(10.0 + rise, rel=1e-12)

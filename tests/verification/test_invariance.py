@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scene_parts import (
+    FLOOR,
     SPEED,
     TIGHT,
     advance,
@@ -43,11 +44,9 @@ def test_isolated_cluster_keeps_momentum_and_angular_momentum(restitution):
     state, grains = engine.state, engine.model.grains
 
     def moments():
-        linear = (grains.mass[:, None] * state.velocity[:, :2]).sum(axis=0)
-        x, y, vx, vy = *state.position[:, :2].T, *state.velocity[:, :2].T
-        return *linear, (
-            grains.mass * (x * vy - y * vx) + grains.inertia * state.velocity[:, 2]
-        ).sum()
+        x, y, (vx, vy, spin) = *state.position[:, :2].T, state.velocity.T
+        turning = grains.mass * (x * vy - y * vx) + grains.inertia * spin
+        return grains.mass @ vx, grains.mass @ vy, turning.sum()
 
     before = moments()
     advance(engine, 2e-3, 1000)
@@ -92,11 +91,8 @@ def test_gravity_work_is_the_change_of_potential_energy():
 def test_switching_a_moving_wall_from_prescribed_to_driven_is_booked():
     engine = shear_engine()
     advance(engine, 0.1, 20)
-    load = DofDrive(force=Constant(0.0))
-    begin(
-        engine,
-        drives=[WallDrive(), WallDrive(x=load, y=DofDrive(force=Constant(-engine.model.period)))],
-    )
+    free, load = (DofDrive(force=Constant(force)) for force in (0.0, -engine.model.period))
+    begin(engine, drives=[WallDrive(), WallDrive(x=free, y=load)])
     state = advance(engine, 0.1, 50)
     assert book(state, "closure") < 1e-12
 
@@ -127,18 +123,12 @@ def test_reflection_gives_the_mirror_image():
     rng = np.random.default_rng(5)
     radius = rng.uniform(0.4, 0.6, 30)
     k = np.arange(30)
-    positions = np.column_stack(
-        [(k % 5) * 1.21 - 2.4 + 0.05 * rng.random(30), 0.7 + (k // 5) * 1.21]
+    x, y = (k % 5) * 1.21 - 2.4 + 0.05 * rng.random(30), 0.7 + (k // 5) * 1.21
+    model = make_model(radius, FLOOR, gravity=(0.0, -1.0))
+    left, right = (
+        advance(make_engine(model, np.column_stack([way * x, y]), settings=TIGHT), 0.01, 150)
+        for way in (1.0, -1.0)
     )
-    engines = []
-    for sign in (1.0, -1.0):
-        model = make_model(
-            radius, [(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0))], gravity=(0.0, -1.0)
-        )
-        engines.append(make_engine(model, positions * [sign, 1.0], settings=TIGHT))
-    for engine in engines:
-        advance(engine, 0.01, 150)
-    left, right = (engine.state for engine in engines)
     assert left.position[:, 0] == pytest.approx(-right.position[:, 0], abs=1e-7)
     assert left.position[:, 1] == pytest.approx(right.position[:, 1], abs=1e-7)
     assert left.velocity[:, 2] == pytest.approx(-right.velocity[:, 2], abs=1e-5)
@@ -175,15 +165,11 @@ def test_overlaps_stay_small_in_a_long_shear():
 
 
 def test_over_compaction_between_prescribed_walls_stops_and_names_the_grains():
-    shapes = [
-        (ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0)),
-        (ShapeKind.PLANE, 1, (0.0, 0.0, 0.0, -1.0)),
-    ]
+    shapes = [*FLOOR, (ShapeKind.PLANE, 1, (0.0, 0.0, 0.0, -1.0))]
     model = make_model([0.5, 0.5], shapes, ("floor", "lid"), gravity=(0.0, 0.0))
     drives = [WallDrive(), WallDrive(y=DofDrive(velocity=Constant(-0.1)))]
-    engine = make_engine(
-        model, [[0.0, 0.5], [0.0, 1.5]], drives=drives, settings=Settings(max_sweeps=50)
-    )
+    places, few = [[0.0, 0.5], [0.0, 1.5]], Settings(max_sweeps=50)
+    engine = make_engine(model, places, drives=drives, settings=few)
     engine.state.wall_position[1, 1] = 2.01
     with pytest.raises(PhysicsError, match=r"grain \d.*overlap"):
         advance(engine, 1e-2, 100)

@@ -36,14 +36,12 @@ def hertz_numbers(force=FORCE):
 
 
 def write_rows(path, rows):
-    lines = ["x,y,radius"]
+    text = "x,y,radius\n"
     for row, count in enumerate(rows):
-        height = RADIUS * (1.0 + np.sqrt(3.0) * (len(rows) - 1 - row))
-        lines += [
-            f"{RADIUS * (5 - count + 1 + 2 * k)!r},{float(height)!r},{RADIUS!r}"
-            for k in range(count)
-        ]
-    path.write_text("\n".join(lines) + "\n")
+        height = float(RADIUS * (1.0 + np.sqrt(3.0) * (len(rows) - 1 - row)))
+        for k in range(count):
+            text += f"{RADIUS * (5 - count + 1 + 2 * k)!r},{height!r},{RADIUS!r}\n"
+    path.write_text(text)
 
 
 def conduct(directory, *overrides):
@@ -66,12 +64,9 @@ def durations(count):
 def test_closed_form_of_the_network(rows, tmp_path):
     """dT_i/dt = H/C Σ_j (T_j − T_i); the implicit method to its tolerance."""
     write_rows(tmp_path / "grains.csv", rows)
-    overrides = [
-        f'particles.0.packing.path="{tmp_path}/grains.csv"',
-        "heat.tolerance=1e-8",
-        *durations(5),
-    ]
-    times, temperatures, info = conduct(tmp_path / "run", *overrides)
+    grains = f'particles.0.packing.path="{tmp_path}/grains.csv"'
+    tight = "heat.tolerance=1e-8"
+    times, temperatures, info = conduct(tmp_path / "run", grains, tight, *durations(5))
     conductance, capacity = hertz_numbers()
     for unit, expected in CLOSED_FORM[rows].items():
         assert times[unit] == pytest.approx(unit * capacity / conductance, rel=1e-12)
@@ -111,9 +106,8 @@ def test_stored_curve_holds_for_the_shipped_scenario(finite_elements):
     rows, (conductance, capacity, biot, half_width) = finite_elements
     scenario = tomllib.loads(CONFIG.read_text())
     assert (conductance, capacity) == pytest.approx(hertz_numbers(), rel=1e-9)
-    assert biot == pytest.approx(
-        conductance / (15.0 * scenario["particles"][0]["thickness"]), rel=1e-9
-    )
+    thickness = scenario["particles"][0]["thickness"]
+    assert biot == pytest.approx(conductance / (15.0 * thickness), rel=1e-9)
     assert half_width == pytest.approx(np.pi / 48, rel=1e-8)
     assert rows[-1, 0] == scenario["loading"][0]["duration"]
 
@@ -133,9 +127,8 @@ def test_shipped_scenario_against_finite_elements(finite_elements, tmp_path):
     assert info["heat_closure"] < 1e-10
 
     share = 1.0 / (1.0 + 2.0 * biot * (np.log(1.0 / half_width) + 13.0 / 8.0 - np.log(2.0)) / np.pi)
-    _, temperatures, _ = conduct(
-        tmp_path / "effective", f"heat.force.prescribed={float(FORCE * share**3)!r}"
-    )
+    effective = f"heat.force.prescribed={float(FORCE * share**3)!r}"
+    _, temperatures, _ = conduct(tmp_path / "effective", effective)
     assert np.abs(temperatures[:, WATCHED] - rows[:, 1:]).max() / 80.0 < 0.0010
 
 
@@ -166,6 +159,5 @@ def test_resistances_inside_a_disc():
 
     disc = make_disc(MeshChoice(halvings=1))
     assert measured_resistance(disc) == pytest.approx(own_resistance(disc.half_width), rel=3e-4)
-    assert measured_share(disc, 0.1) == pytest.approx(
-        effective_share(0.1, disc.half_width), rel=3e-4
-    )
+    share = effective_share(0.1, disc.half_width)
+    assert measured_share(disc, 0.1) == pytest.approx(share, rel=3e-4)

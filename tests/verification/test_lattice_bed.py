@@ -26,12 +26,10 @@ def lattice():
 def settled():
     """The lattice after three steps to tight tolerances."""
     radius = np.full(ROWS * COLUMNS, RADIUS)
-    model = warm_model(
-        radius, 298.15, FLOOR, friction=0.0, period=COLUMNS * 2.0 * RADIUS, density=7500.0
-    )
-    settings = Settings(
-        tolerance_rms=1e-6, tolerance_max=1e-4, tolerance_energy=1e-6, max_sweeps=50_000
-    )
+    period = COLUMNS * 2.0 * RADIUS
+    model = warm_model(radius, 298.15, FLOOR, friction=0.0, period=period, density=7500.0)
+    tight = {"tolerance_rms": 1e-6, "tolerance_max": 1e-4, "tolerance_energy": 1e-6}
+    settings = Settings(max_sweeps=50_000, **tight)
     engine = make_engine(model, lattice(), settings=settings)
     for k in range(3):
         assert engine.step(1e-3, k * 1e-3).converged
@@ -56,16 +54,11 @@ def test_forces_grow_from_row_to_row(settled):
     weight = model.grains.mass[0] * 9.81
     i, j, force = state.contact_i, state.contact_j, state.contact_impulse[:, 0] / state.last_dt
     inclined = (j < model.grain_count) & (i // COLUMNS != j // COLUMNS)
-    by_row = np.bincount(i[inclined] // COLUMNS, weights=force[inclined], minlength=ROWS)[
-        : ROWS - 1
-    ]
-    above = ROWS - 1 - np.arange(ROWS - 1)
-    assert by_row == pytest.approx(
-        2.0 * COLUMNS * above * weight / np.sqrt(3.0), abs=1e-3 * ROWS * COLUMNS * weight
-    )
-    assert force[j >= model.grain_count].sum() == pytest.approx(
-        model.grain_count * weight, rel=1e-3
-    )
+    by_row = np.bincount(i[inclined] // COLUMNS, weights=force[inclined], minlength=ROWS)
+    above, total = ROWS - 1 - np.arange(ROWS - 1), model.grain_count * weight
+    expected = 2.0 * COLUMNS * above * weight / np.sqrt(3.0)
+    assert by_row[: ROWS - 1] == pytest.approx(expected, abs=1e-3 * total)
+    assert force[j >= model.grain_count].sum() == pytest.approx(total, rel=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from heat_parts import (
+    advanced,
     at_temperature,
     chain,
     coupled_engine,
@@ -12,7 +13,7 @@ from heat_parts import (
     temperatures,
     touching_engine,
     warm_model,
-)  # fmt: skip
+)
 from scene_parts import FLOOR, resume
 
 from multicor_cli.engine.heat.conduction import ContactForce
@@ -28,18 +29,12 @@ RADIUS, CENTER = 1e-4, [[0.0, 0.0]]
 def test_radiation_of_one_grain_to_the_surroundings():
     """C dT/dt = ε σ A (T_s⁴ − T⁴): cooling towards 0 K, T^-3 = T_0^-3 + 3 ε σ A t/C."""
     laws, mechanisms = make_heat_laws(emissivity=0.5), (Radiation(surroundings=1e-3),)
-    engine = heat_engine(
-        warm_model(start=1000.0, capacity=1.0),
-        CENTER,
-        laws=laws,
-        mechanisms=mechanisms,
-        tolerance=1e-9,
-    )
+    model = warm_model(start=1000.0, capacity=1.0)
+    engine = heat_engine(model, CENTER, laws=laws, mechanisms=mechanisms, tolerance=1e-9)
     t, coefficient = 20.0e-3, 0.5 * 5.670374419e-8 * 4.0 * np.pi
     engine.step(t, 0.0)
-    assert temperatures(engine)[0] == pytest.approx(
-        (1e-9 + 3.0 * coefficient * t) ** (-1.0 / 3.0), rel=1e-6
-    )
+    exact = (1e-9 + 3.0 * coefficient * t) ** (-1.0 / 3.0)
+    assert temperatures(engine)[0] == pytest.approx(exact, rel=1e-6)
 
 
 def radiating_grain(start, wall, *, surroundings=None, **settings):
@@ -49,23 +44,19 @@ def radiating_grain(start, wall, *, surroundings=None, **settings):
     radiation = Radiation(surroundings, reach=0.0 if wall is None else 0.4)
     laws = make_heat_laws(emissivity=0.8)
     return heat_engine(
-        model,
-        [[0.0, 1.1 * RADIUS]],
-        conditions=conditions,
-        laws=laws,
-        mechanisms=(radiation,),
+        model, [[0.0, 1.1 * RADIUS]], conditions=conditions, laws=laws, mechanisms=(radiation,),
         **settings,
-    )
+    )  # fmt: skip
 
 
 def cooled(start, sink, rate, t):
     """T after t of dT/dt = rate (sink⁴ − T⁴), by the closed form for the time to reach T."""
 
-    def time_to(temperature):
-        def primitive(x):
-            logarithm = np.log((x + sink) / abs(x - sink))
-            return (0.5 * logarithm + np.arctan(x / sink)) / (2.0 * sink**3)
+    def primitive(x):
+        logarithm = np.log((x + sink) / abs(x - sink))
+        return (0.5 * logarithm + np.arctan(x / sink)) / (2.0 * sink**3)
 
+    def time_to(temperature):
         return (primitive(temperature) - primitive(start)) / rate
 
     low, high = sink * (1.0 + 1e-14), start
@@ -83,18 +74,16 @@ def test_a_hot_grain_cools_to_a_wall_however_long_the_step(start, dt):
     engine.step(dt, 0.0)
     capacity = engine.model.thermal.capacity[0]
     rate = STEFAN_BOLTZMANN * np.pi * RADIUS**2 / (2.0 / 0.8 - 1.0) / capacity
-    assert temperatures(engine)[0] == pytest.approx(
-        cooled(start, 300.0, rate, dt), abs=2e-3 * (start - 300.0)
-    )
+    exact = cooled(start, 300.0, rate, dt)
+    assert temperatures(engine)[0] == pytest.approx(exact, abs=2e-3 * (start - 300.0))
 
 
 @pytest.mark.parametrize(("wall", "surroundings"), [(3000.0, None), (None, 3000.0)])
 def test_explicit_steps_stay_in_range_while_radiation_heats(wall, surroundings):
     """ΣH grows 4-fold (wall) or 1000-fold (surroundings) on the way from 300 K to 3000 K."""
     engine = radiating_grain(300.0, wall, surroundings=surroundings, integrator="explicit")
-    for k in range(20):
-        engine.step(0.3, 0.3 * k)
-        assert 300.0 <= temperatures(engine)[0] <= 3000.0 * (1.0 + 1e-12)
+    for _ in range(20):
+        assert 300.0 <= advanced(engine, 0.3)[0] <= 3000.0 * (1.0 + 1e-12)
 
 
 def test_convection_of_one_grain():
@@ -134,13 +123,8 @@ def test_gas_under_a_moving_wall_fills_the_gap_of_the_middle_of_the_step():
 
 def conductance_of_a_pair(**choices):
     """Across the gap of two touching grains of 1.5 mm in air [W/K], and the largest Biot number."""
-    positions = chain(2, 1.5e-3)
-    engine = heat_engine(
-        warm_model([1.5e-3] * 2, [300.0, 400.0], density=7500.0),
-        positions,
-        mechanisms=(Gas(0.026),),
-        **choices,
-    )
+    model = warm_model([1.5e-3] * 2, [300.0, 400.0], density=7500.0)
+    engine = heat_engine(model, chain(2, 1.5e-3), mechanisms=(Gas(0.026),), **choices)
     engine.step(1e-6, 0.0)
     return engine.state.heat[0] / 1e-6 / 100.0, heat_book(engine.state, "max_biot")
 
@@ -153,11 +137,8 @@ def test_gas_conducts_no_more_where_grains_press_less():
 
 def test_the_biot_number_counts_the_gas():
     """Bi of the contact alone is 0.002, but contact and gas together exceed λ a."""
-    laws, force = (
-        make_heat_laws(conductivity=0.2, density=2500.0, capacity=800.0),
-        ContactForce("prescribed", 1e-3),
-    )
-    whole, biot = conductance_of_a_pair(laws=laws, force=force)
+    laws = make_heat_laws(conductivity=0.2, density=2500.0, capacity=800.0)
+    whole, biot = conductance_of_a_pair(laws=laws, force=ContactForce("prescribed", 1e-3))
     assert biot == pytest.approx(whole / (0.2 * 1.5e-3), rel=1e-3)
 
 
@@ -177,21 +158,17 @@ def test_frozen_grains_stand_still_in_the_fluid():
 @pytest.mark.parametrize("integrator", ["explicit", "implicit"])
 def test_mechanisms_of_one_kind_add_up(integrator):
     """Two fluids are one of mean temperature; emissivities 0.5 and 0.8 give 1/3, 2/3 of black."""
-    fluids, fluid = (
-        (Ambient(400.0, coefficient=2.0), Ambient(300.0, coefficient=2.0)),
-        (Ambient(350.0, coefficient=4.0),),
-    )
     near = Radiation(reach=0.4)
-    choices = {"conduction": "none", "integrator": integrator, "tolerance": 1e-9}
-    several = touching_engine(
-        chain(2), [300.0, 900.0], emissivity=0.5, mechanisms=(*fluids, near, near), **choices
-    )
-    single = touching_engine(
-        chain(2), [300.0, 900.0], emissivity=0.8, mechanisms=(*fluid, near), **choices
-    )
+    mean, *fluids = (Ambient(t, coefficient=c) for t, c in ((350, 4.0), (400, 2.0), (300, 2.0)))
+    several, single = (
+        touching_engine(
+            chain(2), [300.0, 900.0], emissivity=emissivity, mechanisms=mechanisms,
+            conduction="none", integrator=integrator, tolerance=1e-9,
+        )
+        for emissivity, mechanisms in ((0.5, (*fluids, near, near)), (0.8, (mean, near)))
+    )  # fmt: skip
     for engine in (several, single):
-        for k in range(5):
-            engine.step(1e-3, k * 1e-3)
+        advanced(engine, 5e-3, 5)
     assert several.state.heat == pytest.approx(single.state.heat, rel=1e-6)  # sub-steps differ
     assert several.state.heat[0] > 1.0
     assert heat_book(several.state, "from_ambient") == pytest.approx(

@@ -11,7 +11,7 @@ from heat_parts import (
     heat_engine,
     make_heat_laws,
     with_heat,
-)
+)  # fmt: skip
 from scene_parts import TIGHT, G, advance, book, make_engine, make_model, resume
 
 from multicor_cli.engine.geometry.places import RISE
@@ -121,81 +121,60 @@ def closed_form(mechanism, radius=1.0):
     }[mechanism]
 
 
-def conductances(engine):
-    """What each wall gives per degree [W/K]."""
+def conductances(shapes, names, position, mechanism, *, conditions=None, pose=None, **choices):
+    """What each wall gives per degree [W/K] to a grain at 300 K and 1 GJ/K, if it is a little
+    warmer.
+    """
+    engine = resting(shapes, names, position, conditions, **choices, **MECHANISMS[mechanism])
+    if pose is not None:
+        engine.state.wall_position[:] = pose
     engine.step(1e-3, 0.0)
     return engine.state.wall_heat[:, 0] / 1e-3 / (300.0001 - 300.0)
 
 
-def resting(
-    shapes, names, positions, *, conditions=None, shape="sphere", period=0.0, pose=None, **settings
-):
-    """Heat of one grain at 300 K and 1 GJ/K between walls that are a little warmer."""
-    model = with_heat(
-        make_model([1.0], shapes, names, period=period, shape=shape), 300.0, capacity=1e9
-    )
-    conditions = conditions or [WARM] * len(names)
-    settings = {"force": ContactForce("prescribed", FORCE), **settings}
-    engine = heat_engine(model, positions, conditions=conditions, laws=LAWS, **settings)
-    if pose is not None:
-        engine.state.wall_position[:] = pose
-    return engine
+def resting(shapes, names, position, conditions=None, *, shape="sphere", period=0.0, **settings):
+    """Heat of one grain between walls that are a little warmer."""
+    model = make_model([1.0], shapes, names, period=period, shape=shape)
+    return heat_engine(
+        with_heat(model, 300.0, capacity=1e9), [position], laws=LAWS,
+        conditions=conditions or [WARM] * len(names),
+        **{"force": ContactForce("prescribed", FORCE), **settings},
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("mechanism", MECHANISMS)
 @pytest.mark.parametrize("name", FLOORS)
 def test_a_floor_conducts_the_same_in_any_number_of_pieces(name, mechanism):
     """Level and tilted."""
-    shapes, names = walls_of(FLOORS[name])
     for angle in (0.0, 0.7):
-        where = [[3.0 - np.sin(angle), 2.0 + np.cos(angle)]]
-        engine = resting(shapes, names, where, pose=(3.0, 2.0, angle), **MECHANISMS[mechanism])
-        assert conductances(engine).sum() == pytest.approx(closed_form(mechanism), rel=1e-6)
+        where, pose = (3.0 - np.sin(angle), 2.0 + np.cos(angle)), (3.0, 2.0, angle)
+        found = conductances(*walls_of(FLOORS[name]), where, mechanism, pose=pose)
+        assert found.sum() == pytest.approx(closed_form(mechanism), rel=1e-6)
 
 
-def test_a_plane_that_coincides_with_a_polyline_is_one_floor():
+@pytest.mark.parametrize("mechanism", MECHANISMS)
+def test_a_plane_that_coincides_with_a_polyline_is_one_floor(mechanism):
     shapes, _ = walls_of([level(-8.0, 8.0)])
     shapes.append((ShapeKind.PLANE, 1, (0.0, 0.0, 0.0, 1.0)))
-    for mechanism in MECHANISMS:
-        found = conductances(
-            resting(shapes, ("line", "plane"), [[0.5, 1.0]], **MECHANISMS[mechanism])
-        )
-        assert found == pytest.approx(np.full(2, 0.5 * closed_form(mechanism)), rel=1e-6)
+    found = conductances(shapes, ("line", "plane"), (0.5, 1.0), mechanism)
+    assert found == pytest.approx(np.full(2, 0.5 * closed_form(mechanism)), rel=1e-6)
 
 
 @pytest.mark.parametrize("mechanism", MECHANISMS)
 def test_a_joint_at_the_edge_of_the_period_is_a_joint(mechanism):
-    shapes, names = walls_of([level(-5.0, 0.0), level(0.0, 5.0)])
+    walls = walls_of([level(-5.0, 0.0), level(0.0, 5.0)])
     for x in (-5.0, 5.0, 4.9, -4.7):
-        found = conductances(
-            resting(shapes, names, [[x, 1.0]], period=10.0, **MECHANISMS[mechanism])
-        )
+        found = conductances(*walls, (x, 1.0), mechanism, period=10.0)
         assert found.sum() == pytest.approx(closed_form(mechanism), rel=1e-6)
 
 
 @pytest.mark.parametrize("gap", [0.0, 0.1])
 def test_a_cylinder_sees_a_floor_once(gap):
     view = cylinder_view_factor(1.0, 1.0, gap) * 4.0 * np.pi / (2.0 / 0.9 - 1.0)
+    expected = pytest.approx(linear_coefficient(view, 300.0, 300.0), rel=1e-6)
     for floor in ("one piece", "two walls, 0.0 beside", "small tiles", "tiles on an edge"):
-        engine = resting(
-            *walls_of(FLOORS[floor]), [[0.0, 1.0 + gap]], shape="disc", **MECHANISMS["radiation"]
-        )
-        assert conductances(engine).sum() == pytest.approx(
-            linear_coefficient(view, 300.0, 300.0), rel=1e-6
-        )
-
-
-@pytest.mark.parametrize(("count", "insides"), [(2, (60, 90, 120, 150)), (1, (165, 170, 175, 179))])
-@pytest.mark.parametrize("of_walls", [1, 2])
-@pytest.mark.parametrize("mechanism", MECHANISMS)
-def test_a_concave_corner_is_two_places_and_one_if_it_is_as_flat_as_that_of_a_round_polygon(
-    mechanism, of_walls, count, insides
-):
-    found = [
-        conductances(resting(*corner(inside, of_walls), **MECHANISMS[mechanism])).sum()
-        for inside in insides
-    ]
-    assert found == pytest.approx([count * closed_form(mechanism)] * 4, rel=1e-6)
+        walls = walls_of(FLOORS[floor])
+        assert conductances(*walls, (0.0, 1.0 + gap), "radiation", shape="disc").sum() == expected
 
 
 def corner(inside, of_walls):
@@ -204,14 +183,24 @@ def corner(inside, of_walls):
     left, right = [np.array([sign * np.sin(half), np.cos(half)]) * 9.0 for sign in (-1.0, 1.0)]
     bottom = np.array([0.0, 0.0])
     lines = [[left, bottom, right]] if of_walls == 1 else [[left, bottom], [bottom, right]]
-    return *walls_of(lines), [[0.0, 1.0 / np.sin(half)]]
+    return *walls_of(lines), (0.0, 1.0 / np.sin(half))
+
+
+@pytest.mark.parametrize(("count", "insides"), [(2, (60, 90, 120, 150)), (1, (165, 170, 175, 179))])
+@pytest.mark.parametrize("of_walls", [1, 2])
+@pytest.mark.parametrize("mechanism", MECHANISMS)
+def test_a_concave_corner_is_two_places_and_one_if_it_is_as_flat_as_that_of_a_round_polygon(
+    mechanism, of_walls, count, insides
+):
+    found = [conductances(*corner(inside, of_walls), mechanism).sum() for inside in insides]
+    assert found == pytest.approx([count * closed_form(mechanism)] * 4, rel=1e-6)
 
 
 def test_the_angle_between_places_is_where_points_of_contact_are_three_tenths_of_a_radius_apart():
     angle = np.degrees(np.arccos(1.0 - RISE))
     assert 2.0 * np.sin(np.radians(0.5 * angle)) == pytest.approx(0.3)
     for inside, count in ((180.0 - angle - 0.01, 2.0), (180.0 - angle + 0.01, 1.0)):
-        found = conductances(resting(*corner(inside, 1), **MECHANISMS["parallel"]))
+        found = conductances(*corner(inside, 1), "parallel")
         assert found.sum() == pytest.approx(count * closed_form("parallel"), rel=1e-6)
 
 
@@ -220,47 +209,38 @@ def test_the_angle_between_places_is_where_points_of_contact_are_three_tenths_of
 @pytest.mark.parametrize("mechanism", MECHANISMS)
 def test_a_fine_polygon_is_one_place_like_a_circle(mechanism, where, sides):
     """Its sides are flat: the spot is that on a plane, (1 − a/R)^⅓ of that in the circle."""
-    circle, distance = 4.0, 3.0
+    circle, half = 4.0, np.pi / sides
     angle = 2.0 * np.pi * np.arange(sides) / sides
-    shapes, names = walls_of(
-        [circle * np.column_stack([np.cos(angle), np.sin(angle)])], closed=True
-    )
-    half = np.pi / sides
-    if where == "corner":
-        way, distance = 0.0, circle - 1.0 / np.cos(half)
-    else:
-        way, distance = half, circle * np.cos(half) - 1.0
+    walls = walls_of([circle * np.column_stack([np.cos(angle), np.sin(angle)])], closed=True)
+    way, distance = (
+        (0.0, circle - 1.0 / np.cos(half)) if where == "corner"
+        else (half, circle * np.cos(half) - 1.0)
+    )  # fmt: skip
     for turn in (0.0, 0.3):
-        at = [[distance * np.cos(way + turn), distance * np.sin(way + turn)]]
-        engine = resting(shapes, names, at, pose=(0.0, 0.0, turn), **MECHANISMS[mechanism])
-        assert conductances(engine).sum() == pytest.approx(closed_form(mechanism), rel=1e-6)
+        at = distance * np.cos(way + turn), distance * np.sin(way + turn)
+        found = conductances(*walls, at, mechanism, pose=(0.0, 0.0, turn))
+        assert found.sum() == pytest.approx(closed_form(mechanism), rel=1e-6)
 
 
 @pytest.mark.parametrize("mechanism", ["hertz", "rough", "parallel", "radiation"])
 def test_a_circle_is_as_hollow_as_it_is_for_the_spot(mechanism):
     """1/a* = 1/a − 1/R (Johnson, eq. 4.3); what crosses the gap is that of a plane."""
     shapes = [(ShapeKind.CIRCLE, 0, (0.0, 0.0, 4.0, 0.0))]
-    found = conductances(resting(shapes, ("drum",), [[0.0, -3.0]], **MECHANISMS[mechanism]))
+    found = conductances(shapes, ("drum",), (0.0, -3.0), mechanism)
     assert found[0] == pytest.approx(closed_form(mechanism, 4.0 / 3.0), rel=1e-6)
 
 
-def test_walls_that_meet_below_a_grain_share_what_they_give():
+@pytest.mark.parametrize("mechanism", MECHANISMS)
+def test_walls_that_meet_below_a_grain_share_what_they_give(mechanism):
     """Hot and insulated, hot and cold, of prescribed flow: by the halves of the one place."""
-    shapes, names = walls_of([level(-8.0, 0.0), level(0.0, 8.0)])
-    for mechanism in MECHANISMS:
-        whole, choices = closed_form(mechanism), MECHANISMS[mechanism]
-        for conditions, expected in (
-            ([WARM, WallHeat()], [0.5, 0.0]),
-            ([WARM, at_temperature(299.9999)], [0.5, -0.5]),
-        ):
-            found = conductances(
-                resting(shapes, names, [[0.0, 1.0]], conditions=conditions, **choices)
-            )
-            assert found == pytest.approx(whole * np.array(expected), rel=1e-6)
-        beside = conductances(
-            resting(*walls_of([level(-8.0, 0.1), level(0.1, 8.0)]), [[0.0, 1.0]], **choices)
-        )
-        assert beside == pytest.approx([whole, 0.0], rel=1e-6)
+    for joint, conditions, expected in (
+        (0.0, [WARM, WallHeat()], [0.5, 0.0]),
+        (0.0, [WARM, at_temperature(299.9999)], [0.5, -0.5]),
+        (0.1, None, [1.0, 0.0]),
+    ):
+        walls = walls_of([level(-8.0, joint), level(joint, 8.0)])
+        found = conductances(*walls, (0.0, 1.0), mechanism, conditions=conditions)
+        assert found == pytest.approx(closed_form(mechanism) * np.array(expected), rel=1e-6)
 
 
 def test_a_flow_goes_to_grains_in_proportion_to_places():
@@ -268,20 +248,16 @@ def test_a_flow_goes_to_grains_in_proportion_to_places():
     shapes, names = walls_of([level(-8.0, 0.0), level(0.0, 8.0)])
     model = with_heat(make_model([1.0, 1.0], shapes, names, shape="sphere"), 300.0, capacity=1e9)
     conditions = [WallHeat("flow", Constant(3.0)), WallHeat("flow", Constant(0.5))]
-    engine = heat_engine(
-        model,
-        [[-4.0, 1.0], [0.0, 1.0]],
-        conditions=conditions,
-        laws=LAWS,
-        force=ContactForce("prescribed", FORCE),
-    )
+    force = ContactForce("prescribed", FORCE)
+    positions = [[-4.0, 1.0], [0.0, 1.0]]
+    engine = heat_engine(model, positions, conditions=conditions, laws=LAWS, force=force)
     engine.step(1.0, 0.0)
     assert engine.state.heat == pytest.approx([2.0, 1.5], rel=1e-9)
 
 
 def test_the_biot_number_is_that_of_a_place():
     for name in ("one piece", "coincident", "tiles on an edge"):
-        engine = resting(*walls_of(FLOORS[name]), [[0.0, 1.0]])
+        engine = resting(*walls_of(FLOORS[name]), (0.0, 1.0))
         engine.step(1e-3, 0.0)
         assert heat_book(engine.state, "max_biot") == pytest.approx(2.0 * SPOT, rel=1e-9)
 
@@ -298,27 +274,18 @@ def rolling(lines, **settings):
     return engine.state.heat[0] - first
 
 
-@pytest.mark.parametrize(
-    "settings",
-    [
-        {},
-        {"force": ContactForce("average", 0.7)},
-        {"force": ContactForce("prescribed", 10.0)},
-        {"collisional": True},
-        {"conduction": "rough"},
-        {"mechanisms": (Gas(GAS), Radiation(reach=0.4))},
-        {"mechanisms": (Gas(GAS, "batchelor"),)},
-    ],
-    ids=[
-        "step",
-        "average",
-        "prescribed",
-        "collisional",
-        "rough",
-        "parallel and radiation",
-        "batchelor",
-    ],
-)
+ROLLING = {
+    "step": {},
+    "average": {"force": ContactForce("average", 0.7)},
+    "prescribed": {"force": ContactForce("prescribed", 10.0)},
+    "collisional": {"collisional": True},
+    "rough": {"conduction": "rough"},
+    "parallel and radiation": {"mechanisms": (Gas(GAS), Radiation(reach=0.4))},
+    "batchelor": {"mechanisms": (Gas(GAS, "batchelor"),)},
+}
+
+
+@pytest.mark.parametrize("settings", ROLLING.values(), ids=ROLLING)
 def test_a_grain_that_rolls_over_pieces_gets_what_it_gets_on_one(settings):
     """Exactly within one wall. At the end of another it is lifted and slowed by some (vΔt/a)²,
     which its heat follows.
@@ -340,16 +307,8 @@ def test_an_impact_on_a_joint_conducts_as_one(name):
         model, [[0.0, 1.001]], [[0.0, -0.5, 0.0]], hot, laws=LAWS, friction="none", collisional=True
     )
     advance(engine, 0.005, 4)
-    expected = impact_exchange(
-        model.grains.mass[0],
-        1.0,
-        LAWS.modulus[0, 0],
-        0.5,
-        15.0,
-        7500.0 * 500.0,
-        15.0,
-        7500.0 * 500.0,
-    )
+    solid = 15.0, 7500.0 * 500.0
+    expected = impact_exchange(model.grains.mass[0], 1.0, LAWS.modulus[0, 0], 0.5, *solid, *solid)
     assert engine.state.heat[0] == pytest.approx(expected, rel=1e-6)
 
 
@@ -377,7 +336,7 @@ def test_a_grain_hangs_by_one_adhesion_for_each_place(name, factor, hangs):
 @pytest.mark.parametrize(("inside", "count"), [(90, 2), (120, 2), (150, 2), (170, 1), (175, 1)])
 @pytest.mark.parametrize("of_walls", [1, 2])
 def test_adhesion_in_a_concave_corner_counts_its_places(of_walls, inside, count):
-    shapes, names, ((_, height),) = corner(inside, of_walls)
+    shapes, names, (_, height) = corner(inside, of_walls)
     tilt = np.sin(np.radians(0.5 * inside))  # of each force against the middle line
     for factor, holds in ((1.01, True), (0.99, False)):
         adhesion = factor * WEIGHT / (count * tilt)

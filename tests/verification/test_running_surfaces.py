@@ -22,7 +22,6 @@ from scene_parts import (
 from multicor_cli.engine import Settings, solve_contacts
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, WallDrive
 from multicor_cli.model import ShapeKind
-from multicor_cli.model.contacts import ContactTable
 
 
 def started(engine, *speeds):
@@ -72,9 +71,8 @@ def test_a_belt_carries_up_what_friction_holds_and_both_its_sides_run():
     for side in (1.0, -1.0):
         gravity = (-G * np.sin(slope), -side * G * np.cos(slope))
         model = make_model([0.1], segment, friction=0.6, gravity=gravity, rolling=50.0)
-        state = advance(
-            make_engine(model, [[0.0, side * 0.1]], settings=TIGHT, drives=[running()]), 1e-3, 1500
-        )
+        engine = make_engine(model, [[0.0, side * 0.1]], settings=TIGHT, drives=[running()])
+        state = advance(engine, 1e-3, 1500)
         assert state.velocity[0, 0] == pytest.approx(side * SPEED, abs=1e-9)
         assert book(state, "closure") < 1e-12
 
@@ -112,9 +110,8 @@ def in_a_circle(rolling=0.0):
     k = np.arange(30)
     positions = np.column_stack([(k % 6) * 0.5 - 1.25, (k // 6) * 0.5 - 1.75])
     circle = [(ShapeKind.CIRCLE, 0, (0.0, 0.0, 2.5, 0.0))]
-    return make_model(
-        radius, circle, friction=0.4, restitution=0.2, rolling=rolling, mass=40.0, inertia=250.0
-    ), positions
+    laws = {"friction": 0.4, "restitution": 0.2, "rolling": rolling}
+    return make_model(radius, circle, mass=40.0, inertia=250.0, **laws), positions
 
 
 @pytest.mark.parametrize("rolling", [0.0, 0.05])
@@ -144,14 +141,11 @@ def test_a_roll_that_is_pressed_down_is_one_that_turns_and_feels_the_reaction(ro
     model, positions = bed(friction=0.4)
     model = make_model(
         model.grains.radius, shapes, ("floor", "roll"), friction=0.4, period=model.period, mass=3.0,
-        inertia=1.0,
-        wall_gravity=True, rolling=rolling,
+        inertia=1.0, wall_gravity=True, rolling=rolling,
     )  # fmt: skip
     press, ends = DofDrive(force=Constant(-20.0), damping=1.0), []
-    for drive in (
-        WallDrive(y=press, spin=DofDrive(velocity=Constant(-SPEED / 0.8))),
-        running(SPEED, y=press),
-    ):
+    turning = WallDrive(y=press, spin=DofDrive(velocity=Constant(-SPEED / 0.8)))
+    for drive in (turning, running(SPEED, y=press)):
         engine = make_engine(model, positions, settings=TIGHT, drives=[WallDrive(), drive])
         engine.state.wall_position[1] = 4.0, 3.9, 0.0
         ends.append(advance(engine, 2e-3, 300))
@@ -170,9 +164,8 @@ def test_a_free_plate_under_a_running_surface_recoils():
     """Without gravity, between two equal grains: momentum is that of the press alone, 0 in x."""
     model = make_model([0.1], FLOOR, friction=0.3, mass=0.2, inertia=1.0)
     drive = running(SPEED, x=DofDrive(force=Constant(0.0)))
-    state = advance(
-        started(make_engine(model, [[0.0, 0.1]], settings=TIGHT, drives=[drive]), SPEED), 1e-3, 400
-    )
+    engine = started(make_engine(model, [[0.0, 0.1]], settings=TIGHT, drives=[drive]), SPEED)
+    state = advance(engine, 1e-3, 400)
     mass = model.grains.mass[0]
     assert mass * state.velocity[0, 0] == pytest.approx(-0.2 * state.wall_velocity[0, 0], rel=1e-10)
     # Sticking: v + a ω = V_x + V, with a ω = β v.
@@ -208,11 +201,9 @@ def test_the_problem_of_a_step_knows_it(tmp_path):
     problem.save(tmp_path / "problem.npz")
     solution = solve_contacts(type(problem).load(tmp_path / "problem.npz"), TIGHT, start=start)
     engine.step(2e-3, 0.48)
-    table: ContactTable = engine.contacts()
-    assert solution.impulse == pytest.approx(table.impulse, abs=1e-9 * np.abs(table.impulse).max())
-    assert solution.velocity[: len(engine.state.velocity), 0] == pytest.approx(
-        engine.state.velocity[:, 0], abs=1e-8
-    )
+    impulse, velocity = engine.contacts().impulse, engine.state.velocity[:, 0]
+    assert solution.impulse == pytest.approx(impulse, abs=1e-9 * np.abs(impulse).max())
+    assert solution.velocity[: len(velocity), 0] == pytest.approx(velocity, abs=1e-8)
 
 
 def test_the_light_form_of_a_problem_knows_it():
@@ -221,12 +212,8 @@ def test_the_light_form_of_a_problem_knows_it():
     engine = make_engine(model, [[0.0, 0.5]], settings=TIGHT, drives=[running()])
     problem, _ = engine.next_start(1e-2, 0.0)
     light = solve_contacts(problem, TIGHT)
-    heavy = solve_contacts(
-        replace(
-            problem, inverse_mass=np.where(problem.inverse_mass > 0.0, problem.inverse_mass, 1e-30)
-        ),
-        TIGHT,
-    )
+    movable = np.where(problem.inverse_mass > 0.0, problem.inverse_mass, 1e-30)
+    heavy = solve_contacts(replace(problem, inverse_mass=movable), TIGHT)
     assert light.impulse[0, 1] == pytest.approx(-0.3 * light.impulse[0, 0], rel=1e-12)
     assert heavy.impulse == pytest.approx(light.impulse, rel=1e-9)
 

@@ -8,33 +8,25 @@ from scenarios import engine as engine_of
 from scenarios import scenario
 from scene_parts import TIGHT, advance, book, make_engine, make_model, resume, tally
 
-from multicor_cli.engine import Engine, Settings
-from multicor_cli.model import Model, ShapeKind, State
+from multicor_cli.engine import Settings
+from multicor_cli.model import ShapeKind
 
+POINTS = [[0.025, 0.045], [0.036, 0.045], [0.03, 0.056]]
+DISCS = [[0.03, 0.05, 2e-3], [0.034, 0.05, 2e-3], [0.032, 0.053, 1.5e-3]]
 BODIES = {
     "disc": {"kind": "disc", "center": [0.03, 0.05], "radius": 0.006},
-    "polygon": {
-        "kind": "polygon",
-        "points": [[0.025, 0.045], [0.036, 0.045], [0.03, 0.056]],
-        "grains": "outside",
-    },
-    "cluster": {
-        "kind": "cluster",
-        "discs": [[0.03, 0.05, 2e-3], [0.034, 0.05, 2e-3], [0.032, 0.053, 1.5e-3]],
-    },
+    "polygon": {"kind": "polygon", "points": POINTS, "grains": "outside"},
+    "cluster": {"kind": "cluster", "discs": DISCS},
 }
 
 
-def body_and_grain(
-    name, place, *, motion=(0.0, 0.0, 0.0), settings=TIGHT, gravity=0.0, **said
-) -> tuple[Engine, Model, State]:
+def body_and_grain(name, place, motion=(0.0, 0.0, 0.0), settings=TIGHT, gravity=0.0, **said):
     """A body that is free to move, and a grain of radius 1 mm."""
     free = {dof: {"force": 0.0} for dof in ("x", "y", "spin")}
     walls = {"body": {"geometry": BODIES[name], "gravity": gravity != 0.0}}
     grains, gravity = [[*place, 1e-3, *motion]], [0.0, gravity]
-    engine, model = engine_of(
-        scenario(grains=grains, walls=walls, drives={"body": free}, gravity=gravity, **said)
-    )
+    said |= {"walls": walls, "drives": {"body": free}, "gravity": gravity}
+    engine, model = engine_of(scenario(grains=grains, **said))
     resume(engine, settings=settings)
     return engine, model, engine.state
 
@@ -49,9 +41,8 @@ def test_a_free_body_falls_as_everything_does(name):
         [0.0, -0.5 * 9.81 * 0.05**2, 0.0], rel=1e-12, abs=1e-15
     )
     mass = float(model.walls.mass[0]) + float(model.grains.mass[0])
-    assert book(state, "gravity_work") == pytest.approx(
-        mass * 9.81 * 0.5 * 9.81 * 0.05**2, rel=1e-9
-    )
+    work = mass * 9.81 * 0.5 * 9.81 * 0.05**2
+    assert book(state, "gravity_work") == pytest.approx(work, rel=1e-9)
 
 
 @pytest.mark.parametrize("name", BODIES)
@@ -82,7 +73,7 @@ def test_friction_keeps_the_momentum_and_takes_energy(name):
     assert book(state, "closure") < 1e-9
 
 
-def _invariants(model: Model, state: State) -> tuple[float, float, float, float]:
+def _invariants(model, state):
     """Momentum [N s], angular momentum about the origin [N m s], energy [J] of grain and body."""
     m, M = float(model.grains.mass[0]), float(model.walls.mass[0])
     inertia, J = float(model.grains.inertia[0]), float(model.walls.inertia[0])
@@ -93,7 +84,7 @@ def _invariants(model: Model, state: State) -> tuple[float, float, float, float]
     return m * vx + M * VX, m * vy + M * VY, turning, energy
 
 
-def _scales(model: Model) -> tuple[float, float, float, float]:
+def _scales(model):
     p = 0.4 * float(model.grains.mass[0])
     return p, p, 0.06 * p, 0.4 * p
 
@@ -101,7 +92,7 @@ def _scales(model: Model) -> tuple[float, float, float, float]:
 BLOCK = np.array([[0.0, 0.0], [-4.0, 0.0], [-4.0, -3.0], [0.0, -3.0]])
 
 
-def block() -> list[tuple[ShapeKind, int, tuple[float, ...]]]:
+def block():
     """A solid block below y = 0, with a corner at the origin."""
     sides = [(ShapeKind.SIDE, 0, (*BLOCK[k], *BLOCK[(k + 1) % 4])) for k in range(4)]
     return sides + [
@@ -110,7 +101,7 @@ def block() -> list[tuple[ShapeKind, int, tuple[float, ...]]]:
 
 
 @pytest.mark.parametrize("speed", [0.2, 1.0])
-def test_a_grain_slides_around_a_corner_until_it_lifts_off(speed: float):
+def test_a_grain_slides_around_a_corner_until_it_lifts_off(speed):
     """Without friction it circles the corner at radius a and leaves at cos θ = (2 + v²/(g a))/3."""
     a, g = 0.5, 9.81
     dt = 2e-3 * math.sqrt(a / g)
@@ -120,8 +111,7 @@ def test_a_grain_slides_around_a_corner_until_it_lifts_off(speed: float):
     state, cosine = engine.state, 1.0
     energies, made = slide_over(engine, dt, a, g)
     for x, y, is_touching in energies[:, 1:]:
-        if is_touching and x > 0.0:
-            cosine = y / math.hypot(x, y)
+        cosine = y / math.hypot(x, y) if is_touching and x > 0.0 else cosine
     assert cosine == pytest.approx((2.0 + speed**2 / (g * a)) / 3.0, abs=0.01)
     assert (energies[:, 0] <= energies[0, 0] + made).all()
     # Hardly any is lost: the steps are short
@@ -142,7 +132,7 @@ def test_a_grain_rolls_around_a_corner_and_makes_no_energy():
     assert book(engine.state, "closure") < 1e-9
 
 
-def slide_over(engine: Engine, dt: float, a: float, g: float) -> tuple[np.ndarray, np.ndarray]:
+def slide_over(engine, dt, a, g):
     """Energy per mass, place and touch after each step until it has fallen, and the energy allowed.
 
     Where the normal turns by v Δt/(2a) between the start and the middle of a step, an impulse m g
@@ -152,14 +142,8 @@ def slide_over(engine: Engine, dt: float, a: float, g: float) -> tuple[np.ndarra
     while state.position[0, 1] > -1.2:
         engine.step(dt, 0.0)
         (x, y, _), (vx, vy, spin) = state.position[0].tolist(), state.velocity[0].tolist()
-        rows.append(
-            (
-                0.5 * (vx**2 + vy**2) + 0.25 * (a * spin) ** 2 + g * y,
-                x,
-                y,
-                float(state.contact_impulse[:, 0].sum() > 0.0),
-            )
-        )
+        energy = 0.5 * (vx**2 + vy**2) + 0.25 * (a * spin) ** 2 + g * y
+        rows.append((energy, x, y, float(state.contact_impulse[:, 0].sum() > 0.0)))
         made.append(made[-1] + g * dt * (vx**2 + vy**2) * dt / (2.0 * a))
     return np.array(rows), np.array(made[1:])
 
@@ -182,23 +166,18 @@ def test_a_rough_cylinder_shears_the_grains_around_it(run):
     )  # fmt: skip
     done = run(annulus)
     series, last, grains = done.series, done.frames[-1], done.model.grains
-    torque, span = (
-        np.asarray(series["wall_force"])[:, :, 2],
-        np.diff(np.asarray(series["time"]), prepend=0.0),
-    )
+    torque = np.asarray(series["wall_force"])[:, :, 2]
+    span = np.diff(np.asarray(series["time"]), prepend=0.0)
     given = span @ torque
     away, v = np.asarray(last.position)[:, :2] - 0.02, np.asarray(last.velocity)
     orbital = grains.mass * (away[:, 0] * v[:, 1] - away[:, 1] * v[:, 0])
     # The grains brake the inner cylinder, and pull the outer one along
     assert given[0] < 0.0 < given[1]
     exchanged = (span @ np.abs(torque)).sum()
-    assert (orbital + grains.inertia * last.spin).sum() == pytest.approx(
-        -given.sum(), abs=0.01 * exchanged
-    )
-    work, *others = (
-        series[name][-1]
-        for name in ("wall_work", "kinetic", "friction_loss", "impact_loss", "correction_work")
-    )
+    turning = (orbital + grains.inertia * last.spin).sum()
+    assert turning == pytest.approx(-given.sum(), abs=0.01 * exchanged)
+    names = "wall_work", "kinetic", "friction_loss", "impact_loss", "correction_work"
+    work, *others = (series[name][-1] for name in names)
     assert sum(others) == pytest.approx(work, rel=1e-9)
     assert work == pytest.approx(-10.0 * given[0], rel=1e-9)
     distance = np.hypot(*away.T)

@@ -14,11 +14,9 @@ from multicor_cli.engine import ContactProblem, Settings, solve_contacts
 from multicor_cli.engine.contact.acceleration import PATIENCE
 
 TIGHT = {
-    "tolerance_rms": 1e-11,
-    "tolerance_max": 1e-9,
-    "tolerance_energy": 1e-9,
-    "max_sweeps": 100_000,
-}
+    "tolerance_rms": 1e-11, "tolerance_max": 1e-9, "tolerance_energy": 1e-9, "max_sweeps": 100_000,
+}  # fmt: skip
+LOOSE = {"tolerance_max": 1.0, "tolerance_energy": 1e9}
 METHODS = [
     (m, local) for m in ("gauss-seidel", "accelerated") for local in ("exact", "bipotential")
 ]
@@ -29,14 +27,13 @@ def test_column_from_a_cold_start_meets_the_budget():
     (benchmarks/README.md).
     """
     problem = column_problem(116)
-    loose = {"tolerance_max": 1.0, "tolerance_energy": 1e9, "tolerance_rms": 1e-4}
-    solution = solve_contacts(problem, Settings(**loose), reference_velocity=9.81e-3)
+    solution, tight = (
+        solve_contacts(problem, Settings(**LOOSE, tolerance_rms=rms), reference_velocity=9.81e-3)
+        for rms in (1e-4, 1e-6)
+    )
     assert solution.converged
     assert solution.sweeps <= 500
     exact = 9.81e-3 * np.arange(116, 0, -1)
-    tight = solve_contacts(
-        problem, Settings(**{**loose, "tolerance_rms": 1e-6}), reference_velocity=9.81e-3
-    )
     assert np.abs(tight.impulse[:, 0] - exact).max() / exact[0] < 1e-4
     assert tight.sweeps <= 700
 
@@ -44,16 +41,13 @@ def test_column_from_a_cold_start_meets_the_budget():
 def test_plain_sweeps_need_what_theory_says():
     """4 ln(10⁴)/π² n² sweeps for a column (theory §5.1), which the accelerated method must beat."""
     problem = column_problem(20)
-    settings = {
-        "tolerance_max": 1.0,
-        "tolerance_energy": 1e9,
-        "tolerance_rms": 1e-7,
-        "max_sweeps": 100_000,
-    }
-    plain = solve_contacts(
-        problem, Settings(method="gauss-seidel", **settings), reference_velocity=9.81e-3
-    )
-    fast = solve_contacts(problem, Settings(**settings), reference_velocity=9.81e-3)
+    plain, fast = (
+        solve_contacts(
+            problem, Settings(method=method, tolerance_rms=1e-7, max_sweeps=100_000, **LOOSE),
+            reference_velocity=9.81e-3,
+        )
+        for method in ("gauss-seidel", "accelerated")
+    )  # fmt: skip
     assert plain.converged
     assert plain.sweeps > 1000
     assert fast.sweeps < 0.2 * plain.sweeps
@@ -71,16 +65,11 @@ def test_all_methods_agree(restitution, friction):
     scale = np.abs(reference.velocity[:, :2]).max()
     for method, local in METHODS:
         for variant in (problem, tilted(problem)):
-            solution = solve_contacts(
-                variant,
-                Settings(method=method, local=local, **TIGHT),
-                start=0.9 * reference.impulse,
-            )
+            settings = Settings(method=method, local=local, **TIGHT)
+            solution = solve_contacts(variant, settings, start=0.9 * reference.impulse)
             assert solution.converged, (method, local)
-            assert np.abs(solution.velocity - reference.velocity)[:, :2].max() < 1e-7 * scale, (
-                method,
-                local,
-            )
+            apart = np.abs(solution.velocity - reference.velocity)[:, :2].max()
+            assert apart < 1e-7 * scale, (method, local)
 
 
 def test_solution_satisfies_the_law_and_the_dynamics():
@@ -96,19 +85,13 @@ def test_solution_satisfies_the_law_and_the_dynamics():
     assert (np.abs(p_t) <= problem.friction * p_n * (1.0 + 1e-12)).all()
     sliding = np.abs(u[:, 1]) > 1e-6 * scale
     assert sliding.any()
-    assert p_t[sliding] == pytest.approx(
-        -(problem.friction * p_n * np.sign(u[:, 1]))[sliding], abs=1e-9 * p_n.max()
-    )
+    against = -(problem.friction * p_n * np.sign(u[:, 1]))[sliding]
+    assert p_t[sliding] == pytest.approx(against, abs=1e-9 * p_n.max())
     # Momentum: M (v − v_free) = Hᵀ p, seen through the velocities of the contacts.
     recomputed = ContactProblem(
-        problem.inverse_mass,
-        solution.velocity,
-        problem.pair,
-        problem.normal,
-        problem.lever,
-        problem.bias,
-        problem.friction,
-    )
+        problem.inverse_mass, solution.velocity, problem.pair, problem.normal, problem.lever,
+        problem.bias, problem.friction,
+    )  # fmt: skip
     assert dense_delassus(recomputed)[1] == pytest.approx(u.ravel(), abs=1e-9 * scale)
 
 
@@ -119,14 +102,11 @@ def test_problem_files_round_trip_and_are_checked(tmp_path):
     assert np.array_equal(solve_contacts(problem).impulse, solve_contacts(again).impulse)
     with np.load(tmp_path / "heap.npz") as data:
         arrays = dict(data)
-    arrays["friction"] = arrays["friction"][:-1]
-    np.savez(tmp_path / "bad.npz", **arrays)
-    with pytest.raises(ValueError, match="friction has shape"):
-        ContactProblem.load(tmp_path / "bad.npz")
-    arrays["friction"] = np.append(arrays["friction"], np.nan)
-    np.savez(tmp_path / "bad.npz", **arrays)
-    with pytest.raises(ValueError, match="friction holds a value that is not finite"):
-        ContactProblem.load(tmp_path / "bad.npz")
+    short = arrays["friction"][:-1]
+    for wrong, words in ((short, "has shape"), (np.append(short, np.nan), "holds a value that is")):
+        np.savez(tmp_path / "bad.npz", **{**arrays, "friction": wrong})
+        with pytest.raises(ValueError, match=f"friction {words}"):
+            ContactProblem.load(tmp_path / "bad.npz")
 
 
 def test_nothing_to_solve_costs_no_sweep():
@@ -141,13 +121,8 @@ def _siconos_python():
     """The interpreter that can import Siconos, or None."""
     for name in (os.environ.get("SICONOS_PYTHON"), "/usr/bin/python3", "python3"):
         python = shutil.which(name or "")
-        if (
-            python
-            and subprocess.run(
-                [python, "-c", "import siconos.numerics"], capture_output=True, check=False
-            ).returncode
-            == 0
-        ):
+        probe = [python, "-c", "import siconos.numerics"]
+        if python and subprocess.run(probe, capture_output=True, check=False).returncode == 0:
             return python
     return None
 

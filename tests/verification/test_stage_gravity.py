@@ -17,16 +17,12 @@ from multicor_cli.running.plan import stage_gravity
 from multicor_cli.scenario import parse_scenario
 from multicor_cli.store import run_info
 
+TILT = "gravity = { angle = { ramp = [0.0, 30.0], duration = 0.04 } }"
+SHAKE = "gravity = [{ sine = { amplitude = 2.0, period = 0.01 } }, -9.81]"
 TILTED = changed(
     SMALL,
-    (
-        'name = "shear"\n',
-        'name = "shear"\ngravity = { angle = { ramp = [0.0, 30.0], duration = 0.04 } }\n',
-    ),
-    (
-        'name = "settle"\n',
-        'name = "settle"\ngravity = [{ sine = { amplitude = 2.0, period = 0.01 } }, -9.81]\n',
-    ),
+    ('name = "shear"\n', f'name = "shear"\n{TILT}\n'),
+    ('name = "settle"\n', f'name = "settle"\n{SHAKE}\n'),
     ('[[loading]]\nname = "settle"', 'mass = 1e-3\ngravity = true\n\n[[loading]]\nname = "settle"'),
 )
 """Shaken while it settles under a heavy lid, tilted while sheared; the last stage keeps that."""
@@ -86,14 +82,10 @@ def test_a_stage_without_gravity_keeps_what_there_was_at_the_end():
     settle, shear, on = stage_gravity(scenario)
     starts = [0.0, 0.02, 0.05]
     assert settle.started(starts).value(0.0025) == pytest.approx([2.0, -9.81])
-    assert shear.started(starts).value(0.02) == pytest.approx(
-        [G * math.sin(math.radians(15.0)), -G * math.cos(math.radians(15.0))]
-    )
-    kept = math.radians(22.5)  # the shear stage lasted three quarters of its ramp
-    for t in (0.0, 0.01):
-        assert on.started(starts).value(t) == pytest.approx(
-            [G * math.sin(kept), -G * math.cos(kept)], rel=1e-12
-        )
+    # The shear stage lasts three quarters of its ramp, which is kept
+    for stage, t, angle in ((shear, 0.02, 15.0), (on, 0.0, 22.5), (on, 0.01, 22.5)):
+        expected = G * math.sin(math.radians(angle)), -G * math.cos(math.radians(angle))
+        assert stage.started(starts).value(t) == pytest.approx(expected, rel=1e-12)
     first, *_ = stage_gravity(parse_scenario(SMALL, "small.toml"))
     assert first.started([0.0]).value(1.0).tolist() == [0.0, -9.81]
 
