@@ -43,14 +43,8 @@ if (
 
 def _place(item: pytest.Item) -> int:
     path = item.path.relative_to(Path(__file__).parent)
-    return next(
-        (
-            PLACES[folder]
-            for folder in map(Path.as_posix, (path, *path.parents))
-            if folder in PLACES
-        ),
-        0,
-    )
+    folders = map(Path.as_posix, (path, *path.parents))
+    return next((PLACES[folder] for folder in folders if folder in PLACES), 0)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

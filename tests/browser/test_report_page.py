@@ -471,7 +471,6 @@ def test_two_fingers_zoom_and_the_page_does_not(browser, address):
 
 
 def test_browser_without_decompression_says_so(browser, address):
-    opened = Opened(browser, address, script="delete window.DecompressionStream")
-    assert "too old" in opened.page.inner_text("#trouble")
-    assert opened.page.locator("table").count() >= 3
-    opened.context.close()
+    with Opened(browser, address, script="delete window.DecompressionStream") as opened:
+        assert "too old" in opened.page.inner_text("#trouble")
+        assert opened.page.locator("table").count() >= 3

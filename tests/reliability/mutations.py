@@ -56,11 +56,8 @@ def read_mutants() -> list[Mutant]:
 
 
 def main(words: list[str]) -> int:
-    chosen = [
-        mutant
-        for mutant in read_mutants()
-        if not words or any(word in mutant.name for word in words)
-    ]
+    mutants = read_mutants()
+    chosen = [m for m in mutants if not words or any(word in m.name for word in words)]
     survivors = 0
     with tempfile.TemporaryDirectory() as directory:
         # Always the same, so that Numba finds the kernels that it has compiled
@@ -93,22 +90,13 @@ def make_copy(copy: Path) -> None:
 def first_failure(copy: Path, tests: tuple[str, ...], forms: tuple[str, ...]) -> str | None:
     """The test that fails first, of the short forms or else of the long ones, and why."""
     for form in forms:
-        arguments = [
-            *(f"tests/{test}" for test in tests),
-            "-x",
-            "-m",
-            form,
-            "-p",
-            "no:cacheprovider",
-        ]
+        files = (f"tests/{test}" for test in tests)
+        options = ["-x", "-p", "no:cacheprovider", "--basetemp", str(copy.parent / "tmp")]
         done = subprocess.run(
-            [sys.executable, "-m", "pytest", *arguments, "--basetemp", str(copy.parent / "tmp")],
-            cwd=copy,
-            env={**os.environ, "PYTHONPATH": str(copy)},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+            [sys.executable, "-m", "pytest", *files, *options, "-m", form],
+            cwd=copy, env={**os.environ, "PYTHONPATH": str(copy)},
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
         lines = done.stdout.splitlines()
         failed = [line.split()[1] for line in lines if line.startswith(("FAILED", "ERROR"))]
         if failed:

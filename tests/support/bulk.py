@@ -22,10 +22,9 @@ class Bulk:
 
     def __str__(self):
         return (
-            f"I = {self.inertial_number:.4g}, μ* = {self.friction:.4f} ± "
-            f"{self.friction_error:.4f}, ν = {self.solid_fraction:.4f} ± "
-            f"{self.solid_fraction_error:.4f}, spin over γ̇ = {self.spin_ratio:.3f} ± "
-            f"{self.spin_ratio_error:.3f}"
+            f"I = {self.inertial_number:.4g}, μ* = {self.friction:.4f} ± {self.friction_error:.4f}"
+            f", ν = {self.solid_fraction:.4f} ± {self.solid_fraction_error:.4f}"
+            f", spin over γ̇ = {self.spin_ratio:.3f} ± {self.spin_ratio_error:.3f}"
         )
 
 
@@ -35,14 +34,6 @@ def measure_bulk(directory, *, load, strain=6.0):
         series = run.series
         began = series["time"][np.argmax(series["strain"] > strain)]
         table = rheology(run, Selection(start=began), margin=8.0)
-        mean, error = table.mean, table.error
+        mean, names = table.mean, ("friction_walls", "solid_fraction", "spin_ratio")
         number = mean["inertial_number"] * np.sqrt(mean["pressure"] / (load / run.period))
-    return Bulk(
-        number,
-        mean["friction_walls"],
-        error["friction_walls"],
-        mean["solid_fraction"],
-        error["solid_fraction"],
-        mean["spin_ratio"],
-        error["spin_ratio"],
-    )
+    return Bulk(number, *(of[name] for name in names for of in (mean, table.error)))

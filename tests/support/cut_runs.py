@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -30,10 +31,7 @@ HOT = changed(
     ('name = "wait"', 'name = "wait"\n'),
     (
         'name = "shake-again"\nduration = 0.005',
-        (
-            f'name = "shake-again"\nduration = 0.005\n{_SHAKE}\n'
-            f"thermal.floor = {{ temperature = 330.0 }}"
-        ),
+        f'name = "shake-again"\nduration = 0.005\n{_SHAKE}\nthermal.floor = {{ temperature = 330.0 }}',
     ),
 )
 """The warm scene: heat of all kinds, averages, a frozen stage; its third stage names all drives."""
@@ -90,17 +88,8 @@ frame_interval = 0.005
 """
 """Two groups of spheres fall into a box with a side that moves; nothing is periodic."""
 
-BODY = changed(
-    BOX,
-    (
-        "density = 2500.0",
-        "density = 2500.0\nyoung = 70e9\npoisson = 0.22\nconductivity = 1.0\nheat_capacity = 800.0",
-    ),
-    ('name = "large"', 'name = "large"\ntemperature = 350.0'),
-    ("[[contacts]]", "[heat]\ntemperature = 300.0\n[[contacts]]"),
-    (
-        "[[loading]]\nduration = 0.03\n",
-        """\
+_THERMAL = "young = 70e9\npoisson = 0.22\nconductivity = 1.0\nheat_capacity = 800.0"
+_INTRUDER = """\
 [[walls]]
 name = "intruder"
 material = "glass"
@@ -109,43 +98,34 @@ geometry = { kind = "disc", center = [0.003, 0.0035], radius = 1.5e-3 }
 [[loading]]
 duration = 0.03
 drives.intruder = { x = { velocity = 0.1 } }
-""",
-    ),
+"""
+BODY = changed(
+    BOX,
+    ("density = 2500.0", f"density = 2500.0\n{_THERMAL}"),
+    ('name = "large"', 'name = "large"\ntemperature = 350.0'),
+    ("[[contacts]]", "[heat]\ntemperature = 300.0\n[[contacts]]"),
+    ("[[loading]]\nduration = 0.03\n", _INTRUDER),
     ("duration = 0.02\n", "duration = 0.02\ndrives.intruder = { x = { velocity = -0.02 } }\n"),
 )
 """The same with a solid disc that has a temperature, and is pulled to where grains have been."""
 
+_RUNNING = "{ sine = { amplitude = 0.3, period = 0.02, phase = 1.0 } }"
+_SIDE = "drives.right = { x = { velocity = 0.01 } }"
 BELT = changed(
     BOX,
-    (
-        "[[loading]]\nduration = 0.03\n",
-        """\
-[[loading]]
-duration = 0.03
-drives.floor = { surface = { velocity = { sine = { amplitude = 0.3, period = 0.02, phase = 1.0 } } } }
-""",
-    ),
-    (
-        "drives.right = { x = { velocity = 0.01 } }",
-        "drives.right = { x = { velocity = 0.01 } }\ndrives.floor.surface.velocity = -0.1",
-    ),
+    ("duration = 0.03\n", f"duration = 0.03\ndrives.floor.surface.velocity = {_RUNNING}\n"),
+    (_SIDE, f"{_SIDE}\ndrives.floor.surface.velocity = -0.1"),
 )
 """The same on a floor whose surface runs to and fro, then to the left."""
 
-SIEVE = changed(
-    BELT,
-    (
-        "[[loading]]",
-        """\
+_SIEVE = """\
 [[walls]]
 name = "sieve"
 material = "glass"
 geometry = { kind = "polyline", points = [[0.0, 0.008], [0.012, 0.007]] }
 groups = ["large"]
-[[loading]]
-""",
-    ),
-)
+[[loading]]"""
+SIEVE = changed(BELT, ("[[loading]]", _SIEVE))
 """The same with a sieve that only the large grains meet, in their middle at first."""
 
 TAKEN = (
@@ -166,26 +146,17 @@ def shortened(text: str, stages: int) -> str:
 def going_on(text: str, stages: int, run: str, moment: str = "") -> str:
     """A scenario without its first stages and own grains, that goes on from a run of these."""
     head, loading, tail = _parts(text)
-    begin, end = head.index("[[particles]]"), head.index("[[walls]]")
-    return (
-        head[:begin]
-        + f'[start]\nrun = "{run}"\n{moment}\n'
-        + head[end:]
-        + "".join(loading[stages:])
-        + tail
-    )
+    grains = head[head.index("[[particles]]") : head.index("[[walls]]")]
+    head = head.replace(grains, f'[start]\nrun = "{run}"\n{moment}\n')
+    return head + "".join(loading[stages:]) + tail
 
 
 def _parts(text: str) -> tuple[str, list[str], str]:
     """What stands before the loading stages, these, and what stands after them."""
     head, *loading = text.split("[[loading]]")
-    end = min(
-        found
-        for found in (loading[-1].find("\n[solver]"), loading[-1].find("\n[output]"))
-        if found >= 0
-    )
-    last, tail = loading[-1][:end], loading[-1][end:]
-    return head, [f"[[loading]]{stage}" for stage in [*loading[:-1], last]], tail
+    end = re.search(r"\n\[(solver|output)\]", loading[-1]).start()
+    loading[-1], tail = loading[-1][:end], loading[-1][end:]
+    return head, [f"[[loading]]{stage}" for stage in loading], tail
 
 
 def written(path: Path, text: str) -> Path:

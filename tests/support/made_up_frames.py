@@ -66,17 +66,15 @@ def profile_of(
     shear_rate: float = 0.0,
 ) -> ProfileTable:
     """A profile between walls at 0 and 1 m in bins of 0.1 m that no run has."""
-    field = PROFILED[of]
+    field, y = PROFILED[of], np.asarray(y)
     facts = {
         "of": of, "unit": field.unit, "y_unit": "m", "normalized": False, "times": (0.0, 1.0),
-        "height": 1.0,
-        "walls": ("bottom", "top"), "wall_values": at_walls, "shear_rate": shear_rate,
-        "bin_width": 0.1,
+        "height": 1.0, "walls": ("bottom", "top"), "wall_values": at_walls,
+        "shear_rate": shear_rate, "bin_width": 0.1,
     }  # fmt: skip
     columns = [
-        Column("y", "m", np.asarray(y)), Column("value", field.unit, np.asarray(value), of),
-        Column("error", field.unit, np.full(np.size(y), error)),
-        Column("area", "m2", np.ones(np.size(y))),
+        Column("y", "m", y), Column("value", field.unit, np.asarray(value), of),
+        Column("error", field.unit, np.full(y.size, error)), Column("area", "m2", np.ones(y.size)),
     ]  # fmt: skip
     parts = {
         "frames": np.arange(5), "is_normalized": False, "width": 0.1, "left_out": 0.0, "note": "",

@@ -10,24 +10,16 @@ import pytest
 
 def trials(short: int, long: int) -> pytest.MarkDecorator:
     """Give a test the argument ``count``: ``short``, or ``long`` with ``-m reliability``."""
-    return pytest.mark.parametrize(
-        "count",
-        [
-            pytest.param(short, id="short"),
-            pytest.param(
-                long, id="long", marks=[pytest.mark.reliability, pytest.mark.timeout(3600)]
-            ),
-        ],
-    )
+    marks = [pytest.mark.reliability, pytest.mark.timeout(3600)]
+    forms = [pytest.param(short, id="short"), pytest.param(long, id="long", marks=marks)]
+    return pytest.mark.parametrize("count", forms)
 
 
 def thinned(values: Sequence[Any] | Mapping[str, Any], every: int) -> list[Any]:
     """Parameters, one in ``every`` for CI, the others for ``-m reliability``; named by keys."""
-    named = (
-        values.items() if isinstance(values, Mapping) else [(str(value), value) for value in values]
-    )
+    named = values if isinstance(values, Mapping) else {str(value): value for value in values}
     others = pytest.mark.reliability
     return [
         pytest.param(value, id=name, marks=[] if k % every == 0 else others)
-        for k, (name, value) in enumerate(named)
+        for k, (name, value) in enumerate(named.items())
     ]
