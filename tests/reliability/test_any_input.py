@@ -202,11 +202,26 @@ def is_large(document):
     return sum(counts) > LARGEST or document["solver"].get("max_sweeps", 0) > 10_000
 
 
+def place_and_move(text):
+    scenario = parse_scenario(text, ROOT / "configs" / "mutant.toml")
+    model, state = build(scenario)
+    plan = make_plan(scenario, model)
+    estimate(scenario, plan, model, state, 1)
+    engine = make_engine(scenario, model, state, 1)
+    stage = plan.stages[0]
+    begin_stage(engine, stage, [0.0])
+    for _ in range(2):
+        engine.step(stage.dt, state.stage_step * stage.dt)
+    assert np.isfinite(state.position).all()
+
+
 @trials(short=25, long=2_000)
 def test_what_is_right_can_be_placed_and_moved(count):
     """Scenarios that pass the check: placed, planned, estimated and moved by two steps, or refused
     for what only placing shows.
     """
+    for text in (SMALL, WARM):  # compiles the kernels, which takes longer
+        place_and_move(text)
     room = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 + ROOM
     choose, outcomes = random.Random(9), {"moved": 0, "refused": 0, "physics": 0}
     while sum(outcomes.values()) < count:
@@ -216,16 +231,7 @@ def test_what_is_right_can_be_placed_and_moved(count):
             continue
         before = time.process_time()
         try:
-            scenario = parse_scenario(text, ROOT / "configs" / "mutant.toml")
-            model, state = build(scenario)
-            plan = make_plan(scenario, model)
-            estimate(scenario, plan, model, state, 1)
-            engine = make_engine(scenario, model, state, 1)
-            stage = plan.stages[0]
-            begin_stage(engine, stage, [0.0])
-            for _ in range(2):
-                engine.step(stage.dt, state.stage_step * stage.dt)
-            assert np.isfinite(state.position).all()
+            place_and_move(text)
             outcomes["moved"] += 1
         except ScenarioError as error:
             assert_helpful(error)
