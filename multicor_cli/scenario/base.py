@@ -226,11 +226,11 @@ def _read_columns(name: str, info: ValidationInfo, columns: list[Column]) -> lis
     header = [title.strip().lower() for title in rows[0][1]]
     values: list[list[float]] = []
     for names, bounds in columns:
-        found = [title for title in names if title in header]
-        if len(found) != 1:
-            what = "no column" if not found else "several columns"
+        given = [title for title in names if title in header]
+        if len(given) != 1:
+            what = "several columns" if given else "no column"
             raise _refused(f"'{name}' has {what} {' or '.join(names)}", remedy)
-        title, factor = found[0], names[found[0]]
+        title, factor = given[0], names[given[0]]
         place, least, most = header.index(title), bounds[0] / factor, bounds[1] / factor
         numbers: list[float] = []
         for line, row in rows[1:]:

@@ -57,7 +57,7 @@ class Problem:
     Attributes:
         file: Name of the file, or ``--set``; empty for a scenario that comes from none.
         line: Line, from 1; 0 without a position (a file that cannot be read, the command line).
-        column: Column, from 1; 0 likewise, except inside an expression from the command line.
+        column: Column, from 1; 0 also there, except inside an expression from the command line.
         key: Dotted path of the key, as ``--set`` takes it; empty for the whole file.
         message: What is wrong, with the value.
         remedy: What to do about it; may be empty.

@@ -67,7 +67,7 @@ class Scenario(ScenarioModel):
         return parse_scenario(to_document(data), Path(directory) / NO_FILE, file="")
 
     def with_(self, changes: Mapping[str, Any]) -> Scenario:
-        """A changed copy, checked anew: to the bit what ``--set`` makes of the file.
+        """A changed copy, checked again: to the bit what ``--set`` makes of the file.
 
         Expressions are evaluated again, with variables as changed. A seed that was drawn stays.
 

@@ -223,9 +223,9 @@ class _Place(NamedTuple):
 def _column_inside(place: _Place, text: str, offset: int) -> int:
     """Column of a character of the string ``text``; of the place where it is written otherwise."""
     line, start = place.source_line, max(place.column - 1, 0)
-    found = max(line.find(quote + text, start) for quote in "\"'")
-    if found >= 0:
-        return found + offset + 2
+    begin = max(line.find(quote + text, start) for quote in "\"'")
+    if begin >= 0:
+        return begin + offset + 2
     is_bare = place.file == OVERRIDE and line.endswith(text)
     return len(line) - len(text) + offset + 1 if is_bare else place.column
 
@@ -290,11 +290,14 @@ class Sources:
 
     def problems(self, findings: list[Refused]) -> list[Problem]:
         """The first `MAX_PROBLEMS` findings with their positions, in the order of the file."""
-        found = sorted(
+        problems = sorted(
             (self.problem(f) for f in findings[: 2 * MAX_PROBLEMS]),
             key=lambda p: (p.line, p.column),
         )
         if (more := len(findings) - MAX_PROBLEMS) <= 0:
-            return found
+            return problems
         what = f"… and at least {more} more problems"
-        return [*found[:MAX_PROBLEMS], Problem(self.file, 0, 0, "", what, "correct the first ones")]
+        return [
+            *problems[:MAX_PROBLEMS],
+            Problem(self.file, 0, 0, "", what, "correct the first ones"),
+        ]

@@ -3,7 +3,7 @@
 A wall that a stage does not name keeps its drive and thermal condition, and so does what is left
 out of a named wall. At first everything is fixed, and the condition is that of the wall's table, or
 insulated. A signal counts from the start of the stage that names it (that of a wall's table from
-the start of the run): one that is kept goes on where it is, one that is named again starts anew.
+the start of the run): one that is kept goes on where it is, one that is named again starts again.
 """
 
 from __future__ import annotations

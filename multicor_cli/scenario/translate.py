@@ -183,12 +183,12 @@ def translate(model: type[BaseModel], errors: Iterable[ErrorDetails]) -> list[Re
     for place, error in placed:
         if error["type"] == "extra_forbidden":
             meant.add((*place.path[:-1], _intended(place) or ""))
-    found: dict[KeyPath, Refused] = {}
+    findings: dict[KeyPath, Refused] = {}
     for place, error in placed:
         if not (error["type"] == "missing" and place.path in meant):
             finding = _translate_one(place, error)
-            found.setdefault(finding.where, finding)
-    return list(found.values())
+            findings.setdefault(finding.where, finding)
+    return list(findings.values())
 
 
 def without_unknown_keys(model: type[BaseModel], table: Any, errors: Iterable[ErrorDetails]) -> Any:

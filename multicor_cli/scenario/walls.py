@@ -173,24 +173,27 @@ class WallGeometry(Table):
 
     def spans_period(self, domain: Domain) -> bool:
         """Whether it cannot turn, as it reaches over half a period from its reference point."""
-        if not domain.periodic:
-            return False
-        body, half = self.body(domain), 0.5 * domain.period
-        for _, outline in outlines(body.kind, body.geometry):
-            extent = max(hypot(*point) for point in outline.points.reshape(-1, 2).tolist())
-            # A line of one period is joined to its image; a circle of that width is not.
-            if outline.radius is None:
-                spans = extent >= half * (1.0 - 1e-9)
-            else:
-                spans = extent + float(outline.radius.max()) > half * (1.0 + 1e-9)
-            if spans:
-                return True
-        return False
+        half = 0.5 * domain.period
+        # A line of one period is joined to its image; a circle of that width is not.
+        return domain.periodic and any(
+            extent > half * (1.0 + 1e-9) if is_round else extent >= half * (1.0 - 1e-9)
+            for extent, is_round in _extents(self.body(domain))
+        )
 
     @property
     def height(self) -> float | None:
         """Height y at which it bounds a layer [m]; None if it has no definite one."""
         return None
+
+
+def _extents(body: WallBody) -> Iterator[tuple[float, bool]]:
+    """How far shapes of each kind reach from the reference point [m]; whether they are round."""
+    for _, outline in outlines(body.kind, body.geometry):
+        extent = max(hypot(*point) for point in outline.points.reshape(-1, 2).tolist())
+        if outline.radius is None:
+            yield extent, False
+        else:
+            yield extent + float(outline.radius.max()), True
 
 
 def _too_wide(
@@ -208,6 +211,8 @@ _TOUCHING = 1e-6  # overlap over the smaller radius that rounded numbers give di
 
 
 class _Discs(WallGeometry):
+    """Discs with the grains outside."""
+
     def room(self, discs: Floats) -> Room:
         return Room(outside=(Discs(discs),))
 
@@ -336,8 +341,7 @@ class PolygonGeometry(WallGeometry):
         return None if self.rough is None else Glued(Sides(self.area()), self.rough, "rough")
 
     def misfits(self, domain: Domain) -> Iterator[Refused]:
-        polygon = self.area()
-        width = 2.0 * max(hypot(*away) for away in (polygon.points - polygon.centroid).tolist())
+        width = 2.0 * max(extent for extent, _ in _extents(self.body(domain)))
         what = f"the polygon is {width:g} m wide when it is turned, more than"
         yield from _too_wide(domain, width, "points", what)
 

@@ -256,8 +256,8 @@ def check_walls(tables: PartialScenario) -> Iterator[Refused]:
                 number = 0 if sizes is None else tables.group_names.index(sizes)
                 yield from _check_borrowed(place, glued, tables.particles[number], tables)
         if tables.domain:
-            for found in wall.geometry.misfits(tables.domain):
-                yield found.within(*path)
+            for misfit in wall.geometry.misfits(tables.domain):
+                yield misfit.within(*path)
 
 
 def _check_borrowed(

@@ -240,9 +240,9 @@ def check_thermal_materials(tables: PartialScenario) -> Iterator[Refused]:
         pair: [entry for entry in entries if entry.covers(*pair)] for pair in touching_pairs(tables)
     }
     laws = {
-        pair: max(found, key=lambda entry: entry.specificity)
-        for pair, found in covering.items()
-        if found
+        pair: max(entries, key=lambda entry: entry.specificity)
+        for pair, entries in covering.items()
+        if entries
     }
     for name, material in tables.materials.items():
         if material is None or name not in of_grains | of_walls:

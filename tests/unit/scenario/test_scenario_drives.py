@@ -43,7 +43,7 @@ def test_what_is_not_named_is_kept():
     assert last.named_by == ((2, NEVER, NEVER, NEVER), (1, 0, NEVER, NEVER), (0, NEVER, 0, NEVER))
 
 
-def test_a_kept_signal_goes_on_and_a_named_one_starts_anew():
+def test_a_kept_signal_goes_on_and_a_named_one_starts_again():
     last = SCENARIO.drives()[2]
     starts = [0.0, 0.375, 0.5]
     walls = last.started(starts)
