@@ -87,8 +87,7 @@ Fraction = Annotated[float, Field(ge=FRACTION_BOUNDS[0], le=FRACTION_BOUNDS[1])]
 Ratio = Annotated[float, Field(gt=0.0, lt=1.0)]
 Tolerance = Annotated[float, Field(ge=1e-15, le=1.0)]
 Friction = Annotated[float, Field(ge=0.0, le=10.0)]
-Count = Annotated[int, Field(ge=1, le=50_000_000)]
-GrainCount = Count
+GrainCount = Annotated[int, Field(ge=1, le=50_000_000)]
 
 # A TOML array is a list: strictness is lifted for the array, not its elements.
 Point = Annotated[tuple[Coordinate, Coordinate], Strict(False)]

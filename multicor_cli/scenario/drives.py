@@ -84,8 +84,7 @@ class LoadDof(Table):
         None,
         description=(
             "two walls whose distance across the axis is, in each step, the length on which the "
-            "stress acts, as "
-            '["bottom", "top"] for a side wall that moves in x'
+            'stress acts, as ["bottom", "top"] for a side wall that moves in x'
         ),
     )
     spring: Spring | None = Field(

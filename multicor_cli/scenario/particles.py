@@ -447,9 +447,8 @@ class ParticleGroup(Table):
     temperature: Temperature | None = Field(
         None,
         description=(
-            "initial temperature [K]: a number, or a table with gradient, regions, values or "
-            "file; default: that of the frame for a packing from a run with heat, else that of "
-            "[heat]"
+            "initial temperature [K]: a number, or a table with gradient, regions, values or file; "
+            "default: that of the frame for a packing from a run with heat, else that of [heat]"
         ),
     )
 

@@ -61,9 +61,8 @@ class Domain(Table):
         "ignore",
         description=(
             "what happens to a grain whose center is more than the largest diameter outside of "
-            "this rectangle (in x only "
-            'if it is not periodic): "ignore": nothing; "stop": the run ends (exit code 4); '
-            '"remove": it is taken out and counted'
+            'this rectangle (in x only if it is not periodic): "ignore": nothing; "stop": the run '
+            'ends (exit code 4); "remove": it is taken out and counted'
         ),
     )
 

@@ -213,14 +213,14 @@ def parse_key(text: str) -> tuple[KeyPath, int]:
 MAX_PROBLEMS = 100
 
 
-class _Place(NamedTuple):
+class _Position(NamedTuple):
     file: str
     line: int
     column: int
     source_line: str
 
 
-def _column_inside(place: _Place, text: str, offset: int) -> int:
+def _column_inside(place: _Position, text: str, offset: int) -> int:
     """Column of a character of the string ``text``; of the place where it is written otherwise."""
     line, start = place.source_line, max(place.column - 1, 0)
     begin = max(line.find(quote + text, start) for quote in "\"'")
@@ -259,18 +259,18 @@ class Sources:
     def _offsets(self) -> dict[KeyPath, int]:
         return locate_keys(self.text)
 
-    def _place(self, path: KeyPath) -> _Place:
+    def _place(self, path: KeyPath) -> _Position:
         ends = range(len(path), 0, -1)
         for end in ends:  # what the command line has set replaces all that the file says below it
             if (argument := self.applied.get(path[:end])) is not None:
-                return _Place(OVERRIDE, 0, 0, argument)
+                return _Position(OVERRIDE, 0, 0, argument)
         if not self.file:
-            return _Place("", 0, 0, "")
+            return _Position("", 0, 0, "")
         for end in ends:
             if (offset := self._offsets.get(path[:end])) is not None:
                 line, column = self._lines.position(offset)
-                return _Place(self.file, line, column, self._lines.line(line))
-        return _Place(self.file, 1, 1, "")
+                return _Position(self.file, line, column, self._lines.line(line))
+        return _Position(self.file, 1, 1, "")
 
     def problem(self, finding: Refused) -> Problem:
         """The finding with its position, and the expressions that it does not tell.

@@ -272,10 +272,9 @@ class Stage(Table):
     dt: TimeStep | None = Field(
         None,
         description=(
-            'time step of this stage [s], or "auto"; default: that of [solver]. In a frozen '
-            "stage: interval at which "
-            "temperatures are evaluated [s], the least between frames and rows; default: the "
-            "smaller interval of [output]"
+            'time step of this stage [s], or "auto"; default: that of [solver]. In a frozen stage: '
+            "interval at which temperatures are evaluated [s], the least between frames and rows; "
+            "default: the smaller interval of [output]"
         ),
     )
     solver: StageSolver | None = Field(

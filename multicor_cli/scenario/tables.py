@@ -36,8 +36,7 @@ class ScenarioModel(Table):
         max_length=1000,
         description=(
             "a number by each name, as d = 1e-3; a string that begins with = is an expression and "
-            "can stand in place of "
-            'any number, as "= 2 * d"'
+            'can stand in place of any number, as "= 2 * d"'
         ),
     )
     domain: Domain = Field(description="size, periodicity and gravity")

@@ -6,8 +6,8 @@ import subprocess
 
 import numpy as np
 import pytest
+from contact_problems import column_problem, dense_delassus, heap_problem, tilted
 from places import SUPPORT
-from problems import column_problem, dense_delassus, heap_problem, tilted
 from scene_parts import shear_engine
 
 from multicor_cli.engine import ContactProblem, Settings, solve_contacts

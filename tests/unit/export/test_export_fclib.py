@@ -13,7 +13,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from problems import column_problem, dense_delassus, heap_problem, tilted
+from contact_problems import column_problem, dense_delassus, heap_problem, tilted
 from scenes import SMALL, WARM, write_small
 
 from multicor_cli import load_scenario

@@ -64,15 +64,10 @@ def dense_delassus(problem):
     h = np.zeros((2 * c, 3 * b))
     nx, ny = problem.normal.T
     for side, sign in ((0, 1.0), (1, -1.0)):
-        body = 3 * problem.pair[:, side]
-        k = np.arange(c)
-        h[2 * k, body], h[2 * k, body + 1], h[2 * k, body + 2] = (
-            sign * nx,
-            sign * ny,
-            sign * levers[:, side, 0],
-        )
+        body, k, lever = 3 * problem.pair[:, side], np.arange(c), sign * levers[:, side].T
+        h[2 * k, body], h[2 * k, body + 1], h[2 * k, body + 2] = sign * nx, sign * ny, lever[0]
         h[2 * k + 1, body], h[2 * k + 1, body + 1] = -sign * ny, sign * nx
-        h[2 * k + 1, body + 2] = sign * levers[:, side, 1]
+        h[2 * k + 1, body + 2] = lever[1]
     w = (h * problem.inverse_mass.ravel()) @ h.T
     q = h @ problem.velocity.ravel()
     q[::2] += problem.bias
