@@ -15,15 +15,10 @@ from multicor_cli.model import HEAT_BOOK_NAMES, State, Thermal
 
 def make_heat_laws(*, density=7500.0, capacity=500.0, wear=0.0, **properties):
     """Laws of steel but for what is given; ``wear`` is Archard's over the hardness [1/Pa]."""
-    others = {
-        "conductivity": 15.0,
-        "young": 193e9,
-        "poisson": 0.29,
-        "emissivity": 0.0,
-        **properties,
-    }
+    steel = {"conductivity": 15.0, "young": 193e9, "poisson": 0.29, "emissivity": 0.0}
     rough = {"roughness": 1e-6, "asperity_slope": 0.1, "microhardness": 3e9}
-    material = {"density": density, "heat_capacity": capacity, "hardness": 1.0, **others, **rough}
+    material = {"density": density, "heat_capacity": capacity, "hardness": 1.0}
+    material |= {**steel, **properties, **rough}
     return heat_laws([material], "half", np.array([[wear]]))
 
 
@@ -43,9 +38,8 @@ def with_heat(model, start, *, capacity=None, specific=500.0):
 
 def warm_model(radius=(1.0,), start=300.0, shapes=(), *, capacity=None, **choices):
     """Spheres at ``start`` [K] on a floor, or on nothing."""
-    model = make_model(
-        radius, shapes, ("floor",) if shapes else (), **{"shape": "sphere", **choices}
-    )
+    walls = ("floor",) if shapes else ()
+    model = make_model(radius, shapes, walls, **{"shape": "sphere", **choices})
     return with_heat(model, start, capacity=capacity)
 
 
@@ -64,25 +58,22 @@ def coupled_engine(
     state = State.at_rest(model, np.asarray(positions, float))
     if velocities is not None:
         state.velocity[:] = velocities
-    engine = Engine(
-        model, state, threads=1, heat=HeatSettings(laws or make_heat_laws(), **settings)
-    )
+    heat = HeatSettings(laws or make_heat_laws(), **settings)
+    engine = Engine(model, state, threads=1, heat=heat)
     engine.begin(Orders(drives, solver, conditions=conditions))
     return engine
 
 
 def heat_engine(model, positions, *, conditions=None, laws=None, **settings):
     """Heat alone, of bodies that stand still."""
-    return frozen_engine(
-        model, State.at_rest(model, np.asarray(positions, float)), conditions, laws, **settings
-    )
+    state = State.at_rest(model, np.asarray(positions, float))
+    return frozen_engine(model, state, conditions, laws, **settings)
 
 
 def frozen_engine(model, state, conditions=None, laws=None, **settings):
     """Heat alone, in a state."""
-    engine = Engine(
-        model, state, threads=1, heat=HeatSettings(laws or make_heat_laws(), **settings)
-    )
+    heat = HeatSettings(laws or make_heat_laws(), **settings)
+    engine = Engine(model, state, threads=1, heat=heat)
     engine.resume(Orders(conditions=conditions, is_frozen=True))
     return engine
 
@@ -103,15 +94,14 @@ def touching_engine(
 
     The prescribed force is chosen for it: H = 2 λ (3 F a*/4E*)^⅓ with a* = a/2.
     """
-    model = make_model(
-        np.full(len(positions), radius), shapes, walls, period=period, shape="sphere"
-    )
+    radii = np.full(len(positions), radius)
+    model = make_model(radii, shapes, walls, period=period, shape="sphere")
     model = with_heat(model, start, capacity=capacity)
     laws = make_heat_laws(emissivity=settings.pop("emissivity", 0.0))
     spot = 1.0 / (2.0 * 15.0)
     force = spot**3 * 4.0 * laws.modulus[0, 0] / (3.0 * 0.5 * radius)
-    force = ContactForce("prescribed", force)
-    return heat_engine(model, positions, conditions=conditions, laws=laws, force=force, **settings)
+    given = {"laws": laws, "force": ContactForce("prescribed", force)}
+    return heat_engine(model, positions, conditions=conditions, **given, **settings)
 
 
 def on_floor(condition, start=300.0, positions=((0.0, 1.0),), **settings):
@@ -158,10 +148,7 @@ def exact_temperatures(links, capacity, start, t):
     n = len(start)
     k = np.zeros((n, n))
     for i, j in links:
-        k[i, i] += 1.0
-        k[j, j] += 1.0
-        k[i, j] -= 1.0
-        k[j, i] -= 1.0
+        k[[i, j, i, j], [i, j, j, i]] += 1.0, 1.0, -1.0, -1.0
     root = np.sqrt(capacity)
     w, v = np.linalg.eigh(k / np.outer(root, root))
     return (v @ (np.exp(-w * t) * (v.T @ (root * start)))) / root
