@@ -375,9 +375,12 @@ _DPI = 150  # of a notebook
 
 
 def picture(shown: Any) -> bytes | None:
-    """A map of a `Frame`, or of the last one of a `Run`, as PNG; None without grains or matplotlib.
+    """A map of a frame, or of the last one of a run, as PNG; None without grains or matplotlib.
 
     Temperatures where there is heat, else speeds.
+
+    Args:
+        shown: `Run` or `Frame`.
     """
     run: Any = shown if hasattr(shown, "frames") else _Single(shown)
     has_grains = len(run.frames.time) and len(run.frames[-1].position)

@@ -50,7 +50,15 @@ class GrainScene:
 
 
 def make_scene(source: Run, frame: Frame) -> GrainScene:
-    """The scene of a frame, x wrapped into the period; raises `StoreError` if it cannot be read."""
+    """The scene of a frame; x is wrapped into the period.
+
+    Args:
+        source: The run.
+        frame: One of its frames.
+
+    Raises:
+        StoreError: If the run cannot be read.
+    """
     model = model_of(source, frame)
     center = np.array(np.asarray(frame.position, np.float64)[:, :2])
     pose = np.asarray(frame.wall_position, np.float64)

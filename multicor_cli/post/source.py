@@ -62,7 +62,11 @@ def need_heat(values: NDArray[Any] | None) -> Floats:
 
 
 def frame_index(frames: Frames, frame: int) -> int:
-    """A frame counted from the first one, of one that may count from the last (negative).
+    """A frame counted from the first one, of one that may count from the last.
+
+    Args:
+        frames: The frames.
+        frame: Index; negative counts from the last one.
 
     Raises:
         PostError: If there is no such frame.

@@ -125,9 +125,7 @@ def test_names_are_completed() -> None:
 
 
 EXPLAINED = [getattr(multicor_cli, name) for name in FUNCTIONS] + [engine.solve_contacts]
-EXPLAINED += [
-    getattr(post, name) for name in post.__all__ if inspect.isfunction(getattr(post, name))
-]
+EXPLAINED += filter(inspect.isfunction, vars(post).values())
 
 
 @pytest.mark.parametrize("function", EXPLAINED, ids=lambda function: function.__name__)
