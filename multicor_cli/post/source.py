@@ -1,4 +1,4 @@
-"""What post-processing needs of a run, and which of its frames it looks at."""
+"""Which frames and grains of a run post-processing looks at, and what it needs of them."""
 
 from __future__ import annotations
 

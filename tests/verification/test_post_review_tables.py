@@ -11,7 +11,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import post_review_support as oracle
+import post_oracle as oracle
 import pytest
 from from_wall_to_wall import profile
 from made_up_frames import contacts_of, frame_of, source_of
@@ -48,9 +48,7 @@ def direct_interval(run: Run, first: Any, second: Any, edge: float, slip: Any) -
     y = second.position[:, 1]
     inside = [k for k in range(radius.size) if low < y[k] < high]
     found = oracle.branches(run, second)
-    counts = np.zeros(radius.size)
-    for i, j, _, _ in found:
-        counts[[i] if j >= radius.size else [i, j]] += 1
+    counts = oracle.counts(run, second)
     stress, normals = np.zeros((2, 2)), np.zeros((2, 2))
     middle = 0
     for i, _, force, way in found:
@@ -129,9 +127,7 @@ def test_rheology_agrees_with_plain_loops(run: Run, frames: slice) -> None:
     table = post.rheology(run, post.Selection(frames=frames), margin=1.0)
     chosen = list(range(oracle.FRAMES)[frames])
     edge = run.model.mean_diameter + oracle.GLUED
-    mean = np.mean([np.diff(bulk_of(run.frames[k], 0.0))[0] for k in chosen])
-    spacing = min(mean / round(mean / run.model.mean_diameter), run.model.mean_diameter)
-    slips = oracle.fluctuations(run, chosen, spacing)
+    slips = oracle.fluctuations(run, chosen)
     found = [run.frames[k] for k in chosen]
     steps = zip(found[:-1], found[1:], slips[1:], strict=True)
     rows = [direct_interval(run, a, b, edge, slip) for a, b, slip in steps]
@@ -241,9 +237,7 @@ def test_anisotropies_make_up_the_stress_ratio() -> None:
 def test_force_network_agrees_with_plain_loops(run: Run) -> None:
     network, frame, n = post.force_network(run, 9), run.frames[9], run.model.grain_count
     found = oracle.branches(run, frame)
-    counts = np.zeros(n)
-    for i, j, _, _ in found:
-        counts[[i] if j >= n else [i, j]] += 1
+    counts = oracle.counts(run, frame)
     summary = network.summary
     assert summary["contacts"] == len(found)
     assert summary["wall_contacts"] == sum(1 for _, j, _, _ in found if j >= n) > 0
@@ -273,9 +267,7 @@ def test_maps_agree_with_plain_loops(run: Run) -> None:
     assert post.grain_map(run, "stress", 8).value == pytest.approx(pressure)
     heat = (frame.generated - before.generated) / (frame.time - before.time)
     assert post.grain_map(run, "heat", 8).value == pytest.approx(heat)
-    mean = np.diff(bulk_of(frame, 0.0))[0]
-    spacing = min(mean / round(mean / run.model.mean_diameter), run.model.mean_diameter)
-    slip = oracle.fluctuations(run, [8], spacing)[0]
+    slip = oracle.fluctuations(run, [8])[0]
     vector = post.grain_map(run, "fluctuation", 8).vector
     assert vector is not None
     assert vector[:, 0] == pytest.approx(slip[:, 0])

@@ -20,12 +20,9 @@ from multicor_cli.store.frames import NamedColumn
 ALL = Selection(frames=slice(None))
 
 
-def falling(
-    position: np.ndarray, numbers: list[list[int]] | None = None, *, period: float = 4.0
-) -> Any:
-    """Frames with the centers ``position``, shape ``(frames, n, 2)``, of grains of radius 0.1 and,
-    of the second half, 0.2.
-    """
+def falling(x: Any, y: Any, numbers: list[list[int]] | None = None, period: float = 4.0) -> Any:
+    """Frames with centers ``(frames, n)`` of grains of radius 0.1 and, of the second half, 0.2."""
+    position = np.stack(np.broadcast_arrays(x, np.array(y)), axis=-1)
     n = position.shape[1]
     model = replace(between_planes(np.repeat([0.1, 0.2], [n // 2, n - n // 2])), period=period)
     frames = []
@@ -43,11 +40,8 @@ def falling(
 def test_grains_that_cross_are_counted_with_their_mass() -> None:
     """Four grains: one falls through the line, one beside it, one comes back, one goes up."""
     x = np.array([1.0, 3.5, 1.5, 2.0])
-    heights = np.array(
-        [[0.9, 0.9, 0.6, 0.2], [0.6, 0.6, 0.4, 0.3], [0.3, 0.3, 0.7, 0.4], [0.1, 0.1, 0.8, 0.7]]
-    )
-    position = np.stack([np.stack([x, y], axis=1) for y in heights])
-    source = falling(position)
+    y = [[0.9, 0.9, 0.6, 0.2], [0.6, 0.6, 0.4, 0.3], [0.3, 0.3, 0.7, 0.4], [0.1, 0.1, 0.8, 0.7]]
+    source = falling(x, y)
     table = flow_through(source, ((3.0, 0.5), (0.0, 0.5)), ALL)  # its left is below
     mass = source.model.grains.mass
     assert table.crossed["grains"].tolist() == [1, 1 - 1, -1]
@@ -69,22 +63,16 @@ def test_every_passage_through_a_periodic_cell_counts() -> None:
     """Grains that go round: through x = 1 and its images once per period, however many periods a
     step takes them.
     """
-    x = np.array([0.5, 3.9])[np.newaxis] + np.array(
-        [[0.0, 0.0], [1.0, 1.2], [9.0, 9.2], [8.0, 8.0]]
-    )
-    source = falling(np.stack([x, np.full_like(x, 0.5)], axis=2))
-    table = flow_through(source, ((1.0, 1.0), (1.0, 0.0)), ALL)  # its left is towards +x
+    x = np.array([[0.5, 3.9], [1.5, 5.1], [9.5, 13.1], [8.5, 11.9]])
+    table = flow_through(falling(x, 0.5), ((1.0, 1.0), (1.0, 0.0)), ALL)  # its left is towards +x
     expected = np.diff(np.floor((x - 1.0) / 4.0), axis=0)
     assert table.crossed["grains"].tolist() == expected.sum(axis=1).tolist()
-    bounded = falling(np.stack([x, np.full_like(x, 0.5)], axis=2), period=0.0)
-    alone = flow_through(bounded, ((1.0, 1.0), (1.0, 0.0)), ALL)
+    alone = flow_through(falling(x, 0.5, period=0.0), ((1.0, 1.0), (1.0, 0.0)), ALL)
     assert alone.crossed["grains"].tolist() == [1, 0, 0]
 
 
 def test_grains_that_come_and_go_count_while_they_are_there() -> None:
-    heights = np.array([[0.9, 0.9], [0.4, 0.4], [0.1, 0.6]])
-    position = np.stack([np.stack([np.full(2, 1.0), y], axis=1) for y in heights])
-    source = falling(position, [[0], [0, 1], [1]])
+    source = falling(1.0, [[0.9, 0.9], [0.4, 0.4], [0.1, 0.6]], [[0], [0, 1], [1]])
     assert flow_through(source, ((2.0, 0.5), (0.0, 0.5)), ALL).crossed["grains"].tolist() == [1, -1]
 
 
@@ -92,9 +80,8 @@ def test_grains_that_an_outlet_takes_and_gives_back_do_not_cross_back() -> None:
     """Falling through a line at 0.5; between the second and the third frame the outlet has given
     the first one back, 9 higher.
     """
-    heights = np.array([[0.9, 0.8], [0.4, 0.3], [9.4, 0.1]])
-    position = np.stack([np.stack([np.full(2, 1.0), y], axis=1) for y in heights])
-    table = flow_through(falling(position, [[0, 1]] * 3), ((2.0, 0.5), (0.0, 0.5)), ALL)
+    source = falling(1.0, [[0.9, 0.8], [0.4, 0.3], [9.4, 0.1]], [[0, 1]] * 3)
+    table = flow_through(source, ((2.0, 0.5), (0.0, 0.5)), ALL)
     assert (table.forth, table.back, table.lost) == (2, 0, 1)
     assert "1 time a grain came or went" in table.note
     assert table.as_dict()["not_counted"] == 1

@@ -176,6 +176,14 @@ def branches(run: Run, frame: Frame) -> list[tuple[int, int, Floats, Floats]]:
     return found
 
 
+def counts(run: Run, frame: Frame) -> Floats:
+    """Contacts with a force of each grain, those with walls included."""
+    found = np.zeros(run.model.grain_count)
+    for i, j, _, _ in branches(run, frame):
+        found[[i] if j >= found.size else [i, j]] += 1
+    return found
+
+
 def parts(start: float, end: float, edges: Floats) -> Floats:
     """Part of a line in each bin."""
     low, high = min(start, end), max(start, end)
@@ -188,10 +196,15 @@ def hats(y: Floats, edges: Floats) -> Floats:
     return np.column_stack([np.interp(y, edges, row) for row in np.eye(edges.size)])
 
 
-def fluctuations(run: Run, chosen: list[int], spacing: float) -> list[Floats]:
-    """Velocities about lines between knots with least weighted squares, over all frames."""
-    mean = np.mean([np.diff(layer(run, run.frames[k], 1).edges)[0] for k in chosen])
-    knots = max(round(mean / spacing), 1)
+def fluctuations(run: Run, chosen: list[int], bin_width: float | None = None) -> list[Floats]:
+    """Velocities about lines between knots with least weighted squares, over all frames.
+
+    Knots are as far apart as bins are wide, by default about a mean diameter, but no farther.
+    """
+    mean = np.mean([np.ptp(layer(run, run.frames[k], 1).edges) for k in chosen])
+    diameter = run.model.mean_diameter
+    bin_width = bin_width or mean / round(mean / diameter)
+    knots = max(round(mean / min(bin_width, diameter)), 1)
     radius = run.model.grains.radius
     frames = [run.frames[k] for k in chosen]
     bases = [hats(frame.position[:, 1], layer(run, frame, knots).edges) for frame in frames]
