@@ -113,12 +113,6 @@ def force_network(source: Run, frame: int = -1) -> ForceNetwork:
 
 # ---- How contact forces are distributed: over magnitudes, and over directions
 
-FORCE_BINS = 40
-"""Logarithmic bins of the force distribution."""
-
-ANGLE_BINS = 36
-"""Bins of the directions over the full circle."""
-
 MOMENTS = ("a_c", "a_n", "a_t", "theta_c", "theta_n", "theta_t")
 """Names of the moments of an `AngularDistribution`."""
 
@@ -169,7 +163,7 @@ class AngularDistribution(Table):
 
 
 def force_distribution(
-    source: Run, selection: Selection | None = None, bins: int = FORCE_BINS
+    source: Run, selection: Selection | None = None, bins: int = 40
 ) -> ForceDistribution:
     """Distribution of the contact forces over their magnitude, in logarithmic bins.
 
@@ -234,7 +228,7 @@ def force_distribution(
 
 
 def angular_distribution(
-    source: Run, selection: Selection | None = None, bins: int = ANGLE_BINS
+    source: Run, selection: Selection | None = None, bins: int = 36
 ) -> AngularDistribution:
     """Distribution of contact directions and of the forces over them.
 

@@ -211,7 +211,7 @@ def write_results(
     rows = Counter[str]()
     for segment in segments:
         rows.update(segment_dims(segment))
-    lengths = rows | model_dims(model)
+    lengths = Counter(rows | model_dims(model))  # 0 where there is no segment
     shapes = {
         spec: tuple(d if isinstance(d, int) else lengths[d] for d in spec.dims)
         for spec in table
