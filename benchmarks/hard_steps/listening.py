@@ -18,7 +18,7 @@ from multicor_cli.engine.contact.sweep import System, add_impulses
 from multicor_cli.engine.jit.chunks import aligned_copy
 from multicor_cli.packing import build
 from multicor_cli.running.controller import Controller
-from multicor_cli.running.planning import make_plan
+from multicor_cli.running.from_scenario import make_plan
 from multicor_cli.running.session import make_engine
 from multicor_cli.scenario import parse_scenario
 

@@ -19,7 +19,7 @@ from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.model import Model, State
 from multicor_cli.post import force_network
-from multicor_cli.running.plan import heat_settings, wall_heat
+from multicor_cli.running.from_scenario import heat_settings, wall_heat
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.store import Run
 

@@ -15,8 +15,8 @@ from multicor_cli.engine.orders import Method
 from multicor_cli.model import Model, State
 from multicor_cli.model.state import VARIABLE
 from multicor_cli.packing import build
+from multicor_cli.running.from_scenario import make_plan
 from multicor_cli.running.plan import RunPlan, begin_stage
-from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine
 from multicor_cli.scenario import Scenario, parse_scenario
 

@@ -23,10 +23,11 @@ from multicor_cli.model.shapes import TAIL, Tail
 from multicor_cli.packing import build
 from multicor_cli.running.conditions import KINETIC
 from multicor_cli.running.controller import Controller
+from multicor_cli.running.from_scenario import make_plan
 from multicor_cli.running.plan import StagePlan, begin_stage
-from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine
 from multicor_cli.scenario import Scenario, parse_scenario
+from multicor_cli.store.documents import Reason
 
 # ---- A scene that is ready, and its steps
 
@@ -186,10 +187,10 @@ class _Settling(StagePlan):
 
     rest: Rest = field(kw_only=True)
 
-    def has_ended(self, state: State) -> bool:
-        """Whether the stage is over; asked once after each step."""
+    def reason_to_end(self, state: State) -> Reason | None:
+        """Why the stage is over, if it is; asked once after each step."""
         self.rest.note(state)
-        return self.rest.is_reached or super().has_ended(state)
+        return "condition" if self.rest.is_reached else super().reason_to_end(state)
 
 
 # ---- A periodic scene side by side, which goes on as the original would

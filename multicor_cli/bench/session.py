@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from multicor_cli.bench.measuring import Result, Task, measure
 from multicor_cli.bench.yardsticks import copy_bandwidth
-from multicor_cli.running.compiling import end_with_parent, python_child
+from multicor_cli.running.machine import end_with_parent, python_child
 
 T = TypeVar("T")
 
@@ -76,7 +76,7 @@ import os, time
 from multicor_cli.bench.driving import prepare
 from multicor_cli.bench.scenes import START
 from multicor_cli.engine.precompile import precompile
-from multicor_cli.running.compiling import shared_compilation
+from multicor_cli.running.machine import shared_compilation
 start = time.perf_counter()
 with shared_compilation(os.cpu_count() or 1) as other:
     prepare(START, 100, threads=1).take(START.steps)

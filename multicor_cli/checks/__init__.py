@@ -71,7 +71,7 @@ def check_scenario(scenario: Scenario | str | Path, threads: int = 1) -> list[Ch
         ScenarioError: If the scenario is wrong, or its grains cannot be placed.
     """
     from multicor_cli.packing import build
-    from multicor_cli.running.planning import make_plan
+    from multicor_cli.running.from_scenario import make_plan
     from multicor_cli.scenario.scenario import load_scenario
 
     loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)

@@ -16,7 +16,7 @@ from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import DofDrive
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
-from multicor_cli.running.compiling import available_memory
+from multicor_cli.running.machine import available_memory
 from multicor_cli.running.plan import StagePlan
 from multicor_cli.running.time_step import (
     Scales,
@@ -308,7 +308,7 @@ def _wall_conditions(run: Prepared) -> Iterator[tuple[str, WallHeat, int, str]]:
     """Walls of prescribed temperature: name, condition and index, and the stage's name."""
     starts = [0.0] * len(run.plan.stages)
     for stage in run.plan.stages:
-        conditions = [] if stage.heat is None else stage.heat.conditions.started(starts)
+        conditions = [] if stage.heat is None else stage.heat.started(starts)
         for w, (name, wall) in enumerate(zip(run.model.walls.names, conditions, strict=False)):
             if wall.kind == "temperature":
                 yield name, wall, w, stage.name

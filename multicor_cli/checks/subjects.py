@@ -18,8 +18,8 @@ from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.model import Model, State
 from multicor_cli.model.model import ContactLaws, Floats
 from multicor_cli.running.estimate import Estimate, estimate
+from multicor_cli.running.from_scenario import make_plan
 from multicor_cli.running.plan import RunPlan, StagePlan
-from multicor_cli.running.planning import make_plan
 from multicor_cli.running.time_step import StepReview, largest_gravity, review_steps
 from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.scenario.scenario import Scenario, parse_scenario

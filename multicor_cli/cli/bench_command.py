@@ -71,10 +71,7 @@ CompareFile = Annotated[
 ]
 
 QUICK = (
-    ("bed", 1008),
-    ("shear", 1008),
-    ("shear-dynamic", 1008),
-    ("heated-bed", 1008),
+    *((name, 1008) for name in ("bed", "shear", "shear-dynamic", "heated-bed")),
     ("bed", 10_080),
 )
 _SEEDS = 3  # that are recorded: their median is near what any seed gives
@@ -105,21 +102,18 @@ def bench(
     from multicor_cli.bench.recorded import read_record, write_record
     from multicor_cli.bench.scenes import SCENES
     from multicor_cli.bench.session import HEADINGS, notes, row, run_benchmark
-    from multicor_cli.running.compiling import available_cores
+    from multicor_cli.running.machine import available_cores
 
     unknown = [name for name in scenes or [] if name not in SCENES]
     if unknown:
-        raise typer.BadParameter(
-            f"there is no scene '{unknown[0]}'; choose from: {', '.join(SCENES)}"
-        )
+        known_scenes = ", ".join(SCENES)
+        raise typer.BadParameter(f"there is no scene '{unknown[0]}'; choose from: {known_scenes}")
     if is_quick and (scenes or grains):
         raise typer.BadParameter("--quick chooses scenes and numbers of grains itself")
     known = None if compare is None else read_record(compare)
-    pairs = (
-        QUICK
-        if is_quick
-        else [(name, count) for name in scenes or SCENES for count in grains or [10_000]]
-    )
+    pairs = [(name, count) for name in scenes or SCENES for count in grains or [10_000]]
+    if is_quick:
+        pairs = [*QUICK]
     count = 1 if is_quick else threads or available_cores()
     seeds = range(seed, seed + (1 if record is None else _SEEDS))
     tasks = [Task(name, n, count, rounds, each) for name, n in pairs for each in seeds]
@@ -135,11 +129,8 @@ def bench(
         write_record(record, benchmark.results)
         say(f"wrote {record}")
     faults = [fault for result in benchmark.results for fault in result.faults]
-    slower = (
-        []
-        if known is None
-        else _slower(tasks, benchmark.results, known, time.monotonic() - started)
-    )
+    took = time.monotonic() - started
+    slower = [] if known is None else _slower(tasks, benchmark.results, known, took)
     for line in slower:
         say(f"slower: {line}")
     if faults or slower:

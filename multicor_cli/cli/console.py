@@ -8,7 +8,8 @@ import math
 import shlex
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Annotated, Any
@@ -71,8 +72,9 @@ def emit_table(
     Console(file=sys.stdout, width=None if is_terminal else 200, highlight=False).print(table)
 
 
-def emit_pairs(pairs: Sequence[tuple[str, str]]) -> None:
+def emit_pairs(pairs: Iterable[tuple[str, str]]) -> None:
     """Names and values on stdout, aligned."""
+    pairs = list(pairs)
     width = max((len(name) for name, _ in pairs), default=0)
     for name, value in pairs:
         emit(brief(printable(f"{name:<{width}}  {value}")))
@@ -184,17 +186,14 @@ def make_observer(*, is_quiet: bool) -> Observer:
 class QuietObserver:
     """Shows warnings only; not being able to write them (a closed pipe) must not stop a run."""
 
-    def message(self, text: str) -> None:
-        """Ignore it."""
+    def message(self, text: str) -> None: ...
 
     def warning(self, text: str) -> None:
         self._say(f"warning: {text}")
 
-    def stepped(self, status: Status) -> None:
-        """Ignore it."""
+    def stepped(self, status: Status) -> None: ...
 
-    def closed(self) -> None:
-        """Nothing to do."""
+    def closed(self) -> None: ...
 
     def _say(self, text: str) -> None:
         with contextlib.suppress(OSError):
@@ -231,11 +230,8 @@ class BarObserver(QuietObserver):
 
     def stepped(self, status: Status) -> None:
         if self._bar.is_due(status.progress):
-            self._bar.update(
-                status.progress,
-                status.stage,
-                describe(status, with_stage=False) + _remaining(status),
-            )
+            line = describe(status, with_stage=False) + _remaining(status)
+            self._bar.update(status.progress, status.stage, line)
 
     def closed(self) -> None:
         self._bar.close()
@@ -270,20 +266,14 @@ def describe(status: Status, *, with_stage: bool = True) -> str:
     parts += [f"step {state.step}", f"t = {state.time:.4g} s"]
     if status.speed is not None:
         parts.append(f"{status.speed:.3g} steps/s")
-    parts += [
-        f"{report.contacts} contacts",
-        f"{report.sweeps:.0f} sweeps",
-        f"residual {report.rms:.1e}",
-    ]
-    return "  ".join(parts)
+    solved = f"{report.contacts} contacts  {report.sweeps:.0f} sweeps  residual {report.rms:.1e}"
+    return "  ".join([*parts, solved])
 
 
 def _remaining(status: Status) -> str:
-    return (
-        ""
-        if status.remaining is None or status.progress >= 1.0
-        else f"  {format_seconds(status.remaining)} left"
-    )
+    if status.remaining is None or status.progress >= 1.0:
+        return ""
+    return f"  {format_seconds(status.remaining)} left"
 
 
 # ---- The two commands that are worth giving after a run
@@ -296,9 +286,8 @@ def following(directory: Path) -> tuple[str, str]:
     place = shlex.quote(str(directory))
     with open_run(directory) as run:
         is_heated = run.model.thermal is not None
-    look = (
-        f"multicor post map {place} --of {'temperature' if is_heated else 'speed'} --plot map.png"
-    )
+    of = "temperature" if is_heated else "speed"
+    look = f"multicor post map {place} --of {of} --plot map.png"
     return look, f"multicor report {place}"
 
 
@@ -321,21 +310,17 @@ def show_all(checks: Sequence[Check], write: Callable[[str], None]) -> None:
                 write(fill(text, _WIDTH, initial_indent=start, subsequent_indent=_INDENT))
 
 
-def show_doubtful(checks: Sequence[Check], say: Callable[[str], None]) -> None:
+def show_doubtful(checks: Sequence[Check], say: Callable[[str], None], of: str = "") -> None:
     """The checks that are not ok, each in a line."""
     for check in checks:
         if check.verdict.value != "ok":
-            say(
-                f"{check.verdict.value}: {check.name}: {check.text} [{check.limit}]. {check.remedy}"
-            )
+            found = f"{check.verdict.value}: {check.name}: {check.text} [{check.limit}]"
+            say(f"{found}{of}. {check.remedy}")
 
 
 def count_verdicts(checks: Sequence[Check]) -> str:
     """How many checks came out how, in words."""
-    count = {
-        verdict: sum(check.verdict.value == verdict for check in checks)
-        for verdict in ("ok", "warning", "bad")
-    }
+    count = Counter(check.verdict.value for check in checks)
     return (
         f"{count_noun(len(checks), 'check')}: {count['ok']} ok, "
         f"{count_noun(count['warning'], 'warning')}, {count['bad']} bad"

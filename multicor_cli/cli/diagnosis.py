@@ -19,21 +19,28 @@ _LIBRARIES = ("numpy", "numba", "llvmlite", "h5py", "pydantic", "typer", "rich")
 
 def diagnose() -> dict[str, Any]:
     """Versions, processor, memory, threads, kernel cache and free disk."""
+    import h5py
+
+    from multicor_cli.engine.jit.cache import configure_cache, is_compiled
+    from multicor_cli.running.machine import available_cores
+
+    threading, cache = _threading_layer(), configure_cache()
+    kept = f"{cache} ({'compiled' if is_compiled() else 'empty'})"
     return {
         "multicor": __version__,
         "python": f"{platform.python_version()} ({sys.executable})",
         **{name: _version(name) for name in _LIBRARIES},
-        "hdf5": _hdf5_version(),
+        "hdf5": str(h5py.version.hdf5_version),
         **{
             each.name: _version(each.name, f"not installed ({each.use} need it: {each.remedy})")
             for each in LIBRARIES.values()
         },
         "ffmpeg": shutil.which("ffmpeg") or "not installed (films become GIF)",
         "platform": platform.platform(),
-        "cores": _cores(),
-        **_threading(),
+        "cores": f"{available_cores()} of {os.cpu_count()}",
+        "threading layer": threading,
         "memory": _memory(),
-        "kernel cache": _cache(),
+        "kernel cache": "none that outlives a process" if cache is None else kept,
         "free disk": format_bytes(shutil.disk_usage(Path.cwd()).free),
     }
 
@@ -45,32 +52,11 @@ def _version(name: str, missing: str = "not installed") -> str:
         return missing
 
 
-def _hdf5_version() -> str:
-    import h5py
-
-    return str(h5py.version.hdf5_version)
-
-
-def _cores() -> str:
-    from multicor_cli.running.compiling import available_cores
-
-    return f"{available_cores()} of {os.cpu_count()}"
-
-
-def _cache() -> str:
-    from multicor_cli.engine.jit.cache import configure_cache, is_compiled
-
-    path = configure_cache()
-    if path is None:
-        return "none that outlives a process"
-    return f"{path} ({'compiled' if is_compiled() else 'empty'})"
-
-
-def _threading() -> dict[str, str]:
+def _threading_layer() -> str:
     """The threading layer of kernels, asked for in another process: a failure stays there."""
     import subprocess
 
-    from multicor_cli.running.compiling import python_child, reserve_threads
+    from multicor_cli.running.machine import python_child, reserve_threads
 
     reserve_threads()  # as a run does
     command, environment = python_child(
@@ -81,13 +67,11 @@ def _threading() -> dict[str, str]:
             command, env=environment, capture_output=True, text=True, timeout=120, check=False
         )
     except (OSError, subprocess.SubprocessError) as error:
-        return {"threading layer": f"not known: {type(error).__name__}"}
+        return f"not known: {type(error).__name__}"
     said = (done.stderr if done.returncode else done.stdout).strip().splitlines()
-    return {
-        "threading layer": f"none: {said[-1] if said else 'Numba cannot be started'}"
-        if done.returncode
-        else said[-1]
-    }
+    if done.returncode:
+        return f"none: {said[-1] if said else 'Numba cannot be started'}"
+    return said[-1]
 
 
 def _memory() -> str:

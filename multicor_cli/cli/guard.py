@@ -73,7 +73,9 @@ def _failures() -> Iterator[None]:
     try:
         yield
     except BrokenPipeError:
-        _close_stdout()
+        # No one reads stdout anymore: discard its buffer, and what Python flushes at exit
+        with contextlib.suppress(OSError, ValueError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(ExitCode.DONE) from None
     except SystemExit as error:
         # Rich has met it first, and calls it a failure
@@ -81,25 +83,18 @@ def _failures() -> Iterator[None]:
             raise SystemExit(ExitCode.DONE) from None
         raise
     except (KeyboardInterrupt, Exception) as error:
-        if _is_control_flow(error):
+        # the command-line library leaves a command by these, or formats them itself
+        if isinstance(error, typer.Exit | typer.Abort | USAGE_ERROR):
             raise
         code = exit_code_of(error)
         _report(error, code)
         raise SystemExit(code) from None
 
 
-def _is_control_flow(error: BaseException) -> bool:
-    """Whether the command-line library leaves a command by it, or formats it itself."""
-    return isinstance(error, typer.Exit | typer.Abort | USAGE_ERROR)
-
-
 def _report(error: BaseException, code: ExitCode) -> None:
     if code is ExitCode.BUG:
-        where = _write_crash(error)
-        complain(
-            f"internal error ({type(error).__name__}), sorry: this is a bug. Please report it "
-            f"with {where}"
-        )
+        what = f"internal error ({type(error).__name__}), sorry: this is a bug"
+        complain(f"{what}. Please report it with {_write_crash(error)}")
     elif code is ExitCode.SCENARIO:
         for problem in error.problems:  # type: ignore[attr-defined]
             say(str(problem))
@@ -117,11 +112,8 @@ def _describe(error: BaseException) -> str:
     """The message of an error; of one of the system: the file and what is wrong with it."""
     if isinstance(error, OSError) and error.strerror:
         # Files are named
-        is_output = error.filename is None and error.errno in (
-            errno.ENOSPC,
-            errno.EDQUOT,
-            errno.EFBIG,
-        )
+        is_full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+        is_output = error.filename is None and is_full
         where = "standard output" if is_output else error.filename
         return f"{where}: {error.strerror}" if where is not None else error.strerror
     return str(error)
@@ -144,9 +136,3 @@ def _write_crash(error: BaseException) -> str:
         say(text)
         return "the lines above"
     return name
-
-
-def _close_stdout() -> None:
-    """No one reads stdout anymore: discard its buffer, and what Python flushes at exit."""
-    with contextlib.suppress(OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -52,6 +52,9 @@ Overrides = Annotated[
 ]
 
 
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show warnings and errors only.")]
+
 # ---- Help that lists what there is to choose from
 
 _LISTS = {
@@ -117,9 +120,8 @@ def columns(ctx: typer.Context, incomplete: str) -> list[str]:
 
     # a shell has no place for messages
     with contextlib.suppress(Exception), open_run(_place(ctx, "directory")) as run:
-        return _beginning(
-            incomplete, (column.name.rpartition(": ")[2] for column in run.series_columns)
-        )
+        names = (column.name.rpartition(": ")[2] for column in run.series_columns)
+        return _beginning(incomplete, names)
     return []
 
 
@@ -128,10 +130,8 @@ def observables(ctx: typer.Context, incomplete: str) -> list[str]:
     from multicor_cli.studies.study_file import load_study
 
     with contextlib.suppress(Exception):
-        return _beginning(
-            incomplete,
-            (observable.name for observable in load_study(_place(ctx, "file")).model.observe),
-        )
+        study = load_study(_place(ctx, "file"))
+        return _beginning(incomplete, (each.name for each in study.model.observe))
     return []
 
 

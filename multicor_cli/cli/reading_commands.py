@@ -22,7 +22,7 @@ from multicor_cli.cli.console import (
     show_all,
     show_progress,
 )
-from multicor_cli.cli.options import RunPath, output_option
+from multicor_cli.cli.options import AsJson, RunPath, output_option
 from multicor_cli.cli.post_output import Frames, OneFrame, parse_frames
 from multicor_cli.optional import LIBRARIES
 from multicor_cli.running.outcome import ExitCode
@@ -41,10 +41,6 @@ _HEAT_LABELS = {
 }
 """Heat books for people, by name; those that are zero are not shown."""
 
-_OF_REFERENCE = " of the reference velocity (rms of a step)"
-
-AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
-
 
 def info(directory: RunPath, is_strict: Strict = False, is_json: AsJson = False) -> None:
     """Show what a run contains, how far it has got, and how accurate it is; also while it goes
@@ -57,7 +53,7 @@ def info(directory: RunPath, is_strict: Strict = False, is_json: AsJson = False)
     if is_json:
         emit_json({**found, **checks_as_json(checks)})
     else:
-        emit_pairs([*_describe(found), *_describe_progress(found)])
+        emit_pairs(_describe(found))
         if found["heat"] is not None:
             emit("")
             emit_pairs(_describe_heat(found["heat"]))
@@ -80,12 +76,11 @@ def verify(directory: RunPath, is_json: AsJson = False) -> None:
         emit_json({"path": str(directory), "whole": not damaged, "findings": rows})
     else:
         for finding in findings:
-            emit(f"{finding.severity}: {_with_file(finding.file, finding.message)}")
-        say(
-            f"{directory}: {count_noun(len(damaged), 'file')} damaged"
-            if damaged
-            else f"{directory}: no damage found"
-        )
+            is_named = finding.message.startswith(finding.file)
+            where = "" if is_named else f"{finding.file}: "
+            emit(f"{finding.severity}: {where}{finding.message}")
+        damage = f"{count_noun(len(damaged), 'file')} damaged" if damaged else "no damage found"
+        say(f"{directory}: {damage}")
     if damaged:
         raise typer.Exit(ExitCode.DAMAGED)
 
@@ -101,102 +96,51 @@ def doctor(is_json: AsJson = False) -> None:
         emit_pairs([(name, str(value)) for name, value in found.items()])
 
 
-def _with_file(file: str, message: str) -> str:
-    return message if message.startswith(file) else f"{file}: {message}"
+def _describe(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    from multicor_cli.model.books import TALLIES
+    from multicor_cli.store.documents import Origin, StageEnd, record_of
 
-
-def _describe(found: dict[str, Any]) -> list[tuple[str, str]]:
-    solver = found["solver"]
-    reason = found["stop_reason"]
-    lines = [
-        ("run", found["path"]),
-        (
-            "status",
-            f"{found['status']} ({reason})"
-            if reason and reason != found["status"]
-            else found["status"],
-        ),
-        ("grains", _text(found["grain_count"])),
-        *_describe_exchange(found["exchange"]),
-        ("walls", ", ".join(found["walls"]) or "none"),
-        *_describe_origin(found["origin"]),
-        ("frames", f"{found['frame_count']} (and {found['series_count']} rows of the time series)"),
-        ("step", _text(found["step"])),
-        ("time", _text(found["time"], " s")),
-        ("stages", ", ".join(found["stages"])),
-        *_describe_extensions(found["extensions"]),
-        *_describe_steering(found["steering"]),
-        *_describe_ends(found["stage_ends"]),
-        ("wall time", "–" if found["duration"] is None else format_seconds(found["duration"])),
-        ("state digest", _text(found["state_digest"])),
-        *_describe_tallies(found),
-        ("sweeps", _text(solver["sweeps_mean"], " per step")),
-        (
-            "largest residual",
-            _text(solver["residual_rms_max"], _OF_REFERENCE) + _where(found["worst_step"]),
-        ),
-    ]
-    version = found["provenance"].get("multicor_version", "")
-    return [*lines, ("made by", f"multicor {version}, seed {found['provenance'].get('seed')}")]
-
-
-def _describe_extensions(extensions: list[dict[str, Any]]) -> list[tuple[str, str]]:
-    texts = [
-        (
-            f"from {e['stages_before']} to {e['stages']} stages at {e['started']}, at step "
-            f"{_text(e['step'])}"
-        )
-        for e in extensions
-    ]
-    return [("  extended", text) for text in texts]
-
-
-def _describe_steering(steering: dict[str, Any] | None) -> list[tuple[str, str]]:
-    if steering is None:
-        return []
-    decisions = count_noun(len(steering["decisions"]), "decision")
-    return [
-        (
-            "  steered",
-            (
-                f"by the Python program {steering['by']}, asked every "
-                f"{count_noun(steering['every'], 'step')}: {decisions}"
-            ),
-        )
-    ]
-
-
-def _describe_origin(origin: dict[str, Any] | None) -> list[tuple[str, str]]:
-    from multicor_cli.store.documents import Origin, record_of
-
-    return [] if origin is None else [("goes on from", record_of(Origin, origin).text)]
-
-
-def _describe_exchange(exchange: dict[str, Any] | None) -> list[tuple[str, str]]:
-    if exchange is None:
-        return []
-    counts = ", ".join(
-        f"{exchange[name]} {name}"
-        for name in ("present", "waiting", "released", "left", "returned", "lost")
-    )
-    flows = [
-        (f"  {name}", f"{flow['grains']} grains, {flow['mass']:.4g} kg left")
-        for name, flow in exchange["outlets"].items()
-    ]
-    return [("  of these", counts), *flows]
-
-
-def _describe_ends(ends: list[dict[str, Any]]) -> list[tuple[str, str]]:
-    from multicor_cli.store.documents import StageEnd, record_of
-
-    return [(f"  {end.name}", end.text) for end in (record_of(StageEnd, end) for end in ends)]
-
-
-def _describe_progress(found: dict[str, Any]) -> list[tuple[str, str]]:
-    """What the heartbeat of a run that goes on tells, and how to talk to it."""
-    beat, pid = found["progress"], found["pid"]
-    lines = []
-    if beat is not None:
+    status, reason, solver = found["status"], found["stop_reason"], found["solver"]
+    yield "run", found["path"]
+    yield "status", f"{status} ({reason})" if reason and reason != status else status
+    yield "grains", _text(found["grain_count"])
+    if (exchange := found["exchange"]) is not None:
+        counts = ("present", "waiting", "released", "left", "returned", "lost")
+        yield "  of these", ", ".join(f"{exchange[name]} {name}" for name in counts)
+        for name, flow in exchange["outlets"].items():
+            yield f"  {name}", f"{flow['grains']} grains, {flow['mass']:.4g} kg left"
+    yield "walls", ", ".join(found["walls"]) or "none"
+    if found["origin"] is not None:
+        yield "goes on from", record_of(Origin, found["origin"]).text
+    yield "frames", f"{found['frame_count']} (and {found['series_count']} rows of the time series)"
+    yield "step", _text(found["step"])
+    yield "time", _text(found["time"], " s")
+    yield "stages", ", ".join(found["stages"])
+    for each in found["extensions"]:
+        added = f"from {each['stages_before']} to {each['stages']} stages at {each['started']}"
+        yield "  extended", f"{added}, at step {_text(each['step'])}"
+    if (steering := found["steering"]) is not None:
+        every = count_noun(steering["every"], "step")
+        decisions = count_noun(len(steering["decisions"]), "decision")
+        program = f"by the Python program {steering['by']}"
+        yield "  steered", f"{program}, asked every {every}: {decisions}"
+    for end in (record_of(StageEnd, document) for document in found["stage_ends"]):
+        yield f"  {end.name}", end.text
+    yield "wall time", "–" if found["duration"] is None else format_seconds(found["duration"])
+    yield "state digest", _text(found["state_digest"])
+    for entry in TALLIES:
+        if entry.label is not None:
+            yield entry.label[0], _text(found[str(entry.summary)], entry.label[1])
+    yield "sweeps", _text(solver["sweeps_mean"], " per step")
+    residual = _text(solver["residual_rms_max"], " of the reference velocity (rms of a step)")
+    if (worst := found["worst_step"]) is not None:
+        residual += f", by step {worst['step']} (t = {worst['time']:.4g} s)"
+    yield "largest residual", residual
+    provenance = found["provenance"]
+    version = f"multicor {provenance.get('multicor_version', '')}"
+    yield "made by", f"{version}, seed {provenance.get('seed')}"
+    # what the heartbeat of a run that goes on tells, and how to talk to it
+    if (beat := found["progress"]) is not None:
         where = (
             f"step {beat['step']}, t = {beat['time']:.4g} s, stage {beat.get('stage', '–')}, "
             f"{100.0 * beat['progress']:.1f} %"
@@ -204,60 +148,25 @@ def _describe_progress(found: dict[str, Any]) -> list[tuple[str, str]]:
         speed, left = beat.get("steps_per_second"), beat.get("remaining_seconds")
         where += f", {speed:.3g} steps/s" if speed is not None else ""
         where += f", {format_seconds(left)} left" if left is not None else ""
-        lines.append(("now", f"{where} ({beat.get('updated', 'time not known')})"))
-    if pid is not None:
-        lines.append(
-            (
-                "checkpoint",
-                (
-                    f"kill -USR1 {pid} writes one; kill -TERM {pid} writes one and stops, and the "
-                    "same command continues"
-                ),
-            )
-        )
-    return lines
+        yield "now", f"{where} ({beat.get('updated', 'time not known')})"
+    if (pid := found["pid"]) is not None:
+        usage = f"kill -USR1 {pid} writes one; kill -TERM {pid} writes one and stops"
+        yield "checkpoint", f"{usage}, and the same command continues"
 
 
-def _describe_tallies(found: dict[str, Any]) -> list[tuple[str, str]]:
-    from multicor_cli.model.books import TALLIES
-
-    return [
-        (entry.label[0], _text(found[str(entry.summary)], entry.label[1]))
-        for entry in TALLIES
-        if entry.label is not None
-    ]
-
-
-def _where(worst: dict[str, Any] | None) -> str:
-    return "" if worst is None else f", by step {worst['step']} (t = {worst['time']:.4g} s)"
-
-
-def _describe_heat(heat: dict[str, Any]) -> list[tuple[str, str]]:
+def _describe_heat(heat: dict[str, Any]) -> Iterator[tuple[str, str]]:
     books, temperature = heat["books"], heat["temperature"]
-    lines = [
-        (
-            "temperature",
-            (
-                f"{temperature['mean']:.6g} K on average, {temperature['min']:.6g} to "
-                f"{temperature['max']:.6g} K"
-            ),
-        ),
-        ("heat stored", _text(books["stored"], " J")),
-    ]
-    lines += [
-        (label, _text(books[name], " J")) for name, label in _HEAT_LABELS.items() if books[name]
-    ]
+    low, high = temperature["min"], temperature["max"]
+    mean = f"{temperature['mean']:.6g} K on average"
+    yield "temperature", f"{mean}, {low:.6g} to {high:.6g} K"
+    yield "heat stored", _text(books["stored"], " J")
+    for name, label in _HEAT_LABELS.items():
+        if books[name]:
+            yield label, _text(books[name], " J")
     if heat["solid_gas_max"] is not None:
-        lines.append(
-            (
-                "solid to gas",
-                (
-                    f"λ_s s/(λ_f a) from {_text(heat['solid_gas_min'])} to "
-                    f"{_text(heat['solid_gas_max'])}"
-                ),
-            )
-        )
-    return [*lines, ("heat sub-steps", _text(heat["sub_steps"]))]
+        low, high = _text(heat["solid_gas_min"]), _text(heat["solid_gas_max"])
+        yield "solid to gas", f"λ_s s/(λ_f a) from {low} to {high}"
+    yield "heat sub-steps", _text(heat["sub_steps"])
 
 
 def _text(value: Any, unit: str = "") -> str:
@@ -312,15 +221,10 @@ def report(
         )
     if not done.has_figures:
         say(f"without figures: they need matplotlib: {LIBRARIES['matplotlib'].remedy}")
-    contacts = (
-        ""
-        if done.contact_limit is None
-        else f", with the {done.contact_limit} strongest contacts of each"
-    )
-    say(
-        f"wrote {done.path}: {format_bytes(done.size)}, {done.frames} of {done.frame_count} "
-        f"frames{contacts}"
-    )
+    shown = f"{done.frames} of {done.frame_count} frames"
+    if done.contact_limit is not None:
+        shown += f", with the {done.contact_limit} strongest contacts of each"
+    say(f"wrote {done.path}: {format_bytes(done.size)}, {shown}")
 
 
 # ---- Commands `export …`: frames of a run in the formats of other programs
@@ -402,10 +306,8 @@ def to_fclib(
         )
     contacts = count_noun(len(found.problem.pair), "contact")
     where = "beyond the end of the run" if found.is_beyond else f"in stage '{found.stage}'"
-    say(
-        f"wrote {output}: {contacts} of the step after frame {found.frame} (t = {found.time:g} "
-        f"s), {where}"
-    )
+    after = f"the step after frame {found.frame} (t = {found.time:g} s)"
+    say(f"wrote {output}: {contacts} of {after}, {where}")
 
 
 @contextlib.contextmanager

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import importlib
 import shlex
 import time
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,19 +15,19 @@ from multicor_cli.cli.console import (
     count_verdicts,
     following,
     format_seconds,
+    make_observer,
     refuse_bad,
     say,
     show_doubtful,
 )
 from multicor_cli.cli.guard import set_crash_directory
-from multicor_cli.cli.options import Overrides, ScenarioFile, output_option
+from multicor_cli.cli.options import Overrides, Quiet, ScenarioFile, output_option
 from multicor_cli.text import count_noun
 
 if TYPE_CHECKING:
     from multicor_cli.model import Model, State
     from multicor_cli.running.outcome import RunOutcome
     from multicor_cli.running.plan import RunPlan
-    from multicor_cli.running.signals import StopSignals
     from multicor_cli.scenario.scenario import Scenario
 
 Directory = Annotated[
@@ -79,9 +77,7 @@ def run(
     is_dry: Annotated[
         bool, typer.Option("--dry-run", help="Place the grains and do one step; write nothing.")
     ] = False,
-    is_quiet: Annotated[
-        bool, typer.Option("--quiet", "-q", help="Show warnings and errors only.")
-    ] = False,
+    is_quiet: Quiet = False,
 ) -> None:
     """Run a scenario, or continue a run that was stopped: the same command does both.
 
@@ -95,77 +91,41 @@ def run(
     with StopSignals(may_exit=True).installed() as stop_signals:
         stop_signals.on_exit = lambda _number: complain("interrupted before anything was done")
         with stop_signals.exit_at_once():
-            job = _prepare(scenario, overrides or [], threads)
+            from multicor_cli.running.machine import reserve_threads
+            from multicor_cli.scenario.scenario import load_scenario
+
+            # the engine takes the most time to load, with room for the threads
+            loaded = load_scenario(scenario, overrides or [])
+            count = reserve_threads(threads or loaded.solver.threads)
+            from multicor_cli.checks import Prepared, check_prepared
+            from multicor_cli.running.session import Session
         if is_dry:
             with stop_signals.exit_at_once():
-                _dry_run(job)
+                _dry_run(loaded, count)
             return
-        outcome = _run(
-            job,
-            output,
-            max_hours,
-            stop_signals,
+        path = output if output is not None else Path("runs") / loaded.name
+        set_crash_directory(path)
+        observer = make_observer(is_quiet=is_quiet)
+
+        def review(scenario: Scenario, plan: RunPlan, model: Model, state: State) -> None:
+            checks = check_prepared(Prepared(scenario, plan, model, state, count, path))
+            show_doubtful(checks, observer.message)
+            refuse_bad(checks, is_strict=is_strict)
+
+        session = Session(
+            loaded,
+            path,
+            threads=count,
+            max_seconds=None if max_hours is None else 3600.0 * max_hours,
             overwrite=overwrite,
             extend=extend,
-            is_quiet=is_quiet,
-            is_strict=is_strict,
+            observer=observer,
+            stop_signals=stop_signals,
+            review=review,
         )
+        outcome = session.run()
     _conclude(outcome, is_quiet=is_quiet, is_strict=is_strict)
     raise typer.Exit(outcome.reason.exit_code)
-
-
-class _Job(NamedTuple):
-    scenario: Scenario
-    threads: int
-
-
-def _prepare(path: Path, overrides: Sequence[str], threads: int) -> _Job:
-    """Load the scenario, and the engine with room for the threads, which takes the most time."""
-    from multicor_cli.running.compiling import reserve_threads
-    from multicor_cli.scenario.scenario import load_scenario
-
-    scenario = load_scenario(path, overrides)
-    count = reserve_threads(threads or scenario.solver.threads)
-    importlib.import_module("multicor_cli.running.session")
-    return _Job(scenario, count)
-
-
-def _run(
-    job: _Job,
-    output: Path | None,
-    max_hours: float | None,
-    stop_signals: StopSignals,
-    *,
-    overwrite: bool,
-    extend: bool,
-    is_quiet: bool,
-    is_strict: bool,
-) -> RunOutcome:
-    from multicor_cli.checks import Prepared, check_prepared
-    from multicor_cli.cli.console import make_observer
-    from multicor_cli.running.session import Session
-
-    path = output if output is not None else Path("runs") / job.scenario.name
-    set_crash_directory(path)
-    observer = make_observer(is_quiet=is_quiet)
-
-    def review(scenario: Scenario, plan: RunPlan, model: Model, state: State) -> None:
-        checks = check_prepared(Prepared(scenario, plan, model, state, job.threads, path))
-        show_doubtful(checks, observer.message)
-        refuse_bad(checks, is_strict=is_strict)
-
-    session = Session(
-        job.scenario,
-        path,
-        threads=job.threads,
-        max_seconds=None if max_hours is None else 3600.0 * max_hours,
-        overwrite=overwrite,
-        extend=extend,
-        observer=observer,
-        stop_signals=stop_signals,
-        review=review,
-    )
-    return session.run()
 
 
 def _conclude(outcome: RunOutcome, *, is_quiet: bool, is_strict: bool) -> None:
@@ -184,18 +144,16 @@ def _conclude(outcome: RunOutcome, *, is_quiet: bool, is_strict: bool) -> None:
     refuse_bad(checks, is_strict=is_strict and outcome.is_finished)
 
 
-def _dry_run(job: _Job) -> None:
+def _dry_run(scenario: Scenario, threads: int) -> None:
     from multicor_cli.packing import build
     from multicor_cli.running.session import try_step
 
     say("placing the grains")
-    model, state = build(job.scenario)
-    say(
-        f"{count_noun(model.grain_count, 'grain')}, {count_noun(model.wall_count, 'wall')}; "
-        "compiling and doing one step"
-    )
+    model, state = build(scenario)
+    counts = f"{count_noun(model.grain_count, 'grain')}, {count_noun(model.wall_count, 'wall')}"
+    say(f"{counts}; compiling and doing one step")
     started = time.monotonic()
-    report = try_step(job.scenario, model, state, job.threads)
+    report = try_step(scenario, model, state, threads)
     took = format_seconds(time.monotonic() - started)
     state_of = "converged" if report.converged else "not converged"
     say(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -22,7 +22,7 @@ from multicor_cli.cli.console import (
     say,
     show_all,
 )
-from multicor_cli.cli.options import Overrides, ScenarioFile, listed
+from multicor_cli.cli.options import AsJson, Overrides, ScenarioFile, listed
 from multicor_cli.running.outcome import ExitCode
 from multicor_cli.text import count_noun, format_bytes
 
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from multicor_cli.running.plan import RunPlan
     from multicor_cli.running.time_step import StepReview
     from multicor_cli.scenario.scenario import Scenario
-    from multicor_cli.store.documents import Origin
 
 NAME_HELP = "Name of the scenario; the file is NAME.toml."
 TEMPLATE_HELP = "What to start from: {templates}."
@@ -79,10 +78,10 @@ def validate(
         ),
     ] = 0,
     is_strict: Strict = False,
-    is_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    is_json: AsJson = False,
 ) -> None:
     """Check a scenario, place its grains, and estimate what a run will cost. Nothing is written."""
-    from multicor_cli.running.compiling import reserve_threads
+    from multicor_cli.running.machine import reserve_threads
     from multicor_cli.scenario.scenario import load_scenario
 
     loaded = load_scenario(scenario, overrides or ())
@@ -90,7 +89,7 @@ def validate(
 
     from multicor_cli.checks import Prepared, check_prepared
     from multicor_cli.packing import place
-    from multicor_cli.running.planning import make_plan
+    from multicor_cli.running.from_scenario import make_plan
 
     placed = place(loaded)
     plan = make_plan(loaded, placed.model)
@@ -160,40 +159,18 @@ class _PushedWall(NamedTuple):
     inertia: float | None
     is_given: bool
 
-    def text(self) -> str:
-        """For people."""
-        inertia = "" if self.inertia is None else f", {self.inertia:.4g} kg m²"
-        mass = (
-            ""
-            if self.mass is None
-            else f" {self.mass:.4g} kg ({'given' if self.is_given else 'default'})"
-        )
-        return f"'{self.name}'{mass}{inertia}"
-
 
 def _pushed_walls(scenario: Scenario, plan: RunPlan, model: Model) -> list[_PushedWall]:
     drives = [stage.drives.started([0.0] * (k + 1)) for k, stage in enumerate(plan.stages)]
-    numbers = [
-        w
-        for w in range(model.wall_count)
-        if any(dof.is_driven for stage in drives for dof in stage[w].dofs())
-    ]
-    values = [
+    masses, inertias = (
         [None if math.isnan(value) else value for value in array.tolist()]
         for array in (model.walls.mass, model.walls.inertia)
-    ]
+    )
     return [
-        _PushedWall(
-            model.walls.names[w], values[0][w], values[1][w], scenario.walls[w].mass is not None
-        )
-        for w in numbers
+        _PushedWall(name, masses[w], inertias[w], scenario.walls[w].mass is not None)
+        for w, name in enumerate(model.walls.names)
+        if any(dof.is_driven for stage in drives for dof in stage[w].dofs())
     ]
-
-
-def _lines_of_origin(origin: Origin | None) -> list[tuple[str, str]]:
-    if origin is None:
-        return []
-    return [("goes on from", origin.text), *(("  walls", text) for text in origin.wall_texts)]
 
 
 def _time_steps(plan: RunPlan, reviews: Sequence[StepReview | None]) -> str:
@@ -202,82 +179,50 @@ def _time_steps(plan: RunPlan, reviews: Sequence[StepReview | None]) -> str:
     for stage, review in zip(plan.stages, reviews, strict=True):
         text = f"{stage.dt:.4g} s" + ("" if review is None else f": {review.text()}")
         if stage.duration is not None and stage.step_limit is not None:
-            text += (
-                f"; the last one is {stage.step_after(stage.step_limit - 1):.4g} s, to end at "
-                f"{stage.duration:g} s"
-            )
+            last = stage.step_after(stage.step_limit - 1)
+            text += f"; the last one is {last:.4g} s, to end at {stage.duration:g} s"
         names.setdefault(text, []).append(stage.name)
     if len(names) == 1:
         return next(iter(names))
     return "; ".join(f"{text} ({', '.join(stages)})" for text, stages in names.items())
 
 
-def _frictions(scenario: Scenario, plan: RunPlan) -> list[str]:
-    """What stages change about friction."""
+def _lines(run: Prepared) -> Iterator[tuple[str, str]]:
     from multicor_cli.scenario.problems import show
 
-    texts = []
+    scenario, plan, model, cost = run.scenario, run.plan, run.model, run.cost
+    yield "scenario", f"{scenario.path} is valid"
+    if run.origin is not None:
+        yield "goes on from", run.origin.text
+        for text in run.origin.wall_texts:
+            yield "  walls", text
+    yield "grains", f"{model.grain_count}, mean diameter {model.mean_diameter:.4g} m"
+    yield "walls", f"{model.wall_count} of {model.shape_count} shapes"
+    for wall in _pushed_walls(scenario, plan, model):
+        given = "given" if wall.is_given else "default"
+        mass = "" if wall.mass is None else f" {wall.mass:.4g} kg ({given})"
+        inertia = "" if wall.inertia is None else f", {wall.inertia:.4g} kg m²"
+        yield "wall mass", f"'{wall.name}'{mass}{inertia}"
+    yield "time step", _time_steps(plan, run.reviews)
     for stage, table in zip(plan.stages, scenario.loading, strict=True):
         changes = [
             f"{' – '.join(entry.pair)}: {show(entry.model_dump(exclude_none=True)['friction'])}"
             for entry in table.contacts
         ]
         if changes:
-            texts.append(f"from stage {stage.name} on, {', '.join(changes)}")
-    return texts
-
-
-def _lines(run: Prepared) -> list[tuple[str, str]]:
-    scenario, plan, model, cost = run.scenario, run.plan, run.model, run.cost
-    steps = (
-        "not known in advance"
-        if cost.steps is None
-        else f"{cost.steps} at most, in {count_noun(len(plan.stages), 'stage')}"
-    )
-    frames = (
-        "not known in advance"
-        if cost.frames is None
-        else f"{cost.frames} of {format_bytes(cost.frame_bytes)}"
-    )
-    lines = [
-        ("scenario", f"{scenario.path} is valid"),
-        *_lines_of_origin(run.origin),
-        ("grains", f"{model.grain_count}, mean diameter {model.mean_diameter:.4g} m"),
-        ("walls", f"{model.wall_count} of {model.shape_count} shapes"),
-        *[("wall mass", wall.text()) for wall in _pushed_walls(scenario, plan, model)],
-        ("time step", _time_steps(plan, run.reviews)),
-        *[("friction", text) for text in _frictions(scenario, plan)],
-        ("steps", steps),
-        ("frames", frames),
-        ("memory", f"about {format_bytes(cost.memory)}"),
-    ]
-    if cost.disk is not None and cost.disk_peak is not None and cost.seconds is not None:
-        lines.append(
-            (
-                "disk",
-                (
-                    f"about {format_bytes(cost.disk)}, {format_bytes(cost.disk_peak)} while "
-                    "results.h5 is made"
-                ),
-            )
-        )
-        lines.append(
-            (
-                "wall time",
-                (
-                    f"about {format_seconds(cost.seconds)}, and half a minute of compilation the "
-                    "first time"
-                ),
-            )
-        )
-    else:
-        lines.append(
-            (
-                "disk, time",
-                "not known in advance: a stage ends by a condition that cannot be foreseen",
-            )
-        )
-    return lines
+            yield "friction", f"from stage {stage.name} on, {', '.join(changes)}"
+    unknown, stages = "not known in advance", count_noun(len(plan.stages), "stage")
+    frame = format_bytes(cost.frame_bytes)
+    yield "steps", unknown if cost.steps is None else f"{cost.steps} at most, in {stages}"
+    yield "frames", unknown if cost.frames is None else f"{cost.frames} of {frame}"
+    yield "memory", f"about {format_bytes(cost.memory)}"
+    if cost.disk is None or cost.disk_peak is None or cost.seconds is None:
+        yield "disk, time", f"{unknown}: a stage ends by a condition that cannot be foreseen"
+        return
+    peak = f"{format_bytes(cost.disk_peak)} while results.h5 is made"
+    yield "disk", f"about {format_bytes(cost.disk)}, {peak}"
+    first = "half a minute of compilation the first time"
+    yield "wall time", f"about {format_seconds(cost.seconds)}, and {first}"
 
 
 COMMANDS = {"new": new, "validate": validate, "schema": schema}

@@ -25,8 +25,9 @@ from multicor_cli.cli.console import (
     emit_table,
     format_seconds,
     say,
+    show_doubtful,
 )
-from multicor_cli.cli.options import output_option
+from multicor_cli.cli.options import AsJson, Quiet, output_option
 from multicor_cli.text import count_noun, format_bytes
 
 if TYPE_CHECKING:
@@ -47,8 +48,6 @@ Output = Annotated[
     Path | None,
     output_option(metavar="DIR", help="Directory of the study.", show_default="studies/NAME"),
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
-
 _LINES = 60.0  # seconds between two lines in a log
 _SHOWN = 8  # running cases that are listed
 
@@ -68,10 +67,8 @@ def run(
             help="Stop after this time, with checkpoints and exit code 75.",
         ),
     ] = None,
-    is_quiet: Annotated[
-        bool, typer.Option("--quiet", "-q", help="Show warnings and errors only.")
-    ] = False,
-    is_json: Json = False,
+    is_quiet: Quiet = False,
+    is_json: AsJson = False,
 ) -> None:
     """Compute the cases of a study that are not done yet: the same command begins a study and
     continues it.
@@ -115,14 +112,12 @@ def run(
         raise typer.Exit(ExitCode.STOPPED if tally.reason is None else tally.reason.exit_code)
     if counts[CaseStatus.FAILED]:
         if not tally.failed:
-            say(
-                f"{count_noun(counts[CaseStatus.FAILED], 'case')} failed before; --retry tries "
-                f"again:  multicor study status {file}"
-            )
+            failed = f"{count_noun(counts[CaseStatus.FAILED], 'case')} failed before"
+            say(f"{failed}; --retry tries again:  multicor study status {file}")
         raise typer.Exit(ExitCode.PHYSICS)
 
 
-def validate(file: StudyFile, output: Output = None, is_json: Json = False) -> None:
+def validate(file: StudyFile, output: Output = None, is_json: AsJson = False) -> None:
     """Check a study and every case of it, and estimate what it will cost. Nothing is written."""
     from multicor_cli.studies.session import StudySession
 
@@ -140,17 +135,16 @@ def validate(file: StudyFile, output: Output = None, is_json: Json = False) -> N
             "doubtful": [{"case": name, **check.as_dict()} for name, check in found.doubtful],
         })  # fmt: skip
         return
-    hours = (
-        "unknown: a stage has no known end"
-        if found.hours is None
-        else format_seconds(3600.0 * found.hours)
-    )
-    disk = "unknown" if found.disk is None else f"about {format_bytes(found.disk)}"
+    hours, disk = "unknown: a stage has no known end", "unknown"
+    if found.hours is not None:
+        hours = format_seconds(3600.0 * found.hours)
+    if found.disk is not None:
+        disk = f"about {format_bytes(found.disk)}"
+    first, last = session.cases[0].name, session.cases[-1].name
     emit_pairs([
         ("study", session.study.name),
         ("scenario", str(session.study.scenario)),
-        ("cases", (f"{len(session.cases)}, from {session.cases[0].name} to "
-            f"{session.cases[-1].name}")),
+        ("cases", f"{len(session.cases)}, from {first} to {last}"),
         ("grains", f"{found.grains} at most"),
         ("left", count_noun(found.cases, "case")),
         ("time", f"{hours} on one core, estimated from {count_noun(found.placed, 'case')}"),
@@ -160,7 +154,7 @@ def validate(file: StudyFile, output: Output = None, is_json: Json = False) -> N
     _show_doubtful(found)
 
 
-def status(file: StudyFile, output: Output = None, is_json: Json = False) -> None:
+def status(file: StudyFile, output: Output = None, is_json: AsJson = False) -> None:
     """Show how far the cases of a study are."""
     from multicor_cli.studies.directory import CaseStatus
     from multicor_cli.studies.session import StudySession
@@ -197,7 +191,7 @@ def table(
         bool, typer.Option("--mean", help="Means over the seeds, with the error between them.")
     ] = False,
     is_csv: Annotated[bool, typer.Option("--csv", help="Print CSV.")] = False,
-    is_json: Json = False,
+    is_json: AsJson = False,
     parquet: Annotated[
         Path | None,
         typer.Option(
@@ -214,6 +208,8 @@ def table(
     """Print the table of a study: values, observables with their errors, verdict, digest and run
     directory of each case.
     """
+    from multicor_cli.export.target import check_output
+    from multicor_cli.optional import library
     from multicor_cli.studies.session import StudySession
 
     if is_csv and is_json:
@@ -221,7 +217,10 @@ def table(
     session = StudySession.open(file, output)
     found = _table(session, is_mean=is_mean)
     if parquet is not None:
-        _write_parquet(found, parquet, is_overwriting=is_overwriting)
+        library("pyarrow")
+        check_output(parquet, is_overwriting=is_overwriting)
+        found.frame().to_parquet(parquet)
+        say(f"wrote {parquet}")
     if is_json:
         emit_json({"headings": found.headings, "rows": found.records})
     elif is_csv:
@@ -332,18 +331,14 @@ def plot(
     session = StudySession.open(file, output)
     found = _table(session, is_mean=True)
     panels = make_panels(found, question)
-    lines = (
-        [[figure.fit(kind, line) for line in panel.series] for panel in panels]
-        if kind is not None
-        else []
-    )
-    for panel, own in zip(panels, lines, strict=bool(lines)):
+    fits = [] if kind is None else [[figure.fit(kind, it) for it in each.series] for each in panels]
+    for panel, own in zip(panels, fits, strict=bool(fits)):
         for line, curve in zip(panel.series, own, strict=True):
             say(": ".join(text for text in (panel.title, line.label, curve.text) if text))
     if not is_file:
         emit(figure.draw_letters(found, panels, question))
         return
-    figure.draw(target, found, panels, question, lines, formulas, log=log)
+    figure.draw(target, found, panels, question, fits, formulas, log=log)
     say(f"wrote {target}")
 
 
@@ -417,10 +412,8 @@ def cancel(file: StudyFile, output: Output = None) -> None:
         say("nobody is at work on this study")
         return
     if holder.get("host") != socket.gethostname():
-        raise DirectoryRefused(
-            f"{lock.parent}: the study is computed by process {holder.get('pid')} on "
-            f"{holder.get('host')}; cancel it there"
-        )
+        by = f"process {holder.get('pid')} on {holder.get('host')}"
+        raise DirectoryRefused(f"{lock.parent}: the study is computed by {by}; cancel it there")
     os.kill(int(holder["pid"]), signal.SIGTERM)
     say(f"asked process {holder['pid']} to stop")
 
@@ -458,11 +451,8 @@ class StudyProgress:
         done = (self._ended + sum(state.share or 0.0 for _, state in states)) / max(self._total, 1)
         all_cases, left = f"{self._ended} of {self._total} cases", self._time_left(now, done)
         if self._bar is not None:
-            more = [
-                (state.share or 0.0, case.name, _left(state.remaining))
-                for case, state in states[:_SHOWN]
-            ]
-            self._bar.update(done, all_cases, left, *more)
+            rows = [(each.share or 0.0, case.name, _left(each.remaining)) for case, each in states]
+            self._bar.update(done, all_cases, left, *rows[:_SHOWN])
             return
         say(f"{all_cases}, {left}" if left else all_cases)
         for case, state in states[:_SHOWN]:
@@ -495,30 +485,15 @@ def _table(session: StudySession, *, is_mean: bool) -> StudyTable:
     return over_seeds(found) if is_mean else found
 
 
-def _write_parquet(found: StudyTable, path: Path, *, is_overwriting: bool) -> None:
-    from multicor_cli.export.target import check_output
-    from multicor_cli.optional import library
-
-    library("pyarrow")
-    check_output(path, is_overwriting=is_overwriting)
-    found.frame().to_parquet(path)
-    say(f"wrote {path}")
-
-
 def _show_doubtful(found: Forecast) -> None:
-    """What `multicor validate` doubts of the cases that were placed, each doubt once."""
     for name, check in found.doubtful:
-        say(
-            f"{check.verdict.value}: {check.name}: {check.text} [{check.limit}] (case {name}). "
-            f"{check.remedy}"
-        )
+        show_doubtful([check], say, f" (case {name})")
 
 
 def _summary(counts: Counter[Any]) -> str:
-    parts = [
-        f"{counts[state]} {state.value}" for state in sorted(counts, key=lambda state: state.value)
-    ]
-    return f"{count_noun(sum(counts.values()), 'case')}: {', '.join(parts)}"
+    states = sorted(counts, key=lambda state: state.value)
+    parts = ", ".join(f"{counts[state]} {state.value}" for state in states)
+    return f"{count_noun(sum(counts.values()), 'case')}: {parts}"
 
 
 def _how_far(share: float | None, remaining: float | None) -> str:

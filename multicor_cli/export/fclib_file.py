@@ -24,8 +24,8 @@ from multicor_cli.model import Model, State
 from multicor_cli.model.columns import NORMAL, TANGENTIAL
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.running.conditions import is_due
+from multicor_cli.running.from_scenario import make_plan
 from multicor_cli.running.plan import RunPlan, StagePlan
-from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine
 from multicor_cli.scenario.scenario import Scenario, parse_scenario
 from multicor_cli.store import Frame, Run

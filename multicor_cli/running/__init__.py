@@ -78,7 +78,7 @@ def run(
         )
     if steer_every < 1:
         raise ValueError(f"steer_every counts steps and must be at least 1, is {steer_every}")
-    from multicor_cli.running.compiling import reserve_threads
+    from multicor_cli.running.machine import reserve_threads
     from multicor_cli.scenario.scenario import load_scenario
 
     if isinstance(scenario, str | Path):

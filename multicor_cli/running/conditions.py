@@ -40,11 +40,9 @@ class Aim:
     def is_met(self, value: float) -> bool:
         """Whether a value of the quantity is what is waited for, but for rounding."""
         slack = ROUNDING * abs(self.goal)
-        return (
-            value >= self.goal - slack
-            if self.relation == "at least"
-            else value <= self.goal + slack
-        )
+        if self.relation == "at least":
+            return value >= self.goal - slack
+        return value <= self.goal + slack
 
 
 @dataclass(frozen=True)
@@ -286,7 +284,10 @@ class Steady(Condition):
         notes = state.stage_notes
         if state.stage_step <= self.skipped:
             return
-        over, under = self._values(state, done)
+        over, under = float(state.books[KINETIC]), 1.0
+        if self.wall is not None:
+            force = (done.wall_impulse[self.wall] / done.dt).tolist()
+            over, under = force[self.axis], 1.0 if self.across is None else force[self.across]
         notes[OVER] += over
         notes[UNDER] += under
         notes[STEPS] += 1.0
@@ -312,9 +313,8 @@ class Steady(Condition):
 
     def holds(self, state: State) -> bool:
         """Whether a window has just ended in which the drift is small enough."""
-        return (
-            state.stage_notes[STEPS] == 0.0 and not self._is_still(state) and super().holds(state)
-        )
+        is_over = state.stage_notes[STEPS] == 0.0
+        return is_over and not self._is_still(state) and super().holds(state)
 
     def holds_at_last(self, state: State) -> bool:
         """Whether it holds, or nothing ever moved: until then a wall or a grain might have come."""
@@ -322,12 +322,3 @@ class Steady(Condition):
 
     def _is_still(self, state: State) -> bool:
         return self.wall is None and state.stage_peak == 0.0 == state.books[KINETIC]
-
-    def _values(self, state: State, done: StepDone) -> tuple[float, float]:
-        """What the step adds to numerator and denominator of its block."""
-        if self.wall is None:
-            return float(state.books[KINETIC]), 1.0
-        along = float(done.wall_impulse[self.wall, self.axis]) / done.dt
-        if self.across is None:
-            return along, 1.0
-        return along, float(done.wall_impulse[self.wall, self.across]) / done.dt

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -14,12 +14,12 @@ from multicor_cli.engine.orders import Interrupted, PhysicsError, StepReport
 from multicor_cli.model import State
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.faults import find_absurd_value
-from multicor_cli.running.conditions import StepDone, update_peak
+from multicor_cli.running.conditions import StepDone, is_due, update_peak
 from multicor_cli.running.outcome import Observer, SilentObserver, StageTimeout, Status, StopReason
 from multicor_cli.running.plan import RunPlan, StagePlan, begin_stage, foresee_steps
 from multicor_cli.running.signals import StopSignals
 from multicor_cli.running.steering import Steering
-from multicor_cli.store.documents import StageEnd
+from multicor_cli.store.documents import Reason, StageEnd
 from multicor_cli.store.rundir import RunDirectory
 from multicor_cli.store.segments import FrameWriter
 from multicor_cli.store.snapshot import Snapshot
@@ -119,7 +119,6 @@ class Pace:
 HEARTBEAT = 2.0
 """Wall-clock time between two heartbeats [s]."""
 
-
 CHECKPOINT_SHARE = 20.0
 """Checkpoints are this many times as far apart as one takes: never more than a 20th of a run."""
 
@@ -127,20 +126,11 @@ CHECKPOINT_SHARE = 20.0
 class Recorder(Protocol):
     """Where the controller's results go: the files of a run."""
 
-    def frame(self, state: State, contacts: ContactTable | None) -> None:
-        """Write a frame; without contacts if they are not recorded."""
-
-    def series(self, state: State) -> None:
-        """Write the row of the time series that ends the window of ``state``."""
-
-    def stage_ended(self, end: StageEnd) -> None:
-        """Note how a stage ended."""
-
-    def checkpoint(self, state: State) -> None:
-        """Save the state, and everything written so far, for good."""
-
-    def heartbeat(self, data: dict[str, Any]) -> None:
-        """Say that the run is alive."""
+    def frame(self, state: State, contacts: ContactTable | None) -> None: ...
+    def series(self, state: State) -> None: ...
+    def stage_ended(self, end: StageEnd) -> None: ...
+    def checkpoint(self, state: State) -> None: ...
+    def heartbeat(self, data: dict[str, Any]) -> None: ...
 
 
 class Controller:
@@ -232,8 +222,8 @@ class Controller:
         """Carry out the rest of a stage; None if it came to its end."""
         state = self._engine.state
         if state.stage_step > 0:
-            if stage.has_timed_out(state):
-                self._end_stage(stage)
+            if stage.reason_to_end(state) == "timeout":
+                self._end_stage(stage, "timeout")
                 return None
             self._engine.resume(stage.orders(self._starts))
         while True:
@@ -267,8 +257,12 @@ class Controller:
         """One step with its gauges; None, and an unchanged state, if a signal interrupted it."""
         state = self._engine.state
         before, dt = state.wall_position.copy(), stage.step_after(state.stage_step)
+        # In the first step kernels may compile, and the last checkpoint is the state before it
+        is_first, signals = self._steps == 0, self._signals
         try:
-            report = self._advance(dt, stage.time_after(state.stage_step))
+            with signals.exit_at_once() if is_first else contextlib.nullcontext():
+                t = stage.time_after(state.stage_step)
+                report = self._engine.step(dt, t, signals.should_stop)
         except Interrupted:
             return None
         self._steps += 1
@@ -279,24 +273,19 @@ class Controller:
             stage.until.note(state, StepDone(dt, before, report.wall_impulse))
         return report
 
-    def _advance(self, dt: float, t: float) -> StepReport:
-        if self._steps:
-            return self._engine.step(dt, t, self._signals.should_stop)
-        # Kernels may compile now, and the last checkpoint is the state before this step
-        with self._signals.exit_at_once():
-            return self._engine.step(dt, t, self._signals.should_stop)
-
     def _after_step(self, stage: StagePlan, report: StepReport) -> bool:
         """Write what is due, tell the observer, move on to the next stage; True if this is over."""
         state = self._engine.state
-        is_steered = not stage.has_ended(state) and self._is_ended_by_program(stage, report)
-        has_ended = is_steered or stage.has_ended(state)
-        if has_ended or stage.is_series_due(state):
+        reason = stage.reason_to_end(state)
+        if reason is None and self._is_ended_by_program(stage, report):
+            reason = "steered"
+        has_ended = reason is not None
+        if has_ended or is_due(state.stage_step, stage.series_every):
             self._write_series()
-        if has_ended or stage.is_frame_due(state):
+        if has_ended or is_due(state.stage_step, stage.frame_every):
             self._write_frame()
-        if has_ended:
-            self._end_stage(stage, is_steered=is_steered)
+        if reason is not None:
+            self._end_stage(stage, reason)
         self._tell(stage, report)
         return has_ended
 
@@ -313,10 +302,10 @@ class Controller:
             self._plan, self._foreseen = plan, foresee_steps(plan, self._engine.state)
         return plan is not None
 
-    def _end_stage(self, stage: StagePlan, *, is_steered: bool = False) -> None:
+    def _end_stage(self, stage: StagePlan, reason: Reason) -> None:
         """Move on to the next stage, or stop here if the stage has timed out and says so."""
         state = self._engine.state
-        end = replace(stage.end_of(state), reason="steered") if is_steered else stage.end_of(state)
+        end = stage.end_of(state, reason)
         self._recorder.stage_ended(end)
         if end.has_timed_out and stage.stops_late:
             self._checkpoint()
@@ -347,13 +336,13 @@ class Controller:
         self._signals.is_checkpoint_wanted = False
 
     def _checkpoint_if_due(self) -> None:
-        interval = max(
-            self._plan.output.checkpoint_interval, CHECKPOINT_SHARE * self._checkpoint_took
-        )
+        rarest = CHECKPOINT_SHARE * self._checkpoint_took
         if self._signals.is_checkpoint_wanted:
             self._checkpoint()
             self._observer.message(f"checkpoint written at step {self._engine.state.step}")
-        elif self._clock() - self._last_checkpoint >= interval:
+        elif self._clock() - self._last_checkpoint >= max(
+            self._plan.output.checkpoint_interval, rarest
+        ):
             self._checkpoint()
 
     def _reason_to_stop(self) -> StopReason | None:
@@ -367,22 +356,14 @@ class Controller:
         state, now = self._engine.state, self._clock()
         progress = self._plan.progress(state, self._foreseen)
         self._pace.note(now, self._steps, progress)
-        status = Status(
-            state,
-            stage.name,
-            len(self._plan.stages),
-            report,
-            progress,
-            self._pace.speed(),
-            self._pace.remaining(),
-        )
+        count, speed, left = len(self._plan.stages), self._pace.speed(), self._pace.remaining()
+        status = Status(state, stage.name, count, report, progress, speed, left)
         self._observer.stepped(status)
         if now - self._last_heartbeat >= HEARTBEAT:
             self._last_heartbeat = now
             self._recorder.heartbeat({
                 "step": state.step, "time": state.time, "stage": stage.name,
-                "stage_count": status.stage_count,
-                "progress": progress, "steps_per_second": status.speed,
-                "remaining_seconds": status.remaining,
+                "stage_count": count,
+                "progress": progress, "steps_per_second": speed, "remaining_seconds": left,
                 "contacts": report.contacts, "sweeps": report.sweeps, "residual_rms": report.rms,
             })  # fmt: skip

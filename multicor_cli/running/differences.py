@@ -27,18 +27,23 @@ def find_differences(before: str, after: str) -> list[Difference]:
     return _find(tomllib.loads(before), tomllib.loads(after))
 
 
+def _find(before: dict[str, Any], after: dict[str, Any]) -> list[Difference]:
+    return [
+        difference
+        for difference in _compare((), before, after)
+        if not any(
+            CHANGEABLE in _marks(difference.path[:end])
+            for end in range(1, len(difference.path) + 1)
+        )
+    ]
+
+
 def added_stages(before: str, after: str) -> int:
     """Number of stages added at the end of a resolved scenario, if that is all; else 0."""
     old, new = tomllib.loads(before), tomllib.loads(after)
     count = len(old["loading"])
     shortened = {**new, "loading": new["loading"][:count]}
     return 0 if _find(old, shortened) else len(new["loading"]) - count
-
-
-def _find(before: dict[str, Any], after: dict[str, Any]) -> list[Difference]:
-    return [
-        difference for difference in _compare((), before, after) if not _is_free(difference.path)
-    ]
 
 
 def former_defaults(before: str, after: str, given: dict[str, Any]) -> list[str]:
@@ -70,10 +75,6 @@ def _marks(path: KeyPath) -> list[Any]:
     return [] if field is None else field.metadata
 
 
-def _is_free(path: KeyPath) -> bool:
-    return any(CHANGEABLE in _marks(path[:end]) for end in range(1, len(path) + 1))
-
-
 def _compare(path: KeyPath, before: Any, after: Any) -> Iterator[Difference]:
     if isinstance(before, dict) and isinstance(after, dict):
         for name in [*before, *(name for name in after if name not in before)]:
@@ -82,8 +83,5 @@ def _compare(path: KeyPath, before: Any, after: Any) -> Iterator[Difference]:
         for k, (old, new) in enumerate(zip(before, after, strict=True)):
             yield from _compare((*path, k), old, new)
     elif type(before) is not type(after) or before != after:
-        yield Difference(path, _text(before), _text(after))
-
-
-def _text(value: Any) -> str:
-    return "not given" if value is _ABSENT else show(value)
+        old, new = ("not given" if each is _ABSENT else show(each) for each in (before, after))
+        yield Difference(path, old, new)

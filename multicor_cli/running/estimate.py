@@ -131,21 +131,16 @@ def estimate(
     scenario: Scenario, plan: RunPlan, model: Model, state: State, threads: int
 ) -> Estimate:
     """Estimate the cost of a run that starts in ``state``."""
-    n = model.grain_count
+    n, stages = model.grain_count, plan.stages
     steps = foresee_steps(plan, state)
     costs = _costs(scenario, plan, model, threads)
     known = None if None in steps else [count for count in steps if count is not None]
     frame = _frame_bytes(model, plan.output)
-    frames = rows = disk = peak = seconds = None
+    frames = disk = peak = seconds = None
     if known is not None:
-        frames = 1 + sum(
-            math.ceil(count / stage.frame_every)
-            for count, stage in zip(known, plan.stages, strict=True)
-        )
-        rows = 1 + sum(
-            math.ceil(count / stage.series_every)
-            for count, stage in zip(known, plan.stages, strict=True)
-        )
+        counts = list(zip(known, stages, strict=True))
+        frames = 1 + sum(math.ceil(count / stage.frame_every) for count, stage in counts)
+        rows = 1 + sum(math.ceil(count / stage.series_every) for count, stage in counts)
         series = rows * _row_bytes(schema.SERIES, model, is_single=False)
         results = frames * frame + series + n * 32.0
         disk = results + 2.0 * n * (7 * 8.0 + LOADED_PER_GRAIN * 24.0)  # two checkpoints
@@ -153,6 +148,17 @@ def estimate(
         seconds = SECONDS_TO_START + math.fsum(
             count * cost.seconds for count, cost in zip(known, costs, strict=True)
         )
+    slowest = max(costs, key=lambda cost: cost.seconds)
+    step = f"{1e3 * slowest.seconds:.2g} ms"
+    if slowest.sweeps:
+        step += f" and {slowest.sweeps:.2g} sweeps"
+    basis = (
+        f"rough, to a factor of 1.5 in most shipped scenarios: {step} a step in stage "
+        f"{slowest.name}; dilute flows need fewer sweeps, slow ones and tight tolerances more. "
+        f"Memory: {BYTES_PER_GRAIN:g} B per grain"
+    )
+    if model.outlets is not None:
+        basis += ", as if all of them were there from the start"
     return Estimate(
         steps=None if known is None else sum(known),
         frames=frames,
@@ -162,8 +168,7 @@ def estimate(
         disk_peak=peak,
         seconds=seconds,
         deflection=_deflection(scenario, plan, model),
-        basis=_basis(costs)
-        + (", as if all of them were there from the start" if model.outlets is not None else ""),
+        basis=basis,
     )
 
 
@@ -187,31 +192,14 @@ def _costs(scenario: Scenario, plan: RunPlan, model: Model, threads: int) -> lis
     return costs
 
 
-def _basis(costs: list[_StepCost]) -> str:
-    """What the time of the slowest stage rests on."""
-    slowest = max(costs, key=lambda cost: cost.seconds)
-    step = f"{1e3 * slowest.seconds:.2g} ms" + (
-        f" and {slowest.sweeps:.2g} sweeps" if slowest.sweeps else ""
-    )
-    return (
-        f"rough, to a factor of 1.5 in most shipped scenarios: {step} a step in stage "
-        f"{slowest.name}; dilute flows need fewer sweeps, slow ones and tight tolerances more. "
-        f"Memory: {BYTES_PER_GRAIN:g} B per grain"
-    )
-
-
 def _frame_bytes(model: Model, output: Output) -> float:
     is_single = output.precision == "single"
+    tables = schema.STEPS + schema.OFFSETS + schema.WALLS
     size = model.grain_count * _row_bytes(schema.PARTICLES, model, is_single=is_single)
     if output.contacts:
-        size += (
-            LOADED_PER_GRAIN
-            * model.grain_count
-            * _row_bytes(schema.CONTACTS, model, is_single=is_single)
-        )
-    return size + _row_bytes(
-        schema.STEPS + schema.OFFSETS + schema.WALLS, model, is_single=is_single
-    )
+        of_contact = _row_bytes(schema.CONTACTS, model, is_single=is_single)
+        size += LOADED_PER_GRAIN * model.grain_count * of_contact
+    return size + _row_bytes(tables, model, is_single=is_single)
 
 
 def _row_bytes(table: tuple[Dataset, ...], model: Model, *, is_single: bool) -> float:
@@ -234,14 +222,10 @@ def _deflection(scenario: Scenario, plan: RunPlan, model: Model) -> float | None
         )
         for stage in plan.stages
     )
-    tables = {name: (table.young, table.poisson) for name, table in scenario.materials.items()}
     elastic = {
-        name: (young, poisson)
-        for name, (young, poisson) in tables.items()
-        if young is not None and poisson is not None
+        name: (table.young, table.poisson)
+        for name, table in scenario.materials.items()
+        if table.young is not None and table.poisson is not None
     }
-    return (
-        largest_deflection(model, pressure * model.mean_diameter, elastic)
-        if pressure > 0.0
-        else None
-    )
+    load = pressure * model.mean_diameter
+    return largest_deflection(model, load, elastic) if pressure > 0.0 else None

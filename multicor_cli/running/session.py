@@ -19,9 +19,10 @@ from multicor_cli.engine.jit.cache import is_compiled
 from multicor_cli.engine.orders import StepReport
 from multicor_cli.model import TALLY_NAMES, Model, State
 from multicor_cli.packing import Placed, place
-from multicor_cli.running.compiling import keep_freed_memory, shared_compilation
 from multicor_cli.running.controller import Controller, DirectoryRecorder
 from multicor_cli.running.differences import added_stages, find_differences, former_defaults
+from multicor_cli.running.from_scenario import heat_settings, inflow_rules, make_plan, stage_names
+from multicor_cli.running.machine import keep_freed_memory, shared_compilation
 from multicor_cli.running.outcome import (
     ExitCode,
     Observer,
@@ -30,8 +31,7 @@ from multicor_cli.running.outcome import (
     StopReason,
     exit_code_of,
 )
-from multicor_cli.running.plan import RunPlan, begin_stage, heat_settings, inflow_rules
-from multicor_cli.running.planning import make_plan, stage_name
+from multicor_cli.running.plan import RunPlan, begin_stage
 from multicor_cli.running.signals import StopSignals
 from multicor_cli.running.steering import Steer, Steering
 from multicor_cli.scenario.load import apply_overrides
@@ -80,11 +80,8 @@ class Session:
         those that the caller has installed already; ``review`` looks at a new run before anything
         is written, and what it raises ends the run there.
         """
-        self._scenario = scenario
-        self._path = path
-        self._threads = threads
-        self._overwrite = overwrite
-        self._extend = extend
+        self._scenario, self._path, self._threads = scenario, path, threads
+        self._overwrite, self._extend = overwrite, extend
         self._observer = observer or SilentObserver()
         self._steer, self._steer_every = steer, steer_every
         self._steering: Steering | None = None
@@ -142,16 +139,13 @@ class Session:
             origin=placed.origin,
             steering=self._steering_record(),
         ) as directory:
-            return self._carry_on(
-                directory, self._scenario, placed.model, placed.state, is_new=True
-            )
+            return self._carry_on(directory, self._scenario, placed)
 
     def _continue(self) -> RunOutcome:
         document = read_run_document(self._path)
         self._refuse_other_program(document)
         before = read_scenario(self._path / RESOLVED, document["resolved_sha256"])
-        scenario = _with_groups_of(_with_defaults_of(self._scenario, before), before)
-        scenario = _with_seed_of(scenario, int(document["provenance"]["seed"]))
+        scenario = _as_begun(self._scenario, before, int(document["provenance"]["seed"]))
         extension = self._find_extension(scenario, before)
         with RunDirectory.resume(self._path, extension=extension) as directory:
             if directory.is_finished:
@@ -170,22 +164,16 @@ class Session:
                     self._signals.on_exit = functools.partial(self._leave, directory=directory)
                     placed = self._build(scenario)
                     _refuse_other_origin(scenario, directory.origin, placed.origin)
-                    return self._carry_on(
-                        directory, scenario, placed.model, placed.state, is_new=True
-                    )
-                if (
-                    version := str(directory.provenance.get("multicor_version", ""))
-                ) != __version__:
+                    return self._carry_on(directory, scenario, placed)
+                version = str(directory.provenance.get("multicor_version", ""))
+                if version != __version__:
                     told = f"the run began with multicor {version}, this is {__version__}"
                     self._observer.warning(f"{told}: its bits may differ from here on")
                 for warning in checkpoint.warnings:
                     self._observer.warning(warning)
-                model = directory.load_model() or place(scenario).model
-                self._observer.message(
-                    f"continuing from step {checkpoint.state.step} (t = {checkpoint.state.time:g} "
-                    "s)"
-                )
-                return self._carry_on(directory, scenario, model, checkpoint.state, is_new=False)
+                model, state = directory.load_model() or place(scenario).model, checkpoint.state
+                self._observer.message(f"continuing from step {state.step} (t = {state.time:g} s)")
+                return self._carry_on(directory, scenario, Placed(model, state), is_new=False)
 
     def _find_extension(self, scenario: Scenario, before: str) -> Extension | None:
         """The scenario as a longer one; None if it is the same. Raises as `_refuse_changes`."""
@@ -197,7 +185,7 @@ class Session:
         if added <= 0:
             _refuse_changes(scenario, before, self._path)
             return None
-        stages = "1 stage" if added == 1 else f"{added} stages"
+        stages = count_noun(added, "stage")
         if not self._extend:
             what = f"{stages} more than when the run in {self._path} began"
             remedy = (
@@ -210,8 +198,7 @@ class Session:
             if run.info["summary"] is not None:
                 make_plan(scenario, run.model)
         self._observer.message(f"adding {stages} to the run")
-        names = [stage_name(stage, number) for number, stage in enumerate(scenario.loading)]
-        return Extension(scenario.sources.text, resolved, names)
+        return Extension(scenario.sources.text, resolved, stage_names(scenario))
 
     def _steering_record(self) -> dict[str, Any] | None:
         """What ``run.json`` says at first of the program that steers the run."""
@@ -229,30 +216,29 @@ class Session:
     def _refuse_other_program(self, document: dict[str, Any]) -> None:
         """A run goes on with the program that steered it, or with none; else `DirectoryRefused`."""
         before, now = document.get("steering"), self._steering_record()
+        steered = "" if before is None else f"is steered by the Python program {before['by']}"
+        what = ""
         if before is not None and self._extend:
             what = (
-                f"{self._path}: is steered by the Python program {before['by']}, and no stages "
-                "can be added to it"
+                f"{steered}, and no stages can be added to it; go on from its end in another run, "
+                "with [start]"
             )
-            raise DirectoryRefused(f"{what}; go on from its end in another run, with [start]")
-        if document["status"] == "finished":
+        elif document["status"] == "finished" or (before is None and now is None):
             return
-        if before is not None and now is None:
-            what = f"{self._path}: is steered by the Python program {before['by']}"
-            raise DirectoryRefused(
-                f"{what}; go on with it, by multicor_cli.run(…, steer=…), or choose another "
+        elif now is None:
+            what = (
+                f"{steered}; go on with it, by multicor_cli.run(…, steer=…), or choose another "
                 "directory with -o"
             )
-        if now is not None and before is None:
-            raise DirectoryRefused(
-                f"{self._path}: this run began without steer; go on without, or choose another "
-                "directory"
+        elif before is None:
+            what = "this run began without steer; go on without, or choose another directory"
+        elif now["every"] != before["every"]:
+            what = (
+                f"this run began with steer_every={before['every']}; go on with that, or choose "
+                "another directory"
             )
-        if now is not None and before is not None and now["every"] != before["every"]:
-            remedy = "go on with that, or choose another directory"
-            raise DirectoryRefused(
-                f"{self._path}: this run began with steer_every={before['every']}; {remedy}"
-            )
+        if what:
+            raise DirectoryRefused(f"{self._path}: {what}")
 
     def _build(self, scenario: Scenario) -> Placed:
         self._observer.message(
@@ -267,14 +253,9 @@ class Session:
         return placed
 
     def _carry_on(
-        self,
-        directory: RunDirectory,
-        scenario: Scenario,
-        model: Model,
-        state: State,
-        *,
-        is_new: bool,
+        self, directory: RunDirectory, scenario: Scenario, placed: Placed, *, is_new: bool = True
     ) -> RunOutcome:
+        model, state = placed.model, placed.state
         with self._recording_failure(directory):
             if self._steer is not None:
                 self._steering = Steering(self._steer, scenario, model, directory)
@@ -284,7 +265,16 @@ class Session:
             starts = [first] if state.stage == 0 else stage_starts(self._path, state, plan, first)
             writer = directory.writer(model)
             engine = make_engine(scenario, model, state, self._threads)
-            self._announce(model, engine)
+            counts = {
+                "grain": model.grain_count,
+                "wall": model.wall_count,
+                "thread": engine.threads,
+            }
+            self._observer.message(", ".join(count_noun(n, noun) for noun, n in counts.items()))
+            if not is_compiled():
+                self._observer.message(
+                    "compiling the kernels; this happens once and takes up to half a minute"
+                )
             self._signals.on_exit = functools.partial(self._leave, directory=directory, state=state)
             controller = Controller(
                 plan,
@@ -310,18 +300,6 @@ class Session:
         return RunOutcome(
             reason, self._path, state.step, state.time, unconverged, directory.stage_ends
         )
-
-    def _announce(self, model: Model, engine: Engine) -> None:
-        counts = (
-            (model.grain_count, "grain"),
-            (model.wall_count, "wall"),
-            (engine.threads, "thread"),
-        )
-        self._observer.message(", ".join(count_noun(number, noun) for number, noun in counts))
-        if not is_compiled():
-            self._observer.message(
-                "compiling the kernels; this happens once and takes up to half a minute"
-            )
 
     @contextlib.contextmanager
     def _recording_failure(self, directory: RunDirectory) -> Iterator[None]:
@@ -349,9 +327,8 @@ def make_engine(scenario: Scenario, model: Model, state: State, threads: int) ->
             model, state, threads=threads, heat=heat_settings(scenario, model), inflow=inflow
         )
     except ValueError as error:
-        raise scenario.refuse(
-            Refused(("domain", "size"), str(error), "widen the domain")
-        ) from error
+        refused = Refused(("domain", "size"), str(error), "widen the domain")
+        raise scenario.refuse(refused) from error
 
 
 def stage_starts(path: Path, state: State, plan: RunPlan, first: float = 0.0) -> list[float]:
@@ -375,33 +352,26 @@ def stage_starts(path: Path, state: State, plan: RunPlan, first: float = 0.0) ->
     return starts
 
 
-def _with_defaults_of(scenario: Scenario, before: str) -> Scenario:
-    """The scenario, with defaults of the version that began the run for keys left to them."""
-    former = former_defaults(before, scenario.resolved_toml(), _given(scenario))
-    return scenario.with_overrides(former) if former else scenario
-
-
-def _with_seed_of(scenario: Scenario, seed: int) -> Scenario:
-    """The scenario with the seed that the run drew at its start, if left to chance."""
-    if _given(scenario)["scenario"]["seed"] != "random":
-        return scenario
-    header = scenario.scenario.model_copy(update={"seed": seed})
-    return scenario.model_copy(update={"scenario": header})
-
-
-def _with_groups_of(scenario: Scenario, before: str) -> Scenario:
-    """The scenario with the groups that the run took from another, whatever became of that."""
-    if scenario.start is None or "particles" in _given(scenario):
-        return scenario
-    groups = parse_scenario(before, scenario.path).particles
-    return scenario.model_copy(update={"particles": groups})
+def _as_begun(scenario: Scenario, before: str, seed: int) -> Scenario:
+    """The scenario with what the run has of its own: defaults of the version that began it, groups
+    that it took from another run, whatever became of that, and the seed that it drew by chance.
+    """
+    given = _given(scenario)
+    if former := former_defaults(before, scenario.resolved_toml(), given):
+        scenario = scenario.with_overrides(former)
+    if scenario.start is not None and "particles" not in given:
+        groups = parse_scenario(before, scenario.path).particles
+        scenario = scenario.model_copy(update={"particles": groups})
+    if given["scenario"]["seed"] == "random":
+        header = scenario.scenario.model_copy(update={"seed": seed})
+        scenario = scenario.model_copy(update={"scenario": header})
+    return scenario
 
 
 def _refuse_own_start(scenario: Scenario, path: Path) -> None:
     """A run cannot replace the one that it goes on from."""
-    if scenario.start is not None and os.path.realpath(
-        scenario.resolve_path(scenario.start.run)
-    ) == os.path.realpath(path):
+    other = None if scenario.start is None else scenario.resolve_path(scenario.start.run)
+    if other is not None and os.path.realpath(other) == os.path.realpath(path):
         what = f"the run '{path}' is the one that this run would replace"
         remedy = (
             "choose another directory with -o; to add stages to that run itself, use its own "
@@ -430,17 +400,16 @@ def _given(scenario: Scenario) -> dict[str, Any]:
 
 def _refuse_changes(scenario: Scenario, before: str, path: Path) -> None:
     """Refuse another scenario than the run began with; keys that came later have their defaults."""
-    changes = find_differences(before, scenario.resolved_toml())
     remedy = (
         "undo the change to continue the run, choose another directory with -o, or start anew "
         "with --overwrite"
     )
-    if changes:
-        began = f"when the run in {path} began"
-        changed = [
-            Refused(each.path, f"was {each.before} {began}, is {each.after} now", remedy)
-            for each in changes
-        ]
+    began = f"when the run in {path} began"
+    changed = [
+        Refused(each.path, f"was {each.before} {began}, is {each.after} now", remedy)
+        for each in find_differences(before, scenario.resolved_toml())
+    ]
+    if changed:
         raise scenario.refuse(*changed)
 
 

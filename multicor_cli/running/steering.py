@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from multicor_cli.engine.orders import StepReport
 from multicor_cli.model import Model, State
 from multicor_cli.model.contacts import ContactTable
+from multicor_cli.running.from_scenario import make_plan, stage_names
 from multicor_cli.running.plan import RunPlan, StagePlan
-from multicor_cli.running.planning import make_plan, stage_name
 from multicor_cli.scenario.documents import Decision, steered_document
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.store.documents import record_of
@@ -104,8 +104,7 @@ class LiveRun:
     @cached_property
     def number(self) -> Array:
         """Numbers of the grains that are there, shape ``(n,)``."""
-        here = self._state.here
-        return _read_only(np.arange(self._model.grain_count)[here])
+        return self._of_grains(np.arange(self._model.grain_count))
 
     @cached_property
     def grains(self) -> GrainFacts:
@@ -117,32 +116,31 @@ class LiveRun:
     @property
     def position(self) -> Array:
         """Centers, x wrapped into the period [m], shape ``(n, 2)``."""
-        return _read_only(self._state.position[self._state.here, :2])
+        return self._of_grains(self._state.position[:, :2])
 
     @property
     def angle(self) -> Array:
         """Rotations since the start [rad], shape ``(n,)``."""
-        return _read_only(self._state.position[self._state.here, 2])
+        return self._of_grains(self._state.position[:, 2])
 
     @property
     def velocity(self) -> Array:
         """Velocities [m/s], shape ``(n, 2)``."""
-        return _read_only(self._state.velocity[self._state.here, :2])
+        return self._of_grains(self._state.velocity[:, :2])
 
     @property
     def spin(self) -> Array:
         """Spins [rad/s], shape ``(n,)``."""
-        return _read_only(self._state.velocity[self._state.here, 2])
+        return self._of_grains(self._state.velocity[:, 2])
 
     @property
     def temperature(self) -> Array | None:
         """Temperatures [K], shape ``(n,)``; None without heat."""
         thermal = self._model.thermal
-        return (
-            None
-            if thermal is None
-            else _read_only(self._state.temperature(thermal)[self._state.here])
-        )
+        return None if thermal is None else self._of_grains(self._state.temperature(thermal))
+
+    def _of_grains(self, values: Array) -> Array:
+        return _read_only(values[self._state.here])
 
     @property
     def walls(self) -> dict[str, WallNow]:
@@ -151,14 +149,9 @@ class LiveRun:
         # Nothing moved
         force = impulse / self.dt if impulse.size else np.zeros_like(state.wall_position)
         surface = state.wall_surface.tolist() or [0.0] * len(force)
-        rows = zip(
-            *(map(_read_only, each) for each in (state.wall_position, state.wall_velocity, force)),
-            surface,
-            strict=True,
-        )
-        return {
-            name: WallNow(*row) for name, row in zip(self._model.walls.names, rows, strict=True)
-        }
+        columns = (_read_only(each) for each in (state.wall_position, state.wall_velocity, force))
+        rows = zip(self._model.walls.names, *columns, surface, strict=True)
+        return {name: WallNow(*row) for name, *row in rows}
 
     @cached_property
     def contacts(self) -> ContactTable:
@@ -194,21 +187,15 @@ class Steering:
         self._kept: tuple[State, dict[str, Any]] | None = None
         self.has_failed = False
         decisions = [record_of(Decision, document) for document in self._record["decisions"]]
-        self.scenario = (
-            _changed(scenario, steered_document(scenario.as_dict(), decisions))
-            if decisions
-            else scenario
-        )
-        directory.rename_stages(_names(self.scenario))
+        self.scenario = _changed(scenario, decisions) if decisions else scenario
+        directory.rename_stages(stage_names(self.scenario))
 
     def keep(self, state: State) -> None:
         """Keep what a checkpoint needs if the program, due after the coming step, should fail."""
         self._kept = None
         if (state.stage_step + 1) % int(self._record["every"]) == 0:
-            copied = State.from_dict(
-                {name: values.copy() for name, values in state.as_dict().items()}
-            )
-            self._kept = copied, copy.deepcopy(self._record["notes"])
+            arrays = {name: values.copy() for name, values in state.as_dict().items()}
+            self._kept = State.from_dict(arrays), copy.deepcopy(self._record["notes"])
 
     @property
     def is_due(self) -> bool:
@@ -231,7 +218,18 @@ class Steering:
         self.has_failed = True  # until it has come to its end
         self._steer(now)
         self._record["notes"] = _json_of(now.notes)
-        plan = self._decide(state, stage, now) if now._has_ended else None
+        plan = None
+        if now._has_ended:
+            then = None if now._then is None else dict(now._then)
+            decision = Decision(
+                state.stage, state.step, state.stage_step, stage.dt, then, now._ends_run
+            )
+            self.scenario = _changed(self.scenario, [decision])
+            plan = make_plan(self.scenario, self._model, state)
+            if then is not None:  # with its defaults, and numbers for expressions
+                then = self.scenario.as_dict()["loading"][state.stage + 1]
+            self._record["decisions"].append(replace(decision, then=then).as_document())
+            self._directory.rename_stages(stage_names(self.scenario))
         self.has_failed = False
         return plan
 
@@ -241,28 +239,10 @@ class Steering:
         state, self._record["notes"] = self._kept
         return state
 
-    def _decide(self, state: State, stage: StagePlan, now: LiveRun) -> RunPlan:
-        then = None if now._then is None else dict(now._then)
-        decision = Decision(
-            state.stage, state.step, state.stage_step, stage.dt, then, now._ends_run
-        )
-        self.scenario = _changed(
-            self.scenario, steered_document(self.scenario.as_dict(), [decision])
-        )
-        plan = make_plan(self.scenario, self._model, state)
-        if then is not None:  # with its defaults, and numbers for expressions
-            then = self.scenario.as_dict()["loading"][state.stage + 1]
-        self._record["decisions"].append(replace(decision, then=then).as_document())
-        self._directory.rename_stages(_names(self.scenario))
-        return plan
 
-
-def _changed(scenario: Scenario, document: dict[str, Any]) -> Scenario:
+def _changed(scenario: Scenario, decisions: list[Decision]) -> Scenario:
+    document = steered_document(scenario.as_dict(), decisions)
     return Scenario.from_dict(document, directory=scenario.path.parent)
-
-
-def _names(scenario: Scenario) -> list[str]:
-    return [stage_name(stage, number) for number, stage in enumerate(scenario.loading)]
 
 
 def _read_only(values: Array) -> Array:
@@ -273,15 +253,14 @@ def _read_only(values: Array) -> Array:
 
 def _json_of(notes: Any) -> dict[str, Any]:
     """Notes as a checkpoint gives them back; raises `ValueError` if it would not."""
+    of_whom = "the notes of the program that steers"
     try:
         kept = json.loads(json.dumps(notes))
     except (TypeError, ValueError) as error:
-        message = f"the notes of the program that steers cannot be kept: {error}"
-        raise ValueError(message) from None
+        raise ValueError(f"{of_whom} cannot be kept: {error}") from None
     if not isinstance(kept, dict) or kept != notes:
-        message = (
-            "the notes of the program that steers would come back changed: keep a dict with text "
-            "as keys, lists, finite numbers"
+        raise ValueError(
+            f"{of_whom} would come back changed: keep a dict with text as keys, lists, finite "
+            "numbers"
         )
-        raise ValueError(message)
     return kept

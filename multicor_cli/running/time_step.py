@@ -22,7 +22,7 @@ import numpy as np
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.engine.heat.walls import PRESCRIBED, WallHeat
+from multicor_cli.engine.heat.walls import PRESCRIBED
 from multicor_cli.engine.motion.drives import DofDrive, Gravity, Shifted, Signal, WallDrive
 from multicor_cli.model import ContactLaws, Model, ShapeKind
 from multicor_cli.model.columns import RADIUS
@@ -73,9 +73,8 @@ class Window(NamedTuple):
     kept: float = math.inf
 
     def cycle(self, signal: Signal, of: str) -> Cycle:
-        return Cycle(
-            signal.shortest_period(0.0, self.kept if isinstance(signal, Shifted) else self.own), of
-        )
+        length = self.kept if isinstance(signal, Shifted) else self.own
+        return Cycle(signal.shortest_period(0.0, length), of)
 
 
 def wall_cycles(
@@ -87,19 +86,16 @@ def wall_cycles(
         masses = (model.walls.mass[w], model.walls.mass[w], model.walls.inertia[w])
         for dof, mass, axis in zip(drive.dofs(), masses, DOF_NAMES, strict=True):
             way = f"of wall '{name}' in {axis}"
-            if dof.spring is not None:
-                yield Cycle(
-                    2.0 * math.pi * math.sqrt(float(mass) / dof.spring.stiffness),
-                    f"the spring {way}",
-                )
             signals = {
                 "velocity": dof.velocity,
                 "position": dof.position,
                 "force": dof.force,
                 "stress": dof.stress,
+                "anchor": None if dof.spring is None else dof.spring.anchor,
             }
             if dof.spring is not None:
-                signals["anchor"] = dof.spring.anchor
+                period = 2.0 * math.pi * math.sqrt(float(mass) / dof.spring.stiffness)
+                yield Cycle(period, f"the spring {way}")
             for what, signal in signals.items():
                 if signal is not None:
                     yield window.cycle(signal, f"the {what} {way}")
@@ -124,35 +120,28 @@ class StageCycles(NamedTuple):
 
 
 def stage_cycles(
-    loading: Sequence[Stage], number: int, model: Model, acting: Acting
+    loading: Sequence[Stage], number: int, model: Model, acting: Acting | StagePlan
 ) -> StageCycles:
     """Cycles of a stage; where friction depends on temperature, those of heat act on motion."""
-    before = loading[:number]
-    starts = [
-        0.0,
-        *itertools.accumulate((0.0 if stage.until else stage.duration or 0.0) for stage in before),
-    ]
-    duration = loading[number].duration or math.inf
+    before, duration = loading[:number], loading[number].duration or math.inf
+    lengths = (0.0 if stage.until else stage.duration or 0.0 for stage in before)
+    starts = [0.0, *itertools.accumulate(lengths)]
     window = Window(duration, math.inf if any(stage.until for stage in before) else duration)
     motion = list(wall_cycles(model, acting.drives.started(starts), window))
     # Gravity of an earlier stage keeps its last value.
     if acting.gravity is not None and acting.gravity.named_by == number:
         motion.append(Cycle(acting.gravity.gravity.shortest_period(0.0, duration), "gravity"))
-    of_heat = (
-        []
-        if acting.heat is None
-        else list(_heat_cycles(model, acting.heat.conditions.started(starts), window))
-    )
-    if (model.laws if acting.laws is None else acting.laws).depends_on_temperature:
+    walls = [] if acting.heat is None else acting.heat.started(starts)
+    of_heat = [
+        window.cycle(
+            wall.signal, f"the {'heat flow' if wall.kind == 'flow' else wall.kind} of wall '{name}'"
+        )
+        for name, wall in zip(model.walls.names, walls, strict=bool(walls))
+        if wall.kind in PRESCRIBED
+    ]
+    if (acting.laws or model.laws).depends_on_temperature:
         motion += of_heat
     return StageCycles(motion, of_heat)
-
-
-def _heat_cycles(model: Model, conditions: Sequence[WallHeat], window: Window) -> Iterator[Cycle]:
-    for name, wall in zip(model.walls.names, conditions, strict=True):
-        if wall.kind in PRESCRIBED:
-            quantity = "heat flow" if wall.kind == "flow" else "temperature"
-            yield window.cycle(wall.signal, f"the {quantity} of wall '{name}'")
 
 
 # ---- The scales of a stage
@@ -229,12 +218,15 @@ def find_scales(
     rate = _largest_rate(scenario, model, drives)
     speed, mover = fastest(scenario, model, drives, gravity)
     cycles = cycles or StageCycles(list(wall_cycles(model, drives)), [])
-    period, heat_period = _shortest(cycles.motion), _shortest(cycles.heat)
+    period, heat_period = (
+        min(each, key=lambda cycle: cycle.period, default=Cycle(math.inf, "a signal"))
+        for each in cycles
+    )
     return Scales(
         math.sqrt(mean_mass / pressure) if pressure > 0.0 else math.inf,
         1.0 / rate if rate > 0.0 else math.inf,
         model.mean_diameter / speed if speed > 0.0 else math.inf,
-        largest_friction(model, model.laws if laws is None else laws),
+        largest_friction(model, laws or model.laws),
         period.period,
         f"{mover} at {speed:.3g} m/s",
         period.of,
@@ -250,17 +242,17 @@ def largest_pressure(
     across = scenario.domain.size[0] if gravity[1] >= gravity[0] else scenario.domain.size[1]
     weight = total(model.grains.mass) * gravity[2] / across
     loads = [
-        max(_largest_load(drive.x, float(length)), _largest_load(drive.y, float(length)))
+        _largest_load(dof, float(length))
         for drive, length in zip(drives, model.walls.length, strict=True)
+        for dof in (drive.x, drive.y)
     ]
     return max([weight, *loads])
 
 
 def largest_gravity(stage: StagePlan, model: Model) -> LargestGravity:
     """The largest gravity of a stage."""
-    return (
-        Gravity.constant(model.gravity) if stage.gravity is None else stage.gravity.gravity
-    ).largest()
+    constant = Gravity.constant(model.gravity)
+    return (constant if stage.gravity is None else stage.gravity.gravity).largest()
 
 
 def largest_friction(model: Model, laws: ContactLaws) -> float:
@@ -290,39 +282,27 @@ def _largest_velocity(dof: DofDrive) -> float:
     return dof.spring.anchor.steepest() if dof.spring is not None else 0.0
 
 
-def _shortest(cycles: Sequence[Cycle]) -> Cycle:
-    return min(cycles, key=lambda cycle: cycle.period, default=Cycle(math.inf, "a signal"))
-
-
-def scales_of_stage(scenario: Scenario, model: Model, number: int, acting: Acting) -> Scales:
+def scales_of_stage(
+    scenario: Scenario, model: Model, number: int, acting: Acting | StagePlan
+) -> Scales:
     """The scales of a stage in which this acts."""
     gravity = None if acting.gravity is None else acting.gravity.gravity.largest()
+    drives = acting.drives.started([0.0] * (number + 1))
     cycles = stage_cycles(scenario.loading, number, model, acting)
-    return find_scales(
-        scenario, model, acting.drives.started([0.0] * (number + 1)), gravity, acting.laws, cycles
-    )
+    return find_scales(scenario, model, drives, gravity, acting.laws, cycles)
 
 
 def _largest_rate(scenario: Scenario, model: Model, drives: Sequence[WallDrive]) -> float:
     """Rate of shear or compression by the walls, or the fastest spin of one if larger [1/s]."""
     width, height = scenario.domain.size
-    runs = [_surface_motion(model, w, drive) for w, drive in enumerate(drives)]
-    spins = [
-        _largest_velocity(drive.spin) + of_surface
-        for drive, (_, _, of_surface) in zip(drives, runs, strict=True)
-    ]
+    speeds: tuple[list[float], ...] = ([0.0], [0.0], [0.0])
+    for w, drive in enumerate(drives):
+        surface = _surface_motion(model, w, drive)
+        for speed, dof, of_surface in zip(speeds, drive.dofs(), surface, strict=True):
+            speed.append(_largest_velocity(dof) + of_surface)
     # Two walls may move against each other: their speeds add up.
-    along_x = sorted(
-        (_largest_velocity(drive.x) + x for drive, (x, _, _) in zip(drives, runs, strict=True)),
-        reverse=True,
-    )
-    along_y = sorted(
-        (_largest_velocity(drive.y) + y for drive, (_, y, _) in zip(drives, runs, strict=True)),
-        reverse=True,
-    )
-    return max(
-        [0.0, *spins, math.fsum(along_x[:2]) / height, math.fsum(along_y[:2]) / min(width, height)]
-    )
+    x, y = (math.fsum(sorted(speed)[-2:]) for speed in speeds[:2])
+    return max(*speeds[2], x / height, y / min(width, height))
 
 
 def _surface_motion(model: Model, w: int, drive: WallDrive) -> tuple[float, float, float]:
@@ -338,11 +318,8 @@ def _surface_motion(model: Model, w: int, drive: WallDrive) -> tuple[float, floa
     normal = geometry[kind == ShapeKind.PLANE, 2:]
     way = geometry[TAIL[kind] == Tail.POINT]
     way = way[:, 2:] - way[:, :2]
-    along = np.abs(
-        np.concatenate(
-            [normal[:, ::-1], way / np.sqrt(way[:, [0]] * way[:, [0]] + way[:, [1]] * way[:, [1]])]
-        )
-    )
+    length = np.sqrt(way[:, [0]] * way[:, [0]] + way[:, [1]] * way[:, [1]])
+    along = np.abs(np.concatenate([normal[:, ::-1], way / length]))
     x, y = along.max(axis=0, initial=0.0).tolist()
     return speed * x, speed * y, float((speed / geometry[is_round, RADIUS]).max(initial=0.0))
 
@@ -366,42 +343,32 @@ def fastest(
     Walls from one period to the next that move along it do not come nearer to anything: they shear,
     and their rate of shear limits the step.
     """
-    falls = [
+    groups, far = scenario.particles, hypot(*scenario.domain.size)
+    falls = (
         math.sqrt(2.0 * g * length)
         for g, length in zip(gravity[:2], scenario.domain.size, strict=True)
-    ]
-    groups = scenario.particles
-    apart = [
+    )
+    apart = (
         hypot(a.velocity[0] - b.velocity[0], a.velocity[1] - b.velocity[1])
         for a in groups
         for b in groups
-    ]
+    )
     found = [
         (max(falls), "a free fall through the domain"),
         (model.start_speed, "motion at the start"),
+        (max(apart, default=0.0), "groups of grains relative to each other"),
     ]
-    found.append((max(apart, default=0.0), "groups of grains relative to each other"))
     for number, group in enumerate(groups):
         if group.release is not None:
             largest = float(model.grains.radius[model.grains.group == number].max(initial=0.0))
-            found.append(
-                (
-                    max(hypot(*group.velocity), largest * abs(group.spin)),
-                    f"released grains of group '{group.name}'",
-                )
-            )
-    reach = _reach_of_walls(model, hypot(*scenario.domain.size))
-    for name, drive, arm, wall in zip(
-        model.walls.names, drives, reach.tolist(), scenario.walls, strict=True
-    ):
+            speed = max(hypot(*group.velocity), largest * abs(group.spin))
+            found.append((speed, f"released grains of group '{group.name}'"))
+    arms, names = _reach_of_walls(model, far).tolist(), model.walls.names
+    for name, drive, arm, wall in zip(names, drives, arms, scenario.walls, strict=True):
         is_along = wall.geometry.spans_period(scenario.domain)
         along = 0.0 if is_along else _largest_velocity(drive.x)
-        found.append(
-            (
-                hypot(along, _largest_velocity(drive.y)) + arm * _largest_velocity(drive.spin),
-                f"wall '{name}'",
-            )
-        )
+        speed = hypot(along, _largest_velocity(drive.y)) + arm * _largest_velocity(drive.spin)
+        found.append((speed, f"wall '{name}'"))
         if drive.surface is not None and not is_along:
             found.append((drive.surface.largest(), f"the surface of wall '{name}'"))
     return max(found, key=lambda pair: pair[0])
@@ -426,11 +393,9 @@ def automatic_step(scales: Scales, output: Output) -> float | None:
     """
     if scales.limit == math.inf:
         return None
-    interval = (
-        output.frame_interval
-        if output.has_default_series
-        else min(output.frame_interval, output.series_interval)
-    )
+    interval = output.frame_interval
+    if not output.has_default_series:
+        interval = min(interval, output.series_interval)
     step = min(_round_down(scales.limit), interval)
     return interval / math.ceil(interval / step * (1.0 - 1e-9))
 
@@ -458,46 +423,41 @@ class StepReview:
     cycle: str
 
     def text(self) -> str:
-        shares = [
-            f"{share:.2g} {text}"
-            for share, text in (
-                (self.of_pressure, "√(m̄/P)"),
-                (self.strain, "of strain"),
-                (self.travel, f"diameters per step of {self.fastest}"),
-                (self.of_period, f"of the period of {self.cycle}"),
-            )
-            if share is not None
-        ]
-        if self.is_automatic:
-            return ", ".join(["automatic", *shares])
-        return ", ".join(shares)
+        shares = {
+            "√(m̄/P)": self.of_pressure,
+            "of strain": self.strain,
+            f"diameters per step of {self.fastest}": self.travel,
+            f"of the period of {self.cycle}": self.of_period,
+        }
+        texts = [f"{share:.2g} {text}" for text, share in shares.items() if share is not None]
+        return ", ".join(["automatic", *texts] if self.is_automatic else texts)
 
 
 def review_steps(scenario: Scenario, model: Model, plan: RunPlan) -> list[StepReview | None]:
     """For each stage, how its time step compares with its scales; None for frozen stages."""
     reviews: list[StepReview | None] = []
     for number, stage in enumerate(plan.stages):
-        scales = scales_of_stage(
-            scenario, model, number, Acting(stage.drives, stage.gravity, stage.heat, stage.laws)
+        if stage.is_frozen:
+            reviews.append(None)
+            continue
+        scales = scales_of_stage(scenario, model, number, stage)
+        pressure, strain, travel, period = (
+            None if time == math.inf else stage.dt / time
+            for time in (scales.pressure, scales.strain, scales.travel, scales.period)
         )
-        is_automatic = scenario.stage_solver(number).dt == "auto"
         review = StepReview(
-            is_automatic,
-            _ratio(stage.dt, scales.pressure),
-            _ratio(stage.dt, scales.strain),
-            _ratio(stage.dt, scales.travel),
-            _ratio(stage.dt, scales.period),
+            scenario.stage_solver(number).dt == "auto",
+            pressure,
+            strain,
+            travel,
+            period,
             automatic_step(scales, scenario.output),
             scales.set_by,
             scales.fastest,
             scales.cycle,
         )
-        reviews.append(None if stage.is_frozen else review)
+        reviews.append(review)
     return reviews
-
-
-def _ratio(dt: float, scale: float) -> float | None:
-    return None if scale == math.inf else dt / scale
 
 
 def _round_down(value: float) -> float:

@@ -38,7 +38,10 @@ class Table(BaseModel):
     change.
     """
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+    # validators are built for the whole file at once, not for each of its tables as well
+    model_config = ConfigDict(
+        extra="forbid", strict=True, frozen=True, allow_inf_nan=False, defer_build=True
+    )
 
     def faults(self) -> Iterator[Refused]:
         """What is wrong with keys that are right one by one; the first is told."""

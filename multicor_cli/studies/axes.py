@@ -54,11 +54,8 @@ def combine(vary: Vary, directory: Path) -> list[Values]:
         axes.append([dict(zip(group, row, strict=True)) for row in zip(*columns, strict=True)])
     if vary.sample is not None:
         if not ranges:
-            raise Refused(
-                ("vary", "sample"),
-                "there is no range to draw points from",
-                "give a key { from = …, to = … }",
-            )
+            what = "there is no range to draw points from"
+            raise Refused(("vary", "sample"), what, "give a key { from = …, to = … }")
         axes.append(_drawn(vary.sample, ranges))
     if vary.file is not None:
         axes.append(_rows(directory / vary.file, vary.file, set(vary.keys)))
@@ -76,10 +73,10 @@ def numbers(axis: Range | tuple[Value, ...]) -> tuple[Value, ...]:
         return axis
     assert axis.count is not None  # only ranges between which points are drawn have none
     low, high, last = axis.from_, axis.to, max(axis.count - 1, 1)
-    values: list[float] = []
-    for k in range(axis.count):
-        between = _between(axis, k / last)
-        values.append(low if k == 0 else high if k == last else _rounded(between))
+    values = [
+        low if k == 0 else high if k == last else _rounded(_between(axis, k / last))
+        for k in range(axis.count)
+    ]
     is_whole = (
         isinstance(low, int)
         and isinstance(high, int)
@@ -96,34 +93,24 @@ def _groups(vary: Vary, left_out: set[str]) -> list[tuple[str, ...]]:
     """Keys whose values go together, in the order of the file."""
     partner: dict[str, tuple[str, ...]] = {}
     for number, group in enumerate(vary.zip):
-        lengths = set()
+        place, lengths = ("vary", "zip", number), {}
         for key in group:
-            if key not in vary.keys or key in partner or key in left_out:
-                why = (
-                    "is in two groups"
-                    if key in partner
-                    else "is drawn"
-                    if key in left_out
-                    else "has no values"
-                )
-                raise Refused(
-                    ("vary", "zip", number), f"{key} {why}", "name keys of [vary], each once"
-                )
+            why = (
+                "is in two groups" if key in partner
+                else "is drawn" if key in left_out
+                else "has no values" if key not in vary.keys
+                else ""
+            )  # fmt: skip
+            if why:
+                raise Refused(place, f"{key} {why}", "name keys of [vary], each once")
             partner[key] = group
-            lengths.add(len(numbers(vary.keys[key])))
-        if len(lengths) > 1:
-            counts = ", ".join(f"{key}: {len(numbers(vary.keys[key]))}" for key in group)
-            raise Refused(
-                ("vary", "zip", number),
-                f"values that go together are not as many ({counts})",
-                "give as many of each",
-            )
-    groups: list[tuple[str, ...]] = []
-    for key in vary.keys:
-        group = partner.get(key, (key,))
-        if key not in left_out and group not in groups:
-            groups.append(group)
-    return groups
+            lengths[key] = len(numbers(vary.keys[key]))
+        if len({*lengths.values()}) > 1:
+            counts = ", ".join(f"{key}: {length}" for key, length in lengths.items())
+            what = f"values that go together are not as many ({counts})"
+            raise Refused(place, what, "give as many of each")
+    kept = [key for key in vary.keys if key not in left_out]
+    return list(dict.fromkeys(partner.get(key, (key,)) for key in kept))
 
 
 def _drawn(sample: Sampled, ranges: Mapping[str, Range]) -> list[Values]:
@@ -155,32 +142,23 @@ def _rows(path: Path, name: str, taken: set[str]) -> list[Values]:
         text = read_regular(path, MAX_BYTES).decode("utf-8-sig")
         lines = [row for row in csv.reader(text.splitlines()) if row and not row[0].startswith("#")]
     except FileNotFoundError:
-        raise bad(
-            f"there is no file '{name}'", "give its path relative to the study file"
-        ) from None
+        remedy = "give its path relative to the study file"
+        raise bad(f"there is no file '{name}'", remedy) from None
     except (OSError, ValueError, csv.Error) as error:
-        raise bad(
-            f"'{name}' cannot be read: {getattr(error, 'strerror', None) or error}",
-            "it must be a CSV file in UTF-8",
-        ) from None
+        why = getattr(error, "strerror", None) or error
+        raise bad(f"'{name}' cannot be read: {why}", "it must be a CSV file in UTF-8") from None
     if len(lines) < 2:
-        raise bad(
-            f"'{name}' has no rows",
-            "let the first line name the keys, and each further one give their values",
-        )
+        remedy = "let the first line name the keys, and each further one give their values"
+        raise bad(f"'{name}' has no rows", remedy)
     keys = [title.strip() for title in lines[0]]
     for key in keys:
         if not key or key in OPTIONS or key in taken or keys.count(key) > 1:
-            raise bad(
-                f"'{name}' has a column '{key}' that is empty, comes twice or is varied already",
-                "name each key once",
-            )
+            what = f"'{name}' has a column '{key}' that is empty, comes twice or is varied already"
+            raise bad(what, "name each key once")
     for number, row in enumerate(lines[1:], 2):
         if len(row) != len(keys):
-            raise bad(
-                f"row {number} of '{name}' has {len(row)} values for {len(keys)} keys",
-                "give a value for each key",
-            )
+            what = f"row {number} of '{name}' has {len(row)} values for {len(keys)} keys"
+            raise bad(what, "give a value for each key")
     return [dict(zip(keys, map(_parsed, row), strict=True)) for row in lines[1:]]
 
 
@@ -223,17 +201,19 @@ def expand(study: Study) -> list[Case]:
         combinations = combine(study.model.vary, study.path.parent)
     except Refused as error:
         raise study.refuse(error) from None
-    seeds = _seeds(study, base)
-    if SEED in study.model.vary.keys and study.model.study.seeds is not None:
-        raise study.refuse(
-            Refused(("study", "seeds"), f"{SEED} is varied as well", "leave one of them out")
-        )
+    given = study.model.study.seeds
+    seeds: list[int | None] = [None]
+    if given is not None:
+        seeds = [*given] if isinstance(given, tuple) else [base.seed + k for k in range(given)]
+    place = ("study", "seeds")
+    if SEED in study.model.vary.keys and given is not None:
+        raise study.refuse(Refused(place, f"{SEED} is varied as well", "leave one of them out"))
     if len(combinations) * len(seeds) > MAX_CASES:
         message = (
             f"{len(combinations)} combinations with {len(seeds)} seeds each are more than "
             f"{MAX_CASES} cases"
         )
-        raise study.refuse(Refused(("study", "seeds"), message, "vary less"))
+        raise study.refuse(Refused(place, message, "vary less"))
     rows = [
         {**values, **({SEED: seed} if seed is not None else {})}
         for values in combinations
@@ -248,13 +228,6 @@ def check_case(study: Study, case: Case) -> Scenario:
         return load_scenario(study.scenario, [*study.fixed, *case.overrides])
     except ScenarioError as error:
         raise _about(study, case, error) from None
-
-
-def _seeds(study: Study, base: Scenario) -> list[int | None]:
-    seeds = study.model.study.seeds
-    if seeds is None:
-        return [None]
-    return list(seeds) if isinstance(seeds, tuple) else [base.seed + k for k in range(seeds)]
 
 
 def _named(study: Study, rows: Sequence[Values]) -> list[Case]:
@@ -279,10 +252,8 @@ def short_names(keys: Iterable[str]) -> dict[str, str]:
     for key, own in parts.items():
         for length in range(1, len(own) + 1):
             tail = own[-length:]
-            if (
-                not tail[0].isdecimal()
-                and sum(other[-length:] == tail for other in parts.values()) == 1
-            ):
+            is_alone = sum(other[-length:] == tail for other in parts.values()) == 1
+            if is_alone and not tail[0].isdecimal():
                 break
         found[key] = ".".join(own[-length:])
     return found
@@ -296,12 +267,8 @@ def shown(value: Value, digits: int = 6) -> str:
 
 
 def _name(row: Values, short: dict[str, str], digits: int) -> str:
-    name = (
-        "_".join(
-            f"{short[key]}={_UNSAFE.sub('-', shown(value, digits))}" for key, value in row.items()
-        )
-        or "only"
-    )
+    values = {key: _UNSAFE.sub("-", shown(value, digits)) for key, value in row.items()}
+    name = "_".join(f"{short[key]}={value}" for key, value in values.items()) or "only"
     return name if len(name) <= _LONGEST else f"{name[: _LONGEST - 9]}_{_digest(row)}"
 
 
@@ -313,16 +280,11 @@ def _about(study: Study, case: Case, error: ScenarioError) -> ScenarioError:
     """The problems of a case: those of a varied key point into the study file."""
     findings, others = [], []
     for problem in error.problems:
-        key = next(
-            (key for key in case.values if problem.key == key or problem.key.startswith(f"{key}.")),
-            None,
-        )
-        if key is None or key == SEED:
+        keys = (key for key in case.values if f"{problem.key}.".startswith(f"{key}."))
+        key = next(keys, SEED)
+        if key == SEED:
             others.append(problem)
         else:
-            findings.append(
-                Refused(
-                    ("vary", "keys", key), f"{problem.message} (case {case.name})", problem.remedy
-                )
-            )
+            message = f"{problem.message} (case {case.name})"
+            findings.append(Refused(("vary", "keys", key), message, problem.remedy))
     return ScenarioError([*(study.refuse(*findings).problems if findings else []), *others])

@@ -82,12 +82,17 @@ class _Released(SilentObserver):
         self._turn.leave()
 
 
+def outcome(status: str, reason: str, exit_code: int, step: int = 0) -> dict[str, Any]:
+    """How a case ended: ``status`` is finished, stopped, failed or killed."""
+    return {"status": status, "reason": reason, "exit_code": exit_code, "step": step}
+
+
 def main() -> int:
     """Run the case that standard input describes."""
     task = json.loads(sys.stdin.buffer.readline())
     threading.Thread(target=_leave_with_parent, daemon=True).start()
-    outcome = json.dumps(run_task(task))
-    print(f"\n{outcome}", flush=True)  # on a line of its own, whatever else was said
+    # on a line of its own, whatever else was said
+    print(f"\n{json.dumps(run_task(task))}", flush=True)
     return 0
 
 
@@ -107,7 +112,7 @@ def run_task(task: dict[str, Any]) -> dict[str, Any]:
             compiled kernels), ``max_hours``, ``observe`` (the observables of the study).
 
     Returns:
-        ``status`` (finished, stopped or failed), ``reason``, ``exit_code``, ``step``.
+        Its `outcome`.
     """
     import multicor_cli as multicor
     from multicor_cli.store import RunDirectory
@@ -118,7 +123,7 @@ def run_task(task: dict[str, Any]) -> dict[str, Any]:
     elsewhere: Silence | None = None
     while True:
         try:
-            outcome = multicor.run(
+            done = multicor.run(
                 task["scenario"], path, overrides=task["overrides"], threads=task["threads"],
                 max_hours=task.get("max_hours"), observer=_Released(turn),
             )  # fmt: skip
@@ -128,7 +133,7 @@ def run_task(task: dict[str, Any]) -> dict[str, Any]:
                 if elsewhere.is_over():
                     (path / LOCK).unlink(missing_ok=True)
             elif time.monotonic() > deadline:
-                return {"status": "stopped", "reason": str(error), "exit_code": 6, "step": 0}
+                return outcome("stopped", str(error), 6)
             time.sleep(_PAUSE)
         except DirectoryRefused as error:
             # A process of this case whose worker has died may have begun the run just now.
@@ -138,15 +143,10 @@ def run_task(task: dict[str, Any]) -> dict[str, Any]:
         except Exception as error:
             return _failed(error)
         else:
-            status = "finished" if outcome.is_finished else "stopped"
-            if outcome.is_finished:
+            if done.is_finished:
                 _observe(task)
-            return {
-                "status": status,
-                "reason": outcome.reason.value,
-                "exit_code": int(outcome.reason.exit_code),
-                "step": outcome.step,
-            }
+            status = "finished" if done.is_finished else "stopped"
+            return outcome(status, done.reason.value, int(done.reason.exit_code), done.step)
 
 
 def _failed(error: Exception) -> dict[str, Any]:
@@ -155,12 +155,7 @@ def _failed(error: Exception) -> dict[str, Any]:
     code = int(exit_code_of(error))
     if code == 1:
         traceback.print_exception(error)
-    return {
-        "status": "failed",
-        "reason": str(error) or type(error).__name__,
-        "exit_code": code,
-        "step": 0,
-    }
+    return outcome("failed", str(error) or type(error).__name__, code)
 
 
 def _observe(task: dict[str, Any]) -> None:

@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from multicor_cli.optional import library
-from multicor_cli.running.compiling import available_memory, python_child
+from multicor_cli.running.machine import available_cores, available_memory, python_child
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.store.errors import StoreError
 from multicor_cli.studies.study_file import Compute, Queue, parse_memory
 from multicor_cli.studies.task import LocalClient
-from multicor_cli.text import format_bytes
+from multicor_cli.text import count_noun, format_bytes
 
 if TYPE_CHECKING:
     from distributed import Client, Security
@@ -72,19 +72,14 @@ class Cluster(NamedTuple):
 def require_libraries(compute: Compute) -> None:
     """Raise `MissingLibrary` if something is not installed that is needed elsewhere than here."""
     queue = _queue_of(compute)
-    if compute.scheduler is None and queue is None:
-        return
-    for name in (
-        ("distributed",) if queue is None else ("distributed", "dask_jobqueue", "cryptography")
-    ):
+    names: tuple[str, ...] = () if compute.scheduler is None else ("distributed",)
+    for name in names if queue is None else ("distributed", "dask_jobqueue", "cryptography"):
         library(name)
 
 
 def _queue_of(compute: Compute) -> tuple[str, Queue] | None:
-    return next(
-        ((name, getattr(compute, name)) for name in _CLASSES if getattr(compute, name) is not None),
-        None,
-    )
+    tables = ((name, getattr(compute, name)) for name in _CLASSES)
+    return next(((name, table) for name, table in tables if table is not None), None)
 
 
 @contextlib.contextmanager
@@ -102,11 +97,9 @@ def connected(compute: Compute, logs: Path, needs: Needs, *, most: int) -> Itera
         return
     import dask
 
+    actions = ("target", "spill", "pause", "terminate")
     quiet = {
-        **{
-            f"distributed.worker.memory.{what}": False
-            for what in ("target", "spill", "pause", "terminate")
-        },
+        **{f"distributed.worker.memory.{action}": False for action in actions},
         "distributed.admin.tick.limit": "1h",
         "distributed.scheduler.allowed-failures": DEATHS,
     }
@@ -122,21 +115,13 @@ def existing(client: Any, compute: Compute, needs: Needs) -> Cluster:
     workers = client.scheduler_info(n_workers=-1)["workers"].values()
     offered = [worker.get("resources", {}).get(MEMORY, 0.0) for worker in workers]
     if any(offered) and max(offered) < needs.memory:
-        message = (
-            f"a case takes about {format_bytes(needs.memory)}, workers offer "
-            f"{format_bytes(max(offered))} at most"
-        )
+        most = f"workers offer {format_bytes(max(offered))} at most"
+        message = f"a case takes about {format_bytes(needs.memory)}, {most}"
         raise Refused(("study", "scenario"), message, "use larger workers, or fewer grains")
     asked = {MEMORY: needs.memory} if offered and all(offered) and needs.memory > 0.0 else {}
     slots = sum(int(worker.get("nthreads", 1)) for worker in workers)
-    return Cluster(
-        client,
-        compute.threads or 1,
-        slots,
-        asked,
-        "a Dask client",
-        _doubt(client.scheduler.address),
-    )
+    doubt = _doubt(client.scheduler.address)
+    return Cluster(client, compute.threads or 1, slots, asked, "a Dask client", doubt)
 
 
 def _there(stack: contextlib.ExitStack, address: str, threads: int, needs: Needs) -> Cluster:
@@ -172,27 +157,18 @@ def _doubt(address: str) -> str:
 
 @contextlib.contextmanager
 def _here(compute: Compute, needs: Needs, most: int) -> Iterator[Cluster]:
-    there = (
-        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    )
+    there, free = available_cores(), available_memory()
     workers = min(compute.workers or max(1, there // (compute.threads or 1)), most)
-    free = available_memory()
     if free is not None and needs.memory > 0.0:
         fitting = int(_SHARE * free / needs.memory)
         if fitting < 1:
-            message = (
-                f"a case takes about {format_bytes(needs.memory)} of memory, {format_bytes(free)} "
-                "are free here"
-            )
-            raise Refused(
-                ("study", "scenario"), message, "use fewer grains, or a machine with more memory"
-            )
+            sizes = f"{format_bytes(needs.memory)} of memory, {format_bytes(free)} are free here"
+            remedy = "use fewer grains, or a machine with more memory"
+            raise Refused(("study", "scenario"), f"a case takes about {sizes}", remedy)
         workers = min(workers, fitting)
     threads = compute.threads or min(needs.threads, max(1, there // workers))
     with LocalClient(workers) as client:
-        yield Cluster(
-            client, threads, workers, {}, f"{workers} worker{'s' if workers > 1 else ''} here"
-        )
+        yield Cluster(client, threads, workers, {}, f"{count_noun(workers, 'worker')} here")
 
 
 def _dashboard(owner: Any) -> str:
@@ -216,10 +192,9 @@ def _queued(
 
     memory = parse_memory(table.memory)
     if needs.memory > memory:
-        message = (
-            f"a case takes about {format_bytes(needs.memory)}, a job has {format_bytes(memory)}"
-        )
-        raise Refused(("compute", name, "memory"), message, "give jobs more memory")
+        sizes = f"{format_bytes(needs.memory)}, a job has {format_bytes(memory)}"
+        where = ("compute", name, "memory")
+        raise Refused(where, f"a case takes about {sizes}", "give jobs more memory")
     threads = threads or min(needs.threads, table.cores)
     asked = {CORES: float(threads), MEMORY: needs.memory}
     fitting = min(
@@ -235,7 +210,7 @@ def _queued(
     # Jobs that end before the study are followed by others
     cluster.adapt(minimum_jobs=jobs, maximum_jobs=jobs)
     client = stack.enter_context(Client(cluster, set_as_default=False))
-    text = f"{jobs} job{'s' if jobs > 1 else ''} of {name}, which leave their messages in {logs}"
+    text = f"{count_noun(jobs, 'job')} of {name}, which leave their messages in {logs}"
     doubt = ""
     if has_dashboard:
         text += _dashboard(cluster)

@@ -17,6 +17,7 @@ import multicor_cli
 from multicor_cli.running.outcome import StopReason
 from multicor_cli.store.errors import StoreError
 from multicor_cli.studies.axes import Case
+from multicor_cli.studies.child import outcome
 from multicor_cli.studies.clusters import Cluster
 from multicor_cli.studies.directory import StudyDirectory
 from multicor_cli.studies.study_file import Study
@@ -126,7 +127,11 @@ class Computation:
                     self._take(self._submitted.pop(future), _result(future), tally)
                 self._stop_if_asked(should_stop, tally)
                 self._fill()
-                self._warn_without_workers()
+                if time.monotonic() >= self._next_look:
+                    self._next_look = time.monotonic() + _LONELY
+                    if not self._site.client.nthreads():
+                        told = f"no worker has come for {_LONELY:.0f} s ({self._site.text})"
+                        self._watcher.warning(told)
                 self._watcher.looked(self._running)
                 if self._site.client.status in ("closed", "closing"):
                     raise LostScheduler(_LOST)
@@ -150,29 +155,19 @@ class Computation:
             return [by_key[key] for key in keys if key in by_key]
         return []
 
-    def _warn_without_workers(self) -> None:
-        """Say once a minute that nobody computes anything, if that is so."""
-        if time.monotonic() < self._next_look:
-            return
-        self._next_look = time.monotonic() + _LONELY
-        if not self._site.client.nthreads():
-            self._watcher.warning(f"no worker has come for {_LONELY:.0f} s ({self._site.text})")
-
     def _submit(self, case: Case) -> None:
+        observed = self._study.model.observe
+        left = None if self._deadline is None else max(0.0, self._deadline - time.monotonic())
         task = {
             "client": self._id,
             "name": case.name,
             "scenario": str(self._study.scenario.absolute()),
             "overrides": [*self._study.fixed, *case.overrides],
             "turn": self._kernels,
-            "observe": [
-                row.model_dump(mode="json", exclude_none=True) for row in self._study.model.observe
-            ],
+            "observe": [row.model_dump(mode="json", exclude_none=True) for row in observed],
             "directory": str(self._directory.case(case.name).absolute()),
             "threads": self._site.threads,
-            "max_hours": None
-            if self._deadline is None
-            else max(0.0, self._deadline - time.monotonic()) / 3600.0,
+            "max_hours": None if left is None else left / 3600.0,
         }
         self._tries[case.name] += 1
         future = self._site.client.submit(
@@ -192,8 +187,8 @@ class Computation:
                 found.append(self._ended.get_nowait())
         return [future for future in found if future in self._submitted]
 
-    def _take(self, case: Case, outcome: dict[str, Any], tally: Progress) -> None:
-        status = outcome["status"]
+    def _take(self, case: Case, ended: dict[str, Any], tally: Progress) -> None:
+        status, reason = ended["status"], ended["reason"]
         if status in ("stopped", "killed") and tally.reason is None and self._may_go_on(case):
             self._submit(case)
             return
@@ -202,9 +197,9 @@ class Computation:
         elif status == "stopped" or tally.reason is not None:
             tally.stopped.append(case.name)
         else:
-            tally.failed[case.name] = outcome["reason"]
-            self._directory.record_failure(case.name, outcome["reason"], int(outcome["exit_code"]))
-        self._watcher.ended(case, outcome)
+            tally.failed[case.name] = reason
+            self._directory.record_failure(case.name, reason, int(ended["exit_code"]))
+        self._watcher.ended(case, ended)
 
     def _may_go_on(self, case: Case) -> bool:
         """Whether an unfinished case is tried again: it has come further, or was seldom tried."""
@@ -219,13 +214,8 @@ class Computation:
     def _stop_if_asked(self, should_stop: Callable[[], StopReason | None], tally: Progress) -> None:
         if tally.reason is not None:
             return
-        tally.reason = should_stop()
-        if (
-            tally.reason is None
-            and self._deadline is not None
-            and time.monotonic() > self._deadline
-        ):
-            tally.reason = StopReason.TIME_LIMIT
+        is_late = self._deadline is not None and time.monotonic() > self._deadline
+        tally.reason = should_stop() or (StopReason.TIME_LIMIT if is_late else None)
         if tally.reason is not None:
             self._watcher.stopping()
             self._stop(tally)
@@ -248,11 +238,6 @@ def _result(future: Future) -> dict[str, Any]:
         if isinstance(found, dict):
             return found
     if future.status in ("cancelled", "lost"):
-        return {"status": "stopped", "reason": "cancelled", "exit_code": 75, "step": 0}
+        return outcome("stopped", "cancelled", 75)
     error = future.exception()
-    return {
-        "status": "failed",
-        "reason": f"{type(error).__name__}: {error}",
-        "exit_code": 1,
-        "step": 0,
-    }
+    return outcome("failed", f"{type(error).__name__}: {error}", 1)

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from multicor_cli.files import read_regular
-from multicor_cli.running.differences import Difference, find_differences
+from multicor_cli.running.differences import find_differences
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.store import layout
 from multicor_cli.store.atomic import commit_bytes, make_directory, storage_errors
@@ -76,11 +76,9 @@ class StudyDirectory:
         return self.path / FAILED / f"{name}.json"
 
     def observed(self, name: str) -> Path:
-        """Numbers taken from a finished case."""
         return self.path / OBSERVED / f"{name}.json"
 
     def page(self, name: str) -> Path:
-        """The report about the run of a case, if there is one."""
         return self.path / PAGES / f"{name}.html"
 
     @property
@@ -123,10 +121,16 @@ class StudyDirectory:
         known: dict[str, Any] = {}
         if self.exists:
             document = self.document()
-            self._refuse_changes(study, cases, document, resolved)
+            _refuse_changes(study, cases, document, resolved)
             known = document["cases"]
         else:
-            self._refuse_foreign()
+            with storage_errors(self.path):
+                if self.path.exists() and (
+                    not self.path.is_dir() or {entry.name for entry in self.path.iterdir()} - {LOCK}
+                ):
+                    raise DirectoryRefused(
+                        f"{self.path}: exists and holds no study; choose another directory with -o"
+                    )
         for name in (CASES, FAILED, OBSERVED):
             make_directory(self.path / name)
         merged = {case.name: dict(case.values) for case in cases}
@@ -138,43 +142,7 @@ class StudyDirectory:
                 "scenario": str(study.scenario.absolute()),
                 "resolved": resolved, "cases": merged,
             }  # fmt: skip
-            commit_bytes(
-                self.path / DOCUMENT,
-                "study document",
-                json.dumps(document, indent=1, ensure_ascii=False).encode(),
-            )
-
-    def _refuse_foreign(self) -> None:
-        with storage_errors(self.path):
-            if self.path.exists() and (
-                not self.path.is_dir() or {entry.name for entry in self.path.iterdir()} - {LOCK}
-            ):
-                raise DirectoryRefused(
-                    f"{self.path}: exists and holds no study; choose another directory with -o"
-                )
-
-    def _refuse_changes(
-        self, study: Study, cases: Sequence[Case], document: dict[str, Any], resolved: str
-    ) -> None:
-        findings = [
-            _about_scenario(difference)
-            for difference in find_differences(document["resolved"], resolved)
-        ]
-        for case in cases:
-            before = document["cases"].get(case.name)
-            if before is not None and before != dict(case.values):
-                changed = next(
-                    key
-                    for key in {**before, **case.values}
-                    if before.get(key) != case.values.get(key)
-                )
-                message = (
-                    f"case {case.name} had {changed} = {before.get(changed)!r}, now "
-                    f"{case.values.get(changed)!r}"
-                )
-                findings.append(Refused(("vary",), message, "choose another directory with -o"))
-        if findings:
-            raise study.refuse(*findings[:10])
+            commit_bytes(self.path / DOCUMENT, "study document", _as_json(document))
 
     @contextlib.contextmanager
     def held(self, *, force: bool = False) -> Iterator[None]:
@@ -200,36 +168,39 @@ class StudyDirectory:
             return CaseState(CaseStatus.FINISHED, step=step)
         if is_alive(run / layout.LOCK):
             beat = _read_json(run / layout.PROGRESS)
-            return CaseState(
-                CaseStatus.RUNNING,
-                "",
-                int(beat.get("step", step)),
-                beat.get("progress"),
-                beat.get("remaining_seconds"),
-            )
-        reason = str(found.get("stop_reason") or "interrupted")
-        return CaseState(
-            CaseStatus.FAILED if found.get("status") == "failed" else CaseStatus.STOPPED,
-            reason,
-            step,
-        )
+            at, left = int(beat.get("step", step)), beat.get("remaining_seconds")
+            return CaseState(CaseStatus.RUNNING, "", at, beat.get("progress"), left)
+        has_failed, reason = found.get("status") == "failed", found.get("stop_reason")
+        status = CaseStatus.FAILED if has_failed else CaseStatus.STOPPED
+        return CaseState(status, str(reason or "interrupted"), step)
 
     def record_failure(self, name: str, reason: str, exit_code: int) -> None:
         data = {"case": name, "reason": reason, "exit_code": exit_code}
-        commit_bytes(
-            self.failure(name),
-            "failure of a case",
-            json.dumps(data, indent=1, ensure_ascii=False).encode(),
-        )
+        commit_bytes(self.failure(name), "failure of a case", _as_json(data))
 
 
-def _about_scenario(difference: Difference) -> Refused:
-    key = ".".join(map(str, difference.path))
-    message = (
-        f"the scenario has {key} = {difference.after}, it had {difference.before} when the study "
-        "began"
-    )
-    return Refused(("study", "scenario"), message, "choose another directory with -o")
+def _refuse_changes(
+    study: Study, cases: Sequence[Case], document: dict[str, Any], resolved: str
+) -> None:
+    remedy, findings = "choose another directory with -o", []
+    for path, before, after in find_differences(document["resolved"], resolved):
+        key = ".".join(map(str, path))
+        message = f"the scenario has {key} = {after}, it had {before} when the study began"
+        findings.append(Refused(("study", "scenario"), message, remedy))
+    for case in cases:
+        known = document["cases"].get(case.name)
+        if known is not None and known != dict(case.values):
+            keys = {**known, **case.values}
+            key = next(key for key in keys if known.get(key) != case.values.get(key))
+            was, now = known.get(key), case.values.get(key)
+            message = f"case {case.name} had {key} = {was!r}, now {now!r}"
+            findings.append(Refused(("vary",), message, remedy))
+    if findings:
+        raise study.refuse(*findings[:10])
+
+
+def _as_json(data: dict[str, Any]) -> bytes:
+    return json.dumps(data, indent=1, ensure_ascii=False).encode()
 
 
 def _read_json(file: Path) -> dict[str, Any]:

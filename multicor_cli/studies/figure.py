@@ -49,26 +49,19 @@ def fit(kind: str, series: Series) -> Curve:
     """
     curve_fit = library("scipy.optimize").curve_fit
     names, model, start = _model(kind, series)
+    label = series.label or "the series"
     if series.x.size < len(names) + 1:
-        raise PlotError(
-            f"a fit of kind {kind} needs {len(names) + 1} points, {series.label or 'the series'} "
-            f"has {series.x.size}"
-        )
+        needed = f"a fit of kind {kind} needs {len(names) + 1} points"
+        raise PlotError(f"{needed}, {label} has {series.x.size}")
     is_known = bool((np.isfinite(series.error) & (series.error > 0.0)).all())
+    sigma = series.error if is_known else None
     try:
         found, covariance = curve_fit(
-            model,
-            series.x,
-            series.y,
-            start,
-            sigma=series.error if is_known else None,
-            absolute_sigma=is_known,
-            maxfev=20_000,
+            model, series.x, series.y, start, sigma=sigma, absolute_sigma=is_known, maxfev=20_000
         )
     except (RuntimeError, ValueError) as error:
-        raise PlotError(
-            f"no curve of kind {kind} goes through {series.label or 'the points'}: {error}"
-        ) from None
+        label = series.label or "the points"
+        raise PlotError(f"no curve of kind {kind} goes through {label}: {error}") from None
     errors = np.sqrt(np.diag(covariance))
     text = ", ".join(
         f"{name} = {value:.4g} ± {error:.2g}"
@@ -85,14 +78,11 @@ def _model(kind: str, series: Series) -> tuple[tuple[str, ...], Callable[..., Fl
     if kind == "power":
         if (x <= 0.0).any() or (y <= 0.0).any():
             raise PlotError("a power law needs positive numbers")
-        slope, start = np.polyfit(np.log(x), np.log(y), 1)
-        return ("a", "b"), lambda x, a, b: a * x**b, [math.exp(start), float(slope)]
+        slope, height = np.polyfit(np.log(x), np.log(y), 1)
+        return ("a", "b"), lambda x, a, b: a * x**b, [math.exp(height), float(slope)]
     if kind == "mu-of-I":
-        return (
-            ("μ_s", "μ_2", "I_0"),
-            lambda x, s, m, i: s + (m - s) / (1.0 + i / x),
-            [float(y.min()), 2.0 * float(y.max()), 0.3],
-        )
+        start = [float(y.min()), 2.0 * float(y.max()), 0.3]
+        return ("μ_s", "μ_2", "I_0"), lambda x, s, m, i: s + (m - s) / (1.0 + i / x), start
     raise PlotError(f"no fit is called {kind}; there are {', '.join(FITS)}")
 
 
@@ -103,9 +93,8 @@ def formula(text: str) -> Curve:
         found = Expression(f"= {body.strip()}")
         found.check_names({"x": 1.0})
     except Refused as error:
-        raise PlotError(
-            f"--curve {text!r}: {error.what}; write it as 'da Cruz 2005: 0.25 + 1.1*x'"
-        ) from None
+        remedy = "write it as 'da Cruz 2005: 0.25 + 1.1*x'"
+        raise PlotError(f"--curve {text!r}: {error.what}; {remedy}") from None
 
     def value(x: Floats) -> Floats:
         heights = []
@@ -128,11 +117,9 @@ _ACROSS = 3
 
 def label_of(table: StudyTable, name: str) -> str:
     """What an axis is called."""
-    return (
-        table.labels.get(name, name)
-        if name in table.observables
-        else short_names(table.keys)[find_key(table, name)]
-    )
+    if name in table.observables:
+        return table.labels.get(name, name)
+    return short_names(table.keys)[find_key(table, name)]
 
 
 def draw(
@@ -185,16 +172,14 @@ def draw_into(
         if number % columns == 0:
             axes.set_ylabel(label_of(table, request.of))
     _draw_curves(grid[: len(panels)], panels, curves, is_log="x" in log)
+    first = [line.label for line in panels[0].series]
     for number, panel in enumerate(panels):
-        is_new = number == 0 or [line.label for line in panel.series] != [
-            line.label for line in panels[0].series
-        ]
-        if is_new and (curves or any(line.label for line in panel.series)):
+        labels = [line.label for line in panel.series]
+        if (number == 0 or labels != first) and (curves or any(labels)):
             handles, labels = grid[number].get_legend_handles_labels()
             # Points come first
-            order = sorted(
-                range(len(labels)), key=lambda k: labels[k] in {curve.text for curve in curves}
-            )
+            texts = {curve.text for curve in curves}
+            order = sorted(range(len(labels)), key=lambda k: labels[k] in texts)
             grid[number].legend([handles[k] for k in order], [labels[k] for k in order])
 
 
@@ -222,14 +207,8 @@ def _draw_curves(
     for axes, panel in zip(grid, panels, strict=True):
         x = _between(np.concatenate([line.x for line in panel.series]), is_log=is_log)
         for number, curve in enumerate(curves):
-            axes.plot(
-                x,
-                curve.value(x),
-                color="0.45",
-                linewidth=0.9,
-                linestyle=("--", ":", "-.")[number % 3],
-                label=curve.text,
-            )
+            style = {"linewidth": 0.9, "linestyle": ("--", ":", "-.")[number % 3]}
+            axes.plot(x, curve.value(x), color="0.45", label=curve.text, **style)
     now = grid[0].get_ylim()
     grid[0].set_ylim(max(now[0], low - (high - low)), min(now[1], high + (high - low)))
 

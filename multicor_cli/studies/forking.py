@@ -27,7 +27,7 @@ import traceback
 from dataclasses import dataclass
 from typing import Never
 
-from multicor_cli.running.compiling import available_cores, python_child
+from multicor_cli.running.machine import available_cores, python_child
 
 _LOST = -signal.SIGKILL
 """How a process has ended whose parent has died: nobody knows."""

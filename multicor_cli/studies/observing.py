@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from multicor_cli.files import read_regular
+from multicor_cli.model.model import Floats
 from multicor_cli.post import forces
 from multicor_cli.post.energy import HEAT, MECHANICAL, energy
 from multicor_cli.post.grain_map import grain_map
@@ -73,48 +74,33 @@ class Source:
     needs_shear: bool = False
 
 
-def _value(row: Observable) -> str:
-    assert row.value is not None
-    return row.value
-
-
 def _rheology(run: Run, row: Observable, selection: Selection) -> Number:
-    found = rheology(run, selection)
-    return Number(found.mean[_value(row)], found.error[_value(row)])
+    found, name = rheology(run, selection), str(row.value)
+    return Number(found.mean[name], found.error[name])
 
 
 def _region(run: Run, row: Observable, selection: Selection) -> Number:
     assert row.inside is not None
-    found = in_region(run, row.inside.area(), selection)
-    if row.value not in found.mean:
-        raise Unobservable(f"the run has no {row.value}")
-    return Number(found.mean[_value(row)], found.error[_value(row)])
+    found, name = in_region(run, row.inside.area(), selection), str(row.value)
+    if name not in found.mean:
+        raise Unobservable(f"the run has no {name}")
+    return Number(found.mean[name], found.error[name])
 
 
 def _profile(run: Run, row: Observable, selection: Selection) -> Number:
-    found = profile(run, _value(row), selection, row.bins)
+    found = profile(run, str(row.value), selection, row.bins)
     k = _bin(found.y, found.width, row)
     return Number(float(found.value[k]), float(found.error[k]))
 
 
 def _theta(run: Run, row: Observable, _selection: Selection) -> Number:
     found = theta_eta(run, bins=row.bins)
+    values = (found.mean, found.spread, found.lowest, found.highest)
     k = _bin(found.center, 1.0 / found.center.size, row)
-    return Number(
-        float(
-            {
-                "theta": found.mean,
-                "standard_deviation": found.spread,
-                "min": found.lowest,
-                "max": found.highest,
-            }[_value(row)][k]
-        )
-    )
+    return Number(float(dict(zip(_THETA, values, strict=True))[str(row.value)][k]))
 
 
-def _bin(
-    centers: np.ndarray[tuple[int], np.dtype[np.float64]], width: float, row: Observable
-) -> int:
+def _bin(centers: Floats, width: float, row: Observable) -> int:
     """The bin that holds the place of an observable."""
     assert row.at is not None
     k = int(np.abs(centers - row.at).argmin())
@@ -127,34 +113,30 @@ def _bin(
 
 
 def _map(run: Run, row: Observable, _selection: Selection) -> Number:
-    values = grain_map(run, _value(row)).value
+    values = grain_map(run, str(row.value)).value
     values = values[np.isfinite(values)]
     if not values.size:
         raise Unobservable(f"no grain has a {row.value}")
     return Number(float(getattr(np, row.statistic or "mean")(values)))
 
 
-_OF_NETWORK = forces.SUMMARY
-_OF_DIRECTIONS = forces.MOMENTS
-
-
 def _forces(run: Run, row: Observable, selection: Selection) -> Number:
-    if row.value in _OF_NETWORK:
-        return Number(float(forces.force_network(run).summary[_value(row)]))
-    return Number(forces.angular_distribution(run, selection).moments[_value(row)])
-
-
-_CLOSURES = ("energy_closure", "heat_closure")
+    name = str(row.value)
+    if name in forces.SUMMARY:
+        return Number(float(forces.force_network(run).summary[name]))
+    return Number(forces.angular_distribution(run, selection).moments[name])
 
 
 def _energy(run: Run, row: Observable, _selection: Selection) -> Number:
-    found = energy(run).as_dict()
-    value = found[_value(row)] if row.value in _CLOSURES else found["end"].get(row.value)
+    found, name = energy(run).as_dict(), str(row.value)
+    value = found[name] if name in _CLOSURES else found["end"].get(name)
     if value is None:
         raise Unobservable("the run has no heat")
     return Number(float(value))
 
 
+_THETA = ("theta", "standard_deviation", "min", "max")
+_CLOSURES = ("energy_closure", "heat_closure")
 _AMOUNTS = tuple(name for name, quantity in MAPPED.items() if quantity.names_of is None)
 _HEAT_FIELDS = frozenset(name for name, quantity in QUANTITIES.items() if quantity.needs_heat)
 
@@ -162,12 +144,9 @@ SOURCES: dict[str, Source] = {
     "rheology": Source(tuple(row.name for row in OF_RHEOLOGY), _rheology, needs_shear=True),
     "region": Source(IN_REGION, _region, frozenset({"temperature"})),
     "profile": Source(tuple(PROFILED), _profile, _HEAT_FIELDS),
-    "theta-eta": Source(
-        ("theta", "standard_deviation", "min", "max"), _theta,
-        frozenset({"theta", "standard_deviation", "min", "max"}), is_of_one_frame=True,
-    ),
+    "theta-eta": Source(_THETA, _theta, frozenset(_THETA), is_of_one_frame=True),
     "map": Source(_AMOUNTS, _map, _HEAT_FIELDS, is_of_one_frame=True),
-    "forces": Source((*_OF_NETWORK, *_OF_DIRECTIONS), _forces),
+    "forces": Source((*forces.SUMMARY, *forces.MOMENTS), _forces),
     "energy": Source(
         (*(line.name for line in (*MECHANICAL, *HEAT)), *_CLOSURES), _energy,
         frozenset({*(line.name for line in HEAT), "heat_closure"}), is_of_one_frame=True,
@@ -199,23 +178,24 @@ def unknown(observables: Iterable[Observable]) -> Iterator[Refused]:
     """What no run of any scenario has."""
     for number, row in enumerate(observables):
         place: KeyPath = ("observe", number)
-        if row.post is not None and row.value not in (names := SOURCES[row.post].names):
-            known = did_you_mean(str(row.value), names) or f"it has {', '.join(names)}"
-            yield Refused((*place, "value"), f"{row.post} has no {row.value}", known)
+        names: Sequence[str]
+        if row.post is not None:
+            names = SOURCES[row.post].names
+            key, name, whose = "value", str(row.value), f"{row.post} has"
+        elif row.series is not None:
+            key, name, names, whose = "series", row.series, [*_COLUMNS], "the time series has"
+        elif row.info is not None and not row.info.startswith(_OPEN):
+            names = list(dict.fromkeys((*_OF_RUN, *_leaves("", empty_summary()))))
+            key, name, whose = "info", row.info, "info has"
+        else:
+            continue
+        if name not in names:
+            known = did_you_mean(name, names) or f"it has {', '.join(names)}"
+            noun = "number " if key == "info" else ""
+            yield Refused((*place, key), f"{whose} no {noun}{name}", known)
         if row.post is not None and row.after is not None and SOURCES[row.post].is_of_one_frame:
-            yield Refused(
-                (*place, "after"),
-                f"{row.post} is about the end of a run, no mean",
-                "leave after out",
-            )
-        if row.series is not None and row.series not in _COLUMNS:
-            known = did_you_mean(row.series, list(_COLUMNS)) or f"it has {', '.join(_COLUMNS)}"
-            yield Refused((*place, "series"), f"the time series has no {row.series}", known)
-        if row.info is not None and not row.info.startswith(_OPEN):
-            names = (*_OF_RUN, *_leaves("", empty_summary()))
-            if row.info not in names:
-                known = did_you_mean(row.info, names) or f"it has {', '.join(dict.fromkeys(names))}"
-                yield Refused((*place, "info"), f"info has no number {row.info}", known)
+            what = f"{row.post} is about the end of a run, no mean"
+            yield Refused((*place, "after"), what, "leave after out")
 
 
 def _leaves(prefix: str, node: Mapping[str, Any]) -> Iterator[str]:
@@ -236,24 +216,17 @@ def missing(observables: Iterable[Observable], scenario: Scenario) -> Iterator[R
                 (*place, key), f"{getattr(row, key)} needs heat", "give the scenario a table [heat]"
             )
         if not scenario.is_open and row.info is not None and row.info.startswith("exchange."):
-            yield Refused(
-                (*place, "info"),
-                "no grain comes or goes in this scenario",
-                "give it [[outlets]] or releases",
-            )
+            what = "no grain comes or goes in this scenario"
+            yield Refused((*place, "info"), what, "give it [[outlets]] or releases")
         if row.post is not None and SOURCES[row.post].needs_shear:
+            what = ""
             if not scenario.domain.periodic:
-                yield Refused(
-                    (*place, "post"),
-                    "rheology needs a domain that is periodic in x",
-                    "use region or profile",
-                )
+                what = "a domain that is periodic in x"
             elif len(scenario.walls) < 2:
-                yield Refused(
-                    (*place, "post"),
-                    "rheology needs a wall below and a wall above the grains",
-                    "use region or profile",
-                )
+                what = "a wall below and a wall above the grains"
+            if what:
+                what = f"{row.post} needs {what}"
+                yield Refused((*place, "post"), what, "use region or profile")
         if row.after is not None:
             yield from _after(row, place, scenario)
 
@@ -269,24 +242,18 @@ def _is_of_heat(row: Observable) -> bool:
 def _after(row: Observable, place: KeyPath, scenario: Scenario) -> Iterator[Refused]:
     """Means that would begin when the run has ended already."""
     assert row.after is not None
-    last = scenario.loading[-1] if scenario.loading else None
-    until = last.until if last is not None else None
-    if (
-        row.after.strain is not None
-        and isinstance(until, UntilStrain)
-        and until.strain.value <= row.after.strain
-    ):
+    until, begins = scenario.loading[-1].until if scenario.loading else None, row.after.strain
+    if begins is not None and isinstance(until, UntilStrain) and until.strain.value <= begins:
         message = (
             f"the last stage ends at a strain of {until.strain.value:g}, the mean would begin at "
-            f"{row.after.strain:g}"
+            f"{begins:g}"
         )
         yield Refused((*place, "after", "strain"), message, "begin earlier, or shear for longer")
     durations = [stage.duration for stage in scenario.loading]
-    if row.after.time is not None and durations and None not in durations:
-        total = sum(float(duration or 0.0) for duration in durations)
-        if total <= row.after.time:
-            message = f"the run ends at {total:g} s, the mean would begin at {row.after.time:g} s"
-            yield Refused((*place, "after", "time"), message, "begin earlier, or run for longer")
+    total = sum(float(duration or 0.0) for duration in durations)
+    if durations and None not in durations and (begins := row.after.time or 0.0) >= total:
+        message = f"the run ends at {total:g} s, the mean would begin at {begins:g} s"
+        yield Refused((*place, "after", "time"), message, "begin earlier, or run for longer")
 
 
 # ---- Taking and keeping them

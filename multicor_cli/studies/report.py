@@ -25,7 +25,14 @@ from multicor_cli.studies.axes import SEED, short_names, shown
 from multicor_cli.studies.directory import PAGES, CaseStatus
 from multicor_cli.studies.figure import draw_into
 from multicor_cli.studies.session import StudySession
-from multicor_cli.studies.table import Panel, PlotRequest, StudyTable, make_panels, over_seeds
+from multicor_cli.studies.table import (
+    Panel,
+    PlotRequest,
+    StudyTable,
+    make_panels,
+    over_seeds,
+    values_of,
+)
 
 _FIGURES = 12
 """Most figures of a page."""
@@ -61,17 +68,18 @@ def write_study_report(
     session.directory.document()  # refuses a directory without a study
     table = session.table()
     written = 0 if run_frames is None else _write_pages(session, run_frames, progress)
+    made = f"Made by multicor {__version__} from {session.directory.path.resolve().name}."
+    means = over_seeds(table).lines
+    headings, lines = table.lines
+    links = [_links(table, row.case, path.parent) for row in table.rows]
     body = [
         _header(session, table),
         f'<section class="cards">{"".join(_cards(session, table))}</section>',
         figure_cards(_figures(table)),
-        _means(table),
-        _cases(table, path.parent),
+        "" if SEED not in table.keys else _wide("Means over seeds", *means),
+        _wide("Cases", [*headings, "run"], lines, links),
         _details("Study file", f'<pre tabindex="0">{escape(session.study.sources.text)}</pre>'),
-        (
-            f"<footer><p>Made by multicor {escape(__version__)} from "
-            f"{escape(session.directory.path.resolve().name)}.</p></footer>"
-        ),
+        f"<footer><p>{escape(made)}</p></footer>",
     ]
     page = "\n".join([make_head(session.study.name), "<body>", *body, "</body>", "</html>", ""])
     commit_result(path, "report", page.encode(errors="backslashreplace"))
@@ -99,12 +107,11 @@ def _header(session: StudySession, table: StudyTable) -> str:
     about = session.study.model.study.description
     done = sum(row.status == CaseStatus.FINISHED.value for row in table.rows)
     status = "finished" if done == len(table.rows) else f"{done} of {len(table.rows)} finished"
-    return (
-        f'<header><div><h1 dir="auto">{escape(session.study.name)}</h1>'
-        f'{f"""<p dir="auto">{escape(about)}</p>""" if about else ""}</div><div '
-        'class="corner"><span class="badge" '
-        f'data-status="{escape(status)}">{escape(status)}</span></div></header>'
-    )
+    title = f'<h1 dir="auto">{escape(session.study.name)}</h1>'
+    if about:
+        title += f'<p dir="auto">{escape(about)}</p>'
+    badge = f'<span class="badge" data-status="{escape(status)}">{escape(status)}</span>'
+    return f'<header><div>{title}</div><div class="corner">{badge}</div></header>'
 
 
 def _cards(session: StudySession, table: StudyTable) -> list[str]:
@@ -113,37 +120,29 @@ def _cards(session: StudySession, table: StudyTable) -> list[str]:
     names = short_names(table.keys)
     verdicts = Counter(row.verdict for row in table.rows if row.verdict)
     bad = "bad" if verdicts["bad"] else "warning" if verdicts["warning"] else "ok"
+    statuses = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
+    checks = ", ".join(f"{verdicts[name]} {name}" for name in ("ok", "warning", "bad"))
     rows = [
         ReportRow("scenario", session.study.model.study.scenario),
-        ReportRow(
-            "cases",
-            f"{len(table.rows)}: "
-            + ", ".join(f"{count} {status}" for status, count in sorted(counts.items())),
-        ),
+        ReportRow("cases", f"{len(table.rows)}: {statuses}"),
         ReportRow("time of the runs", f"{hours:.3g} h"),
-        ReportRow(
-            "checks of the runs",
-            ", ".join(f"{verdicts[name]} {name}" for name in ("ok", "warning", "bad")),
-            "worst",
-            bad,
-        ),
+        ReportRow("checks of the runs", checks, "worst", bad),
     ]
-    varied = [ReportRow(names[key], _range(table, key)) for key in table.keys]
-    fixed = [ReportRow(key, shown(value)) for key, value in session.study.model.set.items()]
+    ranges = {}
+    for key in table.keys:
+        texts = [shown(value) for value in values_of(table.rows, key)]
+        long = f"{', '.join(texts[:6])} … {texts[-1]} ({len(texts)} values)" if texts else ""
+        ranges[key] = ", ".join(texts) if len(texts) <= 12 else long
     lost = [row for row in table.rows if row.status == CaseStatus.FAILED.value]
-    failed = [ReportRow(row.case, (row.problems or {}).get("", "")) for row in lost]
-    cards = {"Study": rows, "Varied": varied, "Set for all cases": fixed, "Failed": failed}
+    cards = {
+        "Study": rows,
+        "Varied": [ReportRow(names[key], ranges[key]) for key in table.keys],
+        "Set for all cases": [
+            ReportRow(key, shown(value)) for key, value in session.study.model.set.items()
+        ],
+        "Failed": [ReportRow(row.case, (row.problems or {}).get("", "")) for row in lost],
+    }
     return [table_card(title, lines) for title, lines in cards.items()]
-
-
-def _range(table: StudyTable, key: str) -> str:
-    values = list(dict.fromkeys(row.values[key] for row in table.rows if key in row.values))
-    texts = [shown(value) for value in values]
-    return (
-        ", ".join(texts)
-        if len(texts) <= 12
-        else f"{', '.join(texts[:6])} … {texts[-1]} ({len(texts)} values)"
-    )
 
 
 def _figures(table: StudyTable) -> list[Figure] | None:
@@ -186,22 +185,6 @@ def _longest_axis(mean: StudyTable) -> str | None:
     return best if best is not None and lengths[best] > 1 else None
 
 
-def _means(table: StudyTable) -> str:
-    if SEED not in table.keys:
-        return ""
-    headings, lines = over_seeds(table).lines
-    return _wide("Means over seeds", headings, [_cells(line) for line in lines])
-
-
-def _cases(table: StudyTable, base: Path) -> str:
-    headings, lines = table.lines
-    rows = [
-        [*_cells(line), _links(table, row.case, base)]
-        for line, row in zip(lines, table.rows, strict=True)
-    ]
-    return _wide("Cases", [*headings, "run"], rows)
-
-
 def _cells(line: Sequence[str]) -> list[str]:
     """Cells of a table; verdicts, which are the last but one, in their colors."""
     found = [escape(cell) for cell in line]
@@ -227,7 +210,16 @@ def _links(table: StudyTable, name: str, base: Path) -> str:
     return " ".join(links)
 
 
-def _wide(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def _wide(
+    title: str,
+    headings: Sequence[str],
+    lines: Sequence[Sequence[str]],
+    links: Sequence[str] | None = None,
+) -> str:
+    """A table, with links as a last column."""
+    rows = [_cells(line) for line in lines]
+    if links is not None:
+        rows = [[*row, link] for row, link in zip(rows, links, strict=True)]
     head = "".join(f'<th scope="col">{escape(text)}</th>' for text in headings)
     body = "".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in rows)
     table = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"

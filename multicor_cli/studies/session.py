@@ -51,16 +51,11 @@ class StudySession:
         """
         if findings := list(unknown(self.study.model.observe)):
             raise self.study.refuse(*findings)
-        by_status: dict[CaseStatus, list[Case]] = {}
-        for case in self.cases:
-            by_status.setdefault(self.directory.state(case).status, []).append(case)
-        check_cases(self.study, by_status.get(CaseStatus.WAITING, []))
-        left = [
-            case
-            for status, cases in by_status.items()
-            if status is not CaseStatus.FINISHED
-            for case in cases
-        ]
+        states = list(zip(self.cases, self.states(), strict=True))
+        check_cases(
+            self.study, [case for case, state in states if state.status is CaseStatus.WAITING]
+        )
+        left = [case for case, state in states if state.status is not CaseStatus.FINISHED]
         return forecast(self.study, left, self.directory.path)
 
     def states(self) -> list[CaseState]:
@@ -135,10 +130,8 @@ def _stop_signals() -> Iterator[Callable[[], StopReason | None]]:
             raise KeyboardInterrupt
         came.append(number)
 
-    before = {
-        number: signal.signal(number, note)
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    }
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {number: signal.signal(number, note) for number in numbers}
     try:
         yield lambda: StopReason.of_signal(came[0]) if came else None
     finally:
@@ -192,11 +185,9 @@ def check_cases(study: Study, cases: Sequence[Case]) -> None:
         try:
             scenario = check_case(study, case)
             if findings := list(missing(study.model.observe, scenario)):
+                of_case = f"(case {case.name})"
                 raise study.refuse(
-                    *(
-                        Refused(finding.where, f"{finding.what} (case {case.name})", finding.remedy)
-                        for finding in findings
-                    )
+                    *(Refused(it.where, f"{it.what} {of_case}", it.remedy) for it in findings)
                 )
         except ScenarioError as error:
             for problem in error.problems:
@@ -213,13 +204,11 @@ def forecast(study: Study, cases: Sequence[Case], directory: Path) -> Forecast:
     Raises:
         ScenarioError: Grains of a case cannot be placed, or space for all runs is short.
     """
-    different = list(
-        {
-            str({key: value for key, value in case.values.items() if key != SEED}): case
-            for case in cases
-        }.values()
-    )
-    chosen = _spread(different)
+    different = {
+        str({key: value for key, value in case.values.items() if key != SEED}): case
+        for case in cases
+    }
+    chosen = _spread(list(different.values()))
     prepared = [_prepare(study, case, directory) for case in chosen]
     costs = [run.cost for run in prepared]
     share = len(cases) / len(chosen) if chosen else 0.0
@@ -252,7 +241,7 @@ def _sum(values: Sequence[float | None]) -> float | None:
 def _prepare(study: Study, case: Case, directory: Path) -> Prepared:
     from multicor_cli.checks import Prepared
     from multicor_cli.packing import place
-    from multicor_cli.running.planning import make_plan
+    from multicor_cli.running.from_scenario import make_plan
 
     scenario = check_case(study, case)
     placed = place(scenario)
@@ -278,12 +267,10 @@ def _refuse_without_space(study: Study, found: Forecast, directory: Path) -> Non
     free = shutil.disk_usage(place).free
     if found.disk is not None and found.disk > free:
         runs = f"{found.cases} runs" if found.cases != 1 else "one run"
-        message = (
-            f"{runs} will take about {format_bytes(found.disk)}, {format_bytes(free)} are free in "
-            f"{place}"
-        )
+        sizes = f"about {format_bytes(found.disk)}, {format_bytes(free)} are free in {place}"
         remedy = (
             "choose another disk with -o, write fewer frames (output.frame_interval), or use "
             'precision = "single"'
         )
-        raise study.refuse(Refused(("study", "scenario"), message, remedy))
+        where = ("study", "scenario")
+        raise study.refuse(Refused(where, f"{runs} will take {sizes}", remedy))

@@ -53,17 +53,11 @@ class Range(Table):
     @model_validator(mode="after")
     def _is_a_range(self) -> Self:
         if self.from_ == self.to and self.count != 1:
-            raise Refused(
-                ("to",),
-                f"the range from {self.from_:g} to {self.to:g} has no length",
-                "give two different ends, or a list",
-            )
+            what = f"the range from {self.from_:g} to {self.to:g} has no length"
+            raise Refused(("to",), what, "give two different ends, or a list")
         if self.spacing == "log" and min(self.from_, self.to) <= 0.0:
-            raise Refused(
-                ("from",),
-                "a range with spacing 'log' needs positive ends",
-                'use spacing = "linear"',
-            )
+            what = "a range with spacing 'log' needs positive ends"
+            raise Refused(("from",), what, 'use spacing = "linear"')
         return self
 
 
@@ -88,9 +82,8 @@ def _check_count(axis: Any, info: ValidationInfo) -> Any:
     """The values of a key of `Vary`, whose ranges say how many these are unless they are drawn."""
     is_drawn = info.data.get("sample", "wrong") is not None  # of a wrong table it is not known
     if isinstance(axis, Range) and axis.count is None and not is_drawn:
-        raise Refused(
-            ("count",), "is missing", "add count: how many values, or draw them with sample"
-        )
+        remedy = "add count: how many values, or draw them with sample"
+        raise Refused(("count",), "is missing", remedy)
     return axis
 
 
@@ -149,9 +142,8 @@ class Vary(Table):
         if not isinstance(data, dict):
             return data
         own = {key: value for key, value in data.items() if key in OPTIONS}
-        return own | {
-            "keys": dict(_flat((), {key: value for key, value in data.items() if key not in own}))
-        }
+        others = {key: value for key, value in data.items() if key not in own}
+        return own | {"keys": dict(_flat((), others))}
 
 
 class After(Table):
@@ -202,21 +194,13 @@ class Observable(Table):
     def _one_source(self) -> Self:
         given = [name for name in ("post", "info", "series") if getattr(self, name) is not None]
         if len(given) != 1:
-            raise Refused(
-                (), "post, info or series says where an observable comes from", "give one of them"
-            )
+            what = "post, info or series says where an observable comes from"
+            raise Refused((), what, "give one of them")
         if (self.post is None) != (self.value is None):
-            raise Refused(
-                (),
-                "post and value belong together",
-                'give both: post = "rheology", value = "friction_walls"',
-            )
+            remedy = 'give both: post = "rheology", value = "friction_walls"'
+            raise Refused((), "post and value belong together", remedy)
         if self.info is not None and self.after is not None:
             raise Refused(("after",), "a field of info is no mean", "leave after out")
-        return self
-
-    @model_validator(mode="after")
-    def _own_keys(self) -> Self:
         for key, (needing, allowing) in _KEYS_OF_TABLES.items():
             is_given = getattr(self, key) is not None
             if is_given and self.post not in (*needing, *allowing):
@@ -298,9 +282,8 @@ class Compute(Table):
     def _one(self) -> Self:
         given = [name for name, value in self if name != "threads" and value is not None]
         if len(given) > 1:
-            raise Refused(
-                (given[1],), f"{' and '.join(given)} cannot be had together", "give one of them"
-            )
+            what = f"{' and '.join(given)} cannot be had together"
+            raise Refused((given[1],), what, "give one of them")
         return self
 
 
@@ -320,13 +303,11 @@ class About(Table):
 
     @model_validator(mode="after")
     def _different_seeds(self) -> Self:
-        if isinstance(self.seeds, int) and not 1 <= self.seeds <= MAX_CASES:
-            raise Refused(
-                ("seeds",),
-                f"there cannot be {self.seeds} seeds",
-                f"give 1 to {MAX_CASES}, or a list of seeds",
-            )
-        if isinstance(self.seeds, tuple) and len(set(self.seeds)) < len(self.seeds):
+        seeds = self.seeds
+        if isinstance(seeds, int) and not 1 <= seeds <= MAX_CASES:
+            remedy = f"give 1 to {MAX_CASES}, or a list of seeds"
+            raise Refused(("seeds",), f"there cannot be {seeds} seeds", remedy)
+        if isinstance(seeds, tuple) and len(set(seeds)) < len(seeds):
             raise Refused(("seeds",), "a seed comes twice", "give each seed once")
         return self
 
@@ -350,14 +331,10 @@ class StudyModel(Table):
         return dict(_flat((), data)) if isinstance(data, dict) else data
 
     @model_validator(mode="after")
-    def _different_keys(self) -> Self:
+    def _different_names(self) -> Self:
         for key in self.set:
             if key in self.vary.keys:
                 raise Refused(("set",), f"{key} is set and varied", "leave one of them out")
-        return self
-
-    @model_validator(mode="after")
-    def _different_names(self) -> Self:
         names = [observable.name for observable in self.observe]
         if len(set(names)) < len(names):
             raise Refused(("observe",), "two observables have the same name", "give each its own")
@@ -414,11 +391,10 @@ def load_study(path: str | Path) -> Study:
     try:
         model = StudyModel.model_validate(document)
     except ValidationError as error:
-        findings = [
-            place(document, finding)
-            for finding in translate(StudyModel, error.errors(include_url=False))
-        ]
-        raise ScenarioError(sources.problems(findings)) from None
+        findings = translate(StudyModel, error.errors(include_url=False))
+        raise ScenarioError(
+            sources.problems([place(document, finding) for finding in findings])
+        ) from None
     return Study(model, path, sources, document)
 
 
@@ -426,10 +402,9 @@ def place(document: dict[str, Any], finding: Refused) -> Refused:
     """A finding where it stands: for ``vary.keys.KEY`` ``vary."KEY"``, or tables without quotes."""
     path = finding.where
     if path[:2] == ("vary", "keys") and len(path) > 2:
-        table, key, rest = "vary", str(path[2]), path[3:]
-    elif path[:1] == ("set",) and len(path) > 1:
-        table, key, rest = "set", str(path[1]), path[2:]
-    else:
+        path = ("vary", *path[2:])
+    elif path[:1] != ("set",) or len(path) < 2:
         return finding
+    table, key, rest = str(path[0]), str(path[1]), path[2:]
     written: KeyPath = (key,) if key in document.get(table, {}) else tuple(key.split("."))
     return Refused((table, *written, *rest), finding.what, finding.remedy)

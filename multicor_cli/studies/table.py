@@ -67,15 +67,10 @@ class StudyTable:
     @property
     def headings(self) -> list[str]:
         names = [short_names(self.keys)[key] for key in self.keys]
-        if self.is_mean:
-            numbers = [
-                text
-                for name in self.observables
-                for text in (name, f"{name}_error", f"{name}_between", f"{name}_seeds")
-            ]
-            return [*names, "status", *numbers, "verdict", "hours"]
-        numbers = [text for name in self.observables for text in (name, f"{name}_error")]
-        return [*names, "status", *numbers, "verdict", "hours", "digest", "directory"]
+        endings = ("", "_error", "_between", "_seeds") if self.is_mean else ("", "_error")
+        numbers = [f"{name}{ending}" for name in self.observables for ending in endings]
+        last = [] if self.is_mean else ["digest", "directory"]
+        return [*names, "status", *numbers, "verdict", "hours", *last]
 
     @property
     def records(self) -> list[list[Any]]:
@@ -83,8 +78,7 @@ class StudyTable:
         return [self._record(row) for row in self.rows]
 
     def _record(self, row: Row) -> list[Any]:
-        found: list[Any] = [row.values.get(key) for key in self.keys]
-        found.append(row.status)
+        found: list[Any] = [*(row.values.get(key) for key in self.keys), row.status]
         for name in self.observables:
             value, error, count = row.numbers.get(name, (math.nan, math.nan, 0))
             found += [_known(value), _known(error)]
@@ -96,38 +90,18 @@ class StudyTable:
     @property
     def lines(self) -> tuple[list[str], list[list[str]]]:
         """Headings and rows for people: numbers with their errors (the larger) in one column."""
-        names = short_names(self.keys)
-        headings = [
-            *(names[key] for key in self.keys),
-            "status",
-            *self.observables,
-            "verdict",
-            "hours",
-        ]
+        names = [short_names(self.keys)[key] for key in self.keys]
+        headings = [*names, "status", *self.observables, "verdict", "hours"]
         return headings, [self._line(row) for row in self.rows]
 
     def _line(self, row: Row) -> list[str]:
         values = [shown(row.values[key]) if key in row.values else "" for key in self.keys]
-        numbers = []
-        for name in self.observables:
-            value, error, _ = row.numbers.get(name, (math.nan, math.nan, 0))
-            numbers.append(
-                with_error(
-                    value,
-                    max(
-                        error,
-                        row.between.get(name, math.nan),
-                        key=lambda e: e if math.isfinite(e) else -1.0,
-                    ),
-                )
-            )
-        return [
-            *values,
-            row.status,
-            *numbers,
-            row.verdict,
-            "–" if math.isnan(row.hours) else f"{row.hours:.3g}",
+        numbers = [
+            with_error(*_with_error(row, name)) if name in row.numbers else "–"
+            for name in self.observables
         ]
+        hours = "–" if math.isnan(row.hours) else f"{row.hours:.3g}"
+        return [*values, row.status, *numbers, row.verdict, hours]
 
     def csv(self) -> str:
         out = io.StringIO()
@@ -151,17 +125,9 @@ def make_table(
     for case in cases:
         state = directory.state(case)
         if state.status is not CaseStatus.FINISHED:
+            why = {"": state.reason}
             rows.append(
-                Row(
-                    case.values,
-                    state.status.value,
-                    {},
-                    {},
-                    "",
-                    math.nan,
-                    case.name,
-                    problems={"": state.reason},
-                )
+                Row(case.values, state.status.value, {}, {}, "", math.nan, case.name, problems=why)
             )
             continue
         found = observe(directory, case, observables)
@@ -177,14 +143,8 @@ def make_table(
         )  # fmt: skip
     keys = tuple(dict.fromkeys(key for case in cases for key in case.values))
     labels = {row.name: row.label for row in observables if row.label}
-    return StudyTable(
-        keys,
-        tuple(row.name for row in observables),
-        tuple(rows),
-        is_mean=False,
-        directory=directory,
-        labels=labels,
-    )
+    names = tuple(row.name for row in observables)
+    return StudyTable(keys, names, tuple(rows), is_mean=False, directory=directory, labels=labels)
 
 
 def over_seeds(table: StudyTable) -> StudyTable:
@@ -216,10 +176,8 @@ def _mean(values: Values, group: Sequence[Row], observables: Sequence[str]) -> R
         numbers[name] = (mean, within, count)
         between[name] = math.sqrt(scatter / (count * (count - 1))) if count > 1 else math.nan
     done = sum(row.status == CaseStatus.FINISHED.value for row in group)
-    order = ("", "ok", "warning", "bad")
-    verdict = max(
-        (row.verdict for row in group), key=lambda text: order.index(text) if text in order else 0
-    )
+    order = {text: rank for rank, text in enumerate(("", "ok", "warning", "bad"))}
+    verdict = max((row.verdict for row in group), key=lambda text: order.get(text, 0))
     hours = math.fsum(row.hours for row in group if math.isfinite(row.hours))
     return Row(values, f"{done} of {len(group)} finished", numbers, between, verdict, hours)
 
@@ -263,6 +221,10 @@ class Series:
     y: Floats
     error: Floats
     x_error: Floats
+
+
+Names = tuple[Value | None, ...]
+"""Values of the keys by which panels or series are told apart."""
 
 
 @dataclass(frozen=True)
@@ -313,24 +275,17 @@ def make_panels(table: StudyTable, request: PlotRequest) -> list[Panel]:
     rows = _chosen(table, request)
     across = None if request.against in table.observables else find_key(table, request.against)
     facets = [] if request.facet is None else [find_key(table, request.facet)]
-    left = [
-        key for key in table.keys if key not in (across, *facets) and len(_values(rows, key)) > 1
-    ]
+    left = {key: len(values_of(rows, key)) for key in table.keys if key not in (across, *facets)}
+    left = {key: count for key, count in left.items() if count > 1}
     if request.by is not None:
         by = [find_key(table, request.by)]
     else:
-        along = (
-            max(left, key=lambda key: len(_values(rows, key)), default=None)
-            if across is None
-            else None
-        )
+        along = max(left, key=lambda key: left[key], default=None) if across is None else None
         by = [key for key in left if key != along]
-    lines: dict[tuple[Value | None, ...], dict[tuple[Value | None, ...], list[Row]]] = {}
+    lines: dict[Names, dict[Names, list[Row]]] = {}
     for row in rows:
-        panel = tuple(row.values.get(key) for key in facets)
-        lines.setdefault(panel, {}).setdefault(tuple(row.values.get(key) for key in by), []).append(
-            row
-        )
+        panel, line = (tuple(row.values.get(key) for key in keys) for keys in (facets, by))
+        lines.setdefault(panel, {}).setdefault(line, []).append(row)
     names = short_names(table.keys)
     found = []
     for panel, groups in lines.items():
@@ -347,24 +302,27 @@ def make_panels(table: StudyTable, request: PlotRequest) -> list[Panel]:
 def _chosen(table: StudyTable, request: PlotRequest) -> list[Row]:
     """Rows with the observables that are asked for, and the values."""
     if request.of not in table.observables:
-        raise PlotError(
-            f"the study observes no {request.of}; it observes "
-            f"{', '.join(table.observables) or 'nothing'}"
-        )
+        observed = ", ".join(table.observables) or "nothing"
+        raise PlotError(f"the study observes no {request.of}; it observes {observed}")
     needed = {request.of, request.against} & {*table.observables}
     wanted = [(find_key(table, name), text) for name, text in request.where]
     for key, text in wanted:
-        known = list(dict.fromkeys(shown(value) for value in _values(table.rows, key)))
+        known = list(dict.fromkeys(map(shown, values_of(table.rows, key))))
         if text not in known:
             raise PlotError(f"{key} has no value {text}; it has {', '.join(known)}")
-    rows = [row for row in table.rows if needed <= row.numbers.keys()]
-    rows = [row for row in rows if all(shown(row.values[key]) == text for key, text in wanted)]
+    rows = [
+        row
+        for row in table.rows
+        if needed <= row.numbers.keys()
+        and all(shown(row.values[key]) == text for key, text in wanted)
+    ]
     if not rows:
         raise PlotError(f"no case with {' and '.join(sorted(needed))} has finished yet")
     return rows
 
 
-def _values(rows: Iterable[Row], key: str) -> list[Value]:
+def values_of(rows: Iterable[Row], key: str) -> list[Value]:
+    """The values that a key takes, each once."""
     return list(dict.fromkeys(row.values[key] for row in rows if key in row.values))
 
 
@@ -384,15 +342,12 @@ def _refuse_same_places(
     for row in group:
         other = first.setdefault(row.values[across], row)
         if other is not row:
-            key = next(
-                key
-                for key in row.values
-                if key != across and row.values[key] != other.values.get(key)
-            )
+            differing = (key for key in row.values if row.values[key] != other.values.get(key))
+            name = names[next(key for key in differing if key != across)]
             which = f" of {label}" if label else ""
             raise PlotError(
-                f"points{which} differ by {names[key]} as well: choose with --by, --facet or "
-                f"--where {names[key]}=VALUE"
+                f"points{which} differ by {name} as well: choose with --by, --facet or "
+                f"--where {name}=VALUE"
             )
 
 

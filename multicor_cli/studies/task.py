@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from multicor_cli.store.layout import LOCK
+from multicor_cli.studies.child import outcome
 from multicor_cli.studies.forking import CaseProcess, ForkServer
 
 # ---- A worker, one of Dask or a thread here
@@ -38,11 +39,11 @@ def run_case(task: dict[str, Any]) -> dict[str, Any]:
     name = f"{task['client']}/{task['name']}"
     with _lock:
         if task["client"] in _stopping:
-            return {"status": "stopped", "reason": "not begun", "exit_code": 75, "step": 0}
+            return outcome("stopped", "not begun", 75)
         try:
             process = _start(task["threads"])
         except OSError as error:
-            return {"status": "killed", "reason": str(error), "exit_code": 5, "step": 0}
+            return outcome("killed", str(error), 5)
         _running[name] = process
     try:
         said: deque[bytes] = deque(maxlen=50)
@@ -50,11 +51,14 @@ def run_case(task: dict[str, Any]) -> dict[str, Any]:
         listener.start()
         with contextlib.suppress(OSError):
             process.stream.sendall(json.dumps(task).encode() + b"\n")
-        while True:
+        listener.join(BEAT)
+        while listener.is_alive():
+            # show other machines that the process is alive: the time of its lock moves on
+            with contextlib.suppress(OSError):
+                lock = Path(task["directory"]) / LOCK
+                if lock.stat().st_size:
+                    os.utime(lock)
             listener.join(BEAT)
-            if not listener.is_alive():
-                break
-            _touch(Path(task["directory"]) / LOCK)
     finally:
         with _lock:
             _running.pop(name, None)
@@ -93,13 +97,6 @@ def close_fork_servers() -> None:
         _fork_servers.clear()
 
 
-def _touch(lock: Path) -> None:
-    """Show other machines that the process of a case is alive: the time of its lock moves on."""
-    with contextlib.suppress(OSError):
-        if lock.stat().st_size:
-            os.utime(lock)
-
-
 def _listen(stream: socket.socket, said: deque[bytes]) -> None:
     """Keep the last lines of what a process says and complains about, until it has ended."""
     with contextlib.suppress(OSError), stream.makefile("rb") as lines:
@@ -108,34 +105,13 @@ def _listen(stream: socket.socket, said: deque[bytes]) -> None:
 
 def _unsaid(code: int, said: str) -> dict[str, Any]:
     """The outcome of a process that said nothing."""
-    if code in (
-        -signal.SIGTERM,
-        -signal.SIGINT,
-        -signal.SIGHUP,
-        128 + signal.SIGTERM,
-        128 + signal.SIGINT,
-        128 + signal.SIGHUP,
-    ):
-        return {
-            "status": "stopped",
-            "reason": "stopped before its first step",
-            "exit_code": abs(code),
-            "step": 0,
-        }
-    last = said.splitlines()[-1] if said else ""
+    stops = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+    if code in (*(-number for number in stops), *(128 + number for number in stops)):
+        return outcome("stopped", "stopped before its first step", abs(code))
     if code == -signal.SIGKILL:
-        return {
-            "status": "killed",
-            "reason": "its process was killed (out of memory?)",
-            "exit_code": 137,
-            "step": 0,
-        }
-    return {
-        "status": "failed",
-        "reason": last or f"its process ended with exit code {code}",
-        "exit_code": abs(code),
-        "step": 0,
-    }
+        return outcome("killed", "its process was killed (out of memory?)", 137)
+    last = said.splitlines()[-1] if said else f"its process ended with exit code {code}"
+    return outcome("failed", last, abs(code))
 
 
 def stop_cases(client: str) -> int:
@@ -152,6 +128,9 @@ def stop_cases(client: str) -> int:
 
 _HERE = "here"
 
+Task = dict[str, Any]
+Work = Callable[[Task], dict[str, Any]]
+
 
 class LocalFuture(Future[dict[str, Any]]):
     """The outcome of the case ``key``, with the names that Dask has for it."""
@@ -165,9 +144,9 @@ class LocalFuture(Future[dict[str, Any]]):
         """``pending``, ``finished``, ``cancelled`` or ``error``."""
         if not self.done():
             return "pending"
-        return (
-            "cancelled" if self.cancelled() else "finished" if self.exception() is None else "error"
-        )
+        if self.cancelled():
+            return "cancelled"
+        return "finished" if self.exception() is None else "error"
 
 
 class LocalClient:
@@ -177,9 +156,7 @@ class LocalClient:
 
     def __init__(self, workers: int) -> None:
         self._workers = workers
-        self._waiting: queue.SimpleQueue[
-            tuple[LocalFuture, Callable[..., dict[str, Any]], dict[str, Any]]
-        ] = queue.SimpleQueue()
+        self._waiting: queue.SimpleQueue[tuple[LocalFuture, Work, Task]] = queue.SimpleQueue()
         self._running: set[str] = set()
         self._owners: set[str] = set()
         self._is_closed = False
@@ -199,14 +176,7 @@ class LocalClient:
             self._waiting.put((LocalFuture(""), dict, {}))  # wakes a thread
         close_fork_servers()
 
-    def submit(
-        self,
-        function: Callable[..., dict[str, Any]],
-        task: dict[str, Any],
-        *,
-        key: str,
-        **_options: Any,
-    ) -> LocalFuture:
+    def submit(self, function: Work, task: Task, *, key: str, **_options: Any) -> LocalFuture:
         """Call a function with a task as soon as there is room for another case."""
         future = LocalFuture(key)
         self._owners.add(task["client"])
@@ -237,10 +207,8 @@ class LocalClient:
                 continue
             self._running.add(future.key)
             try:
-                outcome = function(task)
+                future.set_result(function(task))
             except Exception as error:
                 future.set_exception(error)
-            else:
-                future.set_result(outcome)
             finally:
                 self._running.discard(future.key)

@@ -2,14 +2,11 @@
 wide as the terminal.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import pytest
 import scenes
@@ -48,7 +45,7 @@ print(*sorted(sys.modules), file=sys.stderr)
 """
 
 
-def loaded_after(code: str, **options: Any) -> set[str]:
+def loaded_after(code, **options):
     """Modules, and the packages that they are in, that are loaded after ``code`` has run in a
     process of its own.
     """
@@ -67,14 +64,14 @@ def loaded_after(code: str, **options: Any) -> set[str]:
 
 
 @pytest.mark.parametrize("arguments", ["--help", "run --help", "post energy --help", "--version"])
-def test_help_imports_nothing_heavy(arguments: str) -> None:
+def test_help_imports_nothing_heavy(arguments):
     modules = loaded_after(COMMAND.format(arguments.split()))
     assert "typer" in modules
     # The command-line library itself looks for pydantic as soon as a command has options.
     assert not modules & (HEAVY - {"pydantic"} if " " in arguments else HEAVY)
 
 
-def test_help_names_quantities_and_compiles_nothing() -> None:
+def test_help_names_quantities_and_compiles_nothing():
     assert not loaded_after(COMMAND.format(["post", "map", "--help"])) & (
         HEAVY - {"pydantic", "numpy"}
     )
@@ -115,9 +112,7 @@ READING = COMPILERS | FIGURES | MANY_RUNS | KERNELS
         ),
     ],
 )
-def test_a_command_loads_no_more_than_it_needs(
-    arguments: str, forbidden: set[str], finished: Path, tmp_path: Path
-) -> None:
+def test_a_command_loads_no_more_than_it_needs(arguments, forbidden, finished, tmp_path):
     (tmp_path / "small.toml").write_text(scenes.SMALL)
     modules = loaded_after(
         COMMAND.format(arguments.replace("RUN", str(finished)).split()), cwd=tmp_path
@@ -125,7 +120,7 @@ def test_a_command_loads_no_more_than_it_needs(
     assert not modules & forbidden
 
 
-def test_importing_the_package_imports_nothing_heavy() -> None:
+def test_importing_the_package_imports_nothing_heavy():
     modules = loaded_after(
         "import multicor_cli, multicor_cli.running, multicor_cli.engine, multicor_cli.cli.app, "
         "multicor_cli.store; multicor_cli.run"
@@ -133,7 +128,7 @@ def test_importing_the_package_imports_nothing_heavy() -> None:
     assert not modules & HEAVY
 
 
-def test_expressions_are_evaluated_only_where_there_are_any() -> None:
+def test_expressions_are_evaluated_only_where_there_are_any():
     load = (
         "from scenes import SMALL; from multicor_cli.scenario import parse_scenario; "
         "parse_scenario(SMALL, 'a.toml', {})"
@@ -144,7 +139,7 @@ def test_expressions_are_evaluated_only_where_there_are_any() -> None:
     assert "simpleeval" in loaded_after(code.format(["solver.dt== 1 / 5e3"]))
 
 
-def test_help_names_every_command(tmp_path: Path) -> None:
+def test_help_names_every_command(tmp_path):
     done = call("--help", cwd=tmp_path)
     assert done.returncode == 0
     for name in COMMANDS:
@@ -160,7 +155,7 @@ def test_help_names_every_command(tmp_path: Path) -> None:
         ("new", "hopper"),
     ],
 )
-def test_help_lists_what_there_is(command: str, word: str, tmp_path: Path) -> None:
+def test_help_lists_what_there_is(command, word, tmp_path):
     done = call(*command.split(), "--help", cwd=tmp_path)
     assert word in done.stdout
     assert "--normalised" not in done.stdout
@@ -172,7 +167,7 @@ NAMES = {
 
 
 @pytest.mark.parametrize("name", sorted(NAMES))
-def test_every_command_has_help_as_wide_as_the_terminal(name: str, tmp_path: Path) -> None:
+def test_every_command_has_help_as_wide_as_the_terminal(name, tmp_path):
     """Prose fills its lines: the first word of a line would not have fitted into the one before,
     unless a paragraph begins.
     """
@@ -210,9 +205,7 @@ def test_every_command_has_help_as_wide_as_the_terminal(name: str, tmp_path: Pat
         ("bench hea", {"heated-bed"}, {"shear"}),
     ],
 )
-def test_the_shell_completes_values(
-    line: str, offered: set[str], not_offered: set[str], finished: Path, tmp_path: Path
-) -> None:
+def test_the_shell_completes_values(line, offered, not_offered, finished, tmp_path):
     (tmp_path / "s.toml").write_text(
         '[study]\nname = "s"\nscenario = "a.toml"\n[[observe]]\nname = "mu"\ninfo = "time"\n'
         '[[observe]]\nname = "steps"\ninfo = "step"\n'
@@ -231,7 +224,7 @@ def test_the_shell_completes_values(
 
 
 @pytest.mark.parametrize("arguments", [("--help",), ("schema",)])
-def test_a_pipe_that_nobody_reads_is_no_failure(arguments: tuple[str, ...], tmp_path: Path) -> None:
+def test_a_pipe_that_nobody_reads_is_no_failure(arguments, tmp_path):
     reading, writing = os.pipe()
     os.close(reading)
     done = subprocess.run(
@@ -247,6 +240,6 @@ def test_a_pipe_that_nobody_reads_is_no_failure(arguments: tuple[str, ...], tmp_
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_version(tmp_path: Path) -> None:
+def test_version(tmp_path):
     done = call("--version", cwd=tmp_path)
     assert (done.returncode, done.stdout) == (0, f"multicor {__version__}\n")

@@ -29,7 +29,7 @@ DRAWN = 'sample = { kind = "KIND", count = 4 }\n"contacts.0.friction" = { from =
 LISTED = '"contacts.0.friction" = [0.2, 0.5]'
 
 
-def remove(monkeypatch, name: str) -> str:
+def remove(monkeypatch, name):
     """Let a library be missing; what is then said of it."""
     for module in {name, *(module for module in sys.modules if module.startswith(f"{name}."))}:
         monkeypatch.setitem(sys.modules, module, None)

@@ -1,10 +1,6 @@
 """The notebook of the tutorial is carried out, and what it says comes out."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
-from typing import Any
 
 import pytest
 from places import ROOT
@@ -13,7 +9,7 @@ NOTEBOOK = ROOT / "docs" / "tutorial" / "notebook.ipynb"
 
 
 @pytest.fixture(scope="module")
-def cells(tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
+def cells(tmp_path_factory):
     """Its cells with their outputs; a last one of ours shows the numbers that are looked at."""
     nbclient, nbformat = pytest.importorskip("nbclient"), pytest.importorskip("nbformat")
     for module in ("ipykernel", "pandas", "matplotlib"):
@@ -24,7 +20,7 @@ def cells(tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
         "heavier.loading[0].drives['top'].y.force"
     )
     notebook.cells.append(nbformat.v4.new_code_cell(f"import json; print(json.dumps([{numbers}]))"))
-    folder: Path = tmp_path_factory.mktemp("notebook")
+    folder = tmp_path_factory.mktemp("notebook")
     return (
         nbclient.NotebookClient(
             notebook, timeout=300, resources={"metadata": {"path": str(folder)}}
@@ -34,7 +30,7 @@ def cells(tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
     )
 
 
-def test_it_is_kept_without_outputs() -> None:
+def test_it_is_kept_without_outputs():
     kept = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
     assert all(
         not cell["outputs"] and cell["execution_count"] is None
@@ -43,7 +39,7 @@ def test_it_is_kept_without_outputs() -> None:
     )
 
 
-def test_what_it_says_comes_out(cells: list[Any]) -> None:
+def test_what_it_says_comes_out(cells):
     load, ratio, is_same, ends, speeds, doubled = json.loads(cells[-1].outputs[0].text)
     assert load == pytest.approx(0.2, rel=0.01)
     assert 0.0 < ratio < 1.0
@@ -60,7 +56,7 @@ def test_what_it_says_comes_out(cells: list[Any]) -> None:
     assert doubled == -0.4
 
 
-def test_runs_and_figures_are_shown(cells: list[Any]) -> None:
+def test_runs_and_figures_are_shown(cells):
     shown = [
         output["data"] for cell in cells for output in cell.get("outputs", []) if "data" in output
     ]

@@ -7,7 +7,6 @@ import json
 import re
 import shutil
 import subprocess
-from pathlib import Path
 
 import pytest
 from command_line import call, command, environment
@@ -321,9 +320,7 @@ def test_doctor_describes_the_installation(read):
         ({"NUMBA_NUM_THREADS": "3"}, ", 3 threads"),
     ],
 )
-def test_doctor_says_in_a_sentence_why_there_is_no_threading_layer(
-    variables: dict[str, str], said: str, tmp_path: Path
-) -> None:
+def test_doctor_says_in_a_sentence_why_there_is_no_threading_layer(variables, said, tmp_path):
     done = call("doctor", cwd=tmp_path, **variables)
     assert done.returncode == 0, done.stderr
     (line,) = [line for line in done.stdout.splitlines() if line.startswith("threading layer")]

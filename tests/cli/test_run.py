@@ -24,7 +24,7 @@ import multicor_cli as multicor
 OFTEN = ("--set", "output.checkpoint_interval=0.05")
 
 
-def wait_for_step(process: subprocess.Popen[str], directory: Path, step: int) -> None:
+def wait_for_step(process, directory, step):
     """Wait until the run has a checkpoint at or after a step, or has ended."""
     deadline = time.monotonic() + 120
     while process.poll() is None and time.monotonic() < deadline:
@@ -34,7 +34,7 @@ def wait_for_step(process: subprocess.Popen[str], directory: Path, step: int) ->
         time.sleep(0.02)
 
 
-def start_changed(directory: Path, change: str, said: str = "") -> subprocess.Popen[str]:
+def start_changed(directory, change, said=""):
     """A run into ``here`` of a program in which ``change`` has been done; it is waited for until it
     has said something.
     """
@@ -52,9 +52,7 @@ def start_changed(directory: Path, change: str, said: str = "") -> subprocess.Po
     return process
 
 
-def stop(
-    process: subprocess.Popen[str], number: int = signal.SIGTERM, *, within: float = 60.0
-) -> str:
+def stop(process, number=signal.SIGTERM, *, within=60.0):
     """End a process as a signal does, within a time [s]; what it says."""
     process.send_signal(number)
     _, said = process.communicate(timeout=within)
@@ -139,7 +137,7 @@ def test_second_signal_ends_at_once(tmp_path):
 def test_signal_while_nothing_has_to_be_saved_ends_the_process(typed, finished, tmp_path):
     """In a slow placement, or while kernels compile."""
 
-    def stop_in(name: str) -> None:
+    def stop_in(name):
         hang = (
             "def hang(*a, **k):\n    print('hanging', flush=True)\n"
             f"    while True: time.sleep(0.05)\ns.{name} = hang"

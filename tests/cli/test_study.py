@@ -8,7 +8,6 @@ import re
 import shlex
 import shutil
 import signal
-import subprocess
 import time
 from urllib.parse import quote
 
@@ -221,7 +220,7 @@ def test_a_case_that_fails_is_listed_and_tried_again_only_if_asked(tmp_path):
 LONG = ("value = 0.15", "value = 2.0")
 
 
-def wait_until_running(folder, process: subprocess.Popen[str]):
+def wait_until_running(folder, process):
     """Until a case has done a step."""
     directory = StudyDirectory(folder / "studies" / "s")
     for _ in range(1200):
@@ -236,7 +235,7 @@ def wait_until_running(folder, process: subprocess.Popen[str]):
 
 
 @pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+def undisturbed(tmp_path_factory):
     """Digests of the long cases."""
     folder = tmp_path_factory.mktemp("undisturbed")
     write(folder, ("seeds = 2", "seeds = 1"), scenario=LONG)

@@ -25,8 +25,8 @@ from trials import trials
 from multicor_cli.engine import PhysicsError
 from multicor_cli.packing import build
 from multicor_cli.running.estimate import estimate
+from multicor_cli.running.from_scenario import make_plan
 from multicor_cli.running.plan import begin_stage
-from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine
 from multicor_cli.scenario import load_scenario, parse_scenario
 from multicor_cli.scenario.problems import ScenarioError

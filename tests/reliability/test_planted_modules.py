@@ -39,7 +39,7 @@ import time
 from pathlib import Path
 from multicor_cli.engine.jit.cache import configure_cache
 cache = configure_cache()
-from multicor_cli.running.compiling import shared_compilation
+from multicor_cli.running.machine import shared_compilation
 with shared_compilation(2) as other:
     while other.poll() is None and not any(cache.rglob("*.nbi")):
         time.sleep(0.1)

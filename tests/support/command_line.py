@@ -1,7 +1,5 @@
 """The command line: in the process of the tests, or in one of its own."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import io
@@ -9,8 +7,6 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
-from typing import Any
 from unittest import mock
 
 import typer.main
@@ -23,7 +19,7 @@ _parser = functools.cache(typer.main.get_command)
 """The commands as typer parses them, made once: that takes as long as most commands."""
 
 
-def environment(**extra: str) -> dict[str, str]:
+def environment(**extra):
     """The environment of a command: this source tree, and nothing of the terminal."""
     kept = {
         name: value
@@ -33,7 +29,7 @@ def environment(**extra: str) -> dict[str, str]:
     return {**kept, "PYTHONPATH": str(ROOT), "COLUMNS": "120", **extra}
 
 
-def command(*arguments: object) -> list[str]:
+def command(*arguments):
     return [sys.executable, "-m", "multicor_cli", *map(str, arguments)]
 
 
@@ -41,7 +37,7 @@ _ASKED_INSIDE = {"COLUMNS", "_MULTICOR_COMPLETE", "COMP_WORDS", "COMP_CWORD"}
 """Variables of the environment that are read at each call, not when modules are loaded."""
 
 
-def call(*arguments: object, cwd: Path, **extra: str) -> subprocess.CompletedProcess[str]:
+def call(*arguments, cwd, **extra):
     """Run a command to its end: in this process, or, to be different, in one of its own."""
     if extra.keys() - _ASKED_INSIDE or "--threads" in arguments:
         return call_outside(*arguments, cwd=cwd, **extra)
@@ -63,14 +59,12 @@ def call(*arguments: object, cwd: Path, **extra: str) -> subprocess.CompletedPro
     return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
 
 
-def call_outside(*arguments: object, cwd: Path, **extra: str) -> subprocess.CompletedProcess[str]:
+def call_outside(*arguments, cwd, **extra):
     """Run a command to its end in a process of its own."""
     return python(*command(*arguments)[1:], cwd=cwd, **extra)
 
 
-def python(
-    *words: object, cwd: Path, given: str | None = None, timeout: float = 1800.0, **extra: str
-) -> subprocess.CompletedProcess[str]:
+def python(*words, cwd, given=None, timeout=1800.0, **extra):
     """Run Python to its end, in the environment of a command."""
     return subprocess.run(
         [sys.executable, *map(str, words)], cwd=cwd, env=environment(**extra), input=given,
@@ -78,14 +72,14 @@ def python(
     )  # fmt: skip
 
 
-def start(*arguments: object, cwd: Path, **extra: str) -> subprocess.Popen[str]:
+def start(*arguments, cwd, **extra):
     return subprocess.Popen(
         command(*arguments), cwd=cwd, env=environment(**extra), text=True,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     )  # fmt: skip
 
 
-def read_info(directory: Path) -> dict[str, Any]:
+def read_info(directory):
     """``run_info`` as the command line prints it."""
     done = call("info", directory, "--json", cwd=directory.parent)
     assert done.returncode == 0, done.stderr

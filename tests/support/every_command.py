@@ -4,17 +4,13 @@ Prints what went wrong, a line each, and how many lines were tried; needs all ex
 the tests' own.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 from unittest import mock
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -73,7 +69,7 @@ study cancel sobol.toml"""
 """A line for each command; those that need another's files come after it."""
 
 
-def commands(node: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], bool]]:
+def commands(node, path=()):
     """Words of every command below a node, and whether it can be called without more."""
     if hasattr(node, "commands"):
         for name, below in node.commands.items():
@@ -82,7 +78,7 @@ def commands(node: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str,
         yield path, not any(parameter.required for parameter in node.params)
 
 
-def run_here(words: list[str]) -> subprocess.CompletedProcess[str]:
+def run_here(words):
     """Run what ends with a text in this process, which need not start another."""
     from multicor_cli.cli.app import main
 
@@ -100,7 +96,7 @@ def run_here(words: list[str]) -> subprocess.CompletedProcess[str]:
     return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
 
 
-def run(folder: Path, words: list[str]) -> subprocess.CompletedProcess[str]:
+def run(folder, words):
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     command = [sys.executable, "-P", "-m", "multicor_cli", *words]
     return subprocess.run(
@@ -108,7 +104,7 @@ def run(folder: Path, words: list[str]) -> subprocess.CompletedProcess[str]:
     )
 
 
-def fault(words: list[str], done: subprocess.CompletedProcess[str], code: int) -> str:
+def fault(words, done, code):
     """What is wrong with how a command ended; empty if nothing is."""
     said = done.stdout + done.stderr
     is_right = done.returncode == code and not any(
@@ -121,7 +117,7 @@ def fault(words: list[str], done: subprocess.CompletedProcess[str], code: int) -
     )
 
 
-def main() -> int:
+def main():
     from typer.main import get_command
 
     from multicor_cli.cli.app import app

@@ -1,15 +1,11 @@
 """A run directory of known content: a column of equal grains between two planes."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from scene_parts import between_planes
 
-from multicor_cli.model import HEAT_BOOK_NAMES, Model, State, Thermal
+from multicor_cli.model import HEAT_BOOK_NAMES, State, Thermal
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.store import RunDirectory, Snapshot
 
@@ -30,7 +26,7 @@ SHEAR = 2.0
 """v_x = SHEAR y, spin −SHEAR/2."""
 
 
-def heated_model(*, heat: bool = True) -> Model:
+def heated_model(*, heat=True):
     """The model; the grains have different heat capacities."""
     model = between_planes([RADIUS] * GRAINS)
     capacity = 1.0 + np.arange(GRAINS)
@@ -40,21 +36,14 @@ def heated_model(*, heat: bool = True) -> Model:
     )
 
 
-def column(model: Model) -> State:
+def column(model):
     """The grains on top of each other, at rest."""
     return State.at_rest(
         model, np.column_stack([np.full(GRAINS, 2.0), RADIUS + 2.0 * RADIUS * np.arange(GRAINS)])
     )
 
 
-def write_frames(
-    run: RunDirectory,
-    model: Model,
-    advance: Callable[[State], None],
-    frames: int,
-    *,
-    contacts: bool = True,
-) -> None:
+def write_frames(run, model, advance, frames, *, contacts=True):
     """Write frames of a column, with rows of the series; ``advance`` leads from one to the next."""
     writer, state = run.writer(model), column(model)
     for frame in range(frames):
@@ -65,14 +54,7 @@ def write_frames(
     run.checkpoint(state, writer)
 
 
-def write_heated_run(
-    path: Path,
-    *,
-    heat: bool = True,
-    frames: int = 5,
-    walls: tuple[float, float] = (300.0, 320.0),
-    contacts: bool = True,
-) -> Model:
+def write_heated_run(path, *, heat=True, frames=5, walls=(300.0, 320.0), contacts=True):
     """Write a finished run: frame 0 before any step at 300 K; ``walls``: bottom and top [K]."""
     model = heated_model(heat=heat)
     with RunDirectory.create(path, "", "", {"seed": 1}, stages=("shear",)) as run:
@@ -83,7 +65,7 @@ def write_heated_run(
     return model
 
 
-def _advance(state: State, model: Model, walls: tuple[float, float]) -> None:
+def _advance(state, model, walls):
     state.step += 1
     state.time += INTERVAL
     state.last_dt = 0.1
@@ -105,7 +87,7 @@ def _advance(state: State, model: Model, walls: tuple[float, float]) -> None:
         state.heat_books[HEAT_BOOK_NAMES.index(name)] = value
 
 
-def contact_rows(state: State) -> ContactTable:
+def contact_rows(state):
     """Each grain on the next with 1, 2, … N, the last on the top plane; every third slides."""
     i = np.arange(GRAINS, dtype=np.int32)
     j = i + np.int32(1)

@@ -1,14 +1,11 @@
 """A SLURM on this machine alone: daemons with their own configuration, started as root."""
 
-from __future__ import annotations
-
 import os
 import secrets
 import shutil
 import socket
 import subprocess
 import time
-from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -41,7 +38,7 @@ PartitionName=debug Nodes=ALL Default=YES MaxTime=INFINITE State=UP
 """
 
 
-def missing() -> str:
+def missing():
     """Why there can be no SLURM here; empty if there can."""
     if os.getuid() != 0:
         return "only root can start SLURM"
@@ -50,7 +47,7 @@ def missing() -> str:
 
 
 @contextmanager
-def one_node_slurm(folder: Path) -> Iterator[dict[str, str]]:
+def one_node_slurm(folder):
     """Start it; gives the environment that its commands need."""
     host = socket.gethostname().split(".")[0]
     for name in ("state", "spool"):
@@ -86,14 +83,14 @@ def one_node_slurm(folder: Path) -> Iterator[dict[str, str]]:
                 daemon.kill()
 
 
-def _free_ports() -> list[int]:
+def _free_ports():
     with socket.socket() as one, socket.socket() as two:
         for found in (one, two):
             found.bind(("127.0.0.1", 0))
         return [found.getsockname()[1] for found in (one, two)]
 
 
-def _start_munge() -> None:
+def _start_munge():
     if subprocess.run(["munge", "-n"], check=False, capture_output=True).returncode == 0:
         return
     for path in (Path("/run/munge"), Path("/var/log/munge"), Path("/var/lib/munge"), KEY.parent):
@@ -118,7 +115,7 @@ def _start_munge() -> None:
     )
 
 
-def _wait_until_idle(environment: dict[str, str], folder: Path) -> None:
+def _wait_until_idle(environment, folder):
     for _ in range(150):
         done = subprocess.run(
             ["sinfo", "-h", "-o", "%T"],

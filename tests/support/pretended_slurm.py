@@ -1,9 +1,6 @@
 """A SLURM that is none: ``sbatch`` starts the job on this machine at once, ``scancel`` ends it."""
 
-from __future__ import annotations
-
 import os
-from pathlib import Path
 
 import psutil
 
@@ -22,7 +19,7 @@ kill -- "-$1"
 """
 
 
-def pretend_slurm(folder: Path) -> dict[str, str]:
+def pretend_slurm(folder):
     """Write the commands; gives the environment with which they are found."""
     folder.mkdir()
     for name, text in (("sbatch", SBATCH), ("scancel", SCANCEL)):
@@ -31,7 +28,7 @@ def pretend_slurm(folder: Path) -> dict[str, str]:
     return {TAG: str(folder), "PATH": f"{folder}{os.pathsep}{os.environ['PATH']}"}
 
 
-def processes_of(tag: str) -> list[psutil.Process]:
+def processes_of(tag):
     """All processes with this value of the variable."""
     found = []
     for process in psutil.process_iter():

@@ -36,8 +36,8 @@ from places import ROOT
 from multicor_cli import run
 from multicor_cli.model import Model
 from multicor_cli.packing import build
+from multicor_cli.running.from_scenario import make_plan
 from multicor_cli.running.plan import begin_stage
-from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine
 from multicor_cli.scenario import Scenario, load_scenario, parse_scenario
 from multicor_cli.store import run_info

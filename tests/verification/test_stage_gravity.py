@@ -12,7 +12,7 @@ from scenes import SMALL, changed, write_small
 
 from multicor_cli import run as run_scenario
 from multicor_cli.engine.motion.drives import Constant, Gravity, Ramp, Sine, TiltedGravity
-from multicor_cli.running.plan import stage_gravity
+from multicor_cli.running.from_scenario import stage_gravity
 from multicor_cli.scenario import parse_scenario
 from multicor_cli.store import run_info
 

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from multicor_cli.engine.jit import cache
-from multicor_cli.running.compiling import shared_compilation
+from multicor_cli.running.machine import shared_compilation
 
 HARD = {
     "has_clusters",
@@ -108,7 +108,7 @@ def test_a_second_process_compiles_only_for_a_first_run_with_two_threads(tmp_pat
 def test_the_second_process_ends_with_the_first(tmp_path):
     """However that ends: here it leaves without cleaning up."""
     code = (
-        "import os\nfrom multicor_cli.running.compiling import shared_compilation\n"
+        "import os\nfrom multicor_cli.running.machine import shared_compilation\n"
         "with shared_compilation(2) as other:\n    print(other.pid, flush=True)\n    os._exit(0)"
     )
     (tmp_path / cache.cache_name()).mkdir()

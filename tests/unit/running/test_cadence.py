@@ -3,7 +3,7 @@
 import pytest
 
 from multicor_cli.running.conditions import is_due
-from multicor_cli.running.planning import count_steps, fit_steps
+from multicor_cli.running.from_scenario import count_steps, fit_steps
 
 
 @pytest.mark.parametrize(

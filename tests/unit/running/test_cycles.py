@@ -12,7 +12,7 @@ from trials import thinned
 import multicor_cli as multicor
 from multicor_cli.checks import Verdict, check_run, check_scenario
 from multicor_cli.packing import build
-from multicor_cli.running.planning import make_plan
+from multicor_cli.running.from_scenario import make_plan
 from multicor_cli.running.time_step import OSCILLATIONS, PERIOD, review_steps
 from multicor_cli.scenario import ScenarioError
 

@@ -18,8 +18,7 @@ from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant, Ramp, Shifted, Sine
 from multicor_cli.engine.orders import Settings
 from multicor_cli.packing import build
-from multicor_cli.running.plan import heat_settings, laws_of_scenario, wall_heat
-from multicor_cli.running.planning import make_plan
+from multicor_cli.running.from_scenario import heat_settings, laws_of_scenario, make_plan, wall_heat
 from multicor_cli.scenario import ScenarioError, parse_scenario
 from multicor_cli.scenario.heat import Heat, MechanismTable
 from multicor_cli.scenario.settings import Solver
@@ -47,23 +46,14 @@ def test_a_scenario_without_heat_has_no_settings():
 
 def test_choices_are_handed_on(heated):
     settings = heat_settings(*heated)
-    assert (settings.conduction, settings.friction, settings.impact, settings.collisional) == (
-        "hertz",
-        "energy",
-        False,
-        False,
-    )
+    assert (settings.conduction, settings.friction) == ("hertz", "energy")
+    assert settings.impact is settings.collisional is False
     assert settings.force == ContactForce("average", 0.01)
     gas, ambient, radiation = settings.mechanisms
     assert gas == Gas(0.026, "batchelor", 0.4)
     assert radiation == Radiation(293.15, 0.4)
-    assert (ambient.temperature, ambient.correlation, ambient.coefficient) == (290.0, "gunn", 0.0)
-    assert (ambient.conductivity, ambient.viscosity, ambient.prandtl, ambient.porosity) == (
-        0.026,
-        1.5e-5,
-        0.7,
-        0.4,
-    )
+    of_air = {"conductivity": 0.026, "viscosity": 1.5e-5, "prandtl": 0.7, "porosity": 0.4}
+    assert ambient == Ambient(290.0, correlation="gunn", coefficient=0.0, **of_air)
     assert (settings.integrator, settings.sub_step, settings.tolerance) == ("auto", 1.0, 1e-4)
 
 
@@ -74,19 +64,15 @@ def test_other_choices(heated):
         "sub_step=0.5, tolerance=1e-6, ambient={temperature=280, coefficient=12}, "
         "radiation={surroundings=300}"
     )
-    settings = heat_settings(
-        parse_scenario(HEATED, "heated.toml", [f"heat={{{table}}}"]), heated[1]
+    settings, plain = (
+        heat_settings(parse_scenario(HEATED, "heated.toml", [f"heat={{{keys}}}"]), heated[1])
+        for keys in (table, "")
     )
-    assert (settings.conduction, settings.friction, settings.impact, settings.collisional) == (
-        "rough",
-        "sliding",
-        True,
-        True,
-    )
+    assert (settings.conduction, settings.friction) == ("rough", "sliding")
+    assert settings.impact is settings.collisional is True
     assert settings.force == ContactForce("prescribed", 2.0)
     assert settings.mechanisms == (Ambient(280.0, coefficient=12.0), Radiation(300.0))
     assert (settings.integrator, settings.sub_step, settings.tolerance) == ("explicit", 0.5, 1e-6)
-    plain = heat_settings(parse_scenario(HEATED, "heated.toml", ["heat={}"]), heated[1])
     assert plain.force == ContactForce()
     assert plain.mechanisms == ()
 
@@ -123,16 +109,18 @@ def test_laws_of_materials_and_pairs():
     np.testing.assert_array_equal(laws.conductivity, [1.0, 15.0, 0.0])
     np.testing.assert_array_equal(laws.volumetric, [2500.0 * 800.0, 7800.0 * 500.0, 0.0])
     np.testing.assert_array_equal(laws.emissivity, [0.9, 0.3, 0.0])
-    assert laws.modulus[GLASS, STEEL] == pytest.approx(
-        1.0 / ((1 - 0.2**2) / 70e9 + (1 - 0.29**2) / 193e9), rel=1e-14
-    )
-    assert laws.modulus[GLASS, GLASS] == pytest.approx(70e9 / (2 * (1 - 0.2**2)), rel=1e-14)
-    assert laws.harmonic[GLASS, STEEL] == pytest.approx(2.0 * 15.0 / 16.0, rel=1e-14)
-    assert laws.harmonic[STEEL, STEEL] == pytest.approx(15.0, rel=1e-14)
-    assert laws.roughness[GLASS, STEEL] == pytest.approx(5e-7, rel=1e-14)
-    assert laws.roughness[GLASS, GLASS] == pytest.approx(3e-7 * math.sqrt(2.0), rel=1e-14)
-    assert laws.slope[GLASS, STEEL] == pytest.approx(math.sqrt(0.05), rel=1e-14)
-    assert laws.microhardness[GLASS, STEEL] == pytest.approx(4e9, rel=1e-14)
+    of_glass, of_steel = (1 - 0.2**2) / 70e9, (1 - 0.29**2) / 193e9
+    for found, expected in (
+        (laws.modulus[GLASS, STEEL], 1.0 / (of_glass + of_steel)),
+        (laws.modulus[GLASS, GLASS], 0.5 / of_glass),
+        (laws.harmonic[GLASS, STEEL], 2.0 * 15.0 / 16.0),
+        (laws.harmonic[STEEL, STEEL], 15.0),
+        (laws.roughness[GLASS, STEEL], 5e-7),
+        (laws.roughness[GLASS, GLASS], 3e-7 * math.sqrt(2.0)),
+        (laws.slope[GLASS, STEEL], math.sqrt(0.05)),
+        (laws.microhardness[GLASS, STEEL], 4e9),
+    ):
+        assert found == pytest.approx(expected, rel=1e-14)
     for table in (laws.modulus, laws.harmonic, laws.roughness, laws.slope, laws.microhardness):
         np.testing.assert_array_equal(table, table.T)
 
@@ -140,12 +128,8 @@ def test_laws_of_materials_and_pairs():
 def test_what_is_not_given_does_no_harm():
     laws = laws_of()
     assert laws.modulus[SPARE, GLASS] == laws.microhardness[SPARE, SPARE] == 1.0
-    assert (
-        laws.harmonic[SPARE, STEEL]
-        == laws.roughness[GLASS, SPARE]
-        == laws.wear[SPARE, GLASS]
-        == 0.0
-    )
+    assert laws.harmonic[SPARE, STEEL] == laws.roughness[GLASS, SPARE] == 0.0
+    assert laws.wear[SPARE, GLASS] == 0.0
     assert laws.share[SPARE, GLASS] == 0.5
 
 
@@ -178,46 +162,38 @@ def test_materials_come_in_the_order_asked_for():
     assert laws.wear[0, 1] == 1e-4 / 2e9
 
 
-FLOOR, LID = range(2)
 RAMP, WAVE = Ramp(300.0, 350.0, 2.0), Sine(1.0, 2.0, 60.0, 0.0)
 
 
 def test_conditions_of_walls_are_kept_until_named_again(heated):
+    """And signals go on."""
     fall, soak, stir = wall_heat(heated[0], ("floor", "lid"))
-    assert fall.walls == (WallHeat("temperature", RAMP), WallHeat())
-    assert soak.walls == (WallHeat("temperature", RAMP), WallHeat("flow", WAVE))
-    assert stir.walls == (WallHeat(), WallHeat("flow", WAVE))
+    ramp, wave = WallHeat("temperature", RAMP), WallHeat("flow", WAVE)
+    assert [stage.walls for stage in (fall, soak, stir)] == [
+        (ramp, WallHeat()),
+        (ramp, wave),
+        (WallHeat(), wave),
+    ]
     assert (fall.named_by, soak.named_by, stir.named_by) == ((0, 0), (0, 1), (2, 1))
-
-
-def test_a_kept_signal_goes_on(heated):
-    fall, soak, stir = wall_heat(heated[0], ("floor", "lid"))
     starts = [0.0, 0.5, 1800.5]
     assert fall.started(starts[:1]) == list(fall.walls)
-    assert soak.started(starts[:2]) == [
-        WallHeat("temperature", Shifted(RAMP, 0.5)),
-        WallHeat("flow", WAVE),
-    ]
-    assert soak.started(starts[:2])[FLOOR].signal.value(0.5) == RAMP.value(1.0) == 325.0
+    floor, lid = soak.started(starts[:2])
+    assert (floor, lid) == (WallHeat("temperature", Shifted(RAMP, 0.5)), wave)
+    assert floor.signal.value(0.5) == RAMP.value(1.0) == 325.0
     assert stir.started(starts) == [WallHeat(), WallHeat("flow", Shifted(WAVE, 1800.0))]
 
 
 def test_a_signal_named_again_starts_anew():
-    again = [
-        "loading.2.thermal={floor={temperature={ramp=[300.0, 350.0], duration=2.0}}, lid={flow=3}}"
-    ]
+    floor = "{temperature={ramp=[300.0, 350.0], duration=2.0}}"
+    again = [f"loading.2.thermal={{floor={floor}, lid={{flow=3}}}}"]
     stir = wall_heat(parse_scenario(HEATED, "heated.toml", again), ("floor", "lid"))[2]
-    assert stir.started([0.0, 1.0, 1801.0]) == [
-        WallHeat("temperature", RAMP),
-        WallHeat("flow", Constant(3.0)),
-    ]
+    named = [WallHeat("temperature", RAMP), WallHeat("flow", Constant(3.0))]
+    assert stir.started([0.0, 1.0, 1801.0]) == named
 
 
 def test_walls_come_in_the_order_asked_for_and_are_insulated_at_first(heated):
-    assert [wall.kind for wall in wall_heat(heated[0], ("lid", "floor"))[0].walls] == [
-        "insulated",
-        "temperature",
-    ]
+    lid, floor = wall_heat(heated[0], ("lid", "floor"))[0].walls
+    assert (lid.kind, floor.kind) == ("insulated", "temperature")
     cold = wall_heat(parse_scenario(SHEAR, "shear.toml"), ("bottom", "top", "paddle"))
     assert all(stage.walls == (WallHeat(),) * 3 for stage in cold)
 

@@ -6,7 +6,8 @@ import re
 
 import numpy as np
 import pytest
-from run_fakes import digests, in_pieces
+from run_fakes import in_pieces
+from scenarios import digests
 from scenes import SMALL, WARM
 
 import multicor_cli as multicor

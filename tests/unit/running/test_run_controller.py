@@ -2,8 +2,6 @@
 resuming.
 """
 
-from __future__ import annotations
-
 import os
 import random
 import signal
@@ -18,290 +16,211 @@ from multicor_cli.engine.orders import PhysicsError, Settings
 from multicor_cli.model import BOOK_NAMES, State
 from multicor_cli.running.conditions import StepDone, update_peak
 from multicor_cli.running.controller import WARM_UP_STEPS, Controller, Pace
-from multicor_cli.running.outcome import SilentObserver, Status, StopReason
+from multicor_cli.running.outcome import SilentObserver, StopReason
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.signals import STOP_SIGNALS, StopSignals
 from multicor_cli.scenario.settings import Output
+
+MODEL = between_planes()
 
 
 class Clock:
     """Time that passes by `tick` at every look."""
 
-    def __init__(self, tick: float = 0.0) -> None:
+    def __init__(self, tick=0.0):
         self.now, self.tick = 0.0, tick
 
-    def __call__(self) -> float:
+    def __call__(self):
         self.now += self.tick
         return self.now
 
 
-class Listener(SilentObserver):
-    def __init__(self) -> None:
-        self.statuses: list[tuple[int, str, float]] = []
+class Scene:
+    """A run of the plan of `make_plan` by an engine that counts, from a state."""
 
-    def stepped(self, status: Status) -> None:
-        self.statuses.append((status.state.step, status.stage, status.progress))
+    def __init__(self, state=None, recorder=None, plan=None):
+        self.engine, self.recorder = FakeEngine(MODEL, state), recorder or MemoryRecorder()
+        self.signals, self.plan = StopSignals(), plan or make_plan(MODEL)
 
+    def run(self, act=None, *, is_new=True, clock=None, **options):
+        if act is not None:
+            self.engine.before_step = act
+        options = {"stop_signals": self.signals, "clock": clock or Clock(), **options}
+        return Controller(self.plan, self.engine, self.recorder, **options).run(is_new=is_new)
 
-def run_all(plan: RunPlan, recorder: MemoryRecorder, engine: FakeEngine) -> StopReason:
-    return Controller(plan, engine, recorder, clock=Clock()).run(is_new=True)
+    @property
+    def checkpoints(self):
+        return [state.step for state, *_ in self.recorder.checkpoints]
+
+    @property
+    def frames(self):
+        return [frame[0] for frame in self.recorder.frames]
 
 
 @pytest.fixture
-def reference() -> tuple[FakeEngine, MemoryRecorder]:
-    model = between_planes()
-    engine, recorder = FakeEngine(model), MemoryRecorder()
-    assert run_all(make_plan(model), recorder, engine) is StopReason.FINISHED
-    return engine, recorder
+def reference():
+    scene = Scene()
+    assert scene.run() is StopReason.FINISHED
+    return scene
 
 
-def test_cadences_are_counted_from_the_start_of_each_stage(
-    reference: tuple[FakeEngine, MemoryRecorder],
-) -> None:
-    _, recorder = reference
-    # settle: kinetic energy 1, 1/2, 1/4 … falls below 1e-3 after step 11; shear: 0.5 in steps of
-    # 0.025; hold: 7 steps.
-    steps = [frame[0] for frame in recorder.frames]
-    assert steps == [0, 4, 8, 11, 17, 23, 29, 31, 38]
-    assert [frame[2] for frame in recorder.frames] == [0, 0, 0, 0, 1, 1, 1, 1, 2]
-    assert [row[0] for row in recorder.rows] == [
-        0,
-        2,
-        4,
-        6,
-        8,
-        10,
-        11,
-        14,
-        17,
-        20,
-        23,
-        26,
-        29,
-        31,
-        38,
-    ]
-    windows = [row[3] for row in recorder.rows]
+def test_cadences_are_counted_from_the_start_of_each_stage(reference):
+    """settle: kinetic energy 1, 1/2, 1/4 … falls below 1e-3 after step 11; shear: 0.5 in steps of
+    0.025; hold: 7 steps. Times are products, not sums.
+    """
+    assert reference.frames == [0, 4, 8, 11, 17, 23, 29, 31, 38]
+    assert [frame[2] for frame in reference.recorder.frames] == [0, 0, 0, 0, 1, 1, 1, 1, 2]
+    rows = reference.recorder.rows
+    assert [row[0] for row in rows] == [0, 2, 4, 6, 8, 10, 11, 14, 17, 20, 23, 26, 29, 31, 38]
+    windows = [row[3] for row in rows]
     assert sum(windows) == 38  # every step lies in exactly one window
     assert windows[:3] == [0, 2, 2]
+    assert reference.recorder.frames[3][1] == 11 * 0.01
+    assert reference.recorder.frames[-1][1] == 11 * 0.01 + 20 * 0.025 + 7 * 0.5
+    assert (reference.engine.state.stage, reference.engine.state.stage_step) == (3, 0)
 
 
-def test_times_are_products_not_sums(reference: tuple[FakeEngine, MemoryRecorder]) -> None:
-    engine, recorder = reference
-    assert recorder.frames[3][1] == 11 * 0.01
-    assert recorder.frames[-1][1] == 11 * 0.01 + 20 * 0.025 + 7 * 0.5
-    assert (engine.state.stage, engine.state.stage_step) == (3, 0)
-
-
-def test_settings_and_drives_of_each_stage_reach_the_engine(
-    reference: tuple[FakeEngine, MemoryRecorder],
-) -> None:
-    engine, _ = reference
-    # Those of the first stage before the first row, too
-    assert engine.calls == ["begin", "begin", "begin", "begin"]
-    assert engine.settings.max_sweeps == 50_000
-    assert engine.state.wall_position[1, 0] == pytest.approx(-0.5)
-
-
-def test_drives_learn_when_the_stages_began() -> None:
-    model = between_planes()
-    plan = make_plan(model)
-    run_all(plan, MemoryRecorder(), FakeEngine(model))
-    assert [stage.drives.starts[-1] for stage in plan.stages] == [
-        [0.0],
-        [0.0, 0.11],
-        [0.0, 0.11, 0.11 + 20 * 0.025],
-    ]
+def test_settings_and_drives_of_each_stage_reach_the_engine(reference):
+    """Those of the first stage before the first row, too; drives learn when stages began."""
+    assert reference.engine.calls == ["begin"] * 4
+    assert reference.engine.settings.max_sweeps == 50_000
+    assert reference.engine.state.wall_position[1, 0] == pytest.approx(-0.5)
+    starts = [0.0, 0.11, 0.11 + 20 * 0.025]
+    for number, stage in enumerate(reference.plan.stages):
+        assert stage.drives.starts[-1] == starts[: number + 1]
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_resumed_run_equals_uninterrupted_run(
-    seed: int, reference: tuple[FakeEngine, MemoryRecorder]
-) -> None:
+def test_resumed_run_equals_uninterrupted_run(seed, reference):
     """Signals, and crashes that lose everything since the last checkpoint, at random steps."""
     rng = random.Random(seed)
-    model = between_planes()
-    recorder, state, is_new = MemoryRecorder(), None, True
-    for _ in range(200):
-        engine, stop_signals = FakeEngine(model, state), StopSignals()
+    recorder, state = MemoryRecorder(), None
+    for attempt in range(200):
+        scene = Scene(state, recorder)
         fate, steps = rng.choice(["signal", "crash", "checkpoint"]), rng.randint(1, 9)
-        first = engine.state.step
+        last = scene.engine.state.step + steps
 
-        def act(
-            step: int,
-            fate: str = fate,
-            last: int = first + steps,
-            stop_signals: StopSignals = stop_signals,
-        ) -> None:
+        def act(step, scene=scene, fate=fate, last=last):
             if fate == "checkpoint":
-                stop_signals.is_checkpoint_wanted = True
+                scene.signals.is_checkpoint_wanted = True
             elif step == last and fate == "signal":
-                stop_signals.stop_signal = signal.SIGINT
+                scene.signals.stop_signal = signal.SIGINT
             elif step == last:
                 raise PhysicsError(step, "crash")
 
-        engine.before_step = act
         try:
-            reason = Controller(
-                make_plan(model), engine, recorder, stop_signals=stop_signals, clock=Clock()
-            ).run(is_new=is_new)
+            reason = scene.run(act, is_new=attempt == 0)
         except PhysicsError:
             reason = None
         if reason is StopReason.FINISHED:
             break
-        state, is_new = recorder.rewind(), False
-    expected_engine, expected = reference
-    assert engine.state.digest() == expected_engine.state.digest()
-    assert recorder.frames == expected.frames
-    assert recorder.rows == expected.rows
+        state = recorder.rewind()
+    assert scene.engine.state.digest() == reference.engine.state.digest()
+    assert recorder.frames == reference.recorder.frames
+    assert recorder.rows == reference.recorder.rows
 
 
 @pytest.mark.parametrize("last", [0, 1, 11, 12, 30, 31, 37])
-def test_interrupted_step_leaves_the_state_of_the_step_before(last: int) -> None:
+def test_interrupted_step_leaves_the_state_of_the_step_before(last, reference):
     """Also in the first step of a stage, whose drives have been set by then (steps 11 and 31)."""
-    model = between_planes()
-    engine, recorder, stop_signals = FakeEngine(model), MemoryRecorder(), StopSignals()
+    scene = Scene()
 
-    def act(step: int) -> None:
+    def act(step):
         if step == last:
-            stop_signals.stop_signal = signal.SIGTERM
+            scene.signals.stop_signal = signal.SIGTERM
 
-    engine.before_step = act
-    reason = Controller(
-        make_plan(model), engine, recorder, stop_signals=stop_signals, clock=Clock()
-    ).run(is_new=True)
-    assert reason is StopReason.TERMINATED
-    state = recorder.rewind()
+    assert scene.run(act) is StopReason.TERMINATED
+    state = scene.recorder.rewind()
     assert state.step == last
-    resumed = FakeEngine(model, state)
-    assert (
-        Controller(make_plan(model), resumed, recorder, clock=Clock()).run(is_new=False)
-        is StopReason.FINISHED
-    )
-    straight = FakeEngine(model)
-    run_all(make_plan(model), MemoryRecorder(), straight)
-    assert resumed.state.digest() == straight.state.digest()
+    resumed = Scene(state, scene.recorder)
+    assert resumed.run(is_new=False) is StopReason.FINISHED
+    assert resumed.engine.state.digest() == reference.engine.state.digest()
 
 
-def test_signal_during_the_first_step_waits_where_the_process_is_not_ours() -> None:
-    model = between_planes()
-    engine, recorder, stop_signals = FakeEngine(model), MemoryRecorder(), StopSignals()
-    engine.before_step = lambda _step: stop_signals._on_stop(signal.SIGINT, None)
-    reason = Controller(
-        make_plan(model), engine, recorder, stop_signals=stop_signals, clock=Clock()
-    ).run(is_new=True)
+def test_signal_during_the_first_step_waits_where_the_process_is_not_ours():
+    scene = Scene()
+    reason = scene.run(lambda _step: scene.signals._on_stop(signal.SIGINT, None))
     assert reason is StopReason.INTERRUPTED
-    assert engine.state.step == recorder.rewind().step == 0
+    assert scene.engine.state.step == scene.recorder.rewind().step == 0
 
 
-def test_time_limit_stops_with_a_checkpoint() -> None:
-    model = between_planes()
-    engine, recorder = FakeEngine(model), MemoryRecorder()
-    controller = Controller(
-        make_plan(model), engine, recorder, deadline=50.0, clock=Clock(tick=1.0)
-    )
-    assert controller.run(is_new=True) is StopReason.TIME_LIMIT
-    assert 0 < engine.state.step < 38
-    assert recorder.checkpoints[-1][0].digest() == engine.state.digest()
+def test_time_limit_stops_with_a_checkpoint():
+    scene = Scene()
+    assert scene.run(deadline=50.0, clock=Clock(tick=1.0)) is StopReason.TIME_LIMIT
+    assert 0 < scene.engine.state.step < 38
+    assert scene.recorder.checkpoints[-1][0].digest() == scene.engine.state.digest()
 
 
-class SlowRecorder(MemoryRecorder):
-    """Takes some time to write a checkpoint."""
+@pytest.mark.parametrize(("seconds", "every"), [(0.01, 4), (1.5, 10)])
+def test_checkpoints_follow_the_wall_clock_and_slow_ones_are_rare(seconds, every, reference):
+    """Steps of 3 s, checkpoints 10 s apart, or 20 times as long as one takes. Else there are those
+    of the start and the end alone; nothing else changes.
+    """
+    clock = Clock()
 
-    def __init__(self, clock: Clock, seconds: float) -> None:
-        super().__init__()
-        self.clock, self.seconds = clock, seconds
+    class SlowRecorder(MemoryRecorder):
+        def checkpoint(self, state):
+            super().checkpoint(state)
+            clock.now += seconds
 
-    def checkpoint(self, state: State) -> None:
-        super().checkpoint(state)
-        self.clock.now += self.seconds
-
-
-def test_slow_checkpoints_are_rare() -> None:
-    model = between_planes()
-    recorder = SlowRecorder(Clock(), 1.5)
-    engine = FakeEngine(model)
-    engine.before_step = lambda _step: setattr(recorder.clock, "now", recorder.clock.now + 3.0)
-    Controller(
-        make_plan(model, checkpoint_interval=10.0), engine, recorder, clock=recorder.clock
-    ).run(is_new=True)
-    # 30 s apart: 20 times 1.5 s
-    assert [checkpoint[0].step for checkpoint in recorder.checkpoints] == [0, 10, 20, 30, 38]
+    scene = Scene(None, SlowRecorder(), make_plan(MODEL, checkpoint_interval=10.0))
+    scene.run(lambda _step: setattr(clock, "now", clock.now + 3.0), clock=clock)
+    assert scene.checkpoints == [*range(0, 38, every), 38]
+    assert reference.checkpoints == [0, 38]
+    assert scene.recorder.frames == reference.recorder.frames
+    assert scene.recorder.rows == reference.recorder.rows
 
 
-def test_checkpoints_follow_the_wall_clock() -> None:
-    model = between_planes()
-    recorder = SlowRecorder(Clock(), 0.01)
-    plan = make_plan(model, checkpoint_interval=10.0)
-    engine = FakeEngine(model)
-    engine.before_step = lambda _step: setattr(recorder.clock, "now", recorder.clock.now + 3.0)
-    Controller(plan, engine, recorder, clock=recorder.clock).run(is_new=True)
-    assert [checkpoint[0].step for checkpoint in recorder.checkpoints] == [*range(0, 38, 4), 38]
-    never = MemoryRecorder()
-    run_all(make_plan(model), never, FakeEngine(model))
-    # The start and the end
-    assert [checkpoint[0].step for checkpoint in never.checkpoints] == [0, 38]
-    assert never.frames == recorder.frames
-    assert never.rows == recorder.rows
+def test_checkpoint_on_request_goes_on():
+    scene = Scene()
 
-
-def test_checkpoint_on_request_goes_on() -> None:
-    model = between_planes()
-    engine, recorder, stop_signals = FakeEngine(model), MemoryRecorder(), StopSignals()
-
-    def act(step: int) -> None:
+    def act(step):
         if step == 5:
-            stop_signals._on_checkpoint(signal.SIGUSR1, None)
+            scene.signals._on_checkpoint(signal.SIGUSR1, None)
 
-    engine.before_step = act
-    assert (
-        Controller(make_plan(model), engine, recorder, stop_signals=stop_signals, clock=Clock())
-        .run(is_new=True)
-        .is_end
-    )
-    assert [checkpoint[0].step for checkpoint in recorder.checkpoints] == [0, 6, 38]
+    assert scene.run(act).is_end
+    assert scene.checkpoints == [0, 6, 38]
 
 
-def test_physics_error_keeps_the_last_checkpoint() -> None:
-    model = between_planes()
-    engine, recorder = FakeEngine(model), MemoryRecorder()
+def test_physics_error_keeps_the_last_checkpoint():
+    scene = Scene()
 
-    def act(step: int) -> None:
+    def act(step):
         if step == 9:
             raise PhysicsError(step, "the position of grain 1 is not finite")
 
-    engine.before_step = act
     with pytest.raises(PhysicsError, match="step 9: the position of grain 1"):
-        run_all(make_plan(model), recorder, engine)
-    assert len(recorder.checkpoints) == 1
-    assert [frame[0] for frame in recorder.frames] == [0, 4, 8]
+        scene.run(act)
+    assert (scene.checkpoints, scene.frames) == ([0], [0, 4, 8])
 
 
-def test_finished_state_runs_nothing(reference: tuple[FakeEngine, MemoryRecorder]) -> None:
-    engine, recorder = reference
-    again = Controller(make_plan(engine.model), engine, recorder, clock=Clock())
-    frames = list(recorder.frames)
-    assert again.run(is_new=False) is StopReason.FINISHED
-    assert recorder.frames == frames
+def test_finished_state_runs_nothing(reference):
+    frames = list(reference.frames)
+    assert reference.run(is_new=False) is StopReason.FINISHED
+    assert reference.frames == frames
 
 
-def test_observer_sees_every_step_and_a_progress_that_grows() -> None:
-    model = between_planes()
-    listener = Listener()
-    Controller(
-        make_plan(model), FakeEngine(model), MemoryRecorder(), observer=listener, clock=Clock()
-    ).run(is_new=True)
-    assert [step for step, _, _ in listener.statuses] == list(range(1, 39))
-    progress = [p for _, _, p in listener.statuses]
-    assert progress == sorted(progress)
+def test_observer_sees_every_step_and_a_progress_that_grows():
+    class Listener(SilentObserver):
+        def stepped(self, status):
+            seen.append((status.state.step, status.stage, status.progress))
+
+    seen = []
+    Scene().run(observer=Listener())
+    steps, stages, progress = zip(*seen, strict=True)
+    assert steps == tuple(range(1, 39))
+    assert list(progress) == sorted(progress)
     assert progress[-1] == 1.0
-    assert {name for _, name, _ in listener.statuses} == {"settle", "shear", "hold"}
+    assert set(stages) == {"settle", "shear", "hold"}
 
 
-def test_strain_counts_to_and_fro() -> None:
-    model = between_planes()
-    condition = strain_reached(Spacing.between(model, "bottom", "top"), 1.0)
-    state = State.at_rest(model, np.zeros((2, 2)))
+def at_rest():
+    return State.at_rest(MODEL, np.zeros((2, 2)))
+
+
+def test_strain_counts_to_and_fro():
+    condition = strain_reached(Spacing.between(MODEL, "bottom", "top"), 1.0)
+    state = at_rest()
     for shift in (0.1, -0.1, 0.1):
         before = state.wall_position.copy()
         state.wall_position[1, 0] += shift
@@ -310,35 +229,29 @@ def test_strain_counts_to_and_fro() -> None:
     assert condition.value(state) == pytest.approx(0.15)
 
 
-def test_strain_and_peak_begin_anew_in_each_stage() -> None:
-    model = between_planes()
-    until = strain_reached(Spacing.between(model, "bottom", "top"), 0.5)
+def test_strain_and_peak_begin_anew_in_each_stage():
+    until = strain_reached(Spacing.between(MODEL, "bottom", "top"), 0.5)
     stages = tuple(
         StagePlan(name, 0.025, None, until, 100, 100, Settings(), shear(1.0))
         for name in ("forth", "on")
     )
-    engine, recorder = FakeEngine(model), MemoryRecorder()
-    run_all(
-        RunPlan("twice", stages, Output(frame_interval=1.0, checkpoint_interval=1e9)),
-        recorder,
-        engine,
-    )
-    assert [frame[0] for frame in recorder.frames] == [0, 20, 40]
-    assert (engine.state.stage_strain, engine.state.stage_peak) == (0.0, 0.0)
+    output = Output(frame_interval=1.0, checkpoint_interval=1e9)
+    scene = Scene(plan=RunPlan("twice", stages, output))
+    scene.run()
+    assert scene.frames == [0, 20, 40]
+    assert (scene.engine.state.stage_strain, scene.engine.state.stage_peak) == (0.0, 0.0)
 
 
-def test_a_spacing_refuses_unknown_and_equal_walls() -> None:
-    model = between_planes()
+def test_a_spacing_refuses_unknown_and_equal_walls():
     with pytest.raises(ValueError, match="no wall 'lid'"):
-        Spacing.between(model, "bottom", "lid")
+        Spacing.between(MODEL, "bottom", "lid")
     with pytest.raises(ValueError, match="between 'top' and itself"):
-        Spacing.between(model, "top", "top")
-    assert wall_places(model, 1).tolist() == [0.0, 1.0]
+        Spacing.between(MODEL, "top", "top")
+    assert wall_places(MODEL, 1).tolist() == [0.0, 1.0]
 
 
-def test_strain_goal_survives_rounding() -> None:
-    condition = strain_reached(Spacing(0, 1, 1, 1.0), 1.5)
-    state = State.at_rest(between_planes(), np.zeros((2, 2)))
+def test_strain_goal_survives_rounding():
+    condition, state = strain_reached(Spacing(0, 1, 1, 1.0), 1.5), at_rest()
     for _ in range(15_000):
         state.stage_strain += 1e-4
     assert state.stage_strain != 1.5
@@ -347,27 +260,24 @@ def test_strain_goal_survives_rounding() -> None:
     assert not condition.holds(state)
 
 
-def test_rest_needs_motion_first_and_knows_the_initial_energy() -> None:
-    state = State.at_rest(between_planes(), np.zeros((2, 2)))
-    rest = rest_reached(0.1)
+def test_rest_needs_motion_first_and_knows_the_initial_energy():
+    state, rest = at_rest(), rest_reached(0.1)
     assert not rest.holds(state)
     state.step = 1
     state.books[BOOK_NAMES.index("kinetic_start")] = 10.0
-    state.books[BOOK_NAMES.index("kinetic")] = 1.5
-    update_peak(state)
-    assert state.stage_peak == 10.0
-    assert not rest.holds(state)
-    state.books[BOOK_NAMES.index("kinetic")] = 1.0
-    assert rest.holds(state)
+    for kinetic, is_rest in ((1.5, False), (1.0, True)):
+        state.books[BOOK_NAMES.index("kinetic")] = kinetic
+        update_peak(state)
+        assert state.stage_peak == 10.0
+        assert rest.holds(state) is is_rest
 
 
-def test_progress_by_steps_where_their_number_is_known() -> None:
+def test_progress_by_steps_where_their_number_is_known():
     stages = tuple(
         StagePlan(name, 0.1, limit, None, 1, 1, Settings(), shear(1.0))
         for name, limit in (("a", 10), ("b", 30))
     )
-    plan = RunPlan("p", stages, Output(frame_interval=1.0))
-    state = State.at_rest(between_planes(), np.zeros((2, 2)))
+    plan, state = RunPlan("p", stages, Output(frame_interval=1.0)), at_rest()
     state.stage, state.stage_step = 1, 15
     assert plan.progress(state, [10, 30]) == pytest.approx(25 / 40)
     assert plan.progress(state, [10, 6]) == pytest.approx(13 / 16)  # foreseen by a condition
@@ -375,20 +285,17 @@ def test_progress_by_steps_where_their_number_is_known() -> None:
     assert plan.progress(state, [10, 30]) == 1.0
 
 
-def test_pace_leaves_out_compilation() -> None:
+def test_pace_leaves_out_compilation():
     pace = Pace()
     pace.note(100.0, WARM_UP_STEPS - 1, 0.1)  # a hundred seconds of compilation
-    assert pace.speed() is None
-    assert pace.remaining() is None
+    assert pace.speed() is pace.remaining() is None
     for k in range(21):
         pace.note(100.0 + k, 10 + 5 * k, 0.1 + 0.01 * k)
-    assert pace.speed() == pytest.approx(5.0)
-    assert pace.remaining() == pytest.approx(70.0)
+    assert (pace.speed(), pace.remaining()) == (pytest.approx(5.0), pytest.approx(70.0))
 
 
-def test_stop_signals_are_collected_and_handlers_put_back() -> None:
-    before = signal.getsignal(signal.SIGTERM)
-    stop_signals = StopSignals()
+def test_stop_signals_are_collected_and_handlers_put_back():
+    before, stop_signals = signal.getsignal(signal.SIGTERM), StopSignals()
     with stop_signals.installed():
         signal.raise_signal(signal.SIGUSR1)
         assert stop_signals.is_checkpoint_wanted
@@ -398,43 +305,48 @@ def test_stop_signals_are_collected_and_handlers_put_back() -> None:
     assert signal.getsignal(signal.SIGTERM) is before
 
 
-@pytest.mark.parametrize("number", STOP_SIGNALS)
-@pytest.mark.parametrize("when", ["before", "inside"])
-def test_a_process_that_exits_at_once_says_why(number: signal.Signals, when: str, capfd) -> None:
+def ends_by(act, on_exit, numbers):
+    """Exit code of a process that signals end at once while ``act`` is done with what collects."""
     child = os.fork()
     if child == 0:
-        signal.signal(number, signal.SIG_DFL)
+        for number in numbers:
+            signal.signal(number, signal.SIG_DFL)
         stop_signals = StopSignals(may_exit=True)
-        stop_signals.on_exit = lambda number: os.write(1, b"farewell %d" % number)
+        stop_signals.on_exit = on_exit
         with stop_signals.installed():
-            if when == "before":
-                signal.raise_signal(number)
-            with stop_signals.exit_at_once():
-                if when == "inside":
-                    signal.raise_signal(number)
+            act(stop_signals)
         os._exit(0)
-    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 128 + number
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+
+@pytest.mark.parametrize("number", STOP_SIGNALS)
+@pytest.mark.parametrize("when", ["before", "inside"])
+def test_a_process_that_exits_at_once_says_why(number, when, capfd):
+    def act(stop_signals):
+        if when == "before":
+            signal.raise_signal(number)
+        with stop_signals.exit_at_once():
+            if when == "inside":
+                signal.raise_signal(number)
+
+    assert ends_by(act, lambda n: os.write(1, b"farewell %d" % n), [number]) == 128 + number
     assert capfd.readouterr().out == f"farewell {number}"
 
 
-def test_second_signal_ends_the_process_at_once_also_during_its_farewell(capfd) -> None:
-    child = os.fork()
-    if child == 0:
-        stop_signals = StopSignals(may_exit=True)
+def test_second_signal_ends_the_process_at_once_also_during_its_farewell(capfd):
+    def on_exit(_number):
+        signal.raise_signal(signal.SIGTERM)
+        os.write(1, b"not reached")
 
-        def on_exit(_number: int) -> None:
-            signal.raise_signal(signal.SIGTERM)
-            os.write(1, b"not reached")
-
-        stop_signals.on_exit = on_exit
-        with stop_signals.installed(), stop_signals.exit_at_once():
+    def act(stop_signals):
+        with stop_signals.exit_at_once():
             signal.raise_signal(signal.SIGINT)
-        os._exit(0)
-    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 143
+
+    assert ends_by(act, on_exit, []) == 143
     assert capfd.readouterr().out == ""
 
 
-def test_ignored_hangup_stays_ignored() -> None:
+def test_ignored_hangup_stays_ignored():
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
     try:
         stop_signals = StopSignals()
@@ -445,11 +357,8 @@ def test_ignored_hangup_stays_ignored() -> None:
         signal.signal(signal.SIGHUP, before)
 
 
-def test_reasons_have_exit_codes() -> None:
-    codes = {reason: reason.exit_code for reason in StopReason}
-    assert codes[StopReason.INTERRUPTED] == 130
-    assert codes[StopReason.TERMINATED] == 143
-    assert codes[StopReason.HUNG_UP] == 129
-    assert codes[StopReason.TIME_LIMIT] == 75
-    assert codes[StopReason.FINISHED] == codes[StopReason.ALREADY_FINISHED] == 0
+def test_reasons_have_exit_codes():
+    codes = {reason.name: int(reason.exit_code) for reason in StopReason}
+    ended = {"FINISHED": 0, "ALREADY_FINISHED": 0, "TIME_LIMIT": 75}
+    assert codes == ended | {"INTERRUPTED": 130, "TERMINATED": 143, "HUNG_UP": 129}
     assert StopReason.of_signal(signal.SIGTERM) is StopReason.TERMINATED

@@ -6,21 +6,28 @@ import math
 
 import numpy as np
 import pytest
-from command_line import call
-from run_fakes import digests, in_pieces
+from run_fakes import in_pieces
+from scenarios import digests
 from scenes import ONE, WARM, changed
 
 import multicor_cli as multicor
-from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Shifted, Sine, Spring
+from multicor_cli.engine.motion.drives import (
+    Constant,
+    DofDrive,
+    Ramp,
+    Shifted,
+    Sine,
+    Spring,
+    WallDrive,
+)
 from multicor_cli.export.fclib_file import frame_problem
 from multicor_cli.model.faults import find_misfit
 from multicor_cli.packing import build
 from multicor_cli.packing.materials import stage_laws
+from multicor_cli.running.from_scenario import make_plan
 from multicor_cli.running.plan import foresee_steps
-from multicor_cli.running.planning import make_plan
 from multicor_cli.running.time_step import find_scales
 from multicor_cli.scenario import parse_scenario
-from multicor_cli.store import run_info
 
 MASSES = changed(
     ONE,
@@ -44,19 +51,19 @@ def moving(text=MASSES):
     )
 
 
-def drives_of(text, stage):
-    return parse_scenario(text, "one.toml").drives()[stage]
+def one(text):
+    return parse_scenario(text, "one.toml")
 
 
 def test_tables_become_drives():
-    floor, lid, side = drives_of(moving(), 0).walls
+    floor, lid, side = one(moving()).drives()[0].walls
     assert floor.y == DofDrive(position=Sine(0.0, 1e-3, 1.0 / 7.0))
     assert lid.y == DofDrive(spring=Spring(40.0, Ramp(0.0, -0.02, 0.7)), damping=0.1)
     assert side.x == DofDrive(stress=Sine(0.0, 0.05, 0.3), between=("floor", "lid"))
 
 
 def test_what_is_kept_counts_from_where_it_did():
-    floor, lid, side = drives_of(moving(), 1).started([0.0, 0.3])
+    floor, lid, side = one(moving()).drives()[1].started([0.0, 0.3])
     assert floor.y == DofDrive(position=Shifted(Sine(0.0, 1e-3, 1.0 / 7.0), 0.3), is_kept=True)
     assert lid.y == DofDrive(
         spring=Spring(40.0, Shifted(Ramp(0.0, -0.02, 0.7), 0.3)), damping=0.1, is_kept=True
@@ -66,27 +73,23 @@ def test_what_is_kept_counts_from_where_it_did():
 
 @pytest.fixture(scope="module")
 def reference(tmp_path_factory):
-    path = tmp_path_factory.mktemp("moving") / "one.toml"
-    path.write_text(moving())
-    return multicor.run(path, path.parent / "whole", threads=1).directory
+    folder = tmp_path_factory.mktemp("moving")
+    return multicor.run(one(moving()), folder / "whole", threads=1).directory
 
 
 def test_positions_go_on_over_stages(reference):
-    info = run_info(reference)
-    assert info["energy_closure"] < 1e-12
     with multicor.open_run(reference) as run:
+        assert run.info["summary"]["energy_closure"] < 1e-12
         assert len(run.frames) == 6
         for frame in run.frames:
-            assert frame.wall_position[0, 1] == pytest.approx(
-                1e-3 * math.sin(14.0 * math.pi * frame.time), abs=1e-16
-            )
+            height = 1e-3 * math.sin(14.0 * math.pi * frame.time)
+            assert frame.wall_position[0, 1] == pytest.approx(height, abs=1e-16)
         assert run.frames[-1].wall_position[1, 1] < 0.099  # it follows the anchor of its spring
 
 
 @pytest.mark.parametrize("step", [130, 300, 333])  # 300: between the stages
 def test_stopped_runs_go_on_to_the_same_bits(reference, tmp_path, step):
-    (tmp_path / "one.toml").write_text(moving())
-    assert in_pieces(tmp_path / "one.toml", tmp_path / "run", step) == digests(reference)
+    assert in_pieces(one(moving()), tmp_path / "run", step) == digests(reference)
 
 
 def test_exported_problems_know_where_displacements_count_from(reference):
@@ -95,8 +98,7 @@ def test_exported_problems_know_where_displacements_count_from(reference):
     """
     mass, stiffness, damping, dt = 0.1, 40.0, 0.1, 1e-3
     with multicor.open_run(reference) as run:
-        frame = run.frames[4]
-        problem = frame_problem(run, 4)
+        frame, problem = run.frames[4], frame_problem(run, 4)
         assert (problem.stage, problem.dt) == ("second", dt)
         floor, lid, _ = problem.problem.velocity[run.model.grain_count :, 1]
     t = frame.time
@@ -122,22 +124,19 @@ SLIDING = changed(
 """A disc slides without friction, and then until it rolls: v falls to 2/3 in v/(3 μ g) = 17 ms."""
 
 
-def test_friction_changes_from_a_stage_on(tmp_path):
-    path = tmp_path / "one.toml"
-    path.write_text(SLIDING)
-    multicor.run(path, tmp_path / "run")
-    with multicor.open_run(tmp_path / "run") as run:
-        first, *_, last = run.frames[1:]
-        assert first.velocity[0, 0] == 0.1
-        assert first.spin[0] == 0.0
-        assert last.velocity[0, 0] == pytest.approx(0.2 / 3.0, rel=1e-6)
-        assert last.spin[0] == pytest.approx(-0.2 / 3.0 / 1e-2, rel=1e-6)
-        assert run.model.laws.friction[0, 0] == 0.3  # that of [[contacts]]
-        lost = float(run.series["friction_loss"][-1])
-        assert lost == pytest.approx(0.5 * run.model.grains.mass[0] * 0.1**2 / 3.0, rel=1e-6)
-        assert run.series["friction_loss"][run.series["time"] <= 0.1].max() == 0.0
+def test_friction_changes_from_a_stage_on(run, tmp_path):
+    found = run(one(SLIDING))
+    first, *_, last = found.frames[1:]
+    series, mass = found.series, found.model.grains.mass[0]
+    assert (first.velocity[0, 0], first.spin[0]) == (0.1, 0.0)
+    assert last.velocity[0, 0] == pytest.approx(0.2 / 3.0, rel=1e-6)
+    assert last.spin[0] == pytest.approx(-0.2 / 3.0 / 1e-2, rel=1e-6)
+    assert found.model.laws.friction[0, 0] == 0.3  # that of [[contacts]]
+    loss = series["friction_loss"]
+    assert float(loss[-1]) == pytest.approx(0.5 * mass * 0.1**2 / 3.0, rel=1e-6)
+    assert loss[series["time"] <= 0.1].max() == 0.0
     # Stopped while it slides
-    assert in_pieces(path, tmp_path / "other", 110) == digests(tmp_path / "run")
+    assert in_pieces(one(SLIDING), tmp_path / "other", 110) == digests(found.path)
 
 
 LAWS = """\
@@ -159,81 +158,61 @@ def test_laws_of_stages_differ_from_the_model_in_friction_alone():
         ("STAGE", ""),
         ("duration = 0.01\n", f"duration = 0.01\n{LAWS}"),
     )
-    scenario = parse_scenario(text, "one.toml")
+    scenario = one(text)
     model = build(scenario)[0]
-    laws = stage_laws(scenario, model)
-    assert laws[0] is None
-    assert laws[1] is laws[2]
+    first, second, third, last = stage_laws(scenario, model)
+    assert first is None
+    assert second is third
     glass, wood = model.materials.index("glass"), model.materials.index("wood")
-    assert (
-        laws[1].friction[glass, glass],
-        laws[1].friction[glass, wood],
-        laws[1].friction[wood, glass],
-    ) == (0.1, 0.0, 0.0)
-    assert (laws[1].restitution[glass, wood], laws[1].adhesion[glass, wood]) == (0.4, 1e-3)
-    assert laws[3].table[glass, wood] == laws[3].table[wood, glass] == 0
-    assert laws[3].table_friction.tolist() == [0.5, 0.2]
-    assert (laws[3].table[glass, glass], laws[3].friction[glass, glass]) == (-1, 0.1)
+    assert second.friction[glass, glass] == 0.1
+    assert second.friction[glass, wood] == second.friction[wood, glass] == 0.0
+    assert (second.restitution[glass, wood], second.adhesion[glass, wood]) == (0.4, 1e-3)
+    assert last.table[glass, wood] == last.table[wood, glass] == 0
+    assert last.table_friction.tolist() == [0.5, 0.2]
+    assert (last.table[glass, glass], last.friction[glass, glass]) == (-1, 0.1)
     plan = make_plan(scenario, model)
     assert [stage.laws is None for stage in plan.stages] == [True, False, False, False]
 
 
-def test_heat_of_friction_is_that_of_the_stage(tmp_path):
+def test_heat_of_friction_is_that_of_the_stage(run):
     """Softening friction gives way to a number, and back to another softening; what is lost is heat
     all the time.
     """
-    path = tmp_path / "warm.toml"
-    again = (
-        'contacts = [{ pair = ["steel", "*"], friction = { value = 0.6, softening = 2e-3, min = '
-        "0.2 } }]"
-    )
-    path.write_text(
-        changed(
-            WARM,
-            (
-                "duration = 0.01\n",
-                'duration = 0.01\ncontacts = [{ pair = ["*", "*"], friction = 0.0 }]\n',
-            ),
-            ("duration = 0.005\n", f"duration = 0.005\n{again}\n"),
-            ("\nheat = false", ""),
-        )
-    )
-    multicor.run(path, tmp_path / "run")
-    with multicor.open_run(tmp_path / "run") as run:
-        heat, loss, time = (
-            run.series[name][:] for name in ("heat_friction", "friction_loss", "time")
-        )
-        assert abs(loss[time <= 0.01]).max() == 0.0
-        assert heat[-1] == pytest.approx(loss[-1], rel=1e-12)
-        assert heat[-1] > 0.0
-    assert run_info(tmp_path / "run")["energy_closure"] < 1e-12
-    assert run_info(tmp_path / "run")["heat_closure"] < 1e-12
+    again = "{ value = 0.6, softening = 2e-3, min = 0.2 }"
+    text = changed(
+        WARM,
+        ("duration = 0.01\n",
+            'duration = 0.01\ncontacts = [{ pair = ["*", "*"], friction = 0.0 }]\n'),
+        ("duration = 0.005\n",
+            f'duration = 0.005\ncontacts = [{{ pair = ["steel", "*"], friction = {again} }}]\n'),
+        ("\nheat = false", ""),
+    )  # fmt: skip
+    found = run(parse_scenario(text, "warm.toml"))
+    heat, loss, time = (found.series[name] for name in ("heat_friction", "friction_loss", "time"))
+    assert abs(loss[time <= 0.01]).max() == 0.0
+    assert heat[-1] == pytest.approx(loss[-1], rel=1e-12)
+    assert heat[-1] > 0.0
+    info = found.info["summary"]
+    assert max(info["energy_closure"], info["heat_closure"]) < 1e-12
 
 
-def test_validate_shows_the_friction_of_stages(tmp_path):
+def test_validate_shows_the_friction_of_stages(typed, tmp_path):
     (tmp_path / "one.toml").write_text(SLIDING)
-    done = call("validate", "one.toml", cwd=tmp_path)
-    assert done.returncode == 0
-    assert "from stage first on, * – *: 0.0" in done.stdout
-    assert "from stage second on, glass – *: 0.2" in done.stdout
+    said = typed("validate one.toml").stdout
+    assert "from stage first on, * – *: 0.0" in said
+    assert "from stage second on, glass – *: 0.2" in said
 
 
 def test_the_time_step_resolves_vibrations_and_springs():
-    text = changed(moving(), ("dt = 1e-3", 'dt = "auto"'))
-    scenario = parse_scenario(text, "one.toml")
+    scenario = one(changed(moving(), ("dt = 1e-3", 'dt = "auto"')))
     model = build(scenario)[0]
     drives = scenario.drives(model.walls.names)[0].started([0.0])
     scales = find_scales(scenario, model, drives)
     assert scales.period == pytest.approx(1.0 / 7.0)
     assert 1.0 / scales.strain == pytest.approx((14.0 * math.pi * 1e-3 + 0.02 / 0.7) / 0.1)
-    stiff = [
-        drives[0],
-        drives[1].__class__(y=DofDrive(spring=Spring(4e4, Constant(0.0)))),
-        drives[2],
-    ]
-    assert find_scales(scenario, model, stiff).period == pytest.approx(
-        2.0 * math.pi * math.sqrt(0.1 / 4e4)
-    )
+    hung = WallDrive(y=DofDrive(spring=Spring(4e4, Constant(0.0))))
+    stiff = find_scales(scenario, model, [drives[0], hung, drives[2]])
+    assert stiff.period == pytest.approx(2.0 * math.pi * math.sqrt(0.1 / 4e4))
     assert make_plan(scenario, model).stages[0].dt <= 0.02 / 7.0
 
 
@@ -241,7 +220,7 @@ def test_the_time_step_knows_the_friction_of_a_stage():
     text = changed(
         SLIDING, ("dt = 1e-3", 'dt = "auto"'), ('"*"], friction = 0.0', '"*"], friction = 1.0')
     )
-    scenario = parse_scenario(text, "one.toml")
+    scenario = one(text)
     rough, plain, _ = make_plan(scenario, build(scenario)[0]).stages
     assert rough.dt < plain.dt
 
@@ -250,9 +229,7 @@ def test_steps_to_a_strain_of_a_prescribed_position():
     """0.05 m over 0.1 m, by a ramp of 0.1 m/s: 0.5 s."""
     stage = """until = { strain = { walls = ["floor", "lid"], value = 0.5 } }
 drives.lid = { x = { position = { ramp = [0.0, 0.1], duration = 1.0 } } }"""
-    scenario = parse_scenario(
-        changed(ONE, ("duration = 0.5\nSTAGE", f"duration = 2.0\n{stage}")), "one.toml"
-    )
+    scenario = one(changed(ONE, ("duration = 0.5\nSTAGE", f"duration = 2.0\n{stage}")))
     model, state = build(scenario)
     assert foresee_steps(make_plan(scenario, model), state)[0] == 500
 
@@ -261,8 +238,7 @@ drives.lid = { x = { position = { ramp = [0.0, 0.1], duration = 1.0 } } }"""
     ("rows", "said"), [(2, "wall_origin has shape"), (3, "wall origin of wall lid is not finite")]
 )
 def test_origins_that_do_not_fit_are_found(rows, said):
-    scenario = parse_scenario(moving(), "one.toml")
-    model, state = build(scenario)
+    model, state = build(one(moving()))
     state.wall_origin = np.zeros((rows, 3))
     state.wall_origin[1, 1] = np.nan
     assert said in find_misfit(state, model)

@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 import pytest
-from run_fakes import digests, in_pieces
-from scenarios import plane, scenario
+from run_fakes import in_pieces
+from scenarios import digests, plane, scenario
 
 import multicor_cli as multicor
 from multicor_cli.packing import build
+from multicor_cli.running.from_scenario import make_plan
 from multicor_cli.running.outcome import StageTimeout
-from multicor_cli.running.planning import make_plan
 
 DT = 1e-3
 

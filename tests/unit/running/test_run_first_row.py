@@ -2,10 +2,6 @@
 that are taken up.
 """
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 from run_fakes import in_pieces
@@ -14,8 +10,6 @@ from scenes import ONE, changed
 from multicor_cli import open_run, post
 from multicor_cli import run as run_scenario
 from multicor_cli.checks import Verdict, check_run
-from multicor_cli.model import Model
-from multicor_cli.model.model import Floats
 from multicor_cli.scenario import parse_scenario
 from multicor_cli.store import run_info
 
@@ -43,19 +37,19 @@ FROZEN = changed(
 )
 
 
-def kinetic(model: Model, velocity: Floats, spin: Floats) -> float:
+def kinetic(model, velocity, spin):
     grains = model.grains
     return float(
         (0.5 * grains.mass * (velocity**2).sum(axis=1) + 0.5 * grains.inertia * spin**2).sum()
     )
 
 
-def text_of(case: str) -> str:
+def text_of(case):
     return {"moving": MOVING, "heated": HEATED, "frozen at first": FROZEN}[case]
 
 
 @pytest.mark.parametrize("case", ["moving", "heated", "frozen at first"])
-def test_the_first_row_of_a_new_run(case: str, tmp_path: Path) -> None:
+def test_the_first_row_of_a_new_run(case, tmp_path):
     run_scenario(parse_scenario(text_of(case), "one.toml"), tmp_path / "run")
     with open_run(tmp_path / "run") as run:
         first = {name: run.series[name][0] for name in run.series}
@@ -84,7 +78,7 @@ def test_the_first_row_of_a_new_run(case: str, tmp_path: Path) -> None:
     } <= {"negative losses"}
 
 
-def test_the_first_row_of_a_run_that_goes_on_from_another(tmp_path: Path) -> None:
+def test_the_first_row_of_a_run_that_goes_on_from_another(tmp_path):
     """With a wall that a load moves: its kinetic energy is that of the last row of the run
     before.
     """
@@ -112,6 +106,6 @@ def test_the_first_row_of_a_run_that_goes_on_from_another(tmp_path: Path) -> Non
     ("case", "step"),
     [("moving", 1), ("moving", 20), ("frozen at first", 1), ("frozen at first", 12)],
 )
-def test_a_run_in_pieces_has_the_same_rows(case: str, step: int, tmp_path: Path) -> None:
+def test_a_run_in_pieces_has_the_same_rows(case, step, tmp_path):
     scenario = parse_scenario(text_of(case), "one.toml")
     assert in_pieces(scenario, tmp_path / "pieces", step) == in_pieces(scenario, tmp_path / "whole")

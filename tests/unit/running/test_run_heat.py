@@ -5,7 +5,8 @@ threads.
 import numpy as np
 import pytest
 from places import ROOT
-from run_fakes import digests, in_pieces
+from run_fakes import in_pieces
+from scenarios import digests
 from scenes import WARM
 
 import multicor_cli as multicor

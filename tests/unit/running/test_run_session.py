@@ -2,14 +2,10 @@
 is the same run.
 """
 
-from __future__ import annotations
-
 import json
 import signal
 import threading
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from run_fakes import StopAt
@@ -17,19 +13,12 @@ from scenes import SMALL, changed, write_small
 
 from multicor_cli import run as run_scenario
 from multicor_cli.engine import PhysicsError
-from multicor_cli.packing import Placed, build, place
+from multicor_cli.packing import build, place
 from multicor_cli.running import session as session_module
-from multicor_cli.running.outcome import (
-    ExitCode,
-    RunOutcome,
-    SilentObserver,
-    Status,
-    StopReason,
-    exit_code_of,
-)
-from multicor_cli.running.planning import make_plan
+from multicor_cli.running.from_scenario import make_plan
+from multicor_cli.running.outcome import ExitCode, SilentObserver, StopReason, exit_code_of
 from multicor_cli.running.session import stage_starts
-from multicor_cli.scenario import Scenario, load_scenario, parse_scenario
+from multicor_cli.scenario import load_scenario, parse_scenario
 from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.store import DirectoryRefused, StorageFull, open_run, run_info
 
@@ -42,30 +31,30 @@ drives.bottom = { x = { velocity = 0.0 } }
 
 
 class Recorder(SilentObserver):
-    def __init__(self) -> None:
-        self.messages: list[str] = []
-        self.warnings: list[str] = []
-        self.steps: list[int] = []
+    def __init__(self):
+        self.messages = []
+        self.warnings = []
+        self.steps = []
         self.is_closed = False
 
-    def message(self, text: str) -> None:
+    def message(self, text):
         self.messages.append(text)
 
-    def warning(self, text: str) -> None:
+    def warning(self, text):
         self.warnings.append(text)
 
-    def stepped(self, status: Status) -> None:
+    def stepped(self, status):
         self.steps.append(status.state.step)
 
-    def closed(self) -> None:
+    def closed(self):
         self.is_closed = True
 
 
-def stop_at(monkeypatch: pytest.MonkeyPatch, step: int, act: Callable[[Any], Any]) -> None:
+def stop_at(monkeypatch, step, act):
     """Do something when the engine is about to take a step."""
     original = session_module.Engine.step
 
-    def stepping(self: Any, *arguments: Any, **options: Any) -> Any:
+    def stepping(self, *arguments, **options):
         if self.state.step == step:
             act(self)
         return original(self, *arguments, **options)
@@ -74,7 +63,7 @@ def stop_at(monkeypatch: pytest.MonkeyPatch, step: int, act: Callable[[Any], Any
 
 
 @pytest.fixture(scope="module")
-def scenario_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def scenario_path(tmp_path_factory):
     """The small scenario with a fourth stage: the lid of the second one's ramp goes on through two
     stages.
     """
@@ -84,21 +73,18 @@ def scenario_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def reference(scenario_path: Path) -> RunOutcome:
+def reference(scenario_path):
     outcome = run_scenario(scenario_path, scenario_path.parent / "reference")
     assert outcome.reason is StopReason.FINISHED
     return outcome
 
 
-def digest(directory: Path) -> str:
-    found: str = run_info(directory)["data_digest"]
-    return found
+def digest(directory):
+    return run_info(directory)["data_digest"]
 
 
 @pytest.mark.parametrize("step", [0, 1, 17])
-def test_stopped_run_goes_on_as_if_nothing_had_happened(
-    step: int, scenario_path: Path, reference: RunOutcome, tmp_path: Path
-) -> None:
+def test_stopped_run_goes_on_as_if_nothing_had_happened(step, scenario_path, reference, tmp_path):
     directory = tmp_path / "run"
     outcome = run_scenario(scenario_path, directory, observer=StopAt(step))
     assert outcome.reason is StopReason.TERMINATED
@@ -112,8 +98,8 @@ def test_stopped_run_goes_on_as_if_nothing_had_happened(
 
 @pytest.mark.parametrize("back", [1, 5, 25])
 def test_signals_kept_from_an_earlier_stage_survive_a_resume(
-    back: int, scenario_path: Path, reference: RunOutcome, tmp_path: Path
-) -> None:
+    back, scenario_path, reference, tmp_path
+):
     """In the last stages the lid follows a ramp that began two stages before, at a time that only
     the frames tell.
     """
@@ -126,7 +112,7 @@ def test_signals_kept_from_an_earlier_stage_survive_a_resume(
     assert digest(directory) == digest(reference.directory)
 
 
-def test_stage_starts_are_read_from_the_frames(scenario_path: Path, reference: RunOutcome) -> None:
+def test_stage_starts_are_read_from_the_frames(scenario_path, reference):
     with open_run(reference.directory) as run:
         state = run.state()
         assert state is not None
@@ -138,15 +124,13 @@ def test_stage_starts_are_read_from_the_frames(scenario_path: Path, reference: R
     assert starts[-1] == state.stage_start
 
 
-def test_finished_run_is_left_alone(scenario_path: Path, reference: RunOutcome) -> None:
+def test_finished_run_is_left_alone(scenario_path, reference):
     again = run_scenario(scenario_path, reference.directory)
     assert again.reason is StopReason.ALREADY_FINISHED
     assert (again.step, again.time) == (reference.step, reference.time)
 
 
-def test_changed_scenario_is_refused_before_anything_is_touched(
-    scenario_path: Path, reference: RunOutcome
-) -> None:
+def test_changed_scenario_is_refused_before_anything_is_touched(scenario_path, reference):
     before = (reference.directory / "run.json").read_bytes()
     text = (
         scenario_path.read_text()
@@ -164,8 +148,8 @@ def test_changed_scenario_is_refused_before_anything_is_touched(
 
 
 def test_a_changed_variable_is_refused_in_terms_of_the_keys_that_it_changes(
-    scenario_path: Path, reference: RunOutcome
-) -> None:
+    scenario_path, reference
+):
     text = changed(
         scenario_path.read_text(),
         ("[domain]", "[variables]\nmu = 0.4\n[domain]"),
@@ -181,7 +165,7 @@ def test_a_changed_variable_is_refused_in_terms_of_the_keys_that_it_changes(
     assert 'is 0.5 now ("= mu")' in problem.message
 
 
-def test_random_seed_is_drawn_once(scenario_path: Path, tmp_path: Path) -> None:
+def test_random_seed_is_drawn_once(scenario_path, tmp_path):
     path = write_small(tmp_path, changed(SMALL, ("seed = 3", 'seed = "random"')))
     directory = tmp_path / "run"
     assert not run_scenario(path, directory, observer=StopAt(5)).is_finished
@@ -194,10 +178,8 @@ def test_random_seed_is_drawn_once(scenario_path: Path, tmp_path: Path) -> None:
     assert digest(again) == digest(directory)
 
 
-def test_physics_error_keeps_checkpoint_and_frames(
-    scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(_engine: Any) -> None:
+def test_physics_error_keeps_checkpoint_and_frames(scenario_path, tmp_path, monkeypatch):
+    def fail(_engine):
         raise PhysicsError(25, "the velocity of grain 7 is not finite")
 
     directory = tmp_path / "run"
@@ -214,12 +196,10 @@ def test_physics_error_keeps_checkpoint_and_frames(
         assert state.step == 0
 
 
-def test_nan_in_the_state_stops_the_run(
-    scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nan_in_the_state_stops_the_run(scenario_path, tmp_path, monkeypatch):
     """The real engine, with a velocity that becomes nan behind its back."""
 
-    def poison(engine: Any) -> None:
+    def poison(engine):
         engine.state.velocity[4, 1] = float("nan")
 
     stop_at(monkeypatch, 7, poison)
@@ -232,14 +212,8 @@ def test_nan_in_the_state_stops_the_run(
     ("error", "code"),
     [(StorageFull(Path("x")), 5), (MemoryError(), 5), (ZeroDivisionError("oops"), 1)],
 )
-def test_other_failures_are_recorded(
-    error: Exception,
-    code: int,
-    scenario_path: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def fail(_engine: Any) -> None:
+def test_other_failures_are_recorded(error, code, scenario_path, tmp_path, monkeypatch):
+    def fail(_engine):
         raise error
 
     stop_at(monkeypatch, 3, fail)
@@ -250,12 +224,10 @@ def test_other_failures_are_recorded(
     assert run_scenario(scenario_path, tmp_path / "run").is_finished
 
 
-def test_signal_while_the_grains_are_placed_waits_for_them(
-    scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_signal_while_the_grains_are_placed_waits_for_them(scenario_path, tmp_path, monkeypatch):
     """Of Python users, whose process is not ours to end."""
 
-    def place_interrupted(scenario: Scenario) -> Placed:
+    def place_interrupted(scenario):
         signal.raise_signal(signal.SIGINT)
         return place(scenario)
 
@@ -266,30 +238,28 @@ def test_signal_while_the_grains_are_placed_waits_for_them(
     assert run_scenario(scenario_path, tmp_path / "run").is_finished
 
 
-def test_time_limit_counts_from_the_start(scenario_path: Path, tmp_path: Path) -> None:
+def test_time_limit_counts_from_the_start(scenario_path, tmp_path):
     outcome = run_scenario(scenario_path, tmp_path / "run", max_hours=0.0)
     assert outcome.reason is StopReason.TIME_LIMIT
     assert outcome.reason.exit_code is ExitCode.STOPPED
     assert outcome.step == 0
 
 
-def test_directory_in_use_or_foreign_is_refused(scenario_path: Path, tmp_path: Path) -> None:
+def test_directory_in_use_or_foreign_is_refused(scenario_path, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(DirectoryRefused):
         run_scenario(scenario_path, tmp_path / "file")
 
 
-def test_domain_too_narrow_for_the_engine_is_a_problem_of_the_scenario(tmp_path: Path) -> None:
+def test_domain_too_narrow_for_the_engine_is_a_problem_of_the_scenario(tmp_path):
     text = SMALL.replace("0.02", "0.003").replace("count = 60", "count = 6")
     with pytest.raises(ScenarioError, match=r"the period .* widen the domain"):
         run_scenario(parse_scenario(text, tmp_path / "narrow.toml"), tmp_path / "run")
 
 
-def test_runs_in_other_threads_leave_signals_alone(
-    scenario_path: Path, reference: RunOutcome, tmp_path: Path
-) -> None:
+def test_runs_in_other_threads_leave_signals_alone(scenario_path, reference, tmp_path):
     before = signal.getsignal(signal.SIGINT)
-    found: list[RunOutcome] = []
+    found = []
     worker = threading.Thread(
         target=lambda: found.append(run_scenario(scenario_path, reference.directory))
     )
@@ -299,7 +269,7 @@ def test_runs_in_other_threads_leave_signals_alone(
     assert signal.getsignal(signal.SIGINT) is before
 
 
-def test_observer_and_heartbeat(scenario_path: Path, tmp_path: Path) -> None:
+def test_observer_and_heartbeat(scenario_path, tmp_path):
     observer = Recorder()
     outcome = run_scenario(scenario_path, tmp_path / "run", observer=observer)
     assert observer.steps == list(range(1, outcome.step + 1))
@@ -308,9 +278,7 @@ def test_observer_and_heartbeat(scenario_path: Path, tmp_path: Path) -> None:
     assert json.loads((tmp_path / "run" / "progress.json").read_text())["step"] == outcome.step
 
 
-def test_another_version_may_continue_with_a_warning(
-    scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_another_version_may_continue_with_a_warning(scenario_path, tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         stop_at(patch, 3, lambda _engine: signal.raise_signal(signal.SIGINT))
         run_scenario(scenario_path, tmp_path / "run")
@@ -320,6 +288,6 @@ def test_another_version_may_continue_with_a_warning(
     assert any("9.9.9" in text for text in observer.warnings)
 
 
-def test_overrides_need_a_path(scenario_path: Path, tmp_path: Path) -> None:
+def test_overrides_need_a_path(scenario_path, tmp_path):
     with pytest.raises(ValueError, match="give them to load_scenario"):
         run_scenario(load_scenario(scenario_path), tmp_path / "run", overrides=["solver.dt=1e-4"])

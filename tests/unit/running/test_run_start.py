@@ -2,13 +2,9 @@
 is refused.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 import signal
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +14,6 @@ from run_fakes import StopAt
 from scenes import changed
 
 from multicor_cli import run as run_scenario
-from multicor_cli.model import State
 from multicor_cli.packing import place
 from multicor_cli.running import session as session_module
 from multicor_cli.running.outcome import StopReason
@@ -38,7 +33,7 @@ CASES = {
 """Scenarios, and after how many stages they are cut."""
 
 
-def state_of(directory: Path) -> State:
+def state_of(directory):
     with open_run(directory) as run:
         state = run.state()
     assert state is not None
@@ -46,11 +41,11 @@ def state_of(directory: Path) -> State:
 
 
 @pytest.fixture(scope="module")
-def place_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+def place_of(tmp_path_factory):
     """Makes the folder of a case, once: the whole run, and its first stages."""
-    made: dict[str, Path] = {}
+    made = {}
 
-    def make(case: str) -> Path:
+    def make(case):
         if case not in made:
             text, stages = CASES[case]
             folder = tmp_path_factory.mktemp("cut")
@@ -63,9 +58,7 @@ def place_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_a_run_cut_in_two_is_the_run_that_was_not_cut(
-    case: str, place_of: Callable[[str], Path]
-) -> None:
+def test_a_run_cut_in_two_is_the_run_that_was_not_cut(case, place_of):
     """In all that the next step depends on; in the box the grains outnumber nothing that runs on
     more than one thread.
     """
@@ -92,9 +85,7 @@ def test_a_run_cut_in_two_is_the_run_that_was_not_cut(
     assert verify(folder / "second") == []
 
 
-def test_a_run_that_goes_on_can_be_stopped_and_gone_on_from(
-    place_of: Callable[[str], Path], tmp_path: Path
-) -> None:
+def test_a_run_that_goes_on_can_be_stopped_and_gone_on_from(place_of, tmp_path):
     """Stopped in its last stage, where a signal is kept; the run that it came from is gone by then.
     A third part follows.
     """
@@ -114,7 +105,7 @@ def test_a_run_that_goes_on_can_be_stopped_and_gone_on_from(
     assert max(info["energy_closure"], info["heat_closure"]) < 1e-12
 
 
-def test_the_last_frame_is_the_end_where_frames_hold_all(place_of: Callable[[str], Path]) -> None:
+def test_the_last_frame_is_the_end_where_frames_hold_all(place_of):
     """Without heat and adhesion, in double precision: positions are those of the state, and
     impulses are recorded.
     """
@@ -127,7 +118,7 @@ def test_the_last_frame_is_the_end_where_frames_hold_all(place_of: Callable[[str
         assert run.info["origin"]["frame"] == len(first.frames) - 1
 
 
-def test_a_frame_gives_its_temperatures(place_of: Callable[[str], Path]) -> None:
+def test_a_frame_gives_its_temperatures(place_of):
     folder = place_of("after frozen")
     placed = place(
         load_scenario(written(folder / "frame.toml", going_on(HOT, 2, "first", "frame = 3")))
@@ -144,13 +135,11 @@ def test_a_frame_gives_its_temperatures(place_of: Callable[[str], Path]) -> None
     assert (placed.origin.frame, placed.origin.step) == (3, frame.step)
 
 
-def contacts_by_wall(
-    scenario_model: object, state: State
-) -> dict[tuple[int, str], tuple[float, float]]:
+def contacts_by_wall(scenario_model, state):
     """Impulses of the contacts with walls that have one shape, by grain and wall."""
     model = scenario_model
     n = len(state.position)
-    names = [model.walls.names[w] for w in model.shapes.wall]  # type: ignore[attr-defined]
+    names = [model.walls.names[w] for w in model.shapes.wall]
     return {
         (int(i), names[j - n]): tuple(p)
         for i, j, p in zip(
@@ -160,7 +149,7 @@ def contacts_by_wall(
     }
 
 
-def test_walls_are_known_by_their_names(place_of: Callable[[str], Path]) -> None:
+def test_walls_are_known_by_their_names(place_of):
     """In another order, one of them gone, one new, one that the file has elsewhere: where the run
     has moved it counts.
     """
@@ -198,18 +187,14 @@ def test_walls_are_known_by_their_names(place_of: Callable[[str], Path]) -> None
     assert (np.diff(key) > 0).all()
 
 
-def test_rough_walls_are_those_of_the_run_whatever_the_seed(
-    place_of: Callable[[str], Path],
-) -> None:
+def test_rough_walls_are_those_of_the_run_whatever_the_seed(place_of):
     folder = place_of("small")
     text = changed(going_on(NAMED, 1, "first"), ("seed = 3", 'seed = "random"'))
     run_scenario(written(folder / "seed.toml", text), folder / "seed")
     assert unlike(state_of(folder / "whole"), state_of(folder / "seed")) == []
 
 
-def test_a_wall_of_another_shape_stands_where_the_run_has_it_and_carries_nothing(
-    place_of: Callable[[str], Path],
-) -> None:
+def test_a_wall_of_another_shape_stands_where_the_run_has_it_and_carries_nothing(place_of):
     folder = place_of("small")
     text = changed(
         going_on(NAMED, 1, "first"),
@@ -226,7 +211,7 @@ def test_a_wall_of_another_shape_stands_where_the_run_has_it_and_carries_nothing
     assert placed.state.contact_i.size == int((state.contact_j < n + bottom).sum())
 
 
-def test_materials_are_those_of_the_new_file(place_of: Callable[[str], Path]) -> None:
+def test_materials_are_those_of_the_new_file(place_of):
     """Grains whose heat capacity changes keep their temperature; their heat counts from there."""
     folder = place_of("after frozen")
     state = state_of(folder / "first")
@@ -254,7 +239,7 @@ def test_materials_are_those_of_the_new_file(place_of: Callable[[str], Path]) ->
     assert np.array_equal(placed.state.velocity, state.velocity)
 
 
-def test_another_adhesion_leaves_the_impulses_as_they_are(place_of: Callable[[str], Path]) -> None:
+def test_another_adhesion_leaves_the_impulses_as_they_are(place_of):
     """q = p + F_a Δt: what the contacts carry, p, does not depend on the new file."""
     folder = place_of("sticky")
     text = going_on(STICKY, 1, "first")
@@ -287,7 +272,7 @@ def test_another_adhesion_leaves_the_impulses_as_they_are(place_of: Callable[[st
     assert same.contact_couple.size == same.contact_i.size
 
 
-def test_groups_may_be_named_to_change_them(place_of: Callable[[str], Path]) -> None:
+def test_groups_may_be_named_to_change_them(place_of):
     folder = place_of("box")
     group = (
         '[[particles]]\nname = "{}"\nmaterial = "glass"\nshape = "sphere"\n'
@@ -381,7 +366,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_what_does_not_fit_is_refused(case: str, place_of: Callable[[str], Path]) -> None:
+def test_what_does_not_fit_is_refused(case, place_of):
     folder = place_of("box")
     change, key, message, remedy = REFUSED[case]
     path = written(folder / "refused.toml", changed(going_on(BOX, 1, "first"), change))
@@ -394,7 +379,7 @@ def test_what_does_not_fit_is_refused(case: str, place_of: Callable[[str], Path]
     assert found[0].line > 0
 
 
-def test_another_period_is_refused(place_of: Callable[[str], Path]) -> None:
+def test_another_period_is_refused(place_of):
     folder = place_of("small")
     text = changed(going_on(NAMED, 1, "first"), ("periodic = true", "periodic = false"))
     with pytest.raises(
@@ -404,7 +389,7 @@ def test_another_period_is_refused(place_of: Callable[[str], Path]) -> None:
     assert caught.value.problems[0].key == "domain.size"
 
 
-def test_start_groups_need_a_start() -> None:
+def test_start_groups_need_a_start():
     text = changed(BOX, ('packing = { kind = "random" }', 'packing = { kind = "start" }'))
     text = changed(
         text, ('sizes = { kind = "uniform", min = 0.5e-3, max = 0.7e-3 }\ncount = 25\n', "")
@@ -413,9 +398,7 @@ def test_start_groups_need_a_start() -> None:
         parse_scenario(text, "box.toml")
 
 
-def test_a_run_without_checkpoint_or_with_damage_is_refused(
-    place_of: Callable[[str], Path], tmp_path: Path
-) -> None:
+def test_a_run_without_checkpoint_or_with_damage_is_refused(place_of, tmp_path):
     shutil.copytree(place_of("box") / "first", tmp_path / "first")
     path = written(tmp_path / "second.toml", going_on(BOX, 1, "first"))
     for file in (tmp_path / "first" / "checkpoints").glob("*.h5"):
@@ -431,7 +414,7 @@ def test_a_run_without_checkpoint_or_with_damage_is_refused(
         place(load_scenario(path))
 
 
-def test_forces_are_needed_where_only_heat_flows(place_of: Callable[[str], Path]) -> None:
+def test_forces_are_needed_where_only_heat_flows(place_of):
     folder = place_of("before frozen")
     path = written(folder / "forces.toml", going_on(HOT, 1, "first", "frame = 0"))
     with pytest.raises(ScenarioError, match="forces of the contacts are not known") as caught:
@@ -439,9 +422,7 @@ def test_forces_are_needed_where_only_heat_flows(place_of: Callable[[str], Path]
     assert caught.value.problems[0].key == "loading.0.frozen"
 
 
-def test_a_run_does_not_replace_the_one_that_it_goes_on_from(
-    place_of: Callable[[str], Path],
-) -> None:
+def test_a_run_does_not_replace_the_one_that_it_goes_on_from(place_of):
     folder = place_of("box")
     path = written(folder / "same.toml", going_on(BOX, 1, "first"))
     before = (folder / "first" / "run.json").read_bytes()
@@ -450,9 +431,7 @@ def test_a_run_does_not_replace_the_one_that_it_goes_on_from(
     assert (folder / "first" / "run.json").read_bytes() == before
 
 
-def test_a_run_begins_once_more_from_the_same_moment_only(
-    place_of: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_begins_once_more_from_the_same_moment_only(place_of, tmp_path, monkeypatch):
     """It was killed before its first checkpoint, and the other run has become another one since."""
     shutil.copytree(place_of("box") / "first", tmp_path / "first")
     path = written(tmp_path / "second.toml", going_on(BOX, 1, "first"))
@@ -475,7 +454,7 @@ def test_a_run_begins_once_more_from_the_same_moment_only(
     assert run_scenario(path, tmp_path / "second").is_finished
 
 
-def test_commands_say_where_a_run_goes_on_from(place_of: Callable[[str], Path]) -> None:
+def test_commands_say_where_a_run_goes_on_from(place_of):
     folder = place_of("box")
     digest = run_info(folder / "first")["state_digest"]
     lid = (

@@ -1,11 +1,8 @@
 """Threads, differences between scenarios, estimates."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,17 +16,17 @@ from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, Wa
 from multicor_cli.engine.motion.spacing import Spacing
 from multicor_cli.engine.orders import Settings
 from multicor_cli.model import State
-from multicor_cli.running.compiling import available_cores, reserve_threads
 from multicor_cli.running.differences import find_differences, former_defaults
 from multicor_cli.running.estimate import estimate
+from multicor_cli.running.from_scenario import make_plan as plan_of
+from multicor_cli.running.machine import available_cores, reserve_threads
 from multicor_cli.running.plan import RunPlan, StagePlan, foresee_steps
-from multicor_cli.running.planning import make_plan as plan_of
 from multicor_cli.scenario import load_scenario, parse_scenario
 from multicor_cli.scenario.settings import Output
 
 
-def reserved(code: str, **extra: str) -> str:
-    script = f"from multicor_cli.running.compiling import reserve_threads\nimport os\n{code}"
+def reserved(code, **extra):
+    script = f"from multicor_cli.running.machine import reserve_threads\nimport os\n{code}"
     done = subprocess.run(
         [sys.executable, "-c", script],
         env=environment(**extra),
@@ -41,7 +38,7 @@ def reserved(code: str, **extra: str) -> str:
     return done.stdout.strip()
 
 
-def test_more_threads_than_cores_are_reserved_before_numba_comes() -> None:
+def test_more_threads_than_cores_are_reserved_before_numba_comes():
     assert reserved("print(reserve_threads(64), os.environ['NUMBA_NUM_THREADS'])") == "64 64"
     assert reserved("print(reserve_threads(0))") == str(available_cores())
     assert reserved("print(reserve_threads(0), reserve_threads(2))", NUMBA_NUM_THREADS="3") == "3 2"
@@ -51,7 +48,7 @@ def test_more_threads_than_cores_are_reserved_before_numba_comes() -> None:
     ).endswith(" 1")
 
 
-def test_too_many_threads_are_refused() -> None:
+def test_too_many_threads_are_refused():
     with pytest.raises(ValueError, match="between 1 and"):
         reserve_threads(-1)
     code = "import numba\ntry:\n    reserve_threads(9999)\nexcept ValueError: print('refused')"
@@ -60,7 +57,7 @@ def test_too_many_threads_are_refused() -> None:
     assert "imported with room for" in reserved(late)
 
 
-def test_differences_name_every_key() -> None:
+def test_differences_name_every_key():
     before = (
         'a = 1\nb = [1, 2]\n[c]\nd = "x"\ne = 1\n[output]\ncheckpoint_interval = 1.0\n[[f]]\n'
         "g = 1\n[[f]]\ng = 2"
@@ -83,11 +80,11 @@ def test_differences_name_every_key() -> None:
     assert find_differences(before, before) == []
 
 
-def test_lists_of_another_length_differ_as_a_whole() -> None:
+def test_lists_of_another_length_differ_as_a_whole():
     assert [d.path for d in find_differences("b = [1, 2]", "b = [1]")] == [("b",)]
 
 
-def test_variables_differ_by_the_keys_that_they_change() -> None:
+def test_variables_differ_by_the_keys_that_they_change():
     """What refers to a variable says so; a variable without effect may change."""
     text = changed(
         SMALL,
@@ -127,7 +124,7 @@ def test_a_default_that_was_another_one_is_kept_by_runs_that_began_with_it():
         (Constant(0.0), None),
     ],
 )
-def test_steps_to_a_strain_are_foreseen(signal: Constant | Ramp | Sine, steps: int | None) -> None:
+def test_steps_to_a_strain_are_foreseen(signal, steps):
     model = between_planes()
     until = strain_reached(Spacing.between(model, "bottom", "top"), 0.5)
     drives = FakeDrives(WallDrive(), WallDrive(x=DofDrive(velocity=signal)))
@@ -140,7 +137,7 @@ def test_steps_to_a_strain_are_foreseen(signal: Constant | Ramp | Sine, steps: i
     ) == [7]
 
 
-def test_force_driven_shear_is_not_foreseen() -> None:
+def test_force_driven_shear_is_not_foreseen():
     model = between_planes()
     until = strain_reached(Spacing.between(model, "bottom", "top"), 0.5)
     drives = FakeDrives(WallDrive(), WallDrive(x=DofDrive(force=Constant(1.0))))
@@ -149,7 +146,7 @@ def test_force_driven_shear_is_not_foreseen() -> None:
     assert foresee_steps(plan, State.at_rest(model, np.zeros((2, 2)))) == [None]
 
 
-def test_estimate_grows_with_what_it_depends_on(tmp_path: Path) -> None:
+def test_estimate_grows_with_what_it_depends_on(tmp_path):
     from multicor_cli.packing import build
 
     scenario = load_scenario(write_small(tmp_path))
@@ -168,14 +165,14 @@ def test_estimate_grows_with_what_it_depends_on(tmp_path: Path) -> None:
     assert small.disk < base.disk < base.disk_peak
 
 
-def test_frames_of_the_estimate_are_those_of_the_run() -> None:
+def test_frames_of_the_estimate_are_those_of_the_run():
     model = between_planes()
     plan = make_plan(model)
     steps = foresee_steps(plan, State.at_rest(model, np.zeros((2, 2))))
     assert steps == [20, 20, 7]
 
 
-def test_deflection_of_a_contact() -> None:
+def test_deflection_of_a_contact():
     """R = 1.5 mm: an overlap of 55.28 nm has a contact radius of 6.4387 µm = √(R* δ), and F = 4/3
     E* √R* δ^1.5.
     """

@@ -1,40 +1,38 @@
 """Runs with walls whose surface runs, and with walls that only some groups of grains meet."""
 
-from __future__ import annotations
-
 import tomllib
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from cut_runs import BELT, SIEVE, shortened, written
-from run_fakes import digests, in_pieces
+from run_fakes import in_pieces
+from scenarios import digests
 from scenes import changed
 
-from multicor_cli import LiveRun, Scenario, open_run, run
+from multicor_cli import Scenario, open_run, run
 from multicor_cli.engine import Engine
 from multicor_cli.export import frame_problem
 from multicor_cli.model.faults import find_misfit
 from multicor_cli.packing import build, place
 from multicor_cli.scenario import ScenarioError, load_scenario, parse_scenario
-from multicor_cli.store import Run, run_info, verify
+from multicor_cli.store import run_info, verify
 
 HEIGHT = 0.0075
 """Of the middle of the sieve [m]."""
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def whole(tmp_path_factory):
     folder = tmp_path_factory.mktemp("sieve")
     return run(written(folder / "sieve.toml", SIEVE), folder / "whole", threads=1).directory
 
 
-def in_group(a_run: Run, name: str) -> np.ndarray:
+def in_group(a_run, name):
     return np.array(a_run.model.grains.group == a_run.model.groups.index(name))
 
 
-def test_the_surface_is_recorded_and_the_books_close(whole: Path) -> None:
+def test_the_surface_is_recorded_and_the_books_close(whole):
     assert verify(whole) == []
     assert run_info(whole)["energy_closure"] < 1e-12
     with open_run(whole) as found:
@@ -49,7 +47,7 @@ def test_the_surface_is_recorded_and_the_books_close(whole: Path) -> None:
         assert found.frames[-1].wall_position[0].tolist() == [0.0, 0.0, 0.0]
 
 
-def test_only_the_named_group_is_held(whole: Path) -> None:
+def test_only_the_named_group_is_held(whole):
     """Small grains start above and below the sieve and in it; large ones stay on their side."""
     with open_run(whole) as found:
         large, first, last = in_group(found, "large"), found.frames[0], found.frames[-1]
@@ -70,12 +68,12 @@ def test_only_the_named_group_is_held(whole: Path) -> None:
 
 
 @pytest.mark.parametrize("step", [37, 60, 81])  # 60: between the stages
-def test_stopped_runs_go_on_to_the_same_bits(whole: Path, tmp_path: Path, step: int) -> None:
+def test_stopped_runs_go_on_to_the_same_bits(whole, tmp_path, step):
     path = written(tmp_path / "sieve.toml", SIEVE)
     assert in_pieces(path, tmp_path / "run", step, threads=2) == digests(whole)
 
 
-def test_the_exported_problem_is_the_one_that_the_engine_solves(whole: Path) -> None:
+def test_the_exported_problem_is_the_one_that_the_engine_solves(whole):
     with open_run(whole) as found:
         problem = frame_problem(found, 8).problem
         state = found.frames[8]
@@ -88,13 +86,13 @@ def test_the_exported_problem_is_the_one_that_the_engine_solves(whole: Path) -> 
         assert state.stage == 1
 
 
-def test_a_program_lets_a_surface_run(tmp_path: Path) -> None:
+def test_a_program_lets_a_surface_run(tmp_path):
     """In a stage that it adds; what it reads, and the scenario with this stage, which gives the
     same bits.
     """
     read = []
 
-    def steer(now: LiveRun) -> None:
+    def steer(now):
         read.append(now.walls["floor"].surface)
         if now.step == 20:
             now.end_stage(
@@ -113,7 +111,7 @@ def test_a_program_lets_a_surface_run(tmp_path: Path) -> None:
     assert digests(tmp_path / "again")[0] == digests(tmp_path / "steered")[0]
 
 
-def test_a_state_of_other_walls_does_not_fit() -> None:
+def test_a_state_of_other_walls_does_not_fit():
     model, state = build(parse_scenario(BELT, "belt.toml"))
     assert find_misfit(state, model) is None
     state.wall_surface = np.zeros(2)
@@ -122,7 +120,7 @@ def test_a_state_of_other_walls_does_not_fit() -> None:
     assert find_misfit(state, model) == "the wall surface of wall floor is not finite"
 
 
-def test_a_wall_cuts_those_alone_that_meet_it(tmp_path: Path) -> None:
+def test_a_wall_cuts_those_alone_that_meet_it(tmp_path):
     """Grains from a file across a wall: refused if they meet it, by their names."""
     written(tmp_path / "grains.csv", "x,y,radius\n0.006,0.0075,0.0006\n")
     begin, end = SIEVE.index('name = "large"'), SIEVE.index("[[walls]]")
@@ -154,7 +152,7 @@ def test_a_wall_cuts_those_alone_that_meet_it(tmp_path: Path) -> None:
             ]
 
 
-def test_no_law_is_needed_with_walls_that_nobody_of_a_group_meets() -> None:
+def test_no_law_is_needed_with_walls_that_nobody_of_a_group_meets():
     text = changed(
         SIEVE,
         (
@@ -174,9 +172,7 @@ def test_no_law_is_needed_with_walls_that_nobody_of_a_group_meets() -> None:
         parse_scenario(changed(text, ('groups = ["large"]', 'groups = ["small"]')), "sieve.toml")
 
 
-def test_going_on_leaves_out_contacts_with_walls_that_are_not_met_any_more(
-    whole: Path, tmp_path: Path
-) -> None:
+def test_going_on_leaves_out_contacts_with_walls_that_are_not_met_any_more(whole, tmp_path):
     begin, end = SIEVE.index("[[particles]]"), SIEVE.index("[[walls]]")
     text = SIEVE[:begin] + f'[start]\nrun = "{whole}"\n' + SIEVE[end:]
     model, state = build(load_scenario(written(tmp_path / "on.toml", text)))
@@ -190,7 +186,7 @@ def test_going_on_leaves_out_contacts_with_walls_that_are_not_met_any_more(
     assert not (model.shapes.wall[state.contact_j[state.contact_j >= n] - n] == 3).any()
 
 
-def test_grains_are_released_in_a_wall_that_they_do_not_meet() -> None:
+def test_grains_are_released_in_a_wall_that_they_do_not_meet():
     """The first place is taken by nobody: in a plane below which no other group finds room."""
     release = "release = { rate = 1e3, region = { min = [0.002, 0.001], max = [0.01, 0.006] } }"
     text = changed(
@@ -201,7 +197,7 @@ def test_grains_are_released_in_a_wall_that_they_do_not_meet() -> None:
         'kind = "plane", point = [0.0, 0.01], normal = [0.0, 1.0]',
     )
     from multicor_cli.engine.inflow.population import find_room
-    from multicor_cli.running.plan import inflow_rules
+    from multicor_cli.running.from_scenario import inflow_rules
 
     scenario = parse_scenario(text, "sieve.toml")
     model, state = build(scenario)
@@ -212,7 +208,7 @@ def test_grains_are_released_in_a_wall_that_they_do_not_meet() -> None:
     assert find_room(rules.releases[0], 0, grain, everybody, state) is None
 
 
-def test_heat_goes_to_those_alone_that_meet_a_hot_wall(tmp_path: Path) -> None:
+def test_heat_goes_to_those_alone_that_meet_a_hot_wall(tmp_path):
     """By contact, through gas and by radiation; while nothing moves too. A wall keeps the groups
     apart.
     """
@@ -256,7 +252,7 @@ geometry = { kind = "polyline", points = [[0.006, 0.0], [0.006, 0.04]] }
         assert found.info["summary"]["heat_closure"] < 1e-12
 
 
-def test_nothing_changes_where_all_groups_are_named() -> None:
+def test_nothing_changes_where_all_groups_are_named():
     """The list is the same, and so is the state."""
     ends = []
     for text in (

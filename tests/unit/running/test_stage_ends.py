@@ -2,21 +2,18 @@
 and who is told.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import asdict
-from pathlib import Path
-from typing import Any
 
 import pytest
 from command_line import call, read_info
-from run_fakes import digests, in_pieces
+from run_fakes import in_pieces
+from scenarios import digests
 from scenes import ONE
 
 from multicor_cli import run as run_scenario
-from multicor_cli.running.outcome import RunOutcome, StageTimeout
+from multicor_cli.running.outcome import StageTimeout
 from multicor_cli.store import StorageFull, run_info
 from multicor_cli.store import checkpoint as checkpoint_module
 from multicor_cli.store import rundir as rundir_module
@@ -26,13 +23,13 @@ HEAVIER = "gravity = [0.0, { ramp = [0.0, -10.0], duration = 1.0 }]"
 """The floor carries m·10t; the mean over the window that ends at kT is m·10 (k − 1/2) T."""
 
 
-def write(folder: Path, stage: str) -> Path:
+def write(folder, stage):
     path = folder / "one.toml"
     path.write_text(ONE.replace("STAGE", stage))
     return path
 
 
-def run_one(folder: Path, stage: str) -> RunOutcome:
+def run_one(folder, stage):
     return run_scenario(write(folder, stage), folder / "run")
 
 
@@ -91,7 +88,7 @@ drives.lid = { x = { velocity = { ramp = [0.0, 0.2], duration = 0.5 } } }""",
 
 
 @pytest.mark.parametrize("name", ENDS)
-def test_stages_end_when_they_are_to(name: str, tmp_path: Path) -> None:
+def test_stages_end_when_they_are_to(name, tmp_path):
     stage, steps, value = ENDS[name]
     outcome = run_one(tmp_path, stage)
     first, second = outcome.stage_ends
@@ -108,7 +105,7 @@ def test_stages_end_when_they_are_to(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["axial strain", "displacement", "force"])
-def test_a_stage_that_was_stopped_ends_as_if_it_was_not(name: str, tmp_path: Path) -> None:
+def test_a_stage_that_was_stopped_ends_as_if_it_was_not(name, tmp_path):
     """Stopped in the middle of a window, whose sum the checkpoint holds."""
     path = write(tmp_path, ENDS[name][0])
     assert in_pieces(path, tmp_path / "run", 133) == in_pieces(path, tmp_path / "whole")
@@ -121,7 +118,7 @@ LATE = (
 )
 
 
-def test_a_timeout_goes_on_and_is_told(tmp_path: Path) -> None:
+def test_a_timeout_goes_on_and_is_told(tmp_path):
     write(tmp_path, LATE)
     done = call("run", "one.toml", "-o", "run", "--quiet", cwd=tmp_path)
     assert done.returncode == 0
@@ -148,13 +145,11 @@ def test_a_timeout_goes_on_and_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("late", ["go on", "stop"])
-def test_an_end_that_was_lost_is_not_told(
-    late: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_end_that_was_lost_is_not_told(late, tmp_path, monkeypatch):
     """The disk is full when the checkpoint behind it is due: it will come once more."""
     path, written = write(tmp_path, LATE + f'\non_timeout = "{late}"'), 0
 
-    def write_checkpoint(*args: Any, **kwargs: Any) -> Any:
+    def write_checkpoint(*args, **kwargs):
         nonlocal written
         written += 1
         if written > 1:  # that of the beginning
@@ -183,7 +178,7 @@ def test_an_end_that_was_lost_is_not_told(
     ]
 
 
-def test_a_timeout_may_stop_the_run(tmp_path: Path) -> None:
+def test_a_timeout_may_stop_the_run(tmp_path):
     """It stays where it is until it is told to go on, and then ends as a run that was never
     stopped.
     """
@@ -210,7 +205,7 @@ def test_a_timeout_may_stop_the_run(tmp_path: Path) -> None:
     assert read_info(tmp_path / "run")["stage_ends"] == read_info(tmp_path / "whole")["stage_ends"]
 
 
-def test_a_last_stage_that_timed_out_is_finished_by_going_on(tmp_path: Path) -> None:
+def test_a_last_stage_that_timed_out_is_finished_by_going_on(tmp_path):
     text = ONE.replace("STAGE", LATE + '\non_timeout = "stop"').replace(
         '[[loading]]\nname = "second"\nduration = 0.01\n', ""
     )
@@ -223,7 +218,7 @@ def test_a_last_stage_that_timed_out_is_finished_by_going_on(tmp_path: Path) -> 
     assert digests(tmp_path / "run")[0] == digests(tmp_path / "whole")[0]
 
 
-def test_results_alone_know_how_stages_ended(tmp_path: Path) -> None:
+def test_results_alone_know_how_stages_ended(tmp_path):
     outcome = run_one(tmp_path, LATE)
     (tmp_path / "run" / "results.h5").rename(tmp_path / "mailed.h5")
     ends = run_info(tmp_path / "mailed.h5")["stage_ends"]

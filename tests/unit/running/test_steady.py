@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from run_fakes import digests, in_pieces
+from run_fakes import in_pieces
+from scenarios import digests
 from scenes import ONE, SMALL, changed
 
 import multicor_cli as multicor

@@ -2,22 +2,19 @@
 be done again without it.
 """
 
-from __future__ import annotations
-
 import re
 import signal
 import subprocess
 import sys
 import tomllib
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from command_line import call
 from places import ROOT
-from run_fakes import StopAt, digests
+from run_fakes import StopAt
+from scenarios import digests
 from scenes import SMALL, WARM, write_small
 
 from multicor_cli import LiveRun, Scenario, ScenarioError, open_run, run
@@ -40,30 +37,26 @@ drives.top = { x = { velocity = { ramp = [0.0, 0.1], duration = 0.008 } } }
 name = "on"
 duration = 0.002
 """
-SLOWER: dict[str, Any] = {
-    "name": "slower",
-    "duration": 0.004,
-    "drives": {"top": {"x": {"velocity": 0.02}}},
-}
+SLOWER = {"name": "slower", "duration": 0.004, "drives": {"top": {"x": {"velocity": 0.02}}}}
 DT = 2e-4
 MIDDLE = 0.01
 """Where the top wall is at first, in x [m]."""
 
 
-def scenario(loading: str = SHORT, of: str = SMALL) -> Scenario:
+def scenario(loading=SHORT, of=SMALL):
     data = tomllib.loads(of)
     return Scenario.from_dict(data | tomllib.loads(loading))
 
 
-def at(step: int, do: Callable[[LiveRun], None]) -> Callable[[LiveRun], None]:
-    def steer(now: LiveRun) -> None:
+def at(step, do):
+    def steer(now):
         if now.step == step:
             do(now)
 
     return steer
 
 
-def when_pushed(now: LiveRun) -> None:
+def when_pushed(now):
     """Count calls; slow down once when the top wall has been pushed for a while, then stop when it
     has gone far enough.
     """
@@ -78,22 +71,18 @@ def when_pushed(now: LiveRun) -> None:
         now.end_run()
 
 
-def test_ending_a_stage_is_a_shorter_stage(tmp_path: Path) -> None:
+def test_ending_a_stage_is_a_shorter_stage(tmp_path):
     run(scenario(), tmp_path / "steered", steer=at(35, LiveRun.end_stage))
     run(scenario().with_({"loading.1.duration": 15 * DT}), tmp_path / "short")
     assert digests(tmp_path / "steered") == digests(tmp_path / "short")
     assert [
         (end["name"], end["reason"], end["step"])
         for end in run_info(tmp_path / "steered")["stage_ends"]
-    ] == [
-        ("settle", "duration", 20),
-        ("shear", "steered", 35),
-        ("on", "duration", 45),
-    ]
+    ] == [("settle", "duration", 20), ("shear", "steered", 35), ("on", "duration", 45)]
     assert verify(tmp_path / "steered") == []
 
 
-def test_a_condition_in_the_program_is_one_in_the_file(tmp_path: Path) -> None:
+def test_a_condition_in_the_program_is_one_in_the_file(tmp_path):
     until = SHORT.replace(
         'name = "shear"\n',
         (
@@ -102,7 +91,7 @@ def test_a_condition_in_the_program_is_one_in_the_file(tmp_path: Path) -> None:
         ),
     )
 
-    def steer(now: LiveRun) -> None:
+    def steer(now):
         if now.stage == "shear" and now.walls["top"].position[0] - MIDDLE >= 1.05e-4:
             now.end_stage()
 
@@ -112,7 +101,7 @@ def test_a_condition_in_the_program_is_one_in_the_file(tmp_path: Path) -> None:
     assert digests(tmp_path / "steered") == digests(tmp_path / "file")
 
 
-def test_another_drive_is_another_stage(tmp_path: Path) -> None:
+def test_another_drive_is_another_stage(tmp_path):
     run(scenario(), tmp_path / "steered", steer=at(35, lambda now: now.end_stage(then=SLOWER)))
     loading = tomllib.loads(SHORT)["loading"]
     loading[1]["duration"] = 15 * DT
@@ -126,7 +115,7 @@ def test_another_drive_is_another_stage(tmp_path: Path) -> None:
         assert abs(steered.info["summary"]["energy_closure"]) < 1e-12
 
 
-def test_heat_and_gravity_are_changed_too(tmp_path: Path) -> None:
+def test_heat_and_gravity_are_changed_too(tmp_path):
     then = {"duration": 0.002, "gravity": [0.0, -1.62], "heat": False}
     warm = parse_scenario(WARM, "warm.toml").with_({"loading.0.duration": 0.01})
     dt = warm.stage_solver(0).dt
@@ -140,7 +129,7 @@ def test_heat_and_gravity_are_changed_too(tmp_path: Path) -> None:
     assert digests(tmp_path / "steered") == digests(tmp_path / "file")
 
 
-def test_without_the_program_the_bits_are_the_same(tmp_path: Path) -> None:
+def test_without_the_program_the_bits_are_the_same(tmp_path):
     """What was carried out is a scenario, kept in the run and in results.h5 alone."""
     run(scenario(), tmp_path / "steered", steer=when_pushed)
     for place in ("steered", "steered/results.h5"):
@@ -153,9 +142,7 @@ def test_without_the_program_the_bits_are_the_same(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("stops", [(1, 7, 20, 33, 45, 46, 47, 50)])
-def test_a_run_that_is_stopped_goes_on_as_it_would_have(
-    stops: tuple[int, ...], tmp_path: Path
-) -> None:
+def test_a_run_that_is_stopped_goes_on_as_it_would_have(stops, tmp_path):
     """Stopped before, at and after decisions, with notes that must come back."""
     run(scenario(), tmp_path / "whole", steer=when_pushed, steer_every=2)
     last = run_info(tmp_path / "whole")["step"]
@@ -176,9 +163,7 @@ def test_a_run_that_is_stopped_goes_on_as_it_would_have(
     assert run_info(tmp_path / "run")["stages"] == run_info(tmp_path / "whole")["stages"]
 
 
-def test_decisions_after_the_last_checkpoint_are_made_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_decisions_after_the_last_checkpoint_are_made_again(tmp_path, monkeypatch):
     """The process dies after a decision that no checkpoint has: run.json, which may know it
     already, is put right.
     """
@@ -197,10 +182,10 @@ def test_decisions_after_the_last_checkpoint_are_made_again(
     assert run_info(tmp_path / "run")["steering"] == run_info(tmp_path / "whole")["steering"]
 
 
-def test_a_program_that_fails_loses_nothing(tmp_path: Path) -> None:
+def test_a_program_that_fails_loses_nothing(tmp_path):
     run(scenario(), tmp_path / "whole", steer=when_pushed)
 
-    def failing(now: LiveRun) -> None:
+    def failing(now):
         when_pushed(now)
         if now.step == 33:
             raise ZeroDivisionError("no idea")
@@ -215,7 +200,7 @@ def test_a_program_that_fails_loses_nothing(tmp_path: Path) -> None:
     assert digests(tmp_path / "run") == digests(tmp_path / "whole")
 
 
-def test_a_wrong_stage_is_refused_as_in_a_file(tmp_path: Path) -> None:
+def test_a_wrong_stage_is_refused_as_in_a_file(tmp_path):
     then = {"duration": 1.0, "drives": {"lid": {"x": {"velocity": 0.1}}}}
     with pytest.raises(ScenarioError) as caught:
         run(scenario(), tmp_path / "run", steer=at(30, lambda now: now.end_stage(then=then)))
@@ -225,18 +210,18 @@ def test_a_wrong_stage_is_refused_as_in_a_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("value", [(1, 2), {3: 4}, float("nan"), object()])
-def test_notes_must_come_back_as_they_are(value: object, tmp_path: Path) -> None:
+def test_notes_must_come_back_as_they_are(value, tmp_path):
     with pytest.raises(ValueError, match="the notes of the program"):
         run(scenario(), tmp_path / "run", steer=lambda now: now.notes.update(of=value))
 
 
-def test_what_is_read_is_right_and_cannot_be_changed(tmp_path: Path) -> None:
+def test_what_is_read_is_right_and_cannot_be_changed(tmp_path):
     warm = parse_scenario(WARM, "warm.toml").with_(
         {"loading.0.duration": 0.004, "output.frame_interval": 5e-4, "output.series_interval": 5e-4}
     )
-    seen: dict[int, dict[str, Any]] = {}
+    seen = {}
 
-    def steer(now: LiveRun) -> None:
+    def steer(now):
         arrays = {
             name: getattr(now, name)
             for name in ("position", "velocity", "spin", "angle", "temperature", "number")
@@ -281,7 +266,7 @@ def test_what_is_read_is_right_and_cannot_be_changed(tmp_path: Path) -> None:
                 )
 
 
-def test_frozen_stages_are_not_steered(tmp_path: Path) -> None:
+def test_frozen_stages_are_not_steered(tmp_path):
     warm = parse_scenario(WARM, "warm.toml")
     frozen = {stage.name for stage in warm.loading if stage.frozen}
     assert frozen
@@ -291,7 +276,7 @@ def test_frozen_stages_are_not_steered(tmp_path: Path) -> None:
     assert not seen & frozen
 
 
-def test_a_steered_run_goes_on_with_its_program_only(tmp_path: Path) -> None:
+def test_a_steered_run_goes_on_with_its_program_only(tmp_path):
     text = SMALL[: SMALL.index("[[loading]]")] + SHORT + SMALL[SMALL.index("[solver]") :]
     (tmp_path / "small.toml").write_text(text)
     path = tmp_path / "small.toml"
@@ -318,7 +303,7 @@ def test_a_steered_run_goes_on_with_its_program_only(tmp_path: Path) -> None:
         run(path, tmp_path / "free", steer=when_pushed)
 
 
-def test_the_example_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_example_of_the_page_runs(tmp_path, monkeypatch):
     (code,) = re.findall(
         r"```python\n(.*?)```",
         (ROOT / "docs" / "how-to" / "steering.md").read_text(encoding="utf-8"),
@@ -340,7 +325,7 @@ def test_the_example_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.Monkey
     assert info["steering"]["notes"]["cycles"] == 3
 
 
-def test_there_is_no_time_between_calls_below_a_step() -> None:
+def test_there_is_no_time_between_calls_below_a_step():
     with pytest.raises(ValueError, match="at least 1, is 0"):
         run(scenario(), steer=when_pushed, steer_every=0)
 

@@ -22,15 +22,15 @@ from multicor_cli.running.estimate import (
 from multicor_cli.running.plan import StageHeat, StagePlan
 from multicor_cli.running.time_step import Scales
 
-STAGE = StagePlan("flow", 1e-3, 10, None, 1, 1, Settings(), drives=None)  # type: ignore[arg-type]
+STAGE = StagePlan("flow", 1e-3, 10, None, 1, 1, Settings(), drives=None)
 
 
-def scales(number: float) -> Scales:
+def scales(number):
     """Of a flow with this inertial number, √(m̄/P) γ̇."""
     return Scales(pressure=number / 100.0, strain=1.0 / 100.0, travel=math.inf)
 
 
-def test_slow_flows_and_tight_tolerances_need_more_sweeps() -> None:
+def test_slow_flows_and_tight_tolerances_need_more_sweeps():
     assert sweeps_of_stage(scales(INERTIAL_NUMBER), TOLERANCE) == pytest.approx(SWEEPS)
     assert sweeps_of_stage(Scales(0.1, math.inf, math.inf), TOLERANCE) == SWEEPS
     numbers = [10.0 ** (-k / 2) for k in range(14)]
@@ -43,7 +43,7 @@ def test_slow_flows_and_tight_tolerances_need_more_sweeps() -> None:
     )
 
 
-def test_time_is_that_of_its_parts() -> None:
+def test_time_is_that_of_its_parts():
     per_grain = CONTACTS_PER_GRAIN * 100.0 * SECONDS_PER_CONTACT + SECONDS_PER_GRAIN
     assert seconds_per_step(1000, 100.0, STAGE, 1) == pytest.approx(
         SECONDS_PER_STEP + 1000 * per_grain
@@ -52,8 +52,8 @@ def test_time_is_that_of_its_parts() -> None:
     assert seconds_per_step(100_000, 100.0, STAGE, 2) < 0.7 * seconds_per_step(
         100_000, 100.0, STAGE, 1
     )
-    hot = replace(STAGE, heat=StageHeat(conditions=None))  # type: ignore[arg-type]
-    frozen = replace(STAGE, heat=StageHeat(conditions=None, is_frozen=True))  # type: ignore[arg-type]
+    hot = replace(STAGE, heat=StageHeat())
+    frozen = replace(STAGE, heat=StageHeat(is_frozen=True))
     assert seconds_per_step(1000, 100.0, hot, 1) > seconds_per_step(1000, 100.0, STAGE, 1)
     assert seconds_per_step(1000, 0.0, frozen, 1) < seconds_per_step(1000, 0.0, STAGE, 1)
     assert seconds_per_step(1000, 0.0, STAGE, 1, comes_and_goes=True) > seconds_per_step(

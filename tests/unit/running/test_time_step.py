@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from run_fakes import digests, in_pieces
+from run_fakes import in_pieces
+from scenarios import digests, toml
 from scenes import SHEAR
 
 import multicor_cli as multicor
@@ -12,7 +13,7 @@ from multicor_cli.checks import Verdict, check_scenario
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, WallDrive
 from multicor_cli.packing import build
 from multicor_cli.packing.assembly import start_speed
-from multicor_cli.running.planning import make_plan
+from multicor_cli.running.from_scenario import make_plan
 from multicor_cli.running.time_step import (
     HIGH_FRICTION,
     PRESSURE,
@@ -27,61 +28,65 @@ from multicor_cli.running.time_step import (
 from multicor_cli.scenario import ScenarioError, parse_scenario
 from multicor_cli.scenario.settings import Output
 
+AUTO = ["solver.dt=auto", "loading.1.dt=auto"]
+
 
 def planned(*overrides):
-    scenario = parse_scenario(
-        SHEAR, "shear.toml", ["solver.dt=auto", "loading.1.dt=auto", *overrides]
-    )
+    scenario = parse_scenario(SHEAR, "shear.toml", [*AUTO, *overrides])
     model, _ = build(scenario)
     return scenario, model, make_plan(scenario, model)
 
 
-def test_weight_and_loads_set_the_pressure():
+@pytest.fixture
+def scales_of():
+    """The scales of the scene of shear with these drives of its walls."""
     scenario, model, _ = planned()
+
+    def scales_of(**drives):
+        all_drives = [drives.get(name, WallDrive()) for name in model.walls.names]
+        return find_scales(scenario, model, all_drives)
+
+    scales_of.scenario, scales_of.model = scenario, model
+    return scales_of
+
+
+def moving(**dofs):
+    """A wall with these velocities."""
+    return WallDrive(**{name: DofDrive(velocity=signal) for name, signal in dofs.items()})
+
+
+def test_weight_and_loads_set_the_pressure(scales_of):
+    model, domain = scales_of.model, scales_of.scenario.domain
     mass = model.grains.mass.sum()
-    weight = mass * math.hypot(*scenario.domain.gravity) / scenario.domain.size[0]
-    drives = [WallDrive()] * model.wall_count
-    assert find_scales(scenario, model, drives).pressure == pytest.approx(
-        math.sqrt(mass / model.grain_count / weight)
-    )
-    top = model.walls.names.index("top")
-    drives[top] = WallDrive(y=DofDrive(force=Sine(1.0, 10.0 * weight, 1.0)))
-    load = (1.0 + 10.0 * weight) / model.walls.length[top]
-    expected = math.sqrt(mass / model.grain_count / max(weight, load))
-    assert find_scales(scenario, model, drives).pressure == pytest.approx(expected)
+    weight = mass * math.hypot(*domain.gravity) / domain.size[0]
+    mean = mass / model.grain_count
+    assert scales_of().pressure == pytest.approx(math.sqrt(mean / weight))
+    pushed = WallDrive(y=DofDrive(force=Sine(1.0, 10.0 * weight, 1.0)))
+    load = (1.0 + 10.0 * weight) / model.walls.length[model.walls.names.index("top")]
+    expected = math.sqrt(mean / max(weight, load))
+    assert scales_of(top=pushed).pressure == pytest.approx(expected)
 
 
-def test_moving_walls_set_the_rate():
-    scenario, model, _ = planned()
-    drives = [WallDrive()] * model.wall_count
-    assert find_scales(scenario, model, drives).strain == math.inf
-    drives[0] = WallDrive(x=DofDrive(velocity=Constant(-3.0)))
-    drives[1] = WallDrive(x=DofDrive(velocity=Ramp(0.0, 2.0, 1.0)))
-    assert find_scales(scenario, model, drives).strain == pytest.approx(
-        scenario.domain.size[1] / 5.0
-    )
-    drives[0] = WallDrive(spin=DofDrive(velocity=Constant(-1e4)))
-    assert find_scales(scenario, model, drives).strain == pytest.approx(1e-4)
-
-
-def test_a_surface_that_runs_counts_as_the_motion_that_would_carry_grains_along():
-    """A level polyline as if it moved in x, a circle as if it turned, each glued grain as a disc
-    that does.
+def test_moving_walls_set_the_rate(scales_of):
+    """A surface counts as the motion that would carry grains along: a level polyline as if it moved
+    in x, a circle as if it turned, each glued grain as a disc that does.
     """
-    scenario, model, _ = planned()
-    drives = [WallDrive()] * model.wall_count
-    paddle, bottom = model.walls.names.index("paddle"), model.walls.names.index("bottom")
-    drives[paddle] = WallDrive(surface=Sine(0.0, 3.0, 0.1))
-    assert find_scales(scenario, model, drives).strain == pytest.approx(
-        scenario.domain.size[1] / 3.0
-    )
-    drives[bottom] = WallDrive(x=DofDrive(velocity=Constant(1.0)))
-    assert find_scales(scenario, model, drives).strain == pytest.approx(
-        scenario.domain.size[1] / 4.0
-    )
-    drives[bottom] = WallDrive(surface=Constant(-1.0))
-    smallest = model.shapes.geometry[model.shapes.wall == bottom, 2].min()
-    assert find_scales(scenario, model, drives).strain == pytest.approx(smallest)
+    model, height = scales_of.model, scales_of.scenario.domain.size[1]
+    first, second = model.walls.names[:2]
+    back, forth = moving(x=Constant(-3.0)), moving(x=Ramp(0.0, 2.0, 1.0))
+    turned, run = moving(spin=Constant(-1e4)), WallDrive(surface=Sine(0.0, 3.0, 0.1))
+    smallest = model.shapes.geometry[
+        model.shapes.wall == model.walls.names.index("bottom"), 2
+    ].min()
+    for drives, strain in (
+        ({}, math.inf),
+        ({first: back, second: forth}, height / 5.0),
+        ({first: turned, second: forth}, 1e-4),
+        ({"paddle": run}, height / 3.0),
+        ({"paddle": run, "bottom": moving(x=Constant(1.0))}, height / 4.0),
+        ({"paddle": run, "bottom": WallDrive(surface=Constant(-1.0))}, smallest),
+    ):
+        assert scales_of(**drives).strain == pytest.approx(strain)
 
 
 def test_an_explicit_time_step_is_kept_and_reviewed():
@@ -111,18 +116,13 @@ def test_the_automatic_step_is_within_all_limits_and_frames_come_on_time():
 
 def test_each_scale_can_be_the_one_that_limits():
     output = Output(frame_interval=1.0)
-    assert automatic_step(Scales(1e-3, np.inf, np.inf), output) == pytest.approx(
-        1e-3 * PRESSURE, rel=0.1
-    )
-    assert automatic_step(Scales(1.0, 1e-2, np.inf), output) == pytest.approx(
-        1e-2 * STRAIN, rel=0.1
-    )
-    assert automatic_step(Scales(1.0, np.inf, 1e-3), output) == pytest.approx(
-        1e-3 * TRAVEL, rel=0.1
-    )
-    assert automatic_step(Scales(np.inf, np.inf, 1e-3), output) == pytest.approx(
-        1e-3 * TRAVEL, rel=0.1
-    )
+    for scales, step in (
+        (Scales(1e-3, np.inf, np.inf), 1e-3 * PRESSURE),
+        (Scales(1.0, 1e-2, np.inf), 1e-2 * STRAIN),
+        (Scales(1.0, np.inf, 1e-3), 1e-3 * TRAVEL),
+        (Scales(np.inf, np.inf, 1e-3), 1e-3 * TRAVEL),
+    ):
+        assert automatic_step(scales, output) == pytest.approx(step, rel=0.1)
     assert automatic_step(Scales(np.inf, np.inf, np.inf), output) is None
 
 
@@ -131,35 +131,31 @@ def test_friction_between_grains_shortens_the_step():
     assert Scales(1.0, np.inf, np.inf, 2.0 * HIGH_FRICTION).limit == pytest.approx(PRESSURE / 8.0)
     assert Scales(np.inf, 1.0, np.inf, 2.0 * HIGH_FRICTION).limit == pytest.approx(STRAIN / 2.0)
     assert Scales(np.inf, np.inf, 1.0, 2.0 * HIGH_FRICTION).limit == TRAVEL
-    scenario, model, _ = planned("contacts.0.friction=0.7")
-    assert find_scales(scenario, model, [WallDrive()] * model.wall_count).friction == 0.7
-    table = "contacts.0.friction={ speed = [0.0, 1.0], values = [0.6, 0.2] }"
-    scenario, model, _ = planned(table)
-    assert find_scales(scenario, model, [WallDrive()] * model.wall_count).friction == 0.6
+    table = "{ speed = [0.0, 1.0], values = [0.6, 0.2] }"
+    for friction, largest in (("0.7", 0.7), (table, 0.6)):
+        scenario, model, _ = planned(f"contacts.0.friction={friction}")
+        still = [WallDrive()] * model.wall_count
+        assert find_scales(scenario, model, still).friction == largest
 
 
 def test_a_stage_under_way_keeps_its_step():
     scenario, model, plan = planned()
     _, state = build(scenario)
     state.stage, state.stage_step, state.last_dt = 1, 3, 0.5 * plan.stages[1].dt
-    later = make_plan(scenario, model, state)
-    assert [stage.dt for stage in later.stages] == [
-        plan.stages[0].dt,
-        state.last_dt,
-        *(stage.dt for stage in plan.stages[2:]),
-    ]
+    later, (first, _, *others) = make_plan(scenario, model, state), plan.stages
+    kept = [first.dt, state.last_dt, *(stage.dt for stage in others)]
+    assert [stage.dt for stage in later.stages] == kept
     assert later.stages[1].frame_every == 2 * plan.stages[1].frame_every
     state.stage_step = 0
     assert make_plan(scenario, model, state) == plan
 
 
 def test_short_intervals_shorten_the_step():
-    slow = Scales(100.0, np.inf, np.inf)
-    assert automatic_step(slow, Output(frame_interval=0.5)) == 0.5
-    assert automatic_step(slow, Output(frame_interval=0.5, series_interval=0.1)) == 0.1
-    step = automatic_step(
-        Scales(1.0, np.inf, np.inf), Output(frame_interval=0.5, series_interval=0.3)
-    )
+    slow, fast = Scales(100.0, np.inf, np.inf), Scales(1.0, np.inf, np.inf)
+    frames = {"frame_interval": 0.5}
+    assert automatic_step(slow, Output(**frames)) == 0.5
+    assert automatic_step(slow, Output(**frames, series_interval=0.1)) == 0.1
+    step = automatic_step(fast, Output(**frames, series_interval=0.3))
     assert step == pytest.approx(0.15)
 
 
@@ -180,118 +176,74 @@ def test_other_words_and_numbers_are_refused(value):
         parse_scenario(SHEAR, "shear.toml", [f"solver.dt={value}"])
 
 
-CHANGEABLE = """\
-[scenario]
-name = "free"
-seed = 1
-[domain]
-size = [1.0, 1.0]
-gravity = [0.0, 0.0]
-[materials.m]
-density = 2500.0
-[[contacts]]
-pair = ["*", "*"]
-friction = 0.3
-[[particles]]
-name = "g"
-material = "m"
-shape = "disc"
-thickness = 1e-3
-GRAINS
-WALLS
-[[loading]]
-name = "first"
-duration = 1.0
-DRIVES
-[[loading]]
-name = "second"
-duration = 1.0
-LATER
-[solver]
-[output]
-frame_interval = 1.0
+AT_REST = """
+sizes = { kind = "uniform", min = 2e-3, max = 2e-3 }
+count = 9
+region = { min = [0.4, 0.4], max = [0.5, 0.5] }
 """
-AT_REST = (
-    'sizes = { kind = "uniform", min = 2e-3, max = 2e-3 }\ncount = 9\n'
-    "region = { min = [0.4, 0.4], max = [0.5, 0.5] }\n"
-)
 LATTICE = AT_REST + 'packing = { kind = "random" }\n'
-PADDLE = """\
-[[walls]]
-name = "paddle"
-material = "m"
-mass = 1.0
-gravity = false
-geometry = { kind = "polyline", points = [[0.1, 0.1], [0.3, 0.1]] }
-"""
-POSITION_TABLE = "{ position = { times = [0.0, 0.4, 0.5], values = [0.0, 0.0, 3.0] } }"
+RELEASED = AT_REST.replace("region", "velocity = [0.0, -30.0]\nrelease.region")
+SINE = "{ velocity = { sine = { amplitude = 30.0, period = 0.3 } } }"
+TABLE = "{ velocity = { times = [0.0, 0.5, 0.6], values = [0.0, 30.0, 0.0] } }"
+ANCHOR = "{ stiffness = 1e-3, anchor = { ramp = [0.0, 3.0], duration = 0.1 } }"
+POSITION = "{ times = [0.0, 0.4, 0.5], values = [0.0, 0.0, 3.0] }"
 """The wall stands, then moves with 30 m/s."""
-SPEEDS = {
-    "group": (LATTICE + "velocity = [24.0, -18.0]", "", "", "", "motion at the start at 30 m/s"),
-    "spin of a group": (LATTICE + "spin = 15000.0", "", "", "", "motion at the start at 30 m/s"),
-    "shear of a group": (LATTICE + "shear_rate = 700.0", "", "", "", "motion at the start"),
-    "release": (
-        AT_REST.replace("region = { min = [0.4, 0.4], max = [0.5, 0.5] }\n",
-            "velocity = [0.0, -30.0]\n")
-        + "release = { rate = 10.0, region = { min = [0.4, 0.4], max = [0.5, 0.5] } }\n",
-        "", "", "", "released grains of group 'g' at 30 m/s",
-    ),
-    "file": ('packing = { kind = "file", path = "g.csv" }', "", "", "",
-        "motion at the start at 30 m/s"),
-    "run": ('packing = { kind = "run", path = "before" }', "", "", "",
-        "motion at the start at 30 m/s"),
-    "wall": (LATTICE, PADDLE, "drives.paddle = { x = { velocity = -30.0 } }", "",
-        "wall 'paddle' at 30 m/s"),
-    "ramp": (
-        LATTICE, PADDLE, ("drives.paddle = { y = { velocity = { ramp = [0.0, 30.0], duration = "
-            "0.3 } } }"), "",
-        "wall 'paddle' at 30 m/s",
-    ),
-    "sine": (
-        LATTICE, PADDLE, ("drives.paddle = { y = { velocity = { sine = { amplitude = 30.0, period "
-            "= 0.3 } } } }"), "",
-        "wall 'paddle' at 30 m/s",
-    ),
-    "table": (
-        LATTICE, PADDLE, ("drives.paddle = { y = { velocity = { times = [0.0, 0.5, 0.6], values = "
-            "[0.0, 30.0, 0.0] } } }"), "",
-        "wall 'paddle' at 30 m/s",
-    ),
-    "expression": (LATTICE, PADDLE, 'drives.paddle = { y = { velocity = "= 3 * 10" } }', "",
-        "wall 'paddle' at 30 m/s"),
-    "position": (LATTICE, PADDLE, f"drives.paddle = {{ y = {POSITION_TABLE} }}", "",
-        "wall 'paddle' at 30 m/s"),
-    "anchor": (
-        LATTICE, PADDLE,
-        ("drives.paddle = { y = { spring = { stiffness = 1e-3, anchor = { ramp = [0.0, 3.0], "
-            "duration = 0.1 } } } }"),
-        "",
-        "wall 'paddle' at 30 m/s",
-    ),
-    "turn": (LATTICE, PADDLE, "drives.paddle = { spin = { velocity = 300.0 } }", "",
-        "wall 'paddle' at"),
-    "later": (LATTICE, PADDLE, "", "drives.paddle = { x = { velocity = 30.0 } }",
-        "wall 'paddle' at 30 m/s"),
-}  # fmt: skip
-"""Grains, walls, drives of the first and of the second stage, and what then is the fastest."""
+AT_START, OF_PADDLE = "motion at the start at 30 m/s", "wall 'paddle' at 30 m/s"
+GROUPS = {
+    "group": (LATTICE + "velocity = [24.0, -18.0]", AT_START),
+    "spin of a group": (LATTICE + "spin = 15000.0", AT_START),
+    "shear of a group": (LATTICE + "shear_rate = 700.0", "motion at the start"),
+    "release": (RELEASED + "release.rate = 10.0", "released grains of group 'g' at 30 m/s"),
+    "file": ('packing = { kind = "file", path = "g.csv" }', AT_START),
+    "run": ('packing = { kind = "run", path = "before" }', AT_START),
+}
+DRIVES = {
+    "wall": ("x = { velocity = -30.0 }", OF_PADDLE),
+    "ramp": ("y = { velocity = { ramp = [0.0, 30.0], duration = 0.3 } }", OF_PADDLE),
+    "sine": (f"y = {SINE}", OF_PADDLE),
+    "table": (f"y = {TABLE}", OF_PADDLE),
+    "expression": ('y = { velocity = "= 3 * 10" }', OF_PADDLE),
+    "position": (f"y = {{ position = {POSITION} }}", OF_PADDLE),
+    "anchor": (f"y = {{ spring = {ANCHOR} }}", OF_PADDLE),
+    "turn": ("spin = { velocity = 300.0 }", "wall 'paddle' at"),
+    "later": ("x = { velocity = 30.0 }", OF_PADDLE),
+}
+SPEEDS = GROUPS | DRIVES
+"""Keys of the grains, or of the drive of a paddle, and what then is the fastest."""
 
 
 def free(case, folder, *overrides):
-    grains, walls, drives, later, _ = SPEEDS[case]
-    text = (
-        CHANGEABLE.replace("GRAINS", grains)
-        .replace("WALLS", walls)
-        .replace("DRIVES", drives)
-        .replace("LATER", later)
-    )
+    grains = GROUPS[case][0] if case in GROUPS else LATTICE
+    drive = f"drives.paddle = {{ {DRIVES[case][0]} }}" if case in DRIVES else ""
+    first, second = ("", drive) if case == "later" else (drive, "")
+    text = f"""
+        [[particles]]
+        name = "g"
+        {grains}
+        [[loading]]
+        duration = 1.0
+        {first}
+        [[loading]]
+        duration = 1.0
+        {second}
+    """
+    geometry = {"kind": "polyline", "points": [[0.1, 0.1], [0.3, 0.1]]}
+    paddle = {"geometry": geometry, "mass": 1.0, "gravity": False}
     (folder / "g.csv").write_text(
         "x,y,radius,vx,vy,spin\n0.4,0.4,0.002,0,0,0\n0.5,0.45,0.002,30.0,0,0\n0.6,0.4,0.002,0,1,0\n"
     )
+
+    def scene(text, *overrides):
+        tables = toml(
+            text, size=[1.0, 1.0], gravity=[0.0, 0.0], friction=0.3, frame_interval=1.0, dt="auto",
+            walls={"paddle": paddle} if case in DRIVES else {},
+        )  # fmt: skip
+        return parse_scenario(tables, folder / "free.toml", overrides)
+
     if case == "run":
-        multicor.run(parse_scenario(text.replace("run", "file").replace("before", "g.csv"),
-            folder / "b.toml", ["solver.dt=1e-3"]),
-                     folder / "before")  # fmt: skip
-    return parse_scenario(text, folder / "free.toml", overrides)
+        before = text.replace('"run"', '"file"').replace("before", "g.csv")
+        multicor.run(scene(before, "solver.dt=1e-3"), folder / "before")
+    return scene(text, *overrides)
 
 
 @pytest.mark.parametrize("case", SPEEDS)
@@ -301,7 +253,7 @@ def test_every_speed_that_is_known_limits_the_step(case, tmp_path):
     """
     scenario = free(case, tmp_path)
     model, _ = build(scenario)
-    number, word = 1 if case == "later" else 0, SPEEDS[case][4]
+    number, word = 1 if case == "later" else 0, SPEEDS[case][1]
     if case == "later":
         with pytest.raises(
             ScenarioError, match="for stage 0: there is no gravity and no load, and nothing moves"
@@ -338,26 +290,19 @@ def test_walls_that_shear_a_periodic_domain_are_not_fast():
     """Their rate of shear limits the step, and grains count relative to the linear profile between
     them.
     """
-    overrides = [
-        "solver.dt=auto",
-        "loading.1.dt=auto",
-        "loading.0.drives.top.x={ velocity = 40.0 }",
-    ]
-    scenario = parse_scenario(SHEAR, "shear.toml", overrides)
+    driven = [*AUTO, "loading.0.drives.top.x={ velocity = 40.0 }"]
+    scenario = parse_scenario(SHEAR, "shear.toml", driven)
     model, state = build(scenario)
     names = model.walls.names
-    moving = [
-        WallDrive(x=DofDrive(velocity=Constant(40.0))) if name == "top" else WallDrive()
-        for name in names
-    ]
-    assert fastest(scenario, model, moving, (0.0, 0.0, 0.0))[0] < 40.0
+    drives = [moving(x=Constant(40.0)) if name == "top" else WallDrive() for name in names]
+    assert fastest(scenario, model, drives, (0.0, 0.0, 0.0))[0] < 40.0
     low, high = (state.wall_position[names.index(name), 1] for name in ("bottom", "top"))
     state.velocity[:, 0] = 40.0 * (state.position[:, 1] - low) / (high - low)
     state.velocity[:, 1:] = 0.0
     assert start_speed(scenario, model, state) < 1e-12
     state.velocity[3, 1] = 2.0
     assert start_speed(scenario, model, state) == pytest.approx(2.0)
-    still = parse_scenario(SHEAR, "shear.toml", ["solver.dt=auto", "loading.1.dt=auto"])
+    still = parse_scenario(SHEAR, "shear.toml", AUTO)
     assert start_speed(still, model, state) == pytest.approx(np.hypot(*state.velocity.T[:2]).max())
 
 
@@ -365,13 +310,8 @@ def test_a_run_that_is_taken_up_keeps_the_steps_of_its_later_stages(tmp_path):
     """The speed at the start is kept: it is in no later state, and the second stage has not begun
     when the run stops.
     """
-    scenario = free(
-        "file",
-        tmp_path,
-        "loading.0.duration=4e-3",
-        "loading.1.duration=4e-3",
-        "output.frame_interval=1e-3",
-    )
+    short = ("loading.0.duration=4e-3", "loading.1.duration=4e-3", "output.frame_interval=1e-3")
+    scenario = free("file", tmp_path, *short)
     whole = multicor.run(scenario, tmp_path / "whole", threads=1).directory
     assert in_pieces(scenario, tmp_path / "pieces", 50) == digests(whole)
     with multicor.open_run(whole) as run:

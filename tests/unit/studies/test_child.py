@@ -2,29 +2,24 @@
 gone is taken over.
 """
 
-from __future__ import annotations
-
 import json
 import multiprocessing
 import os
 import threading
 import time
-from multiprocessing.synchronize import Event
-from pathlib import Path
-from typing import Any
 
 import pytest
 from scenes import SMALL
 
 import multicor_cli as multicor
-from multicor_cli.running.outcome import SilentObserver, Status
+from multicor_cli.running.outcome import SilentObserver
 from multicor_cli.store.errors import RunLocked
 from multicor_cli.studies.child import CompilationTurn, Silence, run_task
 
 # ---- Of processes that start together one compiles, the others wait
 
 
-def compile_once(began: Event, may_go_on: Event) -> None:
+def compile_once(began, may_go_on):
     turn = CompilationTurn("a")
     began.set()
     may_go_on.wait()
@@ -32,9 +27,7 @@ def compile_once(began: Event, may_go_on: Event) -> None:
 
 
 @pytest.mark.parametrize("is_killed", [False, True])
-def test_the_second_waits_for_the_first(
-    is_killed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_second_waits_for_the_first(is_killed, tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     context = multiprocessing.get_context("fork")
     events = [(context.Event(), context.Event()) for _ in range(2)]
@@ -57,7 +50,7 @@ def test_the_second_waits_for_the_first(
     CompilationTurn("a").done()  # nobody waits any more
 
 
-def test_without_a_place_nobody_waits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_place_nobody_waits(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "none"))
     CompilationTurn("a").done()
     assert list(tmp_path.iterdir()) == []
@@ -67,7 +60,7 @@ def test_without_a_place_nobody_waits(tmp_path: Path, monkeypatch: pytest.Monkey
 #      then out of reach of the other
 
 
-def task(tmp_path: Path, **more: Any) -> dict[str, Any]:
+def task(tmp_path, **more):
     scenario = tmp_path / "small.toml"
     scenario.write_text(SMALL)
     return {
@@ -80,21 +73,21 @@ def task(tmp_path: Path, **more: Any) -> dict[str, Any]:
 class _Stopping(SilentObserver):
     """Has another machine take the run at a step, or stops it there."""
 
-    def __init__(self, step: int, act: Any) -> None:
+    def __init__(self, step, act):
         self._step, self._act = step, act
 
-    def stepped(self, status: Status) -> None:
+    def stepped(self, status):
         if status.state.step == self._step:
             self._act()
 
 
-def name_other_host(lock: Path) -> None:
+def name_other_host(lock):
     lock.write_text(
         json.dumps({"pid": 4711, "host": "node-that-died", "started": "", "start_ticks": 1})
     )
 
 
-def test_a_case_of_a_machine_that_died_goes_on(tmp_path: Path) -> None:
+def test_a_case_of_a_machine_that_died_goes_on(tmp_path):
     given = task(tmp_path, silence=1.0)
     multicor.run(given["scenario"], tmp_path / "whole", threads=1)
     with pytest.raises(ZeroDivisionError):
@@ -115,11 +108,11 @@ def test_a_case_of_a_machine_that_died_goes_on(tmp_path: Path) -> None:
     assert digests[0] == digests[1]
 
 
-def test_as_long_as_something_moves_nothing_is_taken(tmp_path: Path) -> None:
+def test_as_long_as_something_moves_nothing_is_taken(tmp_path):
     (tmp_path / "lock").write_text("{}")
     silence, ended = Silence(tmp_path, 0.4), threading.Event()
 
-    def beat() -> None:
+    def beat():
         for moment in range(20):
             os.utime(tmp_path / "lock", (moment, moment))
             time.sleep(0.1)
@@ -131,12 +124,12 @@ def test_as_long_as_something_moves_nothing_is_taken(tmp_path: Path) -> None:
     assert ended.wait(0.0)
 
 
-def test_a_process_that_was_taken_for_dead_writes_nothing_more(tmp_path: Path) -> None:
+def test_a_process_that_was_taken_for_dead_writes_nothing_more(tmp_path):
     given = task(tmp_path)
     path = tmp_path / "run"
-    kept: dict[str, bytes] = {}
+    kept = {}
 
-    def take() -> None:
+    def take():
         (path / "lock").unlink()
         name_other_host(path / "lock")
         kept.update(

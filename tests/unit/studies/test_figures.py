@@ -1,10 +1,7 @@
 """Points of figures out of tables made by hand, fits, formulas, and numbers with their errors."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -25,9 +22,7 @@ from multicor_cli.studies.table import (
 FRICTION, SPEED, KIND = "contacts.0.friction", "variables.speed", "particles.0.shape"
 
 
-def table(
-    *points: tuple[dict[str, Any], float], keys: tuple[str, ...] = (FRICTION, SPEED)
-) -> StudyTable:
+def table(*points, keys=(FRICTION, SPEED)):
     rows = tuple(
         Row(
             values,
@@ -42,7 +37,7 @@ def table(
     return StudyTable(keys, ("mu", "I"), rows, is_mean=True, directory=StudyDirectory(Path("none")))
 
 
-def grid(*more: tuple[str, Any]) -> list[tuple[dict[str, Any], float]]:
+def grid(*more):
     return [
         ({FRICTION: friction, SPEED: speed, **dict(more)}, friction + speed)
         for speed in (3.0, 1.0, 2.0)
@@ -50,7 +45,7 @@ def grid(*more: tuple[str, Any]) -> list[tuple[dict[str, Any], float]]:
     ]
 
 
-def test_series_by_all_other_keys_and_ascending() -> None:
+def test_series_by_all_other_keys_and_ascending():
     (panel,) = make_panels(table(*grid()), PlotRequest("mu", "speed"))
     assert [line.label for line in panel.series] == ["friction = 0.2", "friction = 0.4"]
     assert panel.series[0].x.tolist() == [1.0, 2.0, 3.0]
@@ -59,20 +54,20 @@ def test_series_by_all_other_keys_and_ascending() -> None:
     assert np.isnan(panel.series[0].x_error).all()
 
 
-def test_panels() -> None:
+def test_panels():
     panels = make_panels(table(*grid()), PlotRequest("mu", "speed", facet="friction"))
     assert [panel.title for panel in panels] == ["friction = 0.2", "friction = 0.4"]
     assert [[line.label for line in panel.series] for panel in panels] == [[""], [""]]
 
 
-def test_only_some_values() -> None:
+def test_only_some_values():
     (panel,) = make_panels(table(*grid()), PlotRequest("mu", "speed", where=(("friction", "0.4"),)))
     assert [line.label for line in panel.series] == [""]
     with pytest.raises(PlotError, match=r"has no value 0.3; it has 0.2, 0.4"):
         make_panels(table(*grid()), PlotRequest("mu", "speed", where=(("friction", "0.3"),)))
 
 
-def test_an_observable_across() -> None:
+def test_an_observable_across():
     """The key with the most values runs along each series."""
     (panel,) = make_panels(table(*grid()), PlotRequest("mu", "I"))
     assert [line.label for line in panel.series] == ["friction = 0.2", "friction = 0.4"]
@@ -80,7 +75,7 @@ def test_an_observable_across() -> None:
     assert panel.series[1].x_error.tolist() == [0.02] * 3
 
 
-def test_points_at_the_same_place_are_refused() -> None:
+def test_points_at_the_same_place_are_refused():
     points = [*grid((KIND, "disc")), *grid((KIND, "polygon"))]
     found = table(*points, keys=(FRICTION, SPEED, KIND))
     assert len(make_panels(found, PlotRequest("mu", "speed"))[0].series) == 4
@@ -105,12 +100,12 @@ def test_points_at_the_same_place_are_refused() -> None:
         (PlotRequest("mu", "speed", by="x"), "varies no x"),
     ],
 )
-def test_what_is_not_there(question: PlotRequest, what: str) -> None:
+def test_what_is_not_there(question, what):
     with pytest.raises(PlotError, match=what):
         make_panels(table(*grid()), question)
 
 
-def test_figures_are_drawn(tmp_path: Path) -> None:
+def test_figures_are_drawn(tmp_path):
     question = PlotRequest("mu", "speed", facet="friction")
     found = table(*grid())
     panels = make_panels(found, question)
@@ -130,7 +125,7 @@ def test_figures_are_drawn(tmp_path: Path) -> None:
     assert letters.count("friction = ") == 2
 
 
-def test_fits_find_the_curves_that_made_the_points() -> None:
+def test_fits_find_the_curves_that_made_the_points():
     x = np.geomspace(0.003, 0.3, 12)
     for kind, y in (
         ("line", 1.0 + 2.0 * x),
@@ -143,7 +138,7 @@ def test_fits_find_the_curves_that_made_the_points() -> None:
         fit("mu-of-I", Series("", x[:3], x[:3], x[:3], x[:3]))
 
 
-def test_formulas() -> None:
+def test_formulas():
     law = formula("da Cruz 2005, μ = 0.4: 0.25 + 1.1*x")
     assert law.text == "da Cruz 2005, μ = 0.4"
     assert law.value(np.array([0.0, 0.1])) == pytest.approx([0.25, 0.36])
@@ -162,11 +157,11 @@ def test_formulas() -> None:
         (3.0, 0.0, "3"),
     ],
 )  # fmt: skip
-def test_numbers_with_errors(value: float, error: float, text: str) -> None:
+def test_numbers_with_errors(value, error, text):
     assert with_error(value, error) == text
 
 
-def test_means_over_seeds() -> None:
+def test_means_over_seeds():
     rows = tuple(Row({FRICTION: 0.2, "scenario.seed": seed}, "finished", {"mu": (mu, 0.03, 1)}, {},
         "ok", 0.1)
                  for seed, mu in ((1, 0.1), (2, 0.2), (3, 0.6)))  # fmt: skip

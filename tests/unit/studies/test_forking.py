@@ -2,32 +2,28 @@
 dies.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import signal
 import socket
 import time
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from scenes import SMALL
 
 from multicor_cli.studies import task as task_module
-from multicor_cli.studies.forking import CaseProcess, ForkServer
+from multicor_cli.studies.forking import ForkServer
 from multicor_cli.studies.task import run_case, stop_cases
 
 
 @pytest.fixture(scope="module")
-def server() -> Iterator[ForkServer]:
+def server():
     server = ForkServer(1)
     yield server
     os.kill(server._process.pid, signal.SIGKILL)
 
 
-def task(folder: Path, name: str = "run") -> bytes:
+def task(folder, name="run"):
     if not (folder / "small.toml").exists():  # a process that has been started may be reading it
         (folder / "small.toml").write_text(SMALL)
     given = {
@@ -40,13 +36,13 @@ def task(folder: Path, name: str = "run") -> bytes:
     return json.dumps(given).encode() + b"\n"
 
 
-def said(process: CaseProcess) -> bytes:
+def said(process):
     """All that it says until it ends."""
     with process.stream.makefile("rb") as stream:
         return stream.read()
 
 
-def test_a_case(server: ForkServer, tmp_path: Path) -> None:
+def test_a_case(server, tmp_path):
     process = server.start()
     process.stream.sendall(task(tmp_path))
     assert json.loads(said(process))["status"] == "finished"
@@ -54,7 +50,7 @@ def test_a_case(server: ForkServer, tmp_path: Path) -> None:
     assert json.loads((tmp_path / "run" / "run.json").read_text())["status"] == "finished"
 
 
-def test_several_at_a_time_each_with_streams_of_its_own(server: ForkServer, tmp_path: Path) -> None:
+def test_several_at_a_time_each_with_streams_of_its_own(server, tmp_path):
     processes = [server.start() for _ in range(3)]
     for number, process in enumerate(processes):
         process.stream.sendall(task(tmp_path, f"run-{number}"))
@@ -69,7 +65,7 @@ def test_several_at_a_time_each_with_streams_of_its_own(server: ForkServer, tmp_
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
-def test_how_a_process_ended(number: signal.Signals, server: ForkServer) -> None:
+def test_how_a_process_ended(number, server):
     process = server.start()
     process.send_signal(number)
     assert said(process) == b""
@@ -77,7 +73,7 @@ def test_how_a_process_ended(number: signal.Signals, server: ForkServer) -> None
     process.send_signal(number)  # nobody is there any more
 
 
-def test_whoever_waits_for_a_case_dies(server: ForkServer, tmp_path: Path) -> None:
+def test_whoever_waits_for_a_case_dies(server, tmp_path):
     process = server.start()
     process.stream.sendall(
         task(tmp_path).replace(
@@ -90,7 +86,7 @@ def test_whoever_waits_for_a_case_dies(server: ForkServer, tmp_path: Path) -> No
     assert json.loads(said(process))["status"] == "stopped"
 
 
-def test_a_fork_server_that_dies_leaves_its_cases_alone(tmp_path: Path) -> None:
+def test_a_fork_server_that_dies_leaves_its_cases_alone(tmp_path):
     server = ForkServer(1)
     process = server.start()
     os.kill(server._process.pid, signal.SIGKILL)
@@ -102,7 +98,7 @@ def test_a_fork_server_that_dies_leaves_its_cases_alone(tmp_path: Path) -> None:
         server.start()
 
 
-def test_a_worker_starts_another_fork_server_if_its_own_has_died(tmp_path: Path) -> None:
+def test_a_worker_starts_another_fork_server_if_its_own_has_died(tmp_path):
     given = {**json.loads(task(tmp_path)), "client": "a", "name": "run"}
     assert run_case(given)["status"] == "finished"
     (server,) = task_module._fork_servers
@@ -111,7 +107,7 @@ def test_a_worker_starts_another_fork_server_if_its_own_has_died(tmp_path: Path)
     assert task_module._fork_servers != [server]
 
 
-def test_a_worker_that_was_asked_to_stop_works_for_the_next_client(tmp_path: Path) -> None:
+def test_a_worker_that_was_asked_to_stop_works_for_the_next_client(tmp_path):
     given = {**json.loads(task(tmp_path)), "client": "first", "name": "run"}
     assert stop_cases("first") == 0
     assert run_case(given)["reason"] == "not begun"

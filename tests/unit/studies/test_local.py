@@ -2,10 +2,7 @@
 stopped if nobody waits.
 """
 
-from __future__ import annotations
-
 import threading
-from typing import Any
 
 import pytest
 
@@ -13,14 +10,14 @@ from multicor_cli.studies import task as local
 from multicor_cli.studies.task import LocalClient
 
 
-def task(name: str) -> dict[str, Any]:
+def task(name):
     return {"client": "me", "name": name}
 
 
-def test_as_many_at_a_time_as_there_are_workers() -> None:
+def test_as_many_at_a_time_as_there_are_workers():
     together = threading.Barrier(2, timeout=30.0)
 
-    def meet(given: dict[str, Any]) -> dict[str, Any]:
+    def meet(given):
         together.wait()
         return {"status": "finished", "name": given["name"]}
 
@@ -35,10 +32,10 @@ def test_as_many_at_a_time_as_there_are_workers() -> None:
     assert client.processing() == {"here": []}
 
 
-def test_what_waits_can_be_cancelled_and_what_fails_says_so() -> None:
+def test_what_waits_can_be_cancelled_and_what_fails_says_so():
     began, go_on, ended = threading.Event(), threading.Event(), []
 
-    def wait(_given: dict[str, Any]) -> dict[str, Any]:
+    def wait(_given):
         began.set()
         assert go_on.wait(30.0)
         raise OSError("no more processes")
@@ -59,12 +56,10 @@ def test_what_waits_can_be_cancelled_and_what_fails_says_so() -> None:
         assert client.run(len, "abc", on_error="ignore") == {"here": 3}
 
 
-def test_who_leaves_stops_what_runs_and_begins_nothing_more(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_who_leaves_stops_what_runs_and_begins_nothing_more(monkeypatch):
     began, go_on, stopped, done = threading.Event(), threading.Event(), [], []
 
-    def wait(given: dict[str, Any]) -> dict[str, Any]:
+    def wait(given):
         began.set()
         assert go_on.wait(30.0)
         done.append(given["name"])

@@ -2,12 +2,8 @@
 run can have.
 """
 
-from __future__ import annotations
-
 import json
 import math
-from pathlib import Path
-from typing import Any
 
 import pytest
 from command_line import call
@@ -26,36 +22,36 @@ BOX = {"min": [0.0, 0.002], "max": [0.02, 0.007]}
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run(tmp_path_factory):
     return computed(tmp_path_factory.mktemp("cold"), SMALL)
 
 
 @pytest.fixture(scope="module")
-def hot(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def hot(tmp_path_factory):
     return computed(tmp_path_factory.mktemp("hot"), WARM)
 
 
-def computed(folder: Path, text: str) -> Path:
+def computed(folder, text):
     (folder / "a.toml").write_text(text)
     multicor.run(folder / "a.toml", folder / "run", threads=1)
     return folder / "run"
 
 
-def observable(**keys: Any) -> Observable:
+def observable(**keys):
     return Observable.model_validate({"name": "x", **keys})
 
 
-def taken(run: Path, **keys: Any) -> tuple[float, float]:
+def taken(run, **keys):
     return tuple(take_one(run, observable(**keys), run_info(run)))
 
 
-def printed(run: Path, *words: str) -> dict[str, Any]:
+def printed(run, *words):
     done = call("post", words[0], run, *words[1:], "--json", cwd=run.parent)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout, object_hook=_numbers)
 
 
-def _numbers(found: dict[str, Any]) -> dict[str, Any]:
+def _numbers(found):
     """null means that there is no number."""
     return {
         k: math.nan
@@ -67,7 +63,7 @@ def _numbers(found: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def test_rheology(run: Path) -> None:
+def test_rheology(run):
     found = printed(run, "rheology", "--from", "0.02")
     for name in SOURCES["rheology"].names:
         pair = taken(run, post="rheology", value=name, after=LATE)
@@ -76,7 +72,7 @@ def test_rheology(run: Path) -> None:
         ), name
 
 
-def test_region(run: Path) -> None:
+def test_region(run):
     found = printed(
         run, "region", "--from", "0.02", "--in", "{ min = [0.0, 0.002], max = [0.02, 0.007] }"
     )
@@ -90,7 +86,7 @@ def test_region(run: Path) -> None:
         taken(run, post="region", value="temperature", inside=BOX)
 
 
-def test_profile(run: Path) -> None:
+def test_profile(run):
     found = printed(run, "profile", "--of", "solid-fraction", "--bins", "5", "--from", "0.02")
     for k, y in enumerate(found["y"]):
         pair = taken(
@@ -108,7 +104,7 @@ def test_profile(run: Path) -> None:
         taken(run, post="profile", value="solid-fraction", at=1.0)
 
 
-def test_map(run: Path) -> None:
+def test_map(run):
     with multicor.open_run(run) as opened:
         from multicor_cli.post import grain_map
 
@@ -118,7 +114,7 @@ def test_map(run: Path) -> None:
     assert math.isnan(taken(run, post="map", value="coordination")[1])
 
 
-def test_forces(run: Path) -> None:
+def test_forces(run):
     network, angles = printed(run, "forces"), printed(run, "forces", "--angles")
     for name in SOURCES["forces"].names:
         expected = network[name] if name in network else angles[name]
@@ -127,7 +123,7 @@ def test_forces(run: Path) -> None:
         )
 
 
-def test_energy_and_heat(run: Path, hot: Path) -> None:
+def test_energy_and_heat(run, hot):
     assert (
         taken(run, post="energy", value="wall_work")[0]
         == printed(run, "energy")["end"]["wall_work"]
@@ -139,21 +135,21 @@ def test_energy_and_heat(run: Path, hot: Path) -> None:
         taken(run, post="energy", value="heat_stored")
 
 
-def test_theta_eta(hot: Path) -> None:
+def test_theta_eta(hot):
     found = printed(hot, "theta-eta", "--bins", "4")
     assert taken(hot, post="theta-eta", value="theta", at=0.3, bins=4)[0] == found["theta"][1]
 
 
-def test_info(hot: Path) -> None:
+def test_info(hot):
     assert (
         taken(hot, info="heat.temperature.mean")[0] == run_info(hot)["heat"]["temperature"]["mean"]
     )
 
 
-def test_every_number_of_info_is_known(run: Path) -> None:
+def test_every_number_of_info_is_known(run):
     """What is refused before a run is what no run has."""
 
-    def leaves(prefix: str, node: dict[str, Any]) -> list[str]:
+    def leaves(prefix, node):
         found = []
         for name, value in node.items():
             if isinstance(value, dict) and name not in (
@@ -190,7 +186,7 @@ BOXED = ("periodic = true", "periodic = false")
 SHORT = ('\n[[loading]]\nname = "on"\nduration = 0.004\n', "")
 
 
-def refuse_what_is_wrong(folder: Path) -> None:
+def refuse_what_is_wrong(folder):
     study = load_study(folder / "s.toml")
     if findings := list(unknown(study.model.observe)):
         raise study.refuse(*findings)
@@ -218,9 +214,7 @@ def refuse_what_is_wrong(folder: Path) -> None:
         ('series = "kinetic"\nafter = { strain = 3.0 }', SHORT, "ends at a strain of 0.15"),
     ],
 )  # fmt: skip
-def test_what_no_run_can_have(
-    keys: str, change: tuple[str, str], what: str, tmp_path: Path
-) -> None:
+def test_what_no_run_can_have(keys, change, what, tmp_path):
     (tmp_path / "small.toml").write_text(SMALL.replace(*change))
     (tmp_path / "s.toml").write_text(STUDY.format(keys))
     with pytest.raises(ScenarioError) as caught:

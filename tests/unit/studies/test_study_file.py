@@ -1,7 +1,5 @@
 """Study files: what is varied, how cases are named, and what is refused where."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -22,39 +20,39 @@ Read = Callable[..., Study]
 
 
 @pytest.fixture
-def read(tmp_path: Path) -> Read:
+def read(tmp_path):
     (tmp_path / "small.toml").write_text(SMALL)
 
-    def make(text: str, head: str = HEAD) -> Study:
+    def make(text, head=HEAD):
         (tmp_path / "s.toml").write_text(head + text)
         return load_study(tmp_path / "s.toml")
 
     return make
 
 
-def values(study: Study) -> list[tuple[object, ...]]:
+def values(study):
     return [tuple(case.values.values()) for case in expand(study)]
 
 
-def problems(call: Callable[[], object]) -> list[str]:
+def problems(call):
     with pytest.raises(ScenarioError) as caught:
         call()
     return [str(problem) for problem in caught.value.problems]
 
 
-def test_without_anything_varied_there_is_one_case(read: Read) -> None:
+def test_without_anything_varied_there_is_one_case(read):
     (case,) = expand(read(""))
     assert case == Case("only", {})
 
 
-def test_all_combinations_the_last_key_fastest(read: Read) -> None:
+def test_all_combinations_the_last_key_fastest(read):
     study = read(f'[vary]\n"{FRICTION}" = [0.2, 0.4]\n"{RESTITUTION}" = [0.0, 0.5, 0.9]\n')
     assert values(study) == [(f, e) for f in (0.2, 0.4) for e in (0.0, 0.5, 0.9)]
     assert expand(study)[1].name == "friction=0.2_restitution=0.5"
     assert expand(study)[1].overrides == [f"{FRICTION}=0.2", f"{RESTITUTION}=0.5"]
 
 
-def test_keys_without_quotes_are_the_same(read: Read) -> None:
+def test_keys_without_quotes_are_the_same(read):
     text = (
         f"[vary]\n{FRICTION} = [0.2, 0.4]\n{RESTITUTION} = {{ from = 0.0, to = 1.0, count = 3 }}\n"
     )
@@ -63,23 +61,19 @@ def test_keys_without_quotes_are_the_same(read: Read) -> None:
     )
 
 
-def test_ranges(read: Read) -> None:
-    assert values(read(f'[vary]\n"{FRICTION}" = {{ from = 0.1, to = 0.4, count = 4 }}\n')) == [
-        (0.1,),
-        (0.2,),
-        (0.3,),
-        (0.4,),
-    ]
-    found = values(
-        read(f'[vary]\n"{FRICTION}" = {{ from = 0.001, to = 1.0, count = 4, spacing = "log" }}\n')
-    )
-    assert found == [(0.001,), (0.01,), (0.1,), (1.0,)]
-    counts = values(read('[vary]\n"particles.0.count" = { from = 10, to = 30, count = 3 }\n'))
-    assert counts == [(10,), (20,), (30,)]
-    assert all(isinstance(count, int) for (count,) in counts)
+def test_ranges(read):
+    for keys, expected in (
+        (f'"{FRICTION}" = {{ from = 0.1, to = 0.4, count = 4 }}', [0.1, 0.2, 0.3, 0.4]),
+        (f'"{FRICTION}" = {{ from = 0.001, to = 1.0, count = 4, spacing = "log" }}',
+            [0.001, 0.01, 0.1, 1.0]),
+        ('"particles.0.count" = { from = 10, to = 30, count = 3 }', [10, 20, 30]),
+    ):  # fmt: skip
+        found = [value for (value,) in values(read(f"[vary]\n{keys}\n"))]
+        assert found == expected
+        assert [*map(type, found)] == [*map(type, expected)]
 
 
-def test_values_that_go_together(read: Read) -> None:
+def test_values_that_go_together(read):
     text = (
         f'[vary]\nzip = [["{FRICTION}", "{RESTITUTION}"]]\n"{FRICTION}" = [0.2, 0.4]\n'
         f'"{RESTITUTION}" = [0.0, 0.5]\n'
@@ -92,7 +86,7 @@ def test_values_that_go_together(read: Read) -> None:
     assert problem.startswith(f"{read('').path}:5:")
 
 
-def test_rows_of_a_file(read: Read, tmp_path: Path) -> None:
+def test_rows_of_a_file(read, tmp_path):
     (tmp_path / "cases.csv").write_text(
         f"# two of them\n{FRICTION},solver.dt\n0.2,1e-4\n0.4,auto\n"
     )
@@ -103,44 +97,34 @@ def test_rows_of_a_file(read: Read, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["latin-hypercube", "sobol"])
-def test_points_of_a_box(kind: str, read: Read) -> None:
-    text = (
-        f'[vary]\nsample = {{ kind = "{kind}", count = 16 }}\n'
-        f'"{FRICTION}" = {{ from = 0.1, to = 0.9, count = 2 }}\n'
-    )
-    text += '"solver.dt" = { from = 1e-5, to = 1e-3, count = 2, spacing = "log" }\n'
+def test_points_of_a_box(kind, read):
+    """One in each sixteenth; their ranges need no count."""
+    sample = f'sample = {{ kind = "{kind}", count = 16 }}\n'
+    friction = f'"{FRICTION}" = {{ from = 0.1, to = 0.9 }}\n'
+    dt = '"solver.dt" = { from = 1e-5, to = 1e-3, spacing = "log" }\n'
+    text = f"[vary]\n{sample}{friction}{dt}"
     found = values(read(text))
-    assert found == values(read(text))
+    for same in (
+        text, f"[vary]\n{friction}{dt}{sample}",
+        text.replace("0.9 }", "0.9, count = 2 }").replace("1e-3,", "1e-3, count = 5,"),
+    ):  # fmt: skip
+        assert found == values(read(same))
     assert found != values(read(text.replace("count = 16", "count = 16, seed = 2")))
+    assert len(values(read(text + f'"{RESTITUTION}" = [0.1, 0.2]\n'))) == 32
     frictions, steps = zip(*found, strict=True)
-    for column, low, high in (
-        (frictions, 0.1, 0.9),
-        ([math.log10(step) for step in steps], -5.0, -3.0),
-    ):
+    logs = [math.log10(step) for step in steps]
+    for column, low, high in ((frictions, 0.1, 0.9), (logs, -5.0, -3.0)):
         strata = sorted(int(16 * (value - low) / (high - low)) for value in column)
-        assert strata == list(range(16))  # one in each sixteenth
+        assert strata == list(range(16))
 
 
-@pytest.mark.parametrize("kind", ["latin-hypercube", "sobol"])
-def test_ranges_from_which_points_are_drawn_need_no_count(kind: str, read: Read) -> None:
-    text = (
-        f'[vary]\nsample = {{ kind = "{kind}", count = 8 }}\n'
-        f'"{FRICTION}" = {{ from = 0.1, to = 0.9 }}\n'
-    )
-    text += '"solver.dt" = { from = 1e-5, to = 1e-3, spacing = "log" }\n'
-    assert values(read(text)) == values(read(text.replace("0.9 }", "0.9, count = 5 }")))
-    assert len(values(read(text + f'"{RESTITUTION}" = [0.1, 0.2]\n'))) == 16
-    lines = text.splitlines(keepends=True)
-    assert values(read("".join([lines[0], *lines[2:], lines[1]]))) == values(read(text))
-
-
-def test_seeds_come_last_and_start_at_that_of_the_scenario(read: Read) -> None:
+def test_seeds_come_last_and_start_at_that_of_the_scenario(read):
     study = read(f'seeds = 2\n[vary]\n"{FRICTION}" = [0.2, 0.4]\n')
     assert values(study) == [(0.2, 3), (0.2, 4), (0.4, 3), (0.4, 4)]
     assert values(read("seeds = [7, 11]\n")) == [(7,), (11,)]
 
 
-def test_what_is_set_is_in_all_cases_and_no_name(read: Read) -> None:
+def test_what_is_set_is_in_all_cases_and_no_name(read):
     study = read(f'[set]\nsolver.dt = 1e-4\n[vary]\n"{FRICTION}" = [0.2]\n')
     (case,) = expand(study)
     assert case.name == "friction=0.2"
@@ -151,78 +135,57 @@ def test_what_is_set_is_in_all_cases_and_no_name(read: Read) -> None:
     )
 
 
-def test_names_tell_close_values_apart(read: Read) -> None:
+def test_names_tell_close_values_apart(read):
     names = [case.name for case in expand(read(f'[vary]\n"{FRICTION}" = [0.2, 0.20000001]\n'))]
     assert names == ["friction=0.2", "friction=0.20000001"]
     assert (
         "comes twice" in problems(lambda: expand(read(f'[vary]\n"{FRICTION}" = [0.2, 0.2]\n')))[0]
     )
-    long = "x" * 200
-    (name,) = [case.name for case in expand(read(f'[vary]\n"scenario.description" = ["{long}"]\n'))]
-    assert len(name) <= 120
-    (name,) = [
-        case.name for case in expand(read('[vary]\n"scenario.description" = ["a/b ../c"]\n'))
-    ]
-    assert "/" not in name
+    for text, longest in (("x" * 200, 120), ("a/b ../c", 40)):
+        (case,) = expand(read(f'[vary]\n"scenario.description" = ["{text}"]\n'))
+        assert len(case.name) <= longest
+        assert "/" not in case.name
 
 
-def test_short_names() -> None:
-    assert short_names(["variables.I", "contacts.0.friction"]) == {
-        "variables.I": "I",
-        "contacts.0.friction": "friction",
-    }
-    found = short_names(["loading.0.duration", "loading.1.duration"])
-    assert found == {
-        "loading.0.duration": "loading.0.duration",
-        "loading.1.duration": "loading.1.duration",
-    }
+def test_short_names():
+    keys = ["variables.I", "contacts.0.friction", "loading.0.duration", "loading.1.duration"]
+    found = short_names(keys)
+    assert list(found.values()) == ["I", "friction", "loading.0.duration", "loading.1.duration"]
+    assert list(found) == keys
 
 
+SOBOL = '[vary]\nsample = { kind = "sobol", count = 4 }\n'
 BAD = [
     ("colour = 3\n", 4, "unknown key"),
     ("seeds = 0\n", 4, "0 seeds"),
     ("seeds = [1, 1]\n", 4, "twice"),
     ('[vary]\n"a.b" = []\n', 5, "at least 1"),
     ('[vary]\n"a.b" = { from = 1, to = 2 }\n', 5, 'vary."a.b".count: is missing'),
-    (
-        "[vary]\na.b = { from = 1, to = 2 }\nc.d = { from = 1, to = 2 }\n",
-        6,
-        "vary.c.d.count: is missing",
-    ),
-    ('[vary]\nsample = { kind = "dice", count = 4 }\n"a.b" = { from = 1, to = 2 }\n', 5, "sobol"),
-    (
-        '[vary]\nsample = { kind = "sobol", count = 4 }\n"a.b" = { from = 2, to = 2 }\n',
-        6,
-        "no length",
-    ),
-    (
-        '[vary]\nsample = { kind = "sobol", count = 4 }\n"a.b" = { from = 1, to = 2, count = 0 }\n',
-        6,
-        "at least 1",
-    ),
+    ("[vary]\na.b = { from = 1, to = 2 }\nc.d = { from = 1, to = 2 }\n", 6,
+        "vary.c.d.count: is missing"),
+    (SOBOL.replace("sobol", "dice") + '"a.b" = { from = 1, to = 2 }\n', 5, "sobol"),
+    (SOBOL + '"a.b" = { from = 2, to = 2 }\n', 6, "no length"),
+    (SOBOL + '"a.b" = { from = 1, to = 2, count = 0 }\n', 6, "at least 1"),
     ('[vary]\n"a.b" = { from = 0, to = 2, count = 3, spacing = "log" }\n', 5, "positive"),
     ('[vary]\n"a.b" = { from = 2, to = 2, count = 3 }\n', 5, "no length"),
     ("[vary]\na.b = { from = 0, to = 2, count = 0 }\n", 5, "at least 1"),
     ('[[observe]]\nname = "mu"\n', 4, "one of them"),
     ('[[observe]]\nname = "mu"\npost = "rheology"\n', 4, "both"),
-    (
-        '[[observe]]\nname = "a"\ninfo = "step"\n[[observe]]\nname = "a"\ninfo = "time"\n',
-        4,
-        "same name",
-    ),
+    ('[[observe]]\nname = "a"\ninfo = "step"\n[[observe]]\nname = "a"\ninfo = "time"\n', 4,
+        "same name"),
     ('[compute]\nworkers = 2\nscheduler = "tcp://a"\n', 6, "together"),
     ("[compute]\nworkers = 0\n", 5, "at least 1"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("text", "line", "what"), BAD)
-def test_bad_files_are_refused_at_the_line(text: str, line: int, what: str, read: Read) -> None:
+def test_bad_files_are_refused_at_the_line(text, line, what, read):
     found = problems(lambda: read(text))
     assert any(what in problem for problem in found), found
     assert any(f"s.toml:{line}:" in problem for problem in found), found
 
 
-def test_too_many_cases_are_counted_not_made(read: Read) -> None:
+def test_too_many_cases_are_counted_not_made(read):
     text = "".join(
         f'"loading.{k}.duration" = {{ from = 1, to = 2, count = 1000 }}\n' for k in range(3)
     )
@@ -230,7 +193,7 @@ def test_too_many_cases_are_counted_not_made(read: Read) -> None:
     assert "1e+09 combinations" in problem
 
 
-def test_every_case_is_looked_at(read: Read) -> None:
+def test_every_case_is_looked_at(read):
     study = read(f'[vary]\n"{FRICTION}" = [0.2, -1.0]\n"contacts.0.frict" = [1.0]\n')
     found = problems(lambda: check_cases(study, expand(study)))
     assert any(
@@ -239,7 +202,7 @@ def test_every_case_is_looked_at(read: Read) -> None:
     assert any("s.toml:5:" in problem and "must be at least 0" in problem for problem in found)
 
 
-def test_observables_that_no_run_has(read: Read) -> None:
+def test_observables_that_no_run_has(read):
     text = (
         '[[observe]]\nname = "a"\npost = "rheology"\nvalue = "frction_walls"\n[[observe]]\n'
         'name = "b"\nseries = "kinetik"\n'
@@ -251,7 +214,7 @@ def test_observables_that_no_run_has(read: Read) -> None:
     assert "did you mean 'kinetic'?" in found[1]
 
 
-def test_what_a_study_costs_is_the_sum_of_its_cases(read: Read) -> None:
+def test_what_a_study_costs_is_the_sum_of_its_cases(read):
     text = (
         '[set]\n"loading.0.until.kinetic_energy_ratio" = 1e-3\n[vary]\n'
         '"loading.2.duration" = [0.004, 0.008]\n'

@@ -2,19 +2,16 @@
 memory that stays.
 """
 
-from __future__ import annotations
-
 import ast
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from places import ROOT
 
 import multicor_cli
-from multicor_cli.running.compiling import python_child
+from multicor_cli.running.machine import python_child
 
 # ---- Python processes that this program starts find no module in the working directory, and
 #      everything where it is installed
@@ -29,9 +26,7 @@ SHOW = (
     "path",
     ["", os.pathsep, f"{os.pathsep}/opt", f"/opt{os.pathsep}", ".", f"./{os.pathsep}/opt", "x/.."],
 )
-def test_what_means_the_working_directory_goes(
-    path: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_means_the_working_directory_goes(path, tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", path)
     monkeypatch.chdir(tmp_path)
     command, environment = python_child("-c", SHOW)
@@ -42,9 +37,7 @@ def test_what_means_the_working_directory_goes(
     assert ("/opt" in environment["PYTHONPATH"].split(os.pathsep)) == ("/opt" in path)
 
 
-def test_what_the_child_starts_has_no_working_directory_either(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_the_child_starts_has_no_working_directory_either(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "random.py").write_text("raise SystemExit('run')")
     grandchild = (
@@ -56,7 +49,7 @@ def test_what_the_child_starts_has_no_working_directory_either(
     )
 
 
-def test_variables_and_packages_of_the_user_stay(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_variables_and_packages_of_the_user_stay(monkeypatch):
     monkeypatch.setenv("PYTHONPATH", "/opt/numpy")
     command, environment = python_child("-m", "x", NUMBA_CACHE_DIR="/c")
     assert command == [sys.executable, "-P", "-m", "x"]
@@ -65,10 +58,10 @@ def test_variables_and_packages_of_the_user_stay(monkeypatch: pytest.MonkeyPatch
     assert environment["HOME"] == os.environ["HOME"]
 
 
-def test_nothing_else_starts_an_interpreter() -> None:
+def test_nothing_else_starts_an_interpreter():
     """Nor processes that start one by themselves, with the working directory first."""
     # The last two write its name down
-    allowed = {"running/compiling.py", "cli/diagnosis.py", "studies/clusters.py"}
+    allowed = {"running/machine.py", "cli/diagnosis.py", "studies/clusters.py"}
     for path in sorted((ROOT / "multicor_cli").rglob("*.py")):
         name = path.relative_to(ROOT / "multicor_cli").as_posix()
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -92,7 +85,7 @@ def test_nothing_else_starts_an_interpreter() -> None:
 CODE = """
 import resource, sys
 import numpy as np
-from multicor_cli.running.compiling import keep_freed_memory
+from multicor_cli.running.machine import keep_freed_memory
 if sys.argv[1] == "keep" and not keep_freed_memory():
     print("unknown")
     sys.exit()
