@@ -189,15 +189,13 @@ def flow_text(table: FlowTable, _terminal: Terminal) -> str:
 Panels = Sequence[tuple[str, Sequence[tuple[str, str]]]]
 """Label of the axis, and the quantities of each panel with their names."""
 
+_CONTACTS = "contacts per grain [–]"
 _OF_RHEOLOGY: Panels = (
     ("inertial number $I$ [–]", (("inertial_number", ""),)),
     ("pressure [N/m]", (("pressure", "walls, $P$"), ("bulk_stress_yy", r"bulk, $\sigma_{yy}$"))),
     (r"friction $\mu^*$ [–]", (("friction_walls", "walls"), ("friction_bulk", "bulk"))),
     (r"solid fraction $\nu$ [–]", (("solid_fraction", ""),)),
-    (
-        "contacts per grain [–]",
-        (("coordination", "$Z$, all"), ("coordination_loaded", "Z′, no rattlers")),
-    ),
+    (_CONTACTS, (("coordination", "$Z$, all"), ("coordination_loaded", "Z′, no rattlers"))),
     ("anisotropy $a_c$ [–]", (("fabric_anisotropy", ""),)),
     (r"spin $\langle\omega\rangle/\dot\gamma$ [–]", (("spin_ratio", ""),)),
     (r"granular temp. $T_g$ [m²/s²]", (("granular_temperature", ""),)),
@@ -208,10 +206,7 @@ _CHARTS_OF_RHEOLOGY = (
     ("inertial number I [–]", (("inertial_number", ""),)),
     ("friction mu* [–]", (("friction_walls", "walls"), ("friction_bulk", "bulk"))),
     ("solid fraction nu [–]", (("solid_fraction", ""),)),
-    (
-        "contacts per grain [–]",
-        (("coordination", "all"), ("coordination_loaded", "without rattlers")),
-    ),
+    (_CONTACTS, (("coordination", "all"), ("coordination_loaded", "without rattlers"))),
 )
 """The same for charts of letters."""
 
@@ -277,22 +272,13 @@ def rheology_text(table: Rheology, _terminal: Terminal) -> str:
 
 # ---- What is in a region over time, in the same way
 
+_STRESS = tuple((f"stress_{axes}", f"${axes}$") for axes in ("xx", "yy", "xy"))
 _OF_REGION: Panels = (
     (r"solid fraction $\nu$ [–]", (("solid_fraction", ""),)),
     ("contacts per grain $Z$ [–]", (("coordination", ""),)),
     ("velocity [m/s]", (("velocity_x", "$v_x$"), ("velocity_y", "$v_y$"))),
-    (
-        "stress of contacts [N/m]",
-        (("stress_xx", "$xx$"), ("stress_yy", "$yy$"), ("stress_xy", "$xy$")),
-    ),
-    (
-        "stress of fluctuations [N/m]",
-        (
-            ("kinetic_stress_xx", "$xx$"),
-            ("kinetic_stress_yy", "$yy$"),
-            ("kinetic_stress_xy", "$xy$"),
-        ),
-    ),
+    ("stress of contacts [N/m]", _STRESS),
+    ("stress of fluctuations [N/m]", tuple((f"kinetic_{name}", text) for name, text in _STRESS)),
     ("temperature $T$ [K]", (("temperature", ""),)),
 )
 _SPIN = (r"spin $\omega$ [rad/s]", (("spin", ""),))  # instead of the last one without heat
