@@ -112,4 +112,4 @@ def test_a_study_that_is_disturbed_ends_as_it_would_have(tmp_path, slurm, undist
 
 def test_a_walltime_that_is_too_short_is_no_end(tmp_path, slurm):
     """Workers live for half of it, the case for longer: it goes on in the next job."""
-    finish(begin(tmp_path, slurm, seeds=1, walltime="00:00:40", strain=60.0), tmp_path)
+    finish(begin(tmp_path, slurm, seeds=1, walltime="00:01:00", strain=100.0), tmp_path)
