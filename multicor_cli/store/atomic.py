@@ -17,6 +17,7 @@ import signal
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 from multicor_cli.files import Unfit, open_regular
 from multicor_cli.store.errors import DamagedRun, RunLocked, StorageError, StorageFull
@@ -223,9 +224,7 @@ def _write_temporary(
     path: Path, write: Callable[[GuardedFile], None], size: int, read_only: bool
 ) -> None:
     path.unlink(missing_ok=True)
-    descriptor = os.open(
-        path, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0), 0o666
-    )
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
     try:
         file = GuardedFile(descriptor)
         if size:
@@ -324,6 +323,13 @@ def fsync_path(path: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def described(path: Path) -> dict[str, Any]:
+    """Size and digest of a file, as documents have them; raises as `file_digest`."""
+    with storage_errors(path):
+        size = path.stat().st_size
+    return {"size": size, "blake2b": file_digest(path)}
 
 
 def file_digest(path: Path) -> str:

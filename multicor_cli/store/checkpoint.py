@@ -17,7 +17,7 @@ from multicor_cli.model.faults import find_misfit
 from multicor_cli.model.state import digest_of
 from multicor_cli.scenario.documents import Count, Decision
 from multicor_cli.store import layout, schema
-from multicor_cli.store.atomic import file_digest, kill_point, remove_own, storage_errors
+from multicor_cli.store.atomic import described, file_digest, kill_point, remove_own, storage_errors
 from multicor_cli.store.documents import (
     Document,
     SummaryDocument,
@@ -125,21 +125,22 @@ def write_checkpoint(
     """
     path = _free_name(directory, state.step)
     summary = summarize(state, model)
-    columns = _columns(state)
+    data = state.as_dict()
+    columns = {
+        spec.path: np.atleast_1d(data[spec.name]).astype(dtype_of(spec, "double"), casting="equiv")
+        for spec in schema.CHECKPOINT
+    }
 
     def fill(writer: Hdf5Writer) -> None:
         for spec in schema.CHECKPOINT:
             writer.write(spec, columns[spec.path])
 
     def verify(temporary: Path, digests: dict[str, str]) -> None:
-        if _read_state(temporary, identity.run_id)[1] != summary["state_digest"]:
+        if _read_state(temporary, identity.run_id)[1] != digest:
             raise DamagedRun(f"{temporary}: what was read back is not what was written")
 
-    attributes = {
-        "filetype": FILETYPE,
-        "run_id": identity.run_id,
-        "state_digest": summary["state_digest"],
-    }
+    digest = summary["state_digest"]
+    attributes = {"filetype": FILETYPE, "run_id": identity.run_id, "state_digest": digest}
     size = estimate_size(schema.CHECKPOINT, sum(values.nbytes for values in columns.values()))
     write_hdf5(path, "checkpoint", attributes, fill, size=size, verify=verify)
     document = {
@@ -148,8 +149,7 @@ def write_checkpoint(
         "run_id": identity.run_id,
         "scenario_digest": identity.scenario,
         "model_digest": model_digest,
-        "size": path.stat().st_size,
-        "blake2b": file_digest(path),
+        **described(path),
         "segments": [asdict(segment) for segment in segments],
         "last_frame_step": last_steps[0],
         "last_series_step": last_steps[1],
@@ -202,17 +202,17 @@ def load_checkpoint(sidecar: Path, identity: Identity, model: Model | None = Non
     if document.get("filetype") != FILETYPE:
         raise DamagedRun(f"{sidecar}: not the description of a checkpoint")
     check_version(sidecar, document.get("format_version"))
-    described = record_of(CheckpointDocument, document, sidecar)
-    if described.run_id != identity.run_id:
+    said = record_of(CheckpointDocument, document, sidecar)
+    if said.run_id != identity.run_id:
         raise DamagedRun(f"{sidecar}: belongs to another run")
-    if described.scenario_digest not in (identity.scenario, *identity.former):
+    if said.scenario_digest not in (identity.scenario, *identity.former):
         raise DamagedRun(f"{sidecar}: belongs to another scenario than scenario.resolved.toml")
     path = sidecar.with_suffix(".h5")
     if not path.is_file():
         raise DamagedRun(f"{path}: missing")
     with storage_errors(path):
         size = path.stat().st_size
-    if size != described.size or file_digest(path) != described.blake2b:
+    if size != said.size or file_digest(path) != said.blake2b:
         raise DamagedRun(f"{path}: damaged (it does not match its digest in {sidecar.name})")
     state, digest = _read_state(path, identity.run_id)
     misfit = find_misfit(state, model) if model is not None else None
@@ -224,10 +224,10 @@ def load_checkpoint(sidecar: Path, identity: Identity, model: Model | None = Non
         raise DamagedRun(f"{path}: the state does not match its digest")
     return Checkpoint(
         state=state,
-        segments=tuple(described.segments),
-        last_steps=(described.last_frame_step, described.last_series_step),
+        segments=tuple(said.segments),
+        last_steps=(said.last_frame_step, said.last_series_step),
         summary=document["summary"],
-        model_digest=described.model_digest,
+        model_digest=said.model_digest,
         name=sidecar.stem,
         steering=document.get("steering"),
     )
@@ -262,10 +262,8 @@ def prune(directory: Path, newest: str | None = None) -> None:
         for path in sorted(
             directory.glob("step-*"), key=lambda path: (path.suffix != ".json", path.name)
         ):
-            if (
-                path.suffix == ".tmp"
-                or path.name.removesuffix(".json").removesuffix(".h5") not in keep
-            ):
+            name = path.name.removesuffix(".json").removesuffix(".h5")
+            if path.suffix == ".tmp" or name not in keep:
                 remove_own(path)
 
 
@@ -278,39 +276,21 @@ def _free_name(directory: Path, step: int) -> Path:
     return path
 
 
-def _columns(state: State) -> dict[str, NDArray[Any]]:
-    data = state.as_dict()
-    columns = {}
-    for spec in schema.CHECKPOINT:
-        values = np.atleast_1d(data.pop(spec.name))
-        columns[spec.path] = values.astype(dtype_of(spec, "double"), casting="equiv")
-    if data:
-        raise ValueError(f"the format of checkpoints lacks {sorted(data)}")
-    return columns
-
-
 def _read_state(path: Path, run_id: str) -> tuple[State, str]:
     """The state in a checkpoint, and the digest of what is stored of it."""
     with CheckedFile(path, FILETYPE, run_id=run_id) as file:
         file.check_texts()
         file.dims |= entry_counts(file.version)
-        columns = {
-            spec.name: _read_column(file, spec) for spec in schema.CHECKPOINT if file.has(spec)
-        }
-        lengths = (
-            file.dims
-            | entry_counts()
-            | ({"heat_book": len(HEAT_BOOKS)} if columns["heat_books"].size else {})
-        )
+        columns = {spec.name: file.read(spec) for spec in filter(file.has, schema.CHECKPOINT)}
+        lengths = file.dims | entry_counts()
+    if columns["heat_books"].size:
+        lengths["heat_book"] = len(HEAT_BOOKS)
+    numbers = {spec.name for spec in schema.CHECKPOINT if spec.dims == ("one",)}
+    columns |= {name: np.asarray(columns[name][0]) for name in numbers & columns.keys()}
     whole = {
         spec.name: _complete(columns.get(spec.name), spec, lengths) for spec in schema.CHECKPOINT
     }
     return State.from_dict(whole), digest_of(columns)
-
-
-def _read_column(file: CheckedFile, spec: schema.Dataset) -> NDArray[Any]:
-    values = file.read(spec)
-    return np.asarray(values[0]) if spec.dims == ("one",) else values
 
 
 def _complete(
@@ -320,11 +300,8 @@ def _complete(
 
     Rows that nothing else counts are none.
     """
-    shape = (
-        ()
-        if spec.dims == ("one",)
-        else tuple(d if isinstance(d, int) else lengths.get(d, 0) for d in spec.dims)
-    )
+    shape = tuple(d if isinstance(d, int) else lengths.get(d, 0) for d in spec.dims)
+    shape = () if spec.dims == ("one",) else shape
     if values is None:
         return np.zeros(shape, dtype_of(spec, "double"))
     missing = shape[0] - len(values) if shape else 0
@@ -366,8 +343,8 @@ def _listed_by_checkpoint(directory: Path) -> tuple[str, list[str]]:
     """Name of the newest description of a checkpoint that can be read, and its segments."""
     for sidecar in newest_first(directory):
         try:
-            described = record_of(CheckpointDocument, read_document(sidecar), sidecar)
-            return sidecar.name, [segment.name for segment in described.segments]
+            said = record_of(CheckpointDocument, read_document(sidecar), sidecar)
+            return sidecar.name, [segment.name for segment in said.segments]
         except (DamagedRun, StorageError):
             continue
     return "", []

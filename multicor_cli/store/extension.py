@@ -19,6 +19,7 @@ from multicor_cli.model import Model
 from multicor_cli.store import layout, schema
 from multicor_cli.store.atomic import (
     commit_bytes,
+    described,
     file_digest,
     fsync_path,
     kill_point,
@@ -153,9 +154,7 @@ def _reopen(path: Path, document: Document) -> None:
         segments=segments,
         last_steps=last.last_steps,
     )
-    with storage_errors(path / layout.MODEL):
-        size = (path / layout.MODEL).stat().st_size
-    document["model"] = {"size": size, "blake2b": file_digest(path / layout.MODEL)}
+    document["model"] = described(path / layout.MODEL)
 
 
 def _write_segments(

@@ -39,17 +39,12 @@ def former_name(name: str, number: int) -> str:
 
 def former_files(path: Path) -> list[Path]:
     """Former versions of a scenario file of a run, the newest last."""
-    found = path.parent.glob(f"{path.name.removesuffix('.toml')}.*.toml")
-    numbered = [(file.name.split(".")[-2], file) for file in found if _FORMER.fullmatch(file.name)]
-    return [
-        file
-        for number, file in sorted(numbered, key=lambda pair: int(pair[0]))
-        if path.name == _name_of(file, number)
-    ]
-
-
-def _name_of(former: Path, number: str) -> str:
-    return former.name.removesuffix(f".{number}.toml") + ".toml"
+    numbered = {}
+    for file in path.parent.glob(f"{path.name.removesuffix('.toml')}.*.toml"):
+        number = file.name.split(".")[-2]
+        if _FORMER.fullmatch(file.name) and file.name == former_name(path.name, int(number)):
+            numbered[int(number)] = file
+    return [numbered[number] for number in sorted(numbered)]
 
 
 def is_file_name(name: str) -> bool:

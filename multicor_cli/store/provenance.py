@@ -83,11 +83,8 @@ def _commit(root: Path) -> tuple[str, bool]:
     if not (root / ".git").exists():
         return "", False
     sha1 = _git(root, "rev-parse", "HEAD")
-    return (
-        (sha1, bool(_git(root, "status", "--porcelain", "--untracked-files=no")))
-        if sha1
-        else ("", False)
-    )
+    changes = _git(root, "status", "--porcelain", "--untracked-files=no") if sha1 else ""
+    return sha1, bool(changes)
 
 
 def _git(root: Path, *arguments: str) -> str:

@@ -20,7 +20,7 @@ from multicor_cli.scenario.documents import steered_text
 from multicor_cli.store import layout
 from multicor_cli.store.atomic import (
     commit_bytes,
-    file_digest,
+    described,
     is_regular,
     kill_point,
     make_directory,
@@ -149,14 +149,6 @@ def _require_writable(directory: Path, path: Path) -> None:
         raise DirectoryRefused(
             f"{path}: no directory can be made in {directory}; choose another place with -o"
         ) from None
-
-
-def remove_temporaries(path: Path) -> None:
-    """Remove what interrupted commits have left, as far as possible; what is not ours stays."""
-    with contextlib.suppress(OSError):
-        for entry in layout.temporaries(path):
-            with contextlib.suppress(OSError):
-                remove_own(entry)
 
 
 def new_document(
@@ -301,7 +293,11 @@ class RunDirectory:
         lock = RunLock(path / layout.LOCK, force=force_unlock)
         try:
             document = read_run_document(path)
-            remove_temporaries(path)
+            # What interrupted commits have left goes, as far as possible; what is not ours stays
+            with contextlib.suppress(OSError):
+                for entry in layout.temporaries(path):
+                    with contextlib.suppress(OSError):
+                        remove_own(entry)
             if extension is not None:
                 extend(path, document, extension)
             run = cls(path, lock, document)
@@ -380,11 +376,6 @@ class RunDirectory:
         return dict(self._document["provenance"])
 
     @property
-    def timings(self) -> dict[str, Any]:
-        """Timings given to the last `finish`; empty before."""
-        return dict(self._document["timings"])
-
-    @property
     def source_text(self) -> str:
         """The scenario file as given; raises `DamagedRun` if it was changed."""
         return read_scenario(self.path / layout.SOURCE, self._document["source_sha256"])
@@ -422,9 +413,8 @@ class RunDirectory:
             self._document["summary"] = newest.summary if newest else None
             self._forget_stage_ends(newest.state.stage if newest else 0)
             if self.steering is not None:
-                self.steering.update(
-                    (newest.steering if newest else None) or {"decisions": [], "notes": {}}
-                )
+                known = newest.steering if newest else None
+                self.steering.update(known or {"decisions": [], "notes": {}})
             self._save()
         self._checkpoint, self._is_loaded = newest, True
         if newest:
@@ -447,11 +437,7 @@ class RunDirectory:
             write_model(path, model, self.run_id)
             self._document.pop("model", None)
         if "model" not in self._document:
-            with storage_errors(path):
-                self._document["model"] = {
-                    "size": path.stat().st_size,
-                    "blake2b": file_digest(path),
-                }
+            self._document["model"] = described(path)
         self._model, self._model_digest = model, digest
         self._writer = FrameWriter(
             self.path / layout.SEGMENTS,
@@ -533,11 +519,8 @@ class RunDirectory:
             DamagedRun: If a segment is damaged.
         """
         self._lock.require()
-        self._document |= {
-            "stop_reason": stop_reason,
-            "exit_code": exit_code,
-            "timings": dict(timings or {}),
-        }
+        self._document |= {"stop_reason": stop_reason, "exit_code": exit_code}
+        self._document["timings"] = dict(timings or {})
         if status == "finished":
             self.consolidate()
         elif self._writer is not None:
@@ -564,31 +547,21 @@ class RunDirectory:
         else:
             segments = list(checkpoint.segments) if checkpoint else []
         resolved = steered_text(self.resolved_text, decisions_of(self._document))
+        known = ("provenance", "started", "stop_reason", "summary", "stage_ends")
+        attributes = {name: self._document.get(name, []) for name in known}
+        for name in ("origin", "steering"):
+            if self._document.get(name):
+                attributes[name] = self._document[name]
+        attributes |= {"status": "finished", "finished": now()}
+        texts = {"source": [self.source_text], "resolved": [resolved], "stages": self.stages}
         self._document["results"] = write_results(
             path,
             self.path / layout.SEGMENTS,
             segments,
             model,
-            {
-                "scenario/source": [self.source_text],
-                "scenario/resolved": [resolved],
-                "scenario/stages": self.stages,
-            },
+            {f"scenario/{name}": text for name, text in texts.items()},
             run_id=self.run_id,
-            attributes={
-                **{
-                    name: self._document[name]
-                    for name in ("provenance", "started", "stop_reason", "summary")
-                },
-                "stage_ends": self._document.get("stage_ends", []),
-                **{
-                    name: self._document[name]
-                    for name in ("origin", "steering")
-                    if self._document.get(name)
-                },
-                "status": "finished",
-                "finished": now(),
-            },
+            attributes=attributes,
             precision=self.precision,
             version=self.version,
         )
@@ -606,13 +579,8 @@ class RunDirectory:
             return
         for name in (layout.SEGMENTS, layout.CHECKPOINTS):
             make_directory(self.path / name)
-        self._document |= {
-            "status": "running",
-            "stop_reason": "",
-            "exit_code": None,
-            "finished": "",
-            "results": None,
-        }
+        self._document |= {"status": "running", "stop_reason": "", "exit_code": None}
+        self._document |= {"finished": "", "results": None}
         self._document["sessions"] = [*self._document["sessions"], new_session()]
         self._save()
 
