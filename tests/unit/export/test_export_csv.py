@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import csv
-import resource
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-from store_support import make_model, run_whole
+from store_support import file_size_limit, make_model, run_whole
 
 from multicor_cli.export import ExportError, ExportRefused, export_csv
 from multicor_cli.store import Run, StorageError, open_run, schema
@@ -46,41 +45,51 @@ def check(table: Table, heading: str, values: np.ndarray) -> None:
     np.testing.assert_array_equal(numbers(table[heading], values), values, strict=True)
 
 
-def test_grains(run: Run, tmp_path: Path) -> None:
+@pytest.fixture
+def out(run: Run, tmp_path: Path) -> Path:
     assert export_csv(run, tmp_path / "out") == 9
+    return tmp_path / "out"
+
+
+def test_grains(run: Run, out: Path) -> None:
     for frame in run.frames:
-        table = read(tmp_path / "out" / f"grains-{frame.index:06d}.csv")
+        table = read(out / f"grains-{frame.index:06d}.csv")
         assert table["grain"] == [str(k) for k in range(5)]
         assert table["group"] == ["grains"] * 5
         assert table["material"] == ["steel"] * 5
-        check(table, "radius [m]", run.model.grains.radius)
-        for k, axis in enumerate("xy"):
-            check(table, f"{axis} [m]", frame.position[:, k])
-            check(table, f"velocity_{axis} [m/s]", frame.velocity[:, k])
-        check(table, "angle [rad]", frame.angle)
-        check(table, "image", frame.image)
-        check(table, "spin [rad/s]", frame.spin)
-        check(table, "temperature [K]", frame.temperature)
-        check(table, "generated [J]", frame.generated)
+        columns = {
+            "radius [m]": run.model.grains.radius,
+            "x [m]": frame.position[:, 0],
+            "y [m]": frame.position[:, 1],
+            "velocity_x [m/s]": frame.velocity[:, 0],
+            "velocity_y [m/s]": frame.velocity[:, 1],
+            "angle [rad]": frame.angle,
+            "image": frame.image,
+            "spin [rad/s]": frame.spin,
+            "temperature [K]": frame.temperature,
+            "generated [J]": frame.generated,
+        }
+        for heading, values in columns.items():
+            check(table, heading, values)
 
 
-def test_contacts(run: Run, tmp_path: Path) -> None:
-    export_csv(run, tmp_path / "out")
+def test_contacts(run: Run, out: Path) -> None:
     for frame in run.frames:
-        table, contacts = read(tmp_path / "out" / f"contacts-{frame.index:06d}.csv"), frame.contacts
-        for name in ("i", "j", "kind"):
-            check(table, name, getattr(contacts, name))
-        check(table, "gap [m]", contacts.gap)
-        check(table, "normal_x", contacts.normal[:, 0])
-        check(table, "normal_impulse [N s]", contacts.impulse[:, 0])
-        check(table, "tangential_impulse [N s]", contacts.impulse[:, 1])
-        check(table, "conductance [W/K]", contacts.conductance)
+        table, contacts = read(out / f"contacts-{frame.index:06d}.csv"), frame.contacts
+        columns = {
+            **{name: getattr(contacts, name) for name in ("i", "j", "kind")},
+            "gap [m]": contacts.gap,
+            "normal_x": contacts.normal[:, 0],
+            "normal_impulse [N s]": contacts.impulse[:, 0],
+            "tangential_impulse [N s]": contacts.impulse[:, 1],
+            "conductance [W/K]": contacts.conductance,
+        }
+        for heading, values in columns.items():
+            check(table, heading, values)
 
 
-def test_walls_and_nothing_for_nan(run: Run, tmp_path: Path) -> None:
-    export_csv(run, tmp_path / "out")
-    frame = run.frames[3]
-    table = read(tmp_path / "out" / "walls-000003.csv")
+def test_walls_and_nothing_for_nan(run: Run, out: Path) -> None:
+    frame, table = run.frames[3], read(out / "walls-000003.csv")
     assert table["wall"] == ["bottom", "dessus-é"]
     assert table["temperature [K]"][1] == ""
     for k, heading in enumerate(("x [m]", "y [m]", "angle [rad]")):
@@ -104,11 +113,9 @@ def test_the_whole_series(run: Run, tmp_path: Path) -> None:
     export_csv(run, tmp_path / "out", slice(0, 1))
     table = read(tmp_path / "out" / "series.csv")
     rows = run.rows(schema.SERIES)
-    columns = [1] * len(rows)
-    for k, spec in enumerate(rows):
-        per_wall = int(np.prod([d for d in spec.dims[1:] if isinstance(d, int)], dtype=int))
-        columns[k] = per_wall * (2 if "wall" in spec.dims else 1)
-    assert len(table) == sum(columns)
+    lengths = {"wall": 2}
+    shapes = [[lengths.get(d, d) for d in spec.dims[1:]] for spec in rows]
+    assert len(table) == sum(int(np.prod(shape, dtype=int)) for shape in shapes)
     check(table, "kinetic [J]", run.series["kinetic"])
     check(table, "virial_yx [N m]", run.series["virial_rate"][:, 1, 0])
     check(table, "dessus-é: torque [N m]", run.series["wall_force"][:, 1, 2])
@@ -163,12 +170,7 @@ def test_no_such_frames(run: Run, tmp_path: Path) -> None:
 
 def test_a_full_disk_leaves_what_was_there(run: Run, tmp_path: Path) -> None:
     export_csv(run, tmp_path / "out", slice(0, 1))
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (2000, limits[1]))
-    try:
-        with pytest.raises(StorageError):
-            export_csv(run, tmp_path / "out", is_overwriting=True)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    with file_size_limit(2000), pytest.raises(StorageError):
+        export_csv(run, tmp_path / "out", is_overwriting=True)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out"]
     assert len(list((tmp_path / "out").iterdir())) == 5

@@ -4,7 +4,6 @@ solution.
 
 from __future__ import annotations
 
-import resource
 from collections.abc import Iterator
 from dataclasses import fields, replace
 from pathlib import Path
@@ -15,6 +14,7 @@ import numpy as np
 import pytest
 from contact_problems import column_problem, dense_delassus, heap_problem, tilted
 from scenes import SMALL, WARM, write_small
+from store_support import file_size_limit
 
 from multicor_cli import load_scenario
 from multicor_cli import run as run_scenario
@@ -313,11 +313,6 @@ def test_no_such_frame(run: Run, tmp_path: Path) -> None:
 
 
 def test_a_full_disk_leaves_nothing(run: Run, tmp_path: Path) -> None:
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, limits[1]))
-    try:
-        with pytest.raises(StoreError, match="no space"):
-            export_fclib(run, tmp_path / "a.hdf5")
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    with file_size_limit(4096), pytest.raises(StoreError, match="no space"):
+        export_fclib(run, tmp_path / "a.hdf5")
     assert list(tmp_path.iterdir()) == []

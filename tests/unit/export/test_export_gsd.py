@@ -5,18 +5,18 @@ from __future__ import annotations
 import dataclasses
 import logging
 import os
-import resource
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from heat_run import GRAINS, column, contact_rows, heated_model
-from store_support import make_model, run_whole
+from store_support import file_size_limit, make_model, run_whole
 
 from multicor_cli.export import ExportError, ExportRefused, MissingLibrary, export_gsd
-from multicor_cli.store import Run, RunDirectory, Snapshot, StorageError, open_run
+from multicor_cli.store import Frame, Run, RunDirectory, Snapshot, StorageError, open_run
 
 hoomd = pytest.importorskip("gsd.hoomd")
 
@@ -34,81 +34,67 @@ def run(directory: Path) -> Iterator[Run]:
         yield opened
 
 
-def test_every_frame_is_read_back(run: Run, tmp_path: Path) -> None:
-    assert export_gsd(run, tmp_path / "a.gsd") == 9
+@pytest.fixture
+def frames(run: Run, tmp_path: Path) -> Iterator[list[tuple[Frame, Any]]]:
+    """Every frame of the run, and what the library reads of it."""
+    assert export_gsd(run, tmp_path / "all.gsd") == 9
+    with hoomd.open(str(tmp_path / "all.gsd")) as file:
+        yield list(zip(run.frames, file, strict=True))
+
+
+def test_every_frame_is_read_back(run: Run, frames: list[tuple[Frame, Any]]) -> None:
     model = run.model
-    with hoomd.open(str(tmp_path / "a.gsd")) as file:
-        assert len(file) == 9
-        for ours, theirs in zip(run.frames, file, strict=True):
-            grains, center = theirs.particles, theirs.log["box_center"]
-            assert theirs.configuration.step == ours.step
-            assert theirs.configuration.dimensions == 2
-            assert theirs.log["time"] == [ours.time]
-            np.testing.assert_allclose(grains.position[:, :2] + center, ours.position, atol=1e-8)
-            assert not grains.position[:, 2].any()
-            np.testing.assert_array_equal(grains.image[:, 0], ours.image)
-            np.testing.assert_allclose(grains.velocity[:, :2], ours.velocity, rtol=1e-6)
-            np.testing.assert_allclose(grains.diameter, 2.0 * model.grains.radius, rtol=1e-6)
-            np.testing.assert_allclose(grains.mass, model.grains.mass, rtol=1e-6)
-            np.testing.assert_array_equal(theirs.log["particles/temperature"], ours.temperature)
-            np.testing.assert_array_equal(theirs.log["particles/angular_velocity"], ours.spin)
-            np.testing.assert_array_equal(theirs.log["particles/generated"], ours.generated)
+    for ours, theirs in frames:
+        grains, center = theirs.particles, theirs.log["box_center"]
+        assert grains.types == ["grains"]
+        assert grains.typeid.tolist() == [0] * 5
+        assert theirs.configuration.step == ours.step
+        assert theirs.configuration.dimensions == 2
+        assert theirs.log["time"] == [ours.time]
+        np.testing.assert_allclose(grains.position[:, :2] + center, ours.position, atol=1e-8)
+        assert not grains.position[:, 2].any()
+        np.testing.assert_array_equal(grains.image[:, 0], ours.image)
+        np.testing.assert_allclose(grains.velocity[:, :2], ours.velocity, rtol=1e-6)
+        np.testing.assert_allclose(grains.diameter, 2.0 * model.grains.radius, rtol=1e-6)
+        np.testing.assert_allclose(grains.mass, model.grains.mass, rtol=1e-6)
+        np.testing.assert_array_equal(theirs.log["particles/temperature"], ours.temperature)
+        np.testing.assert_array_equal(theirs.log["particles/angular_velocity"], ours.spin)
+        np.testing.assert_array_equal(theirs.log["particles/generated"], ours.generated)
 
 
-def test_types_are_the_groups(run: Run, tmp_path: Path) -> None:
-    export_gsd(run, tmp_path / "a.gsd", slice(0, 1))
-    with hoomd.open(str(tmp_path / "a.gsd")) as file:
-        assert file[0].particles.types == ["grains"]
-        assert file[0].particles.typeid.tolist() == [0] * 5
-
-
-def test_orientation_and_angular_momentum(run: Run, tmp_path: Path) -> None:
+def test_orientation_and_angular_momentum(run: Run, frames: list[tuple[Frame, Any]]) -> None:
     """q = (cos ½α, 0, 0, sin ½α), and the momentum I ω is in the z component of ½ q* P."""
-    export_gsd(run, tmp_path / "a.gsd", slice(-1, None))
-    frame = run.frames[-1]
-    with hoomd.open(str(tmp_path / "a.gsd")) as file:
-        q, p = file[0].particles.orientation, file[0].particles.angmom
-        inertia = file[0].particles.moment_inertia
-    np.testing.assert_allclose(2.0 * np.arctan2(q[:, 3], q[:, 0]), frame.angle, atol=1e-6)
-    momentum = 0.5 * (q[:, 0] * p[:, 3] - q[:, 3] * p[:, 0])
-    np.testing.assert_allclose(momentum, run.model.grains.inertia * frame.spin, rtol=1e-5)
-    np.testing.assert_allclose(inertia[:, 2], run.model.grains.inertia, rtol=1e-6)
+    ours, theirs = frames[-1]
+    q, p = theirs.particles.orientation, theirs.particles.angmom
+    np.testing.assert_allclose(2.0 * np.arctan2(q[:, 3], q[:, 0]), ours.angle, atol=1e-6)
+    momentum, inertia = 0.5 * (q[:, 0] * p[:, 3] - q[:, 3] * p[:, 0]), run.model.grains.inertia
+    np.testing.assert_allclose(momentum, inertia * ours.spin, rtol=1e-5)
+    np.testing.assert_allclose(theirs.particles.moment_inertia[:, 2], inertia, rtol=1e-6)
 
 
-def test_the_box_has_the_period_and_holds_all_grains(run: Run, tmp_path: Path) -> None:
-    export_gsd(run, tmp_path / "a.gsd")
-    with hoomd.open(str(tmp_path / "a.gsd")) as file:
-        boxes = {tuple(frame.configuration.box.tolist()) for frame in file}
-        assert len(boxes) == 1
-        size = boxes.pop()
-        assert size[0] == np.float32(run.period)
-        for frame in file:
-            assert (np.abs(frame.particles.position[:, 0]) <= 0.5 * size[0] * (1.0 + 1e-6)).all()
-            assert (
-                np.abs(frame.particles.position[:, 1]) + 0.5 * frame.particles.diameter
-                <= 0.5 * size[1] * (1.0 + 1e-6)
-            ).all()
+def test_the_box_has_the_period_and_holds_all_grains(
+    run: Run, frames: list[tuple[Frame, Any]]
+) -> None:
+    (size,) = {tuple(theirs.configuration.box[:2].tolist()) for _, theirs in frames}
+    assert size[0] == np.float32(run.period)
+    for _, theirs in frames:
+        reach = np.abs(theirs.particles.position[:, :2])
+        reach[:, 1] += 0.5 * theirs.particles.diameter
+        assert (reach <= 0.5 * np.array(size) * (1.0 + 1e-6)).all()
 
 
-def test_bonds_are_the_contacts_that_carry_a_force(run: Run, tmp_path: Path) -> None:
-    export_gsd(run, tmp_path / "a.gsd")
+def test_bonds_are_the_contacts_that_carry_a_force(frames: list[tuple[Frame, Any]]) -> None:
     found = 0
-    with hoomd.open(str(tmp_path / "a.gsd")) as file:
-        for ours, theirs in zip(run.frames, file, strict=True):
-            contacts = ours.contacts
-            shown = (contacts.j < 5) & (contacts.impulse[:, 0] != 0.0)
-            found += shown.sum()
-            assert shown.sum() == theirs.bonds.N
-            if shown.any():
-                np.testing.assert_array_equal(
-                    theirs.bonds.group, np.column_stack([contacts.i, contacts.j])[shown]
-                )
-                np.testing.assert_array_equal(
-                    theirs.log["bonds/normal_force"], contacts.force[shown, 0]
-                )
-                np.testing.assert_array_equal(
-                    theirs.log["bonds/tangential_force"], contacts.force[shown, 1]
-                )
+    for ours, theirs in frames:
+        contacts = ours.contacts
+        shown = (contacts.j < 5) & (contacts.impulse[:, 0] != 0.0)
+        found += shown.sum()
+        assert shown.sum() == theirs.bonds.N
+        if shown.any():
+            pairs, force = np.column_stack([contacts.i, contacts.j]), contacts.force[shown]
+            np.testing.assert_array_equal(theirs.bonds.group, pairs[shown])
+            np.testing.assert_array_equal(theirs.log["bonds/normal_force"], force[:, 0])
+            np.testing.assert_array_equal(theirs.log["bonds/tangential_force"], force[:, 1])
     assert found > 2
 
 
@@ -234,13 +220,8 @@ def test_a_full_disk_leaves_nothing(share: float, run: Run, tmp_path: Path) -> N
     export_gsd(run, tmp_path / "a.gsd")
     size = (tmp_path / "a.gsd").stat().st_size
     (tmp_path / "a.gsd").unlink()
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (int(share * size), limits[1]))
-    try:
-        with pytest.raises(StorageError):
-            export_gsd(run, tmp_path / "a.gsd")
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    with file_size_limit(int(share * size)), pytest.raises(StorageError):
+        export_gsd(run, tmp_path / "a.gsd")
     assert list(tmp_path.iterdir()) == []
 
 
