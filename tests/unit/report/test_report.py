@@ -11,6 +11,7 @@ import re
 import shutil
 import sys
 import warnings
+import zlib
 from html import unescape
 from pathlib import Path
 
@@ -58,48 +59,35 @@ def test_codes_are_as_fine_as_they_say(spacing, width: int) -> None:
     values = np.random.default_rng(1).uniform(-2.0, 6.0, 5000)
     error = np.abs(code.decode(code.encode(values)) - values)
     assert 0.3 * code.resolution * 8.0 < error.max() <= 0.5 * code.resolution * 8.0 * (1.0 + 1e-9)
-    assert code.decode(code.encode(np.array([-2.0, 6.0, -9.0, 9.0]))).tolist() == [
-        -2.0,
-        6.0,
-        -2.0,
-        6.0,
-    ]
+    beyond = code.decode(code.encode(np.array([-2.0, 6.0, -9.0, 9.0])))
+    assert beyond.tolist() == [-2.0, 6.0, -2.0, 6.0]
     assert np.isnan(code.decode(code.encode(np.array([np.nan])))).all()
 
 
-def test_square_codes_resolve_small_values() -> None:
-    """1e-4 of the largest value to better than 1 %, where even steps of a byte see nothing."""
-    assert Code(0.0, 1.0, 2, "square").decode(
-        Code(0.0, 1.0, 2, "square").encode(np.array([1e-4]))
-    ) == pytest.approx([1e-4], rel=0.01)
-    assert Code(0.0, 1.0, 1).encode(np.array([1e-4])).tolist() == [0]
-
-
-def test_signed_codes_resolve_small_values_of_both_signs_and_zero() -> None:
-    code = Code(-1.0, 1.0, 1, "signed")
-    assert code.decode(code.encode(np.array([-0.01, 0.0, 0.01]))) == pytest.approx(
-        [-0.01, 0.0, 0.01], rel=0.05, abs=0.0
-    )
-    assert Code(-1.0, 1.0, 1).decode(Code(-1.0, 1.0, 1).encode(np.array([0.003]))).tolist() == [0.0]
-
-
-def test_codes_of_a_constant() -> None:
-    code = Code(3.0, 3.0, 2)
-    assert code.decode(code.encode(np.array([3.0, np.nan]))).tolist() == [
-        3.0,
-        pytest.approx(np.nan, nan_ok=True),
-    ]
+@pytest.mark.parametrize(
+    ("code", "values", "found"),
+    [
+        # To better than 1 %, where even steps of a byte see nothing
+        (Code(0.0, 1.0, 2, "square"), [1e-4], pytest.approx([1e-4], rel=0.01)),
+        (Code(0.0, 1.0, 1), [1e-4], [0.0]),
+        # Of both signs, and zero
+        (Code(-1.0, 1.0, 1, "signed"), [-0.01, 0, 0.01], pytest.approx([-0.01, 0, 0.01], rel=0.05, abs=0.0)),
+        (Code(-1.0, 1.0, 1), [0.003], [0.0]),
+        # A constant
+        (Code(3.0, 3.0, 2), [3.0, np.nan], pytest.approx([3.0, np.nan], nan_ok=True)),
+    ],
+)  # fmt: skip
+def test_codes_resolve_small_values(code: Code, values: list[float], found: object) -> None:
+    assert code.decode(code.encode(np.array(values))).tolist() == found
 
 
 def test_compression_separates_bytes() -> None:
-    import zlib
-
-    data = zlib.decompress(
-        compress(
-            [np.array([0x0102, 0x0304], "<u2"), np.array([7], np.uint8), np.array([1 << 24], "<u4")]
-        )
-    )
-    assert list(data) == [2, 4, 1, 3, 7, 0, 0, 0, 1]
+    arrays = [
+        np.array([0x0102, 0x0304], "<u2"),
+        np.array([7], np.uint8),
+        np.array([1 << 24], "<u4"),
+    ]
+    assert list(zlib.decompress(compress(arrays))) == [2, 4, 1, 3, 7, 0, 0, 0, 1]
 
 
 def test_chosen_frames_are_evenly_spaced_and_end_with_the_last() -> None:
@@ -120,6 +108,11 @@ def test_strongest_contacts_stay_in_order() -> None:
 def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures take most of the time of a report."""
     monkeypatch.setattr("multicor_cli.report.write.make_figures", lambda run, books: [])
+
+
+def written(run: Path, **options: object) -> str:
+    """The page of a run, beside it."""
+    return write_report(run, **options).path.read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
@@ -145,19 +138,14 @@ def test_packed_numbers_are_those_of_the_run(evil: Path, page: str) -> None:
         for about, arrays in zip(meta["frames"], frames, strict=True):
             frame = run.frames[about["index"]]
             assert (about["time"], about["step"]) == (frame.time, frame.step)
-            assert decode(meta, "x", arrays["x"]) == pytest.approx(
-                frame.position[:, 0], abs=4.0 / 65534
-            )
-            assert decode(meta, "y", arrays["y"]) == pytest.approx(
-                frame.position[:, 1], abs=1.0 / 65534
-            )
-            assert decode(meta, "speed", arrays["speed"]) == pytest.approx(
-                np.hypot(*frame.velocity.T), abs=2e-4
-            )
-            assert decode(meta, "spin", arrays["spin"]) == pytest.approx(frame.spin, abs=1e-3)
-            assert decode(meta, "temperature", arrays["temperature"]) == pytest.approx(
-                frame.temperature, abs=1e-5
-            )
+            for name, values, error in (
+                ("x", frame.position[:, 0], 4.0 / 65534),
+                ("y", frame.position[:, 1], 1.0 / 65534),
+                ("speed", np.hypot(*frame.velocity.T), 2e-4),
+                ("spin", frame.spin, 1e-3),
+                ("temperature", frame.temperature, 1e-5),
+            ):
+                assert decode(meta, name, arrays[name]) == pytest.approx(values, abs=error)
             assert about["walls"] == frame.wall_position.tolist()
 
 
@@ -218,15 +206,11 @@ def test_nothing_of_the_user_becomes_markup(page: str) -> None:
     assert meta["groups"][0] == meta["frames"][0]["stage"] == EVIL
 
 
-def _digest(program: str) -> str:
-    return f"sha256-{base64.b64encode(hashlib.sha256(program.encode()).digest()).decode()}"
-
-
 def test_page_asks_for_nothing_from_anywhere(page: str) -> None:
     policy = re.search(r'http-equiv="Content-Security-Policy" content="([^"]*)"', page).group(1)
-    assert policy.startswith("default-src 'none'; script-src 'sha256-")
     program = re.search(r"<script>(.*)</script>", page, re.DOTALL).group(1)
-    assert f"script-src '{_digest(program)}';" in policy
+    digest = base64.b64encode(hashlib.sha256(program.encode()).digest()).decode()
+    assert policy.startswith(f"default-src 'none'; script-src 'sha256-{digest}';")
     assert not re.search(r"https?://", page)
     assert not re.search(r"""\b(src|href)=["'](?!#)""", page)
     assert "@import" not in page
@@ -235,16 +219,10 @@ def test_page_asks_for_nothing_from_anywhere(page: str) -> None:
 
 def test_page_names_what_was_run_and_how_good_it_is(page: str) -> None:
     for words in (
-        "What was run",
-        "Checks",
-        "Contact solver",
-        "Energy books",
-        "Books of heat",
-        "heat closure",
-        "energy closure",
-    ):
+        "What was run", "Checks", "Contact solver", "Energy books", "Books of heat",
+        "heat closure", "energy closure", "All 6 frames of the run",
+    ):  # fmt: skip
         assert words in page
-    assert "All 6 frames of the run" in page
     for title in ("Temperature over time", "Work of the solver", "Contacts that carry a force"):
         assert f'aria-label="{title}' in page
     assert "Energy books over time" not in page  # they are empty, as those of heat
@@ -272,8 +250,7 @@ def test_small_budget_thins_frames_and_contacts_and_says_so(
     assert small.contact_limit < GRAINS
     assert len(small.walls) == len(small.chunks)
     monkeypatch.setattr("multicor_cli.report.write.SIZE_LIMIT", 2_000_000 + whole.size // 4)
-    write_report(tmp_path / "run", tmp_path / "page.html")
-    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    text = written(tmp_path / "run")
     assert re.search(r"\d+ of 40 frames of the run, with the \d+ strongest contacts of each", text)
     meta, frames, _ = read_page(text)
     forces = decode(meta, "contact", frames[-1]["contact_force"])
@@ -321,8 +298,7 @@ def test_default_file_lies_beside_the_run(tmp_path: Path) -> None:
 )
 def test_runs_that_lack_something(options: dict, tmp_path: Path) -> None:
     write_heated_run(tmp_path / "run", **options)
-    write_report(tmp_path / "run", tmp_path / "page.html")
-    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    text = written(tmp_path / "run")
     assert ("The only frame of the run." in text) == (options.get("frames") == 1)
     meta, frames, _ = read_page(text)
     names = [field["name"] for field in meta["fields"]]
@@ -339,8 +315,7 @@ def test_every_frame_says_where_it_is(page: str) -> None:
 
 def test_run_without_walls_with_one_grain(tmp_path: Path) -> None:
     run_whole(tmp_path / "run", make_model(1, walls=False), steps=10)
-    write_report(tmp_path / "run", tmp_path / "page.html")
-    meta, frames, _ = read_page((tmp_path / "page.html").read_text(encoding="utf-8"))
+    meta, frames, _ = read_page(written(tmp_path / "run"))
     assert meta["shapes"] == []
     assert decode(meta, "x", frames[-1]["x"]).shape == (1,)
 
@@ -444,8 +419,7 @@ def test_endless_names_are_cut_and_texts_keep_their_direction(tmp_path: Path) ->
     ) as run:
         drive(run, model, steps=20, checkpoint_every=10, finish=False)
         run.finish("failed", stop_reason=f"grain 3 is lost {name}", exit_code=4)
-    write_report(tmp_path / "run", tmp_path / "page.html")
-    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    text = written(tmp_path / "run")
     heading = re.search(r'<h1 dir="auto">(.*?)</h1>', text).group(1)
     assert (len(heading), heading[-1]) == (200, "…")
     assert '<p data-status="failed" dir="auto">grain 3 is lost' in text
@@ -456,23 +430,12 @@ def test_endless_names_are_cut_and_texts_keep_their_direction(tmp_path: Path) ->
 
 def test_page_says_how_stages_ended(tmp_path: Path) -> None:
     with make_run(tmp_path / "run") as run:
-        end = StageEnd(
-            0,
-            "<i>wait</i>",
-            "timeout",
-            20,
-            0.5,
-            0.5,
-            "the mean force in y on lid",
-            3.0,
-            "at least",
-            5.0,
-            "N",
-        )
+        what = ("the mean force in y on lid", 3.0, "at least", 5.0, "N")
+        end = StageEnd(0, "<i>wait</i>", "timeout", 20, 0.5, 0.5, *what)
         run.stage_ended(end)
         drive(run, make_model(), steps=40, checkpoint_every=15)
     assert describe_stages(run_info(tmp_path / "run")) == [ReportRow(end.name, end.text)]
-    text = write_report(tmp_path / "run", tmp_path / "page.html").path.read_text()
+    text = written(tmp_path / "run")
     assert "Ends of the stages" in text
     words = (
         "t = 0.5 s, step 20: timed out after 0.5 s; the mean force in y on lid was 3 N, asked for "
@@ -482,25 +445,10 @@ def test_page_says_how_stages_ended(tmp_path: Path) -> None:
 
 
 def test_a_version_that_is_not_known_is_left_out() -> None:
-    known = {
-        "status": "running",
-        "stages": [],
-        "walls": [],
-        "frame_count": 1,
-        "series_count": 1,
-        "provenance": {},
-    }
-    names = (
-        "stop_reason",
-        "time",
-        "step",
-        "grain_count",
-        "started",
-        "finished",
-        "duration",
-        "state_digest",
-    )
-    rows = describe_run({**dict.fromkeys(names), **known})
+    known = {"status": "running", "stages": [], "walls": [], "provenance": {}}
+    counts = {"frame_count": 1, "series_count": 1}
+    names = ["stop_reason", "time", "step", "grain_count", "started", "finished", "duration", "state_digest"]
+    rows = describe_run({**dict.fromkeys(names), **known, **counts})
     assert "version" not in [row.name for row in rows]
 
 
@@ -523,8 +471,7 @@ def test_files_of_a_run_links_and_devices_are_refused(evil: Path, tmp_path: Path
 @pytest.mark.usefixtures("no_figures")
 def test_run_that_was_interrupted(tmp_path: Path) -> None:
     write_evil_run(tmp_path / "run", is_finished=False)
-    write_report(tmp_path / "run", tmp_path / "page.html")
-    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    text = written(tmp_path / "run")
     assert '<span class="badge" data-status="interrupted">' in text
     assert len(read_page(text)[1]) == 6
 
@@ -534,8 +481,7 @@ def test_run_that_is_going_on(tmp_path: Path) -> None:
     model = make_model(heat=True)
     with RunDirectory.create(tmp_path / "run", "", "", {"seed": 1}, stages=("a", "b")) as run:
         drive(run, model, steps=20, checkpoint_every=10, finish=False)
-        write_report(tmp_path / "run", tmp_path / "page.html")
-    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+        text = written(tmp_path / "run")
     assert '<span class="badge" data-status="running">' in text
     assert len(read_page(text)[1]) == 5
 

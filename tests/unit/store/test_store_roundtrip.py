@@ -44,28 +44,20 @@ from multicor_cli.store.results import model_digest
 from multicor_cli.store.segments import columns_of
 
 
-def assert_same_part(left: object, right: object) -> None:
+def assert_same(left: object, right: object) -> None:
+    """The same arrays, of the same type, in all parts."""
     assert type(left) is type(right)
-    for field in dataclasses.fields(left) if dataclasses.is_dataclass(left) else ():
-        a, b = getattr(left, field.name), getattr(right, field.name)
-        if not isinstance(a, np.ndarray):
-            assert dataclasses.is_dataclass(a) or a == b, field.name
-            assert_same_part(a, b)
-        else:
-            assert a.dtype == b.dtype, field.name
-            np.testing.assert_array_equal(a, b)
-
-
-def assert_same_model(left: Model, right: Model) -> None:
-    for part in ("grains", "shapes", "walls", "laws", "thermal"):
-        assert_same_part(getattr(left, part), getattr(right, part))
-    assert (left.materials, left.groups, left.period, left.shape_factor) == (
-        right.materials,
-        right.groups,
-        right.period,
-        right.shape_factor,
-    )
-    np.testing.assert_array_equal(left.gravity, right.gravity)
+    if isinstance(left, np.ndarray):
+        assert left.dtype == right.dtype
+        np.testing.assert_array_equal(left, right)
+    elif dataclasses.is_dataclass(left):
+        for field in dataclasses.fields(left):
+            assert_same(getattr(left, field.name), getattr(right, field.name))
+    elif isinstance(left, tuple):
+        for a, b in zip(left, right, strict=True):
+            assert_same(a, b)
+    else:
+        assert left == right
 
 
 def check_content(path: Path, model: Model, steps: int, *, tolerance: float = 0.0) -> None:
@@ -84,7 +76,7 @@ def check_content(path: Path, model: Model, steps: int, *, tolerance: float = 0.
             if step % 5 == 0:
                 check_frame(run.frames[step // 5], state, tolerance)
                 check_heat(run.frames[step // 5], state, model, tolerance)
-        assert_same_model(run.model, model)
+        assert_same(run.model, model)
         assert run.wall_names == model.walls.names
         assert run.stages == ("load", "shear")
         assert run.scenario_source == SOURCE
@@ -108,12 +100,8 @@ def check_frame(frame, state: State, tolerance: float) -> None:
     def same(found, expected) -> None:
         np.testing.assert_allclose(found, expected, rtol=tolerance, atol=tolerance)
 
-    assert (frame.step, frame.time, frame.dt, frame.stage) == (
-        state.step,
-        state.time,
-        state.last_dt,
-        state.stage,
-    )
+    for name, kept in {"step": "step", "time": "time", "dt": "last_dt", "stage": "stage"}.items():
+        assert getattr(frame, name) == getattr(state, kept)
     same(frame.position, state.position[:, :2])
     same(frame.angle, state.position[:, 2])
     same(frame.velocity, state.velocity[:, :2])
@@ -193,13 +181,10 @@ def test_single_precision_halves_the_rows(tmp_path: Path) -> None:
     run_whole(tmp_path / "run", model, precision="single")
     check_content(tmp_path / "run", model, 40, tolerance=1e-6)
     with h5py.File(tmp_path / "run" / "results.h5") as file:
-        assert file["particles/position"].dtype == np.float32
-        assert file["contacts/impulse"].dtype == np.float32
-        assert file["steps/time"].dtype == np.float64
-        assert file["walls/position"].dtype == np.float64
-        assert file["series/kinetic"].dtype == np.float64
-        assert file["particles/temperature"].dtype == np.float64
-        assert file["contacts/heat"].dtype == np.float32
+        for path in ("particles/position", "contacts/impulse", "contacts/heat"):
+            assert file[path].dtype == np.float32
+        for path in ("steps/time", "walls/position", "series/kinetic", "particles/temperature"):
+            assert file[path].dtype == np.float64
 
 
 def test_frames_without_recorded_contacts(tmp_path: Path) -> None:
@@ -285,7 +270,7 @@ def test_run_finished_while_it_is_read(tmp_path: Path) -> None:
             np.testing.assert_array_equal(reader.frames[1].position, early)
             assert reader.frames[-1].step == 40
             assert reader.series["time"].shape == (21,)
-            assert_same_model(reader.model, model)
+            assert_same(reader.model, model)
 
 
 def test_run_finished_while_it_is_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -309,18 +294,16 @@ def test_run_finished_while_it_is_opened(tmp_path: Path, monkeypatch: pytest.Mon
             assert len(opened.frames) == 9
 
 
-def test_info_has_what_the_command_line_promises(tmp_path: Path) -> None:
-    state = run_whole(tmp_path / "run")
-    info = run_info(tmp_path / "run")
+def test_info_has_what_the_command_line_promises(finished: Path) -> None:
+    info = run_info(finished)
+    with open_run(finished) as run:
+        state = run.state()
+    assert state is not None
     assert info["status"] == "finished"
-    assert (info["grain_count"], info["frame_count"], info["step"], info["time"]) == (
-        5,
-        9,
-        40,
-        state.time,
-    )
+    sizes = (info["grain_count"], info["frame_count"], info["step"], info["time"])
+    assert sizes == (5, 9, 40, state.time)
     assert info["state_digest"] == state.digest()
-    assert info["energy_closure"] == state.books[BOOK_NAMES.index("closure")]
+    assert info["energy_closure"] == state.named("books")["closure"]
     assert (info["heat_closure"], info["heat"]) == (None, None)
     assert info["solver"]["sweeps_mean"] == 10.0
     assert {"residual_rms_max", "unconverged_steps"} <= info["solver"].keys()
@@ -331,27 +314,22 @@ def test_info_has_what_the_command_line_promises(tmp_path: Path) -> None:
     assert info["hertz_deflection"] == pytest.approx(delta / 2e-3, rel=1e-12)
 
 
-def test_info_of_a_run_with_heat(tmp_path: Path) -> None:
-    model = make_model(heat=True)
-    state = run_whole(tmp_path / "run", model)
-    info = run_info(tmp_path / "run")
-    books = dict(zip(HEAT_BOOK_NAMES, state.heat_books.tolist(), strict=True))
-    heat = info["heat"]
+def test_info_of_a_run_with_heat(heated: Path) -> None:
+    info = run_info(heated)
+    with open_run(heated) as run:
+        state, model = run.state(), run.model
+    assert state is not None
+    assert model.thermal is not None
+    books, heat = dict(zip(HEAT_BOOK_NAMES, state.heat_books.tolist(), strict=True)), info["heat"]
     assert info["heat_closure"] == heat["books"]["closure"] == books["closure"]
     assert heat["books"] == {name: books[name] for name in HEAT_BOOK_NAMES[:11]}
-    assert (heat["sub_steps"], heat["max_biot"], heat["solid_gas_max"]) == (
-        80,
-        books["max_biot"],
-        books["solid_gas_max"],
-    )
-    assert model.thermal is not None
-    temperature = state.temperature(model.thermal)
-    mean = (temperature * model.thermal.capacity).sum() / model.thermal.capacity.sum()
+    assert heat["sub_steps"] == 80
+    assert all(heat[name] == books[name] for name in ("max_biot", "solid_gas_max"))
+    temperature, capacity = state.temperature(model.thermal), model.thermal.capacity
+    mean = (temperature * capacity).sum() / capacity.sum()
     assert heat["temperature"]["mean"] == pytest.approx(mean, rel=1e-14)
-    assert (heat["temperature"]["min"], heat["temperature"]["max"]) == (
-        temperature.min(),
-        temperature.max(),
-    )
+    ends = (heat["temperature"]["min"], heat["temperature"]["max"])
+    assert ends == (temperature.min(), temperature.max())
     state.heat_books[:] = 0.0
     assert summarize(state, model)["heat"]["solid_gas_max"] is None
 
@@ -395,17 +373,10 @@ def test_model_without_friction_by_temperature_has_none(tmp_path: Path) -> None:
 def test_runs_of_older_formats_are_whole_without_younger_datasets(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for row in schema.RESULTS_TABLE:
-        if row.path in (
-            "particles/wear",
-            "walls/wear",
-            "contacts/slip",
-            "series/max_biot",
-            "series/strain",
-        ):
-            monkeypatch.setitem(
-                vars(row), "since", (schema.FORMAT_VERSION[0], schema.FORMAT_VERSION[1] + 1)
-            )
+    younger = ("particles/wear", "walls/wear", "contacts/slip", "series/max_biot", "series/strain")
+    major, minor = schema.FORMAT_VERSION
+    for path in younger:
+        monkeypatch.setitem(vars(schema.DATASETS[path]), "since", (major, minor + 1))
     run_whole(tmp_path / "run", make_model(heat=True), steps=10)
     with open_run(tmp_path / "run") as run:
         assert verify(tmp_path / "run") == []
@@ -432,23 +403,15 @@ def test_frames_say_what_they_hold_and_cannot_be_changed(finished: Path) -> None
         Contacts.impulse.__doc__
         == "Normal and tangential impulse on i in the last step [N s], shape ``(c, 2)``"
     )
-    with (
-        open_run(finished) as run,
-        pytest.raises(AttributeError, match="particles/spin is read from a file"),
-    ):
+    with open_run(finished) as run, pytest.raises(AttributeError, match="spin is read from a file"):
         run.frames[0].spin = np.zeros(3)
 
 
 def test_info_of_a_run_that_has_just_begun(tmp_path: Path) -> None:
     with make_run(tmp_path / "run"):
         info = run_info(tmp_path / "run")
-    assert (info["status"], info["frame_count"], info["step"], info["state_digest"]) == (
-        "running",
-        0,
-        None,
-        None,
-    )
-    assert info["walls"] == []
+    assert (info["status"], info["frame_count"], info["walls"]) == ("running", 0, [])
+    assert (info["step"], info["state_digest"]) == (None, None)
     assert verify(tmp_path / "run") == []
 
 
@@ -456,15 +419,8 @@ def test_table_of_checkpoints_covers_the_state() -> None:
     state = start(make_model())
     assert list(schema.names(schema.CHECKPOINT)) == list(state.as_dict())
     assert {entry.series for entry in BOOKS + HEAT_BOOKS} <= set(schema.names(schema.SERIES))
-    for table in (
-        schema.MODEL,
-        schema.STEPS,
-        schema.PARTICLES,
-        schema.CONTACTS,
-        schema.WALLS,
-        schema.SERIES,
-    ):
-        assert all(row.value is not None for row in table)
+    written = {row for row in schema.RESULTS_TABLE if row.value is None}
+    assert written == {*schema.SCENARIO, *schema.OFFSETS}
 
 
 @pytest.mark.parametrize("page", FORMATS, ids=lambda page: page.stem)
