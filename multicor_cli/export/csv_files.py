@@ -42,17 +42,8 @@ def export_csv(
 
     Files are named by the number of the frame: ``grains-000012.csv``, ``contacts-…`` (where they
     are recorded), ``walls-…`` (where there are walls); ``frames.csv`` holds step, time and stage of
-    each, ``series.csv`` the whole time series.
-
-    Args:
-        run: The run.
-        path: The directory.
-        frames: Which frames; all by default.
-        is_overwriting: Whether an export that is there may be replaced.
-        progress: Is told how far it is.
-
-    Returns:
-        Number of frames.
+    each, ``series.csv`` the whole time series. Gives the number of ``frames``, which are all by
+    default; an export that is there is replaced only if ``is_overwriting``.
 
     Raises:
         ExportError: If there are no such frames.

@@ -27,7 +27,7 @@ from multicor_cli.running.conditions import is_due
 from multicor_cli.running.from_scenario import make_plan
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.session import make_engine
-from multicor_cli.scenario.scenario import Scenario, parse_scenario
+from multicor_cli.scenario.scenario import parse_scenario
 from multicor_cli.store import Frame, Run
 from multicor_cli.store.atomic import GuardedFile, commit_file, make_directory, temporary_beside
 from multicor_cli.store.errors import DamagedRun, StorageError
@@ -101,11 +101,10 @@ def _blocks(problem: ContactProblem) -> tuple[NDArray[np.int64], NDArray[np.int6
     count = np.bincount(body, minlength=len(problem.velocity))
     total = int((count.astype(np.int64) ** 2).sum())
     if 4 * total > _ENTRY_LIMIT:
-        message = (
+        raise ExportError(
             f"the matrix of the contact problem has {4 * total} entries, more than "
             f"{_ENTRY_LIMIT}; export a smaller run"
         )
-        raise ExportError(message)
     # Every incidence of a body with every other: those of one body lie next to each other.
     repeat = count[body]
     one = np.repeat(np.arange(len(body)), repeat)
@@ -148,13 +147,7 @@ def write_fclib(
 ) -> None:
     """Write a problem in the format of FCLib.
 
-    Args:
-        problem: The problem, of at least one contact.
-        path: The file.
-        start: Impulses to start from [N s], shape ``(c, 2)``; none by default.
-        title: What the problem is.
-        description: More about it.
-        is_overwriting: Whether a file that is there may be replaced.
+    ``start`` are impulses to start from [N s], shape ``(c, 2)``; ``title`` says what it is.
 
     Raises:
         ExportError: If there is no contact, or W is too large.
@@ -162,8 +155,7 @@ def write_fclib(
         StorageError: If it cannot be written.
     """
     if not len(problem.pair):
-        message = "there is no contact, so there is no contact problem to export"
-        raise ExportError(message)
+        raise ExportError("there is no contact, so there is no contact problem to export")
     check_output(path, is_overwriting=is_overwriting)
     form = local_form(problem)
 
@@ -191,12 +183,8 @@ def write_fclib(
 def _write_local(file: h5py.File, form: LocalForm) -> None:
     local = file.create_group(_LOCAL)
     local["spacedim"] = np.array([2], np.int32)
-    for name, number in {
-        "nzmax": len(form.value),
-        "m": len(form.q),
-        "n": len(form.q),
-        "nz": _ROWS,
-    }.items():
+    rows = len(form.q)
+    for name, number in {"nzmax": len(form.value), "m": rows, "n": rows, "nz": _ROWS}.items():
         local[f"W/{name}"] = np.array([number], np.int32)
     local["W/p"], local["W/i"], local["W/x"] = form.start, form.column, form.value
     local["vectors/q"], local["vectors/mu"] = form.q, form.friction
@@ -234,11 +222,8 @@ def read_fclib(path: Path) -> tuple[ContactProblem, Floats | None]:
     """
     with reading(path), regular_path(path) as opened, h5py.File(opened, "r", locking=False) as file:
         if _BODIES not in file:
-            known = (
-                "an FCLib file, but one of another program"
-                if _LOCAL in file or "fclib_global" in file
-                else "not an FCLib file"
-            )
+            is_fclib = _LOCAL in file or "fclib_global" in file
+            known = "an FCLib file, but one of another program" if is_fclib else "not an FCLib file"
             raise ExportError(
                 f"{path}: is {known}; only files that multicor has exported can be read back"
             )
@@ -304,12 +289,8 @@ def export_fclib(
 ) -> FrameProblem:
     """Write the contact problem of the step after a frame in the format of FCLib.
 
-    Args:
-        run: The run.
-        path: The file.
-        frame: Number of the frame; negative counts from the end.
-        is_overwriting: Whether a file that is there may be replaced.
-        computing: Context in which kernels are compiled and run, before anything is written.
+    A negative number counts from the end. ``computing`` is a context in which kernels are compiled
+    and run, before anything is written.
 
     Raises:
         ExportError: If there is no such frame, the step is one in which nothing moves, there is no
@@ -342,11 +323,8 @@ def frame_problem(run: Run, number: int = -1) -> FrameProblem:
     """The contact problem of the step after a frame: what the engine would solve next.
 
     In a run with ``output.precision = "double"`` it is the problem that the run has solved, to the
-    bit. Without recorded contacts there are no impulses to start from.
-
-    Args:
-        run: The run.
-        number: Number of the frame; negative counts from the end.
+    bit. Without recorded contacts there are no impulses to start from. A negative number counts
+    from the end.
 
     Raises:
         ExportError: If there is no such frame, the step is one in which nothing moves, or contacts
@@ -357,43 +335,27 @@ def frame_problem(run: Run, number: int = -1) -> FrameProblem:
     model = run.model
     _refuse_further_laws(run, model)
     if model.outlets is not None:
-        message = (
+        raise ExportError(
             f"{run.path}: grains come and go in this run, so that the next contact problem is not "
             "that of the grains of a frame"
         )
-        raise ExportError(message)
     scenario = parse_scenario(run.scenario_resolved, run.path)
     plan = make_plan(scenario, model)
     moment = _find_moment(run, frame, plan)
     stage = plan.stages[moment.stage]
     if stage.is_frozen:
-        message = (
+        raise ExportError(
             f"{run.path}: nothing moves in stage '{stage.name}' after frame {frame.index}, so "
             "there is no contact problem"
         )
-        raise ExportError(message)
     state = _restore(frame, model, moment)
     state.wall_origin = _wall_origin(run, frame, stage, moment)
-    problem, start = _next_problem(scenario, plan, model, state, moment)
-    return FrameProblem(
-        problem,
-        start,
-        frame.index,
-        frame.time,
-        stage.name,
-        stage.step_after(moment.stage_step),
-        moment.is_beyond,
-    )
-
-
-def _next_problem(
-    scenario: Scenario, plan: RunPlan, model: Model, state: State, moment: _Moment
-) -> tuple[ContactProblem, Floats]:
-    engine, stage = make_engine(scenario, model, state, threads=1), plan.stages[moment.stage]
+    engine, done = make_engine(scenario, model, state, threads=1), moment.stage_step
     engine.resume(stage.orders(moment.starts))
-    return engine.next_start(
-        stage.step_after(moment.stage_step), stage.time_after(moment.stage_step)
-    )
+    dt = stage.step_after(done)
+    problem, start = engine.next_start(dt, stage.time_after(done))
+    of_frame = (frame.index, frame.time, stage.name, dt, moment.is_beyond)
+    return FrameProblem(problem, start, *of_frame)
 
 
 def _refuse_further_laws(run: Run, model: Model) -> None:
@@ -401,11 +363,10 @@ def _refuse_further_laws(run: Run, model: Model) -> None:
     laws = {"adhesion": model.laws.adhesion, "rolling resistance": model.laws.rolling}
     for name, table in laws.items():
         if table.size:
-            message = (
+            raise ExportError(
                 f"{run.path}: contacts of this run have {name}, which the format of FCLib does "
                 "not know"
             )
-            raise ExportError(message)
 
 
 def _find_moment(run: Run, frame: Frame, plan: RunPlan) -> _Moment:
@@ -456,10 +417,8 @@ def _restore(frame: Frame, model: Model, moment: _Moment) -> State:
     """The state of a frame, as far as the next contact problem depends on it."""
     state = State.at_rest(model, np.column_stack([frame.position, frame.angle]).astype(np.float64))
     state.velocity = np.column_stack([frame.velocity, frame.spin]).astype(np.float64)
-    state.wall_position, state.wall_velocity = (
-        frame.wall_position.copy(),
-        frame.wall_velocity.copy(),
-    )
+    state.wall_position = frame.wall_position.copy()
+    state.wall_velocity = frame.wall_velocity.copy()
     if frame.wall_surface is not None:
         state.wall_surface = frame.wall_surface.copy()
     contacts = frame.contacts
@@ -467,18 +426,10 @@ def _restore(frame: Frame, model: Model, moment: _Moment) -> State:
     state.contact_i, state.contact_j = contacts.i[loaded], contacts.j[loaded]
     state.contact_impulse = contacts.impulse[loaded].astype(np.float64)
     state.step, state.time, state.last_dt = frame.step, frame.time, frame.dt
-    state.stage, state.stage_step, state.stage_start = (
-        moment.stage,
-        moment.stage_step,
-        moment.starts[-1],
-    )
-    if (
-        model.thermal is not None
-        and frame.temperature is not None
-        and frame.wall_temperature is not None
-    ):
-        state.heat = (
-            frame.temperature - model.thermal.initial_temperature
-        ) * model.thermal.capacity
-        state.wall_temperature = frame.wall_temperature.copy()
+    state.stage, state.stage_step = moment.stage, moment.stage_step
+    state.stage_start = moment.starts[-1]
+    thermal, walls = model.thermal, frame.wall_temperature
+    if thermal is not None and frame.temperature is not None and walls is not None:
+        state.heat = (frame.temperature - thermal.initial_temperature) * thermal.capacity
+        state.wall_temperature = walls.copy()
     return state

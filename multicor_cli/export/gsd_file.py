@@ -35,17 +35,7 @@ def export_gsd(
     is_overwriting: bool = False,
     progress: Progress = no_progress,
 ) -> int:
-    """Write frames of a run as a GSD file.
-
-    Args:
-        run: The run.
-        path: The file.
-        frames: Which frames; all by default.
-        is_overwriting: Whether a file that is there may be replaced.
-        progress: Is told how far it is.
-
-    Returns:
-        Number of frames.
+    """Write ``frames`` of a run, all by default, as a GSD file; gives their number.
 
     Raises:
         ExportError: If there are no such frames.

@@ -268,9 +268,8 @@ class Run:
     def _scenario(self, kind: str, name: str) -> str:
         if self.path.is_dir():
             return read_scenario(self.path / name, str(self.info[f"{kind}_sha256"]))
-        spec = next(spec for spec in schema.SCENARIO if spec.name == kind)
         with CheckedFile(self.path, RESULTS_FILETYPE) as file:
-            return file.strings(spec)[0]
+            return file.strings(schema.DATASETS[f"scenario/{kind}"])[0]
 
     def _find_parts(self) -> list[Part]:
         if self._results is not None:
@@ -364,20 +363,12 @@ def _info_of_results(path: Path) -> Document:
             name: file.text(name)
             for name in ("run_id", "stop_reason", "started", "finished", "precision")
         }
-        stages = file.strings(next(spec for spec in schema.SCENARIO if spec.name == "stages"))
-        frames = int(
-            file.dataset(next(spec for spec in schema.STEPS if spec.name == "step")).shape[0]
-        )
+        stages = file.strings(schema.DATASETS["scenario/stages"])
+        frames = int(file.dataset(schema.DATASETS["steps/step"]).shape[0])
         digest = file.text("data_digest")
     results = {"size": path.stat().st_size, "data_digest": digest, "frames": frames}
-    return {
-        **texts,
-        **described,
-        "stages": stages,
-        "exit_code": 0,
-        "timings": {},
-        "results": results,
-    }
+    more = {"stages": stages, "exit_code": 0, "timings": {}, "results": results}
+    return {**texts, **described, **more}
 
 
 # ---- What ``multicor info`` reports
@@ -416,51 +407,39 @@ def run_info(path: Path | str) -> dict[str, Any]:
     with open_run(path) as run:
         info = run.info
         summary = {**empty_summary(), **(info["summary"] or {})}
-        results = info["results"] or {}
+        step, steering = summary["step"], info.get("steering")
+        try:
+            walls = list(run.wall_names)
+        except DamagedRun:
+            if info["summary"] is not None:
+                raise
+            walls = []
         return {
             "path": str(run.path),
             "run_id": run.run_id,
             "status": run.status,
-            "stop_reason": info["stop_reason"],
-            "exit_code": info["exit_code"],
-            **{
-                name: summary[name]
-                for name in ("grain_count", "step", "time", "stage", "state_digest")
-            },
+            **{name: info[name] for name in ("stop_reason", "exit_code")},
+            **summary,
             "frame_count": len(run.frames),
             "series_count": run.series.row_count,
             "stages": list(run.stages),
-            "stage_ends": _kept(info.get("stage_ends", []), summary["step"]),
+            "stage_ends": _kept(info.get("stage_ends", []), step),
             "origin": info.get("origin"),
             "extensions": info.get("extensions", []),
-            "steering": _steering(info.get("steering"), summary["step"]),
-            "walls": _walls(run),
-            **{
-                name: value
-                for name, value in summary.items()
-                if name not in ("grain_count", "step", "time", "stage")
-            },
+            "steering": steering and {**steering, "decisions": _kept(steering["decisions"], step)},
+            "walls": walls,
             **_heartbeat(run),
             "worst_step": _worst_step(run),
             "hertz_deflection": hertz_deflection(run, summary["max_contact_force"]),
-            "started": info["started"],
-            "finished": info["finished"],
             "duration": _seconds(info["started"], info["finished"] or info.get("updated", "")),
-            "timings": info["timings"],
-            "data_digest": results.get("data_digest"),
-            "provenance": info["provenance"],
+            "data_digest": (info["results"] or {}).get("data_digest"),
+            **{name: info[name] for name in ("started", "finished", "timings", "provenance")},
         }
 
 
 def _kept(events: list[dict[str, Any]], step: int | None) -> list[dict[str, Any]]:
     """What had happened by the newest checkpoint: what came later is lost, and happens again."""
     return [event for event in events if event["step"] <= (step or 0)]
-
-
-def _steering(steering: dict[str, Any] | None, step: int | None) -> dict[str, Any] | None:
-    return (
-        None if steering is None else {**steering, "decisions": _kept(steering["decisions"], step)}
-    )
 
 
 def _heartbeat(run: Run) -> dict[str, Any]:
@@ -523,15 +502,6 @@ def _elastic(material: Any) -> tuple[float, float] | None:
     ):
         return None
     return float(young), float(poisson)
-
-
-def _walls(run: Run) -> list[str]:
-    try:
-        return list(run.wall_names)
-    except DamagedRun:
-        if run.info["summary"] is None:
-            return []
-        raise
 
 
 def _seconds(start: str, end: str) -> float | None:

@@ -211,9 +211,9 @@ def run_whole(
         )
 
 
-def continue_run(path: Path) -> None:
+def continue_run(path: Path, model: Model | None = None) -> None:
     """What ``multicor run`` does: begin, continue, or find that it is finished."""
-    model = make_model()
+    model = model or make_model()
     run = RunDirectory.resume(path) if RunDirectory.is_run(path) else make_run(path)
     with run:
         if not run.is_finished:

@@ -447,7 +447,16 @@ def test_page_says_how_stages_ended(tmp_path: Path) -> None:
 def test_a_version_that_is_not_known_is_left_out() -> None:
     known = {"status": "running", "stages": [], "walls": [], "provenance": {}}
     counts = {"frame_count": 1, "series_count": 1}
-    names = ["stop_reason", "time", "step", "grain_count", "started", "finished", "duration", "state_digest"]
+    names = [
+        "stop_reason",
+        "time",
+        "step",
+        "grain_count",
+        "started",
+        "finished",
+        "duration",
+        "state_digest",
+    ]
     rows = describe_run({**dict.fromkeys(names), **known, **counts})
     assert "version" not in [row.name for row in rows]
 

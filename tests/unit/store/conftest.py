@@ -33,9 +33,9 @@ def heated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def copy(tmp_path: Path, finished: Path) -> Path:
-    return Path(shutil.copytree(finished, tmp_path / "copy"))
+    return Path(shutil.copytree(finished, tmp_path / "copy", symlinks=True))
 
 
 @pytest.fixture
 def open_copy(tmp_path: Path, unfinished: Path) -> Path:
-    return Path(shutil.copytree(unfinished, tmp_path / "copy"))
+    return Path(shutil.copytree(unfinished, tmp_path / "copy", symlinks=True))

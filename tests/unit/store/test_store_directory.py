@@ -9,7 +9,6 @@ import dataclasses
 import errno
 import json
 import os
-import resource
 import shutil
 import signal
 import subprocess
@@ -19,6 +18,7 @@ import traceback
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,12 +29,15 @@ from store_support import (
     SOURCE,
     continue_run,
     drive,
+    ends_of,
     errors_of,
+    file_size_limit,
     make_model,
     make_run,
     run_whole,
     start,
 )
+from system_calls import hooked
 
 from multicor_cli.model import State
 from multicor_cli.store import (
@@ -50,7 +53,7 @@ from multicor_cli.store import (
     run_info,
     verify,
 )
-from multicor_cli.store.atomic import GuardedFile
+from multicor_cli.store.atomic import GuardedFile, append_line, commit_bytes
 from multicor_cli.store.checkpoint import prune
 from multicor_cli.store.lock import RunLock, is_alive
 from multicor_cli.store.rundir import check_usable
@@ -64,7 +67,7 @@ def listing(path: Path) -> dict[str, bytes]:
 
 
 def in_child(action: Callable[[], object]) -> int:
-    """Exit code of a child process: 0, the exit code of a `StoreError`, or 99."""
+    """Number of a child process that ends with 0, the exit code of a `StoreError`, or 99."""
     child = os.fork()
     if child == 0:
         code = 99
@@ -77,16 +80,17 @@ def in_child(action: Callable[[], object]) -> int:
             traceback.print_exc()
         finally:
             os._exit(code)
-    status = os.waitpid(child, 0)[1]
-    assert os.WIFEXITED(status)
-    return os.WEXITSTATUS(status)
+    return child
 
 
 # --- who may use it
 
 
-def test_new_directory_has_the_scenario_byte_by_byte(tmp_path: Path) -> None:
+@pytest.mark.parametrize("is_there", [False, True])
+def test_new_directory_has_the_scenario_byte_by_byte(tmp_path: Path, is_there: bool) -> None:
     path = tmp_path / "with spaces" / "and ünïcode" / "run"
+    if is_there:
+        path.mkdir(parents=True)
     assert not RunDirectory.is_run(path)
     with make_run(path) as run:
         assert run.status == "running"
@@ -95,12 +99,6 @@ def test_new_directory_has_the_scenario_byte_by_byte(tmp_path: Path) -> None:
         assert (run.source_text, run.resolved_text) == (SOURCE, RESOLVED)
     assert (path / "scenario.toml").read_bytes() == SOURCE.encode()
     assert RunDirectory.is_run(path)
-
-
-def test_existing_empty_directory_is_used(tmp_path: Path) -> None:
-    (tmp_path / "run").mkdir()
-    make_run(tmp_path / "run").close()
-    assert RunDirectory.is_run(tmp_path / "run")
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
@@ -141,12 +139,8 @@ def test_existing_run_is_refused_unless_overwritten(copy: Path) -> None:
     assert listing(copy) == before
     with make_run(copy, overwrite=True) as run:
         assert run.load_checkpoint() is None
-        assert sorted(listing(copy)) == [
-            "lock",
-            "run.json",
-            "scenario.resolved.toml",
-            "scenario.toml",
-        ]
+        files = ["lock", "run.json", "scenario.resolved.toml", "scenario.toml"]
+        assert sorted(listing(copy)) == files
     run_whole(copy, overwrite=True)
     assert verify(copy) == []
 
@@ -198,18 +192,14 @@ def test_changed_scenario_and_another_model_are_noticed(open_copy: Path) -> None
             run.writer(make_model(4))
 
 
-def test_stopped_and_failed_runs_can_be_continued(tmp_path: Path) -> None:
+def test_stopped_and_failed_runs_can_be_continued(tmp_path: Path, finished: Path) -> None:
     path, model = tmp_path / "run", make_model()
     with make_run(path) as run:
         drive(run, model, steps=12, checkpoint_every=5, finish=False)
         run.finish("stopped", stop_reason="Ctrl-C", exit_code=130, timings={"solve": 1.5})
     info = run_info(path)
-    assert (info["status"], info["stop_reason"], info["exit_code"], info["timings"]) == (
-        "stopped",
-        "Ctrl-C",
-        130,
-        {"solve": 1.5},
-    )
+    said = [info[name] for name in ("status", "stop_reason", "exit_code", "timings")]
+    assert said == ["stopped", "Ctrl-C", 130, {"solve": 1.5}]
     with RunDirectory.resume(path) as run:
         assert run.status == "running"
         state = drive(run, model, steps=18, checkpoint_every=5, finish=False)
@@ -222,8 +212,7 @@ def test_stopped_and_failed_runs_can_be_continued(tmp_path: Path) -> None:
         # The last one is there to look at, and will be computed again
         assert reader.frames.step.tolist() == [0, 5, 10, 15, 20]
     continue_run(path)
-    run_whole(tmp_path / "whole")
-    assert run_info(path)["data_digest"] == run_info(tmp_path / "whole")["data_digest"]
+    assert ends_of(path) == ends_of(finished)
     assert len(json.loads((path / "run.json").read_text())["sessions"]) == 3
 
 
@@ -236,11 +225,8 @@ def test_finished_run_is_left_alone(copy: Path) -> None:
 
 
 def test_committed_files_are_read_only(unfinished: Path) -> None:
-    files = [
-        file
-        for pattern in ("segments/*.h5", "checkpoints/*.h5", "model.h5")
-        for file in unfinished.glob(pattern)
-    ]
+    patterns = ("segments/*.h5", "checkpoints/*.h5", "model.h5")
+    files = [file for pattern in patterns for file in unfinished.glob(pattern)]
     assert len(files) == 6
     assert not any(file.stat().st_mode & 0o222 for file in files)
 
@@ -345,12 +331,8 @@ def test_lock_of_a_dead_process_is_taken_over(tmp_path: Path) -> None:
 
 def test_lock_of_another_host_is_respected_unless_forced(tmp_path: Path) -> None:
     make_run(tmp_path / "run").close()
-    holder = {
-        "pid": 17,
-        "host": "elsewhere",
-        "started": "2026-01-01T00:00:00+00:00",
-        "start_ticks": 1,
-    }
+    started = "2026-01-01T00:00:00+00:00"
+    holder = {"pid": 17, "host": "elsewhere", "started": started, "start_ticks": 1}
     (tmp_path / "run" / "lock").write_text(json.dumps(holder))
     assert is_alive(tmp_path / "run" / "lock")
     with pytest.raises(
@@ -380,18 +362,16 @@ def test_file_size_limit_stops_with_code_5_and_the_run_goes_on_later(
     path, model = tmp_path / "run", make_model(120)
 
     def limited() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (limit_kb << 10, limit_kb << 10))
-        run_whole(path, model)
+        with file_size_limit(limit_kb << 10):
+            run_whole(path, model)
 
-    assert in_child(limited) == 5
+    assert os.waitstatus_to_exitcode(os.waitpid(in_child(limited), 0)[1]) == 5
     if RunDirectory.is_run(path):
         assert errors_of(path) == []
     assert list(path.rglob("*.h5.tmp")) == []
-    run = RunDirectory.resume(path) if RunDirectory.is_run(path) else make_run(path)
-    with run:
-        drive(run, model, steps=40, checkpoint_every=15)
+    continue_run(path, model)
     run_whole(tmp_path / "whole", model)
-    assert run_info(path)["data_digest"] == run_info(tmp_path / "whole")["data_digest"]
+    assert ends_of(path) == ends_of(tmp_path / "whole")
 
 
 def test_full_disk_is_noticed_before_a_file_is_begun(
@@ -444,8 +424,6 @@ def test_guarded_file_keeps_the_first_error_and_swallows_the_rest(
 def test_short_write_of_the_manifest_leaves_no_half_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from multicor_cli.store.atomic import append_line
-
     append_line(tmp_path / "lines", "test", b"first\n")
     write = os.write
     monkeypatch.setattr(os, "write", lambda descriptor, data: write(descriptor, data[:3]))
@@ -489,15 +467,12 @@ def test_reading_while_running(tmp_path: Path) -> None:
     them.
     """
     path, seen = tmp_path / "run", 0
-    child = os.fork()
-    if child == 0:
-        code = 1
-        try:
-            with make_run(path) as run:
-                drive(run, make_model(), steps=80, checkpoint_every=10)
-            code = 0
-        finally:
-            os._exit(code)
+
+    def go_on() -> None:
+        with make_run(path) as run:
+            drive(run, make_model(), steps=80, checkpoint_every=10)
+
+    child = in_child(go_on)
     deadline = time.monotonic() + 50.0
     while not os.waitpid(child, os.WNOHANG)[0]:
         assert time.monotonic() < deadline
@@ -519,26 +494,19 @@ def test_reading_while_running(tmp_path: Path) -> None:
 # --- the order of a commit
 
 
-def test_commit_flushes_file_and_directory_around_the_rename(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A power cut cannot be tried here; the order of the calls that survive one can be seen."""
-    from multicor_cli.store.atomic import commit_bytes
-
+def test_commit_flushes_file_and_directory_around_the_rename(tmp_path: Path) -> None:
+    """The order of the calls (`reliability/test_power_cut` tries what they survive)."""
     calls: list[str] = []
-    fsync, replace = os.fsync, Path.replace
 
-    def log_fsync(descriptor: int) -> None:
-        calls.append("fsync " + Path(f"/proc/self/fd/{descriptor}").readlink().name)
-        fsync(descriptor)
+    def log(name: str, args: tuple[Any, ...], call: Callable[[], object]) -> object:
+        if name == "fsync":
+            calls.append("fsync " + Path(f"/proc/self/fd/{args[0]}").readlink().name)
+        elif name in ("replace", "rename"):
+            calls.append(f"replace {Path(args[0]).name} {Path(args[1]).name}")
+        return call()
 
-    def log_replace(source: Path, target: Path) -> Path:
-        calls.append(f"replace {source.name} {target.name}")
-        return replace(source, target)
-
-    monkeypatch.setattr(os, "fsync", log_fsync)
-    monkeypatch.setattr(Path, "replace", log_replace)
-    commit_bytes(tmp_path / "file", "test", b"content")
+    with hooked(log):
+        commit_bytes(tmp_path / "file", "test", b"content")
     assert calls == ["fsync file.tmp", "replace file.tmp file", f"fsync {tmp_path.name}"]
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from store_support import make_model, make_run, run_whole, start
 
-from multicor_cli.model import State
+from multicor_cli.model import Model, State
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.store import Frame, Snapshot, open_run, verify
 from multicor_cli.store.vtkhdf import NO_CONTACT
@@ -115,16 +115,15 @@ def check_run(directory: Path) -> int:
     return steps
 
 
-@pytest.mark.parametrize("heat", [False, True])
-@pytest.mark.parametrize("precision", ["double", "single"])
-def test_every_step_is_read_back(tmp_path: Path, heat: bool, precision: str) -> None:
-    run_whole(tmp_path / "run", make_model(heat=heat), precision=precision)
-    assert check_run(tmp_path / "run") == 9
-
-
-@pytest.mark.parametrize("grains", [1, 5])
-def test_runs_without_walls(tmp_path: Path, grains: int) -> None:
-    run_whole(tmp_path / "run", make_model(grains, walls=False))
+@pytest.mark.parametrize(
+    ("model", "precision"),
+    [
+        *((make_model(heat=heat), kind) for heat in (False, True) for kind in ("double", "single")),
+        *((make_model(grains, walls=False), "double") for grains in (1, 5)),
+    ],
+)
+def test_every_step_is_read_back(tmp_path: Path, model: Model, precision: str) -> None:
+    run_whole(tmp_path / "run", model, precision=precision)
     assert check_run(tmp_path / "run") == 9
 
 
@@ -199,17 +198,15 @@ def test_contacts_with_walls_and_across_the_period_end_in_a_point_of_their_own(
     assert np.isnan(array(step.GetPointData(), "spin")[5:]).all()
 
 
-def test_the_view_holds_links_not_copies(tmp_path: Path) -> None:
-    run_whole(tmp_path / "run", make_model(heat=True))
-    with h5py.File(tmp_path / "run" / "results.h5") as file:
+def test_the_view_holds_links_not_copies(heated: Path) -> None:
+    with h5py.File(heated / "results.h5") as file:
         assert file["VTKHDF/Steps/Values"] == file["steps/time"]
         for name in ("Points", "PointData/temperature", "CellData/normal_impulse"):
             assert file[f"VTKHDF/{name}"].is_virtual
 
 
-def test_the_second_name_follows_when_the_directory_is_moved(tmp_path: Path) -> None:
-    run_whole(tmp_path / "run")
-    shutil.move(tmp_path / "run", tmp_path / "elsewhere")
+def test_the_second_name_follows_when_the_directory_is_moved(copy: Path, tmp_path: Path) -> None:
+    shutil.move(copy, tmp_path / "elsewhere")
     assert check_run(tmp_path / "elsewhere") == 9
 
 
