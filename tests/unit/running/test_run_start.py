@@ -33,11 +33,24 @@ CASES = {
 """Scenarios, and after how many stages they are cut."""
 
 
+LID = (
+    '[[walls]]\nname = "lid"\nmaterial = "glass"\n'
+    'geometry = { kind = "plane", point = [0.0, 0.02], normal = [0.0, -1.0] }\n'
+)
+
+
+def group_of(name, more="", shape="sphere", kind="start"):
+    head = f'[[particles]]\nname = "{name}"\nmaterial = "glass"\nshape = "{shape}"\n'
+    return f'{head}packing = {{ kind = "{kind}" }}\n{more}'
+
+
 def state_of(directory):
     with open_run(directory) as run:
-        state = run.state()
-    assert state is not None
-    return state
+        return run.state()
+
+
+def placed_at(folder, text):
+    return place(load_scenario(written(folder / "placed.toml", text)))
 
 
 @pytest.fixture(scope="module")
@@ -120,33 +133,22 @@ def test_the_last_frame_is_the_end_where_frames_hold_all(place_of):
 
 def test_a_frame_gives_its_temperatures(place_of):
     folder = place_of("after frozen")
-    placed = place(
-        load_scenario(written(folder / "frame.toml", going_on(HOT, 2, "first", "frame = 3")))
-    )
+    placed = placed_at(folder, going_on(HOT, 2, "first", "frame = 3"))
     with open_run(folder / "first") as run:
         frame = run.frames[3]
-        assert placed.model.thermal is not None
         assert np.array_equal(placed.state.temperature(placed.model.thermal), frame.temperature)
         assert np.array_equal(placed.state.velocity[:, :2], frame.velocity)
         loaded = frame.contacts.impulse[:, 0] > 0.0
         assert np.array_equal(placed.state.contact_impulse, frame.contacts.impulse[loaded])
         assert placed.state.last_dt == frame.dt
-    assert placed.origin is not None
     assert (placed.origin.frame, placed.origin.step) == (3, frame.step)
 
 
-def contacts_by_wall(scenario_model, state):
+def contacts_by_wall(model, state):
     """Impulses of the contacts with walls that have one shape, by grain and wall."""
-    model = scenario_model
-    n = len(state.position)
-    names = [model.walls.names[w] for w in model.shapes.wall]
-    return {
-        (int(i), names[j - n]): tuple(p)
-        for i, j, p in zip(
-            state.contact_i, state.contact_j, state.contact_impulse.tolist(), strict=True
-        )
-        if j >= n
-    }
+    n, names = len(state.position), [model.walls.names[w] for w in model.shapes.wall]
+    rows = zip(state.contact_i, state.contact_j, state.contact_impulse.tolist(), strict=True)
+    return {(int(i), names[j - n]): tuple(p) for i, j, p in rows if j >= n}
 
 
 def test_walls_are_known_by_their_names(place_of):
@@ -157,17 +159,11 @@ def test_walls_are_known_by_their_names(place_of):
     text = going_on(BOX, 1, "first")
     begin, end = text.index('[[walls]]\nname = "floor"'), text.index('[[walls]]\nname = "right"')
     floor, left = (f"[[walls]]{part}" for part in text[begin:end].split("[[walls]]")[1:])
-    lid = (
-        '[[walls]]\nname = "lid"\nmaterial = "glass"\n'
-        'geometry = { kind = "plane", point = [0.0, 0.02], normal = [0.0, -1.0] }\n'
-    )
-    text = changed(text, (floor + left, ""), ("[[loading]]", floor + lid + "[[loading]]"))
-    placed = place(load_scenario(written(folder / "walls.toml", text)))
+    text = changed(text, (floor + left, ""), ("[[loading]]", floor + LID + "[[loading]]"))
+    placed = placed_at(folder, text)
     with open_run(folder / "first") as run:
         before, state = run.model, run.state()
-    assert state is not None
     assert placed.model.walls.names == ("right", "floor", "lid")
-    assert placed.origin is not None
     assert (placed.origin.walls, placed.origin.new_walls, placed.origin.lost_walls) == (
         ("right", "floor"),
         ("lid",),
@@ -204,7 +200,7 @@ def test_a_wall_of_another_shape_stands_where_the_run_has_it_and_carries_nothing
         ),
     )
     state = state_of(folder / "first")
-    placed = place(load_scenario(written(folder / "shape.toml", text)))
+    placed = placed_at(folder, text)
     assert placed.state.wall_position[1].tolist() == state.wall_position[1].tolist()
     n, bottom = placed.model.grain_count, int((placed.model.shapes.wall == 0).sum())
     assert placed.state.contact_j.max() < n + bottom < state.contact_j.max()
@@ -215,25 +211,11 @@ def test_materials_are_those_of_the_new_file(place_of):
     """Grains whose heat capacity changes keep their temperature; their heat counts from there."""
     folder = place_of("after frozen")
     state = state_of(folder / "first")
-    placed = place(
-        load_scenario(
-            written(
-                folder / "material.toml", changed(going_on(HOT, 2, "first"), ("7500.0", "5000.0"))
-            )
-        )
-    )
+    placed = placed_at(folder, changed(going_on(HOT, 2, "first"), ("7500.0", "5000.0")))
     with open_run(folder / "first") as run:
-        assert np.allclose(
-            placed.model.grains.mass,
-            run.model.grains.mass * (5000.0 / 7500.0),
-            rtol=1e-15,
-            atol=0.0,
-        )
-        assert run.model.thermal is not None
-        assert placed.model.thermal is not None
-        assert np.array_equal(
-            placed.model.thermal.initial_temperature, state.temperature(run.model.thermal)
-        )
+        mass, temperature = run.model.grains.mass, state.temperature(run.model.thermal)
+    assert np.allclose(placed.model.grains.mass, mass * (5000.0 / 7500.0), rtol=1e-15, atol=0.0)
+    assert np.array_equal(placed.model.thermal.initial_temperature, temperature)
     assert not placed.state.heat.any()
     assert placed.state.heat_before.size == 0
     assert np.array_equal(placed.state.velocity, state.velocity)
@@ -243,135 +225,56 @@ def test_another_adhesion_leaves_the_impulses_as_they_are(place_of):
     """q = p + F_a Δt: what the contacts carry, p, does not depend on the new file."""
     folder = place_of("sticky")
     text = going_on(STICKY, 1, "first")
-    same = place(load_scenario(written(folder / "same.toml", text))).state
-    more = place(
-        load_scenario(
-            written(folder / "more.toml", changed(text, ("adhesion = 1e-3", "adhesion = 3e-3")))
-        )
-    ).state
-    none = place(
-        load_scenario(
-            written(
-                folder / "none.toml",
-                changed(text, ("adhesion = 1e-3\nrolling_friction = 0.05", "")),
-            )
-        )
-    ).state
-    assert np.allclose(
-        more.contact_impulse[:, 0] - same.contact_impulse[:, 0],
-        2e-3 * same.last_dt,
-        rtol=1e-9,
-        atol=0.0,
-    )
-    assert np.allclose(
-        none.contact_impulse[:, 0],
-        np.maximum(same.contact_impulse[:, 0] - 1e-3 * same.last_dt, 0.0),
-        atol=1e-20,
-    )
+    same = placed_at(folder, text).state
+    more = placed_at(folder, changed(text, ("adhesion = 1e-3", "adhesion = 3e-3"))).state
+    none = placed_at(folder, changed(text, ("adhesion = 1e-3\nrolling_friction = 0.05", ""))).state
+    carried, dt = same.contact_impulse[:, 0], same.last_dt
+    assert np.allclose(more.contact_impulse[:, 0] - carried, 2e-3 * dt, rtol=1e-9, atol=0.0)
+    less = np.maximum(carried - 1e-3 * dt, 0.0)
+    assert np.allclose(none.contact_impulse[:, 0], less, atol=1e-20)
     assert none.contact_couple.size == 0
     assert same.contact_couple.size == same.contact_i.size
 
 
 def test_groups_may_be_named_to_change_them(place_of):
     folder = place_of("box")
-    group = (
-        '[[particles]]\nname = "{}"\nmaterial = "glass"\nshape = "sphere"\n'
-        'packing = {{ kind = "start" }}\n{}'
-    )
-    text = changed(
-        going_on(BOX, 1, "first"),
-        (
-            "[[walls]]",
-            group.format("large", "velocity = [0.5, 0.0]\n")
-            + group.format("small", "")
-            + "[[walls]]",
-        ),
-    )
-    placed = place(load_scenario(written(folder / "groups.toml", text)))
-    state = state_of(folder / "first")
+    groups = group_of("large", "velocity = [0.5, 0.0]\n") + group_of("small")
+    text = changed(going_on(BOX, 1, "first"), ("[[walls]]", groups + "[[walls]]"))
+    placed, state = placed_at(folder, text), state_of(folder / "first")
     assert np.array_equal(placed.state.velocity[:25, 0], state.velocity[:25, 0] + 0.5)
     assert np.array_equal(placed.state.velocity[25:], state.velocity[25:])
 
 
-_GROUP = (
-    '[[particles]]\nname = "{}"\nmaterial = "glass"\nshape = "{}"\npacking = {{ kind = "{}" }}\n{}'
-)
-_SIZES = 'count = 5\nsizes = { kind = "uniform", min = 1e-4, max = 2e-4 }\n'
-MORE = _GROUP.format("more", "sphere", "random", _SIZES) + "[[walls]]"
-STRANGE = _GROUP.format("more", "sphere", "start", "") + "[[walls]]"
-DISCS = (
-    "".join(
-        _GROUP.format(name, "disc", "start", "thickness = 1e-3\n") for name in ("large", "small")
-    )
-    + "[[walls]]"
-)
+SIZES = 'count = 5\nsizes = { kind = "uniform", min = 1e-4, max = 2e-4 }\n'
+DISCS = "".join(group_of(name, "thickness = 1e-3\n", "disc") for name in ("large", "small"))
+RUN, WALLS = 'run = "first"\n', "[[walls]]"
+LAW = '[[contacts]]\npair = ["*", "*"]\nfriction = 0.3\nrestitution = 0.5'
 
 REFUSED = {
-    "no run": (
-        ('run = "first"', 'run = "nowhere"'),
-        "start.run",
-        "not a run directory",
-        "give the directory",
-    ),
-    "no frame": (
-        ('run = "first"\n', 'run = "first"\nframe = 99'),
-        "start.frame",
-        "no frame 99",
-        "choose another frame",
-    ),
-    "both": (
-        ('run = "first"\n', 'run = "first"\nat = "end"\nframe = 1'),
-        "start.frame",
-        "both",
-        "one of them",
-    ),
-    "unknown": (('run = "first"\n', 'run = "first"\nat = "now"'), "start.at", "'end'", "use it"),
-    "small domain": (
-        ("size = [0.012, 0.02]", "size = [0.006, 0.02]"),
-        "domain.size",
-        "grains of the run",
-        "enlarge",
-    ),
-    "no material": (
-        ("[materials.glass]", "[materials.sand]"),
-        "start.run",
-        'no material "glass"',
-        "add [materials.glass]",
-    ),
-    "no law": (
-        ('[[contacts]]\npair = ["*", "*"]\nfriction = 0.3\nrestitution = 0.5', ""),
-        "contacts",
-        "no contact law",
-        "add",
-    ),
-    "grains": (
-        ("[[walls]]", MORE),
-        "particles.0.packing",
-        "beside a table [start]",
-        "remove [[particles]]",
-    ),
-    "other groups": (
-        ("[[walls]]", STRANGE),
-        "particles",
-        "has the groups large, small",
-        "in their order",
-    ),
-    "other shape": (
-        ("[[walls]]", DISCS),
-        "particles.0.shape",
-        "other grains than discs",
-        "shape that they have",
-    ),
-}
+    "no run": ('"first"', '"nowhere"', "start.run", "not a run directory", "give the directory"),
+    "no frame": (RUN, RUN + "frame = 99", "start.frame", "no frame 99", "choose another frame"),
+    "both": (RUN, RUN + 'at = "end"\nframe = 1', "start.frame", "both", "one of them"),
+    "unknown": (RUN, RUN + 'at = "now"', "start.at", "'end'", "use it"),
+    "small domain": ("size = [0.012", "size = [0.006", "domain.size", "grains of the run",
+        "enlarge"),
+    "no material": ("materials.glass", "materials.sand", "start.run", 'no material "glass"',
+        "add [materials.glass]"),
+    "no law": (LAW, "", "contacts", "no contact law", "add"),
+    "grains": (WALLS, group_of("more", SIZES, kind="random") + WALLS, "particles.0.packing",
+        "beside a table [start]", "remove [[particles]]"),
+    "other groups": (WALLS, group_of("more") + WALLS, "particles", "has the groups large, small",
+        "in their order"),
+    "other shape": (WALLS, DISCS + WALLS, "particles.0.shape", "other grains than discs",
+        "shape that they have"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_does_not_fit_is_refused(case, place_of):
     folder = place_of("box")
-    change, key, message, remedy = REFUSED[case]
-    path = written(folder / "refused.toml", changed(going_on(BOX, 1, "first"), change))
+    old, new, key, message, remedy = REFUSED[case]
     with pytest.raises(ScenarioError) as caught:
-        place(load_scenario(path))
+        placed_at(folder, changed(going_on(BOX, 1, "first"), (old, new)))
     found = [problem for problem in caught.value.problems if problem.key == key]
     assert found, str(caught.value)
     assert message in found[0].message
@@ -385,7 +288,7 @@ def test_another_period_is_refused(place_of):
     with pytest.raises(
         ScenarioError, match=r"the period is 0 m, that of the run '.*' 0\.02 m"
     ) as caught:
-        place(load_scenario(written(folder / "period.toml", text)))
+        placed_at(folder, text)
     assert caught.value.problems[0].key == "domain.size"
 
 
@@ -457,13 +360,9 @@ def test_a_run_begins_once_more_from_the_same_moment_only(place_of, tmp_path, mo
 def test_commands_say_where_a_run_goes_on_from(place_of):
     folder = place_of("box")
     digest = run_info(folder / "first")["state_digest"]
-    lid = (
-        '[[walls]]\nname = "lid"\nmaterial = "glass"\n'
-        'geometry = { kind = "plane", point = [0.0, 0.02], normal = [0.0, -1.0] }\n'
-    )
     written(
         folder / "said.toml",
-        changed(going_on(BOX, 1, "first"), ("[[loading]]", lid + "[[loading]]")),
+        changed(going_on(BOX, 1, "first"), ("[[loading]]", LID + "[[loading]]")),
     )
     done = call("validate", "said.toml", cwd=folder)
     assert done.returncode == 0, done.stderr

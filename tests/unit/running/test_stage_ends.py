@@ -7,10 +7,10 @@ import math
 from dataclasses import asdict
 
 import pytest
-from command_line import call, read_info
+from command_line import read_info
 from run_fakes import in_pieces
 from scenarios import digests
-from scenes import ONE
+from scenes import ONE, changed
 
 from multicor_cli import run as run_scenario
 from multicor_cli.running.outcome import StageTimeout
@@ -33,58 +33,50 @@ def run_one(folder, stage):
     return run_scenario(write(folder, stage), folder / "run")
 
 
+def until(kind, **keys):
+    words = ", ".join(f"{key} = {value}" for key, value in keys.items())
+    return f"until = {{ {kind} = {{ {words} }} }}\n"
+
+
+def of_wall(kind, wall, axis, **keys):
+    return until(kind, wall=f'"{wall}"', axis=f'"{axis}"', **keys)
+
+
 ENDS = {
     # A wall at rest is told v: it has moved v Δt (n − 1/2) after n steps. 0.05 m/s for 0.2 s out of
     # 0.1 m: 10 % nearer.
     "axial strain": (
-        (
-            'until = { axial_strain = { walls = ["floor", "lid"], below = -0.1 } }\n'
-            "drives.lid = { y = { velocity = -0.05 } }"
-        ),
-        201,
-        -0.10025,
+        until("axial_strain", walls='["floor", "lid"]', below=-0.1)
+        + "drives.lid = { y = { velocity = -0.05 } }",
+        201, -0.10025,
     ),
     "the first wall moves": (
-        (
-            'until = { axial_strain = { walls = ["lid", "floor"], above = 0.25 } }\n'
-            "drives.floor = { y = { velocity = -0.1 } }"
-        ),
-        251,
-        0.2505,
+        until("axial_strain", walls='["lid", "floor"]', above=0.25)
+        + "drives.floor = { y = { velocity = -0.1 } }",
+        251, 0.2505,
     ),
     # x = v t²/(2 T) on a ramp to v in T: 0.2 · 0.3²/(2 · 0.5) = 0.018 m
     "displacement": (
-        """until = { displacement = { wall = "lid", axis = "x", above = 0.018 } }
-drives.lid = { x = { velocity = { ramp = [0.0, 0.2], duration = 0.5 } } }""",
-        300,
-        0.018,
+        of_wall("displacement", "lid", "x", above=0.018)
+        + "drives.lid = { x = { velocity = { ramp = [0.0, 0.2], duration = 0.5 } } }",
+        300, 0.018,
     ),
     "angle": (
-        (
-            'until = { displacement = { wall = "lid", axis = "spin", below = -0.02 } }\n'
-            "drives.lid = { spin = { velocity = -0.1 } }"
-        ),
-        201,
-        -0.02005,
+        of_wall("displacement", "lid", "spin", below=-0.02)
+        + "drives.lid = { spin = { velocity = -0.1 } }",
+        201, -0.02005,
     ),
     # reached by the window that ends at 8 · 0.02 s: (8 − 1/2) · 0.02 · 10 = 1.5 m/s²
     "force": (
-        (
-            f'until = {{ force = {{ wall = "floor", axis = "y", below = {-1.45 * MASS!r}, window '
-            f"= 0.02 }} }}\n{HEAVIER}"
-        ),
-        160,
-        -1.5 * MASS,
+        of_wall("force", "floor", "y", below=-1.45 * MASS, window=0.02) + HEAVIER,
+        160, -1.5 * MASS,
     ),
     "stress": (
-        (
-            f'until = {{ stress = {{ wall = "floor", axis = "y", below = {-14.5 * MASS!r}, window '
-            f"= 0.02 }} }}\n{HEAVIER}"
-        ),
-        160,
-        -15.0 * MASS,
+        of_wall("stress", "floor", "y", below=-14.5 * MASS, window=0.02) + HEAVIER,
+        160, -15.0 * MASS,
     ),
-}
+}  # fmt: skip
+"""The stage, the step after which it ends, and the value then."""
 
 
 @pytest.mark.parametrize("name", ENDS)
@@ -96,12 +88,8 @@ def test_stages_end_when_they_are_to(name, tmp_path):
     assert first.time == first.duration == pytest.approx(steps * 1e-3)
     # Forces are as exact as the solver's tolerances, places as rounding.
     assert first.value == pytest.approx(value, rel=1e-2 if name in ("force", "stress") else 1e-9)
-    assert (second.reason, second.step, second.value, second.goal) == (
-        "duration",
-        steps + 10,
-        None,
-        None,
-    )
+    assert (second.reason, second.step) == ("duration", steps + 10)
+    assert second.value is second.goal is None
 
 
 @pytest.mark.parametrize("name", ["axial strain", "displacement", "force"])
@@ -112,40 +100,31 @@ def test_a_stage_that_was_stopped_ends_as_if_it_was_not(name, tmp_path):
     assert run_info(tmp_path / "run")["stage_ends"] == run_info(tmp_path / "whole")["stage_ends"]
 
 
-LATE = (
-    'until = { displacement = { wall = "lid", axis = "y", below = -0.09 } }\n'
-    "drives.lid = { y = { velocity = -0.1 } }"
-)
+LATE = of_wall("displacement", "lid", "y", below=-0.09) + "drives.lid = { y = { velocity = -0.1 } }"
+GO_ON = "run one.toml --set 'loading.0.on_timeout=go on' -o"
 
 
-def test_a_timeout_goes_on_and_is_told(tmp_path):
+def test_a_timeout_goes_on_and_is_told(typed, tmp_path):
     write(tmp_path, LATE)
-    done = call("run", "one.toml", "-o", "run", "--quiet", cwd=tmp_path)
-    assert done.returncode == 0
-    (warning,) = done.stderr.splitlines()
+    (warning,) = typed("run one.toml -o run --quiet").stderr.splitlines()
     for word in (
-        "warning",
-        "first",
-        "timed out after 0.5 s",
-        "displacement in y of lid",
-        "-0.04995 m",
-        "at most -0.09 m",
-        "longer",
-    ):
+        "warning", "first", "timed out after 0.5 s", "displacement in y of lid", "-0.04995 m",
+        "at most -0.09 m", "longer",
+    ):  # fmt: skip
         assert word in warning
-    info = read_info(tmp_path / "run")
-    assert [(end["name"], end["reason"], end["step"]) for end in info["stage_ends"]] == [
+    ends = read_info(tmp_path / "run")["stage_ends"]
+    assert [(end["name"], end["reason"], end["step"]) for end in ends] == [
         ("first", "timeout", 500),
         ("second", "duration", 510),
     ]
-    assert "timed out" in call("info", "run", cwd=tmp_path).stdout
-    again = call("run", "one.toml", "-o", "run", cwd=tmp_path).stderr
+    assert "timed out" in typed("info run").stdout
+    again = typed("run one.toml -o run").stderr
     assert "stage first: t = 0.5 s, step 500: timed out" in again
     assert "stage second: t = 0.51 s, step 510: its duration of 0.01 s was over" in again
 
 
 @pytest.mark.parametrize("late", ["go on", "stop"])
-def test_an_end_that_was_lost_is_not_told(late, tmp_path, monkeypatch):
+def test_an_end_that_was_lost_is_not_told(late, typed, tmp_path, monkeypatch):
     """The disk is full when the checkpoint behind it is due: it will come once more."""
     path, written = write(tmp_path, LATE + f'\non_timeout = "{late}"'), 0
 
@@ -161,60 +140,47 @@ def test_an_end_that_was_lost_is_not_told(late, tmp_path, monkeypatch):
         with pytest.raises(StorageFull):
             run_scenario(path, tmp_path / "run")
     info = read_info(tmp_path / "run")
-    assert (info["status"], info["exit_code"], info["step"], info["stage_ends"]) == (
-        "failed",
-        5,
-        0,
-        [],
-    )
-    told = call("info", "run", cwd=tmp_path).stdout
+    assert (info["status"], info["exit_code"], info["step"]) == ("failed", 5, 0)
+    assert info["stage_ends"] == []
+    told = typed("info run").stdout
     assert "no space left" in told
     assert "timed out" not in told
-    more = ("--set", "loading.0.on_timeout=go on")
-    assert call("run", "one.toml", "-o", "run", *more, cwd=tmp_path).returncode == 0
-    assert [end["reason"] for end in read_info(tmp_path / "run")["stage_ends"]] == [
-        "timeout",
-        "duration",
-    ]
+    typed(f"{GO_ON} run")
+    ends = read_info(tmp_path / "run")["stage_ends"]
+    assert [end["reason"] for end in ends] == ["timeout", "duration"]
 
 
-def test_a_timeout_may_stop_the_run(tmp_path):
+def test_a_timeout_may_stop_the_run(typed, tmp_path):
     """It stays where it is until it is told to go on, and then ends as a run that was never
     stopped.
     """
-    write(tmp_path, LATE + '\non_timeout = "stop"')
+    path = write(tmp_path, LATE + '\non_timeout = "stop"')
     for _ in range(2):
-        done = call("run", "one.toml", "-o", "run", cwd=tmp_path)
-        assert done.returncode == 4
-        assert "stage first: t = 0.5 s, step 500: timed out" in done.stderr
-        assert "--set 'loading.0.on_timeout=go on'" in done.stderr
+        said = typed("run one.toml -o run", 4).stderr
+        assert "stage first: t = 0.5 s, step 500: timed out" in said
+        assert "--set 'loading.0.on_timeout=go on'" in said
         info = read_info(tmp_path / "run")
-        assert (info["status"], info["exit_code"], info["step"], info["stage"]) == (
-            "failed",
-            4,
-            500,
-            0,
-        )
+        assert (info["status"], info["exit_code"]) == ("failed", 4)
+        assert (info["step"], info["stage"]) == (500, 0)
         assert [end["reason"] for end in info["stage_ends"]] == ["timeout"]
     with pytest.raises(StageTimeout, match="timed out"):
-        run_scenario(tmp_path / "one.toml", tmp_path / "run")
-    more = ("--set", "loading.0.on_timeout=go on")
-    assert call("run", "one.toml", "-o", "run", *more, cwd=tmp_path).returncode == 0
-    assert call("run", "one.toml", "-o", "whole", *more, cwd=tmp_path).returncode == 0
-    assert digests(tmp_path / "run") == digests(tmp_path / "whole")
-    assert read_info(tmp_path / "run")["stage_ends"] == read_info(tmp_path / "whole")["stage_ends"]
+        run_scenario(path, tmp_path / "run")
+    ends = []
+    for name in ("run", "whole"):
+        typed(f"{GO_ON} {name}")
+        ends.append((digests(tmp_path / name), read_info(tmp_path / name)["stage_ends"]))
+    assert ends[0] == ends[1]
 
 
 def test_a_last_stage_that_timed_out_is_finished_by_going_on(tmp_path):
-    text = ONE.replace("STAGE", LATE + '\non_timeout = "stop"').replace(
-        '[[loading]]\nname = "second"\nduration = 0.01\n', ""
-    )
-    (tmp_path / "one.toml").write_text(text)
+    path = write(tmp_path, LATE + '\non_timeout = "stop"')
+    last = '[[loading]]\nname = "second"\nduration = 0.01\n'
+    path.write_text(changed(path.read_text(), (last, "")))
     with pytest.raises(StageTimeout):
-        run_scenario(tmp_path / "one.toml", tmp_path / "run")
-    overrides = ["loading.0.on_timeout=go on"]
-    assert run_scenario(tmp_path / "one.toml", tmp_path / "run", overrides=overrides).is_finished
-    assert run_scenario(tmp_path / "one.toml", tmp_path / "whole", overrides=overrides).is_finished
+        run_scenario(path, tmp_path / "run")
+    for name in ("run", "whole"):
+        going_on = {"overrides": ["loading.0.on_timeout=go on"]}
+        assert run_scenario(path, tmp_path / name, **going_on).is_finished
     assert digests(tmp_path / "run")[0] == digests(tmp_path / "whole")[0]
 
 

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import call
 from places import ROOT
 from run_fakes import StopAt
 from scenarios import digests
@@ -43,9 +42,16 @@ MIDDLE = 0.01
 """Where the top wall is at first, in x [m]."""
 
 
-def scenario(loading=SHORT, of=SMALL):
-    data = tomllib.loads(of)
-    return Scenario.from_dict(data | tomllib.loads(loading))
+def scenario(loading=SHORT):
+    return Scenario.from_dict(tomllib.loads(SMALL) | tomllib.loads(loading))
+
+
+def same(folder, *names):
+    """Whether two runs have the same bits, and the same things were decided."""
+    first, second = (folder / name for name in names)
+    assert digests(first) == digests(second)
+    for key in ("steering", "stages"):
+        assert run_info(first)[key] == run_info(second)[key]
 
 
 def at(step, do):
@@ -60,14 +66,12 @@ def when_pushed(now):
     """Count calls; slow down once when the top wall has been pushed for a while, then stop when it
     has gone far enough.
     """
-    now.notes["calls"] = now.notes.get("calls", 0) + 1
-    now.notes["work"] = (
-        now.notes.get("work", 0.0)
-        + float(now.walls["top"].force[0] * now.walls["top"].velocity[0]) * now.dt
-    )
+    notes, top = now.notes, now.walls["top"]
+    notes["calls"] = notes.get("calls", 0) + 1
+    notes["work"] = notes.get("work", 0.0) + float(top.force[0] * top.velocity[0]) * now.dt
     if now.stage == "shear" and now.stage_time > 0.005:
         now.end_stage(then=SLOWER)
-    elif now.stage == "slower" and now.walls["top"].position[0] > MIDDLE + 1.9e-4:
+    elif now.stage == "slower" and top.position[0] > MIDDLE + 1.9e-4:
         now.end_run()
 
 
@@ -75,40 +79,34 @@ def test_ending_a_stage_is_a_shorter_stage(tmp_path):
     run(scenario(), tmp_path / "steered", steer=at(35, LiveRun.end_stage))
     run(scenario().with_({"loading.1.duration": 15 * DT}), tmp_path / "short")
     assert digests(tmp_path / "steered") == digests(tmp_path / "short")
-    assert [
-        (end["name"], end["reason"], end["step"])
-        for end in run_info(tmp_path / "steered")["stage_ends"]
-    ] == [("settle", "duration", 20), ("shear", "steered", 35), ("on", "duration", 45)]
+    ends = run_info(tmp_path / "steered")["stage_ends"]
+    assert [(end["name"], end["reason"], end["step"]) for end in ends] == [
+        ("settle", "duration", 20),
+        ("shear", "steered", 35),
+        ("on", "duration", 45),
+    ]
     assert verify(tmp_path / "steered") == []
 
 
 def test_a_condition_in_the_program_is_one_in_the_file(tmp_path):
-    until = SHORT.replace(
-        'name = "shear"\n',
-        (
-            'name = "shear"\n'
-            'until = { displacement = { wall = "top", axis = "x", above = 1.05e-4 } }\n'
-        ),
-    )
+    until = 'until = { displacement = { wall = "top", axis = "x", above = 1.05e-4 } }\n'
 
     def steer(now):
         if now.stage == "shear" and now.walls["top"].position[0] - MIDDLE >= 1.05e-4:
             now.end_stage()
 
     run(scenario(), tmp_path / "steered", steer=steer)
-    run(scenario(until), tmp_path / "file")
+    named = SHORT.replace('name = "shear"\n', f'name = "shear"\n{until}')
+    run(scenario(named), tmp_path / "file")
     assert run_info(tmp_path / "file")["stage_ends"][1]["reason"] == "condition"
     assert digests(tmp_path / "steered") == digests(tmp_path / "file")
 
 
 def test_another_drive_is_another_stage(tmp_path):
     run(scenario(), tmp_path / "steered", steer=at(35, lambda now: now.end_stage(then=SLOWER)))
-    loading = tomllib.loads(SHORT)["loading"]
-    loading[1]["duration"] = 15 * DT
-    run(
-        Scenario.from_dict(tomllib.loads(SMALL) | {"loading": [*loading[:2], SLOWER, loading[2]]}),
-        tmp_path / "file",
-    )
+    first, second, third = tomllib.loads(SHORT)["loading"]
+    loading = [first, {**second, "duration": 15 * DT}, SLOWER, third]
+    run(Scenario.from_dict(tomllib.loads(SMALL) | {"loading": loading}), tmp_path / "file")
     assert digests(tmp_path / "steered") == digests(tmp_path / "file")
     with open_run(tmp_path / "steered") as steered:
         assert steered.stages == ("settle", "shear", "slower", "on")
@@ -120,12 +118,9 @@ def test_heat_and_gravity_are_changed_too(tmp_path):
     warm = parse_scenario(WARM, "warm.toml").with_({"loading.0.duration": 0.01})
     dt = warm.stage_solver(0).dt
     run(warm, tmp_path / "steered", steer=at(5, lambda now: now.end_stage(then=then)))
-    data = warm.as_dict()
-    first, *rest = data["loading"]
-    run(
-        Scenario.from_dict(data | {"loading": [{**first, "duration": 5 * dt}, then, *rest]}),
-        tmp_path / "file",
-    )
+    first, *rest = warm.as_dict()["loading"]
+    loading = [{**first, "duration": 5 * dt}, then, *rest]
+    run(Scenario.from_dict(warm.as_dict() | {"loading": loading}), tmp_path / "file")
     assert digests(tmp_path / "steered") == digests(tmp_path / "file")
 
 
@@ -141,26 +136,17 @@ def test_without_the_program_the_bits_are_the_same(tmp_path):
         assert digests(tmp_path / "again") == digests(tmp_path / "steered")
 
 
-@pytest.mark.parametrize("stops", [(1, 7, 20, 33, 45, 46, 47, 50)])
-def test_a_run_that_is_stopped_goes_on_as_it_would_have(stops, tmp_path):
+def test_a_run_that_is_stopped_goes_on_as_it_would_have(tmp_path):
     """Stopped before, at and after decisions, with notes that must come back."""
-    run(scenario(), tmp_path / "whole", steer=when_pushed, steer_every=2)
-    last = run_info(tmp_path / "whole")["step"]
-    assert [end["step"] for end in run_info(tmp_path / "whole")["stage_ends"]][1] == 46
-    for step in stops:
-        assert step < last
-        stopped = run(
-            scenario(), tmp_path / "run", steer=when_pushed, steer_every=2, observer=StopAt(step)
-        )
-        assert stopped.reason is StopReason.TERMINATED
-        assert stopped.step == step
+    steered = {"steer": when_pushed, "steer_every": 2}
+    run(scenario(), tmp_path / "whole", **steered)
+    assert run_info(tmp_path / "whole")["stage_ends"][1]["step"] == 46
+    for step in (1, 7, 20, 33, 45, 46, 47, 50):
+        stopped = run(scenario(), tmp_path / "run", observer=StopAt(step), **steered)
+        assert (stopped.reason, stopped.step) == (StopReason.TERMINATED, step)
         assert verify(tmp_path / "run") == []
-    assert run(
-        scenario(), tmp_path / "run", steer=when_pushed, steer_every=2, threads=2
-    ).is_finished
-    assert digests(tmp_path / "run") == digests(tmp_path / "whole")
-    assert run_info(tmp_path / "run")["steering"] == run_info(tmp_path / "whole")["steering"]
-    assert run_info(tmp_path / "run")["stages"] == run_info(tmp_path / "whole")["stages"]
+    assert run(scenario(), tmp_path / "run", threads=2, **steered).is_finished
+    same(tmp_path, "run", "whole")
 
 
 def test_decisions_after_the_last_checkpoint_are_made_again(tmp_path, monkeypatch):
@@ -178,8 +164,7 @@ def test_decisions_after_the_last_checkpoint_are_made_again(tmp_path, monkeypatc
     )
     assert subprocess.run([sys.executable, script], check=False).returncode == -signal.SIGKILL
     assert run(scenario(), tmp_path / "run", steer=when_pushed).is_finished
-    assert digests(tmp_path / "run") == digests(tmp_path / "whole")
-    assert run_info(tmp_path / "run")["steering"] == run_info(tmp_path / "whole")["steering"]
+    same(tmp_path, "run", "whole")
 
 
 def test_a_program_that_fails_loses_nothing(tmp_path):
@@ -215,6 +200,9 @@ def test_notes_must_come_back_as_they_are(value, tmp_path):
         run(scenario(), tmp_path / "run", steer=lambda now: now.notes.update(of=value))
 
 
+SHOWN = ("position", "velocity", "spin", "angle", "temperature")
+
+
 def test_what_is_read_is_right_and_cannot_be_changed(tmp_path):
     warm = parse_scenario(WARM, "warm.toml").with_(
         {"loading.0.duration": 0.004, "output.frame_interval": 5e-4, "output.series_interval": 5e-4}
@@ -222,24 +210,16 @@ def test_what_is_read_is_right_and_cannot_be_changed(tmp_path):
     seen = {}
 
     def steer(now):
-        arrays = {
-            name: getattr(now, name)
-            for name in ("position", "velocity", "spin", "angle", "temperature", "number")
-        }
-        walls = [
-            array
-            for wall in now.walls.values()
-            for array in (wall.position, wall.velocity, wall.force)
-        ]
-        for array in [*arrays.values(), *walls, now.contacts.impulse, now.contacts.gap]:
+        arrays = {name: getattr(now, name) for name in (*SHOWN, "number")}
+        walls = [(wall.position, wall.velocity, wall.force) for wall in now.walls.values()]
+        for array in [*arrays.values(), *sum(walls, ()), now.contacts.impulse, now.contacts.gap]:
             with pytest.raises(ValueError, match="read-only"):
                 array[...] = 0
-        kept = {name: array.copy() for name, array in arrays.items()}
-        force = {name: wall.force for name, wall in now.walls.items()}
-        seen[now.step] = kept | {
+        seen[now.step] = {
+            **{name: array.copy() for name, array in arrays.items()},
             "books": now.books,
             "gap": now.contacts.gap,
-            "force": force,
+            "force": [wall.force for wall in now.walls.values()],
             "time": now.time,
         }
 
@@ -252,51 +232,42 @@ def test_what_is_read_is_right_and_cannot_be_changed(tmp_path):
         assert len(seen) > 5
         for step, values in seen.items():
             frame, row = steps[step], rows[step]
-            for name in ("position", "velocity", "spin", "angle", "temperature"):
+            for name in SHOWN:
                 np.testing.assert_array_equal(values[name], getattr(frame, name))
             np.testing.assert_array_equal(values["gap"], frame.contacts.gap)
             assert values["time"] == frame.time
             assert values["books"]["friction_loss"] == found.series["friction_loss"][row]
-            for wall, name in enumerate(found.wall_names):
-                np.testing.assert_allclose(
-                    values["force"][name],
-                    found.series["wall_force"][row, wall],
-                    rtol=1e-12,
-                    atol=1e-15,
-                )
+            force = found.series["wall_force"][row]
+            np.testing.assert_allclose(values["force"], force, rtol=1e-12, atol=1e-15)
 
 
 def test_frozen_stages_are_not_steered(tmp_path):
-    warm = parse_scenario(WARM, "warm.toml")
+    warm, seen = parse_scenario(WARM, "warm.toml"), set()
     frozen = {stage.name for stage in warm.loading if stage.frozen}
-    assert frozen
-    seen = set()
     run(warm, tmp_path / "run", steer=lambda now: seen.add(now.stage))
+    assert frozen
     assert seen
     assert not seen & frozen
 
 
-def test_a_steered_run_goes_on_with_its_program_only(tmp_path):
-    text = SMALL[: SMALL.index("[[loading]]")] + SHORT + SMALL[SMALL.index("[solver]") :]
-    (tmp_path / "small.toml").write_text(text)
-    path = tmp_path / "small.toml"
+def with_stages(stages):
+    return SMALL[: SMALL.index("[[loading]]")] + stages + SMALL[SMALL.index("[solver]") :]
+
+
+def test_a_steered_run_goes_on_with_its_program_only(tmp_path, typed):
+    path = write_small(tmp_path, with_stages(SHORT))
     run(path, tmp_path / "run", steer=when_pushed, observer=StopAt(10))
-    done = call("run", "small.toml", "-o", "run", cwd=tmp_path)
-    assert done.returncode == 6
-    assert (
-        "run: is steered by the Python program test_steering.when_pushed; go on with it"
-        in done.stderr.replace("\n", " ")
-    )
+    by = "by the Python program test_steering.when_pushed"
+    said = typed("run small.toml -o run", 6).stderr.replace("\n", " ")
+    assert f"run: is steered {by}; go on with it" in said
     with pytest.raises(DirectoryRefused, match="no stages can be added"):
         run(path, tmp_path / "run", extend=True)
     with pytest.raises(DirectoryRefused, match="began with steer_every=1"):
         run(path, tmp_path / "run", steer=when_pushed, steer_every=3)
     assert run(path, tmp_path / "run", steer=when_pushed).is_finished
     assert run(path, tmp_path / "run").reason is StopReason.ALREADY_FINISHED
-    shown = call("info", "run", cwd=tmp_path).stdout
-    assert (
-        "by the Python program test_steering.when_pushed, asked every 1 step: 2 decisions" in shown
-    )
+    shown = typed("info run").stdout
+    assert f"{by}, asked every 1 step: 2 decisions" in shown
     assert "ended by the program that steers the run" in shown
     run(path, tmp_path / "free", observer=StopAt(10))
     with pytest.raises(DirectoryRefused, match="began without steer"):
@@ -312,9 +283,8 @@ def test_the_example_of_the_page_runs(tmp_path, monkeypatch):
     loading = (
         '[[loading]]\nname = "compress"\nduration = 0.1\ndrives.top = { y = { velocity = -0.1 } }\n'
     )
-    text = SMALL[: SMALL.index("[[loading]]")] + loading + SMALL[SMALL.index("[solver]") :]
     (tmp_path / "configs").mkdir()
-    (tmp_path / "configs" / "biaxial.toml").write_text(text)
+    (tmp_path / "configs" / "biaxial.toml").write_text(with_stages(loading))
     monkeypatch.chdir(tmp_path)
     exec(code.replace("LOW, HIGH, CYCLES = 4.0, 6.0, 3", "LOW, HIGH, CYCLES = 0.1, 1.0, 3"), {})
     info = run_info("runs/cycles")
@@ -350,13 +320,8 @@ class Watch:
 
 def test_an_observer_hears_of_every_step_and_what_is_none_is_refused(tmp_path):
     scene, watch = write_small(tmp_path), Watch()
-    outcome = run(
-        scene,
-        tmp_path / "run",
-        overrides=["loading.1.until.strain.value=0.01"],
-        observer=watch,
-        threads=1,
-    )
+    shorter = ["loading.1.until.strain.value=0.01"]
+    outcome = run(scene, tmp_path / "run", overrides=shorter, observer=watch, threads=1)
     assert (watch.steps, watch.ended) == (outcome.step, 1)
     with pytest.raises(TypeError, match="lacks message, warning, stepped, closed"):
         run(scene, tmp_path / "other", observer=print)

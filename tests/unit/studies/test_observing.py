@@ -10,6 +10,7 @@ from command_line import call
 from scenes import SMALL, WARM
 
 import multicor_cli as multicor
+from multicor_cli.post import grain_map
 from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.store import run_info
 from multicor_cli.studies.axes import expand
@@ -46,72 +47,48 @@ def taken(run, **keys):
 
 
 def printed(run, *words):
+    """What a command prints; null means that there is no number."""
     done = call("post", words[0], run, *words[1:], "--json", cwd=run.parent)
     assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout, object_hook=_numbers)
+    return json.loads(done.stdout.replace("null", "NaN"))
 
 
-def _numbers(found):
-    """null means that there is no number."""
-    return {
-        k: math.nan
-        if v is None
-        else [math.nan if x is None else x for x in v]
-        if isinstance(v, list)
-        else v
-        for k, v in found.items()
-    }
-
-
-def test_rheology(run):
-    found = printed(run, "rheology", "--from", "0.02")
-    for name in SOURCES["rheology"].names:
-        pair = taken(run, post="rheology", value=name, after=LATE)
-        assert pair == pytest.approx(
-            (found["mean"][name], found["standard_error"][name]), nan_ok=True
-        ), name
-
-
-def test_region(run):
-    found = printed(
-        run, "region", "--from", "0.02", "--in", "{ min = [0.0, 0.002], max = [0.02, 0.007] }"
-    )
-    for name in SOURCES["region"].names:
-        if name != "temperature":
-            pair = taken(run, post="region", value=name, inside=BOX, after=LATE)
-            assert pair == pytest.approx(
-                (found["mean"][name], found["standard_error"][name]), nan_ok=True
-            ), name
-    with pytest.raises(Unobservable, match="no temperature"):
-        taken(run, post="region", value="temperature", inside=BOX)
+@pytest.mark.parametrize(
+    ("table", "line", "keys"),
+    [
+        ("rheology", "", {}),
+        ("region", "--in={min=[0.0,0.002],max=[0.02,0.007]}", {"inside": BOX}),
+    ],
+)
+def test_means_of_tables(table, line, keys, run):
+    found = printed(run, table, "--from", "0.02", *line.split())
+    for name in (name for name in SOURCES[table].names if name != "temperature"):
+        pair = taken(run, post=table, value=name, after=LATE, **keys)
+        expected = (found["mean"][name], found["standard_error"][name])
+        assert pair == pytest.approx(expected, nan_ok=True), name
+    if table == "region":
+        with pytest.raises(Unobservable, match="no temperature"):
+            taken(run, post=table, value="temperature", **keys)
 
 
 def test_profile(run):
     found = printed(run, "profile", "--of", "solid-fraction", "--bins", "5", "--from", "0.02")
-    for k, y in enumerate(found["y"]):
-        pair = taken(
-            run,
-            post="profile",
-            value="solid-fraction",
-            at=y + 0.4 * found["bin_width"],
-            bins=5,
-            after=LATE,
-        )
-        assert pair == pytest.approx(
-            (found["value"][k], found["standard_error"][k]), rel=0.0, abs=0.0, nan_ok=True
-        )
+    keys = {"post": "profile", "value": "solid-fraction"}
+    rows = zip(found["y"], found["value"], found["standard_error"], strict=True)
+    for y, *pair in rows:
+        number = taken(run, at=y + 0.4 * found["bin_width"], bins=5, after=LATE, **keys)
+        assert number == pytest.approx(tuple(pair), rel=0.0, abs=0.0, nan_ok=True)
     with pytest.raises(Unobservable, match="outside of the profile"):
-        taken(run, post="profile", value="solid-fraction", at=1.0)
+        taken(run, at=1.0, **keys)
 
 
 def test_map(run):
+    keys = {"post": "map", "value": "coordination"}
     with multicor.open_run(run) as opened:
-        from multicor_cli.post import grain_map
-
         values = grain_map(opened, "coordination").value
-    assert taken(run, post="map", value="coordination")[0] == values.mean()
-    assert taken(run, post="map", value="coordination", statistic="max")[0] == values.max()
-    assert math.isnan(taken(run, post="map", value="coordination")[1])
+    assert taken(run, **keys)[0] == values.mean()
+    assert taken(run, statistic="max", **keys)[0] == values.max()
+    assert math.isnan(taken(run, **keys)[1])
 
 
 def test_forces(run):
@@ -123,27 +100,20 @@ def test_forces(run):
         )
 
 
-def test_energy_and_heat(run, hot):
-    assert (
-        taken(run, post="energy", value="wall_work")[0]
-        == printed(run, "energy")["end"]["wall_work"]
-    )
+def test_energy_heat_and_info(run, hot):
+    def value(run, name):
+        return taken(run, post="energy", value=name)[0]
+
+    assert value(run, "wall_work") == printed(run, "energy")["end"]["wall_work"]
     found = printed(hot, "energy")
-    assert taken(hot, post="energy", value="heat_stored")[0] == found["end"]["heat_stored"]
-    assert taken(hot, post="energy", value="heat_closure")[0] == found["heat_closure"]
+    assert value(hot, "heat_stored") == found["end"]["heat_stored"]
+    assert value(hot, "heat_closure") == found["heat_closure"]
     with pytest.raises(Unobservable, match="no heat"):
-        taken(run, post="energy", value="heat_stored")
-
-
-def test_theta_eta(hot):
-    found = printed(hot, "theta-eta", "--bins", "4")
-    assert taken(hot, post="theta-eta", value="theta", at=0.3, bins=4)[0] == found["theta"][1]
-
-
-def test_info(hot):
-    assert (
-        taken(hot, info="heat.temperature.mean")[0] == run_info(hot)["heat"]["temperature"]["mean"]
-    )
+        value(run, "heat_stored")
+    theta = printed(hot, "theta-eta", "--bins", "4")["theta"]
+    assert taken(hot, post="theta-eta", value="theta", at=0.3, bins=4)[0] == theta[1]
+    mean = run_info(hot)["heat"]["temperature"]["mean"]
+    assert taken(hot, info="heat.temperature.mean")[0] == mean
 
 
 def test_every_number_of_info_is_known(run):
@@ -151,26 +121,18 @@ def test_every_number_of_info_is_known(run):
 
     def leaves(prefix, node):
         found = []
+        others = ("provenance", "progress", "origin", "worst_step", "exit_code")
         for name, value in node.items():
-            if isinstance(value, dict) and name not in (
-                "provenance",
-                "progress",
-                "origin",
-                "worst_step",
-            ):
+            if isinstance(value, dict) and name not in others:
                 found += leaves(f"{prefix}{name}.", value)
             elif isinstance(value, int | float) and not isinstance(value, bool):
                 found.append(prefix + name)
-        return found
+        return [name for name in found if name not in others]
 
     names = leaves("", run_info(run))
     assert "solver.sweeps_mean" in names
-    assert [
-        finding.message
-        for name in names
-        if name != "exit_code"
-        for finding in unknown([observable(info=name)])
-    ] == []
+    rows = [observable(info=name) for name in names]
+    assert [finding.what for finding in unknown(rows)] == []
 
 
 STUDY = """\
