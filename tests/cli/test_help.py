@@ -33,7 +33,6 @@ COMMANDS = [
     "study",
 ]
 
-
 COMMAND = "sys.argv = ['multicor', *{!r}]; from multicor_cli.cli.app import main; main()"
 SCRIPT = """
 import sys
@@ -49,32 +48,28 @@ def loaded_after(code, **options):
     """Modules, and the packages that they are in, that are loaded after ``code`` has run in a
     process of its own.
     """
+    options |= {"env": environment(), "capture_output": True, "text": True, "timeout": 120}
     command = [sys.executable, "-c", SCRIPT.format(code=code)]
-    done = subprocess.run(
-        command,
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=True,
-        **options,
-    )
-    names = done.stderr.splitlines()[-1].split()
+    names = subprocess.run(command, check=True, **options).stderr.splitlines()[-1].split()
     return {*names, *(name.split(".")[0] for name in names)}
 
 
-@pytest.mark.parametrize("arguments", ["--help", "run --help", "post energy --help", "--version"])
-def test_help_imports_nothing_heavy(arguments):
+@pytest.mark.parametrize(
+    ("arguments", "forbidden"),
+    [
+        ("--help", HEAVY),
+        ("--version", HEAVY),
+        # The command-line library itself looks for pydantic as soon as a command has options.
+        ("run --help", HEAVY - {"pydantic"}),
+        ("post energy --help", HEAVY - {"pydantic"}),
+        # It names quantities, and compiles nothing.
+        ("post map --help", HEAVY - {"pydantic", "numpy"}),
+    ],
+)
+def test_help_imports_nothing_heavy(arguments, forbidden):
     modules = loaded_after(COMMAND.format(arguments.split()))
     assert "typer" in modules
-    # The command-line library itself looks for pydantic as soon as a command has options.
-    assert not modules & (HEAVY - {"pydantic"} if " " in arguments else HEAVY)
-
-
-def test_help_names_quantities_and_compiles_nothing():
-    assert not loaded_after(COMMAND.format(["post", "map", "--help"])) & (
-        HEAVY - {"pydantic", "numpy"}
-    )
+    assert not modules & forbidden
 
 
 COMPILERS = {"numba", "llvmlite"}
@@ -129,36 +124,32 @@ def test_importing_the_package_imports_nothing_heavy():
 
 
 def test_expressions_are_evaluated_only_where_there_are_any():
-    load = (
-        "from scenes import SMALL; from multicor_cli.scenario import parse_scenario; "
-        "parse_scenario(SMALL, 'a.toml', {})"
-    )
-    code = f"sys.path.insert(0, {str(Path(scenes.__file__).parent)!r}); {load}"
-    assert "simpleeval" not in loaded_after(code.format([]))
-    assert "simpleeval" not in loaded_after(code.format(["variables={}"]))
-    assert "simpleeval" in loaded_after(code.format(["solver.dt== 1 / 5e3"]))
+    def load(overrides):
+        return loaded_after(
+            f"sys.path.insert(0, {str(Path(scenes.__file__).parent)!r}); from scenes import SMALL; "
+            "from multicor_cli.scenario import parse_scenario; "
+            f"parse_scenario(SMALL, 'a.toml', {overrides})"
+        )
 
-
-def test_help_names_every_command(tmp_path):
-    done = call("--help", cwd=tmp_path)
-    assert done.returncode == 0
-    for name in COMMANDS:
-        assert f" {name} " in done.stdout
+    assert "simpleeval" not in load([])
+    assert "simpleeval" not in load(["variables={}"])
+    assert "simpleeval" in load(["solver.dt== 1 / 5e3"])
 
 
 @pytest.mark.parametrize(
-    ("command", "word"),
+    ("command", "words"),
     [
-        ("post animate", "coordination"),
-        ("post profile", "pressure"),
-        ("bench", "heated-bed"),
-        ("new", "hopper"),
+        ("", [f" {name} " for name in COMMANDS]),
+        ("post animate", ["coordination"]),
+        ("post profile", ["pressure"]),
+        ("bench", ["heated-bed"]),
+        ("new", ["hopper"]),
     ],
 )
-def test_help_lists_what_there_is(command, word, tmp_path):
-    done = call(*command.split(), "--help", cwd=tmp_path)
-    assert word in done.stdout
-    assert "--normalised" not in done.stdout
+def test_help_names_what_there_is(command, words, typed):
+    said = typed(f"{command} --help").stdout
+    assert all(word in said for word in words)
+    assert "--normalised" not in said
 
 
 NAMES = {
@@ -206,10 +197,12 @@ def test_every_command_has_help_as_wide_as_the_terminal(name, tmp_path):
     ],
 )
 def test_the_shell_completes_values(line, offered, not_offered, finished, tmp_path):
-    (tmp_path / "s.toml").write_text(
-        '[study]\nname = "s"\nscenario = "a.toml"\n[[observe]]\nname = "mu"\ninfo = "time"\n'
-        '[[observe]]\nname = "steps"\ninfo = "step"\n'
+    observed = "".join(
+        f'[[observe]]\nname = "{name}"\ninfo = "{field}"\n'
+        for name, field in (("mu", "time"), ("steps", "step"))
     )
+    head = '[study]\nname = "s"\nscenario = "a.toml"\n'
+    (tmp_path / "s.toml").write_text(head + observed)
     words = f"multicor {line}".replace("RUN", str(finished)).replace("NONE", str(tmp_path / "none"))
     asked = {
         "_MULTICOR_COMPLETE": "complete_bash",
@@ -227,19 +220,11 @@ def test_the_shell_completes_values(line, offered, not_offered, finished, tmp_pa
 def test_a_pipe_that_nobody_reads_is_no_failure(arguments, tmp_path):
     reading, writing = os.pipe()
     os.close(reading)
-    done = subprocess.run(
-        command(*arguments),
-        cwd=tmp_path,
-        env=environment(),
-        stdout=writing,
-        stderr=subprocess.PIPE,
-        text=True,
-        check=False,
-    )
+    pipes = {"stdout": writing, "stderr": subprocess.PIPE, "text": True, "env": environment()}
+    done = subprocess.run(command(*arguments), cwd=tmp_path, check=False, **pipes)
     os.close(writing)
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_version(tmp_path):
-    done = call("--version", cwd=tmp_path)
-    assert (done.returncode, done.stdout) == (0, f"multicor {__version__}\n")
+def test_version(typed):
+    assert typed("--version").stdout == f"multicor {__version__}\n"

@@ -15,18 +15,26 @@ from multicor_cli.optional import LIBRARIES, MissingLibrary, library
 from multicor_cli.studies.figure import FITS, fit
 from multicor_cli.studies.table import Series
 
-STUDY = """\
-[study]
-name = "s"
-scenario = "small.toml"
-[vary]
-{vary}
-[[observe]]
-name = "steps"
-info = "step"
-{more}"""
-DRAWN = 'sample = { kind = "KIND", count = 4 }\n"contacts.0.friction" = { from = 0.2, to = 0.5 }'
 LISTED = '"contacts.0.friction" = [0.2, 0.5]'
+DRAWN = 'sample = { kind = "KIND", count = 4 }\n"contacts.0.friction" = { from = 0.2, to = 0.5 }'
+STUDIES = {
+    "sobol": (DRAWN.replace("KIND", "sobol"), ""),
+    "latin-hypercube": (DRAWN.replace("KIND", "latin-hypercube"), ""),
+    "slurm": (LISTED, "[compute.slurm]\n"),
+    "dask": (LISTED, '[compute]\nscheduler = "tls://localhost:1"\n'),
+    "here": (LISTED, "[compute]\nworkers = 1\n"),
+}
+"""What is varied, and where it is computed."""
+
+
+@pytest.fixture
+def studies(tmp_path):
+    (tmp_path / "small.toml").write_text(SMALL)
+    for name, (vary, more) in STUDIES.items():
+        head = '[study]\nname = "s"\nscenario = "small.toml"\n'
+        observe = '[[observe]]\nname = "steps"\ninfo = "step"\n'
+        (tmp_path / f"{name}.toml").write_text(f"{head}[vary]\n{vary}\n{observe}{more}")
+    return set(tmp_path.iterdir())
 
 
 def remove(monkeypatch, name):
@@ -68,23 +76,12 @@ def test_the_list_is_that_of_the_extras():
         ("distributed", "study run dask.toml"),
     ],
 )
-def test_a_command_names_the_extra(missing, words, finished, tmp_path, monkeypatch):
-    (tmp_path / "small.toml").write_text(SMALL)
-    for kind in ("sobol", "latin-hypercube"):
-        (tmp_path / f"{kind}.toml").write_text(
-            STUDY.format(vary=DRAWN.replace("KIND", kind), more="")
-        )
-    (tmp_path / "slurm.toml").write_text(STUDY.format(vary=LISTED, more="[compute.slurm]\n"))
-    (tmp_path / "dask.toml").write_text(
-        STUDY.format(vary=LISTED, more='[compute]\nscheduler = "tls://localhost:1"\n')
-    )
-    before = set(tmp_path.iterdir())
+def test_a_command_names_the_extra(missing, words, studies, typed, tmp_path, monkeypatch):
     said = remove(monkeypatch, missing)
-    done = call(*words.replace("RUN", str(finished)).split(), cwd=tmp_path)
-    assert done.returncode == 5
+    done = typed(words, 5)
     assert done.stderr.splitlines()[-1] == f"multicor: {said}"
     assert "Traceback" not in done.stderr
-    assert {path for path in tmp_path.iterdir() if path.name != "studies"} == before
+    assert {path for path in tmp_path.iterdir() if path.name != "studies"} == studies
 
 
 TEXTS = (
@@ -108,15 +105,13 @@ def test_the_terminal_needs_matplotlib_for_pictures_only(words, finished, tmp_pa
 
 
 @pytest.mark.parametrize("missing", ["pandas", "pyarrow"])
-def test_parquet_names_the_extra(missing, tmp_path, monkeypatch):
-    (tmp_path / "small.toml").write_text(SMALL)
-    (tmp_path / "s.toml").write_text(STUDY.format(vary=LISTED, more="[compute]\nworkers = 1\n"))
+def test_parquet_names_the_extra(missing, studies, typed, tmp_path, monkeypatch):
     (tmp_path / "studies" / "s").mkdir(parents=True)
-    assert call("study", "run", "s.toml", "--max-hours", "0", cwd=tmp_path).returncode == 75
+    typed("study run here.toml --max-hours 0", 75)
     said = remove(monkeypatch, missing)
-    assert call("study", "table", "s.toml", cwd=tmp_path).returncode == 0
-    done = call("study", "table", "s.toml", "--parquet", "t.parquet", cwd=tmp_path)
-    assert (done.returncode, done.stderr.splitlines()[0]) == (5, f"multicor: {said}")
+    typed("study table here.toml")
+    done = typed("study table here.toml --parquet t.parquet", 5)
+    assert done.stderr.splitlines()[0] == f"multicor: {said}"
     assert not (tmp_path / "t.parquet").exists()
 
 
