@@ -185,24 +185,12 @@ _CONSTANTS = ("radius", "group", "material", "is_grain")
 
 _STORED = (
     "NumberOfPoints",
-    *(
-        f"Lines/{name}"
-        for name in ("NumberOfCells", "NumberOfConnectivityIds", "Connectivity", "Offsets")
-    ),
-    *(f"Vertices/{name}" for name in ("NumberOfCells", "Connectivity")),
-    *(
-        f"Steps/{name}"
-        for name in (
-            "NumberOfParts",
-            "PartOffsets",
-            "PointOffsets",
-            "CellOffsets",
-            "ConnectivityIdOffsets",
-        )
-    ),
-    *(f"Steps/{name}" for name in ("CellDataOffsets/kind", "FieldDataSizes/step")),
+    "Lines/NumberOfCells", "Lines/NumberOfConnectivityIds", "Lines/Connectivity", "Lines/Offsets",
+    "Vertices/NumberOfCells", "Vertices/Connectivity",
+    "Steps/NumberOfParts", "Steps/PartOffsets", "Steps/PointOffsets", "Steps/CellOffsets",
+    "Steps/ConnectivityIdOffsets", "Steps/CellDataOffsets/kind", "Steps/FieldDataSizes/step",
     *(f"PointData/{name}" for name in _CONSTANTS),
-)
+)  # fmt: skip
 """What the view itself stores: everything in it that is neither a link nor virtual."""
 
 
@@ -419,16 +407,10 @@ def _write_virtual(
 
 def _write_constants(root: h5py.Group, steps: h5py.Group, model: Model, rows: _Layout) -> None:
     """Point data that do not change, once; appended points have no radius, group or material."""
-    length = rows.room
-    grains = model.grains
+    length, grains = rows.room, model.grains
     is_grain = np.ones(rows.grains, np.uint8)
-    constants: list[tuple[NDArray[Any], float]] = [
-        (grains.radius, 0.0),
-        (grains.group, -1),
-        (grains.material, -1),
-        (is_grain, 0),
-    ]
-    for name, (values, fill) in zip(_CONSTANTS, constants, strict=True):
+    constants = (grains.radius, grains.group, grains.material, is_grain)
+    for name, values, fill in zip(_CONSTANTS, constants, (0, -1, -1, 0), strict=True):
         whole = np.full(length, fill, values.dtype)
         whole[: rows.grains] = values
         root.create_dataset(
