@@ -409,7 +409,9 @@ def _write_constants(root: h5py.Group, steps: h5py.Group, model: Model, rows: _L
     """Point data that do not change, once; appended points have no radius, group or material."""
     length, grains = rows.room, model.grains
     is_grain = np.ones(rows.grains, np.uint8)
-    constants = (grains.radius, grains.group, grains.material, is_grain)
+    constants: tuple[NDArray[Any], ...] = (
+        grains.radius, grains.group, grains.material, is_grain,
+    )  # fmt: skip
     for name, values, fill in zip(_CONSTANTS, constants, (0, -1, -1, 0), strict=True):
         whole = np.full(length, fill, values.dtype)
         whole[: rows.grains] = values
