@@ -52,7 +52,7 @@ NUMPY = TYPES | LAYOUT | ROUNDED_ONCE | IN_ORDER | COMPARING | OF_INTEGERS | RAN
 SUMS = {"sum", "mean", "std", "var", "dot", "prod", "trace", "average", "cumprod", "round"}
 """Methods of arrays whose order of operations is the library's."""
 
-_WRITTEN = "sum((math.ceil(count / stage.{}_every) for count, stage in zip(known, plan.stages, strict=True)))"
+_WRITTEN = "sum((math.ceil(count / stage.{}_every) for count, stage in counts))"
 INTEGERS = {
     "shape.prod(axis=1)", "lengths.sum()", "lines.sum()", "rows.lines.sum()", "counts.sum()",
     "counts[start:stop].sum()", "sum(known)", *map(_WRITTEN.format, ("frame", "series")),
