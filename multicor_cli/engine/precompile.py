@@ -152,7 +152,7 @@ def _prepare(model: Model, scene: Scene, contacts: StepContacts, bodies: Floats)
         warm,
         1.0,
         contacts,
-        chunks_for(1, 4),
+        chunks_for(1, 6),
     )
     measure_pairs(scene, _NO_ROWS, _NOBODY, bodies, bodies, 1.0, gap, normal, chunks_for(1))
 

@@ -570,13 +570,16 @@ class Engine:
         closing: float,
         slip: float,
         loaded: float,
+        motion: float,
+        met: float,
     ) -> ResidualScale:
         """What residuals are measured against (theory §5.3).
 
         Velocities: u_ref = max(u_load, 10 times the mean slip), and u_rms = max(u_load, 50 times
         the mean slip), with u_load = max(Δt |g|, Δt P d̄/m̄, rms of the closing velocities).
         Energies: ½ M u_load u_ref, or ½ M u_ref² where nothing loads. Without weight and load
-        ``attraction``/m̄ stands in for them, the largest F_a Δt of a contact [N s] over m̄.
+        ``attraction``/m̄ stands in for them, the largest F_a Δt of a contact [N s] over m̄. What
+        follows are sums of `fill_contacts`.
         """
         layout, model = self._layout, self._layout.model
         mean_mass = layout.mass / model.grain_count
@@ -589,7 +592,9 @@ class Engine:
         mean_slip = slip / loaded if loaded else 0.0
         reference = max(load, SLIPS * mean_slip)
         energy = 0.5 * layout.mass * ((load or reference) * reference)
-        return ResidualScale(max(load, SLIPS_RMS * mean_slip), reference, energy)
+        return ResidualScale(
+            max(load, SLIPS_RMS * mean_slip), reference, energy, motion / met if met else math.inf
+        )
 
     def _move_walls(self, middle: Floats, after: Floats, dt: float) -> None:
         state = self._layout.state

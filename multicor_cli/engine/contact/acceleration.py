@@ -35,6 +35,7 @@ from multicor_cli.engine.contact.sweep import EXACT, Before, Relaxation, System,
 from multicor_cli.engine.contact.vector_sweep import extrapolate_rows
 from multicor_cli.engine.jit.chunks import CHUNK, copy_into
 from multicor_cli.engine.jit.compile import kernel, loop_body, prange, threaded_loop
+from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import HAS_VECTORS
 from multicor_cli.model.columns import INVERSE_MASS, NORMAL, SPIN, TANGENTIAL
 from multicor_cli.model.model import Floats
@@ -82,11 +83,15 @@ LOOP = np.dtype(
 
 
 class Tolerances(NamedTuple):
-    """When the loop ends: rms and largest velocity correction [m/s], and energy residual G [J]."""
+    """When the loop ends: rms and largest velocity correction [m/s], and energy residual G [J].
+
+    For its first `REST_SWEEPS` sweeps it ends only below the share ``wanted`` of all three.
+    """
 
     rms: float
     maximum: float
     energy: float
+    wanted: float = 1.0
 
 
 NEVER = Tolerances(-1.0, -1.0, -1.0)
@@ -104,6 +109,7 @@ CAREFUL = 1.0
 LONG_FROM, LONG_TO, LONG_GROWTH = 250.0, 1000.0, 3.0
 # Times the tolerance; sweeps in `FAST` before; sweeps in `CALM`
 CALM_BELOW, CALM_AFTER, CALM_FOR = 2.0, 1000.0, 30.0
+REST_SWEEPS = 100.0  # after which what rests is solved no more sharply than what flows
 GAIN = 0.9  # the loop has gained if the change per sweep is lower by this factor
 PATIENCE = 1000.0  # sweeps without gain after which the loop is stuck
 PEAK_PATIENCE = 200.0  # the same where the maximum alone misses its tolerance
@@ -322,6 +328,11 @@ def step_back(s: System, m: Momentum) -> None:
     copy_into(s.velocity.reshape(-1), m.velocity.reshape(-1))
 
 
+@formula
+def _share(tolerance: Tolerances, loop: Any) -> float:
+    return tolerance.wanted if loop["sweeps"] < REST_SWEEPS else 1.0
+
+
 @kernel
 def is_converged(s: System, tolerance: Tolerances, loop: Any, parallel: bool) -> bool:
     """Evaluate the residual; decides alone when the loop ends. No contact may be held."""
@@ -329,15 +340,19 @@ def is_converged(s: System, tolerance: Tolerances, loop: Any, parallel: bool) ->
     loop["checks"] += 1.0
     loop["rms"], loop["maximum"], loop["energy"] = rms, largest, energy
     loop["active"] = max(1.0, active)
-    excess = max(
-        rms / tolerance.rms, largest / tolerance.maximum, np.sqrt(energy / tolerance.energy)
+    share = _share(tolerance, loop)
+    excess = (
+        max(rms / tolerance.rms, largest / tolerance.maximum, np.sqrt(energy / tolerance.energy))
+        / share
     )
     # A residual far above its tolerance is not worth looking at again soon.
     loop["next_check"] = loop["sweeps"] + (2.0 if excess < 1.5 else 4.0 if excess < 4.0 else 8.0)
-    if rms <= tolerance.rms and largest <= tolerance.maximum and energy <= tolerance.energy:
-        loop["is_converged"] = True
-        return True
-    return False
+    loop["is_converged"] = (
+        rms <= share * tolerance.rms
+        and largest <= share * tolerance.maximum
+        and energy <= share * tolerance.energy
+    )
+    return bool(loop["is_converged"])
 
 
 @kernel
@@ -378,7 +393,10 @@ def iterate(
         loop["sweeps"] += 1.0
         # The change per sweep is cheap; the residual is evaluated only where it may pass.
         is_end = is_last and loop["sweeps"] == limit
-        may_pass = change <= 2.0 * tolerance.rms and loop["sweeps"] >= loop["next_check"]
+        may_pass = (
+            change <= 2.0 * _share(tolerance, loop) * tolerance.rms
+            and loop["sweeps"] >= loop["next_check"]
+        )
         if may_pass or is_end:
             if is_converged(s, tolerance, loop, parallel) or is_end:
                 return

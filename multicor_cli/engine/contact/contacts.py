@@ -8,7 +8,7 @@ v_j)·t − s_i − s_j, and s_j of a wall is what its surface adds to its veloc
 
 from __future__ import annotations
 
-from math import floor
+from math import floor, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -49,7 +49,7 @@ from multicor_cli.model.columns import (
 )
 from multicor_cli.model.model import ContactLaws, Floats, Grains, Ints
 
-_SQUARES, _CLOSING, _SLIP, _LOADED = range(4)
+_SQUARES, _CLOSING, _SLIP, _LOADED, _MOTION, _MET = range(6)
 _NONE, _NO_ROLLING = np.empty(0), np.empty((0, 4))
 
 
@@ -260,6 +260,20 @@ def _start_warm(
     return k
 
 
+@formula
+def _speed(c: int, scene: Scene, start: Floats, contacts: StepContacts) -> float:
+    """How fast a grain moves past the other, or past the surface of a wall, spins left out [m/s].
+
+    (Without friction spins never end, also where everything rests.)
+    """
+    i, j = contacts.i[c], contacts.j[c]
+    u_n = contacts.before[c, NORMAL]
+    u_t = contacts.before[c, TANGENTIAL] + start[i, SURFACE]
+    if j < scene.radius.size:
+        u_t += start[j, SURFACE]
+    return sqrt(u_n * u_n + u_t * u_t)
+
+
 @parallel_kernel
 def fill_contacts(
     scene: Scene,
@@ -282,11 +296,12 @@ def fill_contacts(
     ``kept`` are row pointers from `count_contacts`, ``scale`` is the ratio of this time step to
     that of the warm start. **Modifies** ``out`` and ``speeds``: in each chunk of grains the sum of
     min(u_n⁻, 0)² [m²/s²] and the number of contacts that close in the step; the sum of |u_t⁻| [m/s]
-    and the number of contacts of two grains that carried an impulse; shape ``(chunks, 4)``.
+    and the number of contacts of two grains that carried an impulse; the sum of `_speed` [m/s] and
+    the number of contacts that carried an impulse or close; shape ``(chunks, 6)``.
     """
     count = row.size - 1
     for chunk in prange(speeds.shape[0]):
-        squares, closing, slip, loaded = 0.0, 0.0, 0.0, 0.0
+        squares, closing, slip, loaded, motion, met = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             c = kept[i]
             last, k = warm.row[i + 1], warm.row[i]
@@ -302,9 +317,13 @@ def fill_contacts(
                     counts = j < count and out.impulse[c, NORMAL] > 0.0
                     slip += abs(out.before[c, TANGENTIAL]) if counts else 0.0
                     loaded += 1.0 if counts else 0.0
+                    if out.impulse[c, NORMAL] > 0.0 or u < 0.0:
+                        motion += _speed(c, scene, start, out)
+                        met += 1.0
                     c += 1
         speeds[chunk, _SQUARES], speeds[chunk, _CLOSING] = squares, closing
         speeds[chunk, _SLIP], speeds[chunk, _LOADED] = slip, loaded
+        speeds[chunk, _MOTION], speeds[chunk, _MET] = motion, met
 
 
 @kernel
@@ -618,7 +637,7 @@ def gather_contacts(
 ) -> tuple[StepContacts, Floats]:
     """Contacts with a gap up to ``margin`` [m], sorted by key; arguments as `fill_contacts`.
 
-    Also returns the sums of the ``speeds`` of `fill_contacts` over all chunks, shape ``(4,)``.
+    Also returns the sums of the ``speeds`` of `fill_contacts` over all chunks, shape ``(6,)``.
     """
     kept = count_contacts(lists.row, lists.gap, margin)
     count = int(kept[-1])
@@ -627,7 +646,7 @@ def gather_contacts(
         np.empty((count, 2)),
         np.empty((count, 2)), np.empty((count, 2)),
     )  # fmt: skip
-    speeds = chunks_for(lists.row.size - 1, 4)
+    speeds = chunks_for(lists.row.size - 1, 6)
     fill_contacts(
         scene,
         laws,

@@ -101,11 +101,32 @@ class ThreadChoice:
 
 @dataclass(frozen=True)
 class ResidualScale:
-    """Scales of residuals: u_rms and u_ref [m/s], ½ M u_load u_ref [J] (theory §5.3)."""
+    """Scales of residuals: u_rms and u_ref [m/s], ½ M u_load u_ref [J] (theory §5.3).
+
+    ``motion`` is the mean speed at which bodies in contact move past each other [m/s]: what rests
+    is solved more sharply.
+    """
 
     rms: float
     velocity: float
     energy: float
+    motion: float = math.inf
+
+    def tolerances(self, settings: Settings) -> Tolerances:
+        rms = settings.tolerance_rms * self.rms
+        return Tolerances(
+            rms,
+            settings.tolerance_max * self.velocity,
+            settings.tolerance_energy * self.energy,
+            min(1.0, max(REST_SHARE * self.motion, REST_FLOOR * self.rms) / rms),
+        )
+
+
+REST_SHARE = 0.02
+"""Largest rms correction over the motion that there is, where sweeps allow (theory §5.3)."""
+
+REST_FLOOR = 1e-11
+"""Of u_rms, which no error has to be below."""
 
 
 @dataclass(frozen=True)
@@ -144,11 +165,7 @@ def solve_system(
     count = system.contacts
     if count == 0 or scale.velocity == 0.0:
         return Outcome(0.0, True, 0.0, 0.0, 0.0)
-    tolerance = Tolerances(
-        settings.tolerance_rms * scale.rms,
-        settings.tolerance_max * scale.velocity,
-        settings.tolerance_energy * scale.energy,
-    )
+    tolerance = scale.tolerances(settings)
     memory, momentum = start_loop(count), start_momentum(system)
     loop = memory[0]
     partial = np.empty(system.tile_start.size - 1)

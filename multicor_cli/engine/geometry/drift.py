@@ -298,7 +298,6 @@ class ApproachBound:
 
     def over(self, distance: float) -> float:
         """Bound for discs whose centers are ``distance`` [m] apart, and for walls."""
-        """Bound for discs whose centers are ``distance`` [m] apart, and for walls."""
         return max(min(self.rest + self.gradient * distance, self.disc), self.wall)
 
     def or_faster(self, other: ApproachBound) -> ApproachBound:

@@ -1,0 +1,49 @@
+"""A packing that is pressed and left alone comes to rest: nothing creeps, and nothing is heated."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.support.scenarios import plane, scenario
+
+_DIAMETER = 1e-3
+_GRAINS = {
+    "shape": "sphere",
+    "count": 60,
+    "sizes": {"kind": "uniform", "min": 0.4e-3, "max": 0.6e-3},
+}
+
+
+@pytest.mark.parametrize(
+    ("friction", "gravity", "stress", "method"),
+    [
+        (0.3, -9.81, 50.0, "accelerated"),
+        (0.3, 0.0, 50.0, "gauss-seidel"),
+        (0.8, 0.0, 5.0, "accelerated"),
+        (0.0, -9.81, 5.0, "accelerated"),  # an error moves grains by ten times itself
+    ],
+)
+def test_loaded_packing_rests(run, friction, gravity, stress, method) -> None:
+    """For 0.05 s, 300 to 1,000 √(m/P); what rattlers still have may become heat."""
+    load = {"lid": {"y": {"stress": -stress, "damping": 1.0}}}
+    held = run(
+        scenario(
+            size=[8e-3, 12e-3],
+            periodic=True,
+            gravity=[0.0, gravity],
+            friction=friction,
+            grains=_GRAINS,
+            walls={"floor": plane(), "lid": {"geometry": plane(11e-3, -1), "mass": 1e-4}},
+            loading=[{"duration": 0.25, "drives": load}],
+            solver={"dt": 5e-5, "method": method},
+            output={"frame_interval": 0.05, "series_interval": 0.05},
+        )
+    )
+    series = held.series
+    work = series["load_work"][-1] + series["gravity_work"][-1]
+    loss = series["friction_loss"] + series["impact_loss"]
+    lid = [frame.wall_position[1, 1] for frame in held.frames]
+    assert abs(lid[-1] - lid[-2]) < 1e-6 * _DIAMETER
+    assert abs(loss[-1] - loss[-2]) < 1e-7 * work + series["kinetic"][-2]
+    assert series["kinetic"][-1] < 1e-5 * work
+    assert series["corrected_steps"][-1] == series["corrected_steps"][-2]
