@@ -122,7 +122,7 @@ def test_a_patch_of_all_contacts_is_the_solution():
 
 
 def test_a_patch_mends_the_worst_contact_and_leaves_the_rest():
-    system = layer(30)
+    system = layer(300)
     active, square = patches._measure(system)
     worst = int(square.argmax())
     chosen = patches._around(worst, 6, active, system).tolist()
