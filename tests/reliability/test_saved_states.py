@@ -34,11 +34,12 @@ def test_every_field_counts(tmp_path, monkeypatch, count):
     """
     carry_on, lost, ends = Session._carry_on, "", {}
 
-    def forgetful(self, directory, scenario, model, state, **options):
-        if lost and state.step:
+    def forgetful(self, directory, scenario, placed, **options):
+        if lost and placed.state.step:
+            model = placed.model
             empty = State.at_rest(model, np.zeros((model.grain_count, 2)))
-            setattr(state, lost, getattr(empty, lost))
-        return carry_on(self, directory, scenario, model, state, **options)
+            setattr(placed.state, lost, getattr(empty, lost))
+        return carry_on(self, directory, scenario, placed, **options)
 
     monkeypatch.setattr(Session, "_carry_on", forgetful)
     for name, (text, _) in STOPS.items():

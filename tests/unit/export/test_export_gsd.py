@@ -75,7 +75,8 @@ def test_orientation_and_angular_momentum(run: Run, frames: list[tuple[Frame, An
 def test_the_box_has_the_period_and_holds_all_grains(
     run: Run, frames: list[tuple[Frame, Any]]
 ) -> None:
-    (size,) = {tuple(theirs.configuration.box[:2].tolist()) for _, theirs in frames}
+    (box,) = {tuple(theirs.configuration.box.tolist()) for _, theirs in frames}
+    size = box[:2]
     assert size[0] == np.float32(run.period)
     for _, theirs in frames:
         reach = np.abs(theirs.particles.position[:, :2])
