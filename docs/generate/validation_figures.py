@@ -59,7 +59,7 @@ def _closed_forms(panels: Any, numbers: Numbers) -> None:
         )
     orders.set_xlabel("number of time steps")
     orders.set_ylabel("relative error [–]")
-    orders.set_ylim(top=0.3)
+    orders.set_ylim(top=100.0)
     orders.legend(loc="upper right")
     for color, name, found in zip(COLORS, ("vacuum", "air"), numbers["test_profile"], strict=False):
         bed.plot(
