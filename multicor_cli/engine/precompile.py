@@ -25,13 +25,13 @@ from multicor_cli.engine.contact.acceleration import (
     step_back,
 )
 from multicor_cli.engine.contact.contacts import (
-    StepContacts,
+    CONTACT,
+    SPEEDS,
+    Contacts,
     WarmStart,
-    fill_contacts,
-    find_missed,
-    measure_pairs,
+    refresh_contacts,
 )
-from multicor_cli.engine.contact.ordering import Schedule, Scheduler
+from multicor_cli.engine.contact.ordering import Schedule, lay_tiles, schedule_contacts
 from multicor_cli.engine.contact.patches import (
     choose_patch,
     has_clusters,
@@ -39,16 +39,27 @@ from multicor_cli.engine.contact.patches import (
     release,
     solve_patch,
 )
+from multicor_cli.engine.contact.selection import (
+    deepest_overlap,
+    find_closing,
+    leave_out,
+    measure_pairs,
+)
 from multicor_cli.engine.contact.sweep import EXACT, System
 from multicor_cli.engine.contact.system import Moved, assemble, tabulate_contacts
 from multicor_cli.engine.energy.account import account_contacts, warm_start_of
+from multicor_cli.engine.geometry.neighbors import pairs_within
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.settings import HeatSettings, heat_laws
 from multicor_cli.engine.heat.step import HeatStep
 from multicor_cli.engine.jit.chunks import aligned, chunks_for
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.engine.motion.moves import move, wrap
-from multicor_cli.engine.motion.separation import measure_overlaps, pairs_within, separate, surround
+from multicor_cli.engine.motion.separation import (
+    measure_overlaps,
+    separate,
+    surround,
+)
 from multicor_cli.model.columns import MASS
 from multicor_cli.model.model import ContactLaws, Floats, Grains, Model, Thermal, Walls, WallShapes
 from multicor_cli.model.state import State
@@ -67,14 +78,12 @@ def precompile() -> None:
         np.zeros((1, 4)),
         state.wall_position, model.period,
     )  # fmt: skip
-    contacts = StepContacts(
-        _NOBODY, _NOBODY, np.empty((0, 5)), np.empty((0, 2)), np.empty((0, 2)), np.empty((0, 2))
-    )
+    contacts = np.zeros(0, CONTACT)
     bodies = np.zeros((2, 4))
     system = _without_contacts()
     memory, momentum = start_loop(0), start_momentum(system)
     iterate(system, momentum, EXACT, True, False, 0, False, NEVER, memory, np.empty(1))
-    moved = Moved(scene, contacts, bodies, _NOBODY, _NOBODY)
+    moved = Moved(scene, contacts, bodies, _NOBODY, _NOBODY, _NOBODY, _NOBODY)
     _heat(model, state, moved)
     _finish(model, state, moved)
     _prepare(model, scene, contacts, bodies)
@@ -106,55 +115,37 @@ def _heat(model: Model, state: State, moved: Moved) -> None:
 def _finish(model: Model, state: State, moved: Moved) -> None:
     """What follows the solve, the last first."""
     scene, contacts, bodies, *_ = moved
-    tabulate_contacts(moved)
-    warm_start_of(contacts)
+    tabulate_contacts(moved, has_couples=False)
+    warm_start_of(contacts, has_couples=False)
     wrap(state.position, state.image, model.period)
     gap, marked, mass = np.empty(0), np.zeros(1, np.bool_), model.grains.mass
     separate(scene, _NOBODY, _NOBODY, marked, mass, np.zeros((1, 2)), 1.0, 1.0, 1.0, 1)
     surround(_NOBODY, _NOBODY, 1, marked)
-    pairs_within(_NO_ROWS, _NOBODY, gap, 1.0)
-    measure_overlaps(scene, _NO_ROWS, _NOBODY, gap, 1.0, 1.0, gap, marked, chunks_for(1, 2))
+    measure_overlaps(scene, _NO_ROWS, _NOBODY, 1.0, gap, marked, chunks_for(1, 2))
+    deepest_overlap(scene, _NOBODY, _NOBODY, 0, chunks_for(1))
     move(
         state.position.copy(), bodies, bodies, model.grains.radius, mass, model.gravity,
         model.shape_factor, 1.0, state.position,
         state.velocity, chunks_for(1, 2),
     )  # fmt: skip
     account_contacts(scene, contacts, bodies)
-    find_missed(
-        scene, _NO_ROWS, _NOBODY, gap, np.empty((0, 2)), 1.0, 1.0, bodies, 1.0, chunks_for(1)
-    )
+    find_closing(scene, _NOBODY, _NOBODY, bodies, bodies, 1.0, 1.0, chunks_for(1, 2))
 
 
-def _prepare(model: Model, scene: Scene, contacts: StepContacts, bodies: Floats) -> None:
+def _prepare(model: Model, scene: Scene, contacts: Contacts, bodies: Floats) -> None:
     """What precedes the solve, the last first."""
     slot, pair = np.empty((0, LANES), np.int32), aligned((0, 2, LANES), np.int32)
     schedule = Schedule(slot, pair, _NO_ROWS, _NO_ROWS, _NOBODY, np.zeros(1, np.int32), 2)
-    assemble(scene, contacts, schedule, bodies, np.zeros((1, 3)), model.shape_factor).collect(
-        contacts
-    )
-    Scheduler().schedule(scene, contacts, np.zeros(1, np.bool_), model.mean_diameter)
-    gap, normal, warm = (
-        np.empty(0),
-        np.empty((0, 2)),
-        WarmStart(_NO_ROWS, _NOBODY, np.empty((0, 2)), np.empty(0)),
-    )
-    fill_contacts(
-        scene,
-        model.laws,
-        _NO_ROWS,
-        _NOBODY,
-        gap,
-        normal,
-        1.0,
-        _NO_ROWS,
-        bodies,
-        1.0,
-        warm,
-        1.0,
-        contacts,
-        chunks_for(1, 6),
-    )
-    measure_pairs(scene, _NO_ROWS, _NOBODY, bodies, bodies, 1.0, gap, normal, chunks_for(1))
+    assemble(
+        scene, contacts, schedule, bodies, np.zeros((1, 3)), model.shape_factor, has_couples=False
+    ).collect(contacts)
+    tile = lay_tiles(scene, _NOBODY, _NOBODY, model.mean_diameter)
+    schedule_contacts(scene, _NOBODY, _NOBODY, tile, np.zeros(1, np.bool_))
+    warm = WarmStart(_NO_ROWS, _NOBODY, np.empty((0, 2)), np.empty(0))
+    refresh_contacts(scene, model.laws, bodies, 1.0, warm, 1.0, contacts, chunks_for(1, SPEEDS))
+    leave_out(_NO_ROWS, _NOBODY, _NOBODY, _NOBODY)
+    pairs_within(_NO_ROWS, _NOBODY, np.empty(0), 1.0)
+    measure_pairs(scene, _NO_ROWS, _NOBODY, bodies, bodies, 1.0, np.empty(0), chunks_for(1))
 
 
 def _unstick(system: System, momentum: Momentum, memory: NDArray[np.void]) -> None:

@@ -17,17 +17,18 @@ from numpy.typing import NDArray
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import column_totals, total
 from multicor_cli.engine.contact.contacts import (
-    StepContacts,
+    SPEEDS,
+    Contacts,
     WarmStart,
     attract,
+    begin_attraction,
+    begin_rolling,
     closing_distance,
-    find_missed,
-    gather_contacts,
-    measure_pairs,
+    refresh_contacts,
     warm_rows,
 )
-from multicor_cli.engine.contact.ordering import Scheduler
 from multicor_cli.engine.contact.problem import ContactProblem, problem_of_step
+from multicor_cli.engine.contact.selection import AHEAD, Selection
 from multicor_cli.engine.contact.solve import Outcome, ResidualScale, ThreadChoice, solve_system
 from multicor_cli.engine.contact.system import Moved, OrderedSystem, assemble, tabulate_contacts
 from multicor_cli.engine.energy.account import (
@@ -51,11 +52,11 @@ from multicor_cli.engine.jit.chunks import chunks_for
 from multicor_cli.engine.jit.threads import PARALLEL_GRAINS
 from multicor_cli.engine.motion.drives import Gravity, WallDrive
 from multicor_cli.engine.motion.moves import move, predict, wrap
-from multicor_cli.engine.motion.separation import Correction, correct_positions
+from multicor_cli.engine.motion.separation import ALLOWED, Correction, correct_positions
 from multicor_cli.engine.motion.unseen import find_unseen, stop_unseen
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.engine.orders import Interrupted, Orders, PhysicsError, StepReport
-from multicor_cli.model.columns import BELT, COUPLE
+from multicor_cli.model.columns import BELT
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.faults import LARGEST, find_absurd_value
 from multicor_cli.model.model import LEAST_DIAMETERS, ContactLaws, Floats, Model
@@ -91,7 +92,6 @@ class Layout:
         self.model, self.state, self.newcomers = model, state, newcomers
         self.threads = threads if n >= PARALLEL_GRAINS else 1
         self.threading = ThreadChoice(self.threads)
-        self.scheduler = Scheduler()
         self.mass = total(model.grains.mass)
         self.middle = np.empty((n, 3))
         self.before, self.free = np.zeros((n + w, 4)), np.zeros((n + w, 4))
@@ -100,6 +100,10 @@ class Layout:
     @cached_property
     def pairs(self) -> NeighborList:
         return NeighborList(self.model)
+
+    @cached_property
+    def selection(self) -> Selection:
+        return Selection(self.model, self.pairs)
 
 
 class Prediction(NamedTuple):
@@ -267,7 +271,7 @@ class Engine:
         table = (
             heat.resting_table(self._laws())
             if heat is not None and is_frozen
-            else tabulate_contacts(self.moved)
+            else tabulate_contacts(self.moved, self._has_couples)
         )
         if heat is not None:
             none, known = np.zeros(table.i.size), heat.of_contacts
@@ -302,16 +306,16 @@ class Engine:
             inverse,
             self.model.shape_factor,
         )
-        return problem, contacts.impulse
+        return problem, np.column_stack([contacts["p_n"], contacts["p_t"]])
 
     def next_system(self, dt: float, t: float) -> OrderedSystem:
         """The contact problem of the next step as the sweep sees it, not taken; as `next_start`."""
         return self._assemble(*self._next_contacts(dt, t))
 
-    def _next_contacts(self, dt: float, t: float) -> tuple[Scene, StepContacts]:
+    def _next_contacts(self, dt: float, t: float) -> tuple[Scene, Contacts]:
         step = self._predict(dt, t)
-        self._layout.pairs.update(self._layout.middle, step.scene.world, step.cutoff)
-        return step.scene, self._gather(step, self._margin(step))[0]
+        self._select(step)
+        return step.scene, self._gather(step)[0]
 
     # ---- Parts that an engine may have
 
@@ -343,6 +347,10 @@ class Engine:
     def _laws(self) -> ContactLaws:
         return self.model.laws if self.orders.laws is None else self.orders.laws
 
+    @property
+    def _has_couples(self) -> bool:
+        return self._laws().rolling.size > 0
+
     # ---- The mechanics of a step
 
     def _stand_still(self) -> StepReport:
@@ -359,21 +367,19 @@ class Engine:
             open_books(state, layout.model, self._motion)
         if n == 0:
             return self._move_walls_alone(dt, t)
-        pairs, loaded = layout.pairs, (state.contact_i, state.contact_j)
+        selection, loaded = layout.selection, (state.contact_i, state.contact_j)
 
         with self._timed("predict"):
             step = self._predict(dt, t)
 
-        # Contacts are the pairs up to a margin. Those that the solved velocities carry farther are
-        # solved once more with them.
-        cutoff, margin, missed = step.cutoff, -1.0, math.inf
-        while missed > 0.0:
-            with self._timed("detect"):
-                pairs.update(layout.middle, step.scene.world, cutoff)
-                if margin < 0.0:
-                    margin = self._margin(step)
+        # Contacts serve until another pair may close in a step; where the solved velocities carry
+        # one that far, all are solved once more with it.
+        with self._timed("detect"):
+            self._select(step)
+        margin, is_complete = 0.0, False
+        while not is_complete:
             with self._timed("prepare"):
-                contacts, scale = self._gather(step, margin)
+                contacts, scale = self._gather(step)
                 ordered = self._assemble(step.scene, contacts)
             with self._timed("solve"):
                 outcome = solve_system(
@@ -381,9 +387,11 @@ class Engine:
                 )
             after = ordered.collect(contacts)
             with self._timed("detect"):
-                cutoff = max(cutoff, self._cutoff_after(step, after))
-                missed = self._find_missed(step, margin, cutoff, after)
-            margin = max(2.0 * margin, 1.5 * dt * missed)
+                is_missing, fastest = self._missing(step, after)
+                is_complete = not is_missing
+                if is_missing:
+                    margin = max(2.0 * margin, 1.5 * dt * fastest, self._margin(step))
+                    selection.seek(step.scene, margin)
         outcome.require_convergence(self.orders.settings, state.step)
 
         with self._timed("account"):
@@ -401,19 +409,20 @@ class Engine:
             wall_after = np.where(self._motion.driven, after[n:, :3], layout.free[n:, :3])
             self._move_walls(step.scene.wall_position, wall_after, dt)
         with self._timed("correct"):
-            correction = self._correct(step, cutoff)
+            correction = self._correct(step)
         with self._timed("account"):
             book_step(state, self._motion, sums, kinetic, gravity_work, correction, outcome, dt)
             state.contact_i, state.contact_j, state.contact_impulse, state.contact_couple = (
-                warm_start_of(contacts)
+                warm_start_of(contacts, self._has_couples)
             )
+            selection.give(state)
             state.last_dt = dt
         layout.newcomers = _NOBODY
-        self.moved = Moved(step.scene, contacts, after, *loaded)
+        self.moved = Moved(step.scene, contacts, after, selection.i, selection.j, *loaded)
         return StepReport(
             outcome.sweeps, outcome.converged, outcome.rms, outcome.maximum, outcome.energy,
             int(state.contact_i.size),
-            int(contacts.i.size), correction.overlap, sums.wall_impulse,
+            contacts.size, correction.overlap, sums.wall_impulse,
         )  # fmt: skip
 
     def _move_walls_alone(self, dt: float, t: float) -> StepReport:
@@ -476,7 +485,7 @@ class Engine:
         )
 
     def _cutoff_before(self, scene: Scene, gravity: Floats, walls: Floats, dt: float) -> float:
-        """A gap that no pair closes [m], as far as velocities before the solve tell."""
+        """A gap that no pair closes in `AHEAD` steps [m], as velocities before the solve tell."""
         layout, model = self._layout, self._layout.model
         drift = fit_drift(layout.free, layout.middle, model.period)
         fall = dt * np.abs(gravity)  # between the velocities at the start and the free ones
@@ -484,7 +493,7 @@ class Engine:
             drift, rest=drift.rest + hypot(*fall.tolist()), largest=drift.largest + fall
         )
         cutoff = self._motion.closing(drift, scene, self._motion.before, walls).cutoff(
-            dt, layout.pairs.largest
+            AHEAD * dt, layout.pairs.largest
         )
         return max(cutoff, closing_distance(self._laws(), model.grains, dt))
 
@@ -495,71 +504,57 @@ class Engine:
         walls = after[layout.model.grain_count :, :3].copy()
         return self._motion.closing(drift, step.scene, walls).cutoff(step.dt, layout.pairs.largest)
 
+    # ---- Its contacts
+
+    def _select(self, step: Prediction) -> None:
+        """The contacts of the state, or others if a pair that is none of them may close."""
+        layout = self._layout
+        selection, before, free = layout.selection, layout.before, layout.free
+        selection.take(layout.state)
+        layout.pairs.update(layout.middle, step.scene.world, step.cutoff)
+        if selection.closing(step.scene, before, free, step.cutoff, AHEAD * step.dt)[0]:
+            selection.seek(step.scene, self._margin(step))
+
     def _margin(self, step: Prediction) -> float:
-        """Largest gap of contacts [m], as velocities before the solve tell; measures the pairs."""
-        fastest = self._measure_pairs(step, step.cutoff)
-        return max(
-            step.dt * fastest, closing_distance(self._laws(), self._layout.model.grains, step.dt)
-        )
+        """Largest gap of new contacts [m], as velocities before the solve tell; fills in gaps."""
+        layout, laws = self._layout, self._laws()
+        fastest = layout.selection.measure(step.scene, layout.before, layout.free, step.cutoff)
+        return max(step.dt * fastest, closing_distance(laws, layout.model.grains, step.dt))
 
-    def _measure_pairs(self, step: Prediction, cutoff: float) -> float:
-        """Gaps into the list; returns the largest approach speed below ``cutoff`` [m/s]."""
-        layout, pairs = self._layout, self._layout.pairs
-        fastest = chunks_for(layout.model.grain_count)
-        measure_pairs(
-            step.scene,
-            pairs.row,
-            pairs.partner,
-            layout.before,
-            layout.free,
-            cutoff,
-            pairs.gap,
-            pairs.normal,
-            fastest,
-        )
-        return float(fastest.max())
+    def _missing(self, step: Prediction, after: Floats) -> tuple[bool, float]:
+        """Whether a pair that is no contact meets with v⁺, and their largest approach speed."""
+        layout, cutoff = self._layout, self._cutoff_after(step, after)
+        if cutoff > layout.pairs.complete:
+            layout.pairs.update(layout.middle, step.scene.world, cutoff)
+        return layout.selection.closing(step.scene, after, after, cutoff, step.dt)
 
-    def _find_missed(self, step: Prediction, margin: float, cutoff: float, after: Floats) -> float:
-        """Largest approach speed beyond ``margin`` of a pair that meets with v⁺ [m/s], or 0."""
-        layout, pairs = self._layout, self._layout.pairs
-        if cutoff > pairs.complete:
-            pairs.update(layout.middle, step.scene.world, cutoff)
-            self._measure_pairs(step, cutoff)
-        worst = chunks_for(layout.model.grain_count)
-        find_missed(
-            step.scene,
-            pairs.row,
-            pairs.partner,
-            pairs.gap,
-            pairs.normal,
-            margin,
-            cutoff,
-            after,
-            step.dt,
-            worst,
-        )
-        return float(worst.max())
-
-    def _assemble(self, scene: Scene, contacts: StepContacts) -> OrderedSystem:
-        layout, model, motion = self._layout, self._layout.model, self._motion
-        schedule = layout.scheduler.schedule(scene, contacts, motion.is_free, model.mean_diameter)
+    def _assemble(self, scene: Scene, contacts: Contacts) -> OrderedSystem:
+        layout, motion = self._layout, self._motion
+        schedule = layout.selection.schedule(scene, motion.is_free)
         free = attract(scene, contacts, layout.free, motion.inverse)
-        return assemble(scene, contacts, schedule, free, motion.inverse, model.shape_factor)
+        return assemble(
+            scene, contacts, schedule, free, motion.inverse, layout.model.shape_factor,
+            self._has_couples,
+        )  # fmt: skip
 
-    def _gather(self, step: Prediction, margin: float) -> tuple[StepContacts, ResidualScale]:
-        """Contacts with a gap up to ``margin``, warm-started, and the scale of the residuals."""
-        layout, state, dt = self._layout, self._layout.state, step.dt
+    def _gather(self, step: Prediction) -> tuple[Contacts, ResidualScale]:
+        """The contacts, warm-started, and the scale of the residuals."""
+        layout, state, laws, dt = self._layout, self._layout.state, self._laws(), step.dt
         row = warm_rows(layout.model.grain_count, state.contact_i)
         warm = WarmStart(row, state.contact_j, state.contact_impulse, state.contact_couple)
         ratio = dt / state.last_dt if state.last_dt > 0.0 else 0.0
-        contacts, speeds = gather_contacts(
-            step.scene, layout.pairs, margin, self._laws(), layout.before, dt, warm, ratio
-        )
-        scale = self._scale(step, float(contacts.attraction.max(initial=0.0)), *speeds)
+        selection, start = layout.selection, layout.before
+        contacts, speeds = selection.contacts, chunks_for(selection.i.size, SPEEDS)
+        refresh_contacts(step.scene, laws, start, dt, warm, ratio, contacts, speeds)
+        if laws.adhesion.size:
+            begin_attraction(step.scene, laws, contacts, selection.i, selection.j, start, warm, dt)
+        if laws.rolling.size:
+            begin_rolling(step.scene, laws, start, warm, ratio, contacts)
+        attraction = float(contacts["attraction"].max(initial=0.0))
+        scale = self._scale(step, attraction, *column_totals(speeds))
         if scale.velocity == 0.0:
             # Nothing closes and nothing pushes: the last impulses must not act once more.
-            contacts.impulse[:] = 0.0
-            contacts.rolling[:, COUPLE] = 0.0
+            contacts["p_n"], contacts["p_t"], contacts["p_r"] = 0.0, 0.0, 0.0
         return contacts, scale
 
     def _scale(
@@ -579,7 +574,7 @@ class Engine:
         the mean slip), with u_load = max(Δt |g|, Δt P d̄/m̄, rms of the closing velocities).
         Energies: ½ M u_load u_ref, or ½ M u_ref² where nothing loads. Without weight and load
         ``attraction``/m̄ stands in for them, the largest F_a Δt of a contact [N s] over m̄. What
-        follows are sums of `fill_contacts`.
+        follows are sums of `refresh_contacts`.
         """
         layout, model = self._layout, self._layout.model
         mean_mass = layout.mass / model.grain_count
@@ -601,13 +596,16 @@ class Engine:
         state.wall_velocity, state.wall_surface = after, self._motion.surface_after(state)
         state.wall_position = middle + 0.5 * dt * after
 
-    def _correct(self, step: Prediction, cutoff: float) -> Correction:
+    def _correct(self, step: Prediction) -> Correction:
         layout, state, model = self._layout, self._layout.state, self._layout.model
         # Beside that of q_m, which heat still looks at
         end = scene_of(model, state.position, state.wall_position)
-        correction = correct_positions(
-            end, model, step.gravity, self._motion, layout.pairs, cutoff, layout.flagged, state.step
-        )
+        overlap = layout.selection.overlap(end)
+        correction = Correction(overlap, 0.0, 0.0, 0)
+        if overlap > ALLOWED:
+            correction = correct_positions(
+                end, model, step.gravity, self._motion, layout.pairs, layout.flagged, state.step
+            )
         if step.stopped is not None:
             pull = model.grains.mass[:, np.newaxis] * step.gravity
             correction = replace(

@@ -13,7 +13,8 @@ from typing import Any, Literal
 # ---- What files say of arrays: type, shape, unit and meaning, beside the field that holds each
 
 Dim = Literal[
-    "one", "frame", "frame_edge", "particle_row", "contact_row", "rolling_row", "series_row",
+    "one", "frame", "frame_edge", "particle_row", "contact_row", "rolling_row", "near_row",
+    "series_row",
     "grain", "shape", "wall", "material", "group", "stage", "table_edge", "table_row",
     "heat_grain", "heat_wall", "heat_book", "mean_row", "stage_note", "origin_row", "surface_row",
     "before_row", "outlet", "exchange_grain", "exchange_group", "exchange_outlet", "exchange_book",

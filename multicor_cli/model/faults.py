@@ -67,7 +67,6 @@ def find_absurd_value(state: State, model: Model) -> str | None:
 
 def find_misfit(state: State, model: Model) -> str | None:
     """Say what of a state read from a file does not fit the model; None if all does."""
-    n, shapes = model.grain_count, model.shape_count
     for name, shape in state_shapes(model).items():
         if getattr(state, name).shape != shape:
             return f"{name} has shape {getattr(state, name).shape} instead of {shape}"
@@ -78,19 +77,29 @@ def find_misfit(state: State, model: Model) -> str | None:
         )
     if state.wall_surface.shape not in ((0,), (model.wall_count,)):
         return f"wall_surface has shape {state.wall_surface.shape} instead of {(model.wall_count,)}"
-    for name, (i, j) in _CONTACTS.items():
-        first, second = getattr(state, i), getattr(state, j)
-        rows = first.size if name != "contact_couple" or model.laws.rolling.size else 0
-        if not (first.shape == second.shape and getattr(state, name).shape[:1] == (rows,)):
-            return f"{i}, {j} and {name} have different lengths"
-        if not _are_pairs(first, second, n, n + shapes):
-            return f"{i} and {j} are not pairs of shapes in ascending order"
+    wrong = _find_wrong_pairs(state, model)
+    if wrong is not None:
+        return wrong
+    if (state.tile < 0).any():
+        return "tile is negative"
     for name in _COUNTS:
         if getattr(state, name) < 0:
             return f"{name} is negative"
     if state.presence.max(initial=0) > max(Presence):
         return "presence holds a number that means nothing"
     return find_absurd_value(state, model)
+
+
+def _find_wrong_pairs(state: State, model: Model) -> str | None:
+    n, shapes = model.grain_count, model.shape_count
+    for name, (i, j) in {**_CONTACTS, "near_j": ("near_i", "near_j")}.items():
+        first, second = getattr(state, i), getattr(state, j)
+        rows = first.size if name != "contact_couple" or model.laws.rolling.size else 0
+        if not (first.shape == second.shape and getattr(state, name).shape[:1] == (rows,)):
+            return f"{i}, {j} and {name} have different lengths"
+        if not _are_pairs(first, second, n, n + shapes):
+            return f"{i} and {j} are not pairs of shapes in ascending order"
+    return None
 
 
 def _are_pairs(first: NDArray[Any], second: NDArray[Any], grains: int, shapes: int) -> bool:

@@ -101,6 +101,21 @@ class State:
     contact_couple: Floats = _array(
         ("rolling_row",), "N m s", "impulse of the rolling resistance of each of them", since=(1, 1)
     )
+    # What else the solver looks at: all pairs that were near when contacts were last sought, which
+    # serve until another one may close, and where the grains were in the order of the sweep.
+    near_i: Ints = _array(
+        ("near_row",), "1", "first shape of each pair that may be in contact", "i4", since=(1, 5)
+    )
+    near_j: Ints = _array(
+        ("near_row",), "1", "second shape of each of these pairs", "i4", since=(1, 5)
+    )
+    tile: Ints = _array(
+        ("grain", 2),
+        "1",
+        "column and row of the tile in which a grain was when these pairs were sought",
+        "i4",
+        since=(1, 5),
+    )
     books: Floats = _array(("book",), "J", "energy books, in the order of model.BOOK_NAMES")
     tallies: Floats = _array(("tally",), "mixed", "counters, in the order of model.TALLY_NAMES")
     window: Floats = _array(("window",), "mixed", "sums, in the order of model.WINDOW_NAMES")

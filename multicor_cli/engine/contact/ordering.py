@@ -15,12 +15,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.contacts import StepContacts
-from multicor_cli.engine.geometry.scene import Scene
+from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.jit.chunks import aligned
 from multicor_cli.engine.jit.compile import kernel, loop_body
 from multicor_cli.engine.jit.vectors import LANES
-from multicor_cli.model.columns import FIRST, GAP, SECOND, X, Y
+from multicor_cli.model.columns import FIRST, SECOND, X, Y
 from multicor_cli.model.model import Floats, Ints
 
 MANY = 16  # contacts of a grain from which on they are crowded: relaxed serially
@@ -34,33 +33,39 @@ STREAMS = 4  # parts of a tile whose contacts take turns
 
 @kernel
 def classify_contacts(
-    scene: Scene, contacts: StepContacts, wall_is_free: NDArray[np.bool_]
-) -> tuple[NDArray[np.int8], float]:
-    """How each contact is relaxed, shape ``(c,)``, and how far apart tiled grains may be [m].
+    scene: Scene, i: Ints, j: Ints, wall_is_free: NDArray[np.bool_]
+) -> NDArray[np.int8]:
+    """How each contact is relaxed, shape ``(c,)``.
 
-    `TILED`, `CROWDED`, or `GENERAL`: with a wall that has a free degree of freedom. The distance
-    is the largest in x or y between the grains of a tiled contact.
+    `TILED`, `CROWDED`, or `GENERAL`: with a wall that has a free degree of freedom.
     """
     n = scene.radius.size
     degree = np.zeros(n, np.int32)
-    for c in range(contacts.i.size):
-        degree[contacts.i[c]] += 1
-        if contacts.j[c] < n:
-            degree[contacts.j[c]] += 1
-    classes = np.zeros(contacts.i.size, np.int8)
-    span = 0.0
-    for c in range(contacts.i.size):
-        i, j = contacts.i[c], contacts.j[c]
-        if j >= n:
-            if wall_is_free[scene.wall[j - n]]:
+    for c in range(i.size):
+        degree[i[c]] += 1
+        if j[c] < n:
+            degree[j[c]] += 1
+    classes = np.zeros(i.size, np.int8)
+    for c in range(i.size):
+        if j[c] >= n:
+            if wall_is_free[scene.wall[j[c] - n]]:
                 classes[c] = GENERAL
-            elif degree[i] > MANY:
+            elif degree[i[c]] > MANY:
                 classes[c] = CROWDED
-        elif degree[i] > MANY or degree[j] > MANY:
+        elif degree[i[c]] > MANY or degree[j[c]] > MANY:
             classes[c] = CROWDED
-        else:
-            span = max(span, scene.radius[i] + scene.radius[j] + contacts.frame[c, GAP])
-    return classes, span
+    return classes
+
+
+@kernel
+def span_of(scene: Scene, i: Ints, j: Ints) -> float:
+    """Largest distance between the centers of two grains in contact [m]."""
+    span = 0.0
+    for c in range(i.size):
+        if j[c] < scene.radius.size:
+            reach = scene.radius[i[c]] + scene.radius[j[c]]
+            span = max(span, reach + pair_geometry(scene, i[c], j[c])[0])
+    return span
 
 
 @kernel
@@ -87,37 +92,39 @@ def color_tiles(columns: int, rows: int) -> NDArray[np.int64]:
 
 
 @kernel
+def tiles_of(
+    position: Floats, corner: Floats, width: float, height: float, columns: int, rows: int
+) -> Ints:
+    """Column and row of the tile of each grain, shape ``(n, 2)``.
+
+    Tiles of ``width`` and ``height`` [m] begin at a ``corner``; with a period ``columns`` are even
+    or 1.
+    """
+    tile = np.empty((position.shape[0], 2), np.int32)
+    for i in range(position.shape[0]):
+        tile[i, X] = min(max(int((position[i, X] - corner[X]) / width), 0), columns - 1)
+        tile[i, Y] = min(max(int((position[i, Y] - corner[Y]) / height), 0), rows - 1)
+    return tile
+
+
+@kernel
 def assign_tiles(
-    scene: Scene,
-    contacts: StepContacts,
-    classes: NDArray[np.int8],
-    columns: int,
-    rows: int,
-    corner: Floats,
-    width: float,
-    height: float,
-    color_start: NDArray[np.int64],
+    i: Ints, classes: NDArray[np.int8], tile: Ints, color_start: NDArray[np.int64], columns: int
 ) -> Ints:
     """Tile of each contact, shape ``(c,)``: of its grain i; the next if crowded, -1 if general.
 
-    Tiles of ``width`` and ``height`` [m] begin at a ``corner``; with a period ``columns`` are even
-    or 1. ``classes`` are from `classify_contacts`.
+    ``tile`` is from `tiles_of`, ``classes`` from `classify_contacts`.
     """
     half_x = (columns + 1) // 2
-    tile = np.empty(contacts.i.size, np.int32)
-    last, of_last = -1, 0  # contacts of a grain follow each other
-    for c in range(contacts.i.size):
+    found = np.empty(i.size, np.int32)
+    for c in range(i.size):
         if classes[c] == TILED:
-            i = contacts.i[c]
-            if i != last:
-                tx = min(max(int((scene.position[i, X] - corner[X]) / width), 0), columns - 1)
-                ty = min(max(int((scene.position[i, Y] - corner[Y]) / height), 0), rows - 1)
-                wide = half_x if tx % 2 == 0 else columns - half_x
-                last, of_last = i, color_start[tx % 2 + 2 * (ty % 2)] + (ty // 2) * wide + tx // 2
-            tile[c] = of_last
+            tx, ty = tile[i[c], X], tile[i[c], Y]
+            wide = half_x if tx % 2 == 0 else columns - half_x
+            found[c] = color_start[tx % 2 + 2 * (ty % 2)] + (ty // 2) * wide + tx // 2
         else:
-            tile[c] = color_start[COLORS] if classes[c] == CROWDED else -1
-    return tile
+            found[c] = color_start[COLORS] if classes[c] == CROWDED else -1
+    return found
 
 
 @kernel
@@ -330,7 +337,7 @@ TILE = 16.0  # width of a tile in mean diameters: a few hundred contacts
 
 
 class Schedule(NamedTuple):
-    """Order and places of the contacts of a step; what is not listed is as in `System`.
+    """Order and places of contacts, as long as they last; what is not listed is as in `System`.
 
     Attributes:
         general: General contacts, shape ``(g,)``.
@@ -347,48 +354,35 @@ class Schedule(NamedTuple):
     rows: int
 
 
-class Scheduler:
-    """Makes schedules; keeps the last one while the same contacts lie in the same tiles."""
+def lay_tiles(scene: Scene, i: Ints, j: Ints, mean_diameter: float) -> Ints:
+    """Column and row of the tile of each grain, shape ``(n, 2)``, for contacts with these shapes.
 
-    def __init__(self) -> None:
-        self._last: Schedule | None = None
-        self._key: tuple[Ints, Ints, Ints] = (np.empty(0, np.int32),) * 3
-
-    def schedule(
-        self,
-        scene: Scene,
-        contacts: StepContacts,
-        wall_is_free: NDArray[np.bool_],
-        mean_diameter: float,
-    ) -> Schedule:
-        """The schedule of contacts sorted by key; ``wall_is_free`` marks walls that loads move."""
-        classes, span = classify_contacts(scene, contacts, wall_is_free)
-        columns, rows, corner, width, height = _grid(scene, max(TILE * mean_diameter, 2.2 * span))
-        color_start = color_tiles(columns, rows)
-        tile = assign_tiles(
-            scene, contacts, classes, columns, rows, corner, width, height, color_start
-        )
-        key = (contacts.i, contacts.j, tile)
-        last = self._last
-        if last is None or not (
-            np.array_equal(last.color_start, color_start)
-            and all(map(np.array_equal, self._key, key))
-        ):
-            last = _make(contacts, tile, color_start, scene.radius.size, wall_is_free.size)
-            self._last, self._key = last, key
-        return last
+    No two tiles of one color have a grain in common, wherever these contacts go.
+    """
+    columns, rows, corner, width, height = _grid(
+        scene, max(TILE * mean_diameter, 2.2 * span_of(scene, i, j))
+    )
+    return tiles_of(scene.position, corner, width, height, columns, rows)
 
 
-def _make(
-    contacts: StepContacts, tile: Ints, color_start: NDArray[np.int64], grains: int, walls: int
+def schedule_contacts(
+    scene: Scene, i: Ints, j: Ints, tile: Ints, wall_is_free: NDArray[np.bool_]
 ) -> Schedule:
-    tiles = int(color_start[-1]) + 1
-    order, general, start = order_contacts(tile, tiles)
-    place, bodies, rows = number_bodies(contacts.i, contacts.j, order, general, grains, walls)
-    slot, tile_start = make_batches(bodies, start, rows)
+    """The schedule of contacts with these shapes, sorted by key; ``tile`` is from `lay_tiles`.
+
+    ``wall_is_free`` marks walls that loads move.
+    """
+    columns, rows = (tile.max(axis=0) + 1).tolist()
+    color_start = color_tiles(columns, rows)
+    of_contact = assign_tiles(
+        i, classify_contacts(scene, i, j, wall_is_free), tile, color_start, columns
+    )
+    order, general, start = order_contacts(of_contact, int(color_start[-1]) + 1)
+    place, bodies, count = number_bodies(i, j, order, general, scene.radius.size, wall_is_free.size)
+    slot, tile_start = make_batches(bodies, start, count)
     pair = aligned((slot.shape[0], 2, LANES), np.int32)
-    fill_lanes(order, bodies, rows, tile_start, slot, pair)
-    return Schedule(slot, pair, tile_start, color_start, general, place, rows)
+    fill_lanes(order, bodies, count, tile_start, slot, pair)
+    return Schedule(slot, pair, tile_start, color_start, general, place, count)
 
 
 def _grid(scene: Scene, width: float) -> tuple[int, int, Floats, float, float]:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from multicor_cli.arithmetic.sums import mean, total
-from multicor_cli.engine.contact.contacts import StepContacts
+from multicor_cli.engine.contact.contacts import Contacts
 from multicor_cli.engine.contact.solve import ResidualScale, ThreadChoice, solve_system
 from multicor_cli.engine.contact.sweep import System, add_impulses
 from multicor_cli.engine.contact.system import Batches, OneByOne, batch, by_slot
@@ -343,14 +343,14 @@ def _disc_system(problem: ContactProblem, impulse: Floats) -> tuple[System, Floa
 
 
 def problem_of_step(
-    scene: Scene, contacts: StepContacts, free: Floats, wall_inverse: Floats, spin_factor: float
+    scene: Scene, contacts: Contacts, free: Floats, wall_inverse: Floats, spin_factor: float
 ) -> ContactProblem:
     """The contact problem of a step, in physical velocities; bodies are the grains, then the walls.
 
     ``free`` are (v_x, v_y, a ω or Ω, 1/m or s), shape ``(n + w, 4)``, ``wall_inverse`` inverse
     masses of the walls, shape ``(w, 3)``. Raises `ValueError` if there is rolling resistance.
     """
-    if contacts.rolling.size:
+    if contacts["mu_r"].any():
         message = "a contact problem has no couples, and contacts here have rolling resistance"
         raise ValueError(message)
     n = scene.radius.size
@@ -360,18 +360,18 @@ def problem_of_step(
     inverse[:n, X] = inverse[:n, Y] = free[:n, INVERSE_MASS]
     inverse[:n, SPIN] = spin_factor * free[:n, INVERSE_MASS] / (scene.radius * scene.radius)
     inverse[n:] = wall_inverse
-    i, j = contacts.i, contacts.j
+    i, j = contacts["i"], contacts["j"]
     is_wall = j >= n
     body = j.copy()
     body[is_wall] = n + scene.wall[j[is_wall] - n]
-    normal = contacts.frame[:, [NX, NY]]
+    normal = np.column_stack([contacts["nx"], contacts["ny"]])
     lever = np.empty((i.size, 2, 2))
     lever[:, FIRST] = -scene.radius[i][:, None] * normal
-    lever[:, SECOND] = contacts.lever
+    lever[:, SECOND] = np.column_stack([contacts["lever_x"], contacts["lever_y"]])
     lever[~is_wall, SECOND] = scene.radius[j[~is_wall]][:, None] * normal[~is_wall]
     return ContactProblem(
         inverse, velocity, np.column_stack([i, body]), normal, lever,
-        contacts.frame[:, BIAS].copy(), contacts.frame[:, MU].copy(),
+        contacts["bias"].copy(), contacts["mu"].copy(),
         np.where(is_wall, free[body, BELT], 0.0),
     )  # fmt: skip
 

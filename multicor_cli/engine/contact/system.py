@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.contacts import (
-    StepContacts,
+    Contacts,
     contact_after,
-    couples_of_contacts,
+    couples_of,
     net_impulses,
     pack_couples,
 )
 from multicor_cli.engine.contact.ordering import Schedule, make_batches
-from multicor_cli.engine.contact.sweep import System, add_impulses
+from multicor_cli.engine.contact.sweep import NO_COUPLES, System, add_impulses
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.chunks import aligned
 from multicor_cli.engine.jit.compile import kernel, loop_body, parallel_kernel, prange
@@ -24,9 +24,7 @@ from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import (
     BELT,
     BIAS,
-    COUPLE,
     FIRST,
-    GAP,
     INVERSE_MASS,
     MASS,
     MU,
@@ -151,7 +149,7 @@ def _leave_empty(q: int, lane: int, frame: Floats, impulse: Floats) -> None:
 @parallel_kernel
 def pack_contacts(
     scene: Scene,
-    contacts: StepContacts,
+    contacts: Contacts,
     belt: Floats,
     slot: Ints,
     pair: Ints,
@@ -172,25 +170,22 @@ def pack_contacts(
                 _leave_empty(q, lane, frame, impulse)
                 continue
             i, j = pair[q, FIRST, lane] // 4, pair[q, SECOND, lane] // 4
-            if contacts.j[c] >= n:
-                wall = n + scene.wall[contacts.j[c] - n]
-                velocity[j, X] = velocity[wall, X] - velocity[wall, SURFACE] * contacts.lever[c, Y]
-                velocity[j, Y] = velocity[wall, Y] + velocity[wall, SURFACE] * contacts.lever[c, X]
+            contact = contacts[c]
+            if contact.j >= n:
+                wall = n + scene.wall[contact.j - n]
+                velocity[j, X] = velocity[wall, X] - velocity[wall, SURFACE] * contact.lever_y
+                velocity[j, Y] = velocity[wall, Y] + velocity[wall, SURFACE] * contact.lever_x
                 velocity[j, SURFACE] = belt[wall - n]
                 velocity[j, INVERSE_MASS] = 0.0
-            frame[q, NX, lane], frame[q, NY, lane] = contacts.frame[c, NX], contacts.frame[c, NY]
+            frame[q, NX, lane], frame[q, NY, lane] = contact.nx, contact.ny
             frame[q, MASS, lane] = 1.0 / (velocity[i, INVERSE_MASS] + velocity[j, INVERSE_MASS])
-            frame[q, BIAS, lane], frame[q, MU, lane] = (
-                contacts.frame[c, BIAS],
-                contacts.frame[c, MU],
-            )
-            impulse[q, NORMAL, lane] = contacts.impulse[c, NORMAL]
-            impulse[q, TANGENTIAL, lane] = contacts.impulse[c, TANGENTIAL]
+            frame[q, BIAS, lane], frame[q, MU, lane] = contact.bias, contact.mu
+            impulse[q, NORMAL, lane], impulse[q, TANGENTIAL, lane] = contact.p_n, contact.p_t
 
 
 @kernel
 def pack_general(
-    scene: Scene, contacts: StepContacts, belt: Floats, place: Ints, general: Ints, inverse: Floats
+    scene: Scene, contacts: Contacts, belt: Floats, place: Ints, general: Ints, inverse: Floats
 ) -> tuple[Ints, Floats, Floats, Floats]:
     """Arrays of the contacts with walls that have a free degree of freedom, as in `System`.
 
@@ -201,17 +196,13 @@ def pack_general(
     pair, impulse = np.empty((general.size, 2), np.int32), np.empty((general.size, 2))
     frame, lever = np.zeros((general.size, 8)), np.empty((general.size, 2, 2))
     for g in range(general.size):
-        c = general[g]
-        nx, ny = contacts.frame[c, NX], contacts.frame[c, NY]
-        lx, ly = contacts.lever[c, X], contacts.lever[c, Y]
-        pair[g, FIRST], pair[g, SECOND] = place[contacts.i[c]], n + scene.wall[contacts.j[c] - n]
+        contact = contacts[general[g]]
+        wall = scene.wall[contact.j - n]
+        nx, ny, lx, ly = contact.nx, contact.ny, contact.lever_x, contact.lever_y
+        pair[g, FIRST], pair[g, SECOND] = place[contact.i], n + wall
         frame[g, NX], frame[g, NY] = nx, ny
-        frame[g, BIAS], frame[g, MU] = contacts.frame[c, BIAS], contacts.frame[c, MU]
-        frame[g, SLIDE] = belt[scene.wall[contacts.j[c] - n]]
-        impulse[g, NORMAL], impulse[g, TANGENTIAL] = (
-            contacts.impulse[c, NORMAL],
-            contacts.impulse[c, TANGENTIAL],
-        )
+        frame[g, BIAS], frame[g, MU], frame[g, SLIDE] = contact.bias, contact.mu, belt[wall]
+        impulse[g, NORMAL], impulse[g, TANGENTIAL] = contact.p_n, contact.p_t
         # Grains add −s to u_t; walls −Ω (l_x n_y − l_y n_x) to u_n, −Ω (l_x n_x + l_y n_y) to u_t
         lever[g, FIRST, NORMAL], lever[g, FIRST, TANGENTIAL] = 0.0, -1.0
         lever[g, SECOND, NORMAL], lever[g, SECOND, TANGENTIAL] = (
@@ -228,15 +219,15 @@ def pack_general(
 
 @kernel
 def unpack(
-    slot: Ints, impulse: Floats, place: Ints, velocity: Floats, by_contact: Floats, by_body: Floats
+    slot: Ints, impulse: Floats, place: Ints, velocity: Floats, contacts: Contacts, by_body: Floats
 ) -> None:
-    """Back from the arrays of the sweep: ``by_contact`` and ``by_body`` are **modified**."""
+    """Back from the arrays of the sweep: ``contacts`` and ``by_body`` are **modified**."""
     for q in range(slot.shape[0]):
         for lane in range(LANES):
             c = slot[q, lane]
             if c >= 0:
-                by_contact[c, NORMAL] = impulse[q, NORMAL, lane]
-                by_contact[c, TANGENTIAL] = impulse[q, TANGENTIAL, lane]
+                contacts[c].p_n = impulse[q, NORMAL, lane]
+                contacts[c].p_t = impulse[q, TANGENTIAL, lane]
     for b in range(by_body.shape[0]):
         row = np.int64(place[b]) if b < place.size else np.int64(b)
         for d in range(4):
@@ -262,30 +253,31 @@ class OrderedSystem:
     place: Ints
     belt: Floats
 
-    def collect(self, contacts: StepContacts) -> Floats:
+    def collect(self, contacts: Contacts) -> Floats:
         """Put impulses and couples into ``contacts``; returns v⁺, shape ``(n + w, 4)``."""
         system = self.system
         after = np.empty((system.inverse.shape[0], 4))
-        unpack(system.slot, system.impulse, self.place, system.velocity, contacts.impulse, after)
+        unpack(system.slot, system.impulse, self.place, system.velocity, contacts, after)
         after[self.place.size :, BELT] = self.belt
-        contacts.impulse[self.general] = system.general_impulse
-        if system.couples.impulse.size:
-            contacts.rolling[system.couples.contact, COUPLE] = system.couples.impulse
+        contacts["p_n"][self.general], contacts["p_t"][self.general] = system.general_impulse.T
+        contacts["p_r"][system.couples.contact] = system.couples.impulse
         return after
 
 
 def assemble(
     scene: Scene,
-    contacts: StepContacts,
+    contacts: Contacts,
     schedule: Schedule,
     free: Floats,
     wall_inverse: Floats,
     spin_factor: float,
+    has_couples: bool,
 ) -> OrderedSystem:
     """Build the arrays of the sweep, from contacts sorted by key, with their warm start.
 
     ``free`` are velocities of grains and walls, shape ``(n + w, 4)``, ``wall_inverse`` inverse
-    masses per degree of freedom, shape ``(w, 3)``.
+    masses per degree of freedom, shape ``(w, 3)``. Without couples the rolling resistance of the
+    contacts is not looked at.
     """
     slot, pair, tile_start, color_start, general, place, rows = schedule
     bodies, batches = free.shape[0], slot.shape[0]
@@ -296,15 +288,17 @@ def assemble(
     pack_bodies(free, place, velocity)
     pack_contacts(scene, contacts, belt, slot, pair, velocity, frame, impulse)
     inverse = np.zeros((bodies, 3))
-    if general.size or contacts.rolling.size:
+    if general.size or has_couples:
         n = scene.radius.size
         inverse[:n, X] = inverse[:n, Y] = velocity[:n, INVERSE_MASS]
         inverse[:n, SPIN] = spin_factor * velocity[:n, INVERSE_MASS]
         inverse[n:] = wall_inverse
     system = System(
         velocity, inverse, slot, pair, frame, impulse, tile_start, color_start,
-        *pack_general(scene, contacts, belt, place, general, inverse), spin_factor, contacts.i.size,
-        pack_couples(scene, contacts, belt, slot, general, place, inverse),
+        *pack_general(scene, contacts, belt, place, general, inverse), spin_factor, contacts.size,
+        pack_couples(scene, contacts, belt, slot, general, place, inverse)
+        if has_couples
+        else NO_COUPLES,
     )  # fmt: skip
     add_impulses(system)
     return OrderedSystem(system, general, place, belt)
@@ -316,40 +310,43 @@ def assemble(
 class Moved(NamedTuple):
     """A step of the mechanics that has been taken.
 
-    ``scene`` is at q_m, ``after`` are velocities v⁺, shape ``(bodies, 4)``; ``loaded_i`` and
-    ``loaded_j`` the shapes of contacts that carried an impulse in the step before, ascending.
+    ``scene`` is at q_m, ``after`` are velocities v⁺, shape ``(bodies, 4)``; ``i`` and ``j`` the
+    shapes of ``contacts``; ``loaded_i`` and ``loaded_j`` those of contacts that carried an impulse
+    in the step before, ascending.
     """
 
     scene: Scene
-    contacts: StepContacts
+    contacts: Contacts
     after: Floats
+    i: Ints
+    j: Ints
     loaded_i: Ints
     loaded_j: Ints
 
 
 @kernel
-def _slips(scene: Scene, contacts: StepContacts, after: Floats) -> Floats:
-    slip = np.empty(contacts.i.size)
-    for c in range(contacts.i.size):
+def _slips(scene: Scene, contacts: Contacts, after: Floats) -> Floats:
+    slip = np.empty(contacts.size)
+    for c in range(contacts.size):
         slip[c] = contact_after(c, scene, contacts, after)[1]
     return slip
 
 
-def tabulate_contacts(moved: Moved | None) -> ContactTable:
+def tabulate_contacts(moved: Moved | None, has_couples: bool) -> ContactTable:
     """Make the table; empty if there has been no step."""
     if moved is None:
         return ContactTable.empty()
     scene, contacts, after = moved[:3]
-    q_n, p_t = contacts.impulse.T
+    q_n, p_t = contacts["p_n"], contacts["p_t"]
     # The local solve cuts p_t to ±μ q_n exactly: equality, but for rounding, means sliding.
-    sliding = (q_n > 0.0) & (np.abs(p_t) >= contacts.frame[:, MU] * q_n * (1.0 - 1e-12))
+    sliding = (q_n > 0.0) & (np.abs(p_t) >= contacts["mu"] * q_n * (1.0 - 1e-12))
     return ContactTable(
-        contacts.i,
-        contacts.j,
-        contacts.frame[:, [NX, NY]],
-        contacts.frame[:, GAP].copy(),
-        net_impulses(contacts.impulse, contacts.attraction),
+        contacts["i"].copy(),
+        contacts["j"].copy(),
+        np.column_stack([contacts["nx"], contacts["ny"]]),
+        contacts["gap"].copy(),
+        net_impulses(np.column_stack([q_n, p_t]), contacts["attraction"]),
         _slips(scene, contacts, after),
         sliding,
-        couple=couples_of_contacts(contacts) if contacts.rolling.size else None,
+        couple=couples_of(contacts) if has_couples else None,
     )

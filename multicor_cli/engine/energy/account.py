@@ -9,11 +9,9 @@ import numpy as np
 
 from multicor_cli.arithmetic.sums import column_totals, total
 from multicor_cli.engine.contact.contacts import (
-    StepContacts,
-    attraction_of,
+    Contacts,
     contact_after,
-    couple_of,
-    couples_of_contacts,
+    couples_of,
     rolling_loss,
 )
 from multicor_cli.engine.contact.solve import Outcome
@@ -25,7 +23,7 @@ from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.motion.separation import Correction
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.model.books import BOOK_NAMES, EXCHANGE_NAMES, TALLY_NAMES, WINDOW_NAMES
-from multicor_cli.model.columns import GAP, MU, NORMAL, NX, NY, SPIN, TANGENTIAL, X, Y
+from multicor_cli.model.columns import NORMAL, SPIN, TANGENTIAL, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.state import State
 
@@ -57,25 +55,16 @@ class ContactSums(NamedTuple):
 
 @formula
 def _push_wall(
-    c: int,
-    scene: Scene,
-    contacts: StepContacts,
-    px: float,
-    py: float,
-    chunk: int,
-    wall_impulse: Floats,
+    c: int, scene: Scene, contacts: Contacts, px: float, py: float, chunk: int, wall_impulse: Floats
 ) -> None:
-    wall = scene.wall[contacts.j[c] - scene.radius.size]
+    contact = contacts[c]
+    couple, wall = contact.arm * contact.p_r, scene.wall[contact.j - scene.radius.size]
     wall_impulse[chunk, wall, X] -= px
     wall_impulse[chunk, wall, Y] -= py
-    wall_impulse[chunk, wall, SPIN] -= (
-        contacts.lever[c, X] * py - contacts.lever[c, Y] * px + couple_of(c, contacts)
-    )
-    wall_impulse[chunk, wall, _ALONG] -= contacts.impulse[c, TANGENTIAL]
-    if contacts.rolling.size:
-        wall_impulse[chunk, wall, _ALONG] -= surface_turning(scene, contacts.j[c], 1.0) * couple_of(
-            c, contacts
-        )
+    wall_impulse[chunk, wall, SPIN] -= contact.lever_x * py - contact.lever_y * px + couple
+    wall_impulse[chunk, wall, _ALONG] -= contact.p_t
+    if couple != 0.0:
+        wall_impulse[chunk, wall, _ALONG] -= surface_turning(scene, contact.j, 1.0) * couple
 
 
 @formula
@@ -84,7 +73,7 @@ def _account_chunk(
     first: int,
     last: int,
     scene: Scene,
-    contacts: StepContacts,
+    contacts: Contacts,
     after: Floats,
     partial: Floats,
     wall_impulse: Floats,
@@ -93,30 +82,24 @@ def _account_chunk(
     friction, impact, sliding, negative, largest, loaded = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     xx, xy, yx, yy = 0.0, 0.0, 0.0, 0.0
     for c in range(first, last):
-        q_n, p_t, attraction = (
-            contacts.impulse[c, NORMAL],
-            contacts.impulse[c, TANGENTIAL],
-            attraction_of(c, contacts),
-        )
+        contact = contacts[c]
+        q_n, p_t, attraction = contact.p_n, contact.p_t, contact.attraction
         if q_n == 0.0 and attraction == 0.0:
             continue
         p_n = q_n - attraction
-        i, j = contacts.i[c], contacts.j[c]
-        nx, ny = contacts.frame[c, NX], contacts.frame[c, NY]
+        i, j, nx, ny = contact.i, contact.j, contact.nx, contact.ny
         u_n, u_t = contact_after(c, scene, contacts, after)
-        impact_loss = -p_n * 0.5 * (contacts.before[c, NORMAL] + u_n)
-        friction_loss = -p_t * 0.5 * (contacts.before[c, TANGENTIAL] + u_t) + rolling_loss(
-            c, scene, contacts, after
-        )
+        impact_loss = -p_n * 0.5 * (contact.u_n + u_n)
+        friction_loss = -p_t * 0.5 * (contact.u_t + u_t) + rolling_loss(c, scene, contacts, after)
         friction += friction_loss
         impact += impact_loss
-        sliding += contacts.frame[c, MU] * abs(u_t) * q_n
+        sliding += contact.mu * abs(u_t) * q_n
         negative += min(0.0, friction_loss + impact_loss)
         largest = max(largest, p_n)
         loaded += 1.0 if q_n > 0.0 else 0.0
         px, py = p_n * nx - p_t * ny, p_n * ny + p_t * nx
         if j < scene.radius.size:
-            branch = scene.radius[i] + scene.radius[j] + contacts.frame[c, GAP]
+            branch = scene.radius[i] + scene.radius[j] + contact.gap
             xx += px * branch * nx
             xy += px * branch * ny
             yx += py * branch * nx
@@ -132,21 +115,20 @@ def _account_chunk(
 
 @parallel_kernel
 def _account_chunks(
-    scene: Scene, contacts: StepContacts, after: Floats, partial: Floats, wall_impulse: Floats
+    scene: Scene, contacts: Contacts, after: Floats, partial: Floats, wall_impulse: Floats
 ) -> None:
-    count = contacts.i.size
     for chunk in prange(partial.shape[0]):
-        last = min(count, (chunk + 1) * CHUNK)
+        last = min(contacts.size, (chunk + 1) * CHUNK)
         _account_chunk(chunk, chunk * CHUNK, last, scene, contacts, after, partial, wall_impulse)
 
 
-def account_contacts(scene: Scene, contacts: StepContacts, after: Floats) -> ContactSums:
+def account_contacts(scene: Scene, contacts: Contacts, after: Floats) -> ContactSums:
     """Sum losses, virial and wall impulses over the contacts of a step, in fixed chunks.
 
     The losses are −p·½(u⁻+u⁺), exact for the scheme whether or not the solver has converged
     (Moreau–Jean energy identity). p is what acts, adhesion taken off; couples count as friction.
     """
-    partial = chunks_for(contacts.i.size, SUMS)
+    partial = chunks_for(contacts.size, SUMS)
     partial_wall = np.zeros((len(partial), scene.wall_position.shape[0], 4))
     _account_chunks(scene, contacts, after, partial, partial_wall)
     total = column_totals(partial)
@@ -155,32 +137,28 @@ def account_contacts(scene: Scene, contacts: StepContacts, after: Floats) -> Con
     return ContactSums(total, of_walls[:, :_ALONG].copy(), of_walls[:, _ALONG].copy())
 
 
-def warm_start_of(contacts: StepContacts) -> tuple[Ints, Ints, Floats, Floats]:
+def warm_start_of(contacts: Contacts, has_couples: bool) -> tuple[Ints, Ints, Floats, Floats]:
     """Shapes i, j, impulses [N s] and couples [N m s] of contacts that carry an impulse, in order.
 
-    Couples are of size 0 without rolling resistance. Impulses are those of `StepContacts`.
+    Couples are of size 0 without rolling resistance.
     """
-    couple = couples_of_contacts(contacts)
-    return *_carrying(contacts), couple[
-        contacts.impulse[:, NORMAL] > 0.0
-    ] if couple.size else couple
+    couple = couples_of(contacts)[contacts["p_n"] > 0.0] if has_couples else np.empty(0)
+    return *_carrying(contacts), couple
 
 
 @kernel
-def _carrying(contacts: StepContacts) -> tuple[Ints, Ints, Floats]:
+def _carrying(contacts: Contacts) -> tuple[Ints, Ints, Floats]:
     found = 0
-    for c in range(contacts.i.size):
-        if contacts.impulse[c, NORMAL] > 0.0:
+    for c in range(contacts.size):
+        if contacts[c].p_n > 0.0:
             found += 1
     i, j, impulse = np.empty(found, np.int32), np.empty(found, np.int32), np.empty((found, 2))
     k = 0
-    for c in range(contacts.i.size):
-        if contacts.impulse[c, NORMAL] > 0.0:
-            i[k], j[k] = contacts.i[c], contacts.j[c]
-            impulse[k, NORMAL], impulse[k, TANGENTIAL] = (
-                contacts.impulse[c, NORMAL],
-                contacts.impulse[c, TANGENTIAL],
-            )
+    for c in range(contacts.size):
+        contact = contacts[c]
+        if contact.p_n > 0.0:
+            i[k], j[k] = contact.i, contact.j
+            impulse[k, NORMAL], impulse[k, TANGENTIAL] = contact.p_n, contact.p_t
             k += 1
     return i, j, impulse
 

@@ -74,3 +74,10 @@ def smaller_radius(scene: Scene, i: int, j: int) -> float:
     """Smaller radius of a pair [m]; that of the grain at lines and circles."""
     other = other_radius(scene, j)
     return min(scene.radius[i], other) if other > 0.0 else scene.radius[i]
+
+
+@formula
+def smaller_of(scene: Scene, i: int, j: int) -> float:
+    """The smaller radius of two grains, or that of the grain beside a wall [m]."""
+    is_grain = j < scene.radius.size
+    return min(scene.radius[i], scene.radius[j]) if is_grain else scene.radius[i]

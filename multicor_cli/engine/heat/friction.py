@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import power
 from multicor_cli.engine.contact.contacts import (
-    StepContacts,
-    attraction_of,
+    Contacts,
     contact_after,
     rolled_loss,
     rolling_loss,
@@ -31,7 +30,7 @@ from multicor_cli.engine.heat.mechanism import HeatLaws
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.model.columns import FRICTION, IMPACT, MU, NORMAL, TANGENTIAL
+from multicor_cli.model.columns import FRICTION, IMPACT
 from multicor_cli.model.model import Floats, Ints
 
 # ---- Archard's law of sliding wear.
@@ -257,7 +256,7 @@ def impact_exchange(
 def collide(
     scene: Scene,
     mass: Floats,
-    contacts: StepContacts,
+    contacts: Contacts,
     place: Ints,
     is_known: NDArray[np.bool_],
     laws: HeatLaws,
@@ -271,11 +270,14 @@ def collide(
     **Modifies** ``conductance`` [W/K], shape ``(c,)``.
     """
     grains = scene.radius.size
-    total = totals_of_places(place, contacts.impulse[:, NORMAL])
-    for c in range(contacts.i.size):
-        speed = -contacts.before[c, NORMAL]
-        if contacts.impulse[c, NORMAL] > 0.0 and speed > 0.0 and not is_known[c]:
-            i, j = contacts.i[c], contacts.j[c]
+    normal = np.empty(contacts.size)
+    for c in range(contacts.size):
+        normal[c] = contacts[c].p_n
+    total = totals_of_places(place, normal)
+    for c in range(contacts.size):
+        speed = -contacts[c].u_n
+        if normal[c] > 0.0 and speed > 0.0 and not is_known[c]:
+            i, j = contacts[c].i, contacts[c].j
             a, b = scene.material[i], scene.material[j]
             m = mass[i] * mass[j] / (mass[i] + mass[j]) if j < grains else mass[i]
             exchange = impact_exchange(
@@ -283,7 +285,7 @@ def collide(
                 laws.volumetric[a],
                 laws.conductivity[b], laws.volumetric[b],
             )  # fmt: skip
-            conductance[c] = exchange / dt * (contacts.impulse[c, NORMAL] / total[c])
+            conductance[c] = exchange / dt * (normal[c] / total[c])
 
 
 # ---- Heat of sliding friction and of impacts
@@ -303,7 +305,7 @@ def sliding_power(mu: float, normal_force: float, slip_speed: float) -> float:
 @parallel_kernel
 def generated_heat(
     scene: Scene,
-    contacts: StepContacts,
+    contacts: Contacts,
     after: Floats,
     rule: int,
     has_impact: bool,
@@ -321,18 +323,15 @@ def generated_heat(
     The scene is that at q_m, ``after`` are body velocities v⁺, shape ``(bodies, 4)``. **Modifies**
     ``heat`` of friction and impacts [J], shape ``(c, 2)``, and ``rubbing`` [N m], shape ``(c,)``.
     """
-    count = contacts.i.size
+    count = contacts.size
     for chunk in prange((count + CHUNK - 1) // CHUNK):
         for c in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             heat[c, FRICTION], heat[c, IMPACT], rubbing[c] = 0.0, 0.0, 0.0
-            q_n, p_t, attraction = (
-                contacts.impulse[c, NORMAL],
-                contacts.impulse[c, TANGENTIAL],
-                attraction_of(c, contacts),
-            )
+            contact = contacts[c]
+            q_n, p_t, attraction = contact.p_n, contact.p_t, contact.attraction
             if q_n > 0.0 or attraction > 0.0:
                 u_n, u_t = contact_after(c, scene, contacts, after)
-                mu, slip = contacts.frame[c, MU], 0.5 * (contacts.before[c, TANGENTIAL] + u_t)
+                mu, slip = contact.mu, 0.5 * (contact.u_t + u_t)
                 work = -p_t * slip
                 if rule == ENERGY:
                     heat[c, FRICTION] = work + rolling_loss(c, scene, contacts, after)
@@ -341,5 +340,5 @@ def generated_heat(
                         c, scene, contacts, after
                     )
                 if has_impact:
-                    heat[c, IMPACT] = -(q_n - attraction) * 0.5 * (contacts.before[c, NORMAL] + u_n)
+                    heat[c, IMPACT] = -(q_n - attraction) * 0.5 * (contact.u_n + u_n)
                 rubbing[c] = rubbing_of(q_n, slip, work, mu)

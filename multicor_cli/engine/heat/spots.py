@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import expm1
-from multicor_cli.engine.contact.contacts import StepContacts, warm_rows
+from multicor_cli.engine.contact.contacts import Contacts, warm_rows
 from multicor_cli.engine.geometry.places import find_places, share_place, totals_of_places
 from multicor_cli.engine.geometry.radii import smaller_radius
 from multicor_cli.engine.geometry.scene import Scene, known_geometry, pair_geometry
@@ -16,7 +16,7 @@ from multicor_cli.engine.heat.conduction import contact_spots
 from multicor_cli.engine.heat.mechanism import HeatLaws
 from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.jit.compile import kernel
-from multicor_cli.model.columns import GAP, NORMAL, X, Y
+from multicor_cli.model.columns import NORMAL, X, Y
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.state import State
 
@@ -110,7 +110,7 @@ class Spots:
 
 
 def forces_of_step(
-    state: State, scene: Scene, contacts: StepContacts, settings: HeatSettings, dt: float
+    state: State, scene: Scene, contacts: Contacts, settings: HeatSettings, dt: float
 ) -> Floats:
     """Normal forces that make the spots [N], shape ``(c,)``; keeps averages of ``state``, if used.
 
@@ -119,18 +119,18 @@ def forces_of_step(
     1 − exp(−age/τ), the weight of the time that it knows. What is apart conducts nothing, whatever
     its average; where another piece of its place is touched, that has it.
     """
-    carried = contacts.impulse[:, NORMAL]
+    i, j, carried = (np.ascontiguousarray(contacts[name]) for name in ("i", "j", "p_n"))
     if settings.force.kind == "prescribed":
-        return settings.force.value * _shares(scene, contacts.i, contacts.j, carried)
+        return settings.force.value * _shares(scene, i, j, carried)
     if settings.force.kind == "step":
         return np.asarray(carried / dt)
-    before = _averages(state, scene, contacts.i, contacts.j)
+    before = _averages(state, scene, i, j)
     mean: Floats = before + (carried / dt - before) * -expm1(-dt / settings.force.value)
     kept = mean != 0.0  # nan stays, to be noticed
-    state.mean_i, state.mean_j, state.mean_force = contacts.i[kept], contacts.j[kept], mean[kept]
+    state.mean_i, state.mean_j, state.mean_force = i[kept], j[kept], mean[kept]
     state.mean_age += dt
-    place, _ = find_places(scene, contacts.i, contacts.j)
-    touches = (carried > 0.0) | (contacts.frame[:, GAP] <= 0.0)
+    place, _ = find_places(scene, i, j)
+    touches = (carried > 0.0) | (contacts["gap"] <= 0.0)
     apart = totals_of_places(place, np.where(touches, 0.0, mean)) / np.maximum(
         totals_of_places(place, touches.astype(float)), 1.0
     )

@@ -184,7 +184,7 @@ class HeatStep:
     def _generate(self, moved: Moved) -> tuple[Floats, Floats]:
         """Heat generated: by grain and body, and by contact [J]; enters the books, and wears."""
         state, contacts, model = self._state, moved.contacts, self._model
-        count = contacts.i.size
+        count = contacts.size
         heat, rubbing = np.empty((count, 2)), np.empty(count)
         settings = self._settings
         generated_heat(
@@ -201,7 +201,7 @@ class HeatStep:
             [c.kind in ("temperature", "capacity") for c in self._conditions], np.bool_
         )
         share_out(
-            moved.scene, contacts.i, contacts.j, heat, rubbing, self._settings.laws, takes_heat,
+            moved.scene, moved.i, moved.j, heat, rubbing, self._settings.laws, takes_heat,
             source, to_walls, state.wear,
             state.wall_wear,
         )  # fmt: skip
@@ -214,12 +214,12 @@ class HeatStep:
         contacts, settings = moved.contacts, self._settings
         force = forces_of_step(self._state, moved.scene, contacts, settings, dt)
         spots = conducting_spots(
-            moved.scene, contacts.i, contacts.j, force, self._settings.laws, settings
+            moved.scene, moved.i, moved.j, force, self._settings.laws, settings
         )
         if settings.collisional:
             row = warm_rows(self._model.grain_count, moved.loaded_i)
-            is_known = met_before(moved.scene, row, moved.loaded_j, contacts.i, contacts.j)
-            place, _ = find_places(moved.scene, contacts.i, contacts.j)
+            is_known = met_before(moved.scene, row, moved.loaded_j, moved.i, moved.j)
+            place, _ = find_places(moved.scene, moved.i, moved.j)
             collide(
                 moved.scene,
                 self._model.grains.mass,

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.acceleration import choose_factor, extrapolate, restart, start_loop
-from multicor_cli.engine.geometry.neighbors import NeighborList
+from multicor_cli.engine.geometry.neighbors import NeighborList, pairs_within
+from multicor_cli.engine.geometry.radii import smaller_of
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry, place_shapes
 from multicor_cli.engine.jit.chunks import CHUNK, chunks_for, copy_into
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
@@ -39,39 +40,29 @@ def measure_overlaps(
     scene: Scene,
     row: NDArray[np.int64],
     partner: Ints,
-    gap: Floats,
-    cutoff: float,
     tolerance: float,
-    gap_after: Floats,
+    gap: Floats,
     flagged: NDArray[np.bool_],
     found: Floats,
 ) -> None:
-    """Overlaps at the end of a step among the pairs whose gap at mid-step was below ``cutoff``.
+    """Overlaps of the listed pairs at the end of a step.
 
-    **Modifies** ``gap_after``, gaps at q⁺ [m], infinite beyond the cutoff; ``flagged``, grains with
-    a pair in their row that overlaps by more than ``tolerance`` of the smaller radius; and
-    ``found``: in each chunk of grains the largest overlap over the smaller radius (or 0) and the
-    number of flagged grains, shape ``(chunks, 2)``.
+    **Modifies** ``gap``, gaps at q⁺ [m]; ``flagged``, grains with a pair in their row that overlaps
+    by more than ``tolerance`` of the smaller radius; and ``found``: in each chunk of grains the
+    largest overlap over the smaller radius (or 0) and the number of flagged grains, shape
+    ``(chunks, 2)``.
     """
-    count = row.size - 1
     for chunk in prange(found.shape[0]):
-        flags = 0.0
-        best = 0.0
-        for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
+        flags, best = 0.0, 0.0
+        for i in range(chunk * CHUNK, min(row.size - 1, (chunk + 1) * CHUNK)):
             flagged[i] = False
             for p in range(row[i], row[i + 1]):
-                gap_after[p] = np.inf
-                if gap[p] < cutoff:
-                    j = partner[p]
-                    gap_after[p] = pair_geometry(scene, i, j)[0]
-                    if gap_after[p] < 0.0:
-                        smaller = (
-                            min(scene.radius[i], scene.radius[j]) if j < count else scene.radius[i]
-                        )
-                        overlap = -gap_after[p] / smaller
-                        best = max(best, overlap)
-                        if overlap > tolerance:
-                            flagged[i] = True
+                gap[p] = pair_geometry(scene, i, partner[p])[0]
+                if gap[p] < 0.0:
+                    overlap = -gap[p] / smaller_of(scene, i, partner[p])
+                    best = max(best, overlap)
+                    if overlap > tolerance:
+                        flagged[i] = True
             if flagged[i]:
                 flags += 1.0
         found[chunk, 0], found[chunk, 1] = best, flags
@@ -81,25 +72,6 @@ def measure_overlaps(
 
 _MASS = 3  # column of the frames of pairs: 1/W
 RESTART_GROWTH = 1.5  # of the change per sweep, at which the momentum restarts
-
-
-@kernel
-def pairs_within(
-    row: NDArray[np.int64], partner: Ints, gap: Floats, near: float
-) -> tuple[Ints, Ints]:
-    """Grains i, and grains or wall shapes j, of the listed pairs with a ``gap`` up to ``near``."""
-    found = 0
-    for p in range(partner.size):
-        if gap[p] <= near:
-            found += 1
-    first, second = np.empty(found, np.int32), np.empty(found, np.int32)
-    found = 0
-    for i in range(row.size - 1):
-        for p in range(row[i], row[i + 1]):
-            if gap[p] <= near:
-                first[found], second[found] = i, partner[p]
-                found += 1
-    return first, second
 
 
 @kernel
@@ -183,9 +155,7 @@ def _measure(
             bodies.mobility[a, Y] + bodies.mobility[b, Y]
         ) * ny * ny
         if give > 0.0:
-            smaller = (
-                min(scene.radius[i[c]], scene.radius[j[c]]) if j[c] < n else scene.radius[i[c]]
-            )
+            smaller = smaller_of(scene, i[c], j[c])
             left = target * smaller
             if (a == held or b == held) and left < -gap <= allowed * smaller:
                 left = -gap
@@ -330,31 +300,27 @@ def correct_positions(
     gravity: Floats,
     motion: WallMotion,
     lists: NeighborList,
-    cutoff: float,
     flagged: NDArray[np.bool_],
     step: int,
 ) -> Correction:
     """Project positions, mass-weighted, until no overlap exceeds `ALLOWED`.
 
     **Modifies** positions, wall frames and wall shapes of ``scene``, at q⁺. Walls that a force
-    drives move according to their mass. ``lists`` have the gaps at q_m, where pairs farther apart
-    than ``cutoff`` [m] cannot overlap now; ``flagged`` is work space, shape ``(n,)``. Raises
-    `PhysicsError` if overlaps above `FORBIDDEN` cannot be removed.
+    drives move according to their mass. ``lists`` has all pairs that may overlap; ``flagged`` is
+    work space, shape ``(n,)``. Raises `PhysicsError` if overlaps above `FORBIDDEN` cannot be
+    removed.
     """
-    overlap, count = _overlaps(scene, lists, cutoff, flagged)
-    if count == 0:
-        return Correction(overlap, 0.0, 0.0, 0)
+    overlap, count = _overlaps(scene, lists, flagged)
     before, wall_before = scene.position[:, :2].copy(), scene.wall_position.copy()
     # Walls are not turned; kernels are compiled anew for another layout
     inverse = np.ascontiguousarray(motion.mobility[:, :2])
     rounds = 0
     while count and rounds < ROUNDS:
         # Pairs that a chain of corrections may close: a few of the largest overlaps away.
-        near = min(cutoff, 20.0 * overlap * float(model.grains.radius.max()))
+        near = 20.0 * overlap * float(model.grains.radius.max())
         _correct_once(scene, model, lists, near, flagged, inverse, rounds < LOCAL_ROUNDS)
         rounds += 1
-        # Grains may have been pushed into others that were not near: look a little farther.
-        overlap, count = _overlaps(scene, lists, cutoff + 0.1 * model.mean_diameter, flagged)
+        overlap, count = _overlaps(scene, lists, flagged)
     if overlap > FORBIDDEN:
         raise PhysicsError(step, _name_overlap(scene, model, lists, flagged, overlap))
     moved = scene.position[:, :2] - before
@@ -377,7 +343,7 @@ def _correct_once(
 
     Walls, with inverse masses in x and y of shape ``(w, 2)``, move with everything only.
     """
-    i, j = pairs_within(lists.row, lists.partner, lists.gap_after, near)
+    i, j = pairs_within(lists.row, lists.partner, lists.gap, near)
     sweeps = LOCAL_SWEEPS
     if not is_local or surround(i, j, RINGS, flagged) > LOCAL_SHARE * model.grain_count:
         flagged[:], sweeps = True, ROUND_SWEEPS
@@ -391,14 +357,10 @@ def _correct_once(
     place_shapes(scene.kind, scene.wall, model.shapes.geometry, scene.wall_position, scene.world)
 
 
-def _overlaps(
-    scene: Scene, lists: NeighborList, cutoff: float, flagged: NDArray[np.bool_]
-) -> tuple[float, int]:
+def _overlaps(scene: Scene, lists: NeighborList, flagged: NDArray[np.bool_]) -> tuple[float, int]:
     """Largest overlap over the smaller radius, and number of grains flagged; fills in gaps."""
     found = chunks_for(flagged.size, 2)
-    measure_overlaps(
-        scene, lists.row, lists.partner, lists.gap, cutoff, ALLOWED, lists.gap_after, flagged, found
-    )
+    measure_overlaps(scene, lists.row, lists.partner, ALLOWED, lists.gap, flagged, found)
     return float(found[:, 0].max()), round(total(found[:, 1]))
 
 
@@ -408,10 +370,7 @@ def _name_overlap(
     worst, pair = -1.0, (0, 0)
     for i in np.flatnonzero(flagged).tolist():
         for j in lists.partner[lists.row[i] : lists.row[i + 1]].tolist():
-            smaller = (
-                min(scene.radius[i], scene.radius[j]) if j < model.grain_count else scene.radius[i]
-            )
-            depth = -pair_geometry(scene, i, j)[0] / smaller
+            depth = -pair_geometry(scene, i, j)[0] / smaller_of(scene, i, j)
             if depth > worst:
                 worst, pair = depth, (i, j)
     i, j = pair
