@@ -18,13 +18,13 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
-import numba
 import numpy as np
 
 from multicor_cli.engine.contact.sweep import EXACT, Before, Relaxation, System, sweep
 from multicor_cli.engine.contact.system import OneByOne, flatten
 from multicor_cli.engine.jit.chunks import aligned_copy
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
+from multicor_cli.engine.jit.threads import use_threads
 from multicor_cli.model.model import Floats, Ints
 
 _ROUNDS = 7
@@ -45,7 +45,7 @@ def _copy_blocks(source: Floats, target: Floats) -> None:
 
 def copy_bandwidth(threads: int) -> float:
     """Bytes read and written per second when memory is copied by some threads, median [B/s]."""
-    numba.set_num_threads(threads)
+    use_threads(threads)
     source, target = np.ones(_COPIED), np.zeros(_COPIED)
     _copy_blocks(source, target)
     times = [_wall_time(lambda: _copy_blocks(source, target)) for _ in range(_ROUNDS)]
@@ -100,7 +100,7 @@ def time_sweep(system: System, threads: tuple[int, ...]) -> SweepTimes:
     partial = np.zeros(diagonal.tile_start.size - 1)
     for round_ in range(_ROUNDS + 1):
         for number in threads:
-            numba.set_num_threads(number)
+            use_threads(number)
             several = number > 1
             clock = _wall_time if several else _core_time
             ours_now = functools.partial(

@@ -10,7 +10,6 @@ nothing else.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,12 +25,11 @@ from multicor_cli.engine.contact.acceleration import (
 )
 from multicor_cli.engine.contact.contacts import (
     CONTACT,
-    SPEEDS,
     Contacts,
     WarmStart,
     refresh_contacts,
 )
-from multicor_cli.engine.contact.ordering import Schedule, lay_tiles, schedule_contacts
+from multicor_cli.engine.contact.ordering import lay_tiles, schedule_contacts
 from multicor_cli.engine.contact.patches import (
     choose_patch,
     has_clusters,
@@ -45,21 +43,26 @@ from multicor_cli.engine.contact.selection import (
     leave_out,
     measure_pairs,
 )
+from multicor_cli.engine.contact.solve import Outcome
 from multicor_cli.engine.contact.sweep import EXACT, System
 from multicor_cli.engine.contact.system import Moved, assemble, tabulate_contacts
-from multicor_cli.engine.energy.account import account_contacts, warm_start_of
+from multicor_cli.engine.energy.account import account_contacts, book_step, warm_start_of
 from multicor_cli.engine.geometry.neighbors import pairs_within
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.settings import HeatSettings, heat_laws
 from multicor_cli.engine.heat.step import HeatStep
 from multicor_cli.engine.jit.chunks import aligned, chunks_for
+from multicor_cli.engine.jit.threads import use_threads
 from multicor_cli.engine.jit.vectors import LANES
+from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.engine.motion.moves import move, wrap
 from multicor_cli.engine.motion.separation import (
+    Correction,
     measure_overlaps,
     separate,
     surround,
 )
+from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.model.columns import MASS
 from multicor_cli.model.model import ContactLaws, Floats, Grains, Model, Thermal, Walls, WallShapes
 from multicor_cli.model.state import State
@@ -70,7 +73,7 @@ _NO_ROWS = np.zeros(2, np.int64)
 
 def precompile() -> None:
     """Compile a step from its solve on, then what prepares the solve, then what hard steps need."""
-    numba.set_num_threads(1)
+    use_threads(1)
     model = _one_grain()
     state = State.at_rest(model, np.zeros((1, 2)))
     scene = Scene(
@@ -122,27 +125,28 @@ def _finish(model: Model, state: State, moved: Moved) -> None:
     separate(scene, _NOBODY, _NOBODY, marked, mass, np.zeros((1, 2)), 1.0, 1.0, 1.0, 1)
     surround(_NOBODY, _NOBODY, 1, marked)
     measure_overlaps(scene, _NO_ROWS, _NOBODY, 1.0, gap, marked, chunks_for(1, 2))
-    deepest_overlap(scene, _NOBODY, _NOBODY, 0, chunks_for(1))
+    deepest_overlap(scene, _NOBODY, _NOBODY)
     move(
         state.position.copy(), bodies, bodies, model.grains.radius, mass, model.gravity,
         model.shape_factor, 1.0, state.position,
-        state.velocity, chunks_for(1, 2),
+        state.velocity,
     )  # fmt: skip
-    account_contacts(scene, contacts, bodies)
-    find_closing(scene, _NOBODY, _NOBODY, bodies, bodies, 1.0, 1.0, chunks_for(1, 2))
+    sums = account_contacts(scene, scene, contacts, bodies)
+    motion = WallMotion(model, [WallDrive()])
+    nothing = Correction(0.0, 0.0, 0.0, 0), Outcome(0.0, True, 0.0, 0.0, 0.0)
+    book_step(state, motion, sums, 0.0, 0.0, *nothing, 1.0)
+    find_closing(scene, _NOBODY, _NOBODY, bodies, bodies, 1.0, 1.0, 1.0)
 
 
 def _prepare(model: Model, scene: Scene, contacts: Contacts, bodies: Floats) -> None:
     """What precedes the solve, the last first."""
-    slot, pair = np.empty((0, LANES), np.int32), aligned((0, 2, LANES), np.int32)
-    schedule = Schedule(slot, pair, _NO_ROWS, _NO_ROWS, _NOBODY, np.zeros(1, np.int32), 2)
+    tile = lay_tiles(scene, _NOBODY, _NOBODY, model.mean_diameter)
+    schedule = schedule_contacts(scene, _NOBODY, _NOBODY, tile, np.zeros(1, np.bool_))
     assemble(
         scene, contacts, schedule, bodies, np.zeros((1, 3)), model.shape_factor, has_couples=False
     ).collect(contacts)
-    tile = lay_tiles(scene, _NOBODY, _NOBODY, model.mean_diameter)
-    schedule_contacts(scene, _NOBODY, _NOBODY, tile, np.zeros(1, np.bool_))
     warm = WarmStart(_NO_ROWS, _NOBODY, np.empty((0, 2)), np.empty(0))
-    refresh_contacts(scene, model.laws, bodies, 1.0, warm, 1.0, contacts, chunks_for(1, SPEEDS))
+    refresh_contacts(scene, model.laws, bodies, 1.0, warm, 1.0, contacts)
     leave_out(_NO_ROWS, _NOBODY, _NOBODY, _NOBODY)
     pairs_within(_NO_ROWS, _NOBODY, np.empty(0), 1.0)
     measure_pairs(scene, _NO_ROWS, _NOBODY, bodies, bodies, 1.0, np.empty(0), chunks_for(1))

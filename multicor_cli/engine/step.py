@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple, NoReturn
@@ -15,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import hypot
-from multicor_cli.arithmetic.sums import column_totals, total
+from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.contacts import (
-    SPEEDS,
     Contacts,
     WarmStart,
     attract,
@@ -32,6 +30,7 @@ from multicor_cli.engine.contact.selection import AHEAD, Selection
 from multicor_cli.engine.contact.solve import Outcome, ResidualScale, ThreadChoice, solve_system
 from multicor_cli.engine.contact.system import Moved, OrderedSystem, assemble, tabulate_contacts
 from multicor_cli.engine.energy.account import (
+    OVERLAP,
     SUMS,
     ContactSums,
     account_contacts,
@@ -40,7 +39,7 @@ from multicor_cli.engine.energy.account import (
     switch_wall_kinetic,
     warm_start_of,
 )
-from multicor_cli.engine.geometry.drift import fit_drift
+from multicor_cli.engine.geometry.drift import NOTHING, cutoff_of_velocities, fit_drift
 from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.heat.settings import HeatSettings
@@ -48,24 +47,23 @@ from multicor_cli.engine.heat.step import HeatStep
 from multicor_cli.engine.heat.walls import WallHeat, begin_bodies
 from multicor_cli.engine.inflow.population import Population
 from multicor_cli.engine.inflow.rules import InflowRules
-from multicor_cli.engine.jit.chunks import chunks_for
-from multicor_cli.engine.jit.threads import PARALLEL_GRAINS
+from multicor_cli.engine.jit.threads import PARALLEL_GRAINS, use_threads
 from multicor_cli.engine.motion.drives import Gravity, WallDrive
-from multicor_cli.engine.motion.moves import move, predict, wrap
+from multicor_cli.engine.motion.moves import are_sound, move, predict, wrap
 from multicor_cli.engine.motion.separation import ALLOWED, Correction, correct_positions
 from multicor_cli.engine.motion.unseen import find_unseen, stop_unseen
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.engine.orders import Interrupted, Orders, PhysicsError, StepReport
 from multicor_cli.model.columns import BELT
 from multicor_cli.model.contacts import ContactTable
-from multicor_cli.model.faults import LARGEST, find_absurd_value
+from multicor_cli.model.faults import find_absurd_value
 from multicor_cli.model.model import LEAST_DIAMETERS, ContactLaws, Floats, Model
 from multicor_cli.model.state import State
 
 SLIPS_RMS, SLIPS = 50.0, 10.0
 """Scales of rms and largest correction over the mean slip: 5 % and half of it pass by default."""
 PHASES = ("predict", "detect", "prepare", "solve", "account", "move", "correct")
-_NOBODY, _NO_TEMPERATURE = np.empty(0, np.int64), np.empty(0)
+_NOBODY, _NO_TEMPERATURE, _NO_FALL = np.empty(0, np.int64), np.empty(0), np.zeros(2)
 _NOTHING_TO_SOLVE = Outcome(0.0, True, 0.0, 0.0, 0.0)
 _NOTHING_TO_CORRECT = Correction(0.0, 0.0, 0.0, 0)
 
@@ -172,6 +170,7 @@ class Engine:
             raise ValueError(message)
         self.model, self.state = model, state
         self.timers = dict.fromkeys(PHASES if heat is None else (*PHASES, "heat"), 0.0)
+        self._marked = 0.0
         self.moved: Moved | None = None
         self._available = min(threads, available) if threads > 0 else available
         self.heat = heat
@@ -361,64 +360,65 @@ class Engine:
         """The mechanics of a step. Until the contacts are solved nothing of the state changes."""
         layout, state = self._layout, self._layout.state
         n, grains = layout.model.grain_count, layout.model.grains
-        numba.set_num_threads(layout.threading.favorite)
+        use_threads(layout.threading.favorite)
         self.moved = None  # free the contacts of the last step before there are new ones
         if state.step == 0:
             open_books(state, layout.model, self._motion)
         if n == 0:
             return self._move_walls_alone(dt, t)
         selection, loaded = layout.selection, (state.contact_i, state.contact_j)
+        self._marked = time.perf_counter()
 
-        with self._timed("predict"):
-            step = self._predict(dt, t)
+        step = self._predict(dt, t)
+        self._clock("predict")
 
         # Contacts serve until another pair may close in a step; where the solved velocities carry
         # one that far, all are solved once more with it.
-        with self._timed("detect"):
-            self._select(step)
+        self._select(step)
+        self._clock("detect")
         margin, is_complete = 0.0, False
         while not is_complete:
-            with self._timed("prepare"):
-                contacts, scale = self._gather(step)
-                ordered = self._assemble(step.scene, contacts)
-            with self._timed("solve"):
-                outcome = solve_system(
-                    ordered.system, scale, self.orders.settings, layout.threading, should_stop
-                )
+            contacts, scale = self._gather(step)
+            ordered = self._assemble(step.scene, contacts)
+            self._clock("prepare")
+            outcome = solve_system(
+                ordered.system, scale, self.orders.settings, layout.threading, should_stop
+            )
+            self._clock("solve")
             after = ordered.collect(contacts)
-            with self._timed("detect"):
-                is_missing, fastest = self._missing(step, after)
-                is_complete = not is_missing
-                if is_missing:
-                    margin = max(2.0 * margin, 1.5 * dt * fastest, self._margin(step))
-                    selection.seek(step.scene, margin)
+            is_missing, fastest = self._missing(step, after)
+            is_complete = not is_missing
+            if is_missing:
+                margin = max(2.0 * margin, 1.5 * dt * fastest, self._margin(step))
+                selection.seek(step.scene, margin)
+            self._clock("detect")
         outcome.require_convergence(self.orders.settings, state.step)
 
-        with self._timed("account"):
-            sums = account_contacts(step.scene, contacts, after)
-        with self._timed("move"):
-            grain_sums = chunks_for(n, 2)
-            move(
-                layout.middle, layout.before, after, grains.radius, grains.mass, step.gravity,
-                self.model.shape_factor, dt,
-                state.position, state.velocity, grain_sums,
-            )  # fmt: skip
-            kinetic, gravity_work = column_totals(grain_sums).tolist()
-            if not np.isfinite(kinetic):
-                self._refuse_state()
-            wall_after = np.where(self._motion.driven, after[n:, :3], layout.free[n:, :3])
-            self._move_walls(step.scene.wall_position, wall_after, dt)
-        with self._timed("correct"):
-            correction = self._correct(step)
-        with self._timed("account"):
-            book_step(state, self._motion, sums, kinetic, gravity_work, correction, outcome, dt)
-            state.contact_i, state.contact_j, state.contact_impulse, state.contact_couple = (
-                warm_start_of(contacts, self._has_couples)
-            )
-            selection.give(state)
-            state.last_dt = dt
+        kinetic, gravity_work = move(
+            layout.middle, layout.before, after, grains.radius, grains.mass, step.gravity,
+            self.model.shape_factor, dt,
+            state.position, state.velocity,
+        )  # fmt: skip
+        if not math.isfinite(kinetic):
+            self._refuse_state()
+        wall_after = np.where(self._motion.driven, after[n:, :3], layout.free[n:, :3])
+        self._move_walls(step.scene.wall_position, wall_after, dt)
+        self._clock("move")
+        # Beside the scene at q_m, which heat still looks at
+        end = scene_of(layout.model, state.position, state.wall_position)
+        sums = account_contacts(step.scene, end, contacts, after)
+        self._clock("account")
+        correction = self._correct(step, end, float(sums.total[OVERLAP]))
+        self._clock("correct")
+        book_step(state, self._motion, sums, kinetic, gravity_work, correction, outcome, dt)
+        state.contact_i, state.contact_j, state.contact_impulse, state.contact_couple = (
+            warm_start_of(contacts, self._has_couples)
+        )
+        selection.give(state)
+        state.last_dt = dt
         layout.newcomers = _NOBODY
         self.moved = Moved(step.scene, contacts, after, selection.i, selection.j, *loaded)
+        self._clock("account")
         return StepReport(
             outcome.sweeps, outcome.converged, outcome.rms, outcome.maximum, outcome.energy,
             int(state.contact_i.size),
@@ -428,7 +428,8 @@ class Engine:
     def _move_walls_alone(self, dt: float, t: float) -> StepReport:
         state, motion, w = self._layout.state, self._motion, self.model.wall_count
         walls = motion.predict(state, self._gravity.value(t + 0.5 * dt), t, dt)
-        self._require_sound(np.empty(0), walls)
+        if not are_sound(walls, motion.before, state.wall_position, motion.belt_before):
+            self._refuse_state()
         self._move_walls(state.wall_position + 0.5 * dt * motion.before, walls, dt)
         sums = ContactSums(np.zeros(SUMS), np.zeros((w, 3)), np.zeros(w))
         book_step(state, motion, sums, 0.0, 0.0, _NOTHING_TO_CORRECT, _NOTHING_TO_SOLVE, dt)
@@ -444,15 +445,18 @@ class Engine:
             self._motion,
         )
         n, grains = model.grain_count, model.grains
-        speeds, gravity = chunks_for(n), self._gravity.value(t + 0.5 * dt)
-        predict(
+        gravity = self._gravity.value(t + 0.5 * dt)
+        is_sound = predict(
             state.position, state.velocity, grains.radius, grains.mass, gravity, dt,
-            layout.middle, layout.before, layout.free, speeds,
+            layout.middle, layout.before, layout.free,
         )  # fmt: skip
         walls = motion.predict(state, gravity, t, dt)
         layout.before[n:, :3], layout.free[n:, :3] = motion.before, walls
         layout.before[n:, BELT], layout.free[n:, BELT] = motion.belt_before, motion.belt
-        self._require_sound(speeds, walls)
+        if not (
+            is_sound and are_sound(walls, motion.before, state.wall_position, motion.belt_before)
+        ):
+            self._refuse_state()
         temperature = _NO_TEMPERATURE
         if self._heat is not None and self._laws().depends_on_temperature:
             temperature = self._heat.shape_temperatures(t)
@@ -469,15 +473,6 @@ class Engine:
             return step
         return step._replace(stopped=stopped, cutoff=self._cutoff_before(scene, gravity, walls, dt))
 
-    def _require_sound(self, speeds: Floats, walls: Floats) -> None:
-        """Raise `PhysicsError` if a speed of the grains or walls is absurd or not finite."""
-        state, motion = self._layout.state, self._motion
-        of_walls = np.concatenate(
-            [walls, motion.before, state.wall_position, motion.belt_before], axis=None
-        )
-        if not np.isfinite(speeds).all() or not (np.abs(of_walls) <= LARGEST).all():
-            self._refuse_state()
-
     def _refuse_state(self) -> NoReturn:
         state = self._layout.state
         raise PhysicsError(
@@ -486,34 +481,37 @@ class Engine:
 
     def _cutoff_before(self, scene: Scene, gravity: Floats, walls: Floats, dt: float) -> float:
         """A gap that no pair closes in `AHEAD` steps [m], as velocities before the solve tell."""
-        layout, model = self._layout, self._layout.model
-        drift = fit_drift(layout.free, layout.middle, model.period)
+        layout, motion = self._layout, self._motion
+        drift = fit_drift(layout.free, layout.middle, layout.model.period, NOTHING)
         fall = dt * np.abs(gravity)  # between the velocities at the start and the free ones
-        drift = replace(
-            drift, rest=drift.rest + hypot(*fall.tolist()), largest=drift.largest + fall
-        )
-        cutoff = self._motion.closing(drift, scene, self._motion.before, walls).cutoff(
-            AHEAD * dt, layout.pairs.largest
-        )
-        return max(cutoff, closing_distance(self._laws(), model.grains, dt))
+        cutoff = cutoff_of_velocities(
+            scene, drift, fall, motion.before, walls, motion.extent, AHEAD * dt,
+            layout.pairs.largest,
+        )  # fmt: skip
+        return max(cutoff, closing_distance(self._laws(), layout.model.grains, dt))
 
     def _cutoff_after(self, step: Prediction, after: Floats) -> float:
         """A gap that no pair closes in the step with the velocities v⁺ [m]."""
         layout = self._layout
-        drift = fit_drift(after, layout.middle, self.model.period)
+        drift = fit_drift(after, layout.middle, self.model.period, NOTHING)
         walls = after[layout.model.grain_count :, :3].copy()
-        return self._motion.closing(drift, step.scene, walls).cutoff(step.dt, layout.pairs.largest)
+        return cutoff_of_velocities(
+            step.scene, drift, _NO_FALL, walls, walls, self._motion.extent, step.dt,
+            layout.pairs.largest,
+        )  # fmt: skip
 
     # ---- Its contacts
 
     def _select(self, step: Prediction) -> None:
         """The contacts of the state, or others if a pair that is none of them may close."""
-        layout = self._layout
-        selection, before, free = layout.selection, layout.before, layout.free
-        selection.take(layout.state)
-        layout.pairs.update(layout.middle, step.scene.world, step.cutoff)
-        if selection.closing(step.scene, before, free, step.cutoff, AHEAD * step.dt)[0]:
-            selection.seek(step.scene, self._margin(step))
+        layout, scene = self._layout, step.scene
+        reach = closing_distance(self._laws(), layout.model.grains, step.dt)
+        layout.selection.take(layout.state)
+        layout.pairs.update(layout.middle, scene.world, step.cutoff)
+        if layout.selection.closing(
+            scene, layout.before, layout.free, step.cutoff, AHEAD * step.dt, reach
+        )[0]:
+            layout.selection.seek(scene, self._margin(step))
 
     def _margin(self, step: Prediction) -> float:
         """Largest gap of new contacts [m], as velocities before the solve tell; fills in gaps."""
@@ -526,12 +524,14 @@ class Engine:
         layout, cutoff = self._layout, self._cutoff_after(step, after)
         if cutoff > layout.pairs.complete:
             layout.pairs.update(layout.middle, step.scene.world, cutoff)
-        return layout.selection.closing(step.scene, after, after, cutoff, step.dt)
+        return layout.selection.closing(step.scene, after, after, cutoff, step.dt, -math.inf)
 
     def _assemble(self, scene: Scene, contacts: Contacts) -> OrderedSystem:
         layout, motion = self._layout, self._motion
         schedule = layout.selection.schedule(scene, motion.is_free)
-        free = attract(scene, contacts, layout.free, motion.inverse)
+        free = layout.free
+        if self._laws().adhesion.size:
+            free = attract(scene, contacts, free, motion.inverse)
         return assemble(
             scene, contacts, schedule, free, motion.inverse, layout.model.shape_factor,
             self._has_couples,
@@ -544,14 +544,14 @@ class Engine:
         warm = WarmStart(row, state.contact_j, state.contact_impulse, state.contact_couple)
         ratio = dt / state.last_dt if state.last_dt > 0.0 else 0.0
         selection, start = layout.selection, layout.before
-        contacts, speeds = selection.contacts, chunks_for(selection.i.size, SPEEDS)
-        refresh_contacts(step.scene, laws, start, dt, warm, ratio, contacts, speeds)
+        contacts = selection.contacts
+        speeds = refresh_contacts(step.scene, laws, start, dt, warm, ratio, contacts)
         if laws.adhesion.size:
             begin_attraction(step.scene, laws, contacts, selection.i, selection.j, start, warm, dt)
         if laws.rolling.size:
             begin_rolling(step.scene, laws, start, warm, ratio, contacts)
-        attraction = float(contacts["attraction"].max(initial=0.0))
-        scale = self._scale(step, attraction, *column_totals(speeds))
+        attraction = float(contacts["attraction"].max(initial=0.0)) if laws.adhesion.size else 0.0
+        scale = self._scale(step, attraction, *speeds)
         if scale.velocity == 0.0:
             # Nothing closes and nothing pushes: the last impulses must not act once more.
             contacts["p_n"], contacts["p_t"], contacts["p_r"] = 0.0, 0.0, 0.0
@@ -596,11 +596,9 @@ class Engine:
         state.wall_velocity, state.wall_surface = after, self._motion.surface_after(state)
         state.wall_position = middle + 0.5 * dt * after
 
-    def _correct(self, step: Prediction) -> Correction:
+    def _correct(self, step: Prediction, end: Scene, overlap: float) -> Correction:
         layout, state, model = self._layout, self._layout.state, self._layout.model
-        # Beside that of q_m, which heat still looks at
-        end = scene_of(model, state.position, state.wall_position)
-        overlap = layout.selection.overlap(end)
+        overlap = max(overlap, layout.selection.overlap_beside(end))
         correction = Correction(overlap, 0.0, 0.0, 0)
         if overlap > ALLOWED:
             correction = correct_positions(
@@ -608,9 +606,8 @@ class Engine:
             )
         if step.stopped is not None:
             pull = model.grains.mass[:, np.newaxis] * step.gravity
-            correction = replace(
-                correction, gravity_work=correction.gravity_work + total(pull * step.stopped)
-            )
+            more = total(pull * step.stopped)
+            correction = correction._replace(gravity_work=correction.gravity_work + more)
         if model.period > 0.0:
             wrap(state.position, state.image, model.period)
         return correction
@@ -621,18 +618,19 @@ class Engine:
         heat = self._heat
         if heat is None:
             return
-        with self._timed("heat"):
-            if not self.orders.is_heat_on:
-                heat.skip(dt, t)
-            elif self._layout.model.grain_count == 0:
-                heat.flow_nowhere(dt, t)
-            elif self.moved is None or self.orders.is_frozen:
-                heat.flow_at_rest(dt, t, should_stop)
-            else:
-                heat.flow(self.moved, dt, t)
+        self._marked = time.perf_counter()
+        if not self.orders.is_heat_on:
+            heat.skip(dt, t)
+        elif self._layout.model.grain_count == 0:
+            heat.flow_nowhere(dt, t)
+        elif self.moved is None or self.orders.is_frozen:
+            heat.flow_at_rest(dt, t, should_stop)
+        else:
+            heat.flow(self.moved, dt, t)
+        self._clock("heat")
 
-    @contextmanager
-    def _timed(self, phase: str) -> Iterator[None]:
-        started = time.perf_counter()
-        yield
-        self.timers[phase] += time.perf_counter() - started
+    def _clock(self, phase: str) -> None:
+        """Add the time since the last mark to a phase."""
+        now = time.perf_counter()
+        self.timers[phase] += now - self._marked
+        self._marked = now

@@ -155,7 +155,10 @@ def carried_over(
 
 
 def _carry_contacts(source: Source, model: Model, state: State, same: Mapping[int, int]) -> None:
-    """Impulses and couples of the last step; q = p + F_a Δt with the new F_a (theory §3.1)."""
+    """Contacts of the last step, their impulses and couples.
+
+    q_n = p_n + F_a Δt with the new F_a (theory §3.1).
+    """
     from multicor_cli.engine.contact.contacts import resting_attraction
 
     old, before = source.state, source.model
@@ -172,6 +175,8 @@ def _carry_contacts(source: Source, model: Model, state: State, same: Mapping[in
     change = (now if now.size else 0.0) - (was if was.size else np.zeros(len(kept)))
     impulse[:, NORMAL] = np.maximum(impulse[:, NORMAL] + change, 0.0)
     state.contact_impulse = impulse
+    _, state.near_i, state.near_j = _renumbered(source, model, old.near_i, old.near_j, same)
+    state.tile = old.tile.copy()
     if model.laws.rolling.size:
         couple, none = old.contact_couple, np.zeros(len(kept))
         state.contact_couple = couple[kept] if couple.size else none

@@ -76,8 +76,27 @@ CONTACT = np.dtype(
 Contacts = NDArray[Any]
 
 _SQUARES, _CLOSING, _SLIP, _LOADED, _MOTION, _MET = range(6)
-SPEEDS = 6
-"""Columns of the sums of `refresh_contacts`."""
+
+
+class Speeds(NamedTuple):
+    """Sums over the contacts of a step, from which the scale of its residuals follows.
+
+    Attributes:
+        squares: Σ min(u_n⁻, 0)² of contacts that close in the step [m²/s²].
+        closing: Number of these contacts.
+        slip: Σ |u_t⁻| of contacts of two grains that carried an impulse [m/s].
+        loaded: Number of these contacts.
+        motion: Sum of the speeds, spins left out, at which contacts that carried an impulse or
+            close move [m/s].
+        met: Number of these contacts.
+    """
+
+    squares: float
+    closing: float
+    slip: float
+    loaded: float
+    motion: float
+    met: float
 
 
 class WarmStart(NamedTuple):
@@ -229,17 +248,13 @@ def refresh_contacts(
     warm: WarmStart,
     ratio: float,
     contacts: Contacts,
-    speeds: Floats,
-) -> None:
+) -> Speeds:
     """Everything of the contacts of a step but adhesion and rolling resistance.
 
-    ``ratio`` is that of this time step to that of the warm start. **Modifies** ``contacts`` and
-    ``speeds``: in each chunk of contacts the sum of min(u_n⁻, 0)² [m²/s²] and the number of
-    contacts that close in the step; the sum of |u_t⁻| [m/s] and the number of contacts of two
-    grains that carried an impulse; the sum of `_speed` [m/s] and the number of contacts that
-    carried an impulse or close; shape ``(chunks, SPEEDS)``.
+    ``ratio`` is that of this time step to that of the warm start. **Modifies** ``contacts``.
     """
     count = contacts.size
+    speeds = np.zeros(((count + CHUNK - 1) // CHUNK, 6))
     for chunk in prange(speeds.shape[0]):
         squares, closing, slip, loaded, motion, met = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         grain, k, last = -1, 0, 0
@@ -261,6 +276,13 @@ def refresh_contacts(
         speeds[chunk, _SQUARES], speeds[chunk, _CLOSING] = squares, closing
         speeds[chunk, _SLIP], speeds[chunk, _LOADED] = slip, loaded
         speeds[chunk, _MOTION], speeds[chunk, _MET] = motion, met
+    sums = np.zeros(6)
+    for chunk in range(speeds.shape[0]):
+        for k in range(6):
+            sums[k] += speeds[chunk, k]
+    return Speeds(
+        sums[_SQUARES], sums[_CLOSING], sums[_SLIP], sums[_LOADED], sums[_MOTION], sums[_MET]
+    )
 
 
 @kernel

@@ -19,7 +19,7 @@ from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.jit.chunks import aligned
 from multicor_cli.engine.jit.compile import kernel, loop_body
 from multicor_cli.engine.jit.vectors import LANES
-from multicor_cli.model.columns import FIRST, SECOND, X, Y
+from multicor_cli.model.columns import FIRST, MASS, SECOND, X, Y
 from multicor_cli.model.model import Floats, Ints
 
 MANY = 16  # contacts of a grain from which on they are crowded: relaxed serially
@@ -341,8 +341,11 @@ class Schedule(NamedTuple):
 
     Attributes:
         general: General contacts, shape ``(g,)``.
-        place: Row of each grain, shape ``(n,)``; then come the walls, then the wall proxies.
-        rows: Number of all these rows. Two rows for the empty lanes of each tile follow.
+        place: Row of each grain, shape ``(n,)``; then come the walls, then the wall proxies, and
+            two rows for the empty lanes of each tile.
+        velocity: Room for the velocities of these rows.
+        frame: Room for the frames of diagonal contacts, empty lanes filled in.
+        impulse: Room for their impulses.
     """
 
     slot: Ints
@@ -351,7 +354,9 @@ class Schedule(NamedTuple):
     color_start: NDArray[np.int64]
     general: Ints
     place: Ints
-    rows: int
+    velocity: Floats
+    frame: Floats
+    impulse: Floats
 
 
 def lay_tiles(scene: Scene, i: Ints, j: Ints, mean_diameter: float) -> Ints:
@@ -382,7 +387,13 @@ def schedule_contacts(
     slot, tile_start = make_batches(bodies, start, count)
     pair = aligned((slot.shape[0], 2, LANES), np.int32)
     fill_lanes(order, bodies, count, tile_start, slot, pair)
-    return Schedule(slot, pair, tile_start, color_start, general, place, count)
+    batches, rows = slot.shape[0], count + 2 * (tile_start.size - 1)
+    velocity, frame, impulse = (
+        aligned((rows, 4)), aligned((batches, 5, LANES)), aligned((batches, 2, LANES))
+    )  # fmt: skip
+    velocity[:], frame[:], impulse[:] = 0.0, 0.0, 0.0
+    frame[:, MASS][slot < 0] = 1.0  # 1/W: a residual is measured there too
+    return Schedule(slot, pair, tile_start, color_start, general, place, velocity, frame, impulse)
 
 
 def _grid(scene: Scene, width: float) -> tuple[int, int, Floats, float, float]:

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from multicor_cli.engine.contact.contacts import CONTACT, Contacts, normal_velocity
 from multicor_cli.engine.contact.ordering import Schedule, lay_tiles, schedule_contacts
 from multicor_cli.engine.geometry.neighbors import NeighborList, pairs_within
-from multicor_cli.engine.geometry.radii import smaller_of
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.jit.chunks import CHUNK, chunks_for
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
@@ -83,19 +82,21 @@ def find_closing(
     end: Floats,
     cutoff: float,
     dt: float,
-    found: Floats,
-) -> None:
-    """Pairs that are no contacts although they close within ``dt``.
+    reach: float,
+) -> tuple[bool, float]:
+    """Pairs that are no contacts although they close within ``dt`` or are within ``reach`` [m].
 
     ``start`` and ``end`` are velocities with either of which they may, ``cutoff`` a gap that no
-    pair closes [m]. **Modifies** ``found``: in each chunk of pairs how many there are, and their
-    largest approach speed [m/s], shape ``(chunks, 2)``.
+    pair closes [m]. Returns whether there is any, and their largest approach speed [m/s].
     """
+    found = np.zeros(((i.size + CHUNK - 1) // CHUNK, 2))
     for chunk in prange(found.shape[0]):
         count, fastest = 0.0, 0.0
         for k in range(chunk * CHUNK, min(i.size, (chunk + 1) * CHUNK)):
             gap, nx, ny = pair_geometry(scene, i[k], j[k])
-            if gap < cutoff:
+            if gap <= reach:
+                count += 1.0
+            elif gap < cutoff:
                 u_n = min(
                     normal_velocity(scene, start, i[k], j[k], nx, ny, gap),
                     normal_velocity(scene, end, i[k], j[k], nx, ny, gap),
@@ -104,22 +105,21 @@ def find_closing(
                     count += 1.0
                     fastest = max(fastest, -u_n)
         found[chunk, 0], found[chunk, 1] = count, fastest
+    total, fastest = 0.0, 0.0
+    for chunk in range(found.shape[0]):
+        total += found[chunk, 0]
+        fastest = max(fastest, found[chunk, 1])
+    return total > 0.0, fastest
 
 
-@parallel_kernel
-def deepest_overlap(scene: Scene, i: Ints, j: Ints, first: int, found: Floats) -> None:
-    """Largest overlap over the smaller radius among pairs whose second shape is ``first`` or more.
-
-    **Modifies** ``found``, the result per chunk of pairs, or 0, shape ``(chunks, 1)``.
-    """
-    for chunk in prange(found.shape[0]):
-        best = 0.0
-        for k in range(chunk * CHUNK, min(i.size, (chunk + 1) * CHUNK)):
-            if j[k] >= first:
-                gap = pair_geometry(scene, i[k], j[k])[0]
-                if gap < 0.0:
-                    best = max(best, -gap / smaller_of(scene, i[k], j[k]))
-        found[chunk, 0] = best
+@kernel
+def deepest_overlap(scene: Scene, i: Ints, j: Ints) -> float:
+    """Largest overlap of pairs of a grain and a wall over its radius; 0 if there is none."""
+    best = 0.0
+    for k in range(i.size):
+        if j[k] >= scene.radius.size:
+            best = max(best, -pair_geometry(scene, i[k], j[k])[0] / scene.radius[i[k]])
+    return best
 
 
 class Selection:
@@ -191,25 +191,15 @@ class Selection:
         return self._beside
 
     def closing(
-        self, scene: Scene, start: Floats, end: Floats, cutoff: float, dt: float
+        self, scene: Scene, start: Floats, end: Floats, cutoff: float, dt: float, reach: float
     ) -> tuple[bool, float]:
-        """Whether a pair that is no contact closes within ``dt``, and the largest speed of one.
+        """As `find_closing`, of all pairs; the list is complete up to ``cutoff`` and ``reach``."""
+        return find_closing(scene, *self.beside, start, end, cutoff, dt, reach)
 
-        Arguments as `find_closing`; the list is complete up to ``cutoff``.
+    def overlap_beside(self, scene: Scene) -> float:
+        """Largest overlap at the end of a step of pairs that are no contacts, over the radius.
+
+        They did not close within the step: on a straight way a gap between discs is convex, so they
+        are apart. Pieces of walls may turn or curve.
         """
-        i, j = self.beside
-        found = chunks_for(i.size, 2)
-        find_closing(scene, i, j, start, end, cutoff, dt, found)
-        return bool(found[:, 0].any()), float(found[:, 1].max())
-
-    def overlap(self, scene: Scene) -> float:
-        """Largest overlap over the smaller radius at the end of a step, whose scene this is.
-
-        Grains that did not close within the step are apart: on a straight way a gap is convex. So
-        it is with planes and circles seen from outside; other pieces of walls may turn or curve.
-        """
-        contacts, (i, j) = chunks_for(self.i.size), self.beside
-        others = chunks_for(i.size)
-        deepest_overlap(scene, self.i, self.j, 0, contacts)
-        deepest_overlap(scene, i, j, self._model.grain_count, others)
-        return float(max(contacts.max(), others.max()))
+        return deepest_overlap(scene, *self.beside)

@@ -6,8 +6,8 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,6 +33,7 @@ from multicor_cli.engine.contact.patches import (
     solve_patch,
 )
 from multicor_cli.engine.contact.sweep import BIPOTENTIAL, EXACT, System
+from multicor_cli.engine.jit.threads import threads_in_use, use_threads
 from multicor_cli.engine.orders import Interrupted, PhysicsError, Settings
 from multicor_cli.model.model import Floats
 
@@ -129,8 +130,7 @@ REST_FLOOR = 1e-11
 """Of u_rms, which no error has to be below."""
 
 
-@dataclass(frozen=True)
-class Outcome:
+class Outcome(NamedTuple):
     """Result of a solve; residuals over their scale, ``sweeps`` in sweep-equivalents."""
 
     sweeps: float
@@ -171,15 +171,14 @@ def solve_system(
     partial = np.empty(system.tile_start.size - 1)
     local = EXACT if settings.local == "exact" else BIPOTENTIAL
     slice_ = max(1, SLICE // count)
-    # Asking for their number also starts Numba's threads, which parallel kernels need.
-    outside = numba.get_num_threads()
+    outside = threads_in_use()
     try:
         while not loop["is_converged"] and loop["sweeps"] < settings.max_sweeps:
             limit = min(int(loop["sweeps"]) + slice_, settings.max_sweeps)
             is_last = limit == settings.max_sweeps
             parallel = pace.choose(count)
             if parallel:
-                numba.set_num_threads(pace.threads)
+                use_threads(pace.threads)
             done, started = float(loop["sweeps"]), time.perf_counter()
             iterate(
                 system,
@@ -220,8 +219,7 @@ def solve_system(
                 begin_again(system, momentum, is_clustered, loop)
             _ask(should_stop)
     finally:
-        if pace.threads > 1:
-            numba.set_num_threads(outside)  # the caller may have chosen it
+        use_threads(outside)  # the caller may have chosen it
     return Outcome(
         float(loop["sweeps"] + loop["checks"]),
         bool(loop["is_converged"]),

@@ -19,7 +19,7 @@ from multicor_cli.engine.contact.ordering import Schedule, make_batches
 from multicor_cli.engine.contact.sweep import NO_COUPLES, System, add_impulses
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.chunks import aligned
-from multicor_cli.engine.jit.compile import kernel, loop_body, parallel_kernel, prange
+from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import (
     BELT,
@@ -126,24 +126,27 @@ def _blocks(rows: NDArray[Any]) -> NDArray[Any]:
 
 
 @kernel
-def pack_bodies(free: Floats, place: Ints, velocity: Floats) -> None:
-    """Copy bodies into those of the sweep: grains to their ``place``, then walls."""
+def pack_bodies(
+    free: Floats, place: Ints, wall_inverse: Floats, spin_factor: float, velocity: Floats
+) -> Floats:
+    """Copy bodies into those of the sweep: grains to their ``place``, then walls.
+
+    Returns the inverse masses of all degrees of freedom, as in `System`.
+    """
+    inverse = np.empty((free.shape[0], 3))
     for b in range(free.shape[0]):
         row = np.int64(place[b]) if b < place.size else np.int64(b)
         for d in range(4):
             velocity[row, d] = free[b, d]
-        if b >= place.size:
+        if b < place.size:
+            inverse[row, X] = inverse[row, Y] = free[b, INVERSE_MASS]
+            inverse[row, SPIN] = spin_factor * free[b, INVERSE_MASS]
+        else:
             # The inverse masses of walls stand elsewhere, and their surfaces in the contacts
             velocity[row, INVERSE_MASS] = 0.0
-
-
-@loop_body
-def _leave_empty(q: int, lane: int, frame: Floats, impulse: Floats) -> None:
-    """A lane without contact; 1/W = 1, for a residual is measured there too."""
-    for d in range(5):
-        frame[q, d, lane] = 0.0
-    frame[q, MASS, lane] = 1.0
-    impulse[q, NORMAL, lane] = impulse[q, TANGENTIAL, lane] = 0.0
+            for d in range(3):
+                inverse[row, d] = wall_inverse[b - place.size, d]
+    return inverse
 
 
 @parallel_kernel
@@ -167,7 +170,6 @@ def pack_contacts(
         for lane in range(LANES):
             c = slot[q, lane]
             if c < 0:
-                _leave_empty(q, lane, frame, impulse)
                 continue
             i, j = pair[q, FIRST, lane] // 4, pair[q, SECOND, lane] // 4
             contact = contacts[c]
@@ -218,20 +220,28 @@ def pack_general(
 
 
 @kernel
-def unpack(
-    slot: Ints, impulse: Floats, place: Ints, velocity: Floats, contacts: Contacts, by_body: Floats
-) -> None:
-    """Back from the arrays of the sweep: ``contacts`` and ``by_body`` are **modified**."""
+def unpack(system: System, general: Ints, place: Ints, belt: Floats, contacts: Contacts) -> Floats:
+    """Back from the arrays of the sweep; returns v⁺, shape ``(n + w, 4)``; fills ``contacts``."""
+    slot, impulse, velocity = system.slot, system.impulse, system.velocity
     for q in range(slot.shape[0]):
         for lane in range(LANES):
             c = slot[q, lane]
             if c >= 0:
                 contacts[c].p_n = impulse[q, NORMAL, lane]
                 contacts[c].p_t = impulse[q, TANGENTIAL, lane]
-    for b in range(by_body.shape[0]):
+    for g in range(general.size):
+        contacts[general[g]].p_n = system.general_impulse[g, NORMAL]
+        contacts[general[g]].p_t = system.general_impulse[g, TANGENTIAL]
+    for k in range(system.couples.impulse.size):
+        contacts[system.couples.contact[k]].p_r = system.couples.impulse[k]
+    after = np.empty((system.inverse.shape[0], 4))
+    for b in range(after.shape[0]):
         row = np.int64(place[b]) if b < place.size else np.int64(b)
         for d in range(4):
-            by_body[b, d] = velocity[row, d]
+            after[b, d] = velocity[row, d]
+        if b >= place.size:
+            after[b, BELT] = belt[b - place.size]
+    return after
 
 
 # ---- Puts the contacts of a step into the arrays of the sweep
@@ -255,13 +265,7 @@ class OrderedSystem:
 
     def collect(self, contacts: Contacts) -> Floats:
         """Put impulses and couples into ``contacts``; returns v⁺, shape ``(n + w, 4)``."""
-        system = self.system
-        after = np.empty((system.inverse.shape[0], 4))
-        unpack(system.slot, system.impulse, self.place, system.velocity, contacts, after)
-        after[self.place.size :, BELT] = self.belt
-        contacts["p_n"][self.general], contacts["p_t"][self.general] = system.general_impulse.T
-        contacts["p_r"][system.couples.contact] = system.couples.impulse
-        return after
+        return unpack(self.system, self.general, self.place, self.belt, contacts)
 
 
 def assemble(
@@ -273,26 +277,16 @@ def assemble(
     spin_factor: float,
     has_couples: bool,
 ) -> OrderedSystem:
-    """Build the arrays of the sweep, from contacts sorted by key, with their warm start.
+    """Fill the arrays of the sweep, from contacts sorted by key, with their warm start.
 
     ``free`` are velocities of grains and walls, shape ``(n + w, 4)``, ``wall_inverse`` inverse
     masses per degree of freedom, shape ``(w, 3)``. Without couples the rolling resistance of the
     contacts is not looked at.
     """
-    slot, pair, tile_start, color_start, general, place, rows = schedule
-    bodies, batches = free.shape[0], slot.shape[0]
+    slot, pair, tile_start, color_start, general, place, velocity, frame, impulse = schedule
     belt = free[place.size :, BELT].copy()
-    velocity = aligned((rows + 2 * (tile_start.size - 1), 4))
-    velocity[rows:] = 0.0
-    frame, impulse = aligned((batches, 5, LANES)), aligned((batches, 2, LANES))
-    pack_bodies(free, place, velocity)
+    inverse = pack_bodies(free, place, wall_inverse, spin_factor, velocity)
     pack_contacts(scene, contacts, belt, slot, pair, velocity, frame, impulse)
-    inverse = np.zeros((bodies, 3))
-    if general.size or has_couples:
-        n = scene.radius.size
-        inverse[:n, X] = inverse[:n, Y] = velocity[:n, INVERSE_MASS]
-        inverse[:n, SPIN] = spin_factor * velocity[:n, INVERSE_MASS]
-        inverse[n:] = wall_inverse
     system = System(
         velocity, inverse, slot, pair, frame, impulse, tile_start, color_start,
         *pack_general(scene, contacts, belt, place, general, inverse), spin_factor, contacts.size,

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from multicor_cli.arithmetic.sums import column_totals, total
+from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.contacts import (
     Contacts,
     contact_after,
@@ -15,9 +15,9 @@ from multicor_cli.engine.contact.contacts import (
     rolling_loss,
 )
 from multicor_cli.engine.contact.solve import Outcome
-from multicor_cli.engine.geometry.radii import surface_turning
-from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.jit.chunks import CHUNK, chunks_for
+from multicor_cli.engine.geometry.radii import smaller_of, surface_turning
+from multicor_cli.engine.geometry.scene import Scene, pair_geometry
+from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.motion.separation import Correction
@@ -29,11 +29,11 @@ from multicor_cli.model.state import State
 
 # ---- The contacts of one step
 
-FRICTION, IMPACT, SLIDING, NEGATIVE, VIRIAL, LARGEST, LOADED = 0, 1, 2, 3, 4, 8, 9
-"""Columns of the sums: losses [J], virial (four columns, xx xy yx yy) [J s], largest p_n [N s],
-number of loaded contacts."""
+FRICTION, IMPACT, SLIDING, NEGATIVE, VIRIAL, LOADED, LARGEST, OVERLAP = 0, 1, 2, 3, 4, 8, 9, 10
+"""Columns of the sums: losses [J], virial (four columns, xx xy yx yy) [J s], number of loaded
+contacts; of the maxima: p_n [N s], overlap over the smaller radius at the end."""
 
-SUMS = 10
+SUMS = 11
 _ALONG = 3  # column of the impulses of walls, after x, y and spin
 
 
@@ -73,6 +73,7 @@ def _account_chunk(
     first: int,
     last: int,
     scene: Scene,
+    end: Scene,
     contacts: Contacts,
     after: Floats,
     partial: Floats,
@@ -80,9 +81,12 @@ def _account_chunk(
 ) -> None:
     """Write sums over contacts ``first … last-1``; numbers, not elements, for twice the speed."""
     friction, impact, sliding, negative, largest, loaded = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    xx, xy, yx, yy = 0.0, 0.0, 0.0, 0.0
+    xx, xy, yx, yy, overlap = 0.0, 0.0, 0.0, 0.0, 0.0
     for c in range(first, last):
         contact = contacts[c]
+        gap = pair_geometry(end, contact.i, contact.j)[0]
+        if gap < 0.0:
+            overlap = max(overlap, -gap / smaller_of(end, contact.i, contact.j))
         q_n, p_t, attraction = contact.p_n, contact.p_t, contact.attraction
         if q_n == 0.0 and attraction == 0.0:
             continue
@@ -110,31 +114,35 @@ def _account_chunk(
     partial[chunk, SLIDING], partial[chunk, NEGATIVE] = sliding, negative
     partial[chunk, VIRIAL], partial[chunk, VIRIAL + 1] = xx, xy
     partial[chunk, VIRIAL + 2], partial[chunk, VIRIAL + 3] = yx, yy
-    partial[chunk, LARGEST], partial[chunk, LOADED] = largest, loaded
+    partial[chunk, LOADED], partial[chunk, LARGEST] = loaded, largest
+    partial[chunk, OVERLAP] = overlap
 
 
 @parallel_kernel
-def _account_chunks(
-    scene: Scene, contacts: Contacts, after: Floats, partial: Floats, wall_impulse: Floats
-) -> None:
-    for chunk in prange(partial.shape[0]):
-        last = min(contacts.size, (chunk + 1) * CHUNK)
-        _account_chunk(chunk, chunk * CHUNK, last, scene, contacts, after, partial, wall_impulse)
-
-
-def account_contacts(scene: Scene, contacts: Contacts, after: Floats) -> ContactSums:
+def account_contacts(scene: Scene, end: Scene, contacts: Contacts, after: Floats) -> ContactSums:
     """Sum losses, virial and wall impulses over the contacts of a step, in fixed chunks.
+
+    ``scene`` is that at q_m, ``end`` that at q⁺.
 
     The losses are −p·½(u⁻+u⁺), exact for the scheme whether or not the solver has converged
     (Moreau–Jean energy identity). p is what acts, adhesion taken off; couples count as friction.
     """
-    partial = chunks_for(contacts.size, SUMS)
-    partial_wall = np.zeros((len(partial), scene.wall_position.shape[0], 4))
-    _account_chunks(scene, contacts, after, partial, partial_wall)
-    total = column_totals(partial)
-    total[LARGEST] = partial[:, LARGEST].max()
-    of_walls = column_totals(partial_wall)
-    return ContactSums(total, of_walls[:, :_ALONG].copy(), of_walls[:, _ALONG].copy())
+    count, walls = contacts.size, scene.wall_position.shape[0]
+    chunks = (count + CHUNK - 1) // CHUNK
+    partial, of_walls = np.zeros((chunks, SUMS)), np.zeros((chunks, walls, 4))
+    for chunk in prange(chunks):
+        last = min(count, (chunk + 1) * CHUNK)
+        _account_chunk(chunk, chunk * CHUNK, last, scene, end, contacts, after, partial, of_walls)
+    total, wall_impulse, belt_impulse = np.zeros(SUMS), np.zeros((walls, 3)), np.zeros(walls)
+    for chunk in range(chunks):
+        for k in range(SUMS):
+            value = partial[chunk, k]
+            total[k] = max(total[k], value) if k >= LARGEST else total[k] + value
+        for w in range(walls):
+            belt_impulse[w] += of_walls[chunk, w, _ALONG]
+            for d in range(3):
+                wall_impulse[w, d] += of_walls[chunk, w, d]
+    return ContactSums(total, wall_impulse, belt_impulse)
 
 
 def warm_start_of(contacts: Contacts, has_couples: bool) -> tuple[Ints, Ints, Floats, Floats]:
@@ -166,10 +174,34 @@ def _carrying(contacts: Contacts) -> tuple[Ints, Ints, Floats]:
 # ---- Energy books: kinetic change = gravity + wall + load work − friction − impact − damping −
 #      correction, plus what grains that come bring, minus what those that go take along.
 
-_BOOK = {name: k for k, name in enumerate(BOOK_NAMES)}
-_TALLY = {name: k for k, name in enumerate(TALLY_NAMES)}
 _EXCHANGE = {name: k for k, name in enumerate(EXCHANGE_NAMES)}
-_WINDOW = {name: k for k, name in enumerate(WINDOW_NAMES)}
+
+_KINETIC, _START, _GRAVITY, _WALL, _LOAD, _FRICTION, _IMPACT, _DAMPING, _CORRECTION = (
+    BOOK_NAMES.index(name)
+    for name in (
+        "kinetic", "kinetic_start", "gravity_work", "wall_work", "load_work", "friction_loss",
+        "impact_loss", "damping_loss", "correction_work",
+    )
+)  # fmt: skip
+_FRICTION_SLIDING, _NEGATIVE_LOSS, _TERMS, _IMBALANCE, _CLOSURE = (
+    BOOK_NAMES.index(name)
+    for name in ("friction_sliding", "negative_loss", "terms", "imbalance", "closure")
+)
+_SWEEPS, _UNCONVERGED, _CORRECTED, _RMS, _MAXIMUM, _OVERLAP, _IMPULSE_RATE = (
+    TALLY_NAMES.index(name)
+    for name in (
+        "sweeps", "unconverged_steps", "corrected_steps", "residual_rms_max", "residual_max_max",
+        "max_overlap", "max_impulse_rate",
+    )
+)  # fmt: skip
+_DURATION, _STEPS, _ROW_SWEEPS, _ROW_UNCONVERGED, _CONTACTS, _ROW_RMS, _ROW_MAXIMUM, _ROW_ENERGY = (
+    WINDOW_NAMES.index(name)
+    for name in (
+        "duration", "steps", "sweeps", "unconverged", "contacts", "residual_rms", "residual_max",
+        "residual_energy",
+    )
+)  # fmt: skip
+_ROW_VIRIAL = WINDOW_NAMES.index("virial_xx")
 
 
 SUMMED_SHARE = 2.0**-8
@@ -186,23 +218,23 @@ def open_books(state: State, model: Model, motion: WallMotion) -> None:
     u, v, spin = state.velocity.T
     kinetic = total(0.5 * grains.mass * (u * u + v * v) + 0.5 * grains.inertia * (spin * spin))
     kinetic += motion.kinetic(state.wall_velocity)
-    state.books[_BOOK["kinetic"]] = kinetic
-    state.books[_BOOK["kinetic_start"]] = kinetic - _brought_in(state)
+    state.books[_KINETIC] = kinetic
+    state.books[_START] = kinetic - _brought_in(state)
 
 
 def switch_wall_kinetic(state: State, change: float) -> None:
     """Book as wall work the energy of walls that turn from prescribed to driven or back."""
-    state.books[_BOOK["kinetic"]] += change
-    state.books[_BOOK["wall_work"]] += change
-    state.books[_BOOK["terms"]] += 2.0 * abs(change)
+    state.books[_KINETIC] += change
+    state.books[_WALL] += change
+    state.books[_TERMS] += 2.0 * abs(change)
 
 
 def book_exchange(state: State, brought: float, taken: float) -> None:
     """Enter the kinetic energy that grains bring and take along [J] where the books are open."""
     state.exchange[_EXCHANGE["kinetic_in"]] += brought
     state.exchange[_EXCHANGE["kinetic_out"]] += taken
-    state.books[_BOOK["kinetic"]] += brought - taken
-    state.books[_BOOK["terms"]] += brought + taken
+    state.books[_KINETIC] += brought - taken
+    state.books[_TERMS] += brought + taken
 
 
 def _brought_in(state: State) -> float:
@@ -227,90 +259,110 @@ def book_step(
     Wall velocities of ``state``, which is **modified**, and the ``kinetic`` energy of the
     grains [J] are those after the step. ``gravity_work`` [J] leaves out the correction.
     """
-    mean = 0.5 * (motion.before + state.wall_velocity)
-    driven = motion.driven
-    wall_work = -total(np.where(driven, 0.0, sums.wall_impulse * mean))
-    wall_work -= total(sums.belt_impulse * (0.5 * (motion.belt_before + motion.belt)))
-    load_work = motion.load_work(mean, dt) + correction.load_work
-    damping = dt * total(motion.damping * mean * mean)
-    gravity = gravity_work + dt * total(motion.weight * mean) + correction.gravity_work
+    _enter_walls(
+        state.books, motion.before, state.wall_velocity, motion.driven, motion.mass, motion.load,
+        motion.stiffness, motion.damping, motion.weight, motion.belt_before, motion.belt,
+        sums.wall_impulse, sums.belt_impulse, kinetic, gravity_work, correction, dt, sums.total,
+    )  # fmt: skip
+    _close(state.books, _brought_in(state), state.step + 1)
+    _tally(state.tallies, state.window, sums.total, correction, outcome, dt)
+    state.window_wall_impulse += sums.wall_impulse
+
+
+@kernel
+def _enter_walls(
+    books: Floats,
+    before: Floats,
+    after: Floats,
+    driven: NDArray[np.bool_],
+    mass: Floats,
+    load: Floats,
+    stiffness: Floats,
+    damping: Floats,
+    weight: Floats,
+    belt_before: Floats,
+    belt: Floats,
+    wall_impulse: Floats,
+    belt_impulse: Floats,
+    kinetic: float,
+    gravity: float,
+    correction: Correction,
+    dt: float,
+    sums: Floats,
+) -> None:
+    """Enter energies and works; arrays of walls are those of `WallMotion`, shape ``(w, 3)``."""
+    wall_work, load_work, lost = 0.0, 0.0, 0.0
+    for w in range(before.shape[0]):
+        for d in range(3):
+            mean = 0.5 * (before[w, d] + after[w, d])
+            if not driven[w, d]:
+                wall_work -= wall_impulse[w, d] * mean
+            load_work += dt * (load[w, d] - 0.5 * dt * stiffness[w, d] * mean) * mean
+            lost += dt * damping[w, d] * mean * mean
+            gravity += dt * weight[w, d] * mean
+            kinetic += 0.5 * mass[w, d] * after[w, d] * after[w, d]
+        wall_work -= belt_impulse[w] * (0.5 * (belt_before[w] + belt[w]))
+    gravity += correction.gravity_work
+    load_work += correction.load_work
     moved = correction.gravity_work + correction.load_work
-    friction, impact = float(sums.total[FRICTION]), float(sums.total[IMPACT])
-    kinetic += motion.kinetic(state.wall_velocity)
-    books = state.books
-    change = kinetic - books[_BOOK["kinetic"]]
-    books[_BOOK["kinetic"]] = kinetic
-    entries = {
-        "gravity_work": gravity,
-        "wall_work": wall_work,
-        "load_work": load_work,
-        "friction_loss": friction,
-        "impact_loss": impact,
-        "damping_loss": damping,
-        "correction_work": moved,
-    }
-    for name, value in entries.items():
-        books[_BOOK[name]] += value
-    books[_BOOK["friction_sliding"]] += sums.total[SLIDING]
-    books[_BOOK["negative_loss"]] += sums.total[NEGATIVE]
-    books[_BOOK["terms"]] += abs(change) + math.fsum(abs(value) for value in entries.values())
-    _close(state)
-    _tally(state, sums, correction, outcome, dt)
-    _add_to_window(state, sums, outcome, dt)
+    friction, impact = sums[FRICTION], sums[IMPACT]
+    terms = abs(kinetic - books[_KINETIC])
+    books[_KINETIC] = kinetic
+    books[_GRAVITY] += gravity
+    books[_WALL] += wall_work
+    books[_LOAD] += load_work
+    books[_FRICTION] += friction
+    books[_IMPACT] += impact
+    books[_DAMPING] += lost
+    books[_CORRECTION] += moved
+    books[_FRICTION_SLIDING] += sums[SLIDING]
+    books[_NEGATIVE_LOSS] += sums[NEGATIVE]
+    for value in (gravity, wall_work, load_work, friction, impact, lost, moved):
+        terms += abs(value)
+    books[_TERMS] += terms
 
 
-def _close(state: State) -> None:
+@kernel
+def _close(books: Floats, brought: float, steps: int) -> None:
     """Strike the balance: an imbalance over the terms, or a share of the energy (theory §8)."""
-    books = state.books
-    works = books[_BOOK["gravity_work"]] + books[_BOOK["wall_work"]] + books[_BOOK["load_work"]]
-    losses = (
-        books[_BOOK["friction_loss"]] + books[_BOOK["impact_loss"]] + books[_BOOK["damping_loss"]]
-    )
-    gain = books[_BOOK["kinetic"]] - books[_BOOK["kinetic_start"]]
-    imbalance = gain - (works - losses - books[_BOOK["correction_work"]]) - _brought_in(state)
-    books[_BOOK["imbalance"]] = imbalance
-    kinetic, steps = (
-        max(float(books[_BOOK["kinetic"]]), float(books[_BOOK["kinetic_start"]])),
-        state.step + 1,
-    )
+    works = books[_GRAVITY] + books[_WALL] + books[_LOAD]
+    losses = books[_FRICTION] + books[_IMPACT] + books[_DAMPING]
+    gain = books[_KINETIC] - books[_START]
+    imbalance = gain - (works - losses - books[_CORRECTION]) - brought
+    books[_IMBALANCE] = imbalance
     scale = max(
-        float(books[_BOOK["terms"]]),
-        SUMMED_SHARE * kinetic,
-        ROUNDED_SHARE * steps * float(books[_BOOK["kinetic"]]),
+        books[_TERMS],
+        SUMMED_SHARE * max(books[_KINETIC], books[_START]),
+        ROUNDED_SHARE * steps * books[_KINETIC],
     )
     if scale > 0.0:
-        books[_BOOK["closure"]] = max(books[_BOOK["closure"]], abs(imbalance) / scale)
+        books[_CLOSURE] = max(books[_CLOSURE], abs(imbalance) / scale)
 
 
+@kernel
 def _tally(
-    state: State, sums: ContactSums, correction: Correction, outcome: Outcome, dt: float
+    tallies: Floats,
+    window: Floats,
+    sums: Floats,
+    correction: Correction,
+    outcome: Outcome,
+    dt: float,
 ) -> None:
-    tallies = state.tallies
-    tallies[_TALLY["sweeps"]] += outcome.sweeps
-    tallies[_TALLY["unconverged_steps"]] += not outcome.converged
-    tallies[_TALLY["corrected_steps"]] += correction.rounds > 0
-    for name, value in (
-        ("residual_rms_max", outcome.rms),
-        ("residual_max_max", outcome.maximum),
-        ("max_overlap", correction.overlap),
-        ("max_impulse_rate", float(sums.total[LARGEST]) / dt),
-    ):
-        tallies[_TALLY[name]] = max(tallies[_TALLY[name]], value)
-
-
-def _add_to_window(state: State, sums: ContactSums, outcome: Outcome, dt: float) -> None:
-    window = state.window
-    window[_WINDOW["duration"]] += dt
-    window[_WINDOW["steps"]] += 1.0
-    window[_WINDOW["sweeps"]] += outcome.sweeps
-    window[_WINDOW["unconverged"]] += not outcome.converged
-    window[_WINDOW["contacts"]] += sums.total[LOADED]
-    for name, value in (
-        ("residual_rms", outcome.rms),
-        ("residual_max", outcome.maximum),
-        ("residual_energy", outcome.energy),
-    ):
-        window[_WINDOW[name]] = max(window[_WINDOW[name]], value)
-    first = _WINDOW["virial_xx"]
-    window[first : first + 4] += sums.total[VIRIAL : VIRIAL + 4]
-    state.window_wall_impulse += sums.wall_impulse
+    failed = 0.0 if outcome.converged else 1.0
+    tallies[_SWEEPS] += outcome.sweeps
+    tallies[_UNCONVERGED] += failed
+    tallies[_CORRECTED] += 1.0 if correction.rounds > 0 else 0.0
+    tallies[_RMS] = max(tallies[_RMS], outcome.rms)
+    tallies[_MAXIMUM] = max(tallies[_MAXIMUM], outcome.maximum)
+    tallies[_OVERLAP] = max(tallies[_OVERLAP], correction.overlap)
+    tallies[_IMPULSE_RATE] = max(tallies[_IMPULSE_RATE], sums[LARGEST] / dt)
+    window[_DURATION] += dt
+    window[_STEPS] += 1.0
+    window[_ROW_SWEEPS] += outcome.sweeps
+    window[_ROW_UNCONVERGED] += failed
+    window[_CONTACTS] += sums[LOADED]
+    window[_ROW_RMS] = max(window[_ROW_RMS], outcome.rms)
+    window[_ROW_MAXIMUM] = max(window[_ROW_MAXIMUM], outcome.maximum)
+    window[_ROW_ENERGY] = max(window[_ROW_ENERGY], outcome.energy)
+    for k in range(4):
+        window[_ROW_VIRIAL + k] += sums[VIRIAL + k]

@@ -8,14 +8,13 @@ does.
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 
-from multicor_cli.arithmetic import hypot
-from multicor_cli.arithmetic.sums import total
-from multicor_cli.engine.jit.chunks import CHUNK, chunks_for
+from multicor_cli.engine.geometry.scene import Scene
+from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import SPIN, TAIL_X, TAIL_Y, X, Y
@@ -34,6 +33,28 @@ _SUM_X, _SUM_Y, _SUM_XX, _SUM_XY, _SUM_YY, _SUM_U, _SUM_V, _SUM_XU, _SUM_XV, _SU
     range(11)
 )
 _DEVIATION, _LARGEST_U, _LARGEST_V = range(3)
+
+
+class Drift(NamedTuple):
+    """Vectors of the grains as an affine field and a rest.
+
+    Attributes:
+        center: Where the field is ``fit[0]``, shape ``(2,)``.
+        fit: a, and the changes per length in x and in y, shape ``(3, 2)``.
+        gradient: Bound of |G x|/|x| (Frobenius norm).
+        rest: Largest deviation from the field.
+        largest: Largest components in x and in y, shape ``(2,)``.
+    """
+
+    center: Floats
+    fit: Floats
+    gradient: float
+    rest: float
+    largest: Floats
+
+
+NOTHING = np.empty((0, 2))
+"""No origin: the vectors themselves are split."""
 
 
 @formula
@@ -157,17 +178,14 @@ def _fold(rows: Floats, is_maximum: bool) -> None:
 
 
 @parallel_kernel
-def fit_affine(
-    vectors: Floats, origin: Floats, position: Floats, period: float, fit: Floats, out: Floats
-) -> None:
+def fit_drift(vectors: Floats, position: Floats, period: float, origin: Floats) -> Drift:
     """Split vectors into an affine field, fitted by least squares, and a rest.
 
     ``vectors`` are in the first two columns; ``origin`` is taken from them, nearest image, if it is
-    not empty. With a period in x [m] the field does not depend on x. **Modifies** ``fit``, as in
-    `Drift`, and ``out``, shape ``(chunks, 11)``, whose first row then begins with the largest
-    square of a deviation, and the largest components in x and in y.
+    not `NOTHING`. With a period in x [m] the field does not depend on x.
     """
     count = position.shape[0]
+    fit, out = np.empty((3, 2)), np.zeros((-(-count // CHUNK), 11))
     for has_fit in range(2):  # one loop for both passes compiles faster than two
         for chunk in prange(out.shape[0]):
             first, last = chunk * CHUNK, min(count, (chunk + 1) * CHUNK)
@@ -178,28 +196,42 @@ def fit_affine(
         _fold(out, has_fit == 1)
         if not has_fit:
             _least_squares(count, out, period > 0.0, fit)
+    squares = 0.0
+    for d in range(2):
+        squares += fit[PER_X, d] * fit[PER_X, d] + fit[PER_Y, d] * fit[PER_Y, d]
+    center, largest = np.empty(2), np.empty(2)
+    for d in range(2):
+        center[d], largest[d] = position[0, d], out[0, _LARGEST_U + d]
+    return Drift(center, fit, sqrt(squares), sqrt(out[0, _DEVIATION]), largest)
+
+
+# ---- Bounds of approach
+
+
+class ApproachBound(NamedTuple):
+    """Bounds on how fast shapes come closer.
+
+    Two discs: ``rest``, and ``gradient`` times the distance of their centers, or ``disc`` at any
+    distance. A grain and a wall shape that is not a disc: ``wall``.
+    """
+
+    rest: float
+    gradient: float
+    disc: float
+    wall: float
 
 
 @kernel
-def shape_bounds(
-    kind: Ints,
-    world: Floats,
-    vectors: Floats,
-    turn: Floats,
-    center: Floats,
-    fit: Floats,
-    largest: Floats,
-) -> tuple[float, float, float]:
-    """How far the motion of wall shapes is from that of the grains.
+def bound_approach(
+    kind: Ints, drift: Drift, world: Floats, vectors: Floats, turn: Floats
+) -> ApproachBound:
+    """Bounds of grains and wall shapes together.
 
-    ``vectors`` are displacements or velocities of their reference points, shape ``(m, 2)``;
-    ``turn``, shape ``(m,)``, is what turning adds to the motion of any of their points that a grain
-    may meet (discs do without). ``fit``, ``center`` and ``largest`` as in `Drift`.
-
-    Returns of the discs the largest deviation from the affine field and the largest vector; of all
-    other shapes the largest bound on how a grain and the shape come closer. Of planes only what is
-    along their normal counts.
+    ``vectors`` are displacements or velocities of the reference points of wall shapes, shape
+    ``(m, 2)``; ``turn``, shape ``(m,)``, is what turning adds to the motion of any of their points
+    that a grain may meet (discs do without). Of planes only what is along their normal counts.
     """
+    center, fit, largest = drift.center, drift.fit, drift.largest
     square, fastest, wall = 0.0, 0.0, 0.0
     for k in range(kind.size):
         u, v = vectors[k, X], vectors[k, Y]
@@ -220,109 +252,83 @@ def shape_bounds(
                 + np.sqrt(u * u + v * v)
                 + turn[k],
             )
-    return np.sqrt(square), np.sqrt(fastest), wall
+    own = np.sqrt(largest[X] * largest[X] + largest[Y] * largest[Y])
+    rest, disc = max(drift.rest, np.sqrt(square)), max(own, np.sqrt(fastest))
+    return ApproachBound(2.0 * rest, drift.gradient, 2.0 * disc, wall)
+
+
+@formula
+def approach_over(bound: ApproachBound, distance: float) -> float:
+    """Bound for discs whose centers are ``distance`` [m] apart, and for walls."""
+    return max(min(bound.rest + bound.gradient * distance, bound.disc), bound.wall)
+
+
+@formula
+def closing_gap(bound: ApproachBound, dt: float, diameter: float) -> float:
+    """Gap [m] that no pair closes in ``dt``, from velocities; discs up to ``diameter`` [m]."""
+    growth, cutoff = dt * bound.gradient, dt * bound.disc
+    if growth < 1.0:
+        cutoff = min(cutoff, dt * (bound.rest + bound.gradient * diameter) / (1.0 - growth))
+    return max(cutoff, dt * bound.wall)
 
 
 @kernel
-def shape_velocities(
-    kind: Ints,
-    wall: Ints,
-    world: Floats,
-    wall_position: Floats,
-    velocity: Floats,
+def cutoff_of_velocities(
+    scene: Scene,
+    drift: Drift,
+    more: Floats,
+    first: Floats,
+    second: Floats,
     extent: Floats,
-    vectors: Floats,
-    turn: Floats,
-) -> None:
-    """Velocities of the reference points of wall shapes: centers of discs, or points of walls.
+    dt: float,
+    diameter: float,
+) -> float:
+    """A gap that no pair closes in ``dt`` [m].
 
-    ``extent`` is how far shapes of a wall reach from its reference point [m]. **Modifies**
-    ``vectors``, shape ``(m, 2)``, and ``turn``, what the wall's spin adds [m/s], shape ``(m,)``.
+    Velocities of grains are those of a ``drift``, or differ from them by up to ``more``, shape
+    ``(2,)``; those of walls ``first`` or ``second``, shape ``(w, 3)``. ``extent`` is how far the
+    shapes of a wall reach from its reference point [m], shape ``(w,)``.
     """
+    largest = drift.largest + more
+    rest = drift.rest + np.sqrt(more[X] * more[X] + more[Y] * more[Y])
+    wider = Drift(drift.center, drift.fit, drift.gradient, rest, largest)
+    count, cutoff = scene.kind.size, 0.0
+    vectors, turn = np.empty((count, 2)), np.empty(count)
+    for velocity in (first, second):
+        for k in range(count):
+            w = scene.wall[k]
+            spin = velocity[w, SPIN]
+            vectors[k, X], vectors[k, Y], turn[k] = (
+                velocity[w, X],
+                velocity[w, Y],
+                abs(spin) * extent[w],
+            )
+            if scene.kind[k] == _DISC:
+                vectors[k, X] -= spin * (scene.world[k, Y] - scene.wall_position[w, Y])
+                vectors[k, Y] += spin * (scene.world[k, X] - scene.wall_position[w, X])
+        bound = bound_approach(scene.kind, wider, scene.world, vectors, turn)
+        cutoff = max(cutoff, closing_gap(bound, dt, diameter))
+    return cutoff
+
+
+@kernel
+def approach_of_displacements(
+    kind: Ints, drift: Drift, before: Floats, now: Floats, extent: float, distance: float
+) -> float:
+    """How much closer pairs may have come that were ``distance`` [m] apart, or walls [m].
+
+    ``drift`` is that of the displacements of the grains; ``before`` and ``now`` the wall shapes,
+    shape ``(m, 4)``; ``extent`` bounds the distance of grains from the points of planes [m].
+    """
+    moved, turn = np.empty((kind.size, 2)), np.zeros(kind.size)
+    largest = np.sqrt(drift.largest[X] * drift.largest[X] + drift.largest[Y] * drift.largest[Y])
     for k in range(kind.size):
-        w = wall[k]
-        vectors[k, X], vectors[k, Y] = velocity[w, X], velocity[w, Y]
-        turn[k] = abs(velocity[w, SPIN]) * extent[w]
+        moved[k, X], moved[k, Y] = now[k, X] - before[k, X], now[k, Y] - before[k, Y]
         if kind[k] == _DISC:
-            vectors[k, X] -= velocity[w, SPIN] * (world[k, Y] - wall_position[w, Y])
-            vectors[k, Y] += velocity[w, SPIN] * (world[k, X] - wall_position[w, X])
-
-
-# ---- Bounds of approach
-
-
-@dataclass(frozen=True)
-class Drift:
-    """Vectors of the grains as an affine field and a rest.
-
-    Attributes:
-        center: Where the field is ``fit[0]``, shape ``(2,)``.
-        fit: a, and the changes per length in x and in y, shape ``(3, 2)``.
-        gradient: Bound of |G x|/|x| (Frobenius norm).
-        rest: Largest deviation from the field.
-        largest: Largest components in x and in y, shape ``(2,)``.
-    """
-
-    center: Floats
-    fit: Floats
-    gradient: float
-    rest: float
-    largest: Floats
-
-
-_NOTHING = np.empty((0, 2))
-
-
-def fit_drift(vectors: Floats, position: Floats, period: float, origin: Floats = _NOTHING) -> Drift:
-    """Split the vectors of the grains; arguments as `fit_affine`."""
-    fit, chunks = np.empty((3, 2)), chunks_for(len(position), 11)
-    fit_affine(vectors, origin, position, period, fit, chunks)
-    gradient = math.sqrt(total(fit[1:] * fit[1:]))
-    return Drift(
-        position[0, :2].copy(), fit, gradient, math.sqrt(chunks[0, 0]), chunks[0, 1:3].copy()
-    )
-
-
-@dataclass(frozen=True)
-class ApproachBound:
-    """Bounds on how fast shapes come closer.
-
-    Two discs: ``rest``, and ``gradient`` times the distance of their centers, or ``disc`` at any
-    distance. A grain and a wall shape that is not a disc: ``wall``.
-    """
-
-    rest: float
-    gradient: float
-    disc: float
-    wall: float
-
-    def over(self, distance: float) -> float:
-        """Bound for discs whose centers are ``distance`` [m] apart, and for walls."""
-        return max(min(self.rest + self.gradient * distance, self.disc), self.wall)
-
-    def or_faster(self, other: ApproachBound) -> ApproachBound:
-        return ApproachBound(
-            max(self.rest, other.rest),
-            max(self.gradient, other.gradient),
-            max(self.disc, other.disc),
-            max(self.wall, other.wall),
-        )
-
-    def cutoff(self, dt: float, diameter: float) -> float:
-        """Gap [m] that no pair closes in ``dt``, from velocities; discs up to ``diameter`` [m]."""
-        growth = dt * self.gradient
-        cutoff = dt * self.disc
-        if growth < 1.0:
-            cutoff = min(cutoff, dt * (self.rest + self.gradient * diameter) / (1.0 - growth))
-        return max(cutoff, dt * self.wall)
-
-
-def bound_approach(
-    kind: Ints, drift: Drift, world: Floats, vectors: Floats, turn: Floats
-) -> ApproachBound:
-    """Bounds of grains and wall shapes together; arguments as `shape_bounds`."""
-    rest, fastest, wall = shape_bounds(
-        kind, world, vectors, turn, drift.center, drift.fit, drift.largest
-    )
-    fastest = max(fastest, hypot(*drift.largest.tolist()))
-    return ApproachBound(2.0 * max(drift.rest, rest), drift.gradient, 2.0 * fastest, wall)
+            continue
+        du, dv = now[k, TAIL_X] - before[k, TAIL_X], now[k, TAIL_Y] - before[k, TAIL_Y]
+        turn[k] = np.sqrt(du * du + dv * dv)
+        if kind[k] == _PLANE:  # one that tilts moves in proportion to the distance from its point
+            own = np.sqrt(moved[k, X] * moved[k, X] + moved[k, Y] * moved[k, Y])
+            turn[k] *= extent + own + largest
+    return approach_over(bound_approach(kind, drift, before, moved, turn), distance)

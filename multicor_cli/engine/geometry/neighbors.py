@@ -13,13 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli import arithmetic
-from multicor_cli.engine.geometry.drift import bound_approach, fit_drift
+from multicor_cli.engine.geometry.drift import approach_of_displacements, fit_drift
 from multicor_cli.engine.geometry.scene import is_near_shape, minimum_image
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
-from multicor_cli.engine.jit.elementwise import hypot
 from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.model.columns import RADIUS, TAIL_X, TAIL_Y, X, Y
+from multicor_cli.model.columns import RADIUS, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.shapes import ShapeKind
 
@@ -434,24 +433,13 @@ class NeighborList:
 
     def _approach(self, position: Floats, world: Floats) -> float:
         """How much closer than when the list was built any pair that is not listed may be [m]."""
-        drift = fit_drift(position, self._reference, self._model.period, self._reference)
-        change = world - self._reference_world
-        turn = np.zeros(len(world))
-        # See `Tail`
-        turn[self._others] = hypot(change[self._others, TAIL_X], change[self._others, TAIL_Y])
-        if self._planes.size:  # a tilting plane moves in proportion to the distance from its point
-            move = change[self._planes, :2]
-            turn[self._planes] *= (
-                self._extent
-                + hypot(move[:, X], move[:, Y])
-                + arithmetic.hypot(*drift.largest.tolist())
-            )
-        kind = self._model.shapes.kind
-        closing = bound_approach(
-            kind, drift, self._reference_world, np.ascontiguousarray(change[:, :2]), turn
-        )
+        reference, model = self._reference, self._model
+        drift = fit_drift(position, reference, model.period, reference)
         # Those not listed are at least this far apart; farther apart they have more room to lose.
-        return closing.over(self.largest + self._cutoff)
+        distance, before = self.largest + self._cutoff, self._reference_world
+        return approach_of_displacements(
+            model.shapes.kind, drift, before, world, self._extent, distance
+        )
 
     def _build(self, position: Floats, world: Floats, cutoff: float) -> None:
         model = self._model

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 from multicor_cli.arithmetic import exponential, normal, trigonometric
 from multicor_cli.engine.jit.cache import configure_cache, prefer_openmp, require_layer
 from multicor_cli.engine.jit.formulas import compile_with
+from multicor_cli.engine.jit.threads import threads_in_use
 
 configure_cache()
 prefer_openmp()
@@ -93,7 +94,7 @@ def parallel_kernel(function: F) -> F:
     @functools.wraps(function)
     def call(*args: Any) -> Any:
         nonlocal has_threads
-        has_threads = has_threads or numba.get_num_threads() > 1
+        has_threads = has_threads or threads_in_use() > 1
         return (on_threads if has_threads else alone)(*args)
 
     return call  # type: ignore[return-value]

@@ -22,18 +22,16 @@ def predict(
     middle: Floats,
     start: Floats,
     free: Floats,
-    fastest: Floats,
-) -> None:
+) -> bool:
     """Positions at mid-step and free velocities of the grains.
 
-    **Modifies** ``middle``, q_m; the grains of ``start`` and ``free``, bodies (v_x, v_y, a ω, 1/m)
-    at the start of the step and with free velocities; and ``fastest``: the largest speed of both in
-    each chunk of grains [m/s], ``nan`` if a number is not finite or absurd, ``(chunks, 1)``.
+    **Modifies** ``middle``, q_m, and the grains of ``start`` and ``free``, bodies (v_x, v_y, a ω,
+    1/m) at the start of the step and with free velocities. Returns whether all numbers are finite
+    and none is absurd.
     """
-    count = radius.size
-    half = 0.5 * dt
-    for chunk in prange(fastest.shape[0]):
-        best = 0.0
+    count, half = radius.size, 0.5 * dt
+    is_bad = np.zeros((count + CHUNK - 1) // CHUNK, np.bool_)
+    for chunk in prange(is_bad.size):
         bad = False
         for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             for d in range(3):
@@ -58,8 +56,22 @@ def predict(
             )
             if not size <= LARGEST:  # or nan
                 bad = True
-            best = max(best, square)
-        fastest[chunk, 0] = np.nan if bad else np.sqrt(best)
+        is_bad[chunk] = bad
+    sound = True
+    for chunk in range(is_bad.size):
+        sound = sound and not is_bad[chunk]
+    return sound
+
+
+@kernel
+def are_sound(after: Floats, before: Floats, position: Floats, belt: Floats) -> bool:
+    """Whether no number of the walls is absurd or not finite; shapes ``(w, 3)`` and ``(w,)``."""
+    sound = True
+    for w in range(belt.size):
+        for d in range(3):
+            size = abs(after[w, d]) + abs(before[w, d]) + abs(position[w, d]) + abs(belt[w])
+            sound = sound and size <= LARGEST
+    return sound
 
 
 @parallel_kernel
@@ -74,16 +86,16 @@ def move(
     dt: float,
     position: Floats,
     velocity: Floats,
-    sums: Floats,
-) -> None:
+) -> tuple[float, float]:
     """End of the step for the grains; ``spin_factor`` is β = m a²/I, other arrays as `predict`.
 
-    **Modifies** ``position`` (x not yet wrapped), ``velocity``, and ``sums``: in each chunk of
-    grains the kinetic energy at the end and the work of gravity ΣF·½Δt(v⁻+v⁺) [J].
+    **Modifies** ``position`` (x not yet wrapped) and ``velocity``. Returns the kinetic energy at
+    the end and the work of gravity ΣF·½Δt(v⁻+v⁺) [J].
     """
-    count = radius.size
-    half = 0.5 * dt
+    count, half = radius.size, 0.5 * dt
+    sums = np.zeros(((count + CHUNK - 1) // CHUNK, 2))
     for chunk in prange(sums.shape[0]):
+        kinetic, gravity_work = 0.0, 0.0
         for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             vx, vy, s = after[i, X], after[i, Y], after[i, SURFACE]
             velocity[i, X], velocity[i, Y] = vx, vy
@@ -92,9 +104,15 @@ def move(
             for d in range(3):
                 position[i, d] = middle[i, d] + half * velocity[i, d]
             square = vx * vx + vy * vy
-            sums[chunk, 0] += 0.5 * mass[i] * (square + s * s / spin_factor)
+            kinetic += 0.5 * mass[i] * (square + s * s / spin_factor)
             work = gravity[X] * (start[i, X] + vx) + gravity[Y] * (start[i, Y] + vy)
-            sums[chunk, 1] += mass[i] * half * work
+            gravity_work += mass[i] * half * work
+        sums[chunk, 0], sums[chunk, 1] = kinetic, gravity_work
+    kinetic, gravity_work = 0.0, 0.0
+    for chunk in range(sums.shape[0]):
+        kinetic += sums[chunk, 0]
+        gravity_work += sums[chunk, 1]
+    return kinetic, gravity_work
 
 
 @kernel

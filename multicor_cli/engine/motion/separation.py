@@ -13,7 +13,6 @@ need be.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -280,8 +279,7 @@ ROUND_SWEEPS = 2_000  # cap of a round
 LOCAL_SWEEPS = 200
 
 
-@dataclass(frozen=True)
-class Correction:
+class Correction(NamedTuple):
     """What the correction of a step did; no ``rounds`` if nothing had to be moved.
 
     ``overlap`` is the largest over the smaller radius that is left; works of gravity and of loads

@@ -85,6 +85,8 @@ def find_unseen(
     """Who goes farther in the next half step than was looked at; None if too little to pass any."""
     has_begun = state.step > state.frozen_steps
     seen = min(dt, state.last_dt) if has_begun else 0.0
+    if seen == dt and not newcomers.size and np.array_equal(motion.before, state.wall_velocity):
+        return None
     grains = np.full(model.grain_count, seen < dt)
     far = 0.5 * (dt - seen) * _fastest(state.velocity) if seen < dt else 0.0
     if newcomers.size:

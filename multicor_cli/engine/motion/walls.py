@@ -6,13 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.engine.geometry.drift import (
-    ApproachBound,
-    Drift,
-    bound_approach,
-    shape_velocities,
-)
-from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.motion.drives import DofDrive, Signal, WallDrive
 from multicor_cli.engine.motion.spacing import Spacing
 from multicor_cli.model.columns import RADIUS, SPIN, X, Y
@@ -152,36 +145,12 @@ class WallMotion:
         )
         return float(max((force / length for force, length in loads if length > 0.0), default=0.0))
 
-    def load_work(self, mean: Floats, dt: float) -> float:
-        """Work of loads and springs in a step [J]; ``mean`` = ½(V⁻ + V⁺), shape ``(w, 3)``."""
-        return dt * total((self.load - 0.5 * dt * self.stiffness * mean) * mean)
-
     def shift_work(self, end: Floats, shift: Floats) -> float:
         """Work of loads and springs on a ``shift`` from ``end``, where the step has led [J]."""
         return total((self.load - self.stiffness * (end - self._start + 0.5 * shift)) * shift)
 
     def kinetic(self, velocity: Floats) -> float:
         return total(0.5 * self.mass * velocity * velocity)
-
-    def closing(self, drift: Drift, scene: Scene, *velocities: Floats) -> ApproachBound:
-        """Bounds of approach [m/s] for velocities of grains and one or more of walls ``(w, 3)``."""
-        vectors, turn = np.empty((len(scene.world), 2)), np.empty(len(scene.world))
-        closing = ApproachBound(0.0, 0.0, 0.0, 0.0)
-        for velocity in velocities:
-            shape_velocities(
-                scene.kind,
-                scene.wall,
-                scene.world,
-                scene.wall_position,
-                velocity,
-                self.extent,
-                vectors,
-                turn,
-            )
-            closing = closing.or_faster(
-                bound_approach(scene.kind, drift, scene.world, vectors, turn)
-            )
-        return closing
 
 
 def follow(position: Signal, u: float, t: float, dt: float) -> tuple[float, float]:

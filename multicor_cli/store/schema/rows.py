@@ -171,8 +171,8 @@ def markdown(table: tuple[Dataset, ...]) -> str:
 
 _DIM_SYMBOL: dict[str, str] = {
     "one": "1", "frame": "K", "frame_edge": "K+1", "particle_row": "P", "contact_row": "C",
-    "rolling_row": "C°", "series_row": "S", "grain": "n", "shape": "m", "wall": "w",
-    "material": "k", "group": "g", "stage": "L", "table_edge": "T+1", "table_row": "R",
+    "rolling_row": "C°", "near_row": "C⁺", "series_row": "S", "grain": "n", "shape": "m",
+    "wall": "w", "material": "k", "group": "g", "stage": "L", "table_edge": "T+1", "table_row": "R",
     "heat_grain": "n*", "heat_wall": "w*", "heat_book": "b*", "mean_row": "A", "stage_note": "N",
     "origin_row": "w°", "surface_row": "w°", "before_row": "B", "outlet": "o",
     "exchange_grain": "n°", "exchange_group": "g°", "exchange_outlet": "o°", "exchange_book": "x°",

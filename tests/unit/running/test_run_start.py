@@ -120,15 +120,17 @@ def test_a_run_that_goes_on_can_be_stopped_and_gone_on_from(place_of, tmp_path):
 
 def test_the_last_frame_is_the_end_where_frames_hold_all(place_of):
     """Without heat and adhesion, in double precision: positions are those of the state, and
-    impulses are recorded.
+    impulses are recorded. Contacts are sought anew, so that steps differ in their last bits.
     """
     folder = place_of("small")
-    run_scenario(
-        written(folder / "frame.toml", going_on(NAMED, 1, "first", "frame = -1")), folder / "frame"
-    )
-    assert unlike(state_of(folder / "whole"), state_of(folder / "frame")) == []
-    with open_run(folder / "frame") as run, open_run(folder / "first") as first:
-        assert run.info["origin"]["frame"] == len(first.frames) - 1
+    starts = [
+        placed_at(folder, going_on(NAMED, 1, "first", *frame)).state
+        for frame in ((), ("frame = -1",))
+    ]
+    assert set(unlike(*starts)) <= {"near_i", "near_j", "tile"}
+    with open_run(folder / "first") as first:
+        text = going_on(NAMED, 1, "first", "frame = -1")
+        assert placed_at(folder, text).origin.frame == len(first.frames) - 1
 
 
 def test_a_frame_gives_its_temperatures(place_of):

@@ -374,7 +374,7 @@ def _bodies(engine, before, after):
     """
     scene, contacts, *_ = engine.moved
     n = engine.model.grain_count
-    for c, (i, j) in enumerate(zip(contacts.i, contacts.j, strict=True)):
+    for c, (i, j) in enumerate(zip(contacts["i"], contacts["j"], strict=True)):
         wall = int(scene.wall[j - n]) if j >= n else -1
         spins = [
             (s.velocity[i, 2], s.wall_velocity[wall, 2] if j >= n else s.velocity[j, 2])
@@ -395,10 +395,10 @@ def test_couples_of_a_flow_obey_their_law(sheared):
     before, engine = sheared
     contacts, count = engine.moved.contacts, 0
     for c, _, _, arm, (_, (first, second)) in _bodies(engine, before, engine.state):
-        bound = 0.3 * arm * contacts.impulse[c, 0]
-        couple = contacts.rolling[c, 1] * contacts.rolling[c, 3]
+        contact = contacts[c]
+        bound, couple = 0.3 * arm * contact.p_n, contact.arm * contact.p_r
         assert abs(couple) <= bound * (1.0 + 1e-12)
-        if abs(arm * (first - second)) > 1e-6 and contacts.impulse[c, 0] > 1e-6:
+        if abs(arm * (first - second)) > 1e-6 and contact.p_n > 1e-6:
             assert couple == pytest.approx(-np.sign(first - second) * bound, rel=1e-9)
             count += 1
     assert count > 10

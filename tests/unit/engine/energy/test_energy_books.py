@@ -22,10 +22,10 @@ def spoil(monkeypatch, name, fault=FAULT):
     """Let a book grow by a little too much in every step."""
     k, before, close = BOOK_NAMES.index(name), [0.0], account._close
 
-    def close_spoiled(state):
-        state.books[k] += fault * (state.books[k] - before[0])
-        before[0] = state.books[k]
-        close(state)
+    def close_spoiled(books, *more):
+        books[k] += fault * (books[k] - before[0])
+        before[0] = books[k]
+        close(books, *more)
 
     monkeypatch.setattr(account, "_close", close_spoiled)
 
