@@ -7,10 +7,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.heat.rates import OUTSIDE_BOOKS, Flow
+from multicor_cli.engine.jit.sums import total_and_magnitude
 from multicor_cli.model.books import EXCHANGE_NAMES, HEAT_BOOK_NAMES
 from multicor_cli.model.columns import GIVEN, RECEIVED
 from multicor_cli.model.model import Floats
@@ -22,14 +20,16 @@ _HEAT_OUT = EXCHANGE_NAMES.index("heat_out")
 
 def book_generated(state: State, friction: float, impact: float, to_walls: Floats) -> None:
     """Enter the heat generated in a step [J]; ``to_walls``, ``(w,)``, is what went into walls."""
-    _enter(state, {"friction": friction, "impact": impact, "to_walls": total(to_walls)})
+    received, _ = total_and_magnitude(to_walls)
+    _enter(state, {"friction": friction, "impact": impact, "to_walls": received})
     state.wall_heat[:, RECEIVED] += to_walls
 
 
 def book_flow(state: State, flow: Flow, undelivered: float) -> None:
     """Enter the heat that has flowed, and ``undelivered`` [J] as `book_undelivered`."""
     outside = dict(zip(OUTSIDE_BOOKS, flow.outside.tolist(), strict=True))
-    _enter(state, {"from_walls": total(flow.walls), **outside}, total(np.abs(flow.walls)))
+    given, exchanged = total_and_magnitude(flow.walls)
+    _enter(state, {"from_walls": given, **outside}, exchanged)
     state.wall_heat[:, GIVEN] += flow.walls
     book_undelivered(state, undelivered)
     state.heat_books[_BOOK["sub_steps"]] += flow.sub_steps
@@ -55,10 +55,10 @@ def book_undelivered(state: State, heat: float) -> None:
 
 def book_heat_out(state: State, contents: Floats) -> None:
     """Enter the heat contents that grains take along [J], one for each of them."""
-    taken = total(contents)
+    taken, exchanged = total_and_magnitude(contents)
     state.exchange[_HEAT_OUT] += taken
     state.heat_books[_BOOK["stored"]] -= taken
-    state.heat_books[_BOOK["exchanged"]] += total(np.abs(contents))
+    state.heat_books[_BOOK["exchanged"]] += exchanged
 
 
 def note_contacts(state: State, biot: float, gas_ratio: tuple[float, float]) -> None:
@@ -71,7 +71,7 @@ def note_contacts(state: State, biot: float, gas_ratio: tuple[float, float]) -> 
 def strike_balance(state: State) -> None:
     """Compare the heat content of the grains with what has come in."""
     books = state.heat_books
-    stored = total(state.heat)
+    stored, content = total_and_magnitude(state.heat)
     if state.heat_before.size:
         stored -= float(state.heat_before[0])
     books[_BOOK["stored"]] = stored
@@ -83,7 +83,7 @@ def strike_balance(state: State) -> None:
     taken = float(state.exchange[_HEAT_OUT]) if state.exchange.size else 0.0
     books[_BOOK["imbalance"]] = stored + taken - received
     # Σ C_i |T_i − T_i0| = Σ |Q_i|.
-    scale = books[_BOOK["exchanged"]] + total(np.abs(state.heat))
+    scale = books[_BOOK["exchanged"]] + content
     if scale > 0.0:
         books[_BOOK["closure"]] = max(
             books[_BOOK["closure"]], abs(books[_BOOK["imbalance"]]) / scale

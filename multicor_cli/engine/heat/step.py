@@ -7,7 +7,6 @@ from functools import cached_property
 
 import numpy as np
 
-from multicor_cli.arithmetic.sums import column_totals
 from multicor_cli.engine.contact.contacts import net_impulses, resting_attraction, warm_rows
 from multicor_cli.engine.contact.system import Moved
 from multicor_cli.engine.geometry.neighbors import NeighborList
@@ -42,6 +41,7 @@ from multicor_cli.engine.heat.spots import (
     resting_contacts,
 )
 from multicor_cli.engine.heat.walls import WallHeat, WallValues
+from multicor_cli.engine.jit.sums import column_totals
 from multicor_cli.engine.orders import PhysicsError
 from multicor_cli.model.columns import FRICTION, IMPACT
 from multicor_cli.model.contacts import ContactTable
