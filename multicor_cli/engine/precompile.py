@@ -26,10 +26,12 @@ from multicor_cli.engine.contact.acceleration import (
 from multicor_cli.engine.contact.contacts import (
     CONTACT,
     Contacts,
-    WarmStart,
-    refresh_contacts,
+    begin_walls,
+    fix_lanes,
+    recall_impulses,
+    tabulate,
 )
-from multicor_cli.engine.contact.ordering import lay_tiles, schedule_contacts
+from multicor_cli.engine.contact.ordering import Schedule, lay_tiles, schedule_contacts
 from multicor_cli.engine.contact.patches import (
     choose_patch,
     has_clusters,
@@ -39,14 +41,22 @@ from multicor_cli.engine.contact.patches import (
 )
 from multicor_cli.engine.contact.selection import (
     deepest_overlap,
+    fastest_approach,
     find_closing,
     leave_out,
-    measure_pairs,
+    pairs_up_to,
 )
 from multicor_cli.engine.contact.solve import Outcome
 from multicor_cli.engine.contact.sweep import EXACT, System
-from multicor_cli.engine.contact.system import Moved, assemble, tabulate_contacts
-from multicor_cli.engine.energy.account import account_contacts, book_step, warm_start_of
+from multicor_cli.engine.contact.system import (
+    Moved,
+    assemble,
+    begin_grains,
+    carried,
+    pack_bodies,
+    tabulate_contacts,
+)
+from multicor_cli.engine.energy.account import account_contacts, account_grains, book_step
 from multicor_cli.engine.geometry.neighbors import pairs_within
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.settings import HeatSettings, heat_laws
@@ -118,38 +128,55 @@ def _heat(model: Model, state: State, moved: Moved) -> None:
 def _finish(model: Model, state: State, moved: Moved) -> None:
     """What follows the solve, the last first."""
     scene, contacts, bodies, *_ = moved
+    lanes = _schedule(model, scene)
     tabulate_contacts(moved, has_couples=False)
-    warm_start_of(contacts, has_couples=False)
+    tabulate(1, lanes.lane, lanes.frame, lanes.impulse, lanes.before, lanes.gap, contacts)
+    carried(1, _NOBODY, _NOBODY, lanes.lane, lanes.impulse, contacts)
     wrap(state.position, state.image, model.period)
     gap, marked, mass = np.empty(0), np.zeros(1, np.bool_), model.grains.mass
     separate(scene, _NOBODY, _NOBODY, marked, mass, np.zeros((1, 2)), 1.0, 1.0, 1.0, 1)
     surround(_NOBODY, _NOBODY, 1, marked)
+    pairs_within(_NO_ROWS, _NOBODY, gap, 1.0)
     measure_overlaps(scene, _NO_ROWS, _NOBODY, 1.0, gap, marked, chunks_for(1, 2))
     deepest_overlap(scene, _NOBODY, _NOBODY)
+    sums = account_grains(
+        lanes.middle, lanes.velocity, lanes.pair, lanes.about, lanes.frame, lanes.impulse,
+        lanes.before, lanes.gap, 1.0, model.period,
+    )  # fmt: skip
+    of_contacts = account_contacts(scene, scene, contacts, bodies, _NOBODY, sums)
+    motion = WallMotion(model, [WallDrive()])
+    nothing = Correction(0.0, 0.0, 0.0, 0), Outcome(0.0, True, 0.0, 0.0, 0.0)
+    book_step(state, motion, of_contacts, 0.0, 0.0, *nothing, 1.0)
     move(
         state.position.copy(), bodies, bodies, model.grains.radius, mass, model.gravity,
         model.shape_factor, 1.0, state.position,
         state.velocity,
     )  # fmt: skip
-    sums = account_contacts(scene, scene, contacts, bodies)
-    motion = WallMotion(model, [WallDrive()])
-    nothing = Correction(0.0, 0.0, 0.0, 0), Outcome(0.0, True, 0.0, 0.0, 0.0)
-    book_step(state, motion, sums, 0.0, 0.0, *nothing, 1.0)
     find_closing(scene, _NOBODY, _NOBODY, bodies, bodies, 1.0, 1.0, 1.0)
+
+
+def _schedule(model: Model, scene: Scene) -> Schedule:
+    tile = lay_tiles(scene, _NOBODY, _NOBODY, model.mean_diameter)
+    return schedule_contacts(scene, _NOBODY, _NOBODY, tile, np.zeros(1, np.bool_))
 
 
 def _prepare(model: Model, scene: Scene, contacts: Contacts, bodies: Floats) -> None:
     """What precedes the solve, the last first."""
-    tile = lay_tiles(scene, _NOBODY, _NOBODY, model.mean_diameter)
-    schedule = schedule_contacts(scene, _NOBODY, _NOBODY, tile, np.zeros(1, np.bool_))
+    lanes = _schedule(model, scene)
     assemble(
-        scene, contacts, schedule, bodies, np.zeros((1, 3)), model.shape_factor, has_couples=False
+        scene, contacts, lanes, np.zeros(1), np.zeros((1, 3)), model.shape_factor, has_couples=False
     ).collect(contacts)
-    warm = WarmStart(_NO_ROWS, _NOBODY, np.empty((0, 2)), np.empty(0))
-    refresh_contacts(scene, model.laws, bodies, 1.0, warm, 1.0, contacts)
+    begin_walls(scene, model.laws, bodies, 1.0, 1.0, lanes.walls, contacts)
+    begin_grains(
+        lanes.middle, lanes.start, lanes.pair, lanes.about, lanes.frame, lanes.impulse,
+        lanes.before, lanes.gap, 1.0, model.period, 1.0,
+    )  # fmt: skip
+    pack_bodies(scene, bodies, bodies, lanes.place, lanes.velocity, lanes.start, lanes.middle)
+    recall_impulses(_NOBODY, _NOBODY, np.empty((0, 2)), contacts, lanes.slot, lanes.impulse)
+    fix_lanes(scene, model.laws, bodies, _NOBODY, _NOBODY, lanes.slot, lanes.about, lanes.frame)
     leave_out(_NO_ROWS, _NOBODY, _NOBODY, _NOBODY)
-    pairs_within(_NO_ROWS, _NOBODY, np.empty(0), 1.0)
-    measure_pairs(scene, _NO_ROWS, _NOBODY, bodies, bodies, 1.0, np.empty(0), chunks_for(1))
+    pairs_up_to(scene, _NO_ROWS, _NOBODY, 1.0)
+    fastest_approach(scene, _NO_ROWS, _NOBODY, bodies, bodies, 1.0)
 
 
 def _unstick(system: System, momentum: Momentum, memory: NDArray[np.void]) -> None:

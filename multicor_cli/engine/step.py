@@ -21,23 +21,33 @@ from multicor_cli.engine.contact.contacts import (
     attract,
     begin_attraction,
     begin_rolling,
+    begin_walls,
     closing_distance,
-    refresh_contacts,
+    couples_of,
+    scatter_impulses,
+    tabulate,
+    vary_friction,
     warm_rows,
 )
 from multicor_cli.engine.contact.problem import ContactProblem, problem_of_step
 from multicor_cli.engine.contact.selection import AHEAD, Selection
 from multicor_cli.engine.contact.solve import Outcome, ResidualScale, ThreadChoice, solve_system
-from multicor_cli.engine.contact.system import Moved, OrderedSystem, assemble, tabulate_contacts
+from multicor_cli.engine.contact.system import (
+    Moved,
+    OrderedSystem,
+    assemble,
+    begin_grains,
+    pack_bodies,
+    tabulate_contacts,
+)
+from multicor_cli.engine.contact.vector_step import OVERLAP, SUMS
 from multicor_cli.engine.energy.account import (
-    OVERLAP,
-    SUMS,
     ContactSums,
     account_contacts,
+    account_grains,
     book_step,
     open_books,
     switch_wall_kinetic,
-    warm_start_of,
 )
 from multicor_cli.engine.geometry.drift import NOTHING, cutoff_of_velocities, fit_drift
 from multicor_cli.engine.geometry.neighbors import NeighborList
@@ -171,6 +181,7 @@ class Engine:
         self.model, self.state = model, state
         self.timers = dict.fromkeys(PHASES if heat is None else (*PHASES, "heat"), 0.0)
         self._marked = 0.0
+        self._has_table = False
         self.moved: Moved | None = None
         self._available = min(threads, available) if threads > 0 else available
         self.heat = heat
@@ -270,7 +281,7 @@ class Engine:
         table = (
             heat.resting_table(self._laws())
             if heat is not None and is_frozen
-            else tabulate_contacts(self.moved, self._has_couples)
+            else tabulate_contacts(self._with_table(), self._has_couples)
         )
         if heat is not None:
             none, known = np.zeros(table.i.size), heat.of_contacts
@@ -298,10 +309,14 @@ class Engine:
         """
         scene, contacts = self._next_contacts(dt, t)
         inverse, free = self._motion.inverse, self._layout.free
+        if self._laws().adhesion.size:
+            free = free.copy()
+            everywhere = np.arange(self._layout.model.grain_count, dtype=np.int32)
+            attract(scene, contacts, everywhere, inverse, free)
         problem = problem_of_step(
             scene,
             contacts,
-            attract(scene, contacts, free, inverse),
+            free,
             inverse,
             self.model.shape_factor,
         )
@@ -314,7 +329,9 @@ class Engine:
     def _next_contacts(self, dt: float, t: float) -> tuple[Scene, Contacts]:
         step = self._predict(dt, t)
         self._select(step)
-        return step.scene, self._gather(step)[0]
+        contacts = self._gather(step)[0]
+        self._tabulate()
+        return step.scene, contacts
 
     # ---- Parts that an engine may have
 
@@ -345,6 +362,13 @@ class Engine:
 
     def _laws(self) -> ContactLaws:
         return self.model.laws if self.orders.laws is None else self.orders.laws
+
+    def _with_table(self) -> Moved | None:
+        """What the last step left, contacts of two grains in the table."""
+        if self.moved is not None and not self._has_table:
+            self._tabulate()
+            self._has_table = True
+        return self.moved
 
     @property
     def _has_couples(self) -> bool:
@@ -406,18 +430,18 @@ class Engine:
         self._clock("move")
         # Beside the scene at q_m, which heat still looks at
         end = scene_of(layout.model, state.position, state.wall_position)
-        sums = account_contacts(step.scene, end, contacts, after)
+        sums = self._account(step, end, contacts, after)
         self._clock("account")
         correction = self._correct(step, end, float(sums.total[OVERLAP]))
         self._clock("correct")
         book_step(state, self._motion, sums, kinetic, gravity_work, correction, outcome, dt)
-        state.contact_i, state.contact_j, state.contact_impulse, state.contact_couple = (
-            warm_start_of(contacts, self._has_couples)
-        )
         selection.give(state)
+        if self._has_couples:
+            state.contact_couple = couples_of(contacts)[contacts["p_n"] > 0.0]
         state.last_dt = dt
         layout.newcomers = _NOBODY
         self.moved = Moved(step.scene, contacts, after, selection.i, selection.j, *loaded)
+        self._has_table = False
         self._clock("account")
         return StepReport(
             outcome.sweeps, outcome.converged, outcome.rms, outcome.maximum, outcome.energy,
@@ -514,10 +538,12 @@ class Engine:
             layout.selection.seek(scene, self._margin(step))
 
     def _margin(self, step: Prediction) -> float:
-        """Largest gap of new contacts [m], as velocities before the solve tell; fills in gaps."""
+        """Gap up to which contacts are sought [m]."""
         layout, laws = self._layout, self._laws()
-        fastest = layout.selection.measure(step.scene, layout.before, layout.free, step.cutoff)
-        return max(step.dt * fastest, closing_distance(laws, layout.model.grains, step.dt))
+        margin = layout.selection.margin(
+            step.scene, layout.before, layout.free, step.cutoff, step.dt
+        )
+        return max(margin, closing_distance(laws, layout.model.grains, step.dt))
 
     def _missing(self, step: Prediction, after: Floats) -> tuple[bool, float]:
         """Whether a pair that is no contact meets with v⁺, and their largest approach speed."""
@@ -526,36 +552,76 @@ class Engine:
             layout.pairs.update(layout.middle, step.scene.world, cutoff)
         return layout.selection.closing(step.scene, after, after, cutoff, step.dt, -math.inf)
 
-    def _assemble(self, scene: Scene, contacts: Contacts) -> OrderedSystem:
-        layout, motion = self._layout, self._motion
-        schedule = layout.selection.schedule(scene, motion.is_free)
-        free = layout.free
-        if self._laws().adhesion.size:
-            free = attract(scene, contacts, free, motion.inverse)
-        return assemble(
-            scene, contacts, schedule, free, motion.inverse, layout.model.shape_factor,
-            self._has_couples,
-        )  # fmt: skip
-
     def _gather(self, step: Prediction) -> tuple[Contacts, ResidualScale]:
         """The contacts, warm-started, and the scale of the residuals."""
         layout, state, laws, dt = self._layout, self._layout.state, self._laws(), step.dt
-        row = warm_rows(layout.model.grain_count, state.contact_i)
-        warm = WarmStart(row, state.contact_j, state.contact_impulse, state.contact_couple)
+        selection, scene, start = layout.selection, step.scene, layout.before
+        contacts, i, j = selection.contacts, selection.i, selection.j
+        lanes = selection.schedule(scene, self._motion.is_free, laws, start, state)
         ratio = dt / state.last_dt if state.last_dt > 0.0 else 0.0
-        selection, start = layout.selection, layout.before
-        contacts = selection.contacts
-        speeds = refresh_contacts(step.scene, laws, start, dt, warm, ratio, contacts)
-        if laws.adhesion.size:
-            begin_attraction(step.scene, laws, contacts, selection.i, selection.j, start, warm, dt)
-        if laws.rolling.size:
-            begin_rolling(step.scene, laws, start, warm, ratio, contacts)
+        pack_bodies(
+            scene, start, layout.free, lanes.place, lanes.velocity, lanes.start, lanes.middle
+        )
+        grains = begin_grains(
+            lanes.middle, lanes.start, lanes.pair, lanes.about, lanes.frame, lanes.impulse,
+            lanes.before, lanes.gap, dt, scene.period, ratio,
+        )  # fmt: skip
+        walls = [
+            begin_walls(scene, laws, start, dt, ratio, which, contacts)
+            for which in (lanes.walls, lanes.general)
+        ]
+        if laws.softening_rate.size or laws.table_speed.size:
+            vary_friction(scene, laws, i, j, lanes.slot, lanes.before, lanes.frame)
+        if laws.adhesion.size or laws.rolling.size:
+            self._tabulate()
+            row = warm_rows(layout.model.grain_count, state.contact_i)
+            warm = WarmStart(row, state.contact_j, state.contact_couple)
+            if laws.adhesion.size:
+                begin_attraction(scene, laws, contacts, i, j, start, warm, dt)
+                scatter_impulses(contacts, lanes.slot, lanes.impulse)
+                attract(scene, contacts, lanes.place, self._motion.inverse, lanes.velocity)
+            if laws.rolling.size:
+                begin_rolling(scene, laws, start, warm, ratio, contacts)
         attraction = float(contacts["attraction"].max(initial=0.0)) if laws.adhesion.size else 0.0
-        scale = self._scale(step, attraction, *speeds)
+        scale = self._scale(step, attraction, *map(sum, zip(grains, *walls, strict=True)))
         if scale.velocity == 0.0:
             # Nothing closes and nothing pushes: the last impulses must not act once more.
+            lanes.impulse[:] = 0.0
             contacts["p_n"], contacts["p_t"], contacts["p_r"] = 0.0, 0.0, 0.0
         return contacts, scale
+
+    def _assemble(self, scene: Scene, contacts: Contacts) -> OrderedSystem:
+        layout, motion = self._layout, self._motion
+        return assemble(
+            scene, contacts, layout.selection.lanes, motion.belt, motion.inverse,
+            layout.model.shape_factor, self._has_couples,
+        )  # fmt: skip
+
+    def _tabulate(self) -> None:
+        """Contacts of two grains into the table: for laws and results that look at it."""
+        selection, grains = self._layout.selection, self._layout.model.grain_count
+        lanes = selection.lanes
+        tabulate(
+            grains, lanes.lane, lanes.frame, lanes.impulse, lanes.before, lanes.gap,
+            selection.contacts,
+        )  # fmt: skip
+
+    def _account(
+        self, step: Prediction, end: Scene, contacts: Contacts, after: Floats
+    ) -> ContactSums:
+        """What the contacts lose and exert."""
+        laws, selection = self._laws(), self._layout.selection
+        lanes = selection.lanes
+        if laws.adhesion.size or laws.rolling.size:
+            self._tabulate()
+            everyone = np.arange(contacts.size, dtype=np.int32)
+            return account_contacts(step.scene, end, contacts, after, everyone, np.zeros(SUMS))
+        sums = account_grains(
+            lanes.middle, lanes.velocity, lanes.pair, lanes.about, lanes.frame, lanes.impulse,
+            lanes.before, lanes.gap, step.dt, step.scene.period,
+        )  # fmt: skip
+        walls = np.concatenate([lanes.walls, lanes.general])
+        return account_contacts(step.scene, end, contacts, after, walls, sums)
 
     def _scale(
         self,
@@ -623,10 +689,10 @@ class Engine:
             heat.skip(dt, t)
         elif self._layout.model.grain_count == 0:
             heat.flow_nowhere(dt, t)
-        elif self.moved is None or self.orders.is_frozen:
+        elif self.orders.is_frozen or (moved := self._with_table()) is None:
             heat.flow_at_rest(dt, t, should_stop)
         else:
-            heat.flow(self.moved, dt, t)
+            heat.flow(moved, dt, t)
         self._clock("heat")
 
     def _clock(self, phase: str) -> None:

@@ -18,19 +18,24 @@ from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.law import bias, softened_friction
 from multicor_cli.engine.contact.sweep import NO_COUPLES, Couples
+from multicor_cli.engine.contact.vector_step import BOUNCE, IS_OURS, SMALLER
 from multicor_cli.engine.contact.vector_sweep import IMPULSE_ROWS
 from multicor_cli.engine.geometry.places import find_places, met_before, totals_of_places
 from multicor_cli.engine.geometry.radii import pair_radius, surface_turning
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
-from multicor_cli.engine.jit.chunks import CHUNK
-from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
+from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import (
     BELT,
+    BIAS,
     FIRST,
     INVERSE_MASS,
+    MASS,
+    MU,
     NORMAL,
+    NX,
+    NY,
     SECOND,
     SPIN,
     SURFACE,
@@ -75,8 +80,6 @@ CONTACT = np.dtype(
 
 Contacts = NDArray[Any]
 
-_SQUARES, _CLOSING, _SLIP, _LOADED, _MOTION, _MET = range(6)
-
 
 class Speeds(NamedTuple):
     """Sums over the contacts of a step, from which the scale of its residuals follows.
@@ -100,11 +103,10 @@ class Speeds(NamedTuple):
 
 
 class WarmStart(NamedTuple):
-    """Impulses of the step before, of grain i ``row[i]:row[i+1]``; couples, if any [N m s]."""
+    """Contacts of the step before, of grain i ``row[i]:row[i+1]``; couples, if any [N m s]."""
 
     row: NDArray[np.int64]
     j: Ints
-    impulse: Floats
     couple: Floats
 
 
@@ -190,14 +192,15 @@ def _softened(laws: ContactLaws, a: int, b: int, mu: float, first: float, second
 def _refresh(
     c: int, scene: Scene, laws: ContactLaws, start: Floats, dt: float, contacts: Contacts
 ) -> float:
-    """Geometry, velocities and laws of a contact; min(u_n⁻, 0) if it closes in the step, else 0."""
+    """Geometry, velocities and laws of a contact with a wall.
+
+    Returns min(u_n⁻, 0) if it closes in the step, else 0.
+    """
     contact = contacts[c]
     i, j, count = contact.i, contact.j, scene.radius.size
     gap, nx, ny = pair_geometry(scene, i, j)
     u_n, u_t, lx, ly = 0.0, 0.0, 0.0, 0.0
-    if j < count:
-        u_n, u_t = relative_velocity(start, i, j, nx, ny, False, lx, ly)
-    elif gap < inf:
+    if gap < inf:
         wall = scene.wall[j - count]
         lx, ly = _wall_lever(scene, i, wall, nx, ny, gap)
         u_n, u_t = relative_velocity(start, i, count + wall, nx, ny, True, lx, ly)
@@ -212,77 +215,142 @@ def _refresh(
 
 
 @formula
-def _start_warm(
-    c: int, k: int, last: int, warm: WarmStart, ratio: float, contacts: Contacts
-) -> int:
-    """Start a contact from impulses of the step before, ``k … last-1``; returns the next k."""
-    contact = contacts[c]
-    while k < last and warm.j[k] < contact.j:  # both ascend
-        k += 1
-    contact.p_n, contact.p_t = 0.0, 0.0
-    if k < last and warm.j[k] == contact.j and contact.gap < inf:
-        contact.p_n = ratio * warm.impulse[k, NORMAL]
-        contact.p_t = ratio * warm.impulse[k, TANGENTIAL]
-    return k
-
-
-@formula
 def _speed(c: int, scene: Scene, start: Floats, contacts: Contacts) -> float:
-    """How fast a grain moves past the other, or past the surface of a wall, spins left out [m/s].
+    """How fast a grain moves past the surface of a wall, its spin left out [m/s].
 
     (Without friction spins never end, also where everything rests.)
     """
     contact = contacts[c]
-    u_n, u_t = contact.u_n, contact.u_t + start[contact.i, SURFACE]
-    if contact.j < scene.radius.size:
-        u_t += start[contact.j, SURFACE]
-    return sqrt(u_n * u_n + u_t * u_t)
+    u_t = contact.u_t + start[contact.i, SURFACE]
+    return sqrt(contact.u_n * contact.u_n + u_t * u_t)
 
 
-@parallel_kernel
-def refresh_contacts(
+@kernel
+def begin_walls(
     scene: Scene,
     laws: ContactLaws,
     start: Floats,
     dt: float,
-    warm: WarmStart,
     ratio: float,
+    which: Ints,
     contacts: Contacts,
 ) -> Speeds:
-    """Everything of the contacts of a step but adhesion and rolling resistance.
+    """Everything of some contacts with walls but adhesion and rolling resistance.
 
-    ``ratio`` is that of this time step to that of the warm start. **Modifies** ``contacts``.
+    ``start`` are velocities v⁻ of all bodies; ``ratio`` is that of this time step to the last, by
+    which impulses change. **Modifies** ``contacts``.
     """
-    count = contacts.size
-    speeds = np.zeros(((count + CHUNK - 1) // CHUNK, 6))
-    for chunk in prange(speeds.shape[0]):
-        squares, closing, slip, loaded, motion, met = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        grain, k, last = -1, 0, 0
-        for c in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
-            if contacts[c].i != grain:
-                grain = contacts[c].i
-                k, last = warm.row[grain], warm.row[grain + 1]
-            u = _refresh(c, scene, laws, start, dt, contacts)
-            k = _start_warm(c, k, last, warm, ratio, contacts)
-            squares += u * u
-            closing += 1.0 if u < 0.0 else 0.0
-            is_loaded = contacts[c].p_n > 0.0
-            counts = is_loaded and contacts[c].j < scene.radius.size
-            slip += abs(contacts[c].u_t) if counts else 0.0
-            loaded += 1.0 if counts else 0.0
-            if is_loaded or u < 0.0:
-                motion += _speed(c, scene, start, contacts)
-                met += 1.0
-        speeds[chunk, _SQUARES], speeds[chunk, _CLOSING] = squares, closing
-        speeds[chunk, _SLIP], speeds[chunk, _LOADED] = slip, loaded
-        speeds[chunk, _MOTION], speeds[chunk, _MET] = motion, met
-    sums = np.zeros(6)
-    for chunk in range(speeds.shape[0]):
-        for k in range(6):
-            sums[k] += speeds[chunk, k]
-    return Speeds(
-        sums[_SQUARES], sums[_CLOSING], sums[_SLIP], sums[_LOADED], sums[_MOTION], sums[_MET]
-    )
+    squares, closing, motion, met = 0.0, 0.0, 0.0, 0.0
+    for k in range(which.size):
+        c = which[k]
+        contact = contacts[c]
+        u = _refresh(c, scene, laws, start, dt, contacts)
+        kept = ratio if contact.gap < inf else 0.0
+        # Of a contact that bears nothing p_t may be −0, which no state remembers
+        contact.p_n, contact.p_t = kept * contact.p_n, kept * contact.p_t + 0.0
+        squares += u * u
+        closing += 1.0 if u < 0.0 else 0.0
+        if contact.p_n > 0.0 or u < 0.0:
+            motion += _speed(c, scene, start, contacts)
+            met += 1.0
+    return Speeds(squares, closing, 0.0, 0.0, motion, met)
+
+
+@kernel
+def fix_lanes(
+    scene: Scene,
+    laws: ContactLaws,
+    bodies: Floats,
+    i: Ints,
+    j: Ints,
+    slot: Ints,
+    about: Floats,
+    frame: Floats,
+) -> None:
+    """What lasts with the contacts of two grains, into their lanes: laws, masses and radii.
+
+    ``bodies`` have inverse masses in their last column. **Modifies** ``about`` and ``frame``.
+    """
+    for q in range(slot.shape[0]):
+        for lane in range(LANES):
+            c = slot[q, lane]
+            if c < 0 or j[c] >= scene.radius.size:
+                continue
+            a, b = scene.material[i[c]], scene.material[j[c]]
+            about[q, BOUNCE, lane], about[q, IS_OURS, lane] = laws.restitution[a, b], 1.0
+            about[q, SMALLER, lane] = min(scene.radius[i[c]], scene.radius[j[c]])
+            w = bodies[i[c], INVERSE_MASS] + bodies[j[c], INVERSE_MASS]
+            frame[q, MASS, lane], frame[q, MU, lane] = 1.0 / w, laws.friction[a, b]
+
+
+@kernel
+def vary_friction(
+    scene: Scene, laws: ContactLaws, i: Ints, j: Ints, slot: Ints, before: Floats, frame: Floats
+) -> None:
+    """Friction of two grains that depends on speed or temperature, into ``frame``, **modified**."""
+    for q in range(slot.shape[0]):
+        for lane in range(LANES):
+            c = slot[q, lane]
+            if c < 0 or j[c] >= scene.radius.size:
+                continue
+            a, b = scene.material[i[c]], scene.material[j[c]]
+            mu = friction_of(laws, a, b, abs(before[q, TANGENTIAL, lane]))
+            if laws.softening_rate.size:
+                mu = _softened(laws, a, b, mu, scene.temperature[i[c]], scene.temperature[j[c]])
+            frame[q, MU, lane] = mu
+
+
+@kernel
+def recall_impulses(
+    known_i: Ints, known_j: Ints, known: Floats, contacts: Contacts, slot: Ints, impulse: Floats
+) -> None:
+    """Impulses that are known of some contacts, into the table and the lanes; 0 of all others.
+
+    Both are sorted. **Modifies** ``contacts`` and ``impulse``.
+    """
+    k = 0
+    for c in range(contacts.size):
+        contact = contacts[c]
+        while k < known_i.size and (
+            known_i[k] < contact.i or (known_i[k] == contact.i and known_j[k] < contact.j)
+        ):
+            k += 1
+        contact.p_n, contact.p_t = 0.0, 0.0
+        if k < known_i.size and known_i[k] == contact.i and known_j[k] == contact.j:
+            contact.p_n, contact.p_t = known[k, NORMAL], known[k, TANGENTIAL]
+    scatter_impulses(contacts, slot, impulse)
+
+
+@kernel
+def scatter_impulses(contacts: Contacts, slot: Ints, impulse: Floats) -> None:
+    """Impulses from the table into the lanes, **modified**."""
+    for q in range(slot.shape[0]):
+        for lane in range(LANES):
+            c = slot[q, lane]
+            if c >= 0:
+                impulse[q, NORMAL, lane] = contacts[c].p_n
+                impulse[q, TANGENTIAL, lane] = contacts[c].p_t
+
+
+@kernel
+def tabulate(
+    grains: int, lane: Ints, frame: Floats, impulse: Floats, before: Floats, gap: Floats,
+    contacts: Contacts,
+) -> None:  # fmt: skip
+    """Contacts of two grains from their lanes into the table, **modified**.
+
+    Arrays are those of `Schedule`.
+    """
+    for c in range(contacts.size):
+        contact = contacts[c]
+        if contact.j >= grains:
+            continue
+        q, k = lane[c] // LANES, lane[c] % LANES
+        contact.nx, contact.ny = frame[q, NX, k], frame[q, NY, k]
+        contact.bias, contact.mu = frame[q, BIAS, k], frame[q, MU, k]
+        contact.p_n, contact.p_t = impulse[q, NORMAL, k], impulse[q, TANGENTIAL, k]
+        contact.u_n, contact.u_t = before[q, NORMAL, k], before[q, TANGENTIAL, k]
+        contact.gap = gap[q, k]
 
 
 @kernel
@@ -368,27 +436,22 @@ def closing_distance(laws: ContactLaws, grains: Grains, dt: float) -> float:
     return max(fastest, TOUCHING * float(grains.radius.max()))
 
 
-def attract(scene: Scene, contacts: Contacts, free: Floats, wall_inverse: Floats) -> Floats:
-    """Free velocities of grains and walls after adhesion; ``free`` itself where there is none."""
-    if not contacts["attraction"].any():
-        return free
-    attracted = free.copy()
-    _attract(scene, contacts, wall_inverse, attracted)
-    return attracted
-
-
 @kernel
-def _attract(scene: Scene, contacts: Contacts, wall_inverse: Floats, velocity: Floats) -> None:
+def attract(
+    scene: Scene, contacts: Contacts, place: Ints, wall_inverse: Floats, velocity: Floats
+) -> None:
+    """Let adhesion act on free velocities, rows as in `System`, **modified**."""
     count = scene.radius.size
     for c in range(contacts.size):
         contact = contacts[c]
-        i, j = contact.i, contact.j
+        i, j = place[contact.i], contact.j
         px, py = contact.attraction * contact.nx, contact.attraction * contact.ny
         velocity[i, X] -= velocity[i, INVERSE_MASS] * px
         velocity[i, Y] -= velocity[i, INVERSE_MASS] * py
         if j < count:
-            velocity[j, X] += velocity[j, INVERSE_MASS] * px
-            velocity[j, Y] += velocity[j, INVERSE_MASS] * py
+            row = place[j]
+            velocity[row, X] += velocity[row, INVERSE_MASS] * px
+            velocity[row, Y] += velocity[row, INVERSE_MASS] * py
         else:
             wall = scene.wall[j - count]
             velocity[count + wall, X] += wall_inverse[wall, X] * px
@@ -439,7 +502,7 @@ def begin_rolling(
     ratio: float,
     contacts: Contacts,
 ) -> None:
-    """Rolling resistance into all contacts, **modified**; arguments as `refresh_contacts`."""
+    """Rolling resistance into all contacts, **modified**; arguments as `begin_walls`."""
     for c in range(contacts.size):
         contact = contacts[c]
         i, j = contact.i, contact.j

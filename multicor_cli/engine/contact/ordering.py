@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.engine.contact.vector_step import ABOUT_ROWS, SMALLER
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.jit.chunks import aligned
 from multicor_cli.engine.jit.compile import kernel, loop_body
@@ -337,15 +338,21 @@ TILE = 16.0  # width of a tile in mean diameters: a few hundred contacts
 
 
 class Schedule(NamedTuple):
-    """Order and places of contacts, as long as they last; what is not listed is as in `System`.
+    """Order and places of contacts, and room for what a step says of them, as long as they last.
+
+    What is not listed is as in `System`.
 
     Attributes:
         general: General contacts, shape ``(g,)``.
+        walls: Diagonal contacts with walls, ascending.
+        lane: Lane of each contact, -1 - g for the general contact g, shape ``(c,)``.
         place: Row of each grain, shape ``(n,)``; then come the walls, then the wall proxies, and
             two rows for the empty lanes of each tile.
-        velocity: Room for the velocities of these rows.
-        frame: Room for the frames of diagonal contacts, empty lanes filled in.
-        impulse: Room for their impulses.
+        start: Velocities v⁻ of these rows.
+        middle: Places at q_m: x, y, radius [m], 0.
+        about: What lasts with a contact, rows as in `vector_step`, shape ``(q, 3, 4)``.
+        before: u_n⁻, u_t⁻ [m/s], shape ``(q, 2, 4)``.
+        gap: Gaps at q_m [m], shape ``(q, 4)``.
     """
 
     slot: Ints
@@ -353,10 +360,17 @@ class Schedule(NamedTuple):
     tile_start: NDArray[np.int64]
     color_start: NDArray[np.int64]
     general: Ints
+    walls: Ints
+    lane: Ints
     place: Ints
     velocity: Floats
+    start: Floats
+    middle: Floats
     frame: Floats
     impulse: Floats
+    about: Floats
+    before: Floats
+    gap: Floats
 
 
 def lay_tiles(scene: Scene, i: Ints, j: Ints, mean_diameter: float) -> Ints:
@@ -388,12 +402,30 @@ def schedule_contacts(
     pair = aligned((slot.shape[0], 2, LANES), np.int32)
     fill_lanes(order, bodies, count, tile_start, slot, pair)
     batches, rows = slot.shape[0], count + 2 * (tile_start.size - 1)
-    velocity, frame, impulse = (
-        aligned((rows, 4)), aligned((batches, 5, LANES)), aligned((batches, 2, LANES))
+    velocity, start_velocity, middle, frame, impulse, about, before, gap = (
+        _zeros(shape)
+        for shape in (
+            (rows, 4), (rows, 4), (rows, 4), (batches, 5, LANES), (batches, 2, LANES),
+            (batches, ABOUT_ROWS, LANES), (batches, 2, LANES), (batches, LANES),
+        )
     )  # fmt: skip
-    velocity[:], frame[:], impulse[:] = 0.0, 0.0, 0.0
-    frame[:, MASS][slot < 0] = 1.0  # 1/W: a residual is measured there too
-    return Schedule(slot, pair, tile_start, color_start, general, place, velocity, frame, impulse)
+    middle[count + 1 :: 2, X] = 1.0  # the two bodies of empty lanes are apart
+    frame[:, MASS] = about[:, SMALLER] = 1.0
+    lane = np.empty(i.size, np.int32)
+    filled = np.flatnonzero(slot.reshape(-1) >= 0).astype(np.int32)
+    lane[slot.reshape(-1)[filled]] = filled
+    lane[general] = -1 - np.arange(general.size, dtype=np.int32)
+    walls = np.flatnonzero((j >= scene.radius.size) & (lane >= 0)).astype(np.int32)
+    return Schedule(
+        slot, pair, tile_start, color_start, general, walls, lane, place, velocity,
+        start_velocity, middle, frame, impulse, about, before, gap,
+    )  # fmt: skip
+
+
+def _zeros(shape: tuple[int, ...]) -> Floats:
+    array = aligned(shape)
+    array[:] = 0.0
+    return array
 
 
 def _grid(scene: Scene, width: float) -> tuple[int, int, Floats, float, float]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.contacts import (
     Contacts,
+    Speeds,
     contact_after,
     couples_of,
     net_impulses,
@@ -17,8 +18,9 @@ from multicor_cli.engine.contact.contacts import (
 )
 from multicor_cli.engine.contact.ordering import Schedule, make_batches
 from multicor_cli.engine.contact.sweep import NO_COUPLES, System, add_impulses
+from multicor_cli.engine.contact.vector_step import begin_lanes
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.jit.chunks import aligned
+from multicor_cli.engine.jit.chunks import CHUNK, aligned
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import (
@@ -31,6 +33,7 @@ from multicor_cli.model.columns import (
     NORMAL,
     NX,
     NY,
+    RADIUS,
     SECOND,
     SLIDE,
     SPIN,
@@ -125,64 +128,109 @@ def _blocks(rows: NDArray[Any]) -> NDArray[Any]:
 # ---- To the arrays of the sweep and back: once a step, and memory is what takes time
 
 
-@kernel
+@parallel_kernel
 def pack_bodies(
-    free: Floats, place: Ints, wall_inverse: Floats, spin_factor: float, velocity: Floats
-) -> Floats:
-    """Copy bodies into those of the sweep: grains to their ``place``, then walls.
+    scene: Scene,
+    before: Floats,
+    free: Floats,
+    place: Ints,
+    velocity: Floats,
+    start: Floats,
+    middle: Floats,
+) -> None:
+    """Copy bodies into the rows of a `Schedule`: grains to their ``place``, then walls.
 
-    Returns the inverse masses of all degrees of freedom, as in `System`.
+    Velocities at the start of the step ``before``, and ``free`` ones, have shape ``(n + w, 4)``.
     """
-    inverse = np.empty((free.shape[0], 3))
-    for b in range(free.shape[0]):
-        row = np.int64(place[b]) if b < place.size else np.int64(b)
-        for d in range(4):
-            velocity[row, d] = free[b, d]
-        if b < place.size:
-            inverse[row, X] = inverse[row, Y] = free[b, INVERSE_MASS]
-            inverse[row, SPIN] = spin_factor * free[b, INVERSE_MASS]
-        else:
-            # The inverse masses of walls stand elsewhere, and their surfaces in the contacts
-            velocity[row, INVERSE_MASS] = 0.0
-            for d in range(3):
-                inverse[row, d] = wall_inverse[b - place.size, d]
-    return inverse
+    bodies, grains = free.shape[0], place.size
+    for chunk in prange((bodies + CHUNK - 1) // CHUNK):
+        for b in range(chunk * CHUNK, min(bodies, (chunk + 1) * CHUNK)):
+            row = np.int64(place[b]) if b < grains else np.int64(b)
+            for d in range(4):
+                velocity[row, d], start[row, d] = free[b, d], before[b, d]
+            if b < grains:
+                middle[row, X], middle[row, Y] = scene.position[b, X], scene.position[b, Y]
+                middle[row, RADIUS] = scene.radius[b]
+            else:
+                # The inverse masses of walls stand elsewhere, and their surfaces in the contacts
+                velocity[row, INVERSE_MASS] = 0.0
+
+
+_BATCHES = CHUNK // LANES
 
 
 @parallel_kernel
-def pack_contacts(
+def begin_grains(
+    middle: Floats, start: Floats, pair: Ints, about: Floats, frame: Floats, impulse: Floats,
+    before: Floats, gap: Floats, dt: float, period: float, ratio: float,
+) -> Speeds:  # fmt: skip
+    """Everything of the contacts of two grains but friction that varies, adhesion and rolling.
+
+    Arrays of `Schedule`; ``ratio`` is that of this time step to the last, by which impulses change.
+    **Modifies** ``frame``, ``impulse``, ``before`` and ``gap``.
+    """
+    batches, half = pair.shape[0], 0.5 * period if period > 0.0 else np.inf
+    sums = np.zeros(((batches + _BATCHES - 1) // _BATCHES, 6))
+    for chunk in prange(sums.shape[0]):
+        last = min(batches, (chunk + 1) * _BATCHES)
+        (
+            sums[chunk, 0], sums[chunk, 1], sums[chunk, 2], sums[chunk, 3], sums[chunk, 4],
+            sums[chunk, 5],
+        ) = begin_lanes(
+            chunk * _BATCHES, last, middle.reshape(-1), start.reshape(-1), pair.reshape(-1),
+            about.reshape(-1), frame.reshape(-1), impulse.reshape(-1), before.reshape(-1),
+            gap.reshape(-1), dt, period, half, ratio,
+        )  # fmt: skip
+    total = np.zeros(6)
+    for chunk in range(sums.shape[0]):
+        for k in range(6):
+            total[k] += sums[chunk, k]
+    return Speeds(total[0], total[1], total[2], total[3], total[4], total[5])
+
+
+@kernel
+def place_walls(
     scene: Scene,
     contacts: Contacts,
     belt: Floats,
-    slot: Ints,
+    walls: Ints,
+    lane: Ints,
     pair: Ints,
     velocity: Floats,
     frame: Floats,
     impulse: Floats,
 ) -> None:
-    """Copy contacts into their lanes, and give the proxies of walls their velocities.
+    """Copy contacts with walls into their lanes, and give their proxies velocities.
 
-    Arrays as in `System`; ``velocity``, from `pack_bodies`, ``frame`` and ``impulse`` are
-    **modified**. ``belt`` as in `OrderedSystem`.
+    Arrays as in `Schedule`; ``velocity``, ``frame`` and ``impulse`` are **modified**. ``belt`` as
+    in `OrderedSystem`.
     """
     n = scene.radius.size
-    for q in prange(slot.shape[0]):
-        for lane in range(LANES):
-            c = slot[q, lane]
-            if c < 0:
-                continue
-            i, j = pair[q, FIRST, lane] // 4, pair[q, SECOND, lane] // 4
-            contact = contacts[c]
-            if contact.j >= n:
-                wall = n + scene.wall[contact.j - n]
-                velocity[j, X] = velocity[wall, X] - velocity[wall, SURFACE] * contact.lever_y
-                velocity[j, Y] = velocity[wall, Y] + velocity[wall, SURFACE] * contact.lever_x
-                velocity[j, SURFACE] = belt[wall - n]
-                velocity[j, INVERSE_MASS] = 0.0
-            frame[q, NX, lane], frame[q, NY, lane] = contact.nx, contact.ny
-            frame[q, MASS, lane] = 1.0 / (velocity[i, INVERSE_MASS] + velocity[j, INVERSE_MASS])
-            frame[q, BIAS, lane], frame[q, MU, lane] = contact.bias, contact.mu
-            impulse[q, NORMAL, lane], impulse[q, TANGENTIAL, lane] = contact.p_n, contact.p_t
+    for k in range(walls.size):
+        contact, q, column = contacts[walls[k]], lane[walls[k]] // LANES, lane[walls[k]] % LANES
+        i, j = pair[q, FIRST, column] // 4, pair[q, SECOND, column] // 4
+        wall = n + scene.wall[contact.j - n]
+        velocity[j, X] = velocity[wall, X] - velocity[wall, SURFACE] * contact.lever_y
+        velocity[j, Y] = velocity[wall, Y] + velocity[wall, SURFACE] * contact.lever_x
+        velocity[j, SURFACE] = belt[wall - n]
+        velocity[j, INVERSE_MASS] = 0.0
+        frame[q, NX, column], frame[q, NY, column] = contact.nx, contact.ny
+        frame[q, MASS, column] = 1.0 / velocity[i, INVERSE_MASS]
+        frame[q, BIAS, column], frame[q, MU, column] = contact.bias, contact.mu
+        impulse[q, NORMAL, column], impulse[q, TANGENTIAL, column] = contact.p_n, contact.p_t
+
+
+@kernel
+def inverse_masses(
+    velocity: Floats, grains: int, wall_inverse: Floats, spin_factor: float
+) -> Floats:
+    """Inverse masses of all degrees of freedom, as in `System`."""
+    inverse = np.empty((grains + wall_inverse.shape[0], 3))
+    for row in range(grains):
+        inverse[row, X] = inverse[row, Y] = velocity[row, INVERSE_MASS]
+        inverse[row, SPIN] = spin_factor * velocity[row, INVERSE_MASS]
+    inverse[grains:] = wall_inverse
+    return inverse
 
 
 @kernel
@@ -219,32 +267,66 @@ def pack_general(
     return pair, frame, lever, impulse
 
 
-@kernel
-def unpack(system: System, general: Ints, place: Ints, belt: Floats, contacts: Contacts) -> Floats:
-    """Back from the arrays of the sweep; returns v⁺, shape ``(n + w, 4)``; fills ``contacts``."""
-    slot, impulse, velocity = system.slot, system.impulse, system.velocity
-    for q in range(slot.shape[0]):
-        for lane in range(LANES):
-            c = slot[q, lane]
-            if c >= 0:
-                contacts[c].p_n = impulse[q, NORMAL, lane]
-                contacts[c].p_t = impulse[q, TANGENTIAL, lane]
-    for g in range(general.size):
-        contacts[general[g]].p_n = system.general_impulse[g, NORMAL]
-        contacts[general[g]].p_t = system.general_impulse[g, TANGENTIAL]
-    for k in range(system.couples.impulse.size):
-        contacts[system.couples.contact[k]].p_r = system.couples.impulse[k]
-    after = np.empty((system.inverse.shape[0], 4))
-    for b in range(after.shape[0]):
-        row = np.int64(place[b]) if b < place.size else np.int64(b)
-        for d in range(4):
-            after[b, d] = velocity[row, d]
-        if b >= place.size:
-            after[b, BELT] = belt[b - place.size]
+@parallel_kernel
+def unpack_bodies(velocity: Floats, place: Ints, belt: Floats, walls: int) -> Floats:
+    """v⁺ of grains and walls from the rows of the sweep, shape ``(n + w, 4)``."""
+    grains = place.size
+    after = np.empty((grains + walls, 4))
+    for chunk in prange((grains + CHUNK - 1) // CHUNK):
+        for b in range(chunk * CHUNK, min(grains, (chunk + 1) * CHUNK)):
+            for d in range(4):
+                after[b, d] = velocity[place[b], d]
+    for w in range(walls):
+        for d in range(3):
+            after[grains + w, d] = velocity[grains + w, d]
+        after[grains + w, BELT] = belt[w]
     return after
 
 
-# ---- Puts the contacts of a step into the arrays of the sweep
+@kernel
+def unpack_walls(
+    walls: Ints,
+    general: Ints,
+    lane: Ints,
+    impulse: Floats,
+    general_impulse: Floats,
+    contacts: Contacts,
+) -> None:
+    """Impulses of contacts with walls into the table, **modified**; arrays of `Schedule`."""
+    for k in range(walls.size):
+        c = walls[k]
+        q, column = lane[c] // LANES, lane[c] % LANES
+        contacts[c].p_n, contacts[c].p_t = (
+            impulse[q, NORMAL, column],
+            impulse[q, TANGENTIAL, column],
+        )
+    for g in range(general.size):
+        contacts[general[g]].p_n = general_impulse[g, NORMAL]
+        contacts[general[g]].p_t = general_impulse[g, TANGENTIAL]
+
+
+@kernel
+def carried(
+    grains: int, i: Ints, j: Ints, lane: Ints, impulse: Floats, contacts: Contacts
+) -> tuple[Ints, Ints, Floats]:
+    """Shapes i, j and impulses of contacts that carry one [N s], in order; arrays of `Schedule`."""
+    found = 0
+    first, second = np.empty(i.size, np.int32), np.empty(i.size, np.int32)
+    known = np.empty((i.size, 2))
+    for c in range(i.size):
+        if j[c] < grains:
+            q, column = lane[c] // LANES, lane[c] % LANES
+            p_n, p_t = impulse[q, NORMAL, column], impulse[q, TANGENTIAL, column]
+        else:
+            p_n, p_t = contacts[c].p_n, contacts[c].p_t
+        if p_n > 0.0:
+            first[found], second[found] = i[c], j[c]
+            known[found, NORMAL], known[found, TANGENTIAL] = p_n, p_t
+            found += 1
+    return first[:found].copy(), second[:found].copy(), known[:found].copy()
+
+
+# ---- The problem of a step
 
 
 @dataclass(frozen=True)
@@ -253,49 +335,57 @@ class OrderedSystem:
 
     Attributes:
         system: What the sweep works on; ``slot`` names contacts by their rank by key.
-        general: Contact behind each general one.
-        place: Row of each grain in the velocities of the system; walls follow the grains.
+        schedule: Order and places of its contacts.
         belt: Speed of the surface of each wall, column `BELT` of the bodies [m/s], shape ``(w,)``.
     """
 
     system: System
-    general: Ints
-    place: Ints
+    schedule: Schedule
     belt: Floats
 
     def collect(self, contacts: Contacts) -> Floats:
-        """Put impulses and couples into ``contacts``; returns v⁺, shape ``(n + w, 4)``."""
-        return unpack(self.system, self.general, self.place, self.belt, contacts)
+        """Put impulses with walls, and couples, into ``contacts``; returns v⁺, ``(n + w, 4)``."""
+        schedule, system = self.schedule, self.system
+        unpack_walls(
+            schedule.walls, schedule.general, schedule.lane, system.impulse,
+            system.general_impulse, contacts,
+        )  # fmt: skip
+        if system.couples.impulse.size:
+            contacts["p_r"][system.couples.contact] = system.couples.impulse
+        return unpack_bodies(system.velocity, schedule.place, self.belt, self.belt.size)
 
 
 def assemble(
     scene: Scene,
     contacts: Contacts,
     schedule: Schedule,
-    free: Floats,
+    belt: Floats,
     wall_inverse: Floats,
     spin_factor: float,
     has_couples: bool,
 ) -> OrderedSystem:
-    """Fill the arrays of the sweep, from contacts sorted by key, with their warm start.
+    """The problem of a step, whose contacts have begun (`begin_grains`, `begin_walls`).
 
-    ``free`` are velocities of grains and walls, shape ``(n + w, 4)``, ``wall_inverse`` inverse
-    masses per degree of freedom, shape ``(w, 3)``. Without couples the rolling resistance of the
-    contacts is not looked at.
+    ``wall_inverse`` are inverse masses per degree of freedom, shape ``(w, 3)``, ``belt`` is that of
+    `OrderedSystem`. Without couples the rolling resistance of the contacts is not looked at.
     """
-    slot, pair, tile_start, color_start, general, place, velocity, frame, impulse = schedule
-    belt = free[place.size :, BELT].copy()
-    inverse = pack_bodies(free, place, wall_inverse, spin_factor, velocity)
-    pack_contacts(scene, contacts, belt, slot, pair, velocity, frame, impulse)
+    velocity, place = schedule.velocity, schedule.place
+    inverse = inverse_masses(velocity, place.size, wall_inverse, spin_factor)
+    place_walls(
+        scene, contacts, belt, schedule.walls, schedule.lane, schedule.pair, velocity,
+        schedule.frame, schedule.impulse,
+    )  # fmt: skip
+    general, slot = schedule.general, schedule.slot
     system = System(
-        velocity, inverse, slot, pair, frame, impulse, tile_start, color_start,
+        velocity, inverse, slot, schedule.pair, schedule.frame, schedule.impulse,
+        schedule.tile_start, schedule.color_start,
         *pack_general(scene, contacts, belt, place, general, inverse), spin_factor, contacts.size,
         pack_couples(scene, contacts, belt, slot, general, place, inverse)
         if has_couples
         else NO_COUPLES,
     )  # fmt: skip
     add_impulses(system)
-    return OrderedSystem(system, general, place, belt)
+    return OrderedSystem(system, schedule, belt)
 
 
 # ---- To a table that can be stored or looked at

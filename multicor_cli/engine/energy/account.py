@@ -8,40 +8,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.engine.contact.contacts import (
-    Contacts,
-    contact_after,
-    couples_of,
-    rolling_loss,
-)
+from multicor_cli.engine.contact.contacts import Contacts, contact_after, rolling_loss
 from multicor_cli.engine.contact.solve import Outcome
+from multicor_cli.engine.contact.vector_step import (
+    FRICTION,
+    IMPACT,
+    LARGEST,
+    LOADED,
+    NEGATIVE,
+    OVERLAP,
+    SLIDING,
+    SUMS,
+    VIRIAL,
+    end_lanes,
+)
 from multicor_cli.engine.geometry.radii import smaller_of, surface_turning
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
-from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.engine.motion.separation import Correction
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.model.books import BOOK_NAMES, EXCHANGE_NAMES, TALLY_NAMES, WINDOW_NAMES
-from multicor_cli.model.columns import NORMAL, SPIN, TANGENTIAL, X, Y
+from multicor_cli.model.columns import SPIN, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.state import State
 
 # ---- The contacts of one step
-
-FRICTION, IMPACT, SLIDING, NEGATIVE, VIRIAL, LOADED, LARGEST, OVERLAP = 0, 1, 2, 3, 4, 8, 9, 10
-"""Columns of the sums: losses [J], virial (four columns, xx xy yx yy) [J s], number of loaded
-contacts; of the maxima: p_n [N s], overlap over the smaller radius at the end."""
-
-SUMS = 11
-_ALONG = 3  # column of the impulses of walls, after x, y and spin
 
 
 class ContactSums(NamedTuple):
     """Result of `account_contacts`.
 
     Attributes:
-        total: Sums over the contacts, shape ``(SUMS,)``.
+        total: Sums over the contacts, and largest values, shape ``(SUMS,)`` of `vector_step`.
         wall_impulse: Impulse and angular impulse on the walls, shape ``(w, 3)``.
         belt_impulse: What the surface of each wall takes up along it, conjugate to its speed
             `BELT`: −Σ (p_t + κ C) with the curvature κ of the surface and the couple C on the grain
@@ -53,122 +53,86 @@ class ContactSums(NamedTuple):
     belt_impulse: Floats
 
 
-@formula
-def _push_wall(
-    c: int, scene: Scene, contacts: Contacts, px: float, py: float, chunk: int, wall_impulse: Floats
-) -> None:
-    contact = contacts[c]
-    couple, wall = contact.arm * contact.p_r, scene.wall[contact.j - scene.radius.size]
-    wall_impulse[chunk, wall, X] -= px
-    wall_impulse[chunk, wall, Y] -= py
-    wall_impulse[chunk, wall, SPIN] -= contact.lever_x * py - contact.lever_y * px + couple
-    wall_impulse[chunk, wall, _ALONG] -= contact.p_t
-    if couple != 0.0:
-        wall_impulse[chunk, wall, _ALONG] -= surface_turning(scene, contact.j, 1.0) * couple
+_BATCHES = CHUNK // LANES
 
 
-@formula
-def _account_chunk(
-    chunk: int,
-    first: int,
-    last: int,
-    scene: Scene,
-    end: Scene,
-    contacts: Contacts,
-    after: Floats,
-    partial: Floats,
-    wall_impulse: Floats,
-) -> None:
-    """Write sums over contacts ``first … last-1``; numbers, not elements, for twice the speed."""
-    friction, impact, sliding, negative, largest, loaded = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    xx, xy, yx, yy, overlap = 0.0, 0.0, 0.0, 0.0, 0.0
-    for c in range(first, last):
+@parallel_kernel
+def account_grains(
+    middle: Floats, velocity: Floats, pair: Ints, about: Floats, frame: Floats, impulse: Floats,
+    before: Floats, gap: Floats, dt: float, period: float,
+) -> Floats:  # fmt: skip
+    """What the contacts of two grains add to `SUMS`; arrays of `Schedule`, v⁺ in ``velocity``."""
+    batches, half = pair.shape[0], 0.5 * period if period > 0.0 else np.inf
+    sums = np.zeros(((batches + _BATCHES - 1) // _BATCHES, SUMS))
+    for chunk in prange(sums.shape[0]):
+        last = min(batches, (chunk + 1) * _BATCHES)
+        (
+            sums[chunk, 0], sums[chunk, 1], sums[chunk, 2], sums[chunk, 3], sums[chunk, 4],
+            sums[chunk, 5], sums[chunk, 6], sums[chunk, 7], sums[chunk, 8], sums[chunk, 9],
+            sums[chunk, 10],
+        ) = end_lanes(
+            chunk * _BATCHES, last, middle.reshape(-1), velocity.reshape(-1), pair.reshape(-1),
+            about.reshape(-1), frame.reshape(-1), impulse.reshape(-1), before.reshape(-1),
+            gap.reshape(-1), 0.5 * dt, period, half,
+        )  # fmt: skip
+    total = np.zeros(SUMS)
+    for chunk in range(sums.shape[0]):
+        for k in range(SUMS):
+            value = sums[chunk, k]
+            total[k] = max(total[k], value) if k >= LARGEST else total[k] + value
+    return total
+
+
+@kernel
+def account_contacts(
+    scene: Scene, end: Scene, contacts: Contacts, after: Floats, which: Ints, total: Floats
+) -> ContactSums:
+    """Sum losses, virial and wall impulses over some contacts of a step, one after the other.
+
+    The losses are −p·½(u⁻+u⁺), exact for the scheme whether or not the solver has converged
+    (Moreau–Jean energy identity). p is what acts, adhesion taken off; couples count as friction.
+
+    ``scene`` is that at q_m, ``end`` that at q⁺; ``total``, what others add to `SUMS`, is
+    **modified**.
+    """
+    walls = scene.wall_position.shape[0]
+    wall_impulse, belt_impulse = np.zeros((walls, 3)), np.zeros(walls)
+    for k in range(which.size):
+        c = which[k]
         contact = contacts[c]
-        gap = pair_geometry(end, contact.i, contact.j)[0]
+        i, j, nx, ny = contact.i, contact.j, contact.nx, contact.ny
+        gap = pair_geometry(end, i, j)[0]
         if gap < 0.0:
-            overlap = max(overlap, -gap / smaller_of(end, contact.i, contact.j))
+            total[OVERLAP] = max(total[OVERLAP], -gap / smaller_of(end, i, j))
         q_n, p_t, attraction = contact.p_n, contact.p_t, contact.attraction
         if q_n == 0.0 and attraction == 0.0:
             continue
         p_n = q_n - attraction
-        i, j, nx, ny = contact.i, contact.j, contact.nx, contact.ny
         u_n, u_t = contact_after(c, scene, contacts, after)
-        impact_loss = -p_n * 0.5 * (contact.u_n + u_n)
-        friction_loss = -p_t * 0.5 * (contact.u_t + u_t) + rolling_loss(c, scene, contacts, after)
-        friction += friction_loss
-        impact += impact_loss
-        sliding += contact.mu * abs(u_t) * q_n
-        negative += min(0.0, friction_loss + impact_loss)
-        largest = max(largest, p_n)
-        loaded += 1.0 if q_n > 0.0 else 0.0
+        impact = -p_n * 0.5 * (contact.u_n + u_n)
+        friction = -p_t * 0.5 * (contact.u_t + u_t) + rolling_loss(c, scene, contacts, after)
+        total[FRICTION] += friction
+        total[IMPACT] += impact
+        total[SLIDING] += contact.mu * abs(u_t) * q_n
+        total[NEGATIVE] += min(0.0, friction + impact)
+        total[LOADED] += 1.0 if q_n > 0.0 else 0.0
+        total[LARGEST] = max(total[LARGEST], p_n)
         px, py = p_n * nx - p_t * ny, p_n * ny + p_t * nx
         if j < scene.radius.size:
             branch = scene.radius[i] + scene.radius[j] + contact.gap
-            xx += px * branch * nx
-            xy += px * branch * ny
-            yx += py * branch * nx
-            yy += py * branch * ny
-        else:
-            _push_wall(c, scene, contacts, px, py, chunk, wall_impulse)
-    partial[chunk, FRICTION], partial[chunk, IMPACT] = friction, impact
-    partial[chunk, SLIDING], partial[chunk, NEGATIVE] = sliding, negative
-    partial[chunk, VIRIAL], partial[chunk, VIRIAL + 1] = xx, xy
-    partial[chunk, VIRIAL + 2], partial[chunk, VIRIAL + 3] = yx, yy
-    partial[chunk, LOADED], partial[chunk, LARGEST] = loaded, largest
-    partial[chunk, OVERLAP] = overlap
-
-
-@parallel_kernel
-def account_contacts(scene: Scene, end: Scene, contacts: Contacts, after: Floats) -> ContactSums:
-    """Sum losses, virial and wall impulses over the contacts of a step, in fixed chunks.
-
-    ``scene`` is that at q_m, ``end`` that at q⁺.
-
-    The losses are −p·½(u⁻+u⁺), exact for the scheme whether or not the solver has converged
-    (Moreau–Jean energy identity). p is what acts, adhesion taken off; couples count as friction.
-    """
-    count, walls = contacts.size, scene.wall_position.shape[0]
-    chunks = (count + CHUNK - 1) // CHUNK
-    partial, of_walls = np.zeros((chunks, SUMS)), np.zeros((chunks, walls, 4))
-    for chunk in prange(chunks):
-        last = min(count, (chunk + 1) * CHUNK)
-        _account_chunk(chunk, chunk * CHUNK, last, scene, end, contacts, after, partial, of_walls)
-    total, wall_impulse, belt_impulse = np.zeros(SUMS), np.zeros((walls, 3)), np.zeros(walls)
-    for chunk in range(chunks):
-        for k in range(SUMS):
-            value = partial[chunk, k]
-            total[k] = max(total[k], value) if k >= LARGEST else total[k] + value
-        for w in range(walls):
-            belt_impulse[w] += of_walls[chunk, w, _ALONG]
-            for d in range(3):
-                wall_impulse[w, d] += of_walls[chunk, w, d]
+            total[VIRIAL] += px * branch * nx
+            total[VIRIAL + 1] += px * branch * ny
+            total[VIRIAL + 2] += py * branch * nx
+            total[VIRIAL + 3] += py * branch * ny
+            continue
+        wall, couple = scene.wall[j - scene.radius.size], contact.arm * contact.p_r
+        wall_impulse[wall, X] -= px
+        wall_impulse[wall, Y] -= py
+        wall_impulse[wall, SPIN] -= contact.lever_x * py - contact.lever_y * px + couple
+        belt_impulse[wall] -= p_t
+        if couple != 0.0:
+            belt_impulse[wall] -= surface_turning(scene, j, 1.0) * couple
     return ContactSums(total, wall_impulse, belt_impulse)
-
-
-def warm_start_of(contacts: Contacts, has_couples: bool) -> tuple[Ints, Ints, Floats, Floats]:
-    """Shapes i, j, impulses [N s] and couples [N m s] of contacts that carry an impulse, in order.
-
-    Couples are of size 0 without rolling resistance.
-    """
-    couple = couples_of(contacts)[contacts["p_n"] > 0.0] if has_couples else np.empty(0)
-    return *_carrying(contacts), couple
-
-
-@kernel
-def _carrying(contacts: Contacts) -> tuple[Ints, Ints, Floats]:
-    found = 0
-    for c in range(contacts.size):
-        if contacts[c].p_n > 0.0:
-            found += 1
-    i, j, impulse = np.empty(found, np.int32), np.empty(found, np.int32), np.empty((found, 2))
-    k = 0
-    for c in range(contacts.size):
-        contact = contacts[c]
-        if contact.p_n > 0.0:
-            i[k], j[k] = contact.i, contact.j
-            impulse[k, NORMAL], impulse[k, TANGENTIAL] = contact.p_n, contact.p_t
-            k += 1
-    return i, j, impulse
 
 
 # ---- Energy books: kinetic change = gravity + wall + load work − friction − impact − damping −

@@ -63,7 +63,10 @@ class Vector:
         return Vector(self.builder, self.builder.fneg(self.value))
 
     def __abs__(self) -> Vector:
-        name = f"llvm.fabs.v{LANES}f64"
+        return self._call("fabs")
+
+    def _call(self, operation: str) -> Vector:
+        name = f"llvm.{operation}.v{LANES}f64"
         module = self.builder.module
         function = module.globals.get(name) or ir.Function(
             module, ir.FunctionType(_VECTOR, [_VECTOR]), name
@@ -84,6 +87,14 @@ class Vector:
         signs = ir.Constant(integers, [_SIGN if is_flipped else 0 for is_flipped in lanes])
         bits = self.builder.xor(self.builder.bitcast(self.value, integers), signs)
         return Vector(self.builder, self.builder.bitcast(bits, _VECTOR))
+
+    def root(self) -> Vector:
+        """Square root, correctly rounded."""
+        return self._call("sqrt")
+
+    def where(self, comparison: str, other: Vector, then: Vector, otherwise: Vector) -> Vector:
+        """``then`` in the lanes where the comparison with ``other`` holds."""
+        return self._select(comparison, other, then, otherwise)
 
     def where_positive(self, other: Vector) -> Vector:
         """``other`` in the lanes where this is above 0, 0 in the rest."""
@@ -109,6 +120,11 @@ class Writer:
         single = self.builder.insert_element(_UNDEFINED, scalar, _INT(0))
         return Vector(self.builder, self._shuffle(single, _UNDEFINED, (0,) * LANES))
 
+    def masked(self, vector: Vector, lanes: Sequence[bool]) -> Vector:
+        """A vector with zeros in all but some lanes."""
+        ones = ir.Constant(_VECTOR, [1.0 if is_kept else 0.0 for is_kept in lanes])
+        return vector * Vector(self.builder, ones)
+
     def times(self, index: ir.Value, factor: int, plus: int = 0) -> ir.Value:
         return self.builder.add(self.builder.mul(index, _LONG(factor)), _LONG(plus))
 
@@ -125,6 +141,12 @@ class Writer:
         """Some rows of a block of ``rows`` rows of four."""
         start = self.times(number, LANES * rows)
         return [self.load(array, self.offset(start, LANES * row)) for row in which]
+
+    def fill(self, array: ir.Value, number: ir.Value, rows: int, what: dict[int, Vector]) -> None:
+        """Write some rows of a block of ``rows`` rows of four."""
+        start = self.times(number, LANES * rows)
+        for row, vector in what.items():
+            self.store(array, self.offset(start, LANES * row), vector)
 
     def indices(self, array: ir.Value, at: ir.Value) -> list[ir.Value]:
         """Four 32-bit integers of an array from ``at`` on."""

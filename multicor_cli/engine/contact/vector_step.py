@@ -1,0 +1,316 @@
+"""The contacts of two grains before and after a solve, four at a time.
+
+What the loops compute is defined by their scalar twins, to the bit. Arrays are those of a
+`Schedule`, flat. Lanes of other contacts, or of none, hold numbers without meaning in between and
+add to no sum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import sqrt
+from typing import Any
+
+import numpy as np
+
+from multicor_cli.engine.contact.law import bias
+from multicor_cli.engine.contact.vector_sweep import (
+    BIAS_,
+    FRAME_ROWS,
+    IMPULSE_ROWS,
+    MU_,
+    NY_,
+    OPPOSITE,
+    PAIR_ROWS,
+    SECOND_,
+    SURFACE_,
+    TANGENTIAL_,
+    Y_,
+    frame_place,
+    impulse_place,
+    pair_place,
+)
+from multicor_cli.engine.geometry.scene import disc_disc
+from multicor_cli.engine.jit.compile import loop_body
+from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES, Vector, Writer, vector_loop
+from multicor_cli.model.columns import (
+    BIAS,
+    FIRST,
+    MU,
+    NORMAL,
+    NX,
+    NY,
+    SECOND,
+    TANGENTIAL,
+)
+from multicor_cli.model.model import Floats, Ints
+
+_Value = Any  # of LLVM
+
+BOUNCE, SMALLER, IS_OURS = 0, 1, 2
+"""Rows of what lasts with a contact: restitution, smaller radius [m], 1 if it joins two grains."""
+
+ABOUT_ROWS = 3
+_ABOUT, _SMALLER, _OURS = np.uint64(LANES * ABOUT_ROWS), np.uint64(LANES), np.uint64(2 * LANES)
+_LANES, _SHIFT, _MASK = np.uint64(LANES), np.uint64(2), np.uint64(LANES - 1)
+_RADIUS = SURFACE_  # column of the rows of places
+
+
+@formula
+def about_place(lane: np.uint64) -> np.uint64:
+    """Place of the restitution of a contact."""
+    return _ABOUT * (lane >> _SHIFT) + (lane & _MASK)
+
+
+# ---- Before: geometry, velocities, biases, impulses to start from
+
+
+@loop_body
+def begin_scalar(
+    first: int, last: int, middle: Floats, start: Floats, pair: Ints, about: Floats, frame: Floats,
+    impulse: Floats, before: Floats, gap: Floats, dt: float, period: float, half: float,
+    ratio: float,
+) -> tuple[float, float, float, float, float, float]:  # fmt: skip
+    """Frames, gaps and velocities u⁻ of the contacts of two grains in batches ``first … last-1``.
+
+    ``middle`` are places at q_m, rows of x, y, radius; ``start`` velocities v⁻. With a ``period``
+    ``half`` is half of it, else infinite; ``ratio`` is that of this time step to the last.
+    **Modifies** ``frame`` (but W and μ), ``impulse``, ``before``: u⁻, and ``gap``.
+
+    Returns the sum of min(u_n⁻, 0)² of contacts that close in the step and their number; the sum of
+    |u_t⁻| of those that carry an impulse and their number; the sum of the speeds at which, spins
+    left out, contacts move that carry one or close, and their number. Sums are taken lane by lane.
+    """
+    sums = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    for column in range(LANES):
+        squares, closes, slip, loaded, motion, met = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for batch in range(first, last):
+            lane = np.uint64(LANES * batch + column)
+            q, f, p, a = pair_place(lane), frame_place(lane), impulse_place(lane), about_place(lane)
+            if about[a + _OURS] == 0.0:
+                continue
+            i, j = np.uint64(pair[q]), np.uint64(pair[q + SECOND_])
+            dx = middle[i] - middle[j]
+            dx = dx - period if dx > half else dx + period if dx < -half else dx
+            radii = middle[i + _RADIUS] + middle[j + _RADIUS]
+            g, nx, ny = disc_disc(dx, middle[i + Y_] - middle[j + Y_], radii)
+            ux, uy = start[i] - start[j], start[i + Y_] - start[j + Y_]
+            u_n, across = ux * nx + uy * ny, uy * nx - ux * ny
+            u_t = across - (start[i + SURFACE_] + start[j + SURFACE_])
+            frame[f], frame[f + NY_] = nx, ny
+            frame[f + BIAS_] = bias(g, u_n, about[a], dt)
+            gap[lane], before[p], before[p + TANGENTIAL_] = g, u_n, u_t
+            # Of a contact that bears nothing p_t may be −0, which no state remembers
+            impulse[p] *= ratio
+            impulse[p + TANGENTIAL_] = ratio * impulse[p + TANGENTIAL_] + 0.0
+            if u_n < 0.0 and g + dt * u_n <= 0.0:
+                squares += u_n * u_n
+                closes += 1.0
+            if impulse[p] > 0.0:
+                slip += abs(u_t)
+                loaded += 1.0
+            if impulse[p] > 0.0 or (u_n < 0.0 and g + dt * u_n <= 0.0):
+                motion += sqrt(u_n * u_n + across * across)
+                met += 1.0
+        sums = (
+            sums[0] + squares, sums[1] + closes, sums[2] + slip, sums[3] + loaded,
+            sums[4] + motion, sums[5] + met,
+        )  # fmt: skip
+    return sums
+
+
+def _bodies(code: Writer, pair: _Value, batch: _Value) -> list[list[_Value]]:
+    start = code.times(batch, LANES * PAIR_ROWS)
+    return [code.indices(pair, code.offset(start, LANES * side)) for side in (FIRST, SECOND)]
+
+
+def _difference(code: Writer, rows: Sequence[Sequence[Vector]]) -> list[Vector]:
+    """First two columns of the rows of i less those of j; the last two added."""
+    return code.transpose([a + b.flipped(OPPOSITE) for a, b in zip(*rows, strict=True)])
+
+
+def _rows(code: Writer, array: _Value, bodies: Sequence[Sequence[_Value]]) -> list[list[Vector]]:
+    return [[code.load(array, at) for at in side] for side in bodies]
+
+
+def _nearest(dx: Vector, period: Vector, half: Vector) -> Vector:
+    return dx.where(">", half, dx - period, dx.where("<", -half, dx + period, dx))
+
+
+@vector_loop(results=6)
+def begin_batches(
+    code: Writer, first: _Value, last: _Value, middle: _Value, start: _Value, pair: _Value,
+    about: _Value, frame: _Value, impulse: _Value, before: _Value, gap: _Value,
+    dt: _Value, period: _Value, half: _Value, ratio: _Value,
+) -> list[_Value]:  # fmt: skip
+    """As `begin_scalar`."""
+    zero, one = code.number(0.0), code.number(1.0)
+    step, period, half, ratio = (code.spread(value) for value in (dt, period, half, ratio))
+    sums = code.keep([zero] * 6)
+    with code.each(first, last) as batch:
+        bodies = _bodies(code, pair, batch)
+        dx, dy, radii, _ = _difference(code, _rows(code, middle, bodies))
+        dx = _nearest(dx, period, half)
+        distance = (dx * dx + dy * dy).root()
+        is_apart = distance.where(">", zero, one, zero)
+        nx = is_apart.where(">", zero, dx / distance, zero)
+        ny = is_apart.where(">", zero, dy / distance, one)
+        g = is_apart.where(">", zero, distance - radii, -radii)
+        ux, uy, spins, _ = _difference(code, _rows(code, start, bodies))
+        u_n, across = ux * nx + uy * ny, uy * nx - ux * ny
+        u_t = across - spins
+        bounce, ours = code.block(about, batch, ABOUT_ROWS, BOUNCE, IS_OURS)
+        closing = u_n.smaller(zero)
+        reached = g + step * closing
+        rebound = bounce.where(
+            ">", zero, reached.where("<=", zero, bounce * closing, g.larger(zero) / step),
+            g.larger(zero) / step,
+        )  # fmt: skip
+        code.fill(frame, batch, FRAME_ROWS, {NX: nx, NY: ny, BIAS: rebound})
+        code.fill(before, batch, IMPULSE_ROWS, {NORMAL: u_n, TANGENTIAL: u_t})
+        code.fill(gap, batch, 1, {0: g})
+        p_n, p_t = code.block(impulse, batch, IMPULSE_ROWS, NORMAL, TANGENTIAL)
+        p_n, p_t = ratio * p_n, ratio * p_t + zero
+        code.fill(impulse, batch, IMPULSE_ROWS, {NORMAL: p_n, TANGENTIAL: p_t})
+        hit = ours.where(">", zero, reached.where("<=", zero, closing, zero), zero)
+        closes = hit.where("<", zero, one, zero)
+        loaded = p_n.where(">", zero, ours, zero)
+        meets = closes.larger(loaded)
+        speed = (u_n * u_n + across * across).root()
+        added = (
+            hit * hit,
+            closes,
+            loaded.where(">", zero, abs(u_t), zero),
+            loaded,
+            meets.where(">", zero, speed, zero),
+            meets,
+        )
+        sums.put([a + b for a, b in zip(sums.get(), added, strict=True)])
+    return [code.total(vector) for vector in sums.get()]
+
+
+# ---- After: losses, virial, overlaps
+
+FRICTION, IMPACT, SLIDING, NEGATIVE, VIRIAL, LOADED, LARGEST, OVERLAP = 0, 1, 2, 3, 4, 8, 9, 10
+"""Sums over contacts: losses [J], virial (four, xx xy yx yy) [J s], number of loaded contacts; and
+largest p_n [N s] and overlap over the smaller radius at the end of the step."""
+
+SUMS = 11
+
+
+@loop_body
+def end_scalar(
+    first: int, last: int, middle: Floats, velocity: Floats, pair: Ints, about: Floats,
+    frame: Floats, impulse: Floats, before: Floats, gap: Floats, half_step: float, period: float,
+    half: float,
+) -> tuple[
+    float, float, float, float, float, float, float, float, float, float, float
+]:  # fmt: skip
+    """What the contacts of two grains in batches ``first … last-1`` add to `SUMS`, lane by lane.
+
+    ``velocity`` are v⁺; places at the end are q_m + ½Δt v⁺. Other arguments as `begin_scalar`.
+    """
+    sums = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    largest, deepest = 0.0, 0.0
+    for column in range(LANES):
+        friction, impact, sliding, negative, loaded = 0.0, 0.0, 0.0, 0.0, 0.0
+        xx, xy, yx, yy = 0.0, 0.0, 0.0, 0.0
+        for batch in range(first, last):
+            lane = np.uint64(LANES * batch + column)
+            q, f, p, a = pair_place(lane), frame_place(lane), impulse_place(lane), about_place(lane)
+            if about[a + _OURS] == 0.0:
+                continue
+            i, j = np.uint64(pair[q]), np.uint64(pair[q + SECOND_])
+            nx, ny, p_n, p_t = frame[f], frame[f + NY_], impulse[p], impulse[p + TANGENTIAL_]
+            ux, uy = velocity[i] - velocity[j], velocity[i + Y_] - velocity[j + Y_]
+            u_n = ux * nx + uy * ny
+            u_t = uy * nx - ux * ny - (velocity[i + SURFACE_] + velocity[j + SURFACE_])
+            of_impact = -p_n * 0.5 * (before[p] + u_n)
+            of_friction = -p_t * 0.5 * (before[p + TANGENTIAL_] + u_t)
+            friction += of_friction
+            impact += of_impact
+            sliding += frame[f + MU_] * abs(u_t) * p_n
+            negative += min(of_friction + of_impact, 0.0)
+            radii = middle[i + _RADIUS] + middle[j + _RADIUS]
+            px, py, branch = p_n * nx - p_t * ny, p_n * ny + p_t * nx, radii + gap[lane]
+            xx += px * branch * nx
+            xy += px * branch * ny
+            yx += py * branch * nx
+            yy += py * branch * ny
+            loaded += 1.0 if p_n > 0.0 else 0.0
+            largest = max(largest, p_n)
+            dx = (middle[i] + half_step * velocity[i]) - (middle[j] + half_step * velocity[j])
+            dx = dx - period if dx > half else dx + period if dx < -half else dx
+            dy = (middle[i + Y_] + half_step * velocity[i + Y_]) - (
+                middle[j + Y_] + half_step * velocity[j + Y_]
+            )
+            deepest = max(deepest, (radii - sqrt(dx * dx + dy * dy)) / about[a + _SMALLER])
+        sums = (
+            sums[0] + friction, sums[1] + impact, sums[2] + sliding, sums[3] + negative,
+            sums[4] + xx, sums[5] + xy, sums[6] + yx, sums[7] + yy, sums[8] + loaded,
+            largest, deepest,
+        )  # fmt: skip
+    return sums
+
+
+@vector_loop(results=SUMS)
+def end_batches(
+    code: Writer, first: _Value, last: _Value, middle: _Value, velocity: _Value, pair: _Value,
+    about: _Value, frame: _Value, impulse: _Value, before: _Value, gap: _Value,
+    half_step: _Value, period: _Value, half: _Value,
+) -> list[_Value]:  # fmt: skip
+    """As `end_scalar`."""
+    zero, one, part = code.number(0.0), code.number(1.0), code.number(0.5)
+    period, half = code.spread(period), code.spread(half)
+    moves = code.masked(code.spread(half_step), (True, True, False, False))
+    kept = code.keep([zero] * SUMS)
+    with code.each(first, last) as batch:
+        bodies = _bodies(code, pair, batch)
+        places, velocities = _rows(code, middle, bodies), _rows(code, velocity, bodies)
+        ux, uy, spins, _ = _difference(code, velocities)
+        ends = [
+            [place + moves * v for place, v in zip(*side, strict=True)]
+            for side in zip(places, velocities, strict=True)
+        ]
+        dx, dy, radii, _ = _difference(code, ends)
+        dx = _nearest(dx, period, half)
+        nx, ny, mu = code.block(frame, batch, FRAME_ROWS, NX, NY, MU)
+        p_n, p_t = code.block(impulse, batch, IMPULSE_ROWS, NORMAL, TANGENTIAL)
+        was_n, was_t = code.block(before, batch, IMPULSE_ROWS, NORMAL, TANGENTIAL)
+        (g,) = code.block(gap, batch, 1, 0)
+        smaller, ours = code.block(about, batch, ABOUT_ROWS, SMALLER, IS_OURS)
+        u_n, u_t = ux * nx + uy * ny, uy * nx - ux * ny - spins
+        impact, friction = -p_n * part * (was_n + u_n), -p_t * part * (was_t + u_t)
+        px, py, branch = p_n * nx - p_t * ny, p_n * ny + p_t * nx, radii + g
+        depth = (radii - (dx * dx + dy * dy).root()) / smaller
+        added = (
+            friction,
+            impact,
+            mu * abs(u_t) * p_n,
+            (friction + impact).smaller(zero),
+            px * branch * nx,
+            px * branch * ny,
+            py * branch * nx,
+            py * branch * ny,
+            p_n.where(">", zero, one, zero),
+            p_n,
+            depth,
+        )
+        mine = [ours.where(">", zero, value, zero) for value in added]
+        sums = kept.get()
+        kept.put(
+            [
+                value.larger(total) if k >= LARGEST else total + value
+                for k, (total, value) in enumerate(zip(sums, mine, strict=True))
+            ]
+        )
+    totals = kept.get()
+    return [
+        code.largest(vector) if k >= LARGEST else code.total(vector)
+        for k, vector in enumerate(totals)
+    ]
+
+
+begin_lanes = begin_batches if HAS_VECTORS else begin_scalar
+end_lanes = end_batches if HAS_VECTORS else end_scalar
