@@ -76,7 +76,7 @@ class PreparedScene:
 
     def take_cold(self) -> Round:
         """Take one step whose solve knows nothing of the impulses of the last."""
-        self.state.contact_impulse[:] = 0.0
+        self.state.contact_impulse = np.zeros_like(self.state.contact_impulse)
         return self.take(1)
 
 

@@ -137,7 +137,7 @@ def _finish(model: Model, state: State, moved: Moved) -> None:
     separate(scene, _NOBODY, _NOBODY, marked, mass, np.zeros((1, 2)), 1.0, 1.0, 1.0, 1)
     surround(_NOBODY, _NOBODY, 1, marked)
     pairs_within(_NO_ROWS, _NOBODY, gap, 1.0)
-    measure_overlaps(scene, _NO_ROWS, _NOBODY, 1.0, gap, marked, chunks_for(1, 2))
+    measure_overlaps(scene, _NO_ROWS, _NOBODY, 1.0, marked, gap, marked, chunks_for(1, 2))
     deepest_overlap(scene, _NOBODY, _NOBODY)
     sums = account_grains(
         lanes.middle, lanes.velocity, lanes.pair, lanes.about, lanes.frame, lanes.impulse,

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple, NoReturn
@@ -111,6 +112,7 @@ class Layout:
 
     @cached_property
     def selection(self) -> Selection:
+        """Contacts, and what lasts with them."""
         return Selection(self.model, self.pairs)
 
 
@@ -307,31 +309,33 @@ class Engine:
         Raises:
             ValueError: If there is rolling resistance, which a `ContactProblem` does not know.
         """
-        scene, contacts = self._next_contacts(dt, t)
+        with self._next_contacts(dt, t) as (scene, contacts):
+            self._tabulate()
+            start = np.column_stack([contacts["p_n"], contacts["p_t"]])
         inverse, free = self._motion.inverse, self._layout.free
         if self._laws().adhesion.size:
             free = free.copy()
-            everywhere = np.arange(self._layout.model.grain_count, dtype=np.int32)
-            attract(scene, contacts, everywhere, inverse, free)
-        problem = problem_of_step(
-            scene,
-            contacts,
-            free,
-            inverse,
-            self.model.shape_factor,
-        )
-        return problem, np.column_stack([contacts["p_n"], contacts["p_t"]])
+            everyone = np.arange(self._layout.model.grain_count, dtype=np.int32)
+            attract(scene, contacts, everyone, inverse, free)
+        return problem_of_step(scene, contacts, free, inverse, self.model.shape_factor), start
 
     def next_system(self, dt: float, t: float) -> OrderedSystem:
         """The contact problem of the next step as the sweep sees it, not taken; as `next_start`."""
-        return self._assemble(*self._next_contacts(dt, t))
+        with self._next_contacts(dt, t) as (scene, contacts):
+            return self._assemble(scene, contacts)
 
-    def _next_contacts(self, dt: float, t: float) -> tuple[Scene, Contacts]:
-        step = self._predict(dt, t)
-        self._select(step)
-        contacts = self._gather(step)[0]
-        self._tabulate()
-        return step.scene, contacts
+    @contextmanager
+    def _next_contacts(self, dt: float, t: float) -> Iterator[tuple[Scene, Contacts]]:
+        """Contacts of the next step, sought at its q_m: a function of places and velocities."""
+        layout = self._layout
+        step, kept = self._predict(dt, t), layout.selection
+        layout.pairs.update(layout.middle, step.scene.world, step.cutoff)
+        layout.selection = Selection(layout.model, layout.pairs)
+        try:
+            layout.selection.seek(step.scene, self._margin(step))
+            yield step.scene, self._gather(step)[0]
+        finally:
+            layout.selection = kept
 
     # ---- Parts that an engine may have
 

@@ -200,8 +200,9 @@ def test_the_problem_of_a_step_knows_it(tmp_path):
     problem.save(tmp_path / "problem.npz")
     solution = solve_contacts(type(problem).load(tmp_path / "problem.npz"), TIGHT, start=start)
     engine.step(2e-3, 0.48)
-    impulse, velocity = engine.contacts().impulse, engine.state.velocity[:, 0]
-    assert solution.impulse == pytest.approx(impulse, abs=1e-9 * np.abs(impulse).max())
+    impulse, velocity = engine.contacts().carrying().impulse, engine.state.velocity[:, 0]
+    found = solution.impulse[solution.impulse[:, 0] > 0.0]
+    assert found == pytest.approx(impulse, abs=1e-9 * np.abs(impulse).max())
     assert solution.velocity[: len(velocity), 0] == pytest.approx(velocity, abs=1e-8)
 
 

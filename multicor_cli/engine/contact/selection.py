@@ -216,6 +216,8 @@ class Selection:
     ) -> Schedule:
         """Order and places of the contacts, which hold the impulses of the last step.
 
+        The lanes know them unless ``state`` has another array of impulses than it was given.
+
         ``wall_is_free`` marks walls that loads move; ``bodies`` have inverse masses in their last
         column.
         """

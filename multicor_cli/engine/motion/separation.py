@@ -40,25 +40,30 @@ def measure_overlaps(
     row: NDArray[np.int64],
     partner: Ints,
     tolerance: float,
+    moved: NDArray[np.bool_],
     gap: Floats,
     flagged: NDArray[np.bool_],
     found: Floats,
 ) -> None:
     """Overlaps of the listed pairs at the end of a step.
 
+    ``moved`` are the grains that have moved since the gaps were measured; walls move with all.
     **Modifies** ``gap``, gaps at q⁺ [m]; ``flagged``, grains with a pair in their row that overlaps
     by more than ``tolerance`` of the smaller radius; and ``found``: in each chunk of grains the
     largest overlap over the smaller radius (or 0) and the number of flagged grains, shape
     ``(chunks, 2)``.
     """
+    count = row.size - 1
     for chunk in prange(found.shape[0]):
         flags, best = 0.0, 0.0
-        for i in range(chunk * CHUNK, min(row.size - 1, (chunk + 1) * CHUNK)):
+        for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             flagged[i] = False
             for p in range(row[i], row[i + 1]):
-                gap[p] = pair_geometry(scene, i, partner[p])[0]
+                j = partner[p]
+                if moved[i] or (j < count and moved[j]):
+                    gap[p] = pair_geometry(scene, i, j)[0]
                 if gap[p] < 0.0:
-                    overlap = -gap[p] / smaller_of(scene, i, partner[p])
+                    overlap = -gap[p] / smaller_of(scene, i, j)
                     best = max(best, overlap)
                     if overlap > tolerance:
                         flagged[i] = True
@@ -308,6 +313,7 @@ def correct_positions(
     work space, shape ``(n,)``. Raises `PhysicsError` if overlaps above `FORBIDDEN` cannot be
     removed.
     """
+    flagged[:] = True
     overlap, count = _overlaps(scene, lists, flagged)
     before, wall_before = scene.position[:, :2].copy(), scene.wall_position.copy()
     # Walls are not turned; kernels are compiled anew for another layout
@@ -356,9 +362,12 @@ def _correct_once(
 
 
 def _overlaps(scene: Scene, lists: NeighborList, flagged: NDArray[np.bool_]) -> tuple[float, int]:
-    """Largest overlap over the smaller radius, and number of grains flagged; fills in gaps."""
-    found = chunks_for(flagged.size, 2)
-    measure_overlaps(scene, lists.row, lists.partner, ALLOWED, lists.gap, flagged, found)
+    """Largest overlap over the smaller radius, and number of grains flagged; fills in gaps.
+
+    ``flagged`` are those that have moved, then those that overlap.
+    """
+    found, moved = chunks_for(flagged.size, 2), flagged.copy()
+    measure_overlaps(scene, lists.row, lists.partner, ALLOWED, moved, lists.gap, flagged, found)
     return float(found[:, 0].max()), round(total(found[:, 1]))
 
 

@@ -85,7 +85,6 @@ def test_copies_of_a_sheared_layer_move_like_the_original(sheared: Engine) -> No
     state, n = wide.state, sheared.model.grain_count
     for _ in range(3):
         narrow, broad = sheared.step(DT, 0.0), wide.step(DT, 0.0)
-        assert broad.candidates == 3 * narrow.candidates
         # The weakest forces are not unique
         assert broad.contacts == pytest.approx(3 * narrow.contacts, rel=0.03)
     for copy in range(3):

@@ -22,6 +22,9 @@ HARD = {
 }
 """Kernels that only some steps need."""
 
+OVERLAPPED = {"measure_overlaps", "pairs_within", "surround", "separate"}
+"""Kernels that only steps with overlaps need."""
+
 FIRST = {
     "neighbors",
     "affine",
@@ -72,7 +75,7 @@ def test_precompilation_compiles_what_a_run_asks_for_and_nothing_else():
     rehearsed, asked = loaded(PRECOMPILE), loaded(STEP)
     for name, kinds in rehearsed.items():
         # The first steps have no overlaps
-        if name.rpartition(".")[2] not in HARD | {"measure_overlaps", "surround", "separate"}:
+        if name.rpartition(".")[2] not in HARD | OVERLAPPED:
             assert set(kinds) <= set(asked[name]), name
     for name in asked.keys() - rehearsed.keys():
         assert set(name.split(".")) & FIRST, name

@@ -27,8 +27,8 @@ def _words(text: str) -> set[str]:
 # Fsum rounds once; prod: of integers
 MATH = _words("ceil copysign floor frexp fsum inf isfinite isnan ldexp nan pi prod sqrt")
 TYPES = _words(
-    "bool_ bytes_ dtype float64 generic int8 int32 int64 ndarray uint8 uint32 uint64 void inf nan "
-    "newaxis pi"
+    "bool_ bytes_ dtype float64 generic int8 int32 int64 ndarray record uint8 uint32 uint64 void "
+    "inf nan newaxis pi"
 )
 LAYOUT = _words(
     """append arange array asarray ascontiguousarray atleast_1d column_stack concatenate empty
