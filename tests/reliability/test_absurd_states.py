@@ -33,6 +33,7 @@ REPLACED = {
     "time": "follows from the start of the stage",
     "stage_peak": "a maximum, which -inf and -1e308 never are",
     "tallies": "some are maxima too",
+    "contact_impulse": "the solver goes on with its own; every step writes them anew",
     "last_dt": "scales the first guess of the next solve and nothing else; every step sets it anew",
     "wall_velocity": "of a wall that moves as it is told: a step takes over what it is told",
     "wall_temperature": "taken anew from the conditions of the walls in every step with heat",
