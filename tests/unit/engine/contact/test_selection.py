@@ -1,0 +1,208 @@
+"""Which pairs are contacts, what a step says of them, and that a state knows all of it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scene_parts import advance, shear_engine
+
+from multicor_cli.engine import Engine
+from multicor_cli.engine.contact import vector_step
+from multicor_cli.engine.contact.selection import Selection
+from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.vectors import HAS_VECTORS
+from multicor_cli.model import State
+
+needs_vectors = pytest.mark.skipif(not HAS_VECTORS, reason="kernels are not compiled")
+
+DT = 0.02
+
+
+def copy_of(state):
+    return State.from_dict({name: np.array(value) for name, value in state.as_dict().items()})
+
+
+def pairs_of(state):
+    return set(zip(state.near_i.tolist(), state.near_j.tolist(), strict=True))
+
+
+def test_no_other_pair_meets_and_those_that_carry_are_among_them():
+    """By brute force over all pairs of grains, with the velocities that a step ends with."""
+    engine = shear_engine(columns=10, rows=8)
+    n, radius, period = engine.model.grain_count, engine.model.grains.radius, engine.model.period
+    sought = 0
+    for step in range(250):
+        before = engine.state.near_i
+        engine.step(DT, step * DT)
+        sought += engine.state.near_i is not before
+        scene, _, after, *_ = engine.moved
+        apart = scene.position[:, None, :2] - scene.position[None, :, :2]
+        apart[..., 0] -= period * np.floor(apart[..., 0] / period + 0.5)
+        distance = np.hypot(apart[..., 0], apart[..., 1])
+        np.fill_diagonal(distance, 1.0)
+        approach = (apart * (after[:n, None, :2] - after[None, :n, :2])).sum(axis=2) / distance
+        end = distance - radius[:, None] - radius[None] + DT * approach
+        meeting = np.argwhere(np.triu(end < -1e-12, 1))
+        near = pairs_of(engine.state)
+        assert {tuple(pair) for pair in meeting.tolist()} <= near
+        carrying = zip(engine.state.contact_i, engine.state.contact_j, strict=True)
+        assert {(int(i), int(j)) for i, j in carrying} <= near
+    assert 5 < sought < 120
+
+
+def test_the_table_of_a_step_is_that_of_its_geometry_and_velocities():
+    """Gaps, normals and slips of contacts of two grains, in NumPy."""
+    engine = shear_engine(columns=30, rows=6, restitution=0.3)
+    advance(engine, DT, 140)
+    table, (scene, _, after, *_) = engine.contacts(), engine.moved
+    n, period = engine.model.grain_count, engine.model.period
+    both = table.j < n
+    i, j = table.i[both], table.j[both]
+    apart = scene.position[i, :2] - scene.position[j, :2]
+    apart[:, 0] -= period * np.floor(apart[:, 0] / period + 0.5)
+    distance = np.hypot(*apart.T)
+    assert table.gap[both] == pytest.approx(distance - scene.radius[i] - scene.radius[j], abs=1e-13)
+    normal = apart / distance[:, None]
+    assert table.normal[both] == pytest.approx(normal, abs=1e-13)
+    velocity = after[i] - after[j]
+    along = velocity[:, 1] * normal[:, 0] - velocity[:, 0] * normal[:, 1]
+    assert table.slip[both] == pytest.approx(along - after[i, 2] - after[j, 2], abs=1e-12)
+    assert (table.impulse[both, 0] > 0.0).sum() > 20
+
+
+@pytest.mark.parametrize("law", [{}, {"restitution": 0.5}, {"adhesion": 1.0}, {"rolling": 0.3}])
+def test_a_state_goes_on_to_the_same_bits_wherever_it_is_taken_up(law):
+    engine = shear_engine(columns=8, rows=6, **law)
+    kept = {}
+    for step in range(160):
+        if step in (1, 40, 41, 97):
+            kept[step] = copy_of(engine.state)
+        engine.step(DT, step * DT)
+    for start, state in kept.items():
+        other = Engine(engine.model, state, threads=1)
+        other.resume(engine.orders)
+        for step in range(start, 160):
+            other.step(DT, step * DT)
+        assert other.state.digest() == engine.state.digest(), start
+
+
+def test_other_impulses_and_laws_are_noticed():
+    """A state that someone changes between two steps, and a stage with other laws."""
+    engine = shear_engine(columns=8, rows=6)
+    advance(engine, DT, 50)
+    engine.state.contact_impulse = np.zeros_like(engine.state.contact_impulse)
+    other = Engine(engine.model, copy_of(engine.state), threads=1)
+    rough = engine.model.laws._replace(friction=engine.model.laws.friction + 0.3)
+    for each in (engine, other):
+        each.resume(replace(engine.orders, laws=rough))
+        each.step(DT, 50 * DT)
+    assert engine.state.digest() == other.state.digest()
+    assert engine.contacts().impulse.tolist() == other.contacts().impulse.tolist()
+
+
+def test_contacts_are_sought_where_a_state_has_none():
+    engine = shear_engine(columns=8, rows=6)
+    advance(engine, DT, 50)
+    state = copy_of(engine.state)
+    none = np.zeros(0, np.int32)
+    state.near_i, state.near_j, state.tile = none, none, np.zeros_like(state.tile)
+    other = Engine(engine.model, state, threads=1)
+    other.resume(engine.orders)
+    for each in (engine, other):
+        each.step(DT, 50 * DT)
+    assert other.state.near_i.size
+    assert other.state.velocity == pytest.approx(engine.state.velocity, abs=0.05)
+
+
+def test_the_age_of_the_list_decides_on_nothing(monkeypatch):
+    """Contacts are the same if the neighbor list is built in every step."""
+    digests = []
+    for is_new in (False, True):
+        engine = shear_engine(columns=8, rows=6)
+        take = Selection.take
+
+        def forget(self, state, take=take):
+            self._pairs._cutoff = self._pairs.complete = -1.0
+            take(self, state)
+
+        with monkeypatch.context() as patch:
+            if is_new:
+                patch.setattr(Selection, "take", forget)
+            advance(engine, DT, 120)
+        digests.append(engine.state.digest())
+    assert digests[0] == digests[1]
+
+
+# ---- The loops over the contacts of two grains
+
+
+@kernel
+def begin_as_vectors(first, last, a, b, c, d, e, f, g, h, dt, period, half, ratio):
+    return vector_step.begin_batches(first, last, a, b, c, d, e, f, g, h, dt, period, half, ratio)
+
+
+@kernel
+def begin_one_by_one(first, last, a, b, c, d, e, f, g, h, dt, period, half, ratio):
+    return vector_step.begin_scalar(first, last, a, b, c, d, e, f, g, h, dt, period, half, ratio)
+
+
+@kernel
+def end_as_vectors(first, last, a, b, c, d, e, f, g, h, step, period, half):
+    return vector_step.end_batches(first, last, a, b, c, d, e, f, g, h, step, period, half)
+
+
+@kernel
+def end_one_by_one(first, last, a, b, c, d, e, f, g, h, step, period, half):
+    return vector_step.end_scalar(first, last, a, b, c, d, e, f, g, h, step, period, half)
+
+
+def lanes_of(columns, seed):
+    """Lanes of the next step of a sheared layer, with bounces, gaps and impulses of all kinds."""
+    engine = shear_engine(columns=columns, rows=6)
+    advance(engine, DT, 80)
+    lanes = engine.next_system(DT, 0.0).schedule
+    random = np.random.default_rng(seed)
+    ours = lanes.about[:, vector_step.IS_OURS] > 0.0
+    lanes.about[:, vector_step.BOUNCE] = np.where(ours, random.choice([0.0, 0.4], ours.shape), 0.0)
+    lanes.impulse[:, 1] -= 0.2 * lanes.impulse[:, 0]
+    return lanes, engine.model.period
+
+
+@needs_vectors
+@pytest.mark.parametrize("columns", [12, 30])
+@pytest.mark.parametrize("ratio", [0.0, 1.0, 0.7])
+def test_contacts_begin_with_the_bits_of_the_scalar_loop(columns, ratio):
+    lanes, period = lanes_of(columns, 3)
+    ours = lanes.about[:, vector_step.IS_OURS] > 0.0
+    found = []
+    for begin in (begin_as_vectors, begin_one_by_one):
+        frame, impulse, before, gap = (
+            array.copy() for array in (lanes.frame, lanes.impulse, lanes.before, lanes.gap)
+        )
+        arrays = (lanes.middle, lanes.start, lanes.pair, lanes.about, frame, impulse, before, gap)
+        sums = [
+            begin(first, last, *(array.reshape(-1) for array in arrays), DT, *cell, ratio)
+            for first, last in ((0, len(gap)), (len(gap) // 3, len(gap) // 2))
+            for cell in ((period, 0.5 * period), (0.0, np.inf))
+        ]
+        kept = [array.transpose(0, 2, 1)[ours].tobytes() for array in (frame, impulse, before)]
+        found.append((sums, kept, gap[ours].tobytes()))
+    assert found[0] == found[1]
+    assert all(value > 0.0 for value in found[0][0][0][: 2 if ratio == 0.0 else 6])
+
+
+@needs_vectors
+@pytest.mark.parametrize("columns", [8, 30])
+def test_contacts_end_with_the_bits_of_the_scalar_loop(columns):
+    lanes, period = lanes_of(columns, 4)
+    arrays = (
+        lanes.middle, lanes.velocity, lanes.pair, lanes.about, lanes.frame, lanes.impulse,
+        lanes.before, lanes.gap,
+    )  # fmt: skip
+    flat, count = [array.reshape(-1) for array in arrays], len(lanes.gap)
+    for first, last in ((0, count), (count // 3, count // 2)):
+        for cell in ((period, 0.5 * period), (0.0, np.inf)):
+            sums = end_as_vectors(first, last, *flat, 0.5 * DT, *cell)
+            assert sums == end_one_by_one(first, last, *flat, 0.5 * DT, *cell)
+            assert sums[vector_step.LOADED] > 0.0
+            assert sums[vector_step.LARGEST] > 0.0
