@@ -61,7 +61,7 @@ from multicor_cli.engine.inflow.rules import InflowRules
 from multicor_cli.engine.jit.threads import PARALLEL_GRAINS, use_threads
 from multicor_cli.engine.motion.drives import Gravity, WallDrive
 from multicor_cli.engine.motion.moves import are_sound, move, predict, wrap
-from multicor_cli.engine.motion.separation import ALLOWED, Correction, correct_positions
+from multicor_cli.engine.motion.separation import ALLOWED, NEAR, Correction, correct_positions
 from multicor_cli.engine.motion.unseen import find_unseen, stop_unseen
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.engine.orders import Interrupted, Orders, PhysicsError, StepReport
@@ -436,7 +436,7 @@ class Engine:
         end = scene_of(layout.model, state.position, state.wall_position)
         sums = self._account(step, end, contacts, after)
         self._clock("account")
-        correction = self._correct(step, end, float(sums.total[OVERLAP]))
+        correction = self._correct(step, end, after, float(sums.total[OVERLAP]))
         self._clock("correct")
         book_step(state, self._motion, sums, kinetic, gravity_work, correction, outcome, dt)
         selection.give(state)
@@ -644,7 +644,7 @@ class Engine:
         the mean slip), with u_load = max(Δt |g|, Δt P d̄/m̄, rms of the closing velocities).
         Energies: ½ M u_load u_ref, or ½ M u_ref² where nothing loads. Without weight and load
         ``attraction``/m̄ stands in for them, the largest F_a Δt of a contact [N s] over m̄. What
-        follows are sums of `refresh_contacts`.
+        follows are the sums of `Speeds`.
         """
         layout, model = self._layout, self._layout.model
         mean_mass = layout.mass / model.grain_count
@@ -666,11 +666,14 @@ class Engine:
         state.wall_velocity, state.wall_surface = after, self._motion.surface_after(state)
         state.wall_position = middle + 0.5 * dt * after
 
-    def _correct(self, step: Prediction, end: Scene, overlap: float) -> Correction:
+    def _correct(self, step: Prediction, end: Scene, after: Floats, overlap: float) -> Correction:
         layout, state, model = self._layout, self._layout.state, self._layout.model
         overlap = max(overlap, layout.selection.overlap_beside(end))
         correction = Correction(overlap, 0.0, 0.0, 0)
         if overlap > ALLOWED:
+            # What is near must not depend on the age of the list
+            reach = self._cutoff_after(step, after) + NEAR * model.mean_diameter
+            layout.pairs.update(layout.middle, step.scene.world, reach)
             correction = correct_positions(
                 end, model, step.gravity, self._motion, layout.pairs, layout.flagged, state.step
             )

@@ -141,8 +141,7 @@ def deepest_overlap(scene: Scene, i: Ints, j: Ints) -> float:
     """Largest overlap of pairs of a grain and a wall over its radius; 0 if there is none."""
     best = 0.0
     for k in range(i.size):
-        if j[k] >= scene.radius.size:
-            best = max(best, -pair_geometry(scene, i[k], j[k])[0] / scene.radius[i[k]])
+        best = max(best, -pair_geometry(scene, i[k], j[k])[0] / scene.radius[i[k]])
     return best
 
 
@@ -167,6 +166,7 @@ class Selection:
         self._laws: ContactLaws | None = None
         self._impulse: Floats = np.empty((0, 2))  # what the lanes hold, as in the state
         self._beside: tuple[Ints, Ints] | None = None
+        self._walls_beside = self.i, self.j
         self._builds = -1
 
     def take(self, state: State) -> None:
@@ -251,8 +251,9 @@ class Selection:
         """The listed pairs that are no contacts."""
         pairs = self._pairs
         if self._beside is None or self._builds != pairs.builds:
-            self._beside = leave_out(pairs.row, pairs.partner, self.i, self.j)
-            self._builds = pairs.builds
+            i, j = self._beside = leave_out(pairs.row, pairs.partner, self.i, self.j)
+            is_wall = j >= self._model.grain_count
+            self._walls_beside, self._builds = (i[is_wall], j[is_wall]), pairs.builds
         return self._beside
 
     def closing(
@@ -267,4 +268,4 @@ class Selection:
         They did not close within the step: on a straight way a gap between discs is convex, so they
         are apart. Pieces of walls may turn or curve.
         """
-        return deepest_overlap(scene, *self.beside)
+        return deepest_overlap(scene, *self._walls_beside)

@@ -272,6 +272,7 @@ def separate(
 ALLOWED = 5e-4  # overlap over the smaller radius that is left alone
 # What the correction leaves, so that a loaded contact stays closed and the next correction is far
 TARGET = 2.5e-4
+NEAR = 0.1  # of the mean diameter: the largest gap of pairs that take part
 FORBIDDEN = 1e-3  # a run that cannot get below this stops
 ROUNDS = 20  # of linearized corrections
 LOCAL_ROUNDS = 3  # of them with only the grains nearby
@@ -309,9 +310,9 @@ def correct_positions(
     """Project positions, mass-weighted, until no overlap exceeds `ALLOWED`.
 
     **Modifies** positions, wall frames and wall shapes of ``scene``, at q⁺. Walls that a force
-    drives move according to their mass. ``lists`` has all pairs that may overlap; ``flagged`` is
-    work space, shape ``(n,)``. Raises `PhysicsError` if overlaps above `FORBIDDEN` cannot be
-    removed.
+    drives move according to their mass. ``lists`` has all pairs up to a gap of `NEAR`;
+    ``flagged`` is work space, shape ``(n,)``. Raises `PhysicsError` if overlaps above `FORBIDDEN`
+    cannot be removed.
     """
     flagged[:] = True
     overlap, count = _overlaps(scene, lists, flagged)
@@ -321,7 +322,7 @@ def correct_positions(
     rounds = 0
     while count and rounds < ROUNDS:
         # Pairs that a chain of corrections may close: a few of the largest overlaps away.
-        near = 20.0 * overlap * float(model.grains.radius.max())
+        near = min(20.0 * overlap * float(model.grains.radius.max()), NEAR * model.mean_diameter)
         _correct_once(scene, model, lists, near, flagged, inverse, rounds < LOCAL_ROUNDS)
         rounds += 1
         overlap, count = _overlaps(scene, lists, flagged)
