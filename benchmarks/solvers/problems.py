@@ -133,7 +133,7 @@ def _listening(heard: list[tuple[System, ResidualScale]]) -> Iterator[None]:
 
     def note(*rest: Any) -> Any:
         ordered = assemble(*rest)
-        places[:] = [ordered.place]
+        places[:] = [ordered.schedule.place]
         return ordered
 
     def listen(system: System, scale: ResidualScale, *rest: Any, **named: Any) -> Any:

@@ -65,6 +65,19 @@ def wall_forces(run: Run) -> tuple[float, float]:
     return float(force[0, 0] - force[1, 0]) / 2, float(force[1, 1] - force[0, 1]) / 2
 
 
+def load_of_frames(run: Run) -> float:
+    """Mean of what presses floor and lid apart, in the steps of the frames [N]."""
+    loads = []
+    for frame in chosen(run):
+        contacts = frame.contacts
+        (nx, _), (p_n, p_t) = contacts.normal.T, contacts.impulse.T
+        up = (p_n * contacts.normal[:, 1] + p_t * nx) / frame.dt
+        of_walls = contacts.j >= COUNT
+        wall = run.model.shapes.wall[contacts.j[of_walls] - COUNT]
+        loads.append(0.5 * float((up[of_walls] * np.where(wall == 0, 1.0, -1.0)).sum()))
+    return float(np.mean(loads))
+
+
 def area_of(run: Run) -> float:
     return float((np.pi * run.model.grains.radius**2).sum())
 
@@ -115,7 +128,7 @@ def normal_stress(of: Walled, run: Run, table: dict[str, Any]) -> None:
     """The load of the lid at all heights of a layer; in a channel the weight above."""
     stress = np.array(table["value"], float)
     if of.is_layer:
-        assert np.nanmean(stress) == near(wall_forces(run)[1] / PERIOD, 0.25)
+        assert np.nanmean(stress) == near(load_of_frames(run) / PERIOD, 0.25)
     elif of.kind == "no walls":
         assert not stress.any()
     else:
@@ -125,7 +138,8 @@ def normal_stress(of: Walled, run: Run, table: dict[str, Any]) -> None:
 
 def heat(of: Walled, run: Run, table: dict[str, Any]) -> None:
     bounds_are_right(of, run, table)
-    assert min(table["value"]) >= 0.0
+    # The loss of a contact may be negative (theory §8)
+    assert min(table["value"]) >= -0.05 * max(table["value"])
     assert (max(table["value"]) > 0.0) == (of.kind != "no walls")
 
 
