@@ -57,7 +57,7 @@ from multicor_cli.engine.contact.system import (
     tabulate_contacts,
 )
 from multicor_cli.engine.energy.account import account_contacts, account_grains, book_step
-from multicor_cli.engine.geometry.neighbors import pairs_within
+from multicor_cli.engine.geometry.neighbors import both_ways, pairs_within
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.settings import HeatSettings, heat_laws
 from multicor_cli.engine.heat.step import HeatStep
@@ -68,6 +68,7 @@ from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.engine.motion.moves import move, wrap
 from multicor_cli.engine.motion.separation import (
     Correction,
+    measure_moved,
     measure_overlaps,
     separate,
     surround,
@@ -135,9 +136,11 @@ def _finish(model: Model, state: State, moved: Moved) -> None:
     wrap(state.position, state.image, model.period)
     gap, marked, mass = np.empty(0), np.zeros(1, np.bool_), model.grains.mass
     separate(scene, _NOBODY, _NOBODY, marked, mass, np.zeros((1, 2)), 1.0, 1.0, 1.0, 1)
-    surround(_NOBODY, _NOBODY, 1, marked)
+    around = both_ways(_NO_ROWS, _NOBODY)
+    surround(around, gap, 1.0, 1, marked)
+    measure_moved(scene, around, _NOBODY, 1.0, gap, marked)
     pairs_within(_NO_ROWS, _NOBODY, gap, 1.0)
-    measure_overlaps(scene, _NO_ROWS, _NOBODY, 1.0, marked, gap, marked, chunks_for(1, 2))
+    measure_overlaps(scene, _NO_ROWS, _NOBODY, 1.0, gap, marked, chunks_for(1, 2))
     deepest_overlap(scene, _NOBODY, _NOBODY)
     sums = account_grains(
         lanes.middle, lanes.velocity, lanes.pair, lanes.about, lanes.frame, lanes.impulse,

@@ -378,6 +378,51 @@ def find_near(
     return row.astype(np.int64, copy=False), partner
 
 
+class Around(NamedTuple):
+    """The pairs of a list from both of their grains.
+
+    Attributes:
+        start: Rows of the grains, shape ``(n + 1,)``.
+        pair: Number of each pair in the list.
+        other: The other shape, ascending within a row.
+        owner: Grain in whose row of the list each pair is, shape ``(pairs,)``.
+    """
+
+    start: NDArray[np.int64]
+    pair: NDArray[np.int64]
+    other: Ints
+    owner: Ints
+
+
+@kernel
+def both_ways(row: NDArray[np.int64], partner: Ints) -> Around:
+    """The pairs of a list, rows of grains with partners of higher numbers, from both sides."""
+    grains = row.size - 1
+    start = np.zeros(grains + 1, np.int64)
+    for i in range(grains):
+        start[i + 1] += row[i + 1] - row[i]
+        for p in range(row[i], row[i + 1]):
+            if partner[p] < grains:
+                start[partner[p] + 1] += 1
+    for i in range(grains):
+        start[i + 1] += start[i]
+    fill = start[:-1].copy()
+    pair, other = np.empty(start[grains], np.int64), np.empty(start[grains], np.int32)
+    owner = np.empty(partner.size, np.int32)
+    for i in range(grains):  # those of lower numbers come first, in order
+        for p in range(row[i], row[i + 1]):
+            owner[p] = i
+            if partner[p] < grains:
+                at = fill[partner[p]]
+                pair[at], other[at] = p, i
+                fill[partner[p]] += 1
+    for i in range(grains):
+        for p in range(row[i], row[i + 1]):
+            pair[fill[i]], other[fill[i]] = p, partner[p]
+            fill[i] += 1
+    return Around(start, pair, other, owner)
+
+
 # ---- The list that is kept
 
 OUTSIDE = 0.005  # share of the grains on each side that a grid may leave outside
@@ -420,8 +465,16 @@ class NeighborList:
         self.row: NDArray[np.int64] = np.zeros(model.grain_count + 1, np.int64)
         self.partner: Ints = np.empty(0, np.int32)
         self.gap: Floats = np.empty(0)
+        self._around: Around | None = None
         self.complete = -1.0
         self.builds = 0
+
+    @property
+    def around(self) -> Around:
+        """The listed pairs from both sides."""
+        if self._around is None:
+            self._around = both_ways(self.row, self.partner)
+        return self._around
 
     def update(self, position: Floats, world: Floats, cutoff: float) -> None:
         """Make sure that all pairs with a gap below ``cutoff`` [m] are listed."""
@@ -465,7 +518,7 @@ class NeighborList:
             self.row, self.partner = leave_out_unmet(
                 self.row, self.partner, model.grains.group, shapes.wall, model.walls.meets
             )
-        self.gap = np.empty(self.partner.size)
+        self.gap, self._around = np.empty(self.partner.size), None
         self._cutoff = cutoff
         self._reference = position[:, :2].copy()
         self._reference_world = world.copy()

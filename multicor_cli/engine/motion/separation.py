@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.acceleration import choose_factor, extrapolate, restart, start_loop
-from multicor_cli.engine.geometry.neighbors import NeighborList, pairs_within
+from multicor_cli.engine.geometry.neighbors import Around, NeighborList, pairs_within
 from multicor_cli.engine.geometry.radii import smaller_of
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry, place_shapes
 from multicor_cli.engine.jit.chunks import CHUNK, chunks_for, copy_into
@@ -40,14 +40,12 @@ def measure_overlaps(
     row: NDArray[np.int64],
     partner: Ints,
     tolerance: float,
-    moved: NDArray[np.bool_],
     gap: Floats,
     flagged: NDArray[np.bool_],
     found: Floats,
 ) -> None:
     """Overlaps of the listed pairs at the end of a step.
 
-    ``moved`` are the grains that have moved since the gaps were measured; walls move with all.
     **Modifies** ``gap``, gaps at q⁺ [m]; ``flagged``, grains with a pair in their row that overlaps
     by more than ``tolerance`` of the smaller radius; and ``found``: in each chunk of grains the
     largest overlap over the smaller radius (or 0) and the number of flagged grains, shape
@@ -60,8 +58,7 @@ def measure_overlaps(
             flagged[i] = False
             for p in range(row[i], row[i + 1]):
                 j = partner[p]
-                if moved[i] or (j < count and moved[j]):
-                    gap[p] = pair_geometry(scene, i, j)[0]
+                gap[p] = pair_geometry(scene, i, j)[0]
                 if gap[p] < 0.0:
                     overlap = -gap[p] / smaller_of(scene, i, j)
                     best = max(best, overlap)
@@ -79,27 +76,72 @@ RESTART_GROWTH = 1.5  # of the change per sweep, at which the momentum restarts
 
 
 @kernel
-def surround(i: Ints, j: Ints, rings: int, marked: NDArray[np.bool_]) -> int:
-    """Mark the grains around marked ones too, in up to 99 rings; returns how many are marked."""
-    ring_of = np.full(marked.size, -1, np.int8)
-    found = 0
-    for k in range(marked.size):
+def surround(
+    around: Around, gap: Floats, near: float, rings: int, marked: NDArray[np.bool_]
+) -> tuple[int, NDArray[np.int64]]:
+    """Mark the grains around marked ones too, over gaps up to ``near`` [m], in some rings.
+
+    Returns how many are marked, and the pairs up to that gap with a marked grain, ascending.
+    """
+    count = marked.size
+    grains, begin, found = np.empty(count, np.int32), 0, 0
+    for k in range(count):
         if marked[k]:
-            ring_of[k] = 0
+            grains[found] = k
             found += 1
-    for ring in range(rings):
-        for c in range(i.size):
-            a, b = i[c], j[c]
-            if b < marked.size and ring_of[a] != ring_of[b]:
-                if ring_of[a] == ring and ring_of[b] < 0:
-                    ring_of[b] = ring + 1
+    for _ in range(rings):
+        end = found
+        for k in range(begin, end):
+            for e in range(around.start[grains[k]], around.start[grains[k] + 1]):
+                other = around.other[e]
+                if other < count and not marked[other] and gap[around.pair[e]] <= near:
+                    marked[other] = True
+                    grains[found] = other
                     found += 1
-                elif ring_of[b] == ring and ring_of[a] < 0:
-                    ring_of[a] = ring + 1
-                    found += 1
-    for k in range(marked.size):
-        marked[k] = ring_of[k] >= 0
-    return found
+        begin = end
+    room = 0
+    for k in range(found):
+        room += around.start[grains[k] + 1] - around.start[grains[k]]
+    pairs, kept = np.empty(room, np.int64), 0
+    for k in range(found):
+        for e in range(around.start[grains[k]], around.start[grains[k] + 1]):
+            other = around.other[e]
+            is_twice = other < grains[k] and marked[other]
+            if gap[around.pair[e]] <= near and not is_twice:
+                pairs[kept] = around.pair[e]
+                kept += 1
+    return found, np.sort(pairs[:kept])
+
+
+@kernel
+def measure_moved(
+    scene: Scene,
+    around: Around,
+    partner: Ints,
+    tolerance: float,
+    gap: Floats,
+    flagged: NDArray[np.bool_],
+) -> tuple[float, int]:
+    """As `measure_overlaps`, where only the ``flagged`` grains have moved since then.
+
+    Returns the largest overlap and the number of flagged grains.
+    """
+    count, deepest, found = flagged.size, 0.0, 0
+    for i in range(count):
+        if flagged[i]:
+            for e in range(around.start[i], around.start[i + 1]):
+                p = around.pair[e]
+                gap[p] = pair_geometry(scene, around.owner[p], partner[p])[0]
+            flagged[i] = False
+    for p in range(partner.size):
+        if gap[p] < 0.0:
+            i = around.owner[p]
+            overlap = -gap[p] / smaller_of(scene, i, partner[p])
+            deepest = max(deepest, overlap)
+            if overlap > tolerance and not flagged[i]:
+                flagged[i] = True
+                found += 1
+    return deepest, found
 
 
 class _Bodies(NamedTuple):
@@ -314,7 +356,6 @@ def correct_positions(
     ``flagged`` is work space, shape ``(n,)``. Raises `PhysicsError` if overlaps above `FORBIDDEN`
     cannot be removed.
     """
-    flagged[:] = True
     overlap, count = _overlaps(scene, lists, flagged)
     before, wall_before = scene.position[:, :2].copy(), scene.wall_position.copy()
     # Walls are not turned; kernels are compiled anew for another layout
@@ -323,9 +364,13 @@ def correct_positions(
     while count and rounds < ROUNDS:
         # Pairs that a chain of corrections may close: a few of the largest overlaps away.
         near = min(20.0 * overlap * float(model.grains.radius.max()), NEAR * model.mean_diameter)
-        _correct_once(scene, model, lists, near, flagged, inverse, rounds < LOCAL_ROUNDS)
+        if _correct_once(scene, model, lists, near, flagged, inverse, rounds < LOCAL_ROUNDS):
+            overlap, count = _overlaps(scene, lists, flagged)
+        else:
+            overlap, count = measure_moved(
+                scene, lists.around, lists.partner, ALLOWED, lists.gap, flagged
+            )
         rounds += 1
-        overlap, count = _overlaps(scene, lists, flagged)
     if overlap > FORBIDDEN:
         raise PhysicsError(step, _name_overlap(scene, model, lists, flagged, overlap))
     moved = scene.position[:, :2] - before
@@ -343,32 +388,38 @@ def _correct_once(
     flagged: NDArray[np.bool_],
     inverse: Floats,
     is_local: bool,
-) -> None:
+) -> bool:
     """One linearized correction: of the grains around the ``flagged`` (**modified**), or of all.
 
-    Walls, with inverse masses in x and y of shape ``(w, 2)``, move with everything only.
+    Walls, with inverse masses in x and y of shape ``(w, 2)``, move with everything only. Returns
+    whether they did.
     """
-    i, j = pairs_within(lists.row, lists.partner, lists.gap, near)
-    sweeps = LOCAL_SWEEPS
-    if not is_local or surround(i, j, RINGS, flagged) > LOCAL_SHARE * model.grain_count:
-        flagged[:], sweeps = True, ROUND_SWEEPS
-    else:
-        inverse = np.zeros_like(inverse)
     enough = ENOUGH * float(model.grains.radius.min())
+    if is_local:
+        around = lists.around
+        count, pairs = surround(around, lists.gap, near, RINGS, flagged)
+        if count <= LOCAL_SHARE * model.grain_count:
+            i, j = around.owner[pairs], lists.partner[pairs]
+            held = np.zeros_like(inverse)
+            separate(
+                scene, i, j, flagged, model.grains.mass, held, TARGET, ALLOWED, enough,
+                LOCAL_SWEEPS,
+            )  # fmt: skip
+            return False
+    flagged[:] = True
+    i, j = pairs_within(lists.row, lists.partner, lists.gap, near)
     shift = separate(
-        scene, i, j, flagged, model.grains.mass, inverse, TARGET, ALLOWED, enough, sweeps
+        scene, i, j, flagged, model.grains.mass, inverse, TARGET, ALLOWED, enough, ROUND_SWEEPS
     )
     scene.wall_position[:, :2] += shift
     place_shapes(scene.kind, scene.wall, model.shapes.geometry, scene.wall_position, scene.world)
+    return True
 
 
 def _overlaps(scene: Scene, lists: NeighborList, flagged: NDArray[np.bool_]) -> tuple[float, int]:
-    """Largest overlap over the smaller radius, and number of grains flagged; fills in gaps.
-
-    ``flagged`` are those that have moved, then those that overlap.
-    """
-    found, moved = chunks_for(flagged.size, 2), flagged.copy()
-    measure_overlaps(scene, lists.row, lists.partner, ALLOWED, moved, lists.gap, flagged, found)
+    """Largest overlap over the smaller radius, and number of grains flagged; fills in gaps."""
+    found = chunks_for(flagged.size, 2)
+    measure_overlaps(scene, lists.row, lists.partner, ALLOWED, lists.gap, flagged, found)
     return float(found[:, 0].max()), round(total(found[:, 1]))
 
 

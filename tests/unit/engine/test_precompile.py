@@ -22,7 +22,9 @@ HARD = {
 }
 """Kernels that only some steps need."""
 
-OVERLAPPED = {"measure_overlaps", "pairs_within", "surround", "separate"}
+OVERLAPPED = {
+    "both_ways", "measure_moved", "measure_overlaps", "pairs_within", "surround", "separate"
+}  # fmt: skip
 """Kernels that only steps with overlaps need."""
 
 FIRST = {

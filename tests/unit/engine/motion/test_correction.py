@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scene_parts import FLOOR, make_engine, make_model
 
+from multicor_cli.engine.geometry.neighbors import both_ways
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.motion import separation
 from multicor_cli.engine.motion.separation import pairs_within, separate, surround
@@ -15,18 +16,19 @@ PARTNER = np.array([1, 2, 3, 4, 5, 7], np.int32)
 
 
 def test_rings_grow_along_near_pairs_only():
-    i, j = pairs_within(ROW, PARTNER, np.array([0.1, 0.1, 0.1, 0.9, 0.1, 0.1]), 0.5)
-    assert list(zip(i.tolist(), j.tolist(), strict=True)) == [
-        (0, 1),
-        (1, 2),
-        (2, 3),
-        (4, 5),
-        (5, 7),
-    ]
+    gap = np.array([0.1, 0.1, 0.1, 0.9, 0.1, 0.1])
+    i, j = pairs_within(ROW, PARTNER, gap, 0.5)
+    near = [(0, 1), (1, 2), (2, 3), (4, 5), (5, 7)]
+    assert list(zip(i.tolist(), j.tolist(), strict=True)) == near
+    around = both_ways(ROW, PARTNER)
+    assert around.owner.tolist() == [0, 1, 2, 3, 4, 5]
+    assert around.other.tolist() == [1, 0, 2, 1, 3, 2, 4, 3, 5, 4, 7]
     marked = np.array([False, True, False, False, False, False])
-    assert surround(i, j, 1, marked) == 3
+    count, pairs = surround(around, gap, 0.5, 1, marked)
+    assert (count, pairs.tolist()) == (3, [0, 1, 2])
     assert marked.tolist() == [True, True, True, False, False, False]
-    assert surround(i, j, 9, marked) == 4  # the gap between 3 and 4 is too wide
+    count, pairs = surround(around, gap, 0.5, 9, marked)
+    assert (count, pairs.tolist()) == (4, [0, 1, 2])  # the gap between 3 and 4 is too wide
     assert marked.tolist() == [True] * 4 + [False] * 2
 
 
