@@ -404,8 +404,8 @@ class Engine:
         # one that far, all are solved once more with it.
         self._select(step)
         self._clock("detect")
-        margin, is_complete = 0.0, False
-        while not is_complete:
+        margin, is_missing = 0.0, True
+        while is_missing:
             contacts, scale = self._gather(step)
             ordered = self._assemble(step.scene, contacts)
             self._clock("prepare")
@@ -414,8 +414,9 @@ class Engine:
             )
             self._clock("solve")
             after = ordered.collect(contacts)
-            is_missing, fastest = self._missing(step, after)
-            is_complete = not is_missing
+            cutoff = self._cutoff_after(step, after)
+            self._list_up_to(cutoff, step)
+            is_missing, fastest = selection.closing(step.scene, after, after, cutoff, dt, -math.inf)
             if is_missing:
                 margin = max(2.0 * margin, 1.5 * dt * fastest, self._margin(step))
                 selection.seek(step.scene, margin)
@@ -436,7 +437,7 @@ class Engine:
         end = scene_of(layout.model, state.position, state.wall_position)
         sums = self._account(step, end, contacts, after)
         self._clock("account")
-        correction = self._correct(step, end, after, float(sums.total[OVERLAP]))
+        correction = self._correct(step, end, cutoff, float(sums.total[OVERLAP]))
         self._clock("correct")
         book_step(state, self._motion, sums, kinetic, gravity_work, correction, outcome, dt)
         selection.give(state)
@@ -549,12 +550,11 @@ class Engine:
         )
         return max(margin, closing_distance(laws, layout.model.grains, step.dt))
 
-    def _missing(self, step: Prediction, after: Floats) -> tuple[bool, float]:
-        """Whether a pair that is no contact meets with v⁺, and their largest approach speed."""
-        layout, cutoff = self._layout, self._cutoff_after(step, after)
-        if cutoff > layout.pairs.complete:
-            layout.pairs.update(layout.middle, step.scene.world, cutoff)
-        return layout.selection.closing(step.scene, after, after, cutoff, step.dt, -math.inf)
+    def _list_up_to(self, gap: float, step: Prediction) -> None:
+        """Let the list be complete up to a gap at q_m, where it has been looked at before."""
+        layout = self._layout
+        if gap > layout.pairs.complete:
+            layout.pairs.update(layout.middle, step.scene.world, gap)
 
     def _gather(self, step: Prediction) -> tuple[Contacts, ResidualScale]:
         """The contacts, warm-started, and the scale of the residuals."""
@@ -666,14 +666,13 @@ class Engine:
         state.wall_velocity, state.wall_surface = after, self._motion.surface_after(state)
         state.wall_position = middle + 0.5 * dt * after
 
-    def _correct(self, step: Prediction, end: Scene, after: Floats, overlap: float) -> Correction:
+    def _correct(self, step: Prediction, end: Scene, cutoff: float, overlap: float) -> Correction:
         layout, state, model = self._layout, self._layout.state, self._layout.model
         overlap = max(overlap, layout.selection.overlap_beside(end))
         correction = Correction(overlap, 0.0, 0.0, 0)
         if overlap > ALLOWED:
             # What is near must not depend on the age of the list
-            reach = self._cutoff_after(step, after) + NEAR * model.mean_diameter
-            layout.pairs.update(layout.middle, step.scene.world, reach)
+            self._list_up_to(cutoff + NEAR * model.mean_diameter, step)
             correction = correct_positions(
                 end, model, step.gravity, self._motion, layout.pairs, layout.flagged, state.step
             )
