@@ -229,7 +229,9 @@ def inverse_masses(
     for row in range(grains):
         inverse[row, X] = inverse[row, Y] = velocity[row, INVERSE_MASS]
         inverse[row, SPIN] = spin_factor * velocity[row, INVERSE_MASS]
-    inverse[grains:] = wall_inverse
+    for w in range(wall_inverse.shape[0]):
+        for d in range(3):
+            inverse[grains + w, d] = wall_inverse[w, d]
     return inverse
 
 

@@ -81,7 +81,7 @@ def surround(
 ) -> tuple[int, NDArray[np.int64]]:
     """Mark the grains around marked ones too, over gaps up to ``near`` [m], in some rings.
 
-    Returns how many are marked, and the pairs up to that gap with a marked grain, ascending.
+    Returns how many are marked, and the pairs up to that gap with a marked grain, in any order.
     """
     count = marked.size
     grains, begin, found = np.empty(count, np.int32), 0, 0
@@ -110,7 +110,7 @@ def surround(
             if gap[around.pair[e]] <= near and not is_twice:
                 pairs[kept] = around.pair[e]
                 kept += 1
-    return found, np.sort(pairs[:kept])
+    return found, pairs[:kept]
 
 
 @kernel
@@ -399,6 +399,7 @@ def _correct_once(
         around = lists.around
         count, pairs = surround(around, lists.gap, near, RINGS, flagged)
         if count <= LOCAL_SHARE * model.grain_count:
+            pairs = np.sort(pairs)
             i, j = around.owner[pairs], lists.partner[pairs]
             held = np.zeros_like(inverse)
             separate(
