@@ -51,6 +51,11 @@ def main() -> int:
         help="shorter steps with looser tolerances, instead of one at a time",
     )
     parser.add_argument(
+        "--accuracies",
+        action="store_true",
+        help="the automatic time step at several accuracies, with the default tolerances",
+    )
+    parser.add_argument(
         "--runs",
         type=Path,
         metavar="DIR",
@@ -69,7 +74,12 @@ def main() -> int:
     options = parser.parse_args()
     results = []
     for case in all_cases(
-        options.inertial, options.seeds, options.strain, options.friction, options.trades
+        options.inertial,
+        options.seeds,
+        options.strain,
+        options.friction,
+        options.trades,
+        options.accuracies,
     ):
         if options.only_finished and not (options.runs / case.name).is_dir():
             continue

@@ -9,6 +9,8 @@ from pathlib import Path
 
 from multicor_cli import load_scenario, open_run
 from multicor_cli import run as run_scenario
+from multicor_cli.engine.orders import Settings
+from multicor_cli.running.time_step import Scales
 
 CONFIG = Path(__file__).parents[2] / "configs" / "shear-gravity-free.toml"
 
@@ -20,7 +22,7 @@ _MASS = DENSITY * THICKNESS * math.pi * (SMALL**2 + SMALL * LARGE + LARGE**2) / 
 TAU = math.sqrt(_MASS * PERIOD / LOAD)
 """τ = √(m̄/P): the time in which the pressure moves a grain by its own size [s]."""
 
-SPEEDS = {0.1: 5.9, 0.03: 1.77, 0.01: 0.59}
+SPEEDS = {0.3: 17.7, 0.1: 5.9, 0.03: 1.77, 0.01: 0.59, 0.003: 0.177}
 """Speed of the upper wall [m/s] of each nominal inertial number."""
 
 STEPS = (0.05, 0.1, 0.2, 0.4, 0.8)
@@ -37,6 +39,12 @@ MU = 0.4
 
 TRADES = ((0.2, 1e-3), (0.1, 3e-3), (0.05, 1e-2), (0.05, 3e-2), (0.025, 1e-2))
 """Time steps over τ, each with its tolerance: shorter steps that are paid for with a looser one."""
+
+ACCURACIES = (2.0, 1.0, 0.5, 0.25)
+"""Accuracies of the automatic time step, at the default tolerances: *draft*, *normal*, *fine*, and
+half of that."""
+
+DEFAULT = Settings().tolerance_rms
 
 TRANSIENT = 4.0
 """Strain that is left out of all averages."""
@@ -79,14 +87,27 @@ class Case:
             f"particles.0.shear_rate={131.1 * share}",
             f"loading.0.until.strain.value={self.strain}",
             f"solver.dt={self.step * TAU}",
-            f"solver.tolerance_rms={self.tolerance}",
-            f"solver.tolerance_max={min(1.0, 50.0 * self.tolerance)}",
-            f"solver.tolerance_energy={min(1.0, 10.0 * self.tolerance)}",
+            *self._tolerances(),
             "solver.threads=1",
             f"output.frame_interval={1e-3 / share}",
             f"scenario.seed={self.seed}",
             f"contacts.0.friction={self.friction}",
         ]
+
+
+    def _tolerances(self) -> list[str]:
+        if self.tolerance == DEFAULT:
+            return []
+        return [
+            f"solver.tolerance_rms={self.tolerance}",
+            f"solver.tolerance_max={min(1.0, 50.0 * self.tolerance)}",
+            f"solver.tolerance_energy={min(1.0, 10.0 * self.tolerance)}",
+        ]
+
+
+def automatic_step(inertial: float, friction: float) -> float:
+    """The automatic time step of this flow over τ."""
+    return Scales(1.0, 1.0 / inertial, math.inf, friction).limit
 
 
 def all_cases(
@@ -95,14 +116,18 @@ def all_cases(
     strain: float,
     friction: float = MU,
     trades: bool = False,
+    accuracies: bool = False,
 ) -> Iterator[Case]:
     """All cases: the time step is varied at one tolerance, and the tolerance at one time step; or
-    both together (`TRADES`).
+    both together (`TRADES`), or the accuracy (`ACCURACIES`).
     """
     choices = [(step, TOLERANCE) for step in STEPS] + [
         (STEP, tolerance) for tolerance in TOLERANCES if tolerance != TOLERANCE
     ]
     for number in inertial:
+        if accuracies:
+            step = automatic_step(number, friction)
+            choices = [(factor * step, DEFAULT) for factor in ACCURACIES]
         for step, tolerance in TRADES if trades else choices:
             for seed in seeds:
                 yield Case(number, step, tolerance, seed, strain, friction)

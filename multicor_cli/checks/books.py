@@ -44,6 +44,14 @@ def _undelivered(run: Recorded) -> Iterator[Measured]:
             yield Measured(lost / (lost + given), f"{lost:.3g} J")
 
 
+def _ahead(run: Recorded) -> Iterator[Measured]:
+    if run.has_steps and run.info["heat"] is not None:
+        books = run.info["heat"]["books"]
+        generated = abs(books["friction"]) + abs(books["impact"])
+        if generated > 0.0:
+            yield Measured(books["ahead"] / generated, f"{books['ahead']:.3g} J")
+
+
 RULES: tuple[Rule[Recorded], ...] = (
     Rule(
         "energy closure", lambda run: run.summary("energy_closure"),
@@ -78,6 +86,13 @@ RULES: tuple[Rule[Recorded], ...] = (
             "forces are less exact.",
         remedy="Raise max_sweeps, or loosen the tolerances on purpose; see where with multicor "
             "post energy.",
+    ),
+    Rule(
+        "heat ahead of losses", _ahead, unit="of the heat generated", warning=0.01, bad=0.1,
+        meaning="Heat that grains have received beyond what their contacts have lost so far, "
+            "over the heat of friction and impacts. Losses are exact together, not one by one: "
+            "negative ones are made up for by the next positive ones of the grain.",
+        remedy="As for negative losses: use a shorter dt, or lower tolerance_rms.",
     ),
     Rule(
         "heat not delivered", _undelivered, unit="of the heat of walls", warning=0.0,

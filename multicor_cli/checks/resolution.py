@@ -76,7 +76,10 @@ def _needed(run: Recorded) -> Iterator[Measured]:
         friction = largest_friction(model, run.laws(stage))
         rate = work / (0.5 * trace * friction) if friction > 0.0 else 0.0
         shear = 1.0 / rate if rate > 0.0 else math.inf
-        scales = Scales(math.sqrt(mass * area / (0.5 * trace)), shear, math.inf, friction)
+        errors = run.planned[0].stage_solver(stage).error_factor if run.planned else 1.0
+        scales = Scales(
+            math.sqrt(mass * area / (0.5 * trace)), shear, math.inf, friction, errors=errors
+        )
         yield Measured(float(used.max()) / scales.limit, f"{used.max():.3g} s in stage {name}")
 
 
@@ -111,8 +114,9 @@ _AUTOMATIC = 'Use dt = "auto", or a step of that size.'
 
 _RATIO = (
     "Given time step over the automatic one, at which friction and solid fraction of plane shear "
-    "are within 0.01 and 0.004 of what small steps give. A step four times as long raises "
-    "friction by up to 0.08 and lowers the solid fraction by up to 0.02. What walls, loads and "
+    "are within 0.006 and 0.003 of what small steps give, with the accuracy that is asked for. A "
+    "step four times as long raises friction by up to 0.04 and lowers the solid fraction by up to "
+    "0.01. What walls, loads and "
     "gravity are told to do is looked at once in a step: of a period of ten steps or fewer little "
     "is left."
 )

@@ -34,6 +34,7 @@ _HEAT_LABELS = {
     "friction": "  of friction",
     "impact": "  of impacts",
     "to_walls": "  of these to walls",
+    "ahead": "  ahead of losses",
     "from_walls": "  from walls",
     "from_ambient": "  from the fluid",
     "from_surroundings": "  from surroundings",

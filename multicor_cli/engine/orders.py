@@ -36,8 +36,8 @@ class Settings:
 
     method: Method = "accelerated"
     local: Local = "exact"
-    tolerance_rms: float = 1e-3
-    tolerance_max: float = 5e-2
+    tolerance_rms: float = 2e-3
+    tolerance_max: float = 0.1
     tolerance_energy: float = 5e-3
     max_sweeps: int = 50_000
     on_failure: Literal["warn", "error"] = "warn"

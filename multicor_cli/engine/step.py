@@ -658,8 +658,9 @@ class Engine:
         reference = max(load, SLIPS * mean_slip)
         energy = 0.5 * layout.mass * ((load or reference) * reference)
         return ResidualScale(
-            max(load, SLIPS_RMS * mean_slip), reference, energy, motion / met if met else math.inf
-        )
+            max(load, SLIPS_RMS * mean_slip), reference, energy,
+            motion / met if met else math.inf, load,
+        )  # fmt: skip
 
     def _move_walls(self, middle: Floats, after: Floats, dt: float) -> None:
         state = self._layout.state

@@ -200,7 +200,8 @@ HEAT_BOOKS = (
     _heat("undelivered",
         "heat that walls of prescribed flow could not pass on: nothing touched them"),
     _heat("imbalance",
-        "heat_stored - (friction + impact - to_walls + from_walls + ambient + surroundings) now"),
+        "heat_stored - (friction + impact - to_walls + ahead + from_walls + ambient + "
+        "surroundings) now"),
     _heat("closure", "largest |heat_imbalance| / (heat_exchanged + sum of C |T - T_0|) so far",
         "1"),
     _heat("sub_steps", "sub-steps of the heat integrator so far", "1", dtype="i8"),
@@ -213,6 +214,8 @@ HEAT_BOOKS = (
     _entry("integration_error",
         "largest estimated error of temperatures in a sub-step so far, over their spread",
         series="heat_integration_error", since=(1, 4)),
+    _heat("ahead", "heat that grains have received beyond what their contacts have lost, now",
+        since=(1, 6)),
 )  # fmt: skip
 """Heat books, in the order of `State.heat_books`; empty in runs without heat."""
 

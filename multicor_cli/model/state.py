@@ -143,6 +143,12 @@ class State:
     generated: Floats = _array(
         ("heat_grain",), "J", "heat of friction and impacts received since the start"
     )
+    heat_ahead: Floats = _array(
+        ("heat_grain",),
+        "J",
+        "heat received beyond what the contacts of a grain have lost: later losses make up for it",
+        since=(1, 6),
+    )
     wear: Floats = _array(("heat_grain",), "m3", "volume worn off since the start")
     wall_heat: Floats = _array(("heat_wall", 2), "J",
         "heat given to the grains; heat of friction and impacts received",

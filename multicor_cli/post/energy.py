@@ -51,6 +51,7 @@ HEAT = _books(
     ("heat_from_ambient", "heat from the ambient fluid", 1),
     ("heat_from_surroundings", "heat from the surroundings", 1),
     ("heat_to_walls", "heat of friction and impacts into walls", -1),
+    ("heat_ahead", "heat received ahead of losses", 1),
     ("heat_out", "heat taken along by grains that went", -1),
     ("heat_stored", "heat stored in the grains", 0),
     ("heat_imbalance", "imbalance of heat", 0),

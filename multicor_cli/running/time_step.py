@@ -14,7 +14,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import ROUND_DOWN, Decimal
 from typing import NamedTuple
 
@@ -34,10 +34,10 @@ from multicor_cli.scenario.settings import Output
 from multicor_cli.scenario.stage_drives import DOF_NAMES, StageDrives
 from multicor_cli.scenario.stages import Stage
 
-PRESSURE = 0.2
+PRESSURE = 0.1
 """Largest Δt over √(m̄/P)."""
 
-STRAIN = 0.01
+STRAIN = 0.005
 """Largest strain in a step, γ̇ Δt."""
 
 HIGH_FRICTION = 0.5
@@ -166,6 +166,7 @@ class Scales:
         period: Shortest period of what acts on the motion, that of ``cycle``: signals of walls and
             gravity, and walls on their springs.
         heat: Shortest period of the temperature or heat flow of a wall, that of ``heat_cycle``.
+        errors: Errors that are asked for, over those of the default.
     """
 
     pressure: float
@@ -177,6 +178,7 @@ class Scales:
     cycle: str = ""
     heat: float = math.inf
     heat_cycle: str = ""
+    errors: float = 1.0
 
     @property
     def limit(self) -> float:
@@ -189,13 +191,17 @@ class Scales:
 
     @property
     def limits(self) -> dict[str, float]:
-        """The largest time step that each of them allows [s], by what sets it."""
+        """The largest time step that each of them allows [s], by what sets it.
+
+        Motion and periods are not followed worse for more errors, only better for fewer.
+        """
         excess = max(1.0, self.friction / HIGH_FRICTION)
+        errors, at_most = self.errors, min(1.0, self.errors)
         return {
-            "the pressure": PRESSURE / (excess * excess * excess) * self.pressure,
-            "the strain of moving walls": STRAIN / excess * self.strain,
-            self.fastest: TRAVEL * self.travel,
-            f"the period of {self.cycle}": PERIOD * self.period,
+            "the pressure": errors * PRESSURE / (excess * excess * excess) * self.pressure,
+            "the strain of moving walls": errors * STRAIN / excess * self.strain,
+            self.fastest: at_most * TRAVEL * self.travel,
+            f"the period of {self.cycle}": at_most * PERIOD * self.period,
             f"{OSCILLATIONS:g} periods of {self.heat_cycle}": OSCILLATIONS * self.heat,
         }
 
@@ -289,7 +295,8 @@ def scales_of_stage(
     gravity = None if acting.gravity is None else acting.gravity.gravity.largest()
     drives = acting.drives.started([0.0] * (number + 1))
     cycles = stage_cycles(scenario.loading, number, model, acting)
-    return find_scales(scenario, model, drives, gravity, acting.laws, cycles)
+    scales = find_scales(scenario, model, drives, gravity, acting.laws, cycles)
+    return replace(scales, errors=scenario.stage_solver(number).error_factor)
 
 
 def _largest_rate(scenario: Scenario, model: Model, drives: Sequence[WallDrive]) -> float:

@@ -31,6 +31,15 @@ TimeStep = Annotated[
 ]
 """A time step [s], or ``"auto"``: see `multicor_cli.running.time_step`."""
 
+ACCURACIES = {"draft": 2.0, "normal": 1.0, "fine": 0.5}
+"""Errors of an automatic time step over those of the default, by name."""
+
+Accuracy = Annotated[
+    Annotated[Annotated[float, Field(ge=0.01, le=4.0)], Tag("<plain>")]
+    | Annotated[Literal["draft", "normal", "fine"], Tag("<word>")],
+    Discriminator(tag_word),
+]
+
 
 class Header(Table):
     """``[scenario]``: what this is."""
@@ -86,17 +95,24 @@ class Solver(Table):
             "motion and the periods of signals of each stage"
         ),
     )
+    accuracy: Accuracy = Field(
+        "normal",
+        description=(
+            "errors of an automatic time step over those of the default, and its length: a number, "
+            'or "draft" (2), "normal" (1) or "fine" (0.5)'
+        ),
+    )
     method: Literal["accelerated", "gauss-seidel"] = Field(
         "accelerated", description="global solution of the contacts"
     )
     local: Literal["exact", "bipotential"] = Field(
         "exact", description="local solution of one contact"
     )
-    tolerance_rms: Tolerance = Field(
-        1e-3, description="rms of the velocity corrections over the reference velocity"
+    tolerance_rms: Annotated[Tolerance, Formerly(1e-3)] = Field(
+        2e-3, description="rms of the velocity corrections over the reference velocity"
     )
-    tolerance_max: Tolerance = Field(
-        5e-2, description="largest velocity correction over the reference velocity"
+    tolerance_max: Annotated[Tolerance, Formerly(5e-2)] = Field(
+        0.1, description="largest velocity correction over the reference velocity"
     )
     tolerance_energy: Annotated[Tolerance, Formerly(1e-2)] = Field(
         5e-3, description="energy error over the reference energy"
@@ -111,10 +127,18 @@ class Solver(Table):
         0, ge=0, le=1024, description="number of threads; 0: all cores"
     )
 
+    @property
+    def error_factor(self) -> float:
+        """``accuracy`` as a number."""
+        return ACCURACIES[self.accuracy] if isinstance(self.accuracy, str) else self.accuracy
+
 
 class StageSolver(Table):
     """Settings of ``[solver]`` that a stage overrides."""
 
+    accuracy: Accuracy | None = Field(
+        None, description="errors of an automatic time step over those of the default"
+    )
     tolerance_rms: Tolerance | None = Field(
         None, description="rms of the velocity corrections over the reference velocity"
     )

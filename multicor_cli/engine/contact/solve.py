@@ -104,27 +104,32 @@ class ThreadChoice:
 class ResidualScale:
     """Scales of residuals: u_rms and u_ref [m/s], ½ M u_load u_ref [J] (theory §5.3).
 
-    ``motion`` is the mean speed at which bodies in contact move past each other [m/s]: what rests
-    is solved more sharply.
+    ``motion`` is the mean speed at which bodies in contact move past each other, ``load`` is u_load
+    [m/s]: what rests is solved more sharply.
     """
 
     rms: float
     velocity: float
     energy: float
     motion: float = math.inf
+    load: float = 0.0
 
     def tolerances(self, settings: Settings) -> Tolerances:
         rms = settings.tolerance_rms * self.rms
+        share = FLOW_SHARE
+        if self.load > 0.0:
+            share = min(FLOW_SHARE, max(REST_SHARE, self.motion / self.load * PER_LOAD))
         return Tolerances(
             rms,
             settings.tolerance_max * self.velocity,
             settings.tolerance_energy * self.energy,
-            min(1.0, max(REST_SHARE * self.motion, REST_FLOOR * self.rms) / rms),
+            min(1.0, max(share * self.motion, REST_FLOOR * self.rms) / rms),
         )
 
 
-REST_SHARE = 0.02
-"""Largest rms correction over the motion that there is, where sweeps allow (theory §5.3)."""
+REST_SHARE, FLOW_SHARE, PER_LOAD = 0.02, 0.04, 0.4
+"""Largest rms correction over the motion that there is, where sweeps allow: at rest, in a flow, and
+in between over the motion in units of u_load (theory §5.3)."""
 
 REST_FLOOR = 1e-11
 """Of u_rms, which no error has to be below."""

@@ -1,4 +1,4 @@
-"""Heat books: stored = friction + impact − to walls + from walls, from the fluid and surroundings.
+"""Heat books: stored = friction + impact − to walls + ahead + from walls, fluid and surroundings.
 
 Where grains come and go, what they take along is added to what is stored.
 """
@@ -6,6 +6,8 @@ Where grains come and go, what they take along is added to what is stored.
 from __future__ import annotations
 
 import math
+
+import numpy as np
 
 from multicor_cli.engine.heat.rates import OUTSIDE_BOOKS, Flow
 from multicor_cli.engine.jit.sums import total_and_magnitude
@@ -16,6 +18,20 @@ from multicor_cli.model.state import State
 
 _BOOK = {name: k for k, name in enumerate(HEAT_BOOK_NAMES)}
 _HEAT_OUT = EXCHANGE_NAMES.index("heat_out")
+
+
+def receive(state: State, source: Floats) -> Floats:
+    """What grains receive of the heat that their contacts generated in a step [J], shape ``(n,)``.
+
+    Losses of a step are exact together, not one by one: some are negative. No grain is cooled by
+    them. It has always received the most that its contacts had lost at any time (theory §11.3).
+    """
+    due = source - state.heat_ahead
+    received = np.maximum(due, 0.0)
+    state.heat_ahead = received - due
+    state.generated += received
+    state.heat_books[_BOOK["ahead"]] += total_and_magnitude(received - source)[0]
+    return received
 
 
 def book_generated(state: State, friction: float, impact: float, to_walls: Floats) -> None:
@@ -76,6 +92,7 @@ def strike_balance(state: State) -> None:
         stored -= float(state.heat_before[0])
     books[_BOOK["stored"]] = stored
     received = books[_BOOK["friction"]] + books[_BOOK["impact"]] - books[_BOOK["to_walls"]]
+    received += books[_BOOK["ahead"]]
     from_outside = books[_BOOK["from_walls"]]
     for name in OUTSIDE_BOOKS:
         from_outside += books[_BOOK[name]]

@@ -17,6 +17,7 @@ from multicor_cli.engine.heat.books import (
     book_generated,
     book_undelivered,
     note_contacts,
+    receive,
     strike_balance,
 )
 from multicor_cli.engine.heat.friction import (
@@ -205,10 +206,9 @@ class HeatStep:
             source, to_walls, state.wear,
             state.wall_wear,
         )  # fmt: skip
-        state.generated += source
         friction, impact = column_totals(heat).tolist()
         book_generated(state, friction, impact, to_walls)
-        return np.append(source, to_walls[self._bodies]), heat[:, FRICTION] + heat[:, IMPACT]
+        return np.append(receive(state, source), to_walls[self._bodies]), heat[:, FRICTION] + heat[:, IMPACT]
 
     def _spots(self, moved: Moved, dt: float) -> Spots:
         contacts, settings = moved.contacts, self._settings

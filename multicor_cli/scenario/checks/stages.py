@@ -240,6 +240,7 @@ def check_timing(tables: PartialScenario) -> Iterator[Refused]:
     """Findings about times."""
     durations = list(_check_durations(tables))
     yield from durations
+    yield from _check_accuracies(tables)
     yield from _check_intervals(tables)
     if not durations:
         yield from _check_amounts(tables)
@@ -253,6 +254,17 @@ def _time_step(tables: PartialScenario, stage: Stage) -> float | None:
             return frozen_dt(stage, tables.output) if tables.output else None
         dt = tables.solver.dt if tables.solver else None
     return None if dt == "auto" else dt
+
+
+def _check_accuracies(tables: PartialScenario) -> Iterator[Refused]:
+    what, remedy = "no time step here is automatic", 'remove it, or give dt = "auto"'
+    moving = [(k, stage) for k, stage in _stages(tables) if not stage.frozen]
+    for k, stage in moving:
+        if stage.solver and stage.solver.accuracy and _time_step(tables, stage) is not None:
+            yield Refused(("loading", k, "solver", "accuracy"), what, remedy)
+    is_fixed = moving and all(_time_step(tables, stage) is not None for _, stage in moving)
+    if tables.solver and tables.solver.accuracy != "normal" and is_fixed:
+        yield Refused(("solver", "accuracy"), what, remedy)
 
 
 def _check_durations(tables: PartialScenario) -> Iterator[Refused]:
