@@ -94,7 +94,6 @@ class Case:
             f"contacts.0.friction={self.friction}",
         ]
 
-
     def _tolerances(self) -> list[str]:
         if self.tolerance == DEFAULT:
             return []

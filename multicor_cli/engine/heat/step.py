@@ -208,7 +208,9 @@ class HeatStep:
         )  # fmt: skip
         friction, impact = column_totals(heat).tolist()
         book_generated(state, friction, impact, to_walls)
-        return np.append(receive(state, source), to_walls[self._bodies]), heat[:, FRICTION] + heat[:, IMPACT]
+        return np.append(receive(state, source), to_walls[self._bodies]), heat[:, FRICTION] + heat[
+            :, IMPACT
+        ]
 
     def _spots(self, moved: Moved, dt: float) -> Spots:
         contacts, settings = moved.contacts, self._settings
