@@ -17,6 +17,7 @@ from heat_parts import (
 from scene_parts import FLOOR, G, advance, book, continued, make_model, resume, shear_scene
 
 from multicor_cli.engine import Settings
+from multicor_cli.engine.heat.books import receive
 from multicor_cli.engine.heat.conduction import ContactForce
 from multicor_cli.engine.heat.convection import Ambient
 from multicor_cli.engine.heat.friction import impact_exchange
@@ -24,6 +25,7 @@ from multicor_cli.engine.heat.gas import Gas
 from multicor_cli.engine.heat.radiation import Radiation
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant, Sine
+from multicor_cli.model.state import State
 
 MU = 0.3
 
@@ -201,8 +203,9 @@ def test_insulated_grains_store_what_friction_and_impacts_lose(integrator):
     ).state
     losses = book(state, "friction_loss") + book(state, "impact_loss")
     assert losses > 0.0
-    assert state.heat.sum() == pytest.approx(losses, rel=1e-12)
-    assert state.generated.sum() == pytest.approx(losses, rel=1e-12)
+    ahead = heat_book(state, "ahead")
+    assert state.heat.sum() == pytest.approx(losses + ahead, rel=1e-12)
+    assert state.generated.sum() == pytest.approx(losses + ahead, rel=1e-12)
     assert book(state, "closure") < 1e-12
 
 
@@ -252,3 +255,32 @@ def test_an_impact_in_free_flight_is_over_after_its_step(restitution):
     assert state.velocity[1, 0] == pytest.approx(0.5 * restitution, abs=1e-12)
     lost = (1.0 - restitution**2) * book(state, "kinetic_start")
     assert heat_book(state, "impact") == pytest.approx(lost, rel=1e-12)
+
+
+def test_friction_never_cools_and_heat_runs_ahead_of_losses_only_until_they_come():
+    """What each grain has received is the most that its contacts had lost at any time (§11.3)."""
+    model = warm_model((1.0, 1.0, 1.0))
+    state = State.at_rest(model, np.zeros((3, 2)))
+    lost = np.random.default_rng(3).normal(0.2, 1.0, (200, 3))
+    for source in lost:
+        before = state.generated.copy()
+        received = receive(state, source)
+        assert (received >= 0.0).all()
+        np.testing.assert_array_equal(state.generated, before + received)
+    most = np.maximum(np.cumsum(lost, axis=0).max(axis=0), 0.0)
+    np.testing.assert_allclose(state.generated, most, rtol=1e-12)
+    np.testing.assert_allclose(state.heat_ahead, most - lost.sum(axis=0), rtol=0, atol=1e-11)
+    assert heat_book(state, "ahead") == pytest.approx(state.heat_ahead.sum(), abs=1e-11)
+
+
+def test_no_grain_of_an_insulated_flow_becomes_colder_than_the_coldest_was():
+    """Although single contacts gain energy in many steps, by the solver's errors and the step's."""
+    engine = shear(conditions=[WallHeat(), WallHeat()], impact=True, solver=Settings(max_sweeps=10))
+    state, coldest = engine.state, engine.model.thermal.initial_temperature.min()
+    assert book(state, "negative_loss") < 0.0
+    assert temperatures(engine).min() >= coldest
+    assert 0.0 < heat_book(state, "ahead") == pytest.approx(state.heat_ahead.sum(), rel=1e-9)
+    assert state.generated.sum() == pytest.approx(
+        heat_book(state, "friction") + heat_book(state, "impact") + heat_book(state, "ahead"),
+        rel=1e-12,
+    )

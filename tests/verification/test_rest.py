@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from multicor_cli.engine import Settings
+from multicor_cli.engine.contact.solve import ResidualScale
 from tests.support.scenarios import plane, scenario
 
 _DIAMETER = 1e-3
@@ -47,3 +49,15 @@ def test_loaded_packing_rests(run, friction, gravity, stress, method) -> None:
     assert abs(loss[-1] - loss[-2]) < 1e-7 * work + series["kinetic"][-2]
     assert series["kinetic"][-1] < 1e-5 * work
     assert series["corrected_steps"][-1] == series["corrected_steps"][-2]
+
+
+@pytest.mark.parametrize(
+    ("motion", "errors"),
+    [(1e-4, 2e-6), (0.05, 1e-3), (0.075, 0.03 * 0.075), (0.1, 4e-3), (1.0, 0.04), (10.0, 0.1)],
+)
+def test_errors_stay_small_against_the_motion_that_there_is(motion, errors) -> None:
+    """2 % of it at rest, 4 % in a flow, and never more than the tolerance (theory §5.3)."""
+    scale = ResidualScale(rms=50.0, velocity=10.0, energy=1.0, motion=motion, load=1.0)
+    tolerances = scale.tolerances(Settings(tolerance_rms=2e-3))
+    assert tolerances.rms == pytest.approx(0.1)
+    assert tolerances.wanted * tolerances.rms == pytest.approx(errors)

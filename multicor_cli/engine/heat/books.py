@@ -28,7 +28,7 @@ def receive(state: State, source: Floats) -> Floats:
     """
     due = source - state.heat_ahead
     received = np.maximum(due, 0.0)
-    state.heat_ahead = received - due
+    state.heat_ahead[:] = received - due
     state.generated += received
     state.heat_books[_BOOK["ahead"]] += total_and_magnitude(received - source)[0]
     return received

@@ -16,6 +16,7 @@ from multicor_cli.packing.assembly import start_speed
 from multicor_cli.running.from_scenario import make_plan
 from multicor_cli.running.time_step import (
     HIGH_FRICTION,
+    PERIOD,
     PRESSURE,
     STRAIN,
     TRAVEL,
@@ -24,6 +25,7 @@ from multicor_cli.running.time_step import (
     fastest,
     find_scales,
     review_steps,
+    scales_of_stage,
 )
 from multicor_cli.scenario import ScenarioError, parse_scenario
 from multicor_cli.scenario.settings import Output
@@ -126,6 +128,35 @@ def test_each_scale_can_be_the_one_that_limits():
     assert automatic_step(Scales(np.inf, np.inf, np.inf), output) is None
 
 
+def test_errors_that_are_asked_for_lengthen_the_step_but_no_motion_is_followed_worse():
+    for errors in (0.1, 1.0, 3.0):
+        at_most = min(1.0, errors)
+        assert Scales(1.0, np.inf, np.inf, errors=errors).limit == errors * PRESSURE
+        assert Scales(np.inf, 1.0, np.inf, errors=errors).limit == errors * STRAIN
+        assert Scales(np.inf, np.inf, 1.0, errors=errors).limit == pytest.approx(at_most * TRAVEL)
+        slow = Scales(np.inf, np.inf, np.inf, period=1.0, errors=errors)
+        assert slow.limit == pytest.approx(at_most * PERIOD)
+
+
+@pytest.mark.parametrize(("accuracy", "errors"), [('"draft"', 2), ("0.5", 0.5), ('"fine"', 0.5)])
+def test_a_scenario_or_a_stage_asks_for_an_accuracy(accuracy, errors):
+    for where, changed in (("solver", [True, True]), ("loading.1.solver", [False, True])):
+        scenario, model, plan = planned(f"{where}.accuracy={accuracy}")
+        for number, is_changed in enumerate(changed):
+            stage, scales = (
+                plan.stages[number],
+                scales_of_stage(scenario, model, number, plan.stages[number]),
+            )
+            assert scales.errors == (errors if is_changed else 1.0)
+            assert stage.dt == automatic_step(scales, scenario.output)
+
+
+@pytest.mark.parametrize("where", ["solver", "loading.1.solver"])
+def test_an_accuracy_of_fixed_steps_is_refused(where):
+    with pytest.raises(ScenarioError, match=rf"{where}.*no time step here is automatic.*auto"):
+        parse_scenario(SHEAR, "shear.toml", ["solver.dt=1e-4", f"{where}.accuracy=fine"])
+
+
 def test_friction_between_grains_shortens_the_step():
     assert Scales(1.0, np.inf, np.inf, 0.3).limit == PRESSURE
     assert Scales(1.0, np.inf, np.inf, 2.0 * HIGH_FRICTION).limit == pytest.approx(PRESSURE / 8.0)
@@ -151,7 +182,7 @@ def test_a_stage_under_way_keeps_its_step():
 
 
 def test_short_intervals_shorten_the_step():
-    slow, fast = Scales(100.0, np.inf, np.inf), Scales(1.0, np.inf, np.inf)
+    slow, fast = Scales(100.0, np.inf, np.inf), Scales(2.0, np.inf, np.inf)
     frames = {"frame_interval": 0.5}
     assert automatic_step(slow, Output(**frames)) == 0.5
     assert automatic_step(slow, Output(**frames, series_interval=0.1)) == 0.1
