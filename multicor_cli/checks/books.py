@@ -49,7 +49,8 @@ def _ahead(run: Recorded) -> Iterator[Measured]:
         books = run.info["heat"]["books"]
         generated = abs(books["friction"]) + abs(books["impact"])
         if generated > 0.0:
-            yield Measured(books["ahead"] / generated, f"{books['ahead']:.3g} J")
+            ahead = books.get("ahead", 0.0)  # unknown to older files
+            yield Measured(ahead / generated, f"{ahead:.3g} J")
 
 
 RULES: tuple[Rule[Recorded], ...] = (

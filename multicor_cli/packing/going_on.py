@@ -193,6 +193,7 @@ def _carry_heat(scenario: Scenario, source: Source, thermal: Thermal, state: Sta
     is_told = np.array([group.temperature is not None for group in scenario.particles])
     goes_on = ~is_told[source.model.grains.group] & (thermal.capacity == before.capacity)
     state.heat = np.where(goes_on, source.state.heat, 0.0)
+    state.heat_ahead = np.where(goes_on, source.state.heat_ahead, 0.0)
     state.heat_dt = source.state.heat_dt
     if state.heat.any():
         state.heat_before = np.array([total(state.heat[state.here])])

@@ -33,7 +33,7 @@ from multicor_cli.bench.scenes import SCENES
 from multicor_cli.bench.session import HEADINGS, Benchmark, notes, row
 from multicor_cli.bench.yardsticks import ReferenceStep, SweepTimes, compile_sweep, time_sweep
 from multicor_cli.cli.bench_command import bench
-from multicor_cli.engine import Engine, Orders
+from multicor_cli.engine import Engine, Orders, Settings
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.engine.orders import PhysicsError
 from multicor_cli.model import BOOK_NAMES, TALLY_NAMES
@@ -49,7 +49,9 @@ KINETIC, CLOSURE = (BOOK_NAMES.index(name) for name in ("kinetic", "closure"))
 
 @pytest.fixture(scope="module")
 def sheared() -> Engine:
-    engine = shear_engine(columns=12, rows=8, load=LOAD, speed=SPEED)
+    engine = shear_engine(
+        Settings(tolerance_rms=1e-3, tolerance_max=5e-2), columns=12, rows=8, load=LOAD, speed=SPEED
+    )
     advance(engine, DT, 200)
     assert engine.state.contact_i.size > 100
     return engine

@@ -63,7 +63,7 @@ LARGE = [*moved(scale=1e3), ("size = [0.02, 0.02]", "size = [20.0, 20.0]"), ("mi
 @pytest.mark.parametrize(
     ("name", "verdict", "changes"),
     [
-        ("time step", WARNING, [("dt = 2e-4", "dt = 5e-4")]),
+        ("time step", WARNING, [("dt = 2e-4", "dt = 1.5e-4")]),
         ("time step", BAD, [("dt = 2e-4", "dt = 2e-3")]),
         ("density", WARNING, [("density = 2500.0", "density = 2.5")]),
         ("density", WARNING, [("density = 2500.0", "density = 28000.0")]),

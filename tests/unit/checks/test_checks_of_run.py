@@ -155,12 +155,15 @@ def test_work_of_corrections_is_compared_with_what_was_put_in(recorded: Recorded
 
 def test_heat_of_a_run(recorded: Recorded) -> None:
     heat = {"max_biot": 0.5, "books": {"undelivered": 1.0, "from_walls": 3.0, "closure": 1e-3}}
+    heat["books"] |= {"friction": 3.0, "impact": 1.0, "ahead": 0.1}
     recorded.info["heat_closure"] = 1e-3
     checks = with_info(recorded, "heat", heat)
     assert checks["heat closure"].verdict is BAD
     assert checks["largest Biot number"].verdict is WARNING
     delivered = checks["heat not delivered"]
     assert (delivered.value, delivered.verdict) == (0.25, WARNING)
+    ahead = checks["heat ahead of losses"]
+    assert (ahead.value, ahead.verdict) == (0.025, WARNING)
     heat["max_biot"] = 2.0
     assert with_info(recorded, "heat", heat)["largest Biot number"].verdict is BAD
 
@@ -227,7 +230,7 @@ def test_what_a_run_deserves(
 def test_step_that_a_known_pressure_and_rate_of_shear_need(
     pressure: float, rate: float, recorded: Recorded
 ) -> None:
-    """Limits 0.2 √(m/P) and 0.01/γ̇ of the automatic step (μ = 0.4 is below 0.5), for a stress P V
+    """Limits 0.1 √(m/P) and 0.005/γ̇ of the automatic step (μ = 0.4 is below 0.5), for a stress P V
     and a work of sliding μ P V γ̇.
     """
     model, dt, rows = recorded.run.model, 1e-4, 11
@@ -245,7 +248,7 @@ def test_step_that_a_known_pressure_and_rate_of_shear_need(
     made_up = Recorded(run, {})  # type: ignore[arg-type]
     made_up.__dict__["planned"] = None
     (measured,) = resolution._needed(made_up)
-    limit = min(0.2 * math.sqrt(float(model.grains.mass.mean()) / pressure), 0.01 / rate)
+    limit = min(0.1 * math.sqrt(float(model.grains.mass.mean()) / pressure), 0.005 / rate)
     assert measured.value == pytest.approx(dt / limit)
     columns["contacts_mean"] *= 0.5  # a rain
     assert not list(resolution._needed(made_up))

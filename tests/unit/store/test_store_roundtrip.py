@@ -322,7 +322,7 @@ def test_info_of_a_run_with_heat(heated: Path) -> None:
     assert model.thermal is not None
     books, heat = dict(zip(HEAT_BOOK_NAMES, state.heat_books.tolist(), strict=True)), info["heat"]
     assert info["heat_closure"] == heat["books"]["closure"] == books["closure"]
-    assert heat["books"] == {name: books[name] for name in HEAT_BOOK_NAMES[:11]}
+    assert heat["books"] == {name: books[name] for name in (*HEAT_BOOK_NAMES[:11], "ahead")}
     assert heat["sub_steps"] == 80
     assert all(heat[name] == books[name] for name in ("max_biot", "solid_gas_max"))
     temperature, capacity = state.temperature(model.thermal), model.thermal.capacity

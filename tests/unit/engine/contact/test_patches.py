@@ -1,6 +1,7 @@
 """Clusters of contacts as linear complementarity problems."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -103,6 +104,9 @@ def test_one_contact_is_solved_as_by_enumeration(bias, tangential, friction):
     assert system.general_impulse[0] == pytest.approx(expected, abs=1e-12)
 
 
+SHARP = Settings(tolerance_rms=1e-3, tolerance_max=5e-2)
+
+
 def layer(columns):
     engine = shear_engine(columns=columns, rows=6)
     advance(engine, 0.02, 60)
@@ -126,8 +130,12 @@ def test_a_patch_mends_the_worst_contact_and_leaves_the_rest():
     active, square = patches._measure(system)
     worst = int(square.argmax())
     chosen = patches._around(worst, 6, active, system).tolist()
-    assert len(set(chosen)) == 6
     assert chosen[0] == worst
+    loaded = int(system.impulse[:, 0].argmax())
+    for first in (worst, loaded):
+        around = patches._around(first, 6, active, system).tolist()
+        assert len(set(around)) == len(around) <= 6
+    assert len(around) == 6
     before = system.impulse.copy()
     assert solve_patch(system, choose_patch(system, 6))
     contacts = (system.impulse != before).any(axis=1).reshape(-1)
@@ -207,12 +215,13 @@ def hard_step():
 
 def test_a_cluster_that_sweeps_leave_is_solved_by_turns(monkeypatch):
     system, scale = hard_step()
-    found = solve_system(system, scale, Settings(), ThreadChoice())
+    found = solve_system(system, scale, SHARP, ThreadChoice())
     assert found.converged
     assert found.sweeps < 10_000
     monkeypatch.setattr(solve, "TURNS", 0)
     system, scale = hard_step()
-    assert not solve_system(system, scale, Settings(max_sweeps=10_000), ThreadChoice()).converged
+    few = replace(SHARP, max_sweeps=10_000)
+    assert not solve_system(system, scale, few, ThreadChoice()).converged
 
 
 def test_a_cluster_that_only_the_largest_correction_sees_is_solved():
