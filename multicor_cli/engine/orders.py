@@ -38,7 +38,7 @@ class Settings:
     local: Local = "exact"
     tolerance_rms: float = 2e-3
     tolerance_max: float = 0.1
-    tolerance_energy: float = 5e-3
+    tolerance_energy: float = 1e-2
     max_sweeps: int = 50_000
     on_failure: Literal["warn", "error"] = "warn"
 

@@ -97,7 +97,9 @@ class _Press:
 
         # The result is a place to start from, not a measurement: a step that needs very many sweeps
         # may stay inexact.
-        settings = Settings(tolerance_rms=3e-4, tolerance_max=5e-3, max_sweeps=300)
+        settings = Settings(
+            tolerance_rms=3e-4, tolerance_max=5e-3, tolerance_energy=5e-3, max_sweeps=300
+        )
         self._engine = Engine(model, self.state)
         self._engine.begin(Orders(self._drives, settings))
 

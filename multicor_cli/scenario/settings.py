@@ -114,8 +114,8 @@ class Solver(Table):
     tolerance_max: Annotated[Tolerance, Formerly(5e-2)] = Field(
         0.1, description="largest velocity correction over the reference velocity"
     )
-    tolerance_energy: Annotated[Tolerance, Formerly(1e-2)] = Field(
-        5e-3, description="energy error over the reference energy"
+    tolerance_energy: Annotated[Tolerance, Formerly(5e-3)] = Field(
+        1e-2, description="energy error over the reference energy"
     )
     max_sweeps: Annotated[int, Formerly(10_000)] = Field(
         50_000, ge=1, le=MAX_SWEEPS, description="largest number of sweeps in a step"
