@@ -77,7 +77,7 @@ def ends(run: Any, name: str, heights: list[float], rolling=0.0, adhesion=0.0, a
         ],
         grains=[[0.0, height, 0.5e-3] for height in heights],
         walls={"floor": plane(), "ceiling": ceiling},
-        duration=0.2, dt=1e-4,
+        duration=0.2, solver={"dt": 1e-4, "tolerance_rms": 1e-5},
     )  # fmt: skip
     end = run(one, name).frames[-1]
     return end.unwrapped[:, :2], end.velocity[:, :2], end.time

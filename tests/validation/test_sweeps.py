@@ -10,6 +10,7 @@ from scene_parts import copy_of
 import multicor_cli as multicor
 from multicor_cli.engine import Engine, Orders, Settings
 from multicor_cli.packing import build
+from multicor_cli.running.from_scenario import make_plan
 
 CONFIGS = ROOT / "configs"
 
@@ -33,8 +34,9 @@ def test_accelerated_needs_no_more_sweeps(name):
     model, state = build(scenario)
     engine = Engine(model, state, threads=1)
     counts, starts = [], []
+    plan = make_plan(scenario, model)
     for number, stage in enumerate(scenario.loading):
-        dt = scenario.stage_solver(number).dt
+        dt = plan.stages[number].dt
         state.stage, state.stage_start, state.stage_step = number, state.time, 0
         starts.append(state.time)
         drives = scenario.drives(model.walls.names)[number].started(starts)
