@@ -47,17 +47,19 @@ def slope(directory: Path) -> float:
 
 
 def test_slopes_grow_with_adhesion_and_with_rolling_resistance(tmp_path: Path) -> None:
-    mean, error = {}, {}
+    found, mean, error = {}, {}, {}
     for name, (bond, rolling) in VARIANTS.items():
         angles = []
         for seed in SEEDS:
             changes = (f"variables.bond={bond}", f"variables.rolling={rolling}")
             run_config("heap", tmp_path / f"{name}-{seed}", f"scenario.seed={seed}", *changes)
             angles.append(slope(tmp_path / f"{name}-{seed}"))
+        found[name] = np.array(angles)
         mean[name], error[name] = np.mean(angles), np.std(angles, ddof=1) / math.sqrt(len(angles))
         print(f"{name}: {mean[name]:.1f} ± {error[name]:.1f}°", np.round(angles, 1))
+    # By ranks, since a column that adheres may stand: of 36 pairs 29 say so at 5 % (Mann–Whitney)
     for name in ("adhesion", "rolling", "both"):
-        assert mean[name] - mean["neither"] > 2.0 * math.hypot(error[name], error["neither"])
+        assert np.count_nonzero(found[name][:, None] > found["neither"]) >= 29
 
 
 WEIGHT = 2500.0 * 9.81 * math.pi / 4.0 * 1e-9  # of a disc with a diameter of 1 mm [N]
