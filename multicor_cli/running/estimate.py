@@ -26,7 +26,7 @@ from multicor_cli.store.schema import Dataset
 CONTACTS_PER_GRAIN = 1.3
 """Contacts within reach, loaded or not, per grain on average: 1.0 in fast flows, 1.8 in beds."""
 
-SWEEPS = 120.0
+SWEEPS = 50.0
 """Sweeps of a step at `INERTIAL_NUMBER`, or where nothing sets one, and at `TOLERANCE`."""
 
 INERTIAL_NUMBER, SLOWNESS = 0.03, 0.31
@@ -35,16 +35,16 @@ INERTIAL_NUMBER, SLOWNESS = 0.03, 0.31
 FEWEST, MOST = 0.4, 6.0
 """Bounds of that proportion."""
 
-TOLERANCE, TIGHTNESS = 1e-3, 0.31
+TOLERANCE, TIGHTNESS = 2e-3, 0.31
 """Likewise with ``tolerance_rms``."""
 
 SECONDS_PER_CONTACT = 8.4e-9
 """One sweep over one contact on one core [s]."""
 
-SECONDS_PER_GRAIN = 1.2e-6
+SECONDS_PER_GRAIN = 0.4e-6
 """Everything but the sweeps, per grain and step, on one core [s]."""
 
-SECONDS_PER_STEP = 1.3e-3
+SECONDS_PER_STEP = 0.6e-3
 """What a step costs however few grains there are [s]."""
 
 HEAT_PER_STEP, HEAT_PER_GRAIN = 0.3e-3, 0.1e-6

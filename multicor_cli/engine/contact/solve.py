@@ -209,7 +209,7 @@ def solve_system(
                 if is_clustered and done < len(SIZES):
                     solve_patch(system, choose_patch(system, SIZES[done]))
                 elif is_clustered:
-                    contact = choose_patch(system, BLOCKS[min(done - len(SIZES), len(BLOCKS) - 1)])
+                    contact = choose_patch(system, BLOCKS[(done - len(SIZES)) % len(BLOCKS)])
                     _take_turns(
                         system,
                         contact,
