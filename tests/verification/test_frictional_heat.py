@@ -258,7 +258,7 @@ def test_an_impact_in_free_flight_is_over_after_its_step(restitution):
 
 
 def test_friction_never_cools_and_heat_runs_ahead_of_losses_only_until_they_come():
-    """What each grain has received is the most that its contacts had lost at any time (§11.3)."""
+    """What each grain has received is the most that its contacts had lost at any time (theory §11.3)."""
     model = warm_model((1.0, 1.0, 1.0))
     state = State.at_rest(model, np.zeros((3, 2)))
     lost = np.random.default_rng(3).normal(0.2, 1.0, (200, 3))

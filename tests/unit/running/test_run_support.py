@@ -100,9 +100,9 @@ def test_variables_differ_by_the_keys_that_they_change():
 
 
 def test_a_default_that_was_another_one_is_kept_by_runs_that_began_with_it():
-    before, after = "[solver]\ntolerance_energy = 0.01", "[solver]\ntolerance_energy = 0.005"
-    assert former_defaults(before, after, {"solver": {}}) == ["solver.tolerance_energy=0.01"]
-    assert former_defaults(before, after, {}) == ["solver.tolerance_energy=0.01"]
+    before, after = "[solver]\ntolerance_energy = 0.005", "[solver]\ntolerance_energy = 0.01"
+    assert former_defaults(before, after, {"solver": {}}) == ["solver.tolerance_energy=0.005"]
+    assert former_defaults(before, after, {}) == ["solver.tolerance_energy=0.005"]
     assert former_defaults("[solver]\nmax_sweeps = 10000", "[solver]\nmax_sweeps = 50000", {}) == [
         "solver.max_sweeps=10000"
     ]
