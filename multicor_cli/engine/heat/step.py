@@ -183,7 +183,7 @@ class HeatStep:
         return scene_of(self._model, self._state.position, self._state.wall_position)
 
     def _generate(self, moved: Moved) -> tuple[Floats, Floats]:
-        """Heat generated: by grain and body, and by contact [J]; enters the books, and wears."""
+        """Heat that grains and bodies receive, and of contacts [J]; enters the books, and wears."""
         state, contacts, model = self._state, moved.contacts, self._model
         count = contacts.size
         heat, rubbing = np.empty((count, 2)), np.empty(count)
@@ -208,9 +208,8 @@ class HeatStep:
         )  # fmt: skip
         friction, impact = column_totals(heat).tolist()
         book_generated(state, friction, impact, to_walls)
-        return np.append(receive(state, source), to_walls[self._bodies]), heat[:, FRICTION] + heat[
-            :, IMPACT
-        ]
+        received = np.append(receive(state, source), to_walls[self._bodies])
+        return received, heat[:, FRICTION] + heat[:, IMPACT]
 
     def _spots(self, moved: Moved, dt: float) -> Spots:
         contacts, settings = moved.contacts, self._settings
