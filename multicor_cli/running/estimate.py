@@ -50,7 +50,7 @@ SECONDS_PER_STEP = 0.6e-3
 HEAT_PER_STEP, HEAT_PER_GRAIN = 0.3e-3, 0.1e-6
 """What heat adds to a step, and to that for each grain [s]."""
 
-EXCHANGE_PER_STEP = 3.1e-3
+EXCHANGE_PER_STEP = 1.2e-3
 """What grains that come and go add to a step, on average [s]."""
 
 SECONDS_PER_FROZEN_STEP, SECONDS_PER_FROZEN_GRAIN = 0.5e-3, 0.5e-6
