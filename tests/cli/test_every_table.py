@@ -138,8 +138,8 @@ def normal_stress(of: Walled, run: Run, table: dict[str, Any]) -> None:
 
 def heat(of: Walled, run: Run, table: dict[str, Any]) -> None:
     bounds_are_right(of, run, table)
-    # The loss of a contact may be negative (theory §8)
-    assert min(table["value"]) >= -0.01 * max(table["value"])
+    # That of a contact may be, not what a grain receives (theory §11.3)
+    assert min(table["value"]) >= 0.0
     assert (max(table["value"]) > 0.0) == (of.kind != "no walls")
 
 

@@ -258,12 +258,11 @@ def _time_step(tables: PartialScenario, stage: Stage) -> float | None:
 
 def _check_accuracies(tables: PartialScenario) -> Iterator[Refused]:
     what, remedy = "no time step here is automatic", 'remove it, or give dt = "auto"'
-    moving = [(k, stage) for k, stage in _stages(tables) if not stage.frozen]
-    for k, stage in moving:
-        if stage.solver and stage.solver.accuracy and _time_step(tables, stage) is not None:
+    fixed = [stage and (stage.frozen or _time_step(tables, stage)) for stage in tables.loading]
+    for k, stage in _stages(tables):
+        if stage.solver and stage.solver.accuracy and fixed[k]:
             yield Refused(("loading", k, "solver", "accuracy"), what, remedy)
-    is_fixed = moving and all(_time_step(tables, stage) is not None for _, stage in moving)
-    if tables.solver and tables.solver.accuracy != "normal" and is_fixed:
+    if tables.solver and tables.solver.accuracy != "normal" and fixed and all(fixed):
         yield Refused(("solver", "accuracy"), what, remedy)
 
 
