@@ -57,22 +57,16 @@ from multicor_cli.engine.contact.system import (
     tabulate_contacts,
 )
 from multicor_cli.engine.energy.account import account_contacts, account_grains, book_step
-from multicor_cli.engine.geometry.neighbors import both_ways, pairs_within
+from multicor_cli.engine.geometry.neighbors import both_ways
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.settings import HeatSettings, heat_laws
 from multicor_cli.engine.heat.step import HeatStep
-from multicor_cli.engine.jit.chunks import aligned, chunks_for
+from multicor_cli.engine.jit.chunks import aligned
 from multicor_cli.engine.jit.threads import use_threads
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.engine.motion.moves import move, wrap
-from multicor_cli.engine.motion.separation import (
-    Correction,
-    measure_moved,
-    measure_overlaps,
-    separate,
-    surround,
-)
+from multicor_cli.engine.motion.separation import Correction, push_apart
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.model.columns import MASS
 from multicor_cli.model.model import ContactLaws, Floats, Grains, Model, Thermal, Walls, WallShapes
@@ -134,13 +128,11 @@ def _finish(model: Model, state: State, moved: Moved) -> None:
     tabulate(1, lanes.lane, lanes.frame, lanes.impulse, lanes.before, lanes.gap, contacts)
     carried(1, _NOBODY, _NOBODY, lanes.lane, lanes.impulse, contacts)
     wrap(state.position, state.image, model.period)
-    gap, marked, mass = np.empty(0), np.zeros(1, np.bool_), model.grains.mass
-    separate(scene, _NOBODY, _NOBODY, marked, mass, np.zeros((1, 2)), 1.0, 1.0, 1.0, 1)
-    around = both_ways(_NO_ROWS, _NOBODY)
-    surround(around, gap, 1.0, 1, marked)
-    measure_moved(scene, around, _NOBODY, 1.0, gap, marked)
-    pairs_within(_NO_ROWS, _NOBODY, gap, 1.0)
-    measure_overlaps(scene, _NO_ROWS, _NOBODY, 1.0, gap, marked, chunks_for(1, 2))
+    mass = model.grains.mass
+    push_apart(
+        scene, model.shapes.geometry, _NOBODY, _NOBODY, both_ways(_NO_ROWS, _NOBODY), _NOBODY, mass,
+        np.zeros((1, 2)), 1.0, 1, np.zeros(1, np.bool_),
+    )  # fmt: skip
     deepest_overlap(scene, _NOBODY, _NOBODY)
     sums = account_grains(
         lanes.middle, lanes.velocity, lanes.pair, lanes.about, lanes.frame, lanes.impulse,

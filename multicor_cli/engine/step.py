@@ -61,7 +61,12 @@ from multicor_cli.engine.inflow.rules import InflowRules
 from multicor_cli.engine.jit.threads import PARALLEL_GRAINS, use_threads
 from multicor_cli.engine.motion.drives import Gravity, WallDrive
 from multicor_cli.engine.motion.moves import are_sound, move, predict, wrap
-from multicor_cli.engine.motion.separation import ALLOWED, NEAR, Correction, correct_positions
+from multicor_cli.engine.motion.separation import (
+    ALLOWED,
+    Correction,
+    correct_positions,
+    reach_of,
+)
 from multicor_cli.engine.motion.unseen import find_unseen, stop_unseen
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.engine.orders import Interrupted, Orders, PhysicsError, StepReport
@@ -91,7 +96,7 @@ class Layout:
         middle: q_m, shape ``(n, 3)``.
         before: Bodies (v_x, v_y, a ω, 1/m) at the start of the step, shape ``(n + w, 4)``.
         free: The same with their free velocities.
-        flagged: Work space of the position correction, shape ``(n,)``.
+        marked: Work space of the position correction, shape ``(n,)``.
     """
 
     def __init__(
@@ -104,7 +109,7 @@ class Layout:
         self.mass = total(model.grains.mass)
         self.middle = np.empty((n, 3))
         self.before, self.free = np.zeros((n + w, 4)), np.zeros((n + w, 4))
-        self.flagged = np.zeros(n, np.bool_)
+        self.marked = np.zeros(n, np.bool_)
 
     @cached_property
     def pairs(self) -> NeighborList:
@@ -669,14 +674,18 @@ class Engine:
 
     def _correct(self, step: Prediction, end: Scene, cutoff: float, overlap: float) -> Correction:
         layout, state, model = self._layout, self._layout.state, self._layout.model
-        overlap = max(overlap, layout.selection.overlap_beside(end))
-        correction = Correction(overlap, 0.0, 0.0, 0)
-        if overlap > ALLOWED:
+        selection = layout.selection
+        beside = selection.overlap_beside(end)
+        correction = Correction(max(overlap, beside), 0.0, 0.0, 0)
+        if correction.overlap > ALLOWED:
             # What is near must not depend on the age of the list
-            self._list_up_to(cutoff + NEAR * model.mean_diameter, step)
+            near = reach_of(correction.overlap, model)
+            self._list_up_to(cutoff + near, step)
+            i, j = selection.with_walls() if beside > ALLOWED else (selection.i, selection.j)
             correction = correct_positions(
-                end, model, step.gravity, self._motion, layout.pairs, layout.flagged, state.step
-            )
+                end, model, step.gravity, self._motion, layout.pairs, i, j, near,
+                layout.marked, state.step,
+            )  # fmt: skip
         if step.stopped is not None:
             pull = model.grains.mass[:, np.newaxis] * step.gravity
             more = total(pull * step.stopped)

@@ -269,3 +269,8 @@ class Selection:
         are apart. Pieces of walls may turn or curve.
         """
         return deepest_overlap(scene, *self._walls_beside)
+
+    def with_walls(self) -> tuple[Ints, Ints]:
+        """The contacts, and the pairs of `overlap_beside`."""
+        i, j = self._walls_beside
+        return np.concatenate([self.i, i]), np.concatenate([self.j, j])

@@ -336,25 +336,6 @@ def leave_out_unmet(
     return kept_row, kept[:found].copy()
 
 
-@kernel
-def pairs_within(
-    row: NDArray[np.int64], partner: Ints, gap: Floats, near: float
-) -> tuple[Ints, Ints]:
-    """Grains i, and grains or wall shapes j, of the listed pairs with a ``gap`` up to ``near``."""
-    found = 0
-    for p in range(partner.size):
-        if gap[p] <= near:
-            found += 1
-    first, second = np.empty(found, np.int32), np.empty(found, np.int32)
-    found = 0
-    for i in range(row.size - 1):
-        for p in range(row[i], row[i + 1]):
-            if gap[p] <= near:
-                first[found], second[found] = i, partner[p]
-                found += 1
-    return first, second
-
-
 def find_near(
     grids: Grids,
     grain_count: int,
@@ -439,7 +420,6 @@ class NeighborList:
     Attributes:
         row: Rows of the grains, shape ``(n + 1,)``.
         partner: Shapes near each grain, ascending within a row.
-        gap: Work space for the gaps of the listed pairs [m].
         complete: Gap up to which all pairs are listed, at the positions of the last update [m].
         builds: How often the list was built.
         largest: Largest diameter of a disc [m].
@@ -464,7 +444,6 @@ class NeighborList:
         self._extent = 0.0
         self.row: NDArray[np.int64] = np.zeros(model.grain_count + 1, np.int64)
         self.partner: Ints = np.empty(0, np.int32)
-        self.gap: Floats = np.empty(0)
         self._around: Around | None = None
         self.complete = -1.0
         self.builds = 0
@@ -518,7 +497,7 @@ class NeighborList:
             self.row, self.partner = leave_out_unmet(
                 self.row, self.partner, model.grains.group, shapes.wall, model.walls.meets
             )
-        self.gap, self._around = np.empty(self.partner.size), None
+        self._around = None
         self._cutoff = cutoff
         self._reference = position[:, :2].copy()
         self._reference_world = world.copy()

@@ -20,68 +20,79 @@ from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.acceleration import choose_factor, extrapolate, restart, start_loop
-from multicor_cli.engine.geometry.neighbors import Around, NeighborList, pairs_within
+from multicor_cli.engine.geometry.neighbors import Around, NeighborList
 from multicor_cli.engine.geometry.radii import smaller_of
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry, place_shapes
-from multicor_cli.engine.jit.chunks import CHUNK, chunks_for, copy_into
-from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
+from multicor_cli.engine.jit.chunks import copy_into
+from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.engine.orders import PhysicsError
 from multicor_cli.model.columns import FIRST, GAP, NX, NY, SECOND, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
 
-# ---- Overlaps that the velocity scheme leaves behind at the end of a step (they grow as Δt²)
+# ---- Overlaps, and the grains around them
 
 
-@parallel_kernel
-def measure_overlaps(
-    scene: Scene,
-    row: NDArray[np.int64],
-    partner: Ints,
-    tolerance: float,
-    gap: Floats,
-    flagged: NDArray[np.bool_],
-    found: Floats,
-) -> None:
-    """Overlaps of the listed pairs at the end of a step.
+@formula
+def _overlap(scene: Scene, i: int, j: int) -> float:
+    """Overlap of a pair over its smaller radius; negative where they are apart."""
+    return -pair_geometry(scene, i, j)[0] / smaller_of(scene, i, j)
 
-    **Modifies** ``gap``, gaps at q⁺ [m]; ``flagged``, grains with a pair in their row that overlaps
-    by more than ``tolerance`` of the smaller radius; and ``found``: in each chunk of grains the
-    largest overlap over the smaller radius (or 0) and the number of flagged grains, shape
-    ``(chunks, 2)``.
+
+@kernel
+def mark_overlaps(
+    scene: Scene, i: Ints, j: Ints, tolerance: float, marked: NDArray[np.bool_]
+) -> tuple[float, float]:
+    """Mark grains of pairs that overlap by more than ``tolerance``, over the smaller radius.
+
+    Returns the largest overlap of these, and of all others (or 0).
     """
-    count = row.size - 1
-    for chunk in prange(found.shape[0]):
-        flags, best = 0.0, 0.0
-        for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
-            flagged[i] = False
-            for p in range(row[i], row[i + 1]):
-                j = partner[p]
-                gap[p] = pair_geometry(scene, i, j)[0]
-                if gap[p] < 0.0:
-                    overlap = -gap[p] / smaller_of(scene, i, j)
-                    best = max(best, overlap)
-                    if overlap > tolerance:
-                        flagged[i] = True
-            if flagged[i]:
-                flags += 1.0
-        found[chunk, 0], found[chunk, 1] = best, flags
+    above, below = 0.0, 0.0
+    marked[:] = False
+    for c in range(i.size):
+        overlap = _overlap(scene, i[c], j[c])
+        if overlap > tolerance:
+            marked[i[c]] = True
+            above = max(above, overlap)
+        else:
+            below = max(below, overlap)
+    return above, below
 
 
-# ---- Pushing apart: the grains around overlaps with all others held, or all grains
-
-_MASS = 3  # column of the frames of pairs: 1/W
-RESTART_GROWTH = 1.5  # of the change per sweep, at which the momentum restarts
+@kernel
+def mark_again(
+    scene: Scene, around: Around, partner: Ints, tolerance: float, marked: NDArray[np.bool_]
+) -> tuple[float, float]:
+    """As `mark_overlaps`, of all listed pairs of grains that are ``marked``: they have moved."""
+    above, below = 0.0, 0.0
+    again = np.zeros(marked.size, np.bool_)
+    for k in range(marked.size):
+        if marked[k]:
+            for e in range(around.start[k], around.start[k + 1]):
+                p = around.pair[e]
+                overlap = _overlap(scene, around.owner[p], partner[p])
+                if overlap > tolerance:
+                    again[k] = True
+                    above = max(above, overlap)
+                else:
+                    below = max(below, overlap)
+    marked[:] = again
+    return above, below
 
 
 @kernel
 def surround(
-    around: Around, gap: Floats, near: float, rings: int, marked: NDArray[np.bool_]
-) -> tuple[int, NDArray[np.int64]]:
+    scene: Scene,
+    around: Around,
+    partner: Ints,
+    near: float,
+    rings: int,
+    marked: NDArray[np.bool_],
+) -> int:
     """Mark the grains around marked ones too, over gaps up to ``near`` [m], in some rings.
 
-    Returns how many are marked, and the pairs up to that gap with a marked grain, in any order.
+    Returns how many are marked.
     """
     count = marked.size
     grains, begin, found = np.empty(count, np.int32), 0, 0
@@ -93,55 +104,43 @@ def surround(
         end = found
         for k in range(begin, end):
             for e in range(around.start[grains[k]], around.start[grains[k] + 1]):
-                other = around.other[e]
-                if other < count and not marked[other] and gap[around.pair[e]] <= near:
+                other, p = around.other[e], around.pair[e]
+                if other >= count or marked[other]:
+                    continue
+                if pair_geometry(scene, around.owner[p], partner[p])[0] <= near:
                     marked[other] = True
                     grains[found] = other
                     found += 1
         begin = end
-    room = 0
-    for k in range(found):
-        room += around.start[grains[k] + 1] - around.start[grains[k]]
-    pairs, kept = np.empty(room, np.int64), 0
-    for k in range(found):
-        for e in range(around.start[grains[k]], around.start[grains[k] + 1]):
-            other = around.other[e]
-            is_twice = other < grains[k] and marked[other]
-            if gap[around.pair[e]] <= near and not is_twice:
-                pairs[kept] = around.pair[e]
-                kept += 1
-    return found, pairs[:kept]
+    return found
 
 
 @kernel
-def measure_moved(
-    scene: Scene,
-    around: Around,
-    partner: Ints,
-    tolerance: float,
-    gap: Floats,
-    flagged: NDArray[np.bool_],
-) -> tuple[float, int]:
-    """As `measure_overlaps`, where only the ``flagged`` grains have moved since then.
-
-    Returns the largest overlap and the number of flagged grains.
-    """
-    count, deepest, found = flagged.size, 0.0, 0
-    for i in range(count):
-        if flagged[i]:
-            for e in range(around.start[i], around.start[i + 1]):
-                p = around.pair[e]
-                gap[p] = pair_geometry(scene, around.owner[p], partner[p])[0]
-            flagged[i] = False
-    for p in range(partner.size):
-        if gap[p] < 0.0:
-            i = around.owner[p]
-            overlap = -gap[p] / smaller_of(scene, i, partner[p])
-            deepest = max(deepest, overlap)
-            if overlap > tolerance and not flagged[i]:
-                flagged[i] = True
+def pairs_of(
+    scene: Scene, around: Around, partner: Ints, near: float, marked: NDArray[np.bool_]
+) -> tuple[Ints, Ints]:
+    """Pairs (i, j) of marked grains with a gap up to ``near`` [m]; in any list the same."""
+    room = 0
+    for k in range(marked.size):
+        if marked[k]:
+            room += around.start[k + 1] - around.start[k]
+    first, second, found = np.empty(room, np.int32), np.empty(room, np.int32), 0
+    for k in range(marked.size):
+        if not marked[k]:
+            continue
+        for e in range(around.start[k], around.start[k + 1]):
+            other, p = around.other[e], around.pair[e]
+            is_twice = other < k and marked[other]
+            if not is_twice and pair_geometry(scene, around.owner[p], partner[p])[0] <= near:
+                first[found], second[found] = around.owner[p], partner[p]
                 found += 1
-    return deepest, found
+    return first[:found], second[:found]
+
+
+# ---- Pushing apart: the grains around overlaps with all others held, or all grains
+
+_MASS = 3  # column of the frames of pairs: 1/W
+RESTART_GROWTH = 1.5  # of the change per sweep, at which the momentum restarts
 
 
 class _Bodies(NamedTuple):
@@ -217,7 +216,7 @@ def _measure(
 
 
 @formula
-def _push_apart(
+def _relax(
     c: int, pair: Ints, frame: Floats, push: Floats, mobility: Floats, shift: Floats
 ) -> float:
     """Relax a pair; returns by how much it opens or closes [m]."""
@@ -256,7 +255,7 @@ def _solve(
     for _ in range(sweeps):
         largest, squares = 0.0, 0.0
         for c in range(push.size):
-            moved = _push_apart(c, pair, frame, push, bodies.mobility, shift)
+            moved = _relax(c, pair, frame, push, bodies.mobility, shift)
             largest = max(largest, moved)
             squares += moved * moved
         if largest <= enough:
@@ -287,7 +286,7 @@ def separate(
     allowed: float,
     enough: float,
     sweeps: int,
-) -> Floats:
+) -> tuple[Floats, float, float]:
     """Move the marked grains as little as leaves no more than a target of overlap.
 
     Solves min ½ Σ m δq² with gap + n·δq ≥ −target for all near pairs that can be moved, linearized
@@ -295,18 +294,24 @@ def separate(
     shape ``(w, 2)``, 0 if held [1/kg]. Overlaps are over the smaller radius: ``target`` is left,
     and up to ``allowed`` a pair with a held body is left alone. Sweeps end with one whose largest
     displacement is ``enough`` [m] or less. Returns the displacements of the walls [m], shape
-    ``(w, 2)``: theirs is to follow.
+    ``(w, 2)``: theirs is to follow; and Σ m δx and Σ m δy of the grains [kg m].
     """
     bodies = _bodies(marked, mass, wall_inverse)
     pair, frame = _measure(scene, bodies, i, j, target, allowed)
     memory = start_loop(pair.shape[0])
     shift = _solve(pair, frame, bodies, enough, sweeps, memory)
-    n = marked.size
+    n, pull_x, pull_y = marked.size, 0.0, 0.0
     for k in range(n):
         if marked[k]:
-            scene.position[k, X] += shift[bodies.number[k], X]
-            scene.position[k, Y] += shift[bodies.number[k], Y]
-    return shift[bodies.number[n:], :2]
+            dx, dy = shift[bodies.number[k], X], shift[bodies.number[k], Y]
+            scene.position[k, X] += dx
+            scene.position[k, Y] += dy
+            pull_x += mass[k] * dx
+            pull_y += mass[k] * dy
+    walls = np.empty((bodies.number.size - n, 2))
+    for k in range(walls.shape[0]):
+        walls[k, X], walls[k, Y] = shift[bodies.number[n + k], X], shift[bodies.number[n + k], Y]
+    return walls, pull_x, pull_y
 
 
 # ---- No overlap may exceed 5·10⁻⁴ of the smaller radius
@@ -314,7 +319,9 @@ def separate(
 ALLOWED = 5e-4  # overlap over the smaller radius that is left alone
 # What the correction leaves, so that a loaded contact stays closed and the next correction is far
 TARGET = 2.5e-4
-NEAR = 0.1  # of the mean diameter: the largest gap of pairs that take part
+# Gap of pairs that take part, which a chain of corrections may close: over the largest overlap, and
+# at most over the mean diameter
+CHAIN, NEAR = 20.0, 0.1
 FORBIDDEN = 1e-3  # a run that cannot get below this stops
 ROUNDS = 20  # of linearized corrections
 LOCAL_ROUNDS = 3  # of them with only the grains nearby
@@ -340,97 +347,104 @@ class Correction(NamedTuple):
     rounds: int
 
 
+@kernel
+def push_apart(
+    scene: Scene,
+    local: Floats,
+    i: Ints,
+    j: Ints,
+    around: Around,
+    partner: Ints,
+    mass: Floats,
+    wall_inverse: Floats,
+    near: float,
+    rings: int,
+    marked: NDArray[np.bool_],
+) -> tuple[float, float, float, int]:
+    """Rounds of linearized corrections, until no pair overlaps by more than `ALLOWED`.
+
+    The pairs (i, j) are those that may at first; ``around`` and ``partner`` list all with a gap up
+    to ``near`` [m], which take part.
+    ``local`` are the wall shapes in the frames of their walls, ``wall_inverse`` inverse masses of
+    walls in x and y, shape ``(w, 2)``: they move with everything only. **Modifies** what
+    `correct_positions` does; ``marked`` is work space, shape ``(n,)``. Returns the largest overlap,
+    Σ m δx and Σ m δy [kg m], and the rounds.
+    """
+    above, below = mark_overlaps(scene, i, j, ALLOWED, marked)
+    held, pull_x, pull_y, rounds = np.zeros_like(wall_inverse), 0.0, 0.0, 0
+    largest, enough = scene.radius.max(), ENOUGH * scene.radius.min()
+    while above > 0.0 and rounds < ROUNDS:
+        near = min(near, CHAIN * above * largest)
+        is_local = rounds < LOCAL_ROUNDS
+        if is_local:
+            count = surround(scene, around, partner, near, rings, marked)
+            is_local = count <= LOCAL_SHARE * marked.size
+        if not is_local:
+            marked[:] = True
+        first, second = pairs_of(scene, around, partner, near, marked)
+        shift, dx, dy = separate(
+            scene, first, second, marked, mass, held if is_local else wall_inverse,
+            TARGET, ALLOWED, enough, LOCAL_SWEEPS if is_local else ROUND_SWEEPS,
+        )  # fmt: skip
+        pull_x += dx
+        pull_y += dy
+        if not is_local:
+            for k in range(shift.shape[0]):
+                scene.wall_position[k, X] += shift[k, X]
+                scene.wall_position[k, Y] += shift[k, Y]
+            place_shapes(scene.kind, scene.wall, local, scene.wall_position, scene.world)
+        above, others = mark_again(scene, around, partner, ALLOWED, marked)
+        below = max(below, others) if is_local else others
+        rounds += 1
+    return max(above, below), pull_x, pull_y, rounds
+
+
+def reach_of(overlap: float, model: Model) -> float:
+    """Gap of pairs that take part in a correction of the largest ``overlap`` [m]."""
+    chain = CHAIN * overlap * float(model.grains.radius.max())
+    return min(chain, NEAR * model.mean_diameter)
+
+
 def correct_positions(
     scene: Scene,
     model: Model,
     gravity: Floats,
     motion: WallMotion,
     lists: NeighborList,
-    flagged: NDArray[np.bool_],
+    i: Ints,
+    j: Ints,
+    near: float,
+    marked: NDArray[np.bool_],
     step: int,
 ) -> Correction:
     """Project positions, mass-weighted, until no overlap exceeds `ALLOWED`.
 
     **Modifies** positions, wall frames and wall shapes of ``scene``, at q⁺. Walls that a force
-    drives move according to their mass. ``lists`` has all pairs up to a gap of `NEAR`;
-    ``flagged`` is work space, shape ``(n,)``. Raises `PhysicsError` if overlaps above `FORBIDDEN`
-    cannot be removed.
+    drives move according to their mass. Overlapping pairs are among (i, j); ``lists`` has all up to
+    a gap of `NEAR`; ``marked`` is work space, shape ``(n,)``. Raises `PhysicsError` if overlaps
+    above `FORBIDDEN` cannot be removed.
     """
-    overlap, count = _overlaps(scene, lists, flagged)
-    before, wall_before = scene.position[:, :2].copy(), scene.wall_position.copy()
+    before = scene.wall_position.copy()
     # Walls are not turned; kernels are compiled anew for another layout
     inverse = np.ascontiguousarray(motion.mobility[:, :2])
-    rounds = 0
-    while count and rounds < ROUNDS:
-        # Pairs that a chain of corrections may close: a few of the largest overlaps away.
-        near = min(20.0 * overlap * float(model.grains.radius.max()), NEAR * model.mean_diameter)
-        if _correct_once(scene, model, lists, near, flagged, inverse, rounds < LOCAL_ROUNDS):
-            overlap, count = _overlaps(scene, lists, flagged)
-        else:
-            overlap, count = measure_moved(
-                scene, lists.around, lists.partner, ALLOWED, lists.gap, flagged
-            )
-        rounds += 1
+    overlap, pull_x, pull_y, rounds = push_apart(
+        scene, model.shapes.geometry, i, j, lists.around, lists.partner, model.grains.mass, inverse,
+        near, RINGS, marked,
+    )  # fmt: skip
     if overlap > FORBIDDEN:
-        raise PhysicsError(step, _name_overlap(scene, model, lists, flagged, overlap))
-    moved = scene.position[:, :2] - before
-    gravity_work = total(model.grains.mass * (moved[:, X] * gravity[X] + moved[:, Y] * gravity[Y]))
-    shift = scene.wall_position - wall_before
-    gravity_work += total(motion.weight * shift)
-    return Correction(overlap, gravity_work, motion.shift_work(wall_before, shift), rounds)
-
-
-def _correct_once(
-    scene: Scene,
-    model: Model,
-    lists: NeighborList,
-    near: float,
-    flagged: NDArray[np.bool_],
-    inverse: Floats,
-    is_local: bool,
-) -> bool:
-    """One linearized correction: of the grains around the ``flagged`` (**modified**), or of all.
-
-    Walls, with inverse masses in x and y of shape ``(w, 2)``, move with everything only. Returns
-    whether they did.
-    """
-    enough = ENOUGH * float(model.grains.radius.min())
-    if is_local:
-        around = lists.around
-        count, pairs = surround(around, lists.gap, near, RINGS, flagged)
-        if count <= LOCAL_SHARE * model.grain_count:
-            pairs = np.sort(pairs)
-            i, j = around.owner[pairs], lists.partner[pairs]
-            held = np.zeros_like(inverse)
-            separate(
-                scene, i, j, flagged, model.grains.mass, held, TARGET, ALLOWED, enough,
-                LOCAL_SWEEPS,
-            )  # fmt: skip
-            return False
-    flagged[:] = True
-    i, j = pairs_within(lists.row, lists.partner, lists.gap, near)
-    shift = separate(
-        scene, i, j, flagged, model.grains.mass, inverse, TARGET, ALLOWED, enough, ROUND_SWEEPS
-    )
-    scene.wall_position[:, :2] += shift
-    place_shapes(scene.kind, scene.wall, model.shapes.geometry, scene.wall_position, scene.world)
-    return True
-
-
-def _overlaps(scene: Scene, lists: NeighborList, flagged: NDArray[np.bool_]) -> tuple[float, int]:
-    """Largest overlap over the smaller radius, and number of grains flagged; fills in gaps."""
-    found = chunks_for(flagged.size, 2)
-    measure_overlaps(scene, lists.row, lists.partner, ALLOWED, lists.gap, flagged, found)
-    return float(found[:, 0].max()), round(total(found[:, 1]))
+        raise PhysicsError(step, _name_overlap(scene, model, lists, marked, overlap))
+    shift = scene.wall_position - before
+    work = pull_x * float(gravity[X]) + pull_y * float(gravity[Y]) + total(motion.weight * shift)
+    return Correction(overlap, work, motion.shift_work(before, shift), rounds)
 
 
 def _name_overlap(
-    scene: Scene, model: Model, lists: NeighborList, flagged: NDArray[np.bool_], overlap: float
+    scene: Scene, model: Model, lists: NeighborList, marked: NDArray[np.bool_], overlap: float
 ) -> str:
     worst, pair = -1.0, (0, 0)
-    for i in np.flatnonzero(flagged).tolist():
+    for i in np.flatnonzero(marked).tolist():
         for j in lists.partner[lists.row[i] : lists.row[i + 1]].tolist():
-            depth = -pair_geometry(scene, i, j)[0] / smaller_of(scene, i, j)
+            depth = _overlap(scene, i, j)
             if depth > worst:
                 worst, pair = depth, (i, j)
     i, j = pair

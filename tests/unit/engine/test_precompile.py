@@ -22,9 +22,7 @@ HARD = {
 }
 """Kernels that only some steps need."""
 
-OVERLAPPED = {
-    "both_ways", "measure_moved", "measure_overlaps", "pairs_within", "surround", "separate"
-}  # fmt: skip
+OVERLAPPED = {"both_ways", "push_apart"}
 """Kernels that only steps with overlaps need."""
 
 FIRST = {

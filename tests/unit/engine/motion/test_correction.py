@@ -7,29 +7,59 @@ from scene_parts import FLOOR, make_engine, make_model
 from multicor_cli.engine.geometry.neighbors import both_ways
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.motion import separation
-from multicor_cli.engine.motion.separation import pairs_within, separate, surround
+from multicor_cli.engine.motion.separation import (
+    mark_again,
+    mark_overlaps,
+    pairs_of,
+    separate,
+    surround,
+)
 from multicor_cli.model.shapes import ShapeKind
 
 # a chain: grain k is near grain k + 1, and the last near a wall
 ROW = np.array([0, 1, 2, 3, 4, 5, 6], np.int64)
-PARTNER = np.array([1, 2, 3, 4, 5, 7], np.int32)
+PARTNER = np.array([1, 2, 3, 4, 5, 6], np.int32)
+
+
+def chain():
+    """Discs in a row with gaps of 0.1, but one of 0.9; a plane at the end."""
+    x = np.array([0.0, 1.1, 2.2, 3.3, 5.2, 6.3])
+    position = np.column_stack([x, np.zeros(6), np.zeros(6)])
+    plane = np.array([[6.9, 0.0, -1.0, 0.0]])
+    return Scene(
+        position, np.full(6, 0.5), np.zeros(7, np.int32), np.full(1, ShapeKind.PLANE, np.int32),
+        np.array([0], np.int32), plane, np.array([[6.9, 0.0, 0.0]]), 0.0,
+    )  # fmt: skip
 
 
 def test_rings_grow_along_near_pairs_only():
-    gap = np.array([0.1, 0.1, 0.1, 0.9, 0.1, 0.1])
-    i, j = pairs_within(ROW, PARTNER, gap, 0.5)
-    near = [(0, 1), (1, 2), (2, 3), (4, 5), (5, 7)]
-    assert list(zip(i.tolist(), j.tolist(), strict=True)) == near
     around = both_ways(ROW, PARTNER)
     assert around.owner.tolist() == [0, 1, 2, 3, 4, 5]
-    assert around.other.tolist() == [1, 0, 2, 1, 3, 2, 4, 3, 5, 4, 7]
+    assert around.other.tolist() == [1, 0, 2, 1, 3, 2, 4, 3, 5, 4, 6]
     marked = np.array([False, True, False, False, False, False])
-    count, pairs = surround(around, gap, 0.5, 1, marked)
-    assert (count, sorted(pairs.tolist())) == (3, [0, 1, 2])
+    assert surround(chain(), around, PARTNER, 0.5, 1, marked) == 3
     assert marked.tolist() == [True, True, True, False, False, False]
-    count, pairs = surround(around, gap, 0.5, 9, marked)
-    assert (count, sorted(pairs.tolist())) == (4, [0, 1, 2])  # the gap between 3 and 4 is too wide
+    assert surround(chain(), around, PARTNER, 0.5, 9, marked) == 4  # the gap beside 3 is too wide
     assert marked.tolist() == [True] * 4 + [False] * 2
+
+
+def test_pairs_of_marked_grains_are_each_there_once():
+    marked = np.array([False, True, True, False, False, True])
+    i, j = pairs_of(chain(), both_ways(ROW, PARTNER), PARTNER, 0.5, marked)
+    near = [(0, 1), (1, 2), (2, 3), (4, 5), (5, 6)]
+    assert sorted(zip(i.tolist(), j.tolist(), strict=True)) == near
+
+
+def test_overlaps_mark_grains_and_the_largest_are_told():
+    scene, every = chain(), np.ones(6, np.bool_)
+    scene.position[1, 0] -= 0.13  # the first pair overlaps by 0.03, 0.06 of the radius
+    scene.position[5, 0] += 0.105  # and the last grain the wall by 0.01
+    i, marked = np.arange(6, dtype=np.int32), every.copy()
+    assert mark_overlaps(scene, i, PARTNER, 0.05, marked) == pytest.approx((0.06, 0.01))
+    assert marked.tolist() == [True] + [False] * 5
+    around = both_ways(ROW, PARTNER)
+    assert mark_again(scene, around, PARTNER, 0.05, every) == pytest.approx((0.06, 0.01))
+    assert every.tolist() == [True, True] + [False] * 4
 
 
 def corrected(overlap, count=60):
@@ -117,12 +147,14 @@ def test_displacements_solve_the_convex_problem(lid_inverse):
     mass, wall_inverse = np.pi * radius**2, np.array([[0.0, 0.0], [0.0, lid_inverse]])
     expected = smallest_displacements(scene, i, j, mass, wall_inverse, 1e-3)
     before = position[:, :2].copy()
-    shift = separate(
+    shift, pull_x, pull_y = separate(
         scene, i, j, np.ones(12, np.bool_), mass, wall_inverse, 1e-3, 2e-3, 1e-12, 10_000
     )
     assert np.abs(expected).max() > 0.005
     np.testing.assert_allclose(position[:, :2] - before, expected[:12], atol=1e-7)
     np.testing.assert_allclose(shift, expected[12:], atol=1e-7)
+    pull = (mass[:, None] * (position[:, :2] - before)).sum(axis=0)
+    np.testing.assert_allclose([pull_x, pull_y], pull, rtol=1e-12)
 
 
 def test_held_grains_stay():
