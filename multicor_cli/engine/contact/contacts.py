@@ -16,13 +16,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.law import bias, softened_friction
+from multicor_cli.engine.contact.law import GRAZE, bias, guard_plane, softened_friction
 from multicor_cli.engine.contact.sweep import NO_COUPLES, Couples
 from multicor_cli.engine.contact.vector_step import BOUNCE, IS_OURS, SMALLER
 from multicor_cli.engine.contact.vector_sweep import IMPULSE_ROWS
 from multicor_cli.engine.geometry.places import find_places, met_before, totals_of_places
 from multicor_cli.engine.geometry.radii import pair_radius, surface_turning
-from multicor_cli.engine.geometry.scene import Scene, pair_geometry
+from multicor_cli.engine.geometry.scene import Scene, nearest_image, pair_geometry
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import LANES
@@ -36,6 +36,7 @@ from multicor_cli.model.columns import (
     NORMAL,
     NX,
     NY,
+    RADIUS,
     SECOND,
     SPIN,
     SURFACE,
@@ -44,6 +45,9 @@ from multicor_cli.model.columns import (
     Y,
 )
 from multicor_cli.model.model import ContactLaws, Floats, Grains, Ints
+from multicor_cli.model.shapes import ShapeKind
+
+_VERTEX, _DISC = int(ShapeKind.VERTEX), int(ShapeKind.DISC)
 
 CONTACT = np.dtype(
     (
@@ -189,6 +193,25 @@ def _softened(laws: ContactLaws, a: int, b: int, mu: float, first: float, second
 
 
 @formula
+def _wall_plane(
+    scene: Scene, i: int, j: int, start: Floats, dt: float
+) -> tuple[float, float, float, float]:
+    """As `guard_plane`, of a grain and a wall shape: the normal turns beside points and discs."""
+    gap, nx, ny = pair_geometry(scene, i, j)
+    shape = j - scene.radius.size
+    kind, wall = scene.kind[shape], scene.wall[shape]
+    if not 0.0 < gap < inf or kind not in (_VERTEX, _DISC):
+        return gap, gap, nx, ny
+    body, x, y = scene.radius.size + wall, scene.world[shape, X], scene.world[shape, Y]
+    spin = start[body, SPIN]
+    ux = start[i, X] - (start[body, X] - spin * (y - scene.wall_position[wall, Y]))
+    uy = start[i, Y] - (start[body, Y] + spin * (x - scene.wall_position[wall, X]))
+    dx, dy = nearest_image(scene.position[i, X] - x, scene.period), scene.position[i, Y] - y
+    radii = scene.radius[i] + (scene.world[shape, RADIUS] if kind == _DISC else 0.0)
+    return guard_plane(dx, dy, ux, uy, radii, GRAZE * scene.radius[i], dt)
+
+
+@formula
 def _refresh(
     c: int, scene: Scene, laws: ContactLaws, start: Floats, dt: float, contacts: Contacts
 ) -> float:
@@ -198,20 +221,20 @@ def _refresh(
     """
     contact = contacts[c]
     i, j, count = contact.i, contact.j, scene.radius.size
-    gap, nx, ny = pair_geometry(scene, i, j)
+    gap, room, nx, ny = _wall_plane(scene, i, j, start, dt)
     u_n, u_t, lx, ly = 0.0, 0.0, 0.0, 0.0
     if gap < inf:
         wall = scene.wall[j - count]
-        lx, ly = _wall_lever(scene, i, wall, nx, ny, gap)
+        lx, ly = _wall_lever(scene, i, wall, nx, ny, room)
         u_n, u_t = relative_velocity(start, i, count + wall, nx, ny, True, lx, ly)
     a, b = scene.material[i], scene.material[j]
     mu = friction_of(laws, a, b, abs(u_t))
     if laws.softening_rate.size:
         mu = _softened(laws, a, b, mu, scene.temperature[i], scene.temperature[j])
     contact.nx, contact.ny, contact.gap = nx, ny, gap
-    contact.bias, contact.mu = bias(gap, u_n, laws.restitution[a, b], dt), mu
+    contact.bias, contact.mu = bias(room, u_n, laws.restitution[a, b], dt), mu
     contact.u_n, contact.u_t, contact.lever_x, contact.lever_y = u_n, u_t, lx, ly
-    return u_n if u_n < 0.0 and gap + dt * u_n <= 0.0 else 0.0
+    return u_n if u_n < 0.0 and room + dt * u_n <= 0.0 else 0.0
 
 
 @formula

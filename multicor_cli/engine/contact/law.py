@@ -9,7 +9,37 @@ from __future__ import annotations
 
 from math import sqrt
 
+from multicor_cli.engine.geometry.scene import disc_disc
 from multicor_cli.engine.jit.formulas import formula
+
+GRAZE = 5e-4
+"""Overlap over the smaller radius that is left alone: discs that go no deeper pass each other."""
+
+
+@formula
+def guard_plane(
+    dx: float, dy: float, ux: float, uy: float, radii: float, graze: float, dt: float
+) -> tuple[float, float, float, float]:
+    """The plane that keeps two discs apart in a step; at q_m it is tangent to both, or between.
+
+    Centers are (dx, dy) apart at q_m [m] and go on with (ux, uy) [m/s]. The normal is that at q_m,
+    unless the discs pass each other, going no deeper than ``graze`` [m]: then it is that of their
+    closest approach on this way (theory §3). Returns the gap [m], what is left of it along the
+    normal [m], and the normal.
+    """
+    gap, nx, ny = disc_disc(dx, dy, radii)
+    along, square = dx * ux + dy * uy, ux * ux + uy * uy
+    if not (gap > 0.0 and along < 0.0 and square > 0.0):
+        return gap, gap, nx, ny
+    when, least = -along / square, radii - graze
+    if when >= dt:  # they still approach when the step ends
+        when, least = dt, radii
+    px, py = dx + when * ux, dy + when * uy
+    distance = sqrt(px * px + py * py)
+    if distance < least:
+        return gap, gap, nx, ny
+    nx, ny = px / distance, py / distance
+    return gap, dx * nx + dy * ny - radii, nx, ny
 
 
 @formula

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.engine.contact.law import bias
+from multicor_cli.engine.contact.law import GRAZE, bias, guard_plane
 from multicor_cli.engine.contact.vector_sweep import (
     BIAS_,
     FRAME_ROWS,
@@ -30,7 +30,6 @@ from multicor_cli.engine.contact.vector_sweep import (
     impulse_place,
     pair_place,
 )
-from multicor_cli.engine.geometry.scene import disc_disc
 from multicor_cli.engine.jit.compile import loop_body
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES, Vector, Writer, vector_loop
@@ -94,23 +93,25 @@ def begin_scalar(
             dx = middle[i] - middle[j]
             dx = dx - period if dx > half else dx + period if dx < -half else dx
             radii = middle[i + _RADIUS] + middle[j + _RADIUS]
-            g, nx, ny = disc_disc(dx, middle[i + Y_] - middle[j + Y_], radii)
+            dy = middle[i + Y_] - middle[j + Y_]
             ux, uy = start[i] - start[j], start[i + Y_] - start[j + Y_]
+            graze = GRAZE * about[a + _SMALLER]
+            g, room, nx, ny = guard_plane(dx, dy, ux, uy, radii, graze, dt)
             u_n, across = ux * nx + uy * ny, uy * nx - ux * ny
             u_t = across - (start[i + SURFACE_] + start[j + SURFACE_])
             frame[f], frame[f + NY_] = nx, ny
-            frame[f + BIAS_] = bias(g, u_n, about[a], dt)
+            frame[f + BIAS_] = bias(room, u_n, about[a], dt)
             gap[lane], before[p], before[p + TANGENTIAL_] = g, u_n, u_t
             # Of a contact that bears nothing p_t may be −0, which no state remembers
             impulse[p] *= ratio
             impulse[p + TANGENTIAL_] = ratio * impulse[p + TANGENTIAL_] + 0.0
-            if u_n < 0.0 and g + dt * u_n <= 0.0:
+            if u_n < 0.0 and room + dt * u_n <= 0.0:
                 squares += u_n * u_n
                 closes += 1.0
             if impulse[p] > 0.0:
                 slip += abs(u_t)
                 loaded += 1.0
-            if impulse[p] > 0.0 or (u_n < 0.0 and g + dt * u_n <= 0.0):
+            if impulse[p] > 0.0 or (u_n < 0.0 and room + dt * u_n <= 0.0):
                 motion += sqrt(u_n * u_n + across * across)
                 met += 1.0
         sums = (
@@ -138,6 +139,30 @@ def _nearest(dx: Vector, period: Vector, half: Vector) -> Vector:
     return dx.where(">", half, dx - period, dx.where("<", -half, dx + period, dx))
 
 
+def _guard_planes(
+    code: Writer, dx: Vector, dy: Vector, ux: Vector, uy: Vector, radii: Vector, graze: Vector,
+    step: Vector,
+) -> list[Vector]:  # fmt: skip
+    """As `law.guard_plane`."""
+    zero, one = code.number(0.0), code.number(1.0)
+    distance = (dx * dx + dy * dy).root()
+    nx = distance.where(">", zero, dx / distance, zero)
+    ny = distance.where(">", zero, dy / distance, one)
+    gap = distance.where(">", zero, distance - radii, -radii)
+    along, square = dx * ux + dy * uy, ux * ux + uy * uy
+    when = -along / square
+    least = when.where(">=", step, radii, radii - graze)
+    when = when.smaller(step)
+    px, py = dx + when * ux, dy + when * uy
+    closest = (px * px + py * py).root()
+    passes = gap.where(">", zero, along.where("<", zero, square, zero), zero)
+    passes = closest.where("<", least, zero, passes)
+    nx = passes.where(">", zero, px / closest, nx)
+    ny = passes.where(">", zero, py / closest, ny)
+    room = passes.where(">", zero, dx * nx + dy * ny - radii, gap)
+    return [gap, room, nx, ny]
+
+
 @vector_loop(results=6)
 def begin_batches(
     code: Writer, first: _Value, last: _Value, middle: _Value, start: _Value, pair: _Value,
@@ -145,27 +170,23 @@ def begin_batches(
     dt: _Value, period: _Value, half: _Value, ratio: _Value,
 ) -> list[_Value]:  # fmt: skip
     """As `begin_scalar`."""
-    zero, one = code.number(0.0), code.number(1.0)
+    zero, one, least = code.number(0.0), code.number(1.0), code.number(GRAZE)
     step, period, half, ratio = (code.spread(value) for value in (dt, period, half, ratio))
     sums = code.keep([zero] * 6)
     with code.each(first, last) as batch:
         bodies = _bodies(code, pair, batch)
         dx, dy, radii, _ = _difference(code, _rows(code, middle, bodies))
         dx = _nearest(dx, period, half)
-        distance = (dx * dx + dy * dy).root()
-        is_apart = distance.where(">", zero, one, zero)
-        nx = is_apart.where(">", zero, dx / distance, zero)
-        ny = is_apart.where(">", zero, dy / distance, one)
-        g = is_apart.where(">", zero, distance - radii, -radii)
         ux, uy, spins, _ = _difference(code, _rows(code, start, bodies))
+        bounce, smaller, ours = code.block(about, batch, ABOUT_ROWS, BOUNCE, SMALLER, IS_OURS)
+        g, room, nx, ny = _guard_planes(code, dx, dy, ux, uy, radii, least * smaller, step)
         u_n, across = ux * nx + uy * ny, uy * nx - ux * ny
         u_t = across - spins
-        bounce, ours = code.block(about, batch, ABOUT_ROWS, BOUNCE, IS_OURS)
         closing = u_n.smaller(zero)
-        reached = g + step * closing
+        reached = room + step * closing
         rebound = bounce.where(
-            ">", zero, reached.where("<=", zero, bounce * closing, g.larger(zero) / step),
-            g.larger(zero) / step,
+            ">", zero, reached.where("<=", zero, bounce * closing, room.larger(zero) / step),
+            room.larger(zero) / step,
         )  # fmt: skip
         code.fill(frame, batch, FRAME_ROWS, {NX: nx, NY: ny, BIAS: rebound})
         code.fill(before, batch, IMPULSE_ROWS, {NORMAL: u_n, TANGENTIAL: u_t})

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.acceleration import choose_factor, extrapolate, restart, start_loop
+from multicor_cli.engine.contact.law import GRAZE
 from multicor_cli.engine.geometry.neighbors import Around, NeighborList
 from multicor_cli.engine.geometry.radii import smaller_of
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry, place_shapes
@@ -316,7 +317,7 @@ def separate(
 
 # ---- No overlap may exceed 5·10⁻⁴ of the smaller radius
 
-ALLOWED = 5e-4  # overlap over the smaller radius that is left alone
+ALLOWED = GRAZE  # overlap over the smaller radius that is left alone
 # What the correction leaves, so that a loaded contact stays closed and the next correction is far
 TARGET = 2.5e-4
 # Gap of pairs that take part, which a chain of corrections may close: over the largest overlap, and

@@ -105,6 +105,31 @@ def test_full_solution_equals_the_exact_one_for_a_diagonal_matrix():
         )
 
 
+def test_the_plane_between_two_discs_keeps_them_apart():
+    """Whatever the velocities become that it allows; where they pass, it leaves those they have."""
+    rng = np.random.default_rng(8)
+    dt, radii, graze, passed = 0.1, 1.0, 5e-4, 0
+    for _ in range(2000):
+        angle, away = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(1.0, 1.3)
+        d, u = away * np.array([np.cos(angle), np.sin(angle)]), rng.normal(0.0, 4.0, 2)
+        gap, room, *normal = law.guard_plane(*d, *u, radii, graze, dt)
+        n = np.array(normal)
+        assert gap == pytest.approx(away - radii, abs=1e-15)
+        assert room == pytest.approx(d @ n - radii, abs=1e-15)
+        path = d + np.linspace(0.0, dt, 2001)[:, None] * u
+        closest = np.hypot(*path.T).min()
+        if closest >= radii + 1e-6:
+            passed += 1
+            assert room + dt * (u @ n) >= 0.0
+        elif closest < radii - graze:
+            assert n == pytest.approx(d / away, abs=1e-15)
+            assert room + dt * (u @ n) < 0.0
+        for v in rng.normal(0.0, 4.0, (20, 2)):  # at worst they end on the plane
+            v = v - min(0.0, v @ n + max(room, 0.0) / dt) * n
+            assert np.hypot(*(d + dt * v)) >= radii - graze
+    assert 500 < passed < 1900
+
+
 def test_bias():
     dt = 0.1
     assert law.bias(0.02, -1.0, 0.5, dt) == -0.5  # closes within the step: Newton's rebound alone

@@ -50,10 +50,23 @@ def test_no_other_pair_meets_and_those_that_carry_are_among_them():
     assert 5 < sought < 120
 
 
+def normals_of(apart, velocity, radii, least):
+    """Normals at q_m, or of the closest approach of discs that will pass each other, in NumPy."""
+    square, along = (velocity**2).sum(axis=1), (apart * velocity).sum(axis=1)
+    gap = np.hypot(*apart.T) - radii
+    when = np.minimum(np.where(along < 0.0, -along / np.maximum(square, 1e-300), 0.0), DT)
+    there = apart + when[:, None] * velocity
+    passes = np.hypot(*there.T) >= radii - np.where(when < DT, 5e-4 * least, 0.0)
+    chosen = np.where(((gap > 0.0) & (along < 0.0) & passes)[:, None], there, apart)
+    return chosen / np.hypot(*chosen.T)[:, None], passes & (along < 0.0) & (gap > 0.0)
+
+
 def test_the_table_of_a_step_is_that_of_its_geometry_and_velocities():
     """Gaps, normals and slips of contacts of two grains, in NumPy."""
     engine = shear_engine(columns=30, rows=6, restitution=0.3)
-    advance(engine, DT, 140)
+    advance(engine, DT, 139)
+    before = np.column_stack([engine.state.velocity[:, :2]])
+    engine.step(DT, 139 * DT)
     table, (scene, _, after, *_) = engine.contacts(), engine.moved
     n, period = engine.model.grain_count, engine.model.period
     both = table.j < n
@@ -62,7 +75,10 @@ def test_the_table_of_a_step_is_that_of_its_geometry_and_velocities():
     apart[:, 0] -= period * np.floor(apart[:, 0] / period + 0.5)
     distance = np.hypot(*apart.T)
     assert table.gap[both] == pytest.approx(distance - scene.radius[i] - scene.radius[j], abs=1e-13)
-    normal = apart / distance[:, None]
+    radii = scene.radius[i] + scene.radius[j]
+    least = np.minimum(scene.radius[i], scene.radius[j])
+    normal, passing = normals_of(apart, before[i] - before[j], radii, least)
+    assert 50 < passing.sum() < 300
     assert table.normal[both] == pytest.approx(normal, abs=1e-13)
     velocity = after[i] - after[j]
     along = velocity[:, 1] * normal[:, 0] - velocity[:, 0] * normal[:, 1]

@@ -323,6 +323,7 @@ SAMPLES = {
     "friction.archard_volume": (1e-14, 100.0),
     "friction.rubbing_of": (1e-3, -0.1, 2e-5, 0.5),
     "sweep.solve_rolling": (1e-4, 0.1, 5e-5, 2e-4),
+    "law.guard_plane": (0.011, 2e-3, -1.0, 0.3, 0.01, 5e-6, 5e-3),
     "law.bias": (1e-5, -0.1, 0.5, 1e-4),
     "law.bipotential_parameter": (1e-3, 3e-4),
     "law.predict_and_correct": (1e-4, 5e-5, -0.1, 0.2, 5e-4, 0.4),
