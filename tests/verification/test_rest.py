@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
+from scenarios import plane, scenario
 
 from multicor_cli.engine import Settings
 from multicor_cli.engine.contact.solve import ResidualScale
-from tests.support.scenarios import plane, scenario
 
 _DIAMETER = 1e-3
 _GRAINS = {

@@ -19,6 +19,7 @@ from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.spots import Spots, look_up, resting_contacts
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.shapes import ShapeKind
@@ -45,32 +46,38 @@ class Ends(NamedTuple):
     flow_share: Floats
 
 
+@formula
+def _end_of(
+    k: int, grains: int, j: Ints, conductance: Floats, is_radiating: bool, wall: Ints, kind: Ints
+) -> int:
+    """Kind of what a link leads to: grains are bodies; `INSULATED` where nothing can flow."""
+    if conductance[k] == 0.0 and not is_radiating:
+        return INSULATED
+    if j[k] < grains:
+        return BODY
+    what: int = kind[wall[j[k] - grains]]
+    return INSULATED if what == FLOW and not conductance[k] > 0.0 else what
+
+
 @kernel
 def split_links(
     grains: int, i: Ints, j: Ints, conductance: Floats, area: Floats, wall: Ints, kind: Ints,
     node: Ints
 ) -> Ends:  # fmt: skip
-    """Split links: none to insulated walls; H shares a prescribed flow out; bodies are like grains.
+    """Split links by their other end: H shares a prescribed flow out; bodies are like grains.
 
-    ``area`` factors of radiation [m²] have shape ``(e,)`` or size 0; ``wall`` is that of each wall
-    shape, shape ``(m,)``; ``kind`` and ``node`` (of bodies) are those of the walls, shape ``(w,)``.
+    Those through which nothing can flow are left out. ``area`` factors of radiation [m²] have shape
+    ``(e,)`` or size 0; ``wall`` is that of each wall shape, shape ``(m,)``; ``kind`` and ``node``
+    (of bodies) are those of the walls, shape ``(w,)``.
     """
-    count = np.zeros(3, np.int64)  # of links to grains and bodies, and to walls by kind
-    total = np.zeros(kind.size)
-    for k in range(j.size):
-        if j[k] < grains:
-            count[INSULATED] += 1
-        else:
-            w = wall[j[k] - grains]
-            if kind[w] == KNOWN:
-                count[KNOWN] += 1
-            elif kind[w] == BODY:
-                count[INSULATED] += 1
-            elif kind[w] == FLOW and conductance[k] > 0.0:
-                count[FLOW] += 1
-                total[w] += conductance[k]
-    between, known, flowing = count
+    count, total = np.zeros(4, np.int64), np.zeros(kind.size)  # of links by kind; H by wall
     has_area = min(area.size, 1)
+    for k in range(j.size):
+        what = _end_of(k, grains, j, conductance, area.size > 0, wall, kind)
+        count[what] += 1
+        if what == FLOW:
+            total[wall[j[k] - grains]] += conductance[k]
+    between, known, flowing = count[BODY], count[KNOWN], count[FLOW]
     ends = Ends(
         np.empty(between, np.int32), np.empty(between, np.int32), np.empty(between),
         np.empty(has_area * between),
@@ -80,39 +87,34 @@ def split_links(
     )  # fmt: skip
     count[:] = 0
     for k in range(j.size):
-        is_grain = j[k] < grains
-        if is_grain or kind[wall[j[k] - grains]] == BODY:
-            at = count[INSULATED]
-            ends.i[at], ends.j[at], ends.conductance[at] = (
-                i[k],
-                j[k] if is_grain else node[wall[j[k] - grains]],
-                conductance[k],
-            )
+        what = _end_of(k, grains, j, conductance, area.size > 0, wall, kind)
+        at, w = count[what], wall[j[k] - grains] if j[k] >= grains else -1
+        count[what] += 1
+        if what == BODY:
+            other = j[k] if w < 0 else node[w]
+            ends.i[at], ends.j[at], ends.conductance[at] = i[k], other, conductance[k]
             if has_area:
                 ends.area[at] = area[k]
-            count[INSULATED] += 1
-            continue
-        w = wall[j[k] - grains]
-        if kind[w] == KNOWN:
-            at = count[KNOWN]
+        elif what == KNOWN:
             ends.wall_i[at], ends.wall[at], ends.wall_conductance[at] = i[k], w, conductance[k]
             if has_area:
                 ends.wall_area[at] = area[k]
-            count[KNOWN] += 1
-        elif kind[w] == FLOW and conductance[k] > 0.0:
-            at = count[FLOW]
-            ends.flow_i[at], ends.flow_wall[at], ends.flow_share[at] = (
-                i[k],
-                w,
-                conductance[k] / total[w],
-            )
-            count[FLOW] += 1
+        elif what == FLOW:
+            share = conductance[k] / total[w]
+            ends.flow_i[at], ends.flow_wall[at], ends.flow_share[at] = i[k], w, share
     return ends
 
 
 # ---- From contacts, gaps, walls and surroundings to links between nodes
 
 _KINDS = {"insulated": INSULATED, "temperature": KNOWN, "flow": FLOW, "capacity": BODY}
+
+
+def kinds_of(conditions: Sequence[WallHeat], grains: int) -> tuple[Ints, Ints]:
+    """Kinds of the walls, and the nodes of those that are bodies, both of shape ``(w,)``."""
+    kind = np.array([_KINDS[c.kind] for c in conditions], np.int32)
+    return kind, (grains - 1 + np.cumsum(kind == BODY)).astype(np.int32)
+
 
 Pairs = tuple[Ints, Ints, Floats]
 """First and second shapes of pairs, sorted, and their gaps [m]."""
@@ -146,12 +148,9 @@ def links_of(
     """
     laws, area = settings.laws, np.empty(0)
     if near is None:
-        loaded = spots.conductance > 0.0
-        i, j, conductance = spots.i[loaded], spots.j[loaded], spots.conductance[loaded]
-        place, _ = find_places(scene, i, j)
-        return Links(
-            i, j, conductance, area, largest_biot(scene, i, j, place, conductance, laws), (0.0, 0.0)
-        )
+        i, j, conductance = spots.i, spots.j, spots.conductance
+        biot = largest_biot(scene, i, j, spots.place, conductance, laws)
+        return Links(i, j, conductance, area, biot, (0.0, 0.0))
     i, j, gap = _with_contacts(scene, near, spots)
     row = warm_rows(model.grain_count, spots.i)
     conductance, spot = np.empty(i.size), np.empty(i.size)
@@ -204,18 +203,17 @@ def _is_within(scene: Scene, i: Ints, j: Ints, gap: Floats, reach: float) -> NDA
 def network_of(
     links: Links,
     scene: Scene,
-    conditions: list[WallHeat],
+    kind: Ints,
+    node: Ints,
     velocity: Floats,
     model: Model,
     settings: HeatSettings,
 ) -> Network:
     """The network of a step, of grains and then bodies: walls with a heat capacity.
 
-    Links to insulated walls are left out. Velocities of the grains [m/s], shape ``(n, 2)``.
+    ``kind`` and ``node`` are those of `kinds_of`; velocities of the grains [m/s], ``(n, 2)``.
     """
     n = model.grain_count
-    kind = np.array([_KINDS[c.kind] for c in conditions], np.int32)
-    node = (n - 1 + np.cumsum(kind == BODY)).astype(np.int32)
     ends = split_links(n, links.i, links.j, links.conductance, links.area, scene.wall, kind, node)
     nodes = n + int(np.count_nonzero(kind == BODY))
     asked = (mechanism.outside(velocity, settings.laws, model) for mechanism in settings.mechanisms)

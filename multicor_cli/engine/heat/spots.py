@@ -99,12 +99,13 @@ TOUCHING = 1e-4
 class Spots:
     """Contacts that conduct; ``c`` of them, sorted by (i, j): a grain and a grain or wall shape.
 
-    ``radius`` is a_c of the spot of the place [m], 0 where it bears no force; ``conductance`` is
-    H_c [W/K]; shapes are ``(c,)``.
+    ``place`` is as `find_places` has it; ``radius`` is a_c of the spot of the place [m], 0 where it
+    bears no force; ``conductance`` is H_c [W/K]; shapes are ``(c,)``.
     """
 
     i: Ints
     j: Ints
+    place: Ints
     radius: Floats
     conductance: Floats
 
@@ -184,10 +185,11 @@ def conducting_spots(
 ) -> Spots:
     """Spots of contacts under given normal forces [N]; the contacts of a place have one spot."""
     radius, conductance = np.empty(i.size), np.empty(i.size)
-    total = totals_of_places(find_places(scene, i, j)[0], force)
+    place, _ = find_places(scene, i, j)
+    total = totals_of_places(place, force)
     contact_spots(
         scene, i, j, force, total, laws, settings.conduction == "rough", radius, conductance
     )
     if settings.conduction == "none":
         conductance[:] = 0.0
-    return Spots(i, j, radius, conductance)
+    return Spots(i, j, place, radius, conductance)

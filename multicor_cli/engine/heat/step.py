@@ -10,7 +10,7 @@ import numpy as np
 from multicor_cli.engine.contact.contacts import net_impulses, resting_attraction, warm_rows
 from multicor_cli.engine.contact.system import Moved
 from multicor_cli.engine.geometry.neighbors import NeighborList
-from multicor_cli.engine.geometry.places import find_places, met_before
+from multicor_cli.engine.geometry.places import met_before
 from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.heat.books import (
     book_flow,
@@ -29,7 +29,7 @@ from multicor_cli.engine.heat.friction import (
     share_out,
 )
 from multicor_cli.engine.heat.integration import CannotIntegrate, integrate
-from multicor_cli.engine.heat.network import Links, Pairs, links_of, network_of
+from multicor_cli.engine.heat.network import Links, Pairs, kinds_of, links_of, network_of
 from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.spots import (
     TOUCHING,
@@ -78,6 +78,10 @@ class HeatStep:
         """Take up the thermal conditions of walls; signals count from the start of the stage."""
         self.of_contacts: tuple[Floats, Floats] | None = None
         self._conditions = list(conditions)
+        self._kind, self._node = kinds_of(conditions, self._model.grain_count)
+        self._takes_heat = np.array(
+            [condition.kind in ("temperature", "capacity") for condition in conditions], np.bool_
+        )
         self._bodies = np.flatnonzero([condition.kind == "capacity" for condition in conditions])
         self._capacity = np.append(
             self._thermal.capacity, [self._conditions[w].capacity for w in self._bodies]
@@ -198,11 +202,8 @@ class HeatStep:
             rubbing,
         )
         source, to_walls = np.zeros(model.grain_count), np.zeros(model.wall_count)
-        takes_heat = np.array(
-            [c.kind in ("temperature", "capacity") for c in self._conditions], np.bool_
-        )
         share_out(
-            moved.scene, moved.i, moved.j, heat, rubbing, self._settings.laws, takes_heat,
+            moved.scene, moved.i, moved.j, heat, rubbing, self._settings.laws, self._takes_heat,
             source, to_walls, state.wear,
             state.wall_wear,
         )  # fmt: skip
@@ -220,12 +221,11 @@ class HeatStep:
         if settings.collisional:
             row = warm_rows(self._model.grain_count, moved.loaded_i)
             is_known = met_before(moved.scene, row, moved.loaded_j, moved.i, moved.j)
-            place, _ = find_places(moved.scene, moved.i, moved.j)
             collide(
                 moved.scene,
                 self._model.grains.mass,
                 contacts,
-                place,
+                spots.place,
                 is_known,
                 self._settings.laws,
                 dt,
@@ -262,7 +262,7 @@ class HeatStep:
                 state.step, find_absurd_value(state, self._model) or "a temperature is not finite"
             )
         velocity = np.zeros((len(state.velocity), 2)) if is_frozen else state.velocity[:, :2]
-        net = network_of(links, scene, self._conditions, velocity, self._model, settings)
+        net = network_of(links, scene, self._kind, self._node, velocity, self._model, settings)
         walls, n = WallValues(self._conditions, t), self._model.grain_count
         temperature = np.append(
             state.temperature(self._thermal), state.wall_temperature[self._bodies]
