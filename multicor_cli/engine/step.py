@@ -50,7 +50,7 @@ from multicor_cli.engine.energy.account import (
     open_books,
     switch_wall_kinetic,
 )
-from multicor_cli.engine.geometry.drift import NOTHING, cutoff_of_velocities, fit_drift
+from multicor_cli.engine.geometry.drift import cutoff_of_velocities
 from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.heat.settings import HeatSettings
@@ -516,10 +516,9 @@ class Engine:
     def _cutoff_before(self, scene: Scene, gravity: Floats, walls: Floats, dt: float) -> float:
         """A gap that no pair closes in `AHEAD` steps [m], as velocities before the solve tell."""
         layout, motion = self._layout, self._motion
-        drift = fit_drift(layout.free, layout.middle, layout.model.period, NOTHING)
         fall = dt * np.abs(gravity)  # between the velocities at the start and the free ones
         cutoff = cutoff_of_velocities(
-            scene, drift, fall, motion.before, walls, motion.extent, AHEAD * dt,
+            scene, layout.free, fall, motion.before, walls, motion.extent, AHEAD * dt,
             layout.pairs.largest,
         )  # fmt: skip
         return max(cutoff, closing_distance(self._laws(), layout.model.grains, dt))
@@ -527,10 +526,9 @@ class Engine:
     def _cutoff_after(self, step: Prediction, after: Floats) -> float:
         """A gap that no pair closes in the step with the velocities v⁺ [m]."""
         layout = self._layout
-        drift = fit_drift(after, layout.middle, self.model.period, NOTHING)
         walls = after[layout.model.grain_count :, :3].copy()
         return cutoff_of_velocities(
-            step.scene, drift, _NO_FALL, walls, walls, self._motion.extent, step.dt,
+            step.scene, after, _NO_FALL, walls, walls, self._motion.extent, step.dt,
             layout.pairs.largest,
         )  # fmt: skip
 

@@ -272,10 +272,10 @@ def closing_gap(bound: ApproachBound, dt: float, diameter: float) -> float:
     return max(cutoff, dt * bound.wall)
 
 
-@kernel
+@parallel_kernel
 def cutoff_of_velocities(
     scene: Scene,
-    drift: Drift,
+    bodies: Floats,
     more: Floats,
     first: Floats,
     second: Floats,
@@ -285,10 +285,11 @@ def cutoff_of_velocities(
 ) -> float:
     """A gap that no pair closes in ``dt`` [m].
 
-    Velocities of grains are those of a ``drift``, or differ from them by up to ``more``, shape
-    ``(2,)``; those of walls ``first`` or ``second``, shape ``(w, 3)``. ``extent`` is how far the
-    shapes of a wall reach from its reference point [m], shape ``(w,)``.
+    Velocities of grains are those of ``bodies``, grains first, or differ from them by up to
+    ``more``, shape ``(2,)``; those of walls ``first`` or ``second``, shape ``(w, 3)``. ``extent``
+    is how far the shapes of a wall reach from its reference point [m], shape ``(w,)``.
     """
+    drift = fit_drift(bodies, scene.position, scene.period, NOTHING)
     largest = drift.largest + more
     rest = drift.rest + np.sqrt(more[X] * more[X] + more[Y] * more[Y])
     wider = Drift(drift.center, drift.fit, drift.gradient, rest, largest)
@@ -311,15 +312,24 @@ def cutoff_of_velocities(
     return cutoff
 
 
-@kernel
+@parallel_kernel
 def approach_of_displacements(
-    kind: Ints, drift: Drift, before: Floats, now: Floats, extent: float, distance: float
+    kind: Ints,
+    position: Floats,
+    reference: Floats,
+    period: float,
+    before: Floats,
+    now: Floats,
+    extent: float,
+    distance: float,
 ) -> float:
     """How much closer pairs may have come that were ``distance`` [m] apart, or walls [m].
 
-    ``drift`` is that of the displacements of the grains; ``before`` and ``now`` the wall shapes,
-    shape ``(m, 4)``; ``extent`` bounds the distance of grains from the points of planes [m].
+    Grains have gone from ``reference`` to ``position``, nearest image; wall shapes from ``before``
+    to ``now``, shape ``(m, 4)``; ``extent`` bounds the distance of grains from the points of planes
+    [m].
     """
+    drift = fit_drift(position, reference, period, reference)
     moved, turn = np.empty((kind.size, 2)), np.zeros(kind.size)
     largest = np.sqrt(drift.largest[X] * drift.largest[X] + drift.largest[Y] * drift.largest[Y])
     for k in range(kind.size):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli import arithmetic
-from multicor_cli.engine.geometry.drift import approach_of_displacements, fit_drift
+from multicor_cli.engine.geometry.drift import approach_of_displacements
 from multicor_cli.engine.geometry.scene import is_near_shape, minimum_image
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
@@ -466,12 +466,12 @@ class NeighborList:
     def _approach(self, position: Floats, world: Floats) -> float:
         """How much closer than when the list was built any pair that is not listed may be [m]."""
         reference, model = self._reference, self._model
-        drift = fit_drift(position, reference, model.period, reference)
         # Those not listed are at least this far apart; farther apart they have more room to lose.
         distance, before = self.largest + self._cutoff, self._reference_world
         return approach_of_displacements(
-            model.shapes.kind, drift, before, world, self._extent, distance
-        )
+            model.shapes.kind, position, reference, model.period, before, world, self._extent,
+            distance,
+        )  # fmt: skip
 
     def _build(self, position: Floats, world: Floats, cutoff: float) -> None:
         model = self._model

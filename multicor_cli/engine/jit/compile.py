@@ -76,19 +76,11 @@ def parallel_kernel(function: F) -> F:
     """Compile a kernel with ``prange`` loops on threads twice, each version when first needed.
 
     The one for a single thread compiles in half the time, and small problems need no other. Both
-    compute the same bits. Where the one for several is there it serves a single thread as well.
+    compute the same bits, and call the same version of other such kernels. Where the one for
+    several is there it serves a single thread as well.
     """
-    twin = FunctionType(
-        function.__code__,
-        function.__globals__,
-        function.__name__,
-        function.__defaults__,
-        function.__closure__,
-    )
-    # Numba's cache knows functions by their names alone
-    twin.__qualname__ = f"{function.__qualname__}_on_threads"
-    twin.__module__, twin.__annotations__ = function.__module__, function.__annotations__
-    alone, on_threads = kernel(function), threaded_loop(twin)
+    alone = kernel(_twin(function, "alone"))
+    on_threads = threaded_loop(_twin(function, "on_threads"))
     has_threads = False
 
     @functools.wraps(function)
@@ -97,7 +89,26 @@ def parallel_kernel(function: F) -> F:
         has_threads = has_threads or threads_in_use() > 1
         return (on_threads if has_threads else alone)(*args)
 
+    call.alone, call.on_threads = alone, on_threads  # type: ignore[attr-defined]
     return call  # type: ignore[return-value]
+
+
+def _twin(function: Callable[..., Any], version: str) -> Callable[..., Any]:
+    """A copy that calls this version of the kernels on threads that it names."""
+    named = {name: function.__globals__.get(name) for name in function.__code__.co_names}
+    chosen = {name: getattr(one, version) for name, one in named.items() if hasattr(one, version)}
+    twin = FunctionType(
+        function.__code__,
+        {**function.__globals__, **chosen} if chosen else function.__globals__,
+        function.__name__,
+        function.__defaults__,
+        function.__closure__,
+    )
+    # Numba's cache knows functions by their names alone
+    suffix = "" if version == "alone" else f"_{version}"
+    twin.__qualname__, twin.__doc__ = function.__qualname__ + suffix, function.__doc__
+    twin.__module__, twin.__annotations__ = function.__module__, function.__annotations__
+    return twin
 
 
 def loop_body(function: F) -> F:

@@ -125,12 +125,16 @@ class WallMotion:
 
     def _set_free(self, after: Floats, gravity: Floats, dt: float) -> None:
         """(M + h) V⁺ = (M − h) V⁻ + Δt F with h = ½cΔt + ¼kΔt², of what is driven."""
-        driven = self.driven
-        self.weight = np.where(self._is_heavy, self.mass * np.append(gravity, 0.0), 0.0)
-        half = 0.5 * dt * self.damping + 0.25 * dt * dt * self.stiffness
-        self.inverse = _inverse_where(driven, self.mass + half)
-        free = ((self.mass - half) * self.before + dt * (self.load + self.weight)) * self.inverse
-        after[driven] = free[driven]
+        for w, d in self._pushed:
+            mass = float(self.mass[w, d])
+            is_pulled = d < SPIN and self._is_heavy[w, d]
+            weight = mass * float(gravity[d]) if is_pulled else 0.0
+            half = 0.5 * dt * float(self.damping[w, d])
+            half += 0.25 * dt * dt * float(self.stiffness[w, d])
+            inverse, before = 1.0 / (mass + half), float(self.before[w, d])
+            force = float(self.load[w, d]) + weight
+            self.weight[w, d], self.inverse[w, d] = weight, inverse
+            after[w, d] = ((mass - half) * before + dt * force) * inverse
 
     def surface_after(self, state: State) -> Floats:
         """`State.wall_surface` after the step: V_s⁺, or nothing if no surface has ever run."""
