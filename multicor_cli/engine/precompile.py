@@ -161,7 +161,7 @@ def _prepare(model: Model, scene: Scene, contacts: Contacts, bodies: Floats) -> 
     assemble(
         scene, contacts, lanes, np.zeros(1), np.zeros((1, 3)), model.shape_factor, has_couples=False
     ).collect(contacts)
-    begin_walls(scene, model.laws, bodies, 1.0, 1.0, lanes.walls, contacts)
+    begin_walls(scene, model.laws, bodies, 1.0, 1.0, lanes.of_walls, contacts)
     begin_grains(
         lanes.middle, lanes.start, lanes.pair, lanes.about, lanes.frame, lanes.impulse,
         lanes.before, lanes.gap, 1.0, model.period, 1.0,

@@ -573,10 +573,7 @@ class Engine:
             lanes.middle, lanes.start, lanes.pair, lanes.about, lanes.frame, lanes.impulse,
             lanes.before, lanes.gap, dt, scene.period, ratio,
         )  # fmt: skip
-        walls = [
-            begin_walls(scene, laws, start, dt, ratio, which, contacts)
-            for which in (lanes.walls, lanes.general)
-        ]
+        walls = begin_walls(scene, laws, start, dt, ratio, lanes.of_walls, contacts)
         if laws.softening_rate.size or laws.table_speed.size:
             vary_friction(scene, laws, i, j, lanes.slot, lanes.before, lanes.frame)
         if laws.adhesion.size or laws.rolling.size:
@@ -590,7 +587,7 @@ class Engine:
             if laws.rolling.size:
                 begin_rolling(scene, laws, start, warm, ratio, contacts)
         attraction = float(contacts["attraction"].max(initial=0.0)) if laws.adhesion.size else 0.0
-        scale = self._scale(step, attraction, *map(sum, zip(grains, *walls, strict=True)))
+        scale = self._scale(step, attraction, *map(sum, zip(grains, walls, strict=True)))
         if scale.velocity == 0.0:
             # Nothing closes and nothing pushes: the last impulses must not act once more.
             lanes.impulse[:] = 0.0
@@ -627,8 +624,7 @@ class Engine:
             lanes.middle, lanes.velocity, lanes.pair, lanes.about, lanes.frame, lanes.impulse,
             lanes.before, lanes.gap, step.dt, step.scene.period,
         )  # fmt: skip
-        walls = np.concatenate([lanes.walls, lanes.general])
-        return account_contacts(step.scene, end, contacts, after, walls, sums)
+        return account_contacts(step.scene, end, contacts, after, lanes.of_walls, sums)
 
     def _scale(
         self,

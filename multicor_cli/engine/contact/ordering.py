@@ -345,6 +345,7 @@ class Schedule(NamedTuple):
     Attributes:
         general: General contacts, shape ``(g,)``.
         walls: Diagonal contacts with walls, ascending.
+        of_walls: All contacts with walls: these, and then the general ones.
         lane: Lane of each contact, -1 - g for the general contact g, shape ``(c,)``.
         place: Row of each grain, shape ``(n,)``; then come the walls, then the wall proxies, and
             two rows for the empty lanes of each tile.
@@ -361,6 +362,7 @@ class Schedule(NamedTuple):
     color_start: NDArray[np.int64]
     general: Ints
     walls: Ints
+    of_walls: Ints
     lane: Ints
     place: Ints
     velocity: Floats
@@ -417,8 +419,8 @@ def schedule_contacts(
     lane[general] = -1 - np.arange(general.size, dtype=np.int32)
     walls = np.flatnonzero((j >= scene.radius.size) & (lane >= 0)).astype(np.int32)
     return Schedule(
-        slot, pair, tile_start, color_start, general, walls, lane, place, velocity,
-        start_velocity, middle, frame, impulse, about, before, gap,
+        slot, pair, tile_start, color_start, general, walls, np.concatenate([walls, general]), lane,
+        place, velocity, start_velocity, middle, frame, impulse, about, before, gap,
     )  # fmt: skip
 
 

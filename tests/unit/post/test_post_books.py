@@ -20,7 +20,7 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> tuple[Run, Run]:
     """The small run twice, with another seed and a faster wall."""
     path = tmp_path_factory.mktemp("pair")
     write_small(path)
-    common = ["loading.0.duration=0.01", "loading.1.until.strain.value=1.0"]
+    common = ["loading.0.duration=0.01", "loading.1.until.strain.value=3.0"]
     common += ["output.frame_interval=0.001"]
     other = ["scenario.seed=4", "loading.1.drives.top.x.velocity.ramp=[0.0, 0.2]"]
     for name, overrides in (("a", common), ("b", common + other)):
