@@ -45,7 +45,7 @@ def test_a_disc_rolls_on_over_flush_joints(run, radius, speed, restitution):
 
 
 def test_it_does_where_everything_moves_with_the_floor(run):
-    """Floors that run along at 1.2 m/s: the disc is as fast over them as over floors at rest."""
+    """Floors that run along at 1.2 m/s: the disc is as fast over them as over a whole one."""
     walls = floor(0.1123, 0.2123, 0.3123, size=0.59)
     drives = {name: {"x": {"velocity": 1.2}} for name in walls}
     moving = rolling(0.005, 2.0, walls, drives=drives, duration=0.1)

@@ -56,7 +56,7 @@ CONTACT = np.dtype(
             [
                 ("i", "i4"),  # grain
                 ("j", "i4"),  # grain or wall shape
-                ("nx", "f8"),  # normal from j to i
+                ("nx", "f8"),  # normal from j to i; of their closest approach where they pass
                 ("ny", "f8"),
                 ("gap", "f8"),  # at q_m [m]; infinite where another piece of the wall is nearer
                 ("bias", "f8"),  # b [m/s]
@@ -203,9 +203,9 @@ def _wall_plane(
     if not 0.0 < gap < inf or kind not in (_VERTEX, _DISC):
         return gap, gap, nx, ny
     body, x, y = scene.radius.size + wall, scene.world[shape, X], scene.world[shape, Y]
-    spin = start[body, SPIN]
-    ux = start[i, X] - (start[body, X] - spin * (y - scene.wall_position[wall, Y]))
-    uy = start[i, Y] - (start[body, Y] + spin * (x - scene.wall_position[wall, X]))
+    lx, ly = x - scene.wall_position[wall, X], y - scene.wall_position[wall, Y]
+    ux, _ = relative_velocity(start, i, body, 1.0, 0.0, True, lx, ly)
+    uy, _ = relative_velocity(start, i, body, 0.0, 1.0, True, lx, ly)
     dx, dy = nearest_image(scene.position[i, X] - x, scene.period), scene.position[i, Y] - y
     radii = scene.radius[i] + (scene.world[shape, RADIUS] if kind == _DISC else 0.0)
     return guard_plane(dx, dy, ux, uy, radii, GRAZE * scene.radius[i], dt)

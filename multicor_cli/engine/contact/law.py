@@ -20,7 +20,7 @@ GRAZE = 5e-4
 def guard_plane(
     dx: float, dy: float, ux: float, uy: float, radii: float, graze: float, dt: float
 ) -> tuple[float, float, float, float]:
-    """The plane that keeps two discs apart in a step; at q_m it is tangent to both, or between.
+    """The plane that keeps two discs apart in a step: the first has to stay on its side of it.
 
     Centers are (dx, dy) apart at q_m [m] and go on with (ux, uy) [m/s]. The normal is that at q_m,
     unless the discs pass each other, going no deeper than ``graze`` [m]: then it is that of their
