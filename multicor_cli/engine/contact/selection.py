@@ -17,6 +17,7 @@ from multicor_cli.engine.contact.contacts import (
     normal_velocity,
     recall_impulses,
 )
+from multicor_cli.engine.contact.flight import Impacts, enter_impacts, take_back
 from multicor_cli.engine.contact.ordering import Schedule, lay_tiles, schedule_contacts
 from multicor_cli.engine.contact.system import carried
 from multicor_cli.engine.geometry.neighbors import NeighborList
@@ -165,6 +166,7 @@ class Selection:
         self._is_free: NDArray[np.bool_] = np.zeros(0, np.bool_)
         self._laws: ContactLaws | None = None
         self._impulse: Floats = np.empty((0, 2))  # what the lanes hold, as in the state
+        self._entered: tuple[Ints, Floats] | None = None  # impacts, and what they hold beside them
         self._beside: tuple[Ints, Ints] | None = None
         self._walls_beside = self.i, self.j
         self._builds = -1
@@ -183,6 +185,15 @@ class Selection:
         )
         self._impulse = state.contact_impulse
 
+    def enter(self, impacts: Impacts, scene: Scene, after: Floats) -> None:
+        """Impacts before the solve into the contacts, as `enter_impacts`."""
+        if impacts.i.size:
+            lanes = self.lanes
+            self._entered = enter_impacts(
+                scene, impacts, self.i, self.j, after, lanes.lane, lanes.frame, lanes.impulse,
+                lanes.before, lanes.gap, self.contacts,
+            )  # fmt: skip
+
     def seek(self, scene: Scene, margin: float) -> None:
         """Take all pairs with a gap up to ``margin`` [m], or to `SKIN`."""
         pairs, diameter = self._pairs, self._model.mean_diameter
@@ -191,11 +202,19 @@ class Selection:
         i, j = pairs_up_to(scene, pairs.row, pairs.partner, margin)
         self._set(i, j, lay_tiles(scene, i, j, diameter))
 
+    def add(self, scene: Scene, impacts: Impacts) -> None:
+        """Take pairs that have had impacts too, wherever they are in the middle of the step."""
+        pairs = np.unique(
+            np.column_stack([np.append(self.i, impacts.i), np.append(self.j, impacts.j)]), axis=0
+        )
+        i, j = np.ascontiguousarray(pairs.T)
+        self._set(i, j, lay_tiles(scene, i, j, self._model.mean_diameter))
+
     def _set(self, i: Ints, j: Ints, tile: Ints) -> None:
         self.i, self.j, self.tile = i, j, tile
         self.contacts = np.zeros(i.size, CONTACT)
         self.contacts["i"], self.contacts["j"] = i, j
-        self._schedule = self._beside = None
+        self._schedule = self._beside = self._entered = None
         self._impulse = np.empty((0, 2))
 
     def margin(self, scene: Scene, start: Floats, free: Floats, cutoff: float, dt: float) -> float:
@@ -225,12 +244,19 @@ class Selection:
         if schedule is None or not np.array_equal(self._is_free, wall_is_free):
             schedule = schedule_contacts(scene, self.i, self.j, self.tile, wall_is_free)
             self._is_free, self._laws, self._impulse = wall_is_free, None, np.empty((0, 2))
+            self._entered = None
             self._schedule = schedule
         if self._laws is not laws:
             fix_lanes(
                 scene, laws, bodies, self.i, self.j, schedule.slot, schedule.about, schedule.frame
             )
             self._laws = laws
+        if self._entered is not None:
+            take_back(
+                *self._entered, scene.radius.size, self.j, schedule.lane, schedule.impulse,
+                self.contacts,
+            )  # fmt: skip
+            self._entered = None
         if self._impulse is not state.contact_impulse:
             recall_impulses(
                 state.contact_i, state.contact_j, state.contact_impulse, self.contacts,

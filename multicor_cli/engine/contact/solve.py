@@ -105,7 +105,8 @@ class ResidualScale:
     """Scales of residuals: u_rms and u_ref [m/s], ½ M u_load u_ref [J] (theory §5.3).
 
     ``motion`` is the mean speed at which bodies in contact move past each other, ``load`` is u_load
-    [m/s]: what rests is solved more sharply.
+    [m/s]: what rests is solved more sharply; so are impacts that lose next to nothing, by the
+    ``lost`` share of their energy.
     """
 
     rms: float
@@ -113,6 +114,7 @@ class ResidualScale:
     energy: float
     motion: float = math.inf
     load: float = 0.0
+    lost: float = 1.0
 
     def tolerances(self, settings: Settings) -> Tolerances:
         rms = settings.tolerance_rms * self.rms
@@ -123,13 +125,17 @@ class ResidualScale:
             rms,
             settings.tolerance_max * self.velocity,
             settings.tolerance_energy * self.energy,
-            min(1.0, max(share * self.motion, REST_FLOOR * self.rms) / rms),
+            min(1.0, PER_LOSS * self.lost, max(share * self.motion, REST_FLOOR * self.rms) / rms),
         )
 
 
 REST_SHARE, FLOW_SHARE, PER_LOAD = 0.02, 0.04, 0.4
 """Largest rms correction over the motion that there is, where sweeps allow: at rest, in a flow, and
 in between over the motion in units of u_load (theory §5.3)."""
+
+PER_LOSS, LEAST_LOSS = 5.0, 1e-3
+"""Share of the tolerance over the share 1 − e² of their energy that impacts lose, where sweeps
+allow; and the least such share that is told from none."""
 
 REST_FLOOR = 1e-11
 """Of u_rms, which no error has to be below."""

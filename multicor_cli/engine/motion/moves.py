@@ -99,7 +99,7 @@ def move(
         for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             vx, vy, s = after[i, X], after[i, Y], after[i, SURFACE]
             velocity[i, X], velocity[i, Y] = vx, vy
-            if s != start[i, SURFACE]:  # an untouched spin keeps its bits
+            if s != radius[i] * velocity[i, SPIN]:  # an untouched spin keeps its bits
                 velocity[i, SPIN] = s / radius[i]
             for d in range(3):
                 position[i, d] = middle[i, d] + half * velocity[i, d]

@@ -112,12 +112,14 @@ def stop_unseen(
     model: Model,
     motion: WallMotion,
     unseen: Unseen,
+    flying: NDArray[np.bool_] | None,
     lists: NeighborList,
     dt: float,
     middle: Floats,
 ) -> Floats | None:
     """Let ways that nobody has looked at end where they meet something, if any leads through it.
 
+    Not those of grains that are ``flying``, whose impacts have been found (`contact.flight`).
     **Modifies** ``middle``, q_m. Returns how far grains are from where they would be [m], shape
     ``(n, 2)``; None if nothing is passed. Raises `PhysicsError` if two walls catch a grain.
     """
@@ -129,8 +131,9 @@ def stop_unseen(
         state.velocity[:, :2].copy(),
     )  # fmt: skip
     passing = np.zeros(n, np.bool_)
+    flying = np.zeros(n, np.bool_) if flying is None else flying
     if not find_passing(
-        paths, lists.row, lists.partner, unseen.grains, unseen.walls, 0.5 * dt, passing
+        paths, lists.row, lists.partner, unseen.grains, unseen.walls, flying, 0.5 * dt, passing
     ):
         return None
     owner = np.repeat(np.arange(n, dtype=np.int32), np.diff(lists.row))
@@ -240,6 +243,7 @@ def find_passing(
     partner: Ints,
     unseen: NDArray[np.bool_],
     unseen_walls: NDArray[np.bool_],
+    flying: NDArray[np.bool_],
     end: float,
     passing: NDArray[np.bool_],
 ) -> bool:
@@ -252,6 +256,8 @@ def find_passing(
     for i in range(count):
         for p in range(row[i], row[i + 1]):
             j = partner[p]
+            if flying[i] or (j < count and flying[j]):
+                continue
             if unseen[i] or (unseen[j] if j < count else unseen_walls[paths.scene.wall[j - count]]):
                 met = meeting_time(paths, i, j, 0.0, end)
                 if met < end and not _is_seen(paths, i, j, met, end):
