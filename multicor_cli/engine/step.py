@@ -146,6 +146,7 @@ class Prediction(NamedTuple):
         shift_work: Of gravity, where grains that something stopped are not where they would be at
             q_m [J].
         flight: Flights, and impacts before the solve; or None.
+        is_wild: Whether there are flights that were too wild to follow.
     """
 
     dt: float
@@ -154,6 +155,7 @@ class Prediction(NamedTuple):
     cutoff: float
     shift_work: float = 0.0
     flight: Flight | None = None
+    is_wild: bool = False
 
 
 class Engine:
@@ -528,7 +530,8 @@ class Engine:
         )
         step = Prediction(dt, gravity, scene, self._cutoff_before(scene, gravity, walls, dt))
         step = self._fly(step, walls)
-        unseen = find_unseen(state, layout.newcomers, model, motion, dt)
+        seen = 0.0 if step.is_wild or state.step == state.frozen_steps else state.last_dt
+        unseen = find_unseen(state, layout.newcomers, model, motion, dt, seen)
         if unseen is None:
             return step
         layout.pairs.update(layout.middle, scene.world, step.cutoff)
@@ -569,11 +572,13 @@ class Engine:
                 start, laws, mean, layout.pairs.around, gravity, dt, model.shape_factor, flying,
                 step.cutoff, layout.pairs.complete, layout.middle, layout.before, layout.free,
             )  # fmt: skip
+            if flight.is_wild:
+                return step._replace(is_wild=True)
             if flight.reach <= layout.pairs.complete:
                 break
             # What impacts have made faster may reach farther
             layout.pairs.update(state.position, start.world, 1.2 * flight.reach)
-        work = land(step.scene, flight, layout.before, gravity, model.grains.mass, dt)
+        work = land(step.scene, flight, gravity, model.grains.mass)
         step = step._replace(flight=flight, shift_work=work)
         if flight.impacts.i.size:
             step = step._replace(cutoff=self._cutoff_before(step.scene, gravity, walls, dt))

@@ -117,11 +117,12 @@ class Flight(NamedTuple):
         begun: Grains that fly when it begins, shape ``(n,)``.
         flying: Those that still do when it ends.
         impacts: Their impacts, and those of others before they met what does not fly.
-        landed: Pairs with which flights have ended, in the order of their times, shape ``(l, 2)``,
-            and ``when`` they met [s], shape ``(l,)``.
+        landed: Pairs with which flights have ended, in the order of their times, shape ``(l, 2)``.
         struck: Grains that have had impacts.
         gravity_work: Of gravity on x' − x [J].
         reach: A gap that no pair closes in the step, impacts and all [m].
+        is_wild: Whether grains that land have been among others that fly farther than a diameter:
+            then nothing of this holds.
         speeds: What impacts add to the `Speeds` of a step.
     """
 
@@ -129,10 +130,10 @@ class Flight(NamedTuple):
     flying: NDArray[np.bool_]
     impacts: Impacts
     landed: Ints
-    when: Floats
     struck: Ints
     gravity_work: float
     reach: float
+    is_wild: bool
     speeds: Speeds
 
 
@@ -411,9 +412,8 @@ def fly(
     ``scene`` is that at the start of the step, ``around`` lists all pairs up to a gap ``listed``
     [m] by both grains; ``beta`` is m a²/I, ``moved`` a gap that no pair closes with v⁻ [m],
     ``begun`` from `find_flying`. The rows of ``middle``, ``start`` and ``free`` (as in
-    `motion.moves.predict`) of grains that have had impacts are **modified**, unless impacts have
-    made grains so fast that pairs which are not listed may meet: that is so if ``reach`` of the
-    result is above ``listed``.
+    `motion.moves.predict`) of grains that have had impacts are **modified**, unless the result
+    ``is_wild``, or its ``reach`` is above ``listed``: pairs may meet that are not listed.
     """
     place, bodies = scene.position.copy(), start.copy()
     flying = begun.copy()
@@ -434,7 +434,7 @@ def fly(
         slowest = max(slowest, bodies[i, X] * bodies[i, X] + bodies[i, Y] * bodies[i, Y])
     fastest, jump = slowest, 0.0
     count, found, ended = np.zeros(grains.size, np.int64), 0, 0
-    landed, when = np.empty((grains.size, 2), np.int32), np.empty(grains.size)
+    landed = np.empty((grains.size, 2), np.int32)
     first, second = np.empty(64, np.int32), np.empty(64, np.int32)
     said = np.empty((64, _COLUMNS))
     squares, motion = 0.0, 0.0
@@ -457,7 +457,7 @@ def fly(
         is_late = count[k] >= MOST or (is_grain and may_fly and count[entry[j]] >= MOST)
         if not may_fly or not bounces or is_late:
             # From here on the solve has it, and all that meet it
-            landed[ended, FIRST], landed[ended, SECOND], when[ended] = i, j, now
+            landed[ended, FIRST], landed[ended, SECOND] = i, j
             ended += 1
             flying[i], time[k] = False, inf
             _play(tree, time, k)
@@ -489,10 +489,12 @@ def fly(
     reach = min(
         moved + 2.0 * dt * sqrt(jump), max(moved, dt * (2.0 * sqrt(fastest) + fall)) + more
     )
+    least = scene.radius.min()
+    is_wild = ended > 0 and dt * dt * fastest > 4.0 * least * least
     gravity_work = 0.0
     for k in range(grains.size):
         i = grains[k]
-        if count[k] == 0 or reach > listed:
+        if count[k] == 0 or reach > listed or is_wild:
             continue
         dx, dy = place[i, X] - scene.position[i, X], place[i, Y] - scene.position[i, Y]
         gravity_work += (gravity[X] * dx + gravity[Y] * dy) / bodies[i, INVERSE_MASS]
@@ -505,7 +507,7 @@ def fly(
         middle[i, ANGLE] = place[i, ANGLE] + 0.5 * dt * (bodies[i, SURFACE] / scene.radius[i])
     return Flight(
         begun, flying, Impacts(first[:found].copy(), second[:found].copy(), said[:found].copy()),
-        landed[:ended].copy(), when[:ended].copy(), grains[count > 0], gravity_work, reach,
+        landed[:ended].copy(), grains[count > 0], gravity_work, reach, is_wild,
         Speeds(squares, 1.0 * found, 0.0, 0.0, motion, 1.0 * found),
     )  # fmt: skip
 
@@ -514,28 +516,14 @@ def fly(
 
 
 @kernel
-def land(
-    scene: Scene, flight: Flight, start: Floats, gravity: Floats, mass: Floats, dt: float
-) -> float:
+def land(scene: Scene, flight: Flight, gravity: Floats, mass: Floats) -> float:
     """Put grains to where they touched what their flights ended with, if they overlap it at q_m.
 
-    Those that fly farther than their radius in a step are put there in any case: what is on their
-    ways beyond is not known. ``scene`` is that at q_m, whose positions are **modified**; ``start``
-    are v⁻. Returns the work of gravity [J].
+    ``scene`` is that at q_m, whose positions are **modified**. Returns the work of gravity [J].
     """
     work, count = 0.0, scene.radius.size
     for k in range(flight.landed.shape[0]):
-        i, j, t = flight.landed[k, FIRST], flight.landed[k, SECOND], flight.when[k]
-        for side in range(2):
-            body = i if side == 0 else j
-            if body >= count or not flight.begun[body]:
-                continue
-            u, v = start[body, X], start[body, Y]
-            if dt * sqrt(u * u + v * v) > scene.radius[body]:
-                back = t - 0.5 * dt
-                dx = back * u + 0.5 * t * t * gravity[X]
-                dy = back * v + 0.5 * t * t * gravity[Y]
-                work += mass[body] * _shift(scene, body, dx, dy, gravity)
+        i, j = flight.landed[k, FIRST], flight.landed[k, SECOND]
         gap, nx, ny = known_geometry(scene, i, j)
         if gap >= 0.0:
             continue

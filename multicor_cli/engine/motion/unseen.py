@@ -80,11 +80,14 @@ class Paths(NamedTuple):
 
 
 def find_unseen(
-    state: State, newcomers: NDArray[np.int64], model: Model, motion: WallMotion, dt: float
-) -> Unseen | None:
-    """Who goes farther in the next half step than was looked at; None if too little to pass any."""
-    has_begun = state.step > state.frozen_steps
-    seen = min(dt, state.last_dt) if has_begun else 0.0
+    state: State, newcomers: NDArray[np.int64], model: Model, motion: WallMotion, dt: float,
+    seen: float,
+) -> Unseen | None:  # fmt: skip
+    """Who goes farther in the next half step than was looked at; None if too little to pass any.
+
+    The step before looked ``seen`` far ahead [s].
+    """
+    seen = min(dt, seen)
     if seen == dt and not newcomers.size and np.array_equal(motion.before, state.wall_velocity):
         return None
     grains = np.full(model.grain_count, seen < dt)

@@ -420,9 +420,13 @@ def test_nothing_is_looked_for_where_nothing_is_new():
     """Constant motion, and starts too slow to pass anything."""
     engine = thrown(line(0.0), [300.0, 0.0], [-1e-6 / DT, 0.0, 0.0])
     none = np.empty(0, np.int64)
-    assert find_unseen(engine.state, none, engine.model, engine._motion, DT) is None
+
+    def unseen(newcomers, dt, seen):
+        return find_unseen(engine.state, newcomers, engine.model, engine._motion, dt, seen)
+
+    assert unseen(none, DT, 0.0) is None
     engine.step(DT, 0.0)
     engine.state.velocity[0, 0] = -50.0 / DT
-    assert find_unseen(engine.state, none, engine.model, engine._motion, DT) is None
-    assert find_unseen(engine.state, np.array([0]), engine.model, engine._motion, DT) is not None
-    assert find_unseen(engine.state, none, engine.model, engine._motion, 2.0 * DT) is not None
+    assert unseen(none, DT, DT) is None
+    assert unseen(np.array([0]), DT, DT) is not None
+    assert unseen(none, 2.0 * DT, DT) is not None
