@@ -682,7 +682,7 @@ class Engine:
             speeds.append(step.flight.speeds)
             is_solved = left > 0
         scale = self._scale(step, attraction, *map(sum, zip(*speeds, strict=True)))
-        if scale.velocity == 0.0:
+        if scale.velocity == 0.0 or not is_solved:
             # Nothing closes and nothing pushes: the last impulses must not act once more.
             lanes.impulse[:] = 0.0
             contacts["p_n"], contacts["p_t"], contacts["p_r"] = 0.0, 0.0, 0.0

@@ -132,7 +132,7 @@ def test_a_circle_whose_surface_runs_is_a_drum_that_turns(rolling):
     """V = Ω R of a drum, counter-clockwise; rolling resistance too, as its material turns."""
     model, positions = in_a_circle(rolling)
     turning = WallDrive(spin=DofDrive(velocity=Constant(0.6)))
-    turned, ran = same_ends(model, positions, turning, running(0.6 * 2.5))
+    turned, ran = same_ends(model, positions, turning, running(0.6 * 2.5), steps=120)
     assert book(ran, "friction_loss") > 0.0
     assert np.allclose(ran.window_wall_impulse, turned.window_wall_impulse, rtol=1e-6, atol=1e-9)
     assert ran.wall_position[0, 2] == 0.0

@@ -66,7 +66,7 @@ _CIRCLE = int(ShapeKind.CIRCLE)
 MOST = 64
 """Impacts of a grain in a step; one that has more of them has come to rest on something."""
 
-TOUCHING = 1e-10
+TOUCHING = 1e-13
 """Gap over the radius at which a grain touches a wall."""
 
 NEVER = 1e30
@@ -634,24 +634,28 @@ def enter_impacts(
             contact.p_n, contact.p_t = impulse[q, NORMAL, k], impulse[q, TANGENTIAL, k]
             contact.u_n, contact.u_t = before[q, NORMAL, k], before[q, TANGENTIAL, k]
         rows[e], known[e, NORMAL], known[e, TANGENTIAL] = c, contact.p_n, contact.p_t
-        impact, friction, px, py, torque = said[_IMPACT], said[_FRICTION], 0.0, 0.0, 0.0
+        nx, ny = said[_NX], said[_NY]
+        px, py = said[_P_N] * nx - said[_P_T] * ny, said[_P_N] * ny + said[_P_T] * nx
+        impact, friction, along = said[_IMPACT], said[_FRICTION], said[_P_T]
+        torque = said[_LEVER_X] * py - said[_LEVER_Y] * px
         if contact.p_n > 0.0:
             u_n, u_t = contact_after(c, scene, contacts, after)
             impact -= contact.p_n * 0.5 * (contact.u_n + u_n)
             friction -= contact.p_t * 0.5 * (contact.u_t + u_t)
-            px = contact.p_n * contact.nx - contact.p_t * contact.ny
-            py = contact.p_n * contact.ny + contact.p_t * contact.nx
-            torque = contact.lever_x * py - contact.lever_y * px
-        nx, ny = said[_NX], said[_NY]
-        dx, dy = said[_P_N] * nx - said[_P_T] * ny, said[_P_N] * ny + said[_P_T] * nx
-        px, py, torque = px + dx, py + dy, torque + said[_LEVER_X] * dy - said[_LEVER_Y] * dx
-        if px * nx + py * ny <= 0.0:  # of two impacts from opposite sides
-            size = sqrt(px * px + py * py)
-            if size == 0.0:
+            dx = contact.p_n * contact.nx - contact.p_t * contact.ny
+            dy = contact.p_n * contact.ny + contact.p_t * contact.nx
+            px, py, along = px + dx, py + dy, along + contact.p_t
+            torque += contact.lever_x * dy - contact.lever_y * dx
+            # The normal for which what acts along the surface is the sum, too
+            square = px * px + py * py
+            if square <= along * along:
+                along = 0.0
+            if square == 0.0:
                 continue
-            nx, ny = px / size, py / size
+            across = sqrt(square - along * along)
+            nx, ny = (across * px + along * py) / square, (across * py - along * px) / square
         contact.nx, contact.ny, contact.gap = nx, ny, 0.0
-        contact.p_n, contact.p_t = px * nx + py * ny, py * nx - px * ny
+        contact.p_n, contact.p_t = px * nx + py * ny, along
         if is_wall:
             rest = torque - said[_LEVER_X] * py + said[_LEVER_Y] * px
             rest /= px * px + py * py
