@@ -10,7 +10,8 @@ import math
 import numpy as np
 
 from multicor_cli.engine.heat.rates import OUTSIDE_BOOKS, Flow
-from multicor_cli.engine.jit.sums import total_and_magnitude
+from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.sums import column_totals, total_and_magnitude
 from multicor_cli.model.books import EXCHANGE_NAMES, HEAT_BOOK_NAMES
 from multicor_cli.model.columns import GIVEN, RECEIVED
 from multicor_cli.model.model import Floats
@@ -26,12 +27,26 @@ def receive(state: State, source: Floats) -> Floats:
     Losses of a step are exact together, not one by one: some are negative. No grain is cooled by
     them. It has always received the most that its contacts had lost at any time (theory §11.3).
     """
-    due = source - state.heat_ahead
-    received = np.maximum(due, 0.0)
-    state.heat_ahead[:] = received - due
-    state.generated += received
-    state.heat_books[_BOOK["ahead"]] += total_and_magnitude(received - source)[0]
+    received = np.empty(source.size)
+    state.heat_books[_BOOK["ahead"]] += advance(source, state.heat_ahead, state.generated, received)
     return received
+
+
+@kernel
+def advance(source: Floats, ahead: Floats, generated: Floats, received: Floats) -> float:
+    """The grains of `receive`; returns how much more they have received than was generated [J].
+
+    **Modifies** ``ahead`` and ``generated`` of the state, and ``received``.
+    """
+    more = np.empty((source.size, 1))
+    for k in range(source.size):
+        due = source[k] - ahead[k]
+        received[k] = 0.0 if due <= 0.0 else due
+        ahead[k] = received[k] - due
+        generated[k] += received[k]
+        more[k, 0] = received[k] - source[k]
+    total: float = column_totals(more)[0]
+    return total
 
 
 def book_generated(state: State, friction: float, impact: float, to_walls: Floats) -> None:

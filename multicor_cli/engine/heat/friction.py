@@ -23,13 +23,13 @@ from multicor_cli.engine.contact.contacts import (
     rolled_loss,
     rolling_loss,
 )
-from multicor_cli.engine.geometry.places import totals_of_places
 from multicor_cli.engine.geometry.radii import hertz_radius
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.mechanism import HeatLaws
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.engine.jit.sums import column_totals
 from multicor_cli.model.columns import FRICTION, IMPACT
 from multicor_cli.model.model import Floats, Ints
 
@@ -129,6 +129,7 @@ def share_out(
     rubbing: Floats,
     laws: HeatLaws,
     takes_heat: NDArray[np.bool_],
+    generated: Floats,
     source: Floats,
     wall_source: Floats,
     wear: Floats,
@@ -137,13 +138,14 @@ def share_out(
     """Give the heat of each contact to its two bodies; walls that take none leave it to the grain.
 
     ``heat`` of friction and impacts [J] has shape ``(c, 2)``, ``rubbing``, force times slipped
-    distance [N m], ``(c,)``, ``takes_heat`` of the walls ``(w,)``. Added to, **modified**:
-    ``source`` of grains and ``wall_source`` [J], volumes worn off ``wear`` and ``wall_wear`` [m³].
+    distance [N m], ``(c,)``, ``takes_heat`` of the walls ``(w,)``. **Modifies** ``generated``, all
+    heat of the contacts [J], and adds to ``source`` of grains and ``wall_source`` [J], and to the
+    volumes worn off ``wear`` and ``wall_wear`` [m³].
     """
     grains = scene.radius.size
     for c in range(i.size):
         a, b = scene.material[i[c]], scene.material[j[c]]
-        total = heat[c, FRICTION] + heat[c, IMPACT]
+        total = generated[c] = heat[c, FRICTION] + heat[c, IMPACT]
         mine = laws.share[a, b] * total
         wear[i[c]] += archard_volume(laws.wear[a, b], rubbing[c])
         if j[c] < grains:
@@ -257,7 +259,7 @@ def collide(
     scene: Scene,
     mass: Floats,
     contacts: Contacts,
-    place: Ints,
+    total: Floats,
     is_known: NDArray[np.bool_],
     laws: HeatLaws,
     dt: float,
@@ -265,18 +267,14 @@ def collide(
 ) -> None:
     """Give contacts that are new in this step the conductance of an impact, spread over the step.
 
-    A place is hit once: its contacts share the impact in proportion to their impulses. Circles of
-    walls have the a* of Hertz. Places that are known carried an impulse in the step before.
-    **Modifies** ``conductance`` [W/K], shape ``(c,)``.
+    A place is hit once: its contacts share the impact in proportion to their impulses, ``total`` of
+    each place [N s]. Circles of walls have the a* of Hertz. Places that are known carried an
+    impulse in the step before. **Modifies** ``conductance`` [W/K], shape ``(c,)`` as the others.
     """
     grains = scene.radius.size
-    normal = np.empty(contacts.size)
     for c in range(contacts.size):
-        normal[c] = contacts[c].p_n
-    total = totals_of_places(place, normal)
-    for c in range(contacts.size):
-        speed = -contacts[c].u_n
-        if normal[c] > 0.0 and speed > 0.0 and not is_known[c]:
+        speed, normal = -contacts[c].u_n, contacts[c].p_n
+        if normal > 0.0 and speed > 0.0 and not is_known[c]:
             i, j = contacts[c].i, contacts[c].j
             a, b = scene.material[i], scene.material[j]
             m = mass[i] * mass[j] / (mass[i] + mass[j]) if j < grains else mass[i]
@@ -285,7 +283,7 @@ def collide(
                 laws.volumetric[a],
                 laws.conductivity[b], laws.volumetric[b],
             )  # fmt: skip
-            conductance[c] = exchange / dt * (normal[c] / total[c])
+            conductance[c] = exchange / dt * (normal / total[c])
 
 
 # ---- Heat of sliding friction and of impacts
@@ -342,3 +340,40 @@ def generated_heat(
                 if has_impact:
                     heat[c, IMPACT] = -(q_n - attraction) * 0.5 * (contact.u_n + u_n)
                 rubbing[c] = rubbing_of(q_n, slip, work, mu)
+
+
+@parallel_kernel
+def generate(
+    scene: Scene,
+    contacts: Contacts,
+    i: Ints,
+    j: Ints,
+    after: Floats,
+    rule: int,
+    has_impact: bool,
+    laws: HeatLaws,
+    takes_heat: NDArray[np.bool_],
+    generated: Floats,
+    source: Floats,
+    wall_source: Floats,
+    wear: Floats,
+    wall_wear: Floats,
+) -> Floats:
+    """`generated_heat`, and `share_out`; returns the heat of friction and of impacts [J]."""
+    heat, rubbing = np.empty((i.size, 2)), np.empty(i.size)
+    generated_heat(scene, contacts, after, rule, has_impact, heat, rubbing)
+    share_out(
+        scene,
+        i,
+        j,
+        heat,
+        rubbing,
+        laws,
+        takes_heat,
+        generated,
+        source,
+        wall_source,
+        wear,
+        wall_wear,
+    )
+    return column_totals(heat)

@@ -23,14 +23,18 @@ def contact_modulus(young_i: float, poisson_i: float, young_j: float, poisson_j:
 
 
 @formula
+def contact_volume(force: float, effective_radius: float, modulus: float) -> float:
+    """``a_c³ = 3 F a*/4E*`` [m³] of a contact spot, 0 if F is not positive; as `contact_radius`."""
+    return 0.75 * force * effective_radius / modulus if force > 0.0 else 0.0
+
+
+@formula
 def contact_radius(force: float, effective_radius: float, modulus: float) -> float:
     """Radius of the contact spot ``a_c = (3 F a*/4E*)^⅓`` [m] (Johnson, eq. 4.22).
 
     Normal force F [N], a_c = 0 if it is not positive; a* [m]; contact modulus E* [Pa].
     """
-    if force <= 0.0:
-        return 0.0
-    return cbrt(0.75 * force * effective_radius / modulus)
+    return cbrt(contact_volume(force, effective_radius, modulus))
 
 
 def approach(contact_radius: float, effective_radius: float) -> float:

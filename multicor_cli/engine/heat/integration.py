@@ -43,6 +43,7 @@ from multicor_cli.engine.heat.rates import (
     solve_linear,
     stop_if_asked,
     total_conductance,
+    try_euler,
 )
 from multicor_cli.engine.heat.walls import WallValues
 from multicor_cli.model.model import Floats
@@ -134,20 +135,20 @@ def integrate(
     """
     flow = Flow.empty(capacity.size, walls.count)
     flow.next_step = first
-    power, total = source / dt, np.empty(capacity.size)
+    power = source / dt
+    longest = min(EULER * choices.tolerance, 0.5 * choices.sub_step)
     is_implicit = choices.integrator == "implicit" or (choices.integrator == "auto" and is_frozen)
     for values, length in walls.pieces(dt):
         stop_if_asked(should_stop)
-        stiffness = 0.0
+        stiffness = math.inf
         if not is_implicit:
-            total_conductance(net, temperature, values(0.0), total)
-            stiffness = length * float((total / capacity).max())
-        if not is_implicit and stiffness <= min(EULER * choices.tolerance, 0.5 * choices.sub_step):
-            # The middle is exact for signals that rise linearly
-            rates = rates_at(net, temperature, values(0.5 * length))
-            flow.add(rates, length)
-            temperature += length * (rates.nodes + power) / capacity
-            if _is_below_zero(temperature).any():
+            stiffness, coldest, hottest = try_euler(
+                net, capacity, temperature, values(0.0), values(0.5 * length), power, length,
+                longest,
+                flow.received, flow.walls, flow.outside,
+            )  # fmt: skip
+        if stiffness <= longest:
+            if coldest < BELOW_ZERO * max(1.0, hottest):
                 raise CannotIntegrate(int(np.argmin(temperature)), DRAINED)
             flow.note_sub_step(0.5 * stiffness)
         else:

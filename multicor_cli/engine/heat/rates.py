@@ -163,6 +163,50 @@ def total_conductance(net: Network, temperature: Floats, wall_value: Floats, tot
 
 
 @kernel
+def try_euler(
+    net: Network,
+    capacity: Floats,
+    temperature: Floats,
+    wall_start: Floats,
+    wall_middle: Floats,
+    power: Floats,
+    dt: float,
+    longest: float,
+    received: Floats,
+    given: Floats,
+    outside: Floats,
+) -> tuple[float, float, float]:
+    """One step of Euler's rule [s], if it is not ``longest`` times the shortest time constant C/ΣH.
+
+    Values of walls at the start and in the middle of the step, and ``power`` generated [W], as in
+    `heat_rates`. Returns dt over the shortest time constant, and the lowest and the highest
+    temperature [K]. If the step is taken, **modifies** ``temperature``, and adds to what nodes
+    ``received``, walls have ``given``, and what came from ``outside``, as in `Flow` [J].
+    """
+    rate, wall_rate, outside_rate = (
+        np.empty(capacity.size), np.empty(given.size), np.empty(outside.size),
+    )  # fmt: skip
+    total_conductance(net, temperature, wall_start, rate)
+    fastest = 0.0
+    for k in range(rate.size):
+        fastest = max(fastest, rate[k] / capacity[k])
+    if not dt * fastest <= longest:
+        return dt * fastest, 0.0, 0.0
+    # The middle is exact for signals that rise linearly
+    heat_rates(net, temperature, wall_middle, rate, wall_rate, outside_rate)
+    coldest, hottest = np.inf, -np.inf
+    for k in range(rate.size):
+        received[k] += dt * rate[k]
+        temperature[k] += dt * (rate[k] + power[k]) / capacity[k]
+        coldest, hottest = min(coldest, temperature[k]), max(hottest, temperature[k])
+    for w in range(given.size):
+        given[w] += dt * wall_rate[w]
+    for s in range(outside.size):
+        outside[s] += dt * outside_rate[s]
+    return dt * fastest, coldest, hottest
+
+
+@kernel
 def _apply(
     net: Network, diagonal: Floats, step: float, temperature: Floats, x: Floats, y: Floats
 ) -> None:

@@ -25,15 +25,23 @@ from multicor_cli.engine.heat.friction import (
     NO_FRICTION,
     SLIDING,
     collide,
-    generated_heat,
-    share_out,
+    generate,
 )
 from multicor_cli.engine.heat.integration import CannotIntegrate, integrate
-from multicor_cli.engine.heat.network import Links, Pairs, kinds_of, links_of, network_of
+from multicor_cli.engine.heat.network import (
+    Ends,
+    Links,
+    contact_links,
+    ends_of,
+    near_links,
+    network_of,
+    shapes_of,
+)
 from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.spots import (
     TOUCHING,
     Spots,
+    Touching,
     conducting_spots,
     forces_of_step,
     loaded_pairs,
@@ -42,12 +50,10 @@ from multicor_cli.engine.heat.spots import (
     resting_contacts,
 )
 from multicor_cli.engine.heat.walls import WallHeat, WallValues
-from multicor_cli.engine.jit.sums import column_totals
 from multicor_cli.engine.orders import PhysicsError
-from multicor_cli.model.columns import FRICTION, IMPACT
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.faults import LARGEST, find_absurd_value
-from multicor_cli.model.model import ContactLaws, Floats, Model
+from multicor_cli.model.model import ContactLaws, Floats, Ints, Model
 from multicor_cli.model.state import State
 
 _RULES = {"none": NO_FRICTION, "energy": ENERGY, "sliding": SLIDING}
@@ -78,14 +84,14 @@ class HeatStep:
         """Take up the thermal conditions of walls; signals count from the start of the stage."""
         self.of_contacts: tuple[Floats, Floats] | None = None
         self._conditions = list(conditions)
-        self._kind, self._node = kinds_of(conditions, self._model.grain_count)
-        self._takes_heat = np.array(
-            [condition.kind in ("temperature", "capacity") for condition in conditions], np.bool_
-        )
-        self._bodies = np.flatnonzero([condition.kind == "capacity" for condition in conditions])
+        self._shapes = shapes_of(conditions, self._model, self._settings)
+        kinds = [condition.kind for condition in conditions]
+        self._takes_heat = np.array([kind in ("temperature", "capacity") for kind in kinds])
+        self._bodies = np.flatnonzero([kind == "capacity" for kind in kinds])
         self._capacity = np.append(
             self._thermal.capacity, [self._conditions[w].capacity for w in self._bodies]
         )
+        self._lasting: tuple[Touching, Ends] | None = None
         self._resting: tuple[Links, Spots] | None = None
 
     def shape_temperatures(self, t: float) -> Floats:
@@ -102,11 +108,12 @@ class HeatStep:
             PhysicsError: If a temperature is not finite, or cannot be integrated.
         """
         self._resting = None
+        touching, ends = self._lasting_of(moved.scene, moved.i, moved.j)
         source, generated = self._generate(moved)
-        spots = self._spots(moved, dt)
-        links = links_of(moved.scene, spots, self._near(moved.scene), self._settings, self._model)
+        spots = self._spots(moved, touching, dt)
+        links = self._links(moved.scene, spots, ends)
         self.of_contacts = generated, spots.conductance
-        self._integrate(links, moved.scene, source, dt, t, is_frozen=False)
+        self._integrate(links, source, dt, t, is_frozen=False)
 
     def flow_at_rest(self, dt: float, t: float, should_stop: Callable[[], bool] | None) -> None:
         """Let heat flow while nothing moves; arguments and errors as `flow`.
@@ -114,12 +121,10 @@ class HeatStep:
         Raises:
             Interrupted: If ``should_stop``, asked now and then, says so; the state is that before.
         """
-        scene = self._resting_scene()
-        links, spots = self._rest(scene)
-        self.of_contacts = np.zeros(spots.i.size), spots.conductance
+        links, spots = self._rest(self._resting_scene())
+        self.of_contacts = np.zeros(spots.conductance.size), spots.conductance
         self._integrate(
             links,
-            scene,
             np.zeros(self._capacity.size),
             dt,
             t,
@@ -155,8 +160,8 @@ class HeatStep:
     def resting_table(self, laws: ContactLaws) -> ContactTable:
         """The contacts that conduct while nothing moves, with the impulses of the last step."""
         state, scene = self._state, self._resting_scene()
-        spots = self._rest(scene)[1]
-        i, j = spots.i, spots.j
+        touching = self._rest(scene)[1].touching
+        i, j = touching.i, touching.j
         gap, normal = np.empty(i.size), np.empty((i.size, 2))
         resting_contacts(scene, i, j, gap, normal)
         none = np.zeros(i.size)
@@ -174,71 +179,61 @@ class HeatStep:
     def _rest(self, scene: Scene) -> tuple[Links, Spots]:
         """Links and contacts of a frozen stage, found once."""
         if self._resting is None:
-            near = self._near(scene)
             if self._state.last_dt > 0.0:
-                pairs = loaded_pairs(self._state, scene, self._settings)
+                i, j, force = loaded_pairs(self._state, scene, self._settings)
             else:  # no step has said which contacts carry a force
-                pairs = pairs_at_rest(scene, self._pairs(scene, TOUCHING), self._settings)
-            spots = conducting_spots(scene, *pairs, self._settings.laws, self._settings)
-            self._resting = links_of(scene, spots, near, self._settings, self._model), spots
+                i, j, force = pairs_at_rest(scene, self._pairs(scene, TOUCHING), self._settings)
+            touching, ends = self._lasting_of(scene, i, j)
+            spots = conducting_spots(scene, touching, force, self._settings)
+            self._resting = self._links(scene, spots, ends), spots
         return self._resting
 
     def _resting_scene(self) -> Scene:
         return scene_of(self._model, self._state.position, self._state.wall_position)
 
+    def _lasting_of(self, scene: Scene, i: Ints, j: Ints) -> tuple[Touching, Ends]:
+        """What lasts with the contacts; found for others than those of the step before."""
+        if self._lasting is None or self._lasting[0].i is not i:
+            self._lasting = Touching.of(scene, i, j, self._settings), ends_of(self._shapes, i, j)
+        return self._lasting
+
     def _generate(self, moved: Moved) -> tuple[Floats, Floats]:
         """Heat that grains and bodies receive, and of contacts [J]; enters the books, and wears."""
-        state, contacts, model = self._state, moved.contacts, self._model
-        count = contacts.size
-        heat, rubbing = np.empty((count, 2)), np.empty(count)
-        settings = self._settings
-        generated_heat(
-            moved.scene,
-            contacts,
-            moved.after,
-            _RULES[settings.friction],
-            settings.impact,
-            heat,
-            rubbing,
-        )
+        state, model, settings = self._state, self._model, self._settings
+        generated = np.empty(moved.contacts.size)
         source, to_walls = np.zeros(model.grain_count), np.zeros(model.wall_count)
-        share_out(
-            moved.scene, moved.i, moved.j, heat, rubbing, self._settings.laws, self._takes_heat,
-            source, to_walls, state.wear,
-            state.wall_wear,
-        )  # fmt: skip
-        friction, impact = column_totals(heat).tolist()
+        friction, impact = generate(
+            moved.scene, moved.contacts, moved.i, moved.j, moved.after,
+            _RULES[settings.friction], settings.impact, settings.laws, self._takes_heat,
+            generated, source, to_walls, state.wear, state.wall_wear,
+        ).tolist()  # fmt: skip
         book_generated(state, friction, impact, to_walls)
-        received = np.append(receive(state, source), to_walls[self._bodies])
-        return received, heat[:, FRICTION] + heat[:, IMPACT]
+        received = np.concatenate([receive(state, source), to_walls[self._bodies]])
+        return received, generated
 
-    def _spots(self, moved: Moved, dt: float) -> Spots:
-        contacts, settings = moved.contacts, self._settings
-        force = forces_of_step(self._state, moved.scene, contacts, settings, dt)
-        spots = conducting_spots(
-            moved.scene, moved.i, moved.j, force, self._settings.laws, settings
-        )
+    def _spots(self, moved: Moved, touching: Touching, dt: float) -> Spots:
+        scene, contacts, settings = moved.scene, moved.contacts, self._settings
+        force = forces_of_step(self._state, scene, contacts, touching, settings, dt)
+        spots = conducting_spots(scene, touching, force, settings)
         if settings.collisional:
             row = warm_rows(self._model.grain_count, moved.loaded_i)
-            is_known = met_before(moved.scene, row, moved.loaded_j, moved.i, moved.j)
+            is_known = met_before(scene, row, moved.loaded_j, moved.i, moved.j)
+            total = spots.places.totals(np.ascontiguousarray(contacts["p_n"]))
             collide(
-                moved.scene,
-                self._model.grains.mass,
-                contacts,
-                spots.place,
-                is_known,
-                self._settings.laws,
-                dt,
+                scene, self._model.grains.mass, contacts, total, is_known, settings.laws, dt,
                 spots.conductance,
-            )
+            )  # fmt: skip
         return spots
 
-    def _near(self, scene: Scene) -> Pairs | None:
-        """Pairs within the reach of mechanisms; None if none crosses gaps."""
-        reach = self._settings.reach
-        return self._pairs(scene, reach) if reach > 0.0 else None
+    def _links(self, scene: Scene, spots: Spots, ends: Ends) -> Links:
+        """Contacts with their ``ends``, and pairs within the reach of mechanisms, if any is."""
+        settings, reach = self._settings, self._settings.reach
+        if reach <= 0.0:
+            return contact_links(spots, ends)
+        near = self._pairs(scene, reach)
+        return near_links(scene, spots, near, self._shapes, settings, self._model)
 
-    def _pairs(self, scene: Scene, reach: float) -> Pairs:
+    def _pairs(self, scene: Scene, reach: float) -> tuple[Ints, Ints, Floats]:
         """Pairs whose gap is at most ``reach`` times the smaller radius."""
         self._list.update(
             scene.position, scene.world, reach * float(self._model.grains.radius.max())
@@ -248,7 +243,6 @@ class HeatStep:
     def _integrate(
         self,
         links: Links,
-        scene: Scene,
         source: Floats,
         dt: float,
         t: float,
@@ -262,10 +256,10 @@ class HeatStep:
                 state.step, find_absurd_value(state, self._model) or "a temperature is not finite"
             )
         velocity = np.zeros((len(state.velocity), 2)) if is_frozen else state.velocity[:, :2]
-        net = network_of(links, scene, self._kind, self._node, velocity, self._model, settings)
+        net = network_of(links, self._shapes.nodes, velocity, self._model, settings)
         walls, n = WallValues(self._conditions, t), self._model.grain_count
-        temperature = np.append(
-            state.temperature(self._thermal), state.wall_temperature[self._bodies]
+        temperature = np.concatenate(
+            [state.temperature(self._thermal), state.wall_temperature[self._bodies]]
         )
         try:
             flow = integrate(
@@ -296,7 +290,7 @@ class HeatStep:
         state.wall_temperature[self._bodies] += flow.received[n:] / self._capacity[n:]
         state.wall_temperature = walls.temperatures(dt, state.wall_temperature)
         flow.walls[self._bodies] += source[n:] - flow.received[n:]
-        book_flow(state, flow, walls.undelivered(dt, net.flow_wall))
+        book_flow(state, flow, walls.undelivered(dt, net.flow_wall[net.flow_share > 0.0]))
         note_contacts(state, links.biot, links.gas_ratio)
         strike_balance(state)
 
