@@ -14,6 +14,7 @@ from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.sums import column_totals, total_and_magnitude
 from multicor_cli.model.books import EXCHANGE_NAMES, HEAT_BOOK_NAMES
 from multicor_cli.model.columns import GIVEN, RECEIVED
+from multicor_cli.model.faults import LARGEST
 from multicor_cli.model.model import Floats
 from multicor_cli.model.state import State
 
@@ -47,6 +48,27 @@ def advance(source: Floats, ahead: Floats, generated: Floats, received: Floats) 
         more[k, 0] = received[k] - source[k]
     total: float = column_totals(more)[0]
     return total
+
+
+@kernel
+def warm(initial: Floats, heat: Floats, capacity: Floats, temperature: Floats) -> bool:
+    """Temperatures of grains from their heat, into the first of ``temperature`` [K], **modified**.
+
+    As `State.temperature`. Returns whether no heat is absurd.
+    """
+    is_sound = True
+    for k in range(heat.size):
+        temperature[k] = initial[k] + heat[k] / capacity[k]
+        is_sound &= abs(heat[k]) <= LARGEST
+    return is_sound
+
+
+@kernel
+def take_up(received: Floats, heat: Floats) -> tuple[float, float]:
+    """Add what grains have received to their heat [J], **modified**; as `total_and_magnitude`."""
+    for k in range(heat.size):
+        heat[k] += received[k]
+    return total_and_magnitude(heat)
 
 
 def book_generated(state: State, friction: float, impact: float, to_walls: Floats) -> None:
@@ -99,10 +121,13 @@ def note_contacts(state: State, biot: float, gas_ratio: tuple[float, float]) -> 
     books[_BOOK["solid_gas_min"]], books[_BOOK["solid_gas_max"]] = gas_ratio
 
 
-def strike_balance(state: State) -> None:
-    """Compare the heat content of the grains with what has come in."""
+def strike_balance(state: State, received: Floats) -> None:
+    """Let grains receive heat [J], and compare their content with what has come in.
+
+    ``received`` are the grains, and what follows them does not count.
+    """
     books = state.heat_books
-    stored, content = total_and_magnitude(state.heat)
+    stored, content = take_up(received, state.heat)
     if state.heat_before.size:
         stored -= float(state.heat_before[0])
     books[_BOOK["stored"]] = stored

@@ -116,6 +116,5 @@ def largest_biot(conductance: Floats, weakest: Floats) -> float:
     """
     most = 0.0
     for k in range(conductance.size):
-        if conductance[k] > 0.0:
-            most = max(most, biot_number(conductance[k], weakest[k]))
+        most = max(most, biot_number(conductance[k], weakest[k]))
     return most

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import inf, pi, sqrt
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from multicor_cli.arithmetic import power
 from multicor_cli.engine.contact.contacts import (
     Contacts,
     contact_after,
+    relative_velocity,
     rolled_loss,
     rolling_loss,
 )
@@ -30,7 +31,8 @@ from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.sums import column_totals
-from multicor_cli.model.columns import FRICTION, IMPACT
+from multicor_cli.engine.jit.vectors import LANES
+from multicor_cli.model.columns import FRICTION, IMPACT, MU, NORMAL, NX, NY, TANGENTIAL
 from multicor_cli.model.model import Floats, Ints
 
 # ---- Archard's law of sliding wear.
@@ -125,41 +127,53 @@ def share_out(
     scene: Scene,
     i: Ints,
     j: Ints,
+    rows: Ints,
     heat: Floats,
-    rubbing: Floats,
-    laws: HeatLaws,
+    share: Floats,
     takes_heat: NDArray[np.bool_],
     generated: Floats,
     source: Floats,
     wall_source: Floats,
-    wear: Floats,
-    wall_wear: Floats,
 ) -> None:
-    """Give the heat of each contact to its two bodies; walls that take none leave it to the grain.
+    """Give the heat of contacts to their two bodies; walls that take none leave it to the grain.
 
-    ``heat`` of friction and impacts [J] has shape ``(c, 2)``, ``rubbing``, force times slipped
-    distance [N m], ``(c,)``, ``takes_heat`` of the walls ``(w,)``. **Modifies** ``generated``, all
-    heat of the contacts [J], and adds to ``source`` of grains and ``wall_source`` [J], and to the
-    volumes worn off ``wear`` and ``wall_wear`` [m³].
+    ``rows`` are the contacts with heat. ``heat`` of friction and impacts [J] has shape ``(c, 2)``,
+    ``share`` of the first body ``(c,)``, ``takes_heat`` of the walls ``(w,)``. **Modifies**
+    ``generated``, all heat of each contact [J], and adds to ``source`` of grains and
+    ``wall_source`` [J].
     """
     grains = scene.radius.size
-    for c in range(i.size):
-        a, b = scene.material[i[c]], scene.material[j[c]]
+    for c in rows:
         total = generated[c] = heat[c, FRICTION] + heat[c, IMPACT]
-        mine = laws.share[a, b] * total
-        wear[i[c]] += archard_volume(laws.wear[a, b], rubbing[c])
+        mine = share[c] * total
         if j[c] < grains:
             source[i[c]] += mine
             source[j[c]] += total - mine
-            wear[j[c]] += archard_volume(laws.wear[b, a], rubbing[c])
+        elif takes_heat[scene.wall[j[c] - grains]]:
+            source[i[c]] += mine
+            wall_source[scene.wall[j[c] - grains]] += total - mine
         else:
-            wall = scene.wall[j[c] - grains]
-            wall_wear[wall] += archard_volume(laws.wear[b, a], rubbing[c])
-            if takes_heat[wall]:
-                source[i[c]] += mine
-                wall_source[wall] += total - mine
-            else:
-                source[i[c]] += total
+            source[i[c]] += total
+
+
+@kernel
+def wear_off(
+    scene: Scene, i: Ints, j: Ints, rows: Ints, rubbing: Floats, laws: HeatLaws, wear: Floats,
+    wall_wear: Floats,
+) -> None:  # fmt: skip
+    """Add the volumes worn off the bodies of contacts to ``wear`` and ``wall_wear`` [m³].
+
+    ``rubbing``, force times slipped distance [N m], has shape ``(c,)``; ``rows`` as in `share_out`.
+    """
+    grains = scene.radius.size
+    for c in rows:
+        a, b = scene.material[i[c]], scene.material[j[c]]
+        wear[i[c]] += archard_volume(laws.wear[a, b], rubbing[c])
+        worn = archard_volume(laws.wear[b, a], rubbing[c])
+        if j[c] < grains:
+            wear[j[c]] += worn
+        else:
+            wall_wear[scene.wall[j[c] - grains]] += worn
 
 
 # ---- Heat conducted during one elastic impact.
@@ -300,17 +314,74 @@ def sliding_power(mu: float, normal_force: float, slip_speed: float) -> float:
     return mu * abs(slip_speed) * normal_force
 
 
+class Solved(NamedTuple):
+    """The contacts of a step that has been taken.
+
+    Attributes:
+        i: Grains, shape ``(c,)``.
+        j: Grains or wall shapes, shape ``(c,)``.
+        contacts: Their table, in which those of two grains may be missing.
+        lane, frame, impulse, before: Those of two grains; as in `Schedule`.
+        after: Velocities v⁺ of the bodies, shape ``(bodies, 4)``.
+        is_plain: Whether none adheres or resists rolling.
+    """
+
+    i: Ints
+    j: Ints
+    contacts: Contacts
+    lane: Ints
+    frame: Floats
+    impulse: Floats
+    before: Floats
+    after: Floats
+    is_plain: bool
+
+
+@kernel
+def loaded_rows(grains: int, solved: Solved, normal: Floats) -> Ints:
+    """Contacts that bear or adhere; **modifies** ``normal``, impulses of all [N s], ``(c,)``."""
+    rows, found = np.empty(normal.size, np.int32), 0
+    for c in range(normal.size):
+        lane = solved.lane[c]
+        is_of_grains = solved.j[c] < grains
+        normal[c] = (
+            solved.impulse[lane // LANES, NORMAL, lane % LANES]
+            if is_of_grains
+            else solved.contacts[c].p_n
+        )
+        rows[found] = c
+        found += normal[c] > 0.0 or (not solved.is_plain and solved.contacts[c].attraction > 0.0)
+    return rows[:found]
+
+
+@formula
+def _lost(
+    rule: int, has_impact: bool, mu: float, q_n: float, p_t: float, attraction: float,
+    before: tuple[float, float], after: tuple[float, float],
+) -> tuple[float, float, float]:  # fmt: skip
+    """Heat of friction and of impact [J], and force times slipped distance [N m], of a contact."""
+    slip = 0.5 * (before[TANGENTIAL] + after[TANGENTIAL])
+    work, friction, impact = -p_t * slip, 0.0, 0.0
+    if rule == ENERGY:
+        friction = work
+    elif rule == SLIDING:
+        friction = sliding_power(mu, q_n, after[TANGENTIAL])
+    if has_impact:
+        impact = -(q_n - attraction) * 0.5 * (before[NORMAL] + after[NORMAL])
+    return friction, impact, rubbing_of(q_n, slip, work, mu)
+
+
 @parallel_kernel
 def generated_heat(
     scene: Scene,
-    contacts: Contacts,
-    after: Floats,
+    solved: Solved,
+    rows: Ints,
     rule: int,
     has_impact: bool,
     heat: Floats,
     rubbing: Floats,
 ) -> None:
-    """Heat generated in each contact of a step, and force times slipped distance, which wears.
+    """Heat generated in contacts of a step, and force times slipped distance, which wears.
 
     ``"energy"``: −p_t ½(u_t⁻+u_t⁺), exact and signed; ``"sliding"``: μ|u_t⁺| p_n (the paper's E_f);
     impacts: −p_n ½(u_n⁻+u_n⁺). Couples of rolling resistance add −p_r ½(u_r⁻+u_r⁺), or |p_r u_r⁺|,
@@ -318,62 +389,58 @@ def generated_heat(
     is the work of friction over μ: p_n times the slipped distance where a contact slides, less
     where it sticks.
 
-    The scene is that at q_m, ``after`` are body velocities v⁺, shape ``(bodies, 4)``. **Modifies**
-    ``heat`` of friction and impacts [J], shape ``(c, 2)``, and ``rubbing`` [N m], shape ``(c,)``.
+    The scene is that at q_m. **Modifies** ``heat`` of friction and impacts [J], shape ``(c, 2)``,
+    and ``rubbing`` [N m], shape ``(c,)``, of the contacts ``rows``.
     """
-    count = contacts.size
-    for chunk in prange((count + CHUNK - 1) // CHUNK):
-        for c in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
-            heat[c, FRICTION], heat[c, IMPACT], rubbing[c] = 0.0, 0.0, 0.0
-            contact = contacts[c]
-            q_n, p_t, attraction = contact.p_n, contact.p_t, contact.attraction
-            if q_n > 0.0 or attraction > 0.0:
-                u_n, u_t = contact_after(c, scene, contacts, after)
-                mu, slip = contact.mu, 0.5 * (contact.u_t + u_t)
-                work = -p_t * slip
-                if rule == ENERGY:
-                    heat[c, FRICTION] = work + rolling_loss(c, scene, contacts, after)
-                elif rule == SLIDING:
-                    heat[c, FRICTION] = sliding_power(mu, q_n, u_t) + rolled_loss(
-                        c, scene, contacts, after
-                    )
-                if has_impact:
-                    heat[c, IMPACT] = -(q_n - attraction) * 0.5 * (contact.u_n + u_n)
-                rubbing[c] = rubbing_of(q_n, slip, work, mu)
+    i, j, contacts, lane, frame, impulse, before, after, is_plain = solved
+    grains = scene.radius.size
+    for chunk in prange((rows.size + CHUNK - 1) // CHUNK):
+        for r in range(chunk * CHUNK, min(rows.size, (chunk + 1) * CHUNK)):
+            c = rows[r]
+            if j[c] < grains:
+                q, k = lane[c] // LANES, lane[c] % LANES
+                nx, ny, mu = frame[q, NX, k], frame[q, NY, k], frame[q, MU, k]
+                q_n, p_t = impulse[q, NORMAL, k], impulse[q, TANGENTIAL, k]
+                was = before[q, NORMAL, k], before[q, TANGENTIAL, k]
+                now = relative_velocity(after, i[c], j[c], nx, ny, False, 0.0, 0.0)
+            else:
+                contact = contacts[c]
+                mu, q_n, p_t = contact.mu, contact.p_n, contact.p_t
+                was, now = (contact.u_n, contact.u_t), contact_after(c, scene, contacts, after)
+            attraction = 0.0 if is_plain else contacts[c].attraction
+            heat[c, FRICTION], heat[c, IMPACT], rubbing[c] = _lost(
+                rule, has_impact, mu, q_n, p_t, attraction, was, now
+            )
+            if not is_plain and rule == ENERGY:
+                heat[c, FRICTION] += rolling_loss(c, scene, contacts, after)
+            elif not is_plain and rule == SLIDING:
+                heat[c, FRICTION] += rolled_loss(c, scene, contacts, after)
 
 
 @parallel_kernel
 def generate(
     scene: Scene,
-    contacts: Contacts,
-    i: Ints,
-    j: Ints,
-    after: Floats,
+    solved: Solved,
     rule: int,
     has_impact: bool,
     laws: HeatLaws,
+    share: Floats,
     takes_heat: NDArray[np.bool_],
+    normal: Floats,
     generated: Floats,
     source: Floats,
     wall_source: Floats,
     wear: Floats,
     wall_wear: Floats,
 ) -> Floats:
-    """`generated_heat`, and `share_out`; returns the heat of friction and of impacts [J]."""
-    heat, rubbing = np.empty((i.size, 2)), np.empty(i.size)
-    generated_heat(scene, contacts, after, rule, has_impact, heat, rubbing)
-    share_out(
-        scene,
-        i,
-        j,
-        heat,
-        rubbing,
-        laws,
-        takes_heat,
-        generated,
-        source,
-        wall_source,
-        wear,
-        wall_wear,
-    )
+    """`generated_heat`, `share_out` and `wear_off`; returns the heat of friction and impacts [J].
+
+    **Modifies** ``normal``, normal impulses of the contacts [N s], shape ``(c,)``, too.
+    """
+    i, j, rows = solved.i, solved.j, loaded_rows(scene.radius.size, solved, normal)
+    heat, rubbing = np.zeros((normal.size, 2)), np.empty(normal.size)
+    generated_heat(scene, solved, rows, rule, has_impact, heat, rubbing)
+    share_out(scene, i, j, rows, heat, share, takes_heat, generated, source, wall_source)
+    if laws.wear.max() > 0.0:
+        wear_off(scene, i, j, rows, rubbing, laws, wear, wall_wear)
     return column_totals(heat)

@@ -42,7 +42,6 @@ from multicor_cli.engine.heat.rates import (
     rates_at,
     solve_linear,
     stop_if_asked,
-    total_conductance,
     try_euler,
 )
 from multicor_cli.engine.heat.walls import WallValues
@@ -322,8 +321,7 @@ class _Explicit(_SubStep):
     @staticmethod
     def bound(problem: _Problem, temperature: Floats, t: float, end: float) -> float:
         """Longest that lets no mode overshoot: rates of decay ≤ 2 max(ΣH/C) (Gershgorin) [s]."""
-        total = np.empty(problem.capacity.size)
-        total_conductance(problem.net, temperature, problem.walls(t), total)
+        total = rates_at(problem.net, temperature, problem.walls(t)).total
         rates = 2.0 * total / problem.capacity
         node = int(np.argmax(rates))
         count = (end - t) * float(rates[node]) / problem.choices.sub_step
@@ -368,7 +366,7 @@ class _Implicit(_SubStep):
         known = self._ahead(weights)
         guess = self._stages[-1].copy()
         rates = rates_at(problem.net, guess, value)
-        change, total = np.empty(guess.size), np.empty(guess.size)
+        change = np.empty(guess.size)
         # The spread may grow from zero within the step: then rounding sets the target.
         target = max(
             SHARPNESS * problem.choices.tolerance * self._spread,
@@ -380,8 +378,7 @@ class _Implicit(_SubStep):
             )
             if float(np.abs(residual / problem.capacity).max()) <= target:
                 break
-            total_conductance(problem.net, guess, value, total)
-            diagonal = problem.capacity + (DIAGONAL * h) * total
+            diagonal = problem.capacity + (DIAGONAL * h) * rates.total
             solve_linear(
                 problem.net,
                 diagonal,
@@ -405,9 +402,7 @@ class _Implicit(_SubStep):
         self._rates.append(rates)
 
     def _damping(self) -> Floats:
-        total = np.empty(self._start.size)
-        total_conductance(self._problem.net, self._stages[-1], self._values[-1], total)
-        return DIAGONAL * self._step * total
+        return DIAGONAL * self._step * self._rates[-1].total
 
 
 def _spread(net: Network, temperature: Floats, wall_value: Floats) -> float:

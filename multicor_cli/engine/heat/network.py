@@ -18,6 +18,7 @@ from multicor_cli.engine.heat.rates import OUTSIDE_BOOKS, Network
 from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.spots import Spots, look_up, resting_contacts
 from multicor_cli.engine.heat.walls import WallHeat
+from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.shapes import ShapeKind
@@ -38,7 +39,7 @@ class Shapes(NamedTuple):
     Attributes:
         kind: Their kinds, shape ``(n + m,)``.
         number: Nodes of grains and bodies, walls of all other shapes, likewise.
-        inner: λ a of grains [W/K], infinite of wall shapes, likewise.
+        inner: λ a of grains [W/K], infinite where there is none and of wall shapes, likewise.
         nodes: Number of grains and bodies.
     """
 
@@ -53,6 +54,7 @@ def shapes_of(conditions: Sequence[WallHeat], model: Model, settings: HeatSettin
     n, grains, wall = model.grain_count, model.grains, model.shapes.wall
     kind = np.array([_KINDS[condition.kind] for condition in conditions], np.int32)
     is_body, inner = kind == BODY, settings.laws.conductivity[grains.material] * grains.radius
+    inner[inner == 0.0] = np.inf
     number = np.where(is_body, n - 1 + np.cumsum(is_body), np.arange(kind.size))
     return Shapes(
         np.concatenate([np.full(n, BODY), kind[wall]]).astype(np.int32),
@@ -86,14 +88,25 @@ class Ends(NamedTuple):
 
 def ends_of(shapes: Shapes, i: Ints, j: Ints) -> Ends:
     """Sort links between ``i`` and ``j``, of shape ``(e,)``, by their other end."""
-    kind, number = shapes.kind[j], shapes.number[j]
-    between, known, flowing = (np.flatnonzero(kind == one) for one in (BODY, KNOWN, FLOW))
-    return Ends(
-        np.minimum(shapes.inner[i], shapes.inner[j]),
-        between, i[between], number[between],
-        known, i[known], number[known],
-        flowing, i[flowing], number[flowing],
-    )  # fmt: skip
+    rows, start, weakest = _sort_links(shapes, i, j)
+    ends = [(row, i.take(row), shapes.number.take(j.take(row))) for row in np.split(rows, start)]
+    return Ends(weakest, *ends[BODY], *ends[KNOWN], *ends[FLOW])
+
+
+@kernel
+def _sort_links(shapes: Shapes, i: Ints, j: Ints) -> tuple[Rows, Rows, Floats]:
+    """Links by the kind of their second shape; where kinds but the first start; smaller λ a."""
+    start, rows, weakest = np.zeros(5, np.int64), np.empty(j.size, np.int64), np.empty(j.size)
+    for k in range(j.size):
+        start[shapes.kind[j[k]] + 1] += 1
+        weakest[k] = min(shapes.inner[i[k]], shapes.inner[j[k]])
+    fill = np.cumsum(start)
+    bounds = fill[1:4].copy()
+    for k in range(j.size):
+        kind = shapes.kind[j[k]]
+        rows[fill[kind]] = k
+        fill[kind] += 1
+    return rows, bounds, weakest
 
 
 # ---- From contacts, gaps, walls and surroundings to links between nodes
@@ -198,8 +211,8 @@ def network_of(
     asked = (mechanism.outside(velocity, settings.laws, model) for mechanism in settings.mechanisms)
     outside = [one for one in asked if one is not None]
     return Network(
-        ends.i, ends.j, h[ends.between], area[ends.between] if area.size else area,
-        ends.wall_i, ends.wall, h[ends.known], area[ends.known] if area.size else area,
+        ends.i, ends.j, h.take(ends.between), area[ends.between] if area.size else area,
+        ends.wall_i, ends.wall, h.take(ends.known), area[ends.known] if area.size else area,
         ends.flow_i, ends.flow_wall, share,
         np.array([OUTSIDE_BOOKS.index(one.book) for one in outside], np.int32),
         np.array([one.temperature for one in outside], float),

@@ -13,6 +13,7 @@ from multicor_cli.engine.geometry.places import Places, rows_in_corners, share_p
 from multicor_cli.engine.geometry.radii import hertz_radius, smaller_radius
 from multicor_cli.engine.geometry.scene import Scene, known_geometry, pair_geometry
 from multicor_cli.engine.heat.conduction import hertz_spots, roughen
+from multicor_cli.engine.heat.mechanism import HeatLaws
 from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.columns import NORMAL, X, Y
@@ -102,6 +103,7 @@ class Touching:
         radius: a* [m], shape ``(c,)``.
         modulus: E* [Pa], likewise.
         harmonic: λ_h [W/(m K)], likewise.
+        share: Share of the first body in the heat of friction, likewise.
         rough: Roughness [m], slope and microhardness [Pa] as in `HeatLaws`, likewise; or none.
         in_corners: Those that may share a place, see `rows_in_corners`.
     """
@@ -111,31 +113,35 @@ class Touching:
     radius: Floats
     modulus: Floats
     harmonic: Floats
+    share: Floats
     rough: tuple[()] | tuple[Floats, Floats, Floats]
     in_corners: NDArray[np.int64]
 
     @classmethod
     def of(cls, scene: Scene, i: Ints, j: Ints, settings: HeatSettings) -> Touching:
-        laws, pair = settings.laws, (scene.material[i], scene.material[j])
-        rough = (laws.roughness[pair], laws.slope[pair], laws.microhardness[pair])
-        return cls(
-            i,
-            j,
-            hertz_radii(scene, i, j),
-            laws.modulus[pair],
-            laws.harmonic[pair],
-            rough if settings.conduction == "rough" else (),
-            rows_in_corners(scene, i, j),
-        )
+        laws = settings.laws
+        rough: tuple[()] | tuple[Floats, Floats, Floats] = ()
+        if settings.conduction == "rough":
+            pair = scene.material[i], scene.material[j]
+            rough = laws.roughness[pair], laws.slope[pair], laws.microhardness[pair]
+        corners = rows_in_corners(scene, i, j)
+        return cls(i, j, *laws_of_pairs(scene, i, j, laws), rough, corners)
 
 
 @kernel
-def hertz_radii(scene: Scene, i: Ints, j: Ints) -> Floats:
-    """a* of pairs [m], shape ``(c,)``."""
-    radius = np.empty(i.size)
-    for c in range(i.size):
-        radius[c] = hertz_radius(scene, i[c], j[c])
-    return radius
+def laws_of_pairs(
+    scene: Scene, i: Ints, j: Ints, laws: HeatLaws
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """a* [m], E* [Pa], λ_h [W/(m K)] and β of pairs, all of shape ``(c,)``."""
+    count = i.size
+    radius, modulus, harmonic, share = (
+        np.empty(count), np.empty(count), np.empty(count), np.empty(count)
+    )  # fmt: skip
+    for c in range(count):
+        a, b = scene.material[i[c]], scene.material[j[c]]
+        radius[c], modulus[c] = hertz_radius(scene, i[c], j[c]), laws.modulus[a, b]
+        harmonic[c], share[c] = laws.harmonic[a, b], laws.share[a, b]
+    return radius, modulus, harmonic, share
 
 
 @dataclass(frozen=True)
@@ -155,6 +161,7 @@ class Spots:
 def forces_of_step(
     state: State,
     scene: Scene,
+    carried: Floats,
     contacts: Contacts,
     touching: Touching,
     settings: HeatSettings,
@@ -165,13 +172,14 @@ def forces_of_step(
     An average counts the time without force, and ends when the pair leaves the reach of the contact
     solver, unless the grain has only rolled on to another piece of the same place. It is divided by
     1 − exp(−age/τ), the weight of the time that it knows. What is apart conducts nothing, whatever
-    its average; where another piece of its place is touched, that has it.
+    its average; where another piece of its place is touched, that has it. ``carried`` are the
+    normal impulses of the contacts [N s].
     """
-    i, j, carried = touching.i, touching.j, contacts["p_n"]
+    i, j = touching.i, touching.j
     if settings.force.kind == "prescribed":
         return settings.force.value * _shares(scene, i, j, carried)
     if settings.force.kind == "step":
-        return np.asarray(carried / dt)
+        return carried / dt
     before = _averages(state, scene, i, j)
     mean: Floats = before + (carried / dt - before) * -expm1(-dt / settings.force.value)
     kept = mean != 0.0  # nan stays, to be noticed

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
 
 from multicor_cli.engine.contact.contacts import net_impulses, resting_attraction, warm_rows
+from multicor_cli.engine.contact.ordering import Schedule
 from multicor_cli.engine.contact.system import Moved
 from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.engine.geometry.places import met_before
@@ -19,11 +21,13 @@ from multicor_cli.engine.heat.books import (
     note_contacts,
     receive,
     strike_balance,
+    warm,
 )
 from multicor_cli.engine.heat.friction import (
     ENERGY,
     NO_FRICTION,
     SLIDING,
+    Solved,
     collide,
     generate,
 )
@@ -52,7 +56,7 @@ from multicor_cli.engine.heat.spots import (
 from multicor_cli.engine.heat.walls import WallHeat, WallValues
 from multicor_cli.engine.orders import PhysicsError
 from multicor_cli.model.contacts import ContactTable
-from multicor_cli.model.faults import LARGEST, find_absurd_value
+from multicor_cli.model.faults import find_absurd_value
 from multicor_cli.model.model import ContactLaws, Floats, Ints, Model
 from multicor_cli.model.state import State
 
@@ -94,6 +98,11 @@ class HeatStep:
         self._lasting: tuple[Touching, Ends] | None = None
         self._resting: tuple[Links, Spots] | None = None
 
+    @property
+    def reads_table(self) -> bool:
+        """Whether `flow` looks at contacts of two grains in the table."""
+        return self._settings.collisional or self._settings.force.kind == "average"
+
     def shape_temperatures(self, t: float) -> Floats:
         """Temperatures of grains and wall shapes at ``t`` of a stage [K], ``(n + m,)``, or nan."""
         walls = WallValues(self._conditions, t).temperatures(0.0, self._state.wall_temperature)
@@ -101,16 +110,23 @@ class HeatStep:
             [self._state.temperature(self._thermal), walls[self._model.shapes.wall]]
         )
 
-    def flow(self, moved: Moved, dt: float, t: float) -> None:
+    def flow(self, moved: Moved, lanes: Schedule, dt: float, t: float, *, is_plain: bool) -> None:
         """Heat of a step ``dt`` in which grains moved, from ``t`` after the start of the stage [s].
+
+        Contacts of two grains are looked up in their ``lanes``; in the table as well if any adheres
+        or resists rolling (not ``is_plain``), or if `reads_table`.
 
         Raises:
             PhysicsError: If a temperature is not finite, or cannot be integrated.
         """
         self._resting = None
         touching, ends = self._lasting_of(moved.scene, moved.i, moved.j)
-        source, generated = self._generate(moved)
-        spots = self._spots(moved, touching, dt)
+        solved = Solved(
+            moved.i, moved.j, moved.contacts, lanes.lane, lanes.frame, lanes.impulse, lanes.before,
+            moved.after, is_plain,
+        )  # fmt: skip
+        source, generated, carried = self._generate(moved.scene, solved, touching.share)
+        spots = self._spots(moved, carried, touching, dt)
         links = self._links(moved.scene, spots, ends)
         self.of_contacts = generated, spots.conductance
         self._integrate(links, source, dt, t, is_frozen=False)
@@ -197,31 +213,35 @@ class HeatStep:
             self._lasting = Touching.of(scene, i, j, self._settings), ends_of(self._shapes, i, j)
         return self._lasting
 
-    def _generate(self, moved: Moved) -> tuple[Floats, Floats]:
-        """Heat that grains and bodies receive, and of contacts [J]; enters the books, and wears."""
+    def _generate(
+        self, scene: Scene, solved: Solved, share: Floats
+    ) -> tuple[Floats, Floats, Floats]:
+        """Heat that grains and bodies receive, and of contacts [J]; enters the books, and wears.
+
+        Returns normal impulses of the contacts [N s] as well.
+        """
         state, model, settings = self._state, self._model, self._settings
-        generated = np.empty(moved.contacts.size)
+        generated, carried = np.zeros(solved.i.size), np.empty(solved.i.size)
         source, to_walls = np.zeros(model.grain_count), np.zeros(model.wall_count)
         friction, impact = generate(
-            moved.scene, moved.contacts, moved.i, moved.j, moved.after,
-            _RULES[settings.friction], settings.impact, settings.laws, self._takes_heat,
-            generated, source, to_walls, state.wear, state.wall_wear,
+            scene, solved, _RULES[settings.friction], settings.impact, settings.laws,
+            share, self._takes_heat, carried, generated, source, to_walls, state.wear,
+            state.wall_wear,
         ).tolist()  # fmt: skip
         book_generated(state, friction, impact, to_walls)
         received = np.concatenate([receive(state, source), to_walls[self._bodies]])
-        return received, generated
+        return received, generated, carried
 
-    def _spots(self, moved: Moved, touching: Touching, dt: float) -> Spots:
+    def _spots(self, moved: Moved, carried: Floats, touching: Touching, dt: float) -> Spots:
         scene, contacts, settings = moved.scene, moved.contacts, self._settings
-        force = forces_of_step(self._state, scene, contacts, touching, settings, dt)
+        force = forces_of_step(self._state, scene, carried, contacts, touching, settings, dt)
         spots = conducting_spots(scene, touching, force, settings)
         if settings.collisional:
             row = warm_rows(self._model.grain_count, moved.loaded_i)
             is_known = met_before(scene, row, moved.loaded_j, moved.i, moved.j)
-            total = spots.places.totals(np.ascontiguousarray(contacts["p_n"]))
             collide(
-                scene, self._model.grains.mass, contacts, total, is_known, settings.laws, dt,
-                spots.conductance,
+                scene, self._model.grains.mass, contacts, spots.places.totals(carried), is_known,
+                settings.laws, dt, spots.conductance,
             )  # fmt: skip
         return spots
 
@@ -250,17 +270,16 @@ class HeatStep:
         is_frozen: bool,
         should_stop: Callable[[], bool] | None = None,
     ) -> None:
-        state, settings = self._state, self._settings
-        if not float(np.abs(state.heat).max()) <= LARGEST:
+        state, settings, bodies = self._state, self._settings, self._bodies
+        temperature, n = np.empty(self._capacity.size), self._model.grain_count
+        if not warm(self._thermal.initial_temperature, state.heat, self._capacity, temperature):
             raise PhysicsError(
                 state.step, find_absurd_value(state, self._model) or "a temperature is not finite"
             )
-        velocity = np.zeros((len(state.velocity), 2)) if is_frozen else state.velocity[:, :2]
-        net = network_of(links, self._shapes.nodes, velocity, self._model, settings)
-        walls, n = WallValues(self._conditions, t), self._model.grain_count
-        temperature = np.concatenate(
-            [state.temperature(self._thermal), state.wall_temperature[self._bodies]]
-        )
+        temperature[n:] = state.wall_temperature[bodies]
+        velocity = np.zeros((n, 2)) if is_frozen else state.velocity[:, :2]
+        net = network_of(links, temperature.size, velocity, self._model, settings)
+        walls = WallValues(self._conditions, t)
         try:
             flow = integrate(
                 net,
@@ -277,22 +296,17 @@ class HeatStep:
         except CannotIntegrate as error:
             what = find_absurd_value(state, self._model) or f"{self._name(error.node)} {error.why}"
             raise PhysicsError(state.step, what) from error
-        if not np.isfinite(temperature).all():
-            raise PhysicsError(
-                state.step,
-                (
-                    f"the temperature of {self._name(int(np.argmin(np.isfinite(temperature))))} "
-                    "is not finite"
-                ),
-            )
-        state.heat += flow.received[:n]
+        if not math.isfinite(temperature.sum()):
+            what = self._name(int(np.argmin(np.isfinite(temperature))))
+            raise PhysicsError(state.step, f"the temperature of {what} is not finite")
         state.heat_dt = flow.next_step
-        state.wall_temperature[self._bodies] += flow.received[n:] / self._capacity[n:]
+        if bodies.size:
+            state.wall_temperature[bodies] += flow.received[n:] / self._capacity[n:]
+            flow.walls[bodies] += source[n:] - flow.received[n:]
         state.wall_temperature = walls.temperatures(dt, state.wall_temperature)
-        flow.walls[self._bodies] += source[n:] - flow.received[n:]
         book_flow(state, flow, walls.undelivered(dt, net.flow_wall[net.flow_share > 0.0]))
         note_contacts(state, links.biot, links.gas_ratio)
-        strike_balance(state)
+        strike_balance(state, flow.received)
 
     def _name(self, node: int) -> str:
         n = self._model.grain_count
