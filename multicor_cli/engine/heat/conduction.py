@@ -65,13 +65,9 @@ def biot_number(conductance: float, inner: float) -> float:
 
 @parallel_kernel
 def hertz_spots(
-    force: Floats,
-    radius: Floats,
-    modulus: Floats,
-    harmonic: Floats,
-    spot: Floats,
+    force: Floats, radius: Floats, modulus: Floats, harmonic: Floats, spot: Floats,
     conductance: Floats,
-) -> None:
+) -> None:  # fmt: skip
     """Spots of smooth contacts under given normal forces [N], and their conductances.
 
     a*, E* and λ_h of the contacts as in `Touching`. **Modifies** ``spot``, radii a_c [m], and
@@ -89,16 +85,9 @@ def hertz_spots(
 
 @kernel
 def roughen(
-    force: Floats,
-    radius: Floats,
-    modulus: Floats,
-    harmonic: Floats,
-    roughness: Floats,
-    slope: Floats,
-    microhardness: Floats,
-    spot: Floats,
-    conductance: Floats,
-) -> None:
+    force: Floats, radius: Floats, modulus: Floats, harmonic: Floats, roughness: Floats,
+    slope: Floats, microhardness: Floats, spot: Floats, conductance: Floats,
+) -> None:  # fmt: skip
     """Conductances of rough contacts with these spots; arguments as `hertz_spots`, `HeatLaws`."""
     for c in range(force.size):
         conductance[c] = rough_conductance(

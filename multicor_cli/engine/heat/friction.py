@@ -26,7 +26,7 @@ from multicor_cli.engine.contact.contacts import (
 )
 from multicor_cli.engine.geometry.radii import hertz_radius
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.heat.mechanism import HeatLaws
+from multicor_cli.engine.heat.mechanism import HeatLaws, Indices
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
@@ -124,17 +124,9 @@ SHARES: dict[Partition, tuple[Callable[..., float], tuple[str, ...]]] = {
 
 @kernel
 def share_out(
-    scene: Scene,
-    i: Ints,
-    j: Ints,
-    rows: Ints,
-    heat: Floats,
-    share: Floats,
-    takes_heat: NDArray[np.bool_],
-    generated: Floats,
-    source: Floats,
-    wall_source: Floats,
-) -> None:
+    scene: Scene, i: Indices, j: Indices, rows: Ints, heat: Floats, share: Floats,
+    takes_heat: NDArray[np.bool_], generated: Floats, source: Floats, wall_source: Floats,
+) -> None:  # fmt: skip
     """Give the heat of contacts to their two bodies; walls that take none leave it to the grain.
 
     ``rows`` are the contacts with heat. ``heat`` of friction and impacts [J] has shape ``(c, 2)``,
@@ -158,8 +150,8 @@ def share_out(
 
 @kernel
 def wear_off(
-    scene: Scene, i: Ints, j: Ints, rows: Ints, rubbing: Floats, laws: HeatLaws, wear: Floats,
-    wall_wear: Floats,
+    scene: Scene, i: Indices, j: Indices, rows: Ints, rubbing: Floats, laws: HeatLaws,
+    wear: Floats, wall_wear: Floats,
 ) -> None:  # fmt: skip
     """Add the volumes worn off the bodies of contacts to ``wear`` and ``wall_wear`` [m³].
 
@@ -315,21 +307,21 @@ def sliding_power(mu: float, normal_force: float, slip_speed: float) -> float:
 
 
 class Solved(NamedTuple):
-    """The contacts of a step that has been taken.
+    """The contacts of a step that has been taken; ``c`` of them.
 
     Attributes:
         i: Grains, shape ``(c,)``.
         j: Grains or wall shapes, shape ``(c,)``.
-        contacts: Their table, in which those of two grains may be missing.
-        lane, frame, impulse, before: Those of two grains; as in `Schedule`.
-        after: Velocities v⁺ of the bodies, shape ``(bodies, 4)``.
+        contacts: Their table, in which those of two grains are missing if ``is_plain``.
+        lane: Lane of each, shape ``(c,)``; this and the next three are those of the `Schedule`.
+        after: Velocities v⁺, shape ``(bodies, 4)``.
         is_plain: Whether none adheres or resists rolling.
     """
 
-    i: Ints
-    j: Ints
+    i: Indices
+    j: Indices
     contacts: Contacts
-    lane: Ints
+    lane: Indices
     frame: Floats
     impulse: Floats
     before: Floats
@@ -339,48 +331,26 @@ class Solved(NamedTuple):
 
 @kernel
 def loaded_rows(grains: int, solved: Solved, normal: Floats) -> Ints:
-    """Contacts that bear or adhere; **modifies** ``normal``, impulses of all [N s], ``(c,)``."""
+    """Contacts that bear or adhere; **modifies** ``normal``, q_n of all of them [N s], ``(c,)``."""
     rows, found = np.empty(normal.size, np.int32), 0
     for c in range(normal.size):
-        lane = solved.lane[c]
-        is_of_grains = solved.j[c] < grains
-        normal[c] = (
-            solved.impulse[lane // LANES, NORMAL, lane % LANES]
-            if is_of_grains
-            else solved.contacts[c].p_n
-        )
-        rows[found] = c
-        found += normal[c] > 0.0 or (not solved.is_plain and solved.contacts[c].attraction > 0.0)
+        lane, is_held = solved.lane[c], False
+        if solved.j[c] < grains:
+            normal[c] = solved.impulse[lane // LANES, NORMAL, lane % LANES]
+        else:
+            normal[c] = solved.contacts[c].p_n
+        if not solved.is_plain:
+            is_held = solved.contacts[c].attraction > 0.0
+        rows[found] = c  # without a branch: which contacts bear is hard to guess
+        found += (normal[c] > 0.0) | is_held
     return rows[:found]
-
-
-@formula
-def _lost(
-    rule: int, has_impact: bool, mu: float, q_n: float, p_t: float, attraction: float,
-    before: tuple[float, float], after: tuple[float, float],
-) -> tuple[float, float, float]:  # fmt: skip
-    """Heat of friction and of impact [J], and force times slipped distance [N m], of a contact."""
-    slip = 0.5 * (before[TANGENTIAL] + after[TANGENTIAL])
-    work, friction, impact = -p_t * slip, 0.0, 0.0
-    if rule == ENERGY:
-        friction = work
-    elif rule == SLIDING:
-        friction = sliding_power(mu, q_n, after[TANGENTIAL])
-    if has_impact:
-        impact = -(q_n - attraction) * 0.5 * (before[NORMAL] + after[NORMAL])
-    return friction, impact, rubbing_of(q_n, slip, work, mu)
 
 
 @parallel_kernel
 def generated_heat(
-    scene: Scene,
-    solved: Solved,
-    rows: Ints,
-    rule: int,
-    has_impact: bool,
-    heat: Floats,
+    scene: Scene, solved: Solved, rows: Ints, rule: int, has_impact: bool, heat: Floats,
     rubbing: Floats,
-) -> None:
+) -> None:  # fmt: skip
     """Heat generated in contacts of a step, and force times slipped distance, which wears.
 
     ``"energy"``: −p_t ½(u_t⁻+u_t⁺), exact and signed; ``"sliding"``: μ|u_t⁺| p_n (the paper's E_f);
@@ -401,41 +371,35 @@ def generated_heat(
                 q, k = lane[c] // LANES, lane[c] % LANES
                 nx, ny, mu = frame[q, NX, k], frame[q, NY, k], frame[q, MU, k]
                 q_n, p_t = impulse[q, NORMAL, k], impulse[q, TANGENTIAL, k]
-                was = before[q, NORMAL, k], before[q, TANGENTIAL, k]
-                now = relative_velocity(after, i[c], j[c], nx, ny, False, 0.0, 0.0)
+                was_n, was_t = before[q, NORMAL, k], before[q, TANGENTIAL, k]
+                u_n, u_t = relative_velocity(after, i[c], j[c], nx, ny, False, 0.0, 0.0)
             else:
                 contact = contacts[c]
-                mu, q_n, p_t = contact.mu, contact.p_n, contact.p_t
-                was, now = (contact.u_n, contact.u_t), contact_after(c, scene, contacts, after)
+                q_n, p_t, mu = contact.p_n, contact.p_t, contact.mu
+                was_n, was_t = contact.u_n, contact.u_t
+                u_n, u_t = contact_after(c, scene, contacts, after)
+            slip, friction = 0.5 * (was_t + u_t), 0.0
+            work = -p_t * slip
+            if rule == ENERGY:
+                friction = work if is_plain else work + rolling_loss(c, scene, contacts, after)
+            elif rule == SLIDING:
+                friction = sliding_power(mu, q_n, u_t)
+                friction += 0.0 if is_plain else rolled_loss(c, scene, contacts, after)
             attraction = 0.0 if is_plain else contacts[c].attraction
-            heat[c, FRICTION], heat[c, IMPACT], rubbing[c] = _lost(
-                rule, has_impact, mu, q_n, p_t, attraction, was, now
-            )
-            if not is_plain and rule == ENERGY:
-                heat[c, FRICTION] += rolling_loss(c, scene, contacts, after)
-            elif not is_plain and rule == SLIDING:
-                heat[c, FRICTION] += rolled_loss(c, scene, contacts, after)
+            heat[c, FRICTION], rubbing[c] = friction, rubbing_of(q_n, slip, work, mu)
+            if has_impact:
+                heat[c, IMPACT] = -(q_n - attraction) * 0.5 * (was_n + u_n)
 
 
 @parallel_kernel
 def generate(
-    scene: Scene,
-    solved: Solved,
-    rule: int,
-    has_impact: bool,
-    laws: HeatLaws,
-    share: Floats,
-    takes_heat: NDArray[np.bool_],
-    normal: Floats,
-    generated: Floats,
-    source: Floats,
-    wall_source: Floats,
-    wear: Floats,
-    wall_wear: Floats,
-) -> Floats:
+    scene: Scene, solved: Solved, rule: int, has_impact: bool, laws: HeatLaws, share: Floats,
+    takes_heat: NDArray[np.bool_], normal: Floats, generated: Floats, source: Floats,
+    wall_source: Floats, wear: Floats, wall_wear: Floats,
+) -> Floats:  # fmt: skip
     """`generated_heat`, `share_out` and `wear_off`; returns the heat of friction and impacts [J].
 
-    **Modifies** ``normal``, normal impulses of the contacts [N s], shape ``(c,)``, too.
+    **Modifies** ``normal``, impulses q_n of the contacts [N s], shape ``(c,)``, too.
     """
     i, j, rows = solved.i, solved.j, loaded_rows(scene.radius.size, solved, normal)
     heat, rubbing = np.zeros((normal.size, 2)), np.empty(normal.size)

@@ -13,7 +13,7 @@ from multicor_cli.engine.contact.contacts import warm_rows
 from multicor_cli.engine.geometry.places import find_places, largest_of_places, totals_of_places
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.conduction import largest_biot
-from multicor_cli.engine.heat.mechanism import NearPairs
+from multicor_cli.engine.heat.mechanism import Indices, NearPairs
 from multicor_cli.engine.heat.rates import OUTSIDE_BOOKS, Network
 from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.spots import Spots, look_up, resting_contacts
@@ -40,13 +40,11 @@ class Shapes(NamedTuple):
         kind: Their kinds, shape ``(n + m,)``.
         number: Nodes of grains and bodies, walls of all other shapes, likewise.
         inner: λ a of grains [W/K], infinite where there is none and of wall shapes, likewise.
-        nodes: Number of grains and bodies.
     """
 
     kind: Ints
-    number: Ints
+    number: Indices
     inner: Floats
-    nodes: int
 
 
 def shapes_of(conditions: Sequence[WallHeat], model: Model, settings: HeatSettings) -> Shapes:
@@ -58,9 +56,8 @@ def shapes_of(conditions: Sequence[WallHeat], model: Model, settings: HeatSettin
     number = np.where(is_body, n - 1 + np.cumsum(is_body), np.arange(kind.size))
     return Shapes(
         np.concatenate([np.full(n, BODY), kind[wall]]).astype(np.int32),
-        np.concatenate([np.arange(n), number[wall]]).astype(np.int32),
+        np.concatenate([np.arange(n), number[wall]]).astype(np.uint32),
         np.concatenate([inner, np.full(wall.size, np.inf)]),
-        n + int(np.count_nonzero(is_body)),
     )
 
 
@@ -76,20 +73,23 @@ class Ends(NamedTuple):
 
     weakest: Floats
     between: Rows
-    i: Ints
-    j: Ints
+    i: Indices
+    j: Indices
     known: Rows
-    wall_i: Ints
-    wall: Ints
+    wall_i: Indices
+    wall: Indices
     flowing: Rows
-    flow_i: Ints
-    flow_wall: Ints
+    flow_i: Indices
+    flow_wall: Indices
 
 
 def ends_of(shapes: Shapes, i: Ints, j: Ints) -> Ends:
     """Sort links between ``i`` and ``j``, of shape ``(e,)``, by their other end."""
     rows, start, weakest = _sort_links(shapes, i, j)
-    ends = [(row, i.take(row), shapes.number.take(j.take(row))) for row in np.split(rows, start)]
+    first = i.view(np.uint32)
+    ends = [
+        (here, first.take(here), shapes.number.take(j.take(here))) for here in np.split(rows, start)
+    ]
     return Ends(weakest, *ends[BODY], *ends[KNOWN], *ends[FLOW])
 
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from multicor_cli.engine.heat.mechanism import Indices
 from multicor_cli.engine.heat.radiation import linear_coefficient
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.orders import Interrupted
@@ -46,16 +47,16 @@ class Network(NamedTuple):
         outside_area: Area factor of radiation of each grain [m²], shape ``(s, n)``.
     """
 
-    i: Ints
-    j: Ints
+    i: Indices
+    j: Indices
     conductance: Floats
     area: Floats
-    wall_i: Ints
-    wall: Ints
+    wall_i: Indices
+    wall: Indices
     wall_conductance: Floats
     wall_area: Floats
-    flow_i: Ints
-    flow_wall: Ints
+    flow_i: Indices
+    flow_wall: Indices
     flow_share: Floats
     outside_book: Ints
     outside_temperature: Floats
@@ -93,15 +94,9 @@ def _steepest(conductance: float, area: Floats, k: int, a: float, b: float) -> f
 
 @kernel
 def heat_rates(
-    net: Network,
-    temperature: Floats,
-    wall_value: Floats,
-    wall_bound: Floats,
-    rate: Floats,
-    wall_rate: Floats,
-    outside: Floats,
-    total: Floats,
-) -> None:
+    net: Network, temperature: Floats, wall_value: Floats, wall_bound: Floats, rate: Floats,
+    wall_rate: Floats, outside: Floats, total: Floats,
+) -> None:  # fmt: skip
     """Heat flow into every grain, and what walls and the outside give [W]; ΣH of every grain [W/K].
 
     ``temperature`` of the grains [K], shape ``(n,)``; ``wall_value``: temperature [K] or heat flow
@@ -144,18 +139,9 @@ def heat_rates(
 
 @kernel
 def try_euler(
-    net: Network,
-    capacity: Floats,
-    temperature: Floats,
-    wall_start: Floats,
-    wall_middle: Floats,
-    power: Floats,
-    dt: float,
-    longest: float,
-    received: Floats,
-    given: Floats,
-    outside: Floats,
-) -> tuple[float, float, float]:
+    net: Network, capacity: Floats, temperature: Floats, wall_start: Floats, wall_middle: Floats,
+    power: Floats, dt: float, longest: float, received: Floats, given: Floats, outside: Floats,
+) -> tuple[float, float, float]:  # fmt: skip
     """One step of Euler's rule, if it is at most ``longest`` over the shortest time constant C/ΣH.
 
     Values of walls at the start and in the middle of the step ``dt`` [s], which is exact for

@@ -90,7 +90,9 @@ class HeatStep:
         self._conditions = list(conditions)
         self._shapes = shapes_of(conditions, self._model, self._settings)
         kinds = [condition.kind for condition in conditions]
-        self._takes_heat = np.array([kind in ("temperature", "capacity") for kind in kinds])
+        self._takes_heat = np.array(
+            [kind in ("temperature", "capacity") for kind in kinds], np.bool_
+        )
         self._bodies = np.flatnonzero([kind == "capacity" for kind in kinds])
         self._capacity = np.append(
             self._thermal.capacity, [self._conditions[w].capacity for w in self._bodies]
@@ -122,7 +124,8 @@ class HeatStep:
         self._resting = None
         touching, ends = self._lasting_of(moved.scene, moved.i, moved.j)
         solved = Solved(
-            moved.i, moved.j, moved.contacts, lanes.lane, lanes.frame, lanes.impulse, lanes.before,
+            moved.i.view(np.uint32), moved.j.view(np.uint32), moved.contacts,
+            lanes.lane.view(np.uint32), lanes.frame, lanes.impulse, lanes.before,
             moved.after, is_plain,
         )  # fmt: skip
         source, generated, carried = self._generate(moved.scene, solved, touching.share)
@@ -139,14 +142,8 @@ class HeatStep:
         """
         links, spots = self._rest(self._resting_scene())
         self.of_contacts = np.zeros(spots.conductance.size), spots.conductance
-        self._integrate(
-            links,
-            np.zeros(self._capacity.size),
-            dt,
-            t,
-            is_frozen=True,
-            should_stop=should_stop,
-        )
+        source = np.zeros(self._capacity.size)
+        self._integrate(links, source, dt, t, is_frozen=True, should_stop=should_stop)
 
     def flow_nowhere(self, dt: float, t: float) -> None:
         """Without grains walls keep their heat; those of prescribed flow cannot deliver theirs."""
@@ -160,12 +157,8 @@ class HeatStep:
         state = self._state
         if state.mean_age > 0.0:
             none = np.zeros(0, np.int32)
-            state.mean_i, state.mean_j, state.mean_force, state.mean_age = (
-                none,
-                none,
-                np.zeros(0),
-                0.0,
-            )
+            state.mean_i, state.mean_j, state.mean_force = none, none, np.zeros(0)
+            state.mean_age = 0.0
         self._note_walls(dt, t)
 
     def _note_walls(self, dt: float, t: float) -> None:
@@ -221,12 +214,12 @@ class HeatStep:
         Returns normal impulses of the contacts [N s] as well.
         """
         state, model, settings = self._state, self._model, self._settings
-        generated, carried = np.zeros(solved.i.size), np.empty(solved.i.size)
+        rule, generated = _RULES[settings.friction], np.zeros(solved.i.size)
+        carried = np.empty(solved.i.size)
         source, to_walls = np.zeros(model.grain_count), np.zeros(model.wall_count)
         friction, impact = generate(
-            scene, solved, _RULES[settings.friction], settings.impact, settings.laws,
-            share, self._takes_heat, carried, generated, source, to_walls, state.wear,
-            state.wall_wear,
+            scene, solved, rule, settings.impact, settings.laws, share, self._takes_heat,
+            carried, generated, source, to_walls, state.wear, state.wall_wear,
         ).tolist()  # fmt: skip
         book_generated(state, friction, impact, to_walls)
         received = np.concatenate([receive(state, source), to_walls[self._bodies]])
@@ -282,17 +275,9 @@ class HeatStep:
         walls = WallValues(self._conditions, t)
         try:
             flow = integrate(
-                net,
-                self._capacity,
-                temperature,
-                walls,
-                source,
-                dt,
-                state.heat_dt,
-                settings,
-                should_stop,
-                is_frozen=is_frozen,
-            )
+                net, self._capacity, temperature, walls, source, dt, state.heat_dt, settings,
+                should_stop, is_frozen=is_frozen,
+            )  # fmt: skip
         except CannotIntegrate as error:
             what = find_absurd_value(state, self._model) or f"{self._name(error.node)} {error.why}"
             raise PhysicsError(state.step, what) from error

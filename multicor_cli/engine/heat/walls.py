@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.motion.drives import Constant, Signal
-from multicor_cli.model.model import Floats, Ints
+from multicor_cli.model.model import Floats
 
 _INSULATED = Constant(0.0)
 PRESCRIBED = ("temperature", "flow")
@@ -93,7 +93,7 @@ class WallValues:
             ]
         )
 
-    def undelivered(self, dt: float, reached: Ints) -> float:
+    def undelivered(self, dt: float, reached: NDArray[np.integer]) -> float:
         """Heat that flow walls other than those ``reached`` could not pass on within ``dt`` [J]."""
         idle = np.array([c.kind == "flow" for c in self.conditions], np.bool_)
         if not idle.any():
