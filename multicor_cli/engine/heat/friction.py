@@ -230,15 +230,9 @@ def impact_coefficient(fo: float, ratio: float) -> float:
 
 @formula
 def impact_exchange(
-    m_eff: float,
-    a_eff: float,
-    modulus: float,
-    speed: float,
-    conductivity_i: float,
-    volumetric_i: float,
-    conductivity_j: float,
-    volumetric_j: float,
-) -> float:
+    m_eff: float, a_eff: float, modulus: float, speed: float, conductivity_i: float,
+    volumetric_i: float, conductivity_j: float, volumetric_j: float,
+) -> float:  # fmt: skip
     """Heat of one impact per difference of temperature ``C π R² √t_c/(b_i^−½ + b_j^−½)`` [J/K].
 
     Sun & Chen 1988. Symmetric in the two bodies: body 1 of the fit is that with the smaller ρc, at
@@ -262,15 +256,9 @@ def impact_exchange(
 
 @kernel
 def collide(
-    scene: Scene,
-    mass: Floats,
-    contacts: Contacts,
-    total: Floats,
-    is_known: NDArray[np.bool_],
-    laws: HeatLaws,
-    dt: float,
-    conductance: Floats,
-) -> None:
+    scene: Scene, mass: Floats, contacts: Contacts, total: Floats, is_known: NDArray[np.bool_],
+    laws: HeatLaws, dt: float, conductance: Floats,
+) -> None:  # fmt: skip
     """Give contacts that are new in this step the conductance of an impact, spread over the step.
 
     A place is hit once: its contacts share the impact in proportion to their impulses, ``total`` of

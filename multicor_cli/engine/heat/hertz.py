@@ -95,13 +95,9 @@ def macro_resistance(contact_radius: float, harmonic: float) -> float:
 
 @formula
 def micro_resistance(
-    contact_radius: float,
-    peak_pressure: float,
-    harmonic: float,
-    roughness: float,
-    slope: float,
+    contact_radius: float, peak_pressure: float, harmonic: float, roughness: float, slope: float,
     microhardness: float,
-) -> float:
+) -> float:  # fmt: skip
     """Resistance of the asperities ``R_s = (H'/p_0)^0.96 · 1.184/(π a_c² λ_h) · σ/m`` [K/W].
 
     Bahrami et al.; Van Lew. a_c [m], p_0 [Pa], λ_h [W/(m K)], σ [m], mean slope m, H' [Pa].
@@ -112,15 +108,9 @@ def micro_resistance(
 
 @formula
 def rough_conductance(
-    force: float,
-    contact_radius: float,
-    modulus: float,
-    effective_radius: float,
-    harmonic: float,
-    roughness: float,
-    slope: float,
-    microhardness: float,
-) -> float:
+    force: float, contact_radius: float, modulus: float, effective_radius: float, harmonic: float,
+    roughness: float, slope: float, microhardness: float,
+) -> float:  # fmt: skip
     """Conductance of a rough contact in vacuum ``1/(R_L + R_s)`` [W/K] (Bahrami et al. 2006).
 
     0 without force F [N]; a_c of this force [m]; E* [Pa], a* [m] for ``p_0 = 2 E* δ/(π a_c)`` with

@@ -109,18 +109,10 @@ class Integration:
 
 
 def integrate(
-    net: Network,
-    capacity: Floats,
-    temperature: Floats,
-    walls: WallValues,
-    source: Floats,
-    dt: float,
-    first: float,
-    choices: Integration,
-    should_stop: Callable[[], bool] | None = None,
-    *,
+    net: Network, capacity: Floats, temperature: Floats, walls: WallValues, source: Floats,
+    dt: float, first: float, choices: Integration, should_stop: Callable[[], bool] | None = None, *,
     is_frozen: bool,
-) -> Flow:
+) -> Flow:  # fmt: skip
     """Heat that flows within ``dt`` [s]; **modifies** the temperatures [K], shape ``(n,)``.
 
     Capacities [J/K] and ``source``, the heat generated within ``dt`` [J], have this shape too.
@@ -177,13 +169,9 @@ class _Problem:
 
 
 def _march(
-    scheme: type[_SubStep],
-    problem: _Problem,
-    temperature: Floats,
-    dt: float,
-    flow: Flow,
+    scheme: type[_SubStep], problem: _Problem, temperature: Floats, dt: float, flow: Flow,
     should_stop: Callable[[], bool] | None,
-) -> None:
+) -> None:  # fmt: skip
     """Go ``dt`` on in sub-steps of errors below the tolerance; arguments, errors as `integrate`."""
     done, trials, bound = 0.0, 0, math.inf
     step = min(flow.next_step, dt) if flow.next_step > 0.0 else dt

@@ -185,15 +185,9 @@ def _apply(
 
 @kernel
 def solve_linear(
-    net: Network,
-    diagonal: Floats,
-    step: float,
-    temperature: Floats,
-    rhs: Floats,
-    scale: Floats,
-    target: float,
-    x: Floats,
-) -> int:
+    net: Network, diagonal: Floats, step: float, temperature: Floats, rhs: Floats, scale: Floats,
+    target: float, x: Floats,
+) -> int:  # fmt: skip
     """Solve (C + step K) x = rhs by conjugate gradients, preconditioned by the diagonal.
 
     The loop ends when the largest |residual|/scale falls to ``target`` [K], or when rounding lets

@@ -159,14 +159,9 @@ class Spots:
 
 
 def forces_of_step(
-    state: State,
-    scene: Scene,
-    carried: Floats,
-    contacts: Contacts,
-    touching: Touching,
-    settings: HeatSettings,
-    dt: float,
-) -> Floats:
+    state: State, scene: Scene, carried: Floats, contacts: Contacts, touching: Touching,
+    settings: HeatSettings, dt: float,
+) -> Floats:  # fmt: skip
     """Normal forces that make the spots [N], shape ``(c,)``; keeps averages of ``state``, if used.
 
     An average counts the time without force, and ends when the pair leaves the reach of the contact

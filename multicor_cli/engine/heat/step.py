@@ -254,15 +254,9 @@ class HeatStep:
         return near_pairs(scene, self._list.row, self._list.partner, reach)
 
     def _integrate(
-        self,
-        links: Links,
-        source: Floats,
-        dt: float,
-        t: float,
-        *,
-        is_frozen: bool,
+        self, links: Links, source: Floats, dt: float, t: float, *, is_frozen: bool,
         should_stop: Callable[[], bool] | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         state, settings, bodies = self._state, self._settings, self._bodies
         temperature, n = np.empty(self._capacity.size), self._model.grain_count
         if not warm(self._thermal.initial_temperature, state.heat, self._capacity, temperature):
