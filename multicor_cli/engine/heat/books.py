@@ -131,14 +131,14 @@ def strike_balance(state: State, received: Floats) -> None:
     if state.heat_before.size:
         stored -= float(state.heat_before[0])
     books[_BOOK["stored"]] = stored
-    received = books[_BOOK["friction"]] + books[_BOOK["impact"]] - books[_BOOK["to_walls"]]
-    received += books[_BOOK["ahead"]]
+    come_in = books[_BOOK["friction"]] + books[_BOOK["impact"]] - books[_BOOK["to_walls"]]
+    come_in += books[_BOOK["ahead"]]
     from_outside = books[_BOOK["from_walls"]]
     for name in OUTSIDE_BOOKS:
         from_outside += books[_BOOK[name]]
-    received += from_outside
+    come_in += from_outside
     taken = float(state.exchange[_HEAT_OUT]) if state.exchange.size else 0.0
-    books[_BOOK["imbalance"]] = stored + taken - received
+    books[_BOOK["imbalance"]] = stored + taken - come_in
     # Σ C_i |T_i − T_i0| = Σ |Q_i|.
     scale = books[_BOOK["exchanged"]] + content
     if scale > 0.0:
