@@ -85,28 +85,32 @@ class Ends(NamedTuple):
 
 def ends_of(shapes: Shapes, i: Ints, j: Ints) -> Ends:
     """Sort links between ``i`` and ``j``, of shape ``(e,)``, by their other end."""
-    rows, start, weakest = _sort_links(shapes, i, j)
+    weakest, *rows = _sort_links(shapes, i, j)
     first = i.view(np.uint32)
-    ends = [
-        (here, first.take(here), shapes.number.take(j.take(here))) for here in np.split(rows, start)
-    ]
-    return Ends(weakest, *ends[BODY], *ends[KNOWN], *ends[FLOW])
+    between, known, flowing = (
+        (row, first.take(row), shapes.number.take(j.take(row))) for row in rows
+    )
+    return Ends(weakest, *between, *known, *flowing)
 
 
 @kernel
-def _sort_links(shapes: Shapes, i: Ints, j: Ints) -> tuple[Rows, Rows, Floats]:
-    """Links by the kind of their second shape; where kinds but the first start; smaller λ a."""
-    start, rows, weakest = np.zeros(5, np.int64), np.empty(j.size, np.int64), np.empty(j.size)
+def _sort_links(shapes: Shapes, i: Ints, j: Ints) -> tuple[Floats, Rows, Rows, Rows]:
+    """Smaller λ a of links; those to bodies, to walls of known temperature, and of known flow."""
+    weakest, rows, start = np.empty(j.size), np.empty(j.size, np.int64), np.zeros(5, np.int64)
     for k in range(j.size):
-        start[shapes.kind[j[k]] + 1] += 1
         weakest[k] = min(shapes.inner[i[k]], shapes.inner[j[k]])
-    fill = np.cumsum(start)
-    bounds = fill[1:4].copy()
+        start[shapes.kind[j[k]] + 1] += 1
+    for kind in range(4):
+        start[kind + 1] += start[kind]
+    fill = start.copy()
     for k in range(j.size):
         kind = shapes.kind[j[k]]
         rows[fill[kind]] = k
         fill[kind] += 1
-    return rows, bounds, weakest
+    return (
+        weakest, rows[start[BODY] :], rows[start[KNOWN] : start[FLOW]],
+        rows[start[FLOW] : start[BODY]],
+    )  # fmt: skip
 
 
 # ---- From contacts, gaps, walls and surroundings to links between nodes

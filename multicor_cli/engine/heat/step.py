@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
 
@@ -275,7 +274,7 @@ class HeatStep:
         except CannotIntegrate as error:
             what = find_absurd_value(state, self._model) or f"{self._name(error.node)} {error.why}"
             raise PhysicsError(state.step, what) from error
-        if not math.isfinite(temperature.sum()):
+        if not np.isfinite(temperature).all():
             what = self._name(int(np.argmin(np.isfinite(temperature))))
             raise PhysicsError(state.step, f"the temperature of {what} is not finite")
         state.heat_dt = flow.next_step

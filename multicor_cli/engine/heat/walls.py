@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,7 +93,7 @@ class WallValues:
             ]
         )
 
-    def undelivered(self, dt: float, reached: NDArray[np.integer]) -> float:
+    def undelivered(self, dt: float, reached: NDArray[Any]) -> float:
         """Heat that flow walls other than those ``reached`` could not pass on within ``dt`` [J]."""
         idle = np.array([c.kind == "flow" for c in self.conditions], np.bool_)
         if not idle.any():
