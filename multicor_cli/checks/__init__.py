@@ -7,6 +7,7 @@ docs/reference/checks.md is made of them (``python tests/support/page_tables.py`
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from multicor_cli.checks import books, floor, resolution
 from multicor_cli.checks.check import Check, Rule, Verdict, judge_all, worst_verdict
@@ -79,18 +80,19 @@ def check_scenario(scenario: Scenario | str | Path, threads: int = 1) -> list[Ch
     return check_prepared(Prepared(loaded, make_plan(loaded, model), model, state, threads))
 
 
-def check_run(directory: Path | str) -> list[Check]:
+def check_run(directory: Path | str, info: dict[str, Any] | None = None) -> list[Check]:
     """The checks of a run at its newest checkpoint, as ``multicor info`` shows them.
 
     Args:
         directory: Run directory, or a ``results.h5`` on its own.
+        info: What `run_info` says of it, where that is known.
 
     Raises:
         StoreError: If there is no run, or a file that is needed is damaged.
     """
     with open_run(directory) as run:
         try:
-            return judge_all(OF_RUN, Recorded(run, run_info(directory)))
+            return judge_all(OF_RUN, Recorded(run, run_info(directory) if info is None else info))
         except NothingStored:
             return []
 

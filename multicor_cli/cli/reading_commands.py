@@ -50,7 +50,8 @@ def info(directory: RunPath, is_strict: Strict = False, is_json: AsJson = False)
     from multicor_cli.checks import check_run
     from multicor_cli.store import run_info
 
-    found, checks = run_info(directory), check_run(directory)
+    found = run_info(directory)
+    checks = check_run(directory, found)
     if is_json:
         emit_json({**found, **checks_as_json(checks)})
     else:

@@ -117,7 +117,7 @@ def _heat(model: Model, state: State, moved: Moved) -> None:
     material = dict.fromkeys(("density", "heat_capacity", "conductivity", "young", "poisson"), 0.1)
     HeatStep(
         model, state, HeatSettings(heat_laws([material], "effusivity", np.zeros((1, 1))))
-    ).flow(moved, 1.0, 0.0)
+    ).flow(moved, _schedule(model, moved.scene), 1.0, 0.0, is_plain=True)
 
 
 def _finish(model: Model, state: State, moved: Moved) -> None:

@@ -794,10 +794,14 @@ class Engine:
             heat.skip(dt, t)
         elif self._layout.model.grain_count == 0:
             heat.flow_nowhere(dt, t)
-        elif self.orders.is_frozen or (moved := self._with_table()) is None:
+        elif self.orders.is_frozen or self.moved is None:
             heat.flow_at_rest(dt, t, should_stop)
         else:
-            heat.flow(moved, dt, t)
+            laws = self._laws()
+            is_plain = not (laws.adhesion.size or laws.rolling.size)
+            if heat.reads_table or not is_plain:
+                self._with_table()
+            heat.flow(self.moved, self._layout.selection.lanes, dt, t, is_plain=is_plain)
         self._clock("heat")
 
     def _clock(self, phase: str) -> None:

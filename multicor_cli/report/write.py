@@ -90,7 +90,7 @@ def write_report(
         packing = pack_frames(run, int((SIZE_LIMIT - _ROOM) / _BASE64), frames, progress)
         books = energy(run) if run.series.row_count else None
         figures = make_figures(run, books)
-        page = make_page(run, info, check_run(directory), books, packing, figures)
+        page = make_page(run, info, check_run(directory, info), books, packing, figures)
     commit_result(target, "report", page)
     shown, count, limit = len(packing.chunks), packing.frame_count, packing.contact_limit
     return ReportSummary(target, len(page), shown, count, limit, figures is not None)

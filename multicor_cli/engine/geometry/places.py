@@ -24,6 +24,8 @@ Grains and discs are bodies of their own: each is a place.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -134,6 +136,36 @@ def totals_of_places(place: Ints, values: Floats) -> Floats:
     for c in range(place.size):
         found[c] = total[place[c]]
     return found
+
+
+def rows_in_corners(scene: Scene, i: Ints, j: Ints) -> NDArray[np.int64]:
+    """Pairs of grains that are near more than one piece of a wall: only they may share a place."""
+    pieces = j >= scene.radius.size
+    pieces[pieces] = scene.kind[j[pieces] - scene.radius.size] != _DISC
+    near = np.bincount(i[pieces], minlength=scene.radius.size)
+    return np.flatnonzero(pieces & (near[i] > 1))
+
+
+@dataclass(frozen=True)
+class Places:
+    """Places of pairs: of those in ``rows`` as `find_places` has them, of every other its own."""
+
+    rows: NDArray[np.int64]
+    place: Ints
+
+    @classmethod
+    def of(cls, scene: Scene, i: Ints, j: Ints, rows: NDArray[np.int64]) -> Places:
+        """Places of pairs at this moment; ``rows`` are those of `rows_in_corners`."""
+        i, j = i[rows], j[rows]
+        return cls(rows, find_places(scene, i, j)[0] if rows.size else i)
+
+    def totals(self, values: Floats) -> Floats:
+        """As `totals_of_places`, of all pairs."""
+        if not self.rows.size:
+            return values
+        total = values.copy()
+        total[self.rows] = totals_of_places(self.place, values[self.rows])
+        return total
 
 
 @kernel

@@ -10,9 +10,11 @@ import math
 import numpy as np
 
 from multicor_cli.engine.heat.rates import OUTSIDE_BOOKS, Flow
-from multicor_cli.engine.jit.sums import total_and_magnitude
+from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.sums import column_totals, total_and_magnitude
 from multicor_cli.model.books import EXCHANGE_NAMES, HEAT_BOOK_NAMES
 from multicor_cli.model.columns import GIVEN, RECEIVED
+from multicor_cli.model.faults import LARGEST
 from multicor_cli.model.model import Floats
 from multicor_cli.model.state import State
 
@@ -26,12 +28,47 @@ def receive(state: State, source: Floats) -> Floats:
     Losses of a step are exact together, not one by one: some are negative. No grain is cooled by
     them. It has always received the most that its contacts had lost at any time (theory §11.3).
     """
-    due = source - state.heat_ahead
-    received = np.maximum(due, 0.0)
-    state.heat_ahead[:] = received - due
-    state.generated += received
-    state.heat_books[_BOOK["ahead"]] += total_and_magnitude(received - source)[0]
+    received = np.empty(source.size)
+    state.heat_books[_BOOK["ahead"]] += advance(source, state.heat_ahead, state.generated, received)
     return received
+
+
+@kernel
+def advance(source: Floats, ahead: Floats, generated: Floats, received: Floats) -> float:
+    """The grains of `receive`; returns how much more they have received than was generated [J].
+
+    **Modifies** ``ahead`` and ``generated`` of the state, and ``received``.
+    """
+    more = np.empty((source.size, 1))
+    for k in range(source.size):
+        due = source[k] - ahead[k]
+        received[k] = 0.0 if due <= 0.0 else due
+        ahead[k] = received[k] - due
+        generated[k] += received[k]
+        more[k, 0] = received[k] - source[k]
+    total: float = column_totals(more)[0]
+    return total
+
+
+@kernel
+def warm(initial: Floats, heat: Floats, capacity: Floats, temperature: Floats) -> bool:
+    """Temperatures of grains from their heat, into the first of ``temperature`` [K], **modified**.
+
+    As `State.temperature`. Returns whether no heat is absurd.
+    """
+    is_sound = True
+    for k in range(heat.size):
+        temperature[k] = initial[k] + heat[k] / capacity[k]
+        is_sound &= abs(heat[k]) <= LARGEST
+    return is_sound
+
+
+@kernel
+def take_up(received: Floats, heat: Floats) -> tuple[float, float]:
+    """Add what grains have received to their heat [J], **modified**; as `total_and_magnitude`."""
+    for k in range(heat.size):
+        heat[k] += received[k]
+    return total_and_magnitude(heat)
 
 
 def book_generated(state: State, friction: float, impact: float, to_walls: Floats) -> None:
@@ -84,21 +121,24 @@ def note_contacts(state: State, biot: float, gas_ratio: tuple[float, float]) -> 
     books[_BOOK["solid_gas_min"]], books[_BOOK["solid_gas_max"]] = gas_ratio
 
 
-def strike_balance(state: State) -> None:
-    """Compare the heat content of the grains with what has come in."""
+def strike_balance(state: State, received: Floats) -> None:
+    """Let grains receive heat [J], and compare their content with what has come in.
+
+    ``received`` are the grains, and what follows them does not count.
+    """
     books = state.heat_books
-    stored, content = total_and_magnitude(state.heat)
+    stored, content = take_up(received, state.heat)
     if state.heat_before.size:
         stored -= float(state.heat_before[0])
     books[_BOOK["stored"]] = stored
-    received = books[_BOOK["friction"]] + books[_BOOK["impact"]] - books[_BOOK["to_walls"]]
-    received += books[_BOOK["ahead"]]
+    come_in = books[_BOOK["friction"]] + books[_BOOK["impact"]] - books[_BOOK["to_walls"]]
+    come_in += books[_BOOK["ahead"]]
     from_outside = books[_BOOK["from_walls"]]
     for name in OUTSIDE_BOOKS:
         from_outside += books[_BOOK[name]]
-    received += from_outside
+    come_in += from_outside
     taken = float(state.exchange[_HEAT_OUT]) if state.exchange.size else 0.0
-    books[_BOOK["imbalance"]] = stored + taken - received
+    books[_BOOK["imbalance"]] = stored + taken - come_in
     # Σ C_i |T_i − T_i0| = Σ |Q_i|.
     scale = books[_BOOK["exchanged"]] + content
     if scale > 0.0:

@@ -22,19 +22,14 @@ constriction resistance is logarithmic).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
-from multicor_cli.engine.geometry.places import totals_of_places
-from multicor_cli.engine.geometry.radii import hertz_radius
-from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.heat.hertz import contact_radius, rough_conductance
+from multicor_cli.engine.heat.hertz import contact_volume, rough_conductance
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
+from multicor_cli.engine.jit.elementwise import cube_roots
 from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.model.model import Floats, Ints
-
-if TYPE_CHECKING:
-    from multicor_cli.engine.heat.mechanism import HeatLaws
+from multicor_cli.model.model import Floats
 
 Conduction = Literal["hertz", "rough", "none"]
 
@@ -63,75 +58,52 @@ def hertz_conductance(harmonic: float, contact_radius: float) -> float:
 
 
 @formula
-def biot_number(conductance: float, conductivity: float, radius: float) -> float:
-    """Biot number ``Bi = H/(λ a)``, to be ≪ 1: H [W/K], λ [W/(m K)], radius a [m] of a grain."""
-    return conductance / (conductivity * radius)
+def biot_number(conductance: float, inner: float) -> float:
+    """Biot number ``Bi = H/(λ a)``, to be ≪ 1: H [W/K], and ``inner`` λ a of a grain [W/K]."""
+    return conductance / inner
 
 
 @parallel_kernel
-def contact_spots(
-    scene: Scene,
-    i: Ints,
-    j: Ints,
-    force: Floats,
-    total: Floats,
-    laws: HeatLaws,
-    is_rough: bool,
-    spot: Floats,
+def hertz_spots(
+    force: Floats, radius: Floats, modulus: Floats, harmonic: Floats, spot: Floats,
     conductance: Floats,
-) -> None:
-    """Hertz radius of the spots, and conductance of contacts under given normal forces.
+) -> None:  # fmt: skip
+    """Spots of smooth contacts under given normal forces [N], and their conductances.
 
-    ``force`` is that of each contact, ``total`` that of its place [N]; ``is_rough``: micro-contacts
-    add their resistance. **Modifies** ``spot``, radii a_c of the places [m], and ``conductance``,
-    the H_c of a place shared as the forces [W/K], of shape ``(c,)`` as all of these.
+    a*, E* and λ_h of the contacts as in `Touching`. **Modifies** ``spot``, radii a_c [m], and
+    ``conductance`` H_c [W/K]; all of shape ``(c,)``.
     """
-    count = i.size
+    count = force.size
     for chunk in prange((count + CHUNK - 1) // CHUNK):
-        for c in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
-            spot[c], conductance[c] = 0.0, 0.0
-            if force[c] > 0.0:
-                a, b = scene.material[i[c]], scene.material[j[c]]
-                curvature, modulus, harmonic = (
-                    hertz_radius(scene, i[c], j[c]),
-                    laws.modulus[a, b],
-                    laws.harmonic[a, b],
-                )
-                radius = contact_radius(total[c], curvature, modulus)
-                h = hertz_conductance(harmonic, radius)
-                if is_rough:
-                    sigma, slope, hardness = (
-                        laws.roughness[a, b],
-                        laws.slope[a, b],
-                        laws.microhardness[a, b],
-                    )
-                    h = rough_conductance(
-                        total[c], radius, modulus, curvature, harmonic, sigma, slope, hardness
-                    )
-                spot[c], conductance[c] = radius, h * (force[c] / total[c])
+        first, last = chunk * CHUNK, min(count, (chunk + 1) * CHUNK)
+        for c in range(first, last):
+            spot[c] = contact_volume(force[c], radius[c], modulus[c])
+        cube_roots(spot[first:last])
+        for c in range(first, last):
+            conductance[c] = hertz_conductance(harmonic[c], spot[c])
 
 
 @kernel
-def largest_biot(
-    scene: Scene, i: Ints, j: Ints, place: Ints, conductance: Floats, laws: HeatLaws
-) -> float:
-    """Largest Biot number H/(λ a) of the grains at some links, of whole places; 0 without any.
+def roughen(
+    force: Floats, radius: Floats, modulus: Floats, harmonic: Floats, roughness: Floats,
+    slope: Floats, microhardness: Floats, spot: Floats, conductance: Floats,
+) -> None:  # fmt: skip
+    """Conductances of rough contacts with these spots; arguments as `hertz_spots`, `HeatLaws`."""
+    for c in range(force.size):
+        conductance[c] = rough_conductance(
+            force[c], spot[c], modulus[c], radius[c], harmonic[c], roughness[c], slope[c],
+            microhardness[c],
+        )  # fmt: skip
 
-    Arguments as `contact_spots`; ``place`` of each link is as `find_places` has it.
+
+@kernel
+def largest_biot(conductance: Floats, weakest: Floats) -> float:
+    """Largest Biot number H/(λ a) of the grains at some links; 0 without any.
+
+    ``conductance`` is that of the place of each link, ``weakest`` the smaller λ a of its grains
+    [W/K], both of shape ``(e,)``.
     """
-    grains, most = scene.radius.size, 0.0
-    total = totals_of_places(place, conductance)
-    for k in range(i.size):
-        if conductance[k] > 0.0:
-            most = max(
-                most,
-                biot_number(total[k], laws.conductivity[scene.material[i[k]]], scene.radius[i[k]]),
-            )
-            if j[k] < grains:
-                most = max(
-                    most,
-                    biot_number(
-                        total[k], laws.conductivity[scene.material[j[k]]], scene.radius[j[k]]
-                    ),
-                )
+    most = 0.0
+    for k in range(conductance.size):
+        most = max(most, biot_number(conductance[k], weakest[k]))
     return most

@@ -144,15 +144,9 @@ def coefficient_of(nusselt: float, conductivity: float, diameter: float) -> floa
 
 @kernel
 def convection_coefficients(
-    correlation: int,
-    speed: Floats,
-    radius: Floats,
-    conductivity: float,
-    viscosity: float,
-    prandtl: float,
-    porosity: float,
-    coefficient: Floats,
-) -> None:
+    correlation: int, speed: Floats, radius: Floats, conductivity: float, viscosity: float,
+    prandtl: float, porosity: float, coefficient: Floats,
+) -> None:  # fmt: skip
     """Coefficients of convection from a correlation [W/(m² K)]; **modifies** ``coefficient``.
 
     Speeds relative to the fluid [m/s] and radii [m] have shape ``(n,)``, as the coefficients; of

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import inf, pi, sqrt
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,17 +20,19 @@ from multicor_cli.arithmetic import power
 from multicor_cli.engine.contact.contacts import (
     Contacts,
     contact_after,
+    relative_velocity,
     rolled_loss,
     rolling_loss,
 )
-from multicor_cli.engine.geometry.places import totals_of_places
 from multicor_cli.engine.geometry.radii import hertz_radius
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.heat.mechanism import HeatLaws
+from multicor_cli.engine.heat.mechanism import HeatLaws, Indices
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.model.columns import FRICTION, IMPACT
+from multicor_cli.engine.jit.sums import column_totals
+from multicor_cli.engine.jit.vectors import LANES
+from multicor_cli.model.columns import FRICTION, IMPACT, MU, NORMAL, NX, NY, TANGENTIAL
 from multicor_cli.model.model import Floats, Ints
 
 # ---- Archard's law of sliding wear.
@@ -122,42 +124,48 @@ SHARES: dict[Partition, tuple[Callable[..., float], tuple[str, ...]]] = {
 
 @kernel
 def share_out(
-    scene: Scene,
-    i: Ints,
-    j: Ints,
-    heat: Floats,
-    rubbing: Floats,
-    laws: HeatLaws,
-    takes_heat: NDArray[np.bool_],
-    source: Floats,
-    wall_source: Floats,
-    wear: Floats,
-    wall_wear: Floats,
-) -> None:
-    """Give the heat of each contact to its two bodies; walls that take none leave it to the grain.
+    scene: Scene, i: Indices, j: Indices, rows: Ints, heat: Floats, share: Floats,
+    takes_heat: NDArray[np.bool_], generated: Floats, source: Floats, wall_source: Floats,
+) -> None:  # fmt: skip
+    """Give the heat of contacts to their two bodies; walls that take none leave it to the grain.
 
-    ``heat`` of friction and impacts [J] has shape ``(c, 2)``, ``rubbing``, force times slipped
-    distance [N m], ``(c,)``, ``takes_heat`` of the walls ``(w,)``. Added to, **modified**:
-    ``source`` of grains and ``wall_source`` [J], volumes worn off ``wear`` and ``wall_wear`` [m³].
+    ``rows`` are the contacts with heat. ``heat`` of friction and impacts [J] has shape ``(c, 2)``,
+    ``share`` of the first body ``(c,)``, ``takes_heat`` of the walls ``(w,)``. **Modifies**
+    ``generated``, all heat of each contact [J], and adds to ``source`` of grains and
+    ``wall_source`` [J].
     """
     grains = scene.radius.size
-    for c in range(i.size):
-        a, b = scene.material[i[c]], scene.material[j[c]]
-        total = heat[c, FRICTION] + heat[c, IMPACT]
-        mine = laws.share[a, b] * total
-        wear[i[c]] += archard_volume(laws.wear[a, b], rubbing[c])
+    for c in rows:
+        total = generated[c] = heat[c, FRICTION] + heat[c, IMPACT]
+        mine = share[c] * total
         if j[c] < grains:
             source[i[c]] += mine
             source[j[c]] += total - mine
-            wear[j[c]] += archard_volume(laws.wear[b, a], rubbing[c])
+        elif takes_heat[scene.wall[j[c] - grains]]:
+            source[i[c]] += mine
+            wall_source[scene.wall[j[c] - grains]] += total - mine
         else:
-            wall = scene.wall[j[c] - grains]
-            wall_wear[wall] += archard_volume(laws.wear[b, a], rubbing[c])
-            if takes_heat[wall]:
-                source[i[c]] += mine
-                wall_source[wall] += total - mine
-            else:
-                source[i[c]] += total
+            source[i[c]] += total
+
+
+@kernel
+def wear_off(
+    scene: Scene, i: Indices, j: Indices, rows: Ints, rubbing: Floats, laws: HeatLaws,
+    wear: Floats, wall_wear: Floats,
+) -> None:  # fmt: skip
+    """Add the volumes worn off the bodies of contacts to ``wear`` and ``wall_wear`` [m³].
+
+    ``rubbing``, force times slipped distance [N m], has shape ``(c,)``; ``rows`` as in `share_out`.
+    """
+    grains = scene.radius.size
+    for c in rows:
+        a, b = scene.material[i[c]], scene.material[j[c]]
+        wear[i[c]] += archard_volume(laws.wear[a, b], rubbing[c])
+        worn = archard_volume(laws.wear[b, a], rubbing[c])
+        if j[c] < grains:
+            wear[j[c]] += worn
+        else:
+            wall_wear[scene.wall[j[c] - grains]] += worn
 
 
 # ---- Heat conducted during one elastic impact.
@@ -222,15 +230,9 @@ def impact_coefficient(fo: float, ratio: float) -> float:
 
 @formula
 def impact_exchange(
-    m_eff: float,
-    a_eff: float,
-    modulus: float,
-    speed: float,
-    conductivity_i: float,
-    volumetric_i: float,
-    conductivity_j: float,
-    volumetric_j: float,
-) -> float:
+    m_eff: float, a_eff: float, modulus: float, speed: float, conductivity_i: float,
+    volumetric_i: float, conductivity_j: float, volumetric_j: float,
+) -> float:  # fmt: skip
     """Heat of one impact per difference of temperature ``C π R² √t_c/(b_i^−½ + b_j^−½)`` [J/K].
 
     Sun & Chen 1988. Symmetric in the two bodies: body 1 of the fit is that with the smaller ρc, at
@@ -254,29 +256,19 @@ def impact_exchange(
 
 @kernel
 def collide(
-    scene: Scene,
-    mass: Floats,
-    contacts: Contacts,
-    place: Ints,
-    is_known: NDArray[np.bool_],
-    laws: HeatLaws,
-    dt: float,
-    conductance: Floats,
-) -> None:
+    scene: Scene, mass: Floats, contacts: Contacts, total: Floats, is_known: NDArray[np.bool_],
+    laws: HeatLaws, dt: float, conductance: Floats,
+) -> None:  # fmt: skip
     """Give contacts that are new in this step the conductance of an impact, spread over the step.
 
-    A place is hit once: its contacts share the impact in proportion to their impulses. Circles of
-    walls have the a* of Hertz. Places that are known carried an impulse in the step before.
-    **Modifies** ``conductance`` [W/K], shape ``(c,)``.
+    A place is hit once: its contacts share the impact in proportion to their impulses, ``total`` of
+    each place [N s]. Circles of walls have the a* of Hertz. Places that are known carried an
+    impulse in the step before. **Modifies** ``conductance`` [W/K], shape ``(c,)`` as the others.
     """
     grains = scene.radius.size
-    normal = np.empty(contacts.size)
     for c in range(contacts.size):
-        normal[c] = contacts[c].p_n
-    total = totals_of_places(place, normal)
-    for c in range(contacts.size):
-        speed = -contacts[c].u_n
-        if normal[c] > 0.0 and speed > 0.0 and not is_known[c]:
+        speed, normal = -contacts[c].u_n, contacts[c].p_n
+        if normal > 0.0 and speed > 0.0 and not is_known[c]:
             i, j = contacts[c].i, contacts[c].j
             a, b = scene.material[i], scene.material[j]
             m = mass[i] * mass[j] / (mass[i] + mass[j]) if j < grains else mass[i]
@@ -285,7 +277,7 @@ def collide(
                 laws.volumetric[a],
                 laws.conductivity[b], laws.volumetric[b],
             )  # fmt: skip
-            conductance[c] = exchange / dt * (normal[c] / total[c])
+            conductance[c] = exchange / dt * (normal / total[c])
 
 
 # ---- Heat of sliding friction and of impacts
@@ -302,17 +294,52 @@ def sliding_power(mu: float, normal_force: float, slip_speed: float) -> float:
     return mu * abs(slip_speed) * normal_force
 
 
+class Solved(NamedTuple):
+    """The contacts of a step that has been taken; ``c`` of them.
+
+    Attributes:
+        i: Grains, shape ``(c,)``.
+        j: Grains or wall shapes, shape ``(c,)``.
+        contacts: Their table, in which those of two grains are missing if ``is_plain``.
+        lane: Lane of each, shape ``(c,)``; this and the next three are those of the `Schedule`.
+        after: Velocities v⁺, shape ``(bodies, 4)``.
+        is_plain: Whether none adheres or resists rolling.
+    """
+
+    i: Indices
+    j: Indices
+    contacts: Contacts
+    lane: Indices
+    frame: Floats
+    impulse: Floats
+    before: Floats
+    after: Floats
+    is_plain: bool
+
+
+@kernel
+def loaded_rows(grains: int, solved: Solved, normal: Floats) -> Ints:
+    """Contacts that bear or adhere; **modifies** ``normal``, q_n of all of them [N s], ``(c,)``."""
+    rows, found = np.empty(normal.size, np.int32), 0
+    for c in range(normal.size):
+        lane, is_held = solved.lane[c], False
+        if solved.j[c] < grains:
+            normal[c] = solved.impulse[lane // LANES, NORMAL, lane % LANES]
+        else:
+            normal[c] = solved.contacts[c].p_n
+        if not solved.is_plain:
+            is_held = solved.contacts[c].attraction > 0.0
+        rows[found] = c  # without a branch: which contacts bear is hard to guess
+        found += (normal[c] > 0.0) | is_held
+    return rows[:found]
+
+
 @parallel_kernel
 def generated_heat(
-    scene: Scene,
-    contacts: Contacts,
-    after: Floats,
-    rule: int,
-    has_impact: bool,
-    heat: Floats,
+    scene: Scene, solved: Solved, rows: Ints, rule: int, has_impact: bool, heat: Floats,
     rubbing: Floats,
-) -> None:
-    """Heat generated in each contact of a step, and force times slipped distance, which wears.
+) -> None:  # fmt: skip
+    """Heat generated in contacts of a step, and force times slipped distance, which wears.
 
     ``"energy"``: −p_t ½(u_t⁻+u_t⁺), exact and signed; ``"sliding"``: μ|u_t⁺| p_n (the paper's E_f);
     impacts: −p_n ½(u_n⁻+u_n⁺). Couples of rolling resistance add −p_r ½(u_r⁻+u_r⁺), or |p_r u_r⁺|,
@@ -320,25 +347,52 @@ def generated_heat(
     is the work of friction over μ: p_n times the slipped distance where a contact slides, less
     where it sticks.
 
-    The scene is that at q_m, ``after`` are body velocities v⁺, shape ``(bodies, 4)``. **Modifies**
-    ``heat`` of friction and impacts [J], shape ``(c, 2)``, and ``rubbing`` [N m], shape ``(c,)``.
+    The scene is that at q_m. **Modifies** ``heat`` of friction and impacts [J], shape ``(c, 2)``,
+    and ``rubbing`` [N m], shape ``(c,)``, of the contacts ``rows``.
     """
-    count = contacts.size
-    for chunk in prange((count + CHUNK - 1) // CHUNK):
-        for c in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
-            heat[c, FRICTION], heat[c, IMPACT], rubbing[c] = 0.0, 0.0, 0.0
-            contact = contacts[c]
-            q_n, p_t, attraction = contact.p_n, contact.p_t, contact.attraction
-            if q_n > 0.0 or attraction > 0.0:
+    i, j, contacts, lane, frame, impulse, before, after, is_plain = solved
+    grains = scene.radius.size
+    for chunk in prange((rows.size + CHUNK - 1) // CHUNK):
+        for r in range(chunk * CHUNK, min(rows.size, (chunk + 1) * CHUNK)):
+            c = rows[r]
+            if j[c] < grains:
+                q, k = lane[c] // LANES, lane[c] % LANES
+                nx, ny, mu = frame[q, NX, k], frame[q, NY, k], frame[q, MU, k]
+                q_n, p_t = impulse[q, NORMAL, k], impulse[q, TANGENTIAL, k]
+                was_n, was_t = before[q, NORMAL, k], before[q, TANGENTIAL, k]
+                u_n, u_t = relative_velocity(after, i[c], j[c], nx, ny, False, 0.0, 0.0)
+            else:
+                contact = contacts[c]
+                q_n, p_t, mu = contact.p_n, contact.p_t, contact.mu
+                was_n, was_t = contact.u_n, contact.u_t
                 u_n, u_t = contact_after(c, scene, contacts, after)
-                mu, slip = contact.mu, 0.5 * (contact.u_t + u_t)
-                work = -p_t * slip
-                if rule == ENERGY:
-                    heat[c, FRICTION] = work + rolling_loss(c, scene, contacts, after)
-                elif rule == SLIDING:
-                    heat[c, FRICTION] = sliding_power(mu, q_n, u_t) + rolled_loss(
-                        c, scene, contacts, after
-                    )
-                if has_impact:
-                    heat[c, IMPACT] = -(q_n - attraction) * 0.5 * (contact.u_n + u_n)
-                rubbing[c] = rubbing_of(q_n, slip, work, mu)
+            slip, friction = 0.5 * (was_t + u_t), 0.0
+            work = -p_t * slip
+            if rule == ENERGY:
+                friction = work if is_plain else work + rolling_loss(c, scene, contacts, after)
+            elif rule == SLIDING:
+                friction = sliding_power(mu, q_n, u_t)
+                friction += 0.0 if is_plain else rolled_loss(c, scene, contacts, after)
+            attraction = 0.0 if is_plain else contacts[c].attraction
+            heat[c, FRICTION], rubbing[c] = friction, rubbing_of(q_n, slip, work, mu)
+            if has_impact:
+                heat[c, IMPACT] = -(q_n - attraction) * 0.5 * (was_n + u_n)
+
+
+@parallel_kernel
+def generate(
+    scene: Scene, solved: Solved, rule: int, has_impact: bool, laws: HeatLaws, share: Floats,
+    takes_heat: NDArray[np.bool_], normal: Floats, generated: Floats, source: Floats,
+    wall_source: Floats, wear: Floats, wall_wear: Floats,
+) -> Floats:  # fmt: skip
+    """`generated_heat`, `share_out` and `wear_off`; returns the heat of friction and impacts [J].
+
+    **Modifies** ``normal``, impulses q_n of the contacts [N s], shape ``(c,)``, too.
+    """
+    i, j, rows = solved.i, solved.j, loaded_rows(scene.radius.size, solved, normal)
+    heat, rubbing = np.zeros((normal.size, 2)), np.empty(normal.size)
+    generated_heat(scene, solved, rows, rule, has_impact, heat, rubbing)
+    share_out(scene, i, j, rows, heat, share, takes_heat, generated, source, wall_source)
+    if laws.wear.max() > 0.0:
+        wear_off(scene, i, j, rows, rubbing, laws, wear, wall_wear)
+    return column_totals(heat)

@@ -197,16 +197,9 @@ def solid_to_gas_ratio(solid: float, spot: float, gas: float, radius: float) -> 
 
 @kernel
 def gas_conductances(
-    scene: Scene,
-    laws: HeatLaws,
-    model: int,
-    gas_conductivity: float,
-    i: Ints,
-    j: Ints,
-    gap: Floats,
-    spot: Floats,
-    out: Floats,
-) -> tuple[float, float]:
+    scene: Scene, laws: HeatLaws, model: int, gas_conductivity: float, i: Ints, j: Ints,
+    gap: Floats, spot: Floats, out: Floats,
+) -> tuple[float, float]:  # fmt: skip
     """Add the conductance of the gas around each contact and in each gap to ``out`` [W/K].
 
     Radii of spots [m] are 0 where there is no contact. Returns the smallest and the largest

@@ -23,14 +23,18 @@ def contact_modulus(young_i: float, poisson_i: float, young_j: float, poisson_j:
 
 
 @formula
+def contact_volume(force: float, effective_radius: float, modulus: float) -> float:
+    """``a_c³ = 3 F a*/4E*`` [m³] of a contact spot, 0 if F is not positive; as `contact_radius`."""
+    return 0.75 * force * effective_radius / modulus if force > 0.0 else 0.0
+
+
+@formula
 def contact_radius(force: float, effective_radius: float, modulus: float) -> float:
     """Radius of the contact spot ``a_c = (3 F a*/4E*)^⅓`` [m] (Johnson, eq. 4.22).
 
     Normal force F [N], a_c = 0 if it is not positive; a* [m]; contact modulus E* [Pa].
     """
-    if force <= 0.0:
-        return 0.0
-    return cbrt(0.75 * force * effective_radius / modulus)
+    return cbrt(contact_volume(force, effective_radius, modulus))
 
 
 def approach(contact_radius: float, effective_radius: float) -> float:
@@ -91,13 +95,9 @@ def macro_resistance(contact_radius: float, harmonic: float) -> float:
 
 @formula
 def micro_resistance(
-    contact_radius: float,
-    peak_pressure: float,
-    harmonic: float,
-    roughness: float,
-    slope: float,
+    contact_radius: float, peak_pressure: float, harmonic: float, roughness: float, slope: float,
     microhardness: float,
-) -> float:
+) -> float:  # fmt: skip
     """Resistance of the asperities ``R_s = (H'/p_0)^0.96 · 1.184/(π a_c² λ_h) · σ/m`` [K/W].
 
     Bahrami et al.; Van Lew. a_c [m], p_0 [Pa], λ_h [W/(m K)], σ [m], mean slope m, H' [Pa].
@@ -108,15 +108,9 @@ def micro_resistance(
 
 @formula
 def rough_conductance(
-    force: float,
-    contact_radius: float,
-    modulus: float,
-    effective_radius: float,
-    harmonic: float,
-    roughness: float,
-    slope: float,
-    microhardness: float,
-) -> float:
+    force: float, contact_radius: float, modulus: float, effective_radius: float, harmonic: float,
+    roughness: float, slope: float, microhardness: float,
+) -> float:  # fmt: skip
     """Conductance of a rough contact in vacuum ``1/(R_L + R_s)`` [W/K] (Bahrami et al. 2006).
 
     0 without force F [N]; a_c of this force [m]; E* [Pa], a* [m] for ``p_0 = 2 E* δ/(π a_c)`` with

@@ -42,7 +42,7 @@ from multicor_cli.engine.heat.rates import (
     rates_at,
     solve_linear,
     stop_if_asked,
-    total_conductance,
+    try_euler,
 )
 from multicor_cli.engine.heat.walls import WallValues
 from multicor_cli.model.model import Floats
@@ -109,18 +109,10 @@ class Integration:
 
 
 def integrate(
-    net: Network,
-    capacity: Floats,
-    temperature: Floats,
-    walls: WallValues,
-    source: Floats,
-    dt: float,
-    first: float,
-    choices: Integration,
-    should_stop: Callable[[], bool] | None = None,
-    *,
+    net: Network, capacity: Floats, temperature: Floats, walls: WallValues, source: Floats,
+    dt: float, first: float, choices: Integration, should_stop: Callable[[], bool] | None = None, *,
     is_frozen: bool,
-) -> Flow:
+) -> Flow:  # fmt: skip
     """Heat that flows within ``dt`` [s]; **modifies** the temperatures [K], shape ``(n,)``.
 
     Capacities [J/K] and ``source``, the heat generated within ``dt`` [J], have this shape too.
@@ -134,20 +126,20 @@ def integrate(
     """
     flow = Flow.empty(capacity.size, walls.count)
     flow.next_step = first
-    power, total = source / dt, np.empty(capacity.size)
+    power = source / dt
+    longest = min(EULER * choices.tolerance, 0.5 * choices.sub_step)
     is_implicit = choices.integrator == "implicit" or (choices.integrator == "auto" and is_frozen)
     for values, length in walls.pieces(dt):
         stop_if_asked(should_stop)
-        stiffness = 0.0
+        stiffness = math.inf
         if not is_implicit:
-            total_conductance(net, temperature, values(0.0), total)
-            stiffness = length * float((total / capacity).max())
-        if not is_implicit and stiffness <= min(EULER * choices.tolerance, 0.5 * choices.sub_step):
-            # The middle is exact for signals that rise linearly
-            rates = rates_at(net, temperature, values(0.5 * length))
-            flow.add(rates, length)
-            temperature += length * (rates.nodes + power) / capacity
-            if _is_below_zero(temperature).any():
+            stiffness, coldest, hottest = try_euler(
+                net, capacity, temperature, values(0.0), values(0.5 * length), power, length,
+                longest,
+                flow.received, flow.walls, flow.outside,
+            )  # fmt: skip
+        if stiffness <= longest:
+            if coldest < BELOW_ZERO * max(1.0, hottest):
                 raise CannotIntegrate(int(np.argmin(temperature)), DRAINED)
             flow.note_sub_step(0.5 * stiffness)
         else:
@@ -177,13 +169,9 @@ class _Problem:
 
 
 def _march(
-    scheme: type[_SubStep],
-    problem: _Problem,
-    temperature: Floats,
-    dt: float,
-    flow: Flow,
+    scheme: type[_SubStep], problem: _Problem, temperature: Floats, dt: float, flow: Flow,
     should_stop: Callable[[], bool] | None,
-) -> None:
+) -> None:  # fmt: skip
     """Go ``dt`` on in sub-steps of errors below the tolerance; arguments, errors as `integrate`."""
     done, trials, bound = 0.0, 0, math.inf
     step = min(flow.next_step, dt) if flow.next_step > 0.0 else dt
@@ -321,8 +309,7 @@ class _Explicit(_SubStep):
     @staticmethod
     def bound(problem: _Problem, temperature: Floats, t: float, end: float) -> float:
         """Longest that lets no mode overshoot: rates of decay ≤ 2 max(ΣH/C) (Gershgorin) [s]."""
-        total = np.empty(problem.capacity.size)
-        total_conductance(problem.net, temperature, problem.walls(t), total)
+        total = rates_at(problem.net, temperature, problem.walls(t)).total
         rates = 2.0 * total / problem.capacity
         node = int(np.argmax(rates))
         count = (end - t) * float(rates[node]) / problem.choices.sub_step
@@ -367,7 +354,7 @@ class _Implicit(_SubStep):
         known = self._ahead(weights)
         guess = self._stages[-1].copy()
         rates = rates_at(problem.net, guess, value)
-        change, total = np.empty(guess.size), np.empty(guess.size)
+        change = np.empty(guess.size)
         # The spread may grow from zero within the step: then rounding sets the target.
         target = max(
             SHARPNESS * problem.choices.tolerance * self._spread,
@@ -379,8 +366,7 @@ class _Implicit(_SubStep):
             )
             if float(np.abs(residual / problem.capacity).max()) <= target:
                 break
-            total_conductance(problem.net, guess, value, total)
-            diagonal = problem.capacity + (DIAGONAL * h) * total
+            diagonal = problem.capacity + (DIAGONAL * h) * rates.total
             solve_linear(
                 problem.net,
                 diagonal,
@@ -404,9 +390,7 @@ class _Implicit(_SubStep):
         self._rates.append(rates)
 
     def _damping(self) -> Floats:
-        total = np.empty(self._start.size)
-        total_conductance(self._problem.net, self._stages[-1], self._values[-1], total)
-        return DIAGONAL * self._step * total
+        return DIAGONAL * self._step * self._rates[-1].total
 
 
 def _spread(net: Network, temperature: Floats, wall_value: Floats) -> float:

@@ -5,8 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.model.model import Floats, Ints, Model
+
+Indices = NDArray[np.uint32]
+"""Numbers of bodies or rows. A kernel need not ask whether they count from the end of an array."""
 
 
 class HeatLaws(NamedTuple):

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from multicor_cli.engine.heat.mechanism import Indices
 from multicor_cli.engine.heat.radiation import linear_coefficient
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.orders import Interrupted
@@ -46,16 +47,16 @@ class Network(NamedTuple):
         outside_area: Area factor of radiation of each grain [m²], shape ``(s, n)``.
     """
 
-    i: Ints
-    j: Ints
+    i: Indices
+    j: Indices
     conductance: Floats
     area: Floats
-    wall_i: Ints
-    wall: Ints
+    wall_i: Indices
+    wall: Indices
     wall_conductance: Floats
     wall_area: Floats
-    flow_i: Ints
-    flow_wall: Ints
+    flow_i: Indices
+    flow_wall: Indices
     flow_share: Floats
     outside_book: Ints
     outside_temperature: Floats
@@ -85,46 +86,6 @@ def _link(conductance: float, area: Floats, k: int, a: float, b: float) -> float
 
 
 @kernel
-def heat_rates(
-    net: Network,
-    temperature: Floats,
-    wall_value: Floats,
-    rate: Floats,
-    wall_rate: Floats,
-    outside: Floats,
-) -> None:
-    """Heat flow into every grain [W], and what walls and the outside give.
-
-    ``temperature`` of the grains [K], shape ``(n,)``; ``wall_value``: temperature [K] or heat flow
-    [W] of each wall, shape ``(w,)``. **Modifies** ``rate`` into grains, ``wall_rate`` out of walls,
-    and ``outside``, from there by heat book, shape ``(2,)`` [W].
-    """
-    rate[:] = 0.0
-    wall_rate[:] = 0.0
-    outside[:] = 0.0
-    for k in range(net.i.size):
-        a, b = temperature[net.i[k]], temperature[net.j[k]]
-        flow = _link(net.conductance[k], net.area, k, a, b)
-        rate[net.i[k]] += flow
-        rate[net.j[k]] -= flow
-    for k in range(net.wall_i.size):
-        a, b = temperature[net.wall_i[k]], wall_value[net.wall[k]]
-        flow = _link(net.wall_conductance[k], net.wall_area, k, a, b)
-        rate[net.wall_i[k]] += flow
-        wall_rate[net.wall[k]] += flow
-    for k in range(net.flow_i.size):
-        flow = net.flow_share[k] * wall_value[net.flow_wall[k]]
-        rate[net.flow_i[k]] += flow
-        wall_rate[net.flow_wall[k]] += flow
-    for s in range(net.outside_temperature.size):
-        b = net.outside_temperature[s]
-        for k in range(rate.size):
-            flow = _link(net.outside_conductance[s, k], net.outside_area[s], k, temperature[k], b)
-            rate[k] += flow
-            outside[net.outside_book[s]] += flow
-
-
-@kernel
 def _steepest(conductance: float, area: Floats, k: int, a: float, b: float) -> float:
     """Largest derivative of a link's flow by a temperature: that of T⁴ at the hotter end [W/K]."""
     hotter = max(a, b, 0.0)
@@ -132,34 +93,80 @@ def _steepest(conductance: float, area: Floats, k: int, a: float, b: float) -> f
 
 
 @kernel
-def total_conductance(net: Network, temperature: Floats, wall_value: Floats, total: Floats) -> None:
-    """ΣH of every grain [W/K], radiation at its steepest; **modifies** ``total``, shape ``(n,)``.
+def heat_rates(
+    net: Network, temperature: Floats, wall_value: Floats, wall_bound: Floats, rate: Floats,
+    wall_rate: Floats, outside: Floats, total: Floats,
+) -> None:  # fmt: skip
+    """Heat flow into every grain, and what walls and the outside give [W]; ΣH of every grain [W/K].
 
-    This bounds the stable step of the explicit integrator, and lets Newton's method approach the
-    solution from one side. Arguments as `heat_rates`.
+    ``temperature`` of the grains [K], shape ``(n,)``; ``wall_value``: temperature [K] or heat flow
+    [W] of each wall, shape ``(w,)``; ``wall_bound``: the same, for ΣH. There radiation counts at
+    its steepest: ΣH bounds the stable step of the explicit integrator, and lets Newton's method
+    approach the solution from one side. **Modifies** ``rate`` into grains, ``wall_rate`` out of
+    walls, ``outside``, from there by heat book, shape ``(2,)``, and ``total``, shape ``(n,)``.
     """
+    rate[:] = 0.0
+    wall_rate[:] = 0.0
+    outside[:] = 0.0
     total[:] = 0.0
     for k in range(net.i.size):
-        h = _steepest(net.conductance[k], net.area, k, temperature[net.i[k]], temperature[net.j[k]])
-        total[net.i[k]] += h
-        total[net.j[k]] += h
+        i, j, h = net.i[k], net.j[k], net.conductance[k]
+        a, b = temperature[i], temperature[j]
+        flow, steepest = _link(h, net.area, k, a, b), _steepest(h, net.area, k, a, b)
+        rate[i] += flow
+        rate[j] -= flow
+        total[i] += steepest
+        total[j] += steepest
     for k in range(net.wall_i.size):
-        total[net.wall_i[k]] += _steepest(
-            net.wall_conductance[k],
-            net.wall_area,
-            k,
-            temperature[net.wall_i[k]],
-            wall_value[net.wall[k]],
-        )
+        i, w, h = net.wall_i[k], net.wall[k], net.wall_conductance[k]
+        flow = _link(h, net.wall_area, k, temperature[i], wall_value[w])
+        rate[i] += flow
+        wall_rate[w] += flow
+        total[i] += _steepest(h, net.wall_area, k, temperature[i], wall_bound[w])
+    for k in range(net.flow_i.size):
+        flow = net.flow_share[k] * wall_value[net.flow_wall[k]]
+        rate[net.flow_i[k]] += flow
+        wall_rate[net.flow_wall[k]] += flow
     for s in range(net.outside_temperature.size):
-        for k in range(total.size):
-            total[k] += _steepest(
-                net.outside_conductance[s, k],
-                net.outside_area[s],
-                k,
-                temperature[k],
-                net.outside_temperature[s],
-            )
+        b, area = net.outside_temperature[s], net.outside_area[s]
+        for k in range(rate.size):
+            a, h = temperature[k], net.outside_conductance[s, k]
+            flow = _link(h, area, k, a, b)
+            rate[k] += flow
+            outside[net.outside_book[s]] += flow
+            total[k] += _steepest(h, area, k, a, b)
+
+
+@kernel
+def try_euler(
+    net: Network, capacity: Floats, temperature: Floats, wall_start: Floats, wall_middle: Floats,
+    power: Floats, dt: float, longest: float, received: Floats, given: Floats, outside: Floats,
+) -> tuple[float, float, float]:  # fmt: skip
+    """One step of Euler's rule, if it is at most ``longest`` over the shortest time constant C/ΣH.
+
+    Values of walls at the start and in the middle of the step ``dt`` [s], which is exact for
+    signals that rise linearly; ``power`` generated [W]. Returns dt over the shortest time constant,
+    and the lowest and the highest temperature [K]. If the step is taken, **modifies**
+    ``temperature``, and adds to what nodes have ``received``, walls ``given``, and what came from
+    ``outside``, as in `Flow` [J].
+    """
+    rate, total = np.empty(capacity.size), np.empty(capacity.size)
+    wall_rate, outside_rate = np.empty(given.size), np.empty(outside.size)
+    heat_rates(net, temperature, wall_middle, wall_start, rate, wall_rate, outside_rate, total)
+    fastest, coldest, hottest = 0.0, np.inf, -np.inf
+    for k in range(total.size):
+        fastest = max(fastest, total[k] / capacity[k])
+    if not dt * fastest <= longest:
+        return dt * fastest, coldest, hottest
+    for k in range(rate.size):
+        received[k] += dt * rate[k]
+        temperature[k] += dt * (rate[k] + power[k]) / capacity[k]
+        coldest, hottest = min(coldest, temperature[k]), max(hottest, temperature[k])
+    for w in range(given.size):
+        given[w] += dt * wall_rate[w]
+    for s in range(outside.size):
+        outside[s] += dt * outside_rate[s]
+    return dt * fastest, coldest, hottest
 
 
 @kernel
@@ -178,15 +185,9 @@ def _apply(
 
 @kernel
 def solve_linear(
-    net: Network,
-    diagonal: Floats,
-    step: float,
-    temperature: Floats,
-    rhs: Floats,
-    scale: Floats,
-    target: float,
-    x: Floats,
-) -> int:
+    net: Network, diagonal: Floats, step: float, temperature: Floats, rhs: Floats, scale: Floats,
+    target: float, x: Floats,
+) -> int:  # fmt: skip
     """Solve (C + step K) x = rhs by conjugate gradients, preconditioned by the diagonal.
 
     The loop ends when the largest |residual|/scale falls to ``target`` [K], or when rounding lets
@@ -233,19 +234,22 @@ def solve_linear(
 
 
 class Rates(NamedTuple):
-    """Heat flows [W]: into nodes ``(n,)``, out of walls ``(w,)``, from outside by book ``(2,)``."""
+    """Heat flows [W]: into nodes ``(n,)``, out of walls ``(w,)``, from outside by book ``(2,)``.
+
+    ``total`` is ΣH of the nodes [W/K], shape ``(n,)``.
+    """
 
     nodes: Floats
     walls: Floats
     outside: Floats
+    total: Floats
 
 
 def rates_at(net: Network, temperature: Floats, wall_value: Floats) -> Rates:
     """Rates at these temperatures [K]; arguments as `heat_rates`."""
-    rates = Rates(
-        np.empty(temperature.size), np.empty(wall_value.size), np.empty(len(OUTSIDE_BOOKS))
-    )
-    heat_rates(net, temperature, wall_value, *rates)
+    n, books = temperature.size, len(OUTSIDE_BOOKS)
+    rates = Rates(np.empty(n), np.empty(wall_value.size), np.empty(books), np.empty(n))
+    heat_rates(net, temperature, wall_value, wall_value, *rates)
     return rates
 
 

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import expm1
 from multicor_cli.engine.contact.contacts import Contacts, warm_rows
-from multicor_cli.engine.geometry.places import find_places, share_place, totals_of_places
-from multicor_cli.engine.geometry.radii import smaller_radius
+from multicor_cli.engine.geometry.places import Places, rows_in_corners, share_place
+from multicor_cli.engine.geometry.radii import hertz_radius, smaller_radius
 from multicor_cli.engine.geometry.scene import Scene, known_geometry, pair_geometry
-from multicor_cli.engine.heat.conduction import contact_spots
+from multicor_cli.engine.heat.conduction import hertz_spots, roughen
 from multicor_cli.engine.heat.mechanism import HeatLaws
 from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.jit.compile import kernel
@@ -96,51 +96,101 @@ TOUCHING = 1e-4
 
 
 @dataclass(frozen=True)
-class Spots:
-    """Contacts that conduct; ``c`` of them, sorted by (i, j): a grain and a grain or wall shape.
+class Touching:
+    """What lasts with ``c`` contacts, sorted by (i, j): a grain and a grain or wall shape.
 
-    ``place`` is as `find_places` has it; ``radius`` is a_c of the spot of the place [m], 0 where it
-    bears no force; ``conductance`` is H_c [W/K]; shapes are ``(c,)``.
+    Attributes:
+        radius: a* [m], shape ``(c,)``.
+        modulus: E* [Pa], likewise.
+        harmonic: λ_h [W/(m K)], likewise.
+        share: Share of the first body in the heat of friction, likewise.
+        rough: Roughness [m], slope and microhardness [Pa] as in `HeatLaws`, likewise; or none.
+        in_corners: Those that may share a place, see `rows_in_corners`.
     """
 
     i: Ints
     j: Ints
-    place: Ints
+    radius: Floats
+    modulus: Floats
+    harmonic: Floats
+    share: Floats
+    rough: tuple[()] | tuple[Floats, Floats, Floats]
+    in_corners: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, scene: Scene, i: Ints, j: Ints, settings: HeatSettings) -> Touching:
+        laws = settings.laws
+        rough: tuple[()] | tuple[Floats, Floats, Floats] = ()
+        if settings.conduction == "rough":
+            pair = scene.material[i], scene.material[j]
+            rough = laws.roughness[pair], laws.slope[pair], laws.microhardness[pair]
+        corners = rows_in_corners(scene, i, j)
+        return cls(i, j, *laws_of_pairs(scene, i, j, laws), rough, corners)
+
+
+@kernel
+def laws_of_pairs(
+    scene: Scene, i: Ints, j: Ints, laws: HeatLaws
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """a* [m], E* [Pa], λ_h [W/(m K)] and β of pairs, all of shape ``(c,)``."""
+    count = i.size
+    radius, modulus, harmonic, share = (
+        np.empty(count), np.empty(count), np.empty(count), np.empty(count)
+    )  # fmt: skip
+    for c in range(count):
+        a, b = scene.material[i[c]], scene.material[j[c]]
+        radius[c], modulus[c] = hertz_radius(scene, i[c], j[c]), laws.modulus[a, b]
+        harmonic[c], share[c] = laws.harmonic[a, b], laws.share[a, b]
+    return radius, modulus, harmonic, share
+
+
+@dataclass(frozen=True)
+class Spots:
+    """Contacts that conduct.
+
+    ``radius`` is a_c of the spot of the place [m], 0 where it bears no force; ``conductance`` is
+    H_c [W/K]; both of shape ``(c,)``.
+    """
+
+    touching: Touching
+    places: Places
     radius: Floats
     conductance: Floats
 
 
 def forces_of_step(
-    state: State, scene: Scene, contacts: Contacts, settings: HeatSettings, dt: float
-) -> Floats:
+    state: State, scene: Scene, carried: Floats, contacts: Contacts, touching: Touching,
+    settings: HeatSettings, dt: float,
+) -> Floats:  # fmt: skip
     """Normal forces that make the spots [N], shape ``(c,)``; keeps averages of ``state``, if used.
 
     An average counts the time without force, and ends when the pair leaves the reach of the contact
     solver, unless the grain has only rolled on to another piece of the same place. It is divided by
     1 − exp(−age/τ), the weight of the time that it knows. What is apart conducts nothing, whatever
-    its average; where another piece of its place is touched, that has it.
+    its average; where another piece of its place is touched, that has it. ``carried`` are the
+    normal impulses of the contacts [N s].
     """
-    i, j, carried = (np.ascontiguousarray(contacts[name]) for name in ("i", "j", "p_n"))
+    i, j = touching.i, touching.j
     if settings.force.kind == "prescribed":
         return settings.force.value * _shares(scene, i, j, carried)
     if settings.force.kind == "step":
-        return np.asarray(carried / dt)
+        return carried / dt
     before = _averages(state, scene, i, j)
     mean: Floats = before + (carried / dt - before) * -expm1(-dt / settings.force.value)
     kept = mean != 0.0  # nan stays, to be noticed
     state.mean_i, state.mean_j, state.mean_force = i[kept], j[kept], mean[kept]
     state.mean_age += dt
-    place, _ = find_places(scene, i, j)
+    places = Places.of(scene, i, j, touching.in_corners)
     touches = (carried > 0.0) | (contacts["gap"] <= 0.0)
-    apart = totals_of_places(place, np.where(touches, 0.0, mean)) / np.maximum(
-        totals_of_places(place, touches.astype(float)), 1.0
+    apart = places.totals(np.where(touches, 0.0, mean)) / np.maximum(
+        places.totals(touches.astype(float)), 1.0
     )
     return np.where(touches, (mean + apart) / _known_weight(state, settings), 0.0)
 
 
 def _shares(scene: Scene, i: Ints, j: Ints, carried: Floats) -> Floats:
     """Share of each contact in what its place carries, shape ``(c,)``; 0 where that is nothing."""
-    total = totals_of_places(find_places(scene, i, j)[0], carried)
+    total = Places.of(scene, i, j, rows_in_corners(scene, i, j)).totals(carried)
     return np.where(total > 0.0, carried / np.where(total > 0.0, total, 1.0), 0.0)
 
 
@@ -181,15 +231,20 @@ def pairs_at_rest(
 
 
 def conducting_spots(
-    scene: Scene, i: Ints, j: Ints, force: Floats, laws: HeatLaws, settings: HeatSettings
+    scene: Scene, touching: Touching, force: Floats, settings: HeatSettings
 ) -> Spots:
     """Spots of contacts under given normal forces [N]; the contacts of a place have one spot."""
-    radius, conductance = np.empty(i.size), np.empty(i.size)
-    place, _ = find_places(scene, i, j)
-    total = totals_of_places(place, force)
-    contact_spots(
-        scene, i, j, force, total, laws, settings.conduction == "rough", radius, conductance
-    )
+    radius, conductance = np.empty(force.size), np.empty(force.size)
+    places = Places.of(scene, touching.i, touching.j, touching.in_corners)
+    total, law = places.totals(force), (touching.radius, touching.modulus, touching.harmonic)
+    hertz_spots(total, *law, radius, conductance)
+    if touching.rough:
+        roughen(total, *law, *touching.rough, radius, conductance)
     if settings.conduction == "none":
         conductance[:] = 0.0
-    return Spots(i, j, place, radius, conductance)
+    one = places.rows
+    if one.size:  # a place has one spot, and its contacts share the conductance as the forces
+        bears = force[one] > 0.0
+        radius[one] = np.where(bears, radius[one], 0.0)
+        conductance[one] *= np.where(bears, force[one] / np.where(bears, total[one], 1.0), 0.0)
+    return Spots(touching, places, radius, conductance)

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from multicor_cli.engine.contact.contacts import net_impulses, resting_attraction, warm_rows
+from multicor_cli.engine.contact.ordering import Schedule
 from multicor_cli.engine.contact.system import Moved
 from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.engine.geometry.places import met_before
@@ -19,21 +20,31 @@ from multicor_cli.engine.heat.books import (
     note_contacts,
     receive,
     strike_balance,
+    warm,
 )
 from multicor_cli.engine.heat.friction import (
     ENERGY,
     NO_FRICTION,
     SLIDING,
+    Solved,
     collide,
-    generated_heat,
-    share_out,
+    generate,
 )
 from multicor_cli.engine.heat.integration import CannotIntegrate, integrate
-from multicor_cli.engine.heat.network import Links, Pairs, kinds_of, links_of, network_of
+from multicor_cli.engine.heat.network import (
+    Ends,
+    Links,
+    contact_links,
+    ends_of,
+    near_links,
+    network_of,
+    shapes_of,
+)
 from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.spots import (
     TOUCHING,
     Spots,
+    Touching,
     conducting_spots,
     forces_of_step,
     loaded_pairs,
@@ -42,12 +53,10 @@ from multicor_cli.engine.heat.spots import (
     resting_contacts,
 )
 from multicor_cli.engine.heat.walls import WallHeat, WallValues
-from multicor_cli.engine.jit.sums import column_totals
 from multicor_cli.engine.orders import PhysicsError
-from multicor_cli.model.columns import FRICTION, IMPACT
 from multicor_cli.model.contacts import ContactTable
-from multicor_cli.model.faults import LARGEST, find_absurd_value
-from multicor_cli.model.model import ContactLaws, Floats, Model
+from multicor_cli.model.faults import find_absurd_value
+from multicor_cli.model.model import ContactLaws, Floats, Ints, Model
 from multicor_cli.model.state import State
 
 _RULES = {"none": NO_FRICTION, "energy": ENERGY, "sliding": SLIDING}
@@ -78,15 +87,22 @@ class HeatStep:
         """Take up the thermal conditions of walls; signals count from the start of the stage."""
         self.of_contacts: tuple[Floats, Floats] | None = None
         self._conditions = list(conditions)
-        self._kind, self._node = kinds_of(conditions, self._model.grain_count)
+        self._shapes = shapes_of(conditions, self._model, self._settings)
+        kinds = [condition.kind for condition in conditions]
         self._takes_heat = np.array(
-            [condition.kind in ("temperature", "capacity") for condition in conditions], np.bool_
+            [kind in ("temperature", "capacity") for kind in kinds], np.bool_
         )
-        self._bodies = np.flatnonzero([condition.kind == "capacity" for condition in conditions])
+        self._bodies = np.flatnonzero([kind == "capacity" for kind in kinds])
         self._capacity = np.append(
             self._thermal.capacity, [self._conditions[w].capacity for w in self._bodies]
         )
+        self._lasting: tuple[Touching, Ends] | None = None
         self._resting: tuple[Links, Spots] | None = None
+
+    @property
+    def reads_table(self) -> bool:
+        """Whether `flow` looks at contacts of two grains in the table."""
+        return self._settings.collisional or self._settings.force.kind == "average"
 
     def shape_temperatures(self, t: float) -> Floats:
         """Temperatures of grains and wall shapes at ``t`` of a stage [K], ``(n + m,)``, or nan."""
@@ -95,18 +111,27 @@ class HeatStep:
             [self._state.temperature(self._thermal), walls[self._model.shapes.wall]]
         )
 
-    def flow(self, moved: Moved, dt: float, t: float) -> None:
+    def flow(self, moved: Moved, lanes: Schedule, dt: float, t: float, *, is_plain: bool) -> None:
         """Heat of a step ``dt`` in which grains moved, from ``t`` after the start of the stage [s].
+
+        Contacts of two grains are looked up in their ``lanes``; in the table as well if any adheres
+        or resists rolling (not ``is_plain``), or if `reads_table`.
 
         Raises:
             PhysicsError: If a temperature is not finite, or cannot be integrated.
         """
         self._resting = None
-        source, generated = self._generate(moved)
-        spots = self._spots(moved, dt)
-        links = links_of(moved.scene, spots, self._near(moved.scene), self._settings, self._model)
+        touching, ends = self._lasting_of(moved.scene, moved.i, moved.j)
+        solved = Solved(
+            moved.i.view(np.uint32), moved.j.view(np.uint32), moved.contacts,
+            lanes.lane.view(np.uint32), lanes.frame, lanes.impulse, lanes.before,
+            moved.after, is_plain,
+        )  # fmt: skip
+        source, generated, carried = self._generate(moved.scene, solved, touching.share)
+        spots = self._spots(moved, carried, touching, dt)
+        links = self._links(moved.scene, spots, ends)
         self.of_contacts = generated, spots.conductance
-        self._integrate(links, moved.scene, source, dt, t, is_frozen=False)
+        self._integrate(links, source, dt, t, is_frozen=False)
 
     def flow_at_rest(self, dt: float, t: float, should_stop: Callable[[], bool] | None) -> None:
         """Let heat flow while nothing moves; arguments and errors as `flow`.
@@ -114,18 +139,10 @@ class HeatStep:
         Raises:
             Interrupted: If ``should_stop``, asked now and then, says so; the state is that before.
         """
-        scene = self._resting_scene()
-        links, spots = self._rest(scene)
-        self.of_contacts = np.zeros(spots.i.size), spots.conductance
-        self._integrate(
-            links,
-            scene,
-            np.zeros(self._capacity.size),
-            dt,
-            t,
-            is_frozen=True,
-            should_stop=should_stop,
-        )
+        links, spots = self._rest(self._resting_scene())
+        self.of_contacts = np.zeros(spots.conductance.size), spots.conductance
+        source = np.zeros(self._capacity.size)
+        self._integrate(links, source, dt, t, is_frozen=True, should_stop=should_stop)
 
     def flow_nowhere(self, dt: float, t: float) -> None:
         """Without grains walls keep their heat; those of prescribed flow cannot deliver theirs."""
@@ -139,12 +156,8 @@ class HeatStep:
         state = self._state
         if state.mean_age > 0.0:
             none = np.zeros(0, np.int32)
-            state.mean_i, state.mean_j, state.mean_force, state.mean_age = (
-                none,
-                none,
-                np.zeros(0),
-                0.0,
-            )
+            state.mean_i, state.mean_j, state.mean_force = none, none, np.zeros(0)
+            state.mean_age = 0.0
         self._note_walls(dt, t)
 
     def _note_walls(self, dt: float, t: float) -> None:
@@ -155,8 +168,8 @@ class HeatStep:
     def resting_table(self, laws: ContactLaws) -> ContactTable:
         """The contacts that conduct while nothing moves, with the impulses of the last step."""
         state, scene = self._state, self._resting_scene()
-        spots = self._rest(scene)[1]
-        i, j = spots.i, spots.j
+        touching = self._rest(scene)[1].touching
+        i, j = touching.i, touching.j
         gap, normal = np.empty(i.size), np.empty((i.size, 2))
         resting_contacts(scene, i, j, gap, normal)
         none = np.zeros(i.size)
@@ -174,71 +187,65 @@ class HeatStep:
     def _rest(self, scene: Scene) -> tuple[Links, Spots]:
         """Links and contacts of a frozen stage, found once."""
         if self._resting is None:
-            near = self._near(scene)
             if self._state.last_dt > 0.0:
-                pairs = loaded_pairs(self._state, scene, self._settings)
+                i, j, force = loaded_pairs(self._state, scene, self._settings)
             else:  # no step has said which contacts carry a force
-                pairs = pairs_at_rest(scene, self._pairs(scene, TOUCHING), self._settings)
-            spots = conducting_spots(scene, *pairs, self._settings.laws, self._settings)
-            self._resting = links_of(scene, spots, near, self._settings, self._model), spots
+                i, j, force = pairs_at_rest(scene, self._pairs(scene, TOUCHING), self._settings)
+            touching, ends = self._lasting_of(scene, i, j)
+            spots = conducting_spots(scene, touching, force, self._settings)
+            self._resting = self._links(scene, spots, ends), spots
         return self._resting
 
     def _resting_scene(self) -> Scene:
         return scene_of(self._model, self._state.position, self._state.wall_position)
 
-    def _generate(self, moved: Moved) -> tuple[Floats, Floats]:
-        """Heat that grains and bodies receive, and of contacts [J]; enters the books, and wears."""
-        state, contacts, model = self._state, moved.contacts, self._model
-        count = contacts.size
-        heat, rubbing = np.empty((count, 2)), np.empty(count)
-        settings = self._settings
-        generated_heat(
-            moved.scene,
-            contacts,
-            moved.after,
-            _RULES[settings.friction],
-            settings.impact,
-            heat,
-            rubbing,
-        )
-        source, to_walls = np.zeros(model.grain_count), np.zeros(model.wall_count)
-        share_out(
-            moved.scene, moved.i, moved.j, heat, rubbing, self._settings.laws, self._takes_heat,
-            source, to_walls, state.wear,
-            state.wall_wear,
-        )  # fmt: skip
-        friction, impact = column_totals(heat).tolist()
-        book_generated(state, friction, impact, to_walls)
-        received = np.append(receive(state, source), to_walls[self._bodies])
-        return received, heat[:, FRICTION] + heat[:, IMPACT]
+    def _lasting_of(self, scene: Scene, i: Ints, j: Ints) -> tuple[Touching, Ends]:
+        """What lasts with the contacts; found for others than those of the step before."""
+        if self._lasting is None or self._lasting[0].i is not i:
+            self._lasting = Touching.of(scene, i, j, self._settings), ends_of(self._shapes, i, j)
+        return self._lasting
 
-    def _spots(self, moved: Moved, dt: float) -> Spots:
-        contacts, settings = moved.contacts, self._settings
-        force = forces_of_step(self._state, moved.scene, contacts, settings, dt)
-        spots = conducting_spots(
-            moved.scene, moved.i, moved.j, force, self._settings.laws, settings
-        )
+    def _generate(
+        self, scene: Scene, solved: Solved, share: Floats
+    ) -> tuple[Floats, Floats, Floats]:
+        """Heat that grains and bodies receive, and of contacts [J]; enters the books, and wears.
+
+        Returns normal impulses of the contacts [N s] as well.
+        """
+        state, model, settings = self._state, self._model, self._settings
+        rule, generated = _RULES[settings.friction], np.zeros(solved.i.size)
+        carried = np.empty(solved.i.size)
+        source, to_walls = np.zeros(model.grain_count), np.zeros(model.wall_count)
+        friction, impact = generate(
+            scene, solved, rule, settings.impact, settings.laws, share, self._takes_heat,
+            carried, generated, source, to_walls, state.wear, state.wall_wear,
+        ).tolist()  # fmt: skip
+        book_generated(state, friction, impact, to_walls)
+        received = np.concatenate([receive(state, source), to_walls[self._bodies]])
+        return received, generated, carried
+
+    def _spots(self, moved: Moved, carried: Floats, touching: Touching, dt: float) -> Spots:
+        scene, contacts, settings = moved.scene, moved.contacts, self._settings
+        force = forces_of_step(self._state, scene, carried, contacts, touching, settings, dt)
+        spots = conducting_spots(scene, touching, force, settings)
         if settings.collisional:
             row = warm_rows(self._model.grain_count, moved.loaded_i)
-            is_known = met_before(moved.scene, row, moved.loaded_j, moved.i, moved.j)
+            is_known = met_before(scene, row, moved.loaded_j, moved.i, moved.j)
             collide(
-                moved.scene,
-                self._model.grains.mass,
-                contacts,
-                spots.place,
-                is_known,
-                self._settings.laws,
-                dt,
-                spots.conductance,
-            )
+                scene, self._model.grains.mass, contacts, spots.places.totals(carried), is_known,
+                settings.laws, dt, spots.conductance,
+            )  # fmt: skip
         return spots
 
-    def _near(self, scene: Scene) -> Pairs | None:
-        """Pairs within the reach of mechanisms; None if none crosses gaps."""
-        reach = self._settings.reach
-        return self._pairs(scene, reach) if reach > 0.0 else None
+    def _links(self, scene: Scene, spots: Spots, ends: Ends) -> Links:
+        """Contacts with their ``ends``, and pairs within the reach of mechanisms, if any is."""
+        settings, reach = self._settings, self._settings.reach
+        if reach <= 0.0:
+            return contact_links(spots, ends)
+        near = self._pairs(scene, reach)
+        return near_links(scene, spots, near, self._shapes, settings, self._model)
 
-    def _pairs(self, scene: Scene, reach: float) -> Pairs:
+    def _pairs(self, scene: Scene, reach: float) -> tuple[Ints, Ints, Floats]:
         """Pairs whose gap is at most ``reach`` times the smaller radius."""
         self._list.update(
             scene.position, scene.world, reach * float(self._model.grains.radius.max())
@@ -246,59 +253,38 @@ class HeatStep:
         return near_pairs(scene, self._list.row, self._list.partner, reach)
 
     def _integrate(
-        self,
-        links: Links,
-        scene: Scene,
-        source: Floats,
-        dt: float,
-        t: float,
-        *,
-        is_frozen: bool,
+        self, links: Links, source: Floats, dt: float, t: float, *, is_frozen: bool,
         should_stop: Callable[[], bool] | None = None,
-    ) -> None:
-        state, settings = self._state, self._settings
-        if not float(np.abs(state.heat).max()) <= LARGEST:
+    ) -> None:  # fmt: skip
+        state, settings, bodies = self._state, self._settings, self._bodies
+        temperature, n = np.empty(self._capacity.size), self._model.grain_count
+        if not warm(self._thermal.initial_temperature, state.heat, self._capacity, temperature):
             raise PhysicsError(
                 state.step, find_absurd_value(state, self._model) or "a temperature is not finite"
             )
-        velocity = np.zeros((len(state.velocity), 2)) if is_frozen else state.velocity[:, :2]
-        net = network_of(links, scene, self._kind, self._node, velocity, self._model, settings)
-        walls, n = WallValues(self._conditions, t), self._model.grain_count
-        temperature = np.append(
-            state.temperature(self._thermal), state.wall_temperature[self._bodies]
-        )
+        temperature[n:] = state.wall_temperature[bodies]
+        velocity = np.zeros((n, 2)) if is_frozen else state.velocity[:, :2]
+        net = network_of(links, temperature.size, velocity, self._model, settings)
+        walls = WallValues(self._conditions, t)
         try:
             flow = integrate(
-                net,
-                self._capacity,
-                temperature,
-                walls,
-                source,
-                dt,
-                state.heat_dt,
-                settings,
-                should_stop,
-                is_frozen=is_frozen,
-            )
+                net, self._capacity, temperature, walls, source, dt, state.heat_dt, settings,
+                should_stop, is_frozen=is_frozen,
+            )  # fmt: skip
         except CannotIntegrate as error:
             what = find_absurd_value(state, self._model) or f"{self._name(error.node)} {error.why}"
             raise PhysicsError(state.step, what) from error
         if not np.isfinite(temperature).all():
-            raise PhysicsError(
-                state.step,
-                (
-                    f"the temperature of {self._name(int(np.argmin(np.isfinite(temperature))))} "
-                    "is not finite"
-                ),
-            )
-        state.heat += flow.received[:n]
+            what = self._name(int(np.argmin(np.isfinite(temperature))))
+            raise PhysicsError(state.step, f"the temperature of {what} is not finite")
         state.heat_dt = flow.next_step
-        state.wall_temperature[self._bodies] += flow.received[n:] / self._capacity[n:]
+        if bodies.size:
+            state.wall_temperature[bodies] += flow.received[n:] / self._capacity[n:]
+            flow.walls[bodies] += source[n:] - flow.received[n:]
         state.wall_temperature = walls.temperatures(dt, state.wall_temperature)
-        flow.walls[self._bodies] += source[n:] - flow.received[n:]
-        book_flow(state, flow, walls.undelivered(dt, net.flow_wall))
+        book_flow(state, flow, walls.undelivered(dt, net.flow_wall[net.flow_share > 0.0]))
         note_contacts(state, links.biot, links.gas_ratio)
-        strike_balance(state)
+        strike_balance(state, flow.received)
 
     def _name(self, node: int) -> str:
         n = self._model.grain_count

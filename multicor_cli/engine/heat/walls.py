@@ -6,14 +6,14 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.motion.drives import Constant, Signal
-from multicor_cli.model.model import Floats, Ints
+from multicor_cli.model.model import Floats
 
 _INSULATED = Constant(0.0)
 PRESCRIBED = ("temperature", "flow")
@@ -85,13 +85,19 @@ class WallValues:
 
         ``bodies`` are those of the walls that have a heat capacity [K], shape ``(w,)``.
         """
-        known = np.array([c.kind == "temperature" for c in self.conditions], np.bool_)
-        has_own = np.array([c.kind == "capacity" for c in self.conditions], np.bool_)
-        return np.where(known, self(t), np.where(has_own, bodies, np.nan))
+        values = {"temperature": self(t), "capacity": bodies}
+        return np.array(
+            [
+                values[wall.kind][w] if wall.kind in values else math.nan
+                for w, wall in enumerate(self.conditions)
+            ]
+        )
 
-    def undelivered(self, dt: float, reached: Ints) -> float:
+    def undelivered(self, dt: float, reached: NDArray[Any]) -> float:
         """Heat that flow walls other than those ``reached`` could not pass on within ``dt`` [J]."""
         idle = np.array([c.kind == "flow" for c in self.conditions], np.bool_)
+        if not idle.any():
+            return 0.0
         idle[reached] = False
         return math.fsum(
             total(np.abs(values(0.5 * length)[idle])) * length for values, length in self.pieces(dt)

@@ -138,6 +138,15 @@ def test_compiled_functions_have_the_bits_of_interpreted_ones(name):
     assert (compiled.view(np.int64) == interpreted.view(np.int64)).all()
 
 
+@pytest.mark.parametrize("others", [[], [0.0], [0.0, 5e-324, 1e-310, math.inf, math.nan, -1.0]])
+def test_cube_roots_in_vectors_have_the_bits_of_single_ones(others):
+    values = np.array(sizes(-307, 308) + uniform(0.0, 10.0) + others)
+    roots = values.copy()
+    elementwise.cube_roots(roots)
+    single = np.array([arithmetic.cbrt(x) for x in values.tolist()])
+    assert (roots.view(np.int64) == single.view(np.int64)).all()
+
+
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 7, 128, 1001])
 def test_sums(count):
     rng = np.random.default_rng(count)

@@ -53,7 +53,7 @@ def test_hertz_spot_and_its_conductance(force, radius, conductance, biot):
     harmonic = conduction.harmonic_mean(CONDUCTIVITY, CONDUCTIVITY)
     h = conduction.hertz_conductance(harmonic, spot(force))
     assert h == digits(conductance)
-    assert conduction.biot_number(h, CONDUCTIVITY, A) == digits(biot, 5e-4)
+    assert conduction.biot_number(h, CONDUCTIVITY * A) == digits(biot, 5e-4)
 
 
 def peak_pressure(force):
