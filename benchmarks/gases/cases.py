@@ -77,7 +77,7 @@ def energy_of_reference(gas: Gas, duration: float) -> tuple[float, int]:
 
 def engine_of(gas: Gas) -> Engine:
     """An engine with the discs of a gas in its box."""
-    n, w, zero = gas.count, gas.width, np.zeros(gas.count, np.int32)
+    w, zero = gas.width, np.zeros(gas.count, np.int32)
     mass = np.pi * gas.radius**2
     grains = Grains(gas.radius, mass, mass * gas.radius**2 / DISC, zero, zero.copy())
     sides = [(0.0, 0.0, 1.0, 0.0), (w, 0.0, -1.0, 0.0), (0.0, 0.0, 0.0, 1.0), (0.0, w, 0.0, -1.0)]
@@ -91,9 +91,7 @@ def engine_of(gas: Gas) -> Engine:
         np.zeros(1, np.int32), none, none,
     )  # fmt: skip
     walls = Walls(("box",), *(np.full(1, v) for v in (np.nan, np.nan, False, 1.0)))
-    model = Model(
-        grains, shapes, walls, laws, ("steel",), ("discs",), 0.0, np.zeros(2), DISC
-    )
+    model = Model(grains, shapes, walls, laws, ("steel",), ("discs",), 0.0, np.zeros(2), DISC)
     state = State.at_rest(model, gas.place)
     state.velocity[:, :2] = gas.velocity
     return Engine(model, state, threads=1)

@@ -97,7 +97,7 @@ def simulate(place, velocity, surface, radius, mass, box, gravity, e, mu, beta, 
         collide(place, velocity, surface, radius, mass, box, e, mu, beta, i, j)
         impacts += 1
         for k in range(n):
-            if k == i or k == j or partner[k] == i or (j < n and partner[k] == j):
+            if k in (i, j) or partner[k] == i or (j < n and partner[k] == j):
                 time[k], partner[k] = next_event(place, velocity, radius, box, gravity, k, now)
                 m = partner[k]
                 if m < n and time[k] < time[m]:

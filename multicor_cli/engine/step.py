@@ -540,9 +540,7 @@ class Engine:
         if stopped is None:
             return step
         work = step.shift_work + total(model.grains.mass[:, np.newaxis] * gravity * stopped)
-        return step._replace(
-            shift_work=work, cutoff=self._cutoff_before(scene, gravity, walls, dt)
-        )
+        return step._replace(shift_work=work, cutoff=self._cutoff_before(scene, gravity, walls, dt))
 
     def _fly(self, step: Prediction, walls: Floats) -> Prediction:
         """Impacts of what flies: other starts of these grains, in the layout too."""

@@ -44,7 +44,6 @@ from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import (
     ANGLE,
-    BELT,
     BIAS,
     FIRST,
     INVERSE_MASS,
@@ -130,7 +129,7 @@ class Flight(NamedTuple):
     flying: NDArray[np.bool_]
     impacts: Impacts
     landed: Ints
-    struck: Ints
+    struck: NDArray[np.int64]
     gravity_work: float
     reach: float
     is_wild: bool
@@ -224,18 +223,18 @@ def _wall_at(
     w = scene.wall[shape]
     x = place[i, X] + t * (bodies[i, X] + 0.5 * t * gravity[X])
     y = place[i, Y] + t * (bodies[i, Y] + 0.5 * t * gravity[Y])
-    fx, fy = walls.frame[w, X] + t * walls.velocity[w, X], walls.frame[w, Y] + t * walls.velocity[w, Y]
-    spin = walls.velocity[w, SPIN]
+    frame, move = walls.frame[w], walls.velocity[w]
+    fx, fy, spin = frame[X] + t * move[X], frame[Y] + t * move[Y], move[SPIN]
     g0, g1, g2, g3 = placed_shape(
-        scene.kind[shape], walls.local, shape, fx, fy, walls.frame[w, ANGLE] + t * spin
+        scene.kind[shape], walls.local, shape, fx, fy, frame[ANGLE] + t * spin
     )
     distance, nx, ny = distance_to_whole(x, y, scene.kind[shape], g0, g1, g2, g3, scene.period)
     dx = x - fx - distance * nx
     if scene.period > 0.0:  # the image of the point on the wall counts
         dx -= scene.period * floor(dx / scene.period + 0.5)
     dy = y - fy - distance * ny
-    u = bodies[i, X] + t * gravity[X] - (walls.velocity[w, X] - spin * dy)
-    v = bodies[i, Y] + t * gravity[Y] - (walls.velocity[w, Y] + spin * dx)
+    u = bodies[i, X] + t * gravity[X] - (move[X] - spin * dy)
+    v = bodies[i, Y] + t * gravity[Y] - (move[Y] + spin * dx)
     falls = sqrt(gravity[X] * gravity[X] + gravity[Y] * gravity[Y])
     holds = inf
     if spin != 0.0:  # Coriolis and centrifugal forces in the frame of the wall
@@ -262,7 +261,7 @@ def _wall_meets(
 ) -> float:  # fmt: skip
     """When a grain meets a wall shape, from a time on and before the ``end`` [s]; else infinite.
 
-    From below: until t + s the gap is at least gap + rate s − ½ a s² with the bound a of `_wall_at`.
+    From below: the gap is at least gap + rate s − ½ a s² after s, with the bound a of `_wall_at`.
     """
     t, touching = now, TOUCHING * scene.radius[i]
     for _ in range(_LOOKS):
@@ -289,26 +288,8 @@ def _wall_meets(
 # ---- Next meetings: the earliest of each grain, and a tournament of them
 
 
-@formula
-def _is_before(time: Floats, a: int, b: int) -> bool:
-    """Whether entry a comes first; -1 is none."""
-    if a < 0 or b < 0:
-        return b < 0 <= a
-    return time[a] < time[b] or (time[a] == time[b] and a < b)
-
-
-@formula
-def _play(tree: Ints, time: Floats, entry: int) -> None:
-    """Let the winners above an entry be found anew: ``tree[1]`` has the earliest time."""
-    node = (tree.size // 2 + entry) // 2
-    while node > 0:
-        a, b = tree[2 * node], tree[2 * node + 1]
-        tree[node] = a if _is_before(time, a, b) else b
-        node //= 2
-
-
 class _Air(NamedTuple):
-    """What the flights of a step need."""
+    """What the flights of a step need; ``place`` and ``bodies`` are starts as they are now."""
 
     scene: Scene
     walls: Walls
@@ -320,16 +301,68 @@ class _Air(NamedTuple):
     flying: NDArray[np.bool_]
 
 
+class _Plan(NamedTuple):
+    """The next meetings of grains in flight, which have numbers of their own.
+
+    Attributes:
+        entry: These numbers, shape ``(n,)``.
+        time: When each meets something next [s], and ``other``, what.
+        tree: Whose is the first: of all in row 1, of each half in rows 2 and 3, …; -1 is nobody.
+        queue: Grains whose next meeting has to be found, and who is ``waiting`` there.
+        count: How many impacts each has had.
+    """
+
+    entry: NDArray[np.int64]
+    time: Floats
+    other: NDArray[np.int64]
+    tree: NDArray[np.int64]
+    queue: NDArray[np.int64]
+    waiting: NDArray[np.bool_]
+    count: NDArray[np.int64]
+
+
+@kernel
+def _plan_of(flying: NDArray[np.bool_]) -> _Plan:
+    """Nobody meets anybody yet, and all are waiting."""
+    grains, half = np.flatnonzero(flying), 1
+    while half < grains.size:
+        half *= 2
+    entry, tree = np.full(flying.size, -1, np.int64), np.full(2 * half, -1, np.int64)
+    queue = np.empty(flying.size, np.int64)
+    for k in range(grains.size):
+        entry[grains[k]], tree[half + k], queue[k] = k, k, grains[k]
+    return _Plan(
+        entry, np.full(half, inf), np.full(half, -1, np.int64), tree, queue, flying.copy(),
+        np.zeros(half, np.int64),
+    )  # fmt: skip
+
+
+@formula
+def _is_before(time: Floats, a: int, b: int) -> bool:
+    """Whether entry a comes first; -1 is none."""
+    if a < 0 or b < 0:
+        return b < 0 <= a
+    return time[a] < time[b] or (time[a] == time[b] and a < b)
+
+
+@formula
+def _set_next(plan: _Plan, i: int, time: float, other: int) -> None:
+    """Enter the next meeting of a grain, and find anew who is first."""
+    tree, k = plan.tree, plan.entry[i]
+    plan.time[k], plan.other[k] = time, other
+    node = (tree.size // 2 + k) // 2
+    while node > 0:
+        a, b = tree[2 * node], tree[2 * node + 1]
+        tree[node] = a if _is_before(plan.time, a, b) else b
+        node //= 2
+
+
 @loop_body
-def _seek(
-    air: _Air, i: int, now: float, time: Floats, other: Ints, entry: Ints, tree: Ints, queue: Ints,
-    waiting: NDArray[np.bool_], queued: int,
-) -> int:  # fmt: skip
+def _seek(air: _Air, plan: _Plan, i: int, now: float, queued: int) -> int:
     """The next meeting of a grain from a time on [s], and of those that it meets before their own.
 
-    Whoever had it as its next and does not meet it any more is put into the ``queue``, if it is not
-    ``waiting`` there; returns how many do. ``time``, ``other``, ``tree``, ``queue`` and ``waiting``
-    are **modified**.
+    Whoever had it as its next and does not meet it any more is queued, if it is not waiting.
+    Returns how many are.
     """
     best, partner, count = inf, -1, air.flying.size
     for p in range(air.around.start[i], air.around.start[i + 1]):
@@ -344,15 +377,13 @@ def _seek(
         if t < best:
             best, partner = t, j
         if j < count and air.flying[j]:
-            k = entry[j]
-            if t < time[k]:
-                time[k], other[k] = t, i
-                _play(tree, time, k)
-            elif other[k] == i and t != time[k] and not waiting[j]:
-                queue[queued], waiting[j] = j, True
+            k = plan.entry[j]
+            if t < plan.time[k]:
+                _set_next(plan, j, t, i)
+            elif plan.other[k] == i and t != plan.time[k] and not plan.waiting[j]:
+                plan.queue[queued], plan.waiting[j] = j, True
                 queued += 1
-    time[entry[i]], other[entry[i]] = best, partner
-    _play(tree, time, entry[i])
+    _set_next(plan, i, best, partner)
     return queued
 
 
@@ -401,6 +432,53 @@ def _hit(air: _Air, laws: ContactLaws, beta: float, i: int, j: int, t: float, sa
     said[_LEVER_X], said[_LEVER_Y] = lx, ly
 
 
+@formula
+def _goes_on(air: _Air, laws: ContactLaws, plan: _Plan, i: int, j: int) -> bool:
+    """Whether a grain that meets a shape flies on."""
+    scene, count = air.scene, air.flying.size
+    if laws.restitution[scene.material[i], scene.material[j]] == 0.0:
+        return False
+    if plan.count[plan.entry[i]] >= MOST:
+        return False
+    if j >= count:
+        return not air.walls.is_free[scene.wall[j - count]]
+    return bool(air.flying[j] and plan.count[plan.entry[j]] < MOST)
+
+
+@formula
+def _note(
+    air: _Air, plan: _Plan, i: int, start: Floats, queued: int, fastest: float, jump: float
+) -> tuple[int, float, float]:
+    """A grain after an impact: it is to be looked at; largest squares of speeds and changes."""
+    k = plan.entry[i]
+    plan.count[k] += 1
+    plan.time[k], plan.other[k] = inf, -1
+    plan.queue[queued], plan.waiting[i] = i, True
+    u, v = air.bodies[i, X], air.bodies[i, Y]
+    du, dv = u - start[i, X], v - start[i, Y]
+    return queued + 1, max(fastest, u * u + v * v), max(jump, du * du + dv * dv)
+
+
+@kernel
+def _restart(
+    air: _Air, grains: NDArray[np.int64], middle: Floats, start: Floats, free: Floats
+) -> float:
+    """Give grains their last starts; returns the work of gravity on q' − q [J]."""
+    scene, dt, gravity, work = air.scene, air.dt, air.gravity, 0.0
+    for k in range(grains.size):
+        i = grains[k]
+        place, body = air.place[i], air.bodies[i]
+        dx, dy = place[X] - scene.position[i, X], place[Y] - scene.position[i, Y]
+        work += (gravity[X] * dx + gravity[Y] * dy) / body[INVERSE_MASS]
+        for d in range(3):
+            start[i, d] = free[i, d] = body[d]
+        free[i, X] += dt * gravity[X]
+        free[i, Y] += dt * gravity[Y]
+        middle[i, X], middle[i, Y] = place[X] + 0.5 * dt * body[X], place[Y] + 0.5 * dt * body[Y]
+        middle[i, ANGLE] = place[ANGLE] + 0.5 * dt * (body[SURFACE] / scene.radius[i])
+    return work
+
+
 @kernel
 def fly(
     scene: Scene, laws: ContactLaws, walls: Walls, around: Around, gravity: Floats, dt: float,
@@ -415,99 +493,59 @@ def fly(
     `motion.moves.predict`) of grains that have had impacts are **modified**, unless the result
     ``is_wild``, or its ``reach`` is above ``listed``: pairs may meet that are not listed.
     """
-    place, bodies = scene.position.copy(), start.copy()
     flying = begun.copy()
-    air = _Air(scene, walls, around, gravity, dt, place, bodies, flying)
-    grains = np.flatnonzero(flying)
-    entry = np.full(flying.size, -1, np.int64)
-    half = 1
-    while half < grains.size:
-        half *= 2
-    tree = np.full(2 * half, -1, np.int64)
-    time, other = np.full(half, inf), np.full(half, -1, np.int64)
-    queue, waiting = np.empty(max(1, flying.size), np.int64), flying.copy()
-    for k in range(grains.size):
-        entry[grains[k]], tree[half + k], queue[k] = k, k, grains[k]
-    queued, now = grains.size, 0.0
+    air = _Air(scene, walls, around, gravity, dt, scene.position.copy(), start.copy(), flying)
+    grains, plan = np.flatnonzero(begun), _plan_of(begun)
     slowest = 0.0
-    for i in range(flying.size):
-        slowest = max(slowest, bodies[i, X] * bodies[i, X] + bodies[i, Y] * bodies[i, Y])
-    fastest, jump = slowest, 0.0
-    count, found, ended = np.zeros(grains.size, np.int64), 0, 0
+    for i in range(begun.size):
+        slowest = max(slowest, start[i, X] * start[i, X] + start[i, Y] * start[i, Y])
+    queued, now, found, ended = grains.size, 0.0, 0, 0
+    fastest, jump, squares, motion = slowest, 0.0, 0.0, 0.0
     landed = np.empty((grains.size, 2), np.int32)
-    first, second = np.empty(64, np.int32), np.empty(64, np.int32)
-    said = np.empty((64, _COLUMNS))
-    squares, motion = 0.0, 0.0
+    who, said = np.empty((64, 2), np.int32), np.empty((64, _COLUMNS))
     while True:
         while queued > 0:
             queued -= 1
-            i = queue[queued]
-            waiting[i] = False
+            i = plan.queue[queued]
+            plan.waiting[i] = False
             if flying[i]:
-                queued = _seek(
-                    air, i, now, time, other, entry, tree, queue, waiting, queued
-                )
-        k = tree[1]
-        if k < 0 or not time[k] < dt:
+                queued = _seek(air, plan, i, now, queued)
+        k = plan.tree[1]
+        if k < 0 or not plan.time[k] < dt:
             break
-        now, i, j = time[k], grains[k], other[k]
-        is_grain = j < flying.size
-        may_fly = flying[j] if is_grain else not walls.is_free[scene.wall[j - flying.size]]
-        bounces = laws.restitution[scene.material[i], scene.material[j]] > 0.0
-        is_late = count[k] >= MOST or (is_grain and may_fly and count[entry[j]] >= MOST)
-        if not may_fly or not bounces or is_late:
+        now, i, j = plan.time[k], grains[k], plan.other[k]
+        if not _goes_on(air, laws, plan, i, j):
             # From here on the solve has it, and all that meet it
             landed[ended, FIRST], landed[ended, SECOND] = i, j
             ended += 1
-            flying[i], time[k] = False, inf
-            _play(tree, time, k)
-            if is_grain and flying[j]:
-                flying[j], time[entry[j]] = False, inf
-                _play(tree, time, entry[j])
+            for body in (i, j):
+                if body < begun.size and flying[body]:
+                    flying[body] = False
+                    _set_next(plan, body, inf, -1)
             continue
-        if is_grain and j < i:
-            i, j = j, i
-        if found == first.size:
-            first, second = np.append(first, first), np.append(second, second)
-            said = np.append(said, said, axis=0)
-        first[found], second[found] = i, j
-        _hit(air, laws, beta, i, j, now, said[found])
+        if found == who.shape[0]:
+            who, said = np.append(who, who, axis=0), np.append(said, said, axis=0)
+        first, second = (j, i) if j < i else (i, j)
+        who[found, FIRST], who[found, SECOND] = first, second
+        _hit(air, laws, beta, first, second, now, said[found])
         squares += said[found, _U_N] * said[found, _U_N]
         motion += abs(said[found, _U_N])
         found += 1
-        for side in range(2 if is_grain else 1):
-            body = i if side == 0 else j
-            count[entry[body]] += 1
-            time[entry[body]], other[entry[body]] = inf, -1
-            queue[queued], waiting[body] = body, True
-            queued += 1
-            u, v = bodies[body, X], bodies[body, Y]
-            du, dv = u - start[body, X], v - start[body, Y]
-            fastest, jump = max(fastest, u * u + v * v), max(jump, du * du + dv * dv)
+        queued, fastest, jump = _note(air, plan, first, start, queued, fastest, jump)
+        if second < begun.size:
+            queued, fastest, jump = _note(air, plan, second, start, queued, fastest, jump)
     fall = dt * sqrt(gravity[X] * gravity[X] + gravity[Y] * gravity[Y])
-    more = dt * (sqrt(fastest) - sqrt(slowest))
+    faster = dt * (sqrt(fastest) - sqrt(slowest))
     reach = min(
-        moved + 2.0 * dt * sqrt(jump), max(moved, dt * (2.0 * sqrt(fastest) + fall)) + more
+        moved + 2.0 * dt * sqrt(jump), max(moved, dt * (2.0 * sqrt(fastest) + fall)) + faster
     )
-    least = scene.radius.min()
-    is_wild = ended > 0 and dt * dt * fastest > 4.0 * least * least
-    gravity_work = 0.0
-    for k in range(grains.size):
-        i = grains[k]
-        if count[k] == 0 or reach > listed or is_wild:
-            continue
-        dx, dy = place[i, X] - scene.position[i, X], place[i, Y] - scene.position[i, Y]
-        gravity_work += (gravity[X] * dx + gravity[Y] * dy) / bodies[i, INVERSE_MASS]
-        for d in range(3):
-            start[i, d] = free[i, d] = bodies[i, d]
-        free[i, X] += dt * gravity[X]
-        free[i, Y] += dt * gravity[Y]
-        middle[i, X] = place[i, X] + 0.5 * dt * bodies[i, X]
-        middle[i, Y] = place[i, Y] + 0.5 * dt * bodies[i, Y]
-        middle[i, ANGLE] = place[i, ANGLE] + 0.5 * dt * (bodies[i, SURFACE] / scene.radius[i])
+    is_wild = ended > 0 and dt * sqrt(fastest) > 2.0 * scene.radius.min()
+    struck, work = grains[plan.count[: grains.size] > 0], 0.0
+    if not is_wild and reach <= listed:
+        work = _restart(air, struck, middle, start, free)
     return Flight(
-        begun, flying, Impacts(first[:found].copy(), second[:found].copy(), said[:found].copy()),
-        landed[:ended].copy(), grains[count > 0], gravity_work, reach, is_wild,
+        begun, flying, Impacts(who[:found, FIRST].copy(), who[:found, SECOND].copy(),
+        said[:found].copy()), landed[:ended].copy(), struck, work, reach, is_wild,
         Speeds(squares, 1.0 * found, 0.0, 0.0, motion, 1.0 * found),
     )  # fmt: skip
 
@@ -602,10 +640,10 @@ def leave_flights_out(
 @kernel
 def are_contacts(impacts: Impacts, i: Ints, j: Ints) -> bool:
     """Whether all pairs that had impacts are among pairs sorted by (i, j)."""
+    missing = 0
     for k in range(impacts.i.size):
-        if _row_of(i, j, impacts.i[k], impacts.j[k]) < 0:
-            return False
-    return True
+        missing += _row_of(i, j, impacts.i[k], impacts.j[k]) < 0
+    return missing == 0
 
 
 @kernel
@@ -621,7 +659,7 @@ def enter_impacts(
     the contacts, and the impulses that they had.
     """
     count = scene.radius.size
-    rows, known = np.full(impacts.i.size, -1, np.int64), np.empty((impacts.i.size, 2))
+    rows, known = np.full(impacts.i.size, -1, np.int32), np.empty((impacts.i.size, 2))
     for e in range(impacts.i.size):
         said = impacts.said[e]
         if said[_P_N] == 0.0:
@@ -684,6 +722,7 @@ def take_back(
         c = rows[e]
         if c >= 0 and j[c] < grains:
             q, k = lane[c] // LANES, lane[c] % LANES
-            impulse[q, NORMAL, k], impulse[q, TANGENTIAL, k] = known[e, NORMAL], known[e, TANGENTIAL]
+            impulse[q, NORMAL, k] = known[e, NORMAL]
+            impulse[q, TANGENTIAL, k] = known[e, TANGENTIAL]
         elif c >= 0:
             contacts[c].p_n, contacts[c].p_t = known[e, NORMAL], known[e, TANGENTIAL]
