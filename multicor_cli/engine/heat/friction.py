@@ -328,8 +328,8 @@ def generated_heat(
         for c in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             heat[c, FRICTION], heat[c, IMPACT], rubbing[c] = 0.0, 0.0, 0.0
             contact = contacts[c]
-            q_n, p_t, attraction = contact.p_n, contact.p_t, contact.attraction
-            if q_n > 0.0 or attraction > 0.0:
+            q_n, p_t = contact.p_n, contact.p_t
+            if q_n > 0.0:
                 u_n, u_t = contact_after(c, scene, contacts, after)
                 mu, slip = contact.mu, 0.5 * (contact.u_t + u_t)
                 work = -p_t * slip
@@ -340,5 +340,5 @@ def generated_heat(
                         c, scene, contacts, after
                     )
                 if has_impact:
-                    heat[c, IMPACT] = -(q_n - attraction) * 0.5 * (contact.u_n + u_n)
+                    heat[c, IMPACT] = -q_n * 0.5 * (contact.u_n + u_n)
                 rubbing[c] = rubbing_of(q_n, slip, work, mu)
