@@ -133,7 +133,7 @@ def tally(state, name):
 def shear_scene(
     columns=16, rows=14, *, seed=0, friction=0.4, restitution=0.0, spread=0.2, gravity=(0.0, 0.0),
     load=1.0, speed=SPEED,
-    adhesion=0.0, rolling=0.0,
+    adhesion=0.0, rolling=0.0, reach=None, wet=False,
 ):  # fmt: skip
     """Loose discs of mean mass and diameter 1 between rough walls, the upper sheared under a load.
 
@@ -155,6 +155,7 @@ def shear_scene(
         radius, shapes, ("bottom", "top"), friction=friction, restitution=restitution,
         gravity=gravity, period=period,
         mass=20.0, length=period, density=4.0 / np.pi, adhesion=adhesion, rolling=rolling,
+        reach=reach, wet=wet,
     )  # fmt: skip
     height = 1.15 + rows * 1.1
     origins = np.array([[0.5 * period, 0.0, 0.0], [0.5 * period, height, 0.0]])
