@@ -35,7 +35,7 @@ from multicor_cli.engine.contact.contacts import (
     warm_rows,
 )
 from multicor_cli.engine.contact.problem import ContactProblem, problem_of_step
-from multicor_cli.engine.contact.selection import AHEAD, Selection
+from multicor_cli.engine.contact.selection import AHEAD, SKIN, Selection
 from multicor_cli.engine.contact.solve import Outcome, ResidualScale, ThreadChoice, solve_system
 from multicor_cli.engine.contact.system import (
     Moved,
@@ -452,7 +452,6 @@ class Engine:
         self._clock("correct")
         book_step(state, self._motion, sums, kinetic, gravity_work, correction, outcome, dt)
         selection.give(state)
-        keep_bridges(end, self._laws(), contacts, state)
         if self._has_couples:
             state.contact_couple = couples_of(contacts)[contacts["p_n"] > 0.0]
         state.last_dt = dt
@@ -558,7 +557,8 @@ class Engine:
         margin = layout.selection.margin(
             step.scene, layout.before, layout.free, step.cutoff, step.dt
         )
-        return max(margin, longest_reach(self._laws()))
+        reach = longest_reach(self._laws())
+        return reach + max(margin, SKIN * self.model.mean_diameter) if reach > 0.0 else margin
 
     def _list_up_to(self, gap: float, step: Prediction) -> None:
         """Let the list be complete up to a gap at q_m, where it has been looked at before."""
@@ -621,11 +621,12 @@ class Engine:
     def _account(
         self, step: Prediction, end: Scene, contacts: Contacts, after: Floats
     ) -> ContactSums:
-        """What the contacts lose and exert."""
+        """What the contacts lose and exert; bridges that are left go into the state."""
         laws, selection = self._laws(), self._layout.selection
         lanes = selection.lanes
         if laws.adhesion.size or laws.rolling.size:
             self._tabulate()
+            keep_bridges(end, laws, contacts, self._layout.state)
             everyone = np.arange(contacts.size, dtype=np.int32)
             return account_contacts(step.scene, end, contacts, after, everyone, np.zeros(SUMS))
         sums = account_grains(

@@ -185,16 +185,14 @@ def _refuse_throats(scenario: Scenario, model: Model) -> None:
 
 
 def _refuse_ranges(scenario: Scenario, model: Model) -> None:
-    """Refuse adhesion across more than a radius: a grain would pull at others through its neighbors."""
+    """Refuse adhesion across more than a radius: grains would pull at others past neighbors."""
     grains, laws, problems = model.grains, model.laws, {}
     for a, b in touching_pairs(grains, model.shapes, model.walls):
         if not laws.adhesion.size or laws.adhesion[a, b] == 0.0:
             continue
         smallest = float(grains.radius[np.isin(grains.material, (a, b))].min())
-        reach, law = (
-            float(laws.adhesion_range[a, b]),
-            scenario.law(*(model.materials[k] for k in (a, b))),
-        )
+        reach = float(laws.adhesion_range[a, b])
+        law = scenario.law(model.materials[a], model.materials[b])
         if reach <= smallest:
             continue
         entry = next(k for k, each in enumerate(scenario.contacts) if each is law)

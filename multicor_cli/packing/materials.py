@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -84,17 +85,9 @@ def contact_laws(
             table[a, b] = table[b, a] = number.setdefault(rows, len(number))
         else:
             friction[a, b] = law.coefficient
-    adhesion = {pair: law.attraction for pair, law in given.items() if law.attraction.force}
     rolling = {pair: law.rolling_friction for pair, law in given.items() if law.rolling_friction}
     soft = {pair: law.softening for pair, law in given.items() if law.softening is not None}
-    optional = {}
-    if adhesion:
-        forces = {pair: each.force for pair, each in adhesion.items()}
-        ranges = {pair: each.range or RANGE * mean_diameter for pair, each in adhesion.items()}
-        wet = {pair: 1.0 for pair, each in adhesion.items() if each.kind == "wet"}
-        optional["adhesion"] = _symmetric(k, forces)
-        optional["adhesion_range"] = _symmetric(k, ranges)
-        optional["is_wet"] = _symmetric(k, wet).astype(np.uint8)
+    optional: dict[str, Any] = _adhesion(k, given, mean_diameter)
     optional |= {"rolling": _symmetric(k, rolling)} if rolling else {}
     for name, key in _SOFTENING.items() if soft else ():
         values = {pair: getattr(softening, key) for pair, softening in soft.items()}
@@ -109,6 +102,22 @@ def contact_laws(
         table_friction=np.array([value for _, values in number for value in values], float),
         **optional,
     )
+
+
+def _adhesion(
+    k: int, given: Mapping[tuple[int, int], ContactPair], mean_diameter: float
+) -> dict[str, Any]:
+    """Force, range and kind of adhesion; nothing if no pair has it."""
+    found = {pair: law.attraction for pair, law in given.items() if law.attraction.force}
+    if not found:
+        return {}
+    ranges = {pair: each.range or RANGE * mean_diameter for pair, each in found.items()}
+    wet = {pair: float(each.kind == "wet") for pair, each in found.items()}
+    return {
+        "adhesion": _symmetric(k, {pair: each.force for pair, each in found.items()}),
+        "adhesion_range": _symmetric(k, ranges),
+        "is_wet": _symmetric(k, wet).astype(np.uint8),
+    }
 
 
 def _symmetric(k: int, values: Mapping[tuple[int, int], float], others: float = 0.0) -> Floats:

@@ -344,8 +344,8 @@ class ContactPair(PairFriction):
     adhesion: AnyAdhesion | None = Field(
         None,
         description=(
-            'tension that a contact bears F_a [N], or { force = 1e-5, range = 2e-6, kind = "wet" }; '
-            "it falls to zero across a gap, the range; default: none"
+            "tension that a contact bears F_a [N], or { force = 1e-5, range = 2e-6, kind = "
+            '"wet" }; it ends across a gap, the range; default: none'
         ),
     )
     rolling_friction: Friction | None = Field(

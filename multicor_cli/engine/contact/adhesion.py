@@ -14,6 +14,7 @@ from __future__ import annotations
 from math import inf
 
 import numpy as np
+from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.contacts import Contacts, warm_rows
 from multicor_cli.engine.geometry.places import find_places, met_before, totals_of_places
@@ -86,7 +87,7 @@ def begin_attraction(
     i: Ints,
     j: Ints,
     bodies: Floats,
-    bridge_row: Ints,
+    bridge_row: NDArray[np.int64],
     bridge_j: Ints,
     dt: float,
 ) -> None:
@@ -181,7 +182,7 @@ def keep_bridges(end: Scene, laws: ContactLaws, contacts: Contacts, state: State
         state.bridge_i, state.bridge_j = bridges_after(end, laws, contacts)
 
 
-def bridge_rows(state: State, grains: int) -> tuple[Ints, Ints]:
+def bridge_rows(state: State, grains: int) -> tuple[NDArray[np.int64], Ints]:
     """Bridges of each grain: row pointers, and the shapes with which it has them."""
     return warm_rows(grains, state.bridge_i), state.bridge_j
 
