@@ -110,7 +110,8 @@ def test_a_packing_is_as_strong_at_every_time_step(
             fraction = np.pi * (pressed.model.grains.radius**2).sum() / (WIDTH * height)
             touching = np.count_nonzero(frame.contacts.force[:, 0])
             rumpf = fraction * 2.0 * touching / 360 * FORCE / (np.pi * DIAMETER)
-        pull = text + PULL.replace("RUN", str(tmp_path / f"press-{seed}"))
+        grains, walls = text.index("[[particles]]"), text.index("[[walls]]")
+        pull = text[:grains] + PULL.replace("RUN", str(tmp_path / f"press-{seed}")) + text[walls:]
         for column, dt in enumerate(steps):
             name = tmp_path / f"pull-{seed}-{column}"
             with _carry_out(pull, name, f"solver.dt={dt}") as run:
@@ -118,7 +119,7 @@ def test_a_packing_is_as_strong_at_every_time_step(
                 assert run.info["summary"]["energy_closure"] < 1e-10
         print(kind, seed, f"{rumpf:.3f} N/m, strength over it", np.round(found[row], 3))
     keep(record_property, strength=found, steps=steps)
-    assert 0.3 < found.min() < found.max() < 1.2
+    assert 0.25 < found.min() < found.max() < 1.2
     # Of one packing; the scatter of packings is larger
     assert np.abs(found / found.mean(axis=1, keepdims=True) - 1.0).max() < 0.1
 
