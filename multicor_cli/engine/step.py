@@ -16,14 +16,18 @@ from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import total
+from multicor_cli.engine.contact.adhesion import (
+    attract,
+    begin_attraction,
+    bridge_rows,
+    keep_bridges,
+    longest_reach,
+)
 from multicor_cli.engine.contact.contacts import (
     Contacts,
     WarmStart,
-    attract,
-    begin_attraction,
     begin_rolling,
     begin_walls,
-    closing_distance,
     couples_of,
     scatter_impulses,
     tabulate,
@@ -40,7 +44,7 @@ from multicor_cli.engine.contact.flight import (
     leave_flights_out,
 )
 from multicor_cli.engine.contact.problem import ContactProblem, problem_of_step
-from multicor_cli.engine.contact.selection import AHEAD, Selection
+from multicor_cli.engine.contact.selection import AHEAD, SKIN, Selection
 from multicor_cli.engine.contact.solve import (
     LEAST_LOSS,
     Outcome,
@@ -248,6 +252,8 @@ class Engine:
             Gravity.constant(self.model.gravity) if orders.gravity is None else orders.gravity
         )
         self.orders = orders
+        laws = self.model.laws if orders.laws is None else orders.laws
+        self._contact_laws = laws.with_ranges(self.model.mean_diameter)
         self._begin_heat()
 
     def pass_grains(self) -> None:
@@ -328,7 +334,7 @@ class Engine:
         Returns:
             The problem, and the impulses from which the solver would start [N s], shape ``(c, 2)``.
             With adhesion free velocities hold the attraction, and normal impulses are q_n = p_n +
-            F_a Δt (theory §3.1).
+            F Δt (theory §3.1).
 
         Raises:
             ValueError: If there is rolling resistance, which a `ContactProblem` does not know.
@@ -389,7 +395,7 @@ class Engine:
         return self._layout.state
 
     def _laws(self) -> ContactLaws:
-        return self.model.laws if self.orders.laws is None else self.orders.laws
+        return self._contact_laws
 
     def _with_table(self) -> Moved | None:
         """What the last step left, contacts of two grains in the table."""
@@ -411,14 +417,13 @@ class Engine:
     def _move(self, dt: float, t: float, should_stop: Callable[[], bool] | None) -> StepReport:
         """The mechanics of a step. Until the contacts are solved nothing of the state changes."""
         layout, state = self._layout, self._layout.state
-        n, grains = layout.model.grain_count, layout.model.grains
         use_threads(layout.threading.favorite)
         self.moved = None  # free the contacts of the last step before there are new ones
         if state.step == 0:
             open_books(state, layout.model, self._motion)
-        if n == 0:
+        if layout.model.grain_count == 0:
             return self._move_walls_alone(dt, t)
-        selection, loaded = layout.selection, (state.contact_i, state.contact_j)
+        selection = layout.selection
         self._marked = time.perf_counter()
 
         step = self._predict(dt, t)
@@ -449,7 +454,15 @@ class Engine:
                 self._select_impacts(step)
             self._clock("detect")
         outcome.require_convergence(self.orders.settings, state.step)
+        return self._end(step, contacts, after, outcome, cutoff)
 
+    def _end(
+        self, step: Prediction, contacts: Contacts, after: Floats, outcome: Outcome, cutoff: float
+    ) -> StepReport:
+        """The step with the velocities that were found: motion, books, and what comes next."""
+        layout, state, selection = self._layout, self._layout.state, self._layout.selection
+        n, grains, dt = layout.model.grain_count, layout.model.grains, step.dt
+        loaded = state.contact_i, state.contact_j
         began = state.position.copy() if step.flight is not None else state.position
         kinetic, gravity_work = move(
             layout.middle, layout.before, after, grains.radius, grains.mass, step.gravity,
@@ -496,7 +509,7 @@ class Engine:
         if not are_sound(walls, motion.before, state.wall_position, motion.belt_before):
             self._refuse_state()
         self._move_walls(state.wall_position + 0.5 * dt * motion.before, walls, dt)
-        sums = ContactSums(np.zeros(SUMS), np.zeros((w, 3)), np.zeros(w))
+        sums = ContactSums(np.zeros(SUMS), np.zeros((w, 3)), np.zeros(w), 0.0)
         book_step(state, motion, sums, 0.0, 0.0, _NOTHING_TO_CORRECT, _NOTHING_TO_SOLVE, dt)
         state.last_dt = dt
         return StepReport(0.0, True, 0.0, 0.0, 0.0, 0, 0, 0.0, sums.wall_impulse)
@@ -596,7 +609,7 @@ class Engine:
             scene, layout.free, fall, motion.before, walls, motion.extent, AHEAD * dt,
             layout.pairs.largest,
         )  # fmt: skip
-        return max(cutoff, closing_distance(self._laws(), layout.model.grains, dt))
+        return max(cutoff, longest_reach(self._laws()))
 
     def _cutoff_after(self, step: Prediction, after: Floats) -> float:
         """A gap that no pair closes in the step with the velocities v⁺ [m]."""
@@ -612,7 +625,7 @@ class Engine:
     def _select(self, step: Prediction) -> None:
         """The contacts of the state, or others if a pair that is none of them may close."""
         layout, scene = self._layout, step.scene
-        reach = closing_distance(self._laws(), layout.model.grains, step.dt)
+        reach = longest_reach(self._laws())
         layout.selection.take(layout.state)
         layout.pairs.update(layout.middle, scene.world, step.cutoff)
         if layout.selection.closing(
@@ -631,11 +644,12 @@ class Engine:
 
     def _margin(self, step: Prediction) -> float:
         """Gap up to which contacts are sought [m]."""
-        layout, laws = self._layout, self._laws()
+        layout = self._layout
         margin = layout.selection.margin(
             step.scene, layout.before, layout.free, step.cutoff, step.dt
         )
-        return max(margin, closing_distance(laws, layout.model.grains, step.dt))
+        reach = longest_reach(self._laws())
+        return reach + max(margin, SKIN * self.model.mean_diameter) if reach > 0.0 else margin
 
     def _list_up_to(self, gap: float, step: Prediction) -> None:
         """Let the list be complete up to a gap at q_m, where it has been looked at before."""
@@ -665,7 +679,8 @@ class Engine:
             row = warm_rows(layout.model.grain_count, state.contact_i)
             warm = WarmStart(row, state.contact_j, state.contact_couple)
             if laws.adhesion.size:
-                begin_attraction(scene, laws, contacts, i, j, start, warm, dt)
+                bridges = bridge_rows(state, layout.model.grain_count)
+                begin_attraction(scene, laws, contacts, i, j, start, *bridges, dt)
                 scatter_impulses(contacts, lanes.slot, lanes.impulse)
                 attract(scene, contacts, lanes.place, self._motion.inverse, lanes.velocity)
             if laws.rolling.size:
@@ -705,11 +720,12 @@ class Engine:
     def _account(
         self, step: Prediction, end: Scene, contacts: Contacts, after: Floats
     ) -> ContactSums:
-        """What the contacts lose and exert."""
+        """What the contacts lose and exert; bridges that are left go into the state."""
         laws, selection = self._laws(), self._layout.selection
         lanes = selection.lanes
         if laws.adhesion.size or laws.rolling.size:
             self._tabulate()
+            keep_bridges(end, laws, contacts, self._layout.state)
             everyone = np.arange(contacts.size, dtype=np.int32)
             return account_contacts(step.scene, end, contacts, after, everyone, np.zeros(SUMS))
         sums = account_grains(
@@ -734,7 +750,7 @@ class Engine:
         Velocities: u_ref = max(u_load, 10 times the mean slip), and u_rms = max(u_load, 50 times
         the mean slip), with u_load = max(Δt |g|, Δt P d̄/m̄, rms of the closing velocities).
         Energies: ½ M u_load u_ref, or ½ M u_ref² where nothing loads. Without weight and load
-        ``attraction``/m̄ stands in for them, the largest F_a Δt of a contact [N s] over m̄. What
+        ``attraction``/m̄ stands in for them, the largest F Δt of a contact [N s] over m̄. What
         follows are the sums of `Speeds`.
         """
         layout, model = self._layout, self._layout.model

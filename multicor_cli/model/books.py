@@ -18,6 +18,7 @@ Dim = Literal[
     "grain", "shape", "wall", "material", "group", "stage", "table_edge", "table_row",
     "heat_grain", "heat_wall", "heat_book", "mean_row", "stage_note", "origin_row", "surface_row",
     "before_row", "outlet", "exchange_grain", "exchange_group", "exchange_outlet", "exchange_book",
+    "bridge_row", "adhesion_book",
     "book", "tally", "window",
 ]  # fmt: skip
 """Named lengths. ``frame_edge`` is ``frame + 1``: row ``offset[k]:offset[k+1]`` belongs to frame
@@ -34,11 +35,11 @@ DType = Literal["f8", "float", "i8", "i4", "u1", "str"]
 """Stored types: ``float`` is f8 or f4 after ``output.precision``, ``str`` UTF-8 of fixed length."""
 
 Feature = Literal[
-    "heat", "softening", "adhesion", "rolling", "exchange", "surface", "groups", "motion"
+    "heat", "softening", "adhesion", "rolling", "exchange", "surface", "groups", "motion", "range"
 ]
 """What only some runs have: temperatures, friction that depends on them, adhesion, rolling
 resistance, grains that come and go, walls whose surface runs, walls that only some groups meet,
-motion at the start."""
+motion at the start, adhesion with a range."""
 
 Export = Literal["vtk", "gsd"]
 """What shows a dataset of the frames besides CSV, which shows all: ParaView's view, GSD files."""
@@ -257,19 +258,29 @@ EXCHANGE_BOOKS = (
 """Books of grains that come and go, in the order of `State.exchange`; empty where none does."""
 
 
+ADHESION_BOOKS = (
+    # −Σ F Δt ½(u_n⁻+u_n⁺)
+    _entry("adhesion_work",
+        "work of adhesion on the motion since the start: less than 0 for what has been parted",
+        "J", "adhesion_work", since=(1, 7)),
+)  # fmt: skip
+"""Books of adhesion, in the order of `State.adhesion_books`; empty where no pair has it."""
+
+
 NUMBERS = {
     "books": BOOKS,
     "tallies": TALLIES,
     "window": WINDOW,
     "heat_books": HEAT_BOOKS,
     "exchange": EXCHANGE_BOOKS,
+    "adhesion_books": ADHESION_BOOKS,
 }
 """The tables of the numbers, by the array of `State` that holds them."""
 
 NAMES = {field: tuple(entry.name for entry in table) for field, table in NUMBERS.items()}
 """Names of the entries of each array, in its order."""
 
-BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, HEAT_BOOK_NAMES, EXCHANGE_NAMES = NAMES.values()
+BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, HEAT_BOOK_NAMES, EXCHANGE_NAMES, _ = NAMES.values()
 
 
 def entry_counts(version: Version | None = None) -> dict[str, int]:

@@ -21,6 +21,9 @@ _CONTACTS = {
 }
 
 
+_PAIRS = {"near_j": ("near_i", "near_j"), "bridge_j": ("bridge_i", "bridge_j")}
+
+
 def _fields(dtype: str, *dims: str) -> tuple[str, ...]:
     found = stored_fields(State)
     return tuple(
@@ -92,7 +95,7 @@ def find_misfit(state: State, model: Model) -> str | None:
 
 def _find_wrong_pairs(state: State, model: Model) -> str | None:
     n, shapes = model.grain_count, model.shape_count
-    for name, (i, j) in {**_CONTACTS, "near_j": ("near_i", "near_j")}.items():
+    for name, (i, j) in {**_CONTACTS, **_PAIRS}.items():
         first, second = getattr(state, i), getattr(state, j)
         rows = first.size if name != "contact_couple" or model.laws.rolling.size else 0
         if not (first.shape == second.shape and getattr(state, name).shape[:1] == (rows,)):

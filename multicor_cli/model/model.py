@@ -90,7 +90,10 @@ class Walls:
     meets: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), np.bool_))
 
 
-_NONE = np.empty((0, 0))
+_NONE, _NO_FLAGS = np.empty((0, 0)), np.empty((0, 0), np.uint8)
+
+RANGE = 0.01
+"""Range of adhesion where none is given, over the mean diameter."""
 
 
 class ContactLaws(NamedTuple):
@@ -111,6 +114,9 @@ class ContactLaws(NamedTuple):
         softening_lowest: Smallest μ.
         softening_highest: Largest μ.
         adhesion: F_a, the tension that a contact bears [N], symmetric; of size 0 if no pair has it.
+        adhesion_range: ℓ, the gap across which it ends [m], symmetric; this and the next are of
+            size 0 without adhesion, and in runs of file formats before 1.7 (`with_ranges`).
+        is_wet: 1 where adhesion is that of bridges of liquid, which begin when bodies touch.
         rolling: Coefficient of rolling resistance μ_r, symmetric; of size 0 if no pair has it.
     """
 
@@ -126,11 +132,25 @@ class ContactLaws(NamedTuple):
     softening_highest: Floats = _NONE
     adhesion: Floats = _NONE
     rolling: Floats = _NONE
+    adhesion_range: Floats = _NONE
+    is_wet: NDArray[np.uint8] = _NO_FLAGS
 
     @property
     def depends_on_temperature(self) -> bool:
         """Whether friction does, for any pair."""
         return self.softening_rate.size > 0
+
+    def with_ranges(self, mean_diameter: float) -> ContactLaws:
+        """The same; dry, with a range of `RANGE` mean diameters [m], if there is adhesion without.
+
+        So runs of file formats before 1.7 go on, which know no ranges.
+        """
+        if self.adhesion_range.size or not self.adhesion.size:
+            return self
+        flags = np.zeros(self.adhesion.shape, np.uint8)
+        return self._replace(
+            adhesion_range=np.full(self.adhesion.shape, RANGE * mean_diameter), is_wet=flags
+        )
 
 
 @dataclass(frozen=True)

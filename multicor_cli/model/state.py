@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.books import (
+    ADHESION_BOOKS,
     EXCHANGE_BOOKS,
     HEAT_BOOKS,
     NAMES,
@@ -90,7 +91,7 @@ class State:
         ("wall", 3), "m/s, m/s, rad/s", "velocities and spins of the walls"
     )
     # The contacts that carried an impulse, ascending by both shapes; where the next solve starts.
-    # With adhesion normal impulses are p_n + F_a Δt (theory §3.1).
+    # With adhesion normal impulses are p_n + F Δt (theory §3.1).
     contact_i: Ints = _array(
         ("contact_row",), "1", "first shape of each contact that carried an impulse", "i4"
     )
@@ -213,6 +214,16 @@ class State:
         "books of grains that come and go, in the order of model.EXCHANGE_NAMES",
         since=(1, 2),
     )
+    # What follows is empty without adhesion.
+    bridge_i: Ints = _array(
+        ("bridge_row",), "1", "first shape of each bridge of liquid", "i4", since=(1, 7)
+    )
+    bridge_j: Ints = _array(
+        ("bridge_row",), "1", "second shape of each of these bridges", "i4", since=(1, 7)
+    )
+    adhesion_books: Floats = _array(
+        ("adhesion_book",), "J", "work of adhesion since the start", since=(1, 7)
+    )
 
     @classmethod
     def at_rest(cls, model: Model, position: Floats) -> State:
@@ -306,6 +317,7 @@ def state_shapes(model: Model) -> dict[str, tuple[int, ...]]:
         "exchange_group": len(model.groups) if is_open else 0,
         "exchange_outlet": len(model.outlets or ()),
         "exchange_book": len(EXCHANGE_BOOKS) if is_open else 0,
+        "adhesion_book": len(ADHESION_BOOKS) if model.laws.adhesion_range.size else 0,
     }
     return {
         name: _shape(about.dims, lengths)

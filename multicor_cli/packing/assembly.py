@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.arithmetic.sums import mean
 from multicor_cli.model import Grains, Model, Presence, ShapeKind, State, Thermal
 from multicor_cli.model.columns import RADIUS, SPIN, X, Y
 from multicor_cli.model.model import LEAST_DIAMETERS, LEAST_THROAT, SHAPE_FACTOR, Floats
@@ -82,6 +83,7 @@ def place(scenario: Scenario) -> Placed:
     groups = _make_groups(scenario, walls) if source is None else grains_of(scenario, source)
     model = _model(scenario, walls, groups)
     _refuse_throats(scenario, model)
+    _refuse_ranges(scenario, model)
     if source is not None and source.model.outlets is not None and model.outlets is None:
         model = replace(model, outlets=())  # grains that are not there stay away
     state = _state(scenario, model, walls, groups)
@@ -182,6 +184,31 @@ def _refuse_throats(scenario: Scenario, model: Model) -> None:
         raise scenario.refuse(*problems)
 
 
+def _refuse_ranges(scenario: Scenario, model: Model) -> None:
+    """Refuse adhesion across more than a radius: grains would pull at others past neighbors."""
+    grains, laws, problems = model.grains, model.laws, {}
+    for a, b in touching_pairs(grains, model.shapes, model.walls):
+        if not laws.adhesion.size or laws.adhesion[a, b] == 0.0:
+            continue
+        smallest = float(grains.radius[np.isin(grains.material, (a, b))].min())
+        reach = float(laws.adhesion_range[a, b])
+        law = scenario.law(model.materials[a], model.materials[b])
+        if reach <= smallest:
+            continue
+        entry = next(k for k, each in enumerate(scenario.contacts) if each is law)
+        is_given = law.attraction.range is not None
+        key = ("adhesion", "range") if is_given else ("adhesion",)
+        given = "" if is_given else ", a hundredth of the mean diameter,"
+        text = (
+            f"adhesion across {reach:g} m{given} reaches farther than the smallest radius, "
+            f"{smallest:g} m"
+        )
+        remedy = "give a smaller range [m], as { force = 1e-5, range = 2e-6 }"
+        problems[entry] = Refused(("contacts", entry, *key), text, remedy)
+    if problems:
+        raise scenario.refuse(*problems.values())
+
+
 def _model(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -> Model:
     names, mass, inertia = list(scenario.materials), [], []
     for table, group in zip(scenario.particles, groups, strict=True):
@@ -202,7 +229,7 @@ def _model(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -
         grains=grains,
         shapes=walls.shapes,
         walls=walls.walls,
-        laws=contact_laws(names, touching, scenario.law),
+        laws=contact_laws(names, touching, scenario.law, 2.0 * mean(grains.radius)),
         materials=tuple(names),
         groups=tuple(group.name for group in scenario.particles),
         period=scenario.domain.period,

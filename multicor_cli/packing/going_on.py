@@ -155,18 +155,24 @@ def carried_over(
 
 
 def _carry_contacts(source: Source, model: Model, state: State, same: Mapping[int, int]) -> None:
-    """Contacts of the last step, their impulses and couples.
+    """Contacts of the last step, their impulses and couples, and bridges.
 
-    q_n = p_n + F_a Δt with the new F_a (theory §3.1).
+    q_n = p_n + F Δt with the new F (theory §3.1).
     """
-    from multicor_cli.engine.contact.contacts import resting_attraction
+    from multicor_cli.engine.contact.adhesion import resting_attraction
 
     old, before = source.state, source.model
     i, j = old.contact_i, old.contact_j
     kept, state.contact_i, state.contact_j = _renumbered(source, model, i, j, same)
     impulse = old.contact_impulse[kept]
     was, now = (
-        resting_attraction(m.laws, scene_of(m, s.position, s.wall_position), i, j, old.last_dt)
+        resting_attraction(
+            m.laws.with_ranges(m.mean_diameter),
+            scene_of(m, s.position, s.wall_position),
+            i,
+            j,
+            old.last_dt,
+        )
         for m, s, i, j in (
             (before, old, i[kept], j[kept]),
             (model, state, state.contact_i, state.contact_j),
@@ -176,6 +182,9 @@ def _carry_contacts(source: Source, model: Model, state: State, same: Mapping[in
     impulse[:, NORMAL] = np.maximum(impulse[:, NORMAL] + change, 0.0)
     state.contact_impulse = impulse
     _, state.near_i, state.near_j = _renumbered(source, model, old.near_i, old.near_j, same)
+    if model.laws.is_wet.any():
+        i, j = old.bridge_i, old.bridge_j
+        _, state.bridge_i, state.bridge_j = _renumbered(source, model, i, j, same)
     state.tile = old.tile.copy()
     if model.laws.rolling.size:
         couple, none = old.contact_couple, np.zeros(len(kept))

@@ -5,12 +5,21 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from multicor_cli.model import Thermal
 from multicor_cli.model.columns import X, Y
-from multicor_cli.model.model import ContactLaws, Floats, Grains, Model, Walls, WallShapes
+from multicor_cli.model.model import (
+    RANGE,
+    ContactLaws,
+    Floats,
+    Grains,
+    Model,
+    Walls,
+    WallShapes,
+)
 from multicor_cli.packing.file import read_temperatures
 from multicor_cli.packing.initial_grains import InitialGrains, masses
 from multicor_cli.scenario import Scenario
@@ -60,8 +69,12 @@ def contact_laws(
     materials: Sequence[str],
     touching: Iterable[tuple[int, int]],
     law_of: Callable[[str, str], ContactPair],
+    mean_diameter: float,
 ) -> ContactLaws:
-    """The laws of the pairs ``touching``, by indices; others are left at zero and never used."""
+    """The laws of the pairs ``touching``, by indices; others are left at zero and never used.
+
+    ``mean_diameter`` of the grains makes the range of adhesion where none is given [m].
+    """
     k = len(materials)
     given = {(a, b): law_of(materials[a], materials[b]) for a, b in touching}
     table, friction = np.full((k, k), -1, np.int32), {}
@@ -72,10 +85,9 @@ def contact_laws(
             table[a, b] = table[b, a] = number.setdefault(rows, len(number))
         else:
             friction[a, b] = law.coefficient
-    adhesion = {pair: law.adhesion for pair, law in given.items() if law.adhesion}
     rolling = {pair: law.rolling_friction for pair, law in given.items() if law.rolling_friction}
     soft = {pair: law.softening for pair, law in given.items() if law.softening is not None}
-    optional = {"adhesion": _symmetric(k, adhesion)} if adhesion else {}
+    optional: dict[str, Any] = _adhesion(k, given, mean_diameter)
     optional |= {"rolling": _symmetric(k, rolling)} if rolling else {}
     for name, key in _SOFTENING.items() if soft else ():
         values = {pair: getattr(softening, key) for pair, softening in soft.items()}
@@ -90,6 +102,22 @@ def contact_laws(
         table_friction=np.array([value for _, values in number for value in values], float),
         **optional,
     )
+
+
+def _adhesion(
+    k: int, given: Mapping[tuple[int, int], ContactPair], mean_diameter: float
+) -> dict[str, Any]:
+    """Force, range and kind of adhesion; nothing if no pair has it."""
+    found = {pair: law.attraction for pair, law in given.items() if law.attraction.force}
+    if not found:
+        return {}
+    ranges = {pair: each.range or RANGE * mean_diameter for pair, each in found.items()}
+    wet = {pair: float(each.kind == "wet") for pair, each in found.items()}
+    return {
+        "adhesion": _symmetric(k, {pair: each.force for pair, each in found.items()}),
+        "adhesion_range": _symmetric(k, ranges),
+        "is_wet": _symmetric(k, wet).astype(np.uint8),
+    }
 
 
 def _symmetric(k: int, values: Mapping[tuple[int, int], float], others: float = 0.0) -> Floats:
@@ -108,7 +136,7 @@ def stage_laws(scenario: Scenario, model: Model) -> list[ContactLaws | None]:
         laws = found[-1] if found else None
         if stage.contacts:
             law_of = functools.partial(scenario.law, stage=number)
-            named = contact_laws(model.materials, touching, law_of)._asdict()
+            named = contact_laws(model.materials, touching, law_of, model.mean_diameter)._asdict()
             laws = model.laws._replace(**{key: named[key] for key in (*_FRICTION, *_SOFTENING)})
         found.append(laws)
     return found

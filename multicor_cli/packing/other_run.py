@@ -137,9 +137,16 @@ def _motion(frame: Frame) -> tuple[Floats, Floats]:
     return position.astype(float), velocity.astype(float)
 
 
+_APART = 1e-4
+"""Gap over the radius from which on a contact under tension does not touch."""
+
+
 def _take_contacts(frame: Frame, model: Model, state: State) -> None:
-    """Contacts of a frame that carry an impulse, if any; q = p + F_a Δt (theory §3.1)."""
-    from multicor_cli.engine.contact.contacts import resting_attraction
+    """Contacts of a frame that carry an impulse, and bridges, if any; q = p + F Δt (theory §3.1).
+
+    What is pulled across a gap has q = 0.
+    """
+    from multicor_cli.engine.contact.adhesion import resting_attraction
 
     contacts = frame.contacts
     if not contacts.recorded or not len(contacts) or not state.last_dt:
@@ -150,9 +157,14 @@ def _take_contacts(frame: Frame, model: Model, state: State) -> None:
     impulse = np.array(contacts.impulse, float)
     is_loaded = impulse.any(axis=1)
     scene = scene_of(model, state.position, state.wall_position)
-    attraction = resting_attraction(model.laws, scene, i, j, state.last_dt)
+    laws = model.laws.with_ranges(model.mean_diameter)
+    attraction = resting_attraction(laws, scene, i, j, state.last_dt)
     if attraction.size:
+        is_apart = np.asarray(contacts.gap) > _APART * model.grains.radius[i]
+        is_loaded &= ~(is_apart & (impulse[:, NORMAL] < 0.0))
         impulse[:, NORMAL] += attraction
+        is_bridge = np.array(laws.is_wet[scene.material[i], scene.material[j]], bool)
+        state.bridge_i, state.bridge_j = i[is_bridge], j[is_bridge]
     is_loaded &= impulse[:, NORMAL] > 0.0
     state.contact_i, state.contact_j = i[is_loaded], j[is_loaded]
     state.contact_impulse = impulse[is_loaded]

@@ -43,6 +43,9 @@ STRAIN = 0.005
 HIGH_FRICTION = 0.5
 """Coefficient of friction above which these two fall, as its power -3 and its power -1."""
 
+ADHESION = 0.1
+"""Largest Δt over the time √(2 m ℓ/F_a) in which adhesion carries a grain across its range."""
+
 PERIOD = 0.02
 """Largest Δt over the period of a signal that acts on the motion, or of a wall on its spring."""
 
@@ -166,6 +169,8 @@ class Scales:
         period: Shortest period of what acts on the motion, that of ``cycle``: signals of walls and
             gravity, and walls on their springs.
         heat: Shortest period of the temperature or heat flow of a wall, that of ``heat_cycle``.
+        adhesion: √(2 m ℓ/F_a), the shortest of two materials with the range ℓ of their adhesion; m
+            is the smaller of the mean masses of their grains.
         errors: Errors that are asked for, over those of the default.
     """
 
@@ -178,6 +183,7 @@ class Scales:
     cycle: str = ""
     heat: float = math.inf
     heat_cycle: str = ""
+    adhesion: float = math.inf
     errors: float = 1.0
 
     @property
@@ -203,6 +209,7 @@ class Scales:
             self.fastest: at_most * TRAVEL * self.travel,
             f"the period of {self.cycle}": at_most * PERIOD * self.period,
             f"{OSCILLATIONS:g} periods of {self.heat_cycle}": OSCILLATIONS * self.heat,
+            "the range of adhesion": at_most * ADHESION * self.adhesion,
         }
 
 
@@ -238,6 +245,7 @@ def find_scales(
         period.of,
         heat_period.period,
         heat_period.of,
+        adhesion_time(model),
     )
 
 
@@ -270,6 +278,22 @@ def largest_friction(model: Model, laws: ContactLaws) -> float:
     values = [float(laws.friction[pair]) for pair in pairs if laws.table[pair] < 0]
     values += [float(laws.table_friction[starts[t] : starts[t + 1]].max()) for t in tables]
     return max(values)
+
+
+def adhesion_time(model: Model) -> float:
+    """Shortest time in which adhesion at its full force carries a grain across its range [s]."""
+    grains, laws = model.grains, model.laws
+    masses = {
+        material: total(grains.mass[grains.material == material])
+        / np.count_nonzero(grains.material == material)
+        for material in set(grains.material.tolist())
+    }
+    times = [
+        math.sqrt(2.0 * mass * float(laws.adhesion_range[a, b] / laws.adhesion[a, b]))
+        for a, mass in masses.items()
+        for b in np.flatnonzero(laws.adhesion[a] if laws.adhesion_range.size else [])
+    ]
+    return min(times, default=math.inf)
 
 
 def _largest_load(dof: DofDrive, length: float) -> float:
@@ -416,6 +440,7 @@ class StepReview:
         strain: Strain in a step, γ̇ Δt: sliding over the diameter, and the angle contacts turn by.
         travel: Distance in a step over d̄.
         of_period: Δt over the period.
+        of_adhesion: Δt over the time in which adhesion crosses its range.
         automatic: What the automatic time step would be [s]; ``set_by`` says what sets it.
     """
 
@@ -424,6 +449,7 @@ class StepReview:
     strain: float | None
     travel: float | None
     of_period: float | None
+    of_adhesion: float | None
     automatic: float | None
     set_by: str
     fastest: str
@@ -435,6 +461,7 @@ class StepReview:
             "of strain": self.strain,
             f"diameters per step of {self.fastest}": self.travel,
             f"of the period of {self.cycle}": self.of_period,
+            "of the time in which adhesion crosses its range": self.of_adhesion,
         }
         texts = [f"{share:.2g} {text}" for text, share in shares.items() if share is not None]
         return ", ".join(["automatic", *texts] if self.is_automatic else texts)
@@ -448,9 +475,15 @@ def review_steps(scenario: Scenario, model: Model, plan: RunPlan) -> list[StepRe
             reviews.append(None)
             continue
         scales = scales_of_stage(scenario, model, number, stage)
-        pressure, strain, travel, period = (
+        pressure, strain, travel, period, adhesion = (
             None if time == math.inf else stage.dt / time
-            for time in (scales.pressure, scales.strain, scales.travel, scales.period)
+            for time in (
+                scales.pressure,
+                scales.strain,
+                scales.travel,
+                scales.period,
+                scales.adhesion,
+            )
         )
         review = StepReview(
             scenario.stage_solver(number).dt == "auto",
@@ -458,6 +491,7 @@ def review_steps(scenario: Scenario, model: Model, plan: RunPlan) -> list[StepRe
             strain,
             travel,
             period,
+            adhesion,
             automatic_step(scales, scenario.output),
             scales.set_by,
             scales.fastest,

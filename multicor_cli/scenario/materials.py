@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     BaseModel,
@@ -253,6 +253,39 @@ AnyFriction = Annotated[
 MaterialOrAny = Annotated[str, Field(pattern=r"^([A-Za-z0-9_-]+|\*)$", max_length=64)]
 
 
+class Adhesion(Table):
+    """How two materials attract each other."""
+
+    force: Annotated[float, Field(ge=0.0, le=1e12)] = Field(
+        description="tension that a contact bears F_a [N]"
+    )
+    range: Annotated[float, Field(gt=0.0, le=1e3)] | None = Field(
+        None,
+        description=(
+            "gap across which adhesion ends [m]; at most the smallest radius; default: a hundredth "
+            "of the mean diameter of the grains"
+        ),
+    )
+    kind: Literal["dry", "wet"] = Field(
+        "dry",
+        description=(
+            '"dry": the force of a gap g is force (1 - g/range), whoever comes near; "wet": a '
+            "bridge of liquid begins when two bodies touch, pulls with the whole force and breaks "
+            "at the range"
+        ),
+    )
+
+
+def _tag_adhesion(value: Any) -> str:
+    return "<table>" if isinstance(value, dict | BaseModel) else "<plain>"
+
+
+AnyAdhesion = Annotated[
+    Annotated[float, Field(ge=0.0, le=1e12), Tag("<plain>")] | Annotated[Adhesion, Tag("<table>")],
+    Discriminator(_tag_adhesion),
+]
+
+
 class PairFriction(Table):
     """Friction between two materials; ``"*"`` stands for any material."""
 
@@ -308,11 +341,11 @@ class ContactPair(PairFriction):
     """
 
     restitution: Fraction = Field(0.0, description="coefficient of normal restitution, 0 to 1")
-    adhesion: Annotated[float, Field(ge=0.0, le=1e12)] | None = Field(
+    adhesion: AnyAdhesion | None = Field(
         None,
         description=(
-            "tension that a contact bears F_a [N]; adhesion has no range, it acts while two "
-            "bodies touch; default: none"
+            "tension that a contact bears F_a [N], or { force = 1e-5, range = 2e-6, kind = "
+            '"wet" }; it ends across a gap, the range; default: none'
         ),
     )
     rolling_friction: Friction | None = Field(
@@ -330,6 +363,12 @@ class ContactPair(PairFriction):
             "default: no wear"
         ),
     )
+
+    @property
+    def attraction(self) -> Adhesion:
+        """Adhesion, of force 0 where there is none."""
+        value = 0.0 if self.adhesion is None else self.adhesion
+        return value if isinstance(value, Adhesion) else Adhesion(force=value)
 
     @property
     def thermal_keys(self) -> Iterator[tuple[str, ...]]:

@@ -156,7 +156,7 @@ def summarize(state: State, model: Model) -> Summary:
             "residual_max_max": tallies["residual_max_max"],
             "unconverged_steps": round(tallies["unconverged_steps"]),
         },
-        "books": books,
+        "books": books | state.named("adhesion_books"),
         "heat": heat,
         "exchange": None if model.outlets is None else _summarize_exchange(state, model.outlets),
     }

@@ -26,6 +26,11 @@ STICKY = changed(
 )
 """The same with adhesion and rolling resistance."""
 
+WET = changed(
+    STICKY, ("adhesion = 1e-3", 'adhesion = { force = 1e-3, range = 2e-4, kind = "wet" }')
+)
+"""The same with bridges of liquid."""
+
 HOT = changed(
     WARM,
     ('name = "wait"', 'name = "wait"\n'),

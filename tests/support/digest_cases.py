@@ -310,6 +310,7 @@ _LAWS = {
     },
     "moving-walls": _SHAKEN,
     "adhesion-and-rolling": {**_SHAKEN, "wear": "adhesion = 1e-4\nrolling_friction = 0.1"},
+    "bridges": {**_SHAKEN, "wear": 'adhesion = { force = 1e-4, range = 5e-5, kind = "wet" }'},
     "positions-springs-stages": {
         **_SHAKEN,
         "walls": _MOVING + _LID,

@@ -28,10 +28,16 @@ SPEED = 1.5
 """Of walls, and of surfaces that run along them [m/s]."""
 
 
-def make_laws(friction=0.5, restitution=0.0, table=None, *, adhesion=0.0, rolling=0.0):
-    """Of one material; ``table`` are speeds and values of its friction."""
+def make_laws(
+    friction=0.5, restitution=0.0, table=None, *, adhesion=0.0, rolling=0.0, reach=None, wet=False
+):
+    """Of one material; ``table`` are speeds and values of its friction, ``reach`` is the range of
+    adhesion.
+    """
     one, given = np.ones((1, 1)), {"adhesion": adhesion, "rolling": rolling}
     further = {name: value * one for name, value in given.items() if value}
+    if reach is not None:
+        further |= {"adhesion_range": reach * one, "is_wet": np.full((1, 1), wet, np.uint8)}
     number = np.full((1, 1), -1 if table is None else 0, np.int32)
     start = np.array([0] if table is None else [0, len(table[0])], np.int32)
     speed, values = np.array(table or ((), ()), float)
@@ -50,7 +56,7 @@ def make_shapes(shapes):
 def make_model(
     radius, shapes=(), walls=("floor",), *, friction=0.5, restitution=0.0, gravity=(0.0, -G),
     period=0.0, mass=np.nan, inertia=np.nan, length=1.0, shape="disc", density=1.0, table=None,
-    wall_gravity=False, adhesion=0.0, rolling=0.0,
+    wall_gravity=False, adhesion=0.0, rolling=0.0, reach=None, wet=False,
 ):  # fmt: skip
     """Model of one material; ``shapes`` are (kind, wall, four numbers)."""
     radius = np.asarray(radius, float)
@@ -62,7 +68,8 @@ def make_model(
     grains = Grains(radius, grain_mass, grain_mass * radius**2 / factor, zero, zero.copy())
     values = (mass, float), (inertia, float), (wall_gravity, bool), (length, float)
     numbers = (np.full(len(walls), value, kind) for value, kind in values)
-    laws = make_laws(friction, restitution, table, adhesion=adhesion, rolling=rolling)
+    adhesive = {"adhesion": adhesion, "reach": reach, "wet": wet}
+    laws = make_laws(friction, restitution, table, rolling=rolling, **adhesive)
     return Model(
         grains, make_shapes(shapes), Walls(tuple(walls), *numbers), laws, ("steel",), ("grains",),
         period, np.array(gravity, float), factor,
@@ -126,7 +133,7 @@ def tally(state, name):
 def shear_scene(
     columns=16, rows=14, *, seed=0, friction=0.4, restitution=0.0, spread=0.2, gravity=(0.0, 0.0),
     load=1.0, speed=SPEED,
-    adhesion=0.0, rolling=0.0,
+    adhesion=0.0, rolling=0.0, reach=None, wet=False,
 ):  # fmt: skip
     """Loose discs of mean mass and diameter 1 between rough walls, the upper sheared under a load.
 
@@ -148,6 +155,7 @@ def shear_scene(
         radius, shapes, ("bottom", "top"), friction=friction, restitution=restitution,
         gravity=gravity, period=period,
         mass=20.0, length=period, density=4.0 / np.pi, adhesion=adhesion, rolling=rolling,
+        reach=reach, wet=wet,
     )  # fmt: skip
     height = 1.15 + rows * 1.1
     origins = np.array([[0.5 * period, 0.0, 0.0], [0.5 * period, height, 0.0]])

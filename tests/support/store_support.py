@@ -61,7 +61,8 @@ def make_model(grains: int = 5, *, walls: bool = True, heat: bool = False) -> Mo
         np.array([0, 2], np.int32),
         np.array([0.0, 1.0]),
         np.array([0.3, 0.2]),
-        *(map(pairs, (1e-3, 293.15, 0.1, 1.0, 1e-5, 0.2)) if heat else ()),
+        *(map(pairs, (1e-3, 293.15, 0.1, 1.0, 1e-5, 0.2, 1e-4)) if heat else ()),
+        **({"is_wet": np.ones((2, 2), np.uint8)} if heat else {}),
     )
     return Model(
         grains=Grains(radius, radius**2 * 1e3, radius**4 * 5e2, zeros, zeros),
@@ -115,6 +116,9 @@ def advance(state: State, model: Model, dt: float = 1e-3) -> None:
     state.contact_impulse = 1e-3 * np.sin(np.arange(2.0 * len(pairs)) + state.step).reshape(-1, 2)
     if model.laws.rolling.size:
         state.contact_couple = 1e-9 * (1.0 + np.arange(float(len(pairs))))
+    if model.laws.is_wet.size:
+        state.bridge_i, state.bridge_j = state.contact_i.copy(), state.contact_j.copy()
+        state.adhesion_books += dt
     state.books += np.linspace(0.0, 1.0, len(BOOK_NAMES)) * dt
     state.tallies[TALLY_NAMES.index("sweeps")] += 10
     state.tallies[TALLY_NAMES.index("max_impulse_rate")] = 1.0

@@ -20,7 +20,6 @@ from multicor_cli.engine.contact.law import GRAZE, bias, guard_plane, softened_f
 from multicor_cli.engine.contact.sweep import NO_COUPLES, Couples
 from multicor_cli.engine.contact.vector_step import BOUNCE, IS_OURS, SMALLER
 from multicor_cli.engine.contact.vector_sweep import IMPULSE_ROWS
-from multicor_cli.engine.geometry.places import find_places, met_before, totals_of_places
 from multicor_cli.engine.geometry.radii import pair_radius, surface_turning
 from multicor_cli.engine.geometry.scene import Scene, nearest_image, pair_geometry
 from multicor_cli.engine.jit.compile import kernel
@@ -44,7 +43,7 @@ from multicor_cli.model.columns import (
     X,
     Y,
 )
-from multicor_cli.model.model import ContactLaws, Floats, Grains, Ints
+from multicor_cli.model.model import ContactLaws, Floats, Ints
 from multicor_cli.model.shapes import ShapeKind
 
 _VERTEX, _DISC = int(ShapeKind.VERTEX), int(ShapeKind.DISC)
@@ -63,14 +62,14 @@ CONTACT = np.dtype(
                 ("mu", "f8"),  # friction μ
                 ("u_n", "f8"),  # u_n⁻ [m/s]
                 ("u_t", "f8"),  # u_t⁻ [m/s]
-                ("p_n", "f8"),  # impulse [N s]; with adhesion q_n = p_n + F_a Δt
+                ("p_n", "f8"),  # impulse [N s]; with adhesion q_n = p_n + F Δt
                 ("p_t", "f8"),
                 (
                     "lever_x",
                     "f8",
                 ),  # from a wall's reference point to the contact [m]
                 ("lever_y", "f8"),
-                ("attraction", "f8"),  # F_a Δt of adhesion [N s]
+                ("attraction", "f8"),  # F Δt of adhesion [N s]
                 ("mu_r", "f8"),  # rolling resistance μ_r
                 ("arm", "f8"),  # a* [m] of rolling resistance
                 ("u_r", "f8"),  # u_r⁻ [m/s]
@@ -402,107 +401,6 @@ def contact_after(c: int, scene: Scene, contacts: Contacts, after: Floats) -> tu
         return relative_velocity(after, i, j, nx, ny, False, 0.0, 0.0)
     body = count + scene.wall[j - count]
     return relative_velocity(after, i, body, nx, ny, True, contact.lever_x, contact.lever_y)
-
-
-# ---- Adhesion: contacts that touch bear tension up to a force F_a; its range is zero.
-#
-# The law is that of Signorini and Coulomb for q_n = p_n + F_a Δt in place of p_n (theory §3.1). F_a
-# is known before the step is solved, so it is given to the free velocities, as an attraction of the
-# two bodies, and the solver looks for q: no sweep knows of it. A place has one F_a: pieces of walls
-# that a grain touches in one place (`engine/geometry/places.py`) divide it among them. In
-# a contact `p_n` holds q_n and `attraction` F_a Δt; the impulse of one body on the other is their
-# difference.
-
-TOUCHING = 1e-9
-"""Largest gap, over the radius, of bodies that touch as far as rounded positions tell."""
-
-
-@kernel
-def begin_attraction(
-    scene: Scene,
-    laws: ContactLaws,
-    contacts: Contacts,
-    i: Ints,
-    j: Ints,
-    bodies: Floats,
-    warm: WarmStart,
-    dt: float,
-) -> None:
-    """F_a Δt into all contacts [N s]; 0 where one is not adhesive in this step.
-
-    Adhesive are contacts without a gap (but for rounding), and those whose place carried an impulse
-    in the step before and that adhesion alone would close within this one, ``gap ≤ F_a Δt² W_nn``
-    (of the grains): contacts turn, which leaves a gap of second order. New ones start with p = 0.
-
-    ``i`` and ``j`` are the shapes of ``contacts``, which are **modified**; ``bodies`` hold
-    velocities and inverse masses, shape ``(bodies, 4)``.
-    """
-    count = scene.radius.size
-    found = np.zeros(i.size)
-    carried = met_before(scene, warm.row, warm.j, i, j)
-    for c in range(found.size):
-        force = laws.adhesion[scene.material[i[c]], scene.material[j[c]]]
-        w = bodies[i[c], INVERSE_MASS] + (bodies[j[c], INVERSE_MASS] if j[c] < count else 0.0)
-        gap = contacts[c].gap
-        if gap <= TOUCHING * scene.radius[i[c]] or (carried[c] and gap <= dt * dt * force * w):
-            found[c] = dt * force
-    place, _ = find_places(scene, i, j)
-    sharing = totals_of_places(place, (found > 0.0).astype(np.float64))
-    for c in range(found.size):
-        if found[c] > 0.0:
-            found[c] /= sharing[c]
-            if contacts[c].p_n == 0.0:
-                contacts[c].p_n = found[c]
-        contacts[c].attraction = found[c]
-
-
-def closing_distance(laws: ContactLaws, grains: Grains, dt: float) -> float:
-    """No adhesive contact has a larger gap [m]; 0 if no pair of materials has adhesion."""
-    if not laws.adhesion.size:
-        return 0.0
-    fastest = dt * dt * 2.0 * float(laws.adhesion.max()) / float(grains.mass.min())
-    return max(fastest, TOUCHING * float(grains.radius.max()))
-
-
-@kernel
-def attract(
-    scene: Scene, contacts: Contacts, place: Ints, wall_inverse: Floats, velocity: Floats
-) -> None:
-    """Let adhesion act on free velocities, rows as in `System`, **modified**."""
-    count = scene.radius.size
-    for c in range(contacts.size):
-        contact = contacts[c]
-        i, j = place[contact.i], contact.j
-        px, py = contact.attraction * contact.nx, contact.attraction * contact.ny
-        velocity[i, X] -= velocity[i, INVERSE_MASS] * px
-        velocity[i, Y] -= velocity[i, INVERSE_MASS] * py
-        if j < count:
-            row = place[j]
-            velocity[row, X] += velocity[row, INVERSE_MASS] * px
-            velocity[row, Y] += velocity[row, INVERSE_MASS] * py
-        else:
-            wall = scene.wall[j - count]
-            velocity[count + wall, X] += wall_inverse[wall, X] * px
-            velocity[count + wall, Y] += wall_inverse[wall, Y] * py
-            torque = contact.lever_x * py - contact.lever_y * px
-            velocity[count + wall, SURFACE] += wall_inverse[wall, SPIN] * torque
-
-
-def net_impulses(reaction: Floats, attraction: Floats) -> Floats:
-    """p_n, p_t from q and F_a Δt, which may be of size 0 [N s], shape ``(c, 2)``."""
-    if not attraction.size:
-        return reaction
-    net = reaction.copy()
-    net[:, NORMAL] -= attraction
-    return net
-
-
-def resting_attraction(laws: ContactLaws, scene: Scene, i: Ints, j: Ints, dt: float) -> Floats:
-    """F_a Δt of contacts known to touch [N s], shape ``(c,)``; of size 0 without any adhesion."""
-    if not laws.adhesion.size:
-        return np.empty(0)
-    sharing = totals_of_places(find_places(scene, i, j)[0], np.ones(i.size))
-    return dt * laws.adhesion[scene.material[i], scene.material[j]] / sharing
 
 
 # ---- Rolling resistance: what it is in a step, and where its couples stand (theory §3.2)

@@ -309,7 +309,7 @@ class _Plan(NamedTuple):
         time: When each meets something next [s], and ``other``, what.
         tree: Whose is the first: of all in row 1, of each half in rows 2 and 3, …; -1 is nobody.
         queue: Grains whose next meeting has to be found, and who is ``waiting`` there.
-        count: How many impacts each has had.
+        impacts: How many each has had.
     """
 
     entry: NDArray[np.int64]
@@ -318,7 +318,7 @@ class _Plan(NamedTuple):
     tree: NDArray[np.int64]
     queue: NDArray[np.int64]
     waiting: NDArray[np.bool_]
-    count: NDArray[np.int64]
+    impacts: NDArray[np.int64]
 
 
 @kernel
@@ -366,7 +366,7 @@ def _seek(air: _Air, plan: _Plan, i: int, now: float, queued: int) -> int:
     """
     best, partner, count = inf, -1, air.flying.size
     for p in range(air.around.start[i], air.around.start[i + 1]):
-        j = np.int64(air.around.other[p])
+        j = int(air.around.other[p])
         if j >= count:
             t = _wall_meets(
                 air.scene, air.walls, air.place, air.bodies, air.gravity, i, j - count, now, air.dt
@@ -438,11 +438,11 @@ def _goes_on(air: _Air, laws: ContactLaws, plan: _Plan, i: int, j: int) -> bool:
     scene, count = air.scene, air.flying.size
     if laws.restitution[scene.material[i], scene.material[j]] == 0.0:
         return False
-    if plan.count[plan.entry[i]] >= MOST:
+    if plan.impacts[plan.entry[i]] >= MOST:
         return False
     if j >= count:
         return not air.walls.is_free[scene.wall[j - count]]
-    return bool(air.flying[j] and plan.count[plan.entry[j]] < MOST)
+    return bool(air.flying[j] and plan.impacts[plan.entry[j]] < MOST)
 
 
 @formula
@@ -451,7 +451,7 @@ def _note(
 ) -> tuple[int, float, float]:
     """A grain after an impact: it is to be looked at; largest squares of speeds and changes."""
     k = plan.entry[i]
-    plan.count[k] += 1
+    plan.impacts[k] += 1
     plan.time[k], plan.other[k] = inf, -1
     plan.queue[queued], plan.waiting[i] = i, True
     u, v = air.bodies[i, X], air.bodies[i, Y]
@@ -540,7 +540,7 @@ def fly(
         moved + 2.0 * dt * sqrt(jump), max(moved, dt * (2.0 * sqrt(fastest) + fall)) + faster
     )
     is_wild = ended > 0 and dt * sqrt(fastest) > 2.0 * scene.radius.min()
-    struck, work = grains[plan.count[: grains.size] > 0], 0.0
+    struck, work = grains[plan.impacts[: grains.size] > 0], 0.0
     if not is_wild and reach <= listed:
         work = _restart(air, struck, middle, start, free)
     return Flight(
@@ -579,7 +579,7 @@ def _shift(scene: Scene, i: int, dx: float, dy: float, gravity: Floats) -> float
     """Shift a grain [m]; returns the work of gravity over its mass [J/kg]."""
     scene.position[i, X] += dx
     scene.position[i, Y] += dy
-    return gravity[X] * dx + gravity[Y] * dy
+    return float(gravity[X] * dx + gravity[Y] * dy)
 
 
 @kernel
@@ -686,8 +686,7 @@ def enter_impacts(
             torque += contact.lever_x * dy - contact.lever_y * dx
             # The normal for which what acts along the surface is the sum, too
             square = px * px + py * py
-            if square <= along * along:
-                along = 0.0
+            along = along if square > along * along else 0.0
             if square == 0.0:
                 continue
             across = sqrt(square - along * along)

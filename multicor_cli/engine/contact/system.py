@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.engine.contact.adhesion import net_impulses
 from multicor_cli.engine.contact.contacts import (
     Contacts,
     Speeds,
     contact_after,
     couples_of,
-    net_impulses,
     pack_couples,
 )
 from multicor_cli.engine.contact.ordering import Schedule, make_batches

@@ -46,11 +46,13 @@ class ContactSums(NamedTuple):
         belt_impulse: What the surface of each wall takes up along it, conjugate to its speed
             `BELT`: −Σ (p_t + κ C) with the curvature κ of the surface and the couple C on the grain
             [N s], shape ``(w,)``.
+        adhesion_work: Work of adhesion on the motion [J].
     """
 
     total: Floats
     wall_impulse: Floats
     belt_impulse: Floats
+    adhesion_work: float
 
 
 _BATCHES = CHUNK // LANES
@@ -89,14 +91,15 @@ def account_contacts(
 ) -> ContactSums:
     """Sum losses, virial and wall impulses over some contacts of a step, one after the other.
 
-    The losses are −p·½(u⁻+u⁺), exact for the scheme whether or not the solver has converged
-    (Moreau–Jean energy identity). p is what acts, adhesion taken off; couples count as friction.
+    The losses are −q·½(u⁻+u⁺), exact for the scheme whether or not the solver has converged
+    (Moreau–Jean energy identity); couples count as friction. What adhesion does is a work, not a
+    loss; impulses on walls, and the stress, are those that act, with it.
 
     ``scene`` is that at q_m, ``end`` that at q⁺; ``total``, what others add to `SUMS`, is
     **modified**.
     """
     walls = scene.wall_position.shape[0]
-    wall_impulse, belt_impulse = np.zeros((walls, 3)), np.zeros(walls)
+    wall_impulse, belt_impulse, attracted = np.zeros((walls, 3)), np.zeros(walls), 0.0
     for k in range(which.size):
         c = which[k]
         contact = contacts[c]
@@ -109,7 +112,8 @@ def account_contacts(
             continue
         p_n = q_n - attraction
         u_n, u_t = contact_after(c, scene, contacts, after)
-        impact = -p_n * 0.5 * (contact.u_n + u_n)
+        impact = -q_n * 0.5 * (contact.u_n + u_n)
+        attracted -= attraction * 0.5 * (contact.u_n + u_n)
         friction = -p_t * 0.5 * (contact.u_t + u_t) + rolling_loss(c, scene, contacts, after)
         total[FRICTION] += friction
         total[IMPACT] += impact
@@ -132,11 +136,11 @@ def account_contacts(
         belt_impulse[wall] -= p_t
         if couple != 0.0:
             belt_impulse[wall] -= surface_turning(scene, j, 1.0) * couple
-    return ContactSums(total, wall_impulse, belt_impulse)
+    return ContactSums(total, wall_impulse, belt_impulse, attracted)
 
 
-# ---- Energy books: kinetic change = gravity + wall + load work − friction − impact − damping −
-#      correction, plus what grains that come bring, minus what those that go take along.
+# ---- Energy books: kinetic change = gravity + wall + load + adhesion work − friction − impact −
+#      damping − correction, plus what grains that come bring, minus what those that go take along.
 
 _EXCHANGE = {name: k for k, name in enumerate(EXCHANGE_NAMES)}
 
@@ -223,14 +227,28 @@ def book_step(
     Wall velocities of ``state``, which is **modified**, and the ``kinetic`` energy of the
     grains [J] are those after the step. ``gravity_work`` [J] leaves out the correction.
     """
+    gained = _enter_adhesion(state, sums)
     _enter_walls(
         state.books, motion.before, state.wall_velocity, motion.driven, motion.mass, motion.load,
         motion.stiffness, motion.damping, motion.weight, motion.belt_before, motion.belt,
         sums.wall_impulse, sums.belt_impulse, kinetic, gravity_work, correction, dt, sums.total,
     )  # fmt: skip
-    _close(state.books, _brought_in(state), state.step + 1)
+    _close(state.books, _brought_in(state) + gained, state.step + 1)
     _tally(state.tallies, state.window, sums.total, correction, outcome, dt)
     state.window_wall_impulse += sums.wall_impulse
+
+
+def _enter_adhesion(state: State, sums: ContactSums) -> float:
+    """Enter the work of adhesion in a step; returns that since the start [J].
+
+    It counts as a loss to impacts in runs of file formats before 1.7, which have no book for it.
+    """
+    if state.adhesion_books.size:
+        state.adhesion_books[0] += sums.adhesion_work
+        state.books[_TERMS] += abs(sums.adhesion_work)
+        return float(state.adhesion_books[0])
+    sums.total[IMPACT] -= sums.adhesion_work
+    return 0.0
 
 
 @kernel

@@ -319,18 +319,16 @@ class Solved(NamedTuple):
 
 @kernel
 def loaded_rows(grains: int, solved: Solved, normal: Floats) -> Ints:
-    """Contacts that bear or adhere; **modifies** ``normal``, q_n of all of them [N s], ``(c,)``."""
+    """Contacts that bear; **modifies** ``normal``, q_n of all of them [N s], shape ``(c,)``."""
     rows, found = np.empty(normal.size, np.int32), 0
     for c in range(normal.size):
-        lane, is_held = solved.lane[c], False
+        lane = solved.lane[c]
         if solved.j[c] < grains:
             normal[c] = solved.impulse[lane // LANES, NORMAL, lane % LANES]
         else:
             normal[c] = solved.contacts[c].p_n
-        if not solved.is_plain:
-            is_held = solved.contacts[c].attraction > 0.0
         rows[found] = c  # without a branch: which contacts bear is hard to guess
-        found += (normal[c] > 0.0) | is_held
+        found += normal[c] > 0.0
     return rows[:found]
 
 
@@ -373,10 +371,9 @@ def generated_heat(
             elif rule == SLIDING:
                 friction = sliding_power(mu, q_n, u_t)
                 friction += 0.0 if is_plain else rolled_loss(c, scene, contacts, after)
-            attraction = 0.0 if is_plain else contacts[c].attraction
             heat[c, FRICTION], rubbing[c] = friction, rubbing_of(q_n, slip, work, mu)
             if has_impact:
-                heat[c, IMPACT] = -(q_n - attraction) * 0.5 * (was_n + u_n)
+                heat[c, IMPACT] = -q_n * 0.5 * (was_n + u_n)
 
 
 @parallel_kernel

@@ -7,7 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from multicor_cli.engine.contact.contacts import net_impulses, resting_attraction, warm_rows
+from multicor_cli.engine.contact.adhesion import net_impulses, resting_attraction
+from multicor_cli.engine.contact.contacts import warm_rows
 from multicor_cli.engine.contact.ordering import Schedule
 from multicor_cli.engine.contact.system import Moved
 from multicor_cli.engine.geometry.neighbors import NeighborList

@@ -294,6 +294,8 @@ def _forget_contacts(state: State, stayed: NDArray[np.bool_]) -> None:
     state.contact_impulse = state.contact_impulse[kept]
     kept = _among(state.near_i, state.near_j, stayed)
     state.near_i, state.near_j = state.near_i[kept], state.near_j[kept]
+    kept = _among(state.bridge_i, state.bridge_j, stayed)
+    state.bridge_i, state.bridge_j = state.bridge_i[kept], state.bridge_j[kept]
     kept = _among(state.mean_i, state.mean_j, stayed)
     state.mean_i, state.mean_j, state.mean_force = (
         state.mean_i[kept],
@@ -318,7 +320,8 @@ def _fields_of(*dims: str) -> tuple[str, ...]:
 
 
 _OF_GRAINS = _fields_of("grain", "heat_grain")
-_SHAPES = ("contact_i", "contact_j", "near_i", "near_j", "mean_i", "mean_j")
+_PAIRS = "contact", "near", "mean", "bridge"
+_SHAPES = tuple(f"{name}_{side}" for name in _PAIRS for side in "ij")
 _SHARED = tuple(
     name
     for name in stored_fields(State)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.model import Model
 from multicor_cli.model.books import (
+    ADHESION_BOOKS,
     BOOKS,
     EXCHANGE_BOOKS,
     HEAT_BOOKS,
@@ -146,6 +147,7 @@ def features_of(model: Model) -> frozenset[Feature]:
         "surface": model.walls.runs.size > 0,
         "groups": model.walls.meets.size > 0,
         "motion": model.start_speed > 0.0,
+        "range": laws.adhesion_range.size > 0,
     }
     return frozenset(feature for feature, is_there in found.items() if is_there)
 
@@ -176,6 +178,7 @@ _DIM_SYMBOL: dict[str, str] = {
     "heat_grain": "n*", "heat_wall": "w*", "heat_book": "b*", "mean_row": "A", "stage_note": "N",
     "origin_row": "w°", "surface_row": "w°", "before_row": "B", "outlet": "o",
     "exchange_grain": "n°", "exchange_group": "g°", "exchange_outlet": "o°", "exchange_book": "x°",
+    "bridge_row": "V", "adhesion_book": "a°",
 }  # fmt: skip
 
 # ---- What is written once: the model and the scenario of a run
@@ -255,6 +258,10 @@ MODEL: tuple[Dataset, ...] = (
     _law("softening_highest", "1", "largest coefficient of friction", only_with="softening"),
     _law("adhesion", "N", "tension that a contact bears", only_with="adhesion", since=(1, 1)),
     _law("rolling", "1", "coefficient of rolling resistance", only_with="rolling", since=(1, 1)),
+    _law("adhesion_range", "m", "gap across which adhesion ends", only_with="range", since=(1, 7)),
+    _law("is_wet", "1",
+        "1 where adhesion is that of bridges of liquid, which begin when bodies touch", "u1",
+        only_with="range", since=(1, 7)),
     _thermal("capacity", "J/K", "heat capacity of each grain"),
     _thermal("start", "K", "temperature of each grain at the start of the run",
         "thermal.initial_temperature"),
@@ -554,6 +561,7 @@ SERIES: tuple[Dataset, ...] = (
     _series("wall_heat", "J", "heat given to the grains; heat of friction and impacts received",
         "state.wall_heat", ("wall", 2), ("heat_given", "heat_received"), only_with="heat"),
     *_kept_numbers(EXCHANGE_BOOKS, "exchange", "exchange"),
+    *_kept_numbers(ADHESION_BOOKS, "adhesion_books", "range"),
     _series("outlet_flow", "1, kg",
         "grains and mass that left through each outlet since the start", "state.outlet_flow",
         ("outlet", 2), ("grains", "mass"), only_with="exchange", since=(1, 2)),

@@ -38,7 +38,7 @@ def test_books_balance_in_every_row(pair: tuple[Run, Run]) -> None:
     assert table.closure[-1] <= 1e-10
     labels = dict(table.rows)
     assert labels["lost to friction [J]"] == books["friction_loss"][-1] > 0.0
-    lines = len(MECHANICAL) - 2  # no grains come or go
+    lines = len(MECHANICAL) - 3  # no grains come or go, and none adheres
     assert len(table.rows) == lines + 1
     assert len(table.detail_headings) == len(table.detail_rows[0]) == lines + 2
     assert len(table.detail_rows) == table.time.size == pair[0].series.row_count
@@ -81,7 +81,7 @@ def test_books_of_heat(column: Run) -> None:
     table = energy(column)
     assert table.heat_closure is not None
     assert table.books["heat_stored"][-1] == pytest.approx(column.series["heat_stored"][-1])
-    assert len(table.rows) == len(MECHANICAL) + len(HEAT) - 3 + 2  # no grains come or go
+    assert len(table.rows) == len(MECHANICAL) + len(HEAT) - 4 + 2  # as above, nor takes heat along
     assert len(table.detail_headings) == len(table.detail_rows[0])
     assert table.as_dict()["heat_closure"] == 1e-15
 

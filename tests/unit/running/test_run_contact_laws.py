@@ -14,7 +14,7 @@ import multicor_cli as multicor
 from multicor_cli.export import ExportError, export_fclib
 from multicor_cli.packing import build
 from multicor_cli.post import force_network
-from multicor_cli.scenario import parse_scenario
+from multicor_cli.scenario import ScenarioError, parse_scenario
 from multicor_cli.store import run_info
 from multicor_cli.store.results import model_digest
 
@@ -101,6 +101,36 @@ def test_keys_of_zero_make_the_model_without_them(keys):
     assert model_digest(zero) == model_digest(plain)
     assert zero.laws.adhesion.size == zero.laws.rolling.size == 0
     assert zero_state.digest() == state.digest()
+
+
+@pytest.mark.parametrize(
+    ("given", "key"),
+    [
+        ("adhesion = { force = 1e-4, range = 2e-3 }", ("contacts", 0, "adhesion", "range")),
+        ("adhesion = 1e-4", ("contacts", 0, "adhesion")),
+    ],
+)
+def test_adhesion_across_more_than_the_smallest_radius_is_refused(given, key):
+    """A default range where one grain in a thousand is tiny, too."""
+    text = SMALL.replace("restitution = 0.3", f"restitution = 0.3\n{given}")
+    if len(key) == 3:
+        sizes = '{ kind = "list", radii = [1e-3, 1e-6] }'
+        text = re.sub(r"sizes = \{.*\}", f"sizes = {sizes}", text, count=1)
+    with pytest.raises(ScenarioError) as refused:
+        build(parse_scenario(text, "small.toml"))
+    (problem,) = refused.value.problems
+    assert problem.key == ".".join(map(str, key))
+    assert "smallest radius" in str(problem)
+
+
+def test_what_is_given_of_adhesion_is_in_the_laws():
+    wet = 'adhesion = { force = 1e-4, range = 2e-5, kind = "wet" }'
+    for given, reach, is_wet in ((wet, 2e-5, 1), ("adhesion = 1e-4", None, 0)):
+        text = SMALL.replace("restitution = 0.3", f"restitution = 0.3\n{given}")
+        model = build(parse_scenario(text, "small.toml"))[0]
+        assert model.laws.adhesion.tolist() == [[1e-4]]
+        assert model.laws.adhesion_range[0, 0] == (reach or 0.01 * model.mean_diameter)
+        assert model.laws.is_wet.tolist() == [[is_wet]]
 
 
 def test_laws_of_pairs_are_symmetric_and_zero_where_not_given():

@@ -196,6 +196,24 @@ def test_a_stopped_run_goes_on_to_the_same_bits(silos, tmp_path):
     assert in_pieces(silo("release"), tmp_path / "run", 37, 400, 801) == digests(silos["release"])
 
 
+def test_bridges_end_with_the_grains_that_go(tmp_path):
+    """In a silo of wet grains, whose heat no bridge conducts across a gap."""
+    wet = {"force": 5e-5, "range": 1e-4, "kind": "wet"}
+    given = scenario(SILO.replace("THEN", "release"), duration=0.25, adhesion=wet)
+    whole = multicor.run(given, tmp_path / "whole").directory
+    info = run_info(whole)
+    assert max(info["energy_closure"], info["heat_closure"]) < 1e-12
+    assert info["exchange"]["left"] > 0
+    with open_run(whole) as run:
+        state, contacts = run.state(), run.frames[-1].contacts
+        assert (state.presence[state.bridge_i] == Presence.THERE).all()
+        assert state.bridge_i.size > 10
+        apart = (contacts.gap > 1e-6) & (contacts.force[:, 0] < 0.0)
+        assert apart.any()
+        assert not contacts.conductance[apart].any()
+    assert in_pieces(given, tmp_path / "cut", 400, 801) == digests(whole)
+
+
 def test_tables_and_exports_hold_those_alone_that_are_there(silos, tmp_path):
     with open_run(silos["remove"]) as run:
         export_csv(run, tmp_path / "tables", slice(12, 13))

@@ -9,7 +9,19 @@ import signal
 import numpy as np
 import pytest
 from command_line import call
-from cut_runs import BELT, BODY, BOX, HOT, NAMED, STICKY, going_on, shortened, unlike, written
+from cut_runs import (
+    BELT,
+    BODY,
+    BOX,
+    HOT,
+    NAMED,
+    STICKY,
+    WET,
+    going_on,
+    shortened,
+    unlike,
+    written,
+)
 from run_fakes import StopAt
 from scenes import changed
 
@@ -25,6 +37,7 @@ CASES = {
     "box": (BOX, 1),
     "small": (NAMED, 1),
     "sticky": (STICKY, 1),
+    "wet": (WET, 1),
     "before frozen": (HOT, 1),
     "after frozen": (HOT, 2),
     "body": (BODY, 1),
@@ -224,15 +237,17 @@ def test_materials_are_those_of_the_new_file(place_of):
 
 
 def test_another_adhesion_leaves_the_impulses_as_they_are(place_of):
-    """q = p + F_a Δt: what the contacts carry, p, does not depend on the new file."""
+    """q = p + F Δt: what the contacts carry, p, does not depend on the new file."""
     folder = place_of("sticky")
     text = going_on(STICKY, 1, "first")
     same = placed_at(folder, text).state
     more = placed_at(folder, changed(text, ("adhesion = 1e-3", "adhesion = 3e-3"))).state
     none = placed_at(folder, changed(text, ("adhesion = 1e-3\nrolling_friction = 0.05", ""))).state
-    carried, dt = same.contact_impulse[:, 0], same.last_dt
-    assert np.allclose(more.contact_impulse[:, 0] - carried, 2e-3 * dt, rtol=1e-9, atol=0.0)
-    less = np.maximum(carried - 1e-3 * dt, 0.0)
+    carried = same.contact_impulse[:, 0]
+    attraction = 0.5 * (more.contact_impulse[:, 0] - carried)  # of 1 mN across the gaps
+    assert (attraction >= 0.0).all()
+    assert attraction.max() <= 1e-3 * same.last_dt * (1.0 + 1e-9)
+    less = np.maximum(carried - attraction, 0.0)
     assert np.allclose(none.contact_impulse[:, 0], less, atol=1e-20)
     assert none.contact_couple.size == 0
     assert same.contact_couple.size == same.contact_i.size

@@ -15,6 +15,7 @@ from multicor_cli.packing import build
 from multicor_cli.packing.assembly import start_speed
 from multicor_cli.running.from_scenario import make_plan
 from multicor_cli.running.time_step import (
+    ADHESION,
     HIGH_FRICTION,
     PERIOD,
     PRESSURE,
@@ -91,6 +92,22 @@ def test_moving_walls_set_the_rate(scales_of):
         assert scales_of(**drives).strain == pytest.approx(strain)
 
 
+@pytest.mark.parametrize("reach", [None, 2e-6])
+def test_adhesion_sets_the_time_in_which_it_crosses_its_range(reach):
+    """√(2 m ℓ/F_a) with the mean mass; ℓ is 0.01 mean diameters where none is given."""
+    force = 1e-3
+    given = f"{{ force = {force}" + (f", range = {reach}" if reach else "") + " }"
+    scenario, model, plan = planned(f"contacts.1.adhesion={given}")
+    mass = model.grains.mass.mean()
+    expected = math.sqrt(2.0 * mass * (reach or 0.01 * model.mean_diameter) / force)
+    scales = find_scales(scenario, model, plan.stages[0].drives.started([0.0] * 9))
+    assert scales.adhesion == pytest.approx(expected)
+    review = review_steps(scenario, model, plan)[0]
+    assert review.of_adhesion == pytest.approx(plan.stages[0].dt / expected)
+    assert review.set_by == "the range of adhesion"
+    assert "adhesion crosses its range" in review.text()
+
+
 def test_an_explicit_time_step_is_kept_and_reviewed():
     scenario = parse_scenario(SHEAR, "shear.toml", ["solver.dt=1e-4"])
     model, _ = build(scenario)
@@ -123,6 +140,7 @@ def test_each_scale_can_be_the_one_that_limits():
         (Scales(1.0, 1e-2, np.inf), 1e-2 * STRAIN),
         (Scales(1.0, np.inf, 1e-3), 1e-3 * TRAVEL),
         (Scales(np.inf, np.inf, 1e-3), 1e-3 * TRAVEL),
+        (Scales(1.0, np.inf, np.inf, adhesion=1e-2), 1e-2 * ADHESION),
     ):
         assert automatic_step(scales, output) == pytest.approx(step, rel=0.1)
     assert automatic_step(Scales(np.inf, np.inf, np.inf), output) is None

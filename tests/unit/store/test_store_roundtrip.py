@@ -217,7 +217,7 @@ def test_frames_are_a_sequence(finished: Path) -> None:
 def test_every_dataset_has_unit_long_name_and_checksum(heated: Path) -> None:
     with h5py.File(heated / "results.h5") as file:
         for spec in schema.select(
-            schema.RESULTS_TABLE, {"heat", "softening", "adhesion", "rolling"}
+            schema.RESULTS_TABLE, {"heat", "softening", "adhesion", "rolling", "range"}
         ):
             dataset = file[spec.path]
             assert dataset.fletcher32, spec.path
@@ -365,7 +365,7 @@ def test_model_without_friction_by_temperature_has_none(tmp_path: Path) -> None:
     run_whole(tmp_path / "run", plain, steps=10)
     with open_run(tmp_path / "run") as run:
         assert not run.model.laws.depends_on_temperature
-        assert run.features == {"heat", "adhesion", "rolling"}
+        assert run.features == {"heat", "adhesion", "rolling", "range"}
         assert run.frames[-1].temperature is not None
     assert verify(tmp_path / "run") == []
 
