@@ -39,7 +39,8 @@ def main() -> int:
         cells, times = [], []
         for k, way in enumerate(options.ways):
             parts = [row[2][k][0] / row[0] - 1.0 for row in rows]
-            cells.append(f"{way:g}: {100 * np.mean(parts):+.2f} % (± {100 * np.std(parts):.2f})")
+            mean = round(100.0 * float(np.mean(parts)), 2) + 0.0  # no -0
+            cells.append(f"{way:g}: {mean:g} % (± {100 * np.std(parts):.2f})")
             times.append(f"{np.median([row[2][k][1] for row in rows]):.2f}")
         print(
             f"{restitution:g}, {friction:g} | {impacts:.1f} | {right:.4f} | {', '.join(cells)} | "

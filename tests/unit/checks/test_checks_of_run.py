@@ -108,7 +108,7 @@ def test_negative_losses_are_compared_with_what_impacts_take_up(
     restitution: float, given_back: float, recorded: Recorded, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Impacts that lose 1 − e² of what they take up give back e² of it; where they give back all,
-    the share says nothing.
+    the kinetic energy stands for what they take up.
     """
     laws = recorded.run.model.laws
     monkeypatch.setattr(resolution, "_least_restitution", lambda model: restitution)
@@ -119,7 +119,9 @@ def test_negative_losses_are_compared_with_what_impacts_take_up(
     monkeypatch.undo()
     assert resolution._least_restitution(recorded.run.model) == float(laws.restitution.min())
     monkeypatch.setattr(resolution, "_least_restitution", lambda model: 1.0)
-    assert "negative losses" not in with_info(recorded, "negative_loss_share", 0.5)
+    elastic = with_info(recorded, "negative_loss_share", 0.5 / 5.5)["negative losses"]
+    largest = float(recorded.run.series["kinetic"].max())
+    assert elastic.value == pytest.approx(0.5 / max(5.5, largest))
 
 
 @pytest.mark.parametrize(("restitution", "dt"), [(0.0, "auto"), (0.9, "auto"), (0.9, 2.5e-3)])
