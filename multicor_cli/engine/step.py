@@ -463,7 +463,8 @@ class Engine:
         layout, state, selection = self._layout, self._layout.state, self._layout.selection
         n, grains, dt = layout.model.grain_count, layout.model.grains, step.dt
         loaded = state.contact_i, state.contact_j
-        began = state.position.copy() if step.flight is not None else state.position
+        struck = _NOBODY if step.flight is None else step.flight.struck
+        began = state.position[struck]
         kinetic, gravity_work = move(
             layout.middle, layout.before, after, grains.radius, grains.mass, step.gravity,
             self.model.shape_factor, dt,
@@ -482,10 +483,9 @@ class Engine:
             selection.enter(step.flight.impacts, step.scene, after)
             gravity_work += step.flight.gravity_work
         sums = self._account(step, end, contacts, after)
-        if step.flight is not None:
+        if struck.size:
             # The way to q_m is not theirs: heat looks at them half-way
-            struck = step.flight.struck
-            layout.middle[struck] = 0.5 * (began[struck] + state.position[struck])
+            layout.middle[struck] = 0.5 * (began + state.position[struck])
         self._clock("account")
         correction = self._correct(step, end, cutoff, float(sums.total[OVERLAP]))
         self._clock("correct")

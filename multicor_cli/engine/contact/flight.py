@@ -602,7 +602,7 @@ def leave_flights_out(
 ) -> int:  # fmt: skip
     """Take contacts out of the solve whose grains fly: only what does not may push into them.
 
-    A grain that began in flight and leaves another may come back as fast, not less: its next
+    A grain that began in flight and leaves another may come back as fast and no faster: its next
     impact is one of the next step. (Held apart they would gain energy, p·½(u⁻ + u⁺) > 0.)
 
     Returns how many contacts are left. Arrays of a `Schedule`; ``frame``, ``impulse`` and
@@ -619,16 +619,18 @@ def leave_flights_out(
         elif c >= 0:
             has_landed[c] = True
     for c in range(i.size):
-        is_grain, contact = j[c] < count, contacts[c]
-        q, k = lane[c] // LANES, lane[c] % LANES
-        flies = flying[j[c]] if is_grain else not is_free[scene.wall[j[c] - count]]
-        was_aloft = begun[i[c]] or (is_grain and begun[j[c]])
+        is_grain = j[c] < count
+        if not (begun[i[c]] or (is_grain and begun[j[c]])):
+            left += 1
+            continue
+        contact, q, k = contacts[c], lane[c] // LANES, lane[c] % LANES
         u_n = before[q, NORMAL, k] if is_grain else contact.u_n
+        flies = flying[j[c]] if is_grain else not is_free[scene.wall[j[c] - count]]
         if flying[i[c]] and flies:
             u_n = abs(u_n)
         else:
             left += 1
-            if not was_aloft or has_landed[c] or (is_on_wall[i[c]] and not is_grain):
+            if has_landed[c] or (is_on_wall[i[c]] and not is_grain):
                 continue
         if is_grain:
             frame[q, BIAS, k] = max(frame[q, BIAS, k], u_n)
