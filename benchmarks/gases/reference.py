@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True)
+@njit
 def next_event(place, velocity, radius, box, gravity, i, now):
     """When and with whom grain i meets next: another grain, or a side n, n+1 (x), n+2, n+3 (y)."""
     n = radius.size
@@ -44,7 +44,7 @@ def next_event(place, velocity, radius, box, gravity, i, now):
     return now + best, partner
 
 
-@njit(cache=True)
+@njit
 def collide(place, velocity, surface, radius, mass, box, e, mu, beta, i, j):
     """Newton's impact with Coulomb's friction; ``surface`` are speeds a ω, ``beta`` m a²/I."""
     n = radius.size
@@ -71,7 +71,7 @@ def collide(place, velocity, surface, radius, mass, box, e, mu, beta, i, j):
         surface[j] -= beta * p_t / mass[j]
 
 
-@njit(cache=True)
+@njit
 def simulate(place, velocity, surface, radius, mass, box, gravity, e, mu, beta, end):
     """Let discs fly until the ``end`` [s]; returns the number of impacts.
 

@@ -150,7 +150,6 @@ class Prediction(NamedTuple):
         shift_work: Of gravity, where grains that something stopped are not where they would be at
             q_m [J].
         flight: Flights, and impacts before the solve; or None.
-        is_wild: Whether there are flights that were too wild to follow.
     """
 
     dt: float
@@ -159,7 +158,6 @@ class Prediction(NamedTuple):
     cutoff: float
     shift_work: float = 0.0
     flight: Flight | None = None
-    is_wild: bool = False
 
 
 class Engine:
@@ -543,7 +541,7 @@ class Engine:
         )
         step = Prediction(dt, gravity, scene, self._cutoff_before(scene, gravity, walls, dt))
         step = self._fly(step, walls)
-        seen = 0.0 if step.is_wild or state.step == state.frozen_steps else state.last_dt
+        seen = 0.0 if state.step == state.frozen_steps else state.last_dt
         unseen = find_unseen(state, layout.newcomers, model, motion, dt, seen)
         if unseen is None:
             return step
@@ -584,7 +582,7 @@ class Engine:
                 step.cutoff, layout.pairs.complete, layout.middle, layout.before, layout.free,
             )  # fmt: skip
             if flight.is_wild:
-                return step._replace(is_wild=True)
+                return step
             if flight.reach <= layout.pairs.complete:
                 break
             # What impacts have made faster may reach farther

@@ -22,6 +22,7 @@ from multicor_cli.export.target import ExportError, check_output, choose_frame
 from multicor_cli.files import regular_path
 from multicor_cli.model import Model, State
 from multicor_cli.model.columns import NORMAL, TANGENTIAL
+from multicor_cli.model.contacts import are_impacts
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.running.conditions import is_due
 from multicor_cli.running.from_scenario import make_plan
@@ -422,7 +423,7 @@ def _restore(frame: Frame, model: Model, moment: _Moment) -> State:
     if frame.wall_surface is not None:
         state.wall_surface = frame.wall_surface.copy()
     contacts = frame.contacts
-    loaded = contacts.impulse[:, 0] > 0.0
+    loaded = (contacts.impulse[:, 0] > 0.0) & ~are_impacts(contacts.gap)
     state.contact_i, state.contact_j = contacts.i[loaded], contacts.j[loaded]
     state.contact_impulse = contacts.impulse[loaded].astype(np.float64)
     state.step, state.time, state.last_dt = frame.step, frame.time, frame.dt

@@ -32,12 +32,17 @@ def _heat(unit: str, meaning: str, exports: tuple[Export, ...] = ("vtk",)) -> An
     return _column(unit, meaning, exports=exports, only_with="heat", default=None)
 
 
+def are_impacts(gap: Floats) -> NDArray[np.bool_]:
+    """Which contacts were impacts of grains in flight, and are over: their gap is −0."""
+    return np.asarray((gap == 0.0) & np.signbit(gap))
+
+
 @dataclass(frozen=True)
 class ContactTable:
     """Contacts of one step, sorted by (i, j); every array has a row for each of the ``c`` contacts.
 
     Each field says its unit and meaning, as docs/reference/formats/results.md lists them. Normals
-    and gaps are those at mid-step.
+    and gaps are those at mid-step, but of impacts in flight those of the touch, with a gap of −0.
     """
 
     i: Ints = _column("1", "first shape of the contact: a grain", "i4", exports=())

@@ -13,6 +13,7 @@ import numpy as np
 from multicor_cli.engine.geometry.scene import scene_of
 from multicor_cli.model import Model, State
 from multicor_cli.model.columns import NORMAL
+from multicor_cli.model.contacts import are_impacts
 from multicor_cli.model.faults import find_misfit
 from multicor_cli.model.model import Floats
 from multicor_cli.packing.initial_grains import InitialGrains, describe_faults
@@ -155,7 +156,7 @@ def _take_contacts(frame: Frame, model: Model, state: State) -> None:
     number = np.concatenate([frame.number, shapes]).astype(np.int32)
     i, j = number[contacts.i], number[contacts.j]
     impulse = np.array(contacts.impulse, float)
-    is_loaded = impulse.any(axis=1)
+    is_loaded = impulse.any(axis=1) & ~are_impacts(np.asarray(contacts.gap))
     scene = scene_of(model, state.position, state.wall_position)
     laws = model.laws.with_ranges(model.mean_diameter)
     attraction = resting_attraction(laws, scene, i, j, state.last_dt)

@@ -17,10 +17,10 @@ from multicor_cli.model import State
 VALUES = ("nan", "inf", "-inf", "1e308", "-1e308")
 EMPTY = (
     "stage_notes", "wall_origin", "wall_surface", "heat_before", "released", "outlet_flow",
-    "exchange",
+    "exchange", "adhesion_books",
 )  # fmt: skip
 """The conditions of these stages have nothing to note, no wall has to know where it was, no surface
-runs, the run does not go on from another, and no grain comes or goes."""
+runs, the run does not go on from another, no grain comes or goes, and nothing adheres."""
 
 FLOATS = tuple(
     f.name

@@ -1,7 +1,7 @@
 """Adhesion does not depend on the time step: the strength of a packing that is pulled apart, and
 the slope of a heap, for steps over a factor of 30 (theory §3.1).
 
-python -m pytest -m validation tests/validation/test_adhesion.py -s
+python -m pytest -m validation tests/validation/test_cohesion.py -s
 """
 
 import math

@@ -670,7 +670,7 @@ def enter_impacts(
         contact, is_wall = contacts[c], j[c] >= count
         q, k = lane[c] // LANES, lane[c] % LANES
         if not is_wall:
-            contact.nx, contact.ny = frame[q, NX, k], frame[q, NY, k]
+            contact.nx, contact.ny, contact.gap = frame[q, NX, k], frame[q, NY, k], gap[q, k]
             contact.p_n, contact.p_t = impulse[q, NORMAL, k], impulse[q, TANGENTIAL, k]
             contact.u_n, contact.u_t = before[q, NORMAL, k], before[q, TANGENTIAL, k]
         rows[e], known[e, NORMAL], known[e, TANGENTIAL] = c, contact.p_n, contact.p_t
@@ -682,10 +682,12 @@ def enter_impacts(
             u_n, u_t = contact_after(c, scene, contacts, after)
             impact -= contact.p_n * 0.5 * (contact.u_n + u_n)
             friction -= contact.p_t * 0.5 * (contact.u_t + u_t)
-            dx = contact.p_n * contact.nx - contact.p_t * contact.ny
-            dy = contact.p_n * contact.ny + contact.p_t * contact.nx
-            px, py, along = px + dx, py + dy, along + contact.p_t
+            dx, dy = (
+                contact.p_n * contact.nx - contact.p_t * contact.ny,
+                contact.p_n * contact.ny + contact.p_t * contact.nx,
+            )
             torque += contact.lever_x * dy - contact.lever_y * dx
+            px, py, along = px + dx, py + dy, along + contact.p_t
             # The normal for which what acts along the surface is the sum, too
             square = px * px + py * py
             along = along if square > along * along else 0.0
@@ -693,7 +695,9 @@ def enter_impacts(
                 continue
             across = sqrt(square - along * along)
             nx, ny = (across * px + along * py) / square, (across * py - along * px) / square
-        contact.nx, contact.ny, contact.gap = nx, ny, 0.0
+        # In tables −0 says that no step begins with this: the solve has found nothing here
+        was_impact = contact.p_n == 0.0 or (contact.gap == 0.0 and 1.0 / contact.gap < 0.0)
+        contact.nx, contact.ny, contact.gap = nx, ny, -0.0 if was_impact else 0.0
         contact.p_n, contact.p_t = px * nx + py * ny, along
         if is_wall:
             rest = torque - said[_LEVER_X] * py + said[_LEVER_Y] * px
@@ -708,7 +712,7 @@ def enter_impacts(
             impact += friction
         contact.u_n = -2.0 * impact / contact.p_n - u_n
         if not is_wall:
-            frame[q, NX, k], frame[q, NY, k], gap[q, k] = nx, ny, 0.0
+            frame[q, NX, k], frame[q, NY, k], gap[q, k] = nx, ny, contact.gap
             impulse[q, NORMAL, k], impulse[q, TANGENTIAL, k] = contact.p_n, contact.p_t
             before[q, NORMAL, k], before[q, TANGENTIAL, k] = contact.u_n, contact.u_t
     return rows, known

@@ -37,7 +37,7 @@ LAYOUT = _words(
 )
 ROUNDED_ONCE = _words(
     "abs add allclose clip diff divmod floor frexp isfinite isnan ldexp maximum minimum nextafter "
-    "ptp rint sqrt"
+    "ptp rint signbit sqrt"
 )
 IN_ORDER = _words("bincount cumsum maximum.at")  # defined as one value after the other
 COMPARING = _words(
