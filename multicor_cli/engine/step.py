@@ -581,12 +581,12 @@ class Engine:
                 start, laws, mean, layout.pairs.around, gravity, dt, model.shape_factor, flying,
                 step.cutoff, layout.pairs.complete, layout.middle, layout.before, layout.free,
             )  # fmt: skip
-            if flight.is_wild:
-                return step
             if flight.reach <= layout.pairs.complete:
                 break
             # What impacts have made faster may reach farther
             layout.pairs.update(state.position, start.world, 1.2 * flight.reach)
+        if flight.is_wild:
+            return step
         work = land(step.scene, flight, gravity, model.grains.mass)
         step = step._replace(flight=flight, shift_work=work)
         if flight.impacts.i.size:
