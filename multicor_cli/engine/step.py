@@ -35,14 +35,14 @@ from multicor_cli.engine.contact.contacts import (
     warm_rows,
 )
 from multicor_cli.engine.contact.flight import (
+    SOLVED,
     Flight,
-    Walls,
-    are_contacts,
     find_flying,
     fly,
-    land,
     leave_flights_out,
 )
+from multicor_cli.engine.contact.impacts import are_contacts
+from multicor_cli.engine.contact.meetings import Walls
 from multicor_cli.engine.contact.problem import ContactProblem, problem_of_step
 from multicor_cli.engine.contact.selection import AHEAD, SKIN, Selection
 from multicor_cli.engine.contact.solve import (
@@ -565,7 +565,9 @@ class Engine:
         if not laws.restitution.any() or laws.adhesion.size or laws.rolling.size:
             return step
         start = scene_of(model, state.position, state.wall_position, step.scene.temperature)
-        layout.pairs.update(state.position, start.world, step.cutoff)
+        # As the cutoff, while a solve would count a contact
+        moved = SOLVED / AHEAD * step.cutoff + dt * dt * hypot(*gravity.tolist())
+        layout.pairs.update(state.position, start.world, moved)
         flying = find_flying(
             start, state.contact_i, state.contact_j, layout.pairs.row, layout.pairs.partner,
             layout.before, dt,
@@ -579,16 +581,13 @@ class Engine:
         while True:
             flight = fly(
                 start, laws, mean, layout.pairs.around, gravity, dt, model.shape_factor, flying,
-                step.cutoff, layout.pairs.complete, layout.middle, layout.before, layout.free,
+                moved, layout.pairs.complete, layout.middle, layout.before, layout.free,
             )  # fmt: skip
             if flight.reach <= layout.pairs.complete:
                 break
             # What impacts have made faster may reach farther
             layout.pairs.update(state.position, start.world, 1.2 * flight.reach)
-        if flight.is_wild:
-            return step
-        work = land(step.scene, flight, gravity, model.grains.mass)
-        step = step._replace(flight=flight, shift_work=work)
+        step = step._replace(flight=flight)
         if flight.impacts.i.size:
             step = step._replace(cutoff=self._cutoff_before(step.scene, gravity, walls, dt))
         return step
@@ -687,8 +686,8 @@ class Engine:
         speeds, is_solved = [grains, walls], True
         if step.flight is not None:
             left = leave_flights_out(
-                scene, step.flight, self._motion.is_free, i, j, lanes.lane, lanes.frame,
-                lanes.impulse, lanes.before, contacts,
+                scene, step.flight.flying, self._motion.is_free, i, j, lanes.lane, lanes.frame,
+                lanes.before, contacts,
             )  # fmt: skip
             speeds.append(step.flight.speeds)
             is_solved = left > 0

@@ -17,7 +17,7 @@ from multicor_cli.engine.contact.contacts import (
     normal_velocity,
     recall_impulses,
 )
-from multicor_cli.engine.contact.flight import Impacts, enter_impacts, take_back
+from multicor_cli.engine.contact.impacts import Impacts, enter_impacts, take_back
 from multicor_cli.engine.contact.ordering import Schedule, lay_tiles, schedule_contacts
 from multicor_cli.engine.contact.system import carried
 from multicor_cli.engine.geometry.neighbors import NeighborList

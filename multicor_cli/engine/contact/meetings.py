@@ -1,0 +1,183 @@
+"""When and where grains in flight meet what is around them: on parabolas, from a time on."""
+
+from __future__ import annotations
+
+from math import floor, inf, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.engine.geometry.neighbors import Around
+from multicor_cli.engine.geometry.scene import (
+    Scene,
+    distance_to_whole,
+    nearest_image,
+    placed_shape,
+)
+from multicor_cli.engine.jit.compile import loop_body
+from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.columns import ANGLE, SPIN, X, Y
+from multicor_cli.model.model import Floats
+from multicor_cli.model.shapes import ShapeKind
+
+_CIRCLE = int(ShapeKind.CIRCLE)
+
+TOUCHING = 1e-13
+"""Gap over the radius at which a grain touches a wall."""
+
+_LOOKS = 60  # at a way towards a wall; five do
+
+
+class Walls(NamedTuple):
+    """Walls in a step, each with its mean velocity.
+
+    Attributes:
+        local: Shapes in the frames of their walls, shape ``(m, 4)``.
+        frame: These frames at the start of the step, shape ``(w, 3)``.
+        velocity: Mean velocities, shape ``(w, 3)``; belt speeds as in column `BELT`, ``(w,)``.
+        is_free: Which walls loads move: what meets them does not fly on, shape ``(w,)``.
+    """
+
+    local: Floats
+    frame: Floats
+    velocity: Floats
+    belt: Floats
+    is_free: NDArray[np.bool_]
+
+
+class Air(NamedTuple):
+    """What the flights of a step need; ``place`` and ``bodies`` are starts as they are now."""
+
+    scene: Scene
+    walls: Walls
+    around: Around
+    gravity: Floats
+    dt: float
+    place: Floats
+    bodies: Floats
+    flying: NDArray[np.bool_]
+
+
+@formula
+def relative(
+    place: Floats, bodies: Floats, i: int, j: int, t: float, period: float
+) -> tuple[float, float, float, float]:
+    """Where grain i is from grain j at a time [m], nearest image, and how fast it moves so [m/s].
+
+    Gravity acts on both.
+    """
+    u, v = bodies[i, X] - bodies[j, X], bodies[i, Y] - bodies[j, Y]
+    dx = nearest_image(place[i, X] - place[j, X] + t * u, period)
+    return dx, place[i, Y] - place[j, Y] + t * v, u, v
+
+
+@formula
+def _discs_meet(
+    scene: Scene, place: Floats, bodies: Floats, i: int, j: int, now: float, end: float
+) -> float:
+    """When two grains meet, from a time on and before the ``end`` [s]; else infinite."""
+    dx, dy, u, v = relative(place, bodies, i, j, now, scene.period)
+    reach, images, best = scene.radius[i] + scene.radius[j], 0, inf
+    if scene.period > 0.0 and abs(dx) + abs(u) * (end - now) + reach > 0.5 * scene.period:
+        images = int(abs(u) * (end - now) / scene.period) + 1
+    elif dx * u + dy * v >= 0.0:
+        return inf
+    for image in range(-images, images + 1):
+        x = dx + image * scene.period
+        along = x * u + dy * v
+        room = x * x + dy * dy - reach * reach
+        square = along * along - (u * u + v * v) * room
+        if along < 0.0 and square > 0.0:
+            wait = room / (sqrt(square) - along) if room > 0.0 else 0.0
+            best = min(best, now + wait)
+    return best if best < end else inf
+
+
+@formula
+def wall_at(
+    scene: Scene, walls: Walls, place: Floats, bodies: Floats, gravity: Floats, i: int, shape: int,
+    t: float,
+) -> tuple[float, float, float, float, float, float, float, float, float]:  # fmt: skip
+    """A grain and a wall shape at a time.
+
+    Returns the gap [m] and its normal, the lever of the point that is nearest on the wall [m], the
+    velocity of the grain against it [m/s], a bound of how fast the gap's rate may fall [m/s²], and
+    the time for which it holds [s].
+    """
+    w = scene.wall[shape]
+    x = place[i, X] + t * (bodies[i, X] + 0.5 * t * gravity[X])
+    y = place[i, Y] + t * (bodies[i, Y] + 0.5 * t * gravity[Y])
+    frame, move = walls.frame[w], walls.velocity[w]
+    fx, fy, spin = frame[X] + t * move[X], frame[Y] + t * move[Y], move[SPIN]
+    g0, g1, g2, g3 = placed_shape(
+        scene.kind[shape], walls.local, shape, fx, fy, frame[ANGLE] + t * spin
+    )
+    distance, nx, ny = distance_to_whole(x, y, scene.kind[shape], g0, g1, g2, g3, scene.period)
+    dx = x - fx - distance * nx
+    if scene.period > 0.0:  # the image of the point on the wall counts
+        dx -= scene.period * floor(dx / scene.period + 0.5)
+    dy = y - fy - distance * ny
+    u = bodies[i, X] + t * gravity[X] - (move[X] - spin * dy)
+    v = bodies[i, Y] + t * gravity[Y] - (move[Y] + spin * dx)
+    falls = sqrt(gravity[X] * gravity[X] + gravity[Y] * gravity[Y])
+    holds = inf
+    if spin != 0.0:  # Coriolis and centrifugal forces in the frame of the wall
+        speed = sqrt(u * u + v * v) + abs(spin) * abs(distance)
+        arm = sqrt(dx * dx + dy * dy) + abs(distance)
+        falls = 2.0 * falls + 2.0 * abs(spin) * (2.0 * speed + abs(spin) * arm)
+        holds = 0.1 / abs(spin)
+    if scene.period > 0.0:  # until another image may be nearer; lines are shorter than half of it
+        speed = sqrt(u * u + v * v) + abs(spin) * abs(distance)
+        away = max(0.25 * scene.period - abs(distance * nx), distance - scene.radius[i])
+        holds = min(holds, max(away, 1e-3 * scene.radius[i]) / speed) if speed > 0.0 else holds
+    if scene.kind[shape] == _CIRCLE:  # inside, a straight way bends towards it
+        inner, speed = g2 - distance, sqrt(u * u + v * v)
+        if speed > 0.0:
+            holds = min(holds, max(0.5 * inner, 1e-3 * scene.radius[i]) / speed)
+        falls += 2.0 * speed * speed / max(inner, 2e-3 * scene.radius[i])
+    return distance - scene.radius[i], nx, ny, dx, dy, u, v, falls, holds
+
+
+@loop_body
+def _wall_meets(
+    scene: Scene, walls: Walls, place: Floats, bodies: Floats, gravity: Floats, i: int, shape: int,
+    now: float, end: float,
+) -> float:  # fmt: skip
+    """When a grain meets a wall shape, from a time on and before the ``end`` [s]; else infinite.
+
+    From below: the gap is at least gap + rate s − ½ a s² after s, with the bound a of `wall_at`.
+    """
+    t, touching = now, TOUCHING * scene.radius[i]
+    for _ in range(_LOOKS):
+        gap, nx, ny, _, _, u, v, falls, holds = wall_at(
+            scene, walls, place, bodies, gravity, i, shape, t
+        )
+        rate = u * nx + v * ny
+        if gap <= touching and (
+            rate < 0.0 or (rate == 0.0 and gravity[X] * nx + gravity[Y] * ny < 0.0)
+        ):
+            return t
+        room = max(gap, 0.0)
+        root = sqrt(rate * rate + 2.0 * falls * room)
+        if rate < 0.0:
+            wait = 2.0 * room / (root - rate)
+        else:
+            wait = (rate + root) / falls if falls > 0.0 else inf
+        t += min(wait, holds)
+        if t >= end:
+            return inf
+    return inf
+
+
+@formula
+def meets(air: Air, i: int, j: int, now: float, end: float) -> float:
+    """When a grain meets a shape, from a time on and before the ``end`` [s]; else infinite."""
+    count = air.flying.size
+    if j >= count:
+        return _wall_meets(
+            air.scene, air.walls, air.place, air.bodies, air.gravity, i, j - count, now, end
+        )
+    # The same bits whoever asks
+    first, second = (i, j) if i < j else (j, i)
+    return _discs_meet(air.scene, air.place, air.bodies, first, second, now, end)
