@@ -109,11 +109,13 @@ def find_flying(
         if j < count:
             if (flying[i] or flying[j]) and not _opens(scene, i, j, start, dt):
                 flying[i] = flying[j] = False
-        elif flying[i]:
-            flying[i] = _leaves(scene, i, j, start, dt, inf)
-            for p in range(row[i], row[i + 1]):
-                if flying[i] and partner[p] >= count:
-                    flying[i] = _leaves(scene, i, partner[p], start, dt, GRAZE * scene.radius[i])
+            continue
+        # The contact itself comes first, then what else may hold the grain on the wall
+        for p in range(row[i] - 1, row[i + 1]):
+            shape = j if p < row[i] else partner[p]
+            limit = inf if p < row[i] else GRAZE * scene.radius[i]
+            if flying[i] and shape >= count:
+                flying[i] = _leaves(scene, i, shape, start, dt, limit)
     return flying
 
 
@@ -124,7 +126,7 @@ class _Meetings(NamedTuple):
     """Whom grains in flight meet on the ways on which they start.
 
     Attributes:
-        i: Pairs of them that meet while a solve would count it, shape ``(m,)``; ``j`` is larger.
+        i: Pairs of them that meet while a solve would count it; ``j`` is larger.
         time: When they do [s].
         wall_time: When each grain meets a wall first [s], shape ``(n,)``; ``wall`` is its shape.
     """
@@ -175,6 +177,7 @@ def _look_around(air: Air, laws: ContactLaws, begun: NDArray[np.bool_], meetings
     """
     around, count, long, found = air.around, begun.size, SOLVED * air.dt, 0
     for i in range(count):
+        meetings.wall_time[i], meetings.wall[i] = inf, -1
         if not begun[i]:
             continue
         for p in range(around.start[i], around.start[i + 1]):
@@ -195,20 +198,6 @@ def _look_around(air: Air, laws: ContactLaws, begun: NDArray[np.bool_], meetings
 
 
 @kernel
-def _first_meetings(air: Air, laws: ContactLaws) -> _Meetings:
-    """As `_look_around`."""
-    begun, pairs, count = air.flying.copy(), air.around.owner.size, air.flying.size
-    all_of = _Meetings(
-        np.empty(pairs, np.int64), np.empty(pairs, np.int64), np.empty(pairs),
-        np.full(count, inf), np.full(count, -1, np.int64),
-    )  # fmt: skip
-    found = _look_around(air, laws, begun, all_of)
-    return _Meetings(
-        all_of.i[:found], all_of.j[:found], all_of.time[:found], all_of.wall_time, all_of.wall
-    )
-
-
-@kernel
 def _ground(flying: NDArray[np.bool_], i: NDArray[np.int64], j: NDArray[np.int64]) -> bool:
     """Whoever meets a grain that does not fly does not either; returns if that grounds any."""
     changed = False
@@ -220,7 +209,7 @@ def _ground(flying: NDArray[np.bool_], i: NDArray[np.int64], j: NDArray[np.int64
 
 
 @kernel
-def _plan_of(air: Air, meetings: _Meetings) -> _Plan:
+def _plan_of(air: Air, meetings: _Meetings, pairs: int) -> _Plan:
     """The first meetings of a step."""
     flying = air.flying
     grains, half = np.flatnonzero(flying), 1
@@ -232,7 +221,7 @@ def _plan_of(air: Air, meetings: _Meetings) -> _Plan:
         i = grains[k]
         entry[i], tree[half + k] = k, k
         time[k], other[k] = meetings.wall_time[i], meetings.wall[i]
-    for m in range(meetings.time.size):
+    for m in range(pairs):
         i, j, t = meetings.i[m], meetings.j[m], meetings.time[m]
         if flying[i] and flying[j] and t < air.dt:
             if t < time[entry[i]]:
@@ -334,6 +323,16 @@ def _restart(
     return work
 
 
+@formula
+def _go_back(air: Air, grains: NDArray[np.int64], start: Floats) -> None:
+    """Give grains the starts with which they began."""
+    for k in range(grains.size):
+        for d in range(4):
+            air.bodies[grains[k], d] = start[grains[k], d]
+            if d < 3:
+                air.place[grains[k], d] = air.scene.position[grains[k], d]
+
+
 @kernel
 def _take_impacts(
     air: Air, laws: ContactLaws, plan: _Plan, grains: NDArray[np.int64], beta: float, start: Floats
@@ -396,11 +395,16 @@ def fly(
         slowest = max(slowest, start[i, X] * start[i, X] + start[i, Y] * start[i, Y])
     slowest, long = sqrt(slowest), SOLVED * dt
     fall = dt * sqrt(gravity[X] * gravity[X] + gravity[Y] * gravity[Y])
-    meetings, reach = _first_meetings(air, laws), moved
+    meetings, reach = _Meetings(
+        np.empty(around.owner.size, np.int64), np.empty(around.owner.size, np.int64),
+        np.empty(around.owner.size), np.empty(count), np.empty(count, np.int64),
+    ), moved  # fmt: skip
+    pairs = _look_around(air, laws, begun, meetings)
+    meet_i, meet_j = meetings.i[:pairs], meetings.j[:pairs]
     while True:
-        while _ground(flying, meetings.i, meetings.j):
+        while _ground(flying, meet_i, meet_j):
             pass
-        grains, plan = np.flatnonzero(flying), _plan_of(air, meetings)
+        grains, plan = np.flatnonzero(flying), _plan_of(air, meetings, pairs)
         impacts, is_grounded, fastest, jump = _take_impacts(air, laws, plan, grains, beta, start)
         fastest = max(sqrt(fastest), slowest)
         far = max(moved, long * (2.0 * fastest + fall)) + long * (fastest - slowest)
@@ -408,18 +412,26 @@ def fly(
         if not is_grounded or reach > listed:
             break
         # Once more, without all who have had to do with those that fly no more
-        hit_i, hit_j = impacts.i.astype(np.int64), impacts.j.astype(np.int64)
+        hit_i, hit_j = np.empty(impacts.i.size, np.int64), np.empty(impacts.i.size, np.int64)
         for k in range(hit_i.size):
-            hit_j[k] = hit_j[k] if hit_j[k] < count else hit_i[k]
-            for body in (hit_i[k], hit_j[k]):
-                air.place[body], air.bodies[body] = scene.position[body], start[body]
-        while _ground(flying, hit_i, hit_j) or _ground(flying, meetings.i, meetings.j):
+            i, j = impacts.i[k], impacts.j[k]
+            hit_i[k], hit_j[k] = i, j if j < count else i
+        while _ground(flying, hit_i, hit_j) or _ground(flying, meet_i, meet_j):
             pass
-    struck, work = grains[plan.impacts[: grains.size] > 0], 0.0
+        _go_back(air, grains, start)
+    struck, squares, motion = np.empty(grains.size, np.int64), 0.0, 0.0
+    found, number = 0, 1.0 * impacts.i.size
+    for k in range(grains.size):
+        if plan.impacts[k] > 0:
+            struck[found] = grains[k]
+            found += 1
+    for k in range(impacts.i.size):
+        squares += impacts.said[k, U_N] * impacts.said[k, U_N]
+        motion += abs(impacts.said[k, U_N])
+    struck, work = struck[:found], 0.0
     if reach <= listed:
         work = _restart(air, struck, middle, start, free)
-    u_n = impacts.said[:, U_N]
-    speeds = Speeds((u_n * u_n).sum(), 1.0 * u_n.size, 0.0, 0.0, np.abs(u_n).sum(), 1.0 * u_n.size)
+    speeds = Speeds(squares, number, 0.0, 0.0, motion, number)
     return Flight(flying, impacts, struck, work, reach, speeds)
 
 
