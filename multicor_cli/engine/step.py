@@ -92,7 +92,7 @@ from multicor_cli.engine.orders import Interrupted, Orders, PhysicsError, StepRe
 from multicor_cli.model.columns import BELT
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.faults import find_absurd_value
-from multicor_cli.model.model import LEAST_DIAMETERS, ContactLaws, Floats, Model
+from multicor_cli.model.model import LEAST_DIAMETERS, Floats, Model
 from multicor_cli.model.state import State
 
 SLIPS_RMS, SLIPS = 50.0, 10.0
@@ -251,7 +251,7 @@ class Engine:
         )
         self.orders = orders
         laws = self.model.laws if orders.laws is None else orders.laws
-        self._contact_laws = laws.with_ranges(self.model.mean_diameter)
+        self._laws = laws.with_ranges(self.model.mean_diameter)
         self._begin_heat()
 
     def pass_grains(self) -> None:
@@ -309,7 +309,7 @@ class Engine:
         """
         heat, is_frozen = self._heat, self.orders.is_frozen and self._layout.model.grain_count > 0
         table = (
-            heat.resting_table(self._laws())
+            heat.resting_table(self._laws)
             if heat is not None and is_frozen
             else tabulate_contacts(self._with_table(), self._has_couples)
         )
@@ -341,7 +341,7 @@ class Engine:
             self._tabulate()
             start = np.column_stack([contacts["p_n"], contacts["p_t"]])
         inverse, free = self._motion.inverse, self._layout.free
-        if self._laws().adhesion.size:
+        if self._laws.adhesion.size:
             free = free.copy()
             everyone = np.arange(self._layout.model.grain_count, dtype=np.int32)
             attract(scene, contacts, everyone, inverse, free)
@@ -370,11 +370,8 @@ class Engine:
     def _lay_out(self) -> None:
         population, (model, state), newcomers = self._population, (self.model, self.state), _NOBODY
         if population is not None:
-            model, state, newcomers = (
-                population.present_model,
-                population.present,
-                population.newcomers,
-            )
+            model, state = population.present_model, population.present
+            newcomers = population.newcomers
         self._layout = Layout(model, state, newcomers, self._available)
         self._heat = None if self.heat is None else HeatStep(model, state, self.heat)
         self._begin_heat()
@@ -392,9 +389,6 @@ class Engine:
             self._population.gather()
         return self._layout.state
 
-    def _laws(self) -> ContactLaws:
-        return self._contact_laws
-
     def _with_table(self) -> Moved | None:
         """What the last step left, contacts of two grains in the table."""
         if self.moved is not None and not self._has_table:
@@ -404,7 +398,7 @@ class Engine:
 
     @property
     def _has_couples(self) -> bool:
-        return self._laws().rolling.size > 0
+        return self._laws.rolling.size > 0
 
     # ---- The mechanics of a step
 
@@ -514,12 +508,8 @@ class Engine:
 
     def _predict(self, dt: float, t: float) -> Prediction:
         """Mid-step positions and free velocities, into the layout."""
-        layout, state, model, motion = (
-            self._layout,
-            self._layout.state,
-            self._layout.model,
-            self._motion,
-        )
+        layout, motion = self._layout, self._motion
+        state, model = layout.state, layout.model
         n, grains = model.grain_count, model.grains
         gravity = self._gravity.value(t + 0.5 * dt)
         is_sound = predict(
@@ -534,7 +524,7 @@ class Engine:
         ):
             self._refuse_state()
         temperature = _NO_TEMPERATURE
-        if self._heat is not None and self._laws().depends_on_temperature:
+        if self._heat is not None and self._laws.depends_on_temperature:
             temperature = self._heat.shape_temperatures(t)
         scene = scene_of(
             model, layout.middle, state.wall_position + 0.5 * dt * motion.before, temperature
@@ -555,13 +545,9 @@ class Engine:
 
     def _fly(self, step: Prediction, walls: Floats) -> Prediction:
         """Impacts of what flies: other starts of these grains, in the layout too."""
-        layout, state, model, motion = (
-            self._layout,
-            self._layout.state,
-            self._layout.model,
-            self._motion,
-        )
-        laws, dt, gravity = self._laws(), step.dt, step.gravity
+        layout, motion = self._layout, self._motion
+        state, model = layout.state, layout.model
+        laws, dt, gravity = self._laws, step.dt, step.gravity
         if not laws.restitution.any() or laws.adhesion.size or laws.rolling.size:
             return step
         start = scene_of(model, state.position, state.wall_position, step.scene.temperature)
@@ -606,7 +592,7 @@ class Engine:
             scene, layout.free, fall, motion.before, walls, motion.extent, AHEAD * dt,
             layout.pairs.largest,
         )  # fmt: skip
-        return max(cutoff, longest_reach(self._laws()))
+        return max(cutoff, longest_reach(self._laws))
 
     def _cutoff_after(self, step: Prediction, after: Floats) -> float:
         """A gap that no pair closes in the step with the velocities v⁺ [m]."""
@@ -622,7 +608,7 @@ class Engine:
     def _select(self, step: Prediction) -> None:
         """The contacts of the state, or others if a pair that is none of them may close."""
         layout, scene = self._layout, step.scene
-        reach = longest_reach(self._laws())
+        reach = longest_reach(self._laws)
         layout.selection.take(layout.state)
         layout.pairs.update(layout.middle, scene.world, step.cutoff)
         if layout.selection.closing(
@@ -645,7 +631,7 @@ class Engine:
         margin = layout.selection.margin(
             step.scene, layout.before, layout.free, step.cutoff, step.dt
         )
-        reach = longest_reach(self._laws())
+        reach = longest_reach(self._laws)
         return reach + max(margin, SKIN * self.model.mean_diameter) if reach > 0.0 else margin
 
     def _list_up_to(self, gap: float, step: Prediction) -> None:
@@ -656,7 +642,7 @@ class Engine:
 
     def _gather(self, step: Prediction) -> tuple[Contacts, ResidualScale, bool]:
         """The contacts, warm-started, the scale of the residuals, and if any is to be solved."""
-        layout, state, laws, dt = self._layout, self._layout.state, self._laws(), step.dt
+        layout, state, laws, dt = self._layout, self._layout.state, self._laws, step.dt
         selection, scene, start = layout.selection, step.scene, layout.before
         contacts, i, j = selection.contacts, selection.i, selection.j
         lanes = selection.schedule(scene, self._motion.is_free, laws, start, state)
@@ -718,7 +704,7 @@ class Engine:
         self, step: Prediction, end: Scene, contacts: Contacts, after: Floats
     ) -> ContactSums:
         """What the contacts lose and exert; bridges that are left go into the state."""
-        laws, selection = self._laws(), self._layout.selection
+        laws, selection = self._laws, self._layout.selection
         lanes = selection.lanes
         if laws.adhesion.size or laws.rolling.size:
             self._tabulate()
@@ -761,7 +747,7 @@ class Engine:
         mean_slip = slip / loaded if loaded else 0.0
         reference = max(load, SLIPS * mean_slip)
         energy = 0.5 * layout.mass * ((load or reference) * reference)
-        bounce = float(self._laws().restitution.max()) if closing else 0.0
+        bounce = float(self._laws.restitution.max()) if closing else 0.0
         lost = max(1.0 - bounce * bounce, LEAST_LOSS)
         return ResidualScale(
             max(load, SLIPS_RMS * mean_slip), reference, energy,
@@ -808,7 +794,7 @@ class Engine:
         elif self.orders.is_frozen or self.moved is None:
             heat.flow_at_rest(dt, t, should_stop)
         else:
-            laws = self._laws()
+            laws = self._laws
             is_plain = not (laws.adhesion.size or laws.rolling.size)
             if heat.reads_table or not is_plain:
                 self._with_table()
