@@ -53,7 +53,8 @@ class Orders:
         drives: What the walls do, one for each; None: they stand still.
         settings: Choices of the contact solver.
         gravity: Gravity as a function of time; None: that of the model.
-        laws: Contact laws; None: those of the model.
+        laws: Contact laws, with rolling resistance only if those of the model have it; None: those
+            of the model.
         conditions: Thermal conditions of the walls, one for each; None: they are insulated.
         is_new: Which of these conditions begin with the stage, shape ``(w,)``: a wall with a heat
             capacity then gets its first temperature; None: no condition does.

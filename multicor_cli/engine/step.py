@@ -241,7 +241,14 @@ class Engine:
             begin_bodies(orders.conditions, orders.is_new, state.wall_temperature)
 
     def resume(self, orders: Orders) -> None:
-        """As `begin`, in the middle of a stage: the state knows what began, and is not touched."""
+        """As `begin`, in the middle of a stage: the state knows what began, and is not touched.
+
+        Raises:
+            ValueError: If there is rolling resistance, but none in the laws of the model.
+        """
+        laws = self.model.laws if orders.laws is None else orders.laws
+        if laws.rolling.size > self.model.laws.rolling.size:
+            raise ValueError("a state holds couples only if the laws of its model have them")
         still = [WallDrive()] * self.model.wall_count
         self._motion = WallMotion(
             self.model, still if orders.drives is None else list(orders.drives)
@@ -250,7 +257,6 @@ class Engine:
             Gravity.constant(self.model.gravity) if orders.gravity is None else orders.gravity
         )
         self.orders = orders
-        laws = self.model.laws if orders.laws is None else orders.laws
         self._laws = laws.with_ranges(self.model.mean_diameter)
         self._begin_heat()
 
@@ -484,6 +490,8 @@ class Engine:
         book_step(state, self._motion, sums, kinetic, gravity_work, correction, outcome, dt)
         if self._has_couples:
             state.contact_couple = couples_of(contacts)[contacts["p_n"] > 0.0]
+        elif layout.model.laws.rolling.size:
+            state.contact_couple = np.zeros(state.contact_i.size)
         state.last_dt = dt
         layout.newcomers = _NOBODY
         self.moved = Moved(step.scene, contacts, after, selection.i, selection.j, *loaded)

@@ -250,6 +250,9 @@ class Selection:
             fix_lanes(
                 scene, laws, bodies, self.i, self.j, schedule.slot, schedule.about, schedule.frame
             )
+            # Laws without adhesion or rolling resistance do not look at these in a step
+            for name in ("attraction", "mu_r", "arm", "u_r", "p_r"):
+                self.contacts[name] = 0.0
             self._laws = laws
         if self._entered is not None:
             take_back(

@@ -4,7 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scene_parts import advance, shear_engine
+from scene_parts import (
+    FLOOR,
+    advance,
+    continued,
+    make_engine,
+    make_laws,
+    make_model,
+    resume,
+    shear_engine,
+)
 
 from multicor_cli.engine import Engine
 from multicor_cli.engine.contact import vector_step
@@ -12,6 +21,7 @@ from multicor_cli.engine.contact.selection import Selection
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.vectors import HAS_VECTORS
 from multicor_cli.model import State
+from multicor_cli.model.faults import find_misfit
 
 needs_vectors = pytest.mark.skipif(not HAS_VECTORS, reason="kernels are not compiled")
 
@@ -114,6 +124,29 @@ def test_other_impulses_and_laws_are_noticed():
         each.step(DT, 50 * DT)
     assert engine.state.digest() == other.state.digest()
     assert engine.contacts().impulse.tolist() == other.contacts().impulse.tolist()
+
+
+def test_adhesion_and_rolling_resistance_do_not_outlast_a_stage_with_them():
+    """A disc rolls down a slope. A stage without them, and one that has them again, are the same to
+    an engine whose contact has known them and to a new one.
+    """
+    model = make_model([0.3], FLOOR, gravity=(2.0, -9.81), adhesion=5.0, rolling=0.1)
+    engine = make_engine(model, [[0.0, 0.3]])
+    advance(engine, DT, 5)
+    for laws in (make_laws(), None):
+        resume(engine, laws=laws)
+        other = continued(engine)
+        for each in (engine, other):
+            advance(each, DT, 5)
+        assert engine.contacts().impulse.tolist() == other.contacts().impulse.tolist()
+        assert engine.state.digest() == other.state.digest()
+        assert find_misfit(engine.state, model) is None
+
+
+def test_rolling_resistance_that_the_model_lacks_is_refused():
+    engine = make_engine(make_model([0.3], FLOOR), [[0.0, 0.3]])
+    with pytest.raises(ValueError, match="couples"):
+        resume(engine, laws=make_laws(rolling=0.1))
 
 
 def test_contacts_are_sought_where_a_state_has_none():
