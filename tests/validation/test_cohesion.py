@@ -252,8 +252,8 @@ def test_a_column_collapses_as_far_at_every_time_step(
 ) -> None:
     """And the less far the more it adheres (Abramian, Staron & Lagrée, J. Rheol. 64, 1227, 2020).
 
-    What is seen with the automatic step is also seen with a fraction of it. Five times that step,
-    too long for the range, has an error of a few percent.
+    The automatic step and a fraction of it agree within their errors. Five times that step, too
+    long for the range, has an error of some percent with adhesion and none without.
     """
     found = np.empty((2, len(LAWS), 3, len(SEEDS)))
     for law, (bond, kind) in enumerate(LAWS):
@@ -269,11 +269,16 @@ def test_a_column_collapses_as_far_at_every_time_step(
     # Of a mean, from the scatter of all between seeds
     error = np.sqrt(found.var(axis=-1, ddof=1).mean(axis=(1, 2)) / len(SEEDS))
     shift = mean[:, :, 1] - mean[:, :, 2]
-    print("errors:", np.round(error, 2), "automatic less shortest step:", np.round(shift, 2))
+    print("errors of means:", np.round(error, 2), "automatic less shortest step:", shift.round(2))
+    of_all = (mean[:, 1:, :2] - mean[:, 1:, 2:]).mean(axis=1)
+    print(
+        "with adhesion, five and one automatic less shortest:", of_all.round(2), "±", error / 2**0.5
+    )
     limit, out = 2.5 * math.sqrt(2.0) * error, mean[0]
     assert (np.abs(shift).max(axis=1) < limit).all()
-    assert (np.abs(shift[:, 1:].mean(axis=1)) < limit / math.sqrt(4.0)).all()
-    assert out[:, 0] == pytest.approx(out[:, 2], rel=0.1)
+    assert (np.abs(of_all[:, 1]) < limit / math.sqrt(4.0)).all()
+    assert abs(out[0, 0] - out[0, 2]) < limit[0]
+    assert out[1:, 0].mean() == pytest.approx(out[1:, 2].mean(), rel=0.1)
     assert (out[0] - out[1:3] > limit[0]).all()
     assert (out[1:3] - out[3:] > limit[0]).all()
 
