@@ -146,12 +146,6 @@ def test_nothing_is_lost_between_moving_walls(run: Run, count: int) -> None:
         assert stress.value.sum() * stress.bin_area == pytest.approx(virial[a, b], rel=1e-9)
 
 
-def test_mean_number_of_contacts_is_that_of_all_grains(run: Run) -> None:
-    """One bin: twice the contacts between grains, once those with walls, whatever the sizes."""
-    found = profile(run, "coordination", Selection(frames=slice(6, 7)), 1).value[0]
-    assert found == pytest.approx(oracle.counts(run, run.frames[6]).mean(), rel=1e-12)
-
-
 def test_a_frame_without_contacts_has_no_stress_and_no_contacts(run: Run) -> None:
     for of in ("stress-yy", "pressure", "coordination"):
         assert profile(run, of, Selection(frames=slice(4, 5)), 1).value.tolist() == [0.0]

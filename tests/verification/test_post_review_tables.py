@@ -14,8 +14,8 @@ import numpy as np
 import post_oracle as oracle
 import pytest
 from from_wall_to_wall import profile
-from made_up_frames import contacts_of, frame_of, source_of
-from scene_parts import between_planes, make_shapes
+from made_up_frames import source_of
+from scene_parts import make_shapes
 from typer.testing import CliRunner
 
 from multicor_cli import post
@@ -213,25 +213,6 @@ def test_angular_distribution_agrees_with_plain_loops(run: Run) -> None:
         [np.outer(n, n) for n in np.column_stack([np.cos(rows[:, 0]), np.sin(rows[:, 0])])], axis=0
     )
     assert table.moments["a_c"] == pytest.approx(2.0 * np.ptp(np.linalg.eigvalsh(tensor)))
-
-
-def test_anisotropies_make_up_the_stress_ratio() -> None:
-    """(σ₁ − σ₂)/(σ₁ + σ₂) = (a_c + a_n + a_t)/2 for aligned anisotropies: one sign convention."""
-    theta = (np.arange(20_000) + 0.5) * np.pi / 10_000
-    share = (1.0 + 0.1 * np.cos(2.0 * (theta - 2.2))) / 1.1
-    theta = theta[np.random.default_rng(3).random(theta.size) < share]
-    f, g = 1.0 + 0.06 * np.cos(2.0 * (theta - 2.2)), -0.04 * np.sin(2.0 * (theta - 2.2))
-    normal = np.column_stack([np.cos(theta), np.sin(theta)])
-    none = np.zeros(theta.size)
-    contacts = contacts_of(none, none + 1, normal, np.column_stack([f, g]))
-    source = source_of(between_planes(), [frame_of(np.zeros((2, 2)), contacts=contacts)])
-    moments = post.angular_distribution(source, ALL).moments
-    across = np.column_stack([-normal[:, 1], normal[:, 0]])
-    force = f[:, np.newaxis] * normal + g[:, np.newaxis] * across
-    small, large = np.linalg.eigvalsh(0.5 * (force.T @ normal + normal.T @ force))
-    expected = 0.5 * (moments["a_c"] + moments["a_n"] + moments["a_t"])
-    assert (large - small) / (large + small) == pytest.approx(expected, rel=0.02)
-    assert moments["theta_t"] == pytest.approx(np.degrees(2.2), abs=1.0)
 
 
 def test_force_network_agrees_with_plain_loops(run: Run) -> None:

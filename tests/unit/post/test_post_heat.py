@@ -15,9 +15,6 @@ from made_up_frames import source_of
 
 from multicor_cli.model import Model
 from multicor_cli.post import PostError, Selection, grain_map, theta_eta
-from multicor_cli.post.bins import find_extent
-from multicor_cli.post.flow import mean_flow
-from multicor_cli.post.sums import Bins
 from multicor_cli.store import Frame, Run, open_run
 
 HEIGHTS = RADIUS + 2.0 * RADIUS * np.arange(GRAINS)
@@ -59,65 +56,11 @@ def test_spin_is_normalized_by_the_shear_rate_of_the_walls(column: Run) -> None:
         profile(column, "spin", Selection(frames=slice(0, 1))).normalized()
 
 
-@pytest.mark.parametrize("frames", [slice(None), slice(None, None, 2), slice(2, 4)])
-def test_heat_profile_is_the_exact_rate_per_area(column: Run, frames: slice) -> None:
-    """Whichever frames are taken; every bin of 0.1 m by the period of 4 m holds one grain."""
-    table = profile(column, "heat", Selection(frames=frames), bins=GRAINS)
-    assert table.value == pytest.approx(RATES / (0.1 * 4.0))
-    assert table.value.sum() * table.width * 4.0 == pytest.approx(RATES.sum())
-    assert table.units[1] == "W/m2"
-
-
-def test_heat_of_bins_without_grains_is_zero_and_errors_come_from_intervals(column: Run) -> None:
-    table = profile(column, "heat", Selection(frames=slice(None)), bins=37)
-    assert (table.value >= 0.0).all()
-    assert (table.value * table.width * 4.0).sum() == pytest.approx(RATES.sum())
-    assert table.error == pytest.approx(0.0, abs=1e-12)
-    one = profile(column, "heat", Selection(frames=slice(0, 2)), bins=3)
-    assert np.isnan(one.error).all()
-
-
-def test_heat_follows_grains_that_move(column: Run) -> None:
-    """A grain that crosses from one bin to another in an interval leaves its heat halfway."""
-    first, last = column.frames[1], column.frames[2]
-    last.position[:, 1] = first.position[:, 1] + 0.1
-    table = profile(source(column, [first, last]), "heat", Selection(start=0.0), bins=GRAINS)
-    halves = np.concatenate([RATES[:1] / 2, (RATES[:-1] + RATES[1:]) / 2])
-    assert table.value == pytest.approx(halves / (0.1 * 4.0), rel=1e-9)
-
-
 def test_heat_needs_two_frames_and_has_no_normalized_form(column: Run) -> None:
     with pytest.raises(PostError, match="needs two frames"):
         profile(column, "heat", Selection(frames=slice(0, 1)))
     with pytest.raises(PostError, match="choose from: velocity, spin, temperature"):
         profile(column, "heat", LATER).normalized()
-
-
-def test_solid_fraction_is_area_over_area(column: Run) -> None:
-    table = profile(column, "solid-fraction", LATER, bins=GRAINS)
-    assert table.value == pytest.approx(np.pi * RADIUS**2 / (0.1 * 4.0))
-
-
-def test_granular_temperature_is_relative_to_the_mean_flow(column: Run) -> None:
-    """A steady linear flow has none; a vertical velocity of c in one frame and −c in the next has
-    ½c².
-    """
-    steady = profile(column, "granular-temperature", LATER, bins=GRAINS)
-    assert steady.value == pytest.approx(0.0, abs=1e-20)
-    frames = [column.frames[k] for k in (1, 2)]
-    for frame, c in zip(frames, (0.3, -0.3), strict=True):
-        frame.velocity[:, 1] = c
-    both = source(column, frames)
-    table = profile(both, "granular-temperature", Selection(start=0.0), bins=GRAINS)
-    assert table.value == pytest.approx(0.5 * 0.3**2)
-
-
-def test_mean_flow_is_linear_between_bins(column: Run) -> None:
-    chosen = np.array([1, 2])
-    extent = find_extent(column, chosen)
-    flow = mean_flow(column, chosen, Bins(extent, 0.1, 10))
-    frame = column.frames[3]
-    assert flow.fluctuation(frame) == pytest.approx(np.zeros((GRAINS, 2)), abs=1e-12)
 
 
 @pytest.mark.parametrize("of", ["temperature", "heat"])

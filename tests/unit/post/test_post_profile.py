@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 from from_wall_to_wall import profile
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from made_up_frames import frame_of, source_of
 from numpy.typing import NDArray
 from scene_parts import between_planes, make_shapes
@@ -17,7 +15,6 @@ from scene_parts import between_planes, make_shapes
 from multicor_cli import post
 from multicor_cli.model import ShapeKind, Walls
 from multicor_cli.post import PostError, Selection
-from multicor_cli.post.bins import area_below, share_discs
 from multicor_cli.post.sums import spread
 
 EVERY = Selection(frames=slice(None))
@@ -72,41 +69,6 @@ def random_source(frames: int = 7, n: int = 60, seed: int = 1) -> Any:
     return make_source(y, radius, rng.normal(y, 0.1))
 
 
-def test_area_below_a_line() -> None:
-    """Half a disc, a whole one, none, and the cap of height a/2: a²(2π/3 − √3/4) below."""
-    a = np.full(5, 2.0)
-    area = area_below(np.array([0.0, 2.0, -2.0, 9.0, 1.0]), a)
-    cap = 4 * (2 * np.pi / 3 + np.sqrt(3) / 4)
-    assert area == pytest.approx([2 * np.pi, 4 * np.pi, 0.0, 4 * np.pi, cap])
-
-
-@settings(max_examples=50, deadline=None)
-@given(
-    st.lists(st.tuples(st.floats(-3, 3), st.floats(0.01, 2)), min_size=1, max_size=20),
-    st.integers(1, 30),
-)
-def test_shares_add_up_to_the_area_of_the_discs(
-    discs: list[tuple[float, float]], count: int
-) -> None:
-    """Bins that cover everything share out π a² of every grain."""
-    y, radius = (np.array(column) for column in zip(*discs, strict=True))
-    shares = share_discs(y, radius, -6.0, 12.0 / count, count)
-    found = np.bincount(shares.grain, weights=shares.area, minlength=y.size)
-    assert found == pytest.approx(np.pi * radius**2, rel=1e-9)
-    assert shares.bin.min() >= 0
-    assert shares.bin.max() < count
-
-
-def test_linear_profile_of_a_dense_stack() -> None:
-    """Equal discs at every height: the average over a bin is the field at its center, except where
-    the walls cut the stack.
-    """
-    y = np.linspace(0.05, 0.95, 9001)[np.newaxis]
-    source = make_source(y, np.full(9001, 0.05), 2.0 * y)
-    table = profile(source, bins=10)
-    assert table.value[2:-2] == pytest.approx(2.0 * table.y[2:-2], rel=1e-4)
-
-
 def test_errors_are_those_of_the_frames_and_drifts_are_told() -> None:
     rng = np.random.default_rng(2)
     speed = np.repeat(rng.normal(size=(60, 1)), 2, axis=1)
@@ -121,14 +83,6 @@ def test_errors_are_those_of_the_frames_and_drifts_are_told() -> None:
     slope = np.polyfit(np.arange(60), drifting[:, 0], 1)[0]
     found = float(drift.note.split("by ")[1].split(";")[0])
     assert found == pytest.approx(slope * 59, rel=0.05)
-
-
-def test_empty_bins_and_single_frames_have_no_value_and_no_error() -> None:
-    source = make_source(np.full((1, 2), 0.5), np.full(2, 0.1), np.ones((1, 2)))
-    table = profile(source, bins=5)
-    assert np.isnan(table.value[[0, 4]]).all()
-    assert table.value[2] == 1.0
-    assert np.isnan(table.error).all()
 
 
 def test_normalized_runs_from_wall_to_wall() -> None:
@@ -182,22 +136,6 @@ def test_which_walls_are_a_floor(source: Any, floor: str, height: float) -> None
     table = profile(source, selection=EVERY)
     assert table.walls == (floor, "")
     assert table.height == pytest.approx(height)
-
-
-def test_heights_follow_the_lower_wall() -> None:
-    """Grains that move with the floor stay in their bins, and the height is that between the
-    walls.
-    """
-    rise = np.array([0.0, 0.4, 0.8])
-    source = make_source(
-        rise[:, np.newaxis] + [[0.13, 0.87]], np.full(2, 0.1), np.full((3, 2), [1.0, 2.0])
-    )
-    for frame, up in zip(source.frames, rise, strict=True):
-        frame.wall_position[:, 1] = up
-    table = profile(source, selection=EVERY, bins=4)
-    assert table.height == pytest.approx(1.0)
-    assert table.value[[0, 1, 2, 3]] == pytest.approx([1.0, np.nan, np.nan, 2.0], nan_ok=True)
-    assert table.area.sum() == pytest.approx(2 * np.pi * 0.1**2)
 
 
 def test_selection_of_frames() -> None:

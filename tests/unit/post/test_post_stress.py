@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from from_wall_to_wall import profile, profiles
-from heat_run import GRAINS, RADIUS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -14,19 +13,6 @@ from multicor_cli.post.bins import part_between, share_lines
 from multicor_cli.store import Run
 
 ALL, LAST = Selection(start=0.0), Selection(frames=slice(-1, None))
-
-
-@settings(max_examples=50, deadline=None)
-@given(
-    st.lists(st.tuples(st.floats(-3, 3), st.floats(-3, 3)), min_size=1, max_size=20),
-    st.integers(1, 30),
-)
-def test_shares_of_lines_add_up_to_one(ends: list[tuple[float, float]], count: int) -> None:
-    start, end = (np.array(values) for values in zip(*ends, strict=True))
-    shares = share_lines(start, end, -6.0, 12.0 / count, count)
-    found = np.bincount(shares.grain, shares.area, minlength=start.size)
-    assert found == pytest.approx(np.ones(start.size))
-    assert (shares.area >= 0.0).all()
 
 
 def test_shares_of_lines_are_those_of_their_length() -> None:
@@ -54,23 +40,6 @@ def test_part_between_two_heights_is_the_share_of_one_bin(
     assert found[long] == pytest.approx(expected[long], abs=1e-6)
 
 
-def test_stress_of_a_column_is_exact(column: Run) -> None:
-    """Bins are as high as grains: half a branch of 2a from below and from above lies in each, and
-    half of that at the wall.
-    """
-    force = 1.0 + np.arange(GRAINS)
-    below = np.concatenate([[0.0], force[:-1]])
-    expected = RADIUS * (below + force) / (2.0 * RADIUS * column.period)
-    tables = profiles(column, "stress", LAST, GRAINS).tables
-    found = {table.field.name: table.value for table in tables}
-    assert found["stress-yy"] == pytest.approx(expected)
-    # f_t = −0.1 f_n along the tangent, which is +x for a normal that points down
-    assert found["stress-xy"] == pytest.approx(0.1 * expected)
-    assert found["stress-xx"] == pytest.approx(np.zeros(GRAINS), abs=1e-12)
-    assert found["stress-yx"] == pytest.approx(np.zeros(GRAINS), abs=1e-12)
-    assert profile(column, "pressure", LAST, GRAINS).value == pytest.approx(0.5 * expected)
-
-
 def test_frames_without_forces_are_left_out(column: Run, silent: Run) -> None:
     assert profile(column, "stress-yy", ALL).frames.tolist() == [1, 2, 3, 4]
     with pytest.raises(PostError, match="no step of the mechanics was done before"):
@@ -80,21 +49,6 @@ def test_frames_without_forces_are_left_out(column: Run, silent: Run) -> None:
             profiles(silent, of)
     with pytest.raises(PostError, match="were not recorded"):
         grain_map(silent, "stress")
-
-
-def test_coordination_counts_walls_once(column: Run) -> None:
-    """Every grain has two contacts but the lowest, which has one; bins are as high as grains."""
-    table = profile(column, "coordination", LAST, GRAINS)
-    assert table.value == pytest.approx([1.0] + [2.0] * (GRAINS - 1))
-
-
-def test_pressure_of_grains(column: Run) -> None:
-    force = 1.0 + np.arange(GRAINS)
-    below, table = np.concatenate([[0.0], force[:-1]]), grain_map(column, "stress")
-    assert table.value == pytest.approx((force + below) / (2.0 * np.pi * RADIUS))
-    # weighted with areas, half the virial but for the branches beyond the outermost centers
-    virial = 2.0 * RADIUS * 45.0 + RADIUS * 10.0
-    assert (table.value * np.pi * RADIUS**2).sum() == pytest.approx(0.5 * virial)
 
 
 def test_bins_by_width_and_without_the_walls(column: Run) -> None:
