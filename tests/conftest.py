@@ -1,15 +1,10 @@
 """Runs that tests look at, and the order of the tests."""
 
-from __future__ import annotations
-
 import os
 import shlex
 import shutil
-from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from subprocess import CompletedProcess
-from typing import Any
 
 import pytest
 from command_line import call
@@ -41,18 +36,18 @@ if (
     os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(MEMORY))
 
 
-def _place(item: pytest.Item) -> int:
+def _place(item):
     path = item.path.relative_to(Path(__file__).parent)
     folders = map(Path.as_posix, (path, *path.parents))
     return next((PLACES[folder] for folder in folders if folder in PLACES), 0)
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(items):
     items.sort(key=_place)
 
 
 @pytest.fixture(scope="session")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def finished(tmp_path_factory):
     """Directory of an uninterrupted run of the small scenario."""
     directory = tmp_path_factory.mktemp("finished")
     write_small(directory)
@@ -64,15 +59,13 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def run(tmp_path: Path) -> Iterator[Callable[..., multicor.Run]]:
+def run(tmp_path):
     """``run(scenario, name)`` carries a scenario out in this process, and opens its directory until
     the test is over.
     """
     with ExitStack() as opened:
 
-        def run_and_open(
-            scenario: multicor.Scenario, name: str = "run", **options: Any
-        ) -> multicor.Run:
+        def run_and_open(scenario, name="run", **options):
             multicor.run(scenario, tmp_path / name, **{"threads": 1, **options})
             return opened.enter_context(multicor.open_run(tmp_path / name))
 
@@ -80,7 +73,7 @@ def run(tmp_path: Path) -> Iterator[Callable[..., multicor.Run]]:
 
 
 @pytest.fixture(scope="session")
-def heated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def heated(tmp_path_factory):
     """Directory of a run with known temperatures (`heat_run`)."""
     path = tmp_path_factory.mktemp("heated") / "run"
     write_heated_run(path)
@@ -88,13 +81,13 @@ def heated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def column(heated: Path) -> multicor.Run:
+def column(heated):
     """That run: ten grains on top of each other; each frame is read anew."""
     return multicor.open_run(heated)
 
 
 @pytest.fixture(scope="session")
-def silent(tmp_path_factory: pytest.TempPathFactory) -> multicor.Run:
+def silent(tmp_path_factory):
     """The same without contacts."""
     path = tmp_path_factory.mktemp("silent") / "run"
     write_heated_run(path, contacts=False)
@@ -102,7 +95,7 @@ def silent(tmp_path_factory: pytest.TempPathFactory) -> multicor.Run:
 
 
 @pytest.fixture
-def typed(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[..., CompletedProcess[str]]:
+def typed(request, tmp_path):
     """``typed("post map RUN")`` is a command as typed in an empty folder, which ends with ``code``.
 
     RUN and HEATED are the runs of the fixtures `finished` and `heated`, SMALL is the scenario of
@@ -114,7 +107,7 @@ def typed(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[..., Compl
         "SMALL": ("finished", "../small.toml"),
     }
 
-    def typed(line: str, code: int = 0) -> CompletedProcess[str]:
+    def typed(line, code=0):
         for word, (fixture, below) in places.items():
             if word in line:
                 line = line.replace(word, str((request.getfixturevalue(fixture) / below).resolve()))

@@ -305,7 +305,7 @@ def test_values_without_a_color_of_their_own_are_told(opened):
     assert opened.page.inner_text("#bar-label") == label
 
 
-def test_the_first_color_shown_is_that_of_a_quantity_that_differs(browser, tmp_path: Path):
+def test_the_first_color_shown_is_that_of_a_quantity_that_differs(browser, tmp_path):
     """Grains at rest with different temperatures, after a run of one frame: nothing to play."""
     write_heated_run(tmp_path / "run", frames=1)
     write_report(tmp_path / "run", tmp_path / "one.html")
@@ -325,7 +325,7 @@ def test_the_first_color_shown_is_that_of_a_quantity_that_differs(browser, tmp_p
         assert opened.page.evaluate("() => chooseField().name") == "temperature"
 
 
-def test_a_script_that_got_into_the_page_does_not_run(browser, address, tmp_path: Path):
+def test_a_script_that_got_into_the_page_does_not_run(browser, address, tmp_path):
     """The policy names the digest of the one program; this is what an escape that was forgotten
     would look like.
     """

@@ -2,36 +2,29 @@
 what is there, or a message.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from command_line import call
 from scenarios import plane, toml
 from scene_parts import between_planes
-from walled import COUNT, FLOOR, FRICTION, LID, PERIOD, RUNS, SMOOTH, Walled
+from walled import COUNT, FLOOR, FRICTION, LID, PERIOD, RUNS, SMOOTH
 
 from multicor_cli.cli.post_commands import COMMANDS
 from multicor_cli.model import State, Thermal
 from multicor_cli.post import MAPPED, PROFILED, Selection
 from multicor_cli.running.outcome import ExitCode
-from multicor_cli.store import Run, RunDirectory, Snapshot, open_run
+from multicor_cli.store import RunDirectory, Snapshot, open_run
 
 # --- walls of every kind: what the tables hold
 
 
 @pytest.fixture(scope="module", params=RUNS, ids=lambda of: f"{of.kind} {of.seed}")
-def walled(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[tuple[Walled, Run]]:
+def walled(request, tmp_path_factory):
     """A short run between walls of some kind."""
     folder = tmp_path_factory.mktemp("walled")
     (folder / "walled.toml").write_text(request.param.text)
@@ -41,12 +34,12 @@ def walled(
         yield request.param, run
 
 
-def chosen(run: Run) -> list[Any]:
+def chosen(run):
     """The frames that tables look at unless told otherwise."""
     return [run.frames[int(k)] for k in Selection().indices(run.frames)]
 
 
-def lines(of: Walled, run: Run) -> tuple[float, float]:
+def lines(of, run):
     """Heights of the floor and the lid, averaged over the frames."""
     lid = 0.065 if of.kind == "box of planes" else 0.075 if "under" in of.kind else LID
     first = run.frames[0].wall_position
@@ -55,7 +48,7 @@ def lines(of: Walled, run: Run) -> tuple[float, float]:
     return float(FLOOR + low), float(lid + high)
 
 
-def wall_forces(run: Run) -> tuple[float, float]:
+def wall_forces(run):
     """Shear and normal force on the lid and against it on the floor, half their sum, between the
     first and last frame [N].
     """
@@ -65,7 +58,7 @@ def wall_forces(run: Run) -> tuple[float, float]:
     return float(force[0, 0] - force[1, 0]) / 2, float(force[1, 1] - force[0, 1]) / 2
 
 
-def load_of_frames(run: Run) -> float:
+def load_of_frames(run):
     """Mean of what presses floor and lid apart, in the steps of the frames [N]."""
     loads = []
     for frame in chosen(run):
@@ -78,15 +71,15 @@ def load_of_frames(run: Run) -> float:
     return float(np.mean(loads))
 
 
-def area_of(run: Run) -> float:
+def area_of(run):
     return float((np.pi * run.model.grains.radius**2).sum())
 
 
-def near(value: float, relative: float = 1e-9) -> Any:
+def near(value, relative=1e-9):
     return pytest.approx(value, rel=relative)
 
 
-def bounds_are_right(of: Walled, run: Run, table: dict[str, Any]) -> None:
+def bounds_are_right(of, run, table):
     """Heights lie between the walls of the grains, or where the grains are."""
     assert tuple(table["walls"]) == of.bounds
     if all(of.bounds):
@@ -99,21 +92,21 @@ def bounds_are_right(of: Walled, run: Run, table: dict[str, Any]) -> None:
     assert 0.0 < min(table["y"]) <= max(table["y"]) < table["height"]
 
 
-def velocity(of: Walled, run: Run, table: dict[str, Any]) -> None:
+def velocity(of, run, table):
     bounds_are_right(of, run, table)
     speeds = np.concatenate([frame.velocity[:, 0] for frame in chosen(run)])
     known = [value for value in table["value"] if value is not None]
     assert speeds.min() - 1e-12 <= min(known) <= max(known) <= speeds.max() + 1e-12
 
 
-def temperature(of: Walled, run: Run, table: dict[str, Any]) -> None:
+def temperature(of, run, table):
     bounds_are_right(of, run, table)
     known = [value for value in table["value"] if value is not None]
     assert 299.9 < min(known) <= max(known) < 400.1
     assert known[0] > known[-1] or not of.bounds[0]
 
 
-def solid_fraction(of: Walled, run: Run, table: dict[str, Any]) -> None:
+def solid_fraction(of, run, table):
     """All area is there, but for grains that lie between those of a rough wall, or between a
     polygon and its image.
     """
@@ -124,7 +117,7 @@ def solid_fraction(of: Walled, run: Run, table: dict[str, Any]) -> None:
     assert found == near(area_of(run), 1e-6 if is_level else 0.1)
 
 
-def normal_stress(of: Walled, run: Run, table: dict[str, Any]) -> None:
+def normal_stress(of, run, table):
     """The load of the lid at all heights of a layer; in a channel the weight above."""
     stress = np.array(table["value"], float)
     if of.is_layer:
@@ -136,14 +129,14 @@ def normal_stress(of: Walled, run: Run, table: dict[str, Any]) -> None:
         assert stress[0] > 10.0 * stress[-1]
 
 
-def heat(of: Walled, run: Run, table: dict[str, Any]) -> None:
+def heat(of, run, table):
     bounds_are_right(of, run, table)
     # That of a contact may be, not what a grain receives (theory §11.3)
     assert min(table["value"]) >= 0.0
     assert (max(table["value"]) > 0.0) == (of.kind != "no walls")
 
 
-def theta_eta(of: Walled, run: Run, table: dict[str, Any]) -> None:
+def theta_eta(of, run, table):
     """Warm at the floor, cold above; each grain is in a bin."""
     y, radius = run.frames[-1].position[:, 1], run.model.grains.radius
     assert (table["wall"], table["wall_temperature"]) == ("floor", 400.0)
@@ -155,14 +148,14 @@ def theta_eta(of: Walled, run: Run, table: dict[str, Any]) -> None:
     assert np.nanmean(theta[:half]) > np.nanmean(theta[half:])
 
 
-def grain_temperatures(of: Walled, run: Run, table: dict[str, Any]) -> None:
+def grain_temperatures(of, run, table):
     frame = run.frames[-1]
     assert table["value"] == pytest.approx(frame.temperature.tolist())
     places = np.column_stack([table["x"], table["y"]])
     assert places == pytest.approx(np.asarray(frame.position)[:, :2])
 
 
-def forces(of: Walled, run: Run, table: dict[str, Any]) -> None:
+def forces(of, run, table):
     contacts = run.frames[-1].contacts
     normal = contacts.impulse[:, 0] / run.frames[-1].dt
     is_loaded = normal > 0.0
@@ -175,13 +168,13 @@ def forces(of: Walled, run: Run, table: dict[str, Any]) -> None:
         assert table["tangential_force_mean"] <= FRICTION * mean * (1.0 + 1e-9)
 
 
-def directions(of: Walled, run: Run, table: dict[str, Any]) -> None:
+def directions(of, run, table):
     assert table["frame_count"] == 5
     assert 0.0 <= table["a_c"] <= 2.0
     assert 0.0 <= table["theta_c"] < 180.0
 
 
-def rheology(of: Walled, run: Run, table: dict[str, Any]) -> None:
+def rheology(of, run, table):
     """What presses and shears are the walls; the bulk carries the load."""
     low, high = lines(of, run)
     mean, (shear, normal) = table["mean"], wall_forces(run)
@@ -197,7 +190,7 @@ def rheology(of: Walled, run: Run, table: dict[str, Any]) -> None:
         assert abs(mean["friction_walls"]) <= FRICTION * (1.0 + 1e-6)
 
 
-def everywhere(of: Walled, run: Run, table: dict[str, Any]) -> None:
+def everywhere(of, run, table):
     """A region that holds all grains."""
     assert set(table["grains"]) == {COUNT}
     assert table["mean"]["solid_fraction"] * table["area"] == near(area_of(run))
@@ -205,7 +198,7 @@ def everywhere(of: Walled, run: Run, table: dict[str, Any]) -> None:
     assert 299.9 < table["mean"]["temperature"] < 400.1
 
 
-def coarse(of: Walled, run: Run, table: dict[str, Any]) -> None:
+def coarse(of, run, table):
     """The density is that of the grains, but for what is smeared out beyond the ends of a grid."""
     x, y = (np.unique(table[axis]) for axis in "xy")
     cell = (PERIOD / x.size if of.is_periodic else x[1] - x[0]) * (y[1] - y[0])
@@ -213,30 +206,30 @@ def coarse(of: Walled, run: Run, table: dict[str, Any]) -> None:
     assert 0.8 * area_of(run) < found < 1.01 * area_of(run)
 
 
-def flow(of: Walled, run: Run, table: dict[str, Any]) -> None:
+def flow(of, run, table):
     """What has crossed a level across the whole domain is above it in the end."""
     first, *_, last = (int((frame.position[:, 1] > 0.02).sum()) for frame in chosen(run))
     assert table["to_the_left"] - table["to_the_right"] == last - first
     assert table["not_counted"] == 0
 
 
-def series(of: Walled, run: Run, table: dict[str, Any]) -> None:
+def series(of, run, table):
     assert table["mean"]["kinetic"] == near(float(np.mean(run.series["kinetic"])), 1e-12)
 
 
-def books(of: Walled, run: Run, table: dict[str, Any]) -> None:
+def books(of, run, table):
     assert max(table["energy_closure"], table["heat_closure"]) < 1e-12
     assert (table["end"]["friction_loss"] > 0.0) == (of.kind != "no walls")
 
 
-def same(of: Walled, run: Run, table: dict[str, Any]) -> None:
+def same(of, run, table):
     assert table["scenario"] == []
     assert {number["difference"] for number in table["numbers"].values()} <= {0.0, None}
     assert table["profiles"]["velocity"]["rms_difference_over_error"] in (0.0, None)
     assert ("pressure" in table["numbers"]) == (of.is_periodic and all(of.bounds))
 
 
-TABLES: dict[str, Callable[[Walled, Run, dict[str, Any]], None]] = {
+TABLES = {
     "profile": velocity,
     "profile --of temperature": temperature,
     "profile --of solid-fraction --exclude-walls 0": solid_fraction,
@@ -257,7 +250,7 @@ TABLES: dict[str, Callable[[Walled, Run, dict[str, Any]], None]] = {
 """Commands, and what tells whether their table is right."""
 
 
-def refusal(of: Walled, name: str) -> str:
+def refusal(of, name):
     """What a command says that has no table of such a run; empty if it has one."""
     if name == "rheology" and not all(of.bounds):
         return "rheology needs a wall below and a wall above the grains that shear them"
@@ -274,7 +267,7 @@ def refusal(of: Walled, name: str) -> str:
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 @pytest.mark.parametrize("name", TABLES)
-def test_a_table_holds_what_the_run_does(walled: tuple[Walled, Run], name: str) -> None:
+def test_a_table_holds_what_the_run_does(walled, name):
     of, run = walled
     words = [str(run.path) if word == "SELF" else word for word in name.split()]
     done = call("post", words[0], run.path, *words[1:], "--json", cwd=run.path.parent)
@@ -286,7 +279,7 @@ def test_a_table_holds_what_the_run_does(walled: tuple[Walled, Run], name: str) 
         TABLES[name](of, run, json.loads(done.stdout))
 
 
-def test_every_command_is_tried() -> None:
+def test_every_command_is_tried():
     assert {name.split()[0] for name in TABLES} | {"animate"} == set(COMMANDS)
 
 
@@ -305,7 +298,7 @@ HEAVY = (
         "export csv RUN -o csv",
     ],
 )
-def test_reading_loads_nothing_heavy(finished: Path, tmp_path: Path, words: str) -> None:
+def test_reading_loads_nothing_heavy(finished, tmp_path, words):
     said = f"import sys; sys.argv[1:] = {words.replace('RUN', str(finished)).split()}\n"
     script = said + (
         "from multicor_cli.cli.app import main\ntry: main()\n"
@@ -323,7 +316,7 @@ GRAINS = {"shape": "sphere", "sizes": {"kind": "list", "radii": [0.01]}}
 """Of them there are a few on a warm floor, below a lid that moves."""
 
 
-def few(count: int, warm: float = 400.0, text: str = "", **grains: Any) -> str:
+def few(count, warm=400.0, text="", **grains):
     floor = {"geometry": plane(), "thermal": {"temperature": warm}}
     move = {"lid": {"x": {"velocity": 0.1}}}
     group = {**GRAINS, "count": count, **(grains or {"packing": {"kind": "deposited"}})}
@@ -334,7 +327,7 @@ def few(count: int, warm: float = 400.0, text: str = "", **grains: Any) -> str:
     )  # fmt: skip
 
 
-def waiting(start: float) -> str:
+def waiting(start):
     """Grains that are not there at first."""
     region = {"min": [0.4, 0.1], "max": [0.6, 0.15]}
     return few(5, release={"rate": 500.0, "start": start, "region": region})
@@ -352,7 +345,7 @@ SCENARIOS = {
 }
 
 
-def write_by_hand(path: Path, places: list[tuple[float, float]], frames: int) -> None:
+def write_by_hand(path, places, frames):
     """A run of grains at these places that nothing happens to."""
     model = between_planes([0.1] * len(places))
     n = len(places)
@@ -376,7 +369,7 @@ BY_HAND = {
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def runs(tmp_path_factory):
     """The odd runs by name."""
     folder = tmp_path_factory.mktemp("odd")
     for name, scenario in SCENARIOS.items():
@@ -428,7 +421,7 @@ SHOWN = ("one grain", "none at first", "all in one place")
 drawn."""
 
 
-def commands(run: Path) -> Iterator[list[str]]:
+def commands(run):
     """Every command that reads, in every form of its output, with what changes its numbers."""
     assert VARIANTS.keys() == COMMANDS.keys()
     is_shown = run.name in SHOWN
@@ -445,9 +438,7 @@ def commands(run: Path) -> Iterator[list[str]]:
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 @pytest.mark.parametrize("name", [*SCENARIOS, *BY_HAND])
-def test_a_reading_command_gives_a_table_or_a_message(
-    runs: dict[str, Path], name: str, tmp_path: Path
-) -> None:
+def test_a_reading_command_gives_a_table_or_a_message(runs, name, tmp_path):
     for words in commands(runs[name]):
         done = call(*words, cwd=tmp_path)
         said = f"{words}: {done.returncode}\n{done.stderr}"
@@ -461,15 +452,13 @@ def test_a_reading_command_gives_a_table_or_a_message(
 @pytest.mark.parametrize(
     "words", [["post", "map"], ["post", "forces"], ["post", "profile"], ["post", "fields"]]
 )
-def test_where_no_grain_is_a_command_says_so(
-    runs: dict[str, Path], words: list[str], tmp_path: Path
-) -> None:
+def test_where_no_grain_is_a_command_says_so(runs, words, tmp_path):
     done = call(*words, runs["none yet"], cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert "no grain is there in frame" in done.stderr
 
 
-def test_a_film_shows_frames_without_grains(runs: dict[str, Path], tmp_path: Path) -> None:
+def test_a_film_shows_frames_without_grains(runs, tmp_path):
     done = call("post", "animate", runs["none at first"], "-o", "film.gif", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert f"{len(open_run(runs['none at first']).frames.time)} frames" in done.stderr

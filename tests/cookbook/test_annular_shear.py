@@ -6,20 +6,15 @@ on its radius, r² σ_rθ = const, and are the torque of either cylinder.
 """
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scenarios import run_config
 
 import multicor_cli as multicor
-from multicor_cli.model import Model
-from multicor_cli.store import Frame
 
 pytestmark = [pytest.mark.validation, pytest.mark.timeout(1800)]
 
-Floats = NDArray[np.float64]
 INNER, OUTER = 0, 1
 D, SPIN = 1e-3, 10.0
 CIRCLES = np.arange(9.0, 19.5) * D
@@ -27,18 +22,18 @@ CIRCLES = np.arange(9.0, 19.5) * D
 is glued to the outer one."""
 
 
-def cross(a: Floats, b: Floats) -> Floats:
+def cross(a, b):
     """z component of the products, shape ``(n,)``."""
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
-def momenta(frame: Frame, model: Model, center: Floats) -> Floats:
+def momenta(frame, model, center):
     """Angular momentum of each grain about the axis, its spin included [N m s], shape ``(n,)``."""
     momentum = model.grains.mass[:, None] * frame.velocity[:, :2]
     return cross(frame.position[:, :2] - center, momentum) + model.grains.inertia * frame.spin
 
 
-def by_contacts(frame: Frame, model: Model, center: Floats) -> Floats:
+def by_contacts(frame, model, center):
     """Torque that contacts pass on outwards [N m], averaged over the circles in each ring, shape
     ``(rings,)``.
 
@@ -60,7 +55,7 @@ def by_contacts(frame: Frame, model: Model, center: Floats) -> Floats:
     return (outwards @ np.maximum(share, 0.0)) / np.diff(CIRCLES)
 
 
-def by_grains(frame: Frame, model: Model, center: Floats) -> Floats:
+def by_grains(frame, model, center):
     """Angular momentum that grains carry outwards in a second [N m], averaged likewise: the kinetic
     part.
     """
@@ -71,7 +66,7 @@ def by_grains(frame: Frame, model: Model, center: Floats) -> Floats:
 
 
 @pytest.mark.parametrize("seed", [6, 7])
-def test_every_circle_passes_on_the_torque_of_the_cylinders(seed: int, tmp_path: Path) -> None:
+def test_every_circle_passes_on_the_torque_of_the_cylinders(seed, tmp_path):
     """Frames are of every step here: what rings take up in one step and give away in the next adds
     up to nothing.
     """

@@ -6,19 +6,16 @@ the planes of shear, so that τ/P there is comparable with sin φ = (σ1 − σ3
 inertial number is that of the rate of shear ε̇1 − ε̇3 = 2 ε̇1.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
-from bulk import Bulk, measure_bulk
+from bulk import measure_bulk
 from numpy.typing import NDArray
 from recorded import keep
 from scenarios import run_config
 
 import multicor_cli as multicor
-from multicor_cli.store import Run
 
 pytestmark = [pytest.mark.validation, pytest.mark.timeout(1800)]
 
@@ -45,12 +42,12 @@ class Rows:
     stress: Floats
 
     @property
-    def strain(self) -> Floats:
+    def strain(self):
         """Logarithmic strain of the height, positive in compression."""
         return np.log(self.height[0] / self.height)
 
 
-def rows_of(run: Run, stage: str) -> Rows:
+def rows_of(run, stage):
     series = run.series
     is_moving = np.asarray(series["window_duration"]) > 0.0
     in_stage = np.asarray(series["stage"]) == run.stages.index(stage)
@@ -64,7 +61,7 @@ def rows_of(run: Run, stage: str) -> Rows:
     return Rows(np.asarray(series["time"])[rows], width, height, stress)
 
 
-def covered(position: Floats, radius: Floats, low: float, high: Floats) -> float:
+def covered(position, radius, low, high):
     """Share of a rectangle with the corners (low, low) and ``high`` that discs cover, from 800
     points in each disc.
     """
@@ -76,7 +73,7 @@ def covered(position: Floats, radius: Floats, low: float, high: Floats) -> float
     return float((np.pi * radius**2 * inside).sum() / np.prod(high - low))
 
 
-def critical_state(run: Run) -> tuple[float, float, float, float]:
+def critical_state(run):
     """sin φ, solid fraction, change of volume with strain, and inertial number."""
     rows, model = rows_of(run, "compress"), run.model
     steady = rows.strain > STEADY
@@ -96,7 +93,7 @@ def critical_state(run: Run) -> tuple[float, float, float, float]:
     return sine, float(np.mean(fractions)), float(swelling), float(number)
 
 
-def plane_shear(directory: Path, seed: int) -> Bulk:
+def plane_shear(directory, seed):
     """The state of plane shear at an inertial number of about 0.0025, at which a run takes half as
     long as at that of the box.
     """
@@ -110,9 +107,7 @@ def plane_shear(directory: Path, seed: int) -> Bulk:
     return measure_bulk(directory, load=0.3, strain=2.0)
 
 
-def test_stresses_and_the_critical_state(
-    tmp_path: Path, record_property: Callable[[str, object], None]
-) -> None:
+def test_stresses_and_the_critical_state(tmp_path, record_property):
     found = []
     for seed in (3, 4, 5, 6):
         path = run_config("biaxial", tmp_path / f"run-{seed}", f"scenario.seed={seed}")

@@ -7,8 +7,6 @@ at every height, so that I is the same there, and γ̇ = I √(P/ρ)/d with P �
 """
 
 import math
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,11 +25,11 @@ LAYER = 0.25, 0.8
 fly."""
 
 
-def flow(directory: Path, angle: float) -> Path:
+def flow(directory, angle):
     return run_config("chute", directory / f"chute-{angle}", f"variables.angle={angle}")
 
 
-def layer(directory: Path) -> tuple[np.ndarray, np.ndarray, float, float]:
+def layer(directory):
     """Heights and velocities in the layer, its height H, and the mean inertial number."""
     with multicor.open_run(directory) as run:
         model, chosen = run.model, Selection(start=0.6 * run.frames[-1].time)
@@ -51,7 +49,7 @@ def layer(directory: Path) -> tuple[np.ndarray, np.ndarray, float, float]:
     return table.y[middle], table.value[middle], float(top), float(np.mean(number[middle]))
 
 
-def sheared_friction(directory: Path, inertial_number: float) -> float:
+def sheared_friction(directory, inertial_number):
     """μ of plane shear without gravity at an inertial number, between two runs around it."""
     found = []
     for factor in (0.8, 1.25):
@@ -71,9 +69,7 @@ def sheared_friction(directory: Path, inertial_number: float) -> float:
 
 
 @pytest.mark.parametrize("angle", [24.0, 20.0])
-def test_steady_flow(
-    angle: float, tmp_path: Path, record_property: Callable[[str, object], None]
-) -> None:
+def test_steady_flow(angle, tmp_path, record_property):
     y, v, top, inertial_number = layer(flow(tmp_path, angle))
     shape = top**1.5 - (top - y) ** 1.5
     amplitude, slip = np.polyfit(shape, v, 1)
@@ -88,7 +84,7 @@ def test_steady_flow(
     assert friction == pytest.approx(math.tan(math.radians(angle)), abs=0.03)
 
 
-def test_rest_below_the_angle_of_repose(tmp_path: Path) -> None:
+def test_rest_below_the_angle_of_repose(tmp_path):
     """The deposited layer settles by less than a fiftieth of a diameter in the last second,
     wherever that is to.
     """

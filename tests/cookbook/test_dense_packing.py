@@ -6,11 +6,8 @@ Lett. 81, 1634, 1998; J.-N. Roux, Phys. Rev. E 61, 6802,
 2000).
 """
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scenarios import run_config
 
 import multicor_cli as multicor
@@ -19,7 +16,7 @@ from multicor_cli.post.rheology import rheology
 pytestmark = [pytest.mark.validation, pytest.mark.timeout(1800)]
 
 
-def backbone(grains: int, i: NDArray[np.int32], j: NDArray[np.int32]) -> tuple[int, int]:
+def backbone(grains, i, j):
     """Number of discs that three contacts or more hold, and of the contacts between them and with
     walls; rattlers left out.
     """
@@ -35,7 +32,7 @@ def backbone(grains: int, i: NDArray[np.int32], j: NDArray[np.int32]) -> tuple[i
 
 
 @pytest.mark.parametrize("seed", [4, 5])
-def test_isostatic_without_friction_and_less_with_it(seed: int, tmp_path: Path) -> None:
+def test_isostatic_without_friction_and_less_with_it(seed, tmp_path):
     path = run_config("dense-packing", tmp_path / "run", f"scenario.seed={seed}")
     with multicor.open_run(path) as run:
         last = int(np.flatnonzero(np.asarray(run.frames.stage) == 0)[-1])

@@ -5,8 +5,6 @@ A body on a plane rests on slopes of tan α ≤ μ_r, a disc hangs if F_a ≥ m 
 """
 
 import math
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +18,7 @@ VARIANTS = {"neither": (0, 0), "adhesion": (4, 0), "rolling": (0, 0.3), "both": 
 """Granular Bond number and coefficient of rolling resistance."""
 
 
-def test_slopes_grow_with_adhesion_and_with_rolling_resistance(tmp_path: Path) -> None:
+def test_slopes_grow_with_adhesion_and_with_rolling_resistance(tmp_path):
     found, mean, error = {}, {}, {}
     for name, (bond, rolling) in VARIANTS.items():
         angles = []
@@ -39,7 +37,7 @@ def test_slopes_grow_with_adhesion_and_with_rolling_resistance(tmp_path: Path) -
 WEIGHT = 2500.0 * 9.81 * math.pi / 4.0 * 1e-9  # of a disc with a diameter of 1 mm [N]
 
 
-def ends(run: Any, name: str, heights: list[float], rolling=0.0, adhesion=0.0, angle=0.0):
+def ends(run, name, heights, rolling=0.0, adhesion=0.0, angle=0.0):
     """Positions and velocities of discs at the end, and the time of the run; a ceiling holds them
     with ten weights.
     """
@@ -60,9 +58,7 @@ def ends(run: Any, name: str, heights: list[float], rolling=0.0, adhesion=0.0, a
 
 
 @pytest.mark.parametrize("rolling", [0.05, 0.2])
-def test_a_disc_rolls_down_slopes_above_the_coefficient_of_rolling_resistance(
-    rolling: float, run: Any
-) -> None:
+def test_a_disc_rolls_down_slopes_above_the_coefficient_of_rolling_resistance(rolling, run):
     limit = math.atan(rolling)
     _, velocity, _ = ends(run, "below", [0.5e-3], rolling=rolling, angle=0.995 * limit)
     assert abs(velocity[0, 0]) < 1e-9
@@ -72,7 +68,7 @@ def test_a_disc_rolls_down_slopes_above_the_coefficient_of_rolling_resistance(
     assert velocity[0, 0] == pytest.approx(acceleration * time, rel=1e-6)
 
 
-def test_a_pair_separates_above_its_adhesion(run: Any) -> None:
+def test_a_pair_separates_above_its_adhesion(run):
     """The ceiling holds the upper disc, which holds the lower one if F_a ≥ m g."""
     heights = [9.5e-3, 8.5e-3]
     place, velocity, time = ends(run, "holds", heights, adhesion=1.005)

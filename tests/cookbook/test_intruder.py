@@ -3,7 +3,6 @@ ordinary differential equation.
 """
 
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +17,7 @@ pytestmark = [pytest.mark.validation, pytest.mark.timeout(1800)]
 INTRUDER = 1
 
 
-def test_the_work_of_the_drive_is_lost_or_stored(tmp_path: Path) -> None:
+def test_the_work_of_the_drive_is_lost_or_stored(tmp_path):
     """Its work is summed from the recorded forces on the intruder; what is stored, from the
     frames.
     """
@@ -40,7 +39,7 @@ def test_the_work_of_the_drive_is_lost_or_stored(tmp_path: Path) -> None:
     assert info["heat_closure"] < 1e-12
 
 
-def test_its_temperature_follows_from_the_measured_conductances(tmp_path: Path) -> None:
+def test_its_temperature_follows_from_the_measured_conductances(tmp_path):
     """C dT/dt = Σ H (T_i − T) + half the heat of friction, with H, T_i and the heat of the frames,
     which are of every step here.
     """

@@ -9,7 +9,6 @@ by no more than two grains of its largest size, for any seed.
 
 import csv
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,7 +24,7 @@ DENSITY, LOAD, HEIGHT = 2650.0, 1.0, 32e-3
 LARGE = ("variables.width=0.2", "variables.height=0.5")
 
 
-def sieves() -> tuple[np.ndarray, np.ndarray]:
+def sieves():
     """Diameters and what passes."""
     with SIEVES.with_suffix(".csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
@@ -35,11 +34,11 @@ def sieves() -> tuple[np.ndarray, np.ndarray]:
     return diameter, passing
 
 
-def mass_of(diameter: np.ndarray) -> np.ndarray:
+def mass_of(diameter):
     return DENSITY * math.pi / 6.0 * diameter**3
 
 
-def expected_masses(count: int) -> np.ndarray:
+def expected_masses(count):
     """Mean mass of each class among ``count`` grains.
 
     A class with the share s of the mass M has M s ⟨1/m⟩ grains, the mean over its diameters: ⟨1/D³⟩
@@ -52,11 +51,11 @@ def expected_masses(count: int) -> np.ndarray:
     return count / (share * inverse).sum() * share
 
 
-def masses(radius: np.ndarray, mass: np.ndarray) -> np.ndarray:
+def masses(radius, mass):
     return np.histogram(2.0 * radius, sieves()[0], weights=mass)[0]
 
 
-def test_every_class_has_its_mass(tmp_path: Path) -> None:
+def test_every_class_has_its_mass(tmp_path):
     """In what lies under the lid at the end; the lid gets its load back, and the floor also has the
     weight of the grains.
     """
@@ -81,7 +80,7 @@ def test_every_class_has_its_mass(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("count", [100, 1000, 20_000])
-def test_the_bound_holds_for_all_seeds_and_shrinks_with_the_number_of_grains(count: int) -> None:
+def test_the_bound_holds_for_all_seeds_and_shrinks_with_the_number_of_grains(count):
     bound, expected = 2.0 * mass_of(sieves()[0][1:]), expected_masses(count)
     used = []
     for seed in range(10):

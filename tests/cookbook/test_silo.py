@@ -8,8 +8,6 @@ width/(2 μ K), at the depth z below a height that bears q.
 """
 
 import math
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,7 +19,6 @@ import multicor_cli as multicor
 from multicor_cli.post.bins import find_extent
 from multicor_cli.post.profile import profile
 from multicor_cli.post.source import Selection
-from multicor_cli.store import Run
 
 pytestmark = [pytest.mark.validation, pytest.mark.timeout(3600)]
 
@@ -33,7 +30,7 @@ OPENINGS, SEEDS = (6, 8, 10, 12), (1, 2)
 
 
 @pytest.fixture(scope="module")
-def silos(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[int, int], Path]:
+def silos(tmp_path_factory):
     """Runs by opening and seed."""
     folder = tmp_path_factory.mktemp("silo")
     made = {(opening, seed): folder / f"{opening}-{seed}" for opening in OPENINGS for seed in SEEDS}
@@ -42,12 +39,12 @@ def silos(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[int, int], Pat
     return made
 
 
-def steady(run: Run) -> float:
+def steady(run):
     """Time from which the flow is steady [s]."""
     return float(run.series["time"][run.series["stage"] == 1][0]) + SETTLED
 
 
-def flow_rate(directory: Path) -> float:
+def flow_rate(directory):
     """Grains per second that leave in the steady flow."""
     with multicor.open_run(directory) as run:
         time, left = run.series["time"], run.series["left"]
@@ -55,9 +52,7 @@ def flow_rate(directory: Path) -> float:
     return float(np.ptp(left[chosen]) / np.ptp(time[chosen]))
 
 
-def test_the_flow_rate_follows_beverloo(
-    silos: dict[tuple[int, int], Path], record_property: Callable[[str, object], None]
-) -> None:
+def test_the_flow_rate_follows_beverloo(silos, record_property):
     """W^{2/3} is linear in D within 4 %: the rates of single runs have standard errors of 1 to 3
     %.
     """
@@ -74,14 +69,14 @@ def test_the_flow_rate_follows_beverloo(
     assert 0.5 < -start / slope < 3.0
 
 
-def test_both_materials_leave_as_they_come(silos: dict[tuple[int, int], Path]) -> None:
+def test_both_materials_leave_as_they_come(silos):
     """Half of the grains are plastic: of the mass that leaves its share is that of all mass."""
     with multicor.open_run(silos[10, 1]) as run:
         (grains, mass), model = run.series["outlet_flow"][-1, 0], run.model
     assert mass / grains == pytest.approx(float(model.grains.mass.mean()), rel=0.03)
 
 
-def stresses(directory: Path) -> tuple[np.ndarray, ...]:
+def stresses(directory):
     """By bin: depth [m], σ_yy with its standard error, σ_xx [N/m]; and, the same for all, weight
     per area and the walls' μ.
     """
@@ -104,9 +99,7 @@ def stresses(directory: Path) -> tuple[np.ndarray, ...]:
     return surface - y[deep], *values, load, friction
 
 
-def test_the_stress_saturates_as_janssen_says(
-    silos: dict[tuple[int, int], Path], record_property: Callable[[str, object], None]
-) -> None:
+def test_the_stress_saturates_as_janssen_says(silos, record_property):
     """The curve of both seeds, by their standard errors: a bin of one run is known to 10 to 20 %
     only.
     """
@@ -115,7 +108,7 @@ def test_the_stress_saturates_as_janssen_says(
     )
     load, friction = float(load.mean()), float(friction.mean())
 
-    def janssen(z: np.ndarray, length: float, top: float) -> np.ndarray:
+    def janssen(z, length, top):
         return load * length * (1.0 - np.exp(-z / length)) + top * np.exp(-z / length)
 
     (length, top), _ = curve_fit(

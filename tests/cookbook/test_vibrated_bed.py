@@ -3,7 +3,6 @@ floor's work is what is lost.
 """
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,9 +17,7 @@ pytestmark = [pytest.mark.validation, pytest.mark.timeout(1800)]
 F, STEPS = 20.0, 500
 
 
-def floor_force(
-    directory: Path, gamma: float, layers: int, cycles: int, *, per_layer: int = 19
-) -> np.ndarray:
+def floor_force(directory, gamma, layers, cycles, *, per_layer=19):
     """Force on the floor in every step, shape ``(cycles, steps of a cycle)``."""
     said = {"Gamma": gamma, "layers": layers, "cycles": cycles, "per_layer": per_layer}
     run_config("vibrated-bed", directory, *(f"variables.{name}={said[name]}" for name in said))
@@ -30,19 +27,19 @@ def floor_force(
 
 
 @pytest.mark.parametrize(("gamma", "flies"), [(0.99, False), (1.01, True)])
-def test_one_layer_takes_off_at_gamma_one(gamma: float, flies: bool, tmp_path: Path) -> None:
+def test_one_layer_takes_off_at_gamma_one(gamma, flies, tmp_path):
     lowest = np.abs(floor_force(tmp_path / "run", gamma, layers=1, cycles=4)[1:]).min(axis=1)
     print(f"Γ = {gamma}: smallest force on the floor {lowest} N")
     assert (lowest == 0.0).all() if flies else (lowest > 0.0).all()
 
 
-def time_of_flight(gamma: float) -> float:
+def time_of_flight(gamma):
     """Cycles that a body flies that leaves at sin φ = 1/Γ and does not bounce (Mehta & Luck, Phys.
     Rev. Lett. 65, 393, 1990).
     """
     phase = math.asin(1.0 / gamma)
 
-    def height(angle: float) -> float:
+    def height(angle):
         """Height above the floor, in units of its amplitude, after so much of a cycle [rad]."""
         flight = math.sin(phase) + math.cos(phase) * angle - angle * angle / (2.0 * gamma)
         return flight - math.sin(phase + angle)
@@ -50,7 +47,7 @@ def time_of_flight(gamma: float) -> float:
     return float(brentq(height, 0.5, 2.0 * math.pi)) / (2.0 * math.pi)
 
 
-def test_time_of_flight_of_discs_that_do_not_touch(tmp_path: Path) -> None:
+def test_time_of_flight_of_discs_that_do_not_touch(tmp_path):
     gamma = 2.5
     force = floor_force(tmp_path / "run", gamma, layers=1, cycles=6, per_layer=5)[2:]
     flight = (np.abs(force) == 0.0).mean(axis=1)
@@ -58,7 +55,7 @@ def test_time_of_flight_of_discs_that_do_not_touch(tmp_path: Path) -> None:
     assert flight == pytest.approx(np.full(4, time_of_flight(gamma)), abs=2.0 / STEPS)
 
 
-def test_the_work_of_the_floor_is_lost(tmp_path: Path) -> None:
+def test_the_work_of_the_floor_is_lost(tmp_path):
     """Its work is summed from what is recorded of its motion and its forces, not taken from the
     books.
     """

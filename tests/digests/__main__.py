@@ -4,8 +4,6 @@ python tests/digests [--threads N] [--json FILE] [CASE ...]   compare; exit code
 python tests/digests --write                                  freeze, and say what has changed
 """
 
-from __future__ import annotations
-
 import argparse
 import functools
 import json

@@ -7,8 +7,6 @@
 machines whose names do not contain a text.
 """
 
-from __future__ import annotations
-
 import argparse
 import functools
 import os

@@ -10,8 +10,6 @@ without any change.
 Fields of a state are taken away by `test_saved_states.py` itself.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Modules of the benchmarks for tests."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Scenarios cut in two: the first stages, and the others as a run that goes on from these."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Each line of stdin is a case: ``[kind of run, file, damage, seed]``. Each line o
 came of it.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import random

@@ -3,8 +3,6 @@
 Two, the million and the large heated bed, have enough contacts for several threads.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

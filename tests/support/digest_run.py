@@ -1,7 +1,5 @@
 """Runs the cases of `digest_cases`, and sets their digests beside the frozen ones."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Callable, Iterable
 from pathlib import Path

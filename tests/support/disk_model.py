@@ -8,8 +8,6 @@ the present names or those of its last ``fsync``, and of all files the present b
 their last ``fsync``.
 """
 
-from __future__ import annotations
-
 import itertools
 import os
 import shutil

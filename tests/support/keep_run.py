@@ -7,8 +7,6 @@ python tests/support/keep_run.py
 a checkpoint at step 55.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import socket

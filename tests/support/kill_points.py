@@ -2,8 +2,6 @@
 ``LABEL.POINT``, or ``LABEL.POINT:N`` for the N-th time that it is passed.
 """
 
-from __future__ import annotations
-
 COMMIT = ("mid_tmp", "after_tmp", "before_rename", "after_rename")
 FILES = ("runjson", "scenario", "model", "segment", "checkpoint", "results", "checkpointjson")
 POINTS = (

@@ -1,7 +1,5 @@
 """Frames that no run has recorded, as tables take them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """Small scenes and measures for the tests of packings."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

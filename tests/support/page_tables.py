@@ -1,7 +1,5 @@
 """Tables in pages about checks and files: ``python tests/support/page_tables.py`` writes them."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

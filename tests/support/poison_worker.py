@@ -5,8 +5,6 @@ exit code, message, step of the last checkpoint, row of the entry, and whether f
 are sound.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 import sys

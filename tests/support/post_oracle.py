@@ -4,8 +4,6 @@ Nothing of `multicor_cli.post` is used here: areas come from the primitive of th
 averages from loops over frames, grains, contacts and bins.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 from math import asin, pi, sqrt

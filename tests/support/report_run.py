@@ -1,7 +1,5 @@
 """Runs for tests of the report, and its packed numbers read as its scripts read them."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

@@ -18,8 +18,6 @@ step. The fixture ``run`` carries a scenario out in this process and opens the r
 ``frame = run(scenario(friction=0.0)).frames[-1]``.
 """
 
-from __future__ import annotations
-
 import atexit
 import hashlib
 import shutil

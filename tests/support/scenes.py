@@ -1,7 +1,5 @@
 """Scenarios for tests, each defined once; `changed` makes others of them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 SMALL = """\

@@ -1,7 +1,5 @@
 """A tiny run without an engine: a model, a deterministic state, a driver to kill and resume."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import os

@@ -1,7 +1,5 @@
 """The calls by which a program changes files, with hooks: to record them, or to let one fail."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

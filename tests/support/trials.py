@@ -1,7 +1,5 @@
 """A test in two lengths: a short form that CI runs, and a long one in the tier ``reliability``."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Short runs between walls of every kind, to be read: sixty grains pressed, heated, moved."""
 
-from __future__ import annotations
-
 import tomllib
 from dataclasses import dataclass
 

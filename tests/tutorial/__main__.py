@@ -2,8 +2,6 @@
 pictures, into its pages.
 """
 
-from __future__ import annotations
-
 import tempfile
 import time
 from pathlib import Path

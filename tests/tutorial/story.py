@@ -2,8 +2,6 @@
 what they print.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

@@ -5,8 +5,6 @@ python -m pytest -m validation tests/validation/test_cohesion.py -s
 """
 
 import math
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -85,21 +83,19 @@ drives.top = { y = { force = { ramp = [-0.01, 0.05], duration = 0.2 }, damping =
 """
 
 
-def _carry_out(text: str, directory: Path, *overrides: str) -> Any:
+def _carry_out(text, directory, *overrides):
     scenario = parse_scenario(text, directory.parent / "pulled.toml", overrides)
     return multicor.open_run(multicor.run(scenario, directory).directory)
 
 
-def strength(run: Any) -> float:
+def strength(run):
     """Largest stress with which the grains have held the lid [N/m]."""
     top = run.model.walls.names.index("top")
     return -float(run.series["wall_force"][:, top, 1].min()) / WIDTH
 
 
 @pytest.mark.parametrize("kind", ["dry", "wet"])
-def test_a_packing_is_as_strong_at_every_time_step(
-    kind: str, tmp_path: Path, record_property: Any
-) -> None:
+def test_a_packing_is_as_strong_at_every_time_step(kind, tmp_path, record_property):
     """Its strength is near Rumpf's, the pressure that F_a makes in all contacts, ν Z F_a/(π d)."""
     steps, seeds = (6e-5, 2e-5, 2e-6), (1, 2, 3)
     found = np.empty((len(seeds), len(steps)))
@@ -125,9 +121,7 @@ def test_a_packing_is_as_strong_at_every_time_step(
 
 
 @pytest.mark.parametrize(("bond", "kind"), [(4, "dry"), (1, "wet")])
-def test_a_heap_is_as_steep_at_every_time_step(
-    bond: int, kind: str, tmp_path: Path, record_property: Any
-) -> None:
+def test_a_heap_is_as_steep_at_every_time_step(bond, kind, tmp_path, record_property):
     """And with four weights steeper than without adhesion, where it has 34.4 ± 0.6°."""
     steps, seeds = ("2e-4", "3e-5", "7e-6"), range(1, 5)
     adhesion = f'contacts.0.adhesion={{force="= bond * weight", kind="{kind}"}}'

@@ -1,10 +1,6 @@
 """Every profile of random runs with moving walls by plain loops, and what must be conserved."""
 
-from __future__ import annotations
-
 from itertools import pairwise
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import post_oracle as oracle
@@ -13,19 +9,18 @@ from from_wall_to_wall import profile
 from made_up_frames import source_of
 
 from multicor_cli.post import PROFILED, PostError, Selection
-from multicor_cli.store import Run
 
 ALL = Selection(frames=slice(None))
 
 
 @pytest.fixture(scope="module", params=[True, False], ids=["periodic", "bounded"])
-def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Run:
+def run(request, tmp_path_factory):
     return oracle.write_random_run(
         tmp_path_factory.mktemp("random") / "run", is_periodic=request.param, seed=5
     )
 
 
-SIMPLE: dict[str, Any] = {
+SIMPLE = {
     "velocity": lambda frame: frame.velocity[:, 0],
     "velocity-y": lambda frame: frame.velocity[:, 1],
     "spin": lambda frame: frame.spin,
@@ -33,7 +28,7 @@ SIMPLE: dict[str, Any] = {
 }
 
 
-def _grain_values(run: Run, of: str, chosen: list[int], width: float) -> dict[int, oracle.Floats]:
+def _grain_values(run, of, chosen, width):
     frames = {k: run.frames[k] for k in chosen}
     if of in SIMPLE:
         return {k: SIMPLE[of](f) for k, f in frames.items()}
@@ -47,7 +42,7 @@ def _grain_values(run: Run, of: str, chosen: list[int], width: float) -> dict[in
     return {k: density * v[:, a] * v[:, b] for k, v in slips.items()}
 
 
-def _contact_sum(run: Run, of: str, k: int, edges: oracle.Floats) -> oracle.Floats:
+def _contact_sum(run, of, k, edges):
     axes = [(0, 0), (1, 1)]
     if of != "pressure":
         axes = [tuple("xy".index(axis) for axis in of.rsplit("-", 1)[1])]
@@ -60,9 +55,7 @@ def _contact_sum(run: Run, of: str, k: int, edges: oracle.Floats) -> oracle.Floa
     return total
 
 
-def direct(
-    run: Run, of: str, chosen: list[int], count: int, left_out: float
-) -> tuple[oracle.Floats, oracle.Floats]:
+def direct(run, of, chosen, count, left_out):
     """Values and standard errors of the bins by loops over frames, grains and bins."""
     radius, rows = run.model.grains.radius, []
     layers = {k: oracle.layer(run, run.frames[k], count, left_out) for k in chosen}
@@ -100,9 +93,7 @@ def direct(
     ("frames", "count", "left_out"),
     [(slice(None), 9, 0.0), (slice(2, 12, 3), 30, 0.0), (slice(5, 9), 4, 2.0)],
 )
-def test_profile_agrees_with_plain_loops(
-    run: Run, of: str, frames: slice, count: int, left_out: float
-) -> None:
+def test_profile_agrees_with_plain_loops(run, of, frames, count, left_out):
     chosen = list(range(oracle.FRAMES)[frames])
     if PROFILED[of].needs_contacts:
         chosen = [k for k in chosen if k not in oracle.BEFORE_FORCES]
@@ -126,7 +117,7 @@ def test_profile_agrees_with_plain_loops(
 
 
 @pytest.mark.parametrize("count", [1, 7, 200])
-def test_nothing_is_lost_between_moving_walls(run: Run, count: int) -> None:
+def test_nothing_is_lost_between_moving_walls(run, count):
     """Sums over bins are those over grains and contacts, though the lid moves by several grains."""
     area = float((np.pi * run.model.grains.radius**2).sum())
     fraction = profile(run, "solid-fraction", ALL, count)
@@ -146,12 +137,12 @@ def test_nothing_is_lost_between_moving_walls(run: Run, count: int) -> None:
         assert stress.value.sum() * stress.bin_area == pytest.approx(virial[a, b], rel=1e-9)
 
 
-def test_a_frame_without_contacts_has_no_stress_and_no_contacts(run: Run) -> None:
+def test_a_frame_without_contacts_has_no_stress_and_no_contacts(run):
     for of in ("stress-yy", "pressure", "coordination"):
         assert profile(run, of, Selection(frames=slice(4, 5)), 1).value.tolist() == [0.0]
 
 
-def test_a_linear_flow_has_no_fluctuations_whatever_the_bins(run: Run) -> None:
+def test_a_linear_flow_has_no_fluctuations_whatever_the_bins(run):
     """Grains of all sizes, cut by edges and walls: only what was added to the flow is found."""
     frames = [run.frames[k] for k in (3, 5)]
     for frame in frames:
@@ -169,7 +160,7 @@ def test_a_linear_flow_has_no_fluctuations_whatever_the_bins(run: Run) -> None:
     assert table.value[0] == pytest.approx(0.5 * 0.4**2, rel=0.2)
 
 
-def test_walls_that_come_too_near_are_named(run: Run) -> None:
+def test_walls_that_come_too_near_are_named(run):
     """The mean distance leaves room, the smallest does not."""
     spans = [np.diff(oracle.layer(run, frame, 1).edges)[0] for frame in run.frames]
     edge = 0.25 * (min(spans) + np.mean(spans)) / run.model.mean_diameter
@@ -177,7 +168,7 @@ def test_walls_that_come_too_near_are_named(run: Run) -> None:
         profile(run, "velocity", ALL, exclude_walls=edge)
 
 
-def test_normalized_temperature_needs_that_of_the_walls_in_every_frame(run: Run) -> None:
+def test_normalized_temperature_needs_that_of_the_walls_in_every_frame(run):
     """The lid has no temperature in frame 7."""
     with pytest.raises(PostError, match="'lid' has none, or not in all of these frames"):
         profile(run, "temperature", Selection(frames=slice(6, 9)), 3).normalized()
@@ -187,7 +178,7 @@ def test_normalized_temperature_needs_that_of_the_walls_in_every_frame(run: Run)
 
 
 @pytest.mark.parametrize("frames", [slice(3, 4), slice(3, 5), slice(3, 6)])
-def test_errors_of_few_frames(run: Run, frames: slice) -> None:
+def test_errors_of_few_frames(run, frames):
     """One frame: none. Two and three: as of so many numbers, with the same grains in all."""
     table = profile(run, "spin", Selection(frames=frames), 1)
     single = (Selection(frames=slice(k, k + 1)) for k in range(oracle.FRAMES)[frames])
@@ -198,7 +189,7 @@ def test_errors_of_few_frames(run: Run, frames: slice) -> None:
         assert table.error[0] == pytest.approx(0.5 * abs(means[1] - means[0])[0])
 
 
-def test_a_run_that_still_goes_on_gives_the_same_numbers(tmp_path: Path) -> None:
+def test_a_run_that_still_goes_on_gives_the_same_numbers(tmp_path):
     """Segments instead of results.h5, several of them."""
     whole = oracle.write_random_run(tmp_path / "whole", seed=9)
     part = oracle.write_random_run(tmp_path / "part", seed=9, is_finished=False)
@@ -209,7 +200,7 @@ def test_a_run_that_still_goes_on_gives_the_same_numbers(tmp_path: Path) -> None
         assert one.error.tolist() == two.error.tolist()
 
 
-def test_what_does_not_change_has_no_error(run: Run) -> None:
+def test_what_does_not_change_has_no_error(run):
     """The same frame eleven times, as while frozen: rounding of sums is no scatter."""
     source = source_of(run.model, [run.frames[6]] * 11)
     for of in ("solid-fraction", "velocity", "stress-yy"):

@@ -1,9 +1,6 @@
 """What post-processing says of small sheared layers that were computed, and their walls feel."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,10 +9,9 @@ from made_up_frames import source_of
 from scenes import write_small
 
 import multicor_cli as multicor
-from multicor_cli.model import Model
 from multicor_cli.post import PROFILE_GROUPS, Selection, energy, rheology
 from multicor_cli.post.contacts import loaded_contacts
-from multicor_cli.store import Run, open_run
+from multicor_cli.store import open_run
 
 OVERRIDES = (
     "domain.size=[0.02, 0.03]",
@@ -38,7 +34,7 @@ OVERRIDES = (
 
 
 @pytest.fixture(scope="module")
-def flows(tmp_path_factory: pytest.TempPathFactory) -> list[Run]:
+def flows(tmp_path_factory):
     """Four times two hundred grains sheared without gravity between rough walls (I = 0.03); a row
     of the time series for every step.
     """
@@ -51,19 +47,19 @@ def flows(tmp_path_factory: pytest.TempPathFactory) -> list[Run]:
 
 
 @pytest.fixture
-def run(flows: list[Run]) -> Run:
+def run(flows):
     """The first of them."""
     return flows[0]
 
 
-def wall_forces(run: Run, frames: np.ndarray) -> np.ndarray:
+def wall_forces(run, frames):
     """Forces of the last step before each frame on both walls, shape ``(frames, 2, 2)``."""
     steps = np.asarray(run.series["step"])
     rows = [int(np.flatnonzero(steps == run.frames[int(k)].step)[0]) for k in frames]
     return np.asarray(run.series["wall_force"])[rows, :, :2]
 
 
-def test_stress_next_to_the_walls_is_their_force_per_length(run: Run) -> None:
+def test_stress_next_to_the_walls_is_their_force_per_length(run):
     """A thin bin at the line of glued grains is crossed by the contacts with the wall alone.
 
     So it carries, frame by frame, exactly what the wall feels; what is left are positions half a
@@ -78,7 +74,7 @@ def test_stress_next_to_the_walls_is_their_force_per_length(run: Run) -> None:
         assert value[[-3, -2]] == pytest.approx(force[1, axis], rel=2e-2)
 
 
-def test_stress_does_not_fade_towards_rough_walls(run: Run) -> None:
+def test_stress_does_not_fade_towards_rough_walls(run):
     """Without gravity σ_yy is the load per length at all heights, in the bins at the walls too;
     those hold half as many grains.
     """
@@ -93,7 +89,7 @@ def test_stress_does_not_fade_towards_rough_walls(run: Run) -> None:
     assert fraction[[0, -1]].max() < 0.8 * fraction[3:9].mean()
 
 
-def test_area_and_virial_are_kept_while_the_lid_moves(run: Run) -> None:
+def test_area_and_virial_are_kept_while_the_lid_moves(run):
     """The whole run: the load closes gaps of the packing by several grains."""
     everything = Selection(frames=slice(None))
     heights = [frame.wall_position[1, 1] for frame in run.frames]
@@ -107,7 +103,7 @@ def test_area_and_virial_are_kept_while_the_lid_moves(run: Run) -> None:
     )
 
 
-def test_stress_of_frames_is_the_recorded_virial(run: Run) -> None:
+def test_stress_of_frames_is_the_recorded_virial(run):
     """Σ f ℓ of contacts between grains in the same steps; those with walls come on top of it."""
     steps = np.asarray(run.series["step"])
     for frame in run.frames[-10:]:
@@ -119,7 +115,7 @@ def test_stress_of_frames_is_the_recorded_virial(run: Run) -> None:
         assert found == pytest.approx(run.series["virial_rate"][row], rel=1e-9, abs=1e-12)
 
 
-def test_rheology_closes_the_energy_balance(run: Run) -> None:
+def test_rheology_closes_the_energy_balance(run):
     """The shear force at the walls times their velocity is the work that the books say."""
     table = rheology(run, Selection(start=0.4 * float(run.frames.time[-1])))
     ends = [run.frames[int(table.frames[k])].time for k in (0, -1)]
@@ -134,14 +130,14 @@ def test_rheology_closes_the_energy_balance(run: Run) -> None:
 class Regrouped:
     """A frame of a run whose grains belong to other groups."""
 
-    def __init__(self, frame: Any, model: Model) -> None:
+    def __init__(self, frame, model):
         self.frame, self.model = frame, model
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name):
         return getattr(self.frame, name)
 
 
-def test_stresses_of_groups_add_up_to_that_of_all_and_contacts_count_whole(run: Run) -> None:
+def test_stresses_of_groups_add_up_to_that_of_all_and_contacts_count_whole(run):
     model = run.model
     group = (np.arange(model.grain_count) % 3 == 0).astype(np.int32)
     model = replace(model, groups=("many", "few"), grains=replace(model.grains, group=group))
@@ -173,7 +169,7 @@ def test_stresses_of_groups_add_up_to_that_of_all_and_contacts_count_whole(run: 
     assert contacts.parts(np.flatnonzero(group == 1)) == pytest.approx(np.array(plain))
 
 
-def test_forces_of_wall_contacts_are_the_recorded_wall_forces(run: Run) -> None:
+def test_forces_of_wall_contacts_are_the_recorded_wall_forces(run):
     """With a row of the time series per step both are the same sums."""
     model, series = run.model, run.series
     for frame in run.frames[-20:]:
@@ -186,7 +182,7 @@ def test_forces_of_wall_contacts_are_the_recorded_wall_forces(run: Run) -> None:
         assert np.column_stack(on_walls) == pytest.approx(recorded, rel=1e-9, abs=1e-12)
 
 
-def test_stress_equals_wall_forces_per_area(flows: list[Run]) -> None:
+def test_stress_equals_wall_forces_per_area(flows):
     """Momentum balance: on average the layer carries what the walls exert.
 
     In single runs the two differ: over 32 seeds by 3.7 % (shear) and 2.7 % (normal stress),
@@ -208,7 +204,7 @@ def test_stress_equals_wall_forces_per_area(flows: list[Run]) -> None:
     assert (deviation < 3.0 * np.array([0.037, 0.037, 0.027]) / np.sqrt(len(flows))).all(), ratios
 
 
-def test_rheology_of_a_real_run_agrees_between_walls_and_bulk(run: Run) -> None:
+def test_rheology_of_a_real_run_agrees_between_walls_and_bulk(run):
     table = rheology(run, Selection(start=0.4 * float(run.frames.time[-1])))
     mean, error = table.mean, table.error
     both = np.hypot(error["friction_walls"], error["friction_bulk"])

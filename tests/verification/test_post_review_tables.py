@@ -1,14 +1,10 @@
 """Rheology, forces, maps, θ–η, comparisons of random runs by plain loops; windows; data output."""
 
-from __future__ import annotations
-
 import csv
 import json
 from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import post_oracle as oracle
@@ -22,26 +18,25 @@ from multicor_cli import post
 from multicor_cli.cli.app import app
 from multicor_cli.model import ShapeKind
 from multicor_cli.post.bins import find_extent
-from multicor_cli.store import Run
 
 ALL = post.Selection(frames=slice(None))
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+def run(tmp_path_factory):
     return oracle.write_random_run(tmp_path_factory.mktemp("random") / "run", seed=21)
 
 
 # --- rheology
 
 
-def bulk_of(frame: Any, edge: float) -> tuple[float, float]:
+def bulk_of(frame, edge):
     return oracle.FLOOR + frame.wall_position[0, 1] + edge, oracle.LID + frame.wall_position[
         1, 1
     ] - edge
 
 
-def direct_interval(run: Run, first: Any, second: Any, edge: float, slip: Any) -> dict[str, Any]:
+def direct_interval(run, first, second, edge, slip):
     """What one interval adds to the sums, with plain loops."""
     model, radius = run.model, run.model.grains.radius
     low, high = bulk_of(second, edge)
@@ -91,7 +86,7 @@ def direct_interval(run: Run, first: Any, second: Any, edge: float, slip: Any) -
     }
 
 
-def derived(rows: list[dict[str, Any]], run: Run) -> dict[str, float]:
+def derived(rows, run):
     """The quantities from sums of intervals, as they are defined in the reference."""
     s = {name: sum(row[name] for row in rows) for name in rows[0]}
     rate, pressure = s["strain"] / s["lapse"], s["press"] / s["window"] / oracle.PERIOD
@@ -123,7 +118,7 @@ def derived(rows: list[dict[str, Any]], run: Run) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("frames", [slice(None), slice(1, 12, 2), slice(3, 5)])
-def test_rheology_agrees_with_plain_loops(run: Run, frames: slice) -> None:
+def test_rheology_agrees_with_plain_loops(run, frames):
     table = post.rheology(run, post.Selection(frames=frames), margin=1.0)
     chosen = list(range(oracle.FRAMES)[frames])
     edge = run.model.mean_diameter + oracle.GLUED
@@ -150,7 +145,7 @@ def test_rheology_agrees_with_plain_loops(run: Run, frames: slice) -> None:
         assert table.error[name] == pytest.approx(expected, rel=1e-8, nan_ok=True), name
 
 
-def test_where_nothing_presses_ratios_have_no_value(run: Run) -> None:
+def test_where_nothing_presses_ratios_have_no_value(run):
     """Where walls are loose I and μ* are neither infinite nor numbers; grains are still known."""
     names = ("time", "window_duration", "wall_force")
     series = {name: np.array(run.series[name]) for name in names}
@@ -167,7 +162,7 @@ def test_where_nothing_presses_ratios_have_no_value(run: Run) -> None:
 # --- forces
 
 
-def between_grains(run: Run, k: int) -> list[tuple[float, float, float]]:
+def between_grains(run, k):
     """Direction, normal and tangential force of each contact between grains."""
     frame, n = run.frames[k], run.model.grain_count
     rows = []
@@ -179,7 +174,7 @@ def between_grains(run: Run, k: int) -> list[tuple[float, float, float]]:
     return rows
 
 
-def test_force_distribution_agrees_with_plain_loops(run: Run) -> None:
+def test_force_distribution_agrees_with_plain_loops(run):
     table = post.force_distribution(run, ALL, 15)
     frames = [between_grains(run, k) for k in range(1, oracle.FRAMES)]
     normal, tangential, total = np.zeros(15), np.zeros(15), 0
@@ -199,7 +194,7 @@ def test_force_distribution_agrees_with_plain_loops(run: Run) -> None:
     assert len(table.rows) == 15
 
 
-def test_angular_distribution_agrees_with_plain_loops(run: Run) -> None:
+def test_angular_distribution_agrees_with_plain_loops(run):
     table = post.angular_distribution(run, ALL, 12)
     rows = np.array([row for k in range(1, oracle.FRAMES) for row in between_grains(run, k)])
     both = np.concatenate([rows, rows + np.array([np.pi, 0.0, 0.0])])
@@ -215,7 +210,7 @@ def test_angular_distribution_agrees_with_plain_loops(run: Run) -> None:
     assert table.moments["a_c"] == pytest.approx(2.0 * np.ptp(np.linalg.eigvalsh(tensor)))
 
 
-def test_force_network_agrees_with_plain_loops(run: Run) -> None:
+def test_force_network_agrees_with_plain_loops(run):
     network, frame, n = post.force_network(run, 9), run.frames[9], run.model.grain_count
     found = oracle.branches(run, frame)
     counts = oracle.counts(run, frame)
@@ -236,7 +231,7 @@ def test_force_network_agrees_with_plain_loops(run: Run) -> None:
 # --- maps and θ–η
 
 
-def test_maps_agree_with_plain_loops(run: Run) -> None:
+def test_maps_agree_with_plain_loops(run):
     frame, before = run.frames[8], run.frames[7]
     load = np.zeros(run.model.grain_count)
     for i, j, force, way in oracle.branches(run, frame):
@@ -250,13 +245,12 @@ def test_maps_agree_with_plain_loops(run: Run) -> None:
     assert post.grain_map(run, "heat", 8).value == pytest.approx(heat)
     slip = oracle.fluctuations(run, [8])[0]
     vector = post.grain_map(run, "fluctuation", 8).vector
-    assert vector is not None
     assert vector[:, 0] == pytest.approx(slip[:, 0])
     assert vector[:, 1] == pytest.approx(frame.velocity[:, 1])
 
 
 @pytest.mark.parametrize(("wall", "temperature"), [("floor", 310.0), ("lid", 350.0)])
-def test_theta_eta_agrees_with_plain_loops(run: Run, wall: str, temperature: float) -> None:
+def test_theta_eta_agrees_with_plain_loops(run, wall, temperature):
     """The first frame is at 300 K."""
     table = post.theta_eta(run, 9, wall=wall, bins=6)
     frame, radius = run.frames[9], run.model.grains.radius
@@ -276,7 +270,7 @@ def test_theta_eta_agrees_with_plain_loops(run: Run, wall: str, temperature: flo
         post.theta_eta(run, 7, wall="lid")
 
 
-def test_a_wall_at_the_temperature_of_the_grains_gives_no_theta(run: Run) -> None:
+def test_a_wall_at_the_temperature_of_the_grains_gives_no_theta(run):
     """A mean of equal temperatures with weights is off by 1e-13: that is no difference."""
     rng = np.random.default_rng(1)
     for _ in range(20):
@@ -292,7 +286,7 @@ def test_a_wall_at_the_temperature_of_the_grains_gives_no_theta(run: Run) -> Non
 # --- windows
 
 
-def test_ends_of_a_window_count_though_times_are_rounded(column: Run) -> None:
+def test_ends_of_a_window_count_though_times_are_rounded(column):
     """300 steps of 0.2 ms end at 0.06 s for people, at 0.060000000000000005 s in the file."""
     times = np.array([0.0, 300 * 0.0002, 0.1 + 0.2, 1648 * 0.00028, 1.1 - 0.2])
     assert times[1] > 0.06
@@ -319,7 +313,7 @@ def test_ends_of_a_window_count_though_times_are_rounded(column: Run) -> None:
 # --- which walls bound the grains
 
 
-def with_walls(run: Run, kinds: list[ShapeKind], geometry: list[list[float]]) -> Any:
+def with_walls(run, kinds, geometry):
     """The run with four other walls, at rest at their places."""
     shapes = make_shapes(list(zip(kinds, range(4), geometry, strict=True)))
     model, frames = replace(run.model, shapes=shapes), list(run.frames)
@@ -342,9 +336,7 @@ SIDES = [[0.0, 0.0, 1.0, 0.0], [oracle.PERIOD, 0.0, -1.0, 0.0]]
         ([0.2, 1.0, 0.3, 1.0], [0.0, 0.1, 3.0, 0.1], 1, None),
     ],
 )
-def test_only_walls_that_bound_the_grains_count(
-    run: Run, first: list[float], second: list[float], lower: int | None, upper: int | None
-) -> None:
+def test_only_walls_that_bound_the_grains_count(run, first, second, lower, upper):
     kinds = [ShapeKind.SEGMENT, ShapeKind.SEGMENT, ShapeKind.PLANE, ShapeKind.PLANE]
     source = with_walls(run, kinds, [first, second, *SIDES])
     extent = find_extent(source, np.arange(oracle.FRAMES))
@@ -357,7 +349,7 @@ def test_only_walls_that_bound_the_grains_count(
 # --- comparisons, and data as it leaves the program
 
 
-def test_comparison_agrees_with_plain_loops(tmp_path: Path) -> None:
+def test_comparison_agrees_with_plain_loops(tmp_path):
     runs = [oracle.write_random_run(tmp_path / f"run-{seed}", seed=seed) for seed in (1, 2)]
     sources = [
         SimpleNamespace(model=r.model, frames=r.frames, series=r.series, scenario_resolved="")
@@ -390,14 +382,14 @@ COMMANDS = [
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_data_are_strict_json_and_csv_of_full_precision(run: Run, command: str) -> None:
+def test_data_are_strict_json_and_csv_of_full_precision(run, command):
     """No NaN or Infinity in JSON; numbers of the CSV that it holds are there to the last bit."""
     name, *options = command.split()
     words = ["post", name, str(run.path), *options]
     done = [CliRunner().invoke(app, [*words, extra]) for extra in ("--json", "--csv")]
     assert [result.exit_code for result in done] == [0, 0], done[0].stderr
 
-    def refuse(name: str) -> None:
+    def refuse(name):
         raise AssertionError(f"{name} is not JSON")
 
     data = json.loads(done[0].stdout, parse_constant=refuse)
@@ -410,14 +402,14 @@ def test_data_are_strict_json_and_csv_of_full_precision(run: Run, command: str) 
         assert set(numbers) <= set(_numbers(data))
 
 
-def _is_number(cell: str) -> bool:
+def _is_number(cell):
     with suppress(ValueError):
         float(cell)
         return True
     return False
 
 
-def _numbers(data: Any) -> list[float]:
+def _numbers(data):
     if isinstance(data, dict):
         return [number for value in data.values() for number in _numbers(value)]
     if isinstance(data, list):

@@ -1,7 +1,5 @@
 """A packing that is pressed and left alone comes to rest: nothing creeps, and nothing is heated."""
 
-from __future__ import annotations
-
 import pytest
 from scenarios import plane, scenario
 
@@ -25,7 +23,7 @@ _GRAINS = {
         (0.0, -9.81, 5.0, "accelerated"),  # an error moves grains by ten times itself
     ],
 )
-def test_loaded_packing_rests(run, friction, gravity, stress, method) -> None:
+def test_loaded_packing_rests(run, friction, gravity, stress, method):
     """For 0.05 s, 300 to 1,000 √(m/P); what rattlers still have may become heat."""
     load = {"lid": {"y": {"stress": -stress, "damping": 1.0}}}
     held = run(
@@ -55,7 +53,7 @@ def test_loaded_packing_rests(run, friction, gravity, stress, method) -> None:
     ("motion", "errors"),
     [(1e-4, 2e-6), (0.05, 1e-3), (0.075, 0.03 * 0.075), (0.1, 4e-3), (1.0, 0.04), (10.0, 0.1)],
 )
-def test_errors_stay_small_against_the_motion_that_there_is(motion, errors) -> None:
+def test_errors_stay_small_against_the_motion_that_there_is(motion, errors):
     """2 % of it at rest, 4 % in a flow, and never more than the tolerance (theory §5.3)."""
     scale = ResidualScale(rms=50.0, velocity=10.0, energy=1.0, motion=motion, load=1.0)
     tolerances = scale.tolerances(Settings(tolerance_rms=2e-3))

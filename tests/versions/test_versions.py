@@ -5,13 +5,10 @@ Environments are made with uv, of a source distribution. ``MULTICOR_PYTHONS`` na
 separated by colons; without it there is the one that runs the tests.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
 import tarfile
-from pathlib import Path
 
 import pytest
 from places import ROOT
@@ -21,7 +18,7 @@ pytestmark = [pytest.mark.versions, pytest.mark.timeout(3600)]
 PYTHONS = os.environ.get("MULTICOR_PYTHONS", sys.executable).split(":")
 
 
-def call(*words: str | Path, cwd: Path, **variables: str) -> str:
+def call(*words, cwd, **variables):
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     done = subprocess.run(
         words, cwd=cwd, env={**kept, **variables}, capture_output=True, text=True, check=False
@@ -31,7 +28,7 @@ def call(*words: str | Path, cwd: Path, **variables: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def source(tmp_path_factory):
     """An unpacked source distribution."""
     folder = tmp_path_factory.mktemp("source")
     call(sys.executable, "-m", "build", "--sdist", "--outdir", folder, ROOT, cwd=folder)
@@ -43,9 +40,7 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("resolution", ["lowest-direct", "highest"])
 @pytest.mark.parametrize("python", PYTHONS)
-def test_every_command_and_every_digest(
-    python: str, resolution: str, source: Path, tmp_path: Path
-) -> None:
+def test_every_command_and_every_digest(python, resolution, source, tmp_path):
     call("uv", "venv", "--python", python, tmp_path / "venv", cwd=tmp_path)
     there = tmp_path / "venv" / "bin" / "python"
     # The lowest for which there are wheels

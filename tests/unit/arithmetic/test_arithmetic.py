@@ -2,8 +2,6 @@
 bits interpreted and compiled.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -2,8 +2,6 @@
 time, slower is noticed.
 """
 
-from __future__ import annotations
-
 import json
 import time
 from contextlib import nullcontext
@@ -48,7 +46,7 @@ KINETIC, CLOSURE = (BOOK_NAMES.index(name) for name in ("kinetic", "closure"))
 
 
 @pytest.fixture(scope="module")
-def sheared() -> Engine:
+def sheared():
     engine = shear_engine(
         Settings(tolerance_rms=1e-3, tolerance_max=5e-2), columns=12, rows=8, load=LOAD, speed=SPEED
     )
@@ -57,7 +55,7 @@ def sheared() -> Engine:
     return engine
 
 
-def copied(engine: Engine, copies: int) -> Engine:
+def copied(engine, copies):
     """An engine for copies of a layer side by side."""
     model, state = repeat_scene(engine.model, engine.state, copies)
     load = DofDrive(force=Constant(-LOAD * model.period), damping=0.0)
@@ -67,7 +65,7 @@ def copied(engine: Engine, copies: int) -> Engine:
     return wide
 
 
-def test_the_warm_start_of_copies_is_that_of_the_original(sheared: Engine) -> None:
+def test_the_warm_start_of_copies_is_that_of_the_original(sheared):
     """With all impulses in place the first residual of the copies is that of the original: nothing
     is joined wrongly.
     """
@@ -82,7 +80,7 @@ def test_the_warm_start_of_copies_is_that_of_the_original(sheared: Engine) -> No
         np.testing.assert_allclose(four, np.sort(copies, axis=0), rtol=1e-9, atol=1e-11)
 
 
-def test_copies_of_a_sheared_layer_move_like_the_original(sheared: Engine) -> None:
+def test_copies_of_a_sheared_layer_move_like_the_original(sheared):
     wide = copied(sheared, 3)
     state, n = wide.state, sheared.model.grain_count
     for _ in range(3):
@@ -103,7 +101,7 @@ def test_copies_of_a_sheared_layer_move_like_the_original(sheared: Engine) -> No
 
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("copies", [1, 3])
-def test_scenes_are_valid_scenarios_of_any_size(name: str, copies: int) -> None:
+def test_scenes_are_valid_scenarios_of_any_size(name, copies):
     scene = SCENES[name]
     count = scene.tile or 700 * copies
     scenario = parse_scenario(scene.text(count, 5, copies if scene.tile else 1), Path("scene.toml"))
@@ -111,7 +109,7 @@ def test_scenes_are_valid_scenarios_of_any_size(name: str, copies: int) -> None:
     assert scenario.particles[0].count == (count * copies if scene.tile else count)
 
 
-def test_c_sweep_is_ours_and_a_wrong_one_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_c_sweep_is_ours_and_a_wrong_one_is_refused(monkeypatch):
     c_sweep = compile_sweep()
     if c_sweep is None:
         pytest.skip("needs a C compiler that works")
@@ -128,7 +126,7 @@ def test_c_sweep_is_ours_and_a_wrong_one_is_refused(monkeypatch: pytest.MonkeyPa
         time_sweep(system, (1,))
 
 
-def test_wrong_physics_is_found() -> None:
+def test_wrong_physics_is_found():
     prepared = prepare(SCENES["collapse"], 100)
     rounds = [prepared.take(5)]
     assert find_faults(prepared, rounds) == []
@@ -142,7 +140,7 @@ def test_wrong_physics_is_found() -> None:
     assert all(text in faults for text in words)
 
 
-def result(**changes: object) -> Result:
+def result(**changes):
     sweep = SweepTimes(2000, 10**5, {1: 1.1e-8}, 1e-8, 1.1)
     phases = {"solve": 6e-4, "detect": 3e-4, "prepare": 1e-4}
     found = Result(
@@ -153,7 +151,7 @@ def result(**changes: object) -> Result:
     return replace(found, **changes)
 
 
-def test_ratios_and_shares() -> None:
+def test_ratios_and_shares():
     found = result()
     assert found.other == pytest.approx(4e-4)
     assert found.other_share == pytest.approx(4e-4 / (4e-4 + 30 * 2000 * 1e-8))
@@ -168,11 +166,11 @@ def test_ratios_and_shares() -> None:
 
 
 @pytest.fixture
-def record(tmp_path: Path) -> Path:
+def record(tmp_path):
     return tmp_path / "record.json"
 
 
-def test_what_is_slower_than_recorded_is_named(record: Path) -> None:
+def test_what_is_slower_than_recorded_is_named(record):
     write_record(record, [result(), result(scene="shear", faults=["grains overlap"])])
     known = read_record(record)
     assert list(known) == ["bed-1000-threads-1"]  # nothing is recorded of wrong physics
@@ -197,17 +195,17 @@ def test_what_is_slower_than_recorded_is_named(record: Path) -> None:
         ("sweep", 2),
     ],
 )
-def test_whatever_takes_that_much_longer_is_slower(name: str, factor: float, record: Path) -> None:
+def test_whatever_takes_that_much_longer_is_slower(name, factor, record):
     write_record(record, [result()])
     before = getattr(result(), name)
     if isinstance(before, SweepTimes):
-        after: object = replace(before, ratio=factor * before.ratio)
+        after = replace(before, ratio=factor * before.ratio)
     else:
         after = factor * before
     assert len(find_slower([result(**{name: after})], read_record(record))) == 1
 
 
-def test_two_sweeps_more_are_not_twice_as_many(record: Path) -> None:
+def test_two_sweeps_more_are_not_twice_as_many(record):
     """A solve looks at its residual at 2, 5 or 8 sweep-equivalents: a median of 5 beside one of 2
     is one look more.
     """
@@ -216,7 +214,7 @@ def test_two_sweeps_more_are_not_twice_as_many(record: Path) -> None:
     assert len(find_slower([result(median_sweeps=8.0)], read_record(record))) == 1
 
 
-def test_medians_of_seeds_are_recorded_and_slower_is_what_is_so_twice(record: Path) -> None:
+def test_medians_of_seeds_are_recorded_and_slower_is_what_is_so_twice(record):
     write_record(record, [result(median_sweeps=sweeps) for sweeps in (20.0, 90.0, 40.0)])
     known = read_record(record)
     assert known["bed-1000-threads-1"]["sweeps"] == 40.0
@@ -227,7 +225,7 @@ def test_medians_of_seeds_are_recorded_and_slower_is_what_is_so_twice(record: Pa
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_a_bed_rests_when_it_is_measured(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bed_rests_when_it_is_measured(seed, monkeypatch):
     monkeypatch.setenv(VARIABLE, str(seed))
     bed = small_bed(monkeypatch)
     prepared = prepare(bed, 60, seed=seed)
@@ -245,15 +243,13 @@ def test_a_bed_rests_when_it_is_measured(seed: int, monkeypatch: pytest.MonkeyPa
     assert warm < 0.5 * prepared.take_cold().reports[0].sweeps
 
 
-def small_bed(monkeypatch: pytest.MonkeyPatch, patience: float = 2.0) -> scenes.BenchScene:
+def small_bed(monkeypatch, patience=2.0):
     for name, value in (("_PATIENCE", patience), ("_COLUMNS", 8), ("_ROWS", 8)):
         monkeypatch.setattr(scenes, name, value)
     return replace(SCENES["bed"], tile=60)
 
 
-def test_a_bed_that_does_not_come_to_rest_is_a_fault_with_a_name(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_bed_that_does_not_come_to_rest_is_a_fault_with_a_name(monkeypatch):
     bed = small_bed(monkeypatch, patience=0.002)  # ten steps; it must rest for 286
     monkeypatch.setitem(SCENES, "bed", bed)
     found = measure(Task("bed", 60, 1, 1))
@@ -264,9 +260,9 @@ def test_a_bed_that_does_not_come_to_rest_is_a_fault_with_a_name(
     assert notes(Benchmark("some", {}, [found], None)) == [f"bed, 60 grains: {fault}"]
 
 
-def test_the_command_ends_with_the_code_of_physics(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_ends_with_the_code_of_physics(monkeypatch):
     found = Benchmark("some", {1: 1e9}, [result(faults=["the bed did not come to rest"])], None)
-    asked: list[Task] = []
+    asked = []
     monkeypatch.setattr(session, "run_benchmark", lambda tasks, **_: asked.extend(tasks) or found)
     with pytest.raises(typer.Exit) as ended:
         bench(["bed"], [100, 200], 1, 2, seed=7)
@@ -274,13 +270,11 @@ def test_the_command_ends_with_the_code_of_physics(monkeypatch: pytest.MonkeyPat
     assert asked == [Task("bed", 100, 1, 2, 7), Task("bed", 200, 1, 2, 7)]
 
 
-def test_what_looks_slower_is_measured_again_with_another_seed(
-    monkeypatch: pytest.MonkeyPatch, record: Path
-) -> None:
-    asked: list[Task] = []
+def test_what_looks_slower_is_measured_again_with_another_seed(monkeypatch, record):
+    asked = []
     write_record(record, [result(), result(scene="shear")])
 
-    def run(factor: float, tasks: list[Task], **_: object) -> Benchmark:
+    def run(factor, tasks, **_):
         asked.extend(tasks)
         slower = {task: 3.0 * factor ** (task.seed - 1) for task in tasks if task.scene == "bed"}
         times = [
@@ -297,42 +291,40 @@ def test_what_looks_slower_is_measured_again_with_another_seed(
         assert ended is None or ended.value.exit_code == ExitCode.BUG
 
 
-def test_moving_grains_begin_to_wait_anew() -> None:
+def test_moving_grains_begin_to_wait_anew():
     rest, reached = Rest(1.0, 3), []
     for energy in (0.5, 1.0, 1.1, 0.0, 0.0, 0.0):
         books = np.zeros(len(BOOK_NAMES))
         books[KINETIC] = energy
-        rest.note(SimpleNamespace(books=books))  # type: ignore[arg-type]
+        rest.note(SimpleNamespace(books=books))
         reached.append(rest.is_reached)
     assert reached == [False] * 5 + [True]
 
 
-def test_physics_that_fails_while_a_scene_is_prepared_is_a_fault(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def fail(*_: object, **__: object) -> None:
+def test_physics_that_fails_while_a_scene_is_prepared_is_a_fault(monkeypatch):
+    def fail(*_, **__):
         raise PhysicsError(7, "no admissible positions")
 
     monkeypatch.setattr(measuring, "prepare", fail)
     assert measure(Task("shear", 1000, 1, 1)).faults == ["step 7: no admissible positions"]
 
 
-def test_stages_that_take_longer_show_in_the_ratio() -> None:
+def test_stages_that_take_longer_show_in_the_ratio():
     """The yardstick does not slow down with the product: where steps take four times as long, the
     ratio exceeds its margin.
     """
     prepared = prepare(SCENES["collapse"], 100)
     yardstick = ReferenceStep(100)
 
-    def other() -> float:
-        references: list[float] = []
+    def other():
+        references = []
         round_ = prepared.take(40, lambda: references.append(yardstick.seconds()))
         return measuring.other_time([round_]) / measuring._quartile(references)
 
     before = [other() for _ in range(3)]
     whole_step = prepared.engine.step
 
-    def slowed(dt: float, t: float) -> object:
+    def slowed(dt, t):
         started = time.perf_counter()
         report = whole_step(dt, t)
         elapsed = time.perf_counter() - started
@@ -340,12 +332,12 @@ def test_stages_that_take_longer_show_in_the_ratio() -> None:
             pass
         return report
 
-    prepared.engine.step = slowed  # type: ignore[method-assign, assignment]
+    prepared.engine.step = slowed
     after = [other() for _ in range(3)]
     assert max(after) > MARGINS["other_over_reference"] * min(before)
 
 
-def test_table_gives_no_times_of_wrong_physics() -> None:
+def test_table_gives_no_times_of_wrong_physics():
     right, wrong = row(result()), row(result(faults=["grains overlap"]))
     assert len(right) == len(wrong) == len(HEADINGS)
     assert "1" in right[5]

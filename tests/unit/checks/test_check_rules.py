@@ -1,7 +1,5 @@
 """Judging numbers by their limits, and the page that lists all rules."""
 
-from __future__ import annotations
-
 import math
 
 import pytest
@@ -11,7 +9,7 @@ from multicor_cli.checks import BEFORE_RUN, OF_RUN, Rule, Verdict, worst_verdict
 from multicor_cli.checks.check import Measured, judge_all
 
 
-def rule(**limits: float) -> Rule[list[float]]:
+def rule(**limits):
     return Rule(
         "size",
         lambda values: [Measured(value, f"number {k}") for k, value in enumerate(values)],
@@ -35,21 +33,18 @@ def rule(**limits: float) -> Rule[list[float]]:
         ({"least": 1.0}, [1e9, 0.0], Verdict.WARNING, "0 m (number 1)"),
     ],
 )
-def test_the_worst_number_counts(
-    limits: dict[str, float], values: list[float], verdict: Verdict, text: str
-) -> None:
+def test_the_worst_number_counts(limits, values, verdict, text):
     check = rule(**limits).judge(values)
-    assert check is not None
     assert (check.verdict, check.text) == (verdict, text)
     assert check.as_dict()["verdict"] == verdict.value
 
 
-def test_what_does_not_apply_is_left_out() -> None:
+def test_what_does_not_apply_is_left_out():
     assert judge_all([rule(warning=1.0)], []) == []
     assert worst_verdict([]) is Verdict.OK
 
 
-def test_limits_in_words() -> None:
+def test_limits_in_words():
     assert rule(warning=1.0).limit == "at most 1"
     assert rule(warning=1.0, bad=2.0).limit == "at most 1, bad above 2"
     assert rule(warning=1.0, bad=1.0).limit == "bad above 1"
@@ -59,7 +54,7 @@ def test_limits_in_words() -> None:
 
 
 @pytest.mark.parametrize("rules", [BEFORE_RUN, OF_RUN])
-def test_every_rule_has_its_own_name_and_says_everything(rules: tuple[Rule[object], ...]) -> None:
+def test_every_rule_has_its_own_name_and_says_everything(rules):
     assert len({entry.name for entry in rules}) == len(rules)
     for entry in rules:
         assert entry.meaning.endswith(".")
@@ -67,7 +62,7 @@ def test_every_rule_has_its_own_name_and_says_everything(rules: tuple[Rule[objec
         assert entry.warning < math.inf or entry.least is not None
 
 
-def test_the_page_lists_the_rules() -> None:
+def test_the_page_lists_the_rules():
     text = CHECKS.read_text(encoding="utf-8")
     assert with_tables(text) == text, "run python tests/support/page_tables.py"
     assert all(f"| {entry.name} |" in text for entry in (*BEFORE_RUN, *OF_RUN))

@@ -1,9 +1,6 @@
 """Each check of a scenario, provoked by a scenario that deserves it."""
 
-from __future__ import annotations
-
 import math
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,24 +9,22 @@ from cut_runs import BOX
 from scenes import HEATED, PACKED, SMALL, changed, write_small
 
 from multicor_cli import check_scenario
-from multicor_cli.checks import Check, Verdict, resolution, worst_verdict
+from multicor_cli.checks import Verdict, resolution, worst_verdict
 from multicor_cli.checks.floor import escape_share
 from multicor_cli.checks.resolution import impact_deflection
 from multicor_cli.engine.heat.hertz import contact_modulus
-from multicor_cli.model import Model, State
 from multicor_cli.packing import build
 from multicor_cli.scenario import load_scenario
 
 OK, WARNING, BAD = Verdict.OK, Verdict.WARNING, Verdict.BAD
-Change = tuple[str, str]
 
 
-def checked(directory: Path, text: str = SMALL, *changes: Change) -> dict[str, Check]:
+def checked(directory, text=SMALL, *changes):
     checks = check_scenario(write_small(directory, changed(text, *changes)))
     return {check.name: check for check in checks}
 
 
-def test_an_ordinary_scenario_is_ok(tmp_path: Path) -> None:
+def test_an_ordinary_scenario_is_ok(tmp_path):
     assert worst_verdict(checked(tmp_path, SMALL, ("dt = 2e-4", "")).values()) is OK
 
 
@@ -41,11 +36,11 @@ SINGLE = ("frame_interval = 0.002", 'frame_interval = 0.002\nprecision = "single
 HALF = ("from = [0.0, 0.0], to = [0.02, 0.0]", "from = [0.0, 0.0], to = [0.01, 0.0]")
 
 
-def gravity(up: float) -> Change:
+def gravity(up):
     return "periodic = true", f"periodic = true\ngravity = [0.0, {up}]"
 
 
-def moved(height: float = 0.0, scale: float = 1.0) -> list[Change]:
+def moved(height=0.0, scale=1.0):
     """The same at another height, so many times as wide."""
     low, high = (f"[0.0, {height + scale * y}]" for y in (0.0, 0.01))
     ends = (f"[{0.02 * scale}, {height + scale * y}]" for y in (0.0, 0.01))
@@ -88,16 +83,16 @@ LARGE = [*moved(scale=1e3), ("size = [0.02, 0.02]", "size = [20.0, 20.0]"), ("mi
         ("grains without a floor", WARNING, [HALF]),
     ],
 )
-def test_each_verdict(name: str, verdict: Verdict, changes: list[Change], tmp_path: Path) -> None:
+def test_each_verdict(name, verdict, changes, tmp_path):
     found = checked(tmp_path, SMALL, *changes)[name]
     assert found.verdict is verdict, found
 
 
-def melting(temperature: float) -> list[Change]:
+def melting(temperature):
     return [("[materials.steel]", f"[materials.steel]\nmelting = {temperature}")]
 
 
-def ramp(*ends: float) -> list[Change]:
+def ramp(*ends):
     return [("ramp = [300.0, 350.0]", f"ramp = [{ends[0]}, {ends[1]}]")]
 
 
@@ -114,15 +109,13 @@ def ramp(*ends: float) -> list[Change]:
         ("highest temperature", [("value = 300.0,", "value = 5000.0,")], BAD, "a grain of"),
     ],
 )
-def test_temperatures_in_degrees_and_that_no_solid_bears(
-    name: str, changes: list[Change], verdict: Verdict, what: str, tmp_path: Path
-) -> None:
+def test_temperatures_in_degrees_and_that_no_solid_bears(name, changes, verdict, what, tmp_path):
     found = checked(tmp_path, HEATED, *changes)[name]
     assert found.verdict is verdict
     assert what in found.text
 
 
-def test_predicted_biot_number(tmp_path: Path) -> None:
+def test_predicted_biot_number(tmp_path):
     """Bi = 2 a_c/a with a_c = a √(δ/2a)."""
     soft = checked(tmp_path, HEATED, ("young = 70e9", "young = 1e5"))
     assert soft["Biot number"].value == pytest.approx(2.0 * math.sqrt(soft["deflection"].value))
@@ -130,7 +123,7 @@ def test_predicted_biot_number(tmp_path: Path) -> None:
     assert checked(tmp_path, HEATED)["Biot number"].verdict is OK
 
 
-def test_impact_of_spheres() -> None:
+def test_impact_of_spheres():
     """Against the energy: ½ m* v² = ∫ F dδ = (8/15) E* √a* δ^(5/2)."""
     radius, density, young, poisson, speed = 2e-3, 2500.0, 70e9, 0.2, 3.0
     reduced = 0.5 * density * 4.0 / 3.0 * math.pi * radius**3
@@ -140,8 +133,8 @@ def test_impact_of_spheres() -> None:
 
 
 @pytest.mark.parametrize("name", ["disk", "memory"])
-def test_space(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def check(free: int) -> Check:
+def test_space(name, tmp_path, monkeypatch):
+    def check(free):
         monkeypatch.setattr(resolution, "available_memory", lambda: free)
         usage = SimpleNamespace(free=free)
         monkeypatch.setattr(resolution.shutil, "disk_usage", lambda place: usage)
@@ -167,11 +160,11 @@ DRUM = 'kind = "circle", center = [0.03, 0.04], radius = 0.051'
 ROUGH = 'kind = "rough", from = [-0.01, -0.001], to = [0.07, -0.001], side = "left"'
 
 
-def share_of(model: Model, state: State) -> float | None:
+def share_of(model, state):
     return escape_share(model, state.position, state.wall_position, model.gravity)
 
 
-def placed(directory: Path, text: str) -> tuple[Model, State]:
+def placed(directory, text):
     return build(load_scenario(write_small(directory, text)))
 
 
@@ -184,7 +177,7 @@ def placed(directory: Path, text: str) -> tuple[Model, State]:
         ([*HOPPER, FLOOR.replace("[0, 0]", "[0, -0.1]")], 0.0),
     ],
 )  # fmt: skip
-def test_grains_that_can_get_out(walls: list[str], share: float, tmp_path: Path) -> None:
+def test_grains_that_can_get_out(walls, share, tmp_path):
     """Also with everything turned by right angles: gravity decides what is below."""
     wall = '\n[[walls]]\nname = "w{}"\nmaterial = "glass"\ngeometry = {{ {} }}\n'.format
     model, state = placed(tmp_path, PACKED + "".join(map(wall, range(len(walls)), walls)))
@@ -197,11 +190,11 @@ def test_grains_that_can_get_out(walls: list[str], share: float, tmp_path: Path)
         assert share_of(model, state) == share
 
 
-def test_a_floor_holds_those_alone_that_meet_it(tmp_path: Path) -> None:
+def test_a_floor_holds_those_alone_that_meet_it(tmp_path):
     plane = 'geometry = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }'
     text = changed(BOX, (plane, plane + '\ngroups = ["large"]'))
     assert share_of(*placed(tmp_path, text)) == 0.5
 
 
-def test_no_floor_without_gravity(tmp_path: Path) -> None:
+def test_no_floor_without_gravity(tmp_path):
     assert "grains without a floor" not in checked(tmp_path, SMALL, gravity(0.0))

@@ -2,17 +2,12 @@
 have.
 """
 
-from __future__ import annotations
-
 import copy
 import json
 import math
 import re
 import time
-from collections.abc import Iterator
-from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +18,6 @@ from scenes import HEATED, LASTING, PACKED, SMALL, changed, write_small
 import multicor_cli as multicor
 from multicor_cli.checks import (
     OF_RUN,
-    Check,
     Recorded,
     Verdict,
     judge_all,
@@ -36,11 +30,11 @@ from multicor_cli.store import open_run, run_info
 OK, WARNING, BAD = Verdict.OK, Verdict.WARNING, Verdict.BAD
 
 
-def by_name(checks: list[Check]) -> dict[str, Check]:
+def by_name(checks):
     return {check.name: check for check in checks}
 
 
-def ran(directory: Path, scenario: str | Path, overrides: tuple[str, ...] = ()) -> dict[str, Check]:
+def ran(directory, scenario, overrides=()):
     """The checks of a run of a scenario, by its text or path."""
     path = write_small(directory, scenario) if isinstance(scenario, str) else scenario
     multicor.run(path, directory / "run", overrides=overrides)
@@ -48,19 +42,19 @@ def ran(directory: Path, scenario: str | Path, overrides: tuple[str, ...] = ()) 
 
 
 @pytest.fixture(scope="module")
-def ordinary(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def ordinary(tmp_path_factory):
     directory = tmp_path_factory.mktemp("ordinary")
     ran(directory, changed(SMALL, ("dt = 2e-4", "dt = 1e-4")))
     return directory / "run"
 
 
 @pytest.fixture
-def recorded(ordinary: Path) -> Iterator[Recorded]:
+def recorded(ordinary):
     with open_run(ordinary) as run:
         yield Recorded(run, copy.deepcopy(run_info(ordinary)))
 
 
-def with_info(recorded: Recorded, key: str, value: Any) -> dict[str, Check]:
+def with_info(recorded, key, value):
     table, *names = recorded.info, *key.split(".")
     for name in names[:-1]:
         table = table[name]
@@ -68,7 +62,7 @@ def with_info(recorded: Recorded, key: str, value: Any) -> dict[str, Check]:
     return by_name(judge_all(OF_RUN, recorded))
 
 
-def test_an_ordinary_run_has_nothing_bad(ordinary: Path) -> None:
+def test_an_ordinary_run_has_nothing_bad(ordinary):
     checks = multicor.check_run(ordinary)
     assert worst_verdict(checks) is not BAD, checks
     usual = {"time step", "time step for the flow", "negative losses", "overlap", "lost grains"}
@@ -85,14 +79,12 @@ def test_an_ordinary_run_has_nothing_bad(ordinary: Path) -> None:
         ("work of corrections", "books.correction_work", {0.0: OK}),
     ],
 )
-def test_limits_of_the_summary(
-    name: str, key: str, values: dict[float, Verdict], recorded: Recorded
-) -> None:
+def test_limits_of_the_summary(name, key, values, recorded):
     for value, verdict in values.items():
         assert with_info(recorded, key, value)[name].verdict is verdict
 
 
-def test_negative_losses_of_a_bed_at_rest_are_left_out(recorded: Recorded) -> None:
+def test_negative_losses_of_a_bed_at_rest_are_left_out(recorded):
     model, steps = recorded.run.model, float(recorded.run.series["window_steps"].sum())
     kick = 9.81 * 1e-4
     limit = steps * 0.5 * float(model.grains.mass.sum()) * kick**2
@@ -105,8 +97,8 @@ def test_negative_losses_of_a_bed_at_rest_are_left_out(recorded: Recorded) -> No
     ("restitution", "given_back"), [(0.0, 0.0), (0.5, 1.0 / 3.0), (0.9, 0.81 / 0.19)]
 )
 def test_negative_losses_are_compared_with_what_impacts_take_up(
-    restitution: float, given_back: float, recorded: Recorded, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    restitution, given_back, recorded, monkeypatch
+):
     """Impacts that lose 1 − e² of what they take up give back e² of it; where they give back all,
     the kinetic energy stands for what they take up.
     """
@@ -125,9 +117,7 @@ def test_negative_losses_are_compared_with_what_impacts_take_up(
 
 
 @pytest.mark.parametrize(("restitution", "dt"), [(0.0, "auto"), (0.9, "auto"), (0.9, 2.5e-3)])
-def test_negative_losses_of_shear_do_not_depend_on_restitution(
-    restitution: float, dt: str | float, tmp_path: Path
-) -> None:
+def test_negative_losses_of_shear_do_not_depend_on_restitution(restitution, dt, tmp_path):
     """At the automatic step the check has nothing to say, and a step fifteen times as long is
     found.
     """
@@ -146,7 +136,7 @@ def test_negative_losses_of_shear_do_not_depend_on_restitution(
     assert (check.verdict is OK) == (dt == "auto")
 
 
-def test_work_of_corrections_is_compared_with_what_was_put_in(recorded: Recorded) -> None:
+def test_work_of_corrections_is_compared_with_what_was_put_in(recorded):
     given = recorded.book("kinetic_start") + sum(
         abs(recorded.book(f"{name}_work")) for name in ("gravity", "wall", "load")
     )
@@ -155,7 +145,7 @@ def test_work_of_corrections_is_compared_with_what_was_put_in(recorded: Recorded
         assert (check.value, check.verdict) == (pytest.approx(abs(share)), verdict)
 
 
-def test_heat_of_a_run(recorded: Recorded) -> None:
+def test_heat_of_a_run(recorded):
     heat = {"max_biot": 0.5, "books": {"undelivered": 1.0, "from_walls": 3.0, "closure": 1e-3}}
     heat["books"] |= {"friction": 3.0, "impact": 1.0, "ahead": 0.1}
     recorded.info["heat_closure"] = 1e-3
@@ -170,7 +160,7 @@ def test_heat_of_a_run(recorded: Recorded) -> None:
     assert with_info(recorded, "heat", heat)["largest Biot number"].verdict is BAD
 
 
-HOT_FLOOR = re.search(r"thermal = .*", HEATED)[0]  # type: ignore[index]
+HOT_FLOOR = re.search(r"thermal = .*", HEATED)[0]
 SWINGING = """
 [[loading]]
 frozen = true
@@ -184,9 +174,7 @@ thermal.floor = { temperature = { sine = { mean = 400.0, amplitude = 100.0, peri
     ("flow", "tolerance", "verdicts"),
     [(0.1, 1e-4, (OK, OK)), (1e9, 1e-4, (BAD, OK)), (0.1, 1e-2, (OK, WARNING)), (0.1, 0.1, (OK, BAD))],
 )  # fmt: skip
-def test_what_heat_did(
-    flow: float, tolerance: float, verdicts: tuple[Verdict, Verdict], tmp_path: Path
-) -> None:
+def test_what_heat_did(flow, tolerance, verdicts, tmp_path):
     """Grains hotter than any solid, and a tolerance that lets temperatures be off by percents."""
     text = changed(
         HEATED,
@@ -214,12 +202,7 @@ SLOW = ("kinetic_energy_ratio = 1e-2", "kinetic_energy_ratio = 1e-9")
         ([SLOW], (), {"stages timed out": (WARNING, 1.0, 1.0)}),
     ],
 )
-def test_what_a_run_deserves(
-    changes: list[tuple[str, str]],
-    overrides: tuple[str, ...],
-    found: dict[str, tuple[Verdict, float, float]],
-    tmp_path: Path,
-) -> None:
+def test_what_a_run_deserves(changes, overrides, found, tmp_path):
     checks = ran(tmp_path, changed(SMALL, *changes), overrides)
     for name, (verdict, low, high) in found.items():
         assert checks[name].verdict is verdict
@@ -229,9 +212,7 @@ def test_what_a_run_deserves(
 
 
 @pytest.mark.parametrize(("pressure", "rate"), [(50.0, 1.0), (1e-3, 100.0)])
-def test_step_that_a_known_pressure_and_rate_of_shear_need(
-    pressure: float, rate: float, recorded: Recorded
-) -> None:
+def test_step_that_a_known_pressure_and_rate_of_shear_need(pressure, rate, recorded):
     """Limits 0.1 √(m/P) and 0.005/γ̇ of the automatic step (μ = 0.4 is below 0.5), for a stress P V
     and a work of sliding μ P V γ̇.
     """
@@ -247,7 +228,7 @@ def test_step_that_a_known_pressure_and_rate_of_shear_need(
     }
     frames = SimpleNamespace(stage=np.zeros(3, int), column=lambda path: np.full(3, dt))
     run = SimpleNamespace(model=model, series=columns, frames=frames, stages=("only",))
-    made_up = Recorded(run, {})  # type: ignore[arg-type]
+    made_up = Recorded(run, {})
     made_up.__dict__["planned"] = None
     (measured,) = resolution._needed(made_up)
     limit = min(0.1 * math.sqrt(float(model.grains.mass.mean()) / pressure), 0.005 / rate)
@@ -260,7 +241,7 @@ WALL = '\n[[walls]]\nname = "floor"\nmaterial = "glass"\ngeometry = {{ {} }}\n'
 
 
 @pytest.mark.parametrize(("floor", "verdict"), [([-1.0, 1.0], OK), ([0.0, 0.045], BAD)])
-def test_lost_grains(floor: list[float], verdict: Verdict, tmp_path: Path) -> None:
+def test_lost_grains(floor, verdict, tmp_path):
     shorter = [("size = [0.06, 0.08]", "size = [0.06, 0.02]"), ("count = 200", "count = 40")]
     text = changed(
         PACKED, ("duration = 1.0", "duration = 0.2"), ("dt = 1e-4", "dt = 1e-3"), *shorter
@@ -274,7 +255,7 @@ def test_lost_grains(floor: list[float], verdict: Verdict, tmp_path: Path) -> No
     assert found.verdict is verdict
 
 
-def test_gravity_is_that_of_the_stage(tmp_path: Path) -> None:
+def test_gravity_is_that_of_the_stage(tmp_path):
     """Grains on a floor stay on it until gravity is tilted."""
     text = changed(PACKED, ("duration = 1.0", "duration = 0.01"))
     text += WALL.format('kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0]')
@@ -292,7 +273,7 @@ def test_gravity_is_that_of_the_stage(tmp_path: Path) -> None:
         assert recorded.largest_gravity == pytest.approx(9.81)
 
 
-def test_drift_of_a_series() -> None:
+def test_drift_of_a_series():
     rng = np.random.default_rng(1)
     noise = rng.normal(size=4000)
     assert relative_drift(np.ones(39)) is None
@@ -304,13 +285,13 @@ def test_drift_of_a_series() -> None:
     assert relative_drift(late + noise) == pytest.approx(0.5, abs=0.05)
 
 
-def test_a_run_without_steps_has_few_checks(tmp_path: Path) -> None:
+def test_a_run_without_steps_has_few_checks(tmp_path):
     multicor.run(write_small(tmp_path), tmp_path / "run", max_hours=0.0)
     names = by_name(multicor.check_run(tmp_path / "run")).keys()
     assert names == {"time step", "lost grains"}
 
 
-def test_frames_hold_the_contacts_that_carry_something(ordinary: Path) -> None:
+def test_frames_hold_the_contacts_that_carry_something(ordinary):
     with open_run(ordinary) as run:
         for frame in run.frames[1:]:
             assert (frame.contacts.impulse[:, 0] > 0.0).all()
@@ -320,15 +301,13 @@ def test_frames_hold_the_contacts_that_carry_something(ordinary: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "before", "code"), [((), False, 0), (("dt = 2e-4", "dt = 2e-3"), True, 4)]
 )
-def test_strict(
-    change: tuple[str, str] | tuple[()], before: bool, code: int, tmp_path: Path
-) -> None:
+def test_strict(change, before, code, tmp_path):
     """A bad check before a run keeps it from beginning; afterwards `info` says the same; without
     the option nothing changes.
     """
     write_small(tmp_path, changed(SMALL, *([change] if change else [])))
 
-    def code_of(line: str) -> int:
+    def code_of(line):
         return call(*line.split(), cwd=tmp_path).returncode
 
     assert code_of("validate small.toml --strict") == code
@@ -347,7 +326,7 @@ def test_strict(
     assert (data["progress"], data["pid"]) == (None, None)
 
 
-def test_a_run_that_goes_on_tells_where_it_is(tmp_path: Path) -> None:
+def test_a_run_that_goes_on_tells_where_it_is(tmp_path):
     write_small(tmp_path, LASTING)
     process = start("run", "small.toml", "-o", "run", cwd=tmp_path)
     try:

@@ -1,57 +1,51 @@
 """CSV files, read back with nothing but the standard library."""
 
-from __future__ import annotations
-
 import csv
-from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
 from store_support import file_size_limit, make_model, run_whole
 
 from multicor_cli.export import ExportError, ExportRefused, export_csv
-from multicor_cli.store import Run, StorageError, open_run, schema
-
-Table = dict[str, list[str]]
+from multicor_cli.store import StorageError, open_run, schema
 
 
 @pytest.fixture(scope="module", params=["double", "single"])
-def directory(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def directory(request, tmp_path_factory):
     path = tmp_path_factory.mktemp("csv") / "run"
     run_whole(path, make_model(heat=True), precision=request.param)
     return path
 
 
 @pytest.fixture
-def run(directory: Path) -> Iterator[Run]:
+def run(directory):
     with open_run(directory) as opened:
         yield opened
 
 
-def read(path: Path) -> Table:
+def read(path):
     with path.open(encoding="utf-8", newline="") as file:
         headings, *rows = csv.reader(file)
     assert len(set(headings)) == len(headings)
     return {heading: [row[k] for row in rows] for k, heading in enumerate(headings)}
 
 
-def numbers(column: list[str], like: np.ndarray) -> np.ndarray:
+def numbers(column, like):
     return np.array([float(cell) if cell else np.nan for cell in column]).astype(like.dtype)
 
 
-def check(table: Table, heading: str, values: np.ndarray) -> None:
+def check(table, heading, values):
     """The same bits."""
     np.testing.assert_array_equal(numbers(table[heading], values), values, strict=True)
 
 
 @pytest.fixture
-def out(run: Run, tmp_path: Path) -> Path:
+def out(run, tmp_path):
     assert export_csv(run, tmp_path / "out") == 9
     return tmp_path / "out"
 
 
-def test_grains(run: Run, out: Path) -> None:
+def test_grains(run, out):
     for frame in run.frames:
         table = read(out / f"grains-{frame.index:06d}.csv")
         assert table["grain"] == [str(k) for k in range(5)]
@@ -73,7 +67,7 @@ def test_grains(run: Run, out: Path) -> None:
             check(table, heading, values)
 
 
-def test_contacts(run: Run, out: Path) -> None:
+def test_contacts(run, out):
     for frame in run.frames:
         table, contacts = read(out / f"contacts-{frame.index:06d}.csv"), frame.contacts
         columns = {
@@ -88,7 +82,7 @@ def test_contacts(run: Run, out: Path) -> None:
             check(table, heading, values)
 
 
-def test_walls_and_nothing_for_nan(run: Run, out: Path) -> None:
+def test_walls_and_nothing_for_nan(run, out):
     frame, table = run.frames[3], read(out / "walls-000003.csv")
     assert table["wall"] == ["bottom", "dessus-é"]
     assert table["temperature [K]"][1] == ""
@@ -98,7 +92,7 @@ def test_walls_and_nothing_for_nan(run: Run, out: Path) -> None:
     check(table, "heat_received [J]", frame.wall_heat[:, 1])
 
 
-def test_the_list_of_frames(run: Run, tmp_path: Path) -> None:
+def test_the_list_of_frames(run, tmp_path):
     assert export_csv(run, tmp_path / "out", slice(2, 9, 3)) == 3
     table = read(tmp_path / "out" / "frames.csv")
     assert table["frame"] == ["2", "5", "8"]
@@ -109,7 +103,7 @@ def test_the_list_of_frames(run: Run, tmp_path: Path) -> None:
     assert names == sorted([*kinds, "frames.csv", "series.csv"])
 
 
-def test_the_whole_series(run: Run, tmp_path: Path) -> None:
+def test_the_whole_series(run, tmp_path):
     export_csv(run, tmp_path / "out", slice(0, 1))
     table = read(tmp_path / "out" / "series.csv")
     rows = run.rows(schema.SERIES)
@@ -122,7 +116,7 @@ def test_the_whole_series(run: Run, tmp_path: Path) -> None:
     check(table, "heat_closure", run.series["heat_closure"])
 
 
-def test_runs_without_walls_and_heat(tmp_path: Path) -> None:
+def test_runs_without_walls_and_heat(tmp_path):
     run_whole(tmp_path / "run", make_model(walls=False))
     with open_run(tmp_path / "run") as run:
         export_csv(run, tmp_path / "out", slice(-1, None))
@@ -135,7 +129,7 @@ def test_runs_without_walls_and_heat(tmp_path: Path) -> None:
     assert "temperature [K]" not in read(tmp_path / "out" / "grains-000008.csv")
 
 
-def test_an_export_is_replaced_only_if_asked_for(run: Run, tmp_path: Path) -> None:
+def test_an_export_is_replaced_only_if_asked_for(run, tmp_path):
     export_csv(run, tmp_path / "out")
     before = sorted(path.name for path in (tmp_path / "out").iterdir())
     with pytest.raises(ExportRefused, match="--overwrite"):
@@ -146,7 +140,7 @@ def test_an_export_is_replaced_only_if_asked_for(run: Run, tmp_path: Path) -> No
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out"]
 
 
-def test_foreign_files_are_never_removed(run: Run, directory: Path, tmp_path: Path) -> None:
+def test_foreign_files_are_never_removed(run, directory, tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "thesis.tex").write_text("years of work")
     with pytest.raises(ExportRefused, match=r"thesis\.tex"):
@@ -162,13 +156,13 @@ def test_foreign_files_are_never_removed(run: Run, directory: Path, tmp_path: Pa
         export_csv(run, tmp_path / "file", is_overwriting=True)
 
 
-def test_no_such_frames(run: Run, tmp_path: Path) -> None:
+def test_no_such_frames(run, tmp_path):
     with pytest.raises(ExportError, match="from 0 to 8"):
         export_csv(run, tmp_path / "out", slice(9, None))
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_full_disk_leaves_what_was_there(run: Run, tmp_path: Path) -> None:
+def test_a_full_disk_leaves_what_was_there(run, tmp_path):
     export_csv(run, tmp_path / "out", slice(0, 1))
     with file_size_limit(2000), pytest.raises(StorageError):
         export_csv(run, tmp_path / "out", is_overwriting=True)

@@ -2,12 +2,7 @@
 solution.
 """
 
-from __future__ import annotations
-
-from collections.abc import Iterator
 from dataclasses import fields, replace
-from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -28,21 +23,19 @@ from multicor_cli.export import (
     write_fclib,
 )
 from multicor_cli.export.fclib_file import LocalForm, local_form
-from multicor_cli.store import DamagedRun, Run, StoreError, open_run
+from multicor_cli.store import DamagedRun, StoreError, open_run
 
 TIGHT = Settings(tolerance_rms=1e-11, tolerance_max=1e-9, tolerance_energy=1e-9, max_sweeps=100_000)
 
-Solved = dict[int, tuple[ContactProblem, Any]]
 
-
-def record(path: Path, text: str) -> tuple[Path, Solved]:
+def record(path, text):
     """Run a scenario; gives its directory, and the problem of every step by the number of steps
     before it.
     """
-    solved: Solved = {}
+    solved = {}
     step = Engine.step
 
-    def recording(engine: Engine, dt: float, t: float, *more: Any) -> Any:
+    def recording(engine, dt, t, *more):
         if not engine.orders.is_frozen:
             solved[engine.state.step] = engine.next_start(dt, t)
         return step(engine, dt, t, *more)
@@ -53,7 +46,7 @@ def record(path: Path, text: str) -> tuple[Path, Solved]:
     return path / "run", solved
 
 
-def read_local_form(path: Path) -> LocalForm:
+def read_local_form(path):
     """What other programs read: W, q and mu."""
     with h5py.File(path) as file:
         local = file["fclib_local"]
@@ -65,7 +58,7 @@ def read_local_form(path: Path) -> LocalForm:
 
 
 @pytest.fixture(scope="module")
-def small(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Solved]:
+def small(tmp_path_factory):
     """Three stages with walls that a force moves, and a ramp that goes on from one stage into the
     next.
     """
@@ -73,27 +66,25 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Solved]:
 
 
 @pytest.fixture(scope="module")
-def warm(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Solved]:
+def warm(tmp_path_factory):
     """Friction that depends on temperature, and a stage in which nothing moves."""
     return record(tmp_path_factory.mktemp("warm"), WARM)
 
 
 @pytest.fixture
-def run(small: tuple[Path, Solved]) -> Iterator[Run]:
+def run(small):
     with open_run(small[0]) as opened:
         yield opened
 
 
-def assert_same(one: ContactProblem, other: ContactProblem) -> None:
+def assert_same(one, other):
     for field in fields(ContactProblem):
         np.testing.assert_array_equal(
             getattr(one, field.name), getattr(other, field.name), err_msg=field.name
         )
 
 
-def test_the_problem_after_a_frame_is_the_one_that_the_run_has_solved(
-    run: Run, small: tuple[Path, Solved]
-) -> None:
+def test_the_problem_after_a_frame_is_the_one_that_the_run_has_solved(run, small):
     """To the bit, in every stage and where one ends."""
     stages = set()
     for frame in list(run.frames)[:-1]:
@@ -115,16 +106,14 @@ def test_the_problem_after_a_frame_is_the_one_that_the_run_has_solved(
     }
 
 
-def test_after_the_last_frame_the_last_stage_goes_on(run: Run) -> None:
+def test_after_the_last_frame_the_last_stage_goes_on(run):
     found = frame_problem(run, -1)
     assert found.is_beyond
     assert found.stage == "on"
     assert found.start.any()
 
 
-def test_exported_and_read_again_the_solution_is_the_same(
-    run: Run, small: tuple[Path, Solved], tmp_path: Path
-) -> None:
+def test_exported_and_read_again_the_solution_is_the_same(run, small, tmp_path):
     """Of the first frame from the middle on whose problem sweeps can solve so closely: with
     friction not every one can be.
     """
@@ -144,7 +133,7 @@ def test_exported_and_read_again_the_solution_is_the_same(
 
 
 @pytest.mark.parametrize("name", ["heap", "run"])
-def test_our_solution_solves_the_problem_in_the_file(name: str, run: Run, tmp_path: Path) -> None:
+def test_our_solution_solves_the_problem_in_the_file(name, run, tmp_path):
     """With W, q and mu of the file alone: complementarity, Coulomb's cone, and friction against the
     slip.
     """
@@ -165,7 +154,7 @@ def test_our_solution_solves_the_problem_in_the_file(name: str, run: Run, tmp_pa
 @pytest.mark.parametrize(
     "problem", [column_problem(5), heap_problem(restitution=0.4), tilted(heap_problem(seed=1))]
 )
-def test_the_matrix_is_that_of_the_problem(problem: ContactProblem) -> None:
+def test_the_matrix_is_that_of_the_problem(problem):
     form = local_form(problem)
     expected, q = dense_delassus(problem)
     dense = np.zeros_like(expected)
@@ -178,7 +167,7 @@ def test_the_matrix_is_that_of_the_problem(problem: ContactProblem) -> None:
         assert (np.diff(columns) > 0).all()
 
 
-def test_two_contacts_of_the_same_two_bodies_share_both() -> None:
+def test_two_contacts_of_the_same_two_bodies_share_both():
     """A grain in the corner of a wall that a force moves."""
     lever = np.array([[[-0.5, 0.0], [0.5, 0.2]], [[0.0, -0.5], [1.0, -0.3]]])
     problem = ContactProblem(
@@ -195,7 +184,7 @@ def test_two_contacts_of_the_same_two_bodies_share_both() -> None:
     np.testing.assert_allclose(form.value.reshape(4, 4), dense_delassus(problem)[0], atol=1e-14)
 
 
-def test_the_layout_is_that_of_fclib(run: Run, tmp_path: Path) -> None:
+def test_the_layout_is_that_of_fclib(run, tmp_path):
     """Names, types and shapes of fclib.h; integers of the C library have 32 bits."""
     export_fclib(run, tmp_path / "a.hdf5", 10)
     with h5py.File(tmp_path / "a.hdf5") as file:
@@ -222,7 +211,7 @@ def test_the_layout_is_that_of_fclib(run: Run, tmp_path: Path) -> None:
         assert b"small, step after frame 10" in local["info/title"][()]
 
 
-def test_the_guess_is_a_velocity_of_the_local_form(run: Run, tmp_path: Path) -> None:
+def test_the_guess_is_a_velocity_of_the_local_form(run, tmp_path):
     export_fclib(run, tmp_path / "a.hdf5", 10)
     form = read_local_form(tmp_path / "a.hdf5")
     with h5py.File(tmp_path / "a.hdf5") as file:
@@ -232,7 +221,7 @@ def test_the_guess_is_a_velocity_of_the_local_form(run: Run, tmp_path: Path) -> 
         )
 
 
-def test_problems_are_saved_and_loaded(tmp_path: Path) -> None:
+def test_problems_are_saved_and_loaded(tmp_path):
     problem = heap_problem()
     write_fclib(
         problem, tmp_path / "a.hdf5", start=np.ones((len(problem.pair), 2)), is_overwriting=True
@@ -243,7 +232,7 @@ def test_problems_are_saved_and_loaded(tmp_path: Path) -> None:
     assert read_fclib(tmp_path / "a.hdf5")[1] is None
 
 
-def test_other_files_are_refused_by_name(tmp_path: Path) -> None:
+def test_other_files_are_refused_by_name(tmp_path):
     write_fclib(heap_problem(), tmp_path / "a.hdf5", is_overwriting=True)
     with h5py.File(tmp_path / "a.hdf5", "r+") as file:
         del file["multicor"]
@@ -255,7 +244,7 @@ def test_other_files_are_refused_by_name(tmp_path: Path) -> None:
             read_fclib(tmp_path / name)
 
 
-def test_a_guess_of_another_problem_is_refused(tmp_path: Path) -> None:
+def test_a_guess_of_another_problem_is_refused(tmp_path):
     write_fclib(column_problem(3), tmp_path / "a.hdf5", start=np.zeros((3, 2)), is_overwriting=True)
     with h5py.File(tmp_path / "a.hdf5", "r+") as file:
         del file["guesses/1/r"]
@@ -264,7 +253,7 @@ def test_a_guess_of_another_problem_is_refused(tmp_path: Path) -> None:
         read_fclib(tmp_path / "a.hdf5")
 
 
-def test_without_contacts_there_is_no_problem(tmp_path: Path) -> None:
+def test_without_contacts_there_is_no_problem(tmp_path):
     none = np.empty((0, 2))
     problem = ContactProblem(
         np.ones((1, 3)),
@@ -280,7 +269,7 @@ def test_without_contacts_there_is_no_problem(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_runs_with_heat_that_softens_friction(warm: tuple[Path, Solved]) -> None:
+def test_runs_with_heat_that_softens_friction(warm):
     """Temperatures are stored as such, the engine computes with heat contents: friction agrees to
     rounding, the rest exactly.
     """
@@ -300,7 +289,7 @@ def test_runs_with_heat_that_softens_friction(warm: tuple[Path, Solved]) -> None
     assert np.unique(last.friction).size > 10
 
 
-def test_nothing_is_overwritten_unless_asked_for(run: Run, tmp_path: Path) -> None:
+def test_nothing_is_overwritten_unless_asked_for(run, tmp_path):
     (tmp_path / "a.hdf5").write_text("mine")
     with pytest.raises(ExportRefused, match="--overwrite"):
         export_fclib(run, tmp_path / "a.hdf5")
@@ -309,13 +298,13 @@ def test_nothing_is_overwritten_unless_asked_for(run: Run, tmp_path: Path) -> No
     read_fclib(tmp_path / "a.hdf5")
 
 
-def test_no_such_frame(run: Run, tmp_path: Path) -> None:
+def test_no_such_frame(run, tmp_path):
     with pytest.raises(ExportError, match="no frame 1000"):
         export_fclib(run, tmp_path / "a.hdf5", 1000)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_full_disk_leaves_nothing(run: Run, tmp_path: Path) -> None:
+def test_a_full_disk_leaves_nothing(run, tmp_path):
     with file_size_limit(4096), pytest.raises(StoreError, match="no space"):
         export_fclib(run, tmp_path / "a.hdf5")
     assert list(tmp_path.iterdir()) == []

@@ -1,14 +1,9 @@
 """GSD files as the library reads them back."""
 
-from __future__ import annotations
-
 import dataclasses
 import logging
 import os
 import sys
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,33 +11,33 @@ from heat_run import GRAINS, column, contact_rows, heated_model
 from store_support import file_size_limit, make_model, run_whole
 
 from multicor_cli.export import ExportError, ExportRefused, MissingLibrary, export_gsd
-from multicor_cli.store import Frame, Run, RunDirectory, Snapshot, StorageError, open_run
+from multicor_cli.store import RunDirectory, Snapshot, StorageError, open_run
 
 hoomd = pytest.importorskip("gsd.hoomd")
 
 
 @pytest.fixture(scope="module")
-def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def directory(tmp_path_factory):
     path = tmp_path_factory.mktemp("gsd") / "run"
     run_whole(path, make_model(heat=True))
     return path
 
 
 @pytest.fixture
-def run(directory: Path) -> Iterator[Run]:
+def run(directory):
     with open_run(directory) as opened:
         yield opened
 
 
 @pytest.fixture
-def frames(run: Run, tmp_path: Path) -> Iterator[list[tuple[Frame, Any]]]:
+def frames(run, tmp_path):
     """Every frame of the run, and what the library reads of it."""
     assert export_gsd(run, tmp_path / "all.gsd") == 9
     with hoomd.open(str(tmp_path / "all.gsd")) as file:
         yield list(zip(run.frames, file, strict=True))
 
 
-def test_every_frame_is_read_back(run: Run, frames: list[tuple[Frame, Any]]) -> None:
+def test_every_frame_is_read_back(run, frames):
     model = run.model
     for ours, theirs in frames:
         grains, center = theirs.particles, theirs.log["box_center"]
@@ -62,7 +57,7 @@ def test_every_frame_is_read_back(run: Run, frames: list[tuple[Frame, Any]]) -> 
         np.testing.assert_array_equal(theirs.log["particles/generated"], ours.generated)
 
 
-def test_orientation_and_angular_momentum(run: Run, frames: list[tuple[Frame, Any]]) -> None:
+def test_orientation_and_angular_momentum(run, frames):
     """q = (cos ½α, 0, 0, sin ½α), and the momentum I ω is in the z component of ½ q* P."""
     ours, theirs = frames[-1]
     q, p = theirs.particles.orientation, theirs.particles.angmom
@@ -72,9 +67,7 @@ def test_orientation_and_angular_momentum(run: Run, frames: list[tuple[Frame, An
     np.testing.assert_allclose(theirs.particles.moment_inertia[:, 2], inertia, rtol=1e-6)
 
 
-def test_the_box_has_the_period_and_holds_all_grains(
-    run: Run, frames: list[tuple[Frame, Any]]
-) -> None:
+def test_the_box_has_the_period_and_holds_all_grains(run, frames):
     (box,) = {tuple(theirs.configuration.box.tolist()) for _, theirs in frames}
     size = box[:2]
     assert size[0] == np.float32(run.period)
@@ -84,7 +77,7 @@ def test_the_box_has_the_period_and_holds_all_grains(
         assert (reach <= 0.5 * np.array(size) * (1.0 + 1e-6)).all()
 
 
-def test_bonds_are_the_contacts_that_carry_a_force(frames: list[tuple[Frame, Any]]) -> None:
+def test_bonds_are_the_contacts_that_carry_a_force(frames):
     found = 0
     for ours, theirs in frames:
         contacts = ours.contacts
@@ -99,7 +92,7 @@ def test_bonds_are_the_contacts_that_carry_a_force(frames: list[tuple[Frame, Any
     assert found > 2
 
 
-def test_frames_without_contacts_do_not_repeat_those_of_the_first_one(tmp_path: Path) -> None:
+def test_frames_without_contacts_do_not_repeat_those_of_the_first_one(tmp_path):
     """What a GSD frame lacks is that of the first one: a frame without bonds has to say so,
     recorded or not.
     """
@@ -135,9 +128,7 @@ def test_frames_without_contacts_do_not_repeat_those_of_the_first_one(tmp_path: 
     assert [frame.log["contacts_recorded"].tolist() for frame in frames] == [[1], [1], [0], [1]]
 
 
-def test_runs_without_heat_and_with_single_precision(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_runs_without_heat_and_with_single_precision(tmp_path, caplog):
     run_whole(tmp_path / "run", make_model(walls=False), precision="single")
     with caplog.at_level(logging.WARNING), open_run(tmp_path / "run") as run:
         export_gsd(run, tmp_path / "a.gsd", slice(None, None, 4))
@@ -147,8 +138,8 @@ def test_runs_without_heat_and_with_single_precision(
         assert "particles/temperature" not in file[2].log
 
 
-def test_the_progress_is_told(run: Run, tmp_path: Path) -> None:
-    told: list[tuple[int, int]] = []
+def test_the_progress_is_told(run, tmp_path):
+    told = []
     export_gsd(
         run,
         tmp_path / "a.gsd",
@@ -158,7 +149,7 @@ def test_the_progress_is_told(run: Run, tmp_path: Path) -> None:
     assert told == [(1, 3), (2, 3), (3, 3)]
 
 
-def test_nothing_is_overwritten_unless_asked_for(run: Run, tmp_path: Path) -> None:
+def test_nothing_is_overwritten_unless_asked_for(run, tmp_path):
     path = tmp_path / "a.gsd"
     path.write_text("mine")
     with pytest.raises(ExportRefused, match="--overwrite"):
@@ -169,7 +160,7 @@ def test_nothing_is_overwritten_unless_asked_for(run: Run, tmp_path: Path) -> No
         assert len(file) == 2
 
 
-def test_files_of_the_run_are_never_overwritten(run: Run, directory: Path) -> None:
+def test_files_of_the_run_are_never_overwritten(run, directory):
     before = (directory / "results.h5").read_bytes()
     with pytest.raises(ExportRefused, match="a file of the run"):
         export_gsd(run, directory / "results.h5", is_overwriting=True)
@@ -182,9 +173,7 @@ def test_files_of_the_run_are_never_overwritten(run: Run, directory: Path) -> No
     "name",
     ["checkpoints/step-00000000040.h5", "checkpoints/new.gsd", "segments/a.gsd", "results.h5.tmp"],
 )
-def test_nothing_is_written_among_the_files_of_a_run(
-    name: str, run: Run, directory: Path, tmp_path: Path
-) -> None:
+def test_nothing_is_written_among_the_files_of_a_run(name, run, directory, tmp_path):
     """By its own name, and by that of a link to the directory."""
     before = sorted(path.name for path in directory.rglob("*"))
     (tmp_path / "link").symlink_to(directory)
@@ -194,7 +183,7 @@ def test_nothing_is_written_among_the_files_of_a_run(
     assert sorted(path.name for path in directory.rglob("*")) == before
 
 
-def test_a_link_is_not_replaced_unasked_and_a_device_never(run: Run, tmp_path: Path) -> None:
+def test_a_link_is_not_replaced_unasked_and_a_device_never(run, tmp_path):
     (tmp_path / "mine").write_text("mine")
     (tmp_path / "link").symlink_to("mine")
     (tmp_path / "dangling").symlink_to("nowhere")
@@ -210,14 +199,14 @@ def test_a_link_is_not_replaced_unasked_and_a_device_never(run: Run, tmp_path: P
     assert (tmp_path / "mine").read_text() == "mine"
 
 
-def test_no_such_frames(run: Run, tmp_path: Path) -> None:
+def test_no_such_frames(run, tmp_path):
     with pytest.raises(ExportError, match="from 0 to 8"):
         export_gsd(run, tmp_path / "a.gsd", slice(20, 30))
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.8, 0.99])
-def test_a_full_disk_leaves_nothing(share: float, run: Run, tmp_path: Path) -> None:
+def test_a_full_disk_leaves_nothing(share, run, tmp_path):
     export_gsd(run, tmp_path / "a.gsd")
     size = (tmp_path / "a.gsd").stat().st_size
     (tmp_path / "a.gsd").unlink()
@@ -226,7 +215,7 @@ def test_a_full_disk_leaves_nothing(share: float, run: Run, tmp_path: Path) -> N
     assert list(tmp_path.iterdir()) == []
 
 
-def test_without_the_library(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_library(run, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "gsd", None)
     monkeypatch.setitem(sys.modules, "gsd.hoomd", None)
     with pytest.raises(MissingLibrary, match="pip install"):

@@ -1,16 +1,13 @@
 """Files of users beside an export are theirs, whatever they are called."""
 
-from __future__ import annotations
-
 import re
-from pathlib import Path
 
 import pytest
 
 from multicor_cli.export.target import new_directory, new_file
 
 
-def test_what_lies_beside_a_target_stays(tmp_path: Path) -> None:
+def test_what_lies_beside_a_target_stays(tmp_path):
     mine = {tmp_path / "table.csv.tmp": "precious", tmp_path / "frames.tmp": "precious too"}
     for path, text in mine.items():
         path.write_text(text)

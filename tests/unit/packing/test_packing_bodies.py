@@ -1,9 +1,6 @@
 """Solid bodies and regions: what they are made of, what they weigh, where packings put grains."""
 
-from __future__ import annotations
-
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +9,7 @@ from packing_support import GRAVITY, PERIODIC, built, problems, scenario, wall
 from multicor_cli.engine.geometry.scene import gap_to_shape
 from multicor_cli.model import ShapeKind
 from multicor_cli.model.shapes import Polygon
-from multicor_cli.packing.walls import BuiltWalls, build_walls
+from multicor_cli.packing.walls import build_walls
 from multicor_cli.scenario import ScenarioError
 
 DENSITY, THICKNESS = 7800.0, 2e-3  # of steel, and of the discs of the scenario
@@ -21,11 +18,11 @@ SPHERES = 'particles.0={name="grains",material="glass",shape="sphere",sizes={kin
 LOADED = "loading.0.drives.w={x={force=0.0}}"
 
 
-def walls_of(geometry: str, *overrides: str, rest: str = "") -> BuiltWalls:
+def walls_of(geometry, *overrides, rest=""):
     return build_walls(scenario(*overrides, extra=wall("w", geometry, rest)))
 
 
-def polygon(corners: object, more: str = 'grains = "outside"') -> str:
+def polygon(corners, more='grains = "outside"'):
     points = np.asarray(corners, float).tolist()
     return f'kind = "polygon", points = {points}, {more}'
 
@@ -107,7 +104,7 @@ def test_the_gap_to_a_polygon_is_that_to_its_nearest_side_or_corner(seed):
         assert shape.depth(foot)[0] == pytest.approx(0.0, abs=1e-12)
 
 
-def star(rng: np.random.Generator) -> np.ndarray:
+def star(rng):
     """Corners of a simple polygon around the middle of the domain."""
     count = int(rng.integers(3, 10))
     angle = 2.0 * np.pi * (np.arange(count) + rng.uniform(0.0, 0.9, count)) / count
@@ -115,7 +112,7 @@ def star(rng: np.random.Generator) -> np.ndarray:
     return np.array([0.03, 0.03]) + radius * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-def is_wound(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
+def is_wound(corners, points):
     """Whether corners run around points, by adding up angles."""
     way = corners[np.newaxis] - points[:, np.newaxis]
     angle = np.arctan2(way[..., 1], way[..., 0])
@@ -131,7 +128,7 @@ PACKINGS = {
 }
 
 
-def group(packing: str, more: str = "") -> str:
+def group(packing, more=""):
     kind, count = PACKINGS[packing]
     return (
         'particles.0={name="grains",material="glass",shape="disc",thickness=2e-3,'
@@ -176,7 +173,7 @@ REGIONS = {
 }
 
 
-def distance_inside(region: str, center: np.ndarray) -> np.ndarray:
+def distance_inside(region, center):
     """How far points are inside a region, written out."""
     x, y = center.T
     if region == "polygon":
@@ -203,7 +200,7 @@ def test_grains_lie_wholly_in_their_region(region, packing):
         assert radius.size == 300
 
 
-def polygon_region(points: str) -> str:
+def polygon_region(points):
     return f',region={{kind="polygon",points={points}}}'
 
 
@@ -245,7 +242,7 @@ def test_deposited_grains_pile_up_on_a_disc():
         'kind = "disc", center = [0.03, 0.03], radius = 0.02',
     ],
 )
-def test_grains_from_a_file_in_solid_matter_are_refused(geometry, tmp_path: Path):
+def test_grains_from_a_file_in_solid_matter_are_refused(geometry, tmp_path):
     rows = "x,y,radius\n0.03,0.03,1e-3\n0.005,0.07,1e-3\n0.025,0.035,1e-3\n"
     (tmp_path / "grains.csv").write_text(rows)
     grains = 'particles.0={name="grains",material="glass",shape="disc",thickness=2e-3,packing={kind="file",path="grains.csv"}}'

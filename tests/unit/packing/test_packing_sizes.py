@@ -21,22 +21,22 @@ from multicor_cli.packing.sizes import (
 LOW, HIGH, N = 0.5e-3, 2.0e-3, 20_000
 
 
-def power_mean(exponent: float) -> float:
+def power_mean(exponent):
     """Mean of the density r^-exponent on [LOW, HIGH]."""
 
-    def integral(p: float) -> float:
+    def integral(p):
         return math.log(HIGH / LOW) if p == 0.0 else (HIGH**p - LOW**p) / p
 
     return integral(2.0 - exponent) / integral(1.0 - exponent)
 
 
-def lognormal_mean(median: float, sigma: float) -> float:
+def lognormal_mean(median, sigma):
     a, b = (math.log(r / median) / sigma for r in (LOW, HIGH))
     cdf = NormalDist().cdf
     return median * math.exp(sigma**2 / 2) * (cdf(b - sigma) - cdf(a - sigma)) / (cdf(b) - cdf(a))
 
 
-def normal_mean(mean: float, sigma: float) -> float:
+def normal_mean(mean, sigma):
     a, b = ((r - mean) / sigma for r in (LOW, HIGH))
     normal = NormalDist()
     return mean + sigma * (normal.pdf(a) - normal.pdf(b)) / (normal.cdf(b) - normal.cdf(a))

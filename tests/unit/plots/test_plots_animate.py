@@ -1,7 +1,5 @@
 """Films: all pictures alike but for the grains, and the file appears whole or not at all."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from pathlib import Path
@@ -14,24 +12,23 @@ from multicor_cli.plots import PlotError
 from multicor_cli.plots.animate import _draw_all, _find_stage, film_path, write_film
 from multicor_cli.plots.style import house_style
 from multicor_cli.post import grain_map
-from multicor_cli.store import Run, open_run
+from multicor_cli.store import open_run
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+def run(tmp_path_factory):
     path = tmp_path_factory.mktemp("run") / "run"
     write_evil_run(path)
     return open_run(path)
 
 
-def maps(run: Run, of: str = "velocity"):
+def maps(run, of="velocity"):
     return lambda: (grain_map(run, of, k) for k in range(6))
 
 
-def test_all_pictures_share_part_of_the_plane_and_colors(run: Run) -> None:
+def test_all_pictures_share_part_of_the_plane_and_colors(run):
     with house_style():
         stage = _find_stage(maps(run)(), 6)
-        assert stage is not None
         pictures = [picture.copy() for picture in _draw_all(maps(run)(), stage, 600)]
     boxes = np.array([table.scene.box for table in maps(run)()])
     assert stage.box.tolist() == [*map(list, (boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)))]
@@ -46,7 +43,7 @@ def test_all_pictures_share_part_of_the_plane_and_colors(run: Run) -> None:
     assert not changed[:, : int(0.07 * width)].any()  # and so do the labels at the left
 
 
-def test_nothing_stays_if_drawing_fails(run: Run, tmp_path: Path) -> None:
+def test_nothing_stays_if_drawing_fails(run, tmp_path):
     def failing():
         yield grain_map(run, "spin", 1)
         if list(tmp_path.iterdir()):
@@ -58,14 +55,14 @@ def test_nothing_stays_if_drawing_fails(run: Run, tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_refuses_other_endings_and_films_of_nothing(tmp_path: Path) -> None:
+def test_refuses_other_endings_and_films_of_nothing(tmp_path):
     with pytest.raises(PlotError, match=r"\.mp4 or \.gif"):
         write_film(lambda: iter([None]), 1, tmp_path / "film.avi")
     with pytest.raises(PlotError, match="no frame"):
         write_film(lambda: iter([None]), 1, tmp_path / "film.gif")
 
 
-def test_name_of_the_film(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_name_of_the_film(monkeypatch):
     assert film_path(Path("a.gif")) == Path("a.gif")
     monkeypatch.setattr(shutil, "which", lambda name: None)
     assert film_path(Path("a.mp4")) == Path("a.gif")
@@ -74,7 +71,7 @@ def test_name_of_the_film(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.skipif(
     not (shutil.which("ffmpeg") and shutil.which("ffprobe")), reason="needs ffmpeg and ffprobe"
 )
-def test_mp4_has_every_frame(run: Run, tmp_path: Path) -> None:
+def test_mp4_has_every_frame(run, tmp_path):
     told, path = [], tmp_path / "film.mp4"
     film = write_film(maps(run), 6, path, rate=5.0, progress=lambda *done: told.append(done))
     assert (film.path, film.frames, film.skipped) == (path, 6, 0)
@@ -87,9 +84,7 @@ def test_mp4_has_every_frame(run: Run, tmp_path: Path) -> None:
     assert said.strip() == "5/1,6"
 
 
-def test_what_ffmpeg_says_is_passed_on(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_ffmpeg_says_is_passed_on(run, tmp_path, monkeypatch):
     (tmp_path / "ffmpeg").write_text("#!/bin/sh\necho 'no codec' >&2\nexit 3\n")
     (tmp_path / "ffmpeg").chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path))

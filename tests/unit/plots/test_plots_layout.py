@@ -2,12 +2,9 @@
 any shape.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +12,6 @@ import pytest
 from multicor_cli import post
 from multicor_cli.model.shapes import Annulus
 from multicor_cli.plots import plot, style
-from multicor_cli.store import Run
 
 ALL = post.Selection(start=0.0)
 SHAPES = [
@@ -24,21 +20,21 @@ SHAPES = [
 
 
 @pytest.fixture
-def drawn(monkeypatch: pytest.MonkeyPatch) -> Any:
+def drawn(monkeypatch):
     """Draws a table and gives the figure instead of writing it."""
-    figures: list[Any] = []
+    figures = []
     monkeypatch.setattr(
         style, "save_figure", lambda figure, path: figures.append(figure) or check(figure)
     )
 
-    def draw(table: Any) -> Any:
+    def draw(table):
         plot(table, Path("figure.pdf"))
         return figures[-1]
 
     return draw
 
 
-def check(figure: Any) -> None:
+def check(figure):
     """All texts lie inside the figure; those of one axis, and labels of axes, do not touch."""
     figure.draw_without_rendering()
     renderer = figure._get_renderer()
@@ -53,7 +49,7 @@ def check(figure: Any) -> None:
             check_axis(axis, figure, renderer)
 
 
-def check_axis(axis: Any, figure: Any, renderer: Any) -> None:
+def check_axis(axis, figure, renderer):
     # Ticks inside the limits
     shown = [label for tick in axis._update_ticks() for label in (tick.label1, tick.label2)]
     seen = [label for label in shown if label.get_visible() and label.get_text()]
@@ -70,7 +66,7 @@ def check_axis(axis: Any, figure: Any, renderer: Any) -> None:
         assert not any(name.overlaps(box) for box in boxes), about
 
 
-def inside(text: Any, figure: Any, renderer: Any) -> Any:
+def inside(text, figure, renderer):
     """The place of a text, which must be in the figure."""
     box, whole = text.get_window_extent(renderer), figure.bbox
     if text.get_text().strip():
@@ -79,7 +75,7 @@ def inside(text: Any, figure: Any, renderer: Any) -> Any:
     return box
 
 
-def test_charts(column: Run, drawn: Any) -> None:
+def test_charts(column, drawn):
     for table in (
         *(
             post.profiles(column, of, ALL)
@@ -97,7 +93,7 @@ def test_charts(column: Run, drawn: Any) -> None:
         drawn(table)
 
 
-def reshaped(table: Any, across: float, upwards: float) -> Any:
+def reshaped(table, across, upwards):
     """The same grains in a box of another shape."""
     scene = table.scene
     low, high = scene.box
@@ -113,8 +109,8 @@ def reshaped(table: Any, across: float, upwards: float) -> Any:
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: f"{shape[0]:g}x{shape[1]:g}")
 @pytest.mark.parametrize("of", ["temperature", "velocity", "heat", "spin"])
-def test_maps_of_any_shape(column: Run, drawn: Any, shape: tuple[float, float], of: str) -> None:
-    table: post.GrainMap = reshaped(post.grain_map(column, of), *shape)
+def test_maps_of_any_shape(column, drawn, shape, of):
+    table = reshaped(post.grain_map(column, of), *shape)
     figure = drawn(table)
     axes, bar = figure.axes
     box = axes.get_window_extent()
@@ -124,8 +120,8 @@ def test_maps_of_any_shape(column: Run, drawn: Any, shape: tuple[float, float], 
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: f"{shape[0]:g}x{shape[1]:g}")
-def test_networks_of_any_shape(column: Run, drawn: Any, shape: tuple[float, float]) -> None:
-    network: post.ForceNetwork = reshaped(post.force_network(column), *shape)
+def test_networks_of_any_shape(column, drawn, shape):
+    network = reshaped(post.force_network(column), *shape)
     figure = drawn(network)
     (axes,) = figure.axes
     legend = figure.legends[0].get_window_extent()

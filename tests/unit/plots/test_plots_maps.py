@@ -1,7 +1,5 @@
 """Figures of maps, force networks and θ–η: what is drawn where. How they look is for eyes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from drawn import map_of, panel_of
@@ -12,12 +10,11 @@ from multicor_cli.plots.forces import line_widths, segments
 from multicor_cli.plots.grain_map import color_scale, solid_polygons
 from multicor_cli.plots.style import COLORS
 from multicor_cli.post import MAPPED, force_network, grain_map, theta_eta
-from multicor_cli.store import Run
 from multicor_cli.text import unit_sign
 
 
 @pytest.mark.parametrize("of", MAPPED)
-def test_map_shows_every_grain_and_names_its_colors(column: Run, of: str) -> None:
+def test_map_shows_every_grain_and_names_its_colors(column, of):
     table = grain_map(column, of)
     panel = map_of(table)
     discs = panel.collections[0]
@@ -29,7 +26,7 @@ def test_map_shows_every_grain_and_names_its_colors(column: Run, of: str) -> Non
     assert panel.get_aspect() == 1.0
 
 
-def test_grains_at_the_ends_of_the_period_are_drawn_twice(column: Run) -> None:
+def test_grains_at_the_ends_of_the_period_are_drawn_twice(column):
     table = grain_map(column, "temperature")
     table.scene.center[3, 0] = 0.01
     panel = map_of(table)
@@ -39,7 +36,7 @@ def test_grains_at_the_ends_of_the_period_are_drawn_twice(column: Run) -> None:
     assert panel.collections[0].get_array()[-1] == table.value[3]
 
 
-def test_solid_polygons_are_filled_and_containers_are_not() -> None:
+def test_solid_polygons_are_filled_and_containers_are_not():
     triangle = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 1.0]])
     square = np.array([[5.0, 5.0], [9.0, 5.0], [9.0, 9.0], [5.0, 9.0]])
     walls = (triangle, square[::-1] * 3.0, square)
@@ -48,7 +45,7 @@ def test_solid_polygons_are_filled_and_containers_are_not() -> None:
     assert [corners.tolist() for corners in found] == [triangle.tolist(), square.tolist()]
 
 
-def test_color_scales(column: Run) -> None:
+def test_color_scales(column):
     temperature, spin, heat = (grain_map(column, of) for of in ("temperature", "spin", "heat"))
     norm, extend = color_scale(temperature)
     assert (norm.vmin, norm.vmax) == (temperature.value.min(), temperature.value.max())
@@ -66,7 +63,7 @@ def test_color_scales(column: Run) -> None:
     assert norm.vmin < 300.0 < norm.vmax
 
 
-def test_lines_of_forces_are_as_wide_as_the_forces_are_large(column: Run) -> None:
+def test_lines_of_forces_are_as_wide_as_the_forces_are_large(column):
     network = force_network(column)
     panel = panel_of(draw_forces, network)
     few = network.with_(force=network.force[:5], i=network.i[:5], j=network.j[:5])
@@ -81,7 +78,7 @@ def test_lines_of_forces_are_as_wide_as_the_forces_are_large(column: Run) -> Non
     assert tuple(lines.get_colors()[1]) == pytest.approx(to_rgba(COLORS[0]))
 
 
-def test_forces_across_the_ends_of_the_period_are_drawn_on_both_sides(column: Run) -> None:
+def test_forces_across_the_ends_of_the_period_are_drawn_on_both_sides(column):
     network = force_network(column)
     network.start[0], network.end[0] = [3.98, 0.5], [4.08, 0.5]
     lines, which = segments(network)
@@ -89,7 +86,7 @@ def test_forces_across_the_ends_of_the_period_are_drawn_on_both_sides(column: Ru
     assert lines[-1] == pytest.approx(np.array([[-0.02, 0.5], [0.08, 0.5]]))
 
 
-def test_theta_eta_shows_grains_and_means(column: Run) -> None:
+def test_theta_eta_shows_grains_and_means(column):
     table = theta_eta(column, wall="top", bins=5)
     panel = panel_of(draw_theta_eta, table)
     assert panel.lines[0].get_xdata() == pytest.approx(table.eta)
@@ -99,7 +96,7 @@ def test_theta_eta_shows_grains_and_means(column: Run) -> None:
     assert panel.get_ylim() == (0.0, 1.0)
 
 
-def test_network_without_forces_is_drawn(column: Run) -> None:
+def test_network_without_forces_is_drawn(column):
     network = force_network(column)
     empty = network.with_(
         i=network.i[:0], j=network.j[:0], force=network.force[:0], sliding=network.sliding[:0]

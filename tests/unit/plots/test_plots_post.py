@@ -2,10 +2,7 @@
 they look is for eyes.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,12 +12,11 @@ from multicor_cli import plots, post
 from multicor_cli.plots.fields import _draw_mesh
 from multicor_cli.plots.grain_map import smooth_field
 from multicor_cli.post.grain_map import GrainScene
-from multicor_cli.store import Run
 
 ALL = post.Selection(start=0.0)
 
 
-def test_rheology_has_a_panel_for_each_quantity_with_its_mean(column: Run) -> None:
+def test_rheology_has_a_panel_for_each_quantity_with_its_mean(column):
     table = post.rheology(column, ALL)
     figure = figure_of(plots.draw_rheology, table)
     panels = figure.axes
@@ -33,7 +29,7 @@ def test_rheology_has_a_panel_for_each_quantity_with_its_mean(column: Run) -> No
     assert "time" in panels[-1].get_xlabel()
 
 
-def test_energy_stacks_what_came_in_and_what_went_out(column: Run) -> None:
+def test_energy_stacks_what_came_in_and_what_went_out(column):
     figure = figure_of(plots.draw_energy, post.energy(column))
     labels = [axes.get_ylabel() for axes in figure.axes]
     assert labels == [
@@ -47,14 +43,14 @@ def test_energy_stacks_what_came_in_and_what_went_out(column: Run) -> None:
     assert lowest == pytest.approx(-post.energy(column).books["heat_stored"][-1])
 
 
-def test_distributions_show_bins_with_forces_only(column: Run) -> None:
+def test_distributions_show_bins_with_forces_only(column):
     table = post.force_distribution(column, ALL)
     axes = panel_of(plots.draw_distribution, table)
     assert axes.lines[0].get_ydata() == pytest.approx(table.normal[table.count > 0])
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
 
 
-def test_a_polar_map_ends_where_the_grains_do(column: Run) -> None:
+def test_a_polar_map_ends_where_the_grains_do(column):
     corner = tuple(post.grain_map(column, "speed").scene.box[0])
     table = post.fields(column, ["velocity-t"], ALL, center=corner, reach=4.0)
     axes = panel_of(lambda axes, table: _draw_mesh(axes, table, table.of[0]), table)
@@ -68,7 +64,7 @@ def test_a_polar_map_ends_where_the_grains_do(column: Run) -> None:
     assert np.isfinite(table.values["velocity-t"][~shown]).any()
 
 
-def test_angles_are_polar_histograms_with_their_second_harmonic(column: Run) -> None:
+def test_angles_are_polar_histograms_with_their_second_harmonic(column):
     table = post.angular_distribution(column, ALL)
     figure = figure_of(plots.draw_angles, table)
     contacts, forces = figure.axes
@@ -79,7 +75,7 @@ def test_angles_are_polar_histograms_with_their_second_harmonic(column: Run) -> 
     assert f"{table.moments['a_c']:.3f}" in contacts.get_title()
 
 
-def test_comparison_shows_both_profiles_and_their_difference(column: Run) -> None:
+def test_comparison_shows_both_profiles_and_their_difference(column):
     of = ["velocity", "temperature"]
     found = post.compare(column, column, of, ALL, names=("one", "two"))
     figure = figure_of(plots.draw_comparison, found)
@@ -90,7 +86,7 @@ def test_comparison_shows_both_profiles_and_their_difference(column: Run) -> Non
     assert np.abs(right.lines[-1].get_xdata()).max(initial=0.0) == 0.0
 
 
-def make_vortex(n: int = 4000) -> post.GrainMap:
+def make_vortex(n=4000):
     """Rigid rotation about (0.5, 0.5)."""
     rng = np.random.default_rng(0)
     center = rng.random((n, 2))
@@ -101,7 +97,7 @@ def make_vortex(n: int = 4000) -> post.GrainMap:
     return post.GrainMap((), {}, [speed], **parts)
 
 
-def test_smooth_field_is_the_local_mean() -> None:
+def test_smooth_field_is_the_local_mean():
     table = make_vortex()
     x, y, field = smooth_field(table)
     inner = (np.abs(x - 0.5) < 0.3)[np.newaxis, :] & (np.abs(y - 0.5) < 0.3)[:, np.newaxis]
@@ -114,7 +110,7 @@ def test_smooth_field_is_the_local_mean() -> None:
     assert found[known] == pytest.approx(np.tile([1.0, -2.0], (int(known.sum()), 1)))
 
 
-def test_smooth_field_goes_around_the_ends_of_the_period_and_leaves_empty_regions_out() -> None:
+def test_smooth_field_goes_around_the_ends_of_the_period_and_leaves_empty_regions_out():
     table = make_vortex()
     low = table.scene.center[:, 1] < 0.5
     for period in (0.0, 1.0):
@@ -130,7 +126,7 @@ def test_smooth_field_goes_around_the_ends_of_the_period_and_leaves_empty_region
         assert x[0] < 0.02
 
 
-def test_map_has_streamlines_or_arrows(column: Run) -> None:
+def test_map_has_streamlines_or_arrows(column):
     from matplotlib.collections import LineCollection
     from matplotlib.quiver import Quiver
 
@@ -143,7 +139,7 @@ def test_map_has_streamlines_or_arrows(column: Run) -> None:
     map_of(post.grain_map(column, "fluctuation", 0))  # at rest: no lines, no error
 
 
-def test_figures_are_written_and_reproducible(column: Run, tmp_path: Path) -> None:
+def test_figures_are_written_and_reproducible(column, tmp_path):
     tables = (
         post.rheology(column, ALL), post.energy(column), post.force_distribution(column, ALL),
         post.angular_distribution(column, ALL), post.compare(column, column, selection=ALL),

@@ -1,9 +1,6 @@
 """Figures of profiles: what is drawn, labeled and written. How they look is for eyes."""
 
-from __future__ import annotations
-
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,15 +11,14 @@ from multicor_cli.optional import MissingLibrary
 from multicor_cli.plots import PlotError, draw_profile, plot
 from multicor_cli.plots.profile import axis_labels
 from multicor_cli.plots.style import COLUMN
-from multicor_cli.post import ProfileTable
 
 
-def make_table(*, error: float = 0.01, low: float = 0.0) -> ProfileTable:
+def make_table(*, error=0.01, low=0.0):
     y = np.linspace(0.05, 0.95, 10)
     return profile_of("velocity", y, 0.3 * y, error, at_walls=(low, 0.3), shear_rate=0.3 - low)
 
 
-def test_axes_carry_quantity_and_unit() -> None:
+def test_axes_carry_quantity_and_unit():
     assert axis_labels(make_table()) == ("velocity $v_x$ [m/s]", "height $y$ [m]")
     across, upwards = axis_labels(make_table().normalized())
     assert "wall" in across
@@ -30,7 +26,7 @@ def test_axes_carry_quantity_and_unit() -> None:
     assert "v_0" in axis_labels(make_table(low=-0.3).normalized())[0]
 
 
-def test_band_is_the_standard_error_around_the_mean() -> None:
+def test_band_is_the_standard_error_around_the_mean():
     axes = panel_of(draw_profile, make_table())
     line, band = axes.lines[0], axes.collections[0]
     assert np.allclose(line.get_xdata(), make_table().value)
@@ -41,12 +37,12 @@ def test_band_is_the_standard_error_around_the_mean() -> None:
     assert axes.get_legend() is not None
 
 
-def test_without_errors_there_is_no_band_to_explain() -> None:
+def test_without_errors_there_is_no_band_to_explain():
     axes = panel_of(draw_profile, make_table(error=np.nan))
     assert [text.get_text() for text in axes.get_legend().get_texts()] == ["mean, errors not known"]
 
 
-def test_figures_are_a_column_wide_and_reproducible(tmp_path: Path) -> None:
+def test_figures_are_a_column_wide_and_reproducible(tmp_path):
     from PIL import Image
 
     for name in ("a.png", "b.png", "a.svg", "b.svg", "a.pdf", "b.pdf"):
@@ -58,12 +54,12 @@ def test_figures_are_a_column_wide_and_reproducible(tmp_path: Path) -> None:
     assert "velocity" in (tmp_path / "a.svg").read_text()  # text stays text
 
 
-def test_unknown_format_is_refused(tmp_path: Path) -> None:
+def test_unknown_format_is_refused(tmp_path):
     with pytest.raises(PlotError, match=r"\.png, \.svg, \.pdf"):
         plot(make_table(), tmp_path / "a.jpg")
 
 
-def test_missing_library_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_library_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(
         MissingLibrary, match="figures need matplotlib, which is not installed: pip install"

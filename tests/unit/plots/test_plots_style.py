@@ -1,9 +1,6 @@
 """What figures have in common: axes of small rises, charts of letters, pictures in the terminal."""
 
-from __future__ import annotations
-
 import re
-from typing import Any
 
 import numpy as np
 import pytest
@@ -24,7 +21,6 @@ from multicor_cli.plots.style import (
     rise_label,
     rise_reference,
 )
-from multicor_cli.store import Run
 
 # ---- Axes of temperatures that differ by millikelvin
 
@@ -43,21 +39,19 @@ from multicor_cli.store import Run
         (298.15, 298.15, None),
     ],
 )
-def test_reference_is_a_round_temperature_near_the_lowest(
-    low: float, high: float, expected: float | None
-) -> None:
+def test_reference_is_a_round_temperature_near_the_lowest(low, high, expected):
     reference = rise_reference("K", low, high)
     assert reference is None if expected is None else reference == pytest.approx(expected, abs=1e-9)
     assert rise_reference("m/s", low, high) is None  # only kelvin have an arbitrary zero
 
 
-def test_numbers_are_millikelvin_above_it() -> None:
+def test_numbers_are_millikelvin_above_it():
     show = rise_formatter(298.15)
     assert [show(value, 0) for value in (298.15, 298.1525, 298.149)] == ["0", "2.5", "−1"]
     assert rise_label("temperature", "T", 298.15) == "temperature $T$ − 298.15 K [mK]"
 
 
-def test_profile_of_a_small_rise_has_no_offset_beside_its_label() -> None:
+def test_profile_of_a_small_rise_has_no_offset_beside_its_label():
     y = np.linspace(0.05, 0.95, 10)
     table = profile_of("temperature", y, 298.15 + 5e-3 * y, 1e-5, at_walls=(298.15, 298.15))
     with house_style():
@@ -75,17 +69,17 @@ def test_profile_of_a_small_rise_has_no_offset_beside_its_label() -> None:
 # ---- Charts of letters: every point where it belongs, ends of the axes named
 
 
-def area(chart: str) -> list[str]:
+def area(chart):
     """The rows between the axes, padded."""
     return [row.split(" |", 1)[1].ljust(WIDTH) for row in chart.splitlines() if " |" in row]
 
 
-def chart(x: list[float], y: list[float], *names: str, **options: Any) -> str:
+def chart(x, y, *names, **options):
     """A chart of one line."""
     return draw_text([TextLine("", np.array(x), np.array(y))], *(names or ("x", "y")), **options)
 
 
-def test_straight_line_goes_from_corner_to_corner_without_gaps() -> None:
+def test_straight_line_goes_from_corner_to_corner_without_gaps():
     drawn = chart([1.0, 3.0], [-2.0, 5.0], "time [s]", "height [m]")
     rows = area(drawn)
     assert len(rows) == HEIGHT
@@ -99,7 +93,7 @@ def test_straight_line_goes_from_corner_to_corner_without_gaps() -> None:
     assert lines[-1].split() == ["1", "time", "[s]", "3"]
 
 
-def test_several_lines_have_letters_and_the_first_is_in_front() -> None:
+def test_several_lines_have_letters_and_the_first_is_in_front():
     x = np.array([0.0, 1.0])
     drawn = draw_text([TextLine("one", x, x), TextLine("two", x, 1.0 - x)], "x", "y")
     rows = area(drawn)
@@ -110,13 +104,13 @@ def test_several_lines_have_letters_and_the_first_is_in_front() -> None:
     assert not any("b" in row for row in same)
 
 
-def test_points_that_are_not_known_are_left_out() -> None:
+def test_points_that_are_not_known_are_left_out():
     known, unknown = chart([0.0, 1.0, 2.0], [1.0, np.nan, 3.0]), chart([0.0], [np.nan])
     assert sum("*" in row for row in area(known)) == HEIGHT
     assert unknown == draw_text([], "x", "y") == "y: nothing to draw"
 
 
-def test_constant_and_single_points_lie_in_the_middle() -> None:
+def test_constant_and_single_points_lie_in_the_middle():
     marked = ["*" in row for row in area(chart([2.0], [0.0]))]
     assert sum(marked) == 1
     assert 0.4 * HEIGHT < marked.index(True) < 0.6 * HEIGHT
@@ -129,8 +123,8 @@ ALL = post.Selection(start=0.0)
 TERMINAL = Terminal(columns=40, rows=20)
 
 
-def test_every_table_can_be_shown_in_a_terminal(column: Run) -> None:
-    tables: dict[str, Any] = {
+def test_every_table_can_be_shown_in_a_terminal(column):
+    tables = {
         "height y [m]": post.profiles(column, "stress", ALL),
         "theta [–]": post.theta_eta(column, wall="top"),
         "energy [J]": post.energy(column),
@@ -147,7 +141,7 @@ def test_every_table_can_be_shown_in_a_terminal(column: Run) -> None:
         assert "\x1b" not in shown
 
 
-def test_logarithmic_axes() -> None:
+def test_logarithmic_axes():
     drawn = chart([0.01, 1.0, 0.0], [1.0, 100.0, 5.0], rows=5, is_logarithmic=True)
     places = [row.index("*") for row in area(drawn)]
     assert places == sorted(places, reverse=True)
@@ -155,12 +149,12 @@ def test_logarithmic_axes() -> None:
     assert drawn.splitlines()[-1].split() == ["0.01", "x", "1"]  # the point at 0 is left out
 
 
-def scene(across: float, upwards: float) -> post.GrainScene:
+def scene(across, upwards):
     box = np.array([[0.0, 0.0], [across, upwards]])
     return post.GrainScene(np.zeros((0, 2)), np.zeros(0), [], 0.0, box)
 
 
-def quarters(axes: Any) -> None:
+def quarters(axes):
     """Red at the lower left, blue at the upper right."""
     axes.fill_between([0.0, 0.5], 0.0, 0.5, color="#ff0000", linewidth=0.0)
     axes.fill_between([0.5, 1.0], 0.5, 1.0, color="#0000ff", linewidth=0.0)
@@ -168,7 +162,7 @@ def quarters(axes: Any) -> None:
     axes.set_ylim(0.0, 1.0)
 
 
-def test_picture_has_two_pixels_in_a_letter() -> None:
+def test_picture_has_two_pixels_in_a_letter():
     terminal = Terminal(columns=8, rows=50, colors="truecolor")
     lines = draw_picture(scene(1.0, 1.0), quarters, terminal).splitlines()
     assert len(lines) == 4
@@ -181,7 +175,7 @@ def test_picture_has_two_pixels_in_a_letter() -> None:
         assert letters == [(left, left)] * 4 + [(right, right)] * 4
 
 
-def test_picture_without_colors_tells_dark_from_light() -> None:
+def test_picture_without_colors_tells_dark_from_light():
     picture = draw_picture(scene(1.0, 1.0), quarters, Terminal(columns=4, rows=50))
     upper, lower = picture.splitlines()
     assert (upper[:2], len(lower)) == ("  ", 2)  # white
@@ -191,10 +185,8 @@ def test_picture_without_colors_tells_dark_from_light() -> None:
 @pytest.mark.parametrize(
     ("across", "upwards", "size"), [(1.0, 1.0, (20, 10)), (4.0, 1.0, (30, 4)), (1.0, 3.0, (7, 10))]
 )
-def test_picture_fits_into_the_terminal(
-    across: float, upwards: float, size: tuple[int, int]
-) -> None:
-    def draw(axes: Any) -> None:
+def test_picture_fits_into_the_terminal(across, upwards, size):
+    def draw(axes):
         axes.axvspan(-9.0, 9.0, color="black")
 
     lines = draw_picture(scene(across, upwards), draw, Terminal(30, 10)).splitlines()

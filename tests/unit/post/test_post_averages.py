@@ -2,8 +2,6 @@
 without drift.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -12,7 +10,7 @@ import pytest
 from multicor_cli.post.sums import FEW_ROWS, pseudo_values, spread
 
 
-def autoregressive(phi: float, rows: int, count: int, seed: int = 1) -> np.ndarray:
+def autoregressive(phi, rows, count, seed=1):
     """Stationary series of variance 1, shape ``(rows, count)``."""
     noise = np.random.default_rng(seed).normal(size=(rows, count))
     series = np.empty_like(noise)
@@ -22,13 +20,13 @@ def autoregressive(phi: float, rows: int, count: int, seed: int = 1) -> np.ndarr
     return series
 
 
-def variance_of_mean(phi: float, rows: int) -> float:
+def variance_of_mean(phi, rows):
     lag = np.arange(1, rows)
     return float(1.0 + 2.0 * ((1.0 - lag / rows) * phi**lag).sum()) / rows
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.5, 0.8, 0.9])
-def test_errors_are_true_and_intervals_cover(phi: float) -> None:
+def test_errors_are_true_and_intervals_cover(phi):
     """800 series of 800 rows: ±2 errors would cover 95.4 % if they were known; four deviations of a
     binomial are 3 %.
     """
@@ -42,7 +40,7 @@ def test_errors_are_true_and_intervals_cover(phi: float) -> None:
     assert found.is_drifting.mean() < 0.02
 
 
-def test_short_series_that_remember_cover_more_than_those_of_blocks() -> None:
+def test_short_series_that_remember_cover_more_than_those_of_blocks():
     """30 rows that hold about ten independent ones; blocks of three rows are not independent."""
     series = autoregressive(0.5, 30, 2000)
     found = spread(series)
@@ -54,7 +52,7 @@ def test_short_series_that_remember_cover_more_than_those_of_blocks() -> None:
     assert inside[known].mean() > (np.abs(series.mean(axis=0)) < 2.0 * blocks).mean() + 0.03
 
 
-def test_drift_is_the_slope_and_is_told() -> None:
+def test_drift_is_the_slope_and_is_told():
     series = autoregressive(0.3, 200, 300)
     time = np.linspace(2.0, 5.0, 200)
     found = spread(series + (time - 2.0)[:, np.newaxis], time)
@@ -68,7 +66,7 @@ def test_drift_is_the_slope_and_is_told() -> None:
     assert not (one.error < found.drift_error[0] / 10.0)
 
 
-def test_errors_of_few_rows_are_told_to_be_a_guess() -> None:
+def test_errors_of_few_rows_are_told_to_be_a_guess():
     """Eight independent rows: the errors are true on average, but ±2 of them cover less, and drifts
     cannot be told.
     """
@@ -83,7 +81,7 @@ def test_errors_of_few_rows_are_told_to_be_a_guess() -> None:
     assert not spread(autoregressive(0.0, FEW_ROWS, 50)).is_unsure.all()
 
 
-def test_what_cannot_be_known_is_not_a_number() -> None:
+def test_what_cannot_be_known_is_not_a_number():
     two = spread(np.array([1.0, 2.0]))
     assert (two.error, two.drift) == pytest.approx((0.5, 1.0))
     assert np.isnan(two.drift_error)
@@ -96,6 +94,6 @@ def test_what_cannot_be_known_is_not_a_number() -> None:
     assert (float(constant.error), float(constant.drift), constant.note()) == (0.0, 0.0, "")
 
 
-def test_pseudo_values_of_a_ratio_of_equal_weights_are_its_rows() -> None:
+def test_pseudo_values_of_a_ratio_of_equal_weights_are_its_rows():
     rows = np.random.default_rng(3).random(12)
     assert pseudo_values(np.asarray(rows.mean()), (rows.sum() - rows) / 11) == pytest.approx(rows)

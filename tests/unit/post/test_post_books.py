@@ -1,7 +1,5 @@
 """Energy books over time, and comparisons of two runs."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,11 +10,11 @@ from scenes import write_small
 import multicor_cli as multicor
 from multicor_cli.post import PostError, Selection, compare, energy, profile, rheology
 from multicor_cli.post.energy import HEAT, MECHANICAL
-from multicor_cli.store import Run, open_run
+from multicor_cli.store import open_run
 
 
 @pytest.fixture(scope="module")
-def pair(tmp_path_factory: pytest.TempPathFactory) -> tuple[Run, Run]:
+def pair(tmp_path_factory):
     """The small run twice, with another seed and a faster wall."""
     path = tmp_path_factory.mktemp("pair")
     write_small(path)
@@ -28,7 +26,7 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> tuple[Run, Run]:
     return open_run(path / "a"), open_run(path / "b")
 
 
-def test_books_balance_in_every_row(pair: tuple[Run, Run]) -> None:
+def test_books_balance_in_every_row(pair):
     table = energy(pair[0])
     books = table.books
     came = sum(entry.sign * books[entry.name] for entry in table.entries if entry.sign)
@@ -47,7 +45,7 @@ def test_books_balance_in_every_row(pair: tuple[Run, Run]) -> None:
     assert part.books["wall_work"].tolist() == books["wall_work"][5:10].tolist()
 
 
-def test_books_add_up_where_grains_come_and_go() -> None:
+def test_books_add_up_where_grains_come_and_go():
     """Made-up books: grains bring 5 J and take 2 J along, gravity works 1 J, friction takes 0.5 J;
     heat likewise.
     """
@@ -70,7 +68,7 @@ def test_books_add_up_where_grains_come_and_go() -> None:
     assert dict(table.rows)["heat taken along by grains that went [J]"] == 0.2
 
 
-def test_books_of_heat(column: Run) -> None:
+def test_books_of_heat(column):
     table = energy(column)
     assert table.heat_closure is not None
     assert table.books["heat_stored"][-1] == pytest.approx(column.series["heat_stored"][-1])
@@ -79,7 +77,7 @@ def test_books_of_heat(column: Run) -> None:
     assert table.as_dict()["heat_closure"] == 1e-15
 
 
-def test_comparison_of_two_runs(pair: tuple[Run, Run]) -> None:
+def test_comparison_of_two_runs(pair):
     later = Selection(start=0.03)
     found = compare(*pair, of=["velocity", "coordination"], selection=later, names=("a", "b"))
     keys = {key: (first, second) for key, first, second in found.keys}
@@ -101,9 +99,7 @@ def test_comparison_of_two_runs(pair: tuple[Run, Run]) -> None:
     assert len(found.rows) == len(found.numbers) + 2
 
 
-def test_runs_that_are_not_alike_compare_in_what_they_share(
-    pair: tuple[Run, Run], column: Run
-) -> None:
+def test_runs_that_are_not_alike_compare_in_what_they_share(pair, column):
     """No heat in common; one bin per grain of the column."""
     found = compare(column, pair[0], selection=Selection(frames=slice(-3, None)))
     names = {p.name for p in found.numbers}

@@ -1,9 +1,5 @@
 """Coarse-grained fields against closed forms, plain loops and the balance of momentum."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 from made_up_frames import contacts_of, frame_of, source_of
@@ -16,21 +12,19 @@ ALL = Selection(frames=slice(None))
 FIRST = Selection(frames=slice(0, 1))
 
 
-def lattice(spacing: float, size: float, middle: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
+def lattice(spacing, size, middle=(0.0, 0.0)):
     line = np.arange(-size, size + 0.5 * spacing, spacing)
     return np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2) + middle
 
 
-def moving(
-    position: np.ndarray, velocity: np.ndarray, radius: float, spin: float = 0.0, **model: Any
-) -> Any:
+def moving(position, velocity, radius, spin=0.0, **model):
     """Grains of one size with the velocities of several frames that stay where they are."""
     n = len(position)
     frames = [frame_of(position, walls=1, velocity=v, spin=np.full(n, spin)) for v in velocity]
     return source_of(make_model(np.full(n, radius), **model), frames)
 
 
-def test_the_kernel_has_the_integral_one_and_its_slope() -> None:
+def test_the_kernel_has_the_integral_one_and_its_slope():
     points = lattice(0.02, 1.1)
     coarse = CoarseGrid(points, 0.9)
     density = coarse.densities(np.array([[0.03, -0.04]]), np.ones((1, 1)))[:, 0]
@@ -42,7 +36,7 @@ def test_the_kernel_has_the_integral_one_and_its_slope() -> None:
 
 
 @pytest.mark.parametrize("period", [0.0, 2.0])
-def test_densities_agree_with_plain_loops(period: float) -> None:
+def test_densities_agree_with_plain_loops(period):
     rng = np.random.default_rng(4)
     points = rng.uniform((0.0, -1.0), (2.0, 1.0), (300, 2))
     position = rng.uniform((0.0, -1.3), (2.0, 1.3), (200, 2))
@@ -56,14 +50,14 @@ def test_densities_agree_with_plain_loops(period: float) -> None:
     assert found == pytest.approx(kernel @ values, abs=1e-10)
 
 
-def test_few_points_and_sources_far_away() -> None:
+def test_few_points_and_sources_far_away():
     coarse = CoarseGrid(np.array([[0.0, 0.0]]), 1.0)
     found = coarse.densities(np.array([[5.0, 0.0], [0.0, -7.0], [0.0, 0.99]]), np.ones((3, 1)))
     assert found[0, 0] == pytest.approx(5.0 / np.pi * 3.97 * 0.01**3)
     assert coarse.densities(np.zeros((0, 2)), np.ones((0, 3))).tolist() == [[0.0, 0.0, 0.0]]
 
 
-def test_a_linear_flow_has_its_gradients() -> None:
+def test_a_linear_flow_has_its_gradients():
     """Grains on a fine lattice with v = (3y + x, 2x − y) and, from frame to frame, opposite
     fluctuations of 0.1 in x.
     """
@@ -94,7 +88,7 @@ def test_a_linear_flow_has_its_gradients() -> None:
     assert table.error["velocity-x"] == pytest.approx(np.full(len(at), 0.1), rel=1e-6)
 
 
-def test_a_rigid_rotation_in_polar_coordinates() -> None:
+def test_a_rigid_rotation_in_polar_coordinates():
     position = lattice(0.04, 1.0, (3.0, -2.0))
     position = position[np.hypot(*(position - [3.0, -2.0]).T) < 1.0]
     away = position - [3.0, -2.0]
@@ -120,7 +114,7 @@ def test_a_rigid_rotation_in_polar_coordinates() -> None:
     assert 0.6 < beyond < 0.6 + 3.0 * 0.072
 
 
-def test_a_vector_stands_for_its_components_along_a_line_and_is_refused_on_a_grid() -> None:
+def test_a_vector_stands_for_its_components_along_a_line_and_is_refused_on_a_grid():
     source = moving(lattice(0.1, 1.0), np.zeros((1, len(lattice(0.1, 1.0)), 2)), 0.04)
     names = ["velocity", "speed", "kinetic-stress"]
     line = fields(source, names, ALL, along=((-0.5, 0.0), (0.5, 0.0)))
@@ -136,7 +130,7 @@ def test_a_vector_stands_for_its_components_along_a_line_and_is_refused_on_a_gri
         fields(source, ["velo"], ALL)
 
 
-def test_a_grid_holds_all_area_and_momentum() -> None:
+def test_a_grid_holds_all_area_and_momentum():
     rng = np.random.default_rng(7)
     position = rng.uniform((0.0, 0.5), (4.0, 1.5), (50, 2))
     source = moving(position, rng.normal(size=(1, 50, 2)), 0.1, period=4.0)
@@ -154,7 +148,7 @@ def test_a_grid_holds_all_area_and_momentum() -> None:
     assert np.isfinite(fields(source, selection=ALL).values["velocity-x"]).any()
 
 
-def pair(force: tuple[float, float]) -> Any:
+def pair(force):
     """Two grains of radius 1 that touch at the origin, and the force on the right one."""
     contacts = contacts_of([1], [0], (1.0, 0.0), force)
     frame = frame_of([[-1.0, 0.0], [1.0, 0.0]], walls=1, contacts=contacts)
@@ -162,13 +156,13 @@ def pair(force: tuple[float, float]) -> Any:
 
 
 @pytest.mark.parametrize(("reach", "tolerance"), [(1.5, 2e-3), (4.0, 2e-4)])
-def test_stress_obeys_the_balance_of_momentum(reach: float, tolerance: float) -> None:
+def test_stress_obeys_the_balance_of_momentum(reach, tolerance):
     """Σ_b ∂_b σ_ab is minus the density of the forces on the grains, f φ(x − x_i), but for the
     quadrature along the branch.
     """
     source, f, step = pair((2.0, 0.5)), np.array([2.0, 0.5]), 1e-3
 
-    def moved(dx: float, dy: float) -> Any:
+    def moved(dx, dy):
         line = ((-2.0 + dx, -0.3 + dy), (2.0 + dx, 0.9 + dy))
         return fields(source, selection=ALL, along=line, spacing=0.1, reach=reach)
 
@@ -182,7 +176,7 @@ def test_stress_obeys_the_balance_of_momentum(reach: float, tolerance: float) ->
         assert divergence == pytest.approx(-force[:, a], abs=tolerance * np.abs(force).max())
 
 
-def test_stress_adds_up_to_the_virial_and_turns_with_the_axes() -> None:
+def test_stress_adds_up_to_the_virial_and_turns_with_the_axes():
     source = pair((2.0, 0.5))
     line = fields(source, selection=ALL, along=((-8.0, 0.0), (8.0, 0.0)), reach=1.0)
     assert set(line.values) >= {"stress-xx", "stress-yx", "pressure"}
@@ -202,7 +196,7 @@ def test_stress_adds_up_to_the_virial_and_turns_with_the_axes() -> None:
     assert (yx * cells).sum() == pytest.approx(0.25 * (xx * cells).sum(), rel=1e-3)
 
 
-def test_what_cannot_be_is_refused() -> None:
+def test_what_cannot_be_is_refused():
     source = moving(np.array([[0.5, 0.5], [1.0, 0.5]]), np.zeros((1, 2, 2)), 0.1, period=4.0)
     for words, message in (
         ({"of": ["wetness"]}, "no field 'wetness'"),
@@ -215,4 +209,4 @@ def test_what_cannot_be_is_refused() -> None:
         ({"spacing": 1e-5}, "choose a larger spacing"),
     ):
         with pytest.raises(PostError, match=message):
-            fields(source, selection=FIRST, **words)  # type: ignore[arg-type]
+            fields(source, selection=FIRST, **words)

@@ -2,11 +2,8 @@
 hand.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +17,7 @@ from multicor_cli.store.frames import NamedColumn
 ALL = Selection(frames=slice(None))
 
 
-def falling(x: Any, y: Any, numbers: list[list[int]] | None = None, period: float = 4.0) -> Any:
+def falling(x, y, numbers=None, period=4.0):
     """Frames with centers ``(frames, n)`` of grains of radius 0.1 and, of the second half, 0.2."""
     position = np.stack(np.broadcast_arrays(x, np.array(y)), axis=-1)
     n = position.shape[1]
@@ -37,7 +34,7 @@ def falling(x: Any, y: Any, numbers: list[list[int]] | None = None, period: floa
     return source_of(model, frames, 0.5 * np.arange(len(frames)))
 
 
-def test_grains_that_cross_are_counted_with_their_mass() -> None:
+def test_grains_that_cross_are_counted_with_their_mass():
     """Four grains: one falls through the line, one beside it, one comes back, one goes up."""
     x = np.array([1.0, 3.5, 1.5, 2.0])
     y = [[0.9, 0.9, 0.6, 0.2], [0.6, 0.6, 0.4, 0.3], [0.3, 0.3, 0.7, 0.4], [0.1, 0.1, 0.8, 0.7]]
@@ -59,7 +56,7 @@ def test_grains_that_cross_are_counted_with_their_mass() -> None:
         flow_through(source, ((0.0, 0.5), (0.0, 0.5)), ALL)
 
 
-def test_every_passage_through_a_periodic_cell_counts() -> None:
+def test_every_passage_through_a_periodic_cell_counts():
     """Grains that go round: through x = 1 and its images once per period, however many periods a
     step takes them.
     """
@@ -71,12 +68,12 @@ def test_every_passage_through_a_periodic_cell_counts() -> None:
     assert alone.crossed["grains"].tolist() == [1, 0, 0]
 
 
-def test_grains_that_come_and_go_count_while_they_are_there() -> None:
+def test_grains_that_come_and_go_count_while_they_are_there():
     source = falling(1.0, [[0.9, 0.9], [0.4, 0.4], [0.1, 0.6]], [[0], [0, 1], [1]])
     assert flow_through(source, ((2.0, 0.5), (0.0, 0.5)), ALL).crossed["grains"].tolist() == [1, -1]
 
 
-def test_grains_that_an_outlet_takes_and_gives_back_do_not_cross_back() -> None:
+def test_grains_that_an_outlet_takes_and_gives_back_do_not_cross_back():
     """Falling through a line at 0.5; between the second and the third frame the outlet has given
     the first one back, 9 higher.
     """
@@ -87,7 +84,7 @@ def test_grains_that_an_outlet_takes_and_gives_back_do_not_cross_back() -> None:
     assert table.as_dict()["not_counted"] == 1
 
 
-def columns(rows: int) -> Any:
+def columns(rows):
     time = np.arange(rows) * 0.1
     return SimpleNamespace(
         series_columns=[
@@ -99,7 +96,7 @@ def columns(rows: int) -> Any:
     )  # fmt: skip
 
 
-def test_columns_of_the_series_by_name_by_wall_and_in_part() -> None:
+def test_columns_of_the_series_by_name_by_wall_and_in_part():
     source = columns(21)
     everything = series(source)
     names = ["kinetic", "floor: force_x", "lid: force_x", "lid: force_y"]
@@ -122,7 +119,7 @@ def test_columns_of_the_series_by_name_by_wall_and_in_part() -> None:
         series(source, start=5.0)
 
 
-def mixture() -> Any:
+def mixture():
     rng = np.random.default_rng(5)
     model = between_planes(rng.uniform(0.02, 0.06, 40))
     grains = replace(model.grains, group=np.arange(40) % 2)
@@ -132,7 +129,7 @@ def mixture() -> Any:
 
 
 @pytest.mark.parametrize("period", [4.0, 0.0])
-def test_groups_add_up_to_the_whole(period: float) -> None:
+def test_groups_add_up_to_the_whole(period):
     source = mixture()
     source.model = replace(source.model, period=period)
     whole, light, heavy = (
@@ -151,7 +148,7 @@ def test_groups_add_up_to_the_whole(period: float) -> None:
         profile(source, "velocity", ALL, groups=["dust"])
 
 
-def test_maps_of_groups_count_them() -> None:
+def test_maps_of_groups_count_them():
     table = grain_map(mixture(), "group")
     assert (table.headings, table.rows) == (("group", "grains"), [("light", 20.0), ("heavy", 20.0)])
     assert table.as_dict()["names"] == ["light", "heavy"]

@@ -2,10 +2,6 @@
 known ones.
 """
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 from heat_run import GRAINS, RADIUS
@@ -15,10 +11,9 @@ from scene_parts import between_planes, make_model
 from multicor_cli import post
 from multicor_cli.model import ShapeKind
 from multicor_cli.post.grain_map import images
-from multicor_cli.store import Run
 
 
-def test_numbers_of_a_network(column: Run) -> None:
+def test_numbers_of_a_network(column):
     """Nine contacts between ten grains and one with the top plane, with 1 … 10 N; the lowest grain
     has only one contact.
     """
@@ -33,7 +28,7 @@ def test_numbers_of_a_network(column: Run) -> None:
     assert network.as_dict()["frame"] == 4
 
 
-def test_lines_join_centers_and_end_at_walls(column: Run) -> None:
+def test_lines_join_centers_and_end_at_walls(column):
     network = post.force_network(column)
     heights = RADIUS + 2 * RADIUS * np.arange(GRAINS)
     assert network.start[:, 1] == pytest.approx(heights)
@@ -42,7 +37,7 @@ def test_lines_join_centers_and_end_at_walls(column: Run) -> None:
     assert len(network.detail_rows) == 10
 
 
-def test_frames_without_forces_are_refused(column: Run, silent: Run) -> None:
+def test_frames_without_forces_are_refused(column, silent):
     with pytest.raises(post.PostError, match="no step of the mechanics was done before"):
         post.force_network(column, 0)
     with pytest.raises(post.PostError, match="no frame -6"):
@@ -52,16 +47,14 @@ def test_frames_without_forces_are_refused(column: Run, silent: Run) -> None:
             function(silent)
 
 
-def test_images_of_what_crosses_the_ends_of_the_period() -> None:
+def test_images_of_what_crosses_the_ends_of_the_period():
     which, shift = images(np.array([0.1, 2.0, 3.9]), np.full(3, 0.2), 4.0)
     found = sorted(zip(which.tolist(), shift.tolist(), strict=True))
     assert found == [(0, 0.0), (0, 4.0), (1, 0.0), (2, -4.0), (2, 0.0)]
     assert images(np.array([-1.0]), np.ones(1), 0.0)[0].tolist() == [0]
 
 
-def scene_of(
-    kinds: list[ShapeKind], geometry: list[list[float]], pose: list[float], *, period: float = 0.0
-):
+def scene_of(kinds, geometry, pose, *, period=0.0):
     shapes = [(kind, 0, numbers) for kind, numbers in zip(kinds, geometry, strict=True)]
     model = make_model([0.5, 0.5], shapes, ("bottom", "top"), period=period)
     walls = np.array([pose, [0.0, 0.0, 0.0]])
@@ -69,7 +62,7 @@ def scene_of(
     return post.make_scene(source_of(model, [frame]), frame)
 
 
-def test_walls_are_turned_and_moved_with_their_frame() -> None:
+def test_walls_are_turned_and_moved_with_their_frame():
     """A quarter turn about (1, 2)."""
     kinds = [ShapeKind.DISC, ShapeKind.SEGMENT, ShapeKind.PLANE, ShapeKind.CIRCLE, ShapeKind.VERTEX]
     geometry = [[1, 0, 0.1, 0], [0, 0, 2, 0], [1, 0, 1, 0], [0, 0, 3, 0], [0, 0, -1, -1]]
@@ -84,7 +77,7 @@ def test_walls_are_turned_and_moved_with_their_frame() -> None:
     assert (circle.radius, circle.is_grain) == ([3.0], False)
 
 
-def test_box_holds_the_grains_and_the_walls_nearby() -> None:
+def test_box_holds_the_grains_and_the_walls_nearby():
     near = scene_of([ShapeKind.SEGMENT], [[5.5, 0, 5.5, 3]], [0.0, 0.0, 0.0])
     assert (near.box[0] < [0.0, 0.0]).all()
     assert (near.box[1] > [5.5, 3.0]).all()
@@ -101,9 +94,7 @@ def test_box_holds_the_grains_and_the_walls_nearby() -> None:
 ALL = post.Selection(start=0.0)
 
 
-def make_source(
-    normal: np.ndarray, force: np.ndarray, *, frames: int = 1, scale: float = 1.0
-) -> Any:
+def make_source(normal, force, *, frames=1, scale=1.0):
     """Contacts between two grains with these normals and forces; those of the frame of number k are
     ``scale``ᵏ times as large.
     """
@@ -115,19 +106,19 @@ def make_source(
     return source_of(between_planes(), [frame_of(np.zeros((2, 2)), contacts=c) for c in contacts])
 
 
-def exponential(count: int = 200_000) -> tuple[np.ndarray, np.ndarray]:
+def exponential(count=200_000):
     rng = np.random.default_rng(4)
     normal = np.tile([0.0, 1.0], (count, 1))
     return normal, np.column_stack([rng.exponential(3.0, count), rng.uniform(-1.0, 1.0, count)])
 
 
-def test_contacts_without_friction_have_no_tangential_distribution() -> None:
-    table = post.force_distribution(make_source(np.ones((9, 2)), np.eye(9, 2) + [1.0, 0.0]), ALL)
+def test_contacts_without_friction_have_no_tangential_distribution():
+    table = post.force_distribution(make_source(np.ones((9, 2)), np.eye(9, 2)), ALL)
     assert np.isnan(table.tangential).all()
 
 
 @pytest.mark.parametrize("turned", [False, True])
-def test_angular_distribution_gives_the_anisotropies_back(turned: bool) -> None:
+def test_angular_distribution_gives_the_anisotropies_back(turned):
     """Evenly spaced directions weighted by number: contacts drawn with a_c = 0.4 at 120°, forces
     with a_n = 0.3, a_t = 0.1.
     """
@@ -154,7 +145,7 @@ def test_angular_distribution_gives_the_anisotropies_back(turned: bool) -> None:
     assert table.density[:half].tolist() == table.density[half:].tolist()
 
 
-def test_directions_without_contacts_have_no_force() -> None:
+def test_directions_without_contacts_have_no_force():
     normal = np.tile([1.0, 0.0], (10, 1))
     table = post.angular_distribution(make_source(normal, np.ones((10, 2))), ALL, 8)
     assert np.isfinite(table.normal).tolist() == [True, False, False, False] * 2
@@ -165,7 +156,7 @@ def test_directions_without_contacts_have_no_force() -> None:
             post.angular_distribution(make_source(normal, np.ones((10, 2))), ALL, bins)
 
 
-def test_walls_do_not_count_and_frames_without_forces_are_left_out(column: Run) -> None:
+def test_walls_do_not_count_and_frames_without_forces_are_left_out(column):
     table = post.force_distribution(column, ALL)
     assert table.frames.tolist() == [1, 2, 3, 4]
     assert table.contacts == 4 * (GRAINS - 1)

@@ -1,11 +1,6 @@
 """Profiles, θ–η and maps of a run with known temperatures, against the numbers that were put in."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,25 +8,24 @@ from from_wall_to_wall import profile
 from heat_run import GRADIENT, GRAINS, INTERVAL, RADIUS, RATES, SHEAR, write_heated_run
 from made_up_frames import source_of
 
-from multicor_cli.model import Model
 from multicor_cli.post import PostError, Selection, grain_map, theta_eta
-from multicor_cli.store import Frame, Run, open_run
+from multicor_cli.store import open_run
 
 HEIGHTS = RADIUS + 2.0 * RADIUS * np.arange(GRAINS)
 LATER = Selection(frames=slice(1, None))
 
 
-def source(column: Run, frames: list[Frame], model: Model | None = None) -> SimpleNamespace:
+def source(column, frames, model=None):
     """The run with changed frames."""
     return source_of(model or column.model, frames, [frame.time for frame in frames])
 
 
-def other(tmp_path: Path, **said: Any) -> Run:
+def other(tmp_path, **said):
     write_heated_run(tmp_path / "run", **said)
     return open_run(tmp_path / "run")
 
 
-def test_temperature_profile_and_its_normalized_form(column: Run) -> None:
+def test_temperature_profile_and_its_normalized_form(column):
     """One grain per bin: T = 300 + 20 y, and (T − 300)/20 between walls at 300 and 320 K."""
     table = profile(column, "temperature", LATER, bins=GRAINS)
     assert table.value == pytest.approx(300.0 + GRADIENT * HEIGHTS)
@@ -40,13 +34,13 @@ def test_temperature_profile_and_its_normalized_form(column: Run) -> None:
     assert table.normalized().value == pytest.approx(HEIGHTS)
 
 
-def test_normalized_temperature_needs_two_prescribed_ones(tmp_path: Path) -> None:
+def test_normalized_temperature_needs_two_prescribed_ones(tmp_path):
     table = profile(other(tmp_path, walls=(300.0, np.nan)), "temperature", LATER)
     with pytest.raises(PostError, match="prescribed temperature of both walls; 'top' has none"):
         table.normalized()
 
 
-def test_spin_is_normalized_by_the_shear_rate_of_the_walls(column: Run) -> None:
+def test_spin_is_normalized_by_the_shear_rate_of_the_walls(column):
     table = profile(column, "spin", LATER, bins=5)
     assert table.value == pytest.approx(-0.5 * SHEAR)
     assert table.shear_rate == pytest.approx(SHEAR)
@@ -56,7 +50,7 @@ def test_spin_is_normalized_by_the_shear_rate_of_the_walls(column: Run) -> None:
         profile(column, "spin", Selection(frames=slice(0, 1))).normalized()
 
 
-def test_heat_needs_two_frames_and_has_no_normalized_form(column: Run) -> None:
+def test_heat_needs_two_frames_and_has_no_normalized_form(column):
     with pytest.raises(PostError, match="needs two frames"):
         profile(column, "heat", Selection(frames=slice(0, 1)))
     with pytest.raises(PostError, match="choose from: velocity, spin, temperature"):
@@ -64,7 +58,7 @@ def test_heat_needs_two_frames_and_has_no_normalized_form(column: Run) -> None:
 
 
 @pytest.mark.parametrize("of", ["temperature", "heat"])
-def test_runs_without_heat_say_so(tmp_path: Path, of: str) -> None:
+def test_runs_without_heat_say_so(tmp_path, of):
     cold = other(tmp_path, heat=False)
     for make in (lambda: profile(cold, of), lambda: grain_map(cold, of), lambda: theta_eta(cold)):
         with pytest.raises(PostError, match="has no heat"):
@@ -75,7 +69,7 @@ def test_runs_without_heat_say_so(tmp_path: Path, of: str) -> None:
 # --- θ–η
 
 
-def test_theta_eta_from_the_top_and_from_the_bottom(column: Run) -> None:
+def test_theta_eta_from_the_top_and_from_the_bottom(column):
     """T₀ = 300 K, the top wall at 320 K: θ = y, and η counts downwards from the highest grain."""
     table = theta_eta(column, wall="top", bins=GRAINS)
     assert table.eta == pytest.approx(1.0 - HEIGHTS)
@@ -92,7 +86,7 @@ def test_theta_eta_from_the_top_and_from_the_bottom(column: Run) -> None:
     assert up.theta == pytest.approx((10.0 + GRADIENT * HEIGHTS) / 10.0)
 
 
-def test_height_scales_eta_and_leaves_out_what_is_beyond(column: Run) -> None:
+def test_height_scales_eta_and_leaves_out_what_is_beyond(column):
     table = theta_eta(column, wall="top", height=0.5, bins=5)
     assert table.eta == pytest.approx((1.0 - HEIGHTS) / 0.5)
     assert table.count.tolist() == [1, 1, 1, 1, 1]
@@ -102,7 +96,7 @@ def test_height_scales_eta_and_leaves_out_what_is_beyond(column: Run) -> None:
     assert np.isnan(wide.lowest[2:]).all()
 
 
-def test_wall_is_found_if_it_is_the_only_one(tmp_path: Path, column: Run) -> None:
+def test_wall_is_found_if_it_is_the_only_one(tmp_path, column):
     assert theta_eta(other(tmp_path, walls=(np.nan, 320.0))).wall == "top"
     with pytest.raises(PostError, match=r"choose the wall with --wall: .* bottom, top"):
         theta_eta(column)
@@ -119,14 +113,12 @@ def test_wall_is_found_if_it_is_the_only_one(tmp_path: Path, column: Run) -> Non
         ({"wall": "top", "bins": 0}, "bins"),
     ],
 )
-def test_theta_eta_refuses_what_makes_no_sense(column: Run, said: Any, message: str) -> None:
+def test_theta_eta_refuses_what_makes_no_sense(column, said, message):
     with pytest.raises(PostError, match=message):
         theta_eta(column, **said)
 
 
-def test_theta_eta_needs_a_wall_of_known_temperature_below_or_above(
-    tmp_path: Path, column: Run
-) -> None:
+def test_theta_eta_needs_a_wall_of_known_temperature_below_or_above(tmp_path, column):
     with pytest.raises(PostError, match=r"'top' has no prescribed temperature .* bottom"):
         theta_eta(other(tmp_path, walls=(310.0, np.nan)), wall="top")
     geometry = column.model.shapes.geometry.copy()
@@ -139,7 +131,7 @@ def test_theta_eta_needs_a_wall_of_known_temperature_below_or_above(
 # --- maps
 
 
-def test_maps_hold_the_values_of_the_frame(column: Run) -> None:
+def test_maps_hold_the_values_of_the_frame(column):
     assert grain_map(column, "temperature").value == pytest.approx(300.0 + GRADIENT * HEIGHTS)
     assert grain_map(column, "velocity", 1).value == pytest.approx(SHEAR * HEIGHTS)
     assert grain_map(column, "spin", 0).value == pytest.approx(0.0)
@@ -150,7 +142,7 @@ def test_maps_hold_the_values_of_the_frame(column: Run) -> None:
     assert fluctuation.vector == pytest.approx(np.zeros((GRAINS, 2)), abs=1e-12)
 
 
-def test_fluctuation_keeps_the_vertical_velocity(column: Run) -> None:
+def test_fluctuation_keeps_the_vertical_velocity(column):
     """Only the mean horizontal flow is taken away."""
     frame = column.frames[2]
     frame.velocity[:, 1] = 0.3
@@ -161,7 +153,7 @@ def test_fluctuation_keeps_the_vertical_velocity(column: Run) -> None:
     assert len(table.detail_rows[0]) == len(table.detail_headings)
 
 
-def test_maps_refuse_what_is_not_there(column: Run) -> None:
+def test_maps_refuse_what_is_not_there(column):
     names = "velocity, velocity-y, speed, displacement, rotation, spin, temperature"
     with pytest.raises(PostError, match=f"choose from: {names}"):
         grain_map(column, "wetness")

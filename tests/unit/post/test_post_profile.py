@@ -1,15 +1,11 @@
 """Profiles of made-up runs against closed forms and direct computation."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 from from_wall_to_wall import profile
 from made_up_frames import frame_of, source_of
-from numpy.typing import NDArray
 from scene_parts import between_planes, make_shapes
 
 from multicor_cli import post
@@ -20,14 +16,7 @@ from multicor_cli.post.sums import spread
 EVERY = Selection(frames=slice(None))
 
 
-def make_source(
-    y: NDArray[np.float64],
-    radius: NDArray[np.float64],
-    speed: NDArray[np.float64],
-    *,
-    lid: float = 0.0,
-    lid_speed: float = 1.0,
-) -> Any:
+def make_source(y, radius, speed, *, lid=0.0, lid_speed=1.0):
     """Frames with heights ``y`` and velocities ``speed``, both ``(frames, n)``, between walls at 0
     and 1 + lid.
     """
@@ -46,14 +35,12 @@ def make_source(
     return source_of(between_planes(radius), frames)
 
 
-def with_shapes(source: Any, kinds: list[ShapeKind], geometry: list[list[float]]) -> Any:
+def with_shapes(source, kinds, geometry):
     shapes = make_shapes(list(zip(kinds, range(len(kinds)), geometry, strict=True)))
     return source_of(replace(source.model, shapes=shapes), source.frames)
 
 
-def two_grains(
-    kinds: list[ShapeKind], geometry: list[list[float]], lower: Any, lid: float, x: float = 0.0
-) -> Any:
+def two_grains(kinds, geometry, lower, lid, x=0.0):
     """Two grains in two frames, ``x`` apart, and two walls at the places ``lower`` and ``lid``."""
     source = make_source(np.array([[0.1, 0.3], [0.1, 0.4]]), np.full(2, 0.1), np.ones((2, 2)))
     for frame in source.frames:
@@ -62,14 +49,14 @@ def two_grains(
     return with_shapes(source, kinds, geometry)
 
 
-def random_source(frames: int = 7, n: int = 60, seed: int = 1) -> Any:
+def random_source(frames=7, n=60, seed=1):
     rng = np.random.default_rng(seed)
     radius = rng.uniform(0.02, 0.12, n)
     y = radius + rng.uniform(0.0, 1.0, (frames, n)) * (1.0 - 2.0 * radius)
     return make_source(y, radius, rng.normal(y, 0.1))
 
 
-def test_errors_are_those_of_the_frames_and_drifts_are_told() -> None:
+def test_errors_are_those_of_the_frames_and_drifts_are_told():
     rng = np.random.default_rng(2)
     speed = np.repeat(rng.normal(size=(60, 1)), 2, axis=1)
     drifting = speed + np.linspace(0.0, 10.0, 60)[:, np.newaxis]
@@ -85,7 +72,7 @@ def test_errors_are_those_of_the_frames_and_drifts_are_told() -> None:
     assert found == pytest.approx(slope * 59, rel=0.05)
 
 
-def test_normalized_runs_from_wall_to_wall() -> None:
+def test_normalized_runs_from_wall_to_wall():
     """The lid is 0.5 higher than in its frame and moves at −2 m/s."""
     y = np.array([[0.2, 0.75, 1.3]])
     source = make_source(y, np.full(3, 0.1), -2.0 * y / 1.5, lid=0.5, lid_speed=-2.0)
@@ -99,7 +86,7 @@ def test_normalized_runs_from_wall_to_wall() -> None:
     assert scaled.normalized() is scaled
 
 
-def test_normalizing_needs_two_walls_that_differ() -> None:
+def test_normalizing_needs_two_walls_that_differ():
     source = make_source(np.full((2, 2), 0.5), np.full(2, 0.1), np.ones((2, 2)), lid_speed=0.0)
     with pytest.raises(PostError, match="different velocity"):
         profile(source).normalized()
@@ -114,7 +101,7 @@ def test_normalizing_needs_two_walls_that_differ() -> None:
 SEGMENT, PLANE, DISC = ShapeKind.SEGMENT, ShapeKind.PLANE, ShapeKind.DISC
 
 
-def gate(width: float, lower: tuple[float, float]) -> Any:
+def gate(width, lower):
     """A gate that was dropped: heights do not count from where it lies now."""
     return two_grains([SEGMENT] * 2, [[0, 0, width, 0], [0, 0, 0.1, 0]], lower, 9.0, x=1.0)
 
@@ -131,14 +118,14 @@ def gate(width: float, lower: tuple[float, float]) -> Any:
     ],
     ids=["no lid", "disc", "narrow gate", "wide gate", "gate far away"],
 )  # fmt: skip
-def test_which_walls_are_a_floor(source: Any, floor: str, height: float) -> None:
+def test_which_walls_are_a_floor(source, floor, height):
     """Without one heights count from the lowest point of the grains."""
     table = profile(source, selection=EVERY)
     assert table.walls == (floor, "")
     assert table.height == pytest.approx(height)
 
 
-def test_selection_of_frames() -> None:
+def test_selection_of_frames():
     source = make_source(np.full((10, 2), 0.5), np.full(2, 0.1), np.ones((10, 2)))
     source.frames.stage = np.array([0] * 4 + [1] * 6)
     for selection, expected in (
@@ -154,7 +141,7 @@ def test_selection_of_frames() -> None:
         profile(source, selection=Selection(start=20.0))
 
 
-def test_what_cannot_be_done_is_refused() -> None:
+def test_what_cannot_be_done_is_refused():
     source = random_source()
     with pytest.raises(PostError, match="choose from: velocity"):
         profile(source, "wetness")
@@ -164,7 +151,7 @@ def test_what_cannot_be_done_is_refused() -> None:
         profile(source_of(source.model, []))
 
 
-def test_the_layers_at_the_walls_are_left_out_unless_told_otherwise() -> None:
+def test_the_layers_at_the_walls_are_left_out_unless_told_otherwise():
     source = random_source()
     diameter = source.model.mean_diameter
     table, whole = post.profile(source, "velocity", EVERY), profile(source, "velocity", EVERY)
@@ -180,7 +167,7 @@ def test_the_layers_at_the_walls_are_left_out_unless_told_otherwise() -> None:
     assert whole.about_walls == ""
 
 
-def test_walls_may_be_named() -> None:
+def test_walls_may_be_named():
     """A grid inside the layer, which would bound nothing by itself, and a post that is upright."""
     model = between_planes(np.full(9, 0.05))
     shapes = make_shapes(

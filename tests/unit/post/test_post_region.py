@@ -2,33 +2,31 @@
 with whole domains.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from cut_runs import BOX
 from scenes import SMALL
 
 import multicor_cli as multicor
-from multicor_cli.model.shapes import Annulus, Area, Polygon, Rectangle
+from multicor_cli.model.shapes import Annulus, Polygon, Rectangle
 from multicor_cli.post import PostError, Selection, in_region, profile
 from multicor_cli.post.bins import find_extent
 from multicor_cli.post.region import part_inside
 from multicor_cli.post.sums import plane_width
 from multicor_cli.scenario import parse_scenario
-from multicor_cli.store import Run, open_run
+from multicor_cli.store import open_run
 
 ALL = Selection(start=0.0)
 
 
 @pytest.fixture(scope="module", params=["period", "walls"])
-def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Run:
+def run(request, tmp_path_factory):
     path = tmp_path_factory.mktemp("run") / "run"
     multicor.run(parse_scenario(SMALL if request.param == "period" else BOX, "run.toml"), path)
     return open_run(path)
 
 
-def test_parts_of_discs_are_those_of_sampled_points() -> None:
+def test_parts_of_discs_are_those_of_sampled_points():
     line = np.linspace(-1.0, 1.0, 2001)
     points = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
     points = points[(points**2).sum(axis=1) <= 1.0]
@@ -37,7 +35,7 @@ def test_parts_of_discs_are_those_of_sampled_points() -> None:
         assert found == pytest.approx(np.mean(points[:, 0] >= -depth), abs=1e-3)
 
 
-def around(run: Run) -> Rectangle:
+def around(run):
     """A rectangle around all grains, or as wide as the period."""
     low = min(float(frame.position.min()) for frame in run.frames) - 0.01
     high = max(float(frame.position.max()) for frame in run.frames) + 0.01
@@ -45,7 +43,7 @@ def around(run: Run) -> Rectangle:
     return Rectangle((ends[0], low), (ends[1], high))
 
 
-def test_everything_is_all_grains(run: Run) -> None:
+def test_everything_is_all_grains(run):
     area = around(run)
     table, grains = in_region(run, area, ALL), run.model.grains
     cover = np.pi * grains.radius**2
@@ -55,7 +53,7 @@ def test_everything_is_all_grains(run: Run) -> None:
     assert table.values["velocity_x"] == pytest.approx(speeds, rel=1e-9)
 
 
-def test_a_layer_is_a_bin_of_a_profile(run: Run) -> None:
+def test_a_layer_is_a_bin_of_a_profile(run):
     """Also of grains that lie across the ends of a period."""
     last = Selection(frames=slice(-1, None))
     names = ("solid-fraction", "stress-yy", "stress-xy")
@@ -71,14 +69,14 @@ def test_a_layer_is_a_bin_of_a_profile(run: Run) -> None:
         assert mean == pytest.approx(found[of].value[1], rel=2e-3)
 
 
-def test_parts_add_up_to_the_whole(run: Run) -> None:
+def test_parts_add_up_to_the_whole(run):
     """Layers that fill a rectangle; where nothing is periodic also its triangles and rings, but for
     corners and curvature.
     """
     area = around(run)
     (x, y), (u, v) = area.low, area.high
     middle = float(run.frames[0].position[:, 1].mean())
-    parts: list[list[Area]] = [[Rectangle((x, y), (u, middle)), Rectangle((x, middle), (u, v))]]
+    parts = [[Rectangle((x, y), (u, middle)), Rectangle((x, middle), (u, v))]]
     if not run.model.period:
         corners = ([(x, y), (u, y), (u, v)], [(x, y), (u, v), (x, v)])
         parts.append([Polygon(np.array(three)) for three in corners])
@@ -90,7 +88,7 @@ def test_parts_add_up_to_the_whole(run: Run) -> None:
             assert together == pytest.approx(whole.values[name], rel=1e-9, abs=1e-9, nan_ok=True)
 
 
-def test_rings_add_up_to_a_disc_but_for_their_curvature(run: Run) -> None:
+def test_rings_add_up_to_a_disc_but_for_their_curvature(run):
     area = around(run)
     center = tuple(0.5 * (np.array(area.low) + np.array(area.high)))
     radius = 0.3 * (run.model.period or area.high[0] - area.low[0])
@@ -102,6 +100,6 @@ def test_rings_add_up_to_a_disc_but_for_their_curvature(run: Run) -> None:
     assert together == pytest.approx(disc.values["solid_fraction"], rel=1e-9)
 
 
-def test_where_nothing_is_it_says_so(run: Run) -> None:
+def test_where_nothing_is_it_says_so(run):
     with pytest.raises(PostError, match="no grain is in the region"):
         in_region(run, Annulus((0.0, 1e3), 0.5), ALL)

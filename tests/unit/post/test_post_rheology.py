@@ -1,10 +1,7 @@
 """Rheology of made-up flows against what was put into them, and what it refuses."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +19,7 @@ N, RADIUS, PERIOD, RATE, LAPSE = 400, 0.01, 4.0, 3.0, 0.25
 PRESS, SHEAR = 8.0, 2.4  # forces of the walls [N]
 
 
-def make_source(frames: int = 5, *, sign: float = 1.0, jitter: float = 0.0, seed: int = 0) -> Any:
+def make_source(frames=5, *, sign=1.0, jitter=0.0, seed=0):
     """Homogeneous shear between planes at 0 and 1; every contact along 135° for a positive rate,
     one per pair of numbers.
     """
@@ -47,19 +44,19 @@ def make_source(frames: int = 5, *, sign: float = 1.0, jitter: float = 0.0, seed
     return source_of(model, found, LAPSE * np.arange(frames), series=make_series(frames, sign))
 
 
-def make_contacts(sign: float) -> SimpleNamespace:
+def make_contacts(sign):
     """Even grains press on the next odd ones with 5 N: one contact each; the first has two more."""
     i, j = [*range(0, N, 2), 0, 0], [*range(1, N, 2), 3, 5]
     return contacts_of(i, j, np.array([-sign, 1.0]) / np.sqrt(2.0), (5.0, 0.0))
 
 
-def other(source: Any, **model: Any) -> Any:
+def other(source, **model):
     """The same frames with another model."""
     changed = replace(source.model, **model)
     return SimpleNamespace(model=changed, frames=source.frames, series=source.series)
 
 
-def make_series(frames: int, sign: float) -> dict[str, np.ndarray]:
+def make_series(frames, sign):
     """Ten rows for each frame; the wall is pulled 10 % more in every second row. Forces are those
     on the walls.
     """
@@ -76,7 +73,7 @@ def make_series(frames: int, sign: float) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_what_was_put_in_comes_out(sign: float) -> None:
+def test_what_was_put_in_comes_out(sign):
     """A sheared layer and its mirror image."""
     source = make_source(sign=sign, jitter=0.2)
     table = rheology(source, Selection(start=0.0), margin=5.0)
@@ -102,7 +99,7 @@ def test_what_was_put_in_comes_out(sign: float) -> None:
         assert table.values[name] == pytest.approx(np.full(4, mean[name]))
 
 
-def test_granular_temperature_is_that_of_the_fluctuations() -> None:
+def test_granular_temperature_is_that_of_the_fluctuations():
     """v_y = ±0.2 m/s in equal numbers; v_x follows the flow. A part of it counts as mean flow: 51
     knots for 400 grains.
     """
@@ -112,7 +109,7 @@ def test_granular_temperature_is_that_of_the_fluctuations() -> None:
     assert found == pytest.approx(0.5 * 0.2**2 * (1.0 - 51 / 400), rel=0.05)
 
 
-def test_means_are_ratios_of_sums_and_errors_are_those_of_the_ratio() -> None:
+def test_means_are_ratios_of_sums_and_errors_are_those_of_the_ratio():
     source = make_source(frames=23)
     factor = 1.0 + 0.3 * np.random.default_rng(1).random(220)
     source.series["wall_force"][:, 1, 1] *= factor
@@ -137,7 +134,7 @@ def test_means_are_ratios_of_sums_and_errors_are_those_of_the_ratio() -> None:
     assert table.values["friction_walls"] == pytest.approx(intervals[:, 0, 0] / intervals[:, 1, 1])
 
 
-def test_margin_is_eight_diameters_or_a_quarter_of_the_height() -> None:
+def test_margin_is_eight_diameters_or_a_quarter_of_the_height():
     assert rheology(make_source(), Selection(start=0.0)).margin == pytest.approx(0.16)
     source = make_source()
     thin = other(source, grains=replace(source.model.grains, radius=np.full(N, 0.02)))
@@ -155,7 +152,7 @@ def test_margin_is_eight_diameters_or_a_quarter_of_the_height() -> None:
     assert rheology(narrow, Selection(start=0.0)).margin == pytest.approx(0.4 / 3.0)
 
 
-def test_no_bulk_has_a_negative_area() -> None:
+def test_no_bulk_has_a_negative_area():
     """In a frame in which the walls are nearer to each other than the margins of all frames
     together.
     """
@@ -168,7 +165,7 @@ def test_no_bulk_has_a_negative_area() -> None:
         rheology(source, Selection(start=0.0), margin=8.0)
 
 
-def test_without_contacts_the_rest_is_still_measured() -> None:
+def test_without_contacts_the_rest_is_still_measured():
     source = make_source()
     for frame in source.frames:
         frame.contacts.recorded = False
@@ -180,7 +177,7 @@ def test_without_contacts_the_rest_is_still_measured() -> None:
     )
 
 
-def test_what_is_no_shear_is_refused(tmp_path: Any) -> None:
+def test_what_is_no_shear_is_refused(tmp_path):
     source = make_source()
     with pytest.raises(PostError, match="needs two frames"):
         rheology(source, Selection(frames=slice(-1, None)))

@@ -1,7 +1,5 @@
 """Stress and contacts of made-up runs against closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from from_wall_to_wall import profile, profiles
@@ -10,12 +8,11 @@ from hypothesis import strategies as st
 
 from multicor_cli.post import PROFILE_GROUPS, PostError, Selection, grain_map
 from multicor_cli.post.bins import part_between, share_lines
-from multicor_cli.store import Run
 
 ALL, LAST = Selection(start=0.0), Selection(frames=slice(-1, None))
 
 
-def test_shares_of_lines_are_those_of_their_length() -> None:
+def test_shares_of_lines_are_those_of_their_length():
     """From 0.05 to 0.35 with bins of 0.1; a level line; one that ends outside."""
     shares = share_lines(np.array([0.05, 0.25, 0.25]), np.array([0.35, 0.25, 0.85]), 0.0, 0.1, 4)
     table = np.zeros((3, 4))
@@ -29,9 +26,7 @@ def test_shares_of_lines_are_those_of_their_length() -> None:
     st.floats(-2, 2),
     st.floats(0.01, 3),
 )
-def test_part_between_two_heights_is_the_share_of_one_bin(
-    ends: list[tuple[float, float]], low: float, width: float
-) -> None:
+def test_part_between_two_heights_is_the_share_of_one_bin(ends, low, width):
     start, end = (np.array(values) for values in zip(*ends, strict=True))
     shares = share_lines(start, end, low, width, 1)
     expected = np.bincount(shares.grain, shares.area, minlength=start.size)
@@ -40,7 +35,7 @@ def test_part_between_two_heights_is_the_share_of_one_bin(
     assert found[long] == pytest.approx(expected[long], abs=1e-6)
 
 
-def test_frames_without_forces_are_left_out(column: Run, silent: Run) -> None:
+def test_frames_without_forces_are_left_out(column, silent):
     assert profile(column, "stress-yy", ALL).frames.tolist() == [1, 2, 3, 4]
     with pytest.raises(PostError, match="no step of the mechanics was done before"):
         profile(column, "coordination", Selection(frames=slice(0, 1)))
@@ -51,7 +46,7 @@ def test_frames_without_forces_are_left_out(column: Run, silent: Run) -> None:
         grain_map(silent, "stress")
 
 
-def test_bins_by_width_and_without_the_walls(column: Run) -> None:
+def test_bins_by_width_and_without_the_walls(column):
     table = profile(column, "velocity", ALL, bin_width=2.0, exclude_walls=2.0)
     assert table.y == pytest.approx([0.3, 0.5, 0.7])
     assert table.width == pytest.approx(0.2)
@@ -72,7 +67,7 @@ def test_bins_by_width_and_without_the_walls(column: Run) -> None:
             profile(column, "velocity", ALL, **options)
 
 
-def test_groups_of_fields_come_as_one_table(column: Run) -> None:
+def test_groups_of_fields_come_as_one_table(column):
     found = profiles(column, "stress", ALL, 4)
     assert [table.field.name for table in found.tables] == list(PROFILE_GROUPS["stress"])
     assert len(found.headings) == len(found.rows[0]) == 10

@@ -1,7 +1,5 @@
 """Tables as DataFrames and in notebooks; distributions and θ over several frames."""
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np
@@ -11,10 +9,9 @@ from multicor_cli import post
 from multicor_cli.optional import MissingLibrary
 from multicor_cli.post.compare import _labels
 from multicor_cli.post.sums import scatter
-from multicor_cli.store import Run
 
 
-def test_frames_of_pandas_have_names_and_units(column: Run) -> None:
+def test_frames_of_pandas_have_names_and_units(column):
     pytest.importorskip("pandas")
     table = post.profile(column, "temperature", post.Selection(start=0.0))
     frame = table.to_pandas()
@@ -31,19 +28,19 @@ def test_frames_of_pandas_have_names_and_units(column: Run) -> None:
         table.to_pandas(is_detailed=True)
 
 
-def test_without_pandas_the_extra_is_named(column: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_pandas_the_extra_is_named(column, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(MissingLibrary, match=r"multicor-cli\[study\]"):
         post.energy(column).to_pandas()
 
 
-def test_tables_show_themselves(column: Run) -> None:
+def test_tables_show_themselves(column):
     table = post.profile(column, "temperature", post.Selection(start=0.0), 3)
     assert repr(table).startswith("<ProfileTable: 3 rows of y [m], temperature [K]")
     assert table._repr_html_().count("<tr>") == 4
 
 
-def test_theta_of_several_frames(column: Run) -> None:
+def test_theta_of_several_frames(column):
     chosen = post.Selection(frames=slice(-3, None))
     several = post.theta_eta(column, selection=chosen, wall="top", bins=4)
     single = [
@@ -58,7 +55,7 @@ def test_theta_of_several_frames(column: Run) -> None:
     assert len(single[0].rows[0]) == len(single[0].headings)
 
 
-def test_distributions_of_several_frames_scatter_as_those_of_each(column: Run) -> None:
+def test_distributions_of_several_frames_scatter_as_those_of_each(column):
     chosen = post.Selection(frames=slice(-3, None))
     for make, name in ((post.force_distribution, "normal"), (post.angular_distribution, "density")):
         several = make(column, chosen)
@@ -70,12 +67,12 @@ def test_distributions_of_several_frames_scatter_as_those_of_each(column: Run) -
         assert np.isnan(getattr(alone[0], f"{name}_scatter")).all()
 
 
-def test_scatter_leaves_out_what_is_not_known() -> None:
+def test_scatter_leaves_out_what_is_not_known():
     rows = np.array([[1.0, np.nan], [2.0, 5.0], [4.0, np.nan]])
     assert scatter(rows) == pytest.approx([np.std([1.0, 2.0, 4.0], ddof=1), np.nan], nan_ok=True)
 
 
-def test_runs_are_called_by_what_differs() -> None:
+def test_runs_are_called_by_what_differs():
     friction, seed = ("contacts.0.friction", "0.3", "0.5"), ("scenario.seed", "1", "2")
     assert _labels([friction, seed], ("a", "b")) == ("friction = 0.3", "friction = 0.5")
     assert _labels([seed], ("a", "b")) == ("seed = 1", "seed = 2")

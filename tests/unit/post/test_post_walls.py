@@ -2,17 +2,13 @@
 sizes of their grains.
 """
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 from made_up_frames import frame_of, source_of
 from scenarios import plane, scenario
 
 from multicor_cli.packing import build
-from multicor_cli.post.bins import Extent, find_extent
+from multicor_cli.post.bins import find_extent
 
 GRAINS = {
     "count": 60, "sizes": {"kind": "uniform", "min": 0.8e-3, "max": 1.2e-3},
@@ -20,7 +16,7 @@ GRAINS = {
 }  # fmt: skip
 LID = {"kind": "rough", "from": [0, 0.055], "to": [0.06, 0.055], "side": "right"}
 
-LEVELS: dict[str, tuple[str, list[list[float]], float]] = {
+LEVELS = {
     "wedge": ("polygon", [[0.003, 0], [0.057, 0], [0.057, 0.006], [0.003, 0.010]], 0.008),
     "bevelled": (
         "polygon", [[0.01, 0], [0.05, 0], [0.055, 0.004], [0.05, 0.008], [0.01, 0.008]],
@@ -39,7 +35,7 @@ ROUGH = {
 }
 
 
-def extent_of(**walls: Any) -> tuple[Any, Extent, tuple[str | None, ...]]:
+def extent_of(**walls):
     """A frame of grains and these walls, its extent, and the walls below and above."""
     scene = scenario(size=[0.06, 0.08], periodic=True, grains=GRAINS, walls=walls)
     model, state = build(scene)
@@ -50,7 +46,7 @@ def extent_of(**walls: Any) -> tuple[Any, Extent, tuple[str | None, ...]]:
 
 
 @pytest.mark.parametrize("name", LEVELS)
-def test_heights_count_from_what_faces_the_grains(name: str) -> None:
+def test_heights_count_from_what_faces_the_grains(name):
     """Of a floor, and of the same wall turned over, as a lid."""
     kind, points, level = LEVELS[name]
     more = {"kind": kind, **({"grains": "outside"} if kind == "polygon" else {})}
@@ -67,8 +63,8 @@ def test_heights_count_from_what_faces_the_grains(name: str) -> None:
     [*((rough, r) for rough in ROUGH for r in (1.3e-3, 2e-3, 5e-3)),
      *((rough, r) for rough in (None, "cluster") for r in (0.7e-3, 1.2e-3, 5e-3))],
 )  # fmt: skip
-def test_a_disc_bounds_none_whatever_its_size(rough: str | None, radius: float) -> None:
-    disc: dict[str, Any] = {"kind": "disc", "center": [0.03, 0.005], "radius": radius}
+def test_a_disc_bounds_none_whatever_its_size(rough, radius):
+    disc = {"kind": "disc", "center": [0.03, 0.005], "radius": radius}
     if rough == "cluster":
         disc = {"kind": "cluster", "discs": [[0.03, 0.005, radius]]}
     elif rough:

@@ -2,8 +2,6 @@
 with every package.
 """
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys
@@ -16,7 +14,7 @@ LISTED = set(re.findall(r"^\| `([\w/]+)` \|", PAGE, re.MULTILINE))
 """Packages in the table."""
 
 
-def test_packages_import_what_the_contracts_allow() -> None:
+def test_packages_import_what_the_contracts_allow():
     """``[tool.importlinter]`` in pyproject.toml; `lint-imports` says which import breaks which
     contract.
     """
@@ -26,7 +24,7 @@ def test_packages_import_what_the_contracts_allow() -> None:
     assert "0 broken" in done.stdout
 
 
-def test_every_package_is_in_the_table() -> None:
+def test_every_package_is_in_the_table():
     package = ROOT / "multicor_cli"
     packages = {
         path.parent.relative_to(package).as_posix() for path in package.rglob("__init__.py")
@@ -35,7 +33,7 @@ def test_every_package_is_in_the_table() -> None:
     assert {name for name in packages if not name.startswith("scenario/")} | modules == LISTED
 
 
-def test_unit_tests_follow_the_packages() -> None:
+def test_unit_tests_follow_the_packages():
     """What belongs to no package is in ``project``."""
     folder = ROOT / "tests" / "unit"
     assert {

@@ -3,8 +3,6 @@ nothing of it that leads nowhere; the conda recipe says the same; from Python, w
 found, explained, and costs nothing before it is used.
 """
 
-from __future__ import annotations
-
 import email
 import inspect
 import re
@@ -12,9 +10,6 @@ import subprocess
 import sys
 import tarfile
 import tomllib
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import pytest
 from places import ROOT
@@ -29,7 +24,7 @@ MADE = {"PKG-INFO", "setup.cfg"}
 
 
 @pytest.fixture(scope="module")
-def archive(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+def archive(tmp_path_factory):
     """Contents of the source distribution by name."""
     folder = tmp_path_factory.mktemp("dist")
     command = [sys.executable, "-m", "build", "--sdist", "--outdir", str(folder), str(ROOT)]
@@ -43,7 +38,7 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     return found
 
 
-def belongs(path: Path) -> bool:
+def belongs(path):
     """Whether a file is of the repository, not made by what works in it."""
     made = any(
         part == "__pycache__" or part.endswith((".egg-info", "_cache")) for part in path.parts
@@ -51,7 +46,7 @@ def belongs(path: Path) -> bool:
     return not made and path.suffix != ".pyc"
 
 
-def test_it_holds_every_file(archive: dict[str, bytes]) -> None:
+def test_it_holds_every_file(archive):
     files = [path for path in ROOT.iterdir() if path.is_file() and path.name != ".git"]
     files += [path for folder in FOLDERS for path in (ROOT / folder).rglob("*") if path.is_file()]
     inside = {path.relative_to(ROOT): path for path in files}
@@ -63,7 +58,7 @@ def test_it_holds_every_file(archive: dict[str, bytes]) -> None:
     assert all(archive[name] == expected[name].read_bytes() for name in expected.keys() - MADE)
 
 
-def test_an_index_shows_no_dead_link(archive: dict[str, bytes]) -> None:
+def test_an_index_shows_no_dead_link(archive):
     shown = email.message_from_bytes(archive["PKG-INFO"])
     text = archive["PKG-INFO"].decode().partition("\n\n")[2]
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -75,7 +70,7 @@ def test_an_index_shows_no_dead_link(archive: dict[str, bytes]) -> None:
     assert set(kept) <= set(text.splitlines())  # all else is there
 
 
-def test_every_python_that_it_runs_with_is_named(archive: dict[str, bytes]) -> None:
+def test_every_python_that_it_runs_with_is_named(archive):
     shown = email.message_from_bytes(archive["PKG-INFO"])
     classifiers = shown.get_all("Classifier")
     named = {text.rpartition(" ")[2] for text in classifiers if re.search(r"Python :: 3\.", text)}
@@ -84,13 +79,13 @@ def test_every_python_that_it_runs_with_is_named(archive: dict[str, bytes]) -> N
 
 
 @pytest.fixture(scope="module")
-def recipe() -> dict[str, Any]:
+def recipe():
     """Of conda."""
     yaml = pytest.importorskip("yaml")
     return yaml.safe_load((ROOT / "recipe" / "recipe.yaml").read_text(encoding="utf-8"))
 
 
-def test_it_is_the_same_package(recipe: dict[str, Any]) -> None:
+def test_it_is_the_same_package(recipe):
     assert recipe["package"]["name"] == PROJECT["name"]
     assert recipe["context"]["version"] == PROJECT["version"]
     assert recipe["about"]["license"] == PROJECT["license"]
@@ -98,7 +93,7 @@ def test_it_is_the_same_package(recipe: dict[str, Any]) -> None:
     assert (ROOT / recipe["about"]["license_file"]).is_file()
 
 
-def test_it_needs_the_same(recipe: dict[str, Any]) -> None:
+def test_it_needs_the_same(recipe):
     wanted = {
         f"python {PROJECT['requires-python']}",
         *(need.replace(">=", " >=") for need in PROJECT["dependencies"]),
@@ -108,7 +103,7 @@ def test_it_needs_the_same(recipe: dict[str, Any]) -> None:
     assert build < set(recipe["requirements"]["host"])
 
 
-def test_it_installs_the_same_commands(recipe: dict[str, Any]) -> None:
+def test_it_installs_the_same_commands(recipe):
     commands = [f"{name} = {place}" for name, place in PROJECT["scripts"].items()]
     assert recipe["build"]["python"]["entry_points"] == commands
 
@@ -118,7 +113,7 @@ FUNCTIONS = [
 ]
 
 
-def test_names_are_completed() -> None:
+def test_names_are_completed():
     checks = {"check_run", "check_scenario"}
     assert {"run", "open_run", "load_scenario", *checks, "study", "picture"} == set(FUNCTIONS)
     assert set(multicor_cli.__all__) <= set(dir(multicor_cli))
@@ -129,7 +124,7 @@ EXPLAINED += filter(inspect.isfunction, vars(post).values())
 
 
 @pytest.mark.parametrize("function", EXPLAINED, ids=lambda function: function.__name__)
-def test_every_function_says_how_it_is_called(function: Callable[..., object]) -> None:
+def test_every_function_says_how_it_is_called(function):
     name = function.__name__
     text = inspect.getdoc(function) or ""
     for parameter in inspect.signature(function).parameters.values():
@@ -140,13 +135,13 @@ def test_every_function_says_how_it_is_called(function: Callable[..., object]) -
 
 
 @pytest.mark.parametrize("name", sorted(set(multicor_cli.__all__) - set(FUNCTIONS)))
-def test_every_class_is_explained(name: str) -> None:
+def test_every_class_is_explained(name):
     found = getattr(multicor_cli, name)
     assert inspect.isclass(found)
     assert vars(found).get("__doc__")
 
 
-def test_importing_loads_nothing() -> None:
+def test_importing_loads_nothing():
     heavy = "{'numba', 'numpy', 'h5py', 'pydantic', 'pandas', 'matplotlib'}"
     program = f"import sys, multicor_cli; print({heavy} & sys.modules.keys())"
     command = [sys.executable, "-c", program]

@@ -7,10 +7,7 @@ and compares values. Everything that is not listed is refused: a function that i
 looked up first, and added only if its definition leaves no choice to the library.
 """
 
-from __future__ import annotations
-
 import ast
-from collections.abc import Iterator
 
 import pytest
 from places import ROOT
@@ -20,7 +17,7 @@ WALKED = ("arithmetic", "engine", "model", "packing", "running", "scenario", "st
 """Packages that make a `Model`, a `State` or what is written of them."""
 
 
-def _words(text: str) -> set[str]:
+def _words(text):
     return set(text.split())
 
 
@@ -71,7 +68,7 @@ COUNTING = ("scenario", "store")
 """Packages whose built-in sums count rows and bytes."""
 
 
-def dotted(node: ast.expr) -> str:
+def dotted(node):
     """The name of an attribute of an attribute of a name; empty for attributes of anything else."""
     if isinstance(node, ast.Name):
         return node.id
@@ -79,11 +76,11 @@ def dotted(node: ast.expr) -> str:
     return f"{inner}.{node.attr}" if inner else ""
 
 
-def is_literal(node: ast.expr) -> bool:
+def is_literal(node):
     return isinstance(node.operand if isinstance(node, ast.UnaryOp) else node, ast.Constant)
 
 
-def strange_imports(node: ast.AST) -> Iterator[str]:
+def strange_imports(node):
     if isinstance(node, ast.ImportFrom):
         names = [node.module or ""]
         if node.module == "math":
@@ -95,14 +92,14 @@ def strange_imports(node: ast.AST) -> Iterator[str]:
     yield from (name for name in names if name.split(".")[0] in STRANGERS)
 
 
-def strange_names(node: ast.AST, inner: set[int]) -> Iterator[str]:
+def strange_names(node, inner):
     if isinstance(node, ast.Attribute) and id(node) not in inner:
         root, _, name = dotted(node).partition(".")
         if name not in {"math": MATH, "np": NUMPY}.get(root, {name}):
             yield f"{root}.{name}"
 
 
-def strange_calls(node: ast.AST, has_floats: bool) -> Iterator[str]:
+def strange_calls(node, has_floats):
     if not isinstance(node, ast.Call) or (text := ast.unparse(node)) in LISTED:
         return
     name, options = dotted(node.func), {k.arg: ast.unparse(k.value) for k in node.keywords}
@@ -117,7 +114,7 @@ def strange_calls(node: ast.AST, has_floats: bool) -> Iterator[str]:
         yield f"{text} without dtype=np.int64"
 
 
-def strange_operators(node: ast.AST) -> Iterator[str]:
+def strange_operators(node):
     if not isinstance(node, ast.BinOp | ast.AugAssign):
         return
     operands = (node.left, node.right) if isinstance(node, ast.BinOp) else (node.target, node.value)
@@ -126,11 +123,11 @@ def strange_operators(node: ast.AST) -> Iterator[str]:
         yield ast.unparse(node)
 
 
-def strange(text: str, has_floats: bool = True) -> list[str]:
+def strange(text, has_floats=True):
     """What a module computes with operations that machines may round differently."""
     tree = ast.parse(text)
     inner = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
-    found: list[str] = []
+    found = []
     for node in ast.walk(tree):
         found += [*strange_imports(node), *strange_names(node, inner)]
         found += [*strange_calls(node, has_floats), *strange_operators(node)]

@@ -1,14 +1,12 @@
 """The types of the package are right. (A test, so that the check runs beside others.)"""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 
 from places import ROOT
 
 
-def test_types_are_right() -> None:
+def test_types_are_right():
     done = subprocess.run(
         [sys.executable, "-m", "mypy"], cwd=ROOT, capture_output=True, text=True, check=False
     )

@@ -2,8 +2,6 @@
 becomes markup.
 """
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import os
@@ -54,7 +52,7 @@ from multicor_cli.store.documents import StageEnd
 
 @pytest.mark.parametrize("spacing", ["even", "square", "signed"])
 @pytest.mark.parametrize("width", [1, 2])
-def test_codes_are_as_fine_as_they_say(spacing, width: int) -> None:
+def test_codes_are_as_fine_as_they_say(spacing, width):
     code = Code(-2.0, 6.0, width, spacing)
     values = np.random.default_rng(1).uniform(-2.0, 6.0, 5000)
     error = np.abs(code.decode(code.encode(values)) - values)
@@ -77,11 +75,11 @@ def test_codes_are_as_fine_as_they_say(spacing, width: int) -> None:
         (Code(3.0, 3.0, 2), [3.0, np.nan], pytest.approx([3.0, np.nan], nan_ok=True)),
     ],
 )  # fmt: skip
-def test_codes_resolve_small_values(code: Code, values: list[float], found: object) -> None:
+def test_codes_resolve_small_values(code, values, found):
     assert code.decode(code.encode(np.array(values))).tolist() == found
 
 
-def test_compression_separates_bytes() -> None:
+def test_compression_separates_bytes():
     arrays = [
         np.array([0x0102, 0x0304], "<u2"),
         np.array([7], np.uint8),
@@ -90,13 +88,13 @@ def test_compression_separates_bytes() -> None:
     assert list(zlib.decompress(compress(arrays))) == [2, 4, 1, 3, 7, 0, 0, 0, 1]
 
 
-def test_chosen_frames_are_evenly_spaced_and_end_with_the_last() -> None:
+def test_chosen_frames_are_evenly_spaced_and_end_with_the_last():
     assert thin_frames(5, 9).tolist() == [0, 1, 2, 3, 4]
     assert thin_frames(101, 3).tolist() == [0, 50, 100]
     assert thin_frames(100, 1).tolist() == [99]
 
 
-def test_strongest_contacts_stay_in_order() -> None:
+def test_strongest_contacts_stay_in_order():
     force = np.array([5.0, 1.0, 4.0, 3.0], np.float32)
     contacts = ContactsView(np.arange(4), np.arange(4) + 1, np.zeros(4, np.float32), force)
     assert contacts.strongest(2).i.tolist() == [0, 2]
@@ -105,25 +103,25 @@ def test_strongest_contacts_stay_in_order() -> None:
 
 
 @pytest.fixture
-def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+def no_figures(monkeypatch):
     """Figures take most of the time of a report."""
     monkeypatch.setattr("multicor_cli.report.write.make_figures", lambda run, books: [])
 
 
-def written(run: Path, **options: object) -> str:
+def written(run, **options):
     """The page of a run, beside it."""
     return write_report(run, **options).path.read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
-def evil(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def evil(tmp_path_factory):
     path = tmp_path_factory.mktemp("evil") / "run"
     write_evil_run(path)
     return path
 
 
 @pytest.fixture(scope="module")
-def page(evil: Path) -> str:
+def page(evil):
     target = evil.parent / "page.html"
     summary = write_report(evil, target)
     assert (summary.frames, summary.frame_count, summary.has_figures) == (6, 6, True)
@@ -131,7 +129,7 @@ def page(evil: Path) -> str:
     return target.read_text(encoding="utf-8")
 
 
-def test_packed_numbers_are_those_of_the_run(evil: Path, page: str) -> None:
+def test_packed_numbers_are_those_of_the_run(evil, page):
     meta, frames, radii = read_page(page)
     with open_run(evil) as run:
         assert radii == pytest.approx(run.model.grains.radius, rel=1e-6)
@@ -149,7 +147,7 @@ def test_packed_numbers_are_those_of_the_run(evil: Path, page: str) -> None:
             assert about["walls"] == frame.wall_position.tolist()
 
 
-def test_packed_contacts_are_those_of_the_run(page: str) -> None:
+def test_packed_contacts_are_those_of_the_run(page):
     """Grain k presses on k + 1 with k + 1 newtons, the last one on the wall above it (90 degrees: a
     quarter of 1024).
     """
@@ -165,7 +163,7 @@ def test_packed_contacts_are_those_of_the_run(page: str) -> None:
     assert [frame["contactCount"] for frame in meta["frames"]] == [None, *[GRAINS] * 5]
 
 
-def test_heat_is_a_rate_and_missing_in_the_first_frame(page: str) -> None:
+def test_heat_is_a_rate_and_missing_in_the_first_frame(page):
     meta, frames, _ = read_page(page)
     assert "heat" not in frames[0]
     assert decode(meta, "heat", frames[3]["heat"]) == pytest.approx(
@@ -173,21 +171,21 @@ def test_heat_is_a_rate_and_missing_in_the_first_frame(page: str) -> None:
     )
 
 
-def test_temperatures_that_hardly_differ_count_from_a_round_one(page: str) -> None:
+def test_temperatures_that_hardly_differ_count_from_a_round_one(page):
     meta, _, _ = read_page(page)
     reference = {field["name"]: field["reference"] for field in meta["fields"]}
     assert reference["temperature"] == 300.0
     assert reference["speed"] is None
 
 
-def test_largest_force_of_a_grain(evil: Path) -> None:
+def test_largest_force_of_a_grain(evil):
     with open_run(evil) as run:
         force = QUANTITIES["force"]
         assert values_of(force, run, 2) == pytest.approx(1.0 + np.arange(GRAINS))
         assert values_of(force, run, 0) is None
 
 
-def test_nothing_of_the_user_becomes_markup(page: str) -> None:
+def test_nothing_of_the_user_becomes_markup(page):
     assert EVIL not in page
     assert "<img" not in page
     assert page.count("<script") == page.count("</script>") == 3 + 6  # JSON, radii, program; frames
@@ -206,7 +204,7 @@ def test_nothing_of_the_user_becomes_markup(page: str) -> None:
     assert meta["groups"][0] == meta["frames"][0]["stage"] == EVIL
 
 
-def test_page_asks_for_nothing_from_anywhere(page: str) -> None:
+def test_page_asks_for_nothing_from_anywhere(page):
     policy = re.search(r'http-equiv="Content-Security-Policy" content="([^"]*)"', page).group(1)
     program = re.search(r"<script>(.*)</script>", page, re.DOTALL).group(1)
     digest = base64.b64encode(hashlib.sha256(program.encode()).digest()).decode()
@@ -217,7 +215,7 @@ def test_page_asks_for_nothing_from_anywhere(page: str) -> None:
     assert "url(" not in re.sub(r"url\(#", "", page)
 
 
-def test_page_names_what_was_run_and_how_good_it_is(page: str) -> None:
+def test_page_names_what_was_run_and_how_good_it_is(page):
     for words in (
         "What was run", "Checks", "Contact solver", "Energy books", "Books of heat",
         "heat closure", "energy closure", "All 6 frames of the run",
@@ -234,9 +232,7 @@ def test_page_names_what_was_run_and_how_good_it_is(page: str) -> None:
 
 
 @pytest.mark.usefixtures("no_figures")
-def test_small_budget_thins_frames_and_contacts_and_says_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_small_budget_thins_frames_and_contacts_and_says_so(tmp_path, monkeypatch):
     write_evil_run(tmp_path / "run", frames=40)
     monkeypatch.setattr("multicor_cli.report.pack._CONTACT_SHARE", 0.1)
     with open_run(tmp_path / "run") as run:
@@ -258,7 +254,7 @@ def test_small_budget_thins_frames_and_contacts_and_says_so(
 
 
 @pytest.mark.usefixtures("no_figures")
-def test_frames_can_be_limited(evil: Path, tmp_path: Path) -> None:
+def test_frames_can_be_limited(evil, tmp_path):
     calls = []
     done = write_report(
         evil, tmp_path / "p.html", frames=2, progress=lambda k, total: calls.append((k, total))
@@ -270,7 +266,7 @@ def test_frames_can_be_limited(evil: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("no_figures")
-def test_files_are_not_overwritten(evil: Path, tmp_path: Path) -> None:
+def test_files_are_not_overwritten(evil, tmp_path):
     target = tmp_path / "page.html"
     write_report(evil, target)
     with pytest.raises(ExportRefused, match="--overwrite"):
@@ -283,7 +279,7 @@ def test_files_are_not_overwritten(evil: Path, tmp_path: Path) -> None:
     assert [file.name for file in tmp_path.iterdir()] == ["page.html"]
 
 
-def test_default_file_lies_beside_the_run(tmp_path: Path) -> None:
+def test_default_file_lies_beside_the_run(tmp_path):
     assert default_path(tmp_path / "runs" / "shear") == tmp_path / "runs" / "shear-report.html"
     (tmp_path / "results.h5").touch()
     assert default_path(tmp_path / "results.h5") == tmp_path.with_name(
@@ -296,7 +292,7 @@ def test_default_file_lies_beside_the_run(tmp_path: Path) -> None:
     [{"heat": False}, {"contacts": False}, {"frames": 1}],
     ids=["no heat", "no contacts", "one frame"],
 )
-def test_runs_that_lack_something(options: dict, tmp_path: Path) -> None:
+def test_runs_that_lack_something(options, tmp_path):
     write_heated_run(tmp_path / "run", **options)
     text = written(tmp_path / "run")
     assert ("The only frame of the run." in text) == (options.get("frames") == 1)
@@ -306,14 +302,14 @@ def test_runs_that_lack_something(options: dict, tmp_path: Path) -> None:
     assert ("contact_step" in frames[-1]) == ("heat" in options)
 
 
-def test_every_frame_says_where_it_is(page: str) -> None:
+def test_every_frame_says_where_it_is(page):
     meta, _, _ = read_page(page)
     boxes = np.array([frame["box"] for frame in meta["frames"]])
     assert boxes[:, 0].min(axis=0) == pytest.approx(meta["box"][0])
     assert boxes[:, 1].max(axis=0) == pytest.approx(meta["box"][1])
 
 
-def test_run_without_walls_with_one_grain(tmp_path: Path) -> None:
+def test_run_without_walls_with_one_grain(tmp_path):
     run_whole(tmp_path / "run", make_model(1, walls=False), steps=10)
     meta, frames, _ = read_page(written(tmp_path / "run"))
     assert meta["shapes"] == []
@@ -335,13 +331,11 @@ def test_run_without_walls_with_one_grain(tmp_path: Path) -> None:
         ("heat", np.array([np.nan]), 1, (0.0, 1.0)),
     ],
 )
-def test_colors_span(
-    name: str, values: np.ndarray, grains: int, expected: tuple[float, float]
-) -> None:
+def test_colors_span(name, values, grains, expected):
     assert color_range(QUANTITIES[name], _sane(values), grains) == pytest.approx(expected, abs=0.01)
 
 
-def test_books_of_rounding_errors_are_not_drawn_but_those_that_do_not_close_are() -> None:
+def test_books_of_rounding_errors_are_not_drawn_but_those_that_do_not_close_are():
     time = np.linspace(0.0, 1.0, 5)
     books = EnergyTable(
         (), {"books": {"heat_stored": 1e-15 * time, "heat_imbalance": 1e-15 * time}}
@@ -360,7 +354,7 @@ def test_books_of_rounding_errors_are_not_drawn_but_those_that_do_not_close_are(
         (-1600, "−1,600"),
     ],
 )
-def test_numbers_for_people(value: float, text: str) -> None:
+def test_numbers_for_people(value, text):
     assert pretty(value) == text
 
 
@@ -375,7 +369,7 @@ ABSURD = {
 }
 
 
-def test_absurd_numbers_of_a_damaged_file_spoil_nothing_else(evil: Path, tmp_path: Path) -> None:
+def test_absurd_numbers_of_a_damaged_file_spoil_nothing_else(evil, tmp_path):
     """Scales, the place of everything else and the figures stay as they are, and nothing complains
     on the way.
     """
@@ -401,7 +395,7 @@ def test_absurd_numbers_of_a_damaged_file_spoil_nothing_else(evil: Path, tmp_pat
     assert np.isnan(decode(meta, "temperature", frames[4]["temperature"])[2])
 
 
-def test_ends_ignore_what_is_no_number() -> None:
+def test_ends_ignore_what_is_no_number():
     assert _ends([np.array([1.0, np.nan]), np.array([np.inf, -3.0, 1e301]), np.zeros(0)]) == (
         -3.0,
         1.0,
@@ -410,7 +404,7 @@ def test_ends_ignore_what_is_no_number() -> None:
 
 
 @pytest.mark.usefixtures("no_figures")
-def test_endless_names_are_cut_and_texts_keep_their_direction(tmp_path: Path) -> None:
+def test_endless_names_are_cut_and_texts_keep_their_direction(tmp_path):
     name = "שלום\u202e" + "x" * 10_000
     source = f"[scenario]\nname = '{name}'\ndescription = '{name}'\n"
     model = make_model()
@@ -428,7 +422,7 @@ def test_endless_names_are_cut_and_texts_keep_their_direction(tmp_path: Path) ->
     assert text.count(name) == 2 * 2  # whole in the two scenarios only
 
 
-def test_page_says_how_stages_ended(tmp_path: Path) -> None:
+def test_page_says_how_stages_ended(tmp_path):
     with make_run(tmp_path / "run") as run:
         what = ("the mean force in y on lid", 3.0, "at least", 5.0, "N")
         end = StageEnd(0, "<i>wait</i>", "timeout", 20, 0.5, 0.5, *what)
@@ -444,7 +438,7 @@ def test_page_says_how_stages_ended(tmp_path: Path) -> None:
     assert f'&lt;i&gt;wait&lt;/i&gt;</th><td dir="auto">{words}' in text
 
 
-def test_a_version_that_is_not_known_is_left_out() -> None:
+def test_a_version_that_is_not_known_is_left_out():
     known = {"status": "running", "stages": [], "walls": [], "provenance": {}}
     counts = {"frame_count": 1, "series_count": 1}
     names = [
@@ -462,7 +456,7 @@ def test_a_version_that_is_not_known_is_left_out() -> None:
 
 
 @pytest.mark.usefixtures("no_figures")
-def test_files_of_a_run_links_and_devices_are_refused(evil: Path, tmp_path: Path) -> None:
+def test_files_of_a_run_links_and_devices_are_refused(evil, tmp_path):
     for name in ("results.h5", "model.h5", "checkpoints/step-00000000005.h5", "segments/page.html"):
         with pytest.raises(ExportRefused, match="file of the run"):
             write_report(evil, evil / name, is_overwriting=True)
@@ -478,7 +472,7 @@ def test_files_of_a_run_links_and_devices_are_refused(evil: Path, tmp_path: Path
 
 
 @pytest.mark.usefixtures("no_figures")
-def test_run_that_was_interrupted(tmp_path: Path) -> None:
+def test_run_that_was_interrupted(tmp_path):
     write_evil_run(tmp_path / "run", is_finished=False)
     text = written(tmp_path / "run")
     assert '<span class="badge" data-status="interrupted">' in text
@@ -486,7 +480,7 @@ def test_run_that_was_interrupted(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("no_figures")
-def test_run_that_is_going_on(tmp_path: Path) -> None:
+def test_run_that_is_going_on(tmp_path):
     model = make_model(heat=True)
     with RunDirectory.create(tmp_path / "run", "", "", {"seed": 1}, stages=("a", "b")) as run:
         drive(run, model, steps=20, checkpoint_every=10, finish=False)
@@ -495,7 +489,7 @@ def test_run_that_is_going_on(tmp_path: Path) -> None:
     assert len(read_page(text)[1]) == 5
 
 
-def test_run_without_frames_and_directory_without_run(tmp_path: Path) -> None:
+def test_run_without_frames_and_directory_without_run(tmp_path):
     with (
         RunDirectory.create(tmp_path / "run", "", "", {"seed": 1}, stages=("a",)),
         pytest.raises((PostError, StoreError)),
@@ -507,9 +501,7 @@ def test_run_without_frames_and_directory_without_run(tmp_path: Path) -> None:
     assert not (tmp_path / "page.html").exists()
 
 
-def test_without_matplotlib_the_page_says_so(
-    evil: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_matplotlib_the_page_says_so(evil, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert not write_report(evil, tmp_path / "page.html").has_figures
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
@@ -517,13 +509,13 @@ def test_without_matplotlib_the_page_says_so(
     assert "<svg" not in text
 
 
-def test_checks_stand_above_all_and_open_where_something_is_wrong(page: str) -> None:
+def test_checks_stand_above_all_and_open_where_something_is_wrong(page):
     above, _, rest = page.partition('id="canvas"')
     assert "<summary>Checks: " in above
     assert "<summary>Checks: " not in rest
 
 
-def test_rheology_and_forces_are_told_where_there_are_any(tmp_path: Path) -> None:
+def test_rheology_and_forces_are_told_where_there_are_any(tmp_path):
     write_heated_run(tmp_path / "run")
     with open_run(tmp_path / "run") as run:
         rows = {row.name: row.value for row in describe_rheology(run)}
@@ -537,7 +529,7 @@ def test_rheology_and_forces_are_told_where_there_are_any(tmp_path: Path) -> Non
         assert describe_rheology(run) == []
 
 
-def test_solid_polygons_are_found_wall_by_wall() -> None:
+def test_solid_polygons_are_found_wall_by_wall():
     square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     sides = np.stack([square, np.roll(square, -1, axis=0)], axis=1)
     found = list(_solids(np.repeat([0, 2], 4), np.concatenate([sides, sides + 5.0])))

@@ -2,8 +2,6 @@
 them.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path
@@ -14,7 +12,7 @@ from places import ROOT
 from multicor_cli.report import page
 
 
-def lint(script: str, folder: Path) -> subprocess.CompletedProcess[str]:
+def lint(script, folder):
     """Run oxlint on a script with the settings of the repository."""
     (folder / "joined.js").write_text(script, encoding="utf-8")
     command = [
@@ -29,16 +27,16 @@ def lint(script: str, folder: Path) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.fixture(scope="module")
-def joined() -> str:
+def joined():
     folder = Path(page.__file__).parent
     return "".join((folder / name).read_text(encoding="utf-8") for name in page._SCRIPTS)
 
 
-def test_no_script_is_forgotten() -> None:
+def test_no_script_is_forgotten():
     assert {path.name for path in Path(page.__file__).parent.glob("*.js")} == set(page._SCRIPTS)
 
 
-def test_the_linter_finds_nothing(joined: str, tmp_path: Path) -> None:
+def test_the_linter_finds_nothing(joined, tmp_path):
     done = lint(joined, tmp_path)
     assert done.returncode == 0, done.stdout
 
@@ -46,5 +44,5 @@ def test_the_linter_finds_nothing(joined: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "line", ["nowhere();", "if (1 == 2) start();", "var x = 1; start(x);", "const unused = 1;"]
 )
-def test_it_would(joined: str, line: str, tmp_path: Path) -> None:
+def test_it_would(joined, line, tmp_path):
     assert lint(f"{joined}\nfunction last() {{ {line} }}\nlast();\n", tmp_path).returncode != 0

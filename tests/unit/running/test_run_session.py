@@ -106,7 +106,6 @@ def test_signals_kept_from_an_earlier_stage_survive_a_resume(back, path, referen
 def test_stage_starts_are_read_from_the_frames(path, reference):
     with open_run(reference.directory) as run:
         state = run.state()
-        assert state is not None
         stages, times = run.frames.stage, run.frames.time
     scenario = load_scenario(path)
     plan = make_plan(scenario, build(scenario)[0])
@@ -176,7 +175,6 @@ def test_physics_error_keeps_checkpoint_and_frames(path, tmp_path, monkeypatch):
     with open_run(directory) as run:
         assert run.frames.step.tolist() == [0, 10, 20]
         state = run.state()
-        assert state is not None
         assert state.step == 0
 
 

@@ -1,11 +1,7 @@
 """Scenarios in Python: made of dicts, and changed copies."""
 
-from __future__ import annotations
-
 import datetime as dt
 import tomllib
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,17 +15,17 @@ from multicor_cli.scenario.documents import to_override
 CONFIGS = sorted((ROOT / "configs").glob("*.toml"))
 
 
-def small(**tables: object) -> dict[str, object]:
+def small(**tables):
     return tomllib.loads(SMALL) | tables
 
 
-def problems_of(data: object) -> list[str]:
+def problems_of(data):
     with pytest.raises(ScenarioError) as caught:
-        Scenario.from_dict(data)  # type: ignore[arg-type]
+        Scenario.from_dict(data)
     return [str(problem) for problem in caught.value.problems]
 
 
-def outcome(make: Callable[[], Scenario]) -> str:
+def outcome(make):
     """The scenario, or what is wrong with it."""
     try:
         return make().resolved_toml()
@@ -38,9 +34,9 @@ def outcome(make: Callable[[], Scenario]) -> str:
 
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
-def test_a_changed_copy_is_what_the_command_line_makes(path: Path) -> None:
+def test_a_changed_copy_is_what_the_command_line_makes(path):
     plain = load_scenario(path)
-    changes: dict[str, object] = {
+    changes = {
         "scenario.seed": 987,
         "output.frame_interval": 0.1 + 0.2,
         "scenario.description": 'a "b"\n\x7f\\',
@@ -64,7 +60,7 @@ def test_a_changed_copy_is_what_the_command_line_makes(path: Path) -> None:
         )
 
 
-def test_expressions_follow_the_variables() -> None:
+def test_expressions_follow_the_variables():
     chute = load_scenario(ROOT / "configs" / "chute.toml")
     steeper = chute.with_({"variables.angle": 26})
     assert steeper.domain.gravity == pytest.approx(
@@ -73,12 +69,12 @@ def test_expressions_follow_the_variables() -> None:
     assert steeper.with_({"variables.angle": chute.variables["angle"]}) == chute
 
 
-def test_a_drawn_seed_stays() -> None:
+def test_a_drawn_seed_stays():
     drawn = parse_scenario(SMALL.replace("seed = 3", 'seed = "random"'), "small.toml")
     assert drawn.with_({"solver.dt": 1e-4}).seed == drawn.seed
 
 
-def test_changes_come_after_those_of_before() -> None:
+def test_changes_come_after_those_of_before():
     scenario = parse_scenario(SMALL, "small.toml", ["loading.1.drives.top.x.velocity.duration=0.5"])
     replaced = scenario.with_({"loading.1.drives.top.x.velocity": 0.3})
     assert replaced.loading[1].drives["top"].x.velocity == 0.3
@@ -94,13 +90,13 @@ def test_changes_come_after_those_of_before() -> None:
     )
 
 
-def test_a_dict_is_the_scenario_of_its_file() -> None:
+def test_a_dict_is_the_scenario_of_its_file():
     assert Scenario.from_dict(tomllib.loads(SMALL)) == parse_scenario(SMALL, "small.toml")
     arrays = small(domain={"size": np.array([0.02, 0.02]), "periodic": np.bool_(True)})
     assert Scenario.from_dict(arrays) == parse_scenario(SMALL, "small.toml")
 
 
-def test_messages_name_the_key_and_no_file() -> None:
+def test_messages_name_the_key_and_no_file():
     assert problems_of(small(domain={"size": [0.02, -0.02], "periodic": True}))[0].startswith(
         "domain.size.1: must be positive"
     )
@@ -116,12 +112,12 @@ def test_messages_name_the_key_and_no_file() -> None:
         ),
     ]
     assert problems_of([1]) == ["the scenario is of type list; give a dict of its tables"]
-    endless: list[object] = []
+    endless = []
     endless.append(endless)
     assert "nested more than 32 deep" in problems_of({"scenario": endless})[0]
 
 
-def test_wrong_changes_are_refused() -> None:
+def test_wrong_changes_are_refused():
     scenario = parse_scenario(SMALL, "small.toml")
     with pytest.raises(
         ScenarioError, match=r"--set: loading\.9\.duration: loading is an array of 3"
@@ -139,11 +135,11 @@ def test_wrong_changes_are_refused() -> None:
         {"a b": {"c": False}, "d": []},
      dt.date(2009, 4, 2), dt.datetime(2009, 4, 2, 1, 2, 3, tzinfo=dt.UTC)],
 )  # fmt: skip
-def test_values_come_back_from_an_override(value: object) -> None:
+def test_values_come_back_from_an_override(value):
     assert tomllib.loads(to_override("key", value))["key"] == value
 
 
-def test_it_says_what_it_is_in_a_line() -> None:
+def test_it_says_what_it_is_in_a_line():
     assert (
         repr(parse_scenario(SMALL, "small.toml"))
         == "<Scenario small: 1 group, 2 walls, 3 stages, seed 3>"

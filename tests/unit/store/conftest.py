@@ -1,7 +1,5 @@
 """Tiny runs that are made once, and copies of them to do things to."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 
@@ -10,14 +8,14 @@ from store_support import make_model, run_whole
 
 
 @pytest.fixture(scope="session")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def finished(tmp_path_factory):
     path = tmp_path_factory.mktemp("finished") / "run"
     run_whole(path)
     return path
 
 
 @pytest.fixture(scope="session")
-def unfinished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def unfinished(tmp_path_factory):
     """Its checkpoints at steps 30 and 40 are kept; there are three segments."""
     path = tmp_path_factory.mktemp("unfinished") / "run"
     run_whole(path, finish=False)
@@ -25,17 +23,17 @@ def unfinished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def heated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def heated(tmp_path_factory):
     path = tmp_path_factory.mktemp("heated") / "run"
     run_whole(path, make_model(heat=True))
     return path
 
 
 @pytest.fixture
-def copy(tmp_path: Path, finished: Path) -> Path:
+def copy(tmp_path, finished):
     return Path(shutil.copytree(finished, tmp_path / "copy", symlinks=True))
 
 
 @pytest.fixture
-def open_copy(tmp_path: Path, unfinished: Path) -> Path:
+def open_copy(tmp_path, unfinished):
     return Path(shutil.copytree(unfinished, tmp_path / "copy", symlinks=True))

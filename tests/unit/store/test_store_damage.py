@@ -2,12 +2,9 @@
 never a crash.
 """
 
-from __future__ import annotations
-
 import random
 import re
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -53,9 +50,7 @@ MANIFEST, NEWEST, LAST = (
 )
 
 
-def test_a_file_of_another_kind_is_no_run_and_results_by_another_name_are(
-    copy: Path, tmp_path: Path
-) -> None:
+def test_a_file_of_another_kind_is_no_run_and_results_by_another_name_are(copy, tmp_path):
     other = tmp_path / "shear.toml"
     other.write_text("[scenario]\n")
     with pytest.raises(DirectoryRefused, match="is no run; give the run directory, or its"):
@@ -68,7 +63,7 @@ def test_a_file_of_another_kind_is_no_run_and_results_by_another_name_are(
         open_run(renamed.with_suffix(".h5"))
 
 
-def flips(data: bytes, seed: int) -> list[bytes]:
+def flips(data, seed):
     choose = random.Random(seed)
     found = []
     for _ in range(FLIPS):
@@ -78,7 +73,7 @@ def flips(data: bytes, seed: int) -> list[bytes]:
     return found
 
 
-def everything(path: Path) -> dict[str, bytes]:
+def everything(path):
     """All that a reader can get out of a run."""
     with open_run(path) as run:
         data = {name: run.series[name].tobytes() for name in run.series}
@@ -95,14 +90,14 @@ def everything(path: Path) -> dict[str, bytes]:
     return data
 
 
-def everything_or_error(path: Path) -> dict[str, bytes] | StoreError:
+def everything_or_error(path):
     try:
         return everything(path)
     except StoreError as error:
         return error
 
 
-def test_flipped_bits_in_results_are_noticed_or_harmless(copy: Path) -> None:
+def test_flipped_bits_in_results_are_noticed_or_harmless(copy):
     expected, original = everything(copy), (copy / "results.h5").read_bytes()
     noticed = 0
     for data in flips(original, 1):
@@ -117,7 +112,7 @@ def test_flipped_bits_in_results_are_noticed_or_harmless(copy: Path) -> None:
 @pytest.mark.parametrize(
     "name", ["segments/000001.h5", "checkpoints/step-00000000040.h5", "model.h5"]
 )
-def test_flipped_bits_in_digested_files_are_always_noticed(open_copy: Path, name: str) -> None:
+def test_flipped_bits_in_digested_files_are_always_noticed(open_copy, name):
     expected, original = everything(open_copy), (open_copy / name).read_bytes()
     for data in flips(original, 2)[:6]:
         replace(open_copy / name, data)
@@ -130,7 +125,7 @@ def test_flipped_bits_in_digested_files_are_always_noticed(open_copy: Path, name
 @pytest.mark.parametrize(
     "name", ["results.h5", "run.json", "scenario.toml", "scenario.resolved.toml"]
 )
-def test_shortened_files_are_noticed(copy: Path, name: str) -> None:
+def test_shortened_files_are_noticed(copy, name):
     original = (copy / name).read_bytes()
     for length in [0, 1, len(original) // 3, len(original) - 2]:
         replace(copy / name, original[:length])
@@ -143,45 +138,44 @@ def test_shortened_files_are_noticed(copy: Path, name: str) -> None:
 # --- what is done to a run that was interrupted, and what reading, going on and verifying then say
 
 
-def edit(name: str, change: Callable[[bytes], bytes]) -> Callable[[Path], None]:
+def edit(name, change):
     """Other bytes for a file of the run."""
     return lambda run: replace(run / name, change((run / name).read_bytes()))
 
 
-def edit_document(path: Path, **changes: object) -> None:
+def edit_document(path, **changes):
     """Other values in a document, with a digest that is right."""
     write_document(path, "test", {**read_document(path), **changes})
 
 
-def of_version(version: object) -> Callable[[Path], None]:
+def of_version(version):
     return lambda run: edit_document(run / f"{NEWEST}.json", format_version=version)
 
 
-def as_newer_minor_version(run: Path) -> None:
+def as_newer_minor_version(run):
     for document in (run / "run.json", *(run / "checkpoints").glob("*.json")):
         edit_document(document, format_version=[1, 7], charge=1.0)
 
 
-def name_a_file_elsewhere(data: bytes) -> bytes:
+def name_a_file_elsewhere(data):
     first, *others = data.splitlines(keepends=True)
     return document_line(
         {**parse_document(first.strip(), "test"), "name": "../../outside.h5"}
     ) + b"".join(others)
 
 
-def swap_segments(run: Path) -> None:
+def swap_segments(run):
     first, second = ((run / "segments" / name).read_bytes() for name in ("000000.h5", "000001.h5"))
     replace(run / "segments" / "000000.h5", second)
     replace(run / "segments" / "000001.h5", first)
 
 
-def take_files_of_another_run(run: Path) -> None:
+def take_files_of_another_run(run):
     run_whole(run.parent / "other", finish=False)
     replace(run / "model.h5", (run.parent / "other" / "model.h5").read_bytes())
 
 
-Damage = tuple[Callable[[Path], object], str, int | str, str]
-DAMAGED: dict[str, Damage] = {
+DAMAGED = {
     "checkpoint cut": (edit(f"{NEWEST}.h5", lambda data: data[:-1]), "", 30, "040.h5: damaged"),
     "page zeroed": (edit(f"{NEWEST}.h5", lambda data: data[:100] + b"\0" * 4096 + data[4196:]), "",
         30, "040.h5: damaged"),
@@ -214,9 +208,7 @@ run goes on, or why it does not; what `verify` finds, or nothing."""
 
 
 @pytest.mark.parametrize("damage", DAMAGED)
-def test_an_interrupted_run_that_was_damaged(
-    open_copy: Path, unfinished: Path, finished: Path, damage: str
-) -> None:
+def test_an_interrupted_run_that_was_damaged(open_copy, unfinished, finished, damage):
     act, reading, going_on, finding = DAMAGED[damage]
     act(open_copy)
     errors = errors_of(open_copy)
@@ -233,7 +225,6 @@ def test_an_interrupted_run_that_was_damaged(
             assert len(list((open_copy / "checkpoints").glob("*.h5"))) == 2
             return
         checkpoint = run.load_checkpoint()
-        assert checkpoint is not None
         assert checkpoint.state.step == going_on
         is_said = going_on < 40 and damage != "description gone"
         assert [bool(re.search(finding, warning)) for warning in checkpoint.warnings] == [
@@ -247,18 +238,18 @@ def test_an_interrupted_run_that_was_damaged(
 # --- what ``run.json`` may not say
 
 
-def changed_summary(**changes: object) -> Callable[[Path], None]:
+def changed_summary(**changes):
     return lambda file: edit_document(file, summary=read_document(file)["summary"] | changes)
 
 
-def value(**changes: object) -> Callable[[Path], None]:
+def value(**changes):
     return lambda file: edit_document(file, **changes)
 
 
 END = {"stage": 0, "name": "load", "reason": "duration", "step": 5, "time": 1.0, "duration": 1.0}
-DOCUMENTS: dict[str, tuple[Callable[[Path], object], str]] = {
+DOCUMENTS = {
     **{
-        f"text {number}": (lambda file, text=text: replace(file, text.encode()), r"run\.json")  # type: ignore[misc]
+        f"text {number}": (lambda file, text=text: replace(file, text.encode()), r"run\.json")
         for number, text in enumerate(
             (
                 "",
@@ -316,7 +307,7 @@ DOCUMENTS: dict[str, tuple[Callable[[Path], object], str]] = {
 
 
 @pytest.mark.parametrize("change", DOCUMENTS)
-def test_run_json_that_no_run_writes(copy: Path, change: str) -> None:
+def test_run_json_that_no_run_writes(copy, change):
     act, named = DOCUMENTS[change]
     act(copy / "run.json")
     for action in (open_run, run_info, RunDirectory.resume, continue_run):
@@ -327,14 +318,14 @@ def test_run_json_that_no_run_writes(copy: Path, change: str) -> None:
     assert len(verify(copy)) == 1
 
 
-def test_results_of_another_version_are_refused_by_name(copy: Path) -> None:
+def test_results_of_another_version_are_refused_by_name(copy):
     with h5py.File(copy / "results.h5", "r+") as file:
         file.attrs["format_version"] = np.array([2, 0])
     with pytest.raises(UnsupportedVersion, match=r"format version 2\.0"):
         open_run(copy / "results.h5")
 
 
-def test_unknown_datasets_of_a_newer_minor_version_are_ignored(copy: Path, finished: Path) -> None:
+def test_unknown_datasets_of_a_newer_minor_version_are_ignored(copy, finished):
     with h5py.File(copy / "results.h5", "r+") as file:
         file.attrs["format_version"] = np.array([1, 7])
         set_text(file, "features", '["charge"]')
@@ -344,7 +335,7 @@ def test_unknown_datasets_of_a_newer_minor_version_are_ignored(copy: Path, finis
     assert everything(copy / "results.h5") == everything(finished)
 
 
-def test_missing_run_json_is_noticed_unless_results_lie_alone(copy: Path) -> None:
+def test_missing_run_json_is_noticed_unless_results_lie_alone(copy):
     (copy / "run.json").unlink()
     assert [finding.file for finding in verify(copy) if finding.severity == "error"] == [
         str(copy / "run.json")
@@ -356,7 +347,7 @@ def test_missing_run_json_is_noticed_unless_results_lie_alone(copy: Path) -> Non
 
 
 @pytest.fixture(scope="module")
-def talkative(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def talkative(tmp_path_factory):
     """A ``results.h5`` alone whose provenance is longer than 4 KiB: HDF5 has no checksum for it any
     more.
     """
@@ -372,9 +363,7 @@ def talkative(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     "name", ["summary", "provenance", "run_id", "data_digest", "attribute_digests"]
 )
-def test_changed_text_of_results_that_lie_alone_is_noticed(
-    talkative: Path, tmp_path: Path, name: str
-) -> None:
+def test_changed_text_of_results_that_lie_alone_is_noticed(talkative, tmp_path, name):
     with h5py.File(talkative) as file:
         text = file.attrs[name]
     data = bytearray(talkative.read_bytes())
@@ -386,10 +375,9 @@ def test_changed_text_of_results_that_lie_alone_is_noticed(
         run_info(tmp_path / "results.h5")
 
 
-def test_every_field_of_the_state_is_in_a_checkpoint(open_copy: Path) -> None:
+def test_every_field_of_the_state_is_in_a_checkpoint(open_copy):
     with RunDirectory.resume(open_copy) as run:
         found = run.load_checkpoint()
-    assert found is not None
     digest = found.state.digest()
     for name, value in found.state.as_dict().items():
         changed = found.state.as_dict() | {
@@ -398,7 +386,7 @@ def test_every_field_of_the_state_is_in_a_checkpoint(open_copy: Path) -> None:
         assert State.from_dict(changed).digest() != digest, name
 
 
-def test_damaged_segment_is_not_merged(tmp_path: Path) -> None:
+def test_damaged_segment_is_not_merged(tmp_path):
     path = tmp_path / "run"
     with make_run(path) as run:
         drive(run, make_model(), steps=40, checkpoint_every=15, finish=False)

@@ -2,8 +2,6 @@
 is full.
 """
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import errno
@@ -15,10 +13,8 @@ import subprocess
 import sys
 import time
 import traceback
-from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -39,7 +35,6 @@ from store_support import (
 )
 from system_calls import hooked
 
-from multicor_cli.model import State
 from multicor_cli.store import (
     DamagedRun,
     DirectoryRefused,
@@ -60,13 +55,13 @@ from multicor_cli.store.rundir import check_usable
 from multicor_cli.store.segments import keep_segments
 
 
-def listing(path: Path) -> dict[str, bytes]:
+def listing(path):
     return {
         str(file.relative_to(path)): file.read_bytes() for file in path.rglob("*") if file.is_file()
     }
 
 
-def in_child(action: Callable[[], object]) -> int:
+def in_child(action):
     """Number of a child process that ends with 0, the exit code of a `StoreError`, or 99."""
     child = os.fork()
     if child == 0:
@@ -87,7 +82,7 @@ def in_child(action: Callable[[], object]) -> int:
 
 
 @pytest.mark.parametrize("is_there", [False, True])
-def test_new_directory_has_the_scenario_byte_by_byte(tmp_path: Path, is_there: bool) -> None:
+def test_new_directory_has_the_scenario_byte_by_byte(tmp_path, is_there):
     path = tmp_path / "with spaces" / "and ünïcode" / "run"
     if is_there:
         path.mkdir(parents=True)
@@ -102,7 +97,7 @@ def test_new_directory_has_the_scenario_byte_by_byte(tmp_path: Path, is_there: b
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
-def test_directory_that_is_no_run_is_refused_and_untouched(tmp_path: Path, overwrite: bool) -> None:
+def test_directory_that_is_no_run_is_refused_and_untouched(tmp_path, overwrite):
     (tmp_path / "scenario.toml").write_text("mine")
     with pytest.raises(DirectoryRefused, match="not a run directory"):
         make_run(tmp_path, overwrite=overwrite)
@@ -115,7 +110,7 @@ def test_directory_that_is_no_run_is_refused_and_untouched(tmp_path: Path, overw
         open_run(tmp_path)
 
 
-def test_runs_inside_a_directory_are_named(tmp_path: Path) -> None:
+def test_runs_inside_a_directory_are_named(tmp_path):
     for name in ("a", "b"):
         make_run(tmp_path / name)
     with pytest.raises(
@@ -125,14 +120,14 @@ def test_runs_inside_a_directory_are_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc")
-def test_a_place_where_no_directory_can_be_made_is_refused_at_once() -> None:
+def test_a_place_where_no_directory_can_be_made_is_refused_at_once():
     with pytest.raises(
         DirectoryRefused, match="no directory can be made in /proc; choose another place with -o"
     ):
         check_usable(Path("/proc/run"), overwrite=False)
 
 
-def test_existing_run_is_refused_unless_overwritten(copy: Path) -> None:
+def test_existing_run_is_refused_unless_overwritten(copy):
     before = listing(copy)
     with pytest.raises(DirectoryRefused, match="--overwrite"):
         make_run(copy)
@@ -149,7 +144,7 @@ def test_existing_run_is_refused_unless_overwritten(copy: Path) -> None:
     "name",
     ["figure.png", "segments/notes.txt", "checkpoints/step-1.h5", "results.h5.bak", "model.h5/"],
 )
-def test_overwriting_never_removes_foreign_files(tmp_path: Path, name: str) -> None:
+def test_overwriting_never_removes_foreign_files(tmp_path, name):
     path = tmp_path / "run"
     with make_run(path) as run:
         run.writer(make_model(1))
@@ -164,7 +159,7 @@ def test_overwriting_never_removes_foreign_files(tmp_path: Path, name: str) -> N
     assert listing(path) == before
 
 
-def test_overwriting_does_not_follow_links(tmp_path: Path) -> None:
+def test_overwriting_does_not_follow_links(tmp_path):
     (tmp_path / "precious").mkdir()
     (tmp_path / "precious" / "000000.h5").write_text("mine")
     make_run(tmp_path / "run").close()
@@ -175,7 +170,7 @@ def test_overwriting_does_not_follow_links(tmp_path: Path) -> None:
     assert (tmp_path / "precious" / "000000.h5").read_text() == "mine"
 
 
-def test_damaged_run_can_be_overwritten(copy: Path) -> None:
+def test_damaged_run_can_be_overwritten(copy):
     (copy / "run.json").write_text("nonsense")
     with pytest.raises(DirectoryRefused):
         make_run(copy)
@@ -183,7 +178,7 @@ def test_damaged_run_can_be_overwritten(copy: Path) -> None:
     assert RunDirectory.is_run(copy)
 
 
-def test_changed_scenario_and_another_model_are_noticed(open_copy: Path) -> None:
+def test_changed_scenario_and_another_model_are_noticed(open_copy):
     (open_copy / "scenario.resolved.toml").write_text(RESOLVED + "# edited\n")
     with RunDirectory.resume(open_copy) as run:
         with pytest.raises(DamagedRun, match="was changed"):
@@ -192,7 +187,7 @@ def test_changed_scenario_and_another_model_are_noticed(open_copy: Path) -> None
             run.writer(make_model(4))
 
 
-def test_stopped_and_failed_runs_can_be_continued(tmp_path: Path, finished: Path) -> None:
+def test_stopped_and_failed_runs_can_be_continued(tmp_path, finished):
     path, model = tmp_path / "run", make_model()
     with make_run(path) as run:
         drive(run, model, steps=12, checkpoint_every=5, finish=False)
@@ -204,7 +199,6 @@ def test_stopped_and_failed_runs_can_be_continued(tmp_path: Path, finished: Path
         assert run.status == "running"
         state = drive(run, model, steps=18, checkpoint_every=5, finish=False)
         state.step += 2
-        assert run._writer is not None
         run._writer.frame(Snapshot(state, run._writer.model))
         run.finish("failed", stop_reason="step 19: grain 3 is not finite", exit_code=4)
     with open_run(path) as reader:
@@ -216,7 +210,7 @@ def test_stopped_and_failed_runs_can_be_continued(tmp_path: Path, finished: Path
     assert len(json.loads((path / "run.json").read_text())["sessions"]) == 3
 
 
-def test_finished_run_is_left_alone(copy: Path) -> None:
+def test_finished_run_is_left_alone(copy):
     before = listing(copy)
     with RunDirectory.resume(copy) as run:
         assert run.is_finished
@@ -224,7 +218,7 @@ def test_finished_run_is_left_alone(copy: Path) -> None:
     assert listing(copy) == before
 
 
-def test_committed_files_are_read_only(unfinished: Path) -> None:
+def test_committed_files_are_read_only(unfinished):
     patterns = ("segments/*.h5", "checkpoints/*.h5", "model.h5")
     files = [file for pattern in patterns for file in unfinished.glob(pattern)]
     assert len(files) == 6
@@ -233,9 +227,7 @@ def test_committed_files_are_read_only(unfinished: Path) -> None:
 
 @pytest.mark.parametrize("name", ["mine.txt", "000000.h5.bak", "mine.tmp", "sub"])
 @pytest.mark.parametrize("is_finished", [False, True])
-def test_files_of_others_beside_the_segments_stay(
-    tmp_path: Path, name: str, is_finished: bool
-) -> None:
+def test_files_of_others_beside_the_segments_stay(tmp_path, name, is_finished):
     path = tmp_path / "run"
     run_whole(path, make_model(), steps=20, checkpoint_every=15, finish=is_finished)
     (path / "segments").mkdir(exist_ok=True)
@@ -249,7 +241,7 @@ def test_files_of_others_beside_the_segments_stay(
     assert ["stays" in finding.message for finding in verify(path)] == [True]
 
 
-def test_links_in_place_of_directories_are_not_followed_to_remove_anything(tmp_path: Path) -> None:
+def test_links_in_place_of_directories_are_not_followed_to_remove_anything(tmp_path):
     """Somebody moved the segments to a larger disk, or points at something else."""
     path, elsewhere = tmp_path / "run", tmp_path / "elsewhere"
     run_whole(path, make_model(), steps=20, checkpoint_every=15, finish=False)
@@ -264,7 +256,7 @@ def test_links_in_place_of_directories_are_not_followed_to_remove_anything(tmp_p
     assert not (path / "model.h5").exists()
 
 
-def test_progress_never_fails(tmp_path: Path) -> None:
+def test_progress_never_fails(tmp_path):
     with make_run(tmp_path / "run") as run:
         run.progress({"step": np.int64(3), "eta": float("inf")})
         assert json.loads((tmp_path / "run" / "progress.json").read_text())["eta"] is None
@@ -273,7 +265,7 @@ def test_progress_never_fails(tmp_path: Path) -> None:
         run.progress({"step": 4})
 
 
-def test_provenance_names_versions_and_machine() -> None:
+def test_provenance_names_versions_and_machine():
     found = collect_provenance(
         ["multicor", "run", "a b.toml"], seed=3, threads=2, threading_layer="omp"
     )
@@ -287,7 +279,7 @@ def test_provenance_names_versions_and_machine() -> None:
 # --- the lock
 
 
-def test_second_run_is_refused_and_changes_nothing(tmp_path: Path) -> None:
+def test_second_run_is_refused_and_changes_nothing(tmp_path):
     with make_run(tmp_path / "run"):
         before = listing(tmp_path / "run")
         for attempt in (
@@ -303,7 +295,7 @@ def test_second_run_is_refused_and_changes_nothing(tmp_path: Path) -> None:
     RunDirectory.resume(tmp_path / "run").close()
 
 
-def test_lock_of_a_dead_process_is_taken_over(tmp_path: Path) -> None:
+def test_lock_of_a_dead_process_is_taken_over(tmp_path):
     code = (
         "import sys, time, pathlib; from multicor_cli.store.lock import RunLock;"
         "lock = RunLock(pathlib.Path(sys.argv[1])); print(1, flush=True); time.sleep(60)"
@@ -311,7 +303,6 @@ def test_lock_of_a_dead_process_is_taken_over(tmp_path: Path) -> None:
     holder = subprocess.Popen(
         [sys.executable, "-c", code, str(tmp_path / "lock")], stdout=subprocess.PIPE, cwd=ROOT
     )
-    assert holder.stdout is not None
     holder.stdout.readline()
     try:
         assert is_alive(tmp_path / "lock")
@@ -329,7 +320,7 @@ def test_lock_of_a_dead_process_is_taken_over(tmp_path: Path) -> None:
     assert not is_alive(tmp_path / "lock")
 
 
-def test_lock_of_another_host_is_respected_unless_forced(tmp_path: Path) -> None:
+def test_lock_of_another_host_is_respected_unless_forced(tmp_path):
     make_run(tmp_path / "run").close()
     started = "2026-01-01T00:00:00+00:00"
     holder = {"pid": 17, "host": "elsewhere", "started": started, "start_ticks": 1}
@@ -343,7 +334,7 @@ def test_lock_of_another_host_is_respected_unless_forced(tmp_path: Path) -> None
     RunDirectory.resume(tmp_path / "run").close()
 
 
-def test_recycled_process_number_does_not_count_as_alive(tmp_path: Path) -> None:
+def test_recycled_process_number_does_not_count_as_alive(tmp_path):
     lock = RunLock(tmp_path / "lock")
     holder = json.loads((tmp_path / "lock").read_text())
     lock.release()
@@ -355,13 +346,11 @@ def test_recycled_process_number_does_not_count_as_alive(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("limit_kb", [1, 60, 120, 180])
-def test_file_size_limit_stops_with_code_5_and_the_run_goes_on_later(
-    tmp_path: Path, limit_kb: int
-) -> None:
+def test_file_size_limit_stops_with_code_5_and_the_run_goes_on_later(tmp_path, limit_kb):
     """`RLIMIT_FSIZE` fails the writes of a child in the same places as a full disk does."""
     path, model = tmp_path / "run", make_model(120)
 
-    def limited() -> None:
+    def limited():
         with file_size_limit(limit_kb << 10):
             run_whole(path, model)
 
@@ -374,9 +363,7 @@ def test_file_size_limit_stops_with_code_5_and_the_run_goes_on_later(
     assert ends_of(path) == ends_of(tmp_path / "whole")
 
 
-def test_full_disk_is_noticed_before_a_file_is_begun(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_full_disk_is_noticed_before_a_file_is_begun(tmp_path, monkeypatch):
     model = make_model()
     with make_run(tmp_path / "run") as run:
         writer, state = run.writer(model), start(model)
@@ -402,12 +389,10 @@ def test_full_disk_is_noticed_before_a_file_is_begun(
     assert verify(tmp_path / "run") == []
 
 
-def test_guarded_file_keeps_the_first_error_and_swallows_the_rest(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_guarded_file_keeps_the_first_error_and_swallows_the_rest(tmp_path, monkeypatch):
     import h5py
 
-    def fail(*_: object) -> int:
+    def fail(*_):
         raise OSError(errno.EIO, "Input/output error")
 
     with (tmp_path / "file").open("w+b") as raw:
@@ -421,9 +406,7 @@ def test_guarded_file_keeps_the_first_error_and_swallows_the_rest(
         assert caught.value.errno == errno.EIO
 
 
-def test_short_write_of_the_manifest_leaves_no_half_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_short_write_of_the_manifest_leaves_no_half_line(tmp_path, monkeypatch):
     append_line(tmp_path / "lines", "test", b"first\n")
     write = os.write
     monkeypatch.setattr(os, "write", lambda descriptor, data: write(descriptor, data[:3]))
@@ -435,7 +418,7 @@ def test_short_write_of_the_manifest_leaves_no_half_line(
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_directory_without_permission(tmp_path: Path) -> None:
+def test_directory_without_permission(tmp_path):
     tmp_path.chmod(0o555)
     try:
         with pytest.raises(StorageError, match="Permission denied"):
@@ -445,10 +428,8 @@ def test_directory_without_permission(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["openat", "replace", "fsync"])
-def test_errors_of_the_system_name_the_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
-    def fail(*_: object, **__: object) -> int:
+def test_errors_of_the_system_name_the_file(tmp_path, monkeypatch, name):
+    def fail(*_, **__):
         raise PermissionError(errno.EACCES, "Permission denied")
 
     with make_run(tmp_path / "run") as run:
@@ -462,13 +443,13 @@ def test_errors_of_the_system_name_the_file(
         assert list((tmp_path / "run").glob("*.tmp")) == []
 
 
-def test_reading_while_running(tmp_path: Path) -> None:
+def test_reading_while_running(tmp_path):
     """Readers see whole frames only, at any moment, and the end of the run does not disturb
     them.
     """
     path, seen = tmp_path / "run", 0
 
-    def go_on() -> None:
+    def go_on():
         with make_run(path) as run:
             drive(run, make_model(), steps=80, checkpoint_every=10)
 
@@ -494,11 +475,11 @@ def test_reading_while_running(tmp_path: Path) -> None:
 # --- the order of a commit
 
 
-def test_commit_flushes_file_and_directory_around_the_rename(tmp_path: Path) -> None:
+def test_commit_flushes_file_and_directory_around_the_rename(tmp_path):
     """The order of the calls (`reliability/test_power_cut` tries what they survive)."""
-    calls: list[str] = []
+    calls = []
 
-    def log(name: str, args: tuple[Any, ...], call: Callable[[], object]) -> object:
+    def log(name, args, call):
         if name == "fsync":
             calls.append("fsync " + Path(f"/proc/self/fd/{args[0]}").readlink().name)
         elif name in ("replace", "rename"):
@@ -510,16 +491,14 @@ def test_commit_flushes_file_and_directory_around_the_rename(tmp_path: Path) -> 
     assert calls == ["fsync file.tmp", "replace file.tmp file", f"fsync {tmp_path.name}"]
 
 
-def test_what_reads_back_differently_is_not_committed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_reads_back_differently_is_not_committed(tmp_path, monkeypatch):
     model = make_model(50)
     with make_run(tmp_path / "run") as run:
         state = drive(run, model, steps=10, checkpoint_every=5, finish=False)
         before = listing(tmp_path / "run")
         write = GuardedFile.write
 
-        def write_wrongly(self: GuardedFile, data: memoryview) -> int:
+        def write_wrongly(self, data):
             changed = bytearray(data)
             if len(changed) > 300:
                 changed[len(changed) // 2] ^= 4
@@ -527,7 +506,6 @@ def test_what_reads_back_differently_is_not_committed(
 
         monkeypatch.setattr(GuardedFile, "write", write_wrongly)
         state.step += 5
-        assert run._writer is not None
         with pytest.raises(DamagedRun):
             run.checkpoint(state, run._writer)
         run._writer.frame(Snapshot(state, run._writer.model))
@@ -539,9 +517,9 @@ def test_what_reads_back_differently_is_not_committed(
     assert verify(tmp_path / "run") == []
 
 
-WRITING: dict[str, Callable[[RunDirectory, State], object]] = {
+WRITING = {
     "heartbeat": lambda run, state: run.progress({"step": state.step}),
-    "checkpoint": lambda run, state: run.checkpoint(state, run._writer),  # type: ignore[arg-type]
+    "checkpoint": lambda run, state: run.checkpoint(state, run._writer),
     "segment": lambda run, state: run._writer.flush() if run._writer else None,
     "results": lambda run, state: run.consolidate(),
     "stop": lambda run, state: run.finish("stopped"),
@@ -556,12 +534,11 @@ WRITING: dict[str, Callable[[RunDirectory, State], object]] = {
 @pytest.mark.parametrize("act", list(WRITING.values()), ids=list(WRITING))
 @pytest.mark.parametrize("other", ["run", "folder", "nothing", "copy"])
 def test_nothing_is_changed_in_a_directory_that_has_taken_the_place_of_the_run(
-    tmp_path: Path, act: Callable[[RunDirectory, State], object], other: str
-) -> None:
+    tmp_path, act, other
+):
     path, model = tmp_path / "run", make_model()
     with make_run(path) as run:
         state = drive(run, model, steps=22, checkpoint_every=10, finish=False)
-        assert run._writer is not None
         run._writer.series_row(Snapshot(dataclasses.replace(state, step=state.step + 1), model))
         path.rename(tmp_path / "moved")
         if other == "run":

@@ -2,11 +2,6 @@
 (`test_store_kill` kills the process meanwhile).
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from pathlib import Path
-
 import pytest
 from store_support import (
     LONGER,
@@ -20,7 +15,6 @@ from store_support import (
     run_whole,
 )
 
-from multicor_cli.model import Model
 from multicor_cli.store import (
     DamagedRun,
     DirectoryRefused,
@@ -41,13 +35,13 @@ LONGEST = Extension(
 
 
 @pytest.fixture(scope="module")
-def model() -> Model:
+def model():
     """With all that only some runs have."""
     return make_model(heat=True)
 
 
 @pytest.fixture(scope="module")
-def expected(model: Model, tmp_path_factory: pytest.TempPathFactory) -> str:
+def expected(model, tmp_path_factory):
     """Digest of the run that had all stages from the start."""
     path = tmp_path_factory.mktemp("whole") / "run"
     with RunDirectory.create(
@@ -59,8 +53,8 @@ def expected(model: Model, tmp_path_factory: pytest.TempPathFactory) -> str:
 
 @pytest.mark.parametrize("finish", [True, False], ids=["finished", "stopped"])
 def test_an_extended_run_is_the_run_that_had_all_stages_from_the_start(
-    tmp_path: Path, model: Model, expected: str, finish: bool
-) -> None:
+    tmp_path, model, expected, finish
+):
     path = tmp_path / "run"
     run_whole(path, model, finish=finish)
     extend_run(path, model)
@@ -71,7 +65,7 @@ def test_an_extended_run_is_the_run_that_had_all_stages_from_the_start(
     assert (extension["stages_before"], extension["stages"], extension["step"]) == (2, 3, 40)
 
 
-def test_the_former_scenarios_are_kept(tmp_path: Path) -> None:
+def test_the_former_scenarios_are_kept(tmp_path):
     path, model = tmp_path / "run", make_model(1)
     run_whole(path, model)
     extend_run(path, model)
@@ -88,9 +82,7 @@ def test_the_former_scenarios_are_kept(tmp_path: Path) -> None:
     assert verify(path) == []
 
 
-def test_a_long_run_is_copied_in_pieces(
-    tmp_path: Path, model: Model, expected: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_long_run_is_copied_in_pieces(tmp_path, model, expected, monkeypatch):
     path = tmp_path / "run"
     run_whole(path, model)
     monkeypatch.setattr(extension_module, "SERIES_ROWS", 4)
@@ -102,19 +94,19 @@ def test_a_long_run_is_copied_in_pieces(
     assert run_info(path)["data_digest"] == expected
 
 
-def damage_results(run: Path, _: pytest.MonkeyPatch) -> None:
+def damage_results(run, _):
     data = (run / "results.h5").read_bytes()
     replace(run / "results.h5", data[:3000] + bytes([data[3000] ^ 1]) + data[3001:])
 
 
-def fill_the_disk(run: Path, patch: pytest.MonkeyPatch) -> None:
-    def refuse(path: Path, size: int) -> None:
+def fill_the_disk(run, patch):
+    def refuse(path, size):
         raise StorageFull(path, size, 0)
 
     patch.setattr(atomic_module, "require_space", refuse)
 
 
-def be_in_the_way(run: Path, _: pytest.MonkeyPatch) -> None:
+def be_in_the_way(run, _):
     (run / "scenario.1.toml").write_text("mine")
 
 
@@ -126,13 +118,7 @@ def be_in_the_way(run: Path, _: pytest.MonkeyPatch) -> None:
         (be_in_the_way, DirectoryRefused, r"scenario\.1\.toml"),
     ],
 )
-def test_a_run_that_cannot_be_extended_stays_as_it_is(
-    copy: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    obstacle: Callable[[Path, pytest.MonkeyPatch], None],
-    error: type[Exception],
-    named: str,
-) -> None:
+def test_a_run_that_cannot_be_extended_stays_as_it_is(copy, monkeypatch, obstacle, error, named):
     with monkeypatch.context() as patch:
         obstacle(copy, patch)
         before = {name: (copy / name).read_bytes() for name in ("run.json", "results.h5")}

@@ -2,13 +2,9 @@
 to one: nothing committed is lost, the end is the same to the bit.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import random
-from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 
 import pytest
 from kill_points import EXTENSION_POINTS, POINTS
@@ -30,11 +26,11 @@ from multicor_cli.store import RunDirectory, Snapshot, open_run, run_info, verif
 from multicor_cli.store.segments import read_manifest
 
 HEATED = make_model(heat=True)
-BEGIN: dict[str, Callable[[Path], object]] = {
+BEGIN = {
     "run": lambda path: None,
     "extension": partial(run_whole, model=HEATED),
 }
-GO_ON: dict[str, Callable[[Path], object]] = {
+GO_ON = {
     "run": continue_run,
     "extension": partial(extend_run, model=HEATED),
 }
@@ -42,7 +38,7 @@ GO_ON: dict[str, Callable[[Path], object]] = {
 
 
 @pytest.fixture(scope="module")
-def expected(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, object]]:
+def expected(tmp_path_factory):
     """How each ends that is not killed."""
     ends = {}
     for kind, go_on in GO_ON.items():
@@ -53,14 +49,14 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, ob
     return ends
 
 
-def outcome(path: Path) -> dict[str, object]:
+def outcome(path):
     info = run_info(path)
     assert info["status"] == "finished"
     files = sorted(str(file.relative_to(path)) for file in path.rglob("*"))
     return {"data": info["data_digest"], "state": info["state_digest"], "files": files}
 
 
-def assert_nothing_lost(path: Path, kind: str = "run") -> None:
+def assert_nothing_lost(path, kind="run"):
     """A run that is extended is what it was, or the longer one; it has its first 40 steps."""
     if not RunDirectory.is_run(path):
         return
@@ -85,7 +81,7 @@ def assert_nothing_lost(path: Path, kind: str = "run") -> None:
         *thinned([f"extension {point}" for point in EXTENSION_POINTS], 5),
     ],
 )
-def test_killed_once(tmp_path: Path, expected: dict[str, object], where: str) -> None:
+def test_killed_once(tmp_path, expected, where):
     kind, point = where.split()
     path = tmp_path / "run"
     BEGIN[kind](path)
@@ -99,7 +95,7 @@ def test_killed_once(tmp_path: Path, expected: dict[str, object], where: str) ->
 @pytest.mark.parametrize(
     "seed", [0, *(pytest.param(seed, marks=pytest.mark.reliability) for seed in (1, 2))]
 )
-def test_killed_again_and_again(tmp_path: Path, expected: dict[str, object], seed: int) -> None:
+def test_killed_again_and_again(tmp_path, expected, seed):
     choose, path = random.Random(seed), tmp_path / "run"
     for _ in range(6):
         killed_at(path, f"{choose.choice(POINTS).partition(':')[0]}:{choose.randint(1, 4)}")
@@ -122,9 +118,7 @@ def test_killed_again_and_again(tmp_path: Path, expected: dict[str, object], see
         ),
     ],
 )
-def test_killed_at_one_point_after_the_other(
-    tmp_path: Path, expected: dict[str, object], kind: str, points: tuple[str, ...]
-) -> None:
+def test_killed_at_one_point_after_the_other(tmp_path, expected, kind, points):
     path = tmp_path / "run"
     BEGIN[kind](path)
     for point in points:
@@ -136,9 +130,7 @@ def test_killed_at_one_point_after_the_other(
     assert outcome(path) == expected[kind]
 
 
-def test_segments_after_the_checkpoint_are_set_aside(
-    tmp_path: Path, expected: dict[str, object]
-) -> None:
+def test_segments_after_the_checkpoint_are_set_aside(tmp_path, expected):
     path = tmp_path / "run"
     # The third checkpoint (step 40) is not there, its segment is
     killed_at(path, "checkpoint.after_tmp:3")
@@ -148,7 +140,6 @@ def test_segments_after_the_checkpoint_are_set_aside(
     before = (segments / "000000.h5").stat()
     with RunDirectory.resume(path) as run:
         found = run.load_checkpoint()
-        assert found is not None
         assert (found.state.step, found.last_steps) == (30, (30, 30))
         assert sum(segment.frames for segment in found.segments) == 7
         assert (segments / "000002.h5.orphan").is_file()
@@ -160,15 +151,14 @@ def test_segments_after_the_checkpoint_are_set_aside(
     assert outcome(path) == expected["run"]
 
 
-def test_second_checkpoint_at_the_same_step_does_not_harm_the_first(tmp_path: Path) -> None:
+def test_second_checkpoint_at_the_same_step_does_not_harm_the_first(tmp_path):
     path, model = tmp_path / "run", make_model()
 
-    def names() -> list[str]:
+    def names():
         return sorted(file.stem for file in (path / "checkpoints").glob("*.json"))
 
     with make_run(path) as run:
         state = drive(run, model, steps=40, checkpoint_every=15, finish=False)
-        assert run._writer is not None
         run.checkpoint(state, run._writer)  # nothing new: the older one, at step 30, stays
         assert names() == ["step-00000000030", "step-00000000040"]
         run._writer.series_row(Snapshot(dataclasses.replace(state, step=41), model))
@@ -176,6 +166,5 @@ def test_second_checkpoint_at_the_same_step_does_not_harm_the_first(tmp_path: Pa
         assert names() == ["step-00000000040", "step-00000000040.1"]
     with RunDirectory.resume(path) as again:
         found = again.load_checkpoint()
-    assert found is not None
     assert found.name == "step-00000000040.1"
     assert (found.state.step, found.last_steps) == (40, (40, 41))

@@ -2,12 +2,10 @@
 before memory is taken.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -20,7 +18,7 @@ from scenarios import scenario
 from store_support import make_model, replace, run_whole, set_text, set_value
 
 from multicor_cli import run
-from multicor_cli.store import DamagedRun, Run, open_run, schema, verify
+from multicor_cli.store import DamagedRun, open_run, schema, verify
 from multicor_cli.store.atomic import file_digest
 from multicor_cli.store.documents import document_line, parse_document
 from multicor_cli.store.hdf5 import write_text
@@ -29,36 +27,36 @@ Change = Callable[[h5py.File], object]
 ANGLE = "particles/angle"
 
 
-def gone(path: str) -> Change:
+def gone(path):
     return lambda file: file.__delitem__(path)
 
 
-def text(name: str, value: str) -> Change:
+def text(name, value):
     return lambda file: set_text(file, name, value)
 
 
-def value(path: str, row: int, number: float) -> Change:
+def value(path, row, number):
     return lambda file: set_value(file, path, row, number)
 
 
-def undigested(path: str, row: object, number: object) -> Change:
+def undigested(path, row, number):
     return lambda file: file[path].__setitem__(row, number)
 
 
-def of_variable_length(path: str, name: str) -> Change:
+def of_variable_length(path, name):
     return lambda file: file[path].attrs.__setitem__(name, file[path].attrs[name].decode())
 
 
-def lose_one_digest(file: h5py.File) -> None:
+def lose_one_digest(file):
     digests = json.loads(file.attrs["attribute_digests"])
     del digests["summary"]
     write_text(file, "attribute_digests", json.dumps(digests))
 
 
-def hostile(put: Callable[[h5py.File, int, str], object]) -> Change:
+def hostile(put):
     """Another dataset of angles, with the attributes of the former; ``elsewhere.h5`` is beside."""
 
-    def change(file: h5py.File) -> None:
+    def change(file):
         rows, attributes = len(file[ANGLE]), dict(file[ANGLE].attrs)
         elsewhere = str(Path(file.filename).with_name("elsewhere.h5"))
         with h5py.File(elsewhere, "w") as other:
@@ -71,13 +69,13 @@ def hostile(put: Callable[[h5py.File, int, str], object]) -> Change:
     return change
 
 
-def virtual(file: h5py.File, rows: int, elsewhere: str) -> None:
+def virtual(file, rows, elsewhere):
     layout = h5py.VirtualLayout(shape=(rows,), dtype="f8")
     layout[:] = h5py.VirtualSource(elsewhere, "x", shape=(rows,))
     file.create_virtual_dataset(ANGLE, layout)
 
 
-HOSTILE: dict[str, Callable[[h5py.File, int, str], object]] = {
+HOSTILE = {
     "missing": lambda file, rows, elsewhere: None,
     "huge": lambda file, rows, elsewhere: file.create_dataset(ANGLE, (10**12,), "f8", chunks=(10**4,)),
     "type": lambda file, rows, elsewhere: file.create_dataset(ANGLE, data=np.zeros(rows, "i8")),
@@ -91,16 +89,15 @@ HOSTILE: dict[str, Callable[[h5py.File, int, str], object]] = {
 }  # fmt: skip
 
 
-def angle(run: Run) -> object:
+def angle(run):
     return run.frames[0].angle
 
 
-def contact(name: str) -> Callable[[Run], object]:
+def contact(name):
     return lambda run: getattr(next(f for f in run.frames if len(f.contacts)).contacts, name)
 
 
-Lie = tuple[Change, str, Callable[[Run], object] | None]
-LIES: dict[str, Lie] = {
+LIES = {
     # No digest, or where HDF5 has no checksum and may search forever
     **{
         f"{name} of variable length": (of_variable_length(*where), "fixed length", None)
@@ -143,7 +140,7 @@ LIES: dict[str, Lie] = {
 """What is done to a ``results.h5``; what `verify` says of it; what a reader asks for, and is
 refused in the same words."""
 
-HEATED: dict[str, tuple[Change, str]] = {
+HEATED = {
     **{
         f"without {spec.path}": (gone(spec.path), spec.path)
         for spec in schema.RESULTS_TABLE
@@ -159,7 +156,7 @@ HEATED: dict[str, tuple[Change, str]] = {
 """The same for a run with heat."""
 
 
-def check_verdict(results: Path, target: Path, change: Change, named: str) -> None:
+def check_verdict(results, target, change, named):
     """`verify` finds one thing, and names it."""
     shutil.copy(results, target)
     with h5py.File(target, "r+") as file:
@@ -170,7 +167,7 @@ def check_verdict(results: Path, target: Path, change: Change, named: str) -> No
 
 
 @pytest.mark.parametrize("lie", LIES)
-def test_results_that_lie_are_refused(finished: Path, tmp_path: Path, lie: str) -> None:
+def test_results_that_lie_are_refused(finished, tmp_path, lie):
     change, named, asked = LIES[lie]
     check_verdict(finished / "results.h5", tmp_path / "results.h5", change, named)
     if asked is not None:
@@ -179,18 +176,18 @@ def test_results_that_lie_are_refused(finished: Path, tmp_path: Path, lie: str) 
 
 
 @pytest.mark.parametrize("lie", HEATED)
-def test_results_with_heat_that_lie_are_refused(heated: Path, tmp_path: Path, lie: str) -> None:
+def test_results_with_heat_that_lie_are_refused(heated, tmp_path, lie):
     check_verdict(heated / "results.h5", tmp_path / "results.h5", *HEATED[lie])
 
 
-def test_only_walls_may_have_no_temperature(heated: Path) -> None:
+def test_only_walls_may_have_no_temperature(heated):
     with h5py.File(heated / "results.h5") as file:
         assert np.isnan(file["walls/temperature"][:, 1]).all()
     assert verify(heated) == []
 
 
 @contextmanager
-def lying(run: Path) -> Iterator[h5py.File]:
+def lying(run):
     """The first segment, to be changed; the manifest then says what it is."""
     file, manifest = (run / "segments" / name for name in ("000000.h5", "MANIFEST.jsonl"))
     replace(file, file.read_bytes())
@@ -201,16 +198,16 @@ def lying(run: Path) -> Iterator[h5py.File]:
     replace(manifest, b"".join(map(document_line, lines)))
 
 
-def heat(path: Path) -> None:
+def heat(path):
     run_whole(path, make_model(heat=True), steps=10, checkpoint_every=5, finish=False)
 
 
-def outlet(path: Path) -> None:
+def outlet(path):
     hole = {"name": "hole", "region": {"min": [0.0, 0.0], "max": [0.1, 0.01]}}
     assert not run(scenario(outlets=[hole]), path, observer=StopAt(20)).is_finished
 
 
-def twice_as_many(path: str, data: h5py.File) -> None:
+def twice_as_many(path, data):
     values, digest = np.repeat(data[path][...], 2, axis=1), data[path].attrs["blake2b"]
     del data[path]
     data[path] = values
@@ -226,9 +223,7 @@ def twice_as_many(path: str, data: h5py.File) -> None:
     ],
     ids=["features", "outlets"],
 )
-def test_segment_that_does_not_fit_the_model_is_damaged(
-    tmp_path: Path, make: Callable[[Path], None], change: Change, named: str
-) -> None:
+def test_segment_that_does_not_fit_the_model_is_damaged(tmp_path, make, change, named):
     make(tmp_path / "run")
     assert verify(tmp_path / "run") == []
     with lying(tmp_path / "run") as data:
@@ -237,7 +232,7 @@ def test_segment_that_does_not_fit_the_model_is_damaged(
     assert named in finding.message
 
 
-def test_foreign_files_are_refused(tmp_path: Path) -> None:
+def test_foreign_files_are_refused(tmp_path):
     with h5py.File(tmp_path / "foreign.h5", "w") as file:
         file["x"] = 1
     (tmp_path / "text.h5").write_text("hello")

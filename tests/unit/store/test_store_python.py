@@ -2,30 +2,26 @@
 are.
 """
 
-from __future__ import annotations
-
 import io
 import sys
-from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scenes import SMALL, WARM
 
-from multicor_cli import Run, Scenario, open_run, picture, run
+from multicor_cli import open_run, picture, run
 from multicor_cli.optional import MissingLibrary
 from multicor_cli.scenario import parse_scenario
 
 
-def computed(text: str, path: Path) -> Path:
-    scenario: Scenario = parse_scenario(text, "scenario.toml").with_({"loading.0.duration": 4e-3})
+def computed(text, path):
+    scenario = parse_scenario(text, "scenario.toml").with_({"loading.0.duration": 4e-3})
     run(scenario, path)
     return path
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("python")
     computed(WARM, path / "warm")
     computed(SMALL, path / "small")
@@ -33,18 +29,18 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def warm(folder: Path) -> Iterator[Run]:
+def warm(folder):
     with open_run(folder / "warm") as found:
         yield found
 
 
 @pytest.fixture
-def small(folder: Path) -> Iterator[Run]:
+def small(folder):
     with open_run(folder / "small") as found:
         yield found
 
 
-def test_everything_says_in_a_line_what_it_is(small: Run) -> None:
+def test_everything_says_in_a_line_what_it_is(small):
     last, time = small.frames[-1], f"{small.frames.time[-1]:.6g}"
     count = len(last.contacts)
     assert count > 1
@@ -63,7 +59,7 @@ def test_everything_says_in_a_line_what_it_is(small: Run) -> None:
     assert repr(small.grains) == f"<Grains: 60 grains, radius {low:.4g} to {high:.4g} m>"
 
 
-def test_grains_have_names_and_sizes(small: Run) -> None:
+def test_grains_have_names_and_sizes(small):
     grains = small.grains
     assert set(grains.group) == {"grains"}
     assert set(grains.material) == {"glass"}
@@ -73,7 +69,7 @@ def test_grains_have_names_and_sizes(small: Run) -> None:
     np.testing.assert_array_equal(small.frames[0].grains.radius, grains.radius)
 
 
-def test_grains_are_a_table(warm: Run) -> None:
+def test_grains_are_a_table(warm):
     pytest.importorskip("pandas")
     frame = warm.frames[-1]
     table = frame.to_pandas()
@@ -96,7 +92,7 @@ def test_grains_are_a_table(warm: Run) -> None:
     )
 
 
-def test_contacts_are_a_table(warm: Run) -> None:
+def test_contacts_are_a_table(warm):
     pytest.importorskip("pandas")
     contacts = warm.frames[-1].contacts
     table = contacts.to_pandas()
@@ -107,7 +103,7 @@ def test_contacts_are_a_table(warm: Run) -> None:
     assert table.attrs["units"]["conductance"] == "W/K"
 
 
-def test_the_series_is_a_table(small: Run) -> None:
+def test_the_series_is_a_table(small):
     pytest.importorskip("pandas")
     table = small.series.to_pandas()
     np.testing.assert_array_equal(table.index, small.series["time"])
@@ -119,9 +115,7 @@ def test_the_series_is_a_table(small: Run) -> None:
     assert table.attrs["units"]["top: torque"] == "N m"
 
 
-def test_without_pandas_a_message_says_what_to_install(
-    small: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_pandas_a_message_says_what_to_install(small, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
     for what in (small.series, small.frames[0], small.frames[0].contacts):
         with pytest.raises(
@@ -134,15 +128,14 @@ def test_without_pandas_a_message_says_what_to_install(
             what.to_pandas()
 
 
-def test_a_notebook_shows_a_map(warm: Run, small: Run) -> None:
+def test_a_notebook_shows_a_map(warm, small):
     image = pytest.importorskip("matplotlib.image")
     for shown in (warm, warm.frames[0], small):
         drawn = picture(shown)
-        assert drawn is not None
         pixels = image.imread(io.BytesIO(drawn), format="png")
         assert len(np.unique(pixels.reshape(-1, pixels.shape[2]), axis=0)) > 20
 
 
-def test_without_matplotlib_there_is_no_map(small: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_matplotlib_there_is_no_map(small, monkeypatch):
     monkeypatch.setattr("multicor_cli.plots.grain_map.find_spec", lambda name: None)
     assert picture(small) is None

@@ -2,12 +2,9 @@
 results.h5.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import subprocess
 import sys
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -26,7 +23,7 @@ from store_support import (
     start,
 )
 
-from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, Model, State
+from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES
 from multicor_cli.model.books import BOOKS, HEAT_BOOKS
 from multicor_cli.store import (
     Contacts,
@@ -44,7 +41,7 @@ from multicor_cli.store.results import model_digest
 from multicor_cli.store.segments import columns_of
 
 
-def assert_same(left: object, right: object) -> None:
+def assert_same(left, right):
     """The same arrays, of the same type, in all parts."""
     assert type(left) is type(right)
     if isinstance(left, np.ndarray):
@@ -60,7 +57,7 @@ def assert_same(left: object, right: object) -> None:
         assert left == right
 
 
-def check_content(path: Path, model: Model, steps: int, *, tolerance: float = 0.0) -> None:
+def check_content(path, model, steps, *, tolerance=0.0):
     """Compare all frames and the series with the states that made them."""
     state = start(model)
     with open_run(path) as run:
@@ -82,11 +79,10 @@ def check_content(path: Path, model: Model, steps: int, *, tolerance: float = 0.
         assert run.scenario_source == SOURCE
         assert run.scenario_resolved == RESOLVED
         final = run.state()
-        assert final is not None
         assert final.digest() == state.digest()
 
 
-def check_row(series, row: int, state: State, model: Model) -> None:
+def check_row(series, row, state, model):
     assert series["step"][row] == state.step
     for name, value in zip(BOOK_NAMES, state.books, strict=True):
         assert series[name][row] == value
@@ -96,8 +92,8 @@ def check_row(series, row: int, state: State, model: Model) -> None:
         np.testing.assert_array_equal(series[name][row], column[0])
 
 
-def check_frame(frame, state: State, tolerance: float) -> None:
-    def same(found, expected) -> None:
+def check_frame(frame, state, tolerance):
+    def same(found, expected):
         np.testing.assert_allclose(found, expected, rtol=tolerance, atol=tolerance)
 
     for name, kept in {"step": "step", "time": "time", "dt": "last_dt", "stage": "stage"}.items():
@@ -122,7 +118,7 @@ def check_frame(frame, state: State, tolerance: float) -> None:
         same(contacts.force, rows.impulse / state.last_dt)
 
 
-def check_heat(frame, state: State, model: Model, tolerance: float) -> None:
+def check_heat(frame, state, model, tolerance):
     """Temperatures and heat are exact in single precision too; only those of contacts are
     rounded.
     """
@@ -142,7 +138,7 @@ def check_heat(frame, state: State, model: Model, tolerance: float) -> None:
 @pytest.mark.parametrize("grains", [1, 5])
 @pytest.mark.parametrize("walls", [True, False])
 @pytest.mark.parametrize("heat", [True, False])
-def test_finished_run_reads_back(tmp_path: Path, grains: int, walls: bool, heat: bool) -> None:
+def test_finished_run_reads_back(tmp_path, grains, walls, heat):
     model = make_model(grains, walls=walls, heat=heat)
     run_whole(tmp_path / "run", model)
     check_content(tmp_path / "run", model, 40)
@@ -151,7 +147,7 @@ def test_finished_run_reads_back(tmp_path: Path, grains: int, walls: bool, heat:
 
 
 @pytest.mark.parametrize("heat", [True, False])
-def test_running_run_reads_back(tmp_path: Path, heat: bool) -> None:
+def test_running_run_reads_back(tmp_path, heat):
     model = make_model(heat=heat)
     with make_run(tmp_path / "run") as run:
         drive(run, model, steps=40, checkpoint_every=15, finish=False)
@@ -164,7 +160,7 @@ def test_running_run_reads_back(tmp_path: Path, heat: bool) -> None:
         assert reader.status == "interrupted"
 
 
-def test_results_file_alone_is_enough(copy: Path, tmp_path: Path) -> None:
+def test_results_file_alone_is_enough(copy, tmp_path):
     (copy / "results.h5").rename(tmp_path / "mailed.h5")
     with open_run(tmp_path / "mailed.h5") as run:
         assert run.status == "finished"
@@ -176,7 +172,7 @@ def test_results_file_alone_is_enough(copy: Path, tmp_path: Path) -> None:
     assert run_info(tmp_path / "mailed.h5")["grain_count"] == 5
 
 
-def test_single_precision_halves_the_rows(tmp_path: Path) -> None:
+def test_single_precision_halves_the_rows(tmp_path):
     model = make_model(heat=True)
     run_whole(tmp_path / "run", model, precision="single")
     check_content(tmp_path / "run", model, 40, tolerance=1e-6)
@@ -187,7 +183,7 @@ def test_single_precision_halves_the_rows(tmp_path: Path) -> None:
             assert file[path].dtype == np.float64
 
 
-def test_frames_without_recorded_contacts(tmp_path: Path) -> None:
+def test_frames_without_recorded_contacts(tmp_path):
     model = make_model()
     with make_run(tmp_path / "run") as run:
         writer, state = run.writer(model), start(model)
@@ -201,7 +197,7 @@ def test_frames_without_recorded_contacts(tmp_path: Path) -> None:
     assert verify(tmp_path / "run") == []
 
 
-def test_frames_are_a_sequence(finished: Path) -> None:
+def test_frames_are_a_sequence(finished):
     with open_run(finished) as run:
         assert run.frames[-1].step == 40
         assert [frame.step for frame in run.frames[2:4]] == [10, 15]
@@ -214,7 +210,7 @@ def test_frames_are_a_sequence(finished: Path) -> None:
             run.series["nothing"]
 
 
-def test_every_dataset_has_unit_long_name_and_checksum(heated: Path) -> None:
+def test_every_dataset_has_unit_long_name_and_checksum(heated):
     with h5py.File(heated / "results.h5") as file:
         for spec in schema.select(
             schema.RESULTS_TABLE, {"heat", "softening", "adhesion", "rolling", "range"}
@@ -227,7 +223,7 @@ def test_every_dataset_has_unit_long_name_and_checksum(heated: Path) -> None:
         assert file["walls/position"].shape == (9, 2, 3)
 
 
-def test_texts_that_are_read_have_a_fixed_length(finished: Path) -> None:
+def test_texts_that_are_read_have_a_fixed_length(finished):
     """HDF5 searches a damaged heap of the others forever."""
     with h5py.File(finished / "results.h5") as file:
         texts = [(file, name) for name in file.attrs] + [
@@ -241,14 +237,14 @@ def test_texts_that_are_read_have_a_fixed_length(finished: Path) -> None:
     assert all(kind is None or kind.length is not None for kind in kinds)
 
 
-def test_equal_runs_have_equal_data_digests(finished: Path, tmp_path: Path) -> None:
+def test_equal_runs_have_equal_data_digests(finished, tmp_path):
     run_whole(tmp_path / "b", checkpoint_every=7)
     assert run_info(finished)["data_digest"] == run_info(tmp_path / "b")["data_digest"]
     run_whole(tmp_path / "c", steps=42)
     assert run_info(finished)["data_digest"] != run_info(tmp_path / "c")["data_digest"]
 
 
-def test_many_frames_are_split_into_segments(tmp_path: Path) -> None:
+def test_many_frames_are_split_into_segments(tmp_path):
     model = make_model()
     with make_run(tmp_path / "run") as run:
         drive(run, model, steps=700, checkpoint_every=1000, finish=False)
@@ -259,7 +255,7 @@ def test_many_frames_are_split_into_segments(tmp_path: Path) -> None:
     check_content(tmp_path / "run", model, 700)
 
 
-def test_run_finished_while_it_is_read(tmp_path: Path) -> None:
+def test_run_finished_while_it_is_read(tmp_path):
     model = make_model()
     with make_run(tmp_path / "run") as run:
         drive(run, model, steps=40, checkpoint_every=15, finish=False)
@@ -273,7 +269,7 @@ def test_run_finished_while_it_is_read(tmp_path: Path) -> None:
             assert_same(reader.model, model)
 
 
-def test_run_finished_while_it_is_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_run_finished_while_it_is_opened(tmp_path, monkeypatch):
     """The segments go between the moment when ``run.json`` is read and that when the manifest
     is.
     """
@@ -283,7 +279,7 @@ def test_run_finished_while_it_is_opened(tmp_path: Path, monkeypatch: pytest.Mon
     with make_run(path) as run:
         drive(run, make_model(), steps=40, checkpoint_every=15, finish=False)
 
-        def finish_meanwhile(path: Path) -> dict[str, object]:
+        def finish_meanwhile(path):
             document = read(path)
             if run.status == "running":
                 run.finish("finished")
@@ -294,11 +290,10 @@ def test_run_finished_while_it_is_opened(tmp_path: Path, monkeypatch: pytest.Mon
             assert len(opened.frames) == 9
 
 
-def test_info_has_what_the_command_line_promises(finished: Path) -> None:
+def test_info_has_what_the_command_line_promises(finished):
     info = run_info(finished)
     with open_run(finished) as run:
         state = run.state()
-    assert state is not None
     assert info["status"] == "finished"
     sizes = (info["grain_count"], info["frame_count"], info["step"], info["time"])
     assert sizes == (5, 9, 40, state.time)
@@ -314,11 +309,10 @@ def test_info_has_what_the_command_line_promises(finished: Path) -> None:
     assert info["hertz_deflection"] == pytest.approx(delta / 2e-3, rel=1e-12)
 
 
-def test_info_of_a_run_with_heat(heated: Path) -> None:
+def test_info_of_a_run_with_heat(heated):
     info = run_info(heated)
     with open_run(heated) as run:
         state, model = run.state(), run.model
-    assert state is not None
     assert model.thermal is not None
     books, heat = dict(zip(HEAT_BOOK_NAMES, state.heat_books.tolist(), strict=True)), info["heat"]
     assert info["heat_closure"] == heat["books"]["closure"] == books["closure"]
@@ -334,7 +328,7 @@ def test_info_of_a_run_with_heat(heated: Path) -> None:
     assert summarize(state, model)["heat"]["solid_gas_max"] is None
 
 
-def test_contacts_of_which_no_heat_was_computed_have_none(tmp_path: Path) -> None:
+def test_contacts_of_which_no_heat_was_computed_have_none(tmp_path):
     model = make_model(heat=True)
     with make_run(tmp_path / "run") as run:
         writer, state = run.writer(model), start(model)
@@ -348,7 +342,7 @@ def test_contacts_of_which_no_heat_was_computed_have_none(tmp_path: Path) -> Non
             assert contacts.heat.tolist() == contacts.conductance.tolist() == [0.0] * 4
 
 
-def test_names_of_the_series_are_known_before_anything_is_written(tmp_path: Path) -> None:
+def test_names_of_the_series_are_known_before_anything_is_written(tmp_path):
     with make_run(tmp_path / "run") as run:
         with open_run(tmp_path / "run") as reader:
             assert "heat_stored" not in reader.series
@@ -357,7 +351,7 @@ def test_names_of_the_series_are_known_before_anything_is_written(tmp_path: Path
             assert reader.series["heat_stored"].shape == (0,)
 
 
-def test_model_without_friction_by_temperature_has_none(tmp_path: Path) -> None:
+def test_model_without_friction_by_temperature_has_none(tmp_path):
     """A run with heat whose friction does not depend on temperature."""
     model = make_model(heat=True)
     plain = dataclasses.replace(model, laws=model.laws._replace(softening_rate=np.empty((0, 0))))
@@ -370,9 +364,7 @@ def test_model_without_friction_by_temperature_has_none(tmp_path: Path) -> None:
     assert verify(tmp_path / "run") == []
 
 
-def test_runs_of_older_formats_are_whole_without_younger_datasets(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_runs_of_older_formats_are_whole_without_younger_datasets(tmp_path, monkeypatch):
     younger = ("particles/wear", "walls/wear", "contacts/slip", "series/max_biot", "series/strain")
     major, minor = schema.FORMAT_VERSION
     for path in younger:
@@ -387,14 +379,14 @@ def test_runs_of_older_formats_are_whole_without_younger_datasets(
         assert run.series["heat_stored"].size
 
 
-def test_what_older_checkpoints_lack_is_zero() -> None:
+def test_what_older_checkpoints_lack_is_zero():
     rows = {row.name: row for row in schema.CHECKPOINT}
     assert _complete(None, rows["wall_heat"], {"heat_wall": 2}).tolist() == [[0.0, 0.0], [0.0, 0.0]]
     assert _complete(None, rows["stage_step"], {}).tolist() == 0
     assert _complete(np.ones(2), rows["tallies"], {"tally": 4}).tolist() == [1.0, 1.0, 0.0, 0.0]
 
 
-def test_frames_say_what_they_hold_and_cannot_be_changed(finished: Path) -> None:
+def test_frames_say_what_they_hold_and_cannot_be_changed(finished):
     assert Frame.wall_heat.__doc__ == (
         "Heat given to the grains; heat of friction and impacts received [J], shape ``(w, 2)``; "
         "None in a run without heat"
@@ -407,7 +399,7 @@ def test_frames_say_what_they_hold_and_cannot_be_changed(finished: Path) -> None
         run.frames[0].spin = np.zeros(3)
 
 
-def test_info_of_a_run_that_has_just_begun(tmp_path: Path) -> None:
+def test_info_of_a_run_that_has_just_begun(tmp_path):
     with make_run(tmp_path / "run"):
         info = run_info(tmp_path / "run")
     assert (info["status"], info["frame_count"], info["walls"]) == ("running", 0, [])
@@ -415,7 +407,7 @@ def test_info_of_a_run_that_has_just_begun(tmp_path: Path) -> None:
     assert verify(tmp_path / "run") == []
 
 
-def test_table_of_checkpoints_covers_the_state() -> None:
+def test_table_of_checkpoints_covers_the_state():
     state = start(make_model())
     assert list(schema.names(schema.CHECKPOINT)) == list(state.as_dict())
     assert {entry.series for entry in BOOKS + HEAT_BOOKS} <= set(schema.names(schema.SERIES))
@@ -424,7 +416,7 @@ def test_table_of_checkpoints_covers_the_state() -> None:
 
 
 @pytest.mark.parametrize("page", FORMATS, ids=lambda page: page.stem)
-def test_format_pages_hold_the_tables_of_the_schema(page: Path) -> None:
+def test_format_pages_hold_the_tables_of_the_schema(page):
     text = page.read_text(encoding="utf-8")
     assert (
         text.count("<!-- table ") == {"results": 5, "checkpoint": 1, "run-directory": 0}[page.stem]
@@ -432,7 +424,7 @@ def test_format_pages_hold_the_tables_of_the_schema(page: Path) -> None:
     assert with_tables(text) == text
 
 
-def test_model_digest_depends_on_every_array() -> None:
+def test_model_digest_depends_on_every_array():
     model = make_model()
     digest = model_digest(model)
     grains = dataclasses.replace(model.grains, mass=model.grains.mass * (1 + 1e-15))
@@ -448,9 +440,7 @@ def test_model_digest_depends_on_every_array() -> None:
         ("wall_velocity", np.inf, "walls/velocity is not finite"),
     ],
 )
-def test_writer_refuses_values_that_are_not_finite(
-    tmp_path: Path, field: str, value: float, message: str
-) -> None:
+def test_writer_refuses_values_that_are_not_finite(tmp_path, field, value, message):
     model = make_model()
     with make_run(tmp_path / "run") as run:
         state = start(model)
@@ -459,7 +449,7 @@ def test_writer_refuses_values_that_are_not_finite(
             run.writer(model).frame(Snapshot(state, model))
 
 
-def test_writer_refuses_wrong_shapes_steps_and_contacts(tmp_path: Path) -> None:
+def test_writer_refuses_wrong_shapes_steps_and_contacts(tmp_path):
     model, other = make_model(), start(make_model(4))
     with make_run(tmp_path / "run") as run:
         writer, state = run.writer(model), start(model)
@@ -476,7 +466,7 @@ def test_writer_refuses_wrong_shapes_steps_and_contacts(tmp_path: Path) -> None:
             writer.frame(Snapshot(state, model, rows))
 
 
-def test_frames_are_copied(tmp_path: Path) -> None:
+def test_frames_are_copied(tmp_path):
     model = make_model()
     with make_run(tmp_path / "run") as run:
         writer, state = run.writer(model), start(model)
@@ -490,7 +480,7 @@ def test_frames_are_copied(tmp_path: Path) -> None:
             assert not reader.frames[0].image.any()
 
 
-def test_importing_the_package_loads_nothing_heavy() -> None:
+def test_importing_the_package_loads_nothing_heavy():
     code = (
         "import sys, multicor_cli.store; print(sorted({'h5py', 'numpy', 'numba'} & "
         "set(sys.modules)))"
@@ -501,9 +491,8 @@ def test_importing_the_package_loads_nothing_heavy() -> None:
     assert done.stdout.strip() == "[]"
 
 
-def test_final_state_starts_the_next_run_exactly(copy: Path) -> None:
+def test_final_state_starts_the_next_run_exactly(copy):
     with RunDirectory.resume(copy) as run:
         assert run.is_finished
         last = run.load_checkpoint()
-    assert last is not None
     assert last.state.digest() == run_info(copy)["state_digest"]

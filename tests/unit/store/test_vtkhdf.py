@@ -2,21 +2,17 @@
 without a warning.
 """
 
-from __future__ import annotations
-
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
 import pytest
 from store_support import make_model, make_run, run_whole, start
 
-from multicor_cli.model import Model, State
+from multicor_cli.model import State
 from multicor_cli.model.contacts import ContactTable
-from multicor_cli.store import Frame, Snapshot, open_run, verify
+from multicor_cli.store import Snapshot, open_run, verify
 from multicor_cli.store.vtkhdf import NO_CONTACT
 
 vtk = pytest.importorskip("vtk")
@@ -26,7 +22,7 @@ FIELDS = ("velocity", "angle", "spin", "temperature", "generated", "wear")
 
 
 @pytest.fixture(autouse=True)
-def no_warning() -> Iterator[None]:
+def no_warning():
     """VTK prints what it does not like; here it must print nothing."""
     window = vtk.vtkStringOutputWindow()
     vtk.vtkOutputWindow.SetInstance(window)
@@ -35,7 +31,7 @@ def no_warning() -> Iterator[None]:
     assert window.GetOutput() == ""
 
 
-def read_steps(file: Path) -> Iterator[Any]:
+def read_steps(file):
     reader = vtk.vtkHDFReader()
     reader.SetFileName(str(file))
     assert reader.CanReadFile(str(file))
@@ -47,21 +43,21 @@ def read_steps(file: Path) -> Iterator[Any]:
         yield reader.GetOutput()
 
 
-def array(data: Any, name: str) -> np.ndarray:
+def array(data, name):
     found = data.GetArray(name)
     assert found is not None, name
     return numpy_support.vtk_to_numpy(found)
 
 
-def joined(step: Any) -> np.ndarray:
+def joined(step):
     return numpy_support.vtk_to_numpy(step.GetLines().GetConnectivityArray()).reshape(-1, 2)
 
 
-def points(step: Any) -> np.ndarray:
+def points(step):
     return numpy_support.vtk_to_numpy(step.GetPoints().GetData())
 
 
-def check_step(step: Any, frame: Frame, radius: np.ndarray) -> None:
+def check_step(step, frame, radius):
     """One step of the view against the frame that the reader of the run gives."""
     n, contacts = len(radius), frame.contacts
     np.testing.assert_array_equal(points(step)[:n, :2], frame.position)
@@ -82,7 +78,7 @@ def check_step(step: Any, frame: Frame, radius: np.ndarray) -> None:
     check_contacts(step, contacts, n)
 
 
-def check_contacts(step: Any, contacts: Any, n: int) -> None:
+def check_contacts(step, contacts, n):
     cells = step.GetCellData()
     if not len(contacts):
         assert array(cells, "kind").tolist() == [NO_CONTACT]
@@ -103,7 +99,7 @@ def check_contacts(step: Any, contacts: Any, n: int) -> None:
             np.testing.assert_array_equal(array(cells, name), getattr(contacts, name))
 
 
-def check_run(directory: Path) -> int:
+def check_run(directory):
     """Every step of a run; returns their number."""
     with open_run(directory) as run:
         radius = run.model.grains.radius
@@ -122,12 +118,12 @@ def check_run(directory: Path) -> int:
         *((make_model(grains, walls=False), "double") for grains in (1, 5)),
     ],
 )
-def test_every_step_is_read_back(tmp_path: Path, model: Model, precision: str) -> None:
+def test_every_step_is_read_back(tmp_path, model, precision):
     run_whole(tmp_path / "run", model, precision=precision)
     assert check_run(tmp_path / "run") == 9
 
 
-def write_contacts(path: Path, sequence: list[list[tuple[int, int]] | None]) -> None:
+def write_contacts(path, sequence):
     """A run whose frames hold these contacts; the normals point from the middle of the period."""
     model = make_model()
     with make_run(path) as run:
@@ -142,7 +138,7 @@ def write_contacts(path: Path, sequence: list[list[tuple[int, int]] | None]) -> 
         run.finish("finished")
 
 
-def rows_of(pairs: list[tuple[int, int]]) -> ContactTable:
+def rows_of(pairs):
     i, j = np.array(pairs, np.int32).reshape(-1, 2).T
     c = len(pairs)
     impulse = 1.0 + np.arange(2.0 * c).reshape(c, 2)
@@ -156,7 +152,7 @@ def rows_of(pairs: list[tuple[int, int]]) -> ContactTable:
     "counts",
     [(0, 2, 0, 0, 3, 1, 0), (2, 1), (3, 0), (0, 0, 0), (1,), (0,), (2, 0, 0, 0, 1, 0, 2, 3, 0, 0)],
 )
-def test_steps_without_contacts_anywhere(tmp_path: Path, counts: tuple[int, ...]) -> None:
+def test_steps_without_contacts_anywhere(tmp_path, counts):
     """Several versions of VTK misread the step after one without cells."""
     possible = [(0, 1), (1, 2), (2, 6)]
     write_contacts(tmp_path / "run", [possible[:count] for count in counts])
@@ -164,9 +160,7 @@ def test_steps_without_contacts_anywhere(tmp_path: Path, counts: tuple[int, ...]
 
 
 @pytest.mark.parametrize("rows", [1, 12, 13])
-def test_frames_are_written_in_blocks(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rows: int
-) -> None:
+def test_frames_are_written_in_blocks(tmp_path, monkeypatch, rows):
     """Blocks of frames and chunks of rows end at different places."""
     monkeypatch.setattr("multicor_cli.store.vtkhdf.BLOCK_ROWS", rows)
     monkeypatch.setattr("multicor_cli.store.vtkhdf.CHUNK_ROWS", 5)
@@ -174,14 +168,12 @@ def test_frames_are_written_in_blocks(
     assert check_run(tmp_path / "run") == 9
 
 
-def test_contacts_that_were_not_recorded(tmp_path: Path) -> None:
+def test_contacts_that_were_not_recorded(tmp_path):
     write_contacts(tmp_path / "run", [None, None])
     assert check_run(tmp_path / "run") == 2
 
 
-def test_contacts_with_walls_and_across_the_period_end_in_a_point_of_their_own(
-    tmp_path: Path,
-) -> None:
+def test_contacts_with_walls_and_across_the_period_end_in_a_point_of_their_own(tmp_path):
     write_contacts(tmp_path / "run", [[(0, 1), (0, 4), (3, 5)]])
     (step,) = read_steps(tmp_path / "run" / "results.vtkhdf")
     radius = make_model().grains.radius
@@ -198,22 +190,20 @@ def test_contacts_with_walls_and_across_the_period_end_in_a_point_of_their_own(
     assert np.isnan(array(step.GetPointData(), "spin")[5:]).all()
 
 
-def test_the_view_holds_links_not_copies(heated: Path) -> None:
+def test_the_view_holds_links_not_copies(heated):
     with h5py.File(heated / "results.h5") as file:
         assert file["VTKHDF/Steps/Values"] == file["steps/time"]
         for name in ("Points", "PointData/temperature", "CellData/normal_impulse"):
             assert file[f"VTKHDF/{name}"].is_virtual
 
 
-def test_the_second_name_follows_when_the_directory_is_moved(copy: Path, tmp_path: Path) -> None:
+def test_the_second_name_follows_when_the_directory_is_moved(copy, tmp_path):
     shutil.move(copy, tmp_path / "elsewhere")
     assert check_run(tmp_path / "elsewhere") == 9
 
 
-def test_a_file_system_without_links_does_no_harm(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refuse(*_: object, **__: object) -> None:
+def test_a_file_system_without_links_does_no_harm(tmp_path, monkeypatch):
+    def refuse(*_, **__):
         raise OSError(1, "no links here")
 
     monkeypatch.setattr(Path, "symlink_to", refuse)

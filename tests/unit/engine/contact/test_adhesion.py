@@ -20,7 +20,7 @@ from scene_parts import (
 
 from multicor_cli.engine.contact.adhesion import share_of_force
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Gravity, WallDrive
-from multicor_cli.model import ContactLaws, ShapeKind
+from multicor_cli.model import ShapeKind
 from multicor_cli.model.model import RANGE
 
 CEILING = [(ShapeKind.PLANE, 0, (0.0, 1.0, 0.0, -1.0))]
@@ -241,7 +241,7 @@ def _glued(model, of_grains, of_shapes, *, strong, weak, kind):
     return model
 
 
-def _laws_of_two(within, between, kind="dry") -> ContactLaws:
+def _laws_of_two(within, between, kind="dry"):
     """Adhesion within the first of two materials, and between the two."""
     plain, two = make_model([1.0]).laws, np.full((2, 2), 0.5)
     return plain._replace(

@@ -2,8 +2,6 @@
 where it cannot pay.
 """
 
-from __future__ import annotations
-
 import pytest
 
 from multicor_cli.engine.contact.solve import PARALLEL_FROM, SLICE, ThreadChoice
@@ -11,9 +9,7 @@ from multicor_cli.engine.contact.solve import PARALLEL_FROM, SLICE, ThreadChoice
 MANY = PARALLEL_FROM
 
 
-def carry_out(
-    pace: ThreadChoice, slices: int, cost: dict[bool, float], relaxations: float = float(SLICE)
-) -> list[bool]:
+def carry_out(pace, slices, cost, relaxations=float(SLICE)):
     """What is chosen for some slices, on a machine where a relaxation costs so much on one thread
     and on several.
     """
@@ -26,7 +22,7 @@ def carry_out(
 
 
 @pytest.mark.parametrize("threads_pay", [True, False])
-def test_the_faster_way_is_taken_nearly_always(threads_pay: bool) -> None:
+def test_the_faster_way_is_taken_nearly_always(threads_pay):
     cost = {threads_pay: 5e-9, not threads_pay: 2e-8}
     chosen = carry_out(ThreadChoice(2), 2000, cost)
     assert chosen.count(threads_pay) > 1950
@@ -36,7 +32,7 @@ def test_the_faster_way_is_taken_nearly_always(threads_pay: bool) -> None:
     assert ThreadChoice(2).favorite == 2
 
 
-def test_compilation_in_the_first_slice_misleads_nobody() -> None:
+def test_compilation_in_the_first_slice_misleads_nobody():
     pace = ThreadChoice(2)
     way = pace.choose(MANY)
     pace.note(MANY, way, float(SLICE), 20.0)
@@ -44,7 +40,7 @@ def test_compilation_in_the_first_slice_misleads_nobody() -> None:
     assert chosen.count(True) > 190
 
 
-def test_it_follows_what_changes() -> None:
+def test_it_follows_what_changes():
     pace = ThreadChoice(2)
     carry_out(pace, 100, {True: 5e-9, False: 1e-8})
     assert pace.favorite == 2
@@ -55,13 +51,13 @@ def test_it_follows_what_changes() -> None:
     assert pace.favorite == 2
 
 
-def test_work_counts_not_calls() -> None:
+def test_work_counts_not_calls():
     pace = ThreadChoice(2)
     chosen = carry_out(pace, 400, {True: 5e-9, False: 1e-8}, relaxations=SLICE / 100.0)
     assert all(chosen)  # four slices' worth of work: too early to try anything else
 
 
-def test_one_thread_and_small_problems_need_no_choice() -> None:
+def test_one_thread_and_small_problems_need_no_choice():
     assert not ThreadChoice(1).choose(10**6)
     pace = ThreadChoice(8)
     assert not pace.choose(PARALLEL_FROM - 1)

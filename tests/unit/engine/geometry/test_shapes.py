@@ -2,8 +2,6 @@
 (outline, motion with the wall).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -26,7 +24,7 @@ GRAINS = np.random.default_rng(3).uniform(-1.5, 1.5, (200, 2))
 NO_PERIOD = 0.0
 
 
-def world_of(kind: ShapeKind, pose: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> np.ndarray:
+def world_of(kind, pose=(0.0, 0.0, 0.0)):
     world = np.empty((1, 4))
     place_shapes(
         np.array([kind], np.int32),
@@ -38,7 +36,7 @@ def world_of(kind: ShapeKind, pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
     return world
 
 
-def gaps(kind: ShapeKind, grains: np.ndarray, world: np.ndarray) -> np.ndarray:
+def gaps(kind, grains, world):
     """Gap and normal of each grain, shape ``(n, 3)``."""
     return np.array(
         [
@@ -48,7 +46,7 @@ def gaps(kind: ShapeKind, grains: np.ndarray, world: np.ndarray) -> np.ndarray:
     )
 
 
-def are_near(kind: ShapeKind, grains: np.ndarray, cutoffs: np.ndarray) -> np.ndarray:
+def are_near(kind, grains, cutoffs):
     shape, world = (0, np.array([kind], np.int32)), world_of(kind)
     return np.array(
         [
@@ -58,13 +56,13 @@ def are_near(kind: ShapeKind, grains: np.ndarray, cutoffs: np.ndarray) -> np.nda
     )
 
 
-def test_kinds_stand_in_the_order_of_their_numbers() -> None:
+def test_kinds_stand_in_the_order_of_their_numbers():
     assert list(SHAPES) == list(ShapeKind) == list(EXAMPLES)
     assert [int(kind) for kind in ShapeKind] == list(range(len(SHAPES)))
 
 
 @pytest.mark.parametrize("kind", ShapeKind)
-def test_grains_at_the_outline_overlap_by_their_radius(kind: ShapeKind) -> None:
+def test_grains_at_the_outline_overlap_by_their_radius(kind):
     ((which, outline),) = outlines(np.array([kind]), np.array([EXAMPLES[kind]]))
     assert which.tolist() == [0]
     points = outline.points[0]
@@ -82,7 +80,7 @@ def test_grains_at_the_outline_overlap_by_their_radius(kind: ShapeKind) -> None:
 
 
 @pytest.mark.parametrize("kind", ShapeKind)
-def test_shapes_turn_and_move_with_their_wall(kind: ShapeKind) -> None:
+def test_shapes_turn_and_move_with_their_wall(kind):
     angle = 0.7
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, s], [-s, c]])
@@ -97,7 +95,7 @@ def test_shapes_turn_and_move_with_their_wall(kind: ShapeKind) -> None:
 
 
 @pytest.mark.parametrize("kind", ShapeKind)
-def test_a_gap_grows_along_its_unit_normal(kind: ShapeKind) -> None:
+def test_a_gap_grows_along_its_unit_normal(kind):
     found = gaps(kind, GRAINS, world_of(kind))
     touching, way = np.isfinite(found[:, 0]), 1e-4
     assert np.hypot(*found[touching, 1:].T) == pytest.approx(1.0)
@@ -106,7 +104,7 @@ def test_a_gap_grows_along_its_unit_normal(kind: ShapeKind) -> None:
 
 
 @pytest.mark.parametrize("kind", ShapeKind)
-def test_grains_that_may_touch_after_a_motion_are_near_before_it(kind: ShapeKind) -> None:
+def test_grains_that_may_touch_after_a_motion_are_near_before_it(kind):
     """So the list of neighbors holds them."""
     gap = gaps(kind, GRAINS, world_of(kind))[:, 0]
     after, cutoff = GRAINS[np.isfinite(gap)], gap[np.isfinite(gap)] + 1e-9
@@ -131,9 +129,7 @@ LINES = {
     "pose", [(0.0, 0.0, 0.0), (-7.3, 0.2, 0.0), (0.55, 0.1, 0.9), (3.2, -0.1, -2.2)]
 )
 @pytest.mark.parametrize("name", LINES)
-def test_a_line_in_a_periodic_domain_is_where_it_is_drawn(
-    name: str, pose: tuple[float, float, float]
-) -> None:
+def test_a_line_in_a_periodic_domain_is_where_it_is_drawn(name, pose):
     """Against the distances to all images of the line, by brute force."""
     drawn, is_closed = LINES[name]
     if pose[2] and drawn[-1][0] - drawn[0][0] == PERIOD and drawn[-1][1] == drawn[0][1]:
@@ -167,7 +163,7 @@ def test_a_line_in_a_periodic_domain_is_where_it_is_drawn(
     assert near > 30
 
 
-def distances(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+def distances(points, start, end):
     way = end - start
     along = np.clip((points - start) @ way / (way @ way), 0.0, 1.0)
     return np.hypot(*(points - start - along[:, np.newaxis] * way).T)

@@ -2,8 +2,6 @@
 layer.
 """
 
-from __future__ import annotations
-
 import ast
 import os
 import subprocess
@@ -20,7 +18,7 @@ from multicor_cli.engine.jit.cache import PRIORITY
 
 
 @pytest.fixture
-def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def home(tmp_path, monkeypatch):
     """An empty cache directory of the user; Numba looks as if it had not been imported."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
     monkeypatch.setenv("NUMBA_CACHE_DIR", "")
@@ -29,7 +27,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "xdg" / "multicor"
 
 
-def test_cache_lies_in_the_users_directory(home: Path) -> None:
+def test_cache_lies_in_the_users_directory(home):
     found = cache.configure_cache()
     assert found == home / cache.cache_name()
     assert os.environ["NUMBA_CACHE_DIR"] == str(found)
@@ -40,18 +38,14 @@ def test_cache_lies_in_the_users_directory(home: Path) -> None:
     assert cache.is_compiled()
 
 
-def test_directory_given_by_the_user_is_respected(
-    home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_directory_given_by_the_user_is_respected(home, tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "mine"))
     assert cache.configure_cache() == tmp_path / "mine" / cache.cache_name()
     assert not home.exists()
 
 
 @pytest.mark.parametrize("why", ["of somebody else", "open to all", "full"])
-def test_nothing_is_left_in_a_directory_that_is_passed_over(
-    why: str, home: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_is_left_in_a_directory_that_is_passed_over(why, home, monkeypatch):
     """As ``/tmp/multicor-UID`` may be: made by somebody else, and open."""
     home.mkdir(parents=True)
     home.chmod(0o777)
@@ -87,9 +81,7 @@ COUNT = {"engine/jit/compile.py", "engine/laws.py", "engine/units.py", "packing/
 """What its machine code is made of."""
 
 
-def test_edited_source_gets_another_directory(
-    home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_edited_source_gets_another_directory(home, tmp_path, monkeypatch):
     """The stale machine code that Numba would use is in the directory of the sources that it was
     made of.
     """
@@ -107,32 +99,26 @@ def test_edited_source_gets_another_directory(
     assert cache.cache_name() not in names
 
 
-def test_unwritable_or_full_home_falls_back(
-    home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unwritable_or_full_home_falls_back(home, tmp_path, monkeypatch):
     monkeypatch.setattr(cache.tempfile, "gettempdir", lambda: str(tmp_path / "tmp"))
     (tmp_path / "tmp").mkdir()
     home.parent.write_text("a file, not a directory")
     found = cache.configure_cache()
-    assert found is not None
     assert found.parent == tmp_path / "tmp" / f"multicor-{os.getuid()}"
     monkeypatch.setattr(cache, "SPACE", 1 << 62)
     assert cache.configure_cache() is None
     assert Path(os.environ["NUMBA_CACHE_DIR"]).is_dir()
 
 
-def test_directory_that_others_can_write_to_is_not_trusted(
-    home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_directory_that_others_can_write_to_is_not_trusted(home, tmp_path, monkeypatch):
     monkeypatch.setattr(cache.tempfile, "gettempdir", lambda: str(tmp_path / "tmp"))
     home.mkdir(parents=True)
     home.chmod(0o777)
     found = cache.configure_cache()
-    assert found is not None
     assert tmp_path / "tmp" in found.parents
 
 
-def test_no_cache_leaves_nothing_behind(tmp_path: Path) -> None:
+def test_no_cache_leaves_nothing_behind(tmp_path):
     script = (
         "from multicor_cli.engine.jit.cache import configure_cache; import os; "
         "print(configure_cache(), os.environ['NUMBA_CACHE_DIR'])"
@@ -152,7 +138,7 @@ def test_no_cache_leaves_nothing_behind(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_old_caches_go_and_young_ones_stay(home: Path) -> None:
+def test_old_caches_go_and_young_ones_stay(home):
     home.mkdir(parents=True)
     tail = cache.cache_name()[len("kernels-") + 16 :]
     for k in range(6):
@@ -162,7 +148,6 @@ def test_old_caches_go_and_young_ones_stay(home: Path) -> None:
         os.utime(directory, (time.time() - age, time.time() - age))
     (home / "thesis").mkdir()
     current = cache.configure_cache()
-    assert current is not None
     left = sorted(path.name[:24] for path in home.iterdir() if path != current)
     assert left == [f"kernels-{0:016x}", f"kernels-{1:016x}", "thesis"]
 
@@ -170,7 +155,7 @@ def test_old_caches_go_and_young_ones_stay(home: Path) -> None:
 PACKAGE = ROOT / "multicor_cli"
 
 
-def modules_of(path: Path) -> set[Path]:
+def modules_of(path):
     """Files of the package that a module imports, found as Python would; names from a package are
     those of its modules.
     """
@@ -190,7 +175,7 @@ def modules_of(path: Path) -> set[Path]:
     return {file for file in found if file.exists()}
 
 
-def test_the_digest_covers_whatever_kernels_are_made_of() -> None:
+def test_the_digest_covers_whatever_kernels_are_made_of():
     """Numba notices an edit of the file that a cached function is in, but not of what it calls."""
     imports = {path: modules_of(path) for path in PACKAGE.rglob("*.py")}
     decorators = PACKAGE / "engine" / "jit" / "compile.py"
@@ -204,7 +189,7 @@ def test_the_digest_covers_whatever_kernels_are_made_of() -> None:
     assert set(cache.kernel_sources(PACKAGE)) == made_of
 
 
-def test_a_kernel_is_compiled_anew_for_another_step_of_the_engine_only_if_it_has_to_be() -> None:
+def test_a_kernel_is_compiled_anew_for_another_step_of_the_engine_only_if_it_has_to_be():
     """Files without kernels that no kernel needs do not count: those who work on them need not
     wait.
     """
@@ -212,7 +197,7 @@ def test_a_kernel_is_compiled_anew_for_another_step_of_the_engine_only_if_it_has
     assert not counted & {"engine/step.py", "running/session.py", "cli/app.py", "store/reader.py"}
 
 
-def test_kernels_are_compiled_in_one_place() -> None:
+def test_kernels_are_compiled_in_one_place():
     """Else neither the digest nor the promise of IEEE arithmetic would hold."""
     found = set()
     for path in PACKAGE.rglob("*.py"):
@@ -251,7 +236,7 @@ print(numba.config.THREADING_LAYER_PRIORITY, numba.config.THREADING_LAYER)
 """
 
 
-def shown(first: str = "", **extra: str) -> str:
+def shown(first="", **extra):
     env = {
         key: value for key, value in environment().items() if not key.startswith("NUMBA_THREADING")
     }
@@ -266,18 +251,18 @@ def shown(first: str = "", **extra: str) -> str:
     return done.stdout.strip()
 
 
-def test_openmp_comes_first_even_if_numba_was_imported_before() -> None:
+def test_openmp_comes_first_even_if_numba_was_imported_before():
     assert shown() == f"{PRIORITY.split()} default"
 
 
 @pytest.mark.parametrize("name", ["NUMBA_THREADING_LAYER_PRIORITY", "NUMBA_THREADING_LAYER"])
-def test_the_users_choice_is_kept(name: str) -> None:
+def test_the_users_choice_is_kept(name):
     value = "workqueue omp tbb" if name.endswith("PRIORITY") else "workqueue"
     assert "workqueue" in shown(**{name: value})
     assert shown(**{name: value}) != shown()
 
 
-def test_a_layer_that_is_not_there_is_named() -> None:
+def test_a_layer_that_is_not_there_is_named():
     """Numba complains of it in the midst of a kernel."""
     arguments = ("run", ROOT / "configs" / "lattice14.toml", "--dry-run")
     done = call(*arguments, cwd=ROOT, NUMBA_THREADING_LAYER="abacus")
