@@ -17,21 +17,11 @@ from typer.main import get_command
 from multicor_cli import __version__
 from multicor_cli.cli.app import app
 
-HEAVY = {"numpy", "numba", "h5py", "pydantic", "matplotlib", "scipy", "simpleeval"}
+HEAVY = {"h5py", "matplotlib", "numba", "numpy", "pandas", "pydantic", "scipy", "simpleeval"}
 COMMANDS = [
-    "new",
-    "validate",
-    "run",
-    "info",
-    "verify",
-    "post",
-    "export",
-    "report",
-    "bench",
-    "schema",
-    "doctor",
-    "study",
-]
+    "new", "validate", "run", "info", "verify", "post", "export", "report", "bench", "schema",
+    "doctor", "study",
+]  # fmt: skip
 
 COMMAND = "sys.argv = ['multicor', *{!r}]; from multicor_cli.cli.app import main; main()"
 SCRIPT = """

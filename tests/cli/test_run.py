@@ -4,7 +4,6 @@ benchmark.
 
 import json
 import os
-import random
 import re
 import shlex
 import shutil
@@ -76,26 +75,6 @@ def test_number_of_threads_does_not_matter(typed, finished, tmp_path):
     assert all(line.startswith("warning: ") for line in done.stderr.splitlines())
     assert read_info(tmp_path / "other")["provenance"]["threads"] == 4
     assert digests(tmp_path / "other") == digests(finished)
-
-
-@pytest.mark.reliability
-def test_kills_and_signals_leave_no_trace(typed, finished, tmp_path):
-    """Stopped at random moments in three ways, the same command goes on; at the end every dataset
-    is the same to the bit.
-    """
-    write_small(tmp_path)
-    rng = random.Random(20261121)
-    codes = []
-    for number in [signal.SIGKILL, signal.SIGTERM, signal.SIGINT]:
-        process = start("run", "small.toml", "-o", "cut", *OFTEN, cwd=tmp_path)
-        wait_for_step(process, tmp_path / "cut", 0)
-        time.sleep(rng.uniform(0.0, 0.8))
-        process.send_signal(number)
-        process.communicate(timeout=60)
-        codes.append(process.returncode)
-    typed("run small.toml -o cut " + ("--overwrite" if 0 in codes else "-q"))
-    assert digests(tmp_path / "cut") == digests(finished)
-    typed("verify cut")
 
 
 def test_signals_stop_soon_after_a_checkpoint(tmp_path):
@@ -241,22 +220,6 @@ def test_damaged_checkpoint_falls_back_with_a_warning(typed, finished, tmp_path)
 def test_dry_run_writes_nothing(typed, tmp_path):
     assert "one step with compilation" in typed("run SMALL --dry-run").stderr
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.reliability
-def test_full_disk_is_code_5_and_can_be_continued(typed, finished, tmp_path):
-    """A limit on the size of files stands for a full disk."""
-    limit = (
-        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN); resource.setrlimit(resource.RLIMIT_FSIZE, "
-        "(100_000, 100_000))"
-    )
-    process = start_changed(tmp_path, f"import resource, signal; {limit}")
-    _, said = process.communicate(timeout=120)
-    assert process.returncode == 5, said
-    assert "no space left" in said
-    assert "Traceback" not in said
-    typed("run small.toml -o here")
-    assert digests(tmp_path / "here") == digests(finished)
 
 
 def test_bug_leaves_a_crash_file_and_one_line(tmp_path):

@@ -66,11 +66,9 @@ _BASE = """\
 [scenario]
 name = "short"
 seed = 11
-
 [domain]
 size = [0.03, 0.05]
 periodic = {periodic}
-
 [materials.glass]
 density = 2500.0
 young = 70e9
@@ -82,13 +80,11 @@ roughness = 1e-6
 asperity_slope = 0.1
 microhardness = 3e9
 hardness = 6e9
-
 [[contacts]]
 pair = ["*", "*"]
 friction = {friction}
 restitution = 0.3
 {wear}
-
 [[particles]]
 name = "grains"
 material = "glass"
@@ -101,21 +97,16 @@ velocity = [0.1, -0.2]
 spin = 3.0
 shear_rate = 2.0
 {temperature}
-
 {walls}
-
 [[loading]]
 name = "first"
 duration = 0.01
 {drives}
-
 [[loading]]
 name = "second"
 {second}
-
 [solver]
 dt = 2e-4
-
 [output]
 frame_interval = 0.005
 {heat}
@@ -215,7 +206,6 @@ _MOVING = """\
 name = "shaker"
 material = "glass"
 geometry = { kind = "box", min = [0.002, 0.002], max = [0.028, 0.03], open = ["top"] }
-
 [[walls]]
 name = "paddle"
 material = "glass"

@@ -139,11 +139,3 @@ def test_every_class_is_explained(name):
     found = getattr(multicor_cli, name)
     assert inspect.isclass(found)
     assert vars(found).get("__doc__")
-
-
-def test_importing_loads_nothing():
-    heavy = "{'numba', 'numpy', 'h5py', 'pydantic', 'pandas', 'matplotlib'}"
-    program = f"import sys, multicor_cli; print({heavy} & sys.modules.keys())"
-    command = [sys.executable, "-c", program]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert done.stdout == "set()\n"

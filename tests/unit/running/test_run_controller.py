@@ -120,23 +120,6 @@ def test_resumed_run_equals_uninterrupted_run(seed, reference):
     assert recorder.rows == reference.recorder.rows
 
 
-@pytest.mark.parametrize("last", [0, 1, 11, 12, 30, 31, 37])
-def test_interrupted_step_leaves_the_state_of_the_step_before(last, reference):
-    """Also in the first step of a stage, whose drives have been set by then (steps 11 and 31)."""
-    scene = Scene()
-
-    def act(step):
-        if step == last:
-            scene.signals.stop_signal = signal.SIGTERM
-
-    assert scene.run(act) is StopReason.TERMINATED
-    state = scene.recorder.rewind()
-    assert state.step == last
-    resumed = Scene(state, scene.recorder)
-    assert resumed.run(is_new=False) is StopReason.FINISHED
-    assert resumed.engine.state.digest() == reference.engine.state.digest()
-
-
 def test_signal_during_the_first_step_waits_where_the_process_is_not_ours():
     scene = Scene()
     reason = scene.run(lambda _step: scene.signals._on_stop(signal.SIGINT, None))
@@ -180,18 +163,6 @@ def test_checkpoint_on_request_goes_on():
 
     assert scene.run(act).is_end
     assert scene.checkpoints == [0, 6, 38]
-
-
-def test_physics_error_keeps_the_last_checkpoint():
-    scene = Scene()
-
-    def act(step):
-        if step == 9:
-            raise PhysicsError(step, "the position of grain 1 is not finite")
-
-    with pytest.raises(PhysicsError, match="step 9: the position of grain 1"):
-        scene.run(act)
-    assert (scene.checkpoints, scene.frames) == ([0], [0, 4, 8])
 
 
 def test_finished_state_runs_nothing(reference):

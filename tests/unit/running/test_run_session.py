@@ -16,11 +16,11 @@ from multicor_cli.engine import PhysicsError
 from multicor_cli.packing import build, place
 from multicor_cli.running import session as session_module
 from multicor_cli.running.from_scenario import make_plan
-from multicor_cli.running.outcome import ExitCode, SilentObserver, StopReason, exit_code_of
+from multicor_cli.running.outcome import SilentObserver, StopReason, exit_code_of
 from multicor_cli.running.session import stage_starts
 from multicor_cli.scenario import load_scenario, parse_scenario
 from multicor_cli.scenario.problems import ScenarioError
-from multicor_cli.store import DirectoryRefused, StorageFull, open_run, run_info
+from multicor_cli.store import StorageFull, open_run, run_info
 
 KEPT = """
 [[loading]]
@@ -114,12 +114,6 @@ def test_stage_starts_are_read_from_the_frames(path, reference):
     assert starts[-1] == state.stage_start
 
 
-def test_finished_run_is_left_alone(path, reference):
-    again = run_scenario(path, reference.directory)
-    assert again.reason is StopReason.ALREADY_FINISHED
-    assert (again.step, again.time) == (reference.step, reference.time)
-
-
 def test_changed_scenario_is_refused_before_anything_is_touched(path, reference):
     before = (reference.directory / "run.json").read_bytes()
     wider = ("size = [0.02, 0.02]", "size = [0.02, 0.03]")
@@ -178,18 +172,6 @@ def test_physics_error_keeps_checkpoint_and_frames(path, tmp_path, monkeypatch):
         assert state.step == 0
 
 
-def test_nan_in_the_state_stops_the_run(path, tmp_path, monkeypatch):
-    """The real engine, with a velocity that becomes nan behind its back."""
-
-    def poison(engine):
-        engine.state.velocity[4, 1] = float("nan")
-
-    stop_at(monkeypatch, 7, poison)
-    with pytest.raises(PhysicsError, match="grain 4"):
-        run_scenario(path, tmp_path / "run")
-    assert run_info(tmp_path / "run")["exit_code"] == 4
-
-
 @pytest.mark.parametrize(
     ("error", "code"),
     [(StorageFull(Path("x")), 5), (MemoryError(), 5), (ZeroDivisionError("oops"), 1)],
@@ -218,19 +200,6 @@ def test_signal_while_the_grains_are_placed_waits_for_them(path, tmp_path, monke
     assert (outcome.reason, outcome.step) == (StopReason.INTERRUPTED, 0)
     monkeypatch.undo()
     assert run_scenario(path, tmp_path / "run").is_finished
-
-
-def test_time_limit_counts_from_the_start(path, tmp_path):
-    outcome = run_scenario(path, tmp_path / "run", max_hours=0.0)
-    assert outcome.reason is StopReason.TIME_LIMIT
-    assert outcome.reason.exit_code is ExitCode.STOPPED
-    assert outcome.step == 0
-
-
-def test_directory_in_use_or_foreign_is_refused(path, tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(DirectoryRefused):
-        run_scenario(path, tmp_path / "file")
 
 
 def test_domain_too_narrow_for_the_engine_is_a_problem_of_the_scenario(tmp_path):

@@ -33,7 +33,7 @@ def heat(*lines):
 def without(text, *keys, material="glass"):
     """The text without some keys of a material."""
     start = text.index(f"[materials.{material}]")
-    end = text.index("\n\n", start)
+    end = text.index("\n[", start)
     table = [line for line in text[start:end].splitlines() if line.split(" ")[0] not in keys]
     return text[:start] + "\n".join(table) + text[end:]
 

@@ -8,17 +8,11 @@ import errno
 import json
 import os
 import shutil
-import signal
-import subprocess
-import sys
-import time
-import traceback
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from places import ROOT
 from store_support import (
     PROVENANCE,
     RESOLVED,
@@ -26,14 +20,11 @@ from store_support import (
     continue_run,
     drive,
     ends_of,
-    errors_of,
-    file_size_limit,
     make_model,
     make_run,
     run_whole,
     start,
 )
-from system_calls import hooked
 
 from multicor_cli.store import (
     DamagedRun,
@@ -48,9 +39,9 @@ from multicor_cli.store import (
     run_info,
     verify,
 )
-from multicor_cli.store.atomic import GuardedFile, append_line, commit_bytes
+from multicor_cli.store.atomic import append_line
 from multicor_cli.store.checkpoint import prune
-from multicor_cli.store.lock import RunLock, is_alive
+from multicor_cli.store.lock import is_alive
 from multicor_cli.store.rundir import check_usable
 from multicor_cli.store.segments import keep_segments
 
@@ -59,23 +50,6 @@ def listing(path):
     return {
         str(file.relative_to(path)): file.read_bytes() for file in path.rglob("*") if file.is_file()
     }
-
-
-def in_child(action):
-    """Number of a child process that ends with 0, the exit code of a `StoreError`, or 99."""
-    child = os.fork()
-    if child == 0:
-        code = 99
-        try:
-            action()
-            code = 0
-        except StorageError as error:
-            code = error.exit_code
-        except BaseException:
-            traceback.print_exc()
-        finally:
-            os._exit(code)
-    return child
 
 
 # --- who may use it
@@ -295,31 +269,6 @@ def test_second_run_is_refused_and_changes_nothing(tmp_path):
     RunDirectory.resume(tmp_path / "run").close()
 
 
-def test_lock_of_a_dead_process_is_taken_over(tmp_path):
-    code = (
-        "import sys, time, pathlib; from multicor_cli.store.lock import RunLock;"
-        "lock = RunLock(pathlib.Path(sys.argv[1])); print(1, flush=True); time.sleep(60)"
-    )
-    holder = subprocess.Popen(
-        [sys.executable, "-c", code, str(tmp_path / "lock")], stdout=subprocess.PIPE, cwd=ROOT
-    )
-    holder.stdout.readline()
-    try:
-        assert is_alive(tmp_path / "lock")
-        with pytest.raises(RunLocked, match=f"process {holder.pid} "):
-            RunLock(tmp_path / "lock")
-    finally:
-        holder.send_signal(signal.SIGKILL)
-        holder.wait()
-        holder.stdout.close()
-    assert not is_alive(tmp_path / "lock")
-    lock = RunLock(tmp_path / "lock")
-    assert is_alive(tmp_path / "lock")
-    lock.release()
-    lock.release()
-    assert not is_alive(tmp_path / "lock")
-
-
 def test_lock_of_another_host_is_respected_unless_forced(tmp_path):
     make_run(tmp_path / "run").close()
     started = "2026-01-01T00:00:00+00:00"
@@ -334,33 +283,7 @@ def test_lock_of_another_host_is_respected_unless_forced(tmp_path):
     RunDirectory.resume(tmp_path / "run").close()
 
 
-def test_recycled_process_number_does_not_count_as_alive(tmp_path):
-    lock = RunLock(tmp_path / "lock")
-    holder = json.loads((tmp_path / "lock").read_text())
-    lock.release()
-    (tmp_path / "lock").write_text(json.dumps({**holder, "start_ticks": holder["start_ticks"] - 1}))
-    assert not is_alive(tmp_path / "lock")
-
-
 # --- no space, no permission
-
-
-@pytest.mark.parametrize("limit_kb", [1, 60, 120, 180])
-def test_file_size_limit_stops_with_code_5_and_the_run_goes_on_later(tmp_path, limit_kb):
-    """`RLIMIT_FSIZE` fails the writes of a child in the same places as a full disk does."""
-    path, model = tmp_path / "run", make_model(120)
-
-    def limited():
-        with file_size_limit(limit_kb << 10):
-            run_whole(path, model)
-
-    assert os.waitstatus_to_exitcode(os.waitpid(in_child(limited), 0)[1]) == 5
-    if RunDirectory.is_run(path):
-        assert errors_of(path) == []
-    assert list(path.rglob("*.h5.tmp")) == []
-    continue_run(path, model)
-    run_whole(tmp_path / "whole", model)
-    assert ends_of(path) == ends_of(tmp_path / "whole")
 
 
 def test_full_disk_is_noticed_before_a_file_is_begun(tmp_path, monkeypatch):
@@ -387,23 +310,6 @@ def test_full_disk_is_noticed_before_a_file_is_begun(tmp_path, monkeypatch):
         with open_run(tmp_path / "run") as reader:
             assert len(reader.frames) == 1
     assert verify(tmp_path / "run") == []
-
-
-def test_guarded_file_keeps_the_first_error_and_swallows_the_rest(tmp_path, monkeypatch):
-    import h5py
-
-    def fail(*_):
-        raise OSError(errno.EIO, "Input/output error")
-
-    with (tmp_path / "file").open("w+b") as raw:
-        guarded = GuardedFile(raw.fileno())
-        with h5py.File(guarded, "w", libver=("v110", "v110")) as file:
-            file["a"] = np.zeros(1000)
-            monkeypatch.setattr(os, "pwrite", fail)
-            file["b"] = np.zeros(100_000)
-        with pytest.raises(OSError, match="Input/output") as caught:
-            guarded.finish()
-        assert caught.value.errno == errno.EIO
 
 
 def test_short_write_of_the_manifest_leaves_no_half_line(tmp_path, monkeypatch):
@@ -443,78 +349,7 @@ def test_errors_of_the_system_name_the_file(tmp_path, monkeypatch, name):
         assert list((tmp_path / "run").glob("*.tmp")) == []
 
 
-def test_reading_while_running(tmp_path):
-    """Readers see whole frames only, at any moment, and the end of the run does not disturb
-    them.
-    """
-    path, seen = tmp_path / "run", 0
-
-    def go_on():
-        with make_run(path) as run:
-            drive(run, make_model(), steps=80, checkpoint_every=10)
-
-    child = in_child(go_on)
-    deadline = time.monotonic() + 50.0
-    while not os.waitpid(child, os.WNOHANG)[0]:
-        assert time.monotonic() < deadline
-        if not RunDirectory.is_run(path):
-            continue
-        with open_run(path) as reader:
-            steps = reader.frames.step
-            assert steps.tolist() == list(range(0, 5 * len(steps), 5))
-            assert len(reader.frames) >= seen
-            assert len(reader.series["time"]) >= 2 * seen
-            if len(steps):
-                assert np.isfinite(reader.frames[-1].position).all()
-            seen = len(steps)
-            assert reader.status in ("running", "finished")
-    with open_run(path) as reader:
-        assert len(reader.frames) == 17
-
-
 # --- the order of a commit
-
-
-def test_commit_flushes_file_and_directory_around_the_rename(tmp_path):
-    """The order of the calls (`reliability/test_power_cut` tries what they survive)."""
-    calls = []
-
-    def log(name, args, call):
-        if name == "fsync":
-            calls.append("fsync " + Path(f"/proc/self/fd/{args[0]}").readlink().name)
-        elif name in ("replace", "rename"):
-            calls.append(f"replace {Path(args[0]).name} {Path(args[1]).name}")
-        return call()
-
-    with hooked(log):
-        commit_bytes(tmp_path / "file", "test", b"content")
-    assert calls == ["fsync file.tmp", "replace file.tmp file", f"fsync {tmp_path.name}"]
-
-
-def test_what_reads_back_differently_is_not_committed(tmp_path, monkeypatch):
-    model = make_model(50)
-    with make_run(tmp_path / "run") as run:
-        state = drive(run, model, steps=10, checkpoint_every=5, finish=False)
-        before = listing(tmp_path / "run")
-        write = GuardedFile.write
-
-        def write_wrongly(self, data):
-            changed = bytearray(data)
-            if len(changed) > 300:
-                changed[len(changed) // 2] ^= 4
-            return write(self, memoryview(changed))
-
-        monkeypatch.setattr(GuardedFile, "write", write_wrongly)
-        state.step += 5
-        with pytest.raises(DamagedRun):
-            run.checkpoint(state, run._writer)
-        run._writer.frame(Snapshot(state, run._writer.model))
-        with pytest.raises(DamagedRun):
-            run._writer.flush()
-        monkeypatch.undo()
-        assert listing(tmp_path / "run") == before
-        run.checkpoint(state, run._writer)
-    assert verify(tmp_path / "run") == []
 
 
 WRITING = {

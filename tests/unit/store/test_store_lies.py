@@ -5,7 +5,6 @@ before memory is taken.
 import json
 import re
 import shutil
-from collections.abc import Callable
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -23,7 +22,6 @@ from multicor_cli.store.atomic import file_digest
 from multicor_cli.store.documents import document_line, parse_document
 from multicor_cli.store.hdf5 import write_text
 
-Change = Callable[[h5py.File], object]
 ANGLE = "particles/angle"
 
 
@@ -230,13 +228,3 @@ def test_segment_that_does_not_fit_the_model_is_damaged(tmp_path, make, change, 
         change(data)
     (finding,) = (one for one in verify(tmp_path / "run") if one.file.endswith("000000.h5"))
     assert named in finding.message
-
-
-def test_foreign_files_are_refused(tmp_path):
-    with h5py.File(tmp_path / "foreign.h5", "w") as file:
-        file["x"] = 1
-    (tmp_path / "text.h5").write_text("hello")
-    for name in ("foreign.h5", "text.h5"):
-        with pytest.raises(DamagedRun, match=name):
-            open_run(tmp_path / name)
-        assert [finding.severity for finding in verify(tmp_path / name)] == ["error"]

@@ -3,14 +3,11 @@ results.h5.
 """
 
 import dataclasses
-import subprocess
-import sys
 
 import h5py
 import numpy as np
 import pytest
 from page_tables import FORMATS, with_tables
-from places import ROOT
 from store_support import (
     RESOLVED,
     SOURCE,
@@ -28,7 +25,6 @@ from multicor_cli.model.books import BOOKS, HEAT_BOOKS
 from multicor_cli.store import (
     Contacts,
     Frame,
-    RunDirectory,
     Snapshot,
     open_run,
     run_info,
@@ -478,21 +474,3 @@ def test_frames_are_copied(tmp_path):
         with open_run(tmp_path / "run") as reader:
             np.testing.assert_array_equal(reader.frames[0].position, before)
             assert not reader.frames[0].image.any()
-
-
-def test_importing_the_package_loads_nothing_heavy():
-    code = (
-        "import sys, multicor_cli.store; print(sorted({'h5py', 'numpy', 'numba'} & "
-        "set(sys.modules)))"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT
-    )
-    assert done.stdout.strip() == "[]"
-
-
-def test_final_state_starts_the_next_run_exactly(copy):
-    with RunDirectory.resume(copy) as run:
-        assert run.is_finished
-        last = run.load_checkpoint()
-    assert last.state.digest() == run_info(copy)["state_digest"]

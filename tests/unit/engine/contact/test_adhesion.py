@@ -10,7 +10,6 @@ from scene_parts import (
     G,
     advance,
     book,
-    continued,
     make_engine,
     make_model,
     resume,
@@ -370,21 +369,6 @@ def test_work_of_adhesion_is_in_the_books_of_a_flow(kind):
     assert (forces[table.gap > 1e-3] < 0.0).any()
     assert book(state, "closure") < 1e-12
     assert tally(state, "unconverged_steps") == 0
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_stopped_in_the_middle_of_bridges_and_continued_is_the_same_to_the_bit(kind):
-    keys = {"columns": 8, "rows": 8, "adhesion": 1.0, "reach": 0.05, "wet": kind == "wet"}
-    whole = shear_engine(**keys)
-    advance(whole, 0.02, 60)
-    first = shear_engine(**keys)
-    advance(first, 0.02, 30)
-    carried = set(zip(first.state.contact_i, first.state.contact_j, strict=True))
-    bridges = set(zip(first.state.bridge_i, first.state.bridge_j, strict=True))
-    assert bool(bridges - carried) == (kind == "wet")
-    second = continued(first)
-    advance(second, 0.02, 30, first=30)
-    assert second.state.digest() == whole.state.digest()
 
 
 def test_threads_do_not_change_bits():

@@ -12,7 +12,6 @@ from scene_parts import (
     G,
     advance,
     book,
-    continued,
     copy_of,
     make_engine,
     make_model,
@@ -373,18 +372,6 @@ def _free(system):
     )  # fmt: skip
     add_impulses(bare)
     return bare.velocity
-
-
-def test_stopped_and_continued_is_the_same_to_the_bit():
-    whole = shear_engine(columns=8, rows=8, adhesion=1.0, rolling=0.3)
-    advance(whole, 0.02, 60)
-    first = shear_engine(columns=8, rows=8, adhesion=1.0, rolling=0.3)
-    advance(first, 0.02, 30)
-    second = continued(first)
-    for k in range(30, 60):
-        second.step(0.02, k * 0.02)
-    assert second.state.contact_couple.any()
-    assert second.state.digest() == whole.state.digest()
 
 
 def test_threads_do_not_change_bits():
