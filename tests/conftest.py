@@ -61,8 +61,7 @@ def finished(tmp_path_factory):
 @pytest.fixture
 def run(tmp_path):
     """``run(scenario, name)`` carries a scenario out in this process, and opens its directory until
-    the test is over.
-    """
+    the test is over."""
     with ExitStack() as opened:
 
         def run_and_open(scenario, name="run", **options):

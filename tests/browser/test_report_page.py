@@ -1,6 +1,5 @@
 """The report in a real browser: it draws what the run holds, plays, tells values, and no text of
-the user is run.
-"""
+the user is run."""
 
 import re
 import shutil
@@ -213,8 +212,7 @@ def test_pointing_tells_the_values_of_a_grain_and_a_click_keeps_them(opened):
 
 def test_values_under_a_resting_pointer_follow_the_frames(opened):
     """Frames 0 to 5: speeds are 0 in the first one; the grains of the column stay where they are in
-    y.
-    """
+    y."""
     opened.page.mouse.move(*opened.place(3))
     assert "0.3 m/s" in opened.page.inner_text("#tip")
     opened.key("ArrowLeft")
@@ -226,8 +224,7 @@ def test_values_under_a_resting_pointer_follow_the_frames(opened):
 
 def test_values_told_are_those_of_the_run_as_far_as_their_digits_go(opened, run):
     """The page stores steps of 1/65534 of the range; what it tells has no digits beyond that, and
-    the others are right.
-    """
+    the others are right."""
     frame = run.frames[-1]
     own = np.maximum(contact_force := 1.0 + np.arange(GRAINS), np.append(0.0, contact_force[:-1]))
     expected = {
@@ -327,8 +324,7 @@ def test_the_first_color_shown_is_that_of_a_quantity_that_differs(browser, tmp_p
 
 def test_a_script_that_got_into_the_page_does_not_run(browser, address, tmp_path):
     """The policy names the digest of the one program; this is what an escape that was forgotten
-    would look like.
-    """
+    would look like."""
     text = Path(address.removeprefix("file://")).read_text(encoding="utf-8")
     added = "<script>window.broken = 1</script><img src=x onerror='window.broken = 2'>"
     (tmp_path / "page.html").write_text(

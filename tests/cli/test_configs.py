@@ -1,6 +1,5 @@
 """Every shipped scenario is valid, and runs at least in a short form with closed books and small
-overlaps.
-"""
+overlaps."""
 
 import pytest
 from digest_cases import CONFIGS, SHIPPED

@@ -1,6 +1,5 @@
 """Every command that reads a run, on runs between walls of every kind and on odd ones: a table of
-what is there, or a message.
-"""
+what is there, or a message."""
 
 import json
 import subprocess
@@ -50,8 +49,7 @@ def lines(of, run):
 
 def wall_forces(run):
     """Shear and normal force on the lid and against it on the floor, half their sum, between the
-    first and last frame [N].
-    """
+    first and last frame [N]."""
     time, ends = np.asarray(run.series["time"]), [frame.time for frame in chosen(run)]
     rows = (time > ends[0]) & (time <= ends[-1])
     force = np.asarray(run.series["wall_force"])[rows].mean(axis=0)
@@ -108,8 +106,7 @@ def temperature(of, run, table):
 
 def solid_fraction(of, run, table):
     """All area is there, but for grains that lie between those of a rough wall, or between a
-    polygon and its image.
-    """
+    polygon and its image."""
     bounds_are_right(of, run, table)
     found, uneven = sum(table["value"]) * table["bin_area"], ("rough", "cluster", "outside")
     assert found <= area_of(run) * (1.0 + 1e-9)
@@ -291,13 +288,10 @@ HEAVY = (
 """What a table without a figure, and an export of frames, do not load: a shell waits for it."""
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        *(f"post {n} RUN" for n in ["energy", "profile", "rheology", "series", "forces"]),
-        "export csv RUN -o csv",
-    ],
-)
+@pytest.mark.parametrize("words", [
+    *(f"post {n} RUN" for n in ["energy", "profile", "rheology", "series", "forces"]),
+    "export csv RUN -o csv",
+])  # fmt: skip
 def test_reading_loads_nothing_heavy(finished, tmp_path, words):
     said = f"import sys; sys.argv[1:] = {words.replace('RUN', str(finished)).split()}\n"
     script = said + (

@@ -1,6 +1,5 @@
 """Help is quick because nothing heavy is imported for it, and so is what only reads; help is as
-wide as the terminal.
-"""
+wide as the terminal."""
 
 import os
 import subprocess
@@ -36,26 +35,22 @@ print(*sorted(sys.modules), file=sys.stderr)
 
 def loaded_after(code, **options):
     """Modules, and the packages that they are in, that are loaded after ``code`` has run in a
-    process of its own.
-    """
+    process of its own."""
     options |= {"env": environment(), "capture_output": True, "text": True, "timeout": 120}
     command = [sys.executable, "-c", SCRIPT.format(code=code)]
     names = subprocess.run(command, check=True, **options).stderr.splitlines()[-1].split()
     return {*names, *(name.split(".")[0] for name in names)}
 
 
-@pytest.mark.parametrize(
-    ("arguments", "forbidden"),
-    [
-        ("--help", HEAVY),
-        ("--version", HEAVY),
-        # The command-line library itself looks for pydantic as soon as a command has options.
-        ("run --help", HEAVY - {"pydantic"}),
-        ("post energy --help", HEAVY - {"pydantic"}),
-        # It names quantities, and compiles nothing.
-        ("post map --help", HEAVY - {"pydantic", "numpy"}),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "forbidden"), [
+    ("--help", HEAVY),
+    ("--version", HEAVY),
+    # The command-line library itself looks for pydantic as soon as a command has options.
+    ("run --help", HEAVY - {"pydantic"}),
+    ("post energy --help", HEAVY - {"pydantic"}),
+    # It names quantities, and compiles nothing.
+    ("post map --help", HEAVY - {"pydantic", "numpy"}),
+])  # fmt: skip
 def test_help_imports_nothing_heavy(arguments, forbidden):
     modules = loaded_after(COMMAND.format(arguments.split()))
     assert "typer" in modules
@@ -71,32 +66,24 @@ KERNELS = {
     "multicor_cli.engine.step",
 }
 SCENARIOS = {
-    "multicor_cli.scenario.tables",
-    "multicor_cli.running.plan",
-    "multicor_cli.packing.assembly",
-}
+    "multicor_cli.scenario.tables", "multicor_cli.running.plan", "multicor_cli.packing.assembly",
+}  # fmt: skip
 READING = COMPILERS | FIGURES | MANY_RUNS | KERNELS
 
 
-@pytest.mark.parametrize(
-    ("arguments", "forbidden"),
-    [
-        ("info RUN", READING),
-        ("verify RUN", READING | SCENARIOS),
-        ("post energy RUN", READING | SCENARIOS),
-        ("post profile RUN --of velocity --json", READING | SCENARIOS),
-        ("post map RUN --of speed --csv", READING | SCENARIOS),
-        ("post series RUN", READING | SCENARIOS),
-        ("export csv RUN -o files", READING | SCENARIOS),
-        ("new bed", READING | {"h5py"}),
-        ("schema", READING | {"h5py"}),
-        # Grains are placed by kernels; Numba looks for scipy.
-        (
-            "validate small.toml",
-            FIGURES | (MANY_RUNS - {"scipy"}) | {"multicor_cli.engine.contact"},
-        ),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "forbidden"), [
+    ("info RUN", READING),
+    ("verify RUN", READING | SCENARIOS),
+    ("post energy RUN", READING | SCENARIOS),
+    ("post profile RUN --of velocity --json", READING | SCENARIOS),
+    ("post map RUN --of speed --csv", READING | SCENARIOS),
+    ("post series RUN", READING | SCENARIOS),
+    ("export csv RUN -o files", READING | SCENARIOS),
+    ("new bed", READING | {"h5py"}),
+    ("schema", READING | {"h5py"}),
+    # Grains are placed by kernels; Numba looks for scipy.
+    ("validate small.toml", FIGURES | (MANY_RUNS - {"scipy"}) | {"multicor_cli.engine.contact"}),
+])  # fmt: skip
 def test_a_command_loads_no_more_than_it_needs(arguments, forbidden, finished, tmp_path):
     (tmp_path / "small.toml").write_text(scenes.SMALL)
     modules = loaded_after(
@@ -126,16 +113,10 @@ def test_expressions_are_evaluated_only_where_there_are_any():
     assert "simpleeval" in load(["solver.dt== 1 / 5e3"])
 
 
-@pytest.mark.parametrize(
-    ("command", "words"),
-    [
-        ("", [f" {name} " for name in COMMANDS]),
-        ("post animate", ["coordination"]),
-        ("post profile", ["pressure"]),
-        ("bench", ["heated-bed"]),
-        ("new", ["hopper"]),
-    ],
-)
+@pytest.mark.parametrize(("command", "words"), [
+    ("", [f" {name} " for name in COMMANDS]), ("post animate", ["coordination"]),
+    ("post profile", ["pressure"]), ("bench", ["heated-bed"]), ("new", ["hopper"]),
+])  # fmt: skip
 def test_help_names_what_there_is(command, words, typed):
     said = typed(f"{command} --help").stdout
     assert all(word in said for word in words)
@@ -150,8 +131,7 @@ NAMES = {
 @pytest.mark.parametrize("name", sorted(NAMES))
 def test_every_command_has_help_as_wide_as_the_terminal(name, tmp_path):
     """Prose fills its lines: the first word of a line would not have fitted into the one before,
-    unless a paragraph begins.
-    """
+    unless a paragraph begins."""
     done = call(*name.split(), "--help", cwd=tmp_path, COLUMNS="80")
     assert done.returncode == 0, done.stderr
     assert "Usage" in done.stdout
@@ -162,30 +142,23 @@ def test_every_command_has_help_as_wide_as_the_terminal(name, tmp_path):
             assert len(line) + 1 + len(following.split()[0]) > 79, line
 
 
-@pytest.mark.parametrize(
-    ("line", "offered", "not_offered"),
-    [
-        ("new x --template h", {"hopper", "heap"}, {"shear"}),
-        ("new x -t ", {"shear", "biaxial"}, set()),
-        ("post profile RUN --of v", {"velocity"}, {"spin"}),
-        ("post profile RUN --of st", {"stress"}, set()),
-        ("post map RUN --of co", {"coordination"}, {"velocity"}),
-        ("post animate RUN --of ", {"velocity", "temperature"}, set()),
-        ("post compare RUN RUN --of spin --of vel", {"velocity"}, {"spin"}),
-        ("post fields RUN --of velocity", {"velocity-x", "velocity-y"}, {"velocity-r"}),
-        (
-            "post fields RUN --center 0,0 --of velocity",
-            {"velocity-r", "velocity-t"},
-            {"velocity-x"},
-        ),
-        ("post series RUN --of force", {"force_x", "force_y"}, {"kinetic"}),
-        ("post series NONE --of force", set(), {"force_x"}),
-        ("study plot s.toml f.png --of m", {"mu"}, {"steps"}),
-        ("study plot none.toml f.png --of m", set(), {"mu"}),
-        ("study plot s.toml f.png --fit ", {"line", "power", "mu-of-I"}, set()),
-        ("bench hea", {"heated-bed"}, {"shear"}),
-    ],
-)
+@pytest.mark.parametrize(("line", "offered", "not_offered"), [
+    ("new x --template h", {"hopper", "heap"}, {"shear"}),
+    ("new x -t ", {"shear", "biaxial"}, set()),
+    ("post profile RUN --of v", {"velocity"}, {"spin"}),
+    ("post profile RUN --of st", {"stress"}, set()),
+    ("post map RUN --of co", {"coordination"}, {"velocity"}),
+    ("post animate RUN --of ", {"velocity", "temperature"}, set()),
+    ("post compare RUN RUN --of spin --of vel", {"velocity"}, {"spin"}),
+    ("post fields RUN --of velocity", {"velocity-x", "velocity-y"}, {"velocity-r"}),
+    ("post fields RUN --center 0,0 --of velocity", {"velocity-r", "velocity-t"}, {"velocity-x"}),
+    ("post series RUN --of force", {"force_x", "force_y"}, {"kinetic"}),
+    ("post series NONE --of force", set(), {"force_x"}),
+    ("study plot s.toml f.png --of m", {"mu"}, {"steps"}),
+    ("study plot none.toml f.png --of m", set(), {"mu"}),
+    ("study plot s.toml f.png --fit ", {"line", "power", "mu-of-I"}, set()),
+    ("bench hea", {"heated-bed"}, {"shear"}),
+])  # fmt: skip
 def test_the_shell_completes_values(line, offered, not_offered, finished, tmp_path):
     observed = "".join(
         f'[[observe]]\nname = "{name}"\ninfo = "{field}"\n'

@@ -1,6 +1,5 @@
 """What needs a library of an extra says so where it is missing, in one way; everything else does
-without.
-"""
+without."""
 
 import sys
 import tomllib
@@ -60,22 +59,19 @@ def test_the_list_is_that_of_the_extras():
     assert {(each.extra, each.name) for each in LIBRARIES.values()} == named
 
 
-@pytest.mark.parametrize(
-    ("missing", "words"),
-    [
-        ("matplotlib", "post energy RUN --plot a.png"),
-        ("matplotlib", "post map RUN --of velocity --plot term"),
-        ("matplotlib", "post animate RUN --of velocity -o a.gif"),
-        ("gsd", "export gsd RUN -o a.gsd"),
-        ("scipy", "study validate sobol.toml"),
-        ("scipy", "study run latin-hypercube.toml"),
-        ("scipy", "study status sobol.toml"),
-        ("distributed", "study run slurm.toml"),
-        ("dask_jobqueue", "study run slurm.toml"),
-        ("cryptography", "study run slurm.toml"),
-        ("distributed", "study run dask.toml"),
-    ],
-)
+@pytest.mark.parametrize(("missing", "words"), [
+    ("matplotlib", "post energy RUN --plot a.png"),
+    ("matplotlib", "post map RUN --of velocity --plot term"),
+    ("matplotlib", "post animate RUN --of velocity -o a.gif"),
+    ("gsd", "export gsd RUN -o a.gsd"),
+    ("scipy", "study validate sobol.toml"),
+    ("scipy", "study run latin-hypercube.toml"),
+    ("scipy", "study status sobol.toml"),
+    ("distributed", "study run slurm.toml"),
+    ("dask_jobqueue", "study run slurm.toml"),
+    ("cryptography", "study run slurm.toml"),
+    ("distributed", "study run dask.toml"),
+])  # fmt: skip
 def test_a_command_names_the_extra(missing, words, studies, typed, tmp_path, monkeypatch):
     said = remove(monkeypatch, missing)
     done = typed(words, 5)

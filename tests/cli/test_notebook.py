@@ -45,10 +45,8 @@ def test_what_it_says_comes_out(cells):
     assert 0.0 < ratio < 1.0
     assert is_same
     assert [(end["name"], end["reason"]) for end in ends] == [
-        ("settle", "duration"),
-        ("shear", "steered"),
-        ("back", "steered"),
-    ]
+        ("settle", "duration"), ("shear", "steered"), ("back", "steered"),
+    ]  # fmt: skip
     there, back = ends[1]["duration"], ends[2]["duration"]
     assert there == pytest.approx(4e-3 / 0.1, abs=6 * 2e-4)  # asked every 5 steps of 0.2 ms
     assert back == pytest.approx(there, abs=6 * 2e-4)

@@ -1,6 +1,5 @@
 """info, verify, doctor and post: pure results on stdout in three forms, figures, and quiet when a
-pipe closes.
-"""
+pipe closes."""
 
 import csv
 import json
@@ -67,10 +66,8 @@ def test_info_of_heat(typed, read):
     assert re.search(r"warning +largest Biot number +0.23 ", said)
     data = read("info HEATED")
     assert (data["heat_closure"], data["heat"]["max_biot"], data["heat"]["solid_gas_max"]) == (
-        1e-15,
-        0.23,
-        None,
-    )
+        1e-15, 0.23, None,
+    )  # fmt: skip
 
 
 def test_verify_finds_damage(typed, finished, tmp_path):
@@ -159,13 +156,8 @@ def test_theta_eta(typed, outputs, read):
     grains = read(f"{line} --grains")["grains"]
     assert grains["theta"] == pytest.approx([1.0 - eta for eta in grains["eta"]])
     assert [*rows[0]] == [
-        "eta [1]",
-        "theta [1]",
-        "standard deviation [1]",
-        "min [1]",
-        "max [1]",
-        "count",
-    ]
+        "eta [1]", "theta [1]", "standard deviation [1]", "min [1]", "max [1]", "count",
+    ]  # fmt: skip
     assert len(rows) == 5
     assert len(typed(f"{line} --csv --grains").stdout.splitlines()) == GRAINS + 1
     assert "'top' at 320 K, T0 = 300 K, H = 1 m" in typed(line).stderr
@@ -227,11 +219,9 @@ def test_every_command_works_while_the_run_goes_on(typed, tmp_path, monkeypatch)
 def test_runs_without_contacts_say_so(typed, tmp_path):
     write_heated_run(tmp_path / "run", contacts=False)
     for line in (
-        "profile run --of stress",
-        "profile run --of coordination",
-        "map run --of stress",
+        "profile run --of stress", "profile run --of coordination", "map run --of stress",
         "forces run --angles",
-    ):
+    ):  # fmt: skip
         done = typed(f"post {line}", 2)
         assert (done.stdout, done.stderr.count("\n")) == ("", 1)
         assert "contacts = true in [output]" in done.stderr
@@ -291,35 +281,21 @@ def test_no_color_and_no_escapes_off_a_terminal(typed):
 def test_doctor_describes_the_installation(read):
     data = read("doctor")
     assert data.keys() >= {
-        "multicor",
-        "python",
-        "numpy",
-        "numba",
-        "h5py",
-        "hdf5",
-        "threading layer",
-        "kernel cache",
+        "multicor", "python", "numpy", "numba", "h5py", "hdf5", "threading layer", "kernel cache",
         "cores",
-    }
+    }  # fmt: skip
     assert data.keys() >= {each.name for each in LIBRARIES.values()}
 
 
-@pytest.mark.parametrize(
-    ("variables", "said"),
-    [
-        (
-            {"NUMBA_THREADING_LAYER": "abacus"},
-            "none: NUMBA_THREADING_LAYER=abacus: Numba has no such threading layer here; unset it",
-        ),
-        (
-            {"NUMBA_THREADING_LAYER_PRIORITY": "abacus"},
-            "none: NUMBA_THREADING_LAYER_PRIORITY=abacus: Numba has no such",
-        ),
-        ({"NUMBA_DISABLE_JIT": "1"}, "none: nothing is compiled, as NUMBA_DISABLE_JIT is set"),
-        ({"NUMBA_THREADING_LAYER": "workqueue"}, "workqueue, "),
-        ({"NUMBA_NUM_THREADS": "3"}, ", 3 threads"),
-    ],
-)
+@pytest.mark.parametrize(("variables", "said"), [
+    ({"NUMBA_THREADING_LAYER": "abacus"},
+        "none: NUMBA_THREADING_LAYER=abacus: Numba has no such threading layer here; unset it"),
+    ({"NUMBA_THREADING_LAYER_PRIORITY": "abacus"},
+        "none: NUMBA_THREADING_LAYER_PRIORITY=abacus: Numba has no such"),
+    ({"NUMBA_DISABLE_JIT": "1"}, "none: nothing is compiled, as NUMBA_DISABLE_JIT is set"),
+    ({"NUMBA_THREADING_LAYER": "workqueue"}, "workqueue, "),
+    ({"NUMBA_NUM_THREADS": "3"}, ", 3 threads"),
+])  # fmt: skip
 def test_doctor_says_in_a_sentence_why_there_is_no_threading_layer(variables, said, tmp_path):
     done = call("doctor", cwd=tmp_path, **variables)
     assert done.returncode == 0, done.stderr

@@ -1,6 +1,5 @@
 """The README and the pages that belong to it tell the truth: their Python runs as it stands, what
-they name exists.
-"""
+they name exists."""
 
 import re
 import subprocess
@@ -29,26 +28,18 @@ def test_python_example_runs(tmp_path):
     (code,) = re.findall(r"```python\n(.*?)```", PYTHON, re.DOTALL)
     (tmp_path / "configs").symlink_to(ROOT / "configs")
     done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=tmp_path,
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+        [sys.executable, "-c", code], cwd=tmp_path, env=environment(), capture_output=True,
+        text=True, timeout=300, check=False,
+    )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert "298.1" in done.stdout  # the temperature of the walls
     results = tmp_path / "runs" / "short-shear" / "results.h5"
     assert results.exists()
     (reading,) = re.findall(r"<!-- executed -->\n```python\n(.*?)```", FILES, re.DOTALL)
     done = subprocess.run(
-        [sys.executable, "-c", reading],
-        cwd=results.parent,
-        capture_output=True,
-        text=True,
+        [sys.executable, "-c", reading], cwd=results.parent, capture_output=True, text=True,
         check=False,
-    )
+    )  # fmt: skip
     assert re.match(r"\d+ frames, the last at [\d.]+ s; mean v_x -?[\d.e-]+ m/s\n", done.stdout), (
         done.stderr
     )

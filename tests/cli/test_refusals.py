@@ -67,15 +67,12 @@ OTHERS = {
 NO_HEAT = ["profile RUN --of temperature", "profile RUN --of heat", "theta-eta RUN", "map RUN"]
 
 
-@pytest.mark.parametrize(
-    ("line", "code", "words"),
-    [
-        *((line, 6, "") for line in NO_RUN),
-        *((line, 2, words) for line, words in NO_SENSE.items()),
-        *((line, *said) for line, said in OTHERS.items()),
-        *((f"post {line}", 2, "has no heat") for line in NO_HEAT),
-    ],
-)
+@pytest.mark.parametrize(("line", "code", "words"), [
+    *((line, 6, "") for line in NO_RUN),
+    *((line, 2, words) for line, words in NO_SENSE.items()),
+    *((line, *said) for line, said in OTHERS.items()),
+    *((f"post {line}", 2, "has no heat") for line in NO_HEAT),
+])  # fmt: skip
 def test_it_is_refused_in_one_way(line, code, words, typed, tmp_path):
     done = typed(line.replace("HERE", str(tmp_path)), code)
     said = " ".join(done.stderr.replace("│", " ").split())

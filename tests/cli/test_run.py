@@ -1,6 +1,5 @@
 """The command `run` in processes of its own: signals, kills, resuming, refusals; and Ctrl-C in a
-benchmark.
-"""
+benchmark."""
 
 import json
 import os
@@ -35,8 +34,7 @@ def wait_for_step(process, directory, step):
 
 def start_changed(directory, change, said=""):
     """A run into ``here`` of a program in which ``change`` has been done; it is waited for until it
-    has said something.
-    """
+    has said something."""
     code = (
         "import sys, time; sys.argv = ['multicor', 'run', 'small.toml', '-o', 'here']\n"
         "import multicor_cli.running.session as s\n"
@@ -266,11 +264,9 @@ def test_a_benchmark_ends_with_its_processes(tmp_path):
     """What compiles and computes without a run: one line, exit code 130, nothing left behind."""
     words = command("bench", "bed", "--grains", "1000", "--threads", "1")
     pipes = {
-        "stdout": subprocess.PIPE,
-        "stderr": subprocess.PIPE,
-        "text": True,
+        "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True,
         "start_new_session": True,
-    }
+    }  # fmt: skip
     process = subprocess.Popen(words, cwd=tmp_path, env=environment(), **pipes)
     next(line for line in process.stderr if line.startswith("bed, about"))
     os.killpg(process.pid, signal.SIGINT)

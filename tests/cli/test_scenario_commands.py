@@ -1,6 +1,5 @@
 """new, validate, schema, in this process; what a process of its own would add is tested with
-`run`.
-"""
+`run`."""
 
 import json
 import math
@@ -42,15 +41,9 @@ def test_validate_says_what_a_run_will_cost(typed, tmp_path):
     write_small(tmp_path)
     done = typed("validate small.toml --threads 2")
     for words in (
-        "60, mean diameter",
-        "memory",
-        "disk",
-        "wall time",
-        "deflection",
-        "0.0002 s",
-        "time step",
+        "60, mean diameter", "memory", "disk", "wall time", "deflection", "0.0002 s", "time step",
         "grains without a floor",
-    ):
+    ):  # fmt: skip
         assert words in done.stdout
     assert "rough" in done.stderr
     data = json.loads(typed("validate small.toml --json").stdout)
@@ -64,8 +57,7 @@ def test_validate_says_what_a_run_will_cost(typed, tmp_path):
 
 def test_validate_says_what_walls_weigh_that_forces_push(typed, tmp_path):
     """Mass π r² h ρ of a solid disc, a given one, and none of walls that only move as
-    prescribed.
-    """
+    prescribed."""
     geometry = {"kind": "disc", "center": [0.01, 0.005], "radius": 1e-3}
     walls = {"floor": plane(), "top": {"geometry": plane(0.05, -1), "mass": 0.25}, "body": geometry}
     drives = {"top": {"y": {"force": -0.1}}, "body": {"spin": {"force": 0.0}, "y": {"force": 0.0}}}

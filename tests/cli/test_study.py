@@ -288,13 +288,10 @@ def test_without_space_nothing_is_started(tmp_path, monkeypatch):
     assert not (tmp_path / "studies").exists()
 
 
-@pytest.mark.parametrize(
-    ("compute", "what"),
-    [
-        ("workers = 2", "of memory, 1 kB are free here"),
-        ('slurm = { memory = "1MB" }', ": compute.slurm.memory: a case takes about"),
-    ],
-)
+@pytest.mark.parametrize(("compute", "what"), [
+    ("workers = 2", "of memory, 1 kB are free here"),
+    ('slurm = { memory = "1MB" }', ": compute.slurm.memory: a case takes about"),
+])  # fmt: skip
 def test_without_memory_nothing_is_started(compute, what, tmp_path, monkeypatch):
     write(tmp_path, ("workers = 2", compute))
     monkeypatch.setattr("multicor_cli.studies.clusters.available_memory", lambda: 1000)

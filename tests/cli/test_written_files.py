@@ -1,6 +1,5 @@
 """report, export, animate: files that appear whole, or not at all, and are never overwritten
-unasked.
-"""
+unasked."""
 
 import re
 
@@ -55,15 +54,12 @@ def test_animate_without_ffmpeg_writes_a_gif_and_says_so(typed, tmp_path, monkey
     assert not (tmp_path / "a.mp4").exists()
 
 
-@pytest.mark.parametrize(
-    ("line", "words"),
-    [
-        ("profile RUN", "velocity [m/s]"),
-        ("theta-eta HEATED --wall top --bins 5", "theta [–]"),
-        ("energy RUN", "lost to friction [J]"),
-        ("forces RUN", "normal force, mean"),
-    ],
-)
+@pytest.mark.parametrize(("line", "words"), [
+    ("profile RUN", "velocity [m/s]"),
+    ("theta-eta HEATED --wall top --bins 5", "theta [–]"),
+    ("energy RUN", "lost to friction [J]"),
+    ("forces RUN", "normal force, mean"),
+])  # fmt: skip
 def test_plots_in_the_terminal(line, words, typed, tmp_path):
     done = typed(f"post {line} --plot term")
     assert words in done.stderr

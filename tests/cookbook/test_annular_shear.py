@@ -57,8 +57,7 @@ def by_contacts(frame, model, center):
 
 def by_grains(frame, model, center):
     """Angular momentum that grains carry outwards in a second [N m], averaged likewise: the kinetic
-    part.
-    """
+    part."""
     at = frame.position[:, :2] - center
     r = np.hypot(at[:, 0], at[:, 1])
     flow = momenta(frame, model, center) * (at * frame.velocity[:, :2]).sum(axis=1) / r
@@ -68,13 +67,10 @@ def by_grains(frame, model, center):
 @pytest.mark.parametrize("seed", [6, 7])
 def test_every_circle_passes_on_the_torque_of_the_cylinders(seed, tmp_path):
     """Frames are of every step here: what rings take up in one step and give away in the next adds
-    up to nothing.
-    """
+    up to nothing."""
     changes = [
-        f"scenario.seed={seed}",
-        "variables.turns=2",
-        f"output.frame_interval={0.005 / SPIN}",
-    ]
+        f"scenario.seed={seed}", "variables.turns=2", f"output.frame_interval={0.005 / SPIN}",
+    ]  # fmt: skip
     with multicor.open_run(run_config("annular-shear", tmp_path / "run", *changes)) as run:
         model, series = run.model, run.series
         frames = [frame for frame in run.frames if run.stages[frame.stage] == "steady"]

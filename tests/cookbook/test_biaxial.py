@@ -33,8 +33,7 @@ Floats = NDArray[np.float64]
 @dataclass(frozen=True)
 class Rows:
     """Rows of a stage: times, width and height of the box, and the stresses of the four platens, of
-    shape ``(4, r)``.
-    """
+    shape ``(4, r)``."""
 
     time: Floats
     width: Floats
@@ -63,8 +62,7 @@ def rows_of(run, stage):
 
 def covered(position, radius, low, high):
     """Share of a rectangle with the corners (low, low) and ``high`` that discs cover, from 800
-    points in each disc.
-    """
+    points in each disc."""
     grid = (np.arange(32) + 0.5) / 16.0 - 1.0
     points = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
     points = points[np.hypot(points[:, 0], points[:, 1]) < 1.0]
@@ -95,8 +93,7 @@ def critical_state(run):
 
 def plane_shear(directory, seed):
     """The state of plane shear at an inertial number of about 0.0025, at which a run takes half as
-    long as at that of the box.
-    """
+    long as at that of the box."""
     speed = 0.147
     changes = [
         f"scenario.seed={seed}", f"loading.0.drives.top.x.velocity={speed}", "solver.dt=auto",

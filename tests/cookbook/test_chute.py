@@ -86,8 +86,7 @@ def test_steady_flow(angle, tmp_path, record_property):
 
 def test_rest_below_the_angle_of_repose(tmp_path):
     """The deposited layer settles by less than a fiftieth of a diameter in the last second,
-    wherever that is to.
-    """
+    wherever that is to."""
     with multicor.open_run(flow(tmp_path, 10.0)) as run:
         end = run.frames[-1]
         before = next(frame for frame in run.frames if frame.time >= end.time - 1.0)

@@ -18,8 +18,7 @@ pytestmark = [pytest.mark.validation, pytest.mark.timeout(1800)]
 
 def backbone(grains, i, j):
     """Number of discs that three contacts or more hold, and of the contacts between them and with
-    walls; rattlers left out.
-    """
+    walls; rattlers left out."""
     is_held = np.ones(grains, np.bool_)
     while True:
         keeps = is_held[i] & ((j >= grains) | is_held[np.minimum(j, grains - 1)])

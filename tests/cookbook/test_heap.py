@@ -39,8 +39,7 @@ WEIGHT = 2500.0 * 9.81 * math.pi / 4.0 * 1e-9  # of a disc with a diameter of 1 
 
 def ends(run, name, heights, rolling=0.0, adhesion=0.0, angle=0.0):
     """Positions and velocities of discs at the end, and the time of the run; a ceiling holds them
-    with ten weights.
-    """
+    with ten weights."""
     ceiling = {"geometry": plane(0.01, -1), "material": "glue"}
     one = scenario(
         size=[0.01, 0.01], gravity=[9.81 * math.sin(angle), -9.81 * math.cos(angle)],

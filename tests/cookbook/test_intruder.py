@@ -1,6 +1,5 @@
 """`configs/intruder.toml`: the work of the drive, and the temperature of the intruder as an
-ordinary differential equation.
-"""
+ordinary differential equation."""
 
 from itertools import pairwise
 
@@ -19,8 +18,7 @@ INTRUDER = 1
 
 def test_the_work_of_the_drive_is_lost_or_stored(tmp_path):
     """Its work is summed from the recorded forces on the intruder; what is stored, from the
-    frames.
-    """
+    frames."""
     run_config("intruder", tmp_path / "run")
     info, books = run_info(tmp_path / "run"), run_info(tmp_path / "run")["books"]
     with multicor.open_run(tmp_path / "run") as run:
@@ -41,8 +39,7 @@ def test_the_work_of_the_drive_is_lost_or_stored(tmp_path):
 
 def test_its_temperature_follows_from_the_measured_conductances(tmp_path):
     """C dT/dt = Σ H (T_i − T) + half the heat of friction, with H, T_i and the heat of the frames,
-    which are of every step here.
-    """
+    which are of every step here."""
     step = 1e-4
     changes = ("loading.1.duration=0.03", "loading.0.duration=0.05")
     every = (f"solver.dt={step}", f"output.frame_interval={step}")

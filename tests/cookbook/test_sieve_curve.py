@@ -57,8 +57,7 @@ def masses(radius, mass):
 
 def test_every_class_has_its_mass(tmp_path):
     """In what lies under the lid at the end; the lid gets its load back, and the floor also has the
-    weight of the grains.
-    """
+    weight of the grains."""
     multicor.run(SIEVES, tmp_path / "run")
     with multicor.open_run(tmp_path / "run") as run:
         grains, end, series = run.model.grains, run.frames[-1], run.series

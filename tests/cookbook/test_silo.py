@@ -54,8 +54,7 @@ def flow_rate(directory):
 
 def test_the_flow_rate_follows_beverloo(silos, record_property):
     """W^{2/3} is linear in D within 4 %: the rates of single runs have standard errors of 1 to 3
-    %.
-    """
+    %."""
     each = np.array([[flow_rate(silos[opening, seed]) for opening in OPENINGS] for seed in SEEDS])
     print(f"rates by seed: {each.round()}")
     rates = each.mean(axis=0)
@@ -78,8 +77,7 @@ def test_both_materials_leave_as_they_come(silos):
 
 def stresses(directory):
     """By bin: depth [m], σ_yy with its standard error, σ_xx [N/m]; and, the same for all, weight
-    per area and the walls' μ.
-    """
+    per area and the walls' μ."""
     with multicor.open_run(directory) as run:
         chosen, model = Selection(start=steady(run)), run.model
         names = ("stress-xx", "stress-yy", "solid-fraction")
@@ -101,8 +99,7 @@ def stresses(directory):
 
 def test_the_stress_saturates_as_janssen_says(silos, record_property):
     """The curve of both seeds, by their standard errors: a bin of one run is known to 10 to 20 %
-    only.
-    """
+    only."""
     depth, stress, error, across, load, friction = np.concatenate(
         [stresses(silos[8, seed]) for seed in SEEDS], axis=1
     )

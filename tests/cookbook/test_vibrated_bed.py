@@ -1,6 +1,5 @@
 """`configs/vibrated-bed.toml`: a layer takes off where the floor falls faster than it can, and the
-floor's work is what is lost.
-"""
+floor's work is what is lost."""
 
 import math
 
@@ -35,8 +34,7 @@ def test_one_layer_takes_off_at_gamma_one(gamma, flies, tmp_path):
 
 def time_of_flight(gamma):
     """Cycles that a body flies that leaves at sin φ = 1/Γ and does not bounce (Mehta & Luck, Phys.
-    Rev. Lett. 65, 393, 1990).
-    """
+    Rev. Lett. 65, 393, 1990)."""
     phase = math.asin(1.0 / gamma)
 
     def height(angle):
@@ -57,8 +55,7 @@ def test_time_of_flight_of_discs_that_do_not_touch(tmp_path):
 
 def test_the_work_of_the_floor_is_lost(tmp_path):
     """Its work is summed from what is recorded of its motion and its forces, not taken from the
-    books.
-    """
+    books."""
     floor_force(tmp_path / "run", 3.0, layers=6, cycles=10)
     info = run_info(tmp_path / "run")
     with multicor.open_run(tmp_path / "run") as run:

@@ -94,8 +94,7 @@ def last_words(command: list[str], environment: dict[str, str]) -> str:
 
 def emulated(root: Path) -> str:
     """The same in a root directory of another architecture; the package and the tests are copied
-    there first.
-    """
+    there first."""
     target = root / "opt" / "multicor"
     shutil.rmtree(target, ignore_errors=True)
     # With the times of the files: kernels of unchanged ones stay compiled

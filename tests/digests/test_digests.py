@@ -1,6 +1,5 @@
 """Short runs end with their frozen digests: here, and on a machine that has as little in common
-with this one as can be had.
-"""
+with this one as can be had."""
 
 import json
 from pathlib import Path
@@ -80,8 +79,7 @@ def test_frozen_digests_hold_on_another_machine(tmp_path):
 
 def test_kernels_of_another_machine_give_the_same_bits():
     """No optional instruction in the kernels either; few of them, as they have to be compiled for
-    it.
-    """
+    it."""
     words = "-c", SOLVE, DATA / "bed-1008.npz"
     assert call(*words, **another_machine()) == call(*words)
 

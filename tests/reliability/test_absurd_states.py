@@ -1,6 +1,5 @@
 """Values that are not finite, or absurd, stop the run where they are; what is on disk stays
-right.
-"""
+right."""
 
 import json
 import re
@@ -69,8 +68,7 @@ def test_fields_are_all_that_have_a_fraction():
 @trials(short=1, long=5)
 def test_spoiled_states_stop_the_run(tmp_path, count):
     """Every field of the state (in CI every other one), spoiled in a moving step, in a frozen one,
-    and after it.
-    """
+    and after it."""
     rng = np.random.default_rng(9)
     steps = (7, 13, 19, 23, 27)
     cases = [

@@ -1,6 +1,5 @@
 """What one message advises, the next command can do: a state, the command that speaks, the advice,
-and what follows it.
-"""
+and what follows it."""
 
 import re
 import shutil

@@ -1,6 +1,5 @@
 """Any scenario, and any file that it names, is right or refused: exit code 0 or 3 with a position,
-soon, never a traceback.
-"""
+soon, never a traceback."""
 
 import copy
 import os
@@ -67,8 +66,7 @@ LARGEST = 400
 
 def mutate(document, choose):
     """One to three changes: a number scaled or replaced, a key removed, doubled or given another's
-    value.
-    """
+    value."""
     document = copy.deepcopy(document)
     for _ in range(choose.choice((1, 1, 1, 2, 3))):
         *way, last = choose.choice([*places(document)])
@@ -169,8 +167,7 @@ HOSTILE = {
 
 def time_of_children():
     """Processor time of the programs that were run and have ended [s]: that of others on the
-    machine does not count.
-    """
+    machine does not count."""
     used = os.times()
     return used.children_user + used.children_system
 
@@ -178,8 +175,7 @@ def time_of_children():
 @pytest.mark.parametrize("name", HOSTILE)
 def test_hostile_texts_are_refused_soon(name, tmp_path):
     """Through the command line: exit code 3, a position, no traceback; a second, and what it takes
-    to start Python.
-    """
+    to start Python."""
     (tmp_path / "hostile.toml").write_text(HOSTILE[name])
     start = time_of_children()
     call("--version", cwd=tmp_path)
@@ -196,8 +192,7 @@ def test_hostile_texts_are_refused_soon(name, tmp_path):
 
 def is_large(document):
     """More grains than a test has time for, or as many as fit into a region that is not bounded by
-    the test.
-    """
+    the test."""
     counts = [group.get("count", 0) for group in document["particles"]]
     return sum(counts) > LARGEST or document["solver"].get("max_sweeps", 0) > 10_000
 
@@ -218,8 +213,7 @@ def place_and_move(text):
 @trials(short=25, long=2_000)
 def test_what_is_right_can_be_placed_and_moved(count):
     """Scenarios that pass the check: placed, planned, estimated and moved by two steps, or refused
-    for what only placing shows.
-    """
+    for what only placing shows."""
     for text in (SMALL, WARM):  # compiles the kernels, which takes longer
         place_and_move(text)
     room = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 + ROOM
@@ -258,8 +252,7 @@ def with_file(name):
 @trials(short=60, long=3_000)
 def test_files_of_grains_are_right_or_refused(tmp_path, count):
     """CSV and HDF5 files with grains, damaged: exit code 0 or 3 in the terms of the command
-    line.
-    """
+    line."""
     choose, right = random.Random(10), 0
     rows = "\n".join(f"{0.001 + 0.001 * k:.4f},0.002,0.0004" for k in range(10))
     (tmp_path / "grains.csv").write_text(f"# made by hand\nx,y,radius\n{rows}\n")
@@ -283,8 +276,7 @@ def test_files_of_grains_are_right_or_refused(tmp_path, count):
 
 def test_the_schema_bounds_every_number_and_array():
     """No number without a smallest and a largest value, no array without a largest length: no size
-    is a surprise.
-    """
+    is a surprise."""
     unbounded, numbers = [], 0
 
     def walk(node, path):

@@ -23,8 +23,7 @@ def run(directory, scenario, name, *options, **variables):
 
 def largest_difference(one, other):
     """Largest difference of two arrays, relative to the largest value in them; NaN stands for
-    "none" in both.
-    """
+    "none" in both."""
     first, second = (np.asarray(dataset[()], float) for dataset in (one, other))
     assert first.shape == second.shape
     assert np.array_equal(np.isnan(first), np.isnan(second))
@@ -34,8 +33,7 @@ def largest_difference(one, other):
 
 def test_interpreted_kernels_agree_with_compiled_ones(tmp_path):
     """Python itself refuses an index beyond the end of an array; its elementary functions differ in
-    the last bit.
-    """
+    the last bit."""
     (tmp_path / "warm.toml").write_text(WARM)
     options = [item for setting in FEW for item in ("--set", setting)]
     run(tmp_path, "warm.toml", "compiled", *options)

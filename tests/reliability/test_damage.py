@@ -1,6 +1,5 @@
 """Damaged, missing, foreign and swapped files: noticed and named, or harmless; never a wrong
-number, a crash or a traceback.
-"""
+number, a crash or a traceback."""
 
 import json
 import random
@@ -42,8 +41,7 @@ THOROUGH = {
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
     """Runs: finished, killed between segment and checkpoint, killed before ``results.h5``; that
-    file alone; and others.
-    """
+    file alone; and others."""
     directory = tmp_path_factory.mktemp("runs")
     for group in (directory / "these", directory / "others"):
         group.mkdir()
@@ -68,8 +66,7 @@ def files_of(run):
 
 def outcomes(runs, scratch, cases):
     """What comes of the cases ``(kind of run, file, damage, seed)``, one after the other; nothing
-    more is tried if the next is not asked for.
-    """
+    more is tried if the next is not asked for."""
     log = scratch / "log"
     (scratch / "cases").write_text("".join(f"{json.dumps(case)}\n" for case in cases))
     with (scratch / "cases").open() as source, log.open("w") as errors:
@@ -117,8 +114,7 @@ def faults(case, found):
 @trials(short=1, long=200)
 def test_damaged_files(runs, tmp_path, kind, count):
     """``count`` bits flipped in a file, a quarter as many cuts, pages zeroed and bytes inserted,
-    and whole files replaced.
-    """
+    and whole files replaced."""
     cases = []
     for name in files_of(runs / "these" / kind):
         flips = count if name.endswith(THOROUGH[kind]) else max(1, count // 10)

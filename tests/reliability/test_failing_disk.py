@@ -1,6 +1,5 @@
 """A disk that is full, breaks or turns read-only at any call: the run stops with exit code 5, loses
-nothing, and goes on later.
-"""
+nothing, and goes on later."""
 
 import errno
 import os
@@ -28,8 +27,7 @@ UNHOOKED_PWRITE = os.pwrite
 
 class Failing:
     """Lets the ``k``-th call below a directory that a fault can hit fail, and all later ones if the
-    fault stays.
-    """
+    fault stays."""
 
     def __init__(self, root, number, k, *, stays):
         self.count = 0
@@ -143,8 +141,7 @@ def test_any_call_may_fail(tmp_path, number, stays, count):
 @trials(short=2, long=100_000)
 def test_a_disk_that_lies(tmp_path, session, count):
     """What is not read back as it was written is never committed; a bit that nobody reads may be
-    wrong. It is noticed when it is compared, or already when HDF5 needs it again.
-    """
+    wrong. It is noticed when it is compared, or already when HDF5 needs it again."""
 
     def is_right(error):
         return isinstance(error, DamagedRun | StorageError)
@@ -155,8 +152,7 @@ def test_a_disk_that_lies(tmp_path, session, count):
 
 def test_a_text_that_is_not_as_written_is_not_committed(tmp_path):
     """What ``results.h5`` says of the run beside its numbers; the segments, from which it could be
-    made again, go after it.
-    """
+    made again, go after it."""
     count = 0
 
     def hook(name, args, call):
@@ -198,8 +194,7 @@ def resize(disk, size):
 @trials(short=1, long=24)
 def test_real_disk_of_any_size(tmp_path, small_disk, finished, count):
     """On a file system from one on which not even the scenario fits to one that has room for
-    everything but ``results.h5``.
-    """
+    everything but ``results.h5``."""
     files = [path for path in finished.rglob("*") if path.is_file() and not path.is_symlink()]
     need = sum(path.stat().st_size for path in files)
     write_small(tmp_path)

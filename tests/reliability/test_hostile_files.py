@@ -1,6 +1,5 @@
 """Files made to mislead the program: refused by name, nothing outside the run is touched, nothing
-hangs.
-"""
+hangs."""
 
 import json
 import os

@@ -65,8 +65,7 @@ def test_finished_runs_are_read(kept):
 
 def test_finished_runs_are_extended_and_gone_on_from(kept):
     """Files of an earlier version become those of a longer run of that version; a new run takes its
-    state from them.
-    """
+    state from them."""
     text = (kept / "kept.toml").read_text(encoding="utf-8")
     begin, end = text.index("[[particles]]"), text.index("[[walls]]")
     new = text[:begin] + '[start]\nrun = "finished"\n' + text[end:]

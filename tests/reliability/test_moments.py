@@ -1,6 +1,5 @@
 """Every command that reads a run has an answer at every moment of its life; the run then goes on to
-the same end.
-"""
+the same end."""
 
 import shutil
 import signal
@@ -15,12 +14,10 @@ from multicor_cli.running.outcome import ExitCode
 
 SCENARIO = changed(
     SMALL,
-    (
-        'name = "settle"\nduration = 0.03\nuntil = { kinetic_energy_ratio = 1e-2 }',
-        'name = "settle"\nduration = 0.004',
-    ),
+    ('name = "settle"\nduration = 0.03\nuntil = { kinetic_energy_ratio = 1e-2 }',
+        'name = "settle"\nduration = 0.004'),
     ('until = { strain = { walls = ["bottom", "top"], value = 0.15 } }', "duration = 0.02"),
-)
+)  # fmt: skip
 RUN = ("run", "small.toml", "-o", "run", "-q", "--set", "output.checkpoint_interval=1e-3")
 """With a checkpoint after every step."""
 
@@ -96,8 +93,7 @@ def whole(tmp_path_factory):
 
 def fault(done):
     """What is wrong with how a command ended; empty if it has given what was asked for, or one
-    message.
-    """
+    message."""
     if done.returncode not in ANSWERS:
         return f"exit code {done.returncode}: {done.stderr}"
     if "Traceback" in done.stderr or "internal error" in done.stderr:

@@ -1,6 +1,5 @@
 """Whatever lies under a name that is given is read, or refused by one message; nothing is waited
-for or fills the memory.
-"""
+for or fills the memory."""
 
 import os
 import shutil
@@ -21,15 +20,11 @@ region = { min = [0.0, 0.001], max = [0.02, 0.009] }
 packing = { kind = "random" }"""
 PLANES = changed(
     SMALL,
-    (
-        '{ kind = "rough", from = [0.0, 0.0], to = [0.02, 0.0], side = "left" }',
-        '{ kind = "plane", point = [0, 0], normal = [0, 1] }',
-    ),
-    (
-        '{ kind = "rough", from = [0.0, 0.01], to = [0.02, 0.01], side = "right" }',
-        '{ kind = "plane", point = [0, 0.01], normal = [0, -1] }\nmass = 1.0',
-    ),
-)
+    ('{ kind = "rough", from = [0.0, 0.0], to = [0.02, 0.0], side = "left" }',
+        '{ kind = "plane", point = [0, 0], normal = [0, 1] }'),
+    ('{ kind = "rough", from = [0.0, 0.01], to = [0.02, 0.01], side = "right" }',
+        '{ kind = "plane", point = [0, 0.01], normal = [0, -1] }\nmass = 1.0'),
+)  # fmt: skip
 START = SMALL[SMALL.index("[[particles]]") : SMALL.index("[[walls]]")]
 STUDY = '[study]\nname = "s"\nscenario = "small.toml"\n[vary]\nfile = "cases.csv"\n'
 

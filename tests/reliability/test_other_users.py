@@ -1,6 +1,5 @@
 """Another user of the machine gets nothing run as the owner of a study: here no port is open, and
-jobs want a key.
-"""
+jobs want a key."""
 
 import contextlib
 import json
@@ -80,8 +79,7 @@ print(json.dumps(answers))
 
 def attack(mark, ports, secrets=()):
     """What another user, or this one without a key where nobody can become another, is answered who
-    tries to have a file made.
-    """
+    tries to have a file made."""
     user = NOBODY if os.getuid() == 0 else None
     read = [str(secret) for secret in secrets if user is not None]
     given = json.dumps([user, str(mark), ports, read])

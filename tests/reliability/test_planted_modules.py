@@ -1,6 +1,5 @@
 """A folder in which somebody has put modules runs none of them, whatever is started there: each
-kind of child is.
-"""
+kind of child is."""
 
 import os
 import subprocess
@@ -65,8 +64,7 @@ def plant(folder, marks):
 
 def run_there(tmp_path, program, *arguments, compute="", **variables):
     """Run a program, whose file lies elsewhere, among planted modules, with a study to be carried
-    out; none of them may run.
-    """
+    out; none of them may run."""
     there, marks = tmp_path / "there", tmp_path / "marks"
     there.mkdir()
     (there / "small.toml").write_text(SMALL)
@@ -107,8 +105,7 @@ def test_a_study_here(tmp_path):
 @pytest.mark.parametrize("path", [str(ROOT), f"{os.pathsep}{ROOT}{os.pathsep}."])
 def test_a_study_in_jobs(path, tmp_path):
     """Jobs begin in the working directory of who submits them. The client gets another path than
-    they.
-    """
+    they."""
     pytest.importorskip("dask_jobqueue")
     slurm = pretend_slurm(tmp_path / "slurm")
     sbatch = tmp_path / "slurm" / "sbatch"

@@ -46,8 +46,7 @@ class Promises:
 
     def assert_kept(self, run):
         """Nothing that counts is damaged, and the newest checkpoint promised, or a later one, is
-        there.
-        """
+        there."""
         step, is_finished = self.kept
         if not RunDirectory.is_run(run):
             assert step < 0, f"the run is gone, which had a checkpoint at step {step}"
@@ -62,8 +61,7 @@ class Promises:
 @trials(short=4, long=100_000)
 def test_power_cut(tmp_path, monkeypatch, count):
     """``count`` is the largest number of directories looked at; they are spread evenly over the
-    run.
-    """
+    run."""
     continue_run(tmp_path / "whole")
     expected = ends_of(tmp_path / "whole")
     promises, total = Promises(monkeypatch), 0

@@ -1,6 +1,5 @@
 """Memory is bounded and predicted, and what runs for long leaks nothing: no memory, no open files,
-no energy.
-"""
+no energy."""
 
 import json
 import resource
@@ -102,8 +101,7 @@ run("soak.toml", "run", overrides=["output.checkpoint_interval=1.0"], observer=S
 @pytest.mark.timeout(7200)
 def test_soak(tmp_path, count):
     """A million steps of a shaken, heated layer: memory and open files as after a tenth of them,
-    books closed to rounding.
-    """
+    books closed to rounding."""
     intervals = f"frame_interval = {5e-4 * count / 100}\nseries_interval = {5e-4 * count / 1000}"
     duration = ("duration = 0.01", f"duration = {5e-4 * count}")
     (tmp_path / "soak.toml").write_text(

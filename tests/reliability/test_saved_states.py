@@ -30,8 +30,7 @@ FOLLOWS = {
 @trials(short=1, long=len(FIELDS))
 def test_every_field_counts(tmp_path, monkeypatch, count):
     """A run that is continued without one of the fields, and only such a run, ends in other bits
-    (or does not end).
-    """
+    (or does not end)."""
     carry_on, lost, ends = Session._carry_on, "", {}
 
     def forgetful(self, directory, scenario, placed, **options):
@@ -83,8 +82,7 @@ BROKEN = {
 @pytest.mark.parametrize("what", BROKEN)
 def test_states_that_cannot_be_are_refused(tmp_path, what):
     """With right digests, as an attacker may write them who wants the program to read where it
-    should not.
-    """
+    should not."""
     model = make_model()
     with make_run(tmp_path / "run") as run:
         state, writer = start(model), run.writer(model)

@@ -1,6 +1,5 @@
 """Ctrl-C, SIGTERM and SIGHUP at any moment end the program within two seconds; one run at a time in
-a directory.
-"""
+a directory."""
 
 import json
 import os
@@ -37,8 +36,7 @@ def wait_until(is_reached, process, seconds=300.0):
 @trials(short=2, long=30)
 def test_signals_end_the_program_soon(tmp_path, count):
     """Thousands of grains dropped at once: placing them, compiling, a first step of thousands of
-    sweeps, checkpoints, frames.
-    """
+    sweeps, checkpoints, frames."""
     rng, waited = random.Random(5), []
     words = ["run", ROOT / "configs" / "million.toml", "--set", "loading.0.duration=100.0"]
     words += ["--set", f"particles.0.count={8_000 if count < 10 else 200_000}"]

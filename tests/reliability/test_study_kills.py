@@ -76,8 +76,7 @@ def look_at_finished(folder, seen):
 
 class Cluster:
     """A Dask scheduler with two workers, processes of their own; those that die are started
-    again.
-    """
+    again."""
 
     def __init__(self, folder):
         self.folder, self.file = folder, folder / "scheduler.json"
@@ -88,8 +87,7 @@ class Cluster:
 
     def mend(self):
         """Start what is missing; workers end by themselves once their scheduler is gone. Gives the
-        line of the study that names the scheduler.
-        """
+        line of the study that names the scheduler."""
         if self.is_dead("scheduler"):
             for process in self.processes.values():
                 process.kill()
@@ -152,8 +150,7 @@ def victims(client, there):
 
 def disturb(folder, chance, there, most, only=""):
     """One study from its beginning to its end, with some kills at most, of one kind if that is
-    asked; who was killed.
-    """
+    asked; who was killed."""
     (folder / "small.toml").write_text(SCENARIO)
     killed, seen, client = Counter(), {}, None
     while client is None or client.poll() != 0:

@@ -1,6 +1,5 @@
 """What surrounds a run does not change it: threads, threading layers, clocks, time zones, readers,
-no home, a stale cache.
-"""
+no home, a stale cache."""
 
 import os
 import shutil
@@ -63,8 +62,7 @@ def test_clocks_that_jump_and_time_zones(zone, finished, tmp_path):
 @trials(short=5, long=50)
 def test_reading_while_it_runs(tmp_path, count):
     """Every reading is the beginning of what is there at the end, and no shorter than the one
-    before.
-    """
+    before."""
     longer = "duration = 0.4" if count < 10 else "duration = 4.0"
     write_small(tmp_path, changed(SMALL, ("duration = 0.004", longer)))
     words = "run small.toml -o run --set output.checkpoint_interval=0.01".split()  # noqa: SIM905
@@ -202,8 +200,7 @@ ASK = (
 
 def test_stale_machine_code_is_never_used(tmp_path):
     """Numba does not notice that a function called by a cached one has changed: a copy of the
-    program, edited between two runs.
-    """
+    program, edited between two runs."""
     package = tmp_path / "multicor_cli"
     shutil.copytree(ROOT / "multicor_cli", package, ignore=shutil.ignore_patterns("__pycache__"))
     (package / "packing" / "probe.py").write_text(KERNEL)

@@ -47,14 +47,9 @@ def tilted(problem):
     """The problem with inverse masses a little unequal in x and y: solved in the general form."""
     inverse = problem.inverse_mass * np.array([1.0, 1.0 + 1e-9, 1.0])
     return ContactProblem(
-        inverse,
-        problem.velocity,
-        problem.pair,
-        problem.normal,
-        problem.lever,
-        problem.bias,
+        inverse, problem.velocity, problem.pair, problem.normal, problem.lever, problem.bias,
         problem.friction,
-    )
+    )  # fmt: skip
 
 
 def dense_delassus(problem):

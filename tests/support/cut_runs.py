@@ -29,14 +29,10 @@ WET = changed(
 )
 """The same with bridges of liquid."""
 
-HOT = changed(
-    WARM,
-    ('name = "wait"', 'name = "wait"\n'),
-    (
-        'name = "shake-again"\nduration = 0.005',
-        f'name = "shake-again"\nduration = 0.005\n{_SHAKE}\nthermal.floor = {{ temperature = 330.0 }}',
-    ),
-)
+HOT = changed(WARM, ('name = "wait"', 'name = "wait"\n'), (
+    'name = "shake-again"\nduration = 0.005',
+    f'name = "shake-again"\nduration = 0.005\n{_SHAKE}\nthermal.floor = {{ temperature = 330.0 }}',
+))  # fmt: skip
 """The warm scene: heat of all kinds, averages, a frozen stage; its third stage names all drives."""
 
 BOX = """\

@@ -45,11 +45,8 @@ def shift(data: bytes, choose: random.Random) -> bytes:
 
 
 BYTES: dict[str, Callable[[bytes, random.Random], bytes]] = {
-    "flip": flip,
-    "cut": cut,
-    "zero": zero_page,
-    "shift": shift,
-}
+    "flip": flip, "cut": cut, "zero": zero_page, "shift": shift,
+}  # fmt: skip
 
 
 def damage(file: Path, how: str, seed: int, other: Path) -> bool:

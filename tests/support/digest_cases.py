@@ -289,43 +289,25 @@ _SHAKEN = {
     "drives": _SHAKE,
 }
 _LAWS = {
-    "rough-drum": {
-        "walls": _DRUM,
-        "region": "region = { min = [0.008, 0.018], max = [0.022, 0.032] }",
-        "number": "count = 60",
+    "rough-drum": {"walls": _DRUM,
+        "region": "region = { min = [0.008, 0.018], max = [0.022, 0.032] }", "number": "count = 60",
         "sizes": "sizes = " + _SIZES["lognormal-number"].replace("0.9e-3", "0.6e-3"),
-        "drives": "drives.drum = { spin = { velocity = 4.0 } }",
-    },
+        "drives": "drives.drum = { spin = { velocity = 4.0 } }"},
     "moving-walls": _SHAKEN,
     "adhesion-and-rolling": {**_SHAKEN, "wear": "adhesion = 1e-4\nrolling_friction = 0.1"},
     "bridges": {**_SHAKEN, "wear": 'adhesion = { force = 1e-4, range = 5e-5, kind = "wet" }'},
-    "positions-springs-stages": {
-        **_SHAKEN,
-        "walls": _MOVING + _LID,
-        "drives": _PULL,
-        "second": 'duration = 0.005\ncontacts = [{ pair = ["*", "*"], friction = 0.1 }]',
-    },
-    "friction-of-speed": {
-        "friction": _SPEEDS,
-        "packing": '{ kind = "deposited" }',
-        "region": _region(0.03),
-    },
+    "positions-springs-stages": {**_SHAKEN, "walls": _MOVING + _LID, "drives": _PULL,
+        "second": 'duration = 0.005\ncontacts = [{ pair = ["*", "*"], friction = 0.1 }]'},
+    "friction-of-speed": {"friction": _SPEEDS, "packing": '{ kind = "deposited" }',
+        "region": _region(0.03)},
     "friction-of-temperature": {**_BED, "friction": _SOFT, "heat": _HEAT},
     "heat": {**_BED, "heat": _HEAT, "second": "frozen = true\nduration = 20.0\ndt = 0.5"},
     "heat-everything-implicit": {**_BED, "wear": "wear = 1e-4", "heat": _all_heat()},
-    "heat-everything-explicit": {
-        **_BED,
-        "heat": _all_heat(
-            integrator="explicit", correlation="li-mason", fluid=_POROUS, gas="batchelor"
-        ),
-    },
-    "heat-of-impacts": {
-        **_BED,
-        "packing": '{ kind = "random" }',
-        "wear": "wear = 1e-4",
-        "heat": _HEAT_OF_IMPACTS,
-    },
-}
+    "heat-everything-explicit": {**_BED, "heat": _all_heat(integrator="explicit",
+        correlation="li-mason", fluid=_POROUS, gas="batchelor")},
+    "heat-of-impacts": {**_BED, "packing": '{ kind = "random" }', "wear": "wear = 1e-4",
+        "heat": _HEAT_OF_IMPACTS},
+}  # fmt: skip
 
 _LATTICE_FILE = (CONFIGS / "lattice14.csv").as_posix()
 _OF_FILE = f'{{ kind = "file", path = "{_LATTICE_FILE}", shift = [0.01, 0.01] }}'

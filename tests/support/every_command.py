@@ -130,11 +130,9 @@ def main():
     texts += [([*path, "--no-such-option"], 2) for path in known]
     texts += [(list(path), 2) for path, is_whole in known.items() if not is_whole]
     texts += [
-        (["--help"], 0),
-        (["--version"], 0),
-        (["nonsense"], 2),
+        (["--help"], 0), (["--version"], 0), (["nonsense"], 2),
         (["new", "x", "--template", "none"], 2),
-    ]
+    ]  # fmt: skip
     faults += [text for words, code in texts if (text := fault(words, run_here(words), code))]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

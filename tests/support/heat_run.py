@@ -95,12 +95,6 @@ def contact_rows(state):
     force = np.column_stack([1.0 + i, -0.1 * (1.0 + i)])
     heat = (1e-6 * force[:, 0], force[:, 0]) if state.heat.size else (None, None)
     return ContactTable(
-        i,
-        j,
-        np.tile([0.0, -1.0], (GRAINS, 1)),
-        np.zeros(GRAINS),
-        force * state.last_dt,
-        np.zeros(GRAINS),
-        i % 3 == 0,
-        *heat,
-    )
+        i, j, np.tile([0.0, -1.0], (GRAINS, 1)), np.zeros(GRAINS), force * state.last_dt,
+        np.zeros(GRAINS), i % 3 == 0, *heat,
+    )  # fmt: skip

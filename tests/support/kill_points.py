@@ -1,6 +1,5 @@
 """The points of commits at which `multicor_cli.store.atomic.kill_point` can kill the process:
-``LABEL.POINT``, or ``LABEL.POINT:N`` for the N-th time that it is passed.
-"""
+``LABEL.POINT``, or ``LABEL.POINT:N`` for the N-th time that it is passed."""
 
 COMMIT = ("mid_tmp", "after_tmp", "before_rename", "after_rename")
 FILES = ("runjson", "scenario", "model", "segment", "checkpoint", "results", "checkpointjson")

@@ -69,11 +69,9 @@ def one_node_slurm(folder):
         yield found
     finally:
         subprocess.run(
-            ["scancel", "--user=root"],
-            env={**os.environ, **found},
-            check=False,
+            ["scancel", "--user=root"], env={**os.environ, **found}, check=False,
             capture_output=True,
-        )
+        )  # fmt: skip
         for daemon in reversed(daemons):
             daemon.terminate()
         for daemon in daemons:
@@ -98,12 +96,8 @@ def _start_munge():
     if not KEY.exists():
         KEY.write_bytes(secrets.token_bytes(1024))
     for path in (
-        Path("/run/munge"),
-        Path("/var/log/munge"),
-        Path("/var/lib/munge"),
-        KEY.parent,
-        KEY,
-    ):
+        Path("/run/munge"), Path("/var/log/munge"), Path("/var/lib/munge"), KEY.parent, KEY,
+    ):  # fmt: skip
         shutil.chown(path, "munge", "munge")
     KEY.chmod(0o400)
     KEY.parent.chmod(0o700)
@@ -118,12 +112,9 @@ def _start_munge():
 def _wait_until_idle(environment, folder):
     for _ in range(150):
         done = subprocess.run(
-            ["sinfo", "-h", "-o", "%T"],
-            env=environment,
-            check=False,
-            capture_output=True,
+            ["sinfo", "-h", "-o", "%T"], env=environment, check=False, capture_output=True,
             text=True,
-        )
+        )  # fmt: skip
         if "idle" in done.stdout:
             return
         time.sleep(0.2)

@@ -28,12 +28,10 @@ def write_evil_run(
         model.shapes,
         kind=np.array([1, 1, 0, 2, 4], np.int32),
         wall=np.array([0, 1, 1, 1, 0], np.int32),
-        geometry=np.array(
-            [[0, 0, 0, 1], [0, 1, 0, -1], [1, 1, 0.1, 0], [0.5, 0.2, 1, 0.4], [2, 0.5, 0.6, 0]],
-            np.float64,
-        ),
+        geometry=np.array([[0, 0, 0, 1], [0, 1, 0, -1], [1, 1, 0.1, 0], [0.5, 0.2, 1, 0.4],
+            [2, 0.5, 0.6, 0]], np.float64),
         material=np.zeros(5, np.int32),
-    )
+    )  # fmt: skip
     model = replace(
         model, walls=replace(model.walls, names=names), shapes=shapes, groups=(EVIL, "other")
     )

@@ -32,8 +32,7 @@ def make_laws(
     friction=0.5, restitution=0.0, table=None, *, adhesion=0.0, rolling=0.0, reach=None, wet=False
 ):
     """Of one material; ``table`` are speeds and values of its friction, ``reach`` is the range of
-    adhesion.
-    """
+    adhesion."""
     one, given = np.ones((1, 1)), {"adhesion": adhesion, "rolling": rolling}
     further = {name: value * one for name, value in given.items() if value}
     if reach is not None:
@@ -159,13 +158,10 @@ def shear_scene(
     )  # fmt: skip
     height = 1.15 + rows * 1.1
     origins = np.array([[0.5 * period, 0.0, 0.0], [0.5 * period, height, 0.0]])
-    drives = [
-        WallDrive(),
-        WallDrive(
-            x=DofDrive(velocity=Constant(speed)),
-            y=DofDrive(force=Constant(-load * period), damping=0.0),
-        ),
-    ]
+    drives = [WallDrive(), WallDrive(
+        x=DofDrive(velocity=Constant(speed)),
+        y=DofDrive(force=Constant(-load * period), damping=0.0),
+    )]  # fmt: skip
     return model, positions, origins, drives
 
 

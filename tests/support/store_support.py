@@ -64,12 +64,8 @@ def make_model(grains: int = 5, *, walls: bool = True, heat: bool = False) -> Mo
     )
     return Model(
         grains=Grains(radius, radius**2 * 1e3, radius**4 * 5e2, zeros, zeros),
-        shapes=WallShapes(
-            np.array(kinds, np.int32),
-            np.array([0, 1, 1], np.int32)[:m],
-            np.ones((m, 4)) * 1e-3,
-            np.ones(m, np.int32),
-        ),
+        shapes=WallShapes(np.array(kinds, np.int32), np.array([0, 1, 1], np.int32)[:m],
+            np.ones((m, 4)) * 1e-3, np.ones(m, np.int32)),
         walls=Walls(names, nan, nan, np.zeros(w, np.bool_), np.ones(w)),
         laws=laws,
         materials=("steel", "glass"),
@@ -77,10 +73,9 @@ def make_model(grains: int = 5, *, walls: bool = True, heat: bool = False) -> Mo
         period=0.1,
         gravity=np.array([0.0, -9.81]),
         shape_factor=2.0,
-        thermal=Thermal(radius**2 * 5e5, 290.0 + np.arange(grains), 4.0 * np.pi * radius**2)
-        if heat
-        else None,
-    )
+        thermal=Thermal(radius**2 * 5e5, 290.0 + np.arange(grains),
+            4.0 * np.pi * radius**2) if heat else None,
+    )  # fmt: skip
 
 
 def start(model: Model) -> State:
@@ -149,16 +144,9 @@ def contact_rows(state: State) -> ContactTable:
     heat = (1e-9 * np.arange(c), 0.1 + np.arange(c)) if state.heat.size else (None, None)
     couple = state.contact_couple if state.heat.size else None
     return ContactTable(
-        state.contact_i,
-        state.contact_j,
-        normal,
-        -1e-6 * np.arange(c),
-        state.contact_impulse,
-        0.1 * np.arange(c),
-        sliding,
-        *heat,
-        couple,
-    )
+        state.contact_i, state.contact_j, normal, -1e-6 * np.arange(c), state.contact_impulse,
+        0.1 * np.arange(c), sliding, *heat, couple,
+    )  # fmt: skip
 
 
 def make_run(path: Path, **options: object) -> RunDirectory:
@@ -205,12 +193,9 @@ def run_whole(
     """A run from its beginning to its end, or to where it would be finished."""
     with make_run(path, **options) as run:
         return drive(
-            run,
-            model or make_model(),
-            steps=steps,
-            checkpoint_every=checkpoint_every,
+            run, model or make_model(), steps=steps, checkpoint_every=checkpoint_every,
             finish=finish,
-        )
+        )  # fmt: skip
 
 
 def continue_run(path: Path, model: Model | None = None) -> None:

@@ -88,23 +88,18 @@ ROOMS = {
     "closed box": {"box": f'kind = "box", {_INSIDE}'},
     "open box": {"box": f'kind = "box", {_INSIDE}, open = ["top"]'},
     "polygon": {"room": f'kind = "polygon", points = {_CORNERS}, grains = "inside"'},
-    "box of planes": {
-        "floor": LAYERS["planes"][0],
-        "lid": LAYERS["planes"][1].replace("0.045", "0.065"),
-        **_SIDES,
-    },
+    "box of planes": {"floor": LAYERS["planes"][0], "lid": LAYERS["planes"][1].replace("0.045",
+        "0.065"), **_SIDES},
     "no walls": {},
-}
+}  # fmt: skip
 """Geometries of what grains lie in, by the names of the walls; the first one is hot."""
 
 CHANNELS = {
     "channel": {"floor": LAYERS["rough"][0]},
     "smooth channel": {"floor": LAYERS["planes"][0]},
-    "channel under a lid": {
-        "floor": LAYERS["rough"][0],
-        "lid": LAYERS["rough"][1].replace("0.045", "0.075"),
-    },
-}
+    "channel under a lid": {"floor": LAYERS["rough"][0], "lid": LAYERS["rough"][1].replace("0.045",
+        "0.075")},
+}  # fmt: skip
 """Floors that grains fall on, in a periodic domain; the floor is hot."""
 
 

@@ -1,6 +1,5 @@
 """``python tests/tutorial``: executes the tutorial and writes what its commands print, and its
-pictures, into its pages.
-"""
+pictures, into its pages."""
 
 import tempfile
 import time

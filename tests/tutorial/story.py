@@ -1,6 +1,5 @@
 """The pages of the tutorial as one story: their commands, executed in order in one directory, and
-what they print.
-"""
+what they print."""
 
 import os
 import re
@@ -68,8 +67,7 @@ def claims(text: str) -> list[str]:
 
 def perform(commands: str, directory: Path) -> str:
     """What commands print, on either stream, with ``...`` for what is the machine's own; a failure
-    with its exit code.
-    """
+    with its exit code."""
     programs = directory / ".programs"
     if not programs.exists():
         programs.mkdir()

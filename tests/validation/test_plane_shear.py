@@ -1,6 +1,5 @@
 """μ*(I), solid fraction and mean spin of gravity-free plane shear against the independent soft-disc
-results of theory §15.4.
-"""
+results of theory §15.4."""
 
 import numpy as np
 import pytest
@@ -39,8 +38,7 @@ def solid_fraction_of(inertial_number):
 )
 def test_rheology(tmp_path, record_property, overrides, expected, seeds):
     """How much of the shear the middle takes differs from seed to seed (at I = 0.01 by a tenth):
-    its mean is compared.
-    """
+    its mean is compared."""
     flows = []
     for seed in seeds:
         scenario = multicor.load_scenario(CONFIG, overrides=[*overrides, f"scenario.seed={seed}"])

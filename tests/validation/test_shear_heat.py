@@ -39,8 +39,7 @@ def parabola(y, height, source, conductivity):
 
 class Layer:
     """A sheared layer between two rough walls, without gravity; mean mass, diameter and pressure
-    are 1.
-    """
+    are 1."""
 
     def __init__(self, conductivity, conditions, seed):
         layer = {"columns": COLUMNS, "rows": ROWS, "seed": seed, "speed": SPEED}
@@ -104,8 +103,7 @@ class Layer:
 @pytest.mark.parametrize(("conductivity", "seed"), [(20.0, 1), (10.0, 2)])
 def test_isothermal_walls(record_property, conductivity, seed):
     """T(y) in the flow = measured source through the resistance of the frozen packing, within 10 %
-    in every bin.
-    """
+    in every bin."""
     layer = Layer(conductivity, [at_temperature(AMBIENT)] * 2, seed)
     layer.run(9.0)
     rise, count, source = np.zeros(BINS), np.zeros(BINS), np.zeros(BINS)

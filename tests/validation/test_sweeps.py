@@ -1,6 +1,5 @@
 """The accelerated solve needs no more sweeps than the plain one: same states, same tolerances, on
-every shipped shear scene.
-"""
+every shipped shear scene."""
 
 import numpy as np
 import pytest

@@ -95,18 +95,12 @@ def test_a_body_goes_on_after_a_stop(whole, tmp_path):
     assert in_pieces(path, tmp_path / "cut", 7, 29) == digests(whole)
 
 
-@pytest.mark.parametrize(
-    ("condition", "words"),
-    [
-        ("{ capacity = 0.0 }", "must be positive"),
-        (
-            "{ capacity = 1.0, temperature = 300.0 }",
-            "one of temperature, flow, capacity, insulated",
-        ),
-        ("{ initial = 300.0 }", "exactly one of"),
-        ("{ capacity = 1.0, initial = -20 }", "kelvin"),
-    ],
-)
+@pytest.mark.parametrize(("condition", "words"), [
+    ("{ capacity = 0.0 }", "must be positive"),
+    ("{ capacity = 1.0, temperature = 300.0 }", "one of temperature, flow, capacity, insulated"),
+    ("{ initial = 300.0 }", "exactly one of"),
+    ("{ capacity = 1.0, initial = -20 }", "kelvin"),
+])  # fmt: skip
 def test_refused_bodies(condition, words):
     """A cold body is none of them."""
     with pytest.raises(ScenarioError, match=words):

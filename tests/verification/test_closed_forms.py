@@ -69,16 +69,12 @@ def test_ball_without_restitution_stays_down_and_dissipates_its_fall():
         assert book(state, "impact_loss") == pytest.approx(mass * G * 1.0, rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("restitution", "pitch", "dt", "steps", "error", "ends"),
-    [
-        (1.0, 1.0, 1e-3, 1, 1e-12, [0.0, 0.0, 1.0]),
-        (1.0, 1.0, 1e-3, 1, 1e-12, [0.0, 0.0, 0.0, 0.0, 1.0]),
-        (1.0, 1.1, 1e-3, 500, 1e-12, [0.0, 0.0, 0.0, 1.0]),
-        (0.0, 1.0, 1e-4, 50, 1e-9, [0.2] * 5),
-    ],
-    ids=["three that touch", "five that touch", "with gaps", "without restitution"],
-)
+@pytest.mark.parametrize(("restitution", "pitch", "dt", "steps", "error", "ends"), [
+    (1.0, 1.0, 1e-3, 1, 1e-12, [0.0, 0.0, 1.0]),
+    (1.0, 1.0, 1e-3, 1, 1e-12, [0.0, 0.0, 0.0, 0.0, 1.0]),
+    (1.0, 1.1, 1e-3, 500, 1e-12, [0.0, 0.0, 0.0, 1.0]),
+    (0.0, 1.0, 1e-4, 50, 1e-9, [0.2] * 5),
+], ids=["three that touch", "five that touch", "with gaps", "without restitution"])  # fmt: skip
 def test_cradle(restitution, pitch, dt, steps, error, ends):
     """Balls of which the first moves: with e = 0 all move on with v0/n.
 

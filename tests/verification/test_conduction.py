@@ -81,13 +81,10 @@ def test_networks_against_the_matrix_exponential(points):
         assert found == pytest.approx(exact, abs=80e-6)
 
 
-@pytest.mark.parametrize(
-    ("counts", "bonds", "expected"),
-    [
-        ((2, 3, 4, 5), 28, {1.0: (33.9873, 26.8225, 21.3015), 5.0: (25.8272, 25.7458, 25.5860)}),
-        ((5, 4, 5), 27, {1.0: (40.9333, 20.6569, 20.4906), 5.0: (26.3703, 25.0806, 25.0716)}),
-    ],
-)
+@pytest.mark.parametrize(("counts", "bonds", "expected"), [
+    ((2, 3, 4, 5), 28, {1.0: (33.9873, 26.8225, 21.3015), 5.0: (25.8272, 25.7458, 25.5860)}),
+    ((5, 4, 5), 27, {1.0: (40.9333, 20.6569, 20.4906), 5.0: (26.3703, 25.0806, 25.0716)}),
+])  # fmt: skip
 def test_fourteen_discs(counts, bonds, expected):
     """T_1, T_5 and T_14 of the networks of theory §15.3, after 1 and 5 C/H, and in the end."""
     points = rows(counts)
@@ -150,14 +147,10 @@ def test_a_wall_of_known_flow_gives_exactly_that(integrator):
     assert heat_book(engine.state, "undelivered") == 0.0
 
 
-@pytest.mark.parametrize(
-    ("flow", "lost", "error"),
-    [
-        (Ramp(2.0, 2.0, 1.0), 2.0, 1e-6),
-        (Sine(0.0, 2.0, 1.0), 4.0 / np.pi, 1e-2),
-        (Sine(0.0, 2.0, 0.1), 4.0 / np.pi, 1e-2),
-    ],
-)
+@pytest.mark.parametrize(("flow", "lost", "error"), [
+    (Ramp(2.0, 2.0, 1.0), 2.0, 1e-6), (Sine(0.0, 2.0, 1.0), 4.0 / np.pi, 1e-2),
+    (Sine(0.0, 2.0, 0.1), 4.0 / np.pi, 1e-2),
+])  # fmt: skip
 def test_a_flow_that_reaches_no_grain_is_reported_whatever_its_period(flow, lost, error):
     """A sine with a step's period, or less, is zero in the middle: ∫|sin| dt is 2/π of the time."""
     engine = on_floor(WallHeat("flow", flow), positions=[[0.0, 1.5]])

@@ -91,8 +91,7 @@ def test_a_stack_without_losses_keeps_what_hits_it():
 @pytest.mark.parametrize("shape", ["circle", "disc", "line", "turning line"])
 def test_walls_of_all_kinds_give_back_what_they_get(shape):
     """Without friction and losses: speeds against a wall that stands, or the books of one that
-    turns; in a circle the angular momentum about its center too.
-    """
+    turns; in a circle the angular momentum about its center too."""
     line = [
         (ShapeKind.SEGMENT, 0, (-3.0, 0.0, 3.0, 0.0)),
         (ShapeKind.VERTEX, 0, (-3.0, 0.0, -1.0, 0.0)),

@@ -158,14 +158,11 @@ def test_running_average_of_the_force():
 
 
 AIR = {"conductivity": 0.026, "viscosity": 1.6e-5, "prandtl": 0.7}
-ALL_ON = {
-    "impact": True,
-    "mechanisms": (
-        Gas(0.026, reach=0.5),
-        Ambient(350.0, correlation="whitaker", velocity=(0.3, 0.0), **AIR),
-        Radiation(surroundings=250.0, reach=0.4),
-    ),
-}
+ALL_ON = {"impact": True, "mechanisms": (
+    Gas(0.026, reach=0.5),
+    Ambient(350.0, correlation="whitaker", velocity=(0.3, 0.0), **AIR),
+    Radiation(surroundings=250.0, reach=0.4),
+)}  # fmt: skip
 AVERAGED = {**ALL_ON, "force": ContactForce("average", 0.1), "collisional": True}
 CONDITIONS = [WallHeat("temperature", Sine(320.0, 30.0, 0.3)), WallHeat("flow", Constant(5.0))]
 

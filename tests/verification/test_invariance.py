@@ -97,13 +97,10 @@ def test_switching_a_moving_wall_from_prescribed_to_driven_is_booked():
     assert book(state, "closure") < 1e-12
 
 
-@pytest.mark.parametrize(
-    ("make", "load", "dt", "laws"),
-    [
-        (shear_engine, 1.0, 0.1, {}),
-        (surface_engine, 120.0, 2e-3, {"friction": 0.5, "rolling": 0.1}),
-    ],
-)
+@pytest.mark.parametrize(("make", "load", "dt", "laws"), [
+    (shear_engine, 1.0, 0.1, {}),
+    (surface_engine, 120.0, 2e-3, {"friction": 0.5, "rolling": 0.1}),
+])  # fmt: skip
 def test_scaling_of_gravity_free_shear_is_exact(make, load, dt, laws):
     """V/2, loads/4, 2Δt: same bits at equal strain (rigid grains know the inertial number only)."""
     first = make(load=load, speed=SPEED, restitution=0.25, **laws)

@@ -48,8 +48,7 @@ def theta(model, state, **settings):
 
 def test_forces_grow_from_row_to_row(settled):
     """Σ over a row = 2 columns·k m g/√3 with k rows above; one by one they may differ, since
-    horizontal contacts may press too.
-    """
+    horizontal contacts may press too."""
     model, state = settled
     weight = model.grains.mass[0] * 9.81
     i, j, force = state.contact_i, state.contact_j, state.contact_impulse[:, 0] / state.last_dt
@@ -61,14 +60,10 @@ def test_forces_grow_from_row_to_row(settled):
     assert force[j >= model.grain_count].sum() == pytest.approx(total, rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("settings", "expected"),
-    [
-        ({}, [0.7274, 0.4359, 0.2275, 0.0224]),
-        ({"mechanisms": (Gas(0.026),)}, [0.9044, 0.7757, 0.6532, 0.3893]),
-    ],
-    ids=["vacuum", "air"],
-)
+@pytest.mark.parametrize(("settings", "expected"), [
+    ({}, [0.7274, 0.4359, 0.2275, 0.0224]),
+    ({"mechanisms": (Gas(0.026),)}, [0.9044, 0.7757, 0.6532, 0.3893]),
+], ids=["vacuum", "air"])  # fmt: skip
 def test_profile(settled, settings, expected, record_property):
     """θ(η) of the exact solution, interpolated between rows: within 0.005."""
     values, _ = theta(*settled, **settings)

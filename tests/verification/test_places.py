@@ -123,8 +123,7 @@ def closed_form(mechanism, radius=1.0):
 
 def conductances(shapes, names, position, mechanism, *, conditions=None, pose=None, **choices):
     """What each wall gives per degree [W/K] to a grain at 300 K and 1 GJ/K, if it is a little
-    warmer.
-    """
+    warmer."""
     engine = resting(shapes, names, position, conditions, **choices, **MECHANISMS[mechanism])
     if pose is not None:
         engine.state.wall_position[:] = pose
@@ -288,8 +287,7 @@ ROLLING = {
 @pytest.mark.parametrize("settings", ROLLING.values(), ids=ROLLING)
 def test_a_grain_that_rolls_over_pieces_gets_what_it_gets_on_one(settings):
     """Exactly within one wall. At the end of another it is lifted and slowed by some (vΔt/a)²,
-    which its heat follows.
-    """
+    which its heat follows."""
     expected = rolling(FLOORS["one piece"], **settings)
     assert rolling(FLOORS["twenty pieces"], **settings) == pytest.approx(expected, rel=1e-12)
     for name in ("two walls, 0.0 beside", "tiles off an edge", "small tiles"):

@@ -14,30 +14,21 @@ from multicor_cli.post.contacts import loaded_contacts
 from multicor_cli.store import open_run
 
 OVERRIDES = (
-    "domain.size=[0.02, 0.03]",
-    "domain.gravity=[0.0, 0.0]",
-    "particles.0.count=200",
+    "domain.size=[0.02, 0.03]", "domain.gravity=[0.0, 0.0]", "particles.0.count=200",
     "particles.0.region={min = [0.0, 0.001], max = [0.02, 0.0195]}",
-    "particles.0.velocity=[0.5, 0.0]",
-    "particles.0.shear_rate=50.0",
-    "walls.1.geometry.from=[0.0, 0.0205]",
-    "walls.1.geometry.to=[0.02, 0.0205]",
-    "loading.0.duration=0.02",
-    "loading.0.drives.top.x.velocity=1.0",
-    "loading.0.drives.top.y.force=-0.4",
-    "loading.1.until.strain.value=5.0",
-    "loading.1.drives.top.x.velocity=1.0",
-    "solver.dt=5e-5",
-    "output.frame_interval=5e-4",
+    "particles.0.velocity=[0.5, 0.0]", "particles.0.shear_rate=50.0",
+    "walls.1.geometry.from=[0.0, 0.0205]", "walls.1.geometry.to=[0.02, 0.0205]",
+    "loading.0.duration=0.02", "loading.0.drives.top.x.velocity=1.0",
+    "loading.0.drives.top.y.force=-0.4", "loading.1.until.strain.value=5.0",
+    "loading.1.drives.top.x.velocity=1.0", "solver.dt=5e-5", "output.frame_interval=5e-4",
     "output.series_interval=5e-5",
-)
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def flows(tmp_path_factory):
     """Four times two hundred grains sheared without gravity between rough walls (I = 0.03); a row
-    of the time series for every step.
-    """
+    of the time series for every step."""
     path = tmp_path_factory.mktemp("sheared")
     write_small(path)
     for seed in range(1, 5):
@@ -76,8 +67,7 @@ def test_stress_next_to_the_walls_is_their_force_per_length(run):
 
 def test_stress_does_not_fade_towards_rough_walls(run):
     """Without gravity σ_yy is the load per length at all heights, in the bins at the walls too;
-    those hold half as many grains.
-    """
+    those hold half as many grains."""
     chosen = Selection(start=0.4 * float(run.frames.time[-1]))
     kinetic = profile(run, "kinetic-stress-yy", chosen, 12).value
     stress = profile(run, "stress-yy", chosen, 12)

@@ -295,12 +295,9 @@ def test_ends_of_a_window_count_though_times_are_rounded(column):
     series = {name: np.array(column.series[name]) for name in column.series} | {"time": times}
     source = source_of(column.model, column.frames, times, series=series)
     for start, end, expected in (
-        (0.06, 0.3, [1, 2]),
-        (0.46144, None, [3, 4]),
-        (None, 0.06, [0, 1]),
-        (0.3, 0.3, [2]),
+        (0.06, 0.3, [1, 2]), (0.46144, None, [3, 4]), (None, 0.06, [0, 1]), (0.3, 0.3, [2]),
         (0.07, 0.3, [2]),
-    ):
+    ):  # fmt: skip
         assert profile(source, "velocity", post.Selection(start, end)).frames.tolist() == expected
         assert post.energy(source, start, end).time.tolist() == times[expected].tolist()
     for start, end in ((0.07, 0.29), (0.3, 0.06), (5.0, None)):

@@ -26,19 +26,17 @@ _GRAINS = {
 def test_loaded_packing_rests(run, friction, gravity, stress, method):
     """For 0.05 s, 300 to 1,000 √(m/P); what rattlers still have may become heat."""
     load = {"lid": {"y": {"stress": -stress, "damping": 1.0}}}
-    held = run(
-        scenario(
-            size=[8e-3, 12e-3],
-            periodic=True,
-            gravity=[0.0, gravity],
-            friction=friction,
-            grains=_GRAINS,
-            walls={"floor": plane(), "lid": {"geometry": plane(11e-3, -1), "mass": 1e-4}},
-            loading=[{"duration": 0.25, "drives": load}],
-            solver={"dt": 5e-5, "method": method},
-            output={"frame_interval": 0.05, "series_interval": 0.05},
-        )
-    )
+    held = run(scenario(
+        size=[8e-3, 12e-3],
+        periodic=True,
+        gravity=[0.0, gravity],
+        friction=friction,
+        grains=_GRAINS,
+        walls={"floor": plane(), "lid": {"geometry": plane(11e-3, -1), "mass": 1e-4}},
+        loading=[{"duration": 0.25, "drives": load}],
+        solver={"dt": 5e-5, "method": method},
+        output={"frame_interval": 0.05, "series_interval": 0.05},
+    ))  # fmt: skip
     series = held.series
     work = series["load_work"][-1] + series["gravity_work"][-1]
     loss = series["friction_loss"] + series["impact_loss"]

@@ -64,8 +64,7 @@ def test_a_surface_that_begins_to_run_has_its_speed_at_the_end_of_the_first_step
 
 def test_a_belt_carries_up_what_friction_holds_and_both_its_sides_run():
     """On a segment inclined by 20°, solid on both sides: to the right above it, to the left below
-    it (μ > tan 20°, no spin: three discs glued by rolling resistance beyond all they can do).
-    """
+    it (μ > tan 20°, no spin: three discs glued by rolling resistance beyond all they can do)."""
     slope = np.radians(20.0)
     segment = [(ShapeKind.SEGMENT, 0, (-50.0, 0.0, 50.0, 0.0))]
     for side in (1.0, -1.0):
@@ -79,8 +78,7 @@ def test_a_belt_carries_up_what_friction_holds_and_both_its_sides_run():
 
 def same_ends(model, positions, moving, run, steps=200, error=1e-7, place=None):
     """States after steps with a last wall that moves, and with one whose surface runs: the same
-    motion and books.
-    """
+    motion and books."""
     ends = []
     for drive in (moving, run):
         drives = [WallDrive()] * (model.wall_count - 1) + [drive]
@@ -141,8 +139,7 @@ def test_a_circle_whose_surface_runs_is_a_drum_that_turns(rolling):
 @pytest.mark.parametrize("rolling", [0.0, 0.05])
 def test_a_roll_that_is_pressed_down_is_one_that_turns_and_feels_the_reaction(rolling):
     """A disc driven by a force in y and held in x: diagonal contacts of the floor, general ones of
-    the roll. Its surface runs clockwise, as Ω = −V/R.
-    """
+    the roll. Its surface runs clockwise, as Ω = −V/R."""
     shapes = [*FLOOR, (ShapeKind.DISC, 1, (0.0, 0.0, 0.8, 0.0))]
     model, positions = bed(friction=0.4)
     model = make_model(

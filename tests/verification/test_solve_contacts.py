@@ -24,8 +24,7 @@ METHODS = [
 
 def test_column_from_a_cold_start_meets_the_budget():
     """116 layers: ≤ 500 sweep-equivalents to rms 10⁻⁴ g Δt, ≤ 700 to a force error of 10⁻⁴
-    (benchmarks/README.md).
-    """
+    (benchmarks/README.md)."""
     problem = column_problem(116)
     solution, tight = (
         solve_contacts(problem, Settings(**LOOSE, tolerance_rms=rms), reference_velocity=9.81e-3)

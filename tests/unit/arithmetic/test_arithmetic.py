@@ -1,6 +1,5 @@
 """The program's own elementary functions: accuracy against many digits, special values, and equal
-bits interpreted and compiled.
-"""
+bits interpreted and compiled."""
 
 import math
 

@@ -1,6 +1,5 @@
 """Benchmarks measure what they say: copies of a scene move like the scene, wrong physics gives no
-time, slower is noticed.
-"""
+time, slower is noticed."""
 
 import json
 import time
@@ -67,8 +66,7 @@ def copied(engine, copies):
 
 def test_the_warm_start_of_copies_is_that_of_the_original(sheared):
     """With all impulses in place the first residual of the copies is that of the original: nothing
-    is joined wrongly.
-    """
+    is joined wrongly."""
     wide = copied(sheared, 4)
     pairs = np.column_stack([wide.state.contact_i, wide.state.contact_j]).tolist()
     assert pairs == sorted(pairs)
@@ -185,16 +183,9 @@ def test_what_is_slower_than_recorded_is_named(record):
         read_record(record)
 
 
-@pytest.mark.parametrize(
-    ("name", "factor"),
-    [
-        ("median_sweeps", 2),
-        ("cold_sweeps", 2),
-        ("per_contact", 2),
-        ("other_ratio", 3),
-        ("sweep", 2),
-    ],
-)
+@pytest.mark.parametrize(("name", "factor"), [
+    ("median_sweeps", 2), ("cold_sweeps", 2), ("per_contact", 2), ("other_ratio", 3), ("sweep", 2),
+])  # fmt: skip
 def test_whatever_takes_that_much_longer_is_slower(name, factor, record):
     write_record(record, [result()])
     before = getattr(result(), name)
@@ -207,8 +198,7 @@ def test_whatever_takes_that_much_longer_is_slower(name, factor, record):
 
 def test_two_sweeps_more_are_not_twice_as_many(record):
     """A solve looks at its residual at 2, 5 or 8 sweep-equivalents: a median of 5 beside one of 2
-    is one look more.
-    """
+    is one look more."""
     write_record(record, [result(median_sweeps=2.0)])
     assert find_slower([result(median_sweeps=5.0)], read_record(record)) == []
     assert len(find_slower([result(median_sweeps=8.0)], read_record(record))) == 1
@@ -311,8 +301,7 @@ def test_physics_that_fails_while_a_scene_is_prepared_is_a_fault(monkeypatch):
 
 def test_stages_that_take_longer_show_in_the_ratio():
     """The yardstick does not slow down with the product: where steps take four times as long, the
-    ratio exceeds its margin.
-    """
+    ratio exceeds its margin."""
     prepared = prepare(SCENES["collapse"], 100)
     yardstick = ReferenceStep(100)
 

@@ -20,19 +20,16 @@ def rule(**limits):
     )
 
 
-@pytest.mark.parametrize(
-    ("limits", "values", "verdict", "text"),
-    [
-        ({"warning": 1.0, "bad": 2.0}, [0.5, 1.0], Verdict.OK, "1 m (number 1)"),
-        ({"warning": 1.0, "bad": 2.0}, [0.5, 1.5], Verdict.WARNING, "1.5 m (number 1)"),
-        ({"warning": 1.0, "bad": 2.0}, [3.0, 1.5], Verdict.BAD, "3 m (number 0)"),
-        ({"warning": 1.0, "bad": 2.0}, [math.nan], Verdict.BAD, "nan m (number 0)"),
-        ({"warning": 1.0}, [math.inf], Verdict.WARNING, "inf m (number 0)"),
-        ({"least": 1.0, "warning": 10.0}, [2.0, 5.0], Verdict.OK, "2 m (number 0)"),
-        ({"least": 1.0, "warning": 10.0}, [5.0, 0.5, 0.1], Verdict.WARNING, "0.1 m (number 2)"),
-        ({"least": 1.0}, [1e9, 0.0], Verdict.WARNING, "0 m (number 1)"),
-    ],
-)
+@pytest.mark.parametrize(("limits", "values", "verdict", "text"), [
+    ({"warning": 1.0, "bad": 2.0}, [0.5, 1.0], Verdict.OK, "1 m (number 1)"),
+    ({"warning": 1.0, "bad": 2.0}, [0.5, 1.5], Verdict.WARNING, "1.5 m (number 1)"),
+    ({"warning": 1.0, "bad": 2.0}, [3.0, 1.5], Verdict.BAD, "3 m (number 0)"),
+    ({"warning": 1.0, "bad": 2.0}, [math.nan], Verdict.BAD, "nan m (number 0)"),
+    ({"warning": 1.0}, [math.inf], Verdict.WARNING, "inf m (number 0)"),
+    ({"least": 1.0, "warning": 10.0}, [2.0, 5.0], Verdict.OK, "2 m (number 0)"),
+    ({"least": 1.0, "warning": 10.0}, [5.0, 0.5, 0.1], Verdict.WARNING, "0.1 m (number 2)"),
+    ({"least": 1.0}, [1e9, 0.0], Verdict.WARNING, "0 m (number 1)"),
+])  # fmt: skip
 def test_the_worst_number_counts(limits, values, verdict, text):
     check = rule(**limits).judge(values)
     assert (check.verdict, check.text) == (verdict, text)

@@ -1,6 +1,5 @@
 """Each check of a run, provoked by a run that deserves it, or by numbers that no run should ever
-have.
-"""
+have."""
 
 import copy
 import json
@@ -69,16 +68,13 @@ def test_an_ordinary_run_has_nothing_bad(ordinary):
     assert {*usual, "Hertz deflection"} <= by_name(checks).keys()
 
 
-@pytest.mark.parametrize(
-    ("name", "key", "values"),
-    [
-        ("energy closure", "energy_closure", {1e-14: OK, 1e-9: BAD}),
-        ("overlap", "max_overlap", {5e-4: OK, 2e-3: BAD}),
-        ("negative losses", "negative_loss_share", {0.01: OK, 0.07: WARNING, 0.2: BAD}),
-        ("Hertz deflection", "hertz_deflection", {6e-6: OK, 5e-3: WARNING, 0.04: BAD}),
-        ("work of corrections", "books.correction_work", {0.0: OK}),
-    ],
-)
+@pytest.mark.parametrize(("name", "key", "values"), [
+    ("energy closure", "energy_closure", {1e-14: OK, 1e-9: BAD}),
+    ("overlap", "max_overlap", {5e-4: OK, 2e-3: BAD}),
+    ("negative losses", "negative_loss_share", {0.01: OK, 0.07: WARNING, 0.2: BAD}),
+    ("Hertz deflection", "hertz_deflection", {6e-6: OK, 5e-3: WARNING, 0.04: BAD}),
+    ("work of corrections", "books.correction_work", {0.0: OK}),
+])  # fmt: skip
 def test_limits_of_the_summary(name, key, values, recorded):
     for value, verdict in values.items():
         assert with_info(recorded, key, value)[name].verdict is verdict
@@ -100,8 +96,7 @@ def test_negative_losses_are_compared_with_what_impacts_take_up(
     restitution, given_back, recorded, monkeypatch
 ):
     """Impacts that lose 1 − e² of what they take up give back e² of it; where they give back all,
-    the kinetic energy stands for what they take up.
-    """
+    the kinetic energy stands for what they take up."""
     laws = recorded.run.model.laws
     monkeypatch.setattr(resolution, "_least_restitution", lambda model: restitution)
     recorded.info["books"] |= {"friction_loss": 3.0, "impact_loss": 2.0, "negative_loss": -0.5}
@@ -119,8 +114,7 @@ def test_negative_losses_are_compared_with_what_impacts_take_up(
 @pytest.mark.parametrize(("restitution", "dt"), [(0.0, "auto"), (0.9, "auto"), (0.9, 2.5e-3)])
 def test_negative_losses_of_shear_do_not_depend_on_restitution(restitution, dt, tmp_path):
     """At the automatic step the check has nothing to say, and a step fifteen times as long is
-    found.
-    """
+    found."""
     overrides = (
         f"contacts.0.restitution={restitution}", f"solver.dt={dt}",
         "loading.0.until.strain.value=2.0",
@@ -193,15 +187,12 @@ INEXACT = ("solver.max_sweeps=3", "solver.tolerance_rms=1e-6")
 SLOW = ("kinetic_energy_ratio = 1e-2", "kinetic_energy_ratio = 1e-9")
 
 
-@pytest.mark.parametrize(
-    ("changes", "overrides", "found"),
-    [
-        (LONG, (), {"time step": (BAD, 5.0, 99.0), "time step for the flow": (BAD, 5.0, 99.0)}),
-        ([], INEXACT, {"steps not converged": (BAD, 0.05, 1.0)}),
-        ([("young = 70e9", "young = 1e5")], (), {"Hertz deflection": (BAD, 0.01, 99.0)}),
-        ([SLOW], (), {"stages timed out": (WARNING, 1.0, 1.0)}),
-    ],
-)
+@pytest.mark.parametrize(("changes", "overrides", "found"), [
+    (LONG, (), {"time step": (BAD, 5.0, 99.0), "time step for the flow": (BAD, 5.0, 99.0)}),
+    ([], INEXACT, {"steps not converged": (BAD, 0.05, 1.0)}),
+    ([("young = 70e9", "young = 1e5")], (), {"Hertz deflection": (BAD, 0.01, 99.0)}),
+    ([SLOW], (), {"stages timed out": (WARNING, 1.0, 1.0)}),
+])  # fmt: skip
 def test_what_a_run_deserves(changes, overrides, found, tmp_path):
     checks = ran(tmp_path, changed(SMALL, *changes), overrides)
     for name, (verdict, low, high) in found.items():
@@ -214,8 +205,7 @@ def test_what_a_run_deserves(changes, overrides, found, tmp_path):
 @pytest.mark.parametrize(("pressure", "rate"), [(50.0, 1.0), (1e-3, 100.0)])
 def test_step_that_a_known_pressure_and_rate_of_shear_need(pressure, rate, recorded):
     """Limits 0.1 √(m/P) and 0.005/γ̇ of the automatic step (μ = 0.4 is below 0.5), for a stress P V
-    and a work of sliding μ P V γ̇.
-    """
+    and a work of sliding μ P V γ̇."""
     model, dt, rows = recorded.run.model, 1e-4, 11
     volume = math.pi * float((model.grains.radius**2).sum()) / 0.8
     time = 0.01 * np.arange(rows)
@@ -303,8 +293,7 @@ def test_frames_hold_the_contacts_that_carry_something(ordinary):
 )
 def test_strict(change, before, code, tmp_path):
     """A bad check before a run keeps it from beginning; afterwards `info` says the same; without
-    the option nothing changes.
-    """
+    the option nothing changes."""
     write_small(tmp_path, changed(SMALL, *([change] if change else [])))
 
     def code_of(line):

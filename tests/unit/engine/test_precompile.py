@@ -11,32 +11,18 @@ from multicor_cli.engine.jit import cache
 from multicor_cli.running.machine import shared_compilation
 
 HARD = {
-    "has_clusters",
-    "choose_patch",
-    "solve_patch",
-    "begin_again",
-    "is_converged",
-    "hold",
-    "release",
+    "has_clusters", "choose_patch", "solve_patch", "begin_again", "is_converged", "hold", "release",
     "step_back",
-}
+}  # fmt: skip
 """Kernels that only some steps need."""
 
 OVERLAPPED = {"both_ways", "push_apart"}
 """Kernels that only steps with overlaps need."""
 
 FIRST = {
-    "neighbors",
-    "affine",
-    "scene",
-    "placing",
-    "overlap",
-    "elementwise",
-    "moves",
-    "drift",
-    "compile",
-    "contacts",
-}
+    "neighbors", "affine", "scene", "placing", "overlap", "elementwise", "moves", "drift",
+    "compile", "contacts",
+}  # fmt: skip
 """Modules whose kernels are needed before the other process comes to them."""
 
 LIST = """
@@ -59,15 +45,12 @@ STEP = (
 
 def loaded(code):
     """Kernels that a process loads from the cache, and for which kinds of arguments; a first
-    process has compiled them.
-    """
+    process has compiled them."""
     for _ in range(2):
         done = subprocess.run(
-            [sys.executable, "-c", LIST.format(code=code)],
-            capture_output=True,
-            text=True,
+            [sys.executable, "-c", LIST.format(code=code)], capture_output=True, text=True,
             check=True,
-        )
+        )  # fmt: skip
     return json.loads(done.stdout)
 
 
@@ -80,10 +63,8 @@ def test_precompilation_compiles_what_a_run_asks_for_and_nothing_else():
     for name in asked.keys() - rehearsed.keys():
         assert set(name.split(".")) & FIRST, name
     assert {name.rpartition(".")[2] for name in rehearsed} >= HARD | {
-        "iterate",
-        "generate",
-        "hertz_spots",
-    }
+        "iterate", "generate", "hertz_spots",
+    }  # fmt: skip
 
 
 def test_a_second_process_compiles_only_for_a_first_run_with_two_threads(tmp_path, monkeypatch):

@@ -121,11 +121,8 @@ def test_runs_without_walls_and_heat(tmp_path):
     with open_run(tmp_path / "run") as run:
         export_csv(run, tmp_path / "out", slice(-1, None))
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
-        "contacts-000008.csv",
-        "frames.csv",
-        "grains-000008.csv",
-        "series.csv",
-    ]
+        "contacts-000008.csv", "frames.csv", "grains-000008.csv", "series.csv",
+    ]  # fmt: skip
     assert "temperature [K]" not in read(tmp_path / "out" / "grains-000008.csv")
 
 

@@ -1,6 +1,5 @@
 """FCLib files: the problem that the run has solved, the matrix as FCLib wants it, and its
-solution.
-"""
+solution."""
 
 from dataclasses import fields, replace
 
@@ -30,8 +29,7 @@ TIGHT = Settings(tolerance_rms=1e-11, tolerance_max=1e-9, tolerance_energy=1e-9,
 
 def record(path, text):
     """Run a scenario; gives its directory, and the problem of every step by the number of steps
-    before it.
-    """
+    before it."""
     solved = {}
     step = Engine.step
 
@@ -60,8 +58,7 @@ def read_local_form(path):
 @pytest.fixture(scope="module")
 def small(tmp_path_factory):
     """Three stages with walls that a force moves, and a ramp that goes on from one stage into the
-    next.
-    """
+    next."""
     return record(tmp_path_factory.mktemp("small"), SMALL)
 
 
@@ -98,12 +95,9 @@ def test_the_problem_after_a_frame_is_the_one_that_the_run_has_solved(run, small
         assert not found.is_beyond
         stages.add((run.stages[frame.stage], found.stage))
     assert stages == {
-        ("settle", "settle"),
-        ("settle", "shear"),
-        ("shear", "shear"),
-        ("shear", "on"),
+        ("settle", "settle"), ("settle", "shear"), ("shear", "shear"), ("shear", "on"),
         ("on", "on"),
-    }
+    }  # fmt: skip
 
 
 def test_after_the_last_frame_the_last_stage_goes_on(run):
@@ -115,8 +109,7 @@ def test_after_the_last_frame_the_last_stage_goes_on(run):
 
 def test_exported_and_read_again_the_solution_is_the_same(run, small, tmp_path):
     """Of the first frame from the middle on whose problem sweeps can solve so closely: with
-    friction not every one can be.
-    """
+    friction not every one can be."""
     for number in range(len(run.frames) // 2, len(run.frames) - 1):
         ours, our_start = small[1][run.frames[number].step]
         expected = solve_contacts(ours, TIGHT, start=our_start)
@@ -135,8 +128,7 @@ def test_exported_and_read_again_the_solution_is_the_same(run, small, tmp_path):
 @pytest.mark.parametrize("name", ["heap", "run"])
 def test_our_solution_solves_the_problem_in_the_file(name, run, tmp_path):
     """With W, q and mu of the file alone: complementarity, Coulomb's cone, and friction against the
-    slip.
-    """
+    slip."""
     problem = heap_problem() if name == "heap" else frame_problem(run, -2).problem
     write_fclib(problem, tmp_path / "a.hdf5", is_overwriting=True)
     form = read_local_form(tmp_path / "a.hdf5")
@@ -172,13 +164,9 @@ def test_two_contacts_of_the_same_two_bodies_share_both():
     lever = np.array([[[-0.5, 0.0], [0.5, 0.2]], [[0.0, -0.5], [1.0, -0.3]]])
     problem = ContactProblem(
         np.array([[1.0, 1.0, 8.0], [0.5, 0.25, 2.0]]),
-        np.array([[0.1, -1.0, 3.0], [0.2, 0.0, 0.0]]),
-        np.array([[0, 1], [0, 1]], np.int32),
-        np.array([[1.0, 0.0], [0.0, 1.0]]),
-        lever,
-        np.zeros(2),
-        np.full(2, 0.3),
-    )
+        np.array([[0.1, -1.0, 3.0], [0.2, 0.0, 0.0]]), np.array([[0, 1], [0, 1]], np.int32),
+        np.array([[1.0, 0.0], [0.0, 1.0]]), lever, np.zeros(2), np.full(2, 0.3),
+    )  # fmt: skip
     form = local_form(problem)
     assert form.start.tolist() == [0, 4, 8, 12, 16]
     np.testing.assert_allclose(form.value.reshape(4, 4), dense_delassus(problem)[0], atol=1e-14)
@@ -256,14 +244,9 @@ def test_a_guess_of_another_problem_is_refused(tmp_path):
 def test_without_contacts_there_is_no_problem(tmp_path):
     none = np.empty((0, 2))
     problem = ContactProblem(
-        np.ones((1, 3)),
-        np.zeros((1, 3)),
-        none.astype(np.int32),
-        none,
-        np.empty((0, 2, 2)),
-        np.empty(0),
-        np.empty(0),
-    )
+        np.ones((1, 3)), np.zeros((1, 3)), none.astype(np.int32), none, np.empty((0, 2, 2)),
+        np.empty(0), np.empty(0),
+    )  # fmt: skip
     with pytest.raises(ExportError, match="no contact"):
         write_fclib(problem, tmp_path / "a.hdf5")
     assert list(tmp_path.iterdir()) == []
@@ -271,8 +254,7 @@ def test_without_contacts_there_is_no_problem(tmp_path):
 
 def test_runs_with_heat_that_softens_friction(warm):
     """Temperatures are stored as such, the engine computes with heat contents: friction agrees to
-    rounding, the rest exactly.
-    """
+    rounding, the rest exactly."""
     steps = 0
     with open_run(warm[0]) as run:
         for frame in list(run.frames)[:-1]:

@@ -94,8 +94,7 @@ def test_bonds_are_the_contacts_that_carry_a_force(frames):
 
 def test_frames_without_contacts_do_not_repeat_those_of_the_first_one(tmp_path):
     """What a GSD frame lacks is that of the first one: a frame without bonds has to say so,
-    recorded or not.
-    """
+    recorded or not."""
     model = heated_model()
     state = column(model)
     with RunDirectory.create(tmp_path / "run", "", "", {"seed": 1}, stages=("a",)) as run:
@@ -120,11 +119,8 @@ def test_frames_without_contacts_do_not_repeat_those_of_the_first_one(tmp_path):
     assert [frame.bonds.N for frame in frames] == [GRAINS - 1, 0, 0, GRAINS - 1]
     for name in ("normal_force", "tangential_force", "heat"):
         assert [len(frame.log[f"bonds/{name}"]) for frame in frames] == [
-            GRAINS - 1,
-            0,
-            0,
-            GRAINS - 1,
-        ]
+            GRAINS - 1, 0, 0, GRAINS - 1,
+        ]  # fmt: skip
     assert [frame.log["contacts_recorded"].tolist() for frame in frames] == [[1], [1], [0], [1]]
 
 

@@ -24,8 +24,5 @@ def test_what_lies_beside_a_target_stays(tmp_path):
         raise ZeroDivisionError
     assert {path: path.read_text() for path in mine} == mine
     assert sorted(path.name for path in tmp_path.iterdir()) == [
-        "frames",
-        "frames.tmp",
-        "table.csv",
-        "table.csv.tmp",
-    ]
+        "frames", "frames.tmp", "table.csv", "table.csv.tmp",
+    ]  # fmt: skip

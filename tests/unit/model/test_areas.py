@@ -99,8 +99,7 @@ def test_a_ray_through_corners_counts_them_once():
 
 def test_moments_of_polygons_are_those_of_the_textbook():
     """Rectangle: A (w² + h²)/12; regular n-gon of circumradius R: A R² (2 + cos 2π/n)/6; any place,
-    any direction.
-    """
+    any direction."""
     rectangle = Polygon(np.array([[2.0, 1.0], [5.0, 1.0], [5.0, 3.0], [2.0, 3.0]]))
     assert rectangle.centroid == pytest.approx([3.5, 2.0])
     assert rectangle.polar_moment == pytest.approx(6.0 * (9.0 + 4.0) / 12.0)
@@ -124,16 +123,13 @@ def test_moments_of_an_irregular_polygon_are_those_of_random_points():
     )
 
 
-@pytest.mark.parametrize(
-    ("points", "corner", "words"),
-    [
-        ([[0, 0], [1, 1], [1, 0], [0, 1]], 0, "crosses"),
-        ([[0, 0], [1, 0], [1, 1], [0, 0], [-1, 1]], 3, "twice"),
-        ([[0, 0], [2, 0], [1, 0], [1, 1]], 1, "back on itself"),
-        ([[0, 0], [4, 0], [4, 2], [2, 0], [0, 2]], 0, "touches"),
-        ([[0, 0], [1, 0], [2, 0]], 0, "back on itself"),
-    ],
-)
+@pytest.mark.parametrize(("points", "corner", "words"), [
+    ([[0, 0], [1, 1], [1, 0], [0, 1]], 0, "crosses"),
+    ([[0, 0], [1, 0], [1, 1], [0, 0], [-1, 1]], 3, "twice"),
+    ([[0, 0], [2, 0], [1, 0], [1, 1]], 1, "back on itself"),
+    ([[0, 0], [4, 0], [4, 2], [2, 0], [0, 2]], 0, "touches"),
+    ([[0, 0], [1, 0], [2, 0]], 0, "back on itself"),
+])  # fmt: skip
 def test_what_is_no_simple_polygon(points, corner, words):
     fault = fault_of_polygon(np.array(points, float))
     assert fault[0] == corner

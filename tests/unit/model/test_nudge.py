@@ -1,6 +1,5 @@
 """The switch for tests that moves initial positions by an ulp: what it moves, how far, and that
-run.json tells of it.
-"""
+run.json tells of it."""
 
 import json
 

@@ -139,8 +139,7 @@ def group(packing, more=""):
 @pytest.mark.parametrize("seed", range(52))
 def test_no_grain_is_placed_in_solid_matter(seed):
     """Random polygons and discs, large enough to hold grains that do not touch their outline;
-    `build` refuses overlaps.
-    """
+    `build` refuses overlaps."""
     rng, packing = np.random.default_rng(seed), list(PACKINGS)[seed % len(PACKINGS)]
     corners, disc = star(rng), rng.uniform([0.01, 0.055, 2e-3], [0.05, 0.07, 9e-3])
     round_one = f'kind = "disc", center = {disc[:2].tolist()}, radius = {disc[2]}'
@@ -165,12 +164,10 @@ def test_containers_keep_grains_inside(packing):
 
 REGIONS = {
     "circle": ('kind="circle",center=[0.03,0.035],radius=0.025', math.pi * 0.025**2),
-    "annulus": (
-        'kind="annulus",center=[0.03,0.04],inner=0.012,outer=0.028',
-        math.pi * (0.028**2 - 0.012**2),
-    ),
+    "annulus": ('kind="annulus",center=[0.03,0.04],inner=0.012,outer=0.028',
+        math.pi * (0.028**2 - 0.012**2)),
     "polygon": ('kind="polygon",points=[[0.0,0.01],[0.06,0.01],[0.03,0.08]]', 0.5 * 0.06 * 0.07),
-}
+}  # fmt: skip
 
 
 def distance_inside(region, center):
@@ -210,15 +207,10 @@ TINY = polygon_region("[[0.0,0.0],[0.004,0.0],[0.002,0.004]]")  # its inscribed 
 NEEDLE = polygon_region("[[0.0,0.0],[0.06,0.0599],[0.06,0.06],[0.0,0.0001]]")
 
 
-@pytest.mark.parametrize(
-    ("packing", "region", "words"),
-    [
-        ("random", SMALL, "do not fit"),
-        ("deposited", SMALL, "do not fit"),
-        ("lattice", TINY, "holds no site"),
-        ("random", NEEDLE, "do not fit"),
-    ],
-)
+@pytest.mark.parametrize(("packing", "region", "words"), [
+    ("random", SMALL, "do not fit"), ("deposited", SMALL, "do not fit"),
+    ("lattice", TINY, "holds no site"), ("random", NEEDLE, "do not fit"),
+])  # fmt: skip
 def test_a_full_region_is_refused(packing, region, words):
     table = group(packing, region)
     table = table.replace("count=300", "fill=0.5") if region is NEEDLE else table
@@ -235,13 +227,10 @@ def test_deposited_grains_pile_up_on_a_disc():
     assert np.count_nonzero(np.abs(gap) < 1e-9) > 5
 
 
-@pytest.mark.parametrize(
-    "geometry",
-    [
-        polygon([[0.01, 0.01], [0.05, 0.01], [0.05, 0.05], [0.01, 0.05]]),
-        'kind = "disc", center = [0.03, 0.03], radius = 0.02',
-    ],
-)
+@pytest.mark.parametrize("geometry", [
+    polygon([[0.01, 0.01], [0.05, 0.01], [0.05, 0.05], [0.01, 0.05]]),
+    'kind = "disc", center = [0.03, 0.03], radius = 0.02',
+])  # fmt: skip
 def test_grains_from_a_file_in_solid_matter_are_refused(geometry, tmp_path):
     rows = "x,y,radius\n0.03,0.03,1e-3\n0.005,0.07,1e-3\n0.025,0.035,1e-3\n"
     (tmp_path / "grains.csv").write_text(rows)

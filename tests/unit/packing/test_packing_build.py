@@ -1,6 +1,5 @@
 """From a scenario to Model and State: bodies, laws, motion, groups after each other, and what is
-refused.
-"""
+refused."""
 
 import math
 import re
@@ -206,13 +205,10 @@ SHORT = (PERIODIC, "domain.size=[0.009, 0.5]", "particles.0.count=5")
 REFUSED = {
     "behind a rough wall": (BELOW, BEHIND, [("walls.0", "behind the rough wall 'w'")]),
     "too many": (MANY, "", [("particles.0", "it holds 13")]),
-    "too many in two groups": (
-        MANY,
-        CROWDED,
-        [("particles.0", "it holds 13"), ("particles.1", "the region is full")],
-    ),
+    "too many in two groups": (MANY, CROWDED, [("particles.0", "it holds 13"),
+        ("particles.1", "the region is full")]),
     "short period": (SHORT, "", [("particles.0.sizes", "four of the largest diameters")]),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", REFUSED)
@@ -249,14 +245,11 @@ def test_tile_in_a_bounded_region_stays_inside():
     assert np.all((x - r >= -1e-12) & (x + r <= 0.06 + 1e-12))
 
 
-@pytest.mark.parametrize(
-    ("packing", "words"),
-    [
-        (tile("deposited", [3, 2]), "cannot be repeated in y"),
-        (tile("random", [3, 1]).replace("[0.02, 0.02]", "[0.009, 0.02]"), "too narrow for grains"),
-        (tile("random", [3, 2]).replace("[0.02, 0.02]", "[0.02, 0.009]"), "too low for grains"),
-    ],
-)
+@pytest.mark.parametrize(("packing", "words"), [
+    (tile("deposited", [3, 2]), "cannot be repeated in y"),
+    (tile("random", [3, 1]).replace("[0.02, 0.02]", "[0.009, 0.02]"), "too narrow for grains"),
+    (tile("random", [3, 2]).replace("[0.02, 0.02]", "[0.02, 0.009]"), "too low for grains"),
+])  # fmt: skip
 def test_tiles_that_cannot_be_stacked_are_refused(packing, words):
     (problem,) = problems(packing, PERIODIC, text=UNCOUNTED)
     assert words in problem.message
@@ -271,11 +264,9 @@ def compacted(pressure, friction, ratio):
 )
 def test_compacted_packing_is_dense_and_carries_itself(periodic, friction, low, high):
     model, state = built(
-        compacted(50.0, friction, 1e-5),
-        f"domain.periodic={periodic}",
-        "particles.0.count=300",
+        compacted(50.0, friction, 1e-5), f"domain.periodic={periodic}", "particles.0.count=300",
         "domain.size=[0.03, 0.06]",
-    )
+    )  # fmt: skip
     position, radius = state.position, model.grains.radius
     assert smallest_gap(position, radius, model.period) > -1e-3 * radius.min()
     assert not state.velocity.any()

@@ -29,8 +29,7 @@ def drop(radius, periodic=False, discs=(), height=10.0):
 
 def supports(position, radius, periodic):
     """For each grain: is it on the floor, and has it contacts on its left and right, at least one
-    of them below.
-    """
+    of them below."""
     n, tolerance = radius.size, 1e-9 * radius.max()
     i, j, _ = pair_gaps(position, radius, tolerance, WIDTH if periodic else 0.0)
     a, b = np.concatenate([i, j]), np.concatenate([j, i])
@@ -113,8 +112,7 @@ def under(kind, top, count):
 @pytest.mark.parametrize("kind", LIDS)
 def test_grains_are_deposited_below_a_lid_of_every_kind(kind, top):
     """Also where the region reaches into a rough lid, or beyond it; a solid disc that lies in the
-    region is piled upon.
-    """
+    region is piled upon."""
     lid, overrides = under(kind, top, 200)
     model, state = built(*overrides, **lid)
     assert state.position[:, 1].max() < 0.05

@@ -74,15 +74,13 @@ BAD_CSV = {
     "nan": ("x,y,radius\n# comment\nnan,2,3\n", "line 3: x = nan is not finite"),
     "radius": ("x,y,radius\n1,2,3\n1,2,-3\n1,2,0\n", "line 3: radius = -3 m.*line 4: radius = 0 m"),
     "far away": ("x,y,radius\n1e9,2,3\n", "line 2: x = 1e.09 m is not between"),
-    "underflow": (
-        "x,y,radius\n1,2,1e-300\n1,2,1e-60\n1,2,1e-12\n",
-        "line 2: radius = 1e-300 m.*line 3: .*line 4: radius = 1e-12 m",
-    ),
+    "underflow": ("x,y,radius\n1,2,1e-300\n1,2,1e-60\n1,2,1e-12\n",
+        "line 2: radius = 1e-300 m.*line 3: .*line 4: radius = 1e-12 m"),
     "large": ("x,y,radius\n1,2,1e5\n", "radius = 100000 m is not between 1e-09 and 10000 m"),
     "fast": ("x,y,radius,vx\n1,2,1,1\n1,2,1,-1e13\n", "line 3: vx = -1e.13 is not between"),
     "many": ("x,y,radius\n" + "a,b,c\n" * 20, "line 6: .*; and more"),
     "no text": (b"x,y,radius\n1,2,\xff\xfe\n", "UTF-8"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("case", BAD_CSV)
@@ -118,11 +116,9 @@ BAD_HDF5 = {
     "link": (ONE | {"radius": h5py.ExternalLink("other.h5", "x")}, "not a dataset stored in this"),
     "huge": (dict.fromkeys(ONE, HUGE), "more values than are stored"),
     "filled": (dict.fromkeys(ONE, FILLED), "more values than are stored"),
-    "bomb": (
-        {"x": np.arange(3.0), "y": np.arange(3.0), "radius": BOMB},
-        "radius is stored in chunks of 4194304 values",
-    ),
-}
+    "bomb": ({"x": np.arange(3.0), "y": np.arange(3.0), "radius": BOMB},
+        "radius is stored in chunks of 4194304 values"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("case", BAD_HDF5)
@@ -178,15 +174,12 @@ def test_missing_run_or_frame(cold, tmp_path):
         read_frame(tmp_path / "nothing", -1)
 
 
-@pytest.mark.parametrize(
-    ("path", "where", "value", "message"),
-    [
-        ("particles/position", (-1, 1), np.nan, r"row \d+: y = nan is not finite"),
-        ("particles/position", (-1, 1), 1e300, "y = 1e.300 m is not between"),
-        ("particles/velocity", (-1, 1), np.inf, "vy = inf is not finite"),
-        ("model/radius", -1, -1.0, "model/radius holds values out of range"),
-    ],
-)
+@pytest.mark.parametrize(("path", "where", "value", "message"), [
+    ("particles/position", (-1, 1), np.nan, r"row \d+: y = nan is not finite"),
+    ("particles/position", (-1, 1), 1e300, "y = 1e.300 m is not between"),
+    ("particles/velocity", (-1, 1), np.inf, "vy = inf is not finite"),
+    ("model/radius", -1, -1.0, "model/radius holds values out of range"),
+])  # fmt: skip
 def test_frames_hold_no_absurd_values(cold, tmp_path, path, where, value, message):
     results = Path(shutil.copy(cold[0] / "results.h5", tmp_path))
     results.chmod(0o644)

@@ -1,6 +1,5 @@
 """Random packings: no overlaps at any fill that is reached, clear of obstacles, reproducible,
-refused where impossible.
-"""
+refused where impossible."""
 
 import re
 

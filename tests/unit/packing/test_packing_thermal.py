@@ -128,10 +128,8 @@ def test_one_value_per_grain_given_or_from_a_file(tmp_path):
 BAD_FILES = {
     "word": ("300\n\nhot\n", "line 3: 'hot' is not a number"),
     "columns": ("300,301\n", "line 1: '300,301' is not a number"),
-    "celsius": (
-        "300\n20\n-5\n",
-        "line 3: temperature = -5 K is not between 1 and 100000 K (from degrees Celsius: 268.15)",
-    ),
+    "celsius": ("300\n20\n-5\n",
+        "line 3: temperature = -5 K is not between 1 and 100000 K (from degrees Celsius: 268.15)"),
     "not finite": ("nan\n", "line 1: temperature = nan is not finite"),
     "too hot": ("1e6\n", "line 1: temperature = 1e+06 K is not between"),
     "long line": ("300" + " " * 5000 + "x\n300\n0.5\n", "line 3: temperature = 0.5 K is not"),
@@ -139,7 +137,7 @@ BAD_FILES = {
     "no text": (b"300\n\xff\xfe", "cannot be read"),
     "no file": (None, "there is no file"),
     "directory": ("a directory", "it is a directory"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("case", BAD_FILES)

@@ -1,6 +1,5 @@
 """Wall geometries: chains of glued grains close, polylines know their corners, inertia and
-lengths.
-"""
+lengths."""
 
 import math
 
@@ -127,32 +126,16 @@ def test_corners_refer_to_rows_of_the_joined_table():
 
 LEFT, LOW, RIGHT = [-1, 0.5, -1, -0.5], [-1, -0.5, 1, -0.5], [1, -0.5, 1, 0.5]
 BODIES = {
-    "plane": (
-        PlaneGeometry(kind="plane", point=(0.3, 0.1), normal=(3.0, 4.0)).body(DOMAIN),
-        [0.3, 0.1],
-        [[0, 0, 0.6, 0.8]],
-        0.8 * 2.0 + 0.6 * 1.0,
-    ),
-    "box": (
-        box("top"),
-        [1.0, 0.5],
-        [LEFT, LOW, RIGHT, [-1, 0.5, -1, 0], [-1, -0.5, 0, 1], [1, -0.5, 1, 2], [1, 0.5, 2, -1]],
-        4.0,
-    ),
-    "posts": (
-        box("top", "bottom"),
-        [1.0, 0.5],
-        [RIGHT, [1, -0.5, -1, 0], [1, 0.5, 0, -1], LEFT, [-1, 0.5, -1, 3], [-1, -0.5, 3, -1]],
-        2.0,
-    ),
-    "circle": (
-        CircleGeometry(kind="circle", center=(0.5, 0.6), radius=0.25).body(DOMAIN),
-        [0.5, 0.6],
-        [[0, 0, 0.25, 0]],
-        math.pi / 2,
-    ),
+    "plane": (PlaneGeometry(kind="plane", point=(0.3, 0.1), normal=(3.0, 4.0)).body(DOMAIN),
+        [0.3, 0.1], [[0, 0, 0.6, 0.8]], 0.8 * 2.0 + 0.6 * 1.0),
+    "box": (box("top"), [1.0, 0.5], [LEFT, LOW, RIGHT, [-1, 0.5, -1, 0], [-1, -0.5, 0, 1],
+        [1, -0.5, 1, 2], [1, 0.5, 2, -1]], 4.0),
+    "posts": (box("top", "bottom"), [1.0, 0.5], [RIGHT, [1, -0.5, -1, 0], [1, 0.5, 0, -1], LEFT,
+        [-1, 0.5, -1, 3], [-1, -0.5, 3, -1]], 2.0),
+    "circle": (CircleGeometry(kind="circle", center=(0.5, 0.6), radius=0.25).body(DOMAIN),
+        [0.5, 0.6], [[0, 0, 0.25, 0]], math.pi / 2),
     "triangle": (line(*CORNERS, closed=True), [1 / 3] * 2, None, 2 + 2**0.5),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", BODIES)

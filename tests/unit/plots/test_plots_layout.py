@@ -1,6 +1,5 @@
 """Nothing is cut off and nothing overlaps: the places of all texts of all figures, for scenes of
-any shape.
-"""
+any shape."""
 
 from dataclasses import replace
 from itertools import pairwise

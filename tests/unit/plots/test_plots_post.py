@@ -1,6 +1,5 @@
 """Figures of rheology, energy, force statistics, comparisons and streamlines: what is drawn. How
-they look is for eyes.
-"""
+they look is for eyes."""
 
 from dataclasses import replace
 

@@ -1,6 +1,5 @@
 """Errors of means over series whose errors are known: autoregressive ones of first order, with and
-without drift.
-"""
+without drift."""
 
 import math
 
@@ -28,8 +27,7 @@ def variance_of_mean(phi, rows):
 @pytest.mark.parametrize("phi", [0.0, 0.5, 0.8, 0.9])
 def test_errors_are_true_and_intervals_cover(phi):
     """800 series of 800 rows: ±2 errors would cover 95.4 % if they were known; four deviations of a
-    binomial are 3 %.
-    """
+    binomial are 3 %."""
     series = autoregressive(phi, 800, 800)
     found = spread(series)
     ratio = np.sqrt((found.error**2).mean() / variance_of_mean(phi, 800))
@@ -68,8 +66,7 @@ def test_drift_is_the_slope_and_is_told():
 
 def test_errors_of_few_rows_are_told_to_be_a_guess():
     """Eight independent rows: the errors are true on average, but ±2 of them cover less, and drifts
-    cannot be told.
-    """
+    cannot be told."""
     series = autoregressive(0.0, 8, 4000)
     found = spread(series)
     assert np.isfinite(found.error).mean() > 0.9

@@ -47,8 +47,7 @@ def test_books_balance_in_every_row(pair):
 
 def test_books_add_up_where_grains_come_and_go():
     """Made-up books: grains bring 5 J and take 2 J along, gravity works 1 J, friction takes 0.5 J;
-    heat likewise.
-    """
+    heat likewise."""
     names = [e.name for e in (*MECHANICAL, *HEAT) if e.name != "kinetic_gain"]
     values = {
         "kinetic_in": 5.0, "kinetic_out": 2.0, "gravity_work": 1.0, "friction_loss": 0.5,

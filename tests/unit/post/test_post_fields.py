@@ -59,8 +59,7 @@ def test_few_points_and_sources_far_away():
 
 def test_a_linear_flow_has_its_gradients():
     """Grains on a fine lattice with v = (3y + x, 2x − y) and, from frame to frame, opposite
-    fluctuations of 0.1 in x.
-    """
+    fluctuations of 0.1 in x."""
     position = lattice(0.05, 2.0)
     x, y = position.T
     aside = np.array([0.1, 0.0])
@@ -158,8 +157,7 @@ def pair(force):
 @pytest.mark.parametrize(("reach", "tolerance"), [(1.5, 2e-3), (4.0, 2e-4)])
 def test_stress_obeys_the_balance_of_momentum(reach, tolerance):
     """Σ_b ∂_b σ_ab is minus the density of the forces on the grains, f φ(x − x_i), but for the
-    quadrature along the branch.
-    """
+    quadrature along the branch."""
     source, f, step = pair((2.0, 0.5)), np.array([2.0, 0.5]), 1e-3
 
     def moved(dx, dy):

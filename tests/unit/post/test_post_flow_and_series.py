@@ -1,6 +1,5 @@
 """Flows through a line, columns of the time series, and parts of a run by group, against counts by
-hand.
-"""
+hand."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -58,8 +57,7 @@ def test_grains_that_cross_are_counted_with_their_mass():
 
 def test_every_passage_through_a_periodic_cell_counts():
     """Grains that go round: through x = 1 and its images once per period, however many periods a
-    step takes them.
-    """
+    step takes them."""
     x = np.array([[0.5, 3.9], [1.5, 5.1], [9.5, 13.1], [8.5, 11.9]])
     table = flow_through(falling(x, 0.5), ((1.0, 1.0), (1.0, 0.0)), ALL)  # its left is towards +x
     expected = np.diff(np.floor((x - 1.0) / 4.0), axis=0)
@@ -75,8 +73,7 @@ def test_grains_that_come_and_go_count_while_they_are_there():
 
 def test_grains_that_an_outlet_takes_and_gives_back_do_not_cross_back():
     """Falling through a line at 0.5; between the second and the third frame the outlet has given
-    the first one back, 9 higher.
-    """
+    the first one back, 9 higher."""
     source = falling(1.0, [[0.9, 0.8], [0.4, 0.3], [9.4, 0.1]], [[0, 1]] * 3)
     table = flow_through(source, ((2.0, 0.5), (0.0, 0.5)), ALL)
     assert (table.forth, table.back, table.lost) == (2, 0, 1)

@@ -1,6 +1,5 @@
 """Contact forces: networks and scenes of made-up frames, and distributions that were drawn from
-known ones.
-"""
+known ones."""
 
 import numpy as np
 import pytest
@@ -15,8 +14,7 @@ from multicor_cli.post.grain_map import images
 
 def test_numbers_of_a_network(column):
     """Nine contacts between ten grains and one with the top plane, with 1 … 10 N; the lowest grain
-    has only one contact.
-    """
+    has only one contact."""
     network = post.force_network(column)
     expected = {
         "contacts": 10, "wall_contacts": 1, "normal_force_mean": 5.5, "normal_force_max": 10.0,
@@ -96,8 +94,7 @@ ALL = post.Selection(start=0.0)
 
 def make_source(normal, force, *, frames=1, scale=1.0):
     """Contacts between two grains with these normals and forces; those of the frame of number k are
-    ``scale``ᵏ times as large.
-    """
+    ``scale``ᵏ times as large."""
     count = len(force)
     contacts = [
         contacts_of(np.zeros(count), np.ones(count), normal, force * scale**k)
@@ -120,8 +117,7 @@ def test_contacts_without_friction_have_no_tangential_distribution():
 @pytest.mark.parametrize("turned", [False, True])
 def test_angular_distribution_gives_the_anisotropies_back(turned):
     """Evenly spaced directions weighted by number: contacts drawn with a_c = 0.4 at 120°, forces
-    with a_n = 0.3, a_t = 0.1.
-    """
+    with a_n = 0.3, a_t = 0.1."""
     u = (np.arange(400_000) + 0.5) / 400_000 * 2.0 * np.pi
     theta = u.copy()
     for _ in range(50):  # invert the cumulative distribution θ + a/2 (sin 2(θ − c) + sin 2c) = u

@@ -104,15 +104,12 @@ def test_wall_is_found_if_it_is_the_only_one(tmp_path, column):
         theta_eta(column, 0)
 
 
-@pytest.mark.parametrize(
-    ("said", "message"),
-    [
-        ({"wall": "lid"}, "no wall 'lid'; choose from: bottom, top"),
-        ({"frame": 5}, "no frame 5: the run has 5, from 0 to 4"),
-        ({"wall": "top", "height": 0.0}, "must be positive"),
-        ({"wall": "top", "bins": 0}, "bins"),
-    ],
-)
+@pytest.mark.parametrize(("said", "message"), [
+    ({"wall": "lid"}, "no wall 'lid'; choose from: bottom, top"),
+    ({"frame": 5}, "no frame 5: the run has 5, from 0 to 4"),
+    ({"wall": "top", "height": 0.0}, "must be positive"),
+    ({"wall": "top", "bins": 0}, "bins"),
+])  # fmt: skip
 def test_theta_eta_refuses_what_makes_no_sense(column, said, message):
     with pytest.raises(PostError, match=message):
         theta_eta(column, **said)

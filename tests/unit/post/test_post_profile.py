@@ -18,8 +18,7 @@ EVERY = Selection(frames=slice(None))
 
 def make_source(y, radius, speed, *, lid=0.0, lid_speed=1.0):
     """Frames with heights ``y`` and velocities ``speed``, both ``(frames, n)``, between walls at 0
-    and 1 + lid.
-    """
+    and 1 + lid."""
     walls = {
         "wall_position": np.array([[0.0, 0.0, 0.0], [0.0, lid, 0.0]]),
         "wall_velocity": np.array([[0.0, 0.0, 0.0], [lid_speed, 0.0, 0.0]]),

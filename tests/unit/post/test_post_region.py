@@ -1,6 +1,5 @@
 """What is in a region: closed forms for discs cut by a line, and sums that agree with profiles and
-with whole domains.
-"""
+with whole domains."""
 
 import numpy as np
 import pytest
@@ -71,8 +70,7 @@ def test_a_layer_is_a_bin_of_a_profile(run):
 
 def test_parts_add_up_to_the_whole(run):
     """Layers that fill a rectangle; where nothing is periodic also its triangles and rings, but for
-    corners and curvature.
-    """
+    corners and curvature."""
     area = around(run)
     (x, y), (u, v) = area.low, area.high
     middle = float(run.frames[0].position[:, 1].mean())

@@ -21,8 +21,7 @@ PRESS, SHEAR = 8.0, 2.4  # forces of the walls [N]
 
 def make_source(frames=5, *, sign=1.0, jitter=0.0, seed=0):
     """Homogeneous shear between planes at 0 and 1; every contact along 135° for a positive rate,
-    one per pair of numbers.
-    """
+    one per pair of numbers."""
     rng = np.random.default_rng(seed)
     model = between_planes([RADIUS] * N)
     x, y = rng.uniform(0.0, PERIOD, N), rng.uniform(RADIUS, 1.0 - RADIUS, N)
@@ -58,8 +57,7 @@ def other(source, **model):
 
 def make_series(frames, sign):
     """Ten rows for each frame; the wall is pulled 10 % more in every second row. Forces are those
-    on the walls.
-    """
+    on the walls."""
     rows = 10 * (frames - 1)
     shear = sign * SHEAR * np.where(np.arange(rows) % 2, 1.1, 0.9)
     force = np.zeros((rows, 2, 3))
@@ -101,8 +99,7 @@ def test_what_was_put_in_comes_out(sign):
 
 def test_granular_temperature_is_that_of_the_fluctuations():
     """v_y = ±0.2 m/s in equal numbers; v_x follows the flow. A part of it counts as mean flow: 51
-    knots for 400 grains.
-    """
+    knots for 400 grains."""
     found = rheology(make_source(jitter=0.2), Selection(start=0.0), margin=5.0).mean[
         "granular_temperature"
     ]
@@ -154,8 +151,7 @@ def test_margin_is_eight_diameters_or_a_quarter_of_the_height():
 
 def test_no_bulk_has_a_negative_area():
     """In a frame in which the walls are nearer to each other than the margins of all frames
-    together.
-    """
+    together."""
     source = make_source()
     source.frames[2].wall_position[1, 1] = -0.7
     assert rheology(source, Selection(start=0.0), margin=7.0).mean["solid_fraction"] > 0.0
@@ -182,10 +178,8 @@ def test_what_is_no_shear_is_refused(tmp_path):
     with pytest.raises(PostError, match="needs two frames"):
         rheology(source, Selection(frames=slice(-1, None)))
     for margin, message in (
-        (50.0, "no bulk is left"),
-        (24.99, "no two grains"),
-        (-1.0, "must not be negative"),
-    ):
+        (50.0, "no bulk is left"), (24.99, "no two grains"), (-1.0, "must not be negative"),
+    ):  # fmt: skip
         with pytest.raises(PostError, match=message):
             rheology(source, Selection(start=0.0), margin=margin)
     still = make_source()

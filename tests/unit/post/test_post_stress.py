@@ -58,11 +58,9 @@ def test_bins_by_width_and_without_the_walls(column):
     outer = profile(column, "stress-yy", LAST, 10)
     assert inner.value == pytest.approx(outer.value[3:7])
     for options, message in (
-        ({"exclude_walls": 5.0}, "nothing is left"),
-        ({"exclude_walls": -1.0}, "choose 0 or more"),
-        ({"bin_width": 0.0}, "more than 0"),
-        ({"bin_width": 1e-9}, "between 1 and"),
-    ):
+        ({"exclude_walls": 5.0}, "nothing is left"), ({"exclude_walls": -1.0}, "choose 0 or more"),
+        ({"bin_width": 0.0}, "more than 0"), ({"bin_width": 1e-9}, "between 1 and"),
+    ):  # fmt: skip
         with pytest.raises(PostError, match=message):
             profile(column, "velocity", ALL, **options)
 

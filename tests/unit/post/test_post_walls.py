@@ -1,6 +1,5 @@
 """Which walls bound the grains: decided by what the walls look like, whatever their kind and the
-sizes of their grains.
-"""
+sizes of their grains."""
 
 import numpy as np
 import pytest

@@ -1,6 +1,5 @@
 """The packages are as docs/explanation/architecture.md says: contracts about imports, and a table
-with every package.
-"""
+with every package."""
 
 import re
 import subprocess
@@ -16,8 +15,7 @@ LISTED = set(re.findall(r"^\| `([\w/]+)` \|", PAGE, re.MULTILINE))
 
 def test_packages_import_what_the_contracts_allow():
     """``[tool.importlinter]`` in pyproject.toml; `lint-imports` says which import breaks which
-    contract.
-    """
+    contract."""
     command = [str(Path(sys.executable).with_name("lint-imports")), "--no-cache"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout

@@ -1,6 +1,5 @@
 """Whatever the repository cites is in it: sections of the theory, files and headings behind links,
-no private documents.
-"""
+no private documents."""
 
 import re
 from pathlib import Path
@@ -148,21 +147,18 @@ def test_a_right_repository_passes(tmp_path):
 CODE, HEAT = "multicor_cli/a.py", "docs/explanation/heat.md"
 
 
-@pytest.mark.parametrize(
-    ("name", "more", "fault"),
-    [
-        (CODE, "# theory §3\n", "theory §3"),
-        (CODE, "# theory §1, §2.2\n", "theory §2.2"),
-        (CODE, "# theory §9\n", "theory §9"),
-        (CODE, "# the rule (design §2)\n", "a section of what? …# the rule (design §2)"),
-        (CODE, "# of physics.md\n", "physics.md"),
-        (CODE, "# see checkvalues.py\n", "checkvalues"),
-        (THEORY, "As §4 says.\n", "theory §4"),
-        ("README.md", "[a](docs/none.md)\n", "docs/none.md"),
-        (HEAT, "[a](docs/explanation/heat.md)\n", "docs/explanation/heat.md"),
-        (HEAT, "[a](theory.md#walls)\n", "theory.md#walls (no such heading)"),
-        (HEAT, "[a](#9-no-heading)\n", "#9-no-heading (no such heading)"),
-    ],
-)
+@pytest.mark.parametrize(("name", "more", "fault"), [
+    (CODE, "# theory §3\n", "theory §3"),
+    (CODE, "# theory §1, §2.2\n", "theory §2.2"),
+    (CODE, "# theory §9\n", "theory §9"),
+    (CODE, "# the rule (design §2)\n", "a section of what? …# the rule (design §2)"),
+    (CODE, "# of physics.md\n", "physics.md"),
+    (CODE, "# see checkvalues.py\n", "checkvalues"),
+    (THEORY, "As §4 says.\n", "theory §4"),
+    ("README.md", "[a](docs/none.md)\n", "docs/none.md"),
+    (HEAT, "[a](docs/explanation/heat.md)\n", "docs/explanation/heat.md"),
+    (HEAT, "[a](theory.md#walls)\n", "theory.md#walls (no such heading)"),
+    (HEAT, "[a](#9-no-heading)\n", "#9-no-heading (no such heading)"),
+])  # fmt: skip
 def test_every_fault_is_found(tmp_path, name, more, fault):
     assert faults_of(tmp_path, name, more) == [f"{name}: {fault}"]

@@ -1,7 +1,6 @@
 """The package as users get it: the source distribution is the repository, whole, and an index shows
 nothing of it that leads nowhere; the conda recipe says the same; from Python, what it offers is
-found, explained, and costs nothing before it is used.
-"""
+found, explained, and costs nothing before it is used."""
 
 import email
 import inspect

@@ -1,6 +1,5 @@
 """The benchmark with other codes: what can be checked without them, and short runs where they are
-installed.
-"""
+installed."""
 
 import subprocess
 import sys
@@ -131,11 +130,9 @@ def test_scripts_name_the_same_contact(peers, layer):
     contact = peers.case.soft_contact(1e5, 0.5, layer.mass, 0.1)
     for dialect in (peers.lammps.LAMMPS, peers.liggghts.LIGGGHTS):
         for style in dialect.styles:
-            text = "\n".join(
-                peers.gran_shear.layer_lines(
-                    dialect, layer, contact, peers.gran.Tuning(style, 0.2, (1, 1)), 1e-6
-                )
-            )
+            text = "\n".join(peers.gran_shear.layer_lines(
+                dialect, layer, contact, peers.gran.Tuning(style, 0.2, (1, 1)), 1e-6,
+            ))  # fmt: skip
             for value in (contact.stiffness, contact.tangential, contact.damping, contact.friction):
                 assert f" {value!r}" in text
             assert "fix load top aveforce NULL -0.02 NULL" in text

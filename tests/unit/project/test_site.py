@@ -1,6 +1,5 @@
 """The documentation: the site is built without a warning, and every key and command stands in
-it.
-"""
+it."""
 
 import io
 import json
@@ -97,8 +96,7 @@ def test_equations_are_set(site):
 
 def test_equations_look_as_tex_sets_them():
     """Browsers put no space around the names of functions, and draw the sign of a root without that
-    it stands in the text.
-    """
+    it stands in the text."""
     equations = r"\(a \sin\alpha + \sin(x) + \dot x\)", r"\(\sqrt 2\)"
     page = ", as ".join(f'<span class="arithmatex">{equation}</span>' for equation in equations)
     found = set_equations(page)

@@ -1,6 +1,5 @@
 """The comparison of solvers: all methods solve what has one solution, distances mean what they say,
-and the quick run works.
-"""
+and the quick run works."""
 
 import json
 from dataclasses import replace
@@ -68,11 +67,9 @@ def test_the_distance_falls_with_the_residual(solvers):
 
 def test_costs_are_read_off_the_right_rows(solvers):
     rows = [
-        [1.0, 9, 9, 0.5, 0, 0],
-        [5e-4, 9, 9, 0.05, 1, 0.1],
-        [9e-4, 1e-2, 1e-3, 0.2, 2, 0.2],
+        [1.0, 9, 9, 0.5, 0, 0], [5e-4, 9, 9, 0.05, 1, 0.1], [9e-4, 1e-2, 1e-3, 0.2, 2, 0.2],
         [1e-5, 1e-5, 1e-5, 0.09, 3, 0.3],
-    ]
+    ]  # fmt: skip
     curve = solvers.comparison.Curve("some", np.array(rows))
     assert curve.first(1e-3) == (2.0, 0.2, 0.2)  # the second row is below in one of three only
     assert curve.first(1e-6) is None
@@ -105,8 +102,7 @@ def test_impulses_by_contact_and_in_batches_are_the_same(solvers):
 @pytest.mark.parametrize("is_diagonal", [True, False])
 def test_matrices_give_the_velocities_of_surfaces_that_run(solvers, is_diagonal):
     """Two grains lie on a belt and against each other: u = Hᵀ v less the speed of the belt,
-    whatever form the contacts have.
-    """
+    whatever form the contacts have."""
     rng = np.random.default_rng(5)
     pair, angles = np.array([[0, 1], [0, 2], [1, 2]]), rng.uniform(0.0, 6.0, 3)
     normal = np.column_stack([np.cos(angles), np.sin(angles)])

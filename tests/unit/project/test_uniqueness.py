@@ -1,6 +1,5 @@
 """Contact problems with friction can have several solutions: two recorded ones, two by hand, one
-without friction.
-"""
+without friction."""
 
 import json
 from dataclasses import replace
@@ -34,8 +33,7 @@ def recorded():
 
 def test_a_recorded_problem_has_two_solutions(recorded):
     """Both obey all laws to 1e-9 of the largest approach velocity, and contacts differ by more than
-    a twentieth of it.
-    """
+    a twentieth of it."""
     from law import approach_velocity, contact_velocity, pushed, violations
 
     problem, pairs = recorded
@@ -52,8 +50,7 @@ def test_a_recorded_problem_has_two_solutions(recorded):
 
 def test_the_solver_accepts_both(recorded):
     """From either solution it does not move: both pass its own residuals, far below what is asked
-    for in a run.
-    """
+    for in a run."""
     from law import approach_velocity, contact_velocity
 
     problem, pairs = recorded
@@ -111,8 +108,7 @@ def test_the_check_sees_every_violation(recorded):
 
 def test_a_disc_in_a_wedge_by_hand():
     """It may leave or stay: both without rounding. Without friction, or with too little, it
-    leaves.
-    """
+    leaves."""
     from wedge import CHANGEABLE, FRICTION, as_problem, holding, is_solution, velocity_after
 
     assert velocity_after(CHANGEABLE) == (1, 0, 0)
@@ -202,8 +198,7 @@ def test_small_parts_of_every_kind(tmp_path):
 
 def test_a_recorded_solution_is_one_of_a_family(recorded):
     """Impulses may change along a line, either way: every point of it is a solution, and velocities
-    differ.
-    """
+    differ."""
     from family import undetermined
     from law import approach_velocity, contact_velocity, pushed, violations
 

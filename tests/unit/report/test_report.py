@@ -1,6 +1,5 @@
 """The report: what is packed is what the run holds, it keeps to its size, and no text of the user
-becomes markup.
-"""
+becomes markup."""
 
 import base64
 import hashlib
@@ -81,10 +80,8 @@ def test_codes_resolve_small_values(code, values, found):
 
 def test_compression_separates_bytes():
     arrays = [
-        np.array([0x0102, 0x0304], "<u2"),
-        np.array([7], np.uint8),
-        np.array([1 << 24], "<u4"),
-    ]
+        np.array([0x0102, 0x0304], "<u2"), np.array([7], np.uint8), np.array([1 << 24], "<u4"),
+    ]  # fmt: skip
     assert list(zlib.decompress(compress(arrays))) == [2, 4, 1, 3, 7, 0, 0, 0, 1]
 
 
@@ -137,20 +134,17 @@ def test_packed_numbers_are_those_of_the_run(evil, page):
             frame = run.frames[about["index"]]
             assert (about["time"], about["step"]) == (frame.time, frame.step)
             for name, values, error in (
-                ("x", frame.position[:, 0], 4.0 / 65534),
-                ("y", frame.position[:, 1], 1.0 / 65534),
-                ("speed", np.hypot(*frame.velocity.T), 2e-4),
-                ("spin", frame.spin, 1e-3),
+                ("x", frame.position[:, 0], 4.0 / 65534), ("y", frame.position[:, 1], 1.0 / 65534),
+                ("speed", np.hypot(*frame.velocity.T), 2e-4), ("spin", frame.spin, 1e-3),
                 ("temperature", frame.temperature, 1e-5),
-            ):
+            ):  # fmt: skip
                 assert decode(meta, name, arrays[name]) == pytest.approx(values, abs=error)
             assert about["walls"] == frame.wall_position.tolist()
 
 
 def test_packed_contacts_are_those_of_the_run(page):
     """Grain k presses on k + 1 with k + 1 newtons, the last one on the wall above it (90 degrees: a
-    quarter of 1024).
-    """
+    quarter of 1024)."""
     meta, frames, _ = read_page(page)
     assert "contact_step" not in frames[0]  # no step was done before
     last = frames[-1]
@@ -189,14 +183,9 @@ def test_nothing_of_the_user_becomes_markup(page):
     assert EVIL not in page
     assert "<img" not in page
     assert page.count("<script") == page.count("</script>") == 3 + 6  # JSON, radii, program; frames
-    text = unescape(
-        re.sub(
-            r"<script.*?</script>|<style.*?</style>|<svg.*?</svg>|<[^>]*>",
-            "",
-            page,
-            flags=re.DOTALL,
-        )
-    )
+    text = unescape(re.sub(
+        r"<script.*?</script>|<style.*?</style>|<svg.*?</svg>|<[^>]*>", "", page, flags=re.DOTALL,
+    ))  # fmt: skip
     # name twice (title, heading), description, wall, stage, command; three times in each of two
     # scenarios
     assert text.count(EVIL) == 6 + 6
@@ -344,16 +333,10 @@ def test_books_of_rounding_errors_are_not_drawn_but_those_that_do_not_close_are(
     assert len(_book_lines(books, HEAT, _Thinning(time), np.full(5, 1e-3))) == 2
 
 
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (0.0, "0"),
-        (-2.08123e-6, "−2.081·10⁻⁶"),
-        (1.5e20, "1.5·10²⁰"),
-        (0.25, "0.25"),
-        (-1600, "−1,600"),
-    ],
-)
+@pytest.mark.parametrize(("value", "text"), [
+    (0.0, "0"), (-2.08123e-6, "−2.081·10⁻⁶"), (1.5e20, "1.5·10²⁰"), (0.25, "0.25"),
+    (-1600, "−1,600"),
+])  # fmt: skip
 def test_numbers_for_people(value, text):
     assert pretty(value) == text
 
@@ -371,8 +354,7 @@ ABSURD = {
 
 def test_absurd_numbers_of_a_damaged_file_spoil_nothing_else(evil, tmp_path):
     """Scales, the place of everything else and the figures stay as they are, and nothing complains
-    on the way.
-    """
+    on the way."""
     file = Path(shutil.copy(evil / "results.h5", tmp_path / "damaged.h5"))
     with h5py.File(file, "r+") as opened:
         for path, changes in ABSURD.items():
@@ -442,15 +424,9 @@ def test_a_version_that_is_not_known_is_left_out():
     known = {"status": "running", "stages": [], "walls": [], "provenance": {}}
     counts = {"frame_count": 1, "series_count": 1}
     names = [
-        "stop_reason",
-        "time",
-        "step",
-        "grain_count",
-        "started",
-        "finished",
-        "duration",
+        "stop_reason", "time", "step", "grain_count", "started", "finished", "duration",
         "state_digest",
-    ]
+    ]  # fmt: skip
     rows = describe_run({**dict.fromkeys(names), **known, **counts})
     assert "version" not in [row.name for row in rows]
 

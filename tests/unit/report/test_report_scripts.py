@@ -1,6 +1,5 @@
 """The scripts of the report page are what a linter finds nothing in, joined as the page joins
-them.
-"""
+them."""
 
 import subprocess
 import sys
@@ -16,11 +15,9 @@ def lint(script, folder):
     """Run oxlint on a script with the settings of the repository."""
     (folder / "joined.js").write_text(script, encoding="utf-8")
     command = [
-        str(Path(sys.executable).with_name("oxlint")),
-        "--config",
-        str(ROOT / ".oxlintrc.json"),
+        str(Path(sys.executable).with_name("oxlint")), "--config", str(ROOT / ".oxlintrc.json"),
         "--deny-warnings",
-    ]
+    ]  # fmt: skip
     return subprocess.run(
         [*command, str(folder / "joined.js")], capture_output=True, text=True, check=False
     )

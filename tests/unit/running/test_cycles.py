@@ -1,6 +1,5 @@
 """The time step knows the period of whatever goes up and down: kinds of signals, of what follows
-them, and stages.
-"""
+them, and stages."""
 
 import math
 
@@ -34,21 +33,17 @@ KINDS = {
     "force": ("drives.lid.y = { force = WAVE }", "the force of wall 'lid' in y"),
     "torque": ("drives.lid.spin = { force = WAVE }", "the force of wall 'lid' in spin"),
     "stress": ("drives.lid.y = { stress = WAVE }", "the stress of wall 'lid' in y"),
-    "anchor": (
-        "drives.lid.y = { spring = { stiffness = 1.0, anchor = WAVE } }",
-        "the anchor of wall 'lid' in y",
-    ),
-    "beside a spring": (
-        "drives.lid.y = { spring = { stiffness = 1.0 }, force = WAVE }",
-        "the force of wall 'lid' in y",
-    ),
+    "anchor": ("drives.lid.y = { spring = { stiffness = 1.0, anchor = WAVE } }",
+        "the anchor of wall 'lid' in y"),
+    "beside a spring": ("drives.lid.y = { spring = { stiffness = 1.0 }, force = WAVE }",
+        "the force of wall 'lid' in y"),
     "surface": ("drives.lid.surface = { velocity = WAVE }", "the surface of wall 'lid'"),
     "gravity": ("gravity = [WAVE, -9.81]", "gravity"),
     "gravity in y": ("gravity = [0.0, WAVE]", "gravity"),
     "angle": ("gravity = { angle = WAVE }", "gravity"),
     "magnitude": ("gravity = { angle = 20.0, magnitude = WAVE }", "gravity"),
     "temperature": ("thermal.floor = { temperature = WAVE }", "the temperature of wall 'floor'"),
-}
+}  # fmt: skip
 """What follows a signal, and how it is called; temperatures act on the motion by friction that
 depends on them."""
 
@@ -97,8 +92,7 @@ PAIRS = [(kind, wave) for kind in KINDS for wave in WAVES if (kind, wave) != ("p
 @pytest.mark.parametrize("pair", thinned(PAIRS, 5))
 def test_every_signal_sets_the_step(pair, tmp_path):
     """500 Hz: a fiftieth of 2 ms, in the stage that has it, first or second; the check flags a step
-    of a period.
-    """
+    of a period."""
     kind, wave = pair
     keys, of = KINDS[kind]
     keys = keys.replace("WAVE", WAVES[wave])
@@ -138,14 +132,10 @@ def test_a_signal_that_is_kept_sets_the_step_of_the_next_stage(kind, tmp_path):
     assert has_it(second) is not is_gravity
 
 
-@pytest.mark.parametrize(
-    "signal",
-    [
-        "0.01",
-        "{ ramp = [0.0, 0.01], duration = 1e-5 }",
-        "{ sine = { amplitude = 0.0, frequency = 500.0 } }",
-    ],
-)
+@pytest.mark.parametrize("signal", [
+    "0.01", "{ ramp = [0.0, 0.01], duration = 1e-5 }",
+    "{ sine = { amplitude = 0.0, frequency = 500.0 } }",
+])  # fmt: skip
 @pytest.mark.parametrize("kind", ["velocity", "force", "gravity"])
 def test_what_does_not_go_up_and_down_does_not(kind, signal, tmp_path):
     _, (first, _) = reviewed(scene(tmp_path, KINDS[kind][0].replace("WAVE", signal)))
@@ -180,8 +170,7 @@ def test_heat_alone_follows_its_signals_within_a_step(tmp_path):
 
 def test_a_lid_that_shakes_moves(run, tmp_path):
     """Velocity A sin ωt: the displacement is A (1 − cos ωt)/ω. A step that is a multiple of the
-    period would see none of it.
-    """
+    period would see none of it."""
     drive = "drives.lid.y = { velocity = { sine = { amplitude = 0.1, frequency = 500.0 } } }"
     still = "drives.lid.y = { fixed = true }"
     found = run(scene(tmp_path, drive, still, "output.frame_interval=1.25e-3"))
@@ -198,8 +187,7 @@ def test_a_lid_that_shakes_moves(run, tmp_path):
 
 def test_gravity_that_shakes_has_no_mean(run, tmp_path):
     """A cos ωt on a grain without friction: v = A sin(ωt)/ω; a step of a period would see the
-    constant A.
-    """
+    constant A."""
     shaken = (
         "gravity = [{ sine = { amplitude = 5.0, frequency = 1000.0, phase = 1.5707963267948966 } "
         "}, -9.81]"

@@ -79,8 +79,7 @@ def test_other_choices(heated):
 
 def test_the_tables_of_mechanisms_are_the_records_of_the_engine():
     """A record is filled from the keys of its table by their names, so that every choice must be a
-    key.
-    """
+    key."""
     tables = {
         key: _tables(field.annotation)
         for key, field in Heat.model_fields.items()
@@ -140,15 +139,12 @@ def test_wear_belongs_to_the_softer_and_the_harder_body_of_its_pair_only():
     assert wear[GLASS, GLASS] == wear[STEEL, STEEL] == 0.0
 
 
-@pytest.mark.parametrize(
-    ("partition", "share"),
-    [
-        ("effusivity", 1.0 / (1.0 + math.sqrt(15.0 * 7800.0 * 500.0 / (2500.0 * 800.0)))),
-        ("conductivity", 1.0 / 16.0),
-        ("half", 0.5),
-        ("electrothermal", 0.5 * (1e10 / (1e10 + 7e-7) + 1.0 / 16.0)),
-    ],
-)
+@pytest.mark.parametrize(("partition", "share"), [
+    ("effusivity", 1.0 / (1.0 + math.sqrt(15.0 * 7800.0 * 500.0 / (2500.0 * 800.0)))),
+    ("conductivity", 1.0 / 16.0),
+    ("half", 0.5),
+    ("electrothermal", 0.5 * (1e10 / (1e10 + 7e-7) + 1.0 / 16.0)),
+])  # fmt: skip
 def test_shares_of_the_first_body(partition, share):
     shares = laws_of(f"heat.partition={partition}").share
     assert shares[GLASS, STEEL] == pytest.approx(share, rel=1e-13)
@@ -170,10 +166,8 @@ def test_conditions_of_walls_are_kept_until_named_again(heated):
     fall, soak, stir = wall_heat(heated[0], ("floor", "lid"))
     ramp, wave = WallHeat("temperature", RAMP), WallHeat("flow", WAVE)
     assert [stage.walls for stage in (fall, soak, stir)] == [
-        (ramp, WallHeat()),
-        (ramp, wave),
-        (WallHeat(), wave),
-    ]
+        (ramp, WallHeat()), (ramp, wave), (WallHeat(), wave),
+    ]  # fmt: skip
     assert (fall.named_by, soak.named_by, stir.named_by) == ((0, 0), (0, 1), (2, 1))
     starts = [0.0, 0.5, 1800.5]
     assert fall.started(starts[:1]) == list(fall.walls)

@@ -1,6 +1,5 @@
 """What a run takes of the machine: processes that find no module in the working directory, and
-memory that stays.
-"""
+memory that stays."""
 
 import ast
 import os

@@ -1,6 +1,5 @@
 """Runs with adhesion and rolling resistance: books of energy and heat, frames, files, stopping,
-keys without effect.
-"""
+keys without effect."""
 
 import re
 
@@ -103,13 +102,10 @@ def test_keys_of_zero_make_the_model_without_them(keys):
     assert zero_state.digest() == state.digest()
 
 
-@pytest.mark.parametrize(
-    ("given", "key"),
-    [
-        ("adhesion = { force = 1e-4, range = 2e-3 }", ("contacts", 0, "adhesion", "range")),
-        ("adhesion = 1e-4", ("contacts", 0, "adhesion")),
-    ],
-)
+@pytest.mark.parametrize(("given", "key"), [
+    ("adhesion = { force = 1e-4, range = 2e-3 }", ("contacts", 0, "adhesion", "range")),
+    ("adhesion = 1e-4", ("contacts", 0, "adhesion")),
+])  # fmt: skip
 def test_adhesion_across_more_than_the_smallest_radius_is_refused(given, key):
     """A default range where one grain in a thousand is tiny, too."""
     text = SMALL.replace("restitution = 0.3", f"restitution = 0.3\n{given}")

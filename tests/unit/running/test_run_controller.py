@@ -1,6 +1,5 @@
 """The loop of a run with an engine that only counts: cadences, stages, stopping and exact
-resuming.
-"""
+resuming."""
 
 import os
 import random
@@ -66,8 +65,7 @@ def reference():
 
 def test_cadences_are_counted_from_the_start_of_each_stage(reference):
     """settle: kinetic energy 1, 1/2, 1/4 … falls below 1e-3 after step 11; shear: 0.5 in steps of
-    0.025; hold: 7 steps. Times are products, not sums.
-    """
+    0.025; hold: 7 steps. Times are products, not sums."""
     assert reference.frames == [0, 4, 8, 11, 17, 23, 29, 31, 38]
     assert [frame[2] for frame in reference.recorder.frames] == [0, 0, 0, 0, 1, 1, 1, 1, 2]
     rows = reference.recorder.rows
@@ -137,8 +135,7 @@ def test_time_limit_stops_with_a_checkpoint():
 @pytest.mark.parametrize(("seconds", "every"), [(0.01, 4), (1.5, 10)])
 def test_checkpoints_follow_the_wall_clock_and_slow_ones_are_rare(seconds, every, reference):
     """Steps of 3 s, checkpoints 10 s apart, or 20 times as long as one takes. Else there are those
-    of the start and the end alone; nothing else changes.
-    """
+    of the start and the end alone; nothing else changes."""
     clock = Clock()
 
     class SlowRecorder(MemoryRecorder):

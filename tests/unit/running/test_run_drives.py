@@ -1,6 +1,5 @@
 """Runs whose walls follow positions, hang on springs or bear stresses, and whose friction changes
-from stage to stage.
-"""
+from stage to stage."""
 
 import math
 
@@ -94,8 +93,7 @@ def test_stopped_runs_go_on_to_the_same_bits(reference, tmp_path, step):
 
 def test_exported_problems_know_where_displacements_count_from(reference):
     """Frame 4 is in the second stage: the floor goes on with the sine of the first, the lid hangs
-    on its spring.
-    """
+    on its spring."""
     mass, stiffness, damping, dt = 0.1, 40.0, 0.1, 1e-3
     with multicor.open_run(reference) as run:
         frame, problem = run.frames[4], frame_problem(run, 4)
@@ -176,8 +174,7 @@ def test_laws_of_stages_differ_from_the_model_in_friction_alone():
 
 def test_heat_of_friction_is_that_of_the_stage(run):
     """Softening friction gives way to a number, and back to another softening; what is lost is heat
-    all the time.
-    """
+    all the time."""
     again = "{ value = 0.6, softening = 2e-3, min = 0.2 }"
     text = changed(
         WARM,

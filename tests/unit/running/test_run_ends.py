@@ -1,6 +1,5 @@
 """How stages end: with durations that are no whole number of steps, and with conditions that
-nothing ever comes up to.
-"""
+nothing ever comes up to."""
 
 import math
 
@@ -20,12 +19,9 @@ DT = 1e-3
 def scene(stages, *overrides, grain=(0.5, 0.01, 0.01), gravity=-9.81, **more):
     walls = {"floor": plane(), "lid": {"geometry": plane(0.1, -1), "mass": 1.0}}
     said = {
-        "grains": [grain],
-        "size": [1.0, 1.0],
-        "gravity": [0.0, gravity],
-        "dt": DT,
+        "grains": [grain], "size": [1.0, 1.0], "gravity": [0.0, gravity], "dt": DT,
         "frame_interval": 0.01,
-    } | more
+    } | more  # fmt: skip
     return scenario(stages, walls=walls, overrides=overrides, **said)
 
 
@@ -36,21 +32,13 @@ def stage(duration, more=""):
 SHAKEN = "drives.lid = { x = { velocity = { sine = { amplitude = 0.02, period = 0.06 } } } }"
 
 
-@pytest.mark.parametrize(
-    ("duration", "steps", "last"),
-    [
-        (1.5, 2, 0.5),
-        (12.3, 13, 0.3),
-        (12.05, 12, 1.05),
-        (12.99, 13, 0.99),
-        (1.02, 1, 1.02),
-        (12.0, 12, 1.0),
-    ],
-)
+@pytest.mark.parametrize(("duration", "steps", "last"), [
+    (1.5, 2, 0.5), (12.3, 13, 0.3), (12.05, 12, 1.05), (12.99, 13, 0.99), (1.02, 1, 1.02),
+    (12.0, 12, 1.0),
+])  # fmt: skip
 def test_a_stage_lasts_for_its_duration(duration, steps, last, tmp_path):
     """To the bit, in frames, rows and what is said; a signal that goes on in the next stage is
-    where it should be.
-    """
+    where it should be."""
     given = scene(stage(duration * DT, SHAKEN) + stage(10.6 * DT))
     outcome = multicor.run(given, tmp_path / "run")
     assert outcome.stage_ends[0].why == f"its duration of {duration * DT:.6g} s was over"

@@ -1,6 +1,5 @@
 """Grains that come and go: closed forms, books of mass, energy and heat, conservation, and bits
-that depend on nothing else.
-"""
+that depend on nothing else."""
 
 import shutil
 
@@ -267,75 +266,31 @@ geometry = { kind = "polyline", points = [[0.2, 0.01], [0.3, 0.01]] }
 
 
 REFUSED = {
-    "outside": (
-        ("max = [0.051, 0.151]", "max = [0.2, 0.151]"),
-        "particles.0.release.region",
-        "beyond the domain",
-        "[domain] size",
-    ),
-    "too small": (
-        ("min = [0.049, 0.149]", "min = [0.0499, 0.149]"),
-        "particles.0.release.region",
-        "never fit",
-        "enlarge",
-    ),
+    "outside": (("max = [0.051, 0.151]", "max = [0.2, 0.151]"), "particles.0.release.region",
+        "beyond the domain", "[domain] size"),
+    "too small": (("min = [0.049, 0.149]", "min = [0.0499, 0.149]"), "particles.0.release.region",
+        "never fit", "enlarge"),
     "rate": (("rate = 100.0", "rate = 0.0"), "particles.0.release.rate", "rate", "0"),
-    "no rate": (
-        ("rate = 100.0, ", ""),
-        "particles.0.release",
-        "neither rate nor mass_rate",
-        "give one",
-    ),
-    "two rates": (
-        ("rate = 100.0", "rate = 100.0, mass_rate = 1.0"),
-        "particles.0.release",
-        "both rate and mass_rate",
-        "give one",
-    ),
-    "no heat": (
-        ("spin = 5.0", "temperature = 300.0"),
-        "particles.0.temperature",
-        "no heat",
-        "[heat]",
-    ),
-    "profile": (
-        ("spin = 5.0", "shear_rate = 1.0"),
-        "particles.0.shear_rate",
-        "one velocity",
-        "remove shear_rate",
-    ),
+    "no rate": (("rate = 100.0, ", ""), "particles.0.release", "neither rate nor mass_rate",
+        "give one"),
+    "two rates": (("rate = 100.0", "rate = 100.0, mass_rate = 1.0"), "particles.0.release",
+        "both rate and mass_rate", "give one"),
+    "no heat": (("spin = 5.0", "temperature = 300.0"), "particles.0.temperature", "no heat",
+        "[heat]"),
+    "profile": (("spin = 5.0", "shear_rate = 1.0"), "particles.0.shear_rate", "one velocity",
+        "remove shear_rate"),
     "no packing": (("release", "# release"), "particles.0.packing", "no packing", "release"),
-    "region": (
-        ("spin = 5.0", "region = { min = [0, 0], max = [0.1, 0.1] }"),
-        "particles.0.region",
-        "no meaning",
-        "release.region",
-    ),
-    "overlap": (
-        ("max = [0.1, 0.02]", "max = [0.1, 0.15]"),
-        "outlets.0.region",
-        "leave where they come",
-        "move",
-    ),
-    "double": (
-        ("[[outlets]]", OUTLET + "[[outlets]]"),
-        "outlets.1.name",
-        "is also the name of outlets.0",
-        "another name",
-    ),
-    "nobody": (
-        ("release = {", 'packing = { kind = "random" } # {'),
-        "outlets.0.then",
-        "no group has a release",
-        "remove",
-    ),
-    "period": (
-        ("max = [0.1, 0.02]", "max = [0.11, 0.02]"),
-        "outlets.0.region",
-        "beyond the period",
-        "within the period",
-    ),
-}
+    "region": (("spin = 5.0", "region = { min = [0, 0], max = [0.1, 0.1] }"), "particles.0.region",
+        "no meaning", "release.region"),
+    "overlap": (("max = [0.1, 0.02]", "max = [0.1, 0.15]"), "outlets.0.region",
+        "leave where they come", "move"),
+    "double": (("[[outlets]]", OUTLET + "[[outlets]]"), "outlets.1.name",
+        "is also the name of outlets.0", "another name"),
+    "nobody": (("release = {", 'packing = { kind = "random" } # {'), "outlets.0.then",
+        "no group has a release", "remove"),
+    "period": (("max = [0.1, 0.02]", "max = [0.11, 0.02]"), "outlets.0.region", "beyond the period",
+        "within the period"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", REFUSED)
@@ -390,8 +345,7 @@ def test_a_run_that_lacks_a_part_of_it_is_damaged(silos, tmp_path, path):
 
 def test_a_run_goes_on_from_one_whose_grains_come_and_go(run, tmp_path):
     """Who is there stays there, who waits goes on waiting, and who has gone stays away; a frame
-    tells the same as the end.
-    """
+    tells the same as the end."""
 
     def going_on(moment="", outlet=""):
         walls = SILO[SILO.index("[[walls]]") : SILO.index("[[outlets]]")]
@@ -447,8 +401,7 @@ region = { min = [0.0, 0.0], max = [0.1, 0.02] }
 
 def test_walls_that_wait_for_grains_do_what_others_do(run, tmp_path):
     """A body keeps its temperature, follows its prescribed position, and rubs as stages say, before
-    there is a grain and then.
-    """
+    there is a grain and then."""
     drives = {"plate": {"y": {"position": {"sine": {"amplitude": 1e-3, "frequency": 40.0}}}}}
     smooth = {"duration": 0.03, "contacts": [{"pair": ["*", "*"], "friction": 0.0}]}
     loading = [{"duration": 0.05, "drives": drives}, {**smooth, "drives": drives}]
@@ -483,8 +436,7 @@ geometry = { kind = "polyline", points = [[0.0, 0.1], [0.1, 0.1]] }
 
 def shelf(speed, dt, rate=1e5, **laws):
     """Grains are released between 2 and 6 mm above a thin shelf; dt·speed is how far they fly in a
-    step.
-    """
+    step."""
     text = SHELF.replace("SPEED", repr(speed)).replace("RATE", repr(rate))
     return scenario(text, dt=dt, duration=0.02, **laws)
 

@@ -1,6 +1,5 @@
 """Stages are added to the end of a run with ``--extend``: it becomes, to the bit, the run that had
-them from the start.
-"""
+them from the start."""
 
 import shutil
 import signal
@@ -67,8 +66,7 @@ def test_a_run_that_was_stopped_is_extended(step, folder, tmp_path):
 
 def test_an_extended_run_is_continued_without_the_option(folder, first):
     """Stopped after the extension, it is a run of the longer scenario like any other; asking for it
-    again adds nothing.
-    """
+    again adds nothing."""
     whole, steps = folder / "whole.toml", run_info(first)["step"]
     reasons = [
         extended(whole, first, observer=StopAt(steps + 5)).reason,
@@ -142,8 +140,7 @@ def test_a_run_stopped_between_two_stages_goes_on_with_its_books(
     name, folder, tmp_path, monkeypatch
 ):
     """The lid moves under a load: its kinetic energy is in the books, and must not be booked as
-    work once more.
-    """
+    work once more."""
     (end,) = [end for end in run_info(folder / "whole")["stage_ends"] if end["name"] == name]
     original = session_module.Engine.step
 

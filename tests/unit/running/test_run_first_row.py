@@ -1,6 +1,5 @@
 """The first row of the time series tells the start as it is, in runs that begin, that go on, and
-that are taken up.
-"""
+that are taken up."""
 
 import numpy as np
 import pytest
@@ -22,14 +21,10 @@ MOVING = changed(
     ("STAGE", ""),
     ("frame_interval = 0.1", "frame_interval = 0.01"),
 )  # fmt: skip
-HEATED = changed(
-    MOVING,
-    (
-        "density = 2500.0",
-        "density = 2500.0\nheat_capacity = 800.0\nyoung = 70e9\npoisson = 0.2\nconductivity = 1.0",
-    ),
-    ("[solver]", "[heat]\ntemperature = 310.0\n[solver]"),
-)
+HEATED = changed(MOVING, (
+    "density = 2500.0",
+    "density = 2500.0\nheat_capacity = 800.0\nyoung = 70e9\npoisson = 0.2\nconductivity = 1.0",
+), ("[solver]", "[heat]\ntemperature = 310.0\n[solver]"))  # fmt: skip
 FROZEN = changed(
     HEATED,
     ("temperature = 310.0", 'temperature = 310.0\nconduction = "none"'),
@@ -80,8 +75,7 @@ def test_the_first_row_of_a_new_run(case, tmp_path):
 
 def test_the_first_row_of_a_run_that_goes_on_from_another(tmp_path):
     """With a wall that a load moves: its kinetic energy is that of the last row of the run
-    before.
-    """
+    before."""
     loaded = changed(MOVING, ('name = "lid"\n', 'name = "lid"\nmass = 0.1\n'))
     drives = "drives.lid = { y = { force = -0.4 } }\n"
     before = changed(

@@ -1,6 +1,5 @@
 """Runs with heat: stages that move, stand still and move again; stopped and continued; drums;
-threads.
-"""
+threads."""
 
 import numpy as np
 import pytest
@@ -63,15 +62,13 @@ def test_stages_move_stand_and_move_again(reference):
 @pytest.mark.parametrize("step", [5, 20, 22, 27])
 def test_a_stopped_run_goes_on_to_the_same_bits(step, scenario, reference, tmp_path):
     """In the moving stage, at the end of it, in the frozen stage and after it; the averages of
-    forces go on too.
-    """
+    forces go on too."""
     assert in_pieces(scenario, tmp_path / "run", step) == digests(reference)
 
 
 def test_drum_power_becomes_heat(tmp_path):
     """Drum work − Δ(kinetic + potential) − correction = losses = heat (insulated); work = ∫
-    torque·ω (theory §15.2).
-    """
+    torque·ω (theory §15.2)."""
     changes = ["loading.0.duration=0.1", "loading.1.duration=0.3", "output.frame_interval=0.05"]
     multicor.run(
         multicor.load_scenario(CONFIGS / "drum.toml", overrides=changes), tmp_path / "drum"

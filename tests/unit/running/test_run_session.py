@@ -1,6 +1,5 @@
 """One session of a run in this process: how it ends, what ``run.json`` says, and that a resumed run
-is the same run.
-"""
+is the same run."""
 
 import json
 import signal
@@ -62,8 +61,7 @@ def stop_at(monkeypatch, step, act):
 @pytest.fixture(scope="module")
 def path(tmp_path_factory):
     """The small scenario with a fourth stage: the lid of the second one's ramp goes on through two
-    stages.
-    """
+    stages."""
     text = changed(SMALL, ("[solver]", KEPT + "\n[solver]"))
     return write_small(tmp_path_factory.mktemp("scenario"), text)
 
@@ -94,8 +92,7 @@ def test_stopped_run_goes_on_as_if_nothing_had_happened(step, path, reference, t
 @pytest.mark.parametrize("back", [1, 5, 25])
 def test_signals_kept_from_an_earlier_stage_survive_a_resume(back, path, reference, tmp_path):
     """In the last stages the lid follows a ramp that began two stages before, at a time that only
-    the frames tell.
-    """
+    the frames tell."""
     observer = StopAt(reference.step - back, signal.SIGINT)
     stopped = run_scenario(path, tmp_path / "run", observer=observer)
     assert stopped.reason is StopReason.INTERRUPTED

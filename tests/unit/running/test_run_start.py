@@ -1,6 +1,5 @@
 """A run goes on from another: a run cut in two is the run that was not cut, and what does not fit
-is refused.
-"""
+is refused."""
 
 import json
 import shutil
@@ -34,15 +33,9 @@ from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.store import open_run, run_info, verify
 
 CASES = {
-    "box": (BOX, 1),
-    "small": (NAMED, 1),
-    "sticky": (STICKY, 1),
-    "wet": (WET, 1),
-    "before frozen": (HOT, 1),
-    "after frozen": (HOT, 2),
-    "body": (BODY, 1),
-    "belt": (BELT, 1),
-}
+    "box": (BOX, 1), "small": (NAMED, 1), "sticky": (STICKY, 1), "wet": (WET, 1),
+    "before frozen": (HOT, 1), "after frozen": (HOT, 2), "body": (BODY, 1), "belt": (BELT, 1),
+}  # fmt: skip
 """Scenarios, and after how many stages they are cut."""
 
 
@@ -86,8 +79,7 @@ def place_of(tmp_path_factory):
 @pytest.mark.parametrize("case", CASES)
 def test_a_run_cut_in_two_is_the_run_that_was_not_cut(case, place_of):
     """In all that the next step depends on; in the box the grains outnumber nothing that runs on
-    more than one thread.
-    """
+    more than one thread."""
     folder, (text, stages) = place_of(case), CASES[case]
     scenario = load_scenario(written(folder / "second.toml", going_on(text, stages, "first")))
     assert run_scenario(scenario, folder / "second", threads=2).is_finished
@@ -113,8 +105,7 @@ def test_a_run_cut_in_two_is_the_run_that_was_not_cut(case, place_of):
 
 def test_a_run_that_goes_on_can_be_stopped_and_gone_on_from(place_of, tmp_path):
     """Stopped in its last stage, where a signal is kept; the run that it came from is gone by then.
-    A third part follows.
-    """
+    A third part follows."""
     folder = place_of("after frozen")
     shutil.copytree(folder / "first", tmp_path / "first")
     second = written(tmp_path / "second.toml", going_on(HOT, 2, "first"))
@@ -133,8 +124,7 @@ def test_a_run_that_goes_on_can_be_stopped_and_gone_on_from(place_of, tmp_path):
 
 def test_the_last_frame_is_the_end_where_frames_hold_all(place_of):
     """Without heat and adhesion, in double precision: positions are those of the state, and
-    impulses are recorded. Contacts are sought anew, so that steps differ in their last bits.
-    """
+    impulses are recorded. Contacts are sought anew, so that steps differ in their last bits."""
     folder = place_of("small")
     starts = [
         placed_at(folder, going_on(NAMED, 1, "first", *frame)).state
@@ -168,8 +158,7 @@ def contacts_by_wall(model, state):
 
 def test_walls_are_known_by_their_names(place_of):
     """In another order, one of them gone, one new, one that the file has elsewhere: where the run
-    has moved it counts.
-    """
+    has moved it counts."""
     folder = place_of("box")
     text = going_on(BOX, 1, "first")
     begin, end = text.index('[[walls]]\nname = "floor"'), text.index('[[walls]]\nname = "right"')
@@ -180,10 +169,8 @@ def test_walls_are_known_by_their_names(place_of):
         before, state = run.model, run.state()
     assert placed.model.walls.names == ("right", "floor", "lid")
     assert (placed.origin.walls, placed.origin.new_walls, placed.origin.lost_walls) == (
-        ("right", "floor"),
-        ("lid",),
-        ("left",),
-    )
+        ("right", "floor"), ("lid",), ("left",),
+    )  # fmt: skip
     assert (
         placed.state.wall_position[0].tolist()
         == state.wall_position[2].tolist()
@@ -207,13 +194,10 @@ def test_rough_walls_are_those_of_the_run_whatever_the_seed(place_of):
 
 def test_a_wall_of_another_shape_stands_where_the_run_has_it_and_carries_nothing(place_of):
     folder = place_of("small")
-    text = changed(
-        going_on(NAMED, 1, "first"),
-        (
-            '{ kind = "rough", from = [0.0, 0.01], to = [0.02, 0.01], side = "right" }',
-            '{ kind = "plane", point = [0.0, 0.03], normal = [0.0, -1.0] }\nmass = 1e-3',
-        ),
-    )
+    text = changed(going_on(NAMED, 1, "first"), (
+        '{ kind = "rough", from = [0.0, 0.01], to = [0.02, 0.01], side = "right" }',
+        '{ kind = "plane", point = [0.0, 0.03], normal = [0.0, -1.0] }\nmass = 1e-3',
+    ))  # fmt: skip
     state = state_of(folder / "first")
     placed = placed_at(folder, text)
     assert placed.state.wall_position[1].tolist() == state.wall_position[1].tolist()

@@ -28,13 +28,9 @@ from multicor_cli.scenario.settings import Output
 def reserved(code, **extra):
     script = f"from multicor_cli.running.machine import reserve_threads\nimport os\n{code}"
     done = subprocess.run(
-        [sys.executable, "-c", script],
-        env=environment(**extra),
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=60,
-    )
+        [sys.executable, "-c", script], env=environment(**extra), capture_output=True, text=True,
+        check=True, timeout=60,
+    )  # fmt: skip
     return done.stdout.strip()
 
 
@@ -172,8 +168,7 @@ def test_frames_of_the_estimate_are_those_of_the_run():
 
 def test_deflection_of_a_contact():
     """R = 1.5 mm: an overlap of 55.28 nm has a contact radius of 6.4387 µm = √(R* δ), and F = 4/3
-    E* √R* δ^1.5.
-    """
+    E* √R* δ^1.5."""
     young, poisson, radius, depth = 193e9, 0.29, 1.5e-3, 55.28e-9
     modulus, reduced = young / (2.0 * (1.0 - poisson**2)), 0.5 * radius
     assert np.sqrt(reduced * depth) == pytest.approx(6.4387e-6, rel=1e-4)

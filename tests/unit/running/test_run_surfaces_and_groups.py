@@ -87,8 +87,7 @@ def test_the_exported_problem_is_the_one_that_the_engine_solves(whole):
 
 def test_a_program_lets_a_surface_run(tmp_path):
     """In a stage that it adds; what it reads, and the scenario with this stage, which gives the
-    same bits.
-    """
+    same bits."""
     read = []
 
     def steer(now):
@@ -144,15 +143,13 @@ def test_a_wall_cuts_those_alone_that_meet_it(tmp_path):
 def test_no_law_is_needed_with_walls_that_nobody_of_a_group_meets():
     text = changed(
         SIEVE,
-        (
-            "[[contacts]]",
-            "[materials.net]\ndensity = 1000.0\n[materials.sand]\ndensity = 1000.0\n[[contacts]]",
-        ),
+        ("[[contacts]]",
+            "[materials.net]\ndensity = 1000.0\n[materials.sand]\ndensity = 1000.0\n[[contacts]]"),
         ('pair = ["*", "*"]', 'pair = ["glass", "*"]'),
         ('name = "small"\nmaterial = "glass"', 'name = "small"\nmaterial = "sand"'),
         ("[[particles]]", '[[contacts]]\npair = ["sand", "sand"]\nfriction = 0.1\n[[particles]]'),
         ('name = "sieve"\nmaterial = "glass"', 'name = "sieve"\nmaterial = "net"'),
-    )
+    )  # fmt: skip
     model, _ = build(parse_scenario(text, "sieve.toml"))
     sand, net = model.materials.index("sand"), model.materials.index("net")
     assert model.laws.friction[0, net] == 0.3
@@ -202,8 +199,7 @@ def test_grains_are_released_in_a_wall_that_they_do_not_meet():
 
 def test_heat_goes_to_those_alone_that_meet_a_hot_wall(tmp_path):
     """By contact, through gas and by radiation; while nothing moves too. A wall keeps the groups
-    apart.
-    """
+    apart."""
     material = (
         "young = 70e9\npoisson = 0.22\nconductivity = 1.0\nheat_capacity = 800.0\nemissivity = 0.9"
     )
@@ -225,16 +221,14 @@ geometry = { kind = "polyline", points = [[0.006, 0.0], [0.006, 0.04]] }
         shortened(SIEVE, 1),
         ("density = 2500.0", f"density = 2500.0\n{material}"),
         ("[[contacts]]", heat),
-        (
-            'kind = "polyline", points = [[0.0, 0.008], [0.012, 0.007]]',
-            'kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0]',
-        ),
+        ('kind = "polyline", points = [[0.0, 0.008], [0.012, 0.007]]',
+            'kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0]'),
         ('groups = ["large"]', 'groups = ["large"]\nthermal = { temperature = 400.0 }'),
         ('name = "large"', 'name = "large"\nregion = { min = [0.0, 0.0], max = [0.005, 0.02] }'),
         ('name = "small"', 'name = "small"\nregion = { min = [0.007, 0.0], max = [0.012, 0.02] }'),
         ("[[loading]]", between),
         ("\n[solver]", "\n[[loading]]\nduration = 0.01\nfrozen = true\n[solver]"),
-    )
+    )  # fmt: skip
     run(written(tmp_path / "hot.toml", apart), tmp_path / "run")
     with open_run(tmp_path / "run") as found:
         large = in_group(found, "large")

@@ -1,6 +1,5 @@
 """What ends a stage, by scenes whose end is known in closed form; what happens when it does not;
-and who is told.
-"""
+and who is told."""
 
 import json
 import math
@@ -152,8 +151,7 @@ def test_an_end_that_was_lost_is_not_told(late, typed, tmp_path, monkeypatch):
 
 def test_a_timeout_may_stop_the_run(typed, tmp_path):
     """It stays where it is until it is told to go on, and then ends as a run that was never
-    stopped.
-    """
+    stopped."""
     path = write(tmp_path, LATE + '\non_timeout = "stop"')
     for _ in range(2):
         said = typed("run one.toml -o run", 4).stderr

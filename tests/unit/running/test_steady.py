@@ -31,8 +31,7 @@ def steady(*, across=None, wall=0, tolerance=0.05, skipped=0):
 
 def ends_after(condition, forces, others=None):
     """Step after which the condition holds, given the force on a wall in each step; None if it
-    never does.
-    """
+    never does."""
     state = State()
     state.stage_notes = condition.first_notes(state)
     for step, force in enumerate(forces, 1):
@@ -64,8 +63,7 @@ def test_the_drift_of_a_window():
 @pytest.mark.parametrize("seed", range(8))
 def test_stationary_noise_ends_and_a_drift_does_not(seed):
     """Noise of 20 %: the mean of a half is known to 0.2/√80 = 2 %, the drift to 7 %. The other mean
-    grows by 15 % in a window.
-    """
+    grows by 15 % in a window."""
     window, steps = BLOCK * BLOCKS, np.arange(2_000)
     stationary = 5.0 * (1.0 + 0.2 * noise(steps.size, seed))
     assert ends_after(steady(tolerance=0.15), stationary) is not None
@@ -95,8 +93,7 @@ def test_time_that_is_left_out():
 
 def test_the_ratio_of_two_forces_and_the_kinetic_energy():
     """Both forces grow, their ratio stays. A block in which nothing presses on the wall begins the
-    window anew.
-    """
+    window anew."""
     growth = 1.0 + 0.01 * np.arange(1_000.0)
     assert ends_after(steady(), growth) is None
     assert ends_after(steady(across=0), 0.3 * growth, -growth) == BLOCK * BLOCKS
@@ -123,8 +120,7 @@ WEIGHT = (
 
 def test_the_weight_on_a_floor_becomes_steady(tmp_path):
     """Gravity grows for 0.2 s. The window that has left this behind is over at 0.28 s; one with its
-    last bit may be steady too.
-    """
+    last bit may be steady too."""
     path = tmp_path / "one.toml"
     heavier = "gravity = [0.0, { ramp = [-5.0, -10.0], duration = 0.2 }]"
     path.write_text(changed(ONE, ("STAGE", f"{WEIGHT}\n{heavier}")))
@@ -139,13 +135,10 @@ STEADY = (
     'steady = { of = "friction", wall = "top", axis = "x", window = 0.02, tolerance = 0.9, after '
     "= 0.01 }"
 )
-FLOW = changed(
-    SMALL,
-    (
-        'until = { strain = { walls = ["bottom", "top"], value = 0.15 } }',
-        f"duration = 0.06\nuntil = {{ {STEADY} }}",
-    ),
-)
+FLOW = changed(SMALL, (
+    'until = { strain = { walls = ["bottom", "top"], value = 0.15 } }',
+    f"duration = 0.06\nuntil = {{ {STEADY} }}",
+))  # fmt: skip
 """Plane shear until friction drifts by less than it is itself."""
 
 

@@ -1,6 +1,5 @@
 """A program steers a run: it ends stages, adds others, ends the run; what it did is kept, and can
-be done again without it.
-"""
+be done again without it."""
 
 import re
 import signal
@@ -64,8 +63,7 @@ def at(step, do):
 
 def when_pushed(now):
     """Count calls; slow down once when the top wall has been pushed for a while, then stop when it
-    has gone far enough.
-    """
+    has gone far enough."""
     notes, top = now.notes, now.walls["top"]
     notes["calls"] = notes.get("calls", 0) + 1
     notes["work"] = notes.get("work", 0.0) + float(top.force[0] * top.velocity[0]) * now.dt
@@ -81,10 +79,8 @@ def test_ending_a_stage_is_a_shorter_stage(tmp_path):
     assert digests(tmp_path / "steered") == digests(tmp_path / "short")
     ends = run_info(tmp_path / "steered")["stage_ends"]
     assert [(end["name"], end["reason"], end["step"]) for end in ends] == [
-        ("settle", "duration", 20),
-        ("shear", "steered", 35),
-        ("on", "duration", 45),
-    ]
+        ("settle", "duration", 20), ("shear", "steered", 35), ("on", "duration", 45),
+    ]  # fmt: skip
     assert verify(tmp_path / "steered") == []
 
 
@@ -151,8 +147,7 @@ def test_a_run_that_is_stopped_goes_on_as_it_would_have(tmp_path):
 
 def test_decisions_after_the_last_checkpoint_are_made_again(tmp_path, monkeypatch):
     """The process dies after a decision that no checkpoint has: run.json, which may know it
-    already, is put right.
-    """
+    already, is put right."""
     run(scenario(), tmp_path / "whole", steer=when_pushed)
     run(scenario(), tmp_path / "run", steer=when_pushed, observer=StopAt(40))
     script = tmp_path / "die.py"

@@ -72,8 +72,7 @@ def test_weight_and_loads_set_the_pressure(scales_of):
 
 def test_moving_walls_set_the_rate(scales_of):
     """A surface counts as the motion that would carry grains along: a level polyline as if it moved
-    in x, a circle as if it turned, each glued grain as a disc that does.
-    """
+    in x, a circle as if it turned, each glued grain as a disc that does."""
     model, height = scales_of.model, scales_of.scenario.domain.size[1]
     first, second = model.walls.names[:2]
     back, forth = moving(x=Constant(-3.0)), moving(x=Ramp(0.0, 2.0, 1.0))
@@ -298,8 +297,7 @@ def free(case, folder, *overrides):
 @pytest.mark.parametrize("case", SPEEDS)
 def test_every_speed_that_is_known_limits_the_step(case, tmp_path):
     """0.3 d̄/v in the stages that have it, in the run, and in checks of one that takes longer
-    steps: d̄ = 4 mm, v = 30 m/s.
-    """
+    steps: d̄ = 4 mm, v = 30 m/s."""
     scenario = free(case, tmp_path)
     model, _ = build(scenario)
     number, word = 1 if case == "later" else 0, SPEEDS[case][1]
@@ -337,8 +335,7 @@ def test_a_wall_turns_about_its_middle_as_fast_as_its_ends(tmp_path):
 
 def test_walls_that_shear_a_periodic_domain_are_not_fast():
     """Their rate of shear limits the step, and grains count relative to the linear profile between
-    them.
-    """
+    them."""
     driven = [*AUTO, "loading.0.drives.top.x={ velocity = 40.0 }"]
     scenario = parse_scenario(SHEAR, "shear.toml", driven)
     model, state = build(scenario)
@@ -357,8 +354,7 @@ def test_walls_that_shear_a_periodic_domain_are_not_fast():
 
 def test_a_run_that_is_taken_up_keeps_the_steps_of_its_later_stages(tmp_path):
     """The speed at the start is kept: it is in no later state, and the second stage has not begun
-    when the run stops.
-    """
+    when the run stops."""
     short = ("loading.0.duration=4e-3", "loading.1.duration=4e-3", "output.frame_interval=1e-3")
     scenario = free("file", tmp_path, *short)
     whole = multicor.run(scenario, tmp_path / "whole", threads=1).directory

@@ -1,6 +1,5 @@
 """From loading stages to the drives of the engine: what is not named again is kept, and its signal
-goes on.
-"""
+goes on."""
 
 import pytest
 from scenes import SHEAR

@@ -84,17 +84,14 @@ def test_a_file_with_expressions_is_loaded(tmp_path):
     assert load_scenario(path) == parsed(TILTED)
 
 
-@pytest.mark.parametrize(
-    ("overrides", "count", "dt"),
-    [
-        (["variables.rows=3"], 60, 1e-3 / 3),
-        (["variables.rows== 2 + 2"], 80, 1e-3 / 4),
-        (['variables.rows="= 2 + 2"'], 80, 1e-3 / 4),
-        (["particles.0.count== 10 * rows"], 50, 1e-3 / 5),
-        (["particles.0.count=9", "variables.d=2e-4", "variables.rows== floor(d * 1e4)"], 9, 1e-4),
-        (['variables={g = 1, d = 1e-3, rows = "= 2", tilt = 0}'], 40, 1e-3 / 2),
-    ],
-)
+@pytest.mark.parametrize(("overrides", "count", "dt"), [
+    (["variables.rows=3"], 60, 1e-3 / 3),
+    (["variables.rows== 2 + 2"], 80, 1e-3 / 4),
+    (['variables.rows="= 2 + 2"'], 80, 1e-3 / 4),
+    (["particles.0.count== 10 * rows"], 50, 1e-3 / 5),
+    (["particles.0.count=9", "variables.d=2e-4", "variables.rows== floor(d * 1e4)"], 9, 1e-4),
+    (['variables={g = 1, d = 1e-3, rows = "= 2", tilt = 0}'], 40, 1e-3 / 2),
+])  # fmt: skip
 def test_the_command_line_sets_variables_and_expressions(overrides, count, dt):
     scenario = parsed(TILTED, *overrides)
     assert (scenario.particles[0].count, scenario.solver.dt) == (count, dt)
@@ -122,16 +119,13 @@ def _file(packing):
     )
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "key", "word"),
-    [
-        ('name = "shear"\n', 'name = "=x"\n', "scenario.name", "not allowed here"),
-        ('material = "steel"', 'material = "= d"', "walls.2.material", "not allowed here"),
-        ("periodic = true", 'periodic = "= 1"', "domain.periodic", "must be true or false"),
-        ('kind = "random"', 'kind = "= 1"', "particles.0.packing.kind", "is not one of"),
-        ("dt = 2e-4", 'dt = " = 2e-4"', "solver.dt", '" = 2e-4"'),
-    ],
-)
+@pytest.mark.parametrize(("old", "new", "key", "word"), [
+    ('name = "shear"\n', 'name = "=x"\n', "scenario.name", "not allowed here"),
+    ('material = "steel"', 'material = "= d"', "walls.2.material", "not allowed here"),
+    ("periodic = true", 'periodic = "= 1"', "domain.periodic", "must be true or false"),
+    ('kind = "random"', 'kind = "= 1"', "particles.0.packing.kind", "is not one of"),
+    ("dt = 2e-4", 'dt = " = 2e-4"', "solver.dt", '" = 2e-4"'),
+])  # fmt: skip
 def test_where_no_number_stands_it_is_refused_as_the_string_that_it_is(old, new, key, word):
     (problem,) = problems_of(with_variables((old, new)))
     assert problem.key == key
@@ -298,14 +292,11 @@ def test_other_problems_are_told_at_once():
     assert [problem.key for problem in problems] == ["variables.d", "materials.glass.densty"]
 
 
-@pytest.mark.parametrize(
-    ("override", "remedy"),
-    [
-        ("variables.angel=3", "'angle'"),
-        ("variables.zzz=3", "expressions refer to 'angle'"),
-        ("variables.zzz== 2 * d", "expressions refer to 'angle'"),
-    ],
-)
+@pytest.mark.parametrize(("override", "remedy"), [
+    ("variables.angel=3", "'angle'"),
+    ("variables.zzz=3", "expressions refer to 'angle'"),
+    ("variables.zzz== 2 * d", "expressions refer to 'angle'"),
+])  # fmt: skip
 def test_a_variable_from_the_command_line_that_nothing_refers_to_is_refused(override, remedy):
     (problem,) = problems_of(TILTED, [override])
     assert problem.file == "--set"

@@ -1,6 +1,5 @@
 """Thermal keys of a scenario: what they may say, what is refused and how, and that nothing is
-accepted and ignored.
-"""
+accepted and ignored."""
 
 import pytest
 from scenario_problems import check_one, problems_of
@@ -60,16 +59,11 @@ def test_right_forms_of_the_heat_table_load_back(line):
     assert parse_scenario(scenario.resolved_toml(), "resolved.toml") == scenario
 
 
-@pytest.mark.parametrize(
-    "value",
-    [
-        "290",
-        "{ value = 290, gradient = [1, 2] }",
-        "{ value = 290, regions = [{ min = [0, 0], max = [1, 1], value = 400 }] }",
-        "{ values = [300, 301.5] }",
-        '{ file = "T.csv" }',
-    ],
-)
+@pytest.mark.parametrize("value", [
+    "290", "{ value = 290, gradient = [1, 2] }",
+    "{ value = 290, regions = [{ min = [0, 0], max = [1, 1], value = 400 }] }",
+    "{ values = [300, 301.5] }", '{ file = "T.csv" }',
+])  # fmt: skip
 def test_right_forms_of_initial_temperatures_load_back(value):
     scenario = parse_scenario(changed(HEATED, (GRAINS, f"temperature = {value}")), "heated.toml")
     assert scenario.particles[0].temperature is not None
@@ -117,14 +111,10 @@ def test_time_between_looks_in_a_frozen_stage():
     assert dt("loading.1.duration=4.0", "output.frame_interval=90.0") == 4.0
 
 
-@pytest.mark.parametrize(
-    ("duration", "dt", "keys"),
-    [
-        ("1e9", "1e5", []),
-        ("1e9", "1e-4", ["loading.1.duration"]),
-        ("1e6", "1e-2", ["output.frame_interval"]),
-    ],
-)
+@pytest.mark.parametrize(("duration", "dt", "keys"), [
+    ("1e9", "1e5", []), ("1e9", "1e-4", ["loading.1.duration"]),
+    ("1e6", "1e-2", ["output.frame_interval"]),
+])  # fmt: skip
 def test_output_need_not_be_coarser_than_the_looks_of_a_frozen_stage(duration, dt, keys):
     overrides = [f"loading.1.duration={duration}", f"loading.1.dt={dt}"]
     assert [problem.key for problem in problems_of(HEATED, overrides)] == keys
@@ -247,15 +237,10 @@ def test_walls_need_no_emissivity_unless_neighbors_radiate():
     assert problems_of(changed(text, (", neighbors = true", ""))) == []
 
 
-@pytest.mark.parametrize(
-    ("line", "is_known"),
-    [
-        ("", False),
-        ("gas = { conductivity = 0.026 }", False),
-        ("force = { prescribed = 0.1 }", True),
-        ('conduction = "none"', True),
-    ],
-)
+@pytest.mark.parametrize(("line", "is_known"), [
+    ("", False), ("gas = { conductivity = 0.026 }", False), ("force = { prescribed = 0.1 }", True),
+    ('conduction = "none"', True),
+])  # fmt: skip
 def test_contacts_are_known_only_after_a_step(line, is_known):
     fall = '[[loading]]\nname = "fall"\nduration = 1.0\nheat = false\n\n'
     text = changed(heat(line), (fall, ""))

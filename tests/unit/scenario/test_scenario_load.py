@@ -86,17 +86,14 @@ def test_files_of_other_systems_are_read(write, mark, end):
     assert found.excerpt() == expected.excerpt()
 
 
-@pytest.mark.parametrize(
-    ("content", "line", "column", "word"),
-    [
-        (b'[scenario]\nname = "\xe9"\n', 2, 9, "0xe9 is not UTF-8"),
-        ("[scenario]".encode("utf-16"), 1, 1, "not UTF-8"),
-        (b"[scenario]\n\x00", 2, 1, "not TOML"),
-        (b"\x89PNG\r\n\x1a\n", 1, 1, "not UTF-8"),
-        (b"name: shear\n", 1, 5, "not TOML"),
-        (b"#" * 2_000_000, 0, 0, "larger than 1 MB"),
-    ],
-)
+@pytest.mark.parametrize(("content", "line", "column", "word"), [
+    (b'[scenario]\nname = "\xe9"\n', 2, 9, "0xe9 is not UTF-8"),
+    ("[scenario]".encode("utf-16"), 1, 1, "not UTF-8"),
+    (b"[scenario]\n\x00", 2, 1, "not TOML"),
+    (b"\x89PNG\r\n\x1a\n", 1, 1, "not UTF-8"),
+    (b"name: shear\n", 1, 5, "not TOML"),
+    (b"#" * 2_000_000, 0, 0, "larger than 1 MB"),
+])  # fmt: skip
 def test_what_is_no_toml_is_refused_at_its_place(write, content, line, column, word):
     with pytest.raises(ScenarioError) as error:
         load_scenario(write(content))
@@ -108,10 +105,8 @@ def test_what_is_no_toml_is_refused_at_its_place(write, content, line, column, w
 
 def test_what_is_no_file_is_refused(tmp_path):
     for path, word in (
-        (tmp_path, "directory"),
-        (tmp_path / "none.toml", "no such file"),
-        ("a\0b", ""),
-    ):
+        (tmp_path, "directory"), (tmp_path / "none.toml", "no such file"), ("a\0b", ""),
+    ):  # fmt: skip
         with pytest.raises(ScenarioError) as error:
             load_scenario(path)
         (problem,) = error.value.problems
@@ -288,34 +283,31 @@ def test_values_are_set(overrides, key, value):
     assert scenario.sources.text == SHEAR
 
 
-@pytest.mark.parametrize(
-    ("override", "key", "word"),
-    [
-        ("loading.3.duration=1", "loading.3.duration", "use 0 to 2"),
-        ("loading.-1.duration=1", "loading.-1.duration", "no index"),
-        ("loading.first.duration=1", "loading.first.duration", "no index"),
-        ("lading.1.duration=1", "lading.1.duration", "'loading'"),
-        ("loading.1.durtion=1", "loading.1.durtion", "'duration'"),
-        ("solver.dt.x=1", "solver.dt.x", "shorten"),
-        ("domain.0=1", "domain.0", "not an array"),
-        ("domain.size.2=1", "domain.size.2", "use 0 to 1"),
-        ("solver.dt=-1", "solver.dt", "positive"),
-        ("solver.dt=nan", "solver.dt", "finite"),
-        ("solver.dt=true", "solver.dt", "number"),
-        ("solver.dt=small", "solver.dt", '"small"'),
-        ("solver.dt=1.2.3", "solver.dt", "not a valid TOML value"),
-        ("solver.dt=[1", "solver.dt", "not a valid TOML value"),
-        ("solver.dt=1\nmethod='x'", "solver.dt", "not a valid TOML value"),
-        ("solver.dt=", "solver.dt", "not a valid TOML value"),
-        ("solver.dt=" + "[" * 100, "", "deep"),
-        ("a" + ".a" * 100 + "=1", "", "deep"),
-        ("solver.dt", "", "no key"),
-        ("=1", "", "no key"),
-        ("", "", "no key"),
-        ("particles.0.packing={kind='compacted'}", "particles.0.packing.pressure", "missing"),
-        ("loading.0.drives.lid.x.velocity=1", "loading.0.drives.lid", "'top'"),
-    ],
-)
+@pytest.mark.parametrize(("override", "key", "word"), [
+    ("loading.3.duration=1", "loading.3.duration", "use 0 to 2"),
+    ("loading.-1.duration=1", "loading.-1.duration", "no index"),
+    ("loading.first.duration=1", "loading.first.duration", "no index"),
+    ("lading.1.duration=1", "lading.1.duration", "'loading'"),
+    ("loading.1.durtion=1", "loading.1.durtion", "'duration'"),
+    ("solver.dt.x=1", "solver.dt.x", "shorten"),
+    ("domain.0=1", "domain.0", "not an array"),
+    ("domain.size.2=1", "domain.size.2", "use 0 to 1"),
+    ("solver.dt=-1", "solver.dt", "positive"),
+    ("solver.dt=nan", "solver.dt", "finite"),
+    ("solver.dt=true", "solver.dt", "number"),
+    ("solver.dt=small", "solver.dt", '"small"'),
+    ("solver.dt=1.2.3", "solver.dt", "not a valid TOML value"),
+    ("solver.dt=[1", "solver.dt", "not a valid TOML value"),
+    ("solver.dt=1\nmethod='x'", "solver.dt", "not a valid TOML value"),
+    ("solver.dt=", "solver.dt", "not a valid TOML value"),
+    ("solver.dt=" + "[" * 100, "", "deep"),
+    ("a" + ".a" * 100 + "=1", "", "deep"),
+    ("solver.dt", "", "no key"),
+    ("=1", "", "no key"),
+    ("", "", "no key"),
+    ("particles.0.packing={kind='compacted'}", "particles.0.packing.pressure", "missing"),
+    ("loading.0.drives.lid.x.velocity=1", "loading.0.drives.lid", "'top'"),
+])  # fmt: skip
 def test_a_bad_one_is_one_problem_of_the_command_line(override, key, word):
     (problem,) = problems_of(SHEAR, [override])
     assert problem.file == "--set"

@@ -1,6 +1,5 @@
 """Damaged files and those of other versions are detected, named and survived: never a wrong number,
-never a crash.
-"""
+never a crash."""
 
 import random
 import re
@@ -44,10 +43,8 @@ from multicor_cli.store.hdf5 import CheckedFile
 
 FLIPS = 25
 MANIFEST, NEWEST, LAST = (
-    "segments/MANIFEST.jsonl",
-    "checkpoints/step-00000000040",
-    "segments/000002.h5",
-)
+    "segments/MANIFEST.jsonl", "checkpoints/step-00000000040", "segments/000002.h5",
+)  # fmt: skip
 
 
 def test_a_file_of_another_kind_is_no_run_and_results_by_another_name_are(copy, tmp_path):
@@ -349,8 +346,7 @@ def test_missing_run_json_is_noticed_unless_results_lie_alone(copy):
 @pytest.fixture(scope="module")
 def talkative(tmp_path_factory):
     """A ``results.h5`` alone whose provenance is longer than 4 KiB: HDF5 has no checksum for it any
-    more.
-    """
+    more."""
     path = tmp_path_factory.mktemp("talkative") / "run"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(

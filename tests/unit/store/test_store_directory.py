@@ -1,6 +1,5 @@
 """The run directory as a place: who may use it, what may be removed, and what happens when the disk
-is full.
-"""
+is full."""
 
 import contextlib
 import dataclasses

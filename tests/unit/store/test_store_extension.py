@@ -1,6 +1,5 @@
 """Stages are added to a run: its files are those of a longer run, and nothing of it is lost
-(`test_store_kill` kills the process meanwhile).
-"""
+(`test_store_kill` kills the process meanwhile)."""
 
 import pytest
 from store_support import (
@@ -110,14 +109,11 @@ def be_in_the_way(run, _):
     (run / "scenario.1.toml").write_text("mine")
 
 
-@pytest.mark.parametrize(
-    ("obstacle", "error", "named"),
-    [
-        (damage_results, DamagedRun, r"results\.h5"),
-        (fill_the_disk, StorageFull, "no space"),
-        (be_in_the_way, DirectoryRefused, r"scenario\.1\.toml"),
-    ],
-)
+@pytest.mark.parametrize(("obstacle", "error", "named"), [
+    (damage_results, DamagedRun, r"results\.h5"),
+    (fill_the_disk, StorageFull, "no space"),
+    (be_in_the_way, DirectoryRefused, r"scenario\.1\.toml"),
+])  # fmt: skip
 def test_a_run_that_cannot_be_extended_stays_as_it_is(copy, monkeypatch, obstacle, error, named):
     with monkeypatch.context() as patch:
         obstacle(copy, patch)

@@ -1,6 +1,5 @@
 """Kill the process at every named point of the commit protocol, in a run and while stages are added
-to one: nothing committed is lost, the end is the same to the bit.
-"""
+to one: nothing committed is lost, the end is the same to the bit."""
 
 import dataclasses
 import random
@@ -74,13 +73,10 @@ def assert_nothing_lost(path, kind="run"):
             assert run.state() is not None
 
 
-@pytest.mark.parametrize(
-    "where",
-    [
-        *thinned([f"run {point}" for point in POINTS], 4),
-        *thinned([f"extension {point}" for point in EXTENSION_POINTS], 5),
-    ],
-)
+@pytest.mark.parametrize("where", [
+    *thinned([f"run {point}" for point in POINTS], 4),
+    *thinned([f"extension {point}" for point in EXTENSION_POINTS], 5),
+])  # fmt: skip
 def test_killed_once(tmp_path, expected, where):
     kind, point = where.split()
     path = tmp_path / "run"
@@ -104,20 +100,14 @@ def test_killed_again_and_again(tmp_path, expected, seed):
     assert outcome(path) == expected["run"]
 
 
-@pytest.mark.parametrize(
-    ("kind", "points"),
-    [
-        # A file that the manifest does not list, and its renaming
-        ("run", ("segment.after_rename:2", "orphan.mid")),
-        # Two orphans of the same name
-        ("run", ("manifest.after_append:2", "manifest.after_append", "manifest.after_append")),
-        # Checkpoints are pruned each time: the run must not lose the last that it can use
-        (
-            "extension",
-            ("checkpointjson.after_rename", "extension.before", "scenario.after_rename:3"),
-        ),
-    ],
-)
+@pytest.mark.parametrize(("kind", "points"), [
+    # A file that the manifest does not list, and its renaming
+    ("run", ("segment.after_rename:2", "orphan.mid")),
+    # Two orphans of the same name
+    ("run", ("manifest.after_append:2", "manifest.after_append", "manifest.after_append")),
+    # Checkpoints are pruned each time: the run must not lose the last that it can use
+    ("extension", ("checkpointjson.after_rename", "extension.before", "scenario.after_rename:3")),
+])  # fmt: skip
 def test_killed_at_one_point_after_the_other(tmp_path, expected, kind, points):
     path = tmp_path / "run"
     BEGIN[kind](path)

@@ -1,6 +1,5 @@
 """Files that come from elsewhere: foreign, hostile, or whole by their digests and wrong; refused
-before memory is taken.
-"""
+before memory is taken."""
 
 import json
 import re
@@ -213,14 +212,10 @@ def twice_as_many(path, data):
     set_value(data, path, 0, values[0])
 
 
-@pytest.mark.parametrize(
-    ("make", "change", "named"),
-    [
-        (heat, text("features", "[]"), "features"),
-        (outlet, partial(twice_as_many, "series/outlet_flow"), "outlet_flow"),
-    ],
-    ids=["features", "outlets"],
-)
+@pytest.mark.parametrize(("make", "change", "named"), [
+    (heat, text("features", "[]"), "features"),
+    (outlet, partial(twice_as_many, "series/outlet_flow"), "outlet_flow"),
+], ids=["features", "outlets"])  # fmt: skip
 def test_segment_that_does_not_fit_the_model_is_damaged(tmp_path, make, change, named):
     make(tmp_path / "run")
     assert verify(tmp_path / "run") == []

@@ -1,6 +1,5 @@
 """What a run is in Python and in a notebook: a line, a picture, DataFrames, and what its grains
-are.
-"""
+are."""
 
 import io
 import sys
@@ -85,11 +84,8 @@ def test_grains_are_a_table(warm):
     np.testing.assert_array_equal(table["radius"], warm.grains.radius)
     units = table.attrs["units"]
     assert (units["velocity_x"], units["spin"], units["mass"], units["temperature"]) == (
-        "m/s",
-        "rad/s",
-        "kg",
-        "K",
-    )
+        "m/s", "rad/s", "kg", "K",
+    )  # fmt: skip
 
 
 def test_contacts_are_a_table(warm):

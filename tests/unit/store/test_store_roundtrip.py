@@ -1,6 +1,5 @@
 """Everything that is written is read back: frames, series, model, state; from segments and from
-results.h5.
-"""
+results.h5."""
 
 import dataclasses
 
@@ -116,8 +115,7 @@ def check_frame(frame, state, tolerance):
 
 def check_heat(frame, state, model, tolerance):
     """Temperatures and heat are exact in single precision too; only those of contacts are
-    rounded.
-    """
+    rounded."""
     names = ("temperature", "generated", "wear", "wall_temperature", "wall_heat", "wall_wear")
     if model.thermal is None:
         assert [getattr(frame, name) for name in names] == [None] * len(names)
@@ -267,8 +265,7 @@ def test_run_finished_while_it_is_read(tmp_path):
 
 def test_run_finished_while_it_is_opened(tmp_path, monkeypatch):
     """The segments go between the moment when ``run.json`` is read and that when the manifest
-    is.
-    """
+    is."""
     from multicor_cli.store import reader
 
     read, path = reader.read_run_document, tmp_path / "run"
@@ -429,13 +426,10 @@ def test_model_digest_depends_on_every_array():
     assert model_digest(make_model()) == digest
 
 
-@pytest.mark.parametrize(
-    ("field", "value", "message"),
-    [
-        ("velocity", np.nan, "particles/velocity is not finite in row 3"),
-        ("wall_velocity", np.inf, "walls/velocity is not finite"),
-    ],
-)
+@pytest.mark.parametrize(("field", "value", "message"), [
+    ("velocity", np.nan, "particles/velocity is not finite in row 3"),
+    ("wall_velocity", np.inf, "walls/velocity is not finite"),
+])  # fmt: skip
 def test_writer_refuses_values_that_are_not_finite(tmp_path, field, value, message):
     model = make_model()
     with make_run(tmp_path / "run") as run:

@@ -1,6 +1,5 @@
 """``/VTKHDF`` as the VTK library reads it back: every step, those without contacts included,
-without a warning.
-"""
+without a warning."""
 
 import shutil
 from pathlib import Path
@@ -111,13 +110,10 @@ def check_run(directory):
     return steps
 
 
-@pytest.mark.parametrize(
-    ("model", "precision"),
-    [
-        *((make_model(heat=heat), kind) for heat in (False, True) for kind in ("double", "single")),
-        *((make_model(grains, walls=False), "double") for grains in (1, 5)),
-    ],
-)
+@pytest.mark.parametrize(("model", "precision"), [
+    *((make_model(heat=heat), kind) for heat in (False, True) for kind in ("double", "single")),
+    *((make_model(grains, walls=False), "double") for grains in (1, 5)),
+])  # fmt: skip
 def test_every_step_is_read_back(tmp_path, model, precision):
     run_whole(tmp_path / "run", model, precision=precision)
     assert check_run(tmp_path / "run") == 9

@@ -1,6 +1,5 @@
 """The process of a case: of those that start together one compiles, and a case whose machine is
-gone is taken over.
-"""
+gone is taken over."""
 
 import json
 import multiprocessing

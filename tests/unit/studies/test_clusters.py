@@ -125,15 +125,10 @@ def test_workers_that_say_how_much_memory_they_have():
         existing(_Client(8e9, 4e9), Compute(), Needs(1, 9e9))
 
 
-@pytest.mark.parametrize(
-    ("options", "wanted"),
-    [
-        ({}, False),
-        ({"host": "127.0.0.1"}, False),
-        ({"dashboard_address": ":8787"}, True),
-        ({"dashboard": True}, True),
-    ],
-)
+@pytest.mark.parametrize(("options", "wanted"), [
+    ({}, False), ({"host": "127.0.0.1"}, False), ({"dashboard_address": ":8787"}, True),
+    ({"dashboard": True}, True),
+])  # fmt: skip
 def test_a_dashboard_is_there_only_if_asked_for(options, wanted, tmp_path, keys):
     table = Queue(scheduler_options=options)
     assert _wants_dashboard(table) is wanted

@@ -92,14 +92,11 @@ def test_points_at_the_same_place_are_refused():
         make_panels(found, PlotRequest("mu", "shape"))
 
 
-@pytest.mark.parametrize(
-    ("question", "what"),
-    [
-        (PlotRequest("nu", "speed"), "observes no nu; it observes mu, I"),
-        (PlotRequest("mu", "sped"), "varies no sped; it varies friction, speed"),
-        (PlotRequest("mu", "speed", by="x"), "varies no x"),
-    ],
-)
+@pytest.mark.parametrize(("question", "what"), [
+    (PlotRequest("nu", "speed"), "observes no nu; it observes mu, I"),
+    (PlotRequest("mu", "sped"), "varies no sped; it varies friction, speed"),
+    (PlotRequest("mu", "speed", by="x"), "varies no x"),
+])  # fmt: skip
 def test_what_is_not_there(question, what):
     with pytest.raises(PlotError, match=what):
         make_panels(table(*grid()), question)
@@ -128,10 +125,8 @@ def test_figures_are_drawn(tmp_path):
 def test_fits_find_the_curves_that_made_the_points():
     x = np.geomspace(0.003, 0.3, 12)
     for kind, y in (
-        ("line", 1.0 + 2.0 * x),
-        ("power", 3.0 * x**0.4),
-        ("mu-of-I", 0.25 + 0.5 / (1.0 + 0.2 / x)),
-    ):
+        ("line", 1.0 + 2.0 * x), ("power", 3.0 * x**0.4), ("mu-of-I", 0.25 + 0.5 / (1.0 + 0.2 / x)),
+    ):  # fmt: skip
         found = fit(kind, Series("", x, y, np.full(12, 1e-3), np.full(12, math.nan)))
         assert found.value(x) == pytest.approx(y, rel=1e-6), kind
     with pytest.raises(PlotError, match="needs 4 points"):
@@ -165,15 +160,10 @@ def test_means_over_seeds():
     rows = tuple(Row({FRICTION: 0.2, "scenario.seed": seed}, "finished", {"mu": (mu, 0.03, 1)}, {},
         "ok", 0.1)
                  for seed, mu in ((1, 0.1), (2, 0.2), (3, 0.6)))  # fmt: skip
-    mean = over_seeds(
-        StudyTable(
-            (FRICTION, "scenario.seed"),
-            ("mu",),
-            rows,
-            is_mean=False,
-            directory=StudyDirectory(Path("none")),
-        )
-    )
+    mean = over_seeds(StudyTable(
+        (FRICTION, "scenario.seed"), ("mu",), rows, is_mean=False,
+        directory=StudyDirectory(Path("none")),
+    ))  # fmt: skip
     (row,) = mean.rows
     assert row.numbers["mu"] == pytest.approx((0.3, 0.03 / math.sqrt(3.0), 3))
     assert row.between["mu"] == pytest.approx(np.std([0.1, 0.2, 0.6], ddof=1) / math.sqrt(3.0))

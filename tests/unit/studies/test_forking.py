@@ -1,6 +1,5 @@
 """Processes of cases are forked from one that has loaded the program; nobody is missed, whoever
-dies.
-"""
+dies."""
 
 import json
 import os

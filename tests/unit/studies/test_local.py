@@ -1,6 +1,5 @@
 """Cases on this machine are given to threads: each in its turn, cancelled if none has begun it,
-stopped if nobody waits.
-"""
+stopped if nobody waits."""
 
 import threading
 

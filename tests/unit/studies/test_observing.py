@@ -1,6 +1,5 @@
 """Numbers taken from runs: those that the commands ``post …`` and ``info`` print, and those that no
-run can have.
-"""
+run can have."""
 
 import json
 import math
@@ -53,13 +52,10 @@ def printed(run, *words):
     return json.loads(done.stdout.replace("null", "NaN"))
 
 
-@pytest.mark.parametrize(
-    ("table", "line", "keys"),
-    [
-        ("rheology", "", {}),
-        ("region", "--in={min=[0.0,0.002],max=[0.02,0.007]}", {"inside": BOX}),
-    ],
-)
+@pytest.mark.parametrize(("table", "line", "keys"), [
+    ("rheology", "", {}),
+    ("region", "--in={min=[0.0,0.002],max=[0.02,0.007]}", {"inside": BOX}),
+])  # fmt: skip
 def test_means_of_tables(table, line, keys, run):
     found = printed(run, table, "--from", "0.02", *line.split())
     for name in (name for name in SOURCES[table].names if name != "temperature"):

@@ -1,6 +1,5 @@
 """Adhesion, dry and by bridges of liquid, against closed forms (theory §3.1): its force, its work,
-what it holds, at time steps over a factor of 30; bridges in states, on threads and on walls.
-"""
+what it holds, at time steps over a factor of 30; bridges in states, on threads and on walls."""
 
 import numpy as np
 import pytest
@@ -72,8 +71,7 @@ def test_the_mean_of_the_force_is_that_over_the_way(first, last, is_wet):
 @pytest.mark.parametrize("kind", KINDS)
 def test_parting_two_grains_costs_the_area_under_the_force(kind, speed):
     """Two equal grains lose W of their relative energy ½ (m/2) u², in books that close, with an
-    error of second order.
-    """
+    error of second order."""
     reduced = 0.5 * pair(kind, 0.0).model.grains.mass[0]
     start = speed * np.sqrt(2.0 * KINDS[kind] / reduced)
     errors = []
@@ -94,8 +92,7 @@ def test_parting_two_grains_costs_the_area_under_the_force(kind, speed):
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_is_too_slow_to_part_comes_back(kind, dt):
     """With 0.9 of the speed that parts: on the way back adhesion gives what it has taken, which is
-    lost where they meet.
-    """
+    lost where they meet."""
     reduced = 0.5 * pair(kind, 0.0).model.grains.mass[0]
     start = 0.9 * np.sqrt(2.0 * KINDS[kind] / reduced)
     engine = pair(kind, start)
@@ -144,8 +141,7 @@ def test_dry_grains_attract_each_other_within_the_range_and_wet_ones_after_touch
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_disc_leaves_a_ceiling_against_adhesion_below_its_weight(kind, dt):
     """F_a = 0.9 m g. Wet: ½ · 0.1 g t² as far as the range. Dry: m x″ = m g − F_a (1 − x/ℓ), a
-    hyperbolic cosine. Beyond, a free fall; in all, ½ m v² = m g x − W.
-    """
+    hyperbolic cosine. Beyond, a free fall; in all, ½ m v² = m g x − W."""
     weight = make_model([0.1], CEILING).grains.mass[0] * G
     force, mass = 0.9 * weight, weight / G
     model = make_model([0.1], CEILING, adhesion=force, reach=REACH, wet=kind == "wet")
@@ -204,8 +200,7 @@ def test_a_chain_bears_the_adhesion_of_its_weakest_contact(kind, dt):
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_triangular_packing_bears_what_its_rows_do(kind, dt):
     """Between plates that glue, each disc hangs from two of the row above, at 30° from the pull:
-    2 cos 30° F_a for each disc of a row.
-    """
+    2 cos 30° F_a for each disc of a row."""
     columns, rows = 6, 4
     step = 0.2 * np.sqrt(3.0) / 2.0
     places = [
@@ -252,8 +247,7 @@ def _laws_of_two(within, between, kind="dry"):
 
 def test_two_discs_come_apart_in_the_first_step_in_which_the_pull_exceeds_adhesion():
     """The upper disc sticks to the ceiling; the weight of the lower one rises by m δ per step and
-    parts them at m g > F_a.
-    """
+    parts them at m g > F_a."""
     model = make_model([0.1, 0.15], CEILING, gravity=(0.0, 0.0))
     mass, rise, last = model.grains.mass[1], 0.1, 37
     object.__setattr__(model.grains, "material", np.array([0, 1], np.int32))
@@ -281,8 +275,7 @@ def test_a_disc_hangs_from_a_ceiling_by_an_adhesion_above_its_weight(kind, setti
 @pytest.mark.parametrize(("factor", "rolls"), [(1.01, True), (0.99, False)])
 def test_adhesion_widens_the_cone_of_friction(factor, rolls):
     """A disc on an upright wall, p_n = 0: rolls down with g β/(1 + β) if μ F_a ≥ m g/(1 + β),
-    slides with g − μ F_a/m below.
-    """
+    slides with g − μ F_a/m below."""
     mass = make_model([0.1]).grains.mass[0]
     adhesion, friction = 7.0 * mass * G, factor / 21.0
     model = make_model([0.1], SIDE, friction=friction, adhesion=adhesion)
@@ -296,8 +289,7 @@ def test_adhesion_widens_the_cone_of_friction(factor, rolls):
 @pytest.mark.parametrize(("factor", "holds"), [(0.99, True), (1.01, False)])
 def test_a_loaded_plate_is_held_up_to_its_adhesion(factor, holds):
     """A plate that a force pulls off a disc, which sticks to the floor: contacts of a body with a
-    driven degree of freedom.
-    """
+    driven degree of freedom."""
     planes = [*FLOOR, (ShapeKind.PLANE, 1, (0.0, 0.2, 0.0, -1.0))]
     model = make_model(
         [0.1], planes, ("floor", "plate"), gravity=(0.0, 0.0), mass=0.5, adhesion=3.0
@@ -312,8 +304,7 @@ def test_a_loaded_plate_is_held_up_to_its_adhesion(factor, holds):
 
 def test_touching_bodies_at_rest_stay_and_remember_their_contact():
     """Without weight or load: what is at rest together stays together, and is stretched by
-    nothing.
-    """
+    nothing."""
     model = make_model([0.1, 0.1], gravity=(0.0, 0.0), walls=(), adhesion=5.0)
     engine = make_engine(model, [[0.0, 0.0], [0.2, 0.0]])
     state = advance(engine, 1e-3, 50)
@@ -325,8 +316,7 @@ def test_touching_bodies_at_rest_stay_and_remember_their_contact():
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_rebound_pays_for_its_parting(kind):
     """½ m v² = ½ m (e u)² − W, u² = u₀² + 2 W/m where dry grains are drawn to the floor before;
-    to first order in Δt, as impacts count for their step.
-    """
+    to first order in Δt, as impacts count for their step."""
     for dt in (1e-4, 1e-5):
         model = make_model(
             [0.1], FLOOR, gravity=(0.0, 0.0), restitution=0.5, adhesion=2.0, reach=REACH,
@@ -358,8 +348,7 @@ def test_laws_without_a_range_have_a_hundredth_of_the_mean_diameter():
 @pytest.mark.parametrize("kind", KINDS)
 def test_work_of_adhesion_is_in_the_books_of_a_flow(kind):
     """Plane shear with F_a ten times the load of a grain: tension exists, also across gaps, books
-    close, and every step converges.
-    """
+    close, and every step converges."""
     engine = shear_engine(adhesion=10.0, reach=0.02, wet=kind == "wet")
     state = advance(engine, 0.02, 200)
     table = engine.contacts()

@@ -1,6 +1,5 @@
 """Batches of four contacts: their schedule, and vector loops that give the bits of the scalar
-ones.
-"""
+ones."""
 
 import os
 import subprocess
@@ -25,17 +24,14 @@ needs_vectors = pytest.mark.skipif(not HAS_VECTORS, reason="kernels are not comp
 
 SIZES = [0, 1, 2, 3, 4, 5, 7, 8, 9, 12, 31, 200]
 WAYS = [
-    Relaxation(1.0, 1.0, 0.0),
-    Relaxation(1.0, 1.0, 0.7),
-    Relaxation(0.5, 1.0, 0.3),
+    Relaxation(1.0, 1.0, 0.0), Relaxation(1.0, 1.0, 0.7), Relaxation(0.5, 1.0, 0.3),
     Relaxation(1.0, 0.3, 0.0),
-]
+]  # fmt: skip
 
 
 def random_contacts(count, bodies, seed, held=0):
     """Contacts between random bodies, the last ``held`` of which nothing moves, and the
-    velocities.
-    """
+    velocities."""
     random = np.random.default_rng(seed)
     first = random.integers(0, bodies - held, count)
     second = (first + random.integers(1, bodies, count)) % bodies
@@ -67,8 +63,7 @@ def system_of(contacts, velocity):
 
 def real_system(columns):
     """The next problem of a sheared layer that has moved for a while: with anchors of walls, tiles,
-    and a start.
-    """
+    and a start."""
     engine = shear_engine(columns=columns, rows=6)
     advance(engine, 0.02, 60)
     return engine.next_system(0.02, 0.0).system
@@ -178,18 +173,9 @@ def test_batches_make_the_sweep_of_one_contact_after_the_other(count):
 @kernel
 def relax_as_vectors(first, last, velocity, pair, frame, impulse, before, beta, way):
     return vector_sweep.relax_batches(
-        first,
-        last,
-        velocity,
-        pair,
-        frame,
-        impulse,
-        before,
-        beta,
-        way.normal,
-        way.tangential,
+        first, last, velocity, pair, frame, impulse, before, beta, way.normal, way.tangential,
         way.extrapolation,
-    )
+    )  # fmt: skip
 
 
 @kernel
@@ -272,9 +258,7 @@ def test_without_compilation_the_bits_are_the_same():
     path = DATA / "two-solutions.npz"
     expected = solve_contacts(ContactProblem.load(path), Settings(max_sweeps=6))
     run = subprocess.run(
-        [sys.executable, "-c", FALLBACK, str(path)],
-        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
-        capture_output=True,
-        check=True,
-    )
+        [sys.executable, "-c", FALLBACK, str(path)], env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
+        capture_output=True, check=True,
+    )  # fmt: skip
     assert run.stdout == bits(expected.impulse, expected.velocity)

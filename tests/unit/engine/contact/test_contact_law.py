@@ -1,6 +1,5 @@
 """The law of contacts, with adhesion and rolling resistance, against closed forms and independent
-computations (theory §3).
-"""
+computations (theory §3)."""
 
 import itertools
 
@@ -29,15 +28,10 @@ from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.model import ShapeKind
 
 
-@pytest.mark.parametrize(
-    ("tau_t", "tau_n", "expected"),
-    [
-        (0.1, 1.0, (0.1, 1.0)),
-        (2.0, 1.0, (0.8, 1.6)),
-        (0.5, -1.0, (0.0, 0.0)),
-        (3.0, -0.5, (0.4, 0.8)),
-    ],
-)
+@pytest.mark.parametrize(("tau_t", "tau_n", "expected"), [
+    (0.1, 1.0, (0.1, 1.0)), (2.0, 1.0, (0.8, 1.6)), (0.5, -1.0, (0.0, 0.0)),
+    (3.0, -0.5, (0.4, 0.8)),
+])  # fmt: skip
 def test_projection_on_the_cone(tau_t, tau_n, expected):
     n, t = law.project_on_cone(tau_n, tau_t, 0.5)
     assert (t, n) == pytest.approx(expected)
@@ -144,8 +138,7 @@ def test_bias():
 @pytest.mark.parametrize("factor", [0.98, 1.02])
 def test_a_body_rests_on_a_slope_up_to_the_coefficient_of_rolling_resistance(shape, factor):
     """m g a sin α = μ_r a m g cos α at a plane: rests if tan α ≤ μ_r, else g (sin α − μ_r cos α)
-    β/(1 + β).
-    """
+    β/(1 + β)."""
     mu_r, dt, steps = 0.2, 1e-3, 200
     slope = np.arctan(factor * mu_r)
     gravity = (G * np.sin(slope), -G * np.cos(slope))
@@ -162,8 +155,7 @@ def test_a_body_rests_on_a_slope_up_to_the_coefficient_of_rolling_resistance(sha
 @pytest.mark.parametrize("factor", [0.98, 1.02])
 def test_the_couple_between_unequal_radii_goes_with_their_effective_radius(factor):
     """A disc a on top of a held one R, at an angle α from the top: rests if tan α ≤ μ_r a*/a = μ_r
-    R/(a + R).
-    """
+    R/(a + R)."""
     a, big, mu_r = 0.1, 0.3, 0.2
     angle = np.arctan(factor * mu_r * big / (a + big))
     model = make_model([a], [(ShapeKind.DISC, 0, (0.0, 0.0, big, 0.0))], friction=5.0, rolling=mu_r)
@@ -177,8 +169,7 @@ def test_the_couple_between_unequal_radii_goes_with_their_effective_radius(facto
 @pytest.mark.parametrize("shape", ["disc", "sphere"])
 def test_a_rolling_body_slows_down_at_the_rate_of_its_couple(shape):
     """v = v₀ − μ_r g β/(1 + β) t on a plane, and what is lost is booked as friction, to
-    round-off.
-    """
+    round-off."""
     model = make_model([0.3], FLOOR, friction=5.0, shape=shape, rolling=0.1)
     state = advance(
         make_engine(model, [[0.0, 0.3]], [[1.0, 0.0, -1.0 / 0.3]], settings=TIGHT), 1e-3, 400
@@ -202,8 +193,7 @@ def test_a_rolling_body_comes_to_rest_and_stays():
 @pytest.mark.parametrize("is_wall", [False, True])
 def test_relative_spin_of_bodies_that_stick_together_decays_and_angular_momentum_stays(is_wall):
     """Pressed by adhesion alone, q_n = F_a Δt, without friction: I dω/dt = ∓ μ_r a* F_a; a free
-    wall turns too.
-    """
+    wall turns too."""
     adhesion, mu_r, dt, steps = 2.0, 0.1, 1e-3, 40
     laws = {"friction": 0.0, "gravity": (0.0, 0.0), "adhesion": adhesion, "rolling": mu_r}
     if is_wall:
@@ -232,8 +222,7 @@ def test_relative_spin_of_bodies_that_stick_together_decays_and_angular_momentum
 
 def test_a_common_rotation_is_not_resisted():
     """Objectivity: a pair that turns as one body about its center of mass keeps its spin; adhesion
-    holds it together.
-    """
+    holds it together."""
     model = make_model(
         [0.1, 0.1], gravity=(0.0, 0.0), walls=(), friction=1.0, adhesion=50.0, rolling=0.5
     )
@@ -250,15 +239,11 @@ def test_a_common_rotation_is_not_resisted():
 @pytest.fixture(scope="module", params=["exact", "bipotential"])
 def sheared(request):
     """Plane shear with both laws under a loaded lid; the state before the last step, and the engine
-    after it.
-    """
+    after it."""
     tight = Settings(
-        tolerance_rms=1e-9,
-        tolerance_max=1e-8,
-        tolerance_energy=1e-9,
-        max_sweeps=50_000,
+        tolerance_rms=1e-9, tolerance_max=1e-8, tolerance_energy=1e-9, max_sweeps=50_000,
         local=request.param,
-    )
+    )  # fmt: skip
     engine = shear_engine(columns=8, rows=8, adhesion=1.0, rolling=0.3)
     advance(engine, 0.02, 150)
     before = copy_of(engine.state)
@@ -269,8 +254,7 @@ def sheared(request):
 
 def _bodies(engine, before, after):
     """Grain i, grain or -1 - wall j, lever of j, and both spins before and after of each contact,
-    in plain Python.
-    """
+    in plain Python."""
     scene, contacts, *_ = engine.moved
     n = engine.model.grain_count
     for c, (i, j) in enumerate(zip(contacts["i"], contacts["j"], strict=True)):
@@ -305,8 +289,7 @@ def test_couples_of_a_flow_obey_their_law(sheared):
 
 def test_impulses_and_couples_are_what_changes_velocities(sheared):
     """M (v⁺ − v⁻) = Δt F + H p, body by body, with p_n of the table (tension is negative) and its
-    couples.
-    """
+    couples."""
     before, engine = sheared
     table, model, after = engine.contacts(), engine.model, engine.state
     change = model.grains.mass[:, None] * (after.velocity[:, :2] - before.velocity[:, :2])

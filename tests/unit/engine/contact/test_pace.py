@@ -1,6 +1,5 @@
 """One thread or several: the faster way is found, tried again now and then, and never asked for
-where it cannot pay.
-"""
+where it cannot pay."""
 
 import pytest
 
@@ -11,8 +10,7 @@ MANY = PARALLEL_FROM
 
 def carry_out(pace, slices, cost, relaxations=float(SLICE)):
     """What is chosen for some slices, on a machine where a relaxation costs so much on one thread
-    and on several.
-    """
+    and on several."""
     chosen = []
     for _ in range(slices):
         way = pace.choose(MANY)

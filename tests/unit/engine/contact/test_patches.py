@@ -174,17 +174,9 @@ def test_held_contacts_stay_as_they_are():
     mass = patches.hold(system, chosen)
     loop, momentum = start_loop(system.contacts), start_momentum(system)
     iterate(
-        system,
-        momentum,
-        EXACT,
-        True,
-        False,
-        10,
-        False,
-        NEVER,
-        loop,
+        system, momentum, EXACT, True, False, 10, False, NEVER, loop,
         np.empty(system.tile_start.size - 1),
-    )
+    )  # fmt: skip
     changed = np.flatnonzero((system.impulse != kept).any(axis=1).reshape(-1))
     assert changed.size > 0
     assert not set(changed.tolist()) & set(chosen.tolist())
@@ -194,8 +186,7 @@ def test_held_contacts_stay_as_they_are():
 
 def hard_step():
     """A step of plane shear at μ = 0.8, I = 0.003, that sweeps and patches which are swept over
-    again do not solve.
-    """
+    again do not solve."""
     with np.load(DATA / "hard-step.npz") as file:
         stored = {name: file[name] for name in file.files}
     arrays = {}
@@ -206,11 +197,9 @@ def hard_step():
             arrays[name][...] = stored[name]
     scale = ResidualScale(*stored["scale"].tolist())
     return System(
-        **arrays,
-        spin_factor=float(stored["spin"][0]),
-        contacts=int(stored["contacts"][0]),
+        **arrays, spin_factor=float(stored["spin"][0]), contacts=int(stored["contacts"][0]),
         couples=NO_COUPLES,
-    ), scale
+    ), scale  # fmt: skip
 
 
 def test_a_cluster_that_sweeps_leave_is_solved_by_turns(monkeypatch):
@@ -240,12 +229,9 @@ def test_plain_sweeps_solve_no_patch(monkeypatch):
     monkeypatch.setattr(solve, "solve_patch", lambda *_: pytest.fail("a patch"))
     system, scale = hard_step()
     few_see_it = Settings(
-        "gauss-seidel",
-        tolerance_rms=1.0,
-        tolerance_energy=1.0,
-        tolerance_max=1e-6,
+        "gauss-seidel", tolerance_rms=1.0, tolerance_energy=1.0, tolerance_max=1e-6,
         max_sweeps=2_000,
-    )
+    )  # fmt: skip
     assert not solve_system(system, scale, few_see_it, ThreadChoice()).converged
 
 
@@ -258,14 +244,9 @@ def pushed(s, velocity, impulse, general):
         n = impulse_place(np.uint64(k))
         t = n + TANGENTIAL_
         push_lane(
-            np.uint64(k),
-            now[n] - before[n],
-            now[t] - before[t],
-            velocity.reshape(-1),
-            pair,
-            frame,
+            np.uint64(k), now[n] - before[n], now[t] - before[t], velocity.reshape(-1), pair, frame,
             s.spin_factor,
-        )
+        )  # fmt: skip
     for g in range(s.general_pair.shape[0]):
         d_n, d_t = s.general_impulse[g, 0] - general[g, 0], s.general_impulse[g, 1] - general[g, 1]
         push_general(
@@ -280,10 +261,8 @@ def test_velocities_after_turns_are_those_that_the_impulses_make(monkeypatch, tu
     monkeypatch.setattr(solve, "TURNS", turns)
     system, scale = hard_step()
     velocity, impulse, general = (
-        system.velocity.copy(),
-        system.impulse.copy(),
-        system.general_impulse.copy(),
-    )
+        system.velocity.copy(), system.impulse.copy(), system.general_impulse.copy(),
+    )  # fmt: skip
     solve_system(system, scale, Settings(max_sweeps=6_000), ThreadChoice())
     pushed(system, velocity, impulse, general)
     assert np.abs(system.velocity - velocity)[:, :3].max() < 1e-10 * np.abs(velocity[:, :3]).max()

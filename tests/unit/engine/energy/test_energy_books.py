@@ -1,6 +1,5 @@
 """What the closure of the energy books measures: rounding where nothing is wrong, and every term
-that is.
-"""
+that is."""
 
 import numpy as np
 import pytest
@@ -32,8 +31,7 @@ def spoil(monkeypatch, name, fault=FAULT):
 
 def sheared(fast=0.0):
     """Discs of mass 1 that are sheared under a damped load, in oblique gravity; one far above them
-    moves, if it is to be fast.
-    """
+    moves, if it is to be fast."""
     engine = shear_engine(restitution=0.2, gravity=(0.05, -0.05))
     model, state = engine.model, engine.state
     load = DofDrive(force=Constant(-model.period), damping=3.0)
@@ -65,8 +63,7 @@ def test_work_of_corrections_that_is_wrong_by_a_little_is_found(monkeypatch):
 @pytest.mark.parametrize("name", ["wall_work", "friction_loss", "impact_loss"])
 def test_one_fast_grain_does_not_hide_what_is_wrong_among_slow_ones(name, monkeypatch):
     """Its kinetic energy is a thousand times what the others exchange: rounding of it alone is
-    10⁻¹³ of that.
-    """
+    10⁻¹³ of that."""
     slow = book(advance(sheared(), 0.1, 100), "terms")
     fast = float(np.sqrt(2e3 * slow))
     assert book(advance(sheared(fast), 0.1, 100), "closure") < 1e-11
@@ -159,11 +156,9 @@ def test_the_closure_does_not_depend_on_units_that_are_powers_of_two():
     found = []
     for length, time in ((1.0, 1.0), (4.0, 2.0)):
         model = make_model(
-            [0.1 * length, 0.07 * length],
-            FLOOR,
-            gravity=(0.0, -G * length / time**2),
+            [0.1 * length, 0.07 * length], FLOOR, gravity=(0.0, -G * length / time**2),
             restitution=0.5,
-        )
+        )  # fmt: skip
         speed = length / time
         velocities = [(0.3 * speed, 0.0, 4.0 / time), (-0.2 * speed, 0.1 * speed, -1.0 / time)]
         engine = make_engine(

@@ -1,6 +1,5 @@
 """Bounds on how fast shapes approach: never below what happens, and independent of the height of a
-sheared layer.
-"""
+sheared layer."""
 
 import numpy as np
 import pytest
@@ -53,8 +52,7 @@ def test_one_grain_or_a_row_of_grains_has_a_fit(position):
 @pytest.mark.parametrize("seed", range(5))
 def test_no_pair_closes_more_than_the_bound(seed):
     """Random flows of discs, some of them parts of a wall: every pair, against its own relative
-    velocity.
-    """
+    velocity."""
     rng = np.random.default_rng(seed)
     grains, discs = 60, 10
     position = rng.uniform(0.0, 1.0, (grains + discs, 2))
@@ -92,8 +90,7 @@ def test_planes_are_approached_along_their_normal_only():
 
 def test_a_list_stays_complete_while_a_layer_is_sheared():
     """As the layer moves on, every pair within reach is listed, and the list is not built at each
-    step.
-    """
+    step."""
     rng = np.random.default_rng(3)
     period, height = 40.0, 40.0
     x, y = np.meshgrid(np.arange(40.0) + 0.5, np.arange(40.0) + 0.5)

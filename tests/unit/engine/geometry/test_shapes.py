@@ -1,6 +1,5 @@
 """Every kind of wall shape: what is compiled (gap and normal) agrees with what the table says
-(outline, motion with the wall).
-"""
+(outline, motion with the wall)."""
 
 import numpy as np
 import pytest
@@ -27,12 +26,9 @@ NO_PERIOD = 0.0
 def world_of(kind, pose=(0.0, 0.0, 0.0)):
     world = np.empty((1, 4))
     place_shapes(
-        np.array([kind], np.int32),
-        np.zeros(1, np.int32),
-        np.array([EXAMPLES[kind]]),
-        np.array([pose]),
-        world,
-    )
+        np.array([kind], np.int32), np.zeros(1, np.int32), np.array([EXAMPLES[kind]]),
+        np.array([pose]), world,
+    )  # fmt: skip
     return world
 
 

@@ -1,6 +1,5 @@
 """The formulas of heat against the published and independently computed check values, to the digits
-given there.
-"""
+given there."""
 
 from itertools import pairwise
 from math import inf, pi, sqrt
@@ -38,16 +37,11 @@ def test_contact_modulus_and_effective_radius():
     assert digits(0.75e-3, 1e-15) == A_EFF
 
 
-@pytest.mark.parametrize(
-    ("force", "radius", "conductance", "biot"),
-    [
-        (1e-3, 1.74776e-6, 5.24327e-5, 0.00233),
-        (1e-2, 3.76543e-6, 0.000112963, 0.005021),
-        (0.1, 8.11237e-6, 0.000243371, 0.01082),
-        (1.0, 1.74776e-5, 0.000524327, 0.0233),
-        (10.0, 3.76543e-5, 0.00112963, 0.05021),
-    ],
-)
+@pytest.mark.parametrize(("force", "radius", "conductance", "biot"), [
+    (1e-3, 1.74776e-6, 5.24327e-5, 0.00233), (1e-2, 3.76543e-6, 0.000112963, 0.005021),
+    (0.1, 8.11237e-6, 0.000243371, 0.01082), (1.0, 1.74776e-5, 0.000524327, 0.0233),
+    (10.0, 3.76543e-5, 0.00112963, 0.05021),
+])  # fmt: skip
 def test_hertz_spot_and_its_conductance(force, radius, conductance, biot):
     assert spot(force) == digits(radius)
     harmonic = conduction.harmonic_mean(CONDUCTIVITY, CONDUCTIVITY)
@@ -70,8 +64,7 @@ def test_approach_and_pressure_of_one_newton():
 
 def test_one_hertz_formula():
     """The deflection that is reported for rigid grains is that of the contact spot; δ = (3F/(4E*
-    √a*))^⅔.
-    """
+    √a*))^⅔."""
     delta = (3.0 / (4.0 * MODULUS * sqrt(A_EFF))) ** (2.0 / 3.0)
     assert hertz.relative_deflection(1.0, A, YOUNG, POISSON) == pytest.approx(
         delta / (2.0 * A), rel=1e-13
@@ -99,16 +92,11 @@ def test_simple_cubic_packing():
 # ---- gas
 
 
-@pytest.mark.parametrize(
-    ("force", "ratio", "conductance", "share"),
-    [
-        (1e-3, 0.672214, 0.001618, 30.9),
-        (1e-2, 1.44824, 0.00143, 12.7),
-        (0.062, 2.66055, 0.001281, 6.17),
-        (1.0, 6.72214, 0.001053, 2.01),
-        (100.0, 31.2014, 0.0006773, 0.278),
-    ],
-)
+@pytest.mark.parametrize(("force", "ratio", "conductance", "share"), [
+    (1e-3, 0.672214, 0.001618, 30.9), (1e-2, 1.44824, 0.00143, 12.7),
+    (0.062, 2.66055, 0.001281, 6.17), (1.0, 6.72214, 0.001053, 2.01),
+    (100.0, 31.2014, 0.0006773, 0.278),
+])  # fmt: skip
 def test_gas_around_a_contact(force, ratio, conductance, share):
     s = spot(force)
     h = gas.parallel_conductance(AIR, A, A, s, 0.0)
@@ -196,8 +184,7 @@ def test_radiation_between_grains():
 
 def test_view_factor_is_the_crossed_strings():
     """Touching equal cylinders: ½ − 1/π; far ones see each other as a strip of their diameter
-    would.
-    """
+    would."""
     assert radiation.cylinder_view_factor(1.0, 1.0, 0.0) == pytest.approx(0.5 - 1.0 / pi, rel=1e-14)
     assert radiation.cylinder_view_factor(1.0, 3.0, 1e4) == pytest.approx(
         3.0 / (pi * 10004.0), rel=1e-6

@@ -97,8 +97,7 @@ def test_slow_impacts_exchange_ever_less():
 @pytest.mark.parametrize("ratio", [0.01, 0.1, 0.5, 0.5547779, 0.554778, 0.7, 1.0])
 def test_impact_coefficient_rises_smoothly_with_the_fourier_number(ratio):
     """Also where the quotient of the published form is 0/0 (c = 0.55478), and where its root
-    ends.
-    """
+    ends."""
     found = [friction.impact_coefficient(0.05 * k, ratio) for k in range(1000)]
     assert 0.86 < found[0] < 0.91
     assert all(high >= low for low, high in pairwise(found))
@@ -142,8 +141,7 @@ def test_conductance_falls_with_the_gap(model):
 
 def test_sphere_on_a_plane_is_half_of_a_pair():
     """A plane through the middle of a symmetric pair is isothermal: each half conducts twice as
-    much.
-    """
+    much."""
     for h in (0.0, 1e-6, 1e-4):
         pair, half = (
             gas.parallel_conductance(AIR, A, A, 1e-6, 2.0 * h),

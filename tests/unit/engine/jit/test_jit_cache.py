@@ -1,6 +1,5 @@
 """The directory of compiled kernels: never stale, always writable, never growing; and the threading
-layer.
-"""
+layer."""
 
 import ast
 import os
@@ -83,8 +82,7 @@ COUNT = {"engine/jit/compile.py", "engine/laws.py", "engine/units.py", "packing/
 
 def test_edited_source_gets_another_directory(home, tmp_path, monkeypatch):
     """The stale machine code that Numba would use is in the directory of the sources that it was
-    made of.
-    """
+    made of."""
     package = tmp_path / "multicor_cli"
     for name, text in MODULES.items():
         (package / name).parent.mkdir(parents=True, exist_ok=True)
@@ -125,13 +123,9 @@ def test_no_cache_leaves_nothing_behind(tmp_path):
     )
     extra = {"MULTICOR_NO_CACHE": "1", "XDG_CACHE_HOME": str(tmp_path), "NUMBA_CACHE_DIR": ""}
     done = subprocess.run(
-        [sys.executable, "-c", script],
-        env=environment(**extra),
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=60,
-    )
+        [sys.executable, "-c", script], env=environment(**extra), capture_output=True, text=True,
+        check=True, timeout=60,
+    )  # fmt: skip
     result, directory = done.stdout.split()
     assert result == "None"
     assert not Path(directory).exists()
@@ -157,8 +151,7 @@ PACKAGE = ROOT / "multicor_cli"
 
 def modules_of(path):
     """Files of the package that a module imports, found as Python would; names from a package are
-    those of its modules.
-    """
+    those of its modules."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text())):
         names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
@@ -191,8 +184,7 @@ def test_the_digest_covers_whatever_kernels_are_made_of():
 
 def test_a_kernel_is_compiled_anew_for_another_step_of_the_engine_only_if_it_has_to_be():
     """Files without kernels that no kernel needs do not count: those who work on them need not
-    wait.
-    """
+    wait."""
     counted = {path.relative_to(PACKAGE).as_posix() for path in cache.kernel_sources(PACKAGE)}
     assert not counted & {"engine/step.py", "running/session.py", "cli/app.py", "store/reader.py"}
 

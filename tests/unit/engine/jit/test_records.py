@@ -1,6 +1,5 @@
 """Records of arrays in kernels: Numba frees an array after its last use, and a record of it does
-not count as one.
-"""
+not count as one."""
 
 import ast
 
@@ -22,8 +21,7 @@ def _taken_out_of(value):
 
 def dangling_records(source):
     """Records of arrays that a kernel makes itself and does not use any more when it uses the
-    record, as ``kernel: record``.
-    """
+    record, as ``kernel: record``."""
     return [
         f"{function.name}: {record}"
         for function in ast.walk(ast.parse(source))

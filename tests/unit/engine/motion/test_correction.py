@@ -64,8 +64,7 @@ def test_overlaps_mark_grains_and_the_largest_are_told():
 
 def corrected(overlap, count=60):
     """A row of discs on a floor, none of which touches another but two in the middle, after a
-    correction.
-    """
+    correction."""
     radius = np.full(count, 0.5)
     model = make_model(radius, FLOOR, gravity=(0.0, 0.0))
     x = 1.0002 * np.arange(count)
@@ -96,8 +95,7 @@ def test_what_cannot_be_done_nearby_is_done_everywhere(monkeypatch):
 
 def smallest_displacements(scene, i, j, mass, wall_inverse, target):
     """The same convex problem with dense matrices: projected Jacobi steps find the pairs that push,
-    a linear system how much.
-    """
+    a linear system how much."""
     n, w = len(mass), len(wall_inverse)
     rows, limits = [], []
     for a, b in zip(i, j, strict=True):
@@ -127,8 +125,7 @@ def smallest_displacements(scene, i, j, mass, wall_inverse, target):
 @pytest.mark.parametrize("lid_inverse", [0.0, 0.02])
 def test_displacements_solve_the_convex_problem(lid_inverse):
     """Overlapping discs of several sizes between a floor and a lid, heavy or held: against dense
-    matrices.
-    """
+    matrices."""
     rng = np.random.default_rng(5)
     radius = rng.uniform(0.4, 0.6, 12)
     position = np.zeros((12, 3))
@@ -174,8 +171,7 @@ def test_held_grains_stay():
 @pytest.mark.parametrize(("depth", "place"), [(0.04, 0.96), (0.06, 1.0)])
 def test_a_pair_with_a_held_grain_keeps_an_allowed_overlap(depth, place):
     """Allowed are 0.1 of the radius of 0.5: between two held grains there may be no room for less.
-    More than that is taken away.
-    """
+    More than that is taken away."""
     scene = Scene(
         np.array([[0.0, 0.0, 0.0], [1.0 - depth, 0.0, 0.0]]), np.full(2, 0.5),
         np.zeros(2, np.int32), np.empty(0, np.int32),

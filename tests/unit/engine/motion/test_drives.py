@@ -24,13 +24,8 @@ def test_signals():
     assert [sine.value(t) for t in (0.0, 1.0, 3.0)] == pytest.approx([1.0, 3.0, -1.0])
     table = Interpolated((0.0, 1.0, 3.0), (0.0, 10.0, 20.0))
     assert [table.value(t) for t in (-1.0, 0.0, 0.5, 2.0, 3.0, 8.0)] == [
-        0.0,
-        0.0,
-        5.0,
-        15.0,
-        20.0,
-        20.0,
-    ]
+        0.0, 0.0, 5.0, 15.0, 20.0, 20.0,
+    ]  # fmt: skip
 
 
 def sampled(values, interval=0.1):
@@ -51,29 +46,21 @@ PERIODS = {
     "always the same": (sampled([2.0, 2.0, 2.0]), math.inf),
     "stairs": (sampled([0, 0, 1, 1, 1, 3, 7, 7]), math.inf),
     "zigzag": (sampled([0, 1] * 5), 0.2),
-    "pulse": (
-        Interpolated((0.0, 5.0, 5.1, 5.2, 5.4, 9.0), (0.0, 0.0, -8.0, -8.0, 0.0, 0.0)),
-        2.0 * 0.25,
-    ),
-    "two pulses": (
-        Interpolated((0.0, 1.0, 2.0, 2.05, 2.1, 9.0), (0.0, 4.0, 0.0, 4.0, 0.0, 0.0)),
-        0.1,
-    ),
+    "pulse": (Interpolated((0.0, 5.0, 5.1, 5.2, 5.4, 9.0), (0.0, 0.0, -8.0, -8.0, 0.0, 0.0)),
+        2.0 * 0.25),
+    "two pulses": (Interpolated((0.0, 1.0, 2.0, 2.05, 2.1, 9.0), (0.0, 4.0, 0.0, 4.0, 0.0, 0.0)),
+        0.1),
     "tabulated sine": (sampled(WAVE, 0.005), 0.5),
     "sine on a slope": (sampled(WAVE + TIMES, 0.005), 0.5),
-    "product of sines": (
-        sampled(WAVE * np.sin(2.0 * math.pi * TIMES / 0.3), 0.005),
-        1.0 / (1.0 / 0.5 + 1.0 / 0.3),
-    ),
+    "product of sines": (sampled(WAVE * np.sin(2.0 * math.pi * TIMES / 0.3), 0.005),
+        1.0 / (1.0 / 0.5 + 1.0 / 0.3)),
     # Twice the time that it is below a half
     "absolute value": (sampled(np.abs(WAVE), 0.005), 0.5 / 3.0),
     "square wave": (sampled(np.sign(WAVE), 0.005), 0.5),
-    "frequency that rises": (
-        sampled(np.sin(2.0 * math.pi * TIMES * TIMES), 0.005),
-        1.0 / (2.0 * 3.0),
-    ),
+    "frequency that rises": (sampled(np.sin(2.0 * math.pi * TIMES * TIMES), 0.005),
+        1.0 / (2.0 * 3.0)),
     "noise": (sampled(WAVE + 4e-3 * (-1.0) ** np.arange(601), 0.005), 0.5),
-}
+}  # fmt: skip
 """Signals with their shortest period [s]."""
 
 

@@ -1,6 +1,5 @@
 """Whatever lies on the first half step of a grain or a wall is met, not passed: closed forms with
-steps of many diameters.
-"""
+steps of many diameters."""
 
 import numpy as np
 import pytest
@@ -21,8 +20,7 @@ FAR = [3.0, 10.0, 50.0]
 
 def line(angle, length=4.0, x=0.0, wall=0, first=0):
     """A thin wall through (x, 0), with both ends; ``angle`` is that of its normal, ``first`` the
-    number of its first shape.
-    """
+    number of its first shape."""
     ex, ey = -np.sin(angle) * 0.5 * length, np.cos(angle) * 0.5 * length
     return [
         (ShapeKind.SEGMENT, wall, (x - ex, -ey, x + ex, ey)),
@@ -63,19 +61,16 @@ def thrown(
 @pytest.mark.parametrize("slant", [0.0, 0.5, -1.2])
 def test_a_thin_wall_is_hit(way, restitution, normal, slant):
     """u_n⁺ = −e u_n⁻, the tangential velocity stays, the loss is ½ m (1 − e²) u_n²; where is seen
-    from the first touch on.
-    """
+    from the first touch on."""
     n, t = np.array([np.cos(normal), np.sin(normal)]), np.array([-np.sin(normal), np.cos(normal)])
     speed = way * 2.0 * R / DT
     velocity = speed * (-np.cos(slant) * n + np.sin(slant) * t)
     ahead = 0.5 * (0.5 * way) * 2.0 * R  # half of the first half step
     touch = R * n + 0.4 * t
     engine = thrown(
-        line(normal, length=400.0),
-        touch - ahead * velocity / speed,
-        [*velocity, 0.0],
+        line(normal, length=400.0), touch - ahead * velocity / speed, [*velocity, 0.0],
         restitution=restitution,
-    )
+    )  # fmt: skip
     state = fly(engine, 1)
     after = state.velocity[0, :2]
     assert after @ n == pytest.approx(restitution * speed * np.cos(slant), abs=1e-9 * speed)
@@ -116,8 +111,7 @@ def test_every_shape_is_hit(way, restitution, shape):
 @pytest.mark.parametrize("along", [-2.4, -2.1, -1.9, -0.3, 1.2, 1.99, 2.3, 2.6])
 def test_a_wall_is_hit_along_all_of_its_length_and_not_beyond(way, along):
     """At an end the normal is that from the end to the center; beyond half a diameter past it
-    nothing is met.
-    """
+    nothing is met."""
     speed = way * 2.0 * R / DT
     past = max(abs(along) - 2.0, 0.0)
     engine = thrown(line(0.0), [R + 0.25 * way, along], [-speed, 0.0, 0.0])
@@ -133,8 +127,7 @@ def test_a_wall_is_hit_along_all_of_its_length_and_not_beyond(way, along):
 @pytest.mark.parametrize("way", WAYS)
 def test_friction_turns_a_grain_that_hits_a_wall(way):
     """Δu_t = −μ (1 + β) u_n while it slips: the spin of a disc that slides is that of its
-    impulse.
-    """
+    impulse."""
     speed = way * 2.0 * R / DT
     engine = thrown(
         line(0.0, length=400.0), [R + 0.1 * way, 0.0], [-speed, 3.0 * speed, 0.0], friction=0.3
@@ -151,21 +144,16 @@ def test_friction_turns_a_grain_that_hits_a_wall(way):
 @pytest.mark.parametrize("share", [0.5, 0.05])
 def test_two_grains_hit_each_other(way, restitution, offset, share):
     """v_i⁺ = v_i + (1 + e) (m_j/M) u_n n with the normal of the first touch; a grain moves and
-    another one rests.
-    """
+    another one rests."""
     small = 2.0 * share * R  # radius of the grain that rests
     reach, speed = R + small, way * 2.0 * R / DT
     ny = offset
     nx = -np.sqrt(1.0 - ny * ny)  # from the grain that rests to the other
     start = np.array([reach * nx - 0.2 * way, reach * ny])
     engine = thrown(
-        (),
-        [start, [0.0, 0.0]],
-        [[speed, 0.0, 0.0], [0.0] * 3],
-        walls=(),
-        radius=(R, small),
+        (), [start, [0.0, 0.0]], [[speed, 0.0, 0.0], [0.0] * 3], walls=(), radius=(R, small),
         restitution=restitution,
-    )
+    )  # fmt: skip
     state = fly(engine, 1)
     mass = engine.model.grains.mass
     u_n, n = speed * nx, np.array([nx, ny])
@@ -179,8 +167,7 @@ def test_two_grains_hit_each_other(way, restitution, offset, share):
 @pytest.mark.parametrize("frame", [0.0, 40.0, -300.0])
 def test_two_grains_meet_in_any_frame(way, frame):
     """Both move, and the frame too: momentum is kept, relative velocity reverses, their center goes
-    on as it did.
-    """
+    on as it did."""
     speed, drift = way * R / DT, frame * R / DT
     engine = thrown(
         (), [[-R - 0.1 * way, 0.0], [R + 0.1 * way, 0.0]],
@@ -203,13 +190,9 @@ def test_nobody_passes_a_row_of_three(way, restitution):
     speed, gap = way * 2.0 * R / DT, 0.01
     x = [-R - 0.2 * way] + [R + k * (2.0 * R + gap) for k in range(3)]
     engine = thrown(
-        (),
-        [[place, 0.0] for place in x],
-        [[speed, 0.0, 0.0]] + [[0.0] * 3] * 3,
-        walls=(),
-        radius=(R,) * 4,
-        restitution=restitution,
-    )
+        (), [[place, 0.0] for place in x], [[speed, 0.0, 0.0]] + [[0.0] * 3] * 3, walls=(),
+        radius=(R,) * 4, restitution=restitution,
+    )  # fmt: skip
     state, energy = engine.state, speed**2
     for k in range(12):
         engine.step(DT, k * DT)
@@ -248,8 +231,7 @@ def test_a_wall_that_starts_at_once_takes_a_grain_along(way, restitution, shape)
 )
 def test_a_wall_that_starts_to_turn_takes_a_grain_along(turn, restitution):
     """A line through the origin turns by ``turn`` in the first step; the grain gets (1 + e) Ω r
-    along the normal at mid-step, or at the touch if it flies on.
-    """
+    along the normal at mid-step, or at the touch if it flies on."""
     rate = turn / DT
     drives = [WallDrive(spin=DofDrive(position=Ramp(0.0, rate, 1.0)))]
     engine = thrown(
@@ -283,12 +265,9 @@ def test_a_grain_and_a_wall_meet_half_way(way):
 def test_a_wall_pushes_a_grain_into_another():
     """The wall passes both on its way; both go with it, in their order."""
     engine = thrown(
-        line(0.0),
-        [[1.0, 0.0], [2.5, 0.0]],
-        [[0.0] * 3] * 2,
-        radius=(R, R),
+        line(0.0), [[1.0, 0.0], [2.5, 0.0]], [[0.0] * 3] * 2, radius=(R, R),
         drives=[WallDrive(x=pushed(10.0))],
-    )
+    )  # fmt: skip
     state = fly(engine, 1)
     assert state.velocity[:, 0] == pytest.approx([10.0 / DT] * 2, rel=1e-9)
     assert state.position[0, 0] == pytest.approx(state.wall_position[0, 0] + R, abs=5e-4 * R)
@@ -297,8 +276,7 @@ def test_a_wall_pushes_a_grain_into_another():
 
 def test_a_grain_between_two_walls_is_named_with_the_longest_step():
     """Lines at 0 and 2.25 with a grain of diameter 1 at rest in between: the first one closes 1.25
-    in half of 0.125 of the step.
-    """
+    in half of 0.125 of the step."""
     shapes = line(0.0) + line(0.0, x=2.25, wall=1, first=3)
     drives = [WallDrive(x=pushed(20.0)), WallDrive()]
     engine = thrown(shapes, [1.0, 0.0], [0.0] * 3, walls=("left", "right"), drives=drives)
@@ -315,8 +293,7 @@ def test_a_grain_between_two_walls_is_named_with_the_longest_step():
 @pytest.mark.parametrize("longer", [2.0, 10.0, 100.0])
 def test_a_longer_step_sees_what_the_one_before_did_not(longer, frozen):
     """A grain flies freely, then steps become longer; so it is after steps in which nothing
-    moved.
-    """
+    moved."""
     speed = 0.2 * 2.0 * R / DT
     engine = thrown(line(0.0), [3.0, 0.0], [-speed, 0.0, 0.0], restitution=0.9)
     state = fly(engine, 5)
@@ -354,8 +331,7 @@ def test_images_are_hit(way, restitution, image):
 @pytest.mark.parametrize("way", [3.0, 20.0])
 def test_gravity_and_stops_close_the_books(way):
     """Where a grain is stopped earlier, gravity works less: kinetic change = m g Δy − losses, all
-    of them in the books.
-    """
+    of them in the books."""
     speed = way * 2.0 * R / DT
     engine = thrown(
         line(0.5 * np.pi, length=400.0), [0.0, R + 0.3 * way], [0.2 * speed, -speed, 0.0],
@@ -394,8 +370,7 @@ def crowd(way, threads=1, seed=0):
 @pytest.mark.parametrize("seed", range(3))
 def test_a_crowd_stays_in_its_box(way, seed):
     """Whatever they meet on their ways, no grain is in a wall, or in another one; at mid-step
-    where they are too wild to be followed.
-    """
+    where they are too wild to be followed."""
     engine = crowd(way, seed=seed)
     engine.step(DT, 0.0)
     place = engine.moved.scene.position if way > 10.0 else engine.state.position

@@ -86,8 +86,7 @@ def test_a_kept_position_goes_on_and_one_named_again_starts_where_the_wall_is():
 
 def test_a_grain_rides_on_a_shaking_floor():
     """Below g nothing leaves the floor: the grain goes where the floor goes, and the floor does the
-    work.
-    """
+    work."""
     signal, dt = Sine(0.0, 1e-3, 0.1), 1e-4
     model = make_model([1e-2], FLOOR, density=2500.0)
     engine = make_engine(model, [[0.0, 1e-2]], drives=[WallDrive(y=DofDrive(position=signal))])
@@ -107,8 +106,7 @@ def test_a_grain_rides_on_a_shaking_floor():
 
 def test_a_spring_swings_with_its_period_and_keeps_its_energy():
     """M ü = −k (u − u₀): u = u₀ (1 − cos ωt); kinetic and elastic energy add up to ½ k u₀² at any
-    step.
-    """
+    step."""
     errors = []
     for dt in (0.02, 0.01, 0.005):
         drive = WallDrive(y=DofDrive(spring=Spring(8.0, Constant(0.3))))
@@ -164,8 +162,7 @@ def test_a_damped_spring_comes_to_rest_as_it_should():
 
 def test_a_slider_that_a_spring_pulls_sticks_and_slips():
     """A lid on a disc that may not roll: it sticks until k v t = μ N, then u̇ = v (1 − cos ωτ),
-    with ω² = k/M.
-    """
+    with ω² = k/M."""
     shapes = [*FLOOR, (ShapeKind.PLANE, 1, (0.0, 0.0, 0.0, -1.0))]
     k, speed, press, friction, mass = 50.0, 0.1, 10.0, 0.3, 2.0
     model = make_model(
@@ -209,8 +206,7 @@ def test_work_of_a_spring_on_corrected_positions_is_booked():
 
 def stressed(drive, lid=0.0):
     """A side wall under a stress between floor and lid, 3 m apart at first, and the lid's
-    velocity.
-    """
+    velocity."""
     shapes = [
         *FLOOR,
         (ShapeKind.PLANE, 1, (0.0, 0.0, 0.0, -1.0)),
