@@ -14,12 +14,8 @@ from scenes import write_small
 import multicor_cli as multicor
 
 PLACES = {
-    "digests": -3,
-    "unit/project/test_types.py": -2,
-    "unit/store": -1,
-    "unit": 1,
-    "verification": 2,
-}
+    "digests": -3, "unit/project/test_types.py": -2, "unit/store": -1, "unit": 1, "verification": 2,
+}  # fmt: skip
 """Folders that come before others, or after: one process compiles the kernels with the first, for
 all, while another does without kernels what comes next. Folders of many short tests are last, so
 that no process is left with a long one at the end."""
@@ -101,10 +97,8 @@ def typed(request, tmp_path):
     the first.
     """
     places = {
-        "RUN": ("finished", ""),
-        "HEATED": ("heated", ""),
-        "SMALL": ("finished", "../small.toml"),
-    }
+        "RUN": ("finished", ""), "HEATED": ("heated", ""), "SMALL": ("finished", "../small.toml"),
+    }  # fmt: skip
 
     def typed(line, code=0):
         for word, (fixture, below) in places.items():

@@ -331,12 +331,9 @@ OUTLET = '[[outlets]]\nname = "out"\nregion = { min = [0.0, -0.1], max = [1.0, 0
 """Whoever is there leaves before the first step."""
 
 SCENARIOS = {
-    "one grain": few(1),
-    "none yet": waiting(100.0),
-    "none at first": waiting(2e-3),
-    "none any more": few(2, text=OUTLET),
-    "two grains, everything cold": few(2, 300.0),
-}
+    "one grain": few(1), "none yet": waiting(100.0), "none at first": waiting(2e-3),
+    "none any more": few(2, text=OUTLET), "two grains, everything cold": few(2, 300.0),
+}  # fmt: skip
 
 
 def write_by_hand(path, places, frames):

@@ -52,14 +52,11 @@ def test_info_json_holds_what_is_promised(read):
     assert data["max_overlap"] <= 1e-3
 
 
-def test_info_for_people(typed):
+def test_info_tells_a_run_and_its_heat(typed, read):
     done = typed("info RUN")
     assert done.stderr == ""
     for words in ("finished", "settle, shear, on", "Hertz"):
         assert words in done.stdout
-
-
-def test_info_of_heat(typed, read):
     said = typed("info HEATED").stdout
     for words in ("heat closure", "1e-15", "313 K on average, 301 to 319 K"):
         assert words in said
@@ -100,14 +97,11 @@ def test_profile_options(read):
     assert read("post profile RUN --from 0 --to 0.002")["times"] == [0.0, 0.002]
 
 
-def test_profile_of_stress(outputs):
+def test_profiles_of_stress_and_heat(outputs, typed, read, tmp_path):
     data, rows, _ = outputs("post profile RUN --of stress --bin-width 2 --exclude-walls 1")
     assert column(rows, "y [m]") == data["y"]
     assert [float([*row.values()][7]) for row in rows] == data["fields"]["stress-yy"]["value"]
     assert data["y"][0] > data["bin_width"] / 2
-
-
-def test_profiles_of_heat(typed, read, tmp_path):
     line = "post profile HEATED --frames 1: --bins 10 --exclude-walls 0"
     assert read(f"{line} --of heat")["value"] == pytest.approx((RATES / 0.4).tolist())
     temperature = read(f"{line} --of temperature --normalized")
@@ -163,14 +157,11 @@ def test_theta_eta(typed, outputs, read):
     assert "'top' at 320 K, T0 = 300 K, H = 1 m" in typed(line).stderr
 
 
-def test_rheology(outputs):
+def test_rheology_and_energy(outputs, typed):
     data, rows, table = outputs("post rheology RUN --from 0 --margin 1")
     assert column(rows, "time [s]") == data["time"]
     assert f"{data['mean']['friction_walls']:.5g}" in table
     assert data["mean"]["solid_fraction"] > 0.5
-
-
-def test_energy(typed, outputs):
     data, rows, table = outputs("post energy RUN", "svg")
     assert float(rows[-1]["friction_loss [J]"]) == data["end"]["friction_loss"]
     assert "lost to friction" in table

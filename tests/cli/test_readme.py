@@ -45,11 +45,8 @@ def test_python_example_runs(tmp_path):
     )
 
 
-def test_the_readme_is_short():
+def test_the_readme_is_short_and_its_variables_are_right():
     assert len(README.splitlines()) <= 134  # half of what it once was
-
-
-def test_example_of_variables_is_right():
     text, *_ = re.findall(r"```toml\n(.*?)```", LANGUAGE, re.DOTALL)
     scenario = parse_scenario(
         changed(SMALL, ("[domain]\nsize = [0.02, 0.02]\nperiodic = true\n", text)), "README.md"

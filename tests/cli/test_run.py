@@ -160,18 +160,15 @@ def test_time_limit_is_code_75(typed, tmp_path):
     assert read_info(tmp_path / "runs" / "small")["status"] == "stopped"
 
 
-def test_changed_scenario_is_code_3_and_names_the_keys(typed, finished):
+def test_keys_without_influence_may_change_and_others_are_named(typed, finished):
+    done = typed(f"run SMALL -o RUN {shlex.join(OFTEN)} --set solver.threads=1")
+    assert "already finished" in done.stderr
     done = typed("run SMALL -o RUN --set contacts.0.friction=0.5 --set solver.dt=1e-4", 3)
     assert re.search(
         r"contacts.0.friction: was 0.4 when the run in \S+ began, is 0.5 now", done.stderr
     )
     assert "solver.dt" in done.stderr
     assert read_info(finished)["status"] == "finished"
-
-
-def test_keys_without_influence_may_change(typed):
-    done = typed(f"run SMALL -o RUN {shlex.join(OFTEN)} --set solver.threads=1")
-    assert "already finished" in done.stderr
 
 
 def test_a_finished_run_names_the_next_two_commands(typed):

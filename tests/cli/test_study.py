@@ -15,6 +15,7 @@ import pytest
 from command_line import call, call_outside, start
 from places import ROOT
 from scenes import SMALL, changed
+from trials import thinned
 
 import multicor_cli as multicor
 from multicor_cli.store import run_info
@@ -112,7 +113,7 @@ def test_cases_are_the_runs_that_they_would_be_alone(finished, digests):
 
 def test_the_same_command_does_nothing_more(finished):
     before = {path: path.stat().st_mtime_ns for path in (finished / "studies").rglob("run.json")}
-    ask(finished, "run s.toml", call=call_outside)
+    ask(finished, "run s.toml")
     assert before == {
         path: path.stat().st_mtime_ns for path in (finished / "studies").rglob("run.json")
     }
@@ -151,15 +152,12 @@ def test_table_as_pandas_and_parquet(finished):
     assert found["mu"].notna().all()
 
 
-def test_figures(finished):
+def test_figures_of_all_kinds(finished):
     ask(finished, "plot s.toml f.png --of mu --against friction")
     assert (finished / "f.png").read_bytes().startswith(b"\x89PNG")
     said = ask(finished, "plot s.toml term --of steps --against seed", 5).stderr
     assert "varies no seed" in said  # means over seeds have none
     assert "friction" in ask(finished, "plot s.toml term --of mu --against friction").stdout
-
-
-def test_figures_in_panels_and_against_a_measured_number(finished):
     line = "plot s.toml g.svg --of mu --against kinetic --curve 'a law: 0.3 + x'"
     ask(finished, line)
     assert "a law" in (finished / "g.svg").read_text()
@@ -211,7 +209,7 @@ def test_a_case_that_fails_is_listed_and_tried_again_only_if_asked(tmp_path):
     assert states(tmp_path) == {"friction=0.2_seed=3": CaseStatus.FAILED}
     done = call("study", "status", "s.toml", cwd=tmp_path)
     assert "failed   friction=0.2_seed=3: stage settle" in done.stdout
-    again = ask(tmp_path, "run s.toml", 4, call_outside)
+    again = ask(tmp_path, "run s.toml", 4)
     assert "--retry" in again.stderr
     assert "with 1 worker" not in again.stderr
     assert "with 1 worker" in call_outside("study", "run", "s.toml", "--retry", cwd=tmp_path).stderr
@@ -246,7 +244,7 @@ def undisturbed(tmp_path_factory):
 ENDS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGKILL: -signal.SIGKILL}
 
 
-@pytest.mark.parametrize("number", ENDS)
+@pytest.mark.parametrize("number", thinned({number.name: number for number in ENDS}, 2))
 def test_a_client_that_stops_or_dies_loses_nothing(number, tmp_path, undisturbed):
     write(tmp_path, ("seeds = 2", "seeds = 1"), scenario=LONG)
     process = start("study", "run", "s.toml", cwd=tmp_path)
@@ -329,14 +327,11 @@ def test_a_directory_with_something_else_is_refused(tmp_path):
     assert "holds no study" in done.stderr
 
 
-def test_shipped_studies_are_valid():
+def test_shipped_studies_are_valid_and_the_quick_one_runs(tmp_path):
     for path in sorted((ROOT / "configs" / "studies").glob("*.toml")):
         done = call("study", "validate", path, "--json", cwd=ROOT)
         assert done.returncode == 0, done.stderr
         assert json.loads(done.stdout)["cases"]
-
-
-def test_the_quick_study_that_is_shipped(tmp_path):
     file = ROOT / "configs" / "studies" / "quick.toml"
     done = call_outside("study", "run", file, "-o", tmp_path / "quick", cwd=tmp_path)
     assert done.returncode == 0, done.stderr

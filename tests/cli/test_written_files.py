@@ -80,12 +80,9 @@ def test_gsd(typed, tmp_path):
     written_again(typed, line, target)
 
 
-def test_csv(typed, tmp_path):
+def test_tables_and_problems_are_exported(typed, tmp_path):
     typed("export csv HEATED/results.h5 -o out --frames 0:5:2")
     assert len(list((tmp_path / "out").glob("grains-*.csv"))) == 3
-
-
-def test_fclib(typed, tmp_path):
     done = typed("export fclib RUN -o a.hdf5 --frame 5")
     assert "step after frame 5" in done.stderr
     problem, start = read_fclib(tmp_path / "a.hdf5")

@@ -114,7 +114,7 @@ def stamps(run):
     }
 
 
-@pytest.mark.parametrize("moment", thinned([*KILLED, *ENDED], 5))
+@pytest.mark.parametrize("moment", thinned([*KILLED, *ENDED], 7))
 def test_every_command_answers_at_every_moment(tmp_path, whole, moment):
     (tmp_path / "small.toml").write_text(SCENARIO)
     shutil.copytree(whole, tmp_path / "finished", symlinks=True)

@@ -213,7 +213,9 @@ WRITERS = {
 
 @pytest.mark.parametrize("name", thinned(PLACES, 2))
 @pytest.mark.parametrize("words", WRITERS)
-def test_places_where_nothing_can_be_written(tmp_path, finished, words, name):
+def test_places_where_nothing_can_be_written(tmp_path, finished, words, name, monkeypatch):
+    # they take most of the time of a report
+    monkeypatch.setattr("multicor_cli.report.write.make_figures", lambda run, books: [])
     (tmp_path / "same.toml").write_text(SMALL)
     (tmp_path / "loop").symlink_to("loop")
     (tmp_path / "dangling").symlink_to("nowhere/at/all")

@@ -91,13 +91,9 @@ def test_reading_while_it_runs(tmp_path, count):
 
 
 NAMES = {
-    "unicode": "ünïcödé–漢字",
-    "spaces": "with spaces",
-    "dash": "-dash",
-    "long": "x" * 200,
-    "not UTF-8": os.fsdecode(b"\xe9t\xe9"),
-    "quotes": "semi;colon'quote\"",
-}
+    "unicode": "ünïcödé–漢字", "spaces": "with spaces", "dash": "-dash", "long": "x" * 200,
+    "not UTF-8": os.fsdecode(b"\xe9t\xe9"), "quotes": "semi;colon'quote\"",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", thinned(NAMES, 4))

@@ -164,18 +164,12 @@ _PACKINGS = {
         "packing": '{ kind = "lattice", lattice = "square", spacing = 1.5e-3, jitter = 0.1 }',
         "shape": _SPHERE,
     },
-    "random-fill": {
-        "packing": '{ kind = "random", separation = 0.05 }',
-        "number": "fill = 0.3",
-        "region": _region(0.012),
-    },
+    "random-fill": {"packing": '{ kind = "random", separation = 0.05 }', "number": "fill = 0.3",
+        "region": _region(0.012)},
     "random-dense": {"number": "fill = 0.78", "region": _region(0.008)},
     "deposited": {"packing": '{ kind = "deposited" }', "region": _region(0.03)},
-    "compacted": {
-        "packing": '{ kind = "compacted", pressure = 5.0, friction = 0.3 }',
-        "number": "fill = 0.6",
-        "region": _region(0.008),
-    },
+    "compacted": {"packing": '{ kind = "compacted", pressure = 5.0, friction = 0.3 }',
+        "number": "fill = 0.6", "region": _region(0.008)},
     "tile-random": {
         "packing": (
             '{ kind = "tile", source = { kind = "random" }, tile = [0.01, 0.01], tile_fill = 0.7, '
@@ -192,7 +186,7 @@ _PACKINGS = {
         "number": "",
         "region": _region(0.03),
     },
-}
+}  # fmt: skip
 
 _DRUM = """\
 [[walls]]
@@ -257,12 +251,9 @@ integrator = "{integrator}"
 _AIR = "conductivity = 0.026, viscosity = 1.6e-5, prandtl = 0.7"
 _GRADIENT = "temperature = { value = 320.0, gradient = [400.0, 900.0] }"
 _BED = {
-    "shape": _SPHERE,
-    "packing": '{ kind = "deposited" }',
-    "region": _region(0.03),
-    "walls": _WARM_FLOOR,
-    "temperature": _GRADIENT,
-}
+    "shape": _SPHERE, "packing": '{ kind = "deposited" }', "region": _region(0.03),
+    "walls": _WARM_FLOOR, "temperature": _GRADIENT,
+}  # fmt: skip
 
 
 def _all_heat(**choices: str) -> str:

@@ -78,11 +78,8 @@ def _advance(state, model, walls):
     state.generated = RATES * state.time
     state.wall_temperature[:] = walls
     books = {
-        "stored": float(state.heat.sum()),
-        "closure": 1e-15,
-        "sub_steps": 7.0,
-        "max_biot": 0.23,
-    }
+        "stored": float(state.heat.sum()), "closure": 1e-15, "sub_steps": 7.0, "max_biot": 0.23,
+    }  # fmt: skip
     for name, value in books.items():
         state.heat_books[HEAT_BOOK_NAMES.index(name)] = value
 

@@ -11,12 +11,10 @@ import multicor_cli as multicor
 
 CONFIG = ROOT / "configs" / "shear-gravity-free.toml"
 SLOW = [
-    "loading.0.drives.top.x.velocity=0.59",
-    "particles.0.velocity=[0.295,0.0]",
-    "particles.0.shear_rate=13.1",
-    "output.frame_interval=0.01",
+    "loading.0.drives.top.x.velocity=0.59", "particles.0.velocity=[0.295,0.0]",
+    "particles.0.shear_rate=13.1", "output.frame_interval=0.01",
     "loading.0.until.strain.value=24.0",  # slow flow is intermittent: its averages need more strain
-]
+]  # fmt: skip
 
 
 def friction_of(inertial_number):

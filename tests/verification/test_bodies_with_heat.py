@@ -80,7 +80,7 @@ def whole(tmp_path_factory):
     return path.parent / "run"
 
 
-def test_a_body_begins_with_the_temperature_that_is_there(whole):
+def test_a_body_begins_and_goes_on_with_its_temperature(whole, tmp_path):
     with multicor.open_run(whole) as run:
         floor = {run.stages[frame.stage]: float(frame.wall_temperature[0]) for frame in run.frames}
     assert 293.15 < floor["shake"] < 300.0  # from that of [heat]; the grains are warmer
@@ -88,9 +88,6 @@ def test_a_body_begins_with_the_temperature_that_is_there(whole):
     assert 0.0 < abs(floor["shake-again"] - 330.0) < 5.0
     assert floor["cold"] == 350.0  # heat is off
     assert run_info(whole)["heat_closure"] < 1e-13
-
-
-def test_a_body_goes_on_after_a_stop(whole, tmp_path):
     path = write_small(tmp_path, BODY)
     assert in_pieces(path, tmp_path / "cut", 7, 29) == digests(whole)
 

@@ -103,7 +103,7 @@ def held_chain(count, hot, cold, tolerance):
     )  # fmt: skip
 
 
-def test_chain_on_a_wall_decays_at_the_slowest_rate():
+def test_chains_decay_at_their_slowest_rate_and_conduct_as_a_half_space():
     """4 sin²(π/(4n+2)) H/C, n grains from a wall to nothing: 0.0223383 for 10; H is the same."""
     # A wall has a* = a, so its spot is 2^(1/3) wider. Glue on a grain instead: a first that stays.
     engine = held_chain(11, hot=0.0, cold=1.0, tolerance=1e-10)
@@ -111,21 +111,27 @@ def test_chain_on_a_wall_decays_at_the_slowest_rate():
     rate = -np.log(second / first) / 20.0
     assert rate == pytest.approx(np.full(10, 4.0 * np.sin(np.pi / 42.0) ** 2), rel=1e-4)
     assert 4.0 * np.sin(np.pi / 42.0) ** 2 == pytest.approx(0.0223383, abs=5e-8)
-
-
-def test_semi_infinite_chain():
-    """θ of the tenth grain after 50 C/H is 0.317311 (theory §15.3), node 0 held at 1."""
+    # θ of the tenth grain after 50 C/H is 0.317311 (theory §15.3), node 0 held at 1
     engine = held_chain(120, hot=1.0, cold=0.0, tolerance=1e-7)
     assert advanced(engine, 50.0)[10] == pytest.approx(0.317311, abs=2e-6)
 
 
 @pytest.mark.parametrize("integrator", ["explicit", "implicit"])
-def test_a_wall_of_known_temperature_has_the_radius_of_the_grain(integrator):
+def test_walls_of_known_temperature_or_flow_and_no_grain_below_absolute_zero(integrator):
     """a* = a: H is 2^(1/3) of that between two such grains."""
     engine = on_floor(at_temperature(400.0), integrator=integrator, tolerance=1e-8)
     expected = 400.0 - 100.0 * np.exp(-0.7 * 2.0 ** (1.0 / 3.0))
     assert advanced(engine, 0.7)[0] == pytest.approx(expected, abs=1e-4)
     assert engine.state.wall_heat[0, 0] == pytest.approx(engine.state.heat[0], rel=1e-14)
+    flow = WallHeat("flow", Ramp(0.0, 6.0, 2.0))
+    engine = on_floor(flow, positions=chain(3), integrator=integrator)
+    advanced(engine, 2.0, 400)
+    assert engine.state.heat.sum() == pytest.approx(6.0, rel=1e-9)
+    assert engine.state.wall_heat[0, 0] == pytest.approx(6.0, rel=1e-9)
+    assert heat_book(engine.state, "undelivered") == 0.0
+    # A wall that draws more heat than there is ends the run
+    with pytest.raises(PhysicsError, match="absolute zero"):
+        on_floor(WallHeat("flow", Constant(-10.0)), integrator=integrator).step(100.0, 0.0)
 
 
 def test_a_wall_whose_temperature_rises():
@@ -135,16 +141,6 @@ def test_a_wall_whose_temperature_rises():
     t, tau = 5.0, 2.0 ** (-1.0 / 3.0)
     exact = 10.0 * (t - tau * (1.0 - np.exp(-t / tau)))
     assert advanced(engine, t, 10)[0] - 300.0 == pytest.approx(exact, rel=2e-6)
-
-
-@pytest.mark.parametrize("integrator", ["explicit", "implicit"])
-def test_a_wall_of_known_flow_gives_exactly_that(integrator):
-    flow = WallHeat("flow", Ramp(0.0, 6.0, 2.0))
-    engine = on_floor(flow, positions=chain(3), integrator=integrator)
-    advanced(engine, 2.0, 400)
-    assert engine.state.heat.sum() == pytest.approx(6.0, rel=1e-9)
-    assert engine.state.wall_heat[0, 0] == pytest.approx(6.0, rel=1e-9)
-    assert heat_book(engine.state, "undelivered") == 0.0
 
 
 @pytest.mark.parametrize(("flow", "lost", "error"), [
@@ -163,13 +159,6 @@ def test_an_insulated_wall_takes_and_gives_nothing():
     engine = on_floor(WallHeat())
     advanced(engine, 10.0, 3)
     assert engine.state.heat[0] == 0.0
-
-
-@pytest.mark.parametrize("integrator", ["explicit", "implicit"])
-def test_no_grain_below_absolute_zero(integrator):
-    """A wall that draws more heat than there is ends the run."""
-    with pytest.raises(PhysicsError, match="absolute zero"):
-        on_floor(WallHeat("flow", Constant(-10.0)), integrator=integrator).step(100.0, 0.0)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from heat_parts import (
     with_heat,
     with_softening,
 )
-from scene_parts import FLOOR, G, advance, book, continued, make_model, resume, shear_scene
+from scene_parts import FLOOR, G, advance, book, make_model, resume, shear_scene
 
 from multicor_cli.engine import Settings
 from multicor_cli.engine.heat.books import receive
@@ -79,8 +79,11 @@ def test_a_wall_of_known_temperature_takes_its_share():
     assert heat_book(engine.state, "to_walls") == pytest.approx(0.75 * total, rel=1e-12)
 
 
-def test_no_heat_of_friction_where_it_is_switched_off():
+def test_no_heat_of_friction_moves_a_grain():
     assert slide(friction="none").state.heat[0] == 0.0
+    # Heat acts back on motion through friction alone: without that it is the same to the bit
+    heated, cold = shear(**ALL_ON), shear(friction="none", conduction="none")
+    assert np.array_equal(heated.state.position, cold.state.position)
 
 
 def test_wear_is_archard_s():
@@ -204,18 +207,6 @@ def test_insulated_grains_store_what_friction_and_impacts_lose(integrator):
     assert state.heat.sum() == pytest.approx(losses + ahead, rel=1e-12)
     assert state.generated.sum() == pytest.approx(losses + ahead, rel=1e-12)
     assert book(state, "closure") < 1e-12
-
-
-def test_heat_does_not_move_a_grain():
-    """Heat acts back on motion through friction alone: without that it is the same to the bit."""
-    heated, cold = shear(**ALL_ON), shear(friction="none", conduction="none")
-    assert np.array_equal(heated.state.position, cold.state.position)
-
-
-def test_a_state_goes_on_to_the_bit_from_a_copy():
-    """Everything that the future depends on is in the state: averages and sub-steps included."""
-    through, half = (shear(steps=n, **AVERAGED, integrator="implicit") for n in (40, 20))
-    assert advance(continued(half), 0.02, 20, first=20).digest() == through.state.digest()
 
 
 def test_frozen_frames_keep_the_forces_beside_averages():

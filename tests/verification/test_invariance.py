@@ -1,6 +1,7 @@
 """What must not change: momentum, energy, and trajectories under scaling, threads, resume."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -131,9 +132,12 @@ def test_reflection_gives_the_mirror_image():
     assert left.velocity[:, 2] == pytest.approx(-right.velocity[:, 2], abs=1e-5)
 
 
-@pytest.mark.parametrize(
-    ("make", "dt", "columns", "rows"), [(shear_engine, 0.1, 40, 36), (surface_engine, 2e-3, 40, 20)]
-)
+STICKY = partial(shear_engine, adhesion=1.0, rolling=0.3, reach=0.05, wet=True)
+
+
+@pytest.mark.parametrize(("make", "dt", "columns", "rows"), [
+    (shear_engine, 0.1, 40, 36), (STICKY, 0.02, 40, 36), (surface_engine, 2e-3, 40, 20),
+])  # fmt: skip
 def test_neither_threads_nor_a_new_engine_change_a_bit(make, dt, columns, rows, monkeypatch):
     """Tiled sweeps, chunked sums: one digest for 1 and 2 threads, parallel and serial, resumed."""
     monkeypatch.setattr(engine_module, "PARALLEL_GRAINS", 1)
@@ -145,14 +149,8 @@ def test_neither_threads_nor_a_new_engine_change_a_bit(make, dt, columns, rows, 
         other = continued(engine)
         digests |= {advance(each, dt, 20, first=20).digest() for each in (engine, other)}
     assert len(digests) == 1
-
-
-def test_age_of_the_neighbor_list_does_not_matter():
-    """A new engine on a copied state, in the middle of the life of a list, goes on bit for bit."""
-    engine = shear_engine(restitution=0.3)
-    advance(engine, 0.1, 57)
-    other = continued(engine)
-    assert advance(engine, 0.1, 63, first=57).digest() == advance(other, 0.1, 63, first=57).digest()
+    state = engine.state
+    assert make is not STICKY or (state.bridge_i.size > 20 and state.contact_couple.any())
 
 
 def test_overlaps_stay_small_in_a_long_shear():
@@ -170,23 +168,6 @@ def test_over_compaction_between_prescribed_walls_stops_and_names_the_grains():
     engine.state.wall_position[1, 1] = 2.01
     with pytest.raises(PhysicsError, match=r"grain \d.*overlap"):
         advance(engine, 1e-2, 100)
-
-
-def test_non_finite_state_is_named():
-    engine = shear_engine()
-    advance(engine, 0.1, 3)
-    engine.state.velocity[17, 0] = np.nan
-    with pytest.raises(PhysicsError, match="velocity of grain 17"):
-        engine.step(0.1, 0.3)
-
-
-def test_solver_failure_is_an_error_only_on_request():
-    engine = shear_engine(settings=Settings(max_sweeps=2))
-    advance(engine, 0.1, 40)
-    assert tally(engine.state, "unconverged_steps") > 0
-    resume(engine, settings=replace(engine.orders.settings, on_failure="error"))
-    with pytest.raises(PhysicsError, match="did not converge"):
-        advance(engine, 0.1, 40)
 
 
 def test_interrupted_step_leaves_the_state_alone():

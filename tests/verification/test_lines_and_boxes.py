@@ -102,7 +102,7 @@ def test_a_floor_as_wide_as_the_period_carries_grains_anywhere(run, ends, speed)
 RAMP = {"kind": "polyline", "points": [[0.01, 0.03], [0.09, 0.02]]}
 
 
-def test_a_ramp_longer_than_half_the_period_holds_grains_as_its_pieces_do(run):
+def test_packings_keep_off_long_ramps_which_hold_grains_as_their_pieces(run):
     pieces = {**RAMP, "points": [[0.01 + 0.01 * k, 0.03 - 0.00125 * k] for k in range(9)]}
     grains, held = [[0.004 + 0.0082 * k, 0.045, 0.002] for k in range(12)], []
     for name, ramp in (("whole", RAMP), ("pieces", pieces)):
@@ -110,9 +110,6 @@ def test_a_ramp_longer_than_half_the_period_holds_grains_as_its_pieces_do(run):
         frame = run(periodic(grains=grains, walls=walls), name).frames[-1]
         held.append(int((frame.position[:, 1] > 0.015).sum()))
     assert held[0] == held[1] > 8
-
-
-def test_packings_keep_off_a_ramp_longer_than_half_the_period(run):
     position = run(periodic(grains=900, walls={"ramp": RAMP}, duration=5e-4)).frames[0].position
     x, y = position[:, 0] - 0.01, position[:, 1] - 0.03
     along = np.clip(x / 0.08, 0.0, 1.0)

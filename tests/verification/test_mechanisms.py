@@ -129,14 +129,11 @@ def conductance_of_a_pair(**choices):
     return engine.state.heat[0] / 1e-6 / 100.0, heat_book(engine.state, "max_biot")
 
 
-def test_gas_conducts_no_more_where_grains_press_less():
+def test_gas_counts_in_the_biot_number_and_less_under_pressure():
     """The solid's resistance bounds what passes a contact without force (3.45·10⁻³ W/K)."""
     whole, _ = conductance_of_a_pair(conduction="none")
     assert whole == pytest.approx(batchelor_conductance(0.026, 15.0, 0.75e-3, 0.0, 0.0), rel=0.05)
-
-
-def test_the_biot_number_counts_the_gas():
-    """Bi of the contact alone is 0.002, but contact and gas together exceed λ a."""
+    # Bi of the contact alone is 0.002, but contact and gas together exceed λ a
     laws = make_heat_laws(conductivity=0.2, density=2500.0, capacity=800.0)
     whole, biot = conductance_of_a_pair(laws=laws, force=ContactForce("prescribed", 1e-3))
     assert biot == pytest.approx(whole / (0.2 * 1.5e-3), rel=1e-3)

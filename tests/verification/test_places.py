@@ -15,14 +15,9 @@ from heat_parts import (
 from scene_parts import TIGHT, G, advance, book, make_engine, make_model, resume
 
 from multicor_cli.engine.geometry.places import RISE
+from multicor_cli.engine.heat import gas
 from multicor_cli.engine.heat.conduction import ContactForce, hertz_conductance
 from multicor_cli.engine.heat.friction import impact_exchange
-from multicor_cli.engine.heat.gas import (
-    Gas,
-    batchelor_conductance,
-    parallel_conductance_wall,
-    vargas_conductance,
-)
 from multicor_cli.engine.heat.hertz import contact_radius, rough_conductance
 from multicor_cli.engine.heat.radiation import Radiation, cylinder_view_factor, linear_coefficient
 from multicor_cli.engine.heat.walls import WallHeat
@@ -97,9 +92,9 @@ FLOORS = {
 MECHANISMS = {
     "hertz": {},
     "rough": {"conduction": "rough"},
-    "parallel": {"conduction": "none", "mechanisms": (Gas(GAS),)},
-    "batchelor": {"mechanisms": (Gas(GAS, "batchelor"),)},
-    "vargas": {"conduction": "none", "mechanisms": (Gas(GAS, "vargas"),)},
+    "parallel": {"conduction": "none", "mechanisms": (gas.Gas(GAS),)},
+    "batchelor": {"mechanisms": (gas.Gas(GAS, "batchelor"),)},
+    "vargas": {"conduction": "none", "mechanisms": (gas.Gas(GAS, "vargas"),)},
     "radiation": {"conduction": "none", "mechanisms": (Radiation(reach=0.4),)},
 }
 
@@ -113,10 +108,10 @@ def closed_form(mechanism, radius=1.0):
         return rough_conductance(FORCE, spot, modulus, radius, 15.0, sigma, slope, hardness)
     return {
         "hertz": hertz_conductance(15.0, spot),
-        "parallel": parallel_conductance_wall(GAS, 1.0, GAS / 15.0, 0.0),
+        "parallel": gas.parallel_conductance_wall(GAS, 1.0, GAS / 15.0, 0.0),
         "batchelor": hertz_conductance(15.0, spot)
-        + batchelor_conductance(GAS, 15.0, 1.0, spot, 0.0),
-        "vargas": vargas_conductance(GAS, 1.0, spot),
+        + gas.batchelor_conductance(GAS, 15.0, 1.0, spot, 0.0),
+        "vargas": gas.vargas_conductance(GAS, 1.0, spot),
         "radiation": linear_coefficient(np.pi / (2.0 / 0.9 - 1.0), 300.0, 300.0),
     }[mechanism]
 
@@ -152,15 +147,11 @@ def test_a_floor_conducts_the_same_in_any_number_of_pieces(name, mechanism):
 
 
 @pytest.mark.parametrize("mechanism", MECHANISMS)
-def test_a_plane_that_coincides_with_a_polyline_is_one_floor(mechanism):
+def test_joints_and_coinciding_floors_are_one(mechanism):
     shapes, _ = walls_of([level(-8.0, 8.0)])
     shapes.append((ShapeKind.PLANE, 1, (0.0, 0.0, 0.0, 1.0)))
     found = conductances(shapes, ("line", "plane"), (0.5, 1.0), mechanism)
     assert found == pytest.approx(np.full(2, 0.5 * closed_form(mechanism)), rel=1e-6)
-
-
-@pytest.mark.parametrize("mechanism", MECHANISMS)
-def test_a_joint_at_the_edge_of_the_period_is_a_joint(mechanism):
     walls = walls_of([level(-5.0, 0.0), level(0.0, 5.0)])
     for x in (-5.0, 5.0, 4.9, -4.7):
         found = conductances(*walls, (x, 1.0), mechanism, period=10.0)
@@ -279,8 +270,8 @@ ROLLING = {
     "prescribed": {"force": ContactForce("prescribed", 10.0)},
     "collisional": {"collisional": True},
     "rough": {"conduction": "rough"},
-    "parallel and radiation": {"mechanisms": (Gas(GAS), Radiation(reach=0.4))},
-    "batchelor": {"mechanisms": (Gas(GAS, "batchelor"),)},
+    "parallel and radiation": {"mechanisms": (gas.Gas(GAS), Radiation(reach=0.4))},
+    "batchelor": {"mechanisms": (gas.Gas(GAS, "batchelor"),)},
 }
 
 
@@ -403,7 +394,7 @@ def test_a_moving_and_turning_floor_of_tiles_conducts_as_one():
             model, [[0.0, 1.0]], [[0.0, 0.3, 0.0]], conditions, laws=LAWS, friction="none",
             drives=[WallDrive(x=x, y=y, spin=spin)] * len(conditions),
             force=ContactForce("prescribed", 10.0),
-            mechanisms=(Gas(GAS),),
+            mechanisms=(gas.Gas(GAS),),
         )  # fmt: skip
         advance(engine, 0.01, 100)
         heats.append(engine.state.heat[0])

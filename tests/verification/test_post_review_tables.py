@@ -322,17 +322,14 @@ def with_walls(run, kinds, geometry):
 SIDES = [[0.0, 0.0, 1.0, 0.0], [oracle.PERIOD, 0.0, -1.0, 0.0]]
 
 
-@pytest.mark.parametrize(
-    ("first", "second", "lower", "upper"),
-    [
-        ([0.0, 0.2, 3.0, 0.2], [0.0, 1.9, 3.0, 1.9], 0, 1),
-        ([0.0, 0.3, 3.0, 0.2], [0.0, 1.9, 3.0, 1.9], 0, 1),  # a little tilted: its middle counts
-        ([0.0, 0.2, 3.0, 0.85], [0.0, 1.9, 3.0, 1.9], None, 1),  # grains lie below its middle
-        ([1.0, 1.9, 1.0, 2.9], [0.0, 2.5, 3.0, 2.5], None, 1),  # a gate that was lifted is no lid
-        # a plate amid the grains bounds nothing
-        ([0.2, 1.0, 0.3, 1.0], [0.0, 0.1, 3.0, 0.1], 1, None),
-    ],
-)
+@pytest.mark.parametrize(("first", "second", "lower", "upper"), [
+    ([0.0, 0.2, 3.0, 0.2], [0.0, 1.9, 3.0, 1.9], 0, 1),
+    ([0.0, 0.3, 3.0, 0.2], [0.0, 1.9, 3.0, 1.9], 0, 1),  # a little tilted: its middle counts
+    ([0.0, 0.2, 3.0, 0.85], [0.0, 1.9, 3.0, 1.9], None, 1),  # grains lie below its middle
+    ([1.0, 1.9, 1.0, 2.9], [0.0, 2.5, 3.0, 2.5], None, 1),  # a gate that was lifted is no lid
+    # a plate amid the grains bounds nothing
+    ([0.2, 1.0, 0.3, 1.0], [0.0, 0.1, 3.0, 0.1], 1, None),
+])  # fmt: skip
 def test_only_walls_that_bound_the_grains_count(run, first, second, lower, upper):
     kinds = [ShapeKind.SEGMENT, ShapeKind.SEGMENT, ShapeKind.PLANE, ShapeKind.PLANE]
     source = with_walls(run, kinds, [first, second, *SIDES])

@@ -14,15 +14,11 @@ _GRAINS = {
 }
 
 
-@pytest.mark.parametrize(
-    ("friction", "gravity", "stress", "method"),
-    [
-        (0.3, -9.81, 50.0, "accelerated"),
-        (0.3, 0.0, 50.0, "gauss-seidel"),
-        (0.8, 0.0, 5.0, "accelerated"),
-        (0.0, -9.81, 5.0, "accelerated"),  # an error moves grains by ten times itself
-    ],
-)
+@pytest.mark.parametrize(("friction", "gravity", "stress", "method"), [
+    (0.3, -9.81, 50.0, "accelerated"), (0.3, 0.0, 50.0, "gauss-seidel"),
+    (0.8, 0.0, 5.0, "accelerated"),
+    (0.0, -9.81, 5.0, "accelerated"),  # an error moves grains by ten times itself
+])  # fmt: skip
 def test_loaded_packing_rests(run, friction, gravity, stress, method):
     """For 0.05 s, 300 to 1,000 √(m/P); what rattlers still have may become heat."""
     load = {"lid": {"y": {"stress": -stress, "damping": 1.0}}}

@@ -96,15 +96,12 @@ def whole(tmp_path_factory):
     return path.parent / "run"
 
 
-def test_books_close_with_gravity_that_varies(whole):
+def test_gravity_that_varies_closes_the_books_and_goes_on(whole, tmp_path):
     """A bed between rough walls, under a heavy lid whose weight turns too, with projections."""
     info = run_info(whole)
     assert info["energy_closure"] < 1e-13
     assert info["books"]["gravity_work"] != 0.0
-
-
-def test_a_run_goes_on_in_the_middle_of_a_tilt(whole, tmp_path):
-    """While it is shaken, while it tilts, and in the stage that keeps the tilt."""
+    # While it is shaken, while it tilts, and in the stage that keeps the tilt
     path, last = write_small(tmp_path, TILTED), run_info(whole)["step"]
     assert in_pieces(path, tmp_path / "run", last - 150, last - 40, last - 3) == digests(whole)
     assert run_info(tmp_path / "run")["stage_ends"] == run_info(whole)["stage_ends"]

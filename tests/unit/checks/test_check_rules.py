@@ -36,12 +36,9 @@ def test_the_worst_number_counts(limits, values, verdict, text):
     assert check.as_dict()["verdict"] == verdict.value
 
 
-def test_what_does_not_apply_is_left_out():
+def test_limits_in_words_and_what_does_not_apply():
     assert judge_all([rule(warning=1.0)], []) == []
     assert worst_verdict([]) is Verdict.OK
-
-
-def test_limits_in_words():
     assert rule(warning=1.0).limit == "at most 1"
     assert rule(warning=1.0, bad=2.0).limit == "at most 1, bad above 2"
     assert rule(warning=1.0, bad=1.0).limit == "bad above 1"

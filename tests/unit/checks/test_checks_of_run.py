@@ -15,14 +15,7 @@ from places import ROOT
 from scenes import HEATED, LASTING, PACKED, SMALL, changed, write_small
 
 import multicor_cli as multicor
-from multicor_cli.checks import (
-    OF_RUN,
-    Recorded,
-    Verdict,
-    judge_all,
-    resolution,
-    worst_verdict,
-)
+from multicor_cli.checks import OF_RUN, Recorded, Verdict, judge_all, resolution, worst_verdict
 from multicor_cli.checks.books import relative_drift
 from multicor_cli.store import open_run, run_info
 

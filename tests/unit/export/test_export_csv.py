@@ -52,17 +52,12 @@ def test_grains(run, out):
         assert table["group"] == ["grains"] * 5
         assert table["material"] == ["steel"] * 5
         columns = {
-            "radius [m]": run.model.grains.radius,
-            "x [m]": frame.position[:, 0],
-            "y [m]": frame.position[:, 1],
-            "velocity_x [m/s]": frame.velocity[:, 0],
-            "velocity_y [m/s]": frame.velocity[:, 1],
-            "angle [rad]": frame.angle,
-            "image": frame.image,
-            "spin [rad/s]": frame.spin,
-            "temperature [K]": frame.temperature,
+            "radius [m]": run.model.grains.radius, "x [m]": frame.position[:, 0],
+            "y [m]": frame.position[:, 1], "velocity_x [m/s]": frame.velocity[:, 0],
+            "velocity_y [m/s]": frame.velocity[:, 1], "angle [rad]": frame.angle,
+            "image": frame.image, "spin [rad/s]": frame.spin, "temperature [K]": frame.temperature,
             "generated [J]": frame.generated,
-        }
+        }  # fmt: skip
         for heading, values in columns.items():
             check(table, heading, values)
 
@@ -82,7 +77,7 @@ def test_contacts(run, out):
             check(table, heading, values)
 
 
-def test_walls_and_nothing_for_nan(run, out):
+def test_walls_and_the_series_with_nothing_for_nan(run, out):
     frame, table = run.frames[3], read(out / "walls-000003.csv")
     assert table["wall"] == ["bottom", "dessus-é"]
     assert table["temperature [K]"][1] == ""
@@ -90,6 +85,15 @@ def test_walls_and_nothing_for_nan(run, out):
         check(table, heading, frame.wall_position[:, k])
     check(table, "temperature [K]", frame.wall_temperature)
     check(table, "heat_received [J]", frame.wall_heat[:, 1])
+    table = read(out / "series.csv")
+    rows = run.rows(schema.SERIES)
+    lengths = {"wall": 2}
+    shapes = [[lengths.get(d, d) for d in spec.dims[1:]] for spec in rows]
+    assert len(table) == sum(int(np.prod(shape, dtype=int)) for shape in shapes)
+    check(table, "kinetic [J]", run.series["kinetic"])
+    check(table, "virial_yx [N m]", run.series["virial_rate"][:, 1, 0])
+    check(table, "dessus-é: torque [N m]", run.series["wall_force"][:, 1, 2])
+    check(table, "heat_closure", run.series["heat_closure"])
 
 
 def test_the_list_of_frames(run, tmp_path):
@@ -101,19 +105,6 @@ def test_the_list_of_frames(run, tmp_path):
     names = sorted(path.name for path in (tmp_path / "out").iterdir())
     kinds = [f"{kind}-{k:06d}.csv" for kind in ("contacts", "grains", "walls") for k in (2, 5, 8)]
     assert names == sorted([*kinds, "frames.csv", "series.csv"])
-
-
-def test_the_whole_series(run, tmp_path):
-    export_csv(run, tmp_path / "out", slice(0, 1))
-    table = read(tmp_path / "out" / "series.csv")
-    rows = run.rows(schema.SERIES)
-    lengths = {"wall": 2}
-    shapes = [[lengths.get(d, d) for d in spec.dims[1:]] for spec in rows]
-    assert len(table) == sum(int(np.prod(shape, dtype=int)) for shape in shapes)
-    check(table, "kinetic [J]", run.series["kinetic"])
-    check(table, "virial_yx [N m]", run.series["virial_rate"][:, 1, 0])
-    check(table, "dessus-é: torque [N m]", run.series["wall_force"][:, 1, 2])
-    check(table, "heat_closure", run.series["heat_closure"])
 
 
 def test_runs_without_walls_and_heat(tmp_path):

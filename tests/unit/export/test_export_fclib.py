@@ -10,17 +10,9 @@ from contact_problems import column_problem, dense_delassus, heap_problem, tilte
 from scenes import SMALL, WARM, write_small
 from store_support import file_size_limit
 
-from multicor_cli import load_scenario
+from multicor_cli import export, load_scenario
 from multicor_cli import run as run_scenario
 from multicor_cli.engine import ContactProblem, Engine, Settings, solve_contacts
-from multicor_cli.export import (
-    ExportError,
-    ExportRefused,
-    export_fclib,
-    frame_problem,
-    read_fclib,
-    write_fclib,
-)
 from multicor_cli.export.fclib_file import LocalForm, local_form
 from multicor_cli.store import DamagedRun, StoreError, open_run
 
@@ -85,7 +77,7 @@ def test_the_problem_after_a_frame_is_the_one_that_the_run_has_solved(run, small
     """To the bit, in every stage and where one ends."""
     stages = set()
     for frame in list(run.frames)[:-1]:
-        found = frame_problem(run, frame.index)
+        found = export.frame_problem(run, frame.index)
         problem, start = small[1][frame.step]
         assert_same(found.problem, problem)
         differ = (found.start != start).any(axis=1)
@@ -101,7 +93,7 @@ def test_the_problem_after_a_frame_is_the_one_that_the_run_has_solved(run, small
 
 
 def test_after_the_last_frame_the_last_stage_goes_on(run):
-    found = frame_problem(run, -1)
+    found = export.frame_problem(run, -1)
     assert found.is_beyond
     assert found.stage == "on"
     assert found.start.any()
@@ -116,8 +108,8 @@ def test_exported_and_read_again_the_solution_is_the_same(run, small, tmp_path):
         if expected.converged:
             break
     assert expected.converged
-    export_fclib(run, tmp_path / "a.hdf5", number)
-    problem, start = read_fclib(tmp_path / "a.hdf5")
+    export.export_fclib(run, tmp_path / "a.hdf5", number)
+    problem, start = export.read_fclib(tmp_path / "a.hdf5")
     theirs = solve_contacts(problem, TIGHT, start=start)
     assert theirs.converged
     scale = np.abs(expected.velocity).max()
@@ -129,8 +121,8 @@ def test_exported_and_read_again_the_solution_is_the_same(run, small, tmp_path):
 def test_our_solution_solves_the_problem_in_the_file(name, run, tmp_path):
     """With W, q and mu of the file alone: complementarity, Coulomb's cone, and friction against the
     slip."""
-    problem = heap_problem() if name == "heap" else frame_problem(run, -2).problem
-    write_fclib(problem, tmp_path / "a.hdf5", is_overwriting=True)
+    problem = heap_problem() if name == "heap" else export.frame_problem(run, -2).problem
+    export.write_fclib(problem, tmp_path / "a.hdf5", is_overwriting=True)
     form = read_local_form(tmp_path / "a.hdf5")
     impulse = solve_contacts(problem, TIGHT).impulse
     u_n, u_t = form.velocity(impulse).reshape(-1, 2).T
@@ -174,7 +166,7 @@ def test_two_contacts_of_the_same_two_bodies_share_both():
 
 def test_the_layout_is_that_of_fclib(run, tmp_path):
     """Names, types and shapes of fclib.h; integers of the C library have 32 bits."""
-    export_fclib(run, tmp_path / "a.hdf5", 10)
+    export.export_fclib(run, tmp_path / "a.hdf5", 10)
     with h5py.File(tmp_path / "a.hdf5") as file:
         local = file["fclib_local"]
         c = len(local["vectors/mu"])
@@ -200,7 +192,7 @@ def test_the_layout_is_that_of_fclib(run, tmp_path):
 
 
 def test_the_guess_is_a_velocity_of_the_local_form(run, tmp_path):
-    export_fclib(run, tmp_path / "a.hdf5", 10)
+    export.export_fclib(run, tmp_path / "a.hdf5", 10)
     form = read_local_form(tmp_path / "a.hdf5")
     with h5py.File(tmp_path / "a.hdf5") as file:
         assert file["guesses/1/r"][...].any()
@@ -211,34 +203,36 @@ def test_the_guess_is_a_velocity_of_the_local_form(run, tmp_path):
 
 def test_problems_are_saved_and_loaded(tmp_path):
     problem = heap_problem()
-    write_fclib(
+    export.write_fclib(
         problem, tmp_path / "a.hdf5", start=np.ones((len(problem.pair), 2)), is_overwriting=True
     )
-    assert_same(read_fclib(tmp_path / "a.hdf5")[0], problem)
-    assert read_fclib(tmp_path / "a.hdf5")[1].tolist() == [[1.0, 1.0]] * len(problem.pair)
-    write_fclib(problem, tmp_path / "a.hdf5", is_overwriting=True)
-    assert read_fclib(tmp_path / "a.hdf5")[1] is None
+    assert_same(export.read_fclib(tmp_path / "a.hdf5")[0], problem)
+    assert export.read_fclib(tmp_path / "a.hdf5")[1].tolist() == [[1.0, 1.0]] * len(problem.pair)
+    export.write_fclib(problem, tmp_path / "a.hdf5", is_overwriting=True)
+    assert export.read_fclib(tmp_path / "a.hdf5")[1] is None
 
 
 def test_other_files_are_refused_by_name(tmp_path):
-    write_fclib(heap_problem(), tmp_path / "a.hdf5", is_overwriting=True)
+    export.write_fclib(heap_problem(), tmp_path / "a.hdf5", is_overwriting=True)
     with h5py.File(tmp_path / "a.hdf5", "r+") as file:
         del file["multicor"]
-    with pytest.raises(ExportError, match="another program"):
-        read_fclib(tmp_path / "a.hdf5")
+    with pytest.raises(export.ExportError, match="another program"):
+        export.read_fclib(tmp_path / "a.hdf5")
     (tmp_path / "b.hdf5").write_text("no")
     for name in ("b.hdf5", "c.hdf5"):
         with pytest.raises(DamagedRun, match=name):
-            read_fclib(tmp_path / name)
+            export.read_fclib(tmp_path / name)
 
 
 def test_a_guess_of_another_problem_is_refused(tmp_path):
-    write_fclib(column_problem(3), tmp_path / "a.hdf5", start=np.zeros((3, 2)), is_overwriting=True)
+    export.write_fclib(
+        column_problem(3), tmp_path / "a.hdf5", start=np.zeros((3, 2)), is_overwriting=True
+    )
     with h5py.File(tmp_path / "a.hdf5", "r+") as file:
         del file["guesses/1/r"]
         file["guesses/1/r"] = np.zeros(8)
     with pytest.raises(DamagedRun, match=r"a\.hdf5"):
-        read_fclib(tmp_path / "a.hdf5")
+        export.read_fclib(tmp_path / "a.hdf5")
 
 
 def test_without_contacts_there_is_no_problem(tmp_path):
@@ -247,8 +241,8 @@ def test_without_contacts_there_is_no_problem(tmp_path):
         np.ones((1, 3)), np.zeros((1, 3)), none.astype(np.int32), none, np.empty((0, 2, 2)),
         np.empty(0), np.empty(0),
     )  # fmt: skip
-    with pytest.raises(ExportError, match="no contact"):
-        write_fclib(problem, tmp_path / "a.hdf5")
+    with pytest.raises(export.ExportError, match="no contact"):
+        export.write_fclib(problem, tmp_path / "a.hdf5")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -259,10 +253,10 @@ def test_runs_with_heat_that_softens_friction(warm):
     with open_run(warm[0]) as run:
         for frame in list(run.frames)[:-1]:
             if frame.step not in warm[1]:
-                with pytest.raises(ExportError, match="nothing moves in stage 'wait'"):
-                    frame_problem(run, frame.index)
+                with pytest.raises(export.ExportError, match="nothing moves in stage 'wait'"):
+                    export.frame_problem(run, frame.index)
                 continue
-            found, problem = frame_problem(run, frame.index).problem, warm[1][frame.step][0]
+            found, problem = export.frame_problem(run, frame.index).problem, warm[1][frame.step][0]
             np.testing.assert_allclose(found.friction, problem.friction, rtol=1e-12)
             assert_same(replace(found, friction=problem.friction), problem)
             steps += 1
@@ -271,22 +265,19 @@ def test_runs_with_heat_that_softens_friction(warm):
     assert np.unique(last.friction).size > 10
 
 
-def test_nothing_is_overwritten_unless_asked_for(run, tmp_path):
+def test_nothing_is_overwritten_unless_asked_for_nor_left_of_no_frame(run, tmp_path):
     (tmp_path / "a.hdf5").write_text("mine")
-    with pytest.raises(ExportRefused, match="--overwrite"):
-        export_fclib(run, tmp_path / "a.hdf5")
+    with pytest.raises(export.ExportRefused, match="--overwrite"):
+        export.export_fclib(run, tmp_path / "a.hdf5")
     assert (tmp_path / "a.hdf5").read_text() == "mine"
-    export_fclib(run, tmp_path / "a.hdf5", is_overwriting=True)
-    read_fclib(tmp_path / "a.hdf5")
-
-
-def test_no_such_frame(run, tmp_path):
-    with pytest.raises(ExportError, match="no frame 1000"):
-        export_fclib(run, tmp_path / "a.hdf5", 1000)
-    assert list(tmp_path.iterdir()) == []
+    export.export_fclib(run, tmp_path / "a.hdf5", is_overwriting=True)
+    export.read_fclib(tmp_path / "a.hdf5")
+    with pytest.raises(export.ExportError, match="no frame 1000"):
+        export.export_fclib(run, tmp_path / "b.hdf5", 1000)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.hdf5"]
 
 
 def test_a_full_disk_leaves_nothing(run, tmp_path):
     with file_size_limit(4096), pytest.raises(StoreError, match="no space"):
-        export_fclib(run, tmp_path / "a.hdf5")
+        export.export_fclib(run, tmp_path / "a.hdf5")
     assert list(tmp_path.iterdir()) == []

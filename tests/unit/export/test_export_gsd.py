@@ -57,7 +57,7 @@ def test_every_frame_is_read_back(run, frames):
         np.testing.assert_array_equal(theirs.log["particles/generated"], ours.generated)
 
 
-def test_orientation_and_angular_momentum(run, frames):
+def test_orientation_momentum_and_box(run, frames):
     """q = (cos ½α, 0, 0, sin ½α), and the momentum I ω is in the z component of ½ q* P."""
     ours, theirs = frames[-1]
     q, p = theirs.particles.orientation, theirs.particles.angmom
@@ -65,9 +65,6 @@ def test_orientation_and_angular_momentum(run, frames):
     momentum, inertia = 0.5 * (q[:, 0] * p[:, 3] - q[:, 3] * p[:, 0]), run.model.grains.inertia
     np.testing.assert_allclose(momentum, inertia * ours.spin, rtol=1e-5)
     np.testing.assert_allclose(theirs.particles.moment_inertia[:, 2], inertia, rtol=1e-6)
-
-
-def test_the_box_has_the_period_and_holds_all_grains(run, frames):
     (box,) = {tuple(theirs.configuration.box.tolist()) for _, theirs in frames}
     size = box[:2]
     assert size[0] == np.float32(run.period)

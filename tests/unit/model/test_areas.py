@@ -6,14 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from multicor_cli.model.shapes import (
-    Annulus,
-    Discs,
-    Polygon,
-    Rectangle,
-    Room,
-    fault_of_polygon,
-)
+from multicor_cli.model.shapes import Annulus, Discs, Polygon, Rectangle, Room, fault_of_polygon
 
 L_SHAPE = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0]])
 AREAS = {
@@ -43,7 +36,7 @@ def star(rng, count):
 
 
 @pytest.mark.parametrize("name", AREAS)
-def test_size_is_the_share_of_random_points_inside(name):
+def test_size_and_depth_are_those_of_random_points(name):
     area = AREAS[name]
     low, high = area.corners()
     points = np.random.default_rng(1).uniform(low, high, (200_000, 2))
@@ -52,10 +45,6 @@ def test_size_is_the_share_of_random_points_inside(name):
     assert area.size == pytest.approx(
         share * np.prod(high - low), abs=5.0 * error * np.prod(high - low)
     )
-
-
-@pytest.mark.parametrize("name", AREAS)
-def test_depth_is_the_distance_to_the_nearest_point_of_the_boundary(name):
     boundary = outline(AREAS[name])
     distance = np.array([np.hypot(*(boundary - point).T).min() for point in POINTS[:500]])
     assert np.abs(AREAS[name].depth(POINTS[:500])) == pytest.approx(distance, abs=5e-3)

@@ -96,12 +96,9 @@ def test_periodic_lattice_on_a_floor_touches_it():
     assert state.position[:30, 1] == pytest.approx([1e-3] * 30, rel=3e-16, abs=0.0)
 
 
-def test_lattice_without_count_fills_the_region():
+def test_lattices_of_any_size():
     model, _ = built(LATTICE, EQUAL, text=UNCOUNTED)
     assert model.grain_count > 0.85 * 0.06 * 0.08 / (np.pi * 1e-6) * 0.9
-
-
-def test_large_lattice():
     small = 'particles.0.sizes={kind="list", radii=[1e-4]}'
     model, state = built(LATTICE, small, "particles.0.count=100000", extra=FLOOR)
     assert model.grain_count == 100_000
@@ -186,13 +183,11 @@ def test_overlap_below_the_bound_is_accepted():
     floor = 'kind = "plane", point = [0.0, {}], normal = [0.0, 1.0]'.format
     built(*just, extra=wall("w", floor(0.99e-6)))
     assert problems(*just, extra=wall("w", floor(1.01e-6)))[0].key == "walls.0"
-
-
-def test_random_grains_keep_clear_of_walls():
     rough = CUTS["rough"].replace("0.01]", "0.02]")
     kinds = {"plane": CUTS["plane"], "line": CUTS["polyline"], "rough": rough}
     model, _ = built(extra="".join(wall(*each) for each in kinds.items()))
     assert model.grain_count == 200
+    built(*BELOW, extra=BEHIND.replace("left", "right"))
 
 
 BEHIND = wall("w", 'kind = "rough", from = [0.0, 0.0795], to = [0.06, 0.0795], side = "left"')
@@ -217,10 +212,6 @@ def test_packings_are_refused_with_all_problems_at_their_keys(name):
     for problem, (key, words) in zip(problems(*overrides, extra=extra), expected, strict=True):
         assert problem.key == key
         assert words in problem.message
-
-
-def test_grains_before_a_rough_wall_are_taken():
-    built(*BELOW, extra=BEHIND.replace("left", "right"))
 
 
 def tile(source, repeat):

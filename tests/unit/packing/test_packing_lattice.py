@@ -36,7 +36,7 @@ def test_contacts_of_periodic_and_square_lattices():
     assert gap.size == 2 * 9 * 10
 
 
-def test_row_is_opened_to_close_the_period():
+def test_rows_are_centered_or_opened_to_close_the_period():
     region = PackingRegion(0.0, 0.0, 0.0215, 0.05, True)
     position = sites(10 * 6, region)
     row = np.sort(position[:10, 0])
@@ -44,9 +44,6 @@ def test_row_is_opened_to_close_the_period():
     _, _, gap = pair_gaps(position, np.full(60, R), 1e-9, 0.0215)
     assert gap.size == 2 * 10 * 5  # along the rows a gap has opened, across them grains still touch
     assert np.abs(gap).max() < 1e-16
-
-
-def test_rows_are_centered_in_their_region():
     position = sites(9 + 9, PackingRegion(0.0, 0.0, 0.0196, 0.02))
     assert position[:, 0].min() + position[:, 0].max() == pytest.approx(0.0196, rel=1e-12)
 

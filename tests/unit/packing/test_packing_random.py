@@ -46,16 +46,13 @@ def test_fill_is_reached_without_overlap(periodic, fill, low):
         assert np.all((x - radius >= -1e-12) & (x + radius <= WIDTH + 1e-12))
 
 
-def test_dense_packing_is_disordered():
+def test_dense_packings_are_disordered_and_keep_their_separation():
     position = pack(radii(0.75), True)
     # A lattice would show a strong peak here; the structure factor of a disordered packing stays of
     # the order of one.
     k = 2 * np.pi * np.arange(1, 60) / WIDTH
     factor = np.abs(np.exp(1j * np.outer(k, position[:, 0])).sum(axis=1)) ** 2 / len(position)
     assert factor.max() < 0.05 * len(position)
-
-
-def test_separation_is_kept():
     for fill, separation in ((0.3, 0.2), (0.5, 0.1)):
         radius = radii(fill)
         gap = smallest_gap(pack(radius, separation=separation), radius)

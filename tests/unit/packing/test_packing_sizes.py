@@ -71,10 +71,14 @@ def test_mean_of_continuous_families(family, by, power):
 
 
 @pytest.mark.parametrize("power", [2, 3])
-def test_cumulated_mass_of_uniform_by_mass(power):
+def test_masses_of_uniform_and_listed_sizes(power):
     radii = np.sort(power_sizes(0.0, LOW, HIGH, "mass", power).draw(N, generator()))
     mass = np.cumsum(radii**power) / (radii**power).sum()
     np.testing.assert_allclose(mass, (radii - LOW) / (HIGH - LOW), atol=5e-4)
+    sizes = list_sizes(np.array([1e-3, 2e-3]), np.array([0.25, 0.75]), "mass", power)
+    radii = sizes.draw(10_000, generator())
+    share = (radii[radii == 1e-3] ** power).sum() / (radii**power).sum()
+    assert share == pytest.approx(0.25, abs=5e-4)
 
 
 @pytest.mark.parametrize(
@@ -91,14 +95,6 @@ def test_list_is_within_one_grain_of_its_fractions(count, fractions):
     assert np.any(np.diff(radii) < 0)  # shuffled
 
 
-@pytest.mark.parametrize("power", [2, 3])
-def test_list_by_mass(power):
-    sizes = list_sizes(np.array([1e-3, 2e-3]), np.array([0.25, 0.75]), "mass", power)
-    radii = sizes.draw(10_000, generator())
-    share = (radii[radii == 1e-3] ** power).sum() / (radii**power).sum()
-    assert share == pytest.approx(0.25, abs=5e-4)
-
-
 def test_few_draws_from_a_long_list_reach_all_of_it():
     long = list_sizes(np.linspace(1.0, 2.0, 1000), None, "number", 2)
     assert long.draw(40, generator()).mean() == pytest.approx(1.5, abs=0.02)
@@ -111,13 +107,10 @@ def test_drawing_to_a_total_is_as_close_as_a_grain_allows(measure, total):
     assert abs(measure(radii).sum() - total) <= 0.51 * measure(np.array([HIGH]))[0]
 
 
-def test_a_draw_is_a_function_of_its_stream():
+def test_draws_depend_on_their_stream_and_ranges_may_be_degenerate():
     sizes = uniform(LOW, HIGH)
     np.testing.assert_array_equal(sizes.draw(50, generator(1)), sizes.draw(50, generator(1)))
     assert not np.array_equal(sizes.draw(50, generator(1)), sizes.draw(50, generator(2)))
-
-
-def test_degenerate_ranges_give_one_size():
     for sizes in (
         power_sizes(2.0, LOW, LOW, "mass", 3),
         lognormal_sizes(LOW, 0.3, LOW, LOW, "number", 2),

@@ -81,13 +81,9 @@ FIELDS = {
         lambda x, y: np.where(y <= 0, 500.0, np.where(x <= 0, 400.0, 300.0)),
         3,
     ),
-    "regions of any kind": (
-        f"{{value=300, regions=[{RING}, {ROOF}, {SPOT}]}}",
-        ("particles.0.count=150",),
-        regions,
-        4,
-    ),
-}
+    "regions of any kind": (f"{{value=300, regions=[{RING}, {ROOF}, {SPOT}]}}",
+        ("particles.0.count=150",), regions, 4),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", FIELDS)

@@ -91,18 +91,15 @@ CORNERS = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
 RING = [[2, 0], [0, 1], [1, 2]]
 
 
-@pytest.mark.parametrize(
-    ("body", "lines"),
-    [
-        (line((0.0, 0.0), (1.0, 0.0), (1.0, 2.0)), [[-1, 0], [0, 1], [1, -1]]),
-        (line(*CORNERS, closed=True), RING),
-        (line(*CORNERS, CORNERS[0]), RING),
-        (line((0.1, 0.2), (2.1, 0.2), domain=PERIODIC), RING),  # joined to its image
-        # This one ends, one end above the other
-        (line((0.1, 0.2), (2.1, 0.3), domain=PERIODIC), [[-1, 0], [0, 1], [1, 2], [2, -1]]),
-        (box(), [[3, 0], [0, 1], [1, 2], [2, 3]]),
-    ],
-)
+@pytest.mark.parametrize(("body", "lines"), [
+    (line((0.0, 0.0), (1.0, 0.0), (1.0, 2.0)), [[-1, 0], [0, 1], [1, -1]]),
+    (line(*CORNERS, closed=True), RING),
+    (line(*CORNERS, CORNERS[0]), RING),
+    (line((0.1, 0.2), (2.1, 0.2), domain=PERIODIC), RING),  # joined to its image
+    # This one ends, one end above the other
+    (line((0.1, 0.2), (2.1, 0.3), domain=PERIODIC), [[-1, 0], [0, 1], [1, 2], [2, -1]]),
+    (box(), [[3, 0], [0, 1], [1, 2], [2, 3]]),
+])  # fmt: skip
 def test_corners_name_the_lines_that_meet_there(body, lines):
     assert body.geometry[body.kind == ShapeKind.VERTEX, 2:].tolist() == lines
 
@@ -195,11 +192,8 @@ def test_mass_of_a_rough_wall_is_that_of_its_discs_unless_given(name):
     assert built(geometry, "inertia = 7.0").walls.inertia[0] == 7.0
 
 
-def test_length_of_a_rough_wall():
+def test_walls_have_the_mass_that_is_given_or_known():
     assert built(ROUGH).walls.length[0] == pytest.approx(0.06)
-
-
-def test_mass_of_a_smooth_wall_is_unknown_unless_given():
     walls = built(SMOOTH).walls
     assert math.isnan(walls.mass[0])
     assert math.isnan(walls.inertia[0])

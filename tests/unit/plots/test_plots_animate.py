@@ -55,14 +55,11 @@ def test_nothing_stays_if_drawing_fails(run, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_refuses_other_endings_and_films_of_nothing(tmp_path):
+def test_films_have_names_and_endings(tmp_path, monkeypatch):
     with pytest.raises(PlotError, match=r"\.mp4 or \.gif"):
         write_film(lambda: iter([None]), 1, tmp_path / "film.avi")
     with pytest.raises(PlotError, match="no frame"):
         write_film(lambda: iter([None]), 1, tmp_path / "film.gif")
-
-
-def test_name_of_the_film(monkeypatch):
     assert film_path(Path("a.gif")) == Path("a.gif")
     monkeypatch.setattr(shutil, "which", lambda name: None)
     assert film_path(Path("a.mp4")) == Path("a.gif")

@@ -26,7 +26,7 @@ def test_map_shows_every_grain_and_names_its_colors(column, of):
     assert panel.get_aspect() == 1.0
 
 
-def test_grains_at_the_ends_of_the_period_are_drawn_twice(column):
+def test_what_crosses_the_ends_of_the_period_is_drawn_on_both_sides(column):
     table = grain_map(column, "temperature")
     table.scene.center[3, 0] = 0.01
     panel = map_of(table)
@@ -34,6 +34,11 @@ def test_grains_at_the_ends_of_the_period_are_drawn_twice(column):
     assert len(offsets) == GRAINS + 1
     assert offsets[-1] == pytest.approx([4.01, table.scene.center[3, 1]])
     assert panel.collections[0].get_array()[-1] == table.value[3]
+    network = force_network(column)
+    network.start[0], network.end[0] = [3.98, 0.5], [4.08, 0.5]
+    lines, which = segments(network)
+    assert which.tolist() == [*range(GRAINS), 0]
+    assert lines[-1] == pytest.approx(np.array([[-0.02, 0.5], [0.08, 0.5]]))
 
 
 def test_solid_polygons_are_filled_and_containers_are_not():
@@ -76,14 +81,6 @@ def test_lines_of_forces_are_as_wide_as_the_forces_are_large(column):
 
     assert tuple(lines.get_colors()[0]) == pytest.approx(to_rgba(COLORS[1]))  # sliding
     assert tuple(lines.get_colors()[1]) == pytest.approx(to_rgba(COLORS[0]))
-
-
-def test_forces_across_the_ends_of_the_period_are_drawn_on_both_sides(column):
-    network = force_network(column)
-    network.start[0], network.end[0] = [3.98, 0.5], [4.08, 0.5]
-    lines, which = segments(network)
-    assert which.tolist() == [*range(GRAINS), 0]
-    assert lines[-1] == pytest.approx(np.array([[-0.02, 0.5], [0.08, 0.5]]))
 
 
 def test_theta_eta_shows_grains_and_means(column):

@@ -26,7 +26,7 @@ def test_axes_carry_quantity_and_unit():
     assert "v_0" in axis_labels(make_table(low=-0.3).normalized())[0]
 
 
-def test_band_is_the_standard_error_around_the_mean():
+def test_bands_are_errors_around_the_mean_where_there_are_any():
     axes = panel_of(draw_profile, make_table())
     line, band = axes.lines[0], axes.collections[0]
     assert np.allclose(line.get_xdata(), make_table().value)
@@ -35,9 +35,6 @@ def test_band_is_the_standard_error_around_the_mean():
     assert edges[:, 0].max() == pytest.approx(make_table().value[-1] + 0.01)
     assert axes.get_ylim() == (0.0, 1.0)
     assert axes.get_legend() is not None
-
-
-def test_without_errors_there_is_no_band_to_explain():
     axes = panel_of(draw_profile, make_table(error=np.nan))
     assert [text.get_text() for text in axes.get_legend().get_texts()] == ["mean, errors not known"]
 
@@ -54,12 +51,9 @@ def test_figures_are_a_column_wide_and_reproducible(tmp_path):
     assert "velocity" in (tmp_path / "a.svg").read_text()  # text stays text
 
 
-def test_unknown_format_is_refused(tmp_path):
+def test_unknown_formats_and_missing_libraries_are_named(tmp_path, monkeypatch):
     with pytest.raises(PlotError, match=r"\.png, \.svg, \.pdf"):
         plot(make_table(), tmp_path / "a.jpg")
-
-
-def test_missing_library_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(
         MissingLibrary, match="figures need matplotlib, which is not installed: pip install"

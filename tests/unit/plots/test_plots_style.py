@@ -8,53 +8,34 @@ from made_up_frames import profile_of
 from matplotlib.figure import Figure
 
 from multicor_cli import post
-from multicor_cli.plots import Terminal, show
+from multicor_cli.plots import Terminal, show, style
 from multicor_cli.plots.profile import draw_profile
-from multicor_cli.plots.style import (
-    HEIGHT,
-    WIDTH,
-    TextLine,
-    draw_picture,
-    draw_text,
-    house_style,
-    rise_formatter,
-    rise_label,
-    rise_reference,
-)
 
 # ---- Axes of temperatures that differ by millikelvin
 
 
-@pytest.mark.parametrize(
-    ("low", "high", "expected"),
-    [
-        (298.15, 298.18, 298.15),
-        (298.1503, 298.1553, 298.15),
-        (298.15512, 298.15538, 298.155),
-        (298.15021, 298.1508, 298.15),
-        (298.15512, 298.15518, 298.1551),
-        (298.149, 298.16, 298.15),  # it started there, and one grain has cooled
-        (298.147, 298.16, 298.14),
-        (298.15, 298.60, None),
-        (298.15, 298.15, None),
-    ],
-)
+@pytest.mark.parametrize(("low", "high", "expected"), [
+    (298.15, 298.18, 298.15), (298.1503, 298.1553, 298.15), (298.15512, 298.15538, 298.155),
+    (298.15021, 298.1508, 298.15), (298.15512, 298.15518, 298.1551),
+    (298.149, 298.16, 298.15),  # it started there, and one grain has cooled
+    (298.147, 298.16, 298.14), (298.15, 298.60, None), (298.15, 298.15, None),
+])  # fmt: skip
 def test_reference_is_a_round_temperature_near_the_lowest(low, high, expected):
-    reference = rise_reference("K", low, high)
+    reference = style.rise_reference("K", low, high)
     assert reference is None if expected is None else reference == pytest.approx(expected, abs=1e-9)
-    assert rise_reference("m/s", low, high) is None  # only kelvin have an arbitrary zero
+    assert style.rise_reference("m/s", low, high) is None  # only kelvin have an arbitrary zero
 
 
 def test_numbers_are_millikelvin_above_it():
-    show = rise_formatter(298.15)
+    show = style.rise_formatter(298.15)
     assert [show(value, 0) for value in (298.15, 298.1525, 298.149)] == ["0", "2.5", "−1"]
-    assert rise_label("temperature", "T", 298.15) == "temperature $T$ − 298.15 K [mK]"
+    assert style.rise_label("temperature", "T", 298.15) == "temperature $T$ − 298.15 K [mK]"
 
 
 def test_profile_of_a_small_rise_has_no_offset_beside_its_label():
     y = np.linspace(0.05, 0.95, 10)
     table = profile_of("temperature", y, 298.15 + 5e-3 * y, 1e-5, at_walls=(298.15, 298.15))
-    with house_style():
+    with style.house_style():
         figure = Figure()
         axes = figure.add_subplot()
         draw_profile(axes, table)
@@ -71,49 +52,52 @@ def test_profile_of_a_small_rise_has_no_offset_beside_its_label():
 
 def area(chart):
     """The rows between the axes, padded."""
-    return [row.split(" |", 1)[1].ljust(WIDTH) for row in chart.splitlines() if " |" in row]
+    return [row.split(" |", 1)[1].ljust(style.WIDTH) for row in chart.splitlines() if " |" in row]
 
 
 def chart(x, y, *names, **options):
     """A chart of one line."""
-    return draw_text([TextLine("", np.array(x), np.array(y))], *(names or ("x", "y")), **options)
+    return style.draw_text(
+        [style.TextLine("", np.array(x), np.array(y))], *(names or ("x", "y")), **options
+    )
 
 
 def test_straight_line_goes_from_corner_to_corner_without_gaps():
     drawn = chart([1.0, 3.0], [-2.0, 5.0], "time [s]", "height [m]")
     rows = area(drawn)
-    assert len(rows) == HEIGHT
-    assert (rows[0][WIDTH - 1], rows[-1][0]) == ("*", "*")
+    assert len(rows) == style.HEIGHT
+    assert (rows[0][style.WIDTH - 1], rows[-1][0]) == ("*", "*")
     assert all("*" in row for row in rows)
-    assert all(any(row[column] == "*" for row in rows) for column in range(WIDTH))
+    assert all(any(row[column] == "*" for row in rows) for column in range(style.WIDTH))
     lines = drawn.splitlines()
     assert lines[0].strip() == "height [m]"
     assert lines[1].startswith(" 5 |") or lines[1].split("|")[0].strip() == "5"
-    assert lines[HEIGHT].split("|")[0].strip() == "-2"
+    assert lines[style.HEIGHT].split("|")[0].strip() == "-2"
     assert lines[-1].split() == ["1", "time", "[s]", "3"]
 
 
 def test_several_lines_have_letters_and_the_first_is_in_front():
     x = np.array([0.0, 1.0])
-    drawn = draw_text([TextLine("one", x, x), TextLine("two", x, 1.0 - x)], "x", "y")
+    drawn = style.draw_text(
+        [style.TextLine("one", x, x), style.TextLine("two", x, 1.0 - x)], "x", "y"
+    )
     rows = area(drawn)
-    corners = (rows[0][WIDTH - 1], rows[-1][0], rows[0][0], rows[-1][WIDTH - 1])
+    corners = (rows[0][style.WIDTH - 1], rows[-1][0], rows[0][0], rows[-1][style.WIDTH - 1])
     assert corners == ("a", "a", "b", "b")
     assert drawn.splitlines()[-2:] == ["  a  one", "  b  two"]
-    same = area(draw_text([TextLine("one", x, x), TextLine("two", x, x)], "x", "y"))
+    same = area(
+        style.draw_text([style.TextLine("one", x, x), style.TextLine("two", x, x)], "x", "y")
+    )
     assert not any("b" in row for row in same)
 
 
-def test_points_that_are_not_known_are_left_out():
+def test_points_that_are_not_known_are_left_out_and_constant_ones_in_the_middle():
     known, unknown = chart([0.0, 1.0, 2.0], [1.0, np.nan, 3.0]), chart([0.0], [np.nan])
-    assert sum("*" in row for row in area(known)) == HEIGHT
-    assert unknown == draw_text([], "x", "y") == "y: nothing to draw"
-
-
-def test_constant_and_single_points_lie_in_the_middle():
+    assert sum("*" in row for row in area(known)) == style.HEIGHT
+    assert unknown == style.draw_text([], "x", "y") == "y: nothing to draw"
     marked = ["*" in row for row in area(chart([2.0], [0.0]))]
     assert sum(marked) == 1
-    assert 0.4 * HEIGHT < marked.index(True) < 0.6 * HEIGHT
+    assert 0.4 * style.HEIGHT < marked.index(True) < 0.6 * style.HEIGHT
 
 
 # ---- Figures for the terminal: every table has one, and pictures of grains have the colors of the
@@ -164,7 +148,7 @@ def quarters(axes):
 
 def test_picture_has_two_pixels_in_a_letter():
     terminal = Terminal(columns=8, rows=50, colors="truecolor")
-    lines = draw_picture(scene(1.0, 1.0), quarters, terminal).splitlines()
+    lines = style.draw_picture(scene(1.0, 1.0), quarters, terminal).splitlines()
     assert len(lines) == 4
     cell = r"\x1b\[38;2;(\d+);(\d+);(\d+);48;2;(\d+);(\d+);(\d+)m(▀+)"
     cells = [re.findall(cell, line) for line in lines]
@@ -176,7 +160,7 @@ def test_picture_has_two_pixels_in_a_letter():
 
 
 def test_picture_without_colors_tells_dark_from_light():
-    picture = draw_picture(scene(1.0, 1.0), quarters, Terminal(columns=4, rows=50))
+    picture = style.draw_picture(scene(1.0, 1.0), quarters, Terminal(columns=4, rows=50))
     upper, lower = picture.splitlines()
     assert (upper[:2], len(lower)) == ("  ", 2)  # white
     assert upper[2] == upper[3] == lower[0] == lower[1] != " "  # red and blue are a third as light
@@ -189,5 +173,5 @@ def test_picture_fits_into_the_terminal(across, upwards, size):
     def draw(axes):
         axes.axvspan(-9.0, 9.0, color="black")
 
-    lines = draw_picture(scene(across, upwards), draw, Terminal(30, 10)).splitlines()
+    lines = style.draw_picture(scene(across, upwards), draw, Terminal(30, 10)).splitlines()
     assert (max(map(len, lines)), len(lines)) == pytest.approx(size, abs=1)

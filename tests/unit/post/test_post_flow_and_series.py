@@ -69,11 +69,8 @@ def test_every_passage_through_a_periodic_cell_counts():
 def test_grains_that_come_and_go_count_while_they_are_there():
     source = falling(1.0, [[0.9, 0.9], [0.4, 0.4], [0.1, 0.6]], [[0], [0, 1], [1]])
     assert flow_through(source, ((2.0, 0.5), (0.0, 0.5)), ALL).crossed["grains"].tolist() == [1, -1]
-
-
-def test_grains_that_an_outlet_takes_and_gives_back_do_not_cross_back():
-    """Falling through a line at 0.5; between the second and the third frame the outlet has given
-    the first one back, 9 higher."""
+    # Falling through a line at 0.5; between the second and the third frame the outlet has given the
+    # first one back, 9 higher
     source = falling(1.0, [[0.9, 0.8], [0.4, 0.3], [9.4, 0.1]], [[0, 1]] * 3)
     table = flow_through(source, ((2.0, 0.5), (0.0, 0.5)), ALL)
     assert (table.forth, table.back, table.lost) == (2, 0, 1)

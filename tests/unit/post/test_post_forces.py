@@ -26,13 +26,17 @@ def test_numbers_of_a_network(column):
     assert network.as_dict()["frame"] == 4
 
 
-def test_lines_join_centers_and_end_at_walls(column):
+def test_lines_join_centers_and_images_and_end_at_walls(column):
     network = post.force_network(column)
     heights = RADIUS + 2 * RADIUS * np.arange(GRAINS)
     assert network.start[:, 1] == pytest.approx(heights)
     assert network.end[:, 1] == pytest.approx([*heights[1:], 1.0])
     assert network.detail_rows[-1] == pytest.approx((9, 11, 2.0, 1.0, 0.0, -1.0, 10.0, -1.0, 1))
     assert len(network.detail_rows) == 10
+    which, shift = images(np.array([0.1, 2.0, 3.9]), np.full(3, 0.2), 4.0)
+    found = sorted(zip(which.tolist(), shift.tolist(), strict=True))
+    assert found == [(0, 0.0), (0, 4.0), (1, 0.0), (2, -4.0), (2, 0.0)]
+    assert images(np.array([-1.0]), np.ones(1), 0.0)[0].tolist() == [0]
 
 
 def test_frames_without_forces_are_refused(column, silent):
@@ -43,13 +47,6 @@ def test_frames_without_forces_are_refused(column, silent):
     for function in (post.force_network, post.force_distribution, post.angular_distribution):
         with pytest.raises(post.PostError, match=r"contacts = true in \[output\]"):
             function(silent)
-
-
-def test_images_of_what_crosses_the_ends_of_the_period():
-    which, shift = images(np.array([0.1, 2.0, 3.9]), np.full(3, 0.2), 4.0)
-    found = sorted(zip(which.tolist(), shift.tolist(), strict=True))
-    assert found == [(0, 0.0), (0, 4.0), (1, 0.0), (2, -4.0), (2, 0.0)]
-    assert images(np.array([-1.0]), np.ones(1), 0.0)[0].tolist() == [0]
 
 
 def scene_of(kinds, geometry, pose, *, period=0.0):

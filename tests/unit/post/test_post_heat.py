@@ -34,10 +34,14 @@ def test_temperature_profile_and_its_normalized_form(column):
     assert table.normalized().value == pytest.approx(HEIGHTS)
 
 
-def test_normalized_temperature_needs_two_prescribed_ones(tmp_path):
+def test_normalized_profiles_need_what_they_are_normalized_by(tmp_path, column):
     table = profile(other(tmp_path, walls=(300.0, np.nan)), "temperature", LATER)
     with pytest.raises(PostError, match="prescribed temperature of both walls; 'top' has none"):
         table.normalized()
+    with pytest.raises(PostError, match="needs two frames"):
+        profile(column, "heat", Selection(frames=slice(0, 1)))
+    with pytest.raises(PostError, match="choose from: velocity, spin, temperature"):
+        profile(column, "heat", LATER).normalized()
 
 
 def test_spin_is_normalized_by_the_shear_rate_of_the_walls(column):
@@ -48,13 +52,6 @@ def test_spin_is_normalized_by_the_shear_rate_of_the_walls(column):
     assert profile(column, "spin", Selection(frames=slice(0, 1))).shear_rate == 0.0
     with pytest.raises(PostError, match="different velocity"):
         profile(column, "spin", Selection(frames=slice(0, 1))).normalized()
-
-
-def test_heat_needs_two_frames_and_has_no_normalized_form(column):
-    with pytest.raises(PostError, match="needs two frames"):
-        profile(column, "heat", Selection(frames=slice(0, 1)))
-    with pytest.raises(PostError, match="choose from: velocity, spin, temperature"):
-        profile(column, "heat", LATER).normalized()
 
 
 @pytest.mark.parametrize("of", ["temperature", "heat"])
@@ -128,7 +125,7 @@ def test_theta_eta_needs_a_wall_of_known_temperature_below_or_above(tmp_path, co
 # --- maps
 
 
-def test_maps_hold_the_values_of_the_frame(column):
+def test_maps_hold_the_values_of_the_frame_and_refuse_others(column):
     assert grain_map(column, "temperature").value == pytest.approx(300.0 + GRADIENT * HEIGHTS)
     assert grain_map(column, "velocity", 1).value == pytest.approx(SHEAR * HEIGHTS)
     assert grain_map(column, "spin", 0).value == pytest.approx(0.0)
@@ -137,6 +134,11 @@ def test_maps_hold_the_values_of_the_frame(column):
     assert heat.time == 2 * INTERVAL
     fluctuation = grain_map(column, "fluctuation")
     assert fluctuation.vector == pytest.approx(np.zeros((GRAINS, 2)), abs=1e-12)
+    names = "velocity, velocity-y, speed, displacement, rotation, spin, temperature"
+    with pytest.raises(PostError, match=f"choose from: {names}"):
+        grain_map(column, "wetness")
+    with pytest.raises(PostError, match="frame 0 has none"):
+        grain_map(column, "heat", 0)
 
 
 def test_fluctuation_keeps_the_vertical_velocity(column):
@@ -148,11 +150,3 @@ def test_fluctuation_keeps_the_vertical_velocity(column):
     assert table.value == pytest.approx(0.3)
     assert table.detail_headings[-1] == "fluctuation y [m/s]"
     assert len(table.detail_rows[0]) == len(table.detail_headings)
-
-
-def test_maps_refuse_what_is_not_there(column):
-    names = "velocity, velocity-y, speed, displacement, rotation, spin, temperature"
-    with pytest.raises(PostError, match=f"choose from: {names}"):
-        grain_map(column, "wetness")
-    with pytest.raises(PostError, match="frame 0 has none"):
-        grain_map(column, "heat", 0)

@@ -12,7 +12,6 @@ from scene_parts import between_planes, make_shapes
 from multicor_cli.model import ShapeKind
 from multicor_cli.post import PostError, Selection, rheology
 from multicor_cli.post.rheology import QUANTITIES
-from multicor_cli.post.sums import spread
 from multicor_cli.store import open_run
 
 N, RADIUS, PERIOD, RATE, LAPSE = 400, 0.01, 4.0, 3.0, 0.25
@@ -95,40 +94,6 @@ def test_what_was_put_in_comes_out(sign):
     for name in {q.name for q in QUANTITIES} - of_grains - {"granular_temperature"}:
         assert table.error[name] == pytest.approx(0.0, abs=1e-9)
         assert table.values[name] == pytest.approx(np.full(4, mean[name]))
-
-
-def test_granular_temperature_is_that_of_the_fluctuations():
-    """v_y = ±0.2 m/s in equal numbers; v_x follows the flow. A part of it counts as mean flow: 51
-    knots for 400 grains."""
-    found = rheology(make_source(jitter=0.2), Selection(start=0.0), margin=5.0).mean[
-        "granular_temperature"
-    ]
-    assert found == pytest.approx(0.5 * 0.2**2 * (1.0 - 51 / 400), rel=0.05)
-
-
-def test_means_are_ratios_of_sums_and_errors_are_those_of_the_ratio():
-    source = make_source(frames=23)
-    factor = 1.0 + 0.3 * np.random.default_rng(1).random(220)
-    source.series["wall_force"][:, 1, 1] *= factor
-    source.series["wall_force"][:, 0, 1] *= factor
-    table = rheology(source, Selection(start=0.0))
-    force = source.series["wall_force"]
-    assert table.mean["friction_walls"] == pytest.approx(
-        force[:, 0, 0].sum() / force[:, 1, 1].sum()
-    )
-    intervals = force.reshape(22, 10, 2, 3).sum(axis=1)
-    # the ratio of two sums, linearized: what each interval adds to shear − μ press, over the mean
-    # of press
-    shear, press = intervals[:, 0, 0], intervals[:, 1, 1]
-    mu = shear.sum() / press.sum()
-    assert table.error["friction_walls"] == pytest.approx(
-        float(spread(mu + (shear - mu * press) / press.mean()).error), rel=0.02
-    )
-    assert table.drift["friction_walls"] == pytest.approx(
-        np.polyfit(np.arange(22), (shear - mu * press) / press.mean(), 1)[0] * 21, rel=0.05
-    )
-    assert table.rows[4][4] == table.as_dict()["note"]["friction_walls"] == ""
-    assert table.values["friction_walls"] == pytest.approx(intervals[:, 0, 0] / intervals[:, 1, 1])
 
 
 def test_margin_is_eight_diameters_or_a_quarter_of_the_height():

@@ -67,12 +67,9 @@ def test_distributions_of_several_frames_scatter_as_those_of_each(column):
         assert np.isnan(getattr(alone[0], f"{name}_scatter")).all()
 
 
-def test_scatter_leaves_out_what_is_not_known():
+def test_scatter_and_names_of_runs():
     rows = np.array([[1.0, np.nan], [2.0, 5.0], [4.0, np.nan]])
     assert scatter(rows) == pytest.approx([np.std([1.0, 2.0, 4.0], ddof=1), np.nan], nan_ok=True)
-
-
-def test_runs_are_called_by_what_differs():
     friction, seed = ("contacts.0.friction", "0.3", "0.5"), ("scenario.seed", "1", "2")
     assert _labels([friction, seed], ("a", "b")) == ("friction = 0.3", "friction = 0.5")
     assert _labels([seed], ("a", "b")) == ("seed = 1", "seed = 2")

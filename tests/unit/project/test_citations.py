@@ -100,19 +100,13 @@ def texts():
     return repository(ROOT)
 
 
-def test_the_repository_was_read(texts):
+def test_what_is_cited_and_linked_exists(texts):
     assert {"README.md", "CHANGELOG.md", "pyproject.toml", ".ci/run", THEORY, THIS} <= texts.keys()
     assert len(texts) > 400
     assert {"1", "5.3", "15.4"} <= sections(texts[THEORY])
     assert sum(len(CITATION.findall(text)) for text in texts.values()) > 20
     assert sum(len(LINK.findall(text)) for name, text in texts.items() if name.endswith(".md")) > 30
-
-
-def test_what_is_cited_exists(texts):
     assert wrong_citations(texts) == []
-
-
-def test_links_lead_somewhere(texts):
     assert wrong_links(ROOT, texts) == []
 
 

@@ -84,15 +84,12 @@ def recipe():
     return yaml.safe_load((ROOT / "recipe" / "recipe.yaml").read_text(encoding="utf-8"))
 
 
-def test_it_is_the_same_package(recipe):
+def test_the_recipe_is_of_the_same_package(recipe):
     assert recipe["package"]["name"] == PROJECT["name"]
     assert recipe["context"]["version"] == PROJECT["version"]
     assert recipe["about"]["license"] == PROJECT["license"]
     assert recipe["about"]["summary"] == PROJECT["description"]
     assert (ROOT / recipe["about"]["license_file"]).is_file()
-
-
-def test_it_needs_the_same(recipe):
     wanted = {
         f"python {PROJECT['requires-python']}",
         *(need.replace(">=", " >=") for need in PROJECT["dependencies"]),
@@ -100,9 +97,6 @@ def test_it_needs_the_same(recipe):
     assert set(recipe["requirements"]["run"]) == wanted
     build = {need.replace(">=", " >=") for need in TABLES["build-system"]["requires"]}
     assert build < set(recipe["requirements"]["host"])
-
-
-def test_it_installs_the_same_commands(recipe):
     commands = [f"{name} = {place}" for name, place in PROJECT["scripts"].items()]
     assert recipe["build"]["python"]["entry_points"] == commands
 

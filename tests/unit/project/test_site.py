@@ -122,22 +122,12 @@ def test_every_key_says_what_it_is_and_is_used_in_a_scenario_that_loads(model, k
     assert (model, key) in examples()
 
 
-def test_every_key_stands_on_a_page():
+def test_every_key_and_command_stands_on_a_page():
     text = "\n".join(key_pages().values())
     assert [key for _, key, _ in KEYS if f"### `{key}`" not in text] == []
     assert text.count(f"since {SINCE}") == len(KEYS)
     for table in SCHEMA["properties"]:
         assert f"reference/scenario/{table}.md" in key_pages()
-
-
-def test_a_key_says_its_unit_range_and_default():
-    page = key_pages()["reference/scenario/contacts.md"]
-    assert "number · [N] · 0 to 1e+12" in page
-    assert "number · 0 to 1 · default `0.0`" in page
-    assert "**required**" in page
-
-
-def test_every_command_stands_on_a_page():
     pages = command_pages()
     assert {"reference/commands/run.md", "reference/commands/post.md"} < set(pages)
     assert "`--max-hours`" in pages["reference/commands/run.md"]
@@ -145,20 +135,21 @@ def test_every_command_stands_on_a_page():
     assert "| 75 | time limit reached" in pages["reference/commands/index.md"]
 
 
-def test_values_are_written_as_toml():
+def test_values_are_written_as_toml_and_keys_say_their_units():
     deep = {"x": 1e-9, "third": 1.0 / 3.0}
     value = {"walls": ("a", "b"), "value": 1.0, "on": True, "n": 3, "deep": deep}
     written = '{ walls = ["a", "b"], value = 1.0, on = true, n = 3, deep = { x = 1e-09, third = 0.333333 } }'
     assert in_line(shortened(value)) == written
+    page = key_pages()["reference/scenario/contacts.md"]
+    assert "number · [N] · 0 to 1e+12" in page
+    assert "number · 0 to 1 · default `0.0`" in page
+    assert "**required**" in page
 
 
-def test_examples_come_from_files_that_are_there():
+def test_examples_and_figures_come_from_files_that_are_there():
     for example in examples().values():
         assert (ROOT / example.file).is_file()
         assert example.file.startswith(FOLDERS)
-
-
-def test_the_figure_of_performance_shows_the_recorded_tables():
     assert performance.digest() in performance.FIGURE.read_text(encoding="utf-8")
 
 

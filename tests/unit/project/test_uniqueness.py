@@ -128,7 +128,7 @@ def test_a_disc_in_a_wedge_by_hand():
             assert found.velocity[0] == pytest.approx([speed, 0.0, 0.0], abs=1e-9)
 
 
-def test_the_chance_of_a_shift():
+def test_chances_and_forces_are_compared_contact_by_contact():
     """All signs equal: two choices in 2ⁿ. Differences that cancel: every choice."""
     from samples import chance, shift
 
@@ -137,9 +137,6 @@ def test_the_chance_of_a_shift():
     assert shift([2.0, 4.0], [1.0, 1.0]).mean == 2.0
     assert shift([2.0, 4.0], [1.0, 1.0]).error == pytest.approx(1.0)
     assert chance(np.ones(20)) < 0.01
-
-
-def test_forces_are_compared_contact_by_contact():
     from rest import apart
 
     one = {(0, 1): np.array([3.0, 0.0])}

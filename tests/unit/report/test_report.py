@@ -23,27 +23,9 @@ from multicor_cli.export import ExportRefused
 from multicor_cli.post import QUANTITIES, PostError, force_network, rheology
 from multicor_cli.post.energy import HEAT, EnergyTable
 from multicor_cli.post.quantities import color_range
-from multicor_cli.report import write_report
+from multicor_cli.report import pack, tables, write_report
 from multicor_cli.report.figures import _book_lines, _Thinning
-from multicor_cli.report.pack import (
-    Code,
-    ContactsView,
-    _ends,
-    _sane,
-    compress,
-    pack_frames,
-    thin_frames,
-    values_of,
-)
 from multicor_cli.report.page import _solids
-from multicor_cli.report.tables import (
-    ReportRow,
-    describe_forces,
-    describe_rheology,
-    describe_run,
-    describe_stages,
-    pretty,
-)
 from multicor_cli.report.write import default_path
 from multicor_cli.store import RunDirectory, StoreError, open_run, run_info
 from multicor_cli.store.documents import StageEnd
@@ -52,7 +34,7 @@ from multicor_cli.store.documents import StageEnd
 @pytest.mark.parametrize("spacing", ["even", "square", "signed"])
 @pytest.mark.parametrize("width", [1, 2])
 def test_codes_are_as_fine_as_they_say(spacing, width):
-    code = Code(-2.0, 6.0, width, spacing)
+    code = pack.Code(-2.0, 6.0, width, spacing)
     values = np.random.default_rng(1).uniform(-2.0, 6.0, 5000)
     error = np.abs(code.decode(code.encode(values)) - values)
     assert 0.3 * code.resolution * 8.0 < error.max() <= 0.5 * code.resolution * 8.0 * (1.0 + 1e-9)
@@ -65,35 +47,29 @@ def test_codes_are_as_fine_as_they_say(spacing, width):
     ("code", "values", "found"),
     [
         # To better than 1 %, where even steps of a byte see nothing
-        (Code(0.0, 1.0, 2, "square"), [1e-4], pytest.approx([1e-4], rel=0.01)),
-        (Code(0.0, 1.0, 1), [1e-4], [0.0]),
+        (pack.Code(0.0, 1.0, 2, "square"), [1e-4], pytest.approx([1e-4], rel=0.01)),
+        (pack.Code(0.0, 1.0, 1), [1e-4], [0.0]),
         # Of both signs, and zero
-        (Code(-1.0, 1.0, 1, "signed"), [-0.01, 0, 0.01], pytest.approx([-0.01, 0, 0.01], rel=0.05, abs=0.0)),
-        (Code(-1.0, 1.0, 1), [0.003], [0.0]),
+        (pack.Code(-1.0, 1.0, 1, "signed"), [-0.01, 0, 0.01], pytest.approx([-0.01, 0, 0.01], rel=0.05, abs=0.0)),
+        (pack.Code(-1.0, 1.0, 1), [0.003], [0.0]),
         # A constant
-        (Code(3.0, 3.0, 2), [3.0, np.nan], pytest.approx([3.0, np.nan], nan_ok=True)),
+        (pack.Code(3.0, 3.0, 2), [3.0, np.nan], pytest.approx([3.0, np.nan], nan_ok=True)),
     ],
 )  # fmt: skip
 def test_codes_resolve_small_values(code, values, found):
     assert code.decode(code.encode(np.array(values))).tolist() == found
 
 
-def test_compression_separates_bytes():
+def test_pages_hold_compressed_bytes_of_chosen_frames_and_contacts():
     arrays = [
         np.array([0x0102, 0x0304], "<u2"), np.array([7], np.uint8), np.array([1 << 24], "<u4"),
     ]  # fmt: skip
-    assert list(zlib.decompress(compress(arrays))) == [2, 4, 1, 3, 7, 0, 0, 0, 1]
-
-
-def test_chosen_frames_are_evenly_spaced_and_end_with_the_last():
-    assert thin_frames(5, 9).tolist() == [0, 1, 2, 3, 4]
-    assert thin_frames(101, 3).tolist() == [0, 50, 100]
-    assert thin_frames(100, 1).tolist() == [99]
-
-
-def test_strongest_contacts_stay_in_order():
+    assert list(zlib.decompress(pack.compress(arrays))) == [2, 4, 1, 3, 7, 0, 0, 0, 1]
+    assert pack.thin_frames(5, 9).tolist() == [0, 1, 2, 3, 4]
+    assert pack.thin_frames(101, 3).tolist() == [0, 50, 100]
+    assert pack.thin_frames(100, 1).tolist() == [99]
     force = np.array([5.0, 1.0, 4.0, 3.0], np.float32)
-    contacts = ContactsView(np.arange(4), np.arange(4) + 1, np.zeros(4, np.float32), force)
+    contacts = pack.ContactsView(np.arange(4), np.arange(4) + 1, np.zeros(4, np.float32), force)
     assert contacts.strongest(2).i.tolist() == [0, 2]
     assert contacts.strongest(0).i.size == 0
     assert contacts.strongest(9) is contacts
@@ -157,15 +133,12 @@ def test_packed_contacts_are_those_of_the_run(page):
     assert [frame["contactCount"] for frame in meta["frames"]] == [None, *[GRAINS] * 5]
 
 
-def test_heat_is_a_rate_and_missing_in_the_first_frame(page):
+def test_heat_is_a_rate_and_temperatures_count_from_a_round_one(page):
     meta, frames, _ = read_page(page)
     assert "heat" not in frames[0]
     assert decode(meta, "heat", frames[3]["heat"]) == pytest.approx(
         1e-3 * np.arange(GRAINS), abs=1e-6
     )
-
-
-def test_temperatures_that_hardly_differ_count_from_a_round_one(page):
     meta, _, _ = read_page(page)
     reference = {field["name"]: field["reference"] for field in meta["fields"]}
     assert reference["temperature"] == 300.0
@@ -175,8 +148,8 @@ def test_temperatures_that_hardly_differ_count_from_a_round_one(page):
 def test_largest_force_of_a_grain(evil):
     with open_run(evil) as run:
         force = QUANTITIES["force"]
-        assert values_of(force, run, 2) == pytest.approx(1.0 + np.arange(GRAINS))
-        assert values_of(force, run, 0) is None
+        assert pack.values_of(force, run, 2) == pytest.approx(1.0 + np.arange(GRAINS))
+        assert pack.values_of(force, run, 0) is None
 
 
 def test_nothing_of_the_user_becomes_markup(page):
@@ -225,9 +198,9 @@ def test_small_budget_thins_frames_and_contacts_and_says_so(tmp_path, monkeypatc
     write_evil_run(tmp_path / "run", frames=40)
     monkeypatch.setattr("multicor_cli.report.pack._CONTACT_SHARE", 0.1)
     with open_run(tmp_path / "run") as run:
-        whole = pack_frames(run, 10**6)
+        whole = pack.pack_frames(run, 10**6)
         assert (len(whole.chunks), whole.contact_limit, whole.codes["speed"].width) == (40, None, 2)
-        small = pack_frames(run, whole.size // 5)
+        small = pack.pack_frames(run, whole.size // 5)
     assert small.size <= whole.size // 5
     assert 1 < len(small.chunks) < 20
     assert small.chunks[-1].index == 39
@@ -305,23 +278,22 @@ def test_run_without_walls_with_one_grain(tmp_path):
     assert decode(meta, "x", frames[-1]["x"]).shape == (1,)
 
 
-@pytest.mark.parametrize(
-    ("name", "values", "grains", "expected"),
-    [
-        ("speed", np.zeros(9), 9, (0.0, 1.0)),  # nothing moves: no negative speeds
-        # The one hot grain of few is what matters
-        ("temperature", np.append(np.full(999, 300.0), 400.0), 10, (300.0, 400.0)),
-        # an outlier is not
-        ("temperature", np.append(np.linspace(300.0, 310.0, 1999), 900.0), 2000, (300.0, 309.95)),
-        # Nothing is gained by leaving out ends
-        ("temperature", np.linspace(300.0, 310.0, 1999), 2000, (300.0, 310.0)),
-        ("spin", np.linspace(-1.0, 3.0, 9), 9, (-3.0, 3.0)),
-        ("speed", np.array([np.nan, 2.0, np.inf, 1e305]), 4, (0.0, 2.0)),
-        ("heat", np.array([np.nan]), 1, (0.0, 1.0)),
-    ],
-)
+@pytest.mark.parametrize(("name", "values", "grains", "expected"), [
+    ("speed", np.zeros(9), 9, (0.0, 1.0)),  # nothing moves: no negative speeds
+    # The one hot grain of few is what matters
+    ("temperature", np.append(np.full(999, 300.0), 400.0), 10, (300.0, 400.0)),
+    # an outlier is not
+    ("temperature", np.append(np.linspace(300.0, 310.0, 1999), 900.0), 2000, (300.0, 309.95)),
+    # Nothing is gained by leaving out ends
+    ("temperature", np.linspace(300.0, 310.0, 1999), 2000, (300.0, 310.0)),
+    ("spin", np.linspace(-1.0, 3.0, 9), 9, (-3.0, 3.0)),
+    ("speed", np.array([np.nan, 2.0, np.inf, 1e305]), 4, (0.0, 2.0)),
+    ("heat", np.array([np.nan]), 1, (0.0, 1.0)),
+])  # fmt: skip
 def test_colors_span(name, values, grains, expected):
-    assert color_range(QUANTITIES[name], _sane(values), grains) == pytest.approx(expected, abs=0.01)
+    assert color_range(QUANTITIES[name], pack._sane(values), grains) == pytest.approx(
+        expected, abs=0.01
+    )
 
 
 def test_books_of_rounding_errors_are_not_drawn_but_those_that_do_not_close_are():
@@ -338,7 +310,7 @@ def test_books_of_rounding_errors_are_not_drawn_but_those_that_do_not_close_are(
     (-1600, "−1,600"),
 ])  # fmt: skip
 def test_numbers_for_people(value, text):
-    assert pretty(value) == text
+    assert tables.pretty(value) == text
 
 
 ABSURD = {
@@ -378,11 +350,11 @@ def test_absurd_numbers_of_a_damaged_file_spoil_nothing_else(evil, tmp_path):
 
 
 def test_ends_ignore_what_is_no_number():
-    assert _ends([np.array([1.0, np.nan]), np.array([np.inf, -3.0, 1e301]), np.zeros(0)]) == (
+    assert pack._ends([np.array([1.0, np.nan]), np.array([np.inf, -3.0, 1e301]), np.zeros(0)]) == (
         -3.0,
         1.0,
     )
-    assert _ends([np.array([np.nan])]) == (0.0, 0.0)
+    assert pack._ends([np.array([np.nan])]) == (0.0, 0.0)
 
 
 @pytest.mark.usefixtures("no_figures")
@@ -410,7 +382,9 @@ def test_page_says_how_stages_ended(tmp_path):
         end = StageEnd(0, "<i>wait</i>", "timeout", 20, 0.5, 0.5, *what)
         run.stage_ended(end)
         drive(run, make_model(), steps=40, checkpoint_every=15)
-    assert describe_stages(run_info(tmp_path / "run")) == [ReportRow(end.name, end.text)]
+    assert tables.describe_stages(run_info(tmp_path / "run")) == [
+        tables.ReportRow(end.name, end.text)
+    ]
     text = written(tmp_path / "run")
     assert "Ends of the stages" in text
     words = (
@@ -427,7 +401,7 @@ def test_a_version_that_is_not_known_is_left_out():
         "stop_reason", "time", "step", "grain_count", "started", "finished", "duration",
         "state_digest",
     ]  # fmt: skip
-    rows = describe_run({**dict.fromkeys(names), **known, **counts})
+    rows = tables.describe_run({**dict.fromkeys(names), **known, **counts})
     assert "version" not in [row.name for row in rows]
 
 
@@ -494,15 +468,15 @@ def test_checks_stand_above_all_and_open_where_something_is_wrong(page):
 def test_rheology_and_forces_are_told_where_there_are_any(tmp_path):
     write_heated_run(tmp_path / "run")
     with open_run(tmp_path / "run") as run:
-        rows = {row.name: row.value for row in describe_rheology(run)}
+        rows = {row.name: row.value for row in tables.describe_rheology(run)}
         assert rows["solid fraction in the bulk"].startswith(
-            pretty(rheology(run).mean["solid_fraction"])
+            tables.pretty(rheology(run).mean["solid_fraction"])
         )
-        forces = {row.name: row.value for row in describe_forces(run)}
-        assert forces["contacts that carry a force"] == pretty(force_network(run).rows[0][1])
+        forces = {row.name: row.value for row in tables.describe_forces(run)}
+        assert forces["contacts that carry a force"] == tables.pretty(force_network(run).rows[0][1])
     run_whole(tmp_path / "other")
     with open_run(tmp_path / "other") as run:
-        assert describe_rheology(run) == []
+        assert tables.describe_rheology(run) == []
 
 
 def test_solid_polygons_are_found_wall_by_wall():

@@ -6,23 +6,13 @@ from multicor_cli.running.conditions import is_due
 from multicor_cli.running.from_scenario import count_steps, fit_steps
 
 
-@pytest.mark.parametrize(
-    ("duration", "dt", "steps", "end"),
-    [
-        (1.0, 0.1, 10, None),
-        (0.3, 0.1, 3, None),
-        (1.0 + 1e-10, 0.1, 10, None),
-        (1.0 - 1e-10, 0.1, 10, None),
-        (1e6, 1e-4, 10_000_000_000, None),
-        (1.5, 1.0, 2, 1.5),
-        (1.05, 1.0, 1, 1.05),  # less than a tenth is left
-        (1.15, 1.0, 2, 1.15),
-        (2.95, 1.0, 3, 2.95),
-        (7.0 - 1e-6, 1.0, 7, 7.0 - 1e-6),
-        (7.0 + 1e-6, 1.0, 7, 7.0 + 1e-6),
-        (0.3, 1.0, 1, 0.3),
-    ],
-)
+@pytest.mark.parametrize(("duration", "dt", "steps", "end"), [
+    (1.0, 0.1, 10, None), (0.3, 0.1, 3, None), (1.0 + 1e-10, 0.1, 10, None),
+    (1.0 - 1e-10, 0.1, 10, None), (1e6, 1e-4, 10_000_000_000, None), (1.5, 1.0, 2, 1.5),
+    (1.05, 1.0, 1, 1.05),  # less than a tenth is left
+    (1.15, 1.0, 2, 1.15), (2.95, 1.0, 3, 2.95), (7.0 - 1e-6, 1.0, 7, 7.0 - 1e-6),
+    (7.0 + 1e-6, 1.0, 7, 7.0 + 1e-6), (0.3, 1.0, 1, 0.3),
+])  # fmt: skip
 def test_steps_fit_a_duration(duration, dt, steps, end):
     assert fit_steps(duration, dt) == (steps, end)
     last = (duration if end else steps * dt) - (steps - 1) * dt

@@ -124,15 +124,12 @@ def test_laws_of_materials_and_pairs():
         np.testing.assert_array_equal(table, table.T)
 
 
-def test_what_is_not_given_does_no_harm():
+def test_wear_belongs_to_pairs_and_what_is_not_given_does_no_harm():
     laws = laws_of()
     assert laws.modulus[SPARE, GLASS] == laws.microhardness[SPARE, SPARE] == 1.0
     assert laws.harmonic[SPARE, STEEL] == laws.roughness[GLASS, SPARE] == 0.0
     assert laws.wear[SPARE, GLASS] == 0.0
     assert laws.share[SPARE, GLASS] == 0.5
-
-
-def test_wear_belongs_to_the_softer_and_the_harder_body_of_its_pair_only():
     wear = laws_of().wear
     assert wear[GLASS, STEEL] == 1e-4 / 5e9
     assert wear[STEEL, GLASS] == 1e-4 / 2e9

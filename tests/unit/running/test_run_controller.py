@@ -210,15 +210,12 @@ def test_strain_and_peak_begin_anew_in_each_stage():
     assert (scene.engine.state.stage_strain, scene.engine.state.stage_peak) == (0.0, 0.0)
 
 
-def test_a_spacing_refuses_unknown_and_equal_walls():
+def test_strain_is_that_of_two_walls_and_survives_rounding():
     with pytest.raises(ValueError, match="no wall 'lid'"):
         Spacing.between(MODEL, "bottom", "lid")
     with pytest.raises(ValueError, match="between 'top' and itself"):
         Spacing.between(MODEL, "top", "top")
     assert wall_places(MODEL, 1).tolist() == [0.0, 1.0]
-
-
-def test_strain_goal_survives_rounding():
     condition, state = strain_reached(Spacing(0, 1, 1, 1.0), 1.5), at_rest()
     for _ in range(15_000):
         state.stage_strain += 1e-4
@@ -314,7 +311,7 @@ def test_second_signal_ends_the_process_at_once_also_during_its_farewell(capfd):
     assert capfd.readouterr().out == ""
 
 
-def test_ignored_hangup_stays_ignored():
+def test_ignored_hangup_stays_ignored_and_reasons_have_exit_codes():
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
     try:
         stop_signals = StopSignals()
@@ -323,9 +320,6 @@ def test_ignored_hangup_stays_ignored():
         assert not stop_signals.should_stop()
     finally:
         signal.signal(signal.SIGHUP, before)
-
-
-def test_reasons_have_exit_codes():
     codes = {reason.name: int(reason.exit_code) for reason in StopReason}
     ended = {"FINISHED": 0, "ALREADY_FINISHED": 0, "TIME_LIMIT": 75}
     assert codes == ended | {"INTERRUPTED": 130, "TERMINATED": 143, "HUNG_UP": 129}

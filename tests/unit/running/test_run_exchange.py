@@ -320,13 +320,10 @@ def test_results_do_not_depend_on_the_number_of_threads(silos, tmp_path):
     assert digests(tmp_path / "run")[0] == digests(silos["release"])[0]
 
 
-def test_the_page_and_films_leave_out_who_is_not_there(silos):
+def test_the_grains_of_a_frame_are_those_that_are_there(silos):
     with open_run(silos["remove"]) as run:
         view, frame = view_of(run, len(run.frames) - 1), run.frames[-1]
     assert np.flatnonzero(~np.isnan(view.center[:, 0])).tolist() == frame.number.tolist()
-
-
-def test_grains_of_a_frame_can_begin_another_run(silos):
     with open_run(silos["remove"]) as run:
         count = len(run.frames[-1].position)
     packing = {"packing": {"kind": "run", "path": str(silos["remove"])}}

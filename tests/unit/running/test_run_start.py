@@ -8,19 +8,7 @@ import signal
 import numpy as np
 import pytest
 from command_line import call
-from cut_runs import (
-    BELT,
-    BODY,
-    BOX,
-    HOT,
-    NAMED,
-    STICKY,
-    WET,
-    going_on,
-    shortened,
-    unlike,
-    written,
-)
+from cut_runs import BELT, BODY, BOX, HOT, NAMED, STICKY, WET, going_on, shortened, unlike, written
 from run_fakes import StopAt
 from scenes import changed
 

@@ -11,7 +11,6 @@ from run_fakes import FakeDrives, make_plan, strain_reached
 from scene_parts import between_planes
 from scenes import SMALL, changed, write_small
 
-from multicor_cli.engine.heat.hertz import relative_deflection
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, WallDrive
 from multicor_cli.engine.motion.spacing import Spacing
 from multicor_cli.engine.orders import Settings
@@ -66,13 +65,9 @@ def test_differences_name_every_key():
         ".".join(map(str, d.path)): (d.before, d.after) for d in find_differences(before, after)
     }
     assert found == {
-        "a": ("1", "1.0"),
-        "b.1": ("2", "3"),
-        "c.d": ('"x"', '"y"'),
-        "c.e": ("1", "not given"),
-        "output.new": ("not given", "true"),
-        "f.1.g": ("2", "3"),
-    }
+        "a": ("1", "1.0"), "b.1": ("2", "3"), "c.d": ('"x"', '"y"'), "c.e": ("1", "not given"),
+        "output.new": ("not given", "true"), "f.1.g": ("2", "3"),
+    }  # fmt: skip
     assert find_differences(before, before) == []
 
 
@@ -111,15 +106,12 @@ def test_a_default_that_was_another_one_is_kept_by_runs_that_began_with_it():
     )
 
 
-@pytest.mark.parametrize(
-    ("signal", "steps"),
-    [
-        (Constant(-2.0), 25),  # γ̇ = 2/s: 0.5 after 0.25 s
-        (Ramp(0.0, 2.0, 0.1), 30),  # 0.1 on the ramp, 0.4 at 2/s
-        (Sine(0.0, np.pi, 0.5), 25),  # ∫|π sin| over a half period of 0.25 s = 0.5
-        (Constant(0.0), None),
-    ],
-)
+@pytest.mark.parametrize(("signal", "steps"), [
+    (Constant(-2.0), 25),  # γ̇ = 2/s: 0.5 after 0.25 s
+    (Ramp(0.0, 2.0, 0.1), 30),  # 0.1 on the ramp, 0.4 at 2/s
+    (Sine(0.0, np.pi, 0.5), 25),  # ∫|π sin| over a half period of 0.25 s = 0.5
+    (Constant(0.0), None),
+])  # fmt: skip
 def test_steps_to_a_strain_are_foreseen(signal, steps):
     model = between_planes()
     until = strain_reached(Spacing.between(model, "bottom", "top"), 0.5)
@@ -164,15 +156,3 @@ def test_frames_of_the_estimate_are_those_of_the_run():
     plan = make_plan(model)
     steps = foresee_steps(plan, State.at_rest(model, np.zeros((2, 2))))
     assert steps == [20, 20, 7]
-
-
-def test_deflection_of_a_contact():
-    """R = 1.5 mm: an overlap of 55.28 nm has a contact radius of 6.4387 µm = √(R* δ), and F = 4/3
-    E* √R* δ^1.5."""
-    young, poisson, radius, depth = 193e9, 0.29, 1.5e-3, 55.28e-9
-    modulus, reduced = young / (2.0 * (1.0 - poisson**2)), 0.5 * radius
-    assert np.sqrt(reduced * depth) == pytest.approx(6.4387e-6, rel=1e-4)
-    force = 4.0 / 3.0 * modulus * np.sqrt(reduced) * depth**1.5
-    assert relative_deflection(force, radius, young, poisson) == pytest.approx(
-        depth / (2.0 * radius), rel=1e-12
-    )

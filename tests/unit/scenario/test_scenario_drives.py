@@ -20,29 +20,24 @@ SCENARIO = parse_scenario(SHEAR, "shear.toml")
 BOTTOM, TOP, PADDLE = range(3)
 
 
-def test_everything_is_fixed_at_first():
+def test_signals_are_carried_over_and_all_else_is_fixed_or_kept():
     stage = SCENARIO.drives()[0]
     assert stage.walls[BOTTOM] == WallDrive()
     assert stage.walls[TOP].x == DofDrive()
     assert stage.named_by == ((NEVER,) * 4, (NEVER, 0, NEVER, NEVER), (0, NEVER, 0, NEVER))
-
-
-def test_signals_and_forces_are_carried_over():
     compress, shear, last = SCENARIO.drives()
     assert compress.walls[TOP].y == DofDrive(force=Constant(-0.015), damping=0.02)
     assert compress.walls[PADDLE].spin == DofDrive(force=Sine(0.0, 1e-6, 0.1, 0.0))
     assert shear.walls[TOP].x == DofDrive(velocity=Ramp(0.0, 0.1, 0.02))
     assert last.walls[BOTTOM].x == DofDrive(velocity=Interpolated((0.0, 1.0), (0.0, 0.5)))
-
-
-def test_what_is_not_named_is_kept():
     _, shear, last = SCENARIO.drives()
     assert shear.walls[TOP].y == last.walls[TOP].y == DofDrive(force=Constant(-0.015), damping=0.02)
     assert last.walls[TOP].x == shear.walls[TOP].x
     assert last.named_by == ((2, NEVER, NEVER, NEVER), (1, 0, NEVER, NEVER), (0, NEVER, 0, NEVER))
+    assert SCENARIO.drives(("top", "paddle", "bottom"))[0].walls[0].y.force == Constant(-0.015)
 
 
-def test_a_kept_signal_goes_on_and_a_named_one_starts_again():
+def test_a_kept_signal_goes_on_and_knows_its_past():
     last = SCENARIO.drives()[2]
     starts = [0.0, 0.375, 0.5]
     walls = last.started(starts)
@@ -51,6 +46,7 @@ def test_a_kept_signal_goes_on_and_a_named_one_starts_again():
     assert walls[PADDLE].spin.force.value(0.25) == Sine(0.0, 1e-6, 0.1).value(0.75)
     assert walls[TOP].y == last.walls[TOP].y
     assert walls[BOTTOM] == last.walls[BOTTOM]
+    assert Shifted(Interpolated((0.0, 1.0), (0.0, 2.0)), 0.25).value(0.25) == pytest.approx(1.0)
 
 
 def test_only_kept_signals_that_vary_need_the_starts_of_stages():
@@ -73,14 +69,6 @@ def test_naming_again_fixes_or_restarts():
     assert stages[2].walls[TOP] == WallDrive(y=DofDrive(velocity=Constant(0.5)))
     assert stages[1].walls[PADDLE].spin == DofDrive(velocity=Constant(2.0))
     assert stages[2].named_by[TOP] == (2, 2, NEVER, NEVER)
-
-
-def test_walls_come_in_the_order_asked_for():
-    assert SCENARIO.drives(("top", "paddle", "bottom"))[0].walls[0].y.force == Constant(-0.015)
-
-
-def test_a_shifted_signal_knows_its_past():
-    assert Shifted(Interpolated((0.0, 1.0), (0.0, 2.0)), 0.25).value(0.25) == pytest.approx(1.0)
 
 
 def test_a_surface_keeps_running_until_it_is_named_again():

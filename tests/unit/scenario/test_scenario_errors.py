@@ -191,54 +191,35 @@ def test_tables_that_do_not_fit_together_give_one_problem(name):
     check_one(changed(text, *changes), key, None, *words)
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        (),
-        (TILT,),  # there is gravity that can be tilted
-        # solid bodies need no mass
-        (PUSHED, NO_INERTIA, (PADDLE, 'kind = "disc", center = [0.015, 0.02], radius = 2e-3')),
-        (PUSHED, NO_INERTIA, (PADDLE, 'kind = "cluster", discs = [[0.015, 0.02, 2e-3]]')),
-    ],
-)
+@pytest.mark.parametrize("changes", [
+    (),
+    (TILT,),  # there is gravity that can be tilted
+    # solid bodies need no mass
+    (PUSHED, NO_INERTIA, (PADDLE, 'kind = "disc", center = [0.015, 0.02], radius = 2e-3')),
+    (PUSHED, NO_INERTIA, (PADDLE, 'kind = "cluster", discs = [[0.015, 0.02, 2e-3]]')),
+])  # fmt: skip
 def test_what_is_no_mistake(changes):
     assert problems_of(changed(SHEAR, *changes)) == []
 
 
 SEVERAL = {
-    "all at once, in the order of the file": (
-        (
-            ("density = 2500", "densty = 2500"),
-            ("min = 0.4e-3", "min = -1"),
-            ('material = "steel"', 'material = "iron"'),
-            ("drives.bottom", "drives.floor"),
-            ("frame_interval = 0.01", "frame_interval = true"),
-        ),
-        "materials.glass.densty",
-        "particles.0.sizes.min",
-        "walls.2.material",
-        "loading.2.drives.floor",
-        "output.frame_interval",
-    ),
+    "all at once, in the order of the file": ((("density = 2500", "densty = 2500"),
+        ("min = 0.4e-3", "min = -1"), ('material = "steel"', 'material = "iron"'),
+        ("drives.bottom", "drives.floor"), ("frame_interval = 0.01", "frame_interval = true")),
+        "materials.glass.densty", "particles.0.sizes.min", "walls.2.material",
+        "loading.2.drives.floor", "output.frame_interval"),
     "an unknown key does not hide what else is wrong with its table": (
         (('material = "steel"\ngeometry', 'color = "red"\nmaterial = "stel"\ngeometry'),),
         "walls.2.color",
         "walls.2.material",
     ),
-    "a misspelled key is taken for the one it means": (
-        (('material = "steel"\ngeometry', 'materal = "stel"\ngeometry'),),
-        "walls.2.material",
-        "walls.2.materal",
-    ),
-    "also where that one is needed": (
-        (("thickness = 1e-3\n", "thicknes = 1e-3\n"),),
-        "particles.0.thicknes",
-    ),
-    "a key with a unit hides the checks of its table": (
-        (("thickness = 1e-3\n", "thickness_mm = 1\n"),),
-        "particles.0.thickness_mm",
-    ),
-}
+    "a misspelled key is taken for the one it means": ((('material = "steel"\ngeometry',
+        'materal = "stel"\ngeometry'),), "walls.2.material", "walls.2.materal"),
+    "also where that one is needed": ((("thickness = 1e-3\n", "thicknes = 1e-3\n"),),
+        "particles.0.thicknes"),
+    "a key with a unit hides the checks of its table": ((("thickness = 1e-3\n",
+        "thickness_mm = 1\n"),), "particles.0.thickness_mm"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", SEVERAL)

@@ -277,15 +277,12 @@ def test_each_wrong_variable_gives_one_problem_at_its_place(name):
         assert word in str(problem)
 
 
-def test_a_wrong_variable_is_one_problem_however_often_it_is_used():
+def test_a_wrong_variable_is_one_problem_beside_others():
     (problem,) = problems_of(TILTED, ["variables.d=true"])
     assert (problem.file, problem.key) == ("--set", "variables.d")
     (problem,) = problems_of(TILTED, ["variables=3"])
     assert problem.key == "variables"
     assert "must be a table" in problem.message
-
-
-def test_other_problems_are_told_at_once():
     problems = problems_of(
         changed(TILTED, ("d = 1e-3", 'd = "= 1e-3 +"'), ("density = 2500", "densty = 2500"))
     )
@@ -304,14 +301,11 @@ def test_a_variable_from_the_command_line_that_nothing_refers_to_is_refused(over
     assert remedy in problem.remedy
 
 
-def test_a_resolved_scenario_does_not_depend_on_its_variables():
+def test_chains_of_variables_may_be_long_and_are_resolved():
     resolved = parsed(TILTED).resolved_toml()
     (problem,) = problems_of(resolved, ["variables.angle=30"])
     assert "no variable" in problem.remedy
     assert problems_of(changed(resolved, ("angle = 24.0", "angle = 30.0"))) == []
-
-
-def test_long_chains_of_variables_are_evaluated():
     count = MAX_EXPRESSIONS - 1
     chain = "".join(f'a{k} = "= a{k + 1} + 1"\n' for k in range(count)) + f"a{count} = 0\n"
     text = with_variables(("count = 100", 'count = "= a0"'), variables=f"[variables]\n{chain}")

@@ -242,7 +242,7 @@ def test_walls_need_no_emissivity_unless_neighbors_radiate():
     ('conduction = "none"', True),
 ])  # fmt: skip
 def test_contacts_are_known_only_after_a_step(line, is_known):
-    fall = '[[loading]]\nname = "fall"\nduration = 1.0\nheat = false\n\n'
+    fall = '[[loading]]\nname = "fall"\nduration = 1.0\nheat = false\n'
     text = changed(heat(line), (fall, ""))
     if is_known:
         assert problems_of(text) == []

@@ -125,13 +125,10 @@ def test_an_unreadable_file_is_refused(write, monkeypatch):
         load_scenario(path)
 
 
-def test_an_empty_file_lacks_all_tables():
+def test_tables_that_lack():
     assert [problem.key for problem in problems_of("")] == [
         "scenario", "domain", "materials", "particles", "loading", "output",
     ]  # fmt: skip
-
-
-def test_a_scenario_without_a_table_solver_has_its_defaults():
     without = parse_scenario(changed(SHEAR, ("[solver]\ndt = 2e-4\n", "")), "shear.toml")
     assert without.solver == parse_scenario(changed(SHEAR, ("dt = 2e-4", "")), "shear.toml").solver
     assert without.solver.dt == "auto"

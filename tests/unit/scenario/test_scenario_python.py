@@ -60,16 +60,13 @@ def test_a_changed_copy_is_what_the_command_line_makes(path):
         )
 
 
-def test_expressions_follow_the_variables():
+def test_expressions_follow_the_variables_and_a_drawn_seed_stays():
     chute = load_scenario(ROOT / "configs" / "chute.toml")
     steeper = chute.with_({"variables.angle": 26})
     assert steeper.domain.gravity == pytest.approx(
         (9.81 * np.sin(np.radians(26)), -9.81 * np.cos(np.radians(26)))
     )
     assert steeper.with_({"variables.angle": chute.variables["angle"]}) == chute
-
-
-def test_a_drawn_seed_stays():
     drawn = parse_scenario(SMALL.replace("seed = 3", 'seed = "random"'), "small.toml")
     assert drawn.with_({"solver.dt": 1e-4}).seed == drawn.seed
 

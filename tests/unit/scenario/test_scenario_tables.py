@@ -26,16 +26,13 @@ def test_a_sieve_curve_from_a_file_is_the_table_with_its_numbers(tmp_path):
         "# by laser\nDiameter, note, passing\n0.0008,a,0\n\n0.001,b,0.25\n0.0012,c,1\n"
     )
     read = load(tmp_path, (sizes_line(), 'sizes = { kind = "table", file = "sieve.csv" }'))
-    given = load(
-        tmp_path,
+    given = load(tmp_path, (
+        sizes_line(),
         (
-            sizes_line(),
-            (
-                'sizes = { kind = "table", radii = [0.4e-3, 0.5e-3, 0.6e-3], passing = [0.0, '
-                "0.25, 1.0] }"
-            ),
+            'sizes = { kind = "table", radii = [0.4e-3, 0.5e-3, 0.6e-3], passing = [0.0, '
+            "0.25, 1.0] }"
         ),
-    )
+    ))  # fmt: skip
     assert read == given
     assert read.particles[0].sizes.by == "mass"
     (tmp_path / "resolved.toml").write_text(read.resolved_toml())

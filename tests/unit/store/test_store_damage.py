@@ -21,18 +21,8 @@ from store_support import (
     set_text,
 )
 
+from multicor_cli import store
 from multicor_cli.model import State
-from multicor_cli.store import (
-    DamagedRun,
-    DirectoryRefused,
-    RunDirectory,
-    StoreError,
-    UnsupportedVersion,
-    open_run,
-    run_info,
-    schema,
-    verify,
-)
 from multicor_cli.store.documents import (
     document_line,
     parse_document,
@@ -50,14 +40,14 @@ MANIFEST, NEWEST, LAST = (
 def test_a_file_of_another_kind_is_no_run_and_results_by_another_name_are(copy, tmp_path):
     other = tmp_path / "shear.toml"
     other.write_text("[scenario]\n")
-    with pytest.raises(DirectoryRefused, match="is no run; give the run directory, or its"):
-        open_run(other)
+    with pytest.raises(store.DirectoryRefused, match="is no run; give the run directory, or its"):
+        store.open_run(other)
     renamed = Path(shutil.copy(copy / "results.h5", tmp_path / "kept"))
-    with open_run(renamed) as run:
+    with store.open_run(renamed) as run:
         assert run.frames.time.size
     renamed.with_suffix(".h5").write_text("no HDF5")
-    with pytest.raises(DamagedRun):
-        open_run(renamed.with_suffix(".h5"))
+    with pytest.raises(store.DamagedRun):
+        store.open_run(renamed.with_suffix(".h5"))
 
 
 def flips(data, seed):
@@ -72,11 +62,11 @@ def flips(data, seed):
 
 def everything(path):
     """All that a reader can get out of a run."""
-    with open_run(path) as run:
+    with store.open_run(path) as run:
         data = {name: run.series[name].tobytes() for name in run.series}
         for frame in run.frames:
-            for spec in schema.select(schema.FRAME_TABLE, run.features):
-                if spec not in schema.OFFSETS:
+            for spec in store.schema.select(store.schema.FRAME_TABLE, run.features):
+                if spec not in store.schema.OFFSETS:
                     data[f"{frame.index} {spec.path}"] = frame.column(spec.path).tobytes()
         model = run.model
         data["radius"], data["wall"] = (
@@ -90,7 +80,7 @@ def everything(path):
 def everything_or_error(path):
     try:
         return everything(path)
-    except StoreError as error:
+    except store.StoreError as error:
         return error
 
 
@@ -99,10 +89,10 @@ def test_flipped_bits_in_results_are_noticed_or_harmless(copy):
     noticed = 0
     for data in flips(original, 1):
         replace(copy / "results.h5", data)
-        findings = verify(copy)
+        findings = store.verify(copy)
         noticed += bool(findings)
         found = everything_or_error(copy)
-        assert found == expected or (isinstance(found, StoreError) and findings)
+        assert found == expected or (isinstance(found, store.StoreError) and findings)
     assert noticed > FLIPS // 2
 
 
@@ -113,10 +103,10 @@ def test_flipped_bits_in_digested_files_are_always_noticed(open_copy, name):
     expected, original = everything(open_copy), (open_copy / name).read_bytes()
     for data in flips(original, 2)[:6]:
         replace(open_copy / name, data)
-        findings = verify(open_copy)
+        findings = store.verify(open_copy)
         assert any(name.partition(".")[0] in finding.file for finding in findings)
         found = everything_or_error(open_copy)
-        assert found == expected or (isinstance(found, StoreError) and findings)
+        assert found == expected or (isinstance(found, store.StoreError) and findings)
 
 
 @pytest.mark.parametrize(
@@ -126,10 +116,10 @@ def test_shortened_files_are_noticed(copy, name):
     original = (copy / name).read_bytes()
     for length in [0, 1, len(original) // 3, len(original) - 2]:
         replace(copy / name, original[:length])
-        assert [finding.severity for finding in verify(copy)] == ["error"]
+        assert [finding.severity for finding in store.verify(copy)] == ["error"]
         if name in ("results.h5", "run.json"):
-            with pytest.raises(DamagedRun, match=name):
-                open_run(copy)
+            with pytest.raises(store.DamagedRun, match=name):
+                store.open_run(copy)
 
 
 # --- what is done to a run that was interrupted, and what reading, going on and verifying then say
@@ -213,9 +203,9 @@ def test_an_interrupted_run_that_was_damaged(open_copy, unfinished, finished, da
     assert bool(errors) == bool(finding)
     found = everything_or_error(open_copy)
     assert re.search(reading, str(found)) if reading else found == everything(unfinished)
-    with RunDirectory.resume(open_copy) as run:
+    with store.RunDirectory.resume(open_copy) as run:
         if isinstance(going_on, str):
-            kind = UnsupportedVersion if "version" in damage else DamagedRun
+            kind = store.UnsupportedVersion if "version" in damage else store.DamagedRun
             with pytest.raises(kind, match=going_on):
                 run.load_checkpoint()
             # Nothing is begun again
@@ -228,8 +218,10 @@ def test_an_interrupted_run_that_was_damaged(open_copy, unfinished, finished, da
             True
         ] * is_said
     continue_run(open_copy)
-    assert verify(open_copy) == [] or [found.severity for found in verify(open_copy)] == ["warning"]
-    assert run_info(open_copy)["data_digest"] == run_info(finished)["data_digest"]
+    assert store.verify(open_copy) == [] or [
+        found.severity for found in store.verify(open_copy)
+    ] == ["warning"]
+    assert store.run_info(open_copy)["data_digest"] == store.run_info(finished)["data_digest"]
 
 
 # --- what ``run.json`` may not say
@@ -280,16 +272,12 @@ DOCUMENTS = {
     "run_id": (value(run_id=3), "run_id is 3"),
     "provenance": (value(provenance={}), r"provenance\.seed"),
     "timings": (value(timings={"solve": "long"}), r"timings\.solve is long"),
-    "reason of an end": (
-        value(stage_ends=[END | {"reason": "bored"}]),
-        r"stage_ends\.0\.reason is bored",
-    ),
+    "reason of an end": (value(stage_ends=[END | {"reason": "bored"}]),
+        r"stage_ends\.0\.reason is bored"),
     "step of an end": (value(stage_ends=[END | {"step": True}]), r"stage_ends\.0\.step is True"),
     "origin": (value(origin={"run": "elsewhere"}), r"origin\.run_id"),
-    "steering": (
-        value(steering={"by": "me", "every": 1, "decisions": [{}], "notes": {}}),
-        r"steering\.decisions\.0\.stage",
-    ),
+    "steering": (value(steering={"by": "me", "every": 1, "decisions": [{}], "notes": {}}),
+        r"steering\.decisions\.0\.stage"),
     "extensions": (value(extensions=[{}]), r"extensions\.0\.started"),
     "books": (changed_summary(books={}), "summary"),
     "solver": (changed_summary(solver={"unconverged_steps": 0}), r"summary\.solver"),
@@ -299,7 +287,7 @@ DOCUMENTS = {
         for number in (None, 10**320, "many", [1])
         if name != "max_overlap" or number in (10**320, [1])
     },
-}
+}  # fmt: skip
 """What is done to ``run.json``, and what is then said of it by whatever reads it."""
 
 
@@ -307,19 +295,19 @@ DOCUMENTS = {
 def test_run_json_that_no_run_writes(copy, change):
     act, named = DOCUMENTS[change]
     act(copy / "run.json")
-    for action in (open_run, run_info, RunDirectory.resume, continue_run):
-        with pytest.raises(DamagedRun, match=named) as caught:
+    for action in (store.open_run, store.run_info, store.RunDirectory.resume, continue_run):
+        with pytest.raises(store.DamagedRun, match=named) as caught:
             action(copy)
         assert caught.value.exit_code == 7
         assert "run.json" in str(caught.value)
-    assert len(verify(copy)) == 1
+    assert len(store.verify(copy)) == 1
 
 
 def test_results_of_another_version_are_refused_by_name(copy):
     with h5py.File(copy / "results.h5", "r+") as file:
         file.attrs["format_version"] = np.array([2, 0])
-    with pytest.raises(UnsupportedVersion, match=r"format version 2\.0"):
-        open_run(copy / "results.h5")
+    with pytest.raises(store.UnsupportedVersion, match=r"format version 2\.0"):
+        store.open_run(copy / "results.h5")
 
 
 def test_unknown_datasets_of_a_newer_minor_version_are_ignored(copy, finished):
@@ -334,13 +322,13 @@ def test_unknown_datasets_of_a_newer_minor_version_are_ignored(copy, finished):
 
 def test_missing_run_json_is_noticed_unless_results_lie_alone(copy):
     (copy / "run.json").unlink()
-    assert [finding.file for finding in verify(copy) if finding.severity == "error"] == [
+    assert [finding.file for finding in store.verify(copy) if finding.severity == "error"] == [
         str(copy / "run.json")
     ]
     for path in copy.iterdir():
         if path.name != "results.h5":
             shutil.rmtree(path) if path.is_dir() else path.unlink()
-    assert verify(copy) == []
+    assert store.verify(copy) == []
 
 
 @pytest.fixture(scope="module")
@@ -366,13 +354,13 @@ def test_changed_text_of_results_that_lie_alone_is_noticed(talkative, tmp_path, 
     assert data.count(text) == 1
     data[data.index(text) + len(text) // 2] ^= 1
     (tmp_path / "results.h5").write_bytes(data)
-    assert [finding.severity for finding in verify(tmp_path / "results.h5")] == ["error"]
-    with pytest.raises(DamagedRun, match="attribute"):
-        run_info(tmp_path / "results.h5")
+    assert [finding.severity for finding in store.verify(tmp_path / "results.h5")] == ["error"]
+    with pytest.raises(store.DamagedRun, match="attribute"):
+        store.run_info(tmp_path / "results.h5")
 
 
 def test_every_field_of_the_state_is_in_a_checkpoint(open_copy):
-    with RunDirectory.resume(open_copy) as run:
+    with store.RunDirectory.resume(open_copy) as run:
         found = run.load_checkpoint()
     digest = found.state.digest()
     for name, value in found.state.as_dict().items():
@@ -389,7 +377,7 @@ def test_damaged_segment_is_not_merged(tmp_path):
         segments = sorted((path / "segments").glob("*.h5"))
         (path / "segments" / "x").write_bytes(segments[0].read_bytes())
         replace(segments[0], segments[1].read_bytes())  # whole, of this run, but in the wrong place
-        with pytest.raises(DamagedRun, match=r"000000\.h5: damaged .*MANIFEST"):
+        with pytest.raises(store.DamagedRun, match=r"000000\.h5: damaged .*MANIFEST"):
             run.finish("finished")
         assert run.status == "running"
     assert not (path / "results.h5").exists()

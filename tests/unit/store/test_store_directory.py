@@ -25,19 +25,7 @@ from store_support import (
     start,
 )
 
-from multicor_cli.store import (
-    DamagedRun,
-    DirectoryRefused,
-    RunDirectory,
-    RunLocked,
-    Snapshot,
-    StorageError,
-    StorageFull,
-    collect_provenance,
-    open_run,
-    run_info,
-    verify,
-)
+from multicor_cli import store
 from multicor_cli.store.atomic import append_line
 from multicor_cli.store.checkpoint import prune
 from multicor_cli.store.lock import is_alive
@@ -59,50 +47,51 @@ def test_new_directory_has_the_scenario_byte_by_byte(tmp_path, is_there):
     path = tmp_path / "with spaces" / "and ünïcode" / "run"
     if is_there:
         path.mkdir(parents=True)
-    assert not RunDirectory.is_run(path)
+    assert not store.RunDirectory.is_run(path)
     with make_run(path) as run:
         assert run.status == "running"
         assert run.stages == ("load", "shear")
         assert run.provenance == PROVENANCE
         assert (run.source_text, run.resolved_text) == (SOURCE, RESOLVED)
     assert (path / "scenario.toml").read_bytes() == SOURCE.encode()
-    assert RunDirectory.is_run(path)
+    assert store.RunDirectory.is_run(path)
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
 def test_directory_that_is_no_run_is_refused_and_untouched(tmp_path, overwrite):
     (tmp_path / "scenario.toml").write_text("mine")
-    with pytest.raises(DirectoryRefused, match="not a run directory"):
+    with pytest.raises(store.DirectoryRefused, match="not a run directory"):
         make_run(tmp_path, overwrite=overwrite)
     assert listing(tmp_path) == {"scenario.toml": b"mine"}
-    with pytest.raises(DirectoryRefused, match="not a directory"):
+    with pytest.raises(store.DirectoryRefused, match="not a directory"):
         make_run(tmp_path / "scenario.toml", overwrite=overwrite)
-    with pytest.raises(DirectoryRefused, match="holds no run"):
-        RunDirectory.resume(tmp_path)
-    with pytest.raises(DirectoryRefused, match="holds no run"):
-        open_run(tmp_path)
+    with pytest.raises(store.DirectoryRefused, match="holds no run"):
+        store.RunDirectory.resume(tmp_path)
+    with pytest.raises(store.DirectoryRefused, match="holds no run"):
+        store.open_run(tmp_path)
 
 
 def test_runs_inside_a_directory_are_named(tmp_path):
     for name in ("a", "b"):
         make_run(tmp_path / name)
     with pytest.raises(
-        DirectoryRefused, match=r"holds no run; name one of those in it: .*/a, .*/b$"
+        store.DirectoryRefused, match=r"holds no run; name one of those in it: .*/a, .*/b$"
     ):
-        open_run(tmp_path)
+        store.open_run(tmp_path)
 
 
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc")
 def test_a_place_where_no_directory_can_be_made_is_refused_at_once():
     with pytest.raises(
-        DirectoryRefused, match="no directory can be made in /proc; choose another place with -o"
+        store.DirectoryRefused,
+        match="no directory can be made in /proc; choose another place with -o",
     ):
         check_usable(Path("/proc/run"), overwrite=False)
 
 
 def test_existing_run_is_refused_unless_overwritten(copy):
     before = listing(copy)
-    with pytest.raises(DirectoryRefused, match="--overwrite"):
+    with pytest.raises(store.DirectoryRefused, match="--overwrite"):
         make_run(copy)
     assert listing(copy) == before
     with make_run(copy, overwrite=True) as run:
@@ -110,7 +99,7 @@ def test_existing_run_is_refused_unless_overwritten(copy):
         files = ["lock", "run.json", "scenario.resolved.toml", "scenario.toml"]
         assert sorted(listing(copy)) == files
     run_whole(copy, overwrite=True)
-    assert verify(copy) == []
+    assert store.verify(copy) == []
 
 
 @pytest.mark.parametrize(
@@ -127,7 +116,7 @@ def test_overwriting_never_removes_foreign_files(tmp_path, name):
     else:
         (path / name).write_text("mine")
     before = listing(path)
-    with pytest.raises(DirectoryRefused, match=name.rstrip("/")):
+    with pytest.raises(store.DirectoryRefused, match=name.rstrip("/")):
         make_run(path, overwrite=True)
     assert listing(path) == before
 
@@ -138,25 +127,25 @@ def test_overwriting_does_not_follow_links(tmp_path):
     make_run(tmp_path / "run").close()
     (tmp_path / "run" / "segments").rmdir()
     (tmp_path / "run" / "segments").symlink_to(tmp_path / "precious")
-    with pytest.raises(DirectoryRefused, match="segments"):
+    with pytest.raises(store.DirectoryRefused, match="segments"):
         make_run(tmp_path / "run", overwrite=True)
     assert (tmp_path / "precious" / "000000.h5").read_text() == "mine"
 
 
 def test_damaged_run_can_be_overwritten(copy):
     (copy / "run.json").write_text("nonsense")
-    with pytest.raises(DirectoryRefused):
+    with pytest.raises(store.DirectoryRefused):
         make_run(copy)
     make_run(copy, overwrite=True).close()
-    assert RunDirectory.is_run(copy)
+    assert store.RunDirectory.is_run(copy)
 
 
 def test_changed_scenario_and_another_model_are_noticed(open_copy):
     (open_copy / "scenario.resolved.toml").write_text(RESOLVED + "# edited\n")
-    with RunDirectory.resume(open_copy) as run:
-        with pytest.raises(DamagedRun, match="was changed"):
+    with store.RunDirectory.resume(open_copy) as run:
+        with pytest.raises(store.DamagedRun, match="was changed"):
             run.resolved_text  # noqa: B018
-        with pytest.raises(DamagedRun, match="another model"):
+        with pytest.raises(store.DamagedRun, match="another model"):
             run.writer(make_model(4))
 
 
@@ -165,16 +154,16 @@ def test_stopped_and_failed_runs_can_be_continued(tmp_path, finished):
     with make_run(path) as run:
         drive(run, model, steps=12, checkpoint_every=5, finish=False)
         run.finish("stopped", stop_reason="Ctrl-C", exit_code=130, timings={"solve": 1.5})
-    info = run_info(path)
+    info = store.run_info(path)
     said = [info[name] for name in ("status", "stop_reason", "exit_code", "timings")]
     assert said == ["stopped", "Ctrl-C", 130, {"solve": 1.5}]
-    with RunDirectory.resume(path) as run:
+    with store.RunDirectory.resume(path) as run:
         assert run.status == "running"
         state = drive(run, model, steps=18, checkpoint_every=5, finish=False)
         state.step += 2
-        run._writer.frame(Snapshot(state, run._writer.model))
+        run._writer.frame(store.Snapshot(state, run._writer.model))
         run.finish("failed", stop_reason="step 19: grain 3 is not finite", exit_code=4)
-    with open_run(path) as reader:
+    with store.open_run(path) as reader:
         assert reader.status == "failed"
         # The last one is there to look at, and will be computed again
         assert reader.frames.step.tolist() == [0, 5, 10, 15, 20]
@@ -185,7 +174,7 @@ def test_stopped_and_failed_runs_can_be_continued(tmp_path, finished):
 
 def test_finished_run_is_left_alone(copy):
     before = listing(copy)
-    with RunDirectory.resume(copy) as run:
+    with store.RunDirectory.resume(copy) as run:
         assert run.is_finished
         assert run.consolidate() == copy / "results.h5"
     assert listing(copy) == before
@@ -198,20 +187,20 @@ def test_committed_files_are_read_only(unfinished):
     assert not any(file.stat().st_mode & 0o222 for file in files)
 
 
-@pytest.mark.parametrize("name", ["mine.txt", "000000.h5.bak", "mine.tmp", "sub"])
 @pytest.mark.parametrize("is_finished", [False, True])
-def test_files_of_others_beside_the_segments_stay(tmp_path, name, is_finished):
-    path = tmp_path / "run"
+def test_files_of_others_beside_the_segments_stay(tmp_path, is_finished):
+    path, names = tmp_path / "run", ("mine.txt", "000000.h5.bak", "mine.tmp", "sub")
     run_whole(path, make_model(), steps=20, checkpoint_every=15, finish=is_finished)
     (path / "segments").mkdir(exist_ok=True)
-    for mine in (path / "segments" / name, path / "checkpoints" / name, path / "mine.tmp"):
-        mine.mkdir() if name == "sub" and mine.name == "sub" else mine.write_text("precious")
+    places = [path / folder / name for folder in ("segments", "checkpoints") for name in names]
+    for mine in (*places, path / "mine.tmp"):
+        mine.mkdir() if mine.name == "sub" else mine.write_text("precious")
     continue_run(path)
-    assert run_info(path)["status"] == "finished"
-    assert [entry.name for entry in (path / "segments").iterdir()] == [name]
-    assert (path / "checkpoints" / name).exists()
+    assert store.run_info(path)["status"] == "finished"
+    assert sorted(entry.name for entry in (path / "segments").iterdir()) == sorted(names)
+    assert all(mine.exists() for mine in places)
     assert (path / "mine.tmp").read_text() == "precious"
-    assert ["stays" in finding.message for finding in verify(path)] == [True]
+    assert {"stays" in finding.message for finding in store.verify(path)} == {True}
 
 
 def test_links_in_place_of_directories_are_not_followed_to_remove_anything(tmp_path):
@@ -224,7 +213,7 @@ def test_links_in_place_of_directories_are_not_followed_to_remove_anything(tmp_p
     before = {entry.name for entry in elsewhere.iterdir()}
     for _ in range(2):
         continue_run(path)
-        assert run_info(path)["status"] == "finished"
+        assert store.run_info(path)["status"] == "finished"
         assert {entry.name for entry in elsewhere.iterdir()} >= before
     assert not (path / "model.h5").exists()
 
@@ -239,7 +228,7 @@ def test_progress_never_fails(tmp_path):
 
 
 def test_provenance_names_versions_and_machine():
-    found = collect_provenance(
+    found = store.collect_provenance(
         ["multicor", "run", "a b.toml"], seed=3, threads=2, threading_layer="omp"
     )
     assert found["command"] == "multicor run 'a b.toml'"
@@ -256,16 +245,16 @@ def test_second_run_is_refused_and_changes_nothing(tmp_path):
     with make_run(tmp_path / "run"):
         before = listing(tmp_path / "run")
         for attempt in (
-            lambda: RunDirectory.resume(tmp_path / "run"),
+            lambda: store.RunDirectory.resume(tmp_path / "run"),
             lambda: make_run(tmp_path / "run", overwrite=True),
         ):
-            with pytest.raises(RunLocked, match=f"process {os.getpid()} on ") as caught:
+            with pytest.raises(store.RunLocked, match=f"process {os.getpid()} on ") as caught:
                 attempt()
             assert caught.value.pid == os.getpid()
             assert caught.value.host
             assert caught.value.exit_code == 6
         assert listing(tmp_path / "run") == before
-    RunDirectory.resume(tmp_path / "run").close()
+    store.RunDirectory.resume(tmp_path / "run").close()
 
 
 def test_lock_of_another_host_is_respected_unless_forced(tmp_path):
@@ -275,11 +264,11 @@ def test_lock_of_another_host_is_respected_unless_forced(tmp_path):
     (tmp_path / "run" / "lock").write_text(json.dumps(holder))
     assert is_alive(tmp_path / "run" / "lock")
     with pytest.raises(
-        RunLocked, match=r"process 17 on elsewhere; if it is no longer alive, delete .*lock"
+        store.RunLocked, match=r"process 17 on elsewhere; if it is no longer alive, delete .*lock"
     ):
-        RunDirectory.resume(tmp_path / "run")
-    RunDirectory.resume(tmp_path / "run", force_unlock=True).close()
-    RunDirectory.resume(tmp_path / "run").close()
+        store.RunDirectory.resume(tmp_path / "run")
+    store.RunDirectory.resume(tmp_path / "run", force_unlock=True).close()
+    store.RunDirectory.resume(tmp_path / "run").close()
 
 
 # --- no space, no permission
@@ -291,12 +280,12 @@ def test_full_disk_is_noticed_before_a_file_is_begun(tmp_path, monkeypatch):
         writer, state = run.writer(model), start(model)
         run.checkpoint(state, writer)
         state.step += 1
-        writer.frame(Snapshot(state, model))
+        writer.frame(store.Snapshot(state, model))
         monkeypatch.setattr(
             os, "statvfs", lambda _: SimpleNamespace(f_bavail=300, f_frsize=4096, f_blocks=1000)
         )
         before = listing(tmp_path / "run")
-        with pytest.raises(StorageFull, match="no space left") as caught:
+        with pytest.raises(store.StorageFull, match="no space left") as caught:
             run.checkpoint(state, writer)
         assert caught.value.exit_code == 5
         assert caught.value.free == 300 * 4096
@@ -306,16 +295,16 @@ def test_full_disk_is_noticed_before_a_file_is_begun(tmp_path, monkeypatch):
         run.finish("failed", stop_reason=str(caught.value), exit_code=5)
         monkeypatch.undo()
         run.checkpoint(state, writer)  # nothing was lost
-        with open_run(tmp_path / "run") as reader:
+        with store.open_run(tmp_path / "run") as reader:
             assert len(reader.frames) == 1
-    assert verify(tmp_path / "run") == []
+    assert store.verify(tmp_path / "run") == []
 
 
 def test_short_write_of_the_manifest_leaves_no_half_line(tmp_path, monkeypatch):
     append_line(tmp_path / "lines", "test", b"first\n")
     write = os.write
     monkeypatch.setattr(os, "write", lambda descriptor, data: write(descriptor, data[:3]))
-    with pytest.raises(StorageFull):
+    with pytest.raises(store.StorageFull):
         append_line(tmp_path / "lines", "test", b"second\n")
     monkeypatch.undo()
     append_line(tmp_path / "lines", "test", b"third\n")
@@ -326,7 +315,7 @@ def test_short_write_of_the_manifest_leaves_no_half_line(tmp_path, monkeypatch):
 def test_directory_without_permission(tmp_path):
     tmp_path.chmod(0o555)
     try:
-        with pytest.raises(StorageError, match="Permission denied"):
+        with pytest.raises(store.StorageError, match="Permission denied"):
             make_run(tmp_path / "run")
     finally:
         tmp_path.chmod(0o755)
@@ -342,7 +331,7 @@ def test_errors_of_the_system_name_the_file(tmp_path, monkeypatch, name):
             name
         ]
         monkeypatch.setattr(*target, fail)
-        with pytest.raises(StorageError, match=r"model\.h5: Permission denied"):
+        with pytest.raises(store.StorageError, match=r"model\.h5: Permission denied"):
             run.writer(make_model())
         monkeypatch.undo()
         assert list((tmp_path / "run").glob("*.tmp")) == []
@@ -368,22 +357,23 @@ WRITING = {
 @pytest.mark.parametrize("act", list(WRITING.values()), ids=list(WRITING))
 @pytest.mark.parametrize("other", ["run", "folder", "nothing", "copy"])
 def test_nothing_is_changed_in_a_directory_that_has_taken_the_place_of_the_run(
-    tmp_path, act, other
+    tmp_path, finished, act, other
 ):
     path, model = tmp_path / "run", make_model()
     with make_run(path) as run:
         state = drive(run, model, steps=22, checkpoint_every=10, finish=False)
-        run._writer.series_row(Snapshot(dataclasses.replace(state, step=state.step + 1), model))
+        run._writer.series_row(
+            store.Snapshot(dataclasses.replace(state, step=state.step + 1), model)
+        )
         path.rename(tmp_path / "moved")
         if other == "run":
-            run_whole(tmp_path / "other", steps=20)
-            (tmp_path / "other").rename(path)
+            shutil.copytree(finished, path)
         elif other == "copy":
             shutil.copytree(tmp_path / "moved", path)
         elif other == "folder":
             path.mkdir()
             (path / "progress.json").write_text("mine")
         before = listing(path)
-        with contextlib.suppress(RunLocked):
+        with contextlib.suppress(store.RunLocked):
             act(run, dataclasses.replace(state, step=state.step + 1))
         assert listing(path) == before

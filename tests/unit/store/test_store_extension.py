@@ -1,6 +1,8 @@
 """Stages are added to a run: its files are those of a longer run, and nothing of it is lost
 (`test_store_kill` kills the process meanwhile)."""
 
+import shutil
+
 import pytest
 from store_support import (
     LONGER,
@@ -14,14 +16,7 @@ from store_support import (
     run_whole,
 )
 
-from multicor_cli.store import (
-    DamagedRun,
-    DirectoryRefused,
-    RunDirectory,
-    StorageFull,
-    run_info,
-    verify,
-)
+from multicor_cli import store
 from multicor_cli.store import atomic as atomic_module
 from multicor_cli.store import extension as extension_module
 from multicor_cli.store import segments as segments_module
@@ -43,22 +38,22 @@ def model():
 def expected(model, tmp_path_factory):
     """Digest of the run that had all stages from the start."""
     path = tmp_path_factory.mktemp("whole") / "run"
-    with RunDirectory.create(
+    with store.RunDirectory.create(
         path, LONGER.source, LONGER.resolved, PROVENANCE, stages=LONGER.stages
     ) as run:
         drive(run, model, steps=60, checkpoint_every=15)
-    return str(run_info(path)["data_digest"])
+    return str(store.run_info(path)["data_digest"])
 
 
 @pytest.mark.parametrize("finish", [True, False], ids=["finished", "stopped"])
 def test_an_extended_run_is_the_run_that_had_all_stages_from_the_start(
-    tmp_path, model, expected, finish
+    tmp_path, heated, model, expected, finish
 ):
     path = tmp_path / "run"
-    run_whole(path, model, finish=finish)
+    shutil.copytree(heated, path) if finish else run_whole(path, model, finish=False)
     extend_run(path, model)
-    assert verify(path) == []
-    info = run_info(path)
+    assert store.verify(path) == []
+    info = store.run_info(path)
     assert (info["status"], info["data_digest"]) == ("finished", expected)
     (extension,) = info["extensions"]
     assert (extension["stages_before"], extension["stages"], extension["step"]) == (2, 3, 40)
@@ -68,29 +63,28 @@ def test_the_former_scenarios_are_kept(tmp_path):
     path, model = tmp_path / "run", make_model(1)
     run_whole(path, model)
     extend_run(path, model)
-    with RunDirectory.resume(path, extension=LONGEST) as run:
+    with store.RunDirectory.resume(path, extension=LONGEST) as run:
         drive(run, model, steps=70, checkpoint_every=15)
     numbers = (".1", ".2", "")
     ends = [(path / f"scenario{n}.toml").read_text().splitlines()[-1] for n in numbers]
     assert ends == ["name = 'tiny'", "# and on", "# and on and on"]
     texts = [(path / f"scenario.resolved{n}.toml").read_text() for n in numbers]
     assert texts == [RESOLVED, LONGER.resolved, LONGEST.resolved]
-    assert [step["stages"] for step in run_info(path)["extensions"]] == [3, 4]
-    assert verify(path) == []
+    assert [step["stages"] for step in store.run_info(path)["extensions"]] == [3, 4]
+    assert store.verify(path) == []
     run_whole(path, model, overwrite=True)  # all of these are files of the run
-    assert verify(path) == []
+    assert store.verify(path) == []
 
 
-def test_a_long_run_is_copied_in_pieces(tmp_path, model, expected, monkeypatch):
-    path = tmp_path / "run"
-    run_whole(path, model)
+def test_a_long_run_is_copied_in_pieces(tmp_path, heated, model, expected, monkeypatch):
+    path = shutil.copytree(heated, tmp_path / "run")
     monkeypatch.setattr(extension_module, "SERIES_ROWS", 4)
     monkeypatch.setattr(segments_module, "FRAME_LIMIT", 2)
-    with RunDirectory.resume(path, extension=LONGER) as run:
+    with store.RunDirectory.resume(path, extension=LONGER) as run:
         assert len(read_manifest(path / "segments")) > 4
         drive(run, model, steps=60, checkpoint_every=15)
-    assert verify(path) == []
-    assert run_info(path)["data_digest"] == expected
+    assert store.verify(path) == []
+    assert store.run_info(path)["data_digest"] == expected
 
 
 def damage_results(run, _):
@@ -100,7 +94,7 @@ def damage_results(run, _):
 
 def fill_the_disk(run, patch):
     def refuse(path, size):
-        raise StorageFull(path, size, 0)
+        raise store.StorageFull(path, size, 0)
 
     patch.setattr(atomic_module, "require_space", refuse)
 
@@ -110,20 +104,20 @@ def be_in_the_way(run, _):
 
 
 @pytest.mark.parametrize(("obstacle", "error", "named"), [
-    (damage_results, DamagedRun, r"results\.h5"),
-    (fill_the_disk, StorageFull, "no space"),
-    (be_in_the_way, DirectoryRefused, r"scenario\.1\.toml"),
+    (damage_results, store.DamagedRun, r"results\.h5"),
+    (fill_the_disk, store.StorageFull, "no space"),
+    (be_in_the_way, store.DirectoryRefused, r"scenario\.1\.toml"),
 ])  # fmt: skip
 def test_a_run_that_cannot_be_extended_stays_as_it_is(copy, monkeypatch, obstacle, error, named):
     with monkeypatch.context() as patch:
         obstacle(copy, patch)
         before = {name: (copy / name).read_bytes() for name in ("run.json", "results.h5")}
         with pytest.raises(error, match=named):
-            RunDirectory.resume(copy, extension=LONGER)
+            store.RunDirectory.resume(copy, extension=LONGER)
     assert {name: (copy / name).read_bytes() for name in before} == before
-    assert run_info(copy)["status"] == "finished"
+    assert store.run_info(copy)["status"] == "finished"
     if obstacle is be_in_the_way:
         assert (copy / "scenario.1.toml").read_text() == "mine"
     if obstacle is fill_the_disk:
-        RunDirectory.resume(copy).close()
-        assert verify(copy) == []
+        store.RunDirectory.resume(copy).close()
+        assert store.verify(copy) == []

@@ -3,6 +3,7 @@ to one: nothing committed is lost, the end is the same to the bit."""
 
 import dataclasses
 import random
+import shutil
 from functools import partial
 
 import pytest
@@ -17,32 +18,29 @@ from store_support import (
     killed_at,
     make_model,
     make_run,
-    run_whole,
 )
 from trials import thinned
 
 from multicor_cli.store import RunDirectory, Snapshot, open_run, run_info, verify
 from multicor_cli.store.segments import read_manifest
 
-HEATED = make_model(heat=True)
-BEGIN = {
-    "run": lambda path: None,
-    "extension": partial(run_whole, model=HEATED),
-}
-GO_ON = {
-    "run": continue_run,
-    "extension": partial(extend_run, model=HEATED),
-}
-"""What is done, as often as it takes, after what is there at the beginning."""
+GO_ON = {"run": continue_run, "extension": partial(extend_run, model=make_model(heat=True))}
+"""What is done, as often as it takes."""
 
 
 @pytest.fixture(scope="module")
-def expected(tmp_path_factory):
+def begin(heated):
+    """Makes what is there at the beginning: nothing, or a finished run."""
+    return lambda kind, path: kind == "run" or shutil.copytree(heated, path, symlinks=True)
+
+
+@pytest.fixture(scope="module")
+def expected(begin, tmp_path_factory):
     """How each ends that is not killed."""
     ends = {}
     for kind, go_on in GO_ON.items():
         path = tmp_path_factory.mktemp("whole") / "run"
-        BEGIN[kind](path)
+        begin(kind, path)
         go_on(path)
         ends[kind] = outcome(path)
     return ends
@@ -77,10 +75,10 @@ def assert_nothing_lost(path, kind="run"):
     *thinned([f"run {point}" for point in POINTS], 4),
     *thinned([f"extension {point}" for point in EXTENSION_POINTS], 5),
 ])  # fmt: skip
-def test_killed_once(tmp_path, expected, where):
+def test_killed_once(tmp_path, begin, expected, where):
     kind, point = where.split()
     path = tmp_path / "run"
-    BEGIN[kind](path)
+    begin(kind, path)
     assert killed_at(path, point, GO_ON[kind]), f"the run never came to {point}"
     assert_nothing_lost(path, kind)
     GO_ON[kind](path)
@@ -108,9 +106,9 @@ def test_killed_again_and_again(tmp_path, expected, seed):
     # Checkpoints are pruned each time: the run must not lose the last that it can use
     ("extension", ("checkpointjson.after_rename", "extension.before", "scenario.after_rename:3")),
 ])  # fmt: skip
-def test_killed_at_one_point_after_the_other(tmp_path, expected, kind, points):
+def test_killed_at_one_point_after_the_other(tmp_path, begin, expected, kind, points):
     path = tmp_path / "run"
-    BEGIN[kind](path)
+    begin(kind, path)
     for point in points:
         assert killed_at(path, point, GO_ON[kind])
         assert_nothing_lost(path, kind)

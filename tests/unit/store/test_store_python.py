@@ -124,14 +124,11 @@ def test_without_pandas_a_message_says_what_to_install(small, monkeypatch):
             what.to_pandas()
 
 
-def test_a_notebook_shows_a_map(warm, small):
+def test_a_notebook_shows_a_map_where_it_can_be_drawn(warm, small, monkeypatch):
     image = pytest.importorskip("matplotlib.image")
     for shown in (warm, warm.frames[0], small):
         drawn = picture(shown)
         pixels = image.imread(io.BytesIO(drawn), format="png")
         assert len(np.unique(pixels.reshape(-1, pixels.shape[2]), axis=0)) > 20
-
-
-def test_without_matplotlib_there_is_no_map(small, monkeypatch):
     monkeypatch.setattr("multicor_cli.plots.grain_map.find_spec", lambda name: None)
     assert picture(small) is None

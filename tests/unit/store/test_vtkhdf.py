@@ -186,14 +186,11 @@ def test_contacts_with_walls_and_across_the_period_end_in_a_point_of_their_own(t
     assert np.isnan(array(step.GetPointData(), "spin")[5:]).all()
 
 
-def test_the_view_holds_links_not_copies(heated):
+def test_the_view_holds_links_not_copies_and_follows_its_directory(heated, copy, tmp_path):
     with h5py.File(heated / "results.h5") as file:
         assert file["VTKHDF/Steps/Values"] == file["steps/time"]
         for name in ("Points", "PointData/temperature", "CellData/normal_impulse"):
             assert file[f"VTKHDF/{name}"].is_virtual
-
-
-def test_the_second_name_follows_when_the_directory_is_moved(copy, tmp_path):
     shutil.move(copy, tmp_path / "elsewhere")
     assert check_run(tmp_path / "elsewhere") == 9
 

@@ -54,13 +54,10 @@ def test_series_by_all_other_keys_and_ascending():
     assert np.isnan(panel.series[0].x_error).all()
 
 
-def test_panels():
+def test_panels_and_some_values_of_a_key():
     panels = make_panels(table(*grid()), PlotRequest("mu", "speed", facet="friction"))
     assert [panel.title for panel in panels] == ["friction = 0.2", "friction = 0.4"]
     assert [[line.label for line in panel.series] for panel in panels] == [[""], [""]]
-
-
-def test_only_some_values():
     (panel,) = make_panels(table(*grid()), PlotRequest("mu", "speed", where=(("friction", "0.4"),)))
     assert [line.label for line in panel.series] == [""]
     with pytest.raises(PlotError, match=r"has no value 0.3; it has 0.2, 0.4"):
@@ -122,7 +119,7 @@ def test_figures_are_drawn(tmp_path):
     assert letters.count("friction = ") == 2
 
 
-def test_fits_find_the_curves_that_made_the_points():
+def test_curves_are_found_and_told():
     x = np.geomspace(0.003, 0.3, 12)
     for kind, y in (
         ("line", 1.0 + 2.0 * x), ("power", 3.0 * x**0.4), ("mu-of-I", 0.25 + 0.5 / (1.0 + 0.2 / x)),
@@ -131,9 +128,6 @@ def test_fits_find_the_curves_that_made_the_points():
         assert found.value(x) == pytest.approx(y, rel=1e-6), kind
     with pytest.raises(PlotError, match="needs 4 points"):
         fit("mu-of-I", Series("", x[:3], x[:3], x[:3], x[:3]))
-
-
-def test_formulas():
     law = formula("da Cruz 2005, μ = 0.4: 0.25 + 1.1*x")
     assert law.text == "da Cruz 2005, μ = 0.4"
     assert law.value(np.array([0.0, 0.1])) == pytest.approx([0.25, 0.36])

@@ -26,12 +26,9 @@ def task(folder, name="run"):
     if not (folder / "small.toml").exists():  # a process that has been started may be reading it
         (folder / "small.toml").write_text(SMALL)
     given = {
-        "scenario": str(folder / "small.toml"),
-        "overrides": [],
-        "directory": str(folder / name),
-        "threads": 1,
-        "turn": "test",
-    }
+        "scenario": str(folder / "small.toml"), "overrides": [], "directory": str(folder / name),
+        "threads": 1, "turn": "test",
+    }  # fmt: skip
     return json.dumps(given).encode() + b"\n"
 
 
@@ -39,14 +36,6 @@ def said(process):
     """All that it says until it ends."""
     with process.stream.makefile("rb") as stream:
         return stream.read()
-
-
-def test_a_case(server, tmp_path):
-    process = server.start()
-    process.stream.sendall(task(tmp_path))
-    assert json.loads(said(process))["status"] == "finished"
-    assert process.wait() == 0
-    assert json.loads((tmp_path / "run" / "run.json").read_text())["status"] == "finished"
 
 
 def test_several_at_a_time_each_with_streams_of_its_own(server, tmp_path):

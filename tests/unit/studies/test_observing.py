@@ -78,16 +78,13 @@ def test_profile(run):
         taken(run, at=1.0, **keys)
 
 
-def test_map(run):
+def test_maps_and_forces(run):
     keys = {"post": "map", "value": "coordination"}
     with multicor.open_run(run) as opened:
         values = grain_map(opened, "coordination").value
     assert taken(run, **keys)[0] == values.mean()
     assert taken(run, statistic="max", **keys)[0] == values.max()
     assert math.isnan(taken(run, **keys)[1])
-
-
-def test_forces(run):
     network, angles = printed(run, "forces"), printed(run, "forces", "--angles")
     for name in SOURCES["forces"].names:
         expected = network[name] if name in network else angles[name]

@@ -37,25 +37,27 @@ def problems(call):
     return [str(problem) for problem in caught.value.problems]
 
 
-def test_without_anything_varied_there_is_one_case(read):
+def test_without_quotes_or_variation(read):
     (case,) = expand(read(""))
     assert case == Case("only", {})
-
-
-def test_all_combinations_the_last_key_fastest(read):
-    study = read(f'[vary]\n"{FRICTION}" = [0.2, 0.4]\n"{RESTITUTION}" = [0.0, 0.5, 0.9]\n')
-    assert values(study) == [(f, e) for f in (0.2, 0.4) for e in (0.0, 0.5, 0.9)]
-    assert expand(study)[1].name == "friction=0.2_restitution=0.5"
-    assert expand(study)[1].overrides == [f"{FRICTION}=0.2", f"{RESTITUTION}=0.5"]
-
-
-def test_keys_without_quotes_are_the_same(read):
     text = (
         f"[vary]\n{FRICTION} = [0.2, 0.4]\n{RESTITUTION} = {{ from = 0.0, to = 1.0, count = 3 }}\n"
     )
     assert expand(read(text)) == expand(
         read(text.replace(FRICTION, f'"{FRICTION}"').replace(RESTITUTION, f'"{RESTITUTION}"'))
     )
+
+
+def test_all_combinations_are_counted_and_looked_at(read):
+    study = read(f'[vary]\n"{FRICTION}" = [0.2, 0.4]\n"{RESTITUTION}" = [0.0, 0.5, 0.9]\n')
+    assert values(study) == [(f, e) for f in (0.2, 0.4) for e in (0.0, 0.5, 0.9)]
+    assert expand(study)[1].name == "friction=0.2_restitution=0.5"
+    assert expand(study)[1].overrides == [f"{FRICTION}=0.2", f"{RESTITUTION}=0.5"]
+    text = "".join(
+        f'"loading.{k}.duration" = {{ from = 1, to = 2, count = 1000 }}\n' for k in range(3)
+    )
+    (problem,) = problems(lambda: expand(read("[vary]\n" + text)))
+    assert "1e+09 combinations" in problem
 
 
 def test_ranges(read):
@@ -115,13 +117,10 @@ def test_points_of_a_box(kind, read):
         assert strata == list(range(16))
 
 
-def test_seeds_come_last_and_start_at_that_of_the_scenario(read):
+def test_seeds_come_last_and_what_is_set_is_in_all_cases(read):
     study = read(f'seeds = 2\n[vary]\n"{FRICTION}" = [0.2, 0.4]\n')
     assert values(study) == [(0.2, 3), (0.2, 4), (0.4, 3), (0.4, 4)]
     assert values(read("seeds = [7, 11]\n")) == [(7,), (11,)]
-
-
-def test_what_is_set_is_in_all_cases_and_no_name(read):
     study = read(f'[set]\nsolver.dt = 1e-4\n[vary]\n"{FRICTION}" = [0.2]\n')
     (case,) = expand(study)
     assert case.name == "friction=0.2"
@@ -180,14 +179,6 @@ def test_bad_files_are_refused_at_the_line(text, line, what, read):
     found = problems(lambda: read(text))
     assert any(what in problem for problem in found), found
     assert any(f"s.toml:{line}:" in problem for problem in found), found
-
-
-def test_too_many_cases_are_counted_not_made(read):
-    text = "".join(
-        f'"loading.{k}.duration" = {{ from = 1, to = 2, count = 1000 }}\n' for k in range(3)
-    )
-    (problem,) = problems(lambda: expand(read("[vary]\n" + text)))
-    assert "1e+09 combinations" in problem
 
 
 def test_every_case_is_looked_at(read):

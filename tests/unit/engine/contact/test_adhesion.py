@@ -358,16 +358,3 @@ def test_work_of_adhesion_is_in_the_books_of_a_flow(kind):
     assert (forces[table.gap > 1e-3] < 0.0).any()
     assert book(state, "closure") < 1e-12
     assert tally(state, "unconverged_steps") == 0
-
-
-def test_threads_do_not_change_bits():
-    found = []
-    for threads in (1, 2):
-        engine = shear_engine(
-            columns=80, rows=60, adhesion=1.0, reach=0.05, wet=True, threads=threads
-        )
-        engine._layout.threading.choose = lambda count, threads=threads: threads > 1
-        advance(engine, 0.02, 15)
-        assert engine.state.bridge_i.size > 20
-        found.append(engine.state.digest())
-    assert found[0] == found[1]

@@ -8,21 +8,13 @@ import pytest
 from places import DATA
 from scene_parts import advance, shear_engine
 
-from multicor_cli.engine.contact import patches, solve
+from multicor_cli.engine.contact import patches, solve, sweep
 from multicor_cli.engine.contact.acceleration import NEVER, iterate, start_loop, start_momentum
 from multicor_cli.engine.contact.law import solve_full
 from multicor_cli.engine.contact.patches import choose_patch, solve_complementarity, solve_patch
 from multicor_cli.engine.contact.problem import ContactProblem, _general_system
 from multicor_cli.engine.contact.residual import measure_residual
 from multicor_cli.engine.contact.solve import ResidualScale, ThreadChoice, solve_system
-from multicor_cli.engine.contact.sweep import (
-    EXACT,
-    NO_COUPLES,
-    System,
-    add_impulses,
-    push_general,
-    push_lane,
-)
 from multicor_cli.engine.contact.vector_sweep import TANGENTIAL_, impulse_place
 from multicor_cli.engine.jit.chunks import aligned
 from multicor_cli.engine.jit.compile import kernel
@@ -62,13 +54,7 @@ def test_complementarity_with_a_positive_matrix_has_its_one_solution(seed):
 def test_complementarity_without_solution_is_told():
     assert solved([[-1.0]], [-1.0]) is None  # w = −1 − z
     assert solved([[0.0]], [-1.0]) is None
-
-
-def test_nothing_to_do_is_a_solution():
     assert solved([[1.0]], [2.0]).tolist() == [0.0]
-
-
-def test_complementarity_stops_at_its_cap():
     random = np.random.default_rng(1)
     root = random.normal(size=(8, 8))
     assert not solve_complementarity(root @ root.T, -np.ones(8), 1, np.empty(8))
@@ -159,9 +145,13 @@ def test_a_patch_keeps_velocities_and_impulses_together():
     """What the impulses have pushed is what the velocities have gained."""
     system = layer(30)
     free = system._replace(velocity=system.velocity.copy())
-    add_impulses(free._replace(impulse=-system.impulse, general_impulse=-system.general_impulse))
+    sweep.add_impulses(
+        free._replace(impulse=-system.impulse, general_impulse=-system.general_impulse)
+    )
     assert solve_patch(system, choose_patch(system, 60))
-    add_impulses(free._replace(impulse=system.impulse, general_impulse=system.general_impulse))
+    sweep.add_impulses(
+        free._replace(impulse=system.impulse, general_impulse=system.general_impulse)
+    )
     assert free.velocity == pytest.approx(
         system.velocity, rel=1e-9, abs=1e-9 * abs(system.velocity).max()
     )
@@ -174,7 +164,7 @@ def test_held_contacts_stay_as_they_are():
     mass = patches.hold(system, chosen)
     loop, momentum = start_loop(system.contacts), start_momentum(system)
     iterate(
-        system, momentum, EXACT, True, False, 10, False, NEVER, loop,
+        system, momentum, sweep.EXACT, True, False, 10, False, NEVER, loop,
         np.empty(system.tile_start.size - 1),
     )  # fmt: skip
     changed = np.flatnonzero((system.impulse != kept).any(axis=1).reshape(-1))
@@ -190,15 +180,15 @@ def hard_step():
     with np.load(DATA / "hard-step.npz") as file:
         stored = {name: file[name] for name in file.files}
     arrays = {}
-    for name in System._fields[:12]:
+    for name in sweep.System._fields[:12]:
         arrays[name] = stored[name].copy()
         if stored[name].dtype == float:
             arrays[name] = aligned(stored[name].shape)
             arrays[name][...] = stored[name]
     scale = ResidualScale(*stored["scale"].tolist())
-    return System(
+    return sweep.System(
         **arrays, spin_factor=float(stored["spin"][0]), contacts=int(stored["contacts"][0]),
-        couples=NO_COUPLES,
+        couples=sweep.NO_COUPLES,
     ), scale  # fmt: skip
 
 
@@ -243,13 +233,13 @@ def pushed(s, velocity, impulse, general):
     for k in range(lanes):
         n = impulse_place(np.uint64(k))
         t = n + TANGENTIAL_
-        push_lane(
+        sweep.push_lane(
             np.uint64(k), now[n] - before[n], now[t] - before[t], velocity.reshape(-1), pair, frame,
             s.spin_factor,
         )  # fmt: skip
     for g in range(s.general_pair.shape[0]):
         d_n, d_t = s.general_impulse[g, 0] - general[g, 0], s.general_impulse[g, 1] - general[g, 1]
-        push_general(
+        sweep.push_general(
             g, d_n, d_t, velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever
         )
 

@@ -6,12 +6,7 @@ import pytest
 from scene_parts import make_model
 from scipy.spatial import cKDTree
 
-from multicor_cli.engine.geometry.drift import (
-    NOTHING,
-    bound_approach,
-    closing_gap,
-    fit_drift,
-)
+from multicor_cli.engine.geometry.drift import NOTHING, bound_approach, closing_gap, fit_drift
 from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.model.shapes import ShapeKind
 

@@ -8,13 +8,10 @@ from multicor_cli.engine.geometry.scene import gap_to_shape, is_near_shape, plac
 from multicor_cli.model.shapes import SHAPES, ShapeKind, WallBody, outlines
 
 EXAMPLES = {
-    ShapeKind.DISC: (0.5, -0.2, 0.7, 0.0),
-    ShapeKind.PLANE: (0.3, 0.1, 0.6, 0.8),
-    ShapeKind.SEGMENT: (-0.5, 0.2, 1.0, 0.6),
-    ShapeKind.VERTEX: (0.4, 0.3, -1.0, -1.0),
-    ShapeKind.CIRCLE: (0.2, 0.1, 2.5, 0.0),
-    ShapeKind.SIDE: (0.4, -0.9, -0.6, 0.7),
-}
+    ShapeKind.DISC: (0.5, -0.2, 0.7, 0.0), ShapeKind.PLANE: (0.3, 0.1, 0.6, 0.8),
+    ShapeKind.SEGMENT: (-0.5, 0.2, 1.0, 0.6), ShapeKind.VERTEX: (0.4, 0.3, -1.0, -1.0),
+    ShapeKind.CIRCLE: (0.2, 0.1, 2.5, 0.0), ShapeKind.SIDE: (0.4, -0.9, -0.6, 0.7),
+}  # fmt: skip
 """Four numbers of a shape of each kind; all grains lie within a square of side 3 around the
 origin."""
 
@@ -58,7 +55,7 @@ def test_kinds_stand_in_the_order_of_their_numbers():
 
 
 @pytest.mark.parametrize("kind", ShapeKind)
-def test_grains_at_the_outline_overlap_by_their_radius(kind):
+def test_outlines_are_where_grains_touch_and_move_with_their_wall(kind):
     ((which, outline),) = outlines(np.array([kind]), np.array([EXAMPLES[kind]]))
     assert which.tolist() == [0]
     points = outline.points[0]
@@ -73,10 +70,6 @@ def test_grains_at_the_outline_overlap_by_their_radius(kind):
     assert are_near(kind, points, np.full(len(points), 1e-9 - RADIUS)).all()
     gap = gaps(kind, points, world_of(kind))[:, 0]
     assert gap[np.isfinite(gap)] == pytest.approx(-RADIUS, abs=1e-12)
-
-
-@pytest.mark.parametrize("kind", ShapeKind)
-def test_shapes_turn_and_move_with_their_wall(kind):
     angle = 0.7
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, s], [-s, c]])
@@ -91,17 +84,13 @@ def test_shapes_turn_and_move_with_their_wall(kind):
 
 
 @pytest.mark.parametrize("kind", ShapeKind)
-def test_a_gap_grows_along_its_unit_normal(kind):
+def test_gaps_grow_along_their_normals_and_are_near_before_a_touch(kind):
     found = gaps(kind, GRAINS, world_of(kind))
     touching, way = np.isfinite(found[:, 0]), 1e-4
     assert np.hypot(*found[touching, 1:].T) == pytest.approx(1.0)
     moved = gaps(kind, GRAINS[touching] + way * found[touching, 1:], world_of(kind))
     assert moved[:, 0] == pytest.approx(found[touching, 0] + way, abs=1e-9)
-
-
-@pytest.mark.parametrize("kind", ShapeKind)
-def test_grains_that_may_touch_after_a_motion_are_near_before_it(kind):
-    """So the list of neighbors holds them."""
+    # So the list of neighbors holds them
     gap = gaps(kind, GRAINS, world_of(kind))[:, 0]
     after, cutoff = GRAINS[np.isfinite(gap)], gap[np.isfinite(gap)] + 1e-9
     for step in np.random.default_rng(5).normal(0.0, 0.3, (10, *after.shape)):

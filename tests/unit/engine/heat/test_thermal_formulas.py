@@ -55,38 +55,29 @@ def peak_pressure(force):
     return 1.5 * force / (pi * spot(force) ** 2)
 
 
-def test_approach_and_pressure_of_one_newton():
+def test_spots_of_hertz_have_known_sizes():
     assert hertz.approach(spot(1.0), A_EFF) == digits(4.07287e-7)
     assert peak_pressure(1.0) == digits(1.56307e9)
     # Load at first yield: p_0 goes as F^⅓
     assert (1.6 * 215e6 / peak_pressure(1.0)) ** 3 == digits(0.0106595)
-
-
-def test_one_hertz_formula():
-    """The deflection that is reported for rigid grains is that of the contact spot; δ = (3F/(4E*
-    √a*))^⅔."""
+    # The deflection that is reported for rigid grains is that of the contact spot; δ = (3F/(4E*
+    # √a*))^⅔
     delta = (3.0 / (4.0 * MODULUS * sqrt(A_EFF))) ** (2.0 / 3.0)
     assert hertz.relative_deflection(1.0, A, YOUNG, POISSON) == pytest.approx(
         delta / (2.0 * A), rel=1e-13
     )
+    assert 2.0 * spot(1.0) / (2.0 * A) == digits(0.0116517)
 
 
-def test_unlike_conductors():
+def test_conductances_of_known_contacts():
     harmonic = conduction.harmonic_mean(15.0, 200.0)
     h = conduction.hertz_conductance(harmonic, spot(1.0))
     assert h == digits(0.000975492)
     assert h / (4.0 * 15.0 * 200.0 / 215.0 * sqrt(pi) * spot(1.0)) == pytest.approx(
         1.0 / 1.77245, rel=SIX_DIGITS
     )
-
-
-def test_conductance_of_a_contact_of_known_overlap():
-    """R = 1.5 mm, overlap 55.28 nm, λ = 15: 2 λ a_c = 1.9316·10⁻⁴ W/K."""
+    # R = 1.5 mm, overlap 55.28 nm, λ = 15: 2 λ a_c = 1.9316·10⁻⁴ W/K
     assert conduction.hertz_conductance(15.0, sqrt(A_EFF * 55.28e-9)) == digits(1.9316e-4, 5e-5)
-
-
-def test_simple_cubic_packing():
-    assert 2.0 * spot(1.0) / (2.0 * A) == digits(0.0116517)
 
 
 # ---- gas
@@ -213,14 +204,11 @@ def test_rough_contact_nearly_doubles_the_resistance():
 # ---- friction, partition, wear
 
 
-def test_friction():
+def test_friction_partition_and_wear():
     assert friction.sliding_power(0.5, 1.0, -0.1) == pytest.approx(0.05, rel=1e-15)
     assert law.softened_friction(0.5, 1e-3, 498.15, 298.15, 0.0, 10.0) == pytest.approx(
         0.4, rel=1e-14
     )
-
-
-def test_partition_of_steel_and_aluminum():
     steel, aluminum = (
         friction.effusivity(15.0, 7500.0, 500.0),
         friction.effusivity(200.0, 2700.0, 900.0),
@@ -229,9 +217,6 @@ def test_partition_of_steel_and_aluminum():
     assert friction.effusivity_share(steel, aluminum) == digits(0.253847)
     assert friction.conductivity_share(15.0, 200.0) == digits(0.0697674)
     assert friction.electrothermal_share(7.2e-7, 2.8e-8, 15.0, 200.0) == digits(0.516167)
-
-
-def test_wear():
     assert friction.archard_volume(1e-4 / 2e9, 1.0 * 100.0) == pytest.approx(5e-12, rel=1e-14)
 
 
@@ -264,13 +249,10 @@ def test_largest_spot_of_an_impact_stores_the_kinetic_energy():
 # ---- convection
 
 
-def test_nusselt_numbers():
+def test_nusselt_and_reynolds_numbers():
     assert convection.ranz_marshall(100.0, 0.7) == digits(7.32742)
     assert convection.whitaker(100.0, 0.7) == digits(6.58895)
     assert convection.gunn(100.0, 0.7, 0.4) == digits(22.267, 3e-5)
     assert convection.li_mason(100.0, 0.7, 0.4, 3.5) == digits(2.21564)
     assert convection.coefficient_of(2.0, AIR, 2.0 * A) * 4.0 * pi * A * A == digits(0.000490088)
-
-
-def test_reynolds_number():
     assert convection.reynolds(-2.0, 3e-3, 1.5e-5) == pytest.approx(400.0)

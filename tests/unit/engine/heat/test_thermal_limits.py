@@ -15,23 +15,17 @@ from multicor_cli.engine.jit.compile import kernel
 AIR, STEEL, A = 0.026, 15.0, 1.5e-3
 
 
-def test_no_force_no_spot():
+def test_limits_of_hertz_contacts():
     assert hertz.contact_radius(0.0, 1e-3, 1e11) == 0.0
     assert hertz.contact_radius(-1.0, 1e-3, 1e11) == 0.0
     assert hertz.rough_conductance(0.0, 0.0, 1e11, 1e-3, 15.0, 1e-6, 0.1, 3e9) == 0.0
     assert hertz.rough_conductance(-1.0, 0.0, 1e11, 1e-3, 15.0, 1e-6, 0.1, 3e9) == 0.0
-
-
-def test_unlike_bodies_reduce_to_like_ones():
     assert hertz.contact_modulus(1e11, 0.3, 1e11, 0.3) == pytest.approx(
         1e11 / (2.0 * 0.91), rel=1e-15
     )
     assert conduction.harmonic_mean(15.0, 15.0) == 15.0
     assert friction.effusivity_share(3.0, 3.0) == friction.conductivity_share(7.0, 7.0) == 0.5
     assert friction.electrothermal_share(2.0, 2.0, 5.0, 5.0) == 0.5
-
-
-def test_a_rigid_or_insulating_partner():
     assert hertz.contact_modulus(1e11, 0.3, 1e30, 0.3) == pytest.approx(1e11 / 0.91, rel=1e-15)
     assert radii.effective_radius(A, 1e12) == pytest.approx(A, rel=1e-12)
     assert conduction.harmonic_mean(15.0, 1e-9) == pytest.approx(2e-9, rel=1e-9)
@@ -139,7 +133,7 @@ def test_conductance_falls_with_the_gap(model):
     assert all(low >= high > 0.0 for low, high in pairwise(found))
 
 
-def test_sphere_on_a_plane_is_half_of_a_pair():
+def test_gas_between_planes_and_spheres():
     """A plane through the middle of a symmetric pair is isothermal: each half conducts twice as
     much."""
     for h in (0.0, 1e-6, 1e-4):
@@ -148,10 +142,7 @@ def test_sphere_on_a_plane_is_half_of_a_pair():
             gas.parallel_conductance_wall(AIR, A, 1e-6, h),
         )
         assert half == pytest.approx(2.0 * pair, rel=1e-13)
-
-
-def test_wide_gaps_conduct_like_plates():
-    """h ≫ a: λ_f times the cross-section over the distance."""
+    # h ≫ a: λ_f times the cross-section over the distance
     assert gas.parallel_conductance(AIR, A, A, 0.0, 1e3 * A) == pytest.approx(
         AIR * pi * A * A / (1e3 * A), rel=2e-3
     )
@@ -215,7 +206,7 @@ def exchange(area, T_i, T_j):
     return radiation.linear_coefficient(area, T_i, T_j) * (T_j - T_i)
 
 
-def test_exchange_is_that_of_stefan_and_boltzmann_and_cancels_nothing():
+def test_radiation_is_that_of_stefan_and_boltzmann_and_cancels_nothing():
     assert exchange(2.0, 300.0, 500.0) == -exchange(2.0, 500.0, 300.0)
     expected = 2.0 * radiation.STEFAN_BOLTZMANN * (500.0**4 - 300.0**4)
     assert exchange(2.0, 300.0, 500.0) == pytest.approx(expected, rel=1e-14)
@@ -223,9 +214,6 @@ def test_exchange_is_that_of_stefan_and_boltzmann_and_cancels_nothing():
     assert exchange(1.0, 300.0, tiny) == pytest.approx(
         4.0 * radiation.STEFAN_BOLTZMANN * 300.0**3 * 2.0**-30, rel=1e-9
     )
-
-
-def test_mirrors_do_not_radiate_and_black_bodies_do():
     assert radiation.emission_factor(0.0, 0.5) == radiation.emission_factor(0.5, 0.0) == 0.0
     assert radiation.emission_factor(1.0, 1.0) == 1.0
     assert radiation.emission_factor(1.0, 0.3) == pytest.approx(0.3, rel=1e-15)
@@ -274,13 +262,10 @@ def test_branches_of_li_and_mason_meet_as_stated(re, prandtl, change):
 # ---- friction and wear
 
 
-def test_softened_friction_is_cut_to_its_range():
+def test_friction_is_cut_to_its_range_and_heats_either_way():
     assert law.softened_friction(0.5, 1e-3, 293.15, 293.15, 0.1, 1.0) == 0.5
     assert law.softened_friction(0.5, 1e-3, 5000.0, 293.15, 0.1, 1.0) == 0.1
     assert law.softened_friction(0.5, -1e-2, 5000.0, 293.15, 0.1, 1.0) == 1.0
-
-
-def test_sliding_either_way_heats_and_wears():
     assert friction.sliding_power(0.5, 2.0, 0.1) == friction.sliding_power(0.5, 2.0, -0.1) > 0.0
     assert friction.rubbing_of(2.0, 0.1, 0.0, 0.0) == friction.rubbing_of(2.0, -0.1, 0.0, 0.0) > 0.0
     assert friction.rubbing_of(2.0, 0.1, -1e-9, 0.5) == 0.0  # rounding

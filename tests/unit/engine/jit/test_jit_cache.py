@@ -26,7 +26,11 @@ def home(tmp_path, monkeypatch):
     return tmp_path / "xdg" / "multicor"
 
 
-def test_cache_lies_in_the_users_directory(home):
+def test_directory_given_by_the_user_is_respected(home, tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "mine"))
+    assert cache.configure_cache() == tmp_path / "mine" / cache.cache_name()
+    assert not home.exists()
+    monkeypatch.delenv("NUMBA_CACHE_DIR")
     found = cache.configure_cache()
     assert found == home / cache.cache_name()
     assert os.environ["NUMBA_CACHE_DIR"] == str(found)
@@ -35,12 +39,6 @@ def test_cache_lies_in_the_users_directory(home):
     (found / "sub").mkdir()
     (found / "sub" / "kernel.nbi").touch()
     assert cache.is_compiled()
-
-
-def test_directory_given_by_the_user_is_respected(home, tmp_path, monkeypatch):
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "mine"))
-    assert cache.configure_cache() == tmp_path / "mine" / cache.cache_name()
-    assert not home.exists()
 
 
 @pytest.mark.parametrize("why", ["of somebody else", "open to all", "full"])

@@ -32,7 +32,7 @@ def chain():
     )  # fmt: skip
 
 
-def test_rings_grow_along_near_pairs_only():
+def test_rings_and_pairs_of_marked_grains():
     around = both_ways(ROW, PARTNER)
     assert around.owner.tolist() == [0, 1, 2, 3, 4, 5]
     assert around.other.tolist() == [1, 0, 2, 1, 3, 2, 4, 3, 5, 4, 6]
@@ -41,9 +41,6 @@ def test_rings_grow_along_near_pairs_only():
     assert marked.tolist() == [True, True, True, False, False, False]
     assert surround(chain(), around, PARTNER, 0.5, 9, marked) == 4  # the gap beside 3 is too wide
     assert marked.tolist() == [True] * 4 + [False] * 2
-
-
-def test_pairs_of_marked_grains_are_each_there_once():
     marked = np.array([False, True, True, False, False, True])
     i, j = pairs_of(chain(), both_ways(ROW, PARTNER), PARTNER, 0.5, marked)
     near = [(0, 1), (1, 2), (2, 3), (4, 5), (5, 6)]

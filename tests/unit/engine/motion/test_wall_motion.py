@@ -225,7 +225,7 @@ def stressed(drive, lid=0.0):
     return engine
 
 
-def test_a_stress_acts_on_the_distance_of_the_neighbors():
+def test_a_stress_acts_on_the_distance_of_the_neighbors_or_the_length():
     """M V = Σ σ h Δt with the distance h at the start of each step."""
     engine = stressed(DofDrive(stress=Constant(-4.0), between=("lid", "floor")), lid=-0.5)
     state = advance(engine, 0.01, 100)
@@ -233,9 +233,6 @@ def test_a_stress_acts_on_the_distance_of_the_neighbors():
     assert state.wall_velocity[2, 0] == pytest.approx(-4.0 / 2.0 * 0.01 * heights.sum(), rel=1e-12)
     assert book(state, "load_work") == pytest.approx(state.wall_velocity[2, 0] ** 2, rel=1e-12)
     assert book(state, "closure") < 1e-12
-
-
-def test_without_neighbors_a_stress_acts_on_the_length_of_the_wall():
     state = advance(stressed(DofDrive(stress=Ramp(0.0, 2.0, 1.0), damping=0.5)), 0.01, 100)
     other = advance(stressed(DofDrive(force=Ramp(0.0, 10.0, 1.0), damping=0.5)), 0.01, 100)
     assert state.wall_velocity[2, 0] == pytest.approx(other.wall_velocity[2, 0], rel=1e-12)
