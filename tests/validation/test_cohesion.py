@@ -203,7 +203,7 @@ SEEDS = (1, 2, 3)
 
 
 @pytest.fixture(scope="module")
-def columns(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def columns(tmp_path_factory):
     """Runs in which columns without adhesion settle between two sides, by their seeds."""
     directory = tmp_path_factory.mktemp("columns")
     for seed in SEEDS:
@@ -211,7 +211,7 @@ def columns(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return directory
 
 
-def collapse(column: Path, directory: Path, bond: int, kind: str, dt: float) -> tuple[float, float]:
+def collapse(column, directory, bond, kind, dt):
     """Let the right side of a column be gone.
 
     Returns its run-out, the distance from the left side within which 95 % of it end, and the mean
@@ -232,7 +232,7 @@ LAWS = [(0, "dry"), (4, "dry"), (4, "wet"), (16, "dry"), (16, "wet")]
 """Adhesion over the weight of a mean disc, and its kind."""
 
 
-def automatic(bond: int) -> float:
+def automatic(bond):
     """The automatic time step that adhesion makes [s], but for the scatter of the masses."""
     return 0.1 * math.sqrt(2.0 * 0.01 * DIAMETER / (9.81 * bond))
 
@@ -241,9 +241,7 @@ SHORTEST = automatic(4) / 6.0
 """Time step [s], a third of the automatic one with 16 weights."""
 
 
-def test_a_column_collapses_as_far_at_every_time_step(
-    columns: Path, tmp_path: Path, record_property: Any
-) -> None:
+def test_a_column_collapses_as_far_at_every_time_step(columns, tmp_path, record_property):
     """And the less far the more it adheres (Abramian, Staron & Lagrée, J. Rheol. 64, 1227, 2020).
 
     The automatic step and a fraction of it agree within their errors. Five times that step, too
@@ -278,7 +276,7 @@ def test_a_column_collapses_as_far_at_every_time_step(
 
 
 @pytest.mark.parametrize("kind", ["dry", "wet"])
-def test_a_column_stands_above_an_adhesion(kind: str, columns: Path, tmp_path: Path) -> None:
+def test_a_column_stands_above_an_adhesion(kind, columns, tmp_path):
     """Of 64 weights; with 32 some do."""
     for dt in (5.0 * automatic(64), automatic(64)):
         out, height = collapse(columns / "1", tmp_path / f"{dt}", 64, kind, dt)
