@@ -19,9 +19,9 @@ from multicor_cli.export.target import choose_frames, new_directory
 from multicor_cli.store import Frame, Run, schema
 from multicor_cli.store.frames import (
     NamedColumn,
-    contact_columns,
     grain_columns,
     split,
+    stored_columns,
     wall_columns,
 )
 from multicor_cli.store.layout import Progress, no_progress
@@ -64,7 +64,7 @@ def export_csv(
 def _tables(run: Run, frame: Frame) -> Iterable[tuple[str, list[NamedColumn]]]:
     yield "grains", grain_columns(frame)
     if frame.contacts.recorded:
-        yield "contacts", contact_columns(frame)
+        yield "contacts", stored_columns(frame, schema.CONTACTS)
     if run.wall_names:
         yield "walls", wall_columns(frame)
 
