@@ -307,7 +307,7 @@ class Controller:
         state = self._engine.state
         end = stage.end_of(state, reason)
         self._recorder.stage_ended(end)
-        if end.has_timed_out and stage.stops_late:
+        if reason == "timeout" and stage.stops_late:
             self._checkpoint()
             raise StageTimeout(end)
         self._has_moved_on = True

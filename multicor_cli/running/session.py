@@ -165,7 +165,7 @@ class Session:
                     placed = self._build(scenario)
                     _refuse_other_origin(scenario, directory.origin, placed.origin)
                     return self._carry_on(directory, scenario, placed)
-                version = str(directory.provenance.get("multicor_version", ""))
+                version = str(document["provenance"].get("multicor_version", ""))
                 if version != __version__:
                     told = f"the run began with multicor {version}, this is {__version__}"
                     self._observer.warning(f"{told}: its bits may differ from here on")

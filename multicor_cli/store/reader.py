@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import socket
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,7 +14,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from multicor_cli.engine.heat.hertz import largest_deflection
-from multicor_cli.files import open_regular, read_regular
+from multicor_cli.files import open_regular, read_object
 from multicor_cli.model import Model, State
 from multicor_cli.scenario.documents import steered_text
 from multicor_cli.store import layout, schema
@@ -436,13 +435,9 @@ def _heartbeat(run: Run) -> dict[str, Any]:
         return {"progress": None, "pid": None}
     holder = read_holder(run.path / layout.LOCK)
     pid = holder.get("pid") if holder.get("host") == socket.gethostname() else None
-    try:
-        beat = json.loads(read_regular(run.path / layout.PROGRESS, _HEARTBEAT_LIMIT))
-    except (OSError, ValueError, RecursionError):  # not protected: it may be missing or torn
-        beat = None
-    is_whole = isinstance(beat, dict) and all(
-        isinstance(beat.get(name), int | float) for name in ("step", "time", "progress")
-    )
+    beat = read_object(run.path / layout.PROGRESS, _HEARTBEAT_LIMIT)
+    needed = ("step", "time", "progress")
+    is_whole = all(isinstance(beat.get(name), int | float) for name in needed)
     return {"progress": beat if is_whole else None, "pid": pid}
 
 
@@ -467,11 +462,7 @@ def hertz_deflection(run: Run, force: float | None) -> float | None:
         return None
     try:
         materials = tomllib.loads(run.scenario_resolved)["materials"]
-        elastic = {
-            name: pair
-            for name, material in materials.items()
-            if (pair := _elastic(material)) is not None
-        }
+        elastic = {name: pair for name, each in materials.items() if (pair := _elastic(each))}
         return largest_deflection(run.model, force, elastic)
     # a file from elsewhere holds anything
     except (StoreError, ValueError, RecursionError, KeyError, AttributeError):
@@ -482,14 +473,9 @@ def _elastic(material: Any) -> tuple[float, float] | None:
     if not isinstance(material, dict):
         return None
     young, poisson = material.get("young"), material.get("poisson")
-    if (
-        not isinstance(young, int | float)
-        or not isinstance(poisson, int | float)
-        or not young > 0.0
-        or not -1.0 < poisson <= 0.5
-    ):
+    if not isinstance(young, int | float) or not isinstance(poisson, int | float):
         return None
-    return float(young), float(poisson)
+    return (float(young), float(poisson)) if young > 0.0 and -1.0 < poisson <= 0.5 else None
 
 
 def _seconds(start: str, end: str) -> float | None:

@@ -137,6 +137,8 @@ def summarize(state: State, model: Model) -> Summary:
     """
     tallies, books = state.named("tallies"), state.named("books")
     heat = None if model.thermal is None else _summarize_heat(state, model.thermal)
+    # Energy gained at contacts, by which the sum of their losses is less than what was lost
+    gained, lost = abs(books["negative_loss"]), books["friction_loss"] + books["impact_loss"]
     return {
         "step": state.step,
         "time": state.time,
@@ -149,7 +151,7 @@ def summarize(state: State, model: Model) -> Summary:
             key: round(tallies[e.name]) if e.dtype == "i8" else tallies[e.name]
             for key, e in _SUMMARIZED.items()
         },
-        "negative_loss_share": _negative_share(books),
+        "negative_loss_share": gained / (gained + lost) if gained + lost > 0.0 else 0.0,
         "solver": {
             "sweeps_mean": tallies["sweeps"] / max(1, state.step - state.frozen_steps),
             "residual_rms_max": tallies["residual_rms_max"],
@@ -214,10 +216,3 @@ def empty_summary(version: Version | None = None) -> Summary:
         "solver": dict.fromkeys(solver),
         "books": dict.fromkeys(books),
     }
-
-
-def _negative_share(books: dict[str, float]) -> float:
-    """Energy gained at contacts over energy lost; ``negative_loss``: their sum's negative part."""
-    negative = abs(books["negative_loss"])
-    positive = books["friction_loss"] + books["impact_loss"] + negative
-    return negative / positive if positive > 0.0 else 0.0
