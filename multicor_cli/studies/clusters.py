@@ -71,9 +71,10 @@ class Cluster(NamedTuple):
 
 def require_libraries(compute: Compute) -> None:
     """Raise `MissingLibrary` if something is not installed that is needed elsewhere than here."""
-    queue = _queue_of(compute)
-    names: tuple[str, ...] = () if compute.scheduler is None else ("distributed",)
-    for name in names if queue is None else ("distributed", "dask_jobqueue", "cryptography"):
+    names = [] if compute.scheduler is None else ["distributed"]
+    if _queue_of(compute) is not None:
+        names = ["distributed", "dask_jobqueue", "cryptography"]
+    for name in names:
         library(name)
 
 
@@ -120,7 +121,13 @@ def existing(client: Any, compute: Compute, needs: Needs) -> Cluster:
         raise Refused(("study", "scenario"), message, "use larger workers, or fewer grains")
     asked = {MEMORY: needs.memory} if offered and all(offered) and needs.memory > 0.0 else {}
     slots = sum(int(worker.get("nthreads", 1)) for worker in workers)
-    doubt = _doubt(client.scheduler.address)
+    address, doubt = client.scheduler.address, ""
+    if not address.startswith(("tls://", "wss://", "inproc://")):
+        doubt = (
+            f"Dask at {address} asks for no certificate: who can reach it, as every user of the "
+            "machine can, can run programs as you. Start scheduler and workers with --tls-ca-file, "
+            "--tls-cert and --tls-key"
+        )
     return Cluster(client, compute.threads or 1, slots, asked, "a Dask client", doubt)
 
 
@@ -141,17 +148,6 @@ def _there(stack: contextlib.ExitStack, address: str, threads: int, needs: Needs
         raise StoreError(f"the Dask scheduler {address} cannot be reached: {error}") from None
     return existing(client, Compute(threads=threads), needs)._replace(
         text=f"Dask at {address}{_dashboard(client)}"
-    )
-
-
-def _doubt(address: str) -> str:
-    """What a person should know about a scheduler of somebody else's at this address."""
-    if address.startswith(("tls://", "wss://", "inproc://")):
-        return ""
-    return (
-        f"Dask at {address} asks for no certificate: who can reach it, as every user of the "
-        "machine can, can run programs as you. Start scheduler and workers with --tls-ca-file, "
-        "--tls-cert and --tls-key"
     )
 
 

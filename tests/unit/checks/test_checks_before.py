@@ -144,7 +144,7 @@ def test_space(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     def check(free: int) -> Check:
         monkeypatch.setattr(resolution, "available_memory", lambda: free)
         usage = SimpleNamespace(free=free)
-        monkeypatch.setattr(resolution.shutil, "disk_usage", lambda place: usage)
+        monkeypatch.setattr("shutil.disk_usage", lambda place: usage)
         return checked(tmp_path)[name]
 
     needed = check(10**9).value * 1e9
