@@ -109,7 +109,6 @@ def _negative(run: Recorded) -> Iterator[Measured]:
 
 
 def _least_restitution(model: Model) -> float:
-    """Smallest coefficient of restitution between two grains."""
     materials = np.flatnonzero(np.bincount(model.grains.material))
     return float(model.laws.restitution[np.ix_(materials, materials)].min())
 

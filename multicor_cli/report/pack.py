@@ -374,7 +374,6 @@ def _make_codes(views: Sequence[FrameView], run: Run, width: int) -> dict[str, C
 
 
 def _ends(arrays: list[NDArray[Any]]) -> tuple[float, float]:
-    """Smallest and largest number."""
     full = [numbers for array in arrays if (numbers := _sane(array)).size]
     if not full:
         return 0.0, 0.0

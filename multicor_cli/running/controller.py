@@ -35,8 +35,8 @@ class DirectoryRecorder:
     """Writes what the controller says into a run directory; each may raise as `checkpoint`."""
 
     def __init__(self, directory: RunDirectory, writer: FrameWriter) -> None:
-        self._directory = directory
-        self._writer = writer
+        self._directory, self._writer = directory, writer
+        self.stage_ended, self.heartbeat = directory.stage_ended, directory.progress
 
     def frame(self, state: State, contacts: ContactTable | None) -> None:
         self._require_sound(state)
@@ -46,9 +46,6 @@ class DirectoryRecorder:
         self._require_sound(state)
         self._writer.series_row(Snapshot(state, self._writer.model))
 
-    def stage_ended(self, end: StageEnd) -> None:
-        self._directory.stage_ended(end)
-
     def checkpoint(self, state: State) -> None:
         """Commit the output so far, then the state; raises `StoreError`.
 
@@ -56,9 +53,6 @@ class DirectoryRecorder:
         """
         self._require_sound(state)
         self._directory.checkpoint(state, self._writer)
-
-    def heartbeat(self, data: dict[str, Any]) -> None:
-        self._directory.progress(data)
 
     def _require_sound(self, state: State) -> None:
         fault = find_absurd_value(state, self._writer.model)
@@ -219,7 +213,11 @@ class Controller:
                 return None
             self.engine.resume(stage.orders(self.stage_starts))
         while True:
-            reason = self._reason_to_stop()
+            reason = None
+            if self.stop_signals.stop_signal is not None:
+                reason = StopReason.of_signal(self.stop_signals.stop_signal)
+            elif self.deadline is not None and self.clock() >= self.deadline:
+                reason = StopReason.TIME_LIMIT
             if reason is not None:
                 self._checkpoint()
                 return reason
@@ -329,20 +327,12 @@ class Controller:
 
     def _checkpoint_if_due(self) -> None:
         rarest = CHECKPOINT_SHARE * self._checkpoint_took
+        interval = max(self.plan.output.checkpoint_interval, rarest)
         if self.stop_signals.is_checkpoint_wanted:
             self._checkpoint()
             self.observer.message(f"checkpoint written at step {self.engine.state.step}")
-        elif self.clock() - self._last_checkpoint >= max(
-            self.plan.output.checkpoint_interval, rarest
-        ):
+        elif self.clock() - self._last_checkpoint >= interval:
             self._checkpoint()
-
-    def _reason_to_stop(self) -> StopReason | None:
-        if self.stop_signals.stop_signal is not None:
-            return StopReason.of_signal(self.stop_signals.stop_signal)
-        if self.deadline is not None and self.clock() >= self.deadline:
-            return StopReason.TIME_LIMIT
-        return None
 
     def _tell(self, stage: StagePlan, report: StepReport) -> None:
         state, now = self.engine.state, self.clock()

@@ -83,15 +83,9 @@ class Identity:
 
     @classmethod
     def of(cls, document: Document) -> Identity:
-        former = tuple(
-            str(extension["resolved_sha256"]) for extension in document.get("extensions", [])
-        )
-        return cls(
-            str(document["run_id"]),
-            str(document["resolved_sha256"]),
-            len(document["stages"]),
-            former,
-        )
+        former = tuple(str(each["resolved_sha256"]) for each in document.get("extensions", []))
+        scenario, stages = str(document["resolved_sha256"]), len(document["stages"])
+        return cls(str(document["run_id"]), scenario, stages, former)
 
 
 class _Steering(BaseModel):

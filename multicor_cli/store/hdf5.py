@@ -13,9 +13,10 @@ import math
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import h5py
 import numpy as np
@@ -196,16 +197,15 @@ class DatasetStream(Chunked):
         self._row = end
 
 
+@dataclass
 class Hdf5Writer:
     """Creates the datasets of one file; has their digests by path."""
 
-    def __init__(
-        self, file: h5py.File, precision: Precision, *, compress_integers: bool, label: str
-    ) -> None:
-        self.file, self.precision = file, precision
-        self.digests: dict[str, str] = {}
-        self._compress_integers = compress_integers
-        self._label = label
+    file: h5py.File
+    precision: Precision
+    compress_integers: bool
+    label: str
+    digests: dict[str, str] = field(default_factory=dict)
 
     def write_table(self, table: Iterable[Dataset], columns: Mapping[str, NDArray[Any]]) -> None:
         """Write those datasets of a table, in its order, that are among ``columns``, by path."""
@@ -218,13 +218,13 @@ class Hdf5Writer:
     ) -> DatasetStream:
         """Begin a dataset of a known shape; ``dtype`` only for strings."""
         stored = np.dtype(dtype) if dtype is not None else dtype_of(spec, self.precision)
-        compress = self._compress_integers and stored.kind in "iuS"
+        compress = self.compress_integers and stored.kind in "iuS"
         return DatasetStream(self.file, spec, shape, stored, compress=compress)
 
     def finish(self, spec: Dataset, stream: DatasetStream) -> None:
         self.digests[spec.path] = stream.close()
         if len(self.digests) == 3:
-            kill_point(f"{self._label}.mid_tmp")
+            kill_point(f"{self.label}.mid_tmp")
 
     def write(self, spec: Dataset, *pieces: NDArray[Any], row: tuple[int, ...] = ()) -> None:
         """Write a dataset that consists of pieces; ``row``: shape of a row where there are none."""
@@ -272,7 +272,7 @@ def write_hdf5(
                 is_text = isinstance(value, str)
                 text = value if is_text else json.dumps(plain(value), ensure_ascii=False)
                 write_text(file, name, text)
-            writer = Hdf5Writer(file, precision, compress_integers=compress_integers, label=label)
+            writer = Hdf5Writer(file, precision, compress_integers, label)
             fill(writer)
             digests.update(writer.digests)
             if "data_digest" in attributes:
@@ -347,7 +347,21 @@ def _short(error: BaseException) -> str:
     return str(error).splitlines()[0][:200] if str(error) else type(error).__name__
 
 
-class CheckedFile:
+class Closing(ABC):
+    """What is closed at the end of its context."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @abstractmethod
+    def close(self) -> None:
+        """Give back what is held."""
+
+
+class CheckedFile(Closing):
     """An open HDF5 file whose datasets are handed out only if they are what the schema says.
 
     ``filetype`` and ``run_id`` are expected root attributes, any ``run_id`` if None; ``dims`` are
@@ -375,12 +389,6 @@ class CheckedFile:
         except BaseException:
             self._file.close()
             raise
-
-    def __enter__(self) -> CheckedFile:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         self._accepted.clear()

@@ -38,7 +38,7 @@ from multicor_cli.store.frames import (
     results_part,
     split,
 )
-from multicor_cli.store.hdf5 import CheckedFile
+from multicor_cli.store.hdf5 import CheckedFile, Closing
 from multicor_cli.store.lock import is_alive, read_holder
 from multicor_cli.store.results import FILETYPE as RESULTS_FILETYPE
 from multicor_cli.store.results import load_model, read_description, read_model
@@ -100,7 +100,7 @@ class Series(Mapping[str, NDArray[Any]]):
         return self._parts.series_count
 
 
-class Run:
+class Run(Closing):
     """A run on disk, read lazily; made by `open_run`. Close it, or use it as a context manager.
 
     What a running run writes after it was opened is seen when it is opened again.
@@ -119,12 +119,6 @@ class Run:
         self._parts = Parts(self._find_parts(), self.run_id, self._find_parts_again, self._lengths)
         self.frames: Frames = Frames(self._parts, lambda: self.model)
         self.series = Series(self, self._parts)
-
-    def __enter__(self) -> Run:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         """Close the files."""

@@ -52,7 +52,7 @@ from multicor_cli.store.documents import (
 )
 from multicor_cli.store.errors import DamagedRun, DirectoryRefused, StoreError
 from multicor_cli.store.extension import Extension, extend
-from multicor_cli.store.hdf5 import Precision
+from multicor_cli.store.hdf5 import Closing, Precision
 from multicor_cli.store.lock import RunLock
 from multicor_cli.store.provenance import new_session, now
 from multicor_cli.store.results import load_model, model_digest, write_model, write_results
@@ -136,11 +136,20 @@ def check_usable(path: Path, *, overwrite: bool) -> None:
 # ---- The directory of a run that is being carried out
 
 
-class RunDirectory:
-    """The directory of one run, locked while its context lasts; made by `create` or `resume`."""
+class RunDirectory(Closing):
+    """The directory of one run, locked while its context lasts; made by `create` or `resume`.
+
+    Attributes:
+        run_id: Identity of the run, the same in all its files.
+        precision: How datasets of type ``float`` are stored.
+        version: Version of the file format in which the run was begun, and is continued.
+    """
 
     def __init__(self, path: Path, lock: RunLock, document: Document) -> None:
-        self.path = path
+        self.path, self.run_id = path, str(document["run_id"])
+        self.precision: Precision = "single" if document["precision"] == "single" else "double"
+        major, minor = document["format_version"]
+        self.version: Version = min((major, minor), FORMAT_VERSION)
         self._lock = lock
         self._document = document
         self._checkpoint: Checkpoint | None = None
@@ -293,12 +302,6 @@ class RunDirectory:
             raise
         return run
 
-    def __enter__(self) -> RunDirectory:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     def close(self) -> None:
         """Give the lock back. A run that has not ended by then counts as interrupted."""
         self._lock.release()
@@ -311,22 +314,6 @@ class RunDirectory:
     @property
     def is_finished(self) -> bool:
         return self.status == "finished"
-
-    @property
-    def run_id(self) -> str:
-        """Identity of the run, the same in all its files."""
-        return str(self._document["run_id"])
-
-    @property
-    def precision(self) -> Precision:
-        """How datasets of type ``float`` are stored."""
-        return "single" if self._document["precision"] == "single" else "double"
-
-    @property
-    def version(self) -> Version:
-        """Version of the file format in which the run was begun, and is continued."""
-        major, minor = self._document["format_version"]
-        return min((major, minor), FORMAT_VERSION)
 
     @property
     def stage_ends(self) -> tuple[StageEnd, ...]:

@@ -93,8 +93,9 @@ def connected(compute: Compute, logs: Path, needs: Needs, *, most: int) -> Itera
     """
     queue = _queue_of(compute)
     if compute.scheduler is None and queue is None:
-        with _here(compute, needs, most) as site:
-            yield site
+        threads, workers = _fitting(compute, needs, most)
+        with LocalClient(workers) as client:
+            yield Cluster(client, threads, workers, {}, f"{count_noun(workers, 'worker')} here")
         return
     import dask
 
@@ -151,8 +152,8 @@ def _there(stack: contextlib.ExitStack, address: str, threads: int, needs: Needs
     )
 
 
-@contextlib.contextmanager
-def _here(compute: Compute, needs: Needs, most: int) -> Iterator[Cluster]:
+def _fitting(compute: Compute, needs: Needs, most: int) -> tuple[int, int]:
+    """Threads of a case, and cases at a time, that this machine has room for."""
     there, free = available_cores(), available_memory()
     workers = min(compute.workers or max(1, there // (compute.threads or 1)), most)
     if free is not None and needs.memory > 0.0:
@@ -162,9 +163,7 @@ def _here(compute: Compute, needs: Needs, most: int) -> Iterator[Cluster]:
             remedy = "use fewer grains, or a machine with more memory"
             raise Refused(("study", "scenario"), f"a case takes about {sizes}", remedy)
         workers = min(workers, fitting)
-    threads = compute.threads or min(needs.threads, max(1, there // workers))
-    with LocalClient(workers) as client:
-        yield Cluster(client, threads, workers, {}, f"{count_noun(workers, 'worker')} here")
+    return compute.threads or min(needs.threads, max(1, there // workers)), workers
 
 
 def _dashboard(owner: Any) -> str:

@@ -100,7 +100,6 @@ def _theta(run: Run, row: Observable, _selection: Selection) -> Number:
 
 
 def _bin(centers: Floats, width: float, row: Observable) -> int:
-    """The bin that holds the place of an observable."""
     assert row.at is not None
     k = int(np.abs(centers - row.at).argmin())
     if abs(float(centers[k]) - row.at) > 0.5001 * width:

@@ -136,10 +136,18 @@ def _cards(session: StudySession, table: StudyTable) -> str:
 
 
 def _figures(table: StudyTable) -> list[Figure] | None:
-    """Observables against the key with the most numbers, in series; None without matplotlib."""
+    """Observables against the key with the most values, if these are at least two numbers.
+
+    None without matplotlib.
+    """
     mean = over_seeds(table)
-    across = _longest_axis(mean)
-    if across is None:
+    lengths = {}
+    for key in mean.keys:
+        values = {row.values.get(key) for row in mean.rows}
+        if not any(isinstance(value, str | bool) or value is None for value in values):
+            lengths[key] = len(values)
+    across = max(lengths, key=lambda key: lengths[key], default="")
+    if lengths.get(across, 0) < 2:
         return []
     found = []
     for name in table.observables[:_FIGURES]:
@@ -158,17 +166,6 @@ def _figures(table: StudyTable) -> list[Figure] | None:
         except MissingLibrary:  # there is no matplotlib
             return None
     return found
-
-
-def _longest_axis(mean: StudyTable) -> str | None:
-    """The key with the most values, all of them numbers; None if no key has two."""
-    lengths = {}
-    for key in mean.keys:
-        values = {row.values.get(key) for row in mean.rows}
-        if not any(isinstance(value, str | bool) or value is None for value in values):
-            lengths[key] = len(values)
-    best = max(lengths, key=lambda key: lengths[key], default=None)
-    return best if best is not None and lengths[best] > 1 else None
 
 
 def _links(table: StudyTable, name: str, base: Path) -> str:
