@@ -8,12 +8,13 @@ import hashlib
 import json
 import math
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from importlib import resources
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from multicor_cli import __version__
 from multicor_cli.checks import Check
@@ -269,8 +270,7 @@ def _meta(run: Run, packing: Packed) -> dict[str, Any]:
             {"wall": wall, "corners": _short(corners)}
             for which, outline in drawn
             if outline.is_solid
-            for wall in np.unique(model.shapes.wall[which]).tolist()
-            for corners in solid_polygons(outline.points[model.shapes.wall[which] == wall])
+            for wall, corners in _solids(model.shapes.wall[which], outline.points)
         ],
         "frames": [
             {
@@ -286,6 +286,12 @@ def _meta(run: Run, packing: Packed) -> dict[str, Any]:
             for chunk, walls in zip(packing.chunks, packing.walls, strict=True)
         ],
     }
+
+
+def _solids(wall: NDArray[Any], sides: Floats) -> Iterator[tuple[int, Floats]]:
+    for number in np.unique(wall).tolist():
+        for corners in solid_polygons(sides[wall == number]):
+            yield number, corners
 
 
 def _short(values: Floats) -> Any:

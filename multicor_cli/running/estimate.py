@@ -11,7 +11,12 @@ from multicor_cli.engine.heat.hertz import largest_deflection
 from multicor_cli.engine.jit.threads import PARALLEL_GRAINS
 from multicor_cli.model import Model, State
 from multicor_cli.running.plan import RunPlan, StagePlan, foresee_steps
-from multicor_cli.running.time_step import Scales, find_scales, largest_gravity, largest_pressure
+from multicor_cli.running.time_step import (
+    Scales,
+    largest_gravity,
+    largest_pressure,
+    scales_of_stage,
+)
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.settings import Output
 from multicor_cli.store import schema
@@ -179,10 +184,9 @@ class _StepCost(NamedTuple):
 
 
 def _costs(scenario: Scenario, plan: RunPlan, model: Model, threads: int) -> list[_StepCost]:
-    costs, zeros = [], [0.0] * len(plan.stages)
-    for stage in plan.stages:
-        drives, gravity = stage.drives.started(zeros), largest_gravity(stage, model)
-        scales = find_scales(scenario, model, drives, gravity, stage.laws)
+    costs = []
+    for number, stage in enumerate(plan.stages):
+        scales = scales_of_stage(scenario, model, number, stage)
         sweeps = 0.0 if stage.is_frozen else sweeps_of_stage(scales, stage.settings.tolerance_rms)
         seconds = seconds_per_step(
             model.grain_count, sweeps, stage, threads, comes_and_goes=model.outlets is not None

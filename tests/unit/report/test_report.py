@@ -98,7 +98,7 @@ def test_chosen_frames_are_evenly_spaced_and_end_with_the_last() -> None:
 
 def test_strongest_contacts_stay_in_order() -> None:
     force = np.array([5.0, 1.0, 4.0, 3.0], np.float32)
-    contacts = ContactsView(np.arange(4), np.arange(4) + 1, np.zeros(4, np.float32), force)
+    contacts = ContactsView(4, np.arange(4), np.arange(4) + 1, np.zeros(4, np.float32), force)
     assert contacts.strongest(2).i.tolist() == [0, 2]
     assert contacts.strongest(0).i.size == 0
     assert contacts.strongest(9) is contacts
