@@ -169,12 +169,8 @@ def write_fclib(
         with h5py.File(guarded, "w") as file:
             local, rows = file.create_group(_LOCAL), len(form.q)
             local["spacedim"] = np.array([2], np.int32)
-            for name, number in {
-                "nzmax": len(form.value),
-                "m": rows,
-                "n": rows,
-                "nz": _ROWS,
-            }.items():
+            sizes = {"nzmax": len(form.value), "m": rows, "n": rows, "nz": _ROWS}
+            for name, number in sizes.items():
                 local[f"W/{name}"] = np.array([number], np.int32)
             local["W/p"], local["W/i"], local["W/x"] = form.start, form.column, form.value
             local["vectors/q"], local["vectors/mu"] = form.q, form.friction

@@ -159,11 +159,10 @@ def _start_ticks(pid: int) -> int | None:
             return None
     except (OSError, ValueError, IndexError):
         pass
-    with contextlib.suppress(PermissionError):
-        try:
-            os.kill(pid, 0)
-        except ProcessLookupError:
-            return None
+    try:
+        os.kill(pid, 0)
+    except OSError as error:
+        return None if isinstance(error, ProcessLookupError) else 0
     return 0
 
 

@@ -201,6 +201,4 @@ def empty_summary(version: Version | None = None) -> Summary:
     names = (*names, "heat_closure", *counters, "negative_loss_share", "heat", *later)
     solver = ("sweeps_mean", "residual_rms_max", "residual_max_max", "unconverged_steps")
     books = BOOK_NAMES[: entry_counts(version)["book"]]
-    return dict.fromkeys(names) | {
-        "solver": dict.fromkeys(solver), "books": dict.fromkeys(books),
-    }  # fmt: skip
+    return dict.fromkeys(names) | {"solver": dict.fromkeys(solver), "books": dict.fromkeys(books)}

@@ -216,9 +216,8 @@ def _verify_checkpoints(path: Path, document: Document) -> list[FileFinding]:
     is_named = document["summary"] and document["status"] != "finished"
     named = document["summary"]["step"] if is_named else -1
     if named > max(map(step_of, sidecars), default=-1):
-        message = f"the checkpoint at step {named}, of which {layout.RUN} knows, is missing"
-        message = f"{directory}: {message}"
-        findings.append(FileFinding("error", str(directory), message))
+        what = f"the checkpoint at step {named}, of which {layout.RUN} knows, is missing"
+        findings.append(FileFinding("error", str(directory), f"{directory}: {what}"))
     return findings
 
 

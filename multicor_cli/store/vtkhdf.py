@@ -325,10 +325,7 @@ def _write_points(file: h5py.File, root: h5py.Group, steps: h5py.Group, rows: _L
     if ends:
         to_ends = [(h5py.MultiBlockSlice(grains, room, frames, ends), slice(0, frames * ends))]
     total = frames * room
-    position = [
-        _Source(file["particles/position"], to_grains),
-        _Source(file[ENDS], to_ends),
-    ]
+    position = [_Source(file["particles/position"], to_grains), _Source(file[ENDS], to_ends)]
     _write_virtual(root, "Points", total, position, np.nan)
     for row in _POINT_FIELDS:
         if row.path in file:

@@ -145,10 +145,15 @@ def draw(
 
 
 def draw_into(
-    figure: Any, table: StudyTable, panels: list[Panel], request: PlotRequest,
-    fits: list[list[Curve]], curves: Sequence[Curve] = (),
-    *, log: str = "",
-) -> None:  # fmt: skip
+    figure: Any,
+    table: StudyTable,
+    panels: list[Panel],
+    request: PlotRequest,
+    fits: list[list[Curve]],
+    curves: Sequence[Curve] = (),
+    *,
+    log: str = "",
+) -> None:
     """Draw into a figure of matplotlib; arguments as of `draw`."""
     columns = min(len(panels), _ACROSS)
     rows = -(-len(panels) // columns)

@@ -157,9 +157,15 @@ SOURCES: dict[str, Source] = {
 
 _COLUMNS = {spec.path.removeprefix("series/"): spec for spec in SERIES if len(spec.dims) == 1}
 _OF_RUN = (
-    "grain_count", "step", "time", "stage", "frame_count", "series_count", "duration",
+    "grain_count",
+    "step",
+    "time",
+    "stage",
+    "frame_count",
+    "series_count",
+    "duration",
     "hertz_deflection",
-)  # fmt: skip
+)
 """Numbers that `multicor info` has beside those of the summary."""
 
 _OPEN = ("books.", "timings.", "heat.", "exchange.")
@@ -211,8 +217,11 @@ def missing(observables: Iterable[Observable], scenario: Scenario) -> Iterator[R
             what = "no grain comes or goes in this scenario"
             yield Refused((*place, "info"), what, "give it [[outlets]] or releases")
         if row.post is not None and SOURCES[row.post].needs_shear:
-            what = "" if len(scenario.walls) > 1 else "a wall below and a wall above the grains"
-            what = what if scenario.domain.periodic else "a domain that is periodic in x"
+            what = ""
+            if not scenario.domain.periodic:
+                what = "a domain that is periodic in x"
+            elif len(scenario.walls) < 2:
+                what = "a wall below and a wall above the grains"
             if what:
                 what = f"{row.post} needs {what}"
                 yield Refused((*place, "post"), what, "use region or profile")

@@ -159,10 +159,9 @@ def _figures(table: StudyTable) -> list[Figure] | None:
         x = np.concatenate([line.x for panel in panels for line in panel.series])
         log = "x" if x.min() > 0.0 and x.max() > _LOGARITHMIC * x.min() else ""
         fill = partial(draw_into, table=mean, panels=panels, request=request, fits=[], log=log)
+        title = f"{name} against {short_names(mean.keys)[across]}"
         try:
-            found.append(
-                make_figure(f"{name} against {short_names(mean.keys)[across]}", _SIZE, fill)
-            )
+            found.append(make_figure(title, _SIZE, fill))
         except MissingLibrary:  # there is no matplotlib
             return None
     return found
