@@ -206,7 +206,7 @@ def _frame_bytes(model: Model, output: Output) -> float:
 
 def _row_bytes(table: tuple[Dataset, ...], model: Model, precision: Precision = "double") -> float:
     """Bytes of one row of all datasets of a table that a run of this model has."""
-    return sum(
+    return math.fsum(
         math.prod(spec.shape(model_dims(model))[1:]) * dtype_of(spec, precision).itemsize
         for spec in schema.select(table, schema.features_of(model))
     )
