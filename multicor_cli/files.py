@@ -9,10 +9,12 @@ from __future__ import annotations
 import contextlib
 import errno
 import io
+import json
 import os
 import stat
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from multicor_cli.text import format_bytes
 
@@ -73,6 +75,23 @@ def read_regular(path: Path | str, most: int) -> bytes:
     """The content of a regular file of at most ``most`` bytes; raises as `open_regular`."""
     with open_regular(path, most) as file:
         return file.read()
+
+
+def json_object(data: bytes) -> dict[str, Any]:
+    """The JSON object of a file without a digest; empty if there is none, or it is torn."""
+    try:
+        value = json.loads(data)
+    except (ValueError, RecursionError):
+        return {}
+    return value if isinstance(value, dict) else {}
+
+
+def read_object(path: Path | str, most: int) -> dict[str, Any]:
+    """As `json_object`, of a file of at most ``most`` bytes; empty if it cannot be read."""
+    try:
+        return json_object(read_regular(path, most))
+    except OSError:
+        return {}
 
 
 @contextlib.contextmanager

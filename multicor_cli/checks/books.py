@@ -183,7 +183,7 @@ DRIFT: tuple[Rule[Recorded], ...] = (
 
 def _timed_out(run: Recorded) -> Iterator[Measured]:
     ends = [record_of(StageEnd, end) for end in run.info["stage_ends"]]
-    late = [f"{end.name}: {end.why}" for end in ends if end.has_timed_out]
+    late = [f"{end.name}: {end.why}" for end in ends if end.reason == "timeout"]
     if ends:
         yield Measured(len(late), "; ".join(late))
 

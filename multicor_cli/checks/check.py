@@ -102,12 +102,9 @@ class Rule(Generic[S]):
         found = list(self.measure(subject))
         if not found:
             return None
-
-        def badness(measured: Measured) -> tuple[int, float]:
-            value = measured.value
-            return _ORDER.index(self._verdict(value)), self._excess(value)
-
-        value, about = max(found, key=badness)
+        value, about = max(
+            found, key=lambda it: (_ORDER.index(self._verdict(it.value)), self._excess(it.value))
+        )
         text = f"{value:.3g} {self.unit}".strip()
         if about:
             text += f" ({about if len(about) <= _LONGEST else about[: _LONGEST - 1] + '…'})"

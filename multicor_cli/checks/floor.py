@@ -65,12 +65,19 @@ def escape_share(
     if not np.any(gravity):
         return None
     escaped = 0
-    for which, is_met in model.meeting_alike():
-        walls = [outline for _, outline in placed_walls(model, wall_position, is_met)]
+    for which, walls in _meeting(model, wall_position):
         center = np.array(position[which, :2], float)
         found = _escape(model.with_grains(which), center, walls, gravity)
         escaped += int(np.count_nonzero(found))
     return escaped / model.grain_count
+
+
+def _meeting(
+    model: Model, wall_position: Floats
+) -> Iterator[tuple[NDArray[np.int64], list[Outline]]]:
+    """Numbers of grains with the walls that they meet, for all that meet the same."""
+    for which, is_met in model.meeting_alike():
+        yield which, [outline for _, outline in placed_walls(model, wall_position, is_met)]
 
 
 def _escape(model: Model, center: Floats, walls: list[Outline], gravity: Floats) -> Flags:
@@ -232,18 +239,16 @@ def _wall_spans(run: Prepared) -> tuple[Floats, Floats]:
 def _outward(run: Prepared) -> Floats:
     """Direction away from the grains in x and y: 1, -1, or 0 of walls among them, ``(w, 2)``."""
     low, high = _wall_spans(run)
-    meets, center = run.model.walls.meets, run.state.position[:, :2]
+    meets = run.model.walls.meets
     if not meets.size:
         meets = np.ones((1, len(run.model.groups)), np.bool_)
-    spans = np.array([_span(center[is_met[run.model.grains.group]]) for is_met in meets])
+    # Lowest, highest x and y of the grains that a wall meets, but for a few; infinite if none
+    spans = np.full((len(meets), 2, 2), [[-np.inf], [np.inf]])
+    for span, is_met in zip(spans, meets, strict=True):
+        center = run.state.position[is_met[run.model.grains.group], :2]
+        if len(center):
+            span[:] = np.quantile(center, (_STRAY, 1.0 - _STRAY), axis=0)
     return np.where(low >= spans[:, 1], 1.0, np.where(high <= spans[:, 0], -1.0, 0.0))
-
-
-def _span(center: Floats) -> Floats:
-    """Lowest, highest x and y of grains but for a few [m], shape ``(2, 2)``; infinite if none."""
-    if not len(center):
-        return np.array([[-np.inf, -np.inf], [np.inf, np.inf]])
-    return np.asarray(np.quantile(center, (_STRAY, 1.0 - _STRAY), axis=0))
 
 
 def _pulls(run: Prepared) -> Iterator[Measured]:
@@ -288,8 +293,7 @@ def lost_grains(
     if not np.any(gravity):
         return 0
     down, count = gravity / np.hypot(*gravity), 0
-    for which, is_met in model.meeting_alike():
-        walls = [outline for _, outline in placed_walls(model, wall_position, is_met)]
+    for which, walls in _meeting(model, wall_position):
         radius = model.grains.radius[which]
         is_lost = _is_lost(position[which], velocity[which], radius, walls, down)
         count += int(np.count_nonzero(is_lost))
@@ -330,11 +334,6 @@ def _removed(run: Recorded) -> Iterator[Measured]:
         yield Measured(books["lost"] / count, f"{books['lost']} of {count}")
 
 
-def _late(run: Recorded) -> Iterator[Measured]:
-    if run.info["exchange"] is not None:
-        yield Measured(run.info["exchange"]["behind"])
-
-
 LOST: tuple[Rule[Recorded], ...] = (
     Rule(
         "lost grains", _lost, unit="of the grains", warning=0.0, bad=0.1,
@@ -351,7 +350,7 @@ LOST: tuple[Rule[Recorded], ...] = (
         remedy="Close the walls, or put an outlet where they leave.",
     ),
     Rule(
-        "late releases", _late, unit="grains", warning=0.0,
+        "late releases", lambda run: run.noted("exchange", "behind"), unit="grains", warning=0.0,
         meaning="Grains that are due and have found no room in the region of their release: "
             "fewer come than the rate asks for.",
         remedy="Lower the rate, or enlarge the region of the release; if the container is to be "

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shutil
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -16,7 +15,7 @@ from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import DofDrive
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
-from multicor_cli.running.machine import available_memory
+from multicor_cli.running.machine import available_memory, free_space
 from multicor_cli.running.plan import StagePlan
 from multicor_cli.running.time_step import (
     Scales,
@@ -110,7 +109,6 @@ def _negative(run: Recorded) -> Iterator[Measured]:
 
 
 def _least_restitution(model: Model) -> float:
-    """Smallest coefficient of restitution between two grains."""
     materials = np.flatnonzero(np.bincount(model.grains.material))
     return float(model.laws.restitution[np.ix_(materials, materials)].min())
 
@@ -437,25 +435,19 @@ _SAMPLES = 32
 _DOUBLE, _SINGLE = float(np.finfo(np.float64).eps), float(np.finfo(np.float32).eps)
 
 
-def _farthest(run: Prepared) -> float:
-    """Largest coordinate of a grain or wall [m]."""
+def _of_places(run: Prepared, epsilon: float) -> Iterator[Measured]:
+    """Of the farthest grain or wall."""
     places = (run.state.position[:, :2], run.state.wall_position[:, :2])
-    return max([run.model.period, *(float(np.abs(place).max(initial=0.0)) for place in places)])
+    largest = (float(np.abs(place).max(initial=0.0)) for place in places)
+    far = max([run.model.period, *largest])
+    smallest = float(run.model.grains.radius.min())
+    yield Measured(epsilon * far / smallest, f"places up to {far:.3g} m")
 
 
-def _smallest(run: Prepared) -> float:
-    return float(run.model.grains.radius.min())
-
-
-def _of_places(run: Prepared) -> Iterator[Measured]:
-    far = _farthest(run)
-    yield Measured(_DOUBLE * far / _smallest(run), f"places up to {far:.3g} m")
-    yield from _of_loads(run)
-
-
-def _of_loads(run: Prepared) -> Iterator[Measured]:
-    """ε F Δt²/M: what rounding leaves of the way of a load's wall before grains hold it."""
-    walls = run.model.walls
+def _round_off(run: Prepared) -> Iterator[Measured]:
+    """Of places; and ε F Δt²/M, of the way of a load's wall before grains hold it."""
+    yield from _of_places(run, _DOUBLE)
+    walls, smallest = run.model.walls, float(run.model.grains.radius.min())
     for stage, drives in zip(run.plan.stages, run.drives, strict=True):
         length = 1.0 if stage.length is None else stage.length
         for w, drive in enumerate(drives):
@@ -469,7 +461,7 @@ def _of_loads(run: Prepared) -> Iterator[Measured]:
                     inertia = float(mass) + 0.5 * stage.dt * dof.damping
                     way = load * stage.dt * stage.dt / inertia * float(lever)
                     about = f"load of wall {walls.names[w]} in stage {stage.name}"
-                    yield Measured(_DOUBLE * way / _smallest(run), about)
+                    yield Measured(_DOUBLE * way / smallest, about)
 
 
 def _largest_load(dof: DofDrive, length: float, duration: float) -> float:
@@ -485,13 +477,12 @@ def _largest_load(dof: DofDrive, length: float, duration: float) -> float:
 
 def _stored(run: Prepared) -> Iterator[Measured]:
     if run.scenario.output.precision == "single":
-        far = _farthest(run)
-        yield Measured(_SINGLE * far / _smallest(run), f"places up to {far:.3g} m")
+        yield from _of_places(run, _SINGLE)
 
 
 ROUNDING: tuple[Rule[Prepared], ...] = (
     Rule(
-        "round-off", _of_places, unit="of the smallest radius", warning=1e-7, bad=5e-4,
+        "round-off", _round_off, unit="of the smallest radius", warning=1e-7, bad=5e-4,
         meaning="What rounding leaves open of the places of grains and walls: 2·10⁻¹⁶ of their "
             "coordinates, and of the way on which a load would send its wall in a step, if no "
             "grain held it.",
@@ -510,31 +501,23 @@ ROUNDING: tuple[Rule[Prepared], ...] = (
 # ---- Whether a run fits on the machine
 
 
-def _disk(run: Prepared) -> Iterator[Measured]:
-    place, needed = run.directory.absolute(), run.cost.disk_peak
-    while not place.exists():
-        place = place.parent
-    free = shutil.disk_usage(place).free
-    if needed is not None:
-        yield Measured(needed / max(free, 1), f"{format_bytes(needed)} of {format_bytes(free)}")
-
-
-def _memory(run: Prepared) -> Iterator[Measured]:
-    free, needed = available_memory(), run.cost.memory
-    if free is not None:
+def _share(needed: float | None, free: int | None) -> Iterator[Measured]:
+    if needed is not None and free is not None:
         yield Measured(needed / max(free, 1), f"{format_bytes(needed)} of {format_bytes(free)}")
 
 
 COST: tuple[Rule[Prepared], ...] = (
     Rule(
-        "disk", _disk, unit="of the free space", warning=0.5, bad=1.0,
+        "disk", lambda run: _share(run.cost.disk_peak, free_space(run.directory)[1]),
+        unit="of the free space", warning=0.5, bad=1.0,
         meaning="Largest size of the run directory, while results.h5 is made, over the free "
             "space where it will lie.",
         remedy='Write fewer frames (output.frame_interval), leave contacts out, use precision = '
             '"single", or free some space.',
     ),
     Rule(
-        "memory", _memory, unit="of the free memory", warning=0.7, bad=1.0,
+        "memory", lambda run: _share(run.cost.memory, available_memory()),
+        unit="of the free memory", warning=0.7, bad=1.0,
         meaning="Memory that the run will use over what is free now.",
         remedy="Use fewer grains, or a machine with more memory.",
     ),

@@ -141,13 +141,17 @@ class Recorded:
         drives = self.stages[number].drives.started([0.0] * (number + 1))
         return [w for w, drive in enumerate(drives) if drive.y.is_driven]
 
-    def summary(self, *keys: str) -> Iterator[Measured]:
-        """A number of the summary, if it is known and there are steps, to be judged."""
+    def noted(self, *keys: str) -> Iterator[Measured]:
+        """A number of the summary, if it is known, to be judged."""
         value: Any = self.info
         for key in keys:
             value = None if value is None else value.get(key)
-        if self.has_steps and value is not None:
+        if value is not None:
             yield Measured(value)
+
+    def summary(self, *keys: str) -> Iterator[Measured]:
+        """As `noted`, of a run with steps."""
+        return self.noted(*keys) if self.has_steps else iter(())
 
     @property
     def has_steps(self) -> bool:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +19,9 @@ from multicor_cli.export.target import choose_frames, new_directory
 from multicor_cli.store import Frame, Run, schema
 from multicor_cli.store.frames import (
     NamedColumn,
-    contact_columns,
     grain_columns,
     split,
+    stored_columns,
     wall_columns,
 )
 from multicor_cli.store.layout import Progress, no_progress
@@ -55,18 +55,15 @@ def export_csv(
         _write(directory / "frames.csv", _frame_columns(run, chosen))
         _write(directory / "series.csv", run.series_columns)
         for number, frame in enumerate(chosen):
-            for kind, columns in _tables(run, frame):
+            tables = {"grains": grain_columns(frame)}
+            if frame.contacts.recorded:
+                tables["contacts"] = stored_columns(frame, schema.CONTACTS)
+            if run.wall_names:
+                tables["walls"] = wall_columns(frame)
+            for kind, columns in tables.items():
                 _write(directory / f"{kind}-{frame.index:06d}.csv", columns)
             progress(number + 1, len(chosen))
     return len(chosen)
-
-
-def _tables(run: Run, frame: Frame) -> Iterable[tuple[str, list[NamedColumn]]]:
-    yield "grains", grain_columns(frame)
-    if frame.contacts.recorded:
-        yield "contacts", contact_columns(frame)
-    if run.wall_names:
-        yield "walls", wall_columns(frame)
 
 
 def _frame_columns(run: Run, frames: Sequence[Frame]) -> list[NamedColumn]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
@@ -40,6 +40,11 @@ _ROWS = -2
 
 _ENTRY_LIMIT = 200_000_000
 """Largest number of entries of W: 2.4 GB."""
+
+_MATH_INFO = (
+    "W is symmetric and positive semi-definite; friction is that of Coulomb, so the solution need "
+    "not be unique"
+)
 
 _UNITS = {
     "inverse_mass": "1/kg, 1/kg, 1/(kg m2)",
@@ -162,12 +167,24 @@ def write_fclib(
 
     def write(guarded: GuardedFile) -> None:
         with h5py.File(guarded, "w") as file:
-            _write_local(file, form)
-            _write_texts(
-                file.create_group(f"{_LOCAL}/info"), title, description, len(problem.velocity)
-            )
+            local, rows = file.create_group(_LOCAL), len(form.q)
+            local["spacedim"] = np.array([2], np.int32)
+            sizes = {"nzmax": len(form.value), "m": rows, "n": rows, "nz": _ROWS}
+            for name, number in sizes.items():
+                local[f"W/{name}"] = np.array([number], np.int32)
+            local["W/p"], local["W/i"], local["W/x"] = form.start, form.column, form.value
+            local["vectors/q"], local["vectors/mu"] = form.q, form.friction
+            info = local.create_group("info")
+            texts = {"title": title, "description": description, "math_info": _MATH_INFO}
+            for name, text in texts.items():
+                data = text.encode() + b"\0"  # as the C library expects them
+                info.create_dataset(name, data=np.array(data, dtype=f"S{len(data)}"))
+            degrees = 3 * len(problem.velocity)
+            info.attrs["numberOfDegreeOfFreedom"] = np.array([degrees], np.int32)
             if start is not None:
-                _write_guess(file, form, start)
+                guesses = file.create_group(_GUESSES)
+                guesses["number_of_guesses"] = np.array([1], np.int32)
+                guesses["1/r"], guesses["1/u"] = start.reshape(-1), form.velocity(start)
             for field in fields(problem):
                 file[f"{_BODIES}/{field.name}"] = getattr(problem, field.name)
                 file[f"{_BODIES}/{field.name}"].attrs["unit"] = _UNITS[field.name]
@@ -179,38 +196,6 @@ def write_fclib(
         commit_file(path, "fclib", write, size=size, temporary=temporary_beside(path))
     except RuntimeError as error:
         raise StorageError(f"{path}: HDF5 cannot write the file ({error})") from error
-
-
-def _write_local(file: h5py.File, form: LocalForm) -> None:
-    local = file.create_group(_LOCAL)
-    local["spacedim"] = np.array([2], np.int32)
-    rows = len(form.q)
-    for name, number in {"nzmax": len(form.value), "m": rows, "n": rows, "nz": _ROWS}.items():
-        local[f"W/{name}"] = np.array([number], np.int32)
-    local["W/p"], local["W/i"], local["W/x"] = form.start, form.column, form.value
-    local["vectors/q"], local["vectors/mu"] = form.q, form.friction
-
-
-def _write_texts(info: h5py.Group, title: str, description: str, bodies: int) -> None:
-    """Texts end with a zero, as the C library expects them."""
-    texts = {
-        "title": title,
-        "description": description,
-        "math_info": (
-            "W is symmetric and positive semi-definite; friction is that of Coulomb, so the "
-            "solution need not be unique"
-        ),
-    }
-    for name, text in texts.items():
-        data = text.encode() + b"\0"
-        info.create_dataset(name, data=np.array(data, dtype=f"S{len(data)}"))
-    info.attrs["numberOfDegreeOfFreedom"] = np.array([3 * bodies], np.int32)
-
-
-def _write_guess(file: h5py.File, form: LocalForm, start: Floats) -> None:
-    guesses = file.create_group(_GUESSES)
-    guesses["number_of_guesses"] = np.array([1], np.int32)
-    guesses["1/r"], guesses["1/u"] = start.reshape(-1), form.velocity(start)
 
 
 def read_fclib(path: Path) -> tuple[ContactProblem, Floats | None]:
@@ -267,8 +252,7 @@ class FrameProblem:
     is_beyond: bool
 
 
-@dataclass(frozen=True)
-class _Moment:
+class _Moment(NamedTuple):
     """Where in the plan a run stands after a frame: stage of the next step, and steps done in it.
 
     ``starts``: times at which the stages up to it have begun [s]; ``is_beyond``: the last is over.
@@ -334,7 +318,14 @@ def frame_problem(run: Run, number: int = -1) -> FrameProblem:
     """
     frame = choose_frame(run, number)
     model = run.model
-    _refuse_further_laws(run, model)
+    # The format knows Coulomb's cone alone
+    laws = {"adhesion": model.laws.adhesion, "rolling resistance": model.laws.rolling}
+    for name, table in laws.items():
+        if table.size:
+            raise ExportError(
+                f"{run.path}: contacts of this run have {name}, which the format of FCLib does "
+                "not know"
+            )
     if model.outlets is not None:
         raise ExportError(
             f"{run.path}: grains come and go in this run, so that the next contact problem is not "
@@ -355,19 +346,7 @@ def frame_problem(run: Run, number: int = -1) -> FrameProblem:
     engine.resume(stage.orders(moment.starts))
     dt = stage.step_after(done)
     problem, start = engine.next_start(dt, stage.time_after(done))
-    of_frame = (frame.index, frame.time, stage.name, dt, moment.is_beyond)
-    return FrameProblem(problem, start, *of_frame)
-
-
-def _refuse_further_laws(run: Run, model: Model) -> None:
-    """FCLib knows Coulomb's cone alone; raises `ExportError` if contacts have another law."""
-    laws = {"adhesion": model.laws.adhesion, "rolling resistance": model.laws.rolling}
-    for name, table in laws.items():
-        if table.size:
-            raise ExportError(
-                f"{run.path}: contacts of this run have {name}, which the format of FCLib does "
-                "not know"
-            )
+    return FrameProblem(problem, start, frame.index, frame.time, stage.name, dt, moment.is_beyond)
 
 
 def _find_moment(run: Run, frame: Frame, plan: RunPlan) -> _Moment:
@@ -382,22 +361,15 @@ def _find_moment(run: Run, frame: Frame, plan: RunPlan) -> _Moment:
     ends = [int(np.flatnonzero(stages == k)[-1]) for k in range(stage)]
     stage_step = frame.step - (int(steps[ends[-1]]) if ends else 0)
     starts = (0.0, *(float(times[end]) for end in ends))
-    if not _ends_stage(run, frame, plan, stage_step):
-        return _Moment(stage, stage_step, starts, is_beyond=False)
-    if stage + 1 == len(plan.stages):
-        return _Moment(stage, stage_step, starts, is_beyond=True)
-    return _Moment(stage + 1, 0, (*starts, frame.time), is_beyond=False)
-
-
-def _ends_stage(run: Run, frame: Frame, plan: RunPlan, stage_step: int) -> bool:
+    planned = plan.stages[stage]
     if frame.index + 1 < len(run.frames):
-        return bool(run.frames.stage[frame.index + 1] != frame.stage)
-    stage = plan.stages[frame.stage]
-    return (
-        run.status == "finished"
-        or stage_step == stage.step_limit
-        or not is_due(stage_step, stage.frame_every)
-    )
+        is_end = bool(stages[frame.index + 1] != stage)
+    else:
+        is_due_anyway = is_due(stage_step, planned.frame_every)
+        is_end = stage_step == planned.step_limit or not is_due_anyway or run.status == "finished"
+    if is_end and stage + 1 < len(plan.stages):
+        return _Moment(stage + 1, 0, (*starts, frame.time), is_beyond=False)
+    return _Moment(stage, stage_step, starts, is_beyond=is_end)
 
 
 def _wall_origin(run: Run, frame: Frame, stage: StagePlan, moment: _Moment) -> Floats:

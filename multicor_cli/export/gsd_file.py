@@ -55,7 +55,17 @@ def export_gsd(
     ):
         box = _Box.around(run.model, chosen)
         for number, frame in enumerate(chosen):
-            file.append(_gsd_frame(hoomd.Frame(), run.model, frame, box))
+            target = hoomd.Frame()
+            target.configuration.step = frame.step
+            target.configuration.dimensions = 2
+            target.configuration.box = [*box.size, _DEPTH, 0.0, 0.0, 0.0]
+            logged = _logged(frame, schema.STEPS)
+            target.log.update({name: np.array([value]) for name, value in logged})
+            target.log["box_center"] = box.center
+            target.log["contacts_recorded"] = np.array([frame.contacts.recorded], np.uint8)
+            _fill_particles(target, run.model, frame, box)
+            _fill_bonds(target, frame)
+            file.append(target)
             progress(number + 1, len(chosen))
     return len(chosen)
 
@@ -97,18 +107,6 @@ class _Box:
         if model.period > 0.0:
             low[0], high[0] = 0.0, model.period
         return cls(0.5 * (low + high), high - low)
-
-
-def _gsd_frame(target: Any, model: Model, frame: Frame, box: _Box) -> Any:
-    target.configuration.step = frame.step
-    target.configuration.dimensions = 2
-    target.configuration.box = [*box.size, _DEPTH, 0.0, 0.0, 0.0]
-    target.log.update({name: np.array([value]) for name, value in _logged(frame, schema.STEPS)})
-    target.log["box_center"] = box.center
-    target.log["contacts_recorded"] = np.array([frame.contacts.recorded], np.uint8)
-    _fill_particles(target, model, frame, box)
-    _fill_bonds(target, frame)
-    return target
 
 
 def _fill_particles(target: Any, model: Model, frame: Frame, box: _Box) -> None:

@@ -61,13 +61,9 @@ def refuse_files_of_runs(path: Path) -> None:
     with storage_errors(path):
         # a link at the place itself would be replaced, not followed
         whole = Path(os.path.realpath(path.parent)) / path.name
-        for directory, name in (
-            (whole.parent, whole.name),
-            (whole.parent.parent, whole.parent.name),
-        ):
-            if (directory / layout.RUN).is_file() and layout.is_file_name(
-                name.removesuffix(".tmp")
-            ):
+        for place in (whole, whole.parent):
+            is_of_run = layout.is_file_name(place.name.removesuffix(".tmp"))
+            if is_of_run and (place.parent / layout.RUN).is_file():
                 raise ExportRefused(f"{path}: is the name of a file of the run; choose another")
 
 
@@ -127,21 +123,6 @@ def new_directory(path: Path, names: re.Pattern[str], *, is_overwriting: bool) -
         StorageError: For any other error of the system.
     """
     refuse_files_of_runs(path)
-    _check_directory(path, names, is_overwriting=is_overwriting)
-    temporary = temporary_beside(path)
-    try:
-        with storage_errors(path):
-            make_directory(path.parent)
-            temporary.mkdir()
-            yield temporary
-            for file in (*temporary.iterdir(), temporary):
-                fsync_path(file)
-            _replace_directory(temporary, path)
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
-
-
-def _check_directory(path: Path, names: re.Pattern[str], *, is_overwriting: bool) -> None:
     with storage_errors(path):
         if path.is_symlink() or (path.exists() and not path.is_dir()):
             raise ExportRefused(f"{path}: exists and is not a directory; choose another name")
@@ -153,11 +134,18 @@ def _check_directory(path: Path, names: re.Pattern[str], *, is_overwriting: bool
             )
         if found and not is_overwriting:
             raise ExportRefused(f"{path}: holds an export; {_REMEDY}")
-
-
-def _replace_directory(new: Path, path: Path) -> None:
-    """A directory cannot be renamed over one with files: those, all made by an export, go first."""
-    if path.exists():
-        shutil.rmtree(path)
-    new.replace(path)
-    fsync_path(path.parent)
+    temporary = temporary_beside(path)
+    try:
+        with storage_errors(path):
+            make_directory(path.parent)
+            temporary.mkdir()
+            yield temporary
+            for file in (*temporary.iterdir(), temporary):
+                fsync_path(file)
+            # It cannot be renamed over one with files: those, all made by an export, go first
+            if path.exists():
+                shutil.rmtree(path)
+            temporary.replace(path)
+            fsync_path(path.parent)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)

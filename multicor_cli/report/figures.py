@@ -111,7 +111,12 @@ def _histories(run: Run, books: EnergyTable) -> list[Figure]:
     if series.row_count < 2:
         return []
     pick = _Thinning(np.asarray(series["time"]))
-    found: list[tuple[str, str, list[Line], dict[str, Any]]] = []
+    found: list[Figure] = []
+
+    def add(title: str, label: str, lines: list[Line], time: Floats, **options: bool) -> None:
+        draw = partial(_lines, time=time, lines=lines, label=label, **options)
+        found.append(_draw(title, draw))
+
     closures = [("Energy books", "energy", MECHANICAL, books.closure)]
     if books.heat_closure is not None:
         closures += [("Books of heat", "heat", HEAT, books.heat_closure)]
@@ -119,38 +124,24 @@ def _histories(run: Run, books: EnergyTable) -> list[Figure]:
         lines = _book_lines(books, entries, pick, closure)
         if lines:
             title += " over time (sums since the start)"
-            found.append((title, f"{label} [J]", lines, {"time": pick.time}))
+            add(title, f"{label} [J]", lines, pick.time)
     if "heat_stored" in series:
         lines = [
             Line(label, pick.last(series[f"temperature_{name}"])) for name, label in _TEMPERATURES
         ]
-        options = {"time": pick.time, "keep": True}
-        found.append(("Temperature over time", "temperature [K]", lines, options))
+        add("Temperature over time", "temperature [K]", lines, pick.time, keep=True)
     worked = pick.most(series["window_steps"]) > 0
     if worked.sum() >= 2:
-        options = {"time": pick.time[worked], "keep": True}
+        time = pick.time[worked]
         residuals = [Line(label, pick.most(series[name])[worked]) for name, label in _RESIDUALS]
+        title = "Residuals of the solver, largest of each window"
+        add(title, "residual [–]", residuals, time, log=True)
         effort = Line("sweeps per step", pick.most(series["sweeps_mean"])[worked])
+        title = "Work of the solver, mean of each window"
+        add(title, "sweeps per step [–]", [effort], time, keep=True)
         contacts = Line("loaded contacts", pick.last(series["contacts_mean"])[worked])
-        found += [
-            (
-                "Residuals of the solver, largest of each window",
-                "residual [–]",
-                residuals,
-                {"time": options["time"], "log": True},
-            ),
-            (
-                "Work of the solver, mean of each window",
-                "sweeps per step [–]",
-                [effort],
-                options,
-            ),
-            ("Contacts that carry a force", "contacts [–]", [contacts], options),
-        ]
-    return [
-        _draw(title, partial(_lines, lines=lines, label=label, **options))
-        for title, label, lines, options in found
-    ]
+        add("Contacts that carry a force", "contacts [–]", [contacts], time, keep=True)
+    return found
 
 
 def _book_lines(
@@ -164,10 +155,10 @@ def _book_lines(
     largest = max(sizes.values(), default=0.0)
     if largest <= _ROUNDING * rest and _largest(closure) <= CLOSURE_LIMIT:
         return []
-    shown = [entry for entry, size in sizes.items() if size > _VISIBLE * largest]
     return [
         Line(entry.label, pick.last(books.books[entry.name]), COLOR_OF.get(entry.name, "0.5"))
-        for entry in shown
+        for entry, size in sizes.items()
+        if size > _VISIBLE * largest
     ]
 
 
@@ -196,13 +187,7 @@ class _Thinning:
 
 
 def _lines(
-    axes: Any,
-    *,
-    time: Floats,
-    lines: list[Line],
-    label: str,
-    log: bool = False,
-    keep: bool = False,
+    axes: Any, *, time: Floats, lines: list[Line], label: str, log: bool = False, keep: bool = False
 ) -> None:
     """Draw lines; those that are zero throughout are left out unless all are to be kept."""
     shown = [line for line in lines if keep or np.any(line.value)]

@@ -135,12 +135,14 @@ class ContactsView:
     """The contacts of a frame that carry a force; ``c`` of them, ordered by the first grain.
 
     Attributes:
+        total: How many there were before only the strongest were kept.
         i: First grain, shape ``(c,)``.
         j: Second grain; −1: a wall, shape ``(c,)``.
         angle: Direction from the first grain to the contact [rad], −π … π, shape ``(c,)``.
         force: Normal force without sign [N], shape ``(c,)``.
     """
 
+    total: int
     i: NDArray[np.int64]
     j: NDArray[np.int64]
     angle: Singles
@@ -149,10 +151,9 @@ class ContactsView:
     def strongest(self, count: int) -> ContactsView:
         if count >= self.i.size:
             return self
-        kept = (
-            np.sort(np.argpartition(-self.force, count)[:count]) if count else np.zeros(0, np.int64)
-        )
-        return ContactsView(self.i[kept], self.j[kept], self.angle[kept], self.force[kept])
+        kept = np.sort(np.argpartition(-self.force, count)[:count])
+        i, j, angle, force = self.i[kept], self.j[kept], self.angle[kept], self.force[kept]
+        return ContactsView(self.total, i, j, angle, force)
 
 
 @dataclass(frozen=True)
@@ -180,18 +181,15 @@ def thin_frames(count: int, wanted: int) -> NDArray[np.int64]:
     """Numbers of about ``wanted`` of ``count`` frames, evenly spaced, the last one among them."""
     if wanted >= count:
         return np.arange(count)
-    return np.unique(
-        np.rint(np.linspace(0.0 if wanted > 1 else count - 1.0, count - 1.0, wanted)).astype(
-            np.int64
-        )
-    )
+    places = np.linspace(0.0 if wanted > 1 else count - 1.0, count - 1.0, wanted)
+    return np.unique(np.rint(places).astype(np.int64))
 
 
 def view_of(run: Run, index: int) -> FrameView:
     """Read a frame; raises `multicor_cli.store.StoreError`."""
     frame = run.frames[index]
     scene = make_scene(run, frame)
-    values = {}
+    values: dict[str, NDArray[Any]] = {}
     for field in fields_of(run):
         found = values_of(field, run, index)
         if found is not None:
@@ -199,23 +197,19 @@ def view_of(run: Run, index: int) -> FrameView:
             values[field.name] = np.asarray(found, np.float64 if field.unit == "K" else np.float32)
     walls = np.array(frame.wall_position, np.float64)
     center = scene.center.astype(np.float32)
-    if frame.is_open:  # grains that are not there have no place
-        center, values = (
-            _spread(run, frame, center),
-            {name: _spread(run, frame, found) for name, found in values.items()},
-        )
-    return FrameView(index, center, values, _contacts(run, index), walls, scene.box)
+    if frame.is_open:
+
+        def of_all(here: NDArray[Any]) -> NDArray[Any]:
+            """Of all grains of the run, nan for those that are not there."""
+            found = np.full((run.model.grain_count, *here.shape[1:]), np.nan, here.dtype)
+            found[frame.number] = here
+            return found
+
+        center, values = of_all(center), {name: of_all(here) for name, here in values.items()}
+    return FrameView(index, center, values, _contacts(frame), walls, scene.box)
 
 
-def _spread(run: Run, frame: Frame, values: NDArray[Any]) -> NDArray[Any]:
-    """Values of all grains of the run, nan for those that are not there."""
-    found = np.full((run.model.grain_count, *values.shape[1:]), np.nan, values.dtype)
-    found[frame.number] = values
-    return found
-
-
-def _contacts(run: Run, index: int) -> ContactsView | None:
-    frame = run.frames[index]
+def _contacts(frame: Frame) -> ContactsView | None:
     if not has_forces(frame):
         return None
     contacts = loaded_contacts(frame, frame.model)
@@ -223,7 +217,7 @@ def _contacts(run: Run, index: int) -> ContactsView | None:
     i = frame.number[contacts.i]
     j[~contacts.is_wall] = frame.number[j[~contacts.is_wall]]
     angle = np.arctan2(-normal[:, 1], -normal[:, 0]).astype(np.float32)
-    return ContactsView(i, j, angle, np.abs(contacts.force[:, 0]).astype(np.float32))
+    return ContactsView(i.size, i, j, angle, np.abs(contacts.force[:, 0]).astype(np.float32))
 
 
 # ---- Frames as bytes
@@ -317,25 +311,21 @@ def pack_frames(
     chosen = thin_frames(count, plan.frames)
     for number, index in enumerate(chosen.tolist()):
         view = view_of(run, index)
-        total = None if view.contacts is None else view.contacts.i.size
-        limited = (
-            view.contacts
-            if view.contacts is None or plan.contacts is None
-            else view.contacts.strongest(plan.contacts)
-        )
-        views.append((replace(view, contacts=limited), total))
+        if view.contacts is not None and plan.contacts is not None:
+            view = replace(view, contacts=view.contacts.strongest(plan.contacts))
+        views.append(view)
         progress(number + 1, chosen.size)
-    codes = _make_codes([view for view, _ in views], run, plan.width)
+    codes = _make_codes(views, run, plan.width)
     packing = Packed(
-        chunks=tuple(_pack(view, codes, total, run.model.grain_count) for view, total in views),
+        chunks=tuple(_pack(view, codes, run.model.grain_count) for view in views),
         fields=tuple(
             field for field in fields_of(run) if field.name != "heat" or codes["heat"].high > 0.0
         ),
         codes=codes,
-        colors=_color_ranges(fields_of(run), [view for view, _ in views]),
-        mean_force=_mean_force([view for view, _ in views]),
-        walls=np.array([view.walls for view, _ in views]),
-        box=_join_boxes([view.box for view, _ in views], codes),
+        colors=_color_ranges(fields_of(run), views),
+        mean_force=_mean_force(views),
+        walls=np.array([view.walls for view in views]),
+        box=_join_boxes([view.box for view in views], codes),
         radii=compress([run.model.grains.radius.astype("<f4").view("<u4")]),
         frame_count=count,
         contact_limit=plan.contacts,
@@ -350,7 +340,12 @@ def pack_frames(
 def _make_plan(view: FrameView, run: Run, budget: int, wanted: int) -> _Plan:
     """Decide from the size of one frame."""
     for width in (2, 1):
-        grains, contacts = _sizes(view, run, width)
+        codes = _make_codes([view], run, width)
+        whole, alone = (
+            len(_pack(each, codes, run.model.grain_count).data)
+            for each in (view, replace(view, contacts=None))
+        )
+        grains, contacts = _SAFETY * alone, _SAFETY * (whole - alone)
         if wanted * (grains + contacts) <= budget:
             return _Plan(wanted, width, None)
     count = 0 if view.contacts is None else view.contacts.i.size
@@ -358,14 +353,6 @@ def _make_plan(view: FrameView, run: Run, budget: int, wanted: int) -> _Plan:
     share = min(1.0, room / max(contacts, 1.0))
     frames = int(budget / (grains + share * contacts))
     return _Plan(max(1, min(wanted, frames)), 1, math.floor(share * count) if share < 1.0 else None)
-
-
-def _sizes(view: FrameView, run: Run, width: int) -> tuple[float, float]:
-    """Bytes of the grains and of the contacts of a frame, with some room."""
-    codes = _make_codes([view], run, width)
-    whole = len(_pack(view, codes, None, run.model.grain_count).data)
-    grains = len(_pack(replace(view, contacts=None), codes, None, run.model.grain_count).data)
-    return _SAFETY * grains, _SAFETY * (whole - grains)
 
 
 def _make_codes(views: Sequence[FrameView], run: Run, width: int) -> dict[str, Code]:
@@ -387,13 +374,10 @@ def _make_codes(views: Sequence[FrameView], run: Run, width: int) -> dict[str, C
 
 
 def _ends(arrays: list[NDArray[Any]]) -> tuple[float, float]:
-    """Smallest and largest number."""
     full = [numbers for array in arrays if (numbers := _sane(array)).size]
-    return (
-        (float(min(a.min() for a in full)), float(max(a.max() for a in full)))
-        if full
-        else (0.0, 0.0)
-    )
+    if not full:
+        return 0.0, 0.0
+    return float(min(a.min() for a in full)), float(max(a.max() for a in full))
 
 
 def _sane(values: NDArray[Any]) -> NDArray[Any]:
@@ -407,31 +391,20 @@ def _mean_force(views: Sequence[FrameView]) -> float:
     return sum(float(force.sum(dtype=np.float64)) for force in forces) / count if count else 0.0
 
 
-def _pack(view: FrameView, codes: dict[str, Code], contact_count: int | None, grains: int) -> Chunk:
+def _pack(view: FrameView, codes: dict[str, Code], grains: int) -> Chunk:
     arrays = {"x": codes["x"].encode(view.center[:, 0]), "y": codes["y"].encode(view.center[:, 1])}
     arrays |= {name: codes[name].encode(values) for name, values in view.values.items()}
-    if view.contacts is not None:
-        arrays |= _contact_arrays(view.contacts, codes["contact"], grains)
+    contacts = view.contacts
+    if contacts is not None:
+        # First grains as steps between contacts; second ones, or grains plus a wall direction
+        turn = np.rint(np.nan_to_num(contacts.angle) / (2.0 * np.pi) * _ANGLES) % _ANGLES
+        end = np.where(contacts.j >= 0, contacts.j, grains + turn.astype(np.int64))
+        arrays["contact_step"] = np.diff(contacts.i, prepend=0).astype("<u4")
+        arrays["contact_end"] = end.astype("<u4")
+        arrays["contact_force"] = codes["contact"].encode(contacts.force)
     layout = [(name, array.dtype.itemsize, array.size) for name, array in arrays.items()]
-    return Chunk(
-        view.index,
-        compress(list(arrays.values())),
-        layout,
-        contact_count,
-        _join_boxes([view.box], codes),
-    )
-
-
-def _contact_arrays(contacts: ContactsView, code: Code, grains: int) -> dict[str, NDArray[Any]]:
-    """First grains as steps between contacts; second ones, or ``grains`` plus a wall direction."""
-    turn = (
-        np.rint(np.nan_to_num(contacts.angle) / (2.0 * np.pi) * _ANGLES).astype(np.int64) % _ANGLES
-    )
-    return {
-        "contact_step": np.diff(contacts.i, prepend=0).astype("<u4"),
-        "contact_end": np.where(contacts.j >= 0, contacts.j, grains + turn).astype("<u4"),
-        "contact_force": code.encode(contacts.force),
-    }
+    data, box = compress(list(arrays.values())), _join_boxes([view.box], codes)
+    return Chunk(view.index, data, layout, None if contacts is None else contacts.total, box)
 
 
 def _color_ranges(

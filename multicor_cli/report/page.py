@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import hashlib
 import json
 import math
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from importlib import resources
 from typing import Any
@@ -21,7 +22,6 @@ from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import outlines
 from multicor_cli.plots.grain_map import solid_polygons
 from multicor_cli.plots.style import rise_reference
-from multicor_cli.post import GrainQuantity
 from multicor_cli.post.energy import HEAT, MECHANICAL, EnergyTable
 from multicor_cli.report.figures import Figure
 from multicor_cli.report.pack import Packed
@@ -37,6 +37,7 @@ from multicor_cli.report.tables import (
     pretty,
 )
 from multicor_cli.store import Run
+from multicor_cli.store.documents import plain
 
 MARK = '<meta name="generator" content="multicor report">'
 """What tells a page of ours from other files; it stands within the first 400 bytes."""
@@ -45,6 +46,7 @@ _POLICY = (
     "default-src 'none'; script-src 'sha256-{}'; style-src 'unsafe-inline'; base-uri 'none'; "
     "form-action 'none'"
 )
+_OF_FIELDS = ("name", "label", "unit", "colors", "scale")
 _SCRIPTS = ("data.js", "scale.js", "picture.js", "viewer.js")
 _LONGEST = 200  # letters of a name; longer ones stand whole in the scenario at the end of the page
 
@@ -63,19 +65,25 @@ def make_page(
         StoreError: If the scenario cannot be read.
     """
     source, resolved = run.scenario_source, run.scenario_resolved
-    scenario = _scenario_of(resolved)
+    scenario = None
+    with contextlib.suppress(tomllib.TOMLDecodeError):
+        scenario = tomllib.loads(resolved).get("scenario")
+    scenario = scenario if isinstance(scenario, dict) else {}
     name = _shorten(str(scenario.get("name") or run.path.resolve().name))
     program = "\n" + "\n".join(_file(script) for script in _SCRIPTS)
     made = f"Made by multicor {escape(__version__)} from {escape(run.path.resolve().name)}."
     body = [
-        _header(name, str(scenario.get("description") or ""), info),
+        header(
+            name, _shorten(str(scenario.get("description") or "")), str(info["status"]),
+            str(info["stop_reason"] or ""),
+            ' <button id="theme" type="button" aria-label="Light or dark">◐</button>',
+        ),
         _checks(checks),
         _file("view.html").replace("NOTE_ON_FRAMES", escape(_note(packing))),
         _tables(run, info, books),
         figure_cards(figures),
         *(
-            f'<details class="card"><summary>{title}</summary><pre tabindex="0">{escape(text)}'
-            "</pre></details>"
+            details(title, f'<pre tabindex="0">{escape(text)}</pre>')
             for title, text in (
                 ("Scenario as given", source), ("Scenario with all defaults", resolved),
             )
@@ -90,18 +98,17 @@ def make_page(
         ),
         f"<script>{program}</script>",
     ]  # fmt: skip
-    text = "\n".join([make_head(name, program), "<body>", *body, "</body>", "</html>", ""])
-    return text.encode(errors="backslashreplace")
+    return html_of(name, body, program)
 
 
 def _shorten(text: str) -> str:
     return text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
 
 
-def make_head(name: str, program: str = "") -> str:
-    """The head of a page; browsers run only its one program, known by digest, and load nothing."""
+def html_of(name: str, body: Sequence[str], program: str = "") -> bytes:
+    """A whole page; browsers run only its one program, known by digest, and load nothing."""
     policy = _POLICY.format(_base64(hashlib.sha256(program.encode()).digest()))
-    return (
+    head = (
         f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n{MARK}\n'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
@@ -109,18 +116,26 @@ def make_head(name: str, program: str = "") -> str:
         f"<title>{escape(name)} – multicor</title>\n<style>\n{_file('viewer.css')}</style>\n"
         "</head>"
     )
+    page = "\n".join([head, "<body>", *body, "</body>", "</html>", ""])
+    return page.encode(errors="backslashreplace")
 
 
-def _header(name: str, description: str, info: dict[str, Any]) -> str:
-    about = f'<p dir="auto">{escape(_shorten(description))}</p>' if description else ""
-    status, reason = str(info["status"]), str(info["stop_reason"] or "")
+def header(name: str, description: str, status: str, reason: str = "", corner: str = "") -> str:
+    """What stands above all: name, description, status and the reason for it; HTML in a corner."""
+    about = f'<p dir="auto">{escape(description)}</p>' if description else ""
     if reason not in ("", status):
         about += f'<p data-status="{escape(status)}" dir="auto">{escape(_shorten(reason))}</p>'
     return (
         f'<header><div><h1 dir="auto">{escape(name)}</h1>{about}</div><div class="corner">'
-        f'<span class="badge" data-status="{escape(status)}">{escape(status)}</span> '
-        '<button id="theme" type="button" aria-label="Light or dark">◐</button></div></header>'
+        f'<span class="badge" data-status="{escape(status)}">{escape(status)}</span>{corner}'
+        "</div></header>"
     )
+
+
+def details(summary: str, body: str, *, is_open: bool = False) -> str:
+    """A card that can be closed; both are HTML."""
+    opened = " open" if is_open else ""
+    return f'<details class="card"{opened}><summary>{summary}</summary>{body}</details>'
 
 
 def _note(packing: Packed) -> str:
@@ -163,34 +178,32 @@ def _checks(checks: Sequence[Check]) -> str:
         for kind, count in counts.items()
         if count
     )
-    is_open = "" if counts["ok"] == len(rows) else " open"
     table = f"<table>{''.join(map(_row, rows))}</table>"
-    return f'<details class="card"{is_open}><summary>Checks: {marks}</summary>{table}</details>'
+    return details(f"Checks: {marks}", table, is_open=counts["ok"] < len(rows))
 
 
 def _tables(run: Run, info: dict[str, Any], books: EnergyTable | None) -> str:
-    tables = [
-        ("What was run", describe_run(info)),
-        ("Rheology, means of the later half", describe_rheology(run)),
-        ("Contact forces", describe_forces(run)),
-        ("Ends of the stages", describe_stages(info)),
-        ("Contact solver", describe_solver(info)),
-    ]
+    tables = {
+        "What was run": describe_run(info),
+        "Rheology, means of the later half": describe_rheology(run),
+        "Contact forces": describe_forces(run),
+        "Ends of the stages": describe_stages(info),
+        "Contact solver": describe_solver(info),
+    }
     if books is not None:
-        tables += [
-            ("Energy books", describe_books(books, MECHANICAL)),
-            ("Books of heat", describe_books(books, HEAT)),
-        ]
-    return f'<section class="cards">{"".join(table_card(*table) for table in tables)}</section>'
+        tables["Energy books"] = describe_books(books, MECHANICAL)
+        tables["Books of heat"] = describe_books(books, HEAT)
+    return table_cards(tables)
 
 
-def table_card(title: str, rows: list[ReportRow]) -> str:
-    """Names and values under a title; nothing if there are none."""
-    if not rows:
-        return ""
-    return (
+def table_cards(tables: Mapping[str, Sequence[ReportRow]]) -> str:
+    """Names and values, each table under its title; those without rows are left out."""
+    cards = "".join(
         f'<div class="card"><h2>{escape(title)}</h2><table>{"".join(map(_row, rows))}</table></div>'
+        for title, rows in tables.items()
+        if rows
     )
+    return f'<section class="cards">{cards}</section>'
 
 
 def _row(row: ReportRow) -> str:
@@ -216,19 +229,12 @@ def figure_cards(figures: Sequence[Figure] | None) -> str:
     return f'<section class="figures">{text}</section>' if text else ""
 
 
-def _scenario_of(resolved: str) -> dict[str, Any]:
-    try:
-        found = tomllib.loads(resolved).get("scenario")
-    except tomllib.TOMLDecodeError:
-        return {}
-    return found if isinstance(found, dict) else {}
-
-
 def _meta(run: Run, packing: Packed) -> dict[str, Any]:
     """What the scripts need to know besides the packed numbers."""
     model, frames = run.model, run.frames
     times, steps, stages = map(np.asarray, (frames.time, frames.step, frames.stage))
     drawn = list(outlines(model.shapes.kind, model.shapes.geometry))
+    stage_names = dict(enumerate(map(_shorten, run.stages)))  # a damaged file may tell of others
     return {
         "grains": model.grain_count,
         "groups": [_shorten(name) for name in model.groups],
@@ -241,7 +247,15 @@ def _meta(run: Run, packing: Packed) -> dict[str, Any]:
             name: {n: getattr(code, n) for n in ("low", "high", "largest", "spacing")}
             for name, code in packing.codes.items()
         },
-        "fields": [_field(field, *packing.colors[field.name]) for field in packing.fields],
+        "fields": [
+            {
+                **{name: getattr(each, name) for name in _OF_FIELDS},
+                "range": packing.colors[each.name],
+                # A round temperature where temperatures hardly differ
+                "reference": rise_reference(each.unit, *packing.colors[each.name]),
+            }
+            for each in packing.fields
+        ],
         "shapes": [
             {
                 "wall": model.shapes.wall[which].tolist(),
@@ -263,7 +277,7 @@ def _meta(run: Run, packing: Packed) -> dict[str, Any]:
                 "index": chunk.index,
                 "time": float(times[chunk.index]),
                 "step": int(steps[chunk.index]),
-                "stage": _stage_name(run, int(stages[chunk.index])),
+                "stage": stage_names.get(int(stages[chunk.index]), ""),
                 "arrays": chunk.arrays,
                 "contactCount": chunk.contact_count,
                 "box": chunk.box.tolist(),
@@ -286,31 +300,10 @@ def _short(values: Floats) -> Any:
     return short.reshape(values.shape).tolist()
 
 
-def _stage_name(run: Run, stage: int) -> str:
-    return _shorten(run.stages[stage]) if 0 <= stage < len(run.stages) else ""
-
-
-def _field(field: GrainQuantity, low: float, high: float) -> dict[str, Any]:
-    """A field for the scripts; temperatures that hardly differ have a round ``reference``."""
-    return {
-        **{name: getattr(field, name) for name in ("name", "label", "unit", "colors", "scale")},
-        "range": [low, high],
-        "reference": rise_reference(field.unit, low, high),
-    }
-
-
 def _json(data: Any) -> str:
     """JSON that may stand in an HTML page, whatever strings are in it."""
-    text = json.dumps(_finite(data), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    text = json.dumps(plain(data), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _base64(data: bytes) -> str:

@@ -96,9 +96,8 @@ def describe_rheology(run: Run) -> list[ReportRow]:
         if math.isfinite(mean):
             within = f" ± {pretty(error, 2)}" if math.isfinite(error) else ""
             unit = "" if q.unit == "1" else f" {unit_sign(q.unit)}"
-            rows.append(
-                ReportRow(q.label, f"{pretty(mean)}{within}{unit}{f' ({note})' if note else ''}")
-            )
+            value = f"{pretty(mean)}{within}{unit}" + (f" ({note})" if note else "")
+            rows.append(ReportRow(q.label, value))
     return rows
 
 
@@ -118,13 +117,11 @@ def describe_forces(run: Run) -> list[ReportRow]:
 
 def describe_books(table: EnergyTable, entries: Sequence[BookLine]) -> list[ReportRow]:
     """Some lines of the energy books at the end [J]; what never happened is left out."""
-    lines = [
-        (entry.label, table.books[entry.name]) for entry in entries if entry.name in table.books
-    ]
     return [
-        ReportRow(label, _number(float(values[-1]), "J"))
-        for label, values in lines
-        if np.any(values) or "imbalance" in label
+        ReportRow(entry.label, _number(float(table.books[entry.name][-1]), "J"))
+        for entry in entries
+        if entry.name in table.books
+        and (np.any(table.books[entry.name]) or "imbalance" in entry.label)
     ]
 
 

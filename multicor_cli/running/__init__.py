@@ -66,12 +66,8 @@ def run(
         raise ValueError("a run is either extended or overwritten")
     if directory == "":
         raise ValueError("the name of the run directory is empty")
-    missing = [
-        name
-        for name in ("message", "warning", "stepped", "closed")
-        if observer is not None and not hasattr(observer, name)
-    ]
-    if missing:
+    methods = () if observer is None else ("message", "warning", "stepped", "closed")
+    if missing := [name for name in methods if not hasattr(observer, name)]:
         raise TypeError(
             "an observer has the methods of multicor_cli.Observer; this one lacks "
             f"{', '.join(missing)}"
@@ -86,19 +82,17 @@ def run(
     elif overrides:
         raise ValueError("overrides need the path of a scenario file: give them to load_scenario")
     count = reserve_threads(threads or scenario.solver.threads)
+    from multicor_cli.running.outcome import SilentObserver
     from multicor_cli.running.session import Session
 
-    path = Path(directory) if directory is not None else Path("runs") / scenario.name
-    seconds = None if max_hours is None else 3600.0 * max_hours
-    session = Session(
+    return Session(
         scenario,
-        path,
+        Path(directory) if directory is not None else Path("runs") / scenario.name,
         threads=count,
-        max_seconds=seconds,
+        max_seconds=None if max_hours is None else 3600.0 * max_hours,
         overwrite=overwrite,
         extend=extend,
-        observer=observer,
+        observer=observer or SilentObserver(),
         steer=steer,
         steer_every=steer_every,
-    )
-    return session.run()
+    ).run()

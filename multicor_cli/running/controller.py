@@ -5,7 +5,8 @@ from __future__ import annotations
 import contextlib
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -34,8 +35,8 @@ class DirectoryRecorder:
     """Writes what the controller says into a run directory; each may raise as `checkpoint`."""
 
     def __init__(self, directory: RunDirectory, writer: FrameWriter) -> None:
-        self._directory = directory
-        self._writer = writer
+        self._directory, self._writer = directory, writer
+        self.stage_ended, self.heartbeat = directory.stage_ended, directory.progress
 
     def frame(self, state: State, contacts: ContactTable | None) -> None:
         self._require_sound(state)
@@ -45,9 +46,6 @@ class DirectoryRecorder:
         self._require_sound(state)
         self._writer.series_row(Snapshot(state, self._writer.model))
 
-    def stage_ended(self, end: StageEnd) -> None:
-        self._directory.stage_ended(end)
-
     def checkpoint(self, state: State) -> None:
         """Commit the output so far, then the state; raises `StoreError`.
 
@@ -55,9 +53,6 @@ class DirectoryRecorder:
         """
         self._require_sound(state)
         self._directory.checkpoint(state, self._writer)
-
-    def heartbeat(self, data: dict[str, Any]) -> None:
-        self._directory.progress(data)
 
     def _require_sound(self, state: State) -> None:
         fault = find_absurd_value(state, self._writer.model)
@@ -133,8 +128,9 @@ class Recorder(Protocol):
     def heartbeat(self, data: dict[str, Any]) -> None: ...
 
 
+@dataclass
 class Controller:
-    """Carries out a plan, from wherever the state is.
+    """Carries out a plan, from wherever the state is; nothing is written before it is told to run.
 
     The order, which decides what a frame and a checkpoint hold:
 
@@ -154,42 +150,32 @@ class Controller:
 
     A checkpoint is thus taken only where everything due has been written, and what is due depends
     on the state alone. That makes a resumed run equal to one that was never stopped.
+
+    Attributes:
+        deadline: What the ``clock`` reads when the run stops [s].
+        stage_starts: Times at which the stages up to that of the state have begun [s]; for a run
+            that goes on from another on the clock of that one, so that the offsets by which signals
+            are carried on have the same bits.
+        steering: The program that steers, which is not asked in frozen stages.
     """
 
-    def __init__(
-        self,
-        plan: RunPlan,
-        engine: Engine,
-        recorder: Recorder,
-        *,
-        observer: Observer | None = None,
-        stop_signals: StopSignals | None = None,
-        deadline: float | None = None,
-        stage_starts: Sequence[float] = (0.0,),
-        steering: Steering | None = None,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        """Set up; nothing is written yet.
+    plan: RunPlan
+    engine: Engine
+    recorder: Recorder
+    _: KW_ONLY
+    observer: Observer = field(default_factory=SilentObserver)
+    stop_signals: StopSignals = field(default_factory=StopSignals)
+    deadline: float | None = None
+    stage_starts: list[float] = field(default_factory=lambda: [0.0])
+    steering: Steering | None = None
+    clock: Callable[[], float] = time.monotonic
 
-        The run stops when the ``clock`` reads ``deadline`` [s]; the program that steers is not
-        asked in frozen stages. ``stage_starts`` are the times at which the stages up to that of the
-        state have begun [s]; for a run that goes on from another on the clock of that one, so that
-        the offsets by which signals are carried on have the same bits.
-        """
-        self._plan = plan
-        self._engine = engine
-        self._recorder = recorder
-        self._observer = observer or SilentObserver()
-        self._signals = stop_signals or StopSignals()
-        self._deadline = deadline
-        self._starts = list(stage_starts)
-        self._steering = steering
-        self._clock = clock
+    def __post_init__(self) -> None:
         self._pace = Pace()
         self._steps = 0
-        self._foreseen = foresee_steps(plan, engine.state)
+        self._foreseen = foresee_steps(self.plan, self.engine.state)
         self._has_moved_on = False
-        self._last_checkpoint = clock()
+        self._last_checkpoint = self.clock()
         self._checkpoint_took = 0.0
         self._last_heartbeat = float("-inf")
 
@@ -201,50 +187,54 @@ class Controller:
         `StoreError`, or `StageTimeout` if a stage ran out of time and that is to stop the run.
         """
         if is_new:
-            begin_stage(self._engine, self._plan.stages[0], self._starts)
+            begin_stage(self.engine, self.plan.stages[0], self.stage_starts)
             self._write_series()
             self._write_frame()
             self._checkpoint()
-        state = self._engine.state
-        if 0 < state.stage < len(self._plan.stages) and state.stage_step == 0:
+        state = self.engine.state
+        if 0 < state.stage < len(self.plan.stages) and state.stage_step == 0:
             # Left between two stages: books of walls go from drives of the one to the other's.
-            self._engine.resume(self._plan.stages[state.stage - 1].orders(self._starts[:-1]))
-        while state.stage < len(self._plan.stages):
-            reason = self._run_stage(self._plan.stages[state.stage])
+            self.engine.resume(self.plan.stages[state.stage - 1].orders(self.stage_starts[:-1]))
+        while state.stage < len(self.plan.stages):
+            reason = self._run_stage(self.plan.stages[state.stage])
             if reason is not None:
                 return reason
         if self._has_moved_on:
             self._checkpoint()
-        self._recorder.heartbeat({"step": state.step, "time": state.time, "progress": 1.0})
+        self.recorder.heartbeat({"step": state.step, "time": state.time, "progress": 1.0})
         return StopReason.FINISHED
 
     def _run_stage(self, stage: StagePlan) -> StopReason | None:
         """Carry out the rest of a stage; None if it came to its end."""
-        state = self._engine.state
+        state = self.engine.state
         if state.stage_step > 0:
             if stage.reason_to_end(state) == "timeout":
                 self._end_stage(stage, "timeout")
                 return None
-            self._engine.resume(stage.orders(self._starts))
+            self.engine.resume(stage.orders(self.stage_starts))
         while True:
-            reason = self._reason_to_stop()
+            reason = None
+            if self.stop_signals.stop_signal is not None:
+                reason = StopReason.of_signal(self.stop_signals.stop_signal)
+            elif self.deadline is not None and self.clock() >= self.deadline:
+                reason = StopReason.TIME_LIMIT
             if reason is not None:
                 self._checkpoint()
                 return reason
             self._checkpoint_if_due()
-            if self._steering is not None:
-                self._steering.keep(state)
+            if self.steering is not None:
+                self.steering.keep(state)
             report = self._first_step(stage) if state.stage_step == 0 else self._step(stage)
             if report is not None and self._after_step(stage, report):
                 return None
 
     def _first_step(self, stage: StagePlan) -> StepReport | None:
         """The first step; if it is interrupted, the state is what it was before the stage."""
-        state = self._engine.state
+        state = self.engine.state
         books, origin = state.books.copy(), state.wall_origin
         if not stage.is_frozen:
-            self._engine.pass_grains()
-        begin_stage(self._engine, stage, self._starts)
+            self.engine.pass_grains()
+        begin_stage(self.engine, stage, self.stage_starts)
         report = self._step(stage)
         if report is None:
             state.books[:] = books
@@ -255,14 +245,14 @@ class Controller:
 
     def _step(self, stage: StagePlan) -> StepReport | None:
         """One step with its gauges; None, and an unchanged state, if a signal interrupted it."""
-        state = self._engine.state
+        state = self.engine.state
         before, dt = state.wall_position.copy(), stage.step_after(state.stage_step)
         # In the first step kernels may compile, and the last checkpoint is the state before it
-        is_first, signals = self._steps == 0, self._signals
+        is_first, signals = self._steps == 0, self.stop_signals
         try:
             with signals.exit_at_once() if is_first else contextlib.nullcontext():
                 t = stage.time_after(state.stage_step)
-                report = self._engine.step(dt, t, signals.should_stop)
+                report = self.engine.step(dt, t, signals.should_stop)
         except Interrupted:
             return None
         self._steps += 1
@@ -275,7 +265,7 @@ class Controller:
 
     def _after_step(self, stage: StagePlan, report: StepReport) -> bool:
         """Write what is due, tell the observer, move on to the next stage; True if this is over."""
-        state = self._engine.state
+        state = self.engine.state
         reason = stage.reason_to_end(state)
         if reason is None and self._is_ended_by_program(stage, report):
             reason = "steered"
@@ -291,27 +281,27 @@ class Controller:
 
     def _is_ended_by_program(self, stage: StagePlan, report: StepReport) -> bool:
         """Ask the program that steers, if it is time; True if it ends the stage and sets a plan."""
-        if self._steering is None or not self._steering.is_due or stage.is_frozen:
+        if self.steering is None or not self.steering.is_due or stage.is_frozen:
             return False
         try:
-            plan = self._steering.ask(self._engine.state, stage, report, self._engine.contacts)
+            plan = self.steering.ask(self.engine.state, stage, report, self.engine.contacts)
         except BaseException:
-            self._recorder.checkpoint(self._steering.go_back())
+            self.recorder.checkpoint(self.steering.go_back())
             raise
         if plan is not None:
-            self._plan, self._foreseen = plan, foresee_steps(plan, self._engine.state)
+            self.plan, self._foreseen = plan, foresee_steps(plan, self.engine.state)
         return plan is not None
 
     def _end_stage(self, stage: StagePlan, reason: Reason) -> None:
         """Move on to the next stage, or stop here if the stage has timed out and says so."""
-        state = self._engine.state
+        state = self.engine.state
         end = stage.end_of(state, reason)
-        self._recorder.stage_ended(end)
-        if end.has_timed_out and stage.stops_late:
+        self.recorder.stage_ended(end)
+        if reason == "timeout" and stage.stops_late:
             self._checkpoint()
             raise StageTimeout(end)
         self._has_moved_on = True
-        self._starts.append(self._starts[-1] + stage.time_after(state.stage_step))
+        self.stage_starts.append(self.stage_starts[-1] + stage.time_after(state.stage_step))
         state.stage += 1
         state.stage_step = 0
         state.stage_start = state.time
@@ -319,49 +309,41 @@ class Controller:
         state.stage_notes = np.empty(0)
 
     def _write_series(self) -> None:
-        state = self._engine.state
-        self._recorder.series(state)
+        state = self.engine.state
+        self.recorder.series(state)
         state.window[:] = 0.0
         state.window_wall_impulse[:] = 0.0
 
     def _write_frame(self) -> None:
-        contacts = self._engine.contacts().carrying() if self._plan.output.contacts else None
-        self._recorder.frame(self._engine.state, contacts)
+        contacts = self.engine.contacts().carrying() if self.plan.output.contacts else None
+        self.recorder.frame(self.engine.state, contacts)
 
     def _checkpoint(self) -> None:
-        before = self._clock()
-        self._recorder.checkpoint(self._engine.state)
-        self._last_checkpoint = self._clock()
+        before = self.clock()
+        self.recorder.checkpoint(self.engine.state)
+        self._last_checkpoint = self.clock()
         self._checkpoint_took = self._last_checkpoint - before
-        self._signals.is_checkpoint_wanted = False
+        self.stop_signals.is_checkpoint_wanted = False
 
     def _checkpoint_if_due(self) -> None:
         rarest = CHECKPOINT_SHARE * self._checkpoint_took
-        if self._signals.is_checkpoint_wanted:
+        interval = max(self.plan.output.checkpoint_interval, rarest)
+        if self.stop_signals.is_checkpoint_wanted:
             self._checkpoint()
-            self._observer.message(f"checkpoint written at step {self._engine.state.step}")
-        elif self._clock() - self._last_checkpoint >= max(
-            self._plan.output.checkpoint_interval, rarest
-        ):
+            self.observer.message(f"checkpoint written at step {self.engine.state.step}")
+        elif self.clock() - self._last_checkpoint >= interval:
             self._checkpoint()
-
-    def _reason_to_stop(self) -> StopReason | None:
-        if self._signals.stop_signal is not None:
-            return StopReason.of_signal(self._signals.stop_signal)
-        if self._deadline is not None and self._clock() >= self._deadline:
-            return StopReason.TIME_LIMIT
-        return None
 
     def _tell(self, stage: StagePlan, report: StepReport) -> None:
-        state, now = self._engine.state, self._clock()
-        progress = self._plan.progress(state, self._foreseen)
+        state, now = self.engine.state, self.clock()
+        progress = self.plan.progress(state, self._foreseen)
         self._pace.note(now, self._steps, progress)
-        count, speed, left = len(self._plan.stages), self._pace.speed(), self._pace.remaining()
+        count, speed, left = len(self.plan.stages), self._pace.speed(), self._pace.remaining()
         status = Status(state, stage.name, count, report, progress, speed, left)
-        self._observer.stepped(status)
+        self.observer.stepped(status)
         if now - self._last_heartbeat >= HEARTBEAT:
             self._last_heartbeat = now
-            self._recorder.heartbeat({
+            self.recorder.heartbeat({
                 "step": state.step, "time": state.time, "stage": stage.name,
                 "stage_count": count,
                 "progress": progress, "steps_per_second": speed, "remaining_seconds": left,

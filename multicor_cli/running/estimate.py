@@ -11,11 +11,18 @@ from multicor_cli.engine.heat.hertz import largest_deflection
 from multicor_cli.engine.jit.threads import PARALLEL_GRAINS
 from multicor_cli.model import Model, State
 from multicor_cli.running.plan import RunPlan, StagePlan, foresee_steps
-from multicor_cli.running.time_step import Scales, find_scales, largest_gravity, largest_pressure
+from multicor_cli.running.time_step import (
+    Scales,
+    largest_gravity,
+    largest_pressure,
+    scales_of_stage,
+)
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.settings import Output
 from multicor_cli.store import schema
+from multicor_cli.store.hdf5 import Precision, dtype_of
 from multicor_cli.store.schema import Dataset
+from multicor_cli.store.segments import model_dims
 
 # ---- What a step will cost, from what the stage is about to do: sweeps of the solver, and time.
 #
@@ -96,8 +103,6 @@ BYTES_PER_GRAIN = 1000.0
 BUFFER = 64e6
 """Frames that wait to be written take up to this much, or one frame [bytes]."""
 
-_WIDTH = {"f8": 8, "i8": 8, "i4": 4, "u1": 1}
-
 
 @dataclass(frozen=True)
 class Estimate:
@@ -141,7 +146,7 @@ def estimate(
         counts = list(zip(known, stages, strict=True))
         frames = 1 + sum(math.ceil(count / stage.frame_every) for count, stage in counts)
         rows = 1 + sum(math.ceil(count / stage.series_every) for count, stage in counts)
-        series = rows * _row_bytes(schema.SERIES, model, is_single=False)
+        series = rows * _row_bytes(schema.SERIES, model)
         results = frames * frame + series + n * 32.0
         disk = results + 2.0 * n * (7 * 8.0 + LOADED_PER_GRAIN * 24.0)  # two checkpoints
         peak = disk + results
@@ -179,11 +184,9 @@ class _StepCost(NamedTuple):
 
 
 def _costs(scenario: Scenario, plan: RunPlan, model: Model, threads: int) -> list[_StepCost]:
-    costs, zeros = [], [0.0] * len(plan.stages)
-    for stage in plan.stages:
-        scales = find_scales(
-            scenario, model, stage.drives.started(zeros), largest_gravity(stage, model), stage.laws
-        )
+    costs = []
+    for number, stage in enumerate(plan.stages):
+        scales = scales_of_stage(scenario, model, number, stage)
         sweeps = 0.0 if stage.is_frozen else sweeps_of_stage(scales, stage.settings.tolerance_rms)
         seconds = seconds_per_step(
             model.grain_count, sweeps, stage, threads, comes_and_goes=model.outlets is not None
@@ -193,24 +196,20 @@ def _costs(scenario: Scenario, plan: RunPlan, model: Model, threads: int) -> lis
 
 
 def _frame_bytes(model: Model, output: Output) -> float:
-    is_single = output.precision == "single"
-    tables = schema.STEPS + schema.OFFSETS + schema.WALLS
-    size = model.grain_count * _row_bytes(schema.PARTICLES, model, is_single=is_single)
+    tables, precision = schema.STEPS + schema.OFFSETS + schema.WALLS, output.precision
+    size = model.grain_count * _row_bytes(schema.PARTICLES, model, precision)
     if output.contacts:
-        of_contact = _row_bytes(schema.CONTACTS, model, is_single=is_single)
+        of_contact = _row_bytes(schema.CONTACTS, model, precision)
         size += LOADED_PER_GRAIN * model.grain_count * of_contact
-    return size + _row_bytes(tables, model, is_single=is_single)
+    return size + _row_bytes(tables, model, precision)
 
 
-def _row_bytes(table: tuple[Dataset, ...], model: Model, *, is_single: bool) -> float:
+def _row_bytes(table: tuple[Dataset, ...], model: Model, precision: Precision = "double") -> float:
     """Bytes of one row of all datasets of a table that a run of this model has."""
-    total, lengths = 0.0, {"wall": model.wall_count, "outlet": len(model.outlets or ())}
-    for spec in schema.select(table, schema.features_of(model)):
-        width = (4 if is_single else 8) if spec.dtype == "float" else _WIDTH[spec.dtype]
-        for dim in spec.dims[1:]:
-            width *= dim if isinstance(dim, int) else lengths[dim]
-        total += width
-    return total
+    return math.fsum(
+        math.prod(spec.shape(model_dims(model))[1:]) * dtype_of(spec, precision).itemsize
+        for spec in schema.select(table, schema.features_of(model))
+    )
 
 
 def _deflection(scenario: Scenario, plan: RunPlan, model: Model) -> float | None:

@@ -47,10 +47,9 @@ from multicor_cli.scenario.drives import (
     TiltedGravityTable,
     WallCondition,
 )
-from multicor_cli.scenario.heat import AverageForce, Heat
+from multicor_cli.scenario.heat import AverageForce
 from multicor_cli.scenario.particles import ParticleGroup
 from multicor_cli.scenario.problems import Refused
-from multicor_cli.scenario.region import RectangleRegion
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.stage_drives import engine_signal
 from multicor_cli.scenario.stages import (
@@ -67,7 +66,6 @@ from multicor_cli.scenario.stages import (
 )
 
 if TYPE_CHECKING:  # a plan is made without Numba, which these load
-    from multicor_cli.engine.heat.conduction import ContactForce
     from multicor_cli.engine.heat.mechanism import HeatLaws
     from multicor_cli.engine.heat.settings import HeatSettings
 
@@ -122,29 +120,25 @@ def _engine_condition(condition: WallCondition, fallback: float) -> WallHeat:
 
 def heat_settings(scenario: Scenario, model: Model) -> HeatSettings | None:
     """The choices about heat, materials ordered as in the model; None without ``[heat]``."""
+    from multicor_cli.engine.heat.conduction import ContactForce
     from multicor_cli.engine.heat.settings import MECHANISMS, HeatSettings
 
     heat = scenario.heat
     if heat is None:
         return None
+    force = ContactForce()
+    if isinstance(heat.force, AverageForce):
+        force = ContactForce("average", heat.force.average)
+    elif heat.force is not None:
+        force = ContactForce("prescribed", heat.force.prescribed)
     return heat.as_record(
         HeatSettings,
         laws=laws_of_scenario(scenario, model.materials),
-        force=_force(heat),
+        force=force,
         mechanisms=tuple(
             table.as_record(MECHANISMS[key]) for key, table in heat.mechanisms.items()
         ),
     )
-
-
-def _force(heat: Heat) -> ContactForce:
-    from multicor_cli.engine.heat.conduction import ContactForce
-
-    if heat.force is None:
-        return ContactForce()
-    if isinstance(heat.force, AverageForce):
-        return ContactForce("average", heat.force.average)
-    return ContactForce("prescribed", heat.force.prescribed)
 
 
 def laws_of_scenario(scenario: Scenario, materials: Sequence[str]) -> HeatLaws:
@@ -175,7 +169,8 @@ def inflow_rules(scenario: Scenario, model: Model) -> InflowRules:
     groups = enumerate(scenario.particles)
     releases = (_release(scenario, number, group) for number, group in groups)
     outlets = (
-        Outlet(_rectangle(outlet.region), outlet.then == "release") for outlet in scenario.outlets
+        Outlet(Rectangle(outlet.region.min, outlet.region.max), outlet.then == "release")
+        for outlet in scenario.outlets
     )
     limits = None
     if scenario.domain.lost != "ignore":
@@ -189,10 +184,6 @@ def inflow_rules(scenario: Scenario, model: Model) -> InflowRules:
         limits,
         scenario.domain.lost == "stop",
     )
-
-
-def _rectangle(region: RectangleRegion) -> Rectangle:
-    return Rectangle(region.min, region.max)
 
 
 def _release(scenario: Scenario, number: int, group: ParticleGroup) -> Release | None:
@@ -213,7 +204,7 @@ def _release(scenario: Scenario, number: int, group: ParticleGroup) -> Release |
         rate=rate,
         is_mass=table.mass_rate is not None,
         start=table.start,
-        region=_rectangle(table.region),
+        region=Rectangle(table.region.min, table.region.max),
         spans_period=scenario.domain.is_spanned(table.region.min[0], table.region.max[0]),
         velocity=(*group.velocity, group.spin),
         draw=draw,

@@ -5,11 +5,12 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import os
+import shutil
 import site
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from multicor_cli.engine.jit.cache import is_compiled, is_kept
@@ -44,14 +45,15 @@ def python_child(*words: str, **variables: str) -> tuple[list[str], dict[str, st
     }
 
 
-def end_with_parent() -> None:
+def end_with_parent(end: Callable[[], None] = lambda: os._exit(0)) -> None:
     """End this process when the other end of its standard input is closed; returns at once."""
 
     def wait() -> None:
-        # a buffered read would hold a lock that the end of the interpreter needs
-        while os.read(sys.stdin.fileno(), 4096):
-            pass
-        os._exit(0)
+        with contextlib.suppress(OSError):  # the other side died before it read everything
+            # a buffered read would hold a lock that the end of the interpreter needs
+            while os.read(sys.stdin.fileno(), 4096):
+                pass
+        end()
 
     threading.Thread(target=wait, daemon=True).start()
 
@@ -93,7 +95,7 @@ def reserve_threads(requested: int = 0) -> int:
     return min(wanted, room)
 
 
-# ---- Memory: what the machine has left, and keeping what was freed for the next time step
+# ---- Memory and disk: what is left, and keeping what was freed for the next time step
 
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # options of mallopt(3)
 _NEVER = 2**31 - 1
@@ -124,6 +126,14 @@ def available_memory() -> int | None:
     with contextlib.suppress(OSError, ValueError):
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     return None
+
+
+def free_space(directory: Path) -> tuple[Path, int]:
+    """The directory, or the nearest above it that there is, and what is free in it [bytes]."""
+    place = directory.absolute()
+    while not place.exists():
+        place = place.parent
+    return place, shutil.disk_usage(place).free
 
 
 # ---- The kernels of a first run, compiled on two cores

@@ -135,38 +135,30 @@ class StageTimeout(Exception):
 
 
 class StopReason(Enum):
-    """Why a run stopped; the value is what ``run.json`` says."""
+    """Why a run stopped, and with which exit code; the value is what ``run.json`` says."""
 
-    FINISHED = "finished"
-    ALREADY_FINISHED = "already finished"
-    INTERRUPTED = "interrupted (SIGINT)"
-    TERMINATED = "terminated (SIGTERM)"
-    HUNG_UP = "terminal closed (SIGHUP)"
-    TIME_LIMIT = "time limit reached"
+    exit_code: ExitCode
+
+    def __new__(cls, value: str, exit_code: ExitCode) -> Self:
+        reason = object.__new__(cls)
+        reason._value_, reason.exit_code = value, exit_code
+        return reason
+
+    FINISHED = "finished", ExitCode.DONE
+    ALREADY_FINISHED = "already finished", ExitCode.DONE
+    INTERRUPTED = "interrupted (SIGINT)", ExitCode.INTERRUPTED
+    TERMINATED = "terminated (SIGTERM)", ExitCode.TERMINATED
+    HUNG_UP = "terminal closed (SIGHUP)", ExitCode.HUNG_UP
+    TIME_LIMIT = "time limit reached", ExitCode.STOPPED
 
     @classmethod
     def of_signal(cls, number: int) -> StopReason:
-        return {signal.SIGTERM: cls.TERMINATED, signal.SIGHUP: cls.HUNG_UP}.get(
-            signal.Signals(number), cls.INTERRUPTED
-        )
+        reasons = {signal.SIGTERM: cls.TERMINATED, signal.SIGHUP: cls.HUNG_UP}
+        return reasons.get(signal.Signals(number), cls.INTERRUPTED)
 
     @property
     def is_end(self) -> bool:
-        return self in (StopReason.FINISHED, StopReason.ALREADY_FINISHED)
-
-    @property
-    def exit_code(self) -> ExitCode:
-        return _EXIT_CODES[self]
-
-
-_EXIT_CODES = {
-    StopReason.FINISHED: ExitCode.DONE,
-    StopReason.ALREADY_FINISHED: ExitCode.DONE,
-    StopReason.INTERRUPTED: ExitCode.INTERRUPTED,
-    StopReason.TERMINATED: ExitCode.TERMINATED,
-    StopReason.HUNG_UP: ExitCode.HUNG_UP,
-    StopReason.TIME_LIMIT: ExitCode.STOPPED,
-}
+        return self.exit_code is ExitCode.DONE
 
 
 @dataclass(frozen=True)
@@ -196,6 +188,5 @@ class RunOutcome:
 
     def __str__(self) -> str:
         where = f"step {self.step}, t = {self.time:.6g} s, in {self.directory}"
-        return f"{self.reason.value}: {where}" + (
-            "" if self.is_finished else "; the same command continues"
-        )
+        rest = "" if self.is_finished else "; the same command continues"
+        return f"{self.reason.value}: {where}{rest}"

@@ -113,8 +113,9 @@ class StagePlan:
 
     def time_after(self, steps: int) -> float:
         """Time since the start of the stage after so many steps [s]."""
-        is_end = self.duration is not None and steps == self.step_limit
-        return self.duration if is_end and self.duration is not None else steps * self.dt
+        if self.duration is not None and steps == self.step_limit:
+            return self.duration
+        return steps * self.dt
 
     def step_after(self, steps: int) -> float:
         """Length of the step that comes after so many [s]."""

@@ -8,6 +8,7 @@ import os
 import time
 import tomllib
 from collections.abc import Callable, Iterator
+from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -56,103 +57,95 @@ _UNCONVERGED = TALLY_NAMES.index("unconverged_steps")
 Review = Callable[[Scenario, RunPlan, Model, State], None]
 
 
+@dataclass
 class Session:
-    """Carries out a scenario in a directory until it is finished or has to stop."""
+    """Carries out a scenario in a directory until it is finished or has to stop.
 
-    def __init__(
-        self,
-        scenario: Scenario,
-        path: Path,
-        *,
-        threads: int,
-        max_seconds: float | None = None,
-        overwrite: bool = False,
-        extend: bool = False,
-        observer: Observer | None = None,
-        steer: Steer | None = None,
-        steer_every: int = 1,
-        stop_signals: StopSignals | None = None,
-        review: Review | None = None,
-    ) -> None:
-        """Set up; nothing is read or written yet.
+    What it is made of is what `multicor_cli.run` is given, with all defaults filled in.
+    ``stop_signals`` are those that the caller has installed already; ``review`` looks at a new run
+    before anything is written, and what it raises ends the run there.
+    """
 
-        Arguments are those of `multicor_cli.run`, with all defaults filled in. ``stop_signals`` are
-        those that the caller has installed already; ``review`` looks at a new run before anything
-        is written, and what it raises ends the run there.
-        """
-        self._scenario, self._path, self._threads = scenario, path, threads
-        self._overwrite, self._extend = overwrite, extend
-        self._observer = observer or SilentObserver()
-        self._steer, self._steer_every = steer, steer_every
+    scenario: Scenario
+    path: Path
+    _: KW_ONLY
+    threads: int
+    max_seconds: float | None = None
+    overwrite: bool = False
+    extend: bool = False
+    observer: Observer = field(default_factory=SilentObserver)
+    steer: Steer | None = None
+    steer_every: int = 1
+    stop_signals: StopSignals = field(default_factory=StopSignals)
+    review: Review | None = None
+
+    def __post_init__(self) -> None:
         self._steering: Steering | None = None
-        self._signals = stop_signals or StopSignals()
-        self._review = review
         self._started = time.monotonic()
-        self._deadline = None if max_seconds is None else self._started + max_seconds
 
     def run(self) -> RunOutcome:
         """Begin or continue the run; raises as `multicor_cli.run`."""
-        with self._signals.installed(), shared_compilation(self._threads):
-            self._signals.on_exit = self._leave
+        with self.stop_signals.installed(), shared_compilation(self.threads):
+            self.stop_signals.on_exit = self._leave
             try:
-                if RunDirectory.is_run(self._path) and not self._overwrite:
+                if RunDirectory.is_run(self.path) and not self.overwrite:
                     return self._continue()
-                if self._extend:
+                if self.extend:
                     raise DirectoryRefused(
-                        f"{self._path}: holds no run that could be extended; leave --extend out "
+                        f"{self.path}: holds no run that could be extended; leave --extend out "
                         "to begin one"
                     )
                 return self._begin()
             finally:
-                self._observer.closed()
+                self.observer.closed()
 
     def _leave(
         self, number: int, directory: RunDirectory | None = None, state: State | None = None
     ) -> None:
         """What a signal does while there is nothing to save: grains placed, kernels compiled."""
         reason = StopReason.of_signal(number)
-        self._observer.closed()
+        self.observer.closed()
         step, time_reached = (state.step, state.time) if state is not None else (0, 0.0)
-        self._observer.message(str(RunOutcome(reason, self._path, step, time_reached, 0)))
+        self.observer.message(str(RunOutcome(reason, self.path, step, time_reached, 0)))
         if directory is not None:
             with directory:
                 directory.finish("stopped", stop_reason=reason.value, exit_code=reason.exit_code)
 
     def _begin(self) -> RunOutcome:
-        check_usable(self._path, overwrite=self._overwrite)
-        _refuse_own_start(self._scenario, self._path)
-        placed = self._build(self._scenario)
-        plan = make_plan(self._scenario, placed.model)
-        if self._review is not None:
-            self._review(self._scenario, plan, placed.model, placed.state)
+        check_usable(self.path, overwrite=self.overwrite)
+        _refuse_own_start(self.scenario, self.path)
+        placed = self._build(self.scenario)
+        plan = make_plan(self.scenario, placed.model)
+        if self.review is not None:
+            self.review(self.scenario, plan, placed.model, placed.state)
         provenance = collect_provenance(
-            current_command(), seed=self._scenario.seed, threads=self._threads
+            current_command(), seed=self.scenario.seed, threads=self.threads
         )
         with RunDirectory.create(
-            self._path,
-            self._scenario.sources.text,
-            self._scenario.resolved_toml(),
+            self.path,
+            self.scenario.sources.text,
+            self.scenario.resolved_toml(),
             provenance,
             stages=[stage.name for stage in plan.stages],
-            precision=self._scenario.output.precision,
-            overwrite=self._overwrite,
+            precision=self.scenario.output.precision,
+            overwrite=self.overwrite,
             origin=placed.origin,
             steering=self._steering_record(),
         ) as directory:
-            return self._carry_on(directory, self._scenario, placed)
+            return self._carry_on(directory, self.scenario, placed)
 
     def _continue(self) -> RunOutcome:
-        document = read_run_document(self._path)
+        document = read_run_document(self.path)
         self._refuse_other_program(document)
-        before = read_scenario(self._path / RESOLVED, document["resolved_sha256"])
-        scenario = _as_begun(self._scenario, before, int(document["provenance"]["seed"]))
+        before = read_scenario(self.path / RESOLVED, document["resolved_sha256"])
+        scenario = _as_begun(self.scenario, before, int(document["provenance"]["seed"]))
         extension = self._find_extension(scenario, before)
-        with RunDirectory.resume(self._path, extension=extension) as directory:
+        with RunDirectory.resume(self.path, extension=extension) as directory:
             if directory.is_finished:
                 summary = document["summary"]
                 return RunOutcome(
                     StopReason.ALREADY_FINISHED,
-                    self._path,
+                    self.path,
                     int(summary["step"]),
                     float(summary["time"]),
                     int(summary["solver"]["unconverged_steps"]),
@@ -161,18 +154,18 @@ class Session:
             with self._recording_failure(directory):
                 checkpoint = directory.load_checkpoint()
                 if checkpoint is None:
-                    self._signals.on_exit = functools.partial(self._leave, directory=directory)
+                    self.stop_signals.on_exit = functools.partial(self._leave, directory=directory)
                     placed = self._build(scenario)
                     _refuse_other_origin(scenario, directory.origin, placed.origin)
                     return self._carry_on(directory, scenario, placed)
-                version = str(directory.provenance.get("multicor_version", ""))
+                version = str(document["provenance"].get("multicor_version", ""))
                 if version != __version__:
                     told = f"the run began with multicor {version}, this is {__version__}"
-                    self._observer.warning(f"{told}: its bits may differ from here on")
+                    self.observer.warning(f"{told}: its bits may differ from here on")
                 for warning in checkpoint.warnings:
-                    self._observer.warning(warning)
+                    self.observer.warning(warning)
                 model, state = directory.load_model() or place(scenario).model, checkpoint.state
-                self._observer.message(f"continuing from step {state.step} (t = {state.time:g} s)")
+                self.observer.message(f"continuing from step {state.step} (t = {state.time:g} s)")
                 return self._carry_on(directory, scenario, Placed(model, state), is_new=False)
 
     def _find_extension(self, scenario: Scenario, before: str) -> Extension | None:
@@ -183,32 +176,32 @@ class Session:
         resolved = scenario.resolved_toml()
         added = added_stages(before, resolved)
         if added <= 0:
-            _refuse_changes(scenario, before, self._path)
+            _refuse_changes(scenario, before, self.path)
             return None
         stages = count_noun(added, "stage")
-        if not self._extend:
-            what = f"{stages} more than when the run in {self._path} began"
+        if not self.extend:
+            what = f"{stages} more than when the run in {self.path} began"
             remedy = (
                 "give --extend to add them to that run, choose another directory with -o, or "
                 "start anew with --overwrite"
             )
             raise scenario.refuse(Refused(("loading", len(scenario.loading) - added), what, remedy))
         # What cannot be carried out is refused before it becomes the run's own scenario
-        with open_run(self._path) as run:
+        with open_run(self.path) as run:
             if run.info["summary"] is not None:
                 make_plan(scenario, run.model)
-        self._observer.message(f"adding {stages} to the run")
+        self.observer.message(f"adding {stages} to the run")
         return Extension(scenario.sources.text, resolved, stage_names(scenario))
 
     def _steering_record(self) -> dict[str, Any] | None:
         """What ``run.json`` says at first of the program that steers the run."""
-        if self._steer is None:
+        if self.steer is None:
             return None
         # an object that is called
-        named = self._steer if hasattr(self._steer, "__qualname__") else type(self._steer)
+        named = self.steer if hasattr(self.steer, "__qualname__") else type(self.steer)
         return {
             "by": f"{named.__module__}.{named.__qualname__}",
-            "every": self._steer_every,
+            "every": self.steer_every,
             "decisions": [],
             "notes": {},
         }
@@ -218,7 +211,7 @@ class Session:
         before, now = document.get("steering"), self._steering_record()
         steered = "" if before is None else f"is steered by the Python program {before['by']}"
         what = ""
-        if before is not None and self._extend:
+        if before is not None and self.extend:
             what = (
                 f"{steered}, and no stages can be added to it; go on from its end in another run, "
                 "with [start]"
@@ -238,18 +231,18 @@ class Session:
                 "another directory"
             )
         if what:
-            raise DirectoryRefused(f"{self._path}: {what}")
+            raise DirectoryRefused(f"{self.path}: {what}")
 
     def _build(self, scenario: Scenario) -> Placed:
-        self._observer.message(
+        self.observer.message(
             "placing the grains" if scenario.start is None else "taking the grains from another run"
         )
-        with self._signals.exit_at_once():
+        with self.stop_signals.exit_at_once():
             placed = place(scenario)
         if placed.origin is not None:
-            self._observer.message(f"going on from {placed.origin.text}")
+            self.observer.message(f"going on from {placed.origin.text}")
             for text in placed.origin.wall_texts:
-                self._observer.message(f"walls {text}")
+                self.observer.message(f"walls {text}")
         return placed
 
     def _carry_on(
@@ -257,39 +250,41 @@ class Session:
     ) -> RunOutcome:
         model, state = placed.model, placed.state
         with self._recording_failure(directory):
-            if self._steer is not None:
-                self._steering = Steering(self._steer, scenario, model, directory)
+            if self.steer is not None:
+                self._steering = Steering(self.steer, scenario, model, directory)
                 scenario = self._steering.scenario
             plan = make_plan(scenario, model, state)
             first = 0.0 if directory.origin is None else directory.origin.time
-            starts = [first] if state.stage == 0 else stage_starts(self._path, state, plan, first)
+            starts = [first] if state.stage == 0 else stage_starts(self.path, state, plan, first)
             writer = directory.writer(model)
-            engine = make_engine(scenario, model, state, self._threads)
+            engine = make_engine(scenario, model, state, self.threads)
             counts = {
                 "grain": model.grain_count,
                 "wall": model.wall_count,
                 "thread": engine.threads,
             }
-            self._observer.message(", ".join(count_noun(n, noun) for noun, n in counts.items()))
+            self.observer.message(", ".join(count_noun(n, noun) for noun, n in counts.items()))
             if not is_compiled():
-                self._observer.message(
+                self.observer.message(
                     "compiling the kernels; this happens once and takes up to half a minute"
                 )
-            self._signals.on_exit = functools.partial(self._leave, directory=directory, state=state)
+            self.stop_signals.on_exit = functools.partial(
+                self._leave, directory=directory, state=state
+            )
             controller = Controller(
                 plan,
                 engine,
                 DirectoryRecorder(directory, writer),
-                observer=self._observer,
-                stop_signals=self._signals,
-                deadline=self._deadline,
+                observer=self.observer,
+                stop_signals=self.stop_signals,
+                deadline=None if self.max_seconds is None else self._started + self.max_seconds,
                 stage_starts=starts,
                 steering=self._steering,
             )
             reason = controller.run(is_new=is_new)
             timings = {"wall": time.monotonic() - self._started, **engine.timers}
             if reason.is_end:
-                self._observer.message("writing results.h5")
+                self.observer.message("writing results.h5")
             directory.finish(
                 "finished" if reason.is_end else "stopped",
                 stop_reason=reason.value,
@@ -298,7 +293,7 @@ class Session:
             )
         unconverged = round(float(state.tallies[_UNCONVERGED]))
         return RunOutcome(
-            reason, self._path, state.step, state.time, unconverged, directory.stage_ends
+            reason, self.path, state.step, state.time, unconverged, directory.stage_ends
         )
 
     @contextlib.contextmanager
@@ -356,7 +351,8 @@ def _as_begun(scenario: Scenario, before: str, seed: int) -> Scenario:
     """The scenario with what the run has of its own: defaults of the version that began it, groups
     that it took from another run, whatever became of that, and the seed that it drew by chance.
     """
-    given = _given(scenario)
+    given = tomllib.loads(scenario.sources.text)  # no defaults
+    apply_overrides(given, scenario.sources.overrides)
     if former := former_defaults(before, scenario.resolved_toml(), given):
         scenario = scenario.with_overrides(former)
     if scenario.start is not None and "particles" not in given:
@@ -389,13 +385,6 @@ def _refuse_other_origin(scenario: Scenario, before: Origin | None, now: Origin 
         )
         remedy = f"start anew with --overwrite, or go on from a frame at step {before.step}"
         raise scenario.refuse(Refused(("start", "run"), what, remedy))
-
-
-def _given(scenario: Scenario) -> dict[str, Any]:
-    """What the user has written, in the file and in overrides: no defaults."""
-    data = tomllib.loads(scenario.sources.text)
-    apply_overrides(data, scenario.sources.overrides)
-    return data
 
 
 def _refuse_changes(scenario: Scenario, before: str, path: Path) -> None:

@@ -115,11 +115,8 @@ class Acting(NamedTuple):
     laws: ContactLaws | None
 
 
-class StageCycles(NamedTuple):
-    """All cycles of a stage: what acts on the motion, and what walls do to the heat alone."""
-
-    motion: list[Cycle]
-    heat: list[Cycle]
+StageCycles = tuple[list[Cycle], list[Cycle]]
+"""All cycles of a stage: what acts on the motion, and what walls do to the heat alone."""
 
 
 def stage_cycles(
@@ -144,7 +141,7 @@ def stage_cycles(
     ]
     if (acting.laws or model.laws).depends_on_temperature:
         motion += of_heat
-    return StageCycles(motion, of_heat)
+    return motion, of_heat
 
 
 # ---- The scales of a stage
@@ -230,7 +227,7 @@ def find_scales(
     pressure = largest_pressure(scenario, model, drives, gravity)
     rate = _largest_rate(scenario, model, drives)
     speed, mover = fastest(scenario, model, drives, gravity)
-    cycles = cycles or StageCycles(list(wall_cycles(model, drives)), [])
+    cycles = cycles or (list(wall_cycles(model, drives)), [])
     period, heat_period = (
         min(each, key=lambda cycle: cycle.period, default=Cycle(math.inf, "a signal"))
         for each in cycles
@@ -475,29 +472,16 @@ def review_steps(scenario: Scenario, model: Model, plan: RunPlan) -> list[StepRe
             reviews.append(None)
             continue
         scales = scales_of_stage(scenario, model, number, stage)
+        times = scales.pressure, scales.strain, scales.travel, scales.period, scales.adhesion
         pressure, strain, travel, period, adhesion = (
-            None if time == math.inf else stage.dt / time
-            for time in (
-                scales.pressure,
-                scales.strain,
-                scales.travel,
-                scales.period,
-                scales.adhesion,
-            )
+            None if time == math.inf else stage.dt / time for time in times
         )
-        review = StepReview(
-            scenario.stage_solver(number).dt == "auto",
-            pressure,
-            strain,
-            travel,
-            period,
-            adhesion,
-            automatic_step(scales, scenario.output),
-            scales.set_by,
-            scales.fastest,
-            scales.cycle,
+        automatic = automatic_step(scales, scenario.output)
+        is_automatic = scenario.stage_solver(number).dt == "auto"
+        words = scales.set_by, scales.fastest, scales.cycle
+        reviews.append(
+            StepReview(is_automatic, pressure, strain, travel, period, adhesion, automatic, *words)
         )
-        reviews.append(review)
     return reviews
 
 

@@ -332,6 +332,16 @@ def described(path: Path) -> dict[str, Any]:
     return {"size": size, "blake2b": file_digest(path)}
 
 
+def require_described(path: Path, size: int, digest: str, where: str) -> None:
+    """Compare a file with what ``where`` says of it; raises `DamagedRun` or `StorageError`."""
+    if not path.is_file():
+        raise DamagedRun(f"{path}: missing")
+    with storage_errors(path):
+        is_whole = path.stat().st_size == size
+    if not is_whole or file_digest(path) != digest:
+        raise DamagedRun(f"{path}: damaged (it does not match its digest in {where})")
+
+
 def file_digest(path: Path) -> str:
     """BLAKE2b digest (16 bytes, hexadecimal) of a regular file; `StorageError` or `DamagedRun`."""
     digest = hashlib.blake2b(digest_size=16)

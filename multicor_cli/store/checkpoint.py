@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -17,7 +18,13 @@ from multicor_cli.model.faults import find_misfit
 from multicor_cli.model.state import digest_of
 from multicor_cli.scenario.documents import Count, Decision
 from multicor_cli.store import layout, schema
-from multicor_cli.store.atomic import described, file_digest, kill_point, remove_own, storage_errors
+from multicor_cli.store.atomic import (
+    described,
+    kill_point,
+    remove_own,
+    require_described,
+    storage_errors,
+)
 from multicor_cli.store.documents import (
     Document,
     SummaryDocument,
@@ -76,15 +83,9 @@ class Identity:
 
     @classmethod
     def of(cls, document: Document) -> Identity:
-        former = tuple(
-            str(extension["resolved_sha256"]) for extension in document.get("extensions", [])
-        )
-        return cls(
-            str(document["run_id"]),
-            str(document["resolved_sha256"]),
-            len(document["stages"]),
-            former,
-        )
+        former = tuple(str(each["resolved_sha256"]) for each in document.get("extensions", []))
+        scenario, stages = str(document["resolved_sha256"]), len(document["stages"])
+        return cls(str(document["run_id"]), scenario, stages, former)
 
 
 class _Steering(BaseModel):
@@ -132,10 +133,9 @@ def write_checkpoint(
     }
 
     def fill(writer: Hdf5Writer) -> None:
-        for spec in schema.CHECKPOINT:
-            writer.write(spec, columns[spec.path])
+        writer.write_table(schema.CHECKPOINT, columns)
 
-    def verify(temporary: Path, digests: dict[str, str]) -> None:
+    def verify(temporary: Path) -> None:
         if _read_state(temporary, identity.run_id)[1] != digest:
             raise DamagedRun(f"{temporary}: what was read back is not what was written")
 
@@ -208,12 +208,7 @@ def load_checkpoint(sidecar: Path, identity: Identity, model: Model | None = Non
     if said.scenario_digest not in (identity.scenario, *identity.former):
         raise DamagedRun(f"{sidecar}: belongs to another scenario than scenario.resolved.toml")
     path = sidecar.with_suffix(".h5")
-    if not path.is_file():
-        raise DamagedRun(f"{path}: missing")
-    with storage_errors(path):
-        size = path.stat().st_size
-    if size != said.size or file_digest(path) != said.blake2b:
-        raise DamagedRun(f"{path}: damaged (it does not match its digest in {sidecar.name})")
+    require_described(path, said.size, said.blake2b, sidecar.name)
     state, digest = _read_state(path, identity.run_id)
     misfit = find_misfit(state, model) if model is not None else None
     if state.stage > identity.stages:
@@ -300,8 +295,7 @@ def _complete(
 
     Rows that nothing else counts are none.
     """
-    shape = tuple(d if isinstance(d, int) else lengths.get(d, 0) for d in spec.dims)
-    shape = () if spec.dims == ("one",) else shape
+    shape = () if spec.dims == ("one",) else spec.shape(lengths)
     if values is None:
         return np.zeros(shape, dtype_of(spec, "double"))
     missing = shape[0] - len(values) if shape else 0
@@ -318,16 +312,17 @@ def committed_segments(run: Path) -> list[Segment]:
     newest checkpoint. Checkpoints are read first: while a run goes on, its manifest only grows.
     """
     directory = run / layout.SEGMENTS
-    sidecar, names = _listed_by_checkpoint(run / layout.CHECKPOINTS)
+    listed: list[Segment] = []
+    for sidecar in newest_first(run / layout.CHECKPOINTS):
+        with contextlib.suppress(DamagedRun, StorageError):
+            listed = record_of(CheckpointDocument, read_document(sidecar), sidecar).segments
+            break
+    names = [segment.name for segment in listed]
     segments = read_manifest(directory)
-    if [segment.name for segment in segments[: len(names)]] != names:
-        what = f"{directory / MANIFEST}: damaged (segments listed in {sidecar} are missing)"
-        raise DamagedRun(f"{what}; {_remedy(run)}")
-    return segments
-
-
-def _remedy(run: Path) -> str:
-    """What helps if the manifest is damaged: to go on from a checkpoint with whole segments."""
+    if [segment.name for segment in segments[: len(names)]] == names:
+        return segments
+    what = f"{directory / MANIFEST}: damaged (segments listed in {sidecar.name} are missing)"
+    # What helps is to go on from a checkpoint with whole segments
     try:
         usable = load_newest(
             run / layout.CHECKPOINTS, Identity.of(read_run_document(run)), run / layout.SEGMENTS
@@ -335,16 +330,5 @@ def _remedy(run: Path) -> str:
     except (DamagedRun, StorageError):
         usable = None
     if usable is None:
-        return f"no checkpoint has all its segments; {START_AGAIN}"
-    return f"continue the run to repair it, from step {usable.state.step}"
-
-
-def _listed_by_checkpoint(directory: Path) -> tuple[str, list[str]]:
-    """Name of the newest description of a checkpoint that can be read, and its segments."""
-    for sidecar in newest_first(directory):
-        try:
-            said = record_of(CheckpointDocument, read_document(sidecar), sidecar)
-            return sidecar.name, [segment.name for segment in said.segments]
-        except (DamagedRun, StorageError):
-            continue
-    return "", []
+        raise DamagedRun(f"{what}; no checkpoint has all its segments; {START_AGAIN}")
+    raise DamagedRun(f"{what}; continue the run to repair it, from step {usable.state.step}")

@@ -101,13 +101,10 @@ def plain(value: Any) -> Any:
 
 def check_version(path: Path, version: Any) -> None:
     """Refuse another major version of the format, or what is not one: `UnsupportedVersion`."""
-    is_version = (
-        isinstance(version, list)
-        and len(version) == 2
-        and all(isinstance(part, int) for part in version)
-    )
-    if not is_version or version[0] != FORMAT_VERSION[0]:
-        given = ".".join(map(str, version)) if isinstance(version, list) else str(version)[:40]
+    parts = version if isinstance(version, list) else []
+    is_version = len(parts) == 2 and all(isinstance(part, int) for part in parts)
+    if not is_version or parts[0] != FORMAT_VERSION[0]:
+        given = ".".join(map(str, parts)) if isinstance(version, list) else str(version)[:40]
         raise UnsupportedVersion(
             f"{path}: has format version {given}, this program reads {FORMAT_VERSION[0]}.x; "
             f"use the version of multicor that made it, or run the scenario again"
@@ -118,11 +115,8 @@ def check_version(path: Path, version: Any) -> None:
 
 
 def _scalar(value: Any) -> Any:
-    if not (
-        value is None
-        or isinstance(value, float | str)
-        or (isinstance(value, int) and abs(value) < 2**63)
-    ):
+    is_integer = isinstance(value, int) and abs(value) < 2**63
+    if not (is_integer or value is None or isinstance(value, float | str)):
         raise ValueError
     return value
 
@@ -188,11 +182,11 @@ class Origin:
     @property
     def wall_texts(self) -> list[str]:
         """What happens to walls that only one of the two runs has, in words."""
-        new = [f"new, not in that run: {', '.join(self.new_walls)}"] if self.new_walls else []
-        lost = (
-            [f"gone, not in this scenario: {', '.join(self.lost_walls)}"] if self.lost_walls else []
-        )
-        return new + lost
+        walls = {
+            "new, not in that run": self.new_walls,
+            "gone, not in this scenario": self.lost_walls,
+        }
+        return [f"{what}: {', '.join(names)}" for what, names in walls.items() if names]
 
 
 # ---- Why and when each loading stage of a run ended, and how people are told
@@ -232,10 +226,6 @@ class StageEnd:
     relation: str = ""
     goal: Number | None = None
     unit: str = "1"
-
-    @property
-    def has_timed_out(self) -> bool:
-        return self.reason == "timeout"
 
     @property
     def text(self) -> str:
@@ -312,9 +302,8 @@ class SummaryDocument(BaseModel):
     @model_validator(mode="after")
     def _is_whole(self) -> SummaryDocument:
         first = empty_summary((1, 0))
-        if not (
-            first.keys() <= self.model_fields_set and first["books"].keys() <= self.books.keys()
-        ):
+        has_books = first["books"].keys() <= self.books.keys()
+        if not (has_books and first.keys() <= self.model_fields_set):
             raise ValueError
         return self
 
@@ -411,12 +400,8 @@ def read_run_document(path: Path) -> Document:
 
 def decisions_of(document: Document) -> list[Decision]:
     """What the program that steers the run has decided; empty if none does."""
-    steering = document.get("steering")
-    return (
-        []
-        if steering is None
-        else [record_of(Decision, decision) for decision in steering["decisions"]]
-    )
+    steering = document.get("steering") or {"decisions": []}
+    return [record_of(Decision, decision) for decision in steering["decisions"]]
 
 
 def read_scenario(path: Path, sha256: str) -> str:

@@ -63,18 +63,6 @@ def extend(path: Path, document: Document, extension: Extension) -> None:
     commit_bytes(path / layout.SOURCE, "scenario", extension.source.encode())
     commit_bytes(path / layout.RESOLVED, "scenario", extension.resolved.encode())
     kill_point("extension.before")
-    _describe(document, extension)
-    write_document(path / layout.RUN, "runjson", document)
-    kill_point("extension.after")
-    # All of results.h5 is in segments now; if it stays, it is replaced at the end of the run.
-    if has_results:
-        with contextlib.suppress(OSError):
-            for name in (layout.VTKHDF, layout.RESULTS):
-                remove_own(path / name)
-            fsync_path(path)
-
-
-def _describe(document: Document, extension: Extension) -> None:
     summary = document["summary"] or {}
     step = {
         **new_session(),
@@ -95,30 +83,31 @@ def _describe(document: Document, extension: Extension) -> None:
         "extensions": [*document.get("extensions", []), step],
         "results": None,
     }
+    write_document(path / layout.RUN, "runjson", document)
+    kill_point("extension.after")
+    # All of results.h5 is in segments now; if it stays, it is replaced at the end of the run.
+    if has_results:
+        with contextlib.suppress(OSError):
+            for name in (layout.VTKHDF, layout.RESULTS):
+                remove_own(path / name)
+            fsync_path(path)
 
 
 def _keep_former(path: Path, document: Document) -> None:
     """The scenario files as they have been so far, under names of their own."""
     number = len(document.get("extensions", [])) + 1
     for name, key in ((layout.SOURCE, "source_sha256"), (layout.RESOLVED, "resolved_sha256")):
-        text, former = (
-            read_scenario(path / name, str(document[key])).encode(),
-            path / layout.former_name(name, number),
-        )
-        if os.path.lexists(former) and not _holds(former, text):
-            raise DirectoryRefused(
-                f"{former}: is in the way of the former scenario of the run; move it away"
-            )
+        text = read_scenario(path / name, str(document[key])).encode()
+        former = path / layout.former_name(name, number)
+        if os.path.lexists(former):
+            there = None
+            with storage_errors(former), contextlib.suppress(FileNotFoundError, Unfit):
+                there = read_regular(former, LARGEST_RECORD)
+            if there != text:
+                raise DirectoryRefused(
+                    f"{former}: is in the way of the former scenario of the run; move it away"
+                )
         commit_bytes(former, "scenario", text)
-
-
-def _holds(file: Path, text: bytes) -> bool:
-    """Whether a file is there with this content; raises `StorageError` if it may not be read."""
-    with storage_errors(file):
-        try:
-            return read_regular(file, LARGEST_RECORD) == text
-        except (FileNotFoundError, Unfit):
-            return False
 
 
 def _reopen(path: Path, document: Document) -> None:

@@ -6,10 +6,10 @@ from bisect import bisect_right
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, wraps
 from itertools import accumulate
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar, cast, overload
+from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,69 +32,62 @@ from multicor_cli.store.schema.rows import (
     StepColumns,
     WallColumns,
 )
-from multicor_cli.store.segments import FILETYPE as SEGMENT_FILETYPE
-from multicor_cli.store.segments import Segment, segment_dims
 from multicor_cli.text import count_noun
 
 # ---- Files of a run, one `results.h5` or segments, as one sequence of frames
 
 Array = NDArray[Any]
+P = ParamSpec("P")
 T = TypeVar("T")
 
 _OPEN_LIMIT = 8
 
 
-@dataclass(frozen=True)
-class Part:
+class Part(NamedTuple):
     """One file with a range of frames and rows of the time series; ``dims``: the lengths known."""
 
     path: Path
     filetype: str
-    frames: int
-    series_rows: int
     dims: dict[str, int]
 
 
-def segment_part(directory: Path, segment: Segment) -> Part:
-    """The part that a line of the manifest describes."""
-    return Part(
-        directory / segment.name,
-        SEGMENT_FILETYPE,
-        segment.frames,
-        segment.series_rows,
-        segment_dims(segment),
-    )
-
-
-def results_part(path: Path, run_id: str | None = None) -> Part:
+def results_part(path: Path, run_id: str) -> Part:
     """The part that is a whole ``results.h5``; raises `DamagedRun` or `StorageError`."""
     with CheckedFile(path, RESULTS_FILETYPE, run_id=run_id) as file:
         for name in ("steps/step", "series/step", *schema.COUNTED.values(), "walls/position"):
             file.dataset(schema.DATASETS[name])
-        dims = dict(file.dims)
-    return Part(path, RESULTS_FILETYPE, dims["frame"], dims["series_row"], dims)
+        return Part(path, RESULTS_FILETYPE, dict(file.dims))
 
 
-class OpenPart:
+class OpenPart(NamedTuple):
     """An open file, with the row offsets of its frames by kind of row."""
 
-    def __init__(self, part: Part, run_id: str | None) -> None:
-        self.file = CheckedFile(part.path, part.filetype, run_id=run_id, dims=part.dims)
+    file: CheckedFile
+    offsets: dict[str, NDArray[np.int64]]
+
+
+def _retried(read: Callable[Concatenate[Parts, P], T]) -> Callable[Concatenate[Parts, P], T]:
+    """Read once more if a file has gone, because the run was finished meanwhile."""
+
+    @wraps(read)
+    def retry(parts: Parts, /, *args: P.args, **kwargs: P.kwargs) -> T:
         try:
-            self.offsets = {
-                rows: read_offsets(self.file, spec) for rows, spec in schema.OFFSET_OF.items()
-            }
-        except BaseException:
-            self.file.close()
-            raise
+            return read(parts, *args, **kwargs)
+        except DamagedRun:
+            if all(part.path.is_file() for part in parts.parts):
+                raise
+        parts.renew()
+        return read(parts, *args, **kwargs)
+
+    return retry
 
 
 class Parts:
     """The files of a run as one sequence of frames and one of rows of the time series.
 
-    ``again`` is called when a file has gone, because the run was finished meanwhile, and gives the
-    present files. ``lengths`` are the numbers of walls and outlets, by dimension, which no file
-    tells while there is none. Methods that read raise `DamagedRun` or `StorageError`.
+    ``again`` is called when a file has gone, and gives the present files. ``lengths`` are the
+    numbers of walls and outlets, by dimension, which no file tells while there is none. Methods
+    that read raise `DamagedRun` or `StorageError`.
     """
 
     def __init__(
@@ -111,7 +104,14 @@ class Parts:
     def _set(self, parts: Sequence[Part]) -> None:
         self.close()
         self.parts = tuple(parts)
-        self._ends = list(accumulate(part.frames for part in parts))
+        self._ends = list(accumulate(part.dims["frame"] for part in parts))
+
+    def renew(self) -> None:
+        """Take up the present files; raises `DamagedRun` if they hold fewer frames."""
+        count = self.frame_count
+        self._set(self._again())
+        if self.frame_count < count:
+            raise DamagedRun("frames of the run have gone while it was read; open it again")
 
     @property
     def frame_count(self) -> int:
@@ -119,53 +119,28 @@ class Parts:
 
     @property
     def series_count(self) -> int:
-        return sum(part.series_rows for part in self.parts)
+        return sum(part.dims["series_row"] for part in self.parts)
 
     @property
+    @_retried
     def features(self) -> frozenset[str] | None:
         """Features of the run as its first file names them, or None if there is no file."""
-        return self._retry(
-            lambda: self._opened(self.parts[0]).file.features if self.parts else None
-        )
+        return self._opened(self.parts[0]).file.features if self.parts else None
 
     @property
+    @_retried
     def version(self) -> Version | None:
         """Version of the file format in which the run was begun, or None if there is no file."""
-        return self._retry(lambda: self._opened(self.parts[0]).file.version if self.parts else None)
+        return self._opened(self.parts[0]).file.version if self.parts else None
 
+    @_retried
     def has(self, spec: Dataset, frame: int) -> bool:
         """Whether the file with a frame has a dataset."""
-        return self._retry(lambda: self._opened_at(frame)[0].file.has(spec))
+        return self._opened_at(frame)[0].file.has(spec)
 
+    @_retried
     def frame_rows(self, spec: Dataset, frame: int) -> NDArray[Any]:
-        return self._retry(lambda: self._frame_rows(spec, frame))
-
-    def column(self, spec: Dataset) -> NDArray[Any]:
-        """A dataset with one row per frame or row of the series, over all files."""
-        return self.columns((spec,))[spec.path]
-
-    def columns(self, specs: Sequence[Dataset]) -> dict[str, NDArray[Any]]:
-        """As `column` for several datasets, each file opened once."""
-        return self._retry(lambda: self._columns(specs))
-
-    def close(self) -> None:
-        """Close all files; they are opened again when needed."""
-        while self._open:
-            self._open.popitem()[1].file.close()
-
-    def _retry(self, read: Callable[[], T]) -> T:
-        try:
-            return read()
-        except DamagedRun:
-            if all(part.path.is_file() for part in self.parts):
-                raise
-        count = self.frame_count
-        self._set(self._again())
-        if self.frame_count < count:
-            raise DamagedRun("frames of the run have gone while it was read; open it again")
-        return read()
-
-    def _frame_rows(self, spec: Dataset, frame: int) -> NDArray[Any]:
+        """The rows of a dataset that belong to a frame."""
         opened, local = self._opened_at(frame)
         if spec.row in opened.offsets:
             start, stop = opened.offsets[str(spec.row)][local : local + 2]
@@ -173,31 +148,44 @@ class Parts:
             start, stop = local, local + 1
         return opened.file.read(spec, int(start), int(stop))
 
-    def _opened_at(self, frame: int) -> tuple[OpenPart, int]:
-        """The file with a frame, and the number of the frame in it."""
-        index = bisect_right(self._ends, frame)
-        return self._opened(self.parts[index]), frame - (self._ends[index - 1] if index else 0)
+    def column(self, spec: Dataset) -> NDArray[Any]:
+        """A dataset with one row per frame or row of the series, over all files."""
+        return self.columns((spec,))[spec.path]
 
-    def _columns(self, specs: Sequence[Dataset]) -> dict[str, NDArray[Any]]:
+    @_retried
+    def columns(self, specs: Sequence[Dataset]) -> dict[str, NDArray[Any]]:
+        """As `column` for several datasets, each file opened once."""
+        if not self.parts:
+            lengths = self._lengths()
+            return {
+                spec.path: np.zeros(spec.shape(lengths), dtype_of(spec, "double")) for spec in specs
+            }
         pieces: dict[str, list[NDArray[Any]]] = {spec.path: [] for spec in specs}
         for part in self.parts:
             opened = self._opened(part)
             for spec in specs:
                 pieces[spec.path].append(opened.file.read(spec))
-        if not self.parts:
-            lengths = self._lengths()
-            return {
-                spec.path: np.zeros(
-                    tuple(d if isinstance(d, int) else lengths.get(d, 0) for d in spec.dims),
-                    dtype_of(spec, "double"),
-                )
-                for spec in specs
-            }
-        return {spec.path: np.concatenate(pieces[spec.path]) for spec in specs}
+        return {path: np.concatenate(found) for path, found in pieces.items()}
+
+    def close(self) -> None:
+        """Close all files; they are opened again when needed."""
+        while self._open:
+            self._open.popitem()[1].file.close()
+
+    def _opened_at(self, frame: int) -> tuple[OpenPart, int]:
+        """The file with a frame, and the number of the frame in it."""
+        index = bisect_right(self._ends, frame)
+        return self._opened(self.parts[index]), frame - (self._ends[index - 1] if index else 0)
 
     def _opened(self, part: Part) -> OpenPart:
         if part.path not in self._open:
-            self._open[part.path] = OpenPart(part, self._run_id)
+            file = CheckedFile(part.path, part.filetype, run_id=self._run_id, dims=part.dims)
+            try:
+                offsets = {row: read_offsets(file, spec) for row, spec in schema.OFFSET_OF.items()}
+            except BaseException:
+                file.close()
+                raise
+            self._open[part.path] = OpenPart(file, offsets)
             if len(self._open) > _OPEN_LIMIT:
                 self._open.popitem(last=False)[1].file.close()
         self._open.move_to_end(part.path)
@@ -273,13 +261,19 @@ def grain_columns(frame: Frame) -> list[NamedColumn]:
         NamedColumn("material", "1", [model.materials[k] for k in grains.material]),
         NamedColumn("radius", "m", grains.radius),
         NamedColumn("mass", "kg", grains.mass),
-        *_columns_of(frame, schema.PARTICLES, frame.number),
+        *stored_columns(frame, schema.PARTICLES, frame.number),
     ]
 
 
-def contact_columns(frame: Frame) -> list[NamedColumn]:
-    """The contacts of a frame as they are stored: grains by their numbers in the run."""
-    return _columns_of(frame, schema.CONTACTS)
+def stored_columns(
+    frame: Frame, table: tuple[Dataset, ...], rows: NDArray[np.int64] | None = None
+) -> list[NamedColumn]:
+    """A table of ``schema`` as it is stored, or ``rows`` of it; grains are numbers in the run."""
+    columns: list[NamedColumn] = []
+    for spec in frame.rows(table):
+        values = frame.column(spec.path)
+        columns += split(spec, values if rows is None else values[rows])
+    return columns
 
 
 def wall_columns(frame: Frame) -> list[NamedColumn]:
@@ -298,17 +292,6 @@ def split(spec: Dataset, values: NDArray[Any]) -> list[NamedColumn]:
     return [
         NamedColumn(name, unit, flat[:, k])
         for k, (name, unit) in enumerate(zip(names, units, strict=True))
-    ]
-
-
-def _columns_of(
-    frame: Frame, table: tuple[Dataset, ...], rows: NDArray[np.int64] | None = None
-) -> list[NamedColumn]:
-    found = ((spec, frame.column(spec.path)) for spec in frame.rows(table))
-    return [
-        column
-        for spec, values in found
-        for column in split(spec, values if rows is None else values[rows])
     ]
 
 
@@ -347,7 +330,7 @@ class Contacts(ContactColumns):
             MissingLibrary: If pandas is not installed.
             DamagedRun: If the file is damaged.
         """
-        return data_frame(contact_columns(self._frame))
+        return data_frame(stored_columns(self._frame, schema.CONTACTS))
 
     def __repr__(self) -> str:
         return (
@@ -444,9 +427,9 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
         if not self._parts.has(column, self.index):
             return cast("T", None)
         rows = self.column(column.path)
-        return cast(
-            "T", column.convert(self._of_those_here(column, rows) if self.is_open else rows)
-        )
+        if self.is_open:
+            rows = self._of_those_here(column, rows)
+        return cast("T", column.convert(rows))
 
     @property
     def is_open(self) -> bool:
@@ -473,9 +456,8 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
             number = np.zeros(n + shapes, rows.dtype)
             number[self.number], number[n:] = np.arange(here), np.arange(here, here + shapes)
             return number[rows] if _are_within(rows, n + shapes) else rows
-        return (
-            rows[self.number] if column.row == "particle_row" and column.path != _PRESENCE else rows
-        )
+        is_of_grains = column.row == "particle_row" and column.path != _PRESENCE
+        return rows[self.number] if is_of_grains else rows
 
     @property
     def has_heat(self) -> bool:

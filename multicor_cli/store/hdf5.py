@@ -11,10 +11,12 @@ import hashlib
 import json
 import math
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import h5py
 import numpy as np
@@ -47,20 +49,12 @@ def write_text(node: h5py.HLObject, name: str, text: str) -> None:
 def write_digests(file: h5py.File) -> None:
     """Store the digests of all texts of the root; the last to be written there."""
     file.attrs.pop(DIGESTS, None)
-    write_text(
-        file,
-        DIGESTS,
-        json.dumps({name: text_digest(read_text(file, name)) for name in text_names(file)}),
-    )
-
-
-def text_names(node: h5py.HLObject) -> list[str]:
-    """Names of the attributes that are texts."""
-    return [
-        name
-        for name in node.attrs
-        if h5py.check_string_dtype(node.attrs.get_id(name).dtype) is not None
-    ]
+    digests = {
+        name: text_digest(read_text(file, name))
+        for name in file.attrs
+        if h5py.check_string_dtype(file.attrs.get_id(name).dtype) is not None
+    }
+    write_text(file, DIGESTS, json.dumps(digests))
 
 
 def read_text(node: h5py.HLObject, name: str) -> str:
@@ -109,8 +103,37 @@ def estimate_size(specs: tuple[Dataset, ...], data_bytes: int) -> int:
     return data_bytes + data_bytes // 128 + 4096 * len(specs) + (64 << 10)
 
 
-class DatasetStream:
-    """One dataset, every chunk written once, front to back. ``compress``: shuffle and deflate."""
+class Chunked(ABC):
+    """Rows on their way into a dataset: every chunk is written once, front to back."""
+
+    def __init__(self, chunk: int) -> None:
+        self._chunk = chunk
+        self._pending: list[NDArray[Any]] = []
+        self._count = 0
+
+    def append(self, rows: NDArray[Any]) -> None:
+        """Append rows; those that fill chunks are written."""
+        self._pending.append(rows)
+        self._count += len(rows)
+        if self._count >= self._chunk:
+            self._write(self._count // self._chunk * self._chunk)
+
+    def _write(self, count: int) -> None:
+        if not count:
+            return
+        rows = self._pending[0] if len(self._pending) == 1 else np.concatenate(self._pending)
+        self._store(rows[:count])
+        rest = rows[count:].copy()
+        self._pending = [rest] if len(rest) else []
+        self._count = len(rest)
+
+    @abstractmethod
+    def _store(self, rows: NDArray[Any]) -> None:
+        """Write rows behind those that are there."""
+
+
+class DatasetStream(Chunked):
+    """A dataset of a known shape. ``compress``: shuffle and deflate."""
 
     def __init__(
         self,
@@ -125,9 +148,7 @@ class DatasetStream:
         self._dtype = np.dtype(dtype)
         self._digest = hashlib.blake2b(digest_size=16)
         self._row = 0
-        self._chunk = _chunk_rows(shape, self._dtype.itemsize)
-        self._pending: list[NDArray[Any]] = []
-        self._pending_rows = 0
+        super().__init__(_chunk_rows(shape, self._dtype.itemsize))
         options: dict[str, Any] = {}
         if self._chunk:
             options = {"chunks": (self._chunk, *shape[1:]), "fletcher32": True}
@@ -151,14 +172,11 @@ class DatasetStream:
             self._row += len(rows)
             return
         self._digest.update(rows.data.cast("B") if self._dtype.kind != "S" else rows.tobytes())
-        self._pending.append(rows)
-        self._pending_rows += len(rows)
-        if self._pending_rows >= self._chunk:
-            self._write(self._pending_rows // self._chunk * self._chunk)
+        super().append(rows)
 
     def close(self) -> str:
         """Write the rest; returns the digest. Raises `ValueError` if rows are missing."""
-        self._write(self._pending_rows)
+        self._write(self._count)
         if self._row != self._shape[0]:
             raise ValueError(
                 f"{self._spec.path}: {self._row} rows written, expected {self._shape[0]}"
@@ -169,44 +187,44 @@ class DatasetStream:
         write_text(self._dataset, "blake2b", digest)
         return digest
 
-    def _write(self, count: int) -> None:
-        if not count:
-            return
-        rows = self._pending[0] if len(self._pending) == 1 else np.concatenate(self._pending)
-        if self._row + count > self._shape[0]:
+    def _store(self, rows: NDArray[Any]) -> None:
+        end = self._row + len(rows)
+        if end > self._shape[0]:
             raise ValueError(f"{self._spec.path}: more than {self._shape[0]} rows")
         if self._dtype.kind == "S":
             rows = rows.astype(h5py.string_dtype("utf-8", self._dtype.itemsize))
-        self._dataset[self._row : self._row + count] = rows[:count]
-        self._row += count
-        rest = rows[count:].copy()
-        self._pending = [rest] if len(rest) else []
-        self._pending_rows = len(rest)
+        self._dataset[self._row : end] = rows
+        self._row = end
 
 
+@dataclass
 class Hdf5Writer:
     """Creates the datasets of one file; has their digests by path."""
 
-    def __init__(
-        self, file: h5py.File, precision: Precision, *, compress_integers: bool, label: str
-    ) -> None:
-        self.file, self.precision = file, precision
-        self.digests: dict[str, str] = {}
-        self._compress_integers = compress_integers
-        self._label = label
+    file: h5py.File
+    precision: Precision
+    compress_integers: bool
+    label: str
+    digests: dict[str, str] = field(default_factory=dict)
+
+    def write_table(self, table: Iterable[Dataset], columns: Mapping[str, NDArray[Any]]) -> None:
+        """Write those datasets of a table, in its order, that are among ``columns``, by path."""
+        for spec in table:
+            if spec.path in columns:
+                self.write(spec, columns[spec.path])
 
     def stream(
         self, spec: Dataset, shape: tuple[int, ...], dtype: DTypeLike | None = None
     ) -> DatasetStream:
         """Begin a dataset of a known shape; ``dtype`` only for strings."""
         stored = np.dtype(dtype) if dtype is not None else dtype_of(spec, self.precision)
-        compress = self._compress_integers and stored.kind in "iuS"
+        compress = self.compress_integers and stored.kind in "iuS"
         return DatasetStream(self.file, spec, shape, stored, compress=compress)
 
     def finish(self, spec: Dataset, stream: DatasetStream) -> None:
         self.digests[spec.path] = stream.close()
         if len(self.digests) == 3:
-            kill_point(f"{self._label}.mid_tmp")
+            kill_point(f"{self.label}.mid_tmp")
 
     def write(self, spec: Dataset, *pieces: NDArray[Any], row: tuple[int, ...] = ()) -> None:
         """Write a dataset that consists of pieces; ``row``: shape of a row where there are none."""
@@ -225,10 +243,11 @@ def write_hdf5(
     fill: Callable[[Hdf5Writer], None],
     *,
     size: int,
+    table: tuple[Dataset, ...] = (),
     precision: Precision = "double",
     version: Version = FORMAT_VERSION,
     compress_integers: bool = False,
-    verify: Callable[[Path, dict[str, str]], None] | None = None,
+    verify: Callable[[Path], None] | None = None,
     read_only: bool = True,
 ) -> dict[str, str]:
     """Commit an HDF5 file, whose datasets ``fill`` writes; returns their digests by path.
@@ -236,24 +255,38 @@ def write_hdf5(
     ``label`` begins the names of the kill points. ``attributes`` are those of the root besides the
     versions; dictionaries and lists are stored as JSON. ``size`` is an upper bound [bytes], see
     `estimate_size`. ``precision`` is that of type ``float``, ``version`` that of the datasets.
-    ``compress_integers``: strings, too. ``verify`` gets the closed temporary file and the digests,
-    and raises if it is not what was meant. ``read_only``: the write permission is taken away.
+    ``compress_integers``: strings, too. The closed temporary file is compared with what was written
+    of ``table``, and given to ``verify``, which raises if it is not what was meant. ``read_only``:
+    the write permission is taken away.
 
-    Raises `StorageFull`, or `StorageError` for any other error of the system or of HDF5.
+    Raises `StorageFull`, or `StorageError` for any other error of the system or of HDF5; and
+    `DamagedRun` if the file does not read back as written.
     """
     digests: dict[str, str] = {}
 
     def write(guarded: GuardedFile) -> None:
         with h5py.File(guarded, "w", libver=("v110", "v110"), rdcc_nbytes=CHUNK_BYTES) as file:
-            _write_attributes(file, version, attributes)
-            writer = Hdf5Writer(file, precision, compress_integers=compress_integers, label=label)
+            file.attrs["format_version"] = np.array(version, np.int64)
+            write_text(file, "multicor_version", __version__)
+            for name, value in attributes.items():
+                is_text = isinstance(value, str)
+                text = value if is_text else json.dumps(plain(value), ensure_ascii=False)
+                write_text(file, name, text)
+            writer = Hdf5Writer(file, precision, compress_integers, label)
             fill(writer)
             digests.update(writer.digests)
             if "data_digest" in attributes:
                 write_text(file, "data_digest", data_digest(digests))
             write_digests(file)
 
-    check = (lambda temporary: verify(temporary, digests)) if verify is not None else None
+    def check(temporary: Path) -> None:
+        with CheckedFile(temporary, attributes["filetype"], run_id=attributes["run_id"]) as file:
+            file.check_texts()
+            for spec in filter(file.has, table):
+                file.check_digest(spec, digests[spec.path])
+        if verify is not None:
+            verify(temporary)
+
     try:
         commit_file(path, label, write, size=size, verify=check, read_only=read_only)
     except RuntimeError as error:
@@ -270,17 +303,6 @@ def data_digest(digests: Mapping[str, str]) -> str:
     for path in sorted(p for p in digests if not p.startswith("scenario/")):
         total.update(f"{path} {digests[path]}\n".encode())
     return total.hexdigest()
-
-
-def _write_attributes(file: h5py.File, version: Version, attributes: Mapping[str, Any]) -> None:
-    file.attrs["format_version"] = np.array(version, np.int64)
-    write_text(file, "multicor_version", __version__)
-    for name, value in attributes.items():
-        write_text(
-            file,
-            name,
-            value if isinstance(value, str) else json.dumps(plain(value), ensure_ascii=False),
-        )
 
 
 def _chunk_rows(shape: tuple[int, ...], itemsize: int) -> int:
@@ -301,13 +323,6 @@ _DEFLATE_RATIO = 1100
 _FILTERS = {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32}
 _STRING_LIMIT = 64 << 20
 _BLOCK_BYTES = 16 << 20
-_TYPES: dict[str, tuple[str, ...]] = {
-    "f8": ("<f8",),
-    "float": ("<f8", "<f4"),
-    "i8": ("<i8",),
-    "i4": ("<i4",),
-    "u1": ("|u1",),
-}
 _EDGES = {"frame_edge": "frame", "table_edge": "table"}
 
 
@@ -332,7 +347,21 @@ def _short(error: BaseException) -> str:
     return str(error).splitlines()[0][:200] if str(error) else type(error).__name__
 
 
-class CheckedFile:
+class Closing(ABC):
+    """What is closed at the end of its context."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @abstractmethod
+    def close(self) -> None:
+        """Give back what is held."""
+
+
+class CheckedFile(Closing):
     """An open HDF5 file whose datasets are handed out only if they are what the schema says.
 
     ``filetype`` and ``run_id`` are expected root attributes, any ``run_id`` if None; ``dims`` are
@@ -360,12 +389,6 @@ class CheckedFile:
         except BaseException:
             self._file.close()
             raise
-
-    def __enter__(self) -> CheckedFile:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         self._accepted.clear()
@@ -462,12 +485,6 @@ class CheckedFile:
             raise DamagedRun(f"{self.path}: the values of {spec.path} do not match their digest")
         return actual
 
-    def check_written(self, specs: Iterable[Dataset], digests: Mapping[str, str]) -> None:
-        """Compare texts and the datasets ``specs`` with their digests; raises `DamagedRun`."""
-        self.check_texts()
-        for spec in specs:
-            self.check_digest(spec, digests[spec.path])
-
     def _check_header(self, filetype: str, run_id: str | None) -> tuple[int, int]:
         with reading(self.path):
             stored = self._file.attrs.get_id("format_version")
@@ -503,7 +520,8 @@ class CheckedFile:
                 and found.dtype.itemsize <= _STRING_LIMIT
             )
         else:
-            is_right = found.dtype.str in _TYPES[spec.dtype]
+            types = {dtype_of(spec, "double").str, dtype_of(spec, "single").str}
+            is_right = found.dtype.str in types
         if not is_right:
             raise DamagedRun(
                 f"{self.path}: {spec.path} has type {found.dtype}, expected {spec.dtype}"

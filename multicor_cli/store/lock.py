@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from multicor_cli.files import open_regular
+from multicor_cli.files import json_object, open_regular
 from multicor_cli.store.atomic import guards, storage_errors
 from multicor_cli.store.errors import DirectoryRefused, RunLocked
 
@@ -51,11 +51,17 @@ class RunLock:
         self._descriptor = _acquire(path)
         try:
             with storage_errors(path):
-                holder = _parse(os.pread(self._descriptor, _SIZE, 0))
+                holder = json_object(os.pread(self._descriptor, _SIZE, 0))
                 if holder and holder.get("host") != socket.gethostname() and not force:
                     raise _locked(path, holder, is_elsewhere=True)
                 os.ftruncate(self._descriptor, 0)
-                os.pwrite(self._descriptor, json.dumps(_own_identity()).encode(), 0)
+                identity = {
+                    "pid": os.getpid(),
+                    "host": socket.gethostname(),
+                    "started": datetime.now(UTC).isoformat(timespec="seconds"),
+                    "start_ticks": _start_ticks(os.getpid()),
+                }
+                os.pwrite(self._descriptor, json.dumps(identity).encode(), 0)
                 os.fsync(self._descriptor)
         except BaseException:
             os.close(self._descriptor)
@@ -90,7 +96,7 @@ def read_holder(path: Path) -> dict[str, Any]:
     """Who holds (or held, if it died) the lock: ``pid, host, started``; empty if no one does."""
     try:
         with open_regular(path) as file:
-            return _parse(file.read(_SIZE))
+            return json_object(file.read(_SIZE))
     except OSError:
         return {}
 
@@ -103,11 +109,8 @@ def is_alive(path: Path) -> bool:
     if holder.get("host") != socket.gethostname():
         return True
     pid = holder.get("pid")
-    return (
-        isinstance(pid, int)
-        and _start_ticks(pid) is not None
-        and _start_ticks(pid) == holder.get("start_ticks")
-    )
+    ticks = _start_ticks(pid) if isinstance(pid, int) else None
+    return ticks is not None and ticks == holder.get("start_ticks")
 
 
 def _acquire(path: Path) -> int:
@@ -146,16 +149,6 @@ def _inode(status: os.stat_result) -> tuple[int, int]:
     return status.st_dev, status.st_ino
 
 
-def _own_identity() -> dict[str, Any]:
-    started = datetime.now(UTC).isoformat(timespec="seconds")
-    return {
-        "pid": os.getpid(),
-        "host": socket.gethostname(),
-        "started": started,
-        "start_ticks": _start_ticks(os.getpid()),
-    }
-
-
 def _start_ticks(pid: int) -> int | None:
     """Start of a process in clock ticks since boot; 0 where it is unknown, None if it is gone."""
     try:
@@ -168,19 +161,9 @@ def _start_ticks(pid: int) -> int | None:
         pass
     try:
         os.kill(pid, 0)
-    except ProcessLookupError:
-        return None
-    except OSError:
-        return 0
+    except OSError as error:
+        return None if isinstance(error, ProcessLookupError) else 0
     return 0
-
-
-def _parse(data: bytes) -> dict[str, Any]:
-    try:
-        value = json.loads(data.decode() or "{}")
-    except (ValueError, RecursionError):
-        return {}
-    return value if isinstance(value, dict) else {}
 
 
 def _locked(path: Path, holder: dict[str, Any], *, is_elsewhere: bool) -> RunLocked:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import socket
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +14,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from multicor_cli.engine.heat.hertz import largest_deflection
-from multicor_cli.files import open_regular, read_regular
+from multicor_cli.files import open_regular, read_object
 from multicor_cli.model import Model, State
 from multicor_cli.scenario.documents import steered_text
 from multicor_cli.store import layout, schema
@@ -37,14 +36,15 @@ from multicor_cli.store.frames import (
     Parts,
     data_frame,
     results_part,
-    segment_part,
     split,
 )
-from multicor_cli.store.hdf5 import CheckedFile
+from multicor_cli.store.hdf5 import CheckedFile, Closing
 from multicor_cli.store.lock import is_alive, read_holder
 from multicor_cli.store.results import FILETYPE as RESULTS_FILETYPE
 from multicor_cli.store.results import load_model, read_description, read_model
 from multicor_cli.store.schema import Dataset
+from multicor_cli.store.segments import FILETYPE as SEGMENT_FILETYPE
+from multicor_cli.store.segments import segment_dims
 from multicor_cli.store.snapshot import empty_summary
 from multicor_cli.text import count_noun
 
@@ -55,27 +55,21 @@ class Series(Mapping[str, NDArray[Any]]):
     Names of heat are there in runs with heat only, and no names that are younger than the run.
     """
 
-    def __init__(
-        self,
-        parts: Parts,
-        rows: Callable[[], tuple[Dataset, ...]],
-        columns: Callable[[], list[NamedColumn]],
-    ) -> None:
-        self._parts, self._rows, self._columns = parts, rows, columns
+    def __init__(self, run: Run, parts: Parts) -> None:
+        self._run, self._parts = run, parts
         self._loaded: dict[str, NDArray[Any]] = {}
 
     @cached_property
     def _specs(self) -> dict[str, Dataset]:
-        return {spec.name: spec for spec in self._rows()}
+        return {spec.name: spec for spec in self._run.rows(schema.SERIES)}
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         if name not in self._specs:
             raise KeyError(name)
         if name not in self._loaded:
             # From segments all columns are read at once, so that each file is opened once.
-            wanted = (
-                [self._specs[name]] if len(self._parts.parts) == 1 else list(self._specs.values())
-            )
+            is_one_file = len(self._parts.parts) == 1
+            wanted = [self._specs[name]] if is_one_file else list(self._specs.values())
             columns = self._parts.columns(wanted)
             self._loaded |= {spec.name: columns[spec.path] for spec in wanted}
         return self._loaded[name]
@@ -95,7 +89,7 @@ class Series(Mapping[str, NDArray[Any]]):
             MissingLibrary: If pandas is not installed.
             DamagedRun: If the file is damaged.
         """
-        return data_frame(self._columns(), "time")
+        return data_frame(self._run.series_columns, "time")
 
     def __repr__(self) -> str:
         return f"<Series: {count_noun(self.row_count, 'point')} of {len(self)} quantities>"
@@ -106,7 +100,7 @@ class Series(Mapping[str, NDArray[Any]]):
         return self._parts.series_count
 
 
-class Run:
+class Run(Closing):
     """A run on disk, read lazily; made by `open_run`. Close it, or use it as a context manager.
 
     What a running run writes after it was opened is seen when it is opened again.
@@ -124,15 +118,7 @@ class Run:
         self._results = results
         self._parts = Parts(self._find_parts(), self.run_id, self._find_parts_again, self._lengths)
         self.frames: Frames = Frames(self._parts, lambda: self.model)
-        self.series = Series(
-            self._parts, lambda: self.rows(schema.SERIES), lambda: self.series_columns
-        )
-
-    def __enter__(self) -> Run:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+        self.series = Series(self, self._parts)
 
     def close(self) -> None:
         """Close the files."""
@@ -140,11 +126,9 @@ class Run:
 
     def __repr__(self) -> str:
         summary = self.info["summary"]
-        what = (
-            f"{count_noun(summary['grain_count'], 'grain')}, t = {summary['time']:.6g} s"
-            if summary
-            else "nothing stored yet"
-        )
+        what = "nothing stored yet"
+        if summary:
+            what = f"{count_noun(summary['grain_count'], 'grain')}, t = {summary['time']:.6g} s"
         return f"<Run {self.path}: {self.status}, {what}, {count_noun(len(self.frames), 'frame')}>"
 
     @property
@@ -196,8 +180,7 @@ class Run:
                 if (self.path / layout.MODEL).exists():
                     raise
                 if self._find_results() is None:
-                    has_stored = bool(self._parts.parts) or self.info["summary"] is not None
-                    if has_stored:
+                    if self._parts.parts or self.info["summary"] is not None:
                         raise
                     raise NothingStored(self.path) from None
         assert self._results is not None
@@ -275,7 +258,10 @@ class Run:
         if self._results is not None:
             return [results_part(self._results, self.run_id)]
         directory = self.path / layout.SEGMENTS
-        return [segment_part(directory, segment) for segment in committed_segments(self.path)]
+        return [
+            Part(directory / segment.name, SEGMENT_FILETYPE, segment_dims(segment))
+            for segment in committed_segments(self.path)
+        ]
 
     def _lengths(self) -> dict[str, int]:
         try:
@@ -309,10 +295,16 @@ def open_run(path: Path | str) -> Run:
     """
     path = Path(path)
     if is_regular(path):
-        if path.suffix not in _HDF5 and not _begins_as_hdf5(path):
-            raise DirectoryRefused(
-                f"{path}: is no run; give the run directory, or its {layout.RESULTS}"
-            )
+        if path.suffix not in (".h5", ".hdf5", ".vtkhdf"):
+            try:
+                with open_regular(path) as file:
+                    is_hdf5 = file.read(8) == b"\x89HDF\r\n\x1a\n"
+            except OSError as error:
+                raise StorageError(f"{path}: {error.strerror}") from error
+            if not is_hdf5:
+                raise DirectoryRefused(
+                    f"{path}: is no run; give the run directory, or its {layout.RESULTS}"
+                )
         return Run(path, _info_of_results(path), path)
     if not is_regular(path / layout.RUN) and is_regular(path / layout.RESULTS):
         return open_run(path / layout.RESULTS)
@@ -328,17 +320,6 @@ def open_run(path: Path | str) -> Run:
             return run
         run.close()  # the run was finished, and its segments removed, while it was opened
     raise DamagedRun(f"{path}: changes while it is opened; try again")
-
-
-_HDF5 = (".h5", ".hdf5", ".vtkhdf")
-
-
-def _begins_as_hdf5(path: Path) -> bool:
-    try:
-        with open_regular(path) as file:
-            return file.read(8) == b"\x89HDF\r\n\x1a\n"
-    except OSError as error:
-        raise StorageError(f"{path}: {error.strerror}") from error
 
 
 def _results_of(path: Path, info: Document) -> Path | None:
@@ -448,13 +429,9 @@ def _heartbeat(run: Run) -> dict[str, Any]:
         return {"progress": None, "pid": None}
     holder = read_holder(run.path / layout.LOCK)
     pid = holder.get("pid") if holder.get("host") == socket.gethostname() else None
-    try:
-        beat = json.loads(read_regular(run.path / layout.PROGRESS, _HEARTBEAT_LIMIT))
-    except (OSError, ValueError, RecursionError):  # not protected: it may be missing or torn
-        beat = None
-    is_whole = isinstance(beat, dict) and all(
-        isinstance(beat.get(name), int | float) for name in ("step", "time", "progress")
-    )
+    beat = read_object(run.path / layout.PROGRESS, _HEARTBEAT_LIMIT)
+    needed = ("step", "time", "progress")
+    is_whole = all(isinstance(beat.get(name), int | float) for name in needed)
     return {"progress": beat if is_whole else None, "pid": pid}
 
 
@@ -479,11 +456,7 @@ def hertz_deflection(run: Run, force: float | None) -> float | None:
         return None
     try:
         materials = tomllib.loads(run.scenario_resolved)["materials"]
-        elastic = {
-            name: pair
-            for name, material in materials.items()
-            if (pair := _elastic(material)) is not None
-        }
+        elastic = {name: pair for name, each in materials.items() if (pair := _elastic(each))}
         return largest_deflection(run.model, force, elastic)
     # a file from elsewhere holds anything
     except (StoreError, ValueError, RecursionError, KeyError, AttributeError):
@@ -494,14 +467,9 @@ def _elastic(material: Any) -> tuple[float, float] | None:
     if not isinstance(material, dict):
         return None
     young, poisson = material.get("young"), material.get("poisson")
-    if (
-        not isinstance(young, int | float)
-        or not isinstance(poisson, int | float)
-        or not young > 0.0
-        or not -1.0 < poisson <= 0.5
-    ):
+    if not isinstance(young, int | float) or not isinstance(poisson, int | float):
         return None
-    return float(young), float(poisson)
+    return (float(young), float(poisson)) if young > 0.0 and -1.0 < poisson <= 0.5 else None
 
 
 def _seconds(start: str, end: str) -> float | None:

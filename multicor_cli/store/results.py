@@ -83,12 +83,6 @@ def model_digest(model: Model) -> str:
 def write_model(path: Path, model: Model, run_id: str) -> None:
     """Commit ``model.h5``; raises `StorageFull` or `StorageError`."""
     columns = model_columns(model)
-
-    def fill(writer: Hdf5Writer) -> None:
-        for spec in schema.MODEL:
-            if spec.path in columns:
-                writer.write(spec, columns[spec.path])
-
     attributes = {
         "filetype": MODEL_FILETYPE,
         "run_id": run_id,
@@ -96,12 +90,14 @@ def write_model(path: Path, model: Model, run_id: str) -> None:
         "model_digest": model_digest(model),
     }
     size = estimate_size(schema.MODEL, sum(values.nbytes for values in columns.values()))
-    write_hdf5(path, "model", attributes, fill, size=size, verify=_verify_model)
-
-
-def _verify_model(path: Path, digests: dict[str, str]) -> None:
-    with CheckedFile(path, MODEL_FILETYPE) as file:
-        file.check_written(filter(file.has, schema.MODEL), digests)
+    write_hdf5(
+        path,
+        "model",
+        attributes,
+        lambda writer: writer.write_table(schema.MODEL, columns),
+        size=size,
+        table=schema.MODEL,
+    )
 
 
 def load_model(path: Path, run_id: str | None = None) -> Model:
@@ -211,17 +207,11 @@ def write_results(
     rows = Counter[str]()
     for segment in segments:
         rows.update(segment_dims(segment))
-    lengths = Counter(rows | model_dims(model))  # 0 where there is no segment
-    shapes = {
-        spec: tuple(d if isinstance(d, int) else lengths[d] for d in spec.dims)
-        for spec in table
-        if spec not in schema.OFFSETS
-    }
+    lengths = rows | model_dims(model)  # none of the rows where there is no segment
+    shapes = {spec: spec.shape(lengths) for spec in table if spec not in schema.OFFSETS}
 
     def fill(writer: Hdf5Writer) -> None:
-        for spec in schema.SCENARIO + schema.MODEL:
-            if spec.path in constant:
-                writer.write(spec, constant[spec.path])
+        writer.write_table(schema.SCENARIO + schema.MODEL, constant)
         streams = {spec: writer.stream(spec, shape) for spec, shape in shapes.items()}
         counts = {spec: [np.zeros(1, np.int64)] for spec in schema.OFFSETS}
         for segment in segments:
@@ -257,10 +247,11 @@ def write_results(
         },
         fill,
         size=estimate_size(schema.RESULTS_TABLE, size) + view,
+        table=schema.RESULTS_TABLE,
         precision=precision,
         version=version,
         compress_integers=True,
-        verify=_verify_results,
+        verify=check_view,
         read_only=False,
     )
     link_view(path.parent)
@@ -270,12 +261,6 @@ def write_results(
         "blake2b": file_digest(path),
         "frames": rows["frame"],
     }
-
-
-def _verify_results(path: Path, digests: dict[str, str]) -> None:
-    with CheckedFile(path, FILETYPE) as file:
-        file.check_written(filter(file.has, schema.RESULTS_TABLE), digests)
-    check_view(path)
 
 
 def read_description(file: CheckedFile) -> Document:

@@ -12,7 +12,7 @@ import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 from multicor_cli.model import Model, State
 from multicor_cli.model.books import Version
@@ -52,7 +52,7 @@ from multicor_cli.store.documents import (
 )
 from multicor_cli.store.errors import DamagedRun, DirectoryRefused, StoreError
 from multicor_cli.store.extension import Extension, extend
-from multicor_cli.store.hdf5 import Precision
+from multicor_cli.store.hdf5 import Closing, Precision
 from multicor_cli.store.lock import RunLock
 from multicor_cli.store.provenance import new_session, now
 from multicor_cli.store.results import load_model, model_digest, write_model, write_results
@@ -86,20 +86,6 @@ def _require_room_for_names(path: Path) -> None:
         )
 
 
-def lay_out(path: Path, document: Document, source: bytes, resolved: bytes) -> None:
-    """Write what every run has; status ``creating`` first, so that a crash leaves no run."""
-    write_document(path / layout.RUN, "runjson", document)
-    with storage_errors(path):
-        for entry in layout.known_files(path):
-            remove_own(entry)
-    for name in (layout.SEGMENTS, layout.CHECKPOINTS):
-        make_directory(path / name)
-    commit_bytes(path / layout.SOURCE, "scenario", source)
-    commit_bytes(path / layout.RESOLVED, "scenario", resolved)
-    document["status"] = "running"
-    write_document(path / layout.RUN, "runjson", document)
-
-
 def check_usable(path: Path, *, overwrite: bool) -> None:
     """Refuse a directory in which no run may begin; leaves nothing behind.
 
@@ -114,7 +100,15 @@ def check_usable(path: Path, *, overwrite: bool) -> None:
                 raise DirectoryRefused(
                     f"{path}: {nearest} is not a directory; choose another with -o"
                 )
-            _require_writable(nearest, path)
+            # Now, not after grains are placed
+            if not os.access(nearest, os.W_OK | os.X_OK):
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), nearest)
+            try:
+                Path(tempfile.mkdtemp(prefix=".multicor-", dir=nearest)).rmdir()
+            except FileNotFoundError:  # what the kernel says of its own file systems
+                raise DirectoryRefused(
+                    f"{path}: no directory can be made in {nearest}; choose another place with -o"
+                ) from None
             return
         if not path.is_dir():
             raise DirectoryRefused(f"{path}: exists and is not a directory; choose another with -o")
@@ -139,62 +133,23 @@ def check_usable(path: Path, *, overwrite: bool) -> None:
         )
 
 
-def _require_writable(directory: Path, path: Path) -> None:
-    """Refuse a directory in which no directory can be made: now, not after grains are placed."""
-    if not os.access(directory, os.W_OK | os.X_OK):
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), directory)
-    try:
-        Path(tempfile.mkdtemp(prefix=".multicor-", dir=directory)).rmdir()
-    except FileNotFoundError:  # what the kernel says of its own file systems
-        raise DirectoryRefused(
-            f"{path}: no directory can be made in {directory}; choose another place with -o"
-        ) from None
-
-
-def new_document(
-    source: bytes,
-    resolved: str,
-    provenance: Mapping[str, Any],
-    stages: Sequence[str],
-    precision: Precision,
-    origin: Origin | None = None,
-    steering: Document | None = None,
-) -> Document:
-    """The document of a run that begins now; arguments as for ``RunDirectory.create``."""
-    return {
-        "filetype": FILETYPE,
-        "format_version": list(FORMAT_VERSION),
-        "run_id": uuid.uuid4().hex,
-        "status": CREATING,
-        "stop_reason": "",
-        "exit_code": None,
-        "started": now(),
-        "finished": "",
-        "updated": now(),
-        "precision": precision,
-        "stages": list(stages),
-        "stage_ends": [],
-        "source_sha256": hashlib.sha256(source).hexdigest(),
-        "resolved_sha256": hashlib.sha256(resolved.encode()).hexdigest(),
-        "origin": None if origin is None else asdict(origin),
-        "provenance": plain(dict(provenance)),
-        "extensions": [],
-        "steering": steering,
-        "sessions": [new_session()],
-        "timings": {},
-        "summary": None,
-        "results": None,
-    }
-
-
 # ---- The directory of a run that is being carried out
 
 
-class RunDirectory:
-    """The directory of one run, locked while its context lasts; made by `create` or `resume`."""
+class RunDirectory(Closing):
+    """The directory of one run, locked while its context lasts; made by `create` or `resume`.
+
+    Attributes:
+        run_id: Identity of the run, the same in all its files.
+        precision: How datasets of type ``float`` are stored.
+        version: Version of the file format in which the run was begun, and is continued.
+    """
 
     def __init__(self, path: Path, lock: RunLock, document: Document) -> None:
-        self.path = path
+        self.path, self.run_id = path, str(document["run_id"])
+        self.precision: Precision = "single" if document["precision"] == "single" else "double"
+        major, minor = document["format_version"]
+        self.version: Version = min((major, minor), FORMAT_VERSION)
         self._lock = lock
         self._document = document
         self._checkpoint: Checkpoint | None = None
@@ -259,10 +214,42 @@ class RunDirectory:
         try:
             check_usable(path, overwrite=overwrite)
             source = source_text.encode() if isinstance(source_text, str) else source_text
-            document = new_document(
-                source, resolved_text, provenance, stages, precision, origin, steering
-            )
-            lay_out(path, document, source, resolved_text.encode())
+            resolved = resolved_text.encode()
+            document: Document = {
+                "filetype": FILETYPE,
+                "format_version": list(FORMAT_VERSION),
+                "run_id": uuid.uuid4().hex,
+                "status": CREATING,
+                "stop_reason": "",
+                "exit_code": None,
+                "started": now(),
+                "finished": "",
+                "updated": now(),
+                "precision": precision,
+                "stages": list(stages),
+                "stage_ends": [],
+                "source_sha256": hashlib.sha256(source).hexdigest(),
+                "resolved_sha256": hashlib.sha256(resolved).hexdigest(),
+                "origin": None if origin is None else asdict(origin),
+                "provenance": plain(dict(provenance)),
+                "extensions": [],
+                "steering": steering,
+                "sessions": [new_session()],
+                "timings": {},
+                "summary": None,
+                "results": None,
+            }
+            # Status ``creating`` first, so that a crash leaves no run
+            write_document(path / layout.RUN, "runjson", document)
+            with storage_errors(path):
+                for entry in layout.known_files(path):
+                    remove_own(entry)
+            for name in (layout.SEGMENTS, layout.CHECKPOINTS):
+                make_directory(path / name)
+            commit_bytes(path / layout.SOURCE, "scenario", source)
+            commit_bytes(path / layout.RESOLVED, "scenario", resolved)
+            document["status"] = "running"
+            write_document(path / layout.RUN, "runjson", document)
         except BaseException:
             lock.release()
             raise
@@ -301,17 +288,19 @@ class RunDirectory:
             if extension is not None:
                 extend(path, document, extension)
             run = cls(path, lock, document)
-            run._begin_session()
+            if run.is_finished:
+                run._remove_segments()
+            else:
+                for name in (layout.SEGMENTS, layout.CHECKPOINTS):
+                    make_directory(path / name)
+                document |= {"status": "running", "stop_reason": "", "exit_code": None}
+                document |= {"finished": "", "results": None}
+                document["sessions"] = [*document["sessions"], new_session()]
+                run._save()
         except BaseException:
             lock.release()
             raise
         return run
-
-    def __enter__(self) -> RunDirectory:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         """Give the lock back. A run that has not ended by then counts as interrupted."""
@@ -327,27 +316,6 @@ class RunDirectory:
         return self.status == "finished"
 
     @property
-    def run_id(self) -> str:
-        """Identity of the run, the same in all its files."""
-        return str(self._document["run_id"])
-
-    @property
-    def precision(self) -> Precision:
-        """How datasets of type ``float`` are stored."""
-        return "single" if self._document["precision"] == "single" else "double"
-
-    @property
-    def version(self) -> Version:
-        """Version of the file format in which the run was begun, and is continued."""
-        major, minor = self._document["format_version"]
-        return min((major, minor), FORMAT_VERSION)
-
-    @property
-    def stages(self) -> tuple[str, ...]:
-        """Names of the loading stages."""
-        return tuple(self._document["stages"])
-
-    @property
     def stage_ends(self) -> tuple[StageEnd, ...]:
         """How the stages ended so far; of runs that an earlier version began, those since then."""
         return tuple(record_of(StageEnd, end) for end in self._document.get("stage_ends", []))
@@ -361,19 +329,13 @@ class RunDirectory:
     @property
     def steering(self) -> Document | None:
         """The steering program, its decisions and notes, or None; changes of it are kept."""
-        steering: Document | None = self._document.get("steering")
-        return steering
+        return cast("Document | None", self._document.get("steering"))
 
     def rename_stages(self, names: Sequence[str]) -> None:
         """Note names of stages that a program changed, for ``run.json`` at the next checkpoint."""
         if list(names) != self._document["stages"]:
             self._document["stages"] = list(names)
             self._has_news = True
-
-    @property
-    def provenance(self) -> dict[str, Any]:
-        """Provenance of the first start."""
-        return dict(self._document["provenance"])
 
     @property
     def source_text(self) -> str:
@@ -553,7 +515,11 @@ class RunDirectory:
             if self._document.get(name):
                 attributes[name] = self._document[name]
         attributes |= {"status": "finished", "finished": now()}
-        texts = {"source": [self.source_text], "resolved": [resolved], "stages": self.stages}
+        texts = {
+            "source": [self.source_text],
+            "resolved": [resolved],
+            "stages": self._document["stages"],
+        }
         self._document["results"] = write_results(
             path,
             self.path / layout.SEGMENTS,
@@ -572,17 +538,6 @@ class RunDirectory:
         self._document["updated"] = now()
         self._has_news = False
         write_document(self.path / layout.RUN, "runjson", self._document)
-
-    def _begin_session(self) -> None:
-        if self.is_finished:
-            self._remove_segments()
-            return
-        for name in (layout.SEGMENTS, layout.CHECKPOINTS):
-            make_directory(self.path / name)
-        self._document |= {"status": "running", "stop_reason": "", "exit_code": None}
-        self._document |= {"finished": "", "results": None}
-        self._document["sessions"] = [*self._document["sessions"], new_session()]
-        self._save()
 
     def _remove_segments(self) -> None:
         """All is in ``results.h5`` by now; what a crash leaves of this goes at the next start.

@@ -21,13 +21,12 @@ from multicor_cli.store.atomic import (
     commit_bytes,
     file_digest,
     kill_point,
+    require_described,
     require_own,
     storage_errors,
 )
 from multicor_cli.store.documents import SIZE_LIMIT, document_line, parse_document, record_of
-from multicor_cli.store.errors import DamagedRun
 from multicor_cli.store.hdf5 import (
-    CheckedFile,
     Hdf5Writer,
     Precision,
     dtype_of,
@@ -45,14 +44,15 @@ Columns = dict[str, NDArray[Any]]
 
 def columns_of(table: tuple[Dataset, ...], moment: Snapshot) -> Columns:
     """Arrays of a table at a moment; a single value per frame or row has the shape ``(1, …)``."""
-    return {row.path: _column(row, row.value(moment)) for row in table if row.value is not None}
-
-
-def _column(row: Dataset, value: Any) -> NDArray[Any]:
-    if row.dtype == "str":
-        return encode_strings(list(value))
-    values = np.asarray(value)
-    return values[np.newaxis] if row.row in ("frame", "series_row", "one") else values
+    columns = {}
+    for row in table:
+        if row.value is None:
+            continue
+        value = row.value(moment)
+        values = encode_strings(list(value)) if row.dtype == "str" else np.asarray(value)
+        is_single = row.row in ("frame", "series_row", "one") and row.dtype != "str"
+        columns[row.path] = values[np.newaxis] if is_single else values
+    return columns
 
 
 # ---- `segments/MANIFEST.jsonl`: the segments that count, one line each; no others exist
@@ -120,13 +120,7 @@ def keep_segments(directory: Path, segments: list[Segment]) -> None:
 
 def check_segment(directory: Path, segment: Segment) -> None:
     """Compare a segment file with its line; raises `DamagedRun` or `StorageError`."""
-    path = directory / segment.name
-    if not path.is_file():
-        raise DamagedRun(f"{path}: missing")
-    with storage_errors(path):
-        size = path.stat().st_size
-    if size != segment.size or file_digest(path) != segment.blake2b:
-        raise DamagedRun(f"{path}: damaged (it does not match its digest in {MANIFEST})")
+    require_described(directory / segment.name, segment.size, segment.blake2b, MANIFEST)
 
 
 def segment_dims(segment: Segment) -> dict[str, int]:
@@ -256,9 +250,9 @@ class FrameWriter:
             attributes,
             self._fill,
             size=size,
+            table=self._table,
             precision=self._precision,
             version=self._version,
-            verify=self._verify,
         )
         segment = self._describe(path)
         append_line(self._directory / MANIFEST, "manifest", document_line(asdict(segment)))
@@ -271,22 +265,21 @@ class FrameWriter:
             self.flush()
 
     def _stored(self, specs: tuple[Dataset, ...], columns: Columns, where: str) -> Columns:
-        dims = dict(self._dims)
-        return {spec.path: self._copy(spec, columns[spec.path], dims, where) for spec in specs}
-
-    def _copy(
-        self, spec: Dataset, values: NDArray[Any], dims: dict[str, int], where: str
-    ) -> NDArray[Any]:
-        expected = tuple(
-            d if isinstance(d, int) else dims.setdefault(d, len(values)) for d in spec.dims
-        )
-        if values.shape != expected:
-            raise ValueError(f"{where}: {spec.path} has shape {values.shape}, expected {expected}")
-        copy = np.array(values, dtype=dtype_of(spec, self._precision), order="C")
-        if spec.finite and copy.dtype.kind == "f" and not np.isfinite(copy).all():
-            row = int(np.argwhere(~np.isfinite(copy))[0][0])
-            raise ValueError(f"{where}: {spec.path} is not finite in row {row}")
-        return copy
+        """Copies of columns, in the types in which they are stored."""
+        dims, found = dict(self._dims), {}
+        for spec in specs:
+            values = columns[spec.path]
+            dims.setdefault(str(spec.row), len(values))
+            if values.shape != (expected := spec.shape(dims)):
+                raise ValueError(
+                    f"{where}: {spec.path} has shape {values.shape}, expected {expected}"
+                )
+            copy = np.array(values, dtype=dtype_of(spec, self._precision), order="C")
+            if spec.finite and copy.dtype.kind == "f" and not np.isfinite(copy).all():
+                row = int(np.argwhere(~np.isfinite(copy))[0][0])
+                raise ValueError(f"{where}: {spec.path} is not finite in row {row}")
+            found[spec.path] = copy
+        return found
 
     def _check_contacts(self, columns: Columns, step: int) -> None:
         i, j = np.asarray(columns["contacts/i"]), np.asarray(columns["contacts/j"])
@@ -305,12 +298,8 @@ class FrameWriter:
                 writer.write(spec, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64))
                 continue
             pieces = self._rows if spec in self.series_table else self._frames
-            row = tuple(d if isinstance(d, int) else self._dims[d] for d in spec.dims[1:])
+            row = spec.shape(self._dims)[1:]
             writer.write(spec, *(piece[spec.path] for piece in pieces), row=row)
-
-    def _verify(self, path: Path, digests: dict[str, str]) -> None:
-        with CheckedFile(path, FILETYPE, run_id=self._run_id) as file:
-            file.check_written(self._table, digests)
 
     def _describe(self, path: Path) -> Segment:
         steps = [int(frame["steps/step"][0]) for frame in self._frames]

@@ -137,6 +137,17 @@ def summarize(state: State, model: Model) -> Summary:
     """
     tallies, books = state.named("tallies"), state.named("books")
     heat = None if model.thermal is None else _summarize_heat(state, model.thermal)
+    exchange: Summary | None = None
+    if model.outlets is not None:
+        counts = {entry.name for entry in EXCHANGE_BOOKS if entry.dtype == "i8"}
+        named = state.named("exchange").items()
+        exchange = {name: round(value) if name in counts else value for name, value in named}
+        exchange["outlets"] = {
+            name: {"grains": round(grains), "mass": mass}
+            for name, (grains, mass) in zip(model.outlets, state.outlet_flow.tolist(), strict=True)
+        }
+    # Energy gained at contacts, by which the sum of their losses is less than what was lost
+    gained, lost = abs(books["negative_loss"]), books["friction_loss"] + books["impact_loss"]
     return {
         "step": state.step,
         "time": state.time,
@@ -149,7 +160,7 @@ def summarize(state: State, model: Model) -> Summary:
             key: round(tallies[e.name]) if e.dtype == "i8" else tallies[e.name]
             for key, e in _SUMMARIZED.items()
         },
-        "negative_loss_share": _negative_share(books),
+        "negative_loss_share": gained / (gained + lost) if gained + lost > 0.0 else 0.0,
         "solver": {
             "sweeps_mean": tallies["sweeps"] / max(1, state.step - state.frozen_steps),
             "residual_rms_max": tallies["residual_rms_max"],
@@ -158,19 +169,7 @@ def summarize(state: State, model: Model) -> Summary:
         },
         "books": books | state.named("adhesion_books"),
         "heat": heat,
-        "exchange": None if model.outlets is None else _summarize_exchange(state, model.outlets),
-    }
-
-
-def _summarize_exchange(state: State, outlets: tuple[str, ...]) -> Summary:
-    counts = {entry.name for entry in EXCHANGE_BOOKS if entry.dtype == "i8"}
-    books = state.named("exchange")
-    flows = {
-        name: {"grains": round(grains), "mass": mass}
-        for name, (grains, mass) in zip(outlets, state.outlet_flow.tolist(), strict=True)
-    }
-    return {name: round(value) if name in counts else value for name, value in books.items()} | {
-        "outlets": flows
+        "exchange": exchange,
     }
 
 
@@ -197,27 +196,9 @@ def empty_summary(version: Version | None = None) -> Summary:
     counters = (
         key for key, entry in _SUMMARIZED.items() if version is None or entry.since <= version
     )
-    names = (
-        "step",
-        "time",
-        "stage",
-        "grain_count",
-        "state_digest",
-        "energy_closure",
-        "heat_closure",
-    )
+    names = ("step", "time", "stage", "grain_count", "state_digest", "energy_closure")
     later = ("exchange",) if version is None or version >= (1, 2) else ()
+    names = (*names, "heat_closure", *counters, "negative_loss_share", "heat", *later)
     solver = ("sweeps_mean", "residual_rms_max", "residual_max_max", "unconverged_steps")
     books = BOOK_NAMES[: entry_counts(version)["book"]]
-    return {
-        **dict.fromkeys((*names, *counters, "negative_loss_share", "heat", *later)),
-        "solver": dict.fromkeys(solver),
-        "books": dict.fromkeys(books),
-    }
-
-
-def _negative_share(books: dict[str, float]) -> float:
-    """Energy gained at contacts over energy lost; ``negative_loss``: their sum's negative part."""
-    negative = abs(books["negative_loss"])
-    positive = books["friction_loss"] + books["impact_loss"] + negative
-    return negative / positive if positive > 0.0 else 0.0
+    return dict.fromkeys(names) | {"solver": dict.fromkeys(solver), "books": dict.fromkeys(books)}

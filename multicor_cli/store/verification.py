@@ -111,34 +111,28 @@ def _run_checks(checks: Iterable[tuple[Path, Callable[[], object]]]) -> list[Fil
 
 
 def _verify_segments(path: Path, document: Document) -> list[FileFinding]:
-    directory, file, run_id = path / layout.SEGMENTS, path / layout.MODEL, str(document["run_id"])
+    directory, whole, run_id = path / layout.SEGMENTS, path / layout.MODEL, str(document["run_id"])
     try:
         segments = committed_segments(path)
     except StoreError as error:
         return [FileFinding("error", str(path), str(error))]
-    if not segments and not file.exists():
+    if not segments and not whole.exists():
         return []
     try:
-        model = load_model(file, run_id)
+        model = load_model(whole, run_id)
         if "model" in document:
-            _check_whole(file, document["model"])
+            _check_whole(whole, document["model"])
     except StoreError as error:
-        return [FileFinding("error", str(file), str(error))]
-    stages = len(document["stages"])
-    return _run_checks(
-        (directory / s.name, partial(_check_one_segment, directory, s, run_id, model, stages))
-        for s in segments
-    )
+        return [FileFinding("error", str(whole), str(error))]
 
+    def check(segment: Segment) -> None:
+        check_segment(directory, segment)
+        dims, name = segment_dims(segment) | model_dims(model), directory / segment.name
+        with CheckedFile(name, SEGMENT_FILETYPE, run_id=run_id, dims=dims) as file:
+            check_features(file, schema.features_of(model))
+            _check_tables(file, schema.SEGMENT_TABLE, model, len(document["stages"]))
 
-def _check_one_segment(
-    directory: Path, segment: Segment, run_id: str, model: Model, stages: int
-) -> None:
-    check_segment(directory, segment)
-    dims = segment_dims(segment) | model_dims(model)
-    with CheckedFile(directory / segment.name, SEGMENT_FILETYPE, run_id=run_id, dims=dims) as file:
-        check_features(file, schema.features_of(model))
-        _check_tables(file, schema.SEGMENT_TABLE, model, stages)
+    return _run_checks((directory / each.name, partial(check, each)) for each in segments)
 
 
 def _check_results(path: Path, document: Document | None = None) -> None:
@@ -181,7 +175,6 @@ def _check_tables(
                 if not np.isfinite(block).all():
                     raise DamagedRun(f"{file.path}: {spec.path} holds a value that is not finite")
     _check_rows(file, model)
-    _check_contacts(file, model)
     for path, highest in (
         ("contacts/sliding", 2),
         ("steps/contacts_recorded", 2),
@@ -194,19 +187,15 @@ def _check_tables(
 
 
 def _check_rows(file: CheckedFile, model: Model) -> None:
+    n, walls, shapes = model.grain_count, model.wall_count, model.shape_count
     rows, _ = (read_offsets(file, spec) for spec in schema.OFFSETS)
-    grains, walls = model.grain_count, model.wall_count
-    if (np.diff(rows) != grains).any():
-        raise DamagedRun(f"{file.path}: a frame does not hold {grains} grains")
+    if (np.diff(rows) != n).any():
+        raise DamagedRun(f"{file.path}: a frame does not hold {n} grains")
     if file.dims["wall"] != walls:
         raise DamagedRun(f"{file.path}: holds {file.dims['wall']} walls instead of {walls}")
     for path in ("steps/step", "series/step"):
         if (np.diff(file.read(schema.DATASETS[path])) <= 0).any():
             raise DamagedRun(f"{file.path}: {path} does not ascend")
-
-
-def _check_contacts(file: CheckedFile, model: Model) -> None:
-    n, shapes = model.grain_count, model.shape_count
     for start in range(0, file.dims["contact_row"], _CONTACT_BLOCK):
         stop = min(start + _CONTACT_BLOCK, file.dims["contact_row"])
         i, j, kind = (
@@ -227,10 +216,8 @@ def _verify_checkpoints(path: Path, document: Document) -> list[FileFinding]:
     is_named = document["summary"] and document["status"] != "finished"
     named = document["summary"]["step"] if is_named else -1
     if named > max(map(step_of, sidecars), default=-1):
-        message = (
-            f"{directory}: the checkpoint at step {named}, of which {layout.RUN} knows, is missing"
-        )
-        findings.append(FileFinding("error", str(directory), message))
+        what = f"the checkpoint at step {named}, of which {layout.RUN} knows, is missing"
+        findings.append(FileFinding("error", str(directory), f"{directory}: {what}"))
     return findings
 
 

@@ -21,7 +21,7 @@ import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
@@ -32,7 +32,7 @@ from multicor_cli.model import Model, Presence
 from multicor_cli.store import layout, schema
 from multicor_cli.store.atomic import remove_own, require_own
 from multicor_cli.store.errors import DamagedRun
-from multicor_cli.store.hdf5 import read_text, reading, write_text
+from multicor_cli.store.hdf5 import Chunked, read_text, reading, write_text
 from multicor_cli.store.schema import Dataset
 
 # ---- Which points the lines join in the view: contacts as lines, a block of frames at a time
@@ -45,34 +45,23 @@ BLOCK_ROWS = 1 << 18
 Indices = NDArray[np.int64]
 
 
-class Growing:
-    """A dataset whose length is known only in the end; every chunk is written once."""
+class Growing(Chunked):
+    """A dataset whose length is known only in the end."""
 
     def __init__(self, file: h5py.Group, path: str, dtype: Any, *tail: int) -> None:
+        super().__init__(CHUNK_ROWS)
         self._dataset = file.create_dataset(
             path, (0, *tail), dtype, maxshape=(None, *tail), chunks=(CHUNK_ROWS, *tail),
             shuffle=True, compression="gzip", compression_opts=1, fletcher32=True,
         )  # fmt: skip
-        self._pending: list[NDArray[Any]] = []
-        self._count = 0
-
-    def append(self, rows: NDArray[Any]) -> None:
-        self._pending.append(rows)
-        self._count += len(rows)
-        if self._count >= CHUNK_ROWS:
-            self._write(self._count // CHUNK_ROWS * CHUNK_ROWS)
 
     def close(self) -> None:
         self._write(self._count)
 
-    def _write(self, count: int) -> None:
-        if not count:
-            return
-        rows = np.concatenate(self._pending)
+    def _store(self, rows: NDArray[Any]) -> None:
         start = len(self._dataset)
-        self._dataset.resize(start + count, axis=0)
-        self._dataset[start:] = rows[:count]
-        self._pending, self._count = [rows[count:]], len(rows) - count
+        self._dataset.resize(start + len(rows), axis=0)
+        self._dataset[start:] = rows
 
 
 def frame_blocks(sizes: Indices) -> Iterator[tuple[int, int]]:
@@ -88,75 +77,53 @@ def frame_blocks(sizes: Indices) -> Iterator[tuple[int, int]]:
 
 def ranges(lengths: Indices) -> Indices:
     """``0 … length-1`` for each length, one after the other."""
-    starts = np.cumsum(lengths) - lengths
-    return np.asarray(np.arange(int(lengths.sum())) - np.repeat(starts, lengths), np.int64)
+    starts = np.repeat(_starts(lengths), lengths)
+    return np.asarray(np.arange(int(lengths.sum())) - starts, np.int64)
 
 
-@dataclass(frozen=True)
-class LineBlock:
-    """The contacts of consecutive frames; ``c`` rows.
+def _starts(counts: Indices) -> Indices:
+    return np.asarray(np.cumsum(counts) - counts, np.int64)
+
+
+class LineBlock(NamedTuple):
+    """The contacts of consecutive frames as lines.
 
     Attributes:
-        grains: Number of grains n.
-        counts: Contacts of each frame.
-        frame: Frame of each contact, from 0 in the block.
-        i, j: First and second shape of each contact.
-        is_open: Whether the line ends in an appended point.
-        reach: From the center of i against the normal to that point [m], shape ``(c, 2)``.
-        center: Centers of i [m], shape ``(c, 3)``.
+        joined: Points at both ends of every line, counted from 0 in each frame.
+        end_counts: Appended points of each frame.
+        ends: These points [m], in the order of the contacts.
     """
 
-    grains: int
-    counts: Indices
-    frame: Indices
-    i: Indices
-    j: Indices
-    is_open: NDArray[np.bool_]
-    reach: NDArray[np.float64]
-    center: NDArray[np.float64]
+    joined: Indices
+    end_counts: Indices
+    ends: NDArray[np.float64]
 
-    @classmethod
-    def read(
-        cls, file: h5py.File, model: Model, start: int, stop: int, offset: Indices
-    ) -> LineBlock:
-        """Read the frames ``start:stop``; contact rows begin at ``offset``."""
-        n, first, last = model.grain_count, int(offset[start]), int(offset[stop])
-        counts: Indices = np.diff(offset[start : stop + 1])
-        frame = np.repeat(np.arange(stop - start), counts)
-        i, j = (file[f"contacts/{name}"][first:last].astype(np.int64) for name in "ij")
-        position = file["particles/position"][start * n : stop * n].astype(np.float64)
-        is_wall = j >= n
-        partner = np.where(is_wall, i, j)
-        center = position[frame * n + i]
-        crosses = np.abs(center[:, 0] - position[frame * n + partner, 0]) > 0.5 * (
-            model.period or np.inf
-        )
-        radius = model.grains.radius
-        length = (
-            radius[i] + np.where(is_wall, 0.0, radius[partner]) + file["contacts/gap"][first:last]
-        )
-        reach = length[:, None] * file["contacts/normal"][first:last]
-        return cls(n, counts, frame, i, j, is_wall | crosses, reach, center)
 
-    @property
-    def end_counts(self) -> Indices:
-        """Appended points of each frame."""
-        return np.bincount(self.frame[self.is_open], minlength=len(self.counts)).astype(np.int64)
-
-    def end_points(self) -> NDArray[np.float64]:
-        """Appended points [m], in the order of the contacts."""
-        points = self.center[self.is_open]
-        points[:, :2] -= self.reach[self.is_open]
-        return points
-
-    def connectivity(self, lines: Indices) -> Indices:
-        """Both ends of every line, counted from 0 in each frame; ``lines``: how many each has."""
-        joined = np.zeros((int(lines.sum()), 2), np.int64)
-        row = (np.cumsum(lines) - lines)[self.frame] + ranges(self.counts)
-        end = self.j.copy()
-        end[self.is_open] = self.grains + ranges(self.end_counts)
-        joined[row, 0], joined[row, 1] = self.i, end
-        return joined.ravel()
+def read_lines(
+    file: h5py.File, model: Model, start: int, stop: int, offset: Indices, lines: Indices
+) -> LineBlock:
+    """The frames ``start:stop``, with so many ``lines`` each; contact rows begin at ``offset``."""
+    n, first, last = model.grain_count, int(offset[start]), int(offset[stop])
+    counts: Indices = np.diff(offset[start : stop + 1])
+    frame = np.repeat(np.arange(stop - start), counts)
+    i, j = (file[f"contacts/{name}"][first:last].astype(np.int64) for name in "ij")
+    position = file["particles/position"][start * n : stop * n].astype(np.float64)
+    is_wall = j >= n
+    partner = np.where(is_wall, i, j)
+    center = position[frame * n + i]
+    across = np.abs(center[:, 0] - position[frame * n + partner, 0])
+    is_open = is_wall | (across > 0.5 * (model.period or np.inf))
+    radius = model.grains.radius
+    # From the center of i against the normal to the other end
+    length = radius[i] + np.where(is_wall, 0.0, radius[partner]) + file["contacts/gap"][first:last]
+    reach = length[:, None] * file["contacts/normal"][first:last]
+    ends = center[is_open]
+    ends[:, :2] -= reach[is_open]
+    end_counts = np.bincount(frame[is_open], minlength=len(counts)).astype(np.int64)
+    j[is_open] = n + ranges(end_counts)
+    joined = np.zeros((int(lines.sum()), 2), np.int64)
+    joined[_starts(lines)[frame] + ranges(counts)] = np.column_stack([i, j])
+    return LineBlock(joined.ravel(), end_counts, ends)
 
 
 # ---- The view
@@ -226,7 +193,12 @@ def write_view(file: h5py.File, model: Model) -> None:
     root.attrs["Version"] = np.array(_VERSION, np.int64)
     root.attrs.create("Type", b"PolyData", dtype=h5py.string_dtype("ascii", len(b"PolyData")))
     rows = _write_lines(file, root, model)
-    _write_no_cells(root, len(rows.ends))
+    # The kinds of cells that are not used: VTK wants them to be there.
+    root["Vertices/NumberOfCells"] = np.zeros(len(rows.ends), np.int64)
+    root["Vertices/Connectivity"] = np.zeros(0, np.int64)
+    for count in ("NumberOfConnectivityIds", "Offsets"):
+        root[f"Vertices/{count}"] = root["Vertices/NumberOfCells"]
+    root["Polygons"] = root["Strips"] = root["Vertices"]
     root["NumberOfPoints"] = rows.grains + rows.ends
     steps = _write_steps(file, root, rows)
     _write_points(file, root, steps, rows)
@@ -234,7 +206,13 @@ def write_view(file: h5py.File, model: Model) -> None:
     if _PRESENCE in file:
         _hide_absent(file[_PRESENCE], root, steps, model, rows)
     _write_cell_data(file, root, steps, rows)
-    _link_step_data(file, root, steps)
+    # One value per step; the length of the last step turns impulses into forces.
+    steps["FieldDataSizes/step"] = np.ones((len(rows.ends), 2), np.int64)
+    for row in _STEP_FIELDS:
+        root[f"FieldData/{row.name}"] = file[row.path]
+        steps[f"FieldDataOffsets/{row.name}"] = steps["PartOffsets"]
+        if row.name != "step":
+            steps[f"FieldDataSizes/{row.name}"] = steps["FieldDataSizes/step"]
     write_text(root, "blake2b", _digest(file))
 
 
@@ -286,11 +264,11 @@ def _write_lines(file: h5py.File, root: h5py.Group, model: Model) -> _Layout:
     points: list[NDArray[np.float64]] = []
     ends = np.zeros(len(counts), np.int64)
     for start, stop in frame_blocks(counts + model.grain_count):
-        block = LineBlock.read(file, model, start, stop, offset)
-        points.append(block.end_points())
-        ends[start:stop] = block.end_counts
         lines = np.maximum(counts[start:stop], 1)
-        connectivity.append(block.connectivity(lines))
+        block = read_lines(file, model, start, stop, offset, lines)
+        points.append(block.ends)
+        ends[start:stop] = block.end_counts
+        connectivity.append(block.joined)
         offsets.append(2 * ranges(lines + 1))
     connectivity.close()
     offsets.close()
@@ -319,19 +297,6 @@ def _write_ends(file: h5py.File, points: NDArray[np.float64], rows: _Layout) -> 
     )
 
 
-def _write_no_cells(root: h5py.Group, frames: int) -> None:
-    """The kinds of cells that are not used: VTK wants them to be there."""
-    root["Vertices/NumberOfCells"] = np.zeros(frames, np.int64)
-    root["Vertices/Connectivity"] = np.zeros(0, np.int64)
-    for count in ("NumberOfConnectivityIds", "Offsets"):
-        root[f"Vertices/{count}"] = root["Vertices/NumberOfCells"]
-    root["Polygons"] = root["Strips"] = root["Vertices"]
-
-
-def _starts(counts: Indices) -> Indices:
-    return np.asarray(np.cumsum(counts) - counts, np.int64)
-
-
 def _write_steps(file: h5py.File, root: h5py.Group, rows: _Layout) -> h5py.Group:
     count = len(rows.ends)
     steps = root.create_group("Steps")
@@ -356,11 +321,9 @@ def _write_points(file: h5py.File, root: h5py.Group, steps: h5py.Group, rows: _L
     ends = room - grains
     # Blocks of rows, one every ``room`` rows: the grains of each frame, then its appended points.
     to_grains = [(h5py.MultiBlockSlice(0, room, frames, grains), slice(0, frames * grains))]
-    to_ends = (
-        [(h5py.MultiBlockSlice(grains, room, frames, ends), slice(0, frames * ends))]
-        if ends
-        else []
-    )
+    to_ends = []
+    if ends:
+        to_ends = [(h5py.MultiBlockSlice(grains, room, frames, ends), slice(0, frames * ends))]
     total = frames * room
     position = [_Source(file["particles/position"], to_grains), _Source(file[ENDS], to_ends)]
     _write_virtual(root, "Points", total, position, np.nan)
@@ -409,9 +372,7 @@ def _write_constants(root: h5py.Group, steps: h5py.Group, model: Model, rows: _L
     """Point data that do not change, once; appended points have no radius, group or material."""
     length, grains = rows.room, model.grains
     is_grain = np.ones(rows.grains, np.uint8)
-    constants: tuple[NDArray[Any], ...] = (
-        grains.radius, grains.group, grains.material, is_grain,
-    )  # fmt: skip
+    constants: list[NDArray[Any]] = [grains.radius, grains.group, grains.material, is_grain]
     for name, values, fill in zip(_CONSTANTS, constants, (0, -1, -1, 0), strict=True):
         whole = np.full(length, fill, values.dtype)
         whole[: rows.grains] = values
@@ -439,16 +400,13 @@ def _hide_absent(
 def _write_cell_data(file: h5py.File, root: h5py.Group, steps: h5py.Group, rows: _Layout) -> None:
     """What the contacts carry; the line that stands for no contact has a ``kind`` of its own."""
     starts, first, counts = _starts(rows.lines), _starts(rows.contacts), rows.contacts
-    runs = _runs((counts[:-1] == 0) | (counts[1:] == 0))
-    sizes = [int(counts[start:stop].sum()) for start, stop in runs]
-    pieces = [
-        (
-            slice(int(starts[start]), int(starts[start]) + size),
-            slice(int(first[start]), int(first[start]) + size),
-        )
-        for (start, _), size in zip(runs, sizes, strict=True)
-        if size
-    ]
+    # Rows of contacts and of lines run in parallel, except before and after frames without any
+    breaks = np.flatnonzero((counts[:-1] == 0) | (counts[1:] == 0)) + 1
+    pieces = []
+    for start, stop in itertools.pairwise([0, *breaks.tolist(), len(counts)]):
+        if size := int(counts[start:stop].sum()):
+            line, contact = int(starts[start]), int(first[start])
+            pieces.append((slice(line, line + size), slice(contact, contact + size)))
     steps["CellDataOffsets/kind"] = starts
     total = int(rows.lines.sum())
     for row in _CONTACT_FIELDS:
@@ -464,19 +422,3 @@ def _write_cell_data(file: h5py.File, root: h5py.Group, steps: h5py.Group, rows:
 def _cells(row: Dataset) -> list[tuple[str, int | None]]:
     """Names of the cell data of a dataset of contacts, and the column of each; None if only one."""
     return [(name, column) for column, name in enumerate(row.columns)] or [(row.name, None)]
-
-
-def _runs(is_last: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Ranges of frames whose rows are contiguous; ``is_last``: frames after which they are not."""
-    edges = [0, *(np.flatnonzero(is_last) + 1).tolist(), len(is_last) + 1]
-    return list(itertools.pairwise(edges))
-
-
-def _link_step_data(file: h5py.File, root: h5py.Group, steps: h5py.Group) -> None:
-    """One value per step; the length of the last step turns impulses into forces."""
-    steps["FieldDataSizes/step"] = np.ones((len(file["steps/time"]), 2), np.int64)
-    for row in _STEP_FIELDS:
-        root[f"FieldData/{row.name}"] = file[row.path]
-        steps[f"FieldDataOffsets/{row.name}"] = steps["PartOffsets"]
-        if row.name != "step":
-            steps[f"FieldDataSizes/{row.name}"] = steps["FieldDataSizes/step"]

@@ -74,7 +74,7 @@ def numbers(axis: Range | tuple[Value, ...]) -> tuple[Value, ...]:
     assert axis.count is not None  # only ranges between which points are drawn have none
     low, high, last = axis.from_, axis.to, max(axis.count - 1, 1)
     values = [
-        low if k == 0 else high if k == last else _rounded(_between(axis, k / last))
+        low if k == 0 else high if k == last else _between(axis, k / last)
         for k in range(axis.count)
     ]
     is_whole = (
@@ -83,10 +83,6 @@ def numbers(axis: Range | tuple[Value, ...]) -> tuple[Value, ...]:
         and all(float(value).is_integer() for value in values)
     )
     return tuple(int(value) if is_whole else float(value) for value in values)
-
-
-def _rounded(value: float) -> float:
-    return float(f"{value:.{_DIGITS}g}")
 
 
 def _groups(vary: Vary, left_out: set[str]) -> list[tuple[str, ...]]:
@@ -119,17 +115,16 @@ def _drawn(sample: Sampled, ranges: Mapping[str, Range]) -> list[Values]:
     kind = qmc.LatinHypercube if sample.kind == "latin-hypercube" else qmc.Sobol
     points = kind(d=len(ranges), rng=sample.seed).random(sample.count)
     return [
-        {
-            key: _rounded(_between(axis, float(share)))
-            for (key, axis), share in zip(ranges.items(), point, strict=True)
-        }
-        for point in points
+        {key: _between(ranges[key], share) for key, share in zip(ranges, point, strict=True)}
+        for point in points.tolist()
     ]
 
 
 def _between(axis: Range, share: float) -> float:
     low, high = float(axis.from_), float(axis.to)
-    return low * (high / low) ** share if axis.spacing == "log" else low + (high - low) * share
+    is_log = axis.spacing == "log"
+    value = low * (high / low) ** share if is_log else low + (high - low) * share
+    return float(f"{value:.{_DIGITS}g}")
 
 
 def _rows(path: Path, name: str, taken: set[str]) -> list[Values]:
@@ -219,7 +214,10 @@ def expand(study: Study) -> list[Case]:
         for values in combinations
         for seed in seeds
     ]
-    return _named(study, rows)
+    if len({json.dumps(row) for row in rows}) < len(rows):
+        what = "a combination of values comes twice"
+        raise study.refuse(Refused(("vary",), what, "give each value once"))
+    return _named(rows)
 
 
 def check_case(study: Study, case: Case) -> Scenario:
@@ -227,15 +225,21 @@ def check_case(study: Study, case: Case) -> Scenario:
     try:
         return load_scenario(study.scenario, [*study.fixed, *case.overrides])
     except ScenarioError as error:
-        raise _about(study, case, error) from None
+        problems = error.problems
+    findings, others = [], []
+    for problem in problems:
+        keys = (key for key in case.values if f"{problem.key}.".startswith(f"{key}."))
+        key = next(keys, SEED)
+        if key == SEED:
+            others.append(problem)
+        else:
+            message = f"{problem.message} (case {case.name})"
+            findings.append(Refused(("vary", "keys", key), message, problem.remedy))
+    raise ScenarioError([*(study.refuse(*findings).problems if findings else []), *others])
 
 
-def _named(study: Study, rows: Sequence[Values]) -> list[Case]:
+def _named(rows: Sequence[Values]) -> list[Case]:
     """Cases with the shortest numbers that tell them apart."""
-    if len({json.dumps(row) for row in rows}) < len(rows):
-        raise study.refuse(
-            Refused(("vary",), "a combination of values comes twice", "give each value once")
-        )
     short = short_names(dict.fromkeys(key for row in rows for key in row))
     names: list[str] = []
     for digits in _DIGITS_OF_NAMES:
@@ -274,17 +278,3 @@ def _name(row: Values, short: dict[str, str], digits: int) -> str:
 
 def _digest(row: Values) -> str:
     return hashlib.sha256(json.dumps(row).encode()).hexdigest()[:8]
-
-
-def _about(study: Study, case: Case, error: ScenarioError) -> ScenarioError:
-    """The problems of a case: those of a varied key point into the study file."""
-    findings, others = [], []
-    for problem in error.problems:
-        keys = (key for key in case.values if f"{problem.key}.".startswith(f"{key}."))
-        key = next(keys, SEED)
-        if key == SEED:
-            others.append(problem)
-        else:
-            message = f"{problem.message} (case {case.name})"
-            findings.append(Refused(("vary", "keys", key), message, problem.remedy))
-    return ScenarioError([*(study.refuse(*findings).problems if findings else []), *others])

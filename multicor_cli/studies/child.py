@@ -14,13 +14,13 @@ import signal
 import socket
 import sys
 import tempfile
-import threading
 import time
 import traceback
 from pathlib import Path
 from typing import Any
 
-from multicor_cli.running.outcome import SilentObserver, Status
+from multicor_cli.running.machine import end_with_parent
+from multicor_cli.running.outcome import SilentObserver, Status, exit_code_of
 from multicor_cli.store.layout import LOCK, PROGRESS, RUN
 
 # ---- Turns at compiling: of cases that start together one compiles the kernels, the others load
@@ -90,18 +90,11 @@ def outcome(status: str, reason: str, exit_code: int, step: int = 0) -> dict[str
 def main() -> int:
     """Run the case that standard input describes."""
     task = json.loads(sys.stdin.buffer.readline())
-    threading.Thread(target=_leave_with_parent, daemon=True).start()
+    # When the worker's end closes, the worker has died
+    end_with_parent(lambda: os.kill(os.getpid(), signal.SIGTERM))
     # on a line of its own, whatever else was said
     print(f"\n{json.dumps(run_task(task))}", flush=True)
     return 0
-
-
-def _leave_with_parent() -> None:
-    """When the worker's end closes, the worker has died: stop as on SIGTERM."""
-    with contextlib.suppress(OSError):  # it has died before it read everything
-        while sys.stdin.buffer.read(4096):
-            pass
-    os.kill(os.getpid(), signal.SIGTERM)
 
 
 def run_task(task: dict[str, Any]) -> dict[str, Any]:
@@ -150,8 +143,6 @@ def run_task(task: dict[str, Any]) -> dict[str, Any]:
 
 
 def _failed(error: Exception) -> dict[str, Any]:
-    from multicor_cli.running.outcome import exit_code_of
-
     code = int(exit_code_of(error))
     if code == 1:
         traceback.print_exception(error)

@@ -71,9 +71,10 @@ class Cluster(NamedTuple):
 
 def require_libraries(compute: Compute) -> None:
     """Raise `MissingLibrary` if something is not installed that is needed elsewhere than here."""
-    queue = _queue_of(compute)
-    names: tuple[str, ...] = () if compute.scheduler is None else ("distributed",)
-    for name in names if queue is None else ("distributed", "dask_jobqueue", "cryptography"):
+    names = [] if compute.scheduler is None else ["distributed"]
+    if _queue_of(compute) is not None:
+        names = ["distributed", "dask_jobqueue", "cryptography"]
+    for name in names:
         library(name)
 
 
@@ -92,8 +93,9 @@ def connected(compute: Compute, logs: Path, needs: Needs, *, most: int) -> Itera
     """
     queue = _queue_of(compute)
     if compute.scheduler is None and queue is None:
-        with _here(compute, needs, most) as site:
-            yield site
+        threads, workers = _fitting(compute, needs, most)
+        with LocalClient(workers) as client:
+            yield Cluster(client, threads, workers, {}, f"{count_noun(workers, 'worker')} here")
         return
     import dask
 
@@ -120,7 +122,13 @@ def existing(client: Any, compute: Compute, needs: Needs) -> Cluster:
         raise Refused(("study", "scenario"), message, "use larger workers, or fewer grains")
     asked = {MEMORY: needs.memory} if offered and all(offered) and needs.memory > 0.0 else {}
     slots = sum(int(worker.get("nthreads", 1)) for worker in workers)
-    doubt = _doubt(client.scheduler.address)
+    address, doubt = client.scheduler.address, ""
+    if not address.startswith(("tls://", "wss://", "inproc://")):
+        doubt = (
+            f"Dask at {address} asks for no certificate: who can reach it, as every user of the "
+            "machine can, can run programs as you. Start scheduler and workers with --tls-ca-file, "
+            "--tls-cert and --tls-key"
+        )
     return Cluster(client, compute.threads or 1, slots, asked, "a Dask client", doubt)
 
 
@@ -144,19 +152,8 @@ def _there(stack: contextlib.ExitStack, address: str, threads: int, needs: Needs
     )
 
 
-def _doubt(address: str) -> str:
-    """What a person should know about a scheduler of somebody else's at this address."""
-    if address.startswith(("tls://", "wss://", "inproc://")):
-        return ""
-    return (
-        f"Dask at {address} asks for no certificate: who can reach it, as every user of the "
-        "machine can, can run programs as you. Start scheduler and workers with --tls-ca-file, "
-        "--tls-cert and --tls-key"
-    )
-
-
-@contextlib.contextmanager
-def _here(compute: Compute, needs: Needs, most: int) -> Iterator[Cluster]:
+def _fitting(compute: Compute, needs: Needs, most: int) -> tuple[int, int]:
+    """Threads of a case, and cases at a time, that this machine has room for."""
     there, free = available_cores(), available_memory()
     workers = min(compute.workers or max(1, there // (compute.threads or 1)), most)
     if free is not None and needs.memory > 0.0:
@@ -166,9 +163,7 @@ def _here(compute: Compute, needs: Needs, most: int) -> Iterator[Cluster]:
             remedy = "use fewer grains, or a machine with more memory"
             raise Refused(("study", "scenario"), f"a case takes about {sizes}", remedy)
         workers = min(workers, fitting)
-    threads = compute.threads or min(needs.threads, max(1, there // workers))
-    with LocalClient(workers) as client:
-        yield Cluster(client, threads, workers, {}, f"{count_noun(workers, 'worker')} here")
+    return compute.threads or min(needs.threads, max(1, there // workers)), workers
 
 
 def _dashboard(owner: Any) -> str:

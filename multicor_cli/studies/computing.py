@@ -216,12 +216,10 @@ class Computation:
             return
         is_late = self._deadline is not None and time.monotonic() > self._deadline
         tally.reason = should_stop() or (StopReason.TIME_LIMIT if is_late else None)
-        if tally.reason is not None:
-            self._watcher.stopping()
-            self._stop(tally)
-
-    def _stop(self, tally: Progress) -> None:
-        """Forget what has not been given out, cancel what has not begun, stop what runs."""
+        if tally.reason is None:
+            return
+        self._watcher.stopping()
+        # Forget what has not been given out, stop what runs, or cancel what has not begun
         tally.stopped += [case.name for case in self._waiting]
         self._waiting.clear()
         told = self._site.client.run(stop_cases, self._id, on_error="ignore")

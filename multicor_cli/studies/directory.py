@@ -16,7 +16,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-from multicor_cli.files import read_regular
+from multicor_cli.files import read_object, read_regular
 from multicor_cli.running.differences import find_differences
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.store import layout
@@ -100,13 +100,10 @@ class StudyDirectory:
                 found = json.loads(read_regular(file, SIZE_LIMIT))
             except (ValueError, RecursionError):
                 raise DamagedRun(f"{file}: is damaged; restore it from a copy") from None
-        if (
-            not isinstance(found, dict)
-            or found.get("filetype") != FILETYPE
-            or found.get("format_version") != VERSION
-        ):
+        said = found if isinstance(found, dict) else {}
+        if (said.get("filetype"), said.get("format_version")) != (FILETYPE, VERSION):
             raise DamagedRun(f"{file}: is not a study of this version of the program")
-        return found
+        return said
 
     def cases(self) -> list[Case]:
         return [Case(name, values) for name, values in self.document()["cases"].items()]
@@ -142,7 +139,7 @@ class StudyDirectory:
                 "scenario": str(study.scenario.absolute()),
                 "resolved": resolved, "cases": merged,
             }  # fmt: skip
-            commit_bytes(self.path / DOCUMENT, "study document", _as_json(document))
+            _commit(self.path / DOCUMENT, "study document", document)
 
     @contextlib.contextmanager
     def held(self, *, force: bool = False) -> Iterator[None]:
@@ -155,19 +152,22 @@ class StudyDirectory:
             lock.release()
 
     def state(self, case: Case) -> CaseState:
-        """How a case stands; reads only its ``run.json`` and what is beside it."""
-        failure = _read_json(self.failure(case.name))
+        """How a case stands; reads only its ``run.json`` and what is beside it.
+
+        On shared file systems a file may be there without its content.
+        """
+        failure = read_object(self.failure(case.name), SIZE_LIMIT)
         if failure:
             return CaseState(CaseStatus.FAILED, str(failure.get("reason", "")))
         run = self.case(case.name)
-        found = _read_json(run / layout.RUN)
+        found = read_object(run / layout.RUN, SIZE_LIMIT)
         if not found:
             return CaseState(CaseStatus.WAITING)
         step = int((found.get("summary") or {}).get("step", 0))
         if found.get("status") == "finished":
             return CaseState(CaseStatus.FINISHED, step=step)
         if is_alive(run / layout.LOCK):
-            beat = _read_json(run / layout.PROGRESS)
+            beat = read_object(run / layout.PROGRESS, SIZE_LIMIT)
             at, left = int(beat.get("step", step)), beat.get("remaining_seconds")
             return CaseState(CaseStatus.RUNNING, "", at, beat.get("progress"), left)
         has_failed, reason = found.get("status") == "failed", found.get("stop_reason")
@@ -176,7 +176,7 @@ class StudyDirectory:
 
     def record_failure(self, name: str, reason: str, exit_code: int) -> None:
         data = {"case": name, "reason": reason, "exit_code": exit_code}
-        commit_bytes(self.failure(name), "failure of a case", _as_json(data))
+        _commit(self.failure(name), "failure of a case", data)
 
 
 def _refuse_changes(
@@ -199,14 +199,5 @@ def _refuse_changes(
         raise study.refuse(*findings[:10])
 
 
-def _as_json(data: dict[str, Any]) -> bytes:
-    return json.dumps(data, indent=1, ensure_ascii=False).encode()
-
-
-def _read_json(file: Path) -> dict[str, Any]:
-    """The document in a file; empty if there is none, or none yet on a shared file system."""
-    try:
-        found = json.loads(read_regular(file, SIZE_LIMIT))
-    except (OSError, ValueError, RecursionError):
-        return {}
-    return found if isinstance(found, dict) else {}
+def _commit(file: Path, label: str, data: dict[str, Any]) -> None:
+    commit_bytes(file, label, json.dumps(data, indent=1, ensure_ascii=False).encode())

@@ -120,19 +120,18 @@ def main() -> int:
             question, descriptors, _, _ = socket.recv_fds(asking, _LONGEST, 1)
             if not question:
                 break
-            asking.sendall(
-                str(_fork(descriptors[0], asking) if descriptors else _wait(int(question))).encode()
-            )
+            if descriptors:
+                answer = os.fork()
+                if answer == 0:
+                    asking.close()
+                    _become_case(descriptors[0])
+                os.close(descriptors[0])
+            else:
+                answer = _LOST
+                with contextlib.suppress(ChildProcessError):
+                    answer = os.waitstatus_to_exitcode(os.waitpid(int(question), 0)[1])
+            asking.sendall(str(answer).encode())
     return 0
-
-
-def _fork(stream: int, asking: socket.socket) -> int:
-    pid = os.fork()
-    if pid == 0:
-        asking.close()
-        _become_case(stream)
-    os.close(stream)
-    return pid
 
 
 def _become_case(stream: int) -> Never:
@@ -153,13 +152,6 @@ def _become_case(stream: int) -> Never:
             sys.stdout.flush()
             sys.stderr.flush()
         os._exit(code)
-
-
-def _wait(pid: int) -> int:
-    try:
-        return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
-    except ChildProcessError:
-        return _LOST
 
 
 if __name__ == "__main__":

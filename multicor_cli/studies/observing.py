@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from multicor_cli.files import read_regular
+from multicor_cli.files import read_object
 from multicor_cli.model.model import Floats
 from multicor_cli.post import forces
 from multicor_cli.post.energy import HEAT, MECHANICAL, energy
@@ -95,13 +95,11 @@ def _profile(run: Run, row: Observable, selection: Selection) -> Number:
 
 def _theta(run: Run, row: Observable, _selection: Selection) -> Number:
     found = theta_eta(run, bins=row.bins)
-    values = (found.mean, found.spread, found.lowest, found.highest)
     k = _bin(found.center, 1.0 / found.center.size, row)
-    return Number(float(dict(zip(_THETA, values, strict=True))[str(row.value)][k]))
+    return Number(float(getattr(found, _THETA[str(row.value)])[k]))
 
 
 def _bin(centers: Floats, width: float, row: Observable) -> int:
-    """The bin that holds the place of an observable."""
     assert row.at is not None
     k = int(np.abs(centers - row.at).argmin())
     if abs(float(centers[k]) - row.at) > 0.5001 * width:
@@ -135,7 +133,7 @@ def _energy(run: Run, row: Observable, _selection: Selection) -> Number:
     return Number(float(value))
 
 
-_THETA = ("theta", "standard_deviation", "min", "max")
+_THETA = {"theta": "mean", "standard_deviation": "spread", "min": "lowest", "max": "highest"}
 _CLOSURES = ("energy_closure", "heat_closure")
 _AMOUNTS = tuple(name for name, quantity in MAPPED.items() if quantity.names_of is None)
 _HEAT_FIELDS = frozenset(name for name, quantity in QUANTITIES.items() if quantity.needs_heat)
@@ -144,7 +142,7 @@ SOURCES: dict[str, Source] = {
     "rheology": Source(tuple(row.name for row in OF_RHEOLOGY), _rheology, needs_shear=True),
     "region": Source(IN_REGION, _region, frozenset({"temperature"})),
     "profile": Source(tuple(PROFILED), _profile, _HEAT_FIELDS),
-    "theta-eta": Source(_THETA, _theta, frozenset(_THETA), is_of_one_frame=True),
+    "theta-eta": Source(tuple(_THETA), _theta, frozenset(_THETA), is_of_one_frame=True),
     "map": Source(_AMOUNTS, _map, _HEAT_FIELDS, is_of_one_frame=True),
     "forces": Source((*forces.SUMMARY, *forces.MOMENTS), _forces),
     "energy": Source(
@@ -244,10 +242,8 @@ def _after(row: Observable, place: KeyPath, scenario: Scenario) -> Iterator[Refu
     assert row.after is not None
     until, begins = scenario.loading[-1].until if scenario.loading else None, row.after.strain
     if begins is not None and isinstance(until, UntilStrain) and until.strain.value <= begins:
-        message = (
-            f"the last stage ends at a strain of {until.strain.value:g}, the mean would begin at "
-            f"{begins:g}"
-        )
+        end = f"the last stage ends at a strain of {until.strain.value:g}"
+        message = f"{end}, the mean would begin at {begins:g}"
         yield Refused((*place, "after", "strain"), message, "begin earlier, or shear for longer")
     durations = [stage.duration for stage in scenario.loading]
     total = sum(float(duration or 0.0) for duration in durations)
@@ -269,11 +265,8 @@ def observe(
         ``verdict``, ``digest``, ``hours``.
     """
     file = directory.observed(case.name)
-    try:
-        kept = json.loads(read_regular(file, SIZE_LIMIT))
-    except (OSError, ValueError, RecursionError):
-        kept = {}
-    kept = kept if isinstance(kept, dict) and isinstance(kept.get("numbers"), dict) else {}
+    kept = read_object(file, SIZE_LIMIT)
+    kept = kept if isinstance(kept.get("numbers"), dict) else {}
     wanted = {row.name: _digest(row) for row in observables}
     new = [row for row in observables if wanted[row.name] not in kept.get("numbers", {})]
     if new or not kept:
@@ -372,10 +365,11 @@ def _mean_of_series(run: Any, name: str, start: float | None) -> Number:
     if start is None:
         own = time[stage == stage.max()]
         start = 0.5 * float(own[0] + own[-1])
-    rows = np.flatnonzero((time >= start) & (np.asarray(run.series["window_duration"]) > 0.0))
-    if not rows.size:
+    duration = np.asarray(run.series["window_duration"])
+    rows = (time >= start) & (duration > 0.0)
+    if not rows.any():
         raise Unobservable(f"the time series has no row after {start:g} s")
-    weight = np.asarray(run.series["window_duration"])[rows]
+    weight = duration[rows]
     value, error = average(
         Sums((column[rows] * weight)[:, np.newaxis], weight[:, np.newaxis], weight)
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections import Counter
 from collections.abc import Sequence
+from functools import partial
 from html import escape
 from pathlib import Path
 from urllib.parse import quote
@@ -16,7 +17,7 @@ from multicor_cli.optional import MissingLibrary
 from multicor_cli.plots.style import PlotError
 from multicor_cli.post.source import PostError
 from multicor_cli.report.figures import Figure, make_figure
-from multicor_cli.report.page import figure_cards, make_head, table_card
+from multicor_cli.report.page import details, figure_cards, header, html_of, table_cards
 from multicor_cli.report.tables import ReportRow
 from multicor_cli.report.write import check_target, write_report
 from multicor_cli.store.atomic import commit_result, make_directory
@@ -26,7 +27,6 @@ from multicor_cli.studies.directory import PAGES, CaseStatus
 from multicor_cli.studies.figure import draw_into
 from multicor_cli.studies.session import StudySession
 from multicor_cli.studies.table import (
-    Panel,
     PlotRequest,
     StudyTable,
     make_panels,
@@ -72,17 +72,18 @@ def write_study_report(
     means = over_seeds(table).lines
     headings, lines = table.lines
     links = [_links(table, row.case, path.parent) for row in table.rows]
+    done = sum(row.status == CaseStatus.FINISHED.value for row in table.rows)
+    status = "finished" if done == len(table.rows) else f"{done} of {len(table.rows)} finished"
     body = [
-        _header(session, table),
-        f'<section class="cards">{"".join(_cards(session, table))}</section>',
+        header(session.study.name, session.study.model.study.description, status),
+        _cards(session, table),
         figure_cards(_figures(table)),
         "" if SEED not in table.keys else _wide("Means over seeds", *means),
         _wide("Cases", [*headings, "run"], lines, links),
-        _details("Study file", f'<pre tabindex="0">{escape(session.study.sources.text)}</pre>'),
+        details("Study file", f'<pre tabindex="0">{escape(session.study.sources.text)}</pre>'),
         f"<footer><p>{escape(made)}</p></footer>",
     ]
-    page = "\n".join([make_head(session.study.name), "<body>", *body, "</body>", "</html>", ""])
-    commit_result(path, "report", page.encode(errors="backslashreplace"))
+    commit_result(path, "report", html_of(session.study.name, body))
     return written
 
 
@@ -103,18 +104,7 @@ def _write_pages(session: StudySession, frames: int, progress: Progress) -> int:
     return written
 
 
-def _header(session: StudySession, table: StudyTable) -> str:
-    about = session.study.model.study.description
-    done = sum(row.status == CaseStatus.FINISHED.value for row in table.rows)
-    status = "finished" if done == len(table.rows) else f"{done} of {len(table.rows)} finished"
-    title = f'<h1 dir="auto">{escape(session.study.name)}</h1>'
-    if about:
-        title += f'<p dir="auto">{escape(about)}</p>'
-    badge = f'<span class="badge" data-status="{escape(status)}">{escape(status)}</span>'
-    return f'<header><div>{title}</div><div class="corner">{badge}</div></header>'
-
-
-def _cards(session: StudySession, table: StudyTable) -> list[str]:
+def _cards(session: StudySession, table: StudyTable) -> str:
     counts = Counter(row.status for row in table.rows)
     hours = float(np.nansum([row.hours for row in table.rows])) if table.rows else 0.0
     names = short_names(table.keys)
@@ -142,14 +132,22 @@ def _cards(session: StudySession, table: StudyTable) -> list[str]:
         ],
         "Failed": [ReportRow(row.case, (row.problems or {}).get("", "")) for row in lost],
     }
-    return [table_card(title, lines) for title, lines in cards.items()]
+    return table_cards(cards)
 
 
 def _figures(table: StudyTable) -> list[Figure] | None:
-    """Observables against the key with the most numbers, in series; None without matplotlib."""
+    """Observables against the key with the most values, if these are at least two numbers.
+
+    None without matplotlib.
+    """
     mean = over_seeds(table)
-    across = _longest_axis(mean)
-    if across is None:
+    lengths = {}
+    for key in mean.keys:
+        values = {row.values.get(key) for row in mean.rows}
+        if not any(isinstance(value, str | bool) or value is None for value in values):
+            lengths[key] = len(values)
+    across = max(lengths, key=lambda key: lengths[key], default="")
+    if lengths.get(across, 0) < 2:
         return []
     found = []
     for name in table.observables[:_FIGURES]:
@@ -158,38 +156,14 @@ def _figures(table: StudyTable) -> list[Figure] | None:
             panels = make_panels(mean, request)
         except PlotError:  # none has finished
             continue
+        x = np.concatenate([line.x for panel in panels for line in panel.series])
+        log = "x" if x.min() > 0.0 and x.max() > _LOGARITHMIC * x.min() else ""
+        fill = partial(draw_into, table=mean, panels=panels, request=request, fits=[], log=log)
+        title = f"{name} against {short_names(mean.keys)[across]}"
         try:
-            found.append(_figure(mean, request, panels))
+            found.append(make_figure(title, _SIZE, fill))
         except MissingLibrary:  # there is no matplotlib
             return None
-    return found
-
-
-def _figure(mean: StudyTable, request: PlotRequest, panels: list[Panel]) -> Figure:
-    x = np.concatenate([line.x for panel in panels for line in panel.series])
-    log = "x" if x.min() > 0.0 and x.max() > _LOGARITHMIC * x.min() else ""
-    title = f"{request.of} against {short_names(mean.keys)[request.against]}"
-    return make_figure(
-        title, _SIZE, lambda canvas: draw_into(canvas, mean, panels, request, [], log=log)
-    )
-
-
-def _longest_axis(mean: StudyTable) -> str | None:
-    """The key with the most values, all of them numbers; None if no key has two."""
-    lengths = {}
-    for key in mean.keys:
-        values = {row.values.get(key) for row in mean.rows}
-        if not any(isinstance(value, str | bool) or value is None for value in values):
-            lengths[key] = len(values)
-    best = max(lengths, key=lambda key: lengths[key], default=None)
-    return best if best is not None and lengths[best] > 1 else None
-
-
-def _cells(line: Sequence[str]) -> list[str]:
-    """Cells of a table; verdicts, which are the last but one, in their colors."""
-    found = [escape(cell) for cell in line]
-    if line[-2] in ("ok", "warning", "bad"):
-        found[-2] = f'<span class="{line[-2]}">{line[-2]}</span>'
     return found
 
 
@@ -216,17 +190,14 @@ def _wide(
     lines: Sequence[Sequence[str]],
     links: Sequence[str] | None = None,
 ) -> str:
-    """A table, with links as a last column."""
-    rows = [_cells(line) for line in lines]
-    if links is not None:
-        rows = [[*row, link] for row, link in zip(rows, links, strict=True)]
+    """A table, with links as a last column; verdicts, the last but one, in their colors."""
+    rows = []
+    for number, line in enumerate(lines):
+        row = [escape(cell) for cell in line]
+        if line[-2] in ("ok", "warning", "bad"):
+            row[-2] = f'<span class="{line[-2]}">{line[-2]}</span>'
+        rows.append(row if links is None else [*row, links[number]])
     head = "".join(f'<th scope="col">{escape(text)}</th>' for text in headings)
     body = "".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in rows)
     table = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
-    return _details(title, f'<div class="wide" tabindex="0">{table}</div>', is_open=True)
-
-
-def _details(title: str, body: str, *, is_open: bool = False) -> str:
-    opened = " open" if is_open else ""
-    summary = f"<summary>{escape(title)}</summary>"
-    return f'<details class="card"{opened}>{summary}{body}</details>'
+    return details(title, f'<div class="wide" tabindex="0">{table}</div>', is_open=True)

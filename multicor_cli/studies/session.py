@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shutil
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -12,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from multicor_cli.running.machine import free_space
 from multicor_cli.running.outcome import StopReason
 from multicor_cli.scenario.problems import Problem, Refused, ScenarioError
 from multicor_cli.scenario.scenario import load_scenario
@@ -25,7 +25,7 @@ from multicor_cli.studies.table import StudyTable, make_table
 from multicor_cli.text import format_bytes
 
 if TYPE_CHECKING:
-    from multicor_cli.checks import Check, Prepared
+    from multicor_cli.checks import Check
 
 
 @dataclass(frozen=True)
@@ -86,19 +86,19 @@ class StudySession:
             predicted = self.check()
         with self.directory.held():
             self.directory.begin(self.study, self.cases, resolved)
-            left = [case for case in self.cases if self._is_left(case, retry=retry)]
+            done = {CaseStatus.FINISHED, CaseStatus.FAILED}
+            left = []
+            for case, state in zip(self.cases, self.states(), strict=True):
+                if state.status is CaseStatus.FAILED and retry:
+                    self.directory.failure(case.name).unlink(missing_ok=True)
+                elif state.status in done:
+                    continue
+                left.append(case)
             if not left:
                 return Progress()
             with _stop_signals() as asked, self._site(client, predicted.needs, len(left)) as site:
                 work = Computation(self.directory, self.study, site, watcher or WarningsOnly())
                 return work.run(left, asked, None if max_hours is None else 3600.0 * max_hours)
-
-    def _is_left(self, case: Case, *, retry: bool) -> bool:
-        status = self.directory.state(case).status
-        if status is CaseStatus.FAILED and retry:
-            self.directory.failure(case.name).unlink(missing_ok=True)
-            return True
-        return status not in (CaseStatus.FINISHED, CaseStatus.FAILED)
 
     @contextmanager
     def _site(self, client: Any, needs: Needs, most: int) -> Iterator[Cluster]:
@@ -204,12 +204,30 @@ def forecast(study: Study, cases: Sequence[Case], directory: Path) -> Forecast:
     Raises:
         ScenarioError: Grains of a case cannot be placed, or space for all runs is short.
     """
+    from multicor_cli.checks import Prepared, Verdict, check_prepared
+    from multicor_cli.packing import place
+    from multicor_cli.running.from_scenario import make_plan
+
     different = {
         str({key: value for key, value in case.values.items() if key != SEED}): case
         for case in cases
     }
-    chosen = _spread(list(different.values()))
-    prepared = [_prepare(study, case, directory) for case in chosen]
+    # A few all over the grid: the golden ratio, unlike halves, keeps step with no key
+    order = sorted(range(len(different)), key=lambda k: (k * 0.6180339887498949) % 1.0)
+    chosen = [list(different.values())[k] for k in sorted(order[:SAMPLES])]
+    prepared = []
+    for case in chosen:
+        scenario = check_case(study, case)
+        placed = place(scenario)
+        plan = make_plan(scenario, placed.model, placed.state)
+        prepared.append(
+            Prepared(scenario, plan, placed.model, placed.state, 1, directory, placed.origin)
+        )
+    doubtful: dict[tuple[str, Verdict], tuple[str, Check]] = {}
+    for case, run in zip(chosen, prepared, strict=True):
+        for check in check_prepared(run):
+            if check.verdict is not Verdict.OK and check.name not in _OF_THE_STUDY:
+                doubtful.setdefault((check.name, check.verdict), (case.name, check))
     costs = [run.cost for run in prepared]
     share = len(cases) / len(chosen) if chosen else 0.0
     seconds = _sum([cost.seconds for cost in costs])
@@ -221,16 +239,10 @@ def forecast(study: Study, cases: Sequence[Case], directory: Path) -> Forecast:
         memory=max((cost.memory for cost in costs), default=0.0),
         grains=max((run.model.grain_count for run in prepared), default=0),
         placed=len(chosen),
-        doubtful=_doubtful(chosen, prepared),
+        doubtful=list(doubtful.values()),
     )
     _refuse_without_space(study, found, directory)
     return found
-
-
-def _spread(cases: Sequence[Case]) -> list[Case]:
-    """A few cases all over the grid: the golden ratio, unlike halves, keeps step with no key."""
-    order = sorted(range(len(cases)), key=lambda k: (k * 0.6180339887498949) % 1.0)
-    return [cases[k] for k in sorted(order[:SAMPLES])]
 
 
 def _sum(values: Sequence[float | None]) -> float | None:
@@ -238,33 +250,8 @@ def _sum(values: Sequence[float | None]) -> float | None:
     return math.fsum(known) if len(known) == len(values) else None
 
 
-def _prepare(study: Study, case: Case, directory: Path) -> Prepared:
-    from multicor_cli.checks import Prepared
-    from multicor_cli.packing import place
-    from multicor_cli.running.from_scenario import make_plan
-
-    scenario = check_case(study, case)
-    placed = place(scenario)
-    plan = make_plan(scenario, placed.model, placed.state)
-    return Prepared(scenario, plan, placed.model, placed.state, 1, directory, placed.origin)
-
-
-def _doubtful(cases: Sequence[Case], prepared: Sequence[Prepared]) -> list[tuple[str, Check]]:
-    from multicor_cli.checks import Verdict, check_prepared
-
-    found: dict[tuple[str, Verdict], tuple[str, Check]] = {}
-    for case, run in zip(cases, prepared, strict=True):
-        for check in check_prepared(run):
-            if check.verdict is not Verdict.OK and check.name not in _OF_THE_STUDY:
-                found.setdefault((check.name, check.verdict), (case.name, check))
-    return list(found.values())
-
-
 def _refuse_without_space(study: Study, found: Forecast, directory: Path) -> None:
-    place = directory.absolute()
-    while not place.exists():
-        place = place.parent
-    free = shutil.disk_usage(place).free
+    place, free = free_space(directory)
     if found.disk is not None and found.disk > free:
         runs = f"{found.cases} runs" if found.cases != 1 else "one run"
         sizes = f"about {format_bytes(found.disk)}, {format_bytes(free)} are free in {place}"

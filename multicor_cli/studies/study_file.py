@@ -74,10 +74,6 @@ class Sampled(Table):
 Values = Annotated[tuple[Scalar, ...], Strict(False), Field(min_length=1, max_length=MAX_CASES)]
 
 
-def _axis_tag(value: Any) -> str:
-    return "<range>" if isinstance(value, dict | Range) else "<list>"
-
-
 def _check_count(axis: Any, info: ValidationInfo) -> Any:
     """The values of a key of `Vary`, whose ranges say how many these are unless they are drawn."""
     is_drawn = info.data.get("sample", "wrong") is not None  # of a wrong table it is not known
@@ -89,7 +85,7 @@ def _check_count(axis: Any, info: ValidationInfo) -> Any:
 
 Axis = Annotated[
     Annotated[Values, Tag("<list>")] | Annotated[Range, Tag("<range>")],
-    Discriminator(_axis_tag),
+    Discriminator(lambda value: "<range>" if isinstance(value, dict | Range) else "<list>"),
     AfterValidator(_check_count),
 ]
 """Values of one key."""

@@ -66,42 +66,43 @@ class StudyTable:
 
     @property
     def headings(self) -> list[str]:
-        names = [short_names(self.keys)[key] for key in self.keys]
         endings = ("", "_error", "_between", "_seeds") if self.is_mean else ("", "_error")
         numbers = [f"{name}{ending}" for name in self.observables for ending in endings]
         last = [] if self.is_mean else ["digest", "directory"]
+        names = short_names(self.keys).values()
         return [*names, "status", *numbers, "verdict", "hours", *last]
 
     @property
     def records(self) -> list[list[Any]]:
         """Rows as lists, in the order of `headings`; what is not known is None."""
-        return [self._record(row) for row in self.rows]
-
-    def _record(self, row: Row) -> list[Any]:
-        found: list[Any] = [*(row.values.get(key) for key in self.keys), row.status]
-        for name in self.observables:
-            value, error, count = row.numbers.get(name, (math.nan, math.nan, 0))
-            found += [_known(value), _known(error)]
-            if self.is_mean:
-                found += [_known(row.between.get(name, math.nan)), count]
-        found += [row.verdict, _known(row.hours)]
-        return found if self.is_mean else [*found, row.digest, str(self.directory.case(row.case))]
+        records = []
+        for row in self.rows:
+            found: list[Any] = [*(row.values.get(key) for key in self.keys), row.status]
+            for name in self.observables:
+                value, error, count = row.numbers.get(name, (math.nan, math.nan, 0))
+                found += [_known(value), _known(error)]
+                if self.is_mean:
+                    found += [_known(row.between.get(name, math.nan)), count]
+            found += [row.verdict, _known(row.hours)]
+            if not self.is_mean:
+                found += [row.digest, str(self.directory.case(row.case))]
+            records.append(found)
+        return records
 
     @property
     def lines(self) -> tuple[list[str], list[list[str]]]:
         """Headings and rows for people: numbers with their errors (the larger) in one column."""
-        names = [short_names(self.keys)[key] for key in self.keys]
-        headings = [*names, "status", *self.observables, "verdict", "hours"]
-        return headings, [self._line(row) for row in self.rows]
-
-    def _line(self, row: Row) -> list[str]:
-        values = [shown(row.values[key]) if key in row.values else "" for key in self.keys]
-        numbers = [
-            with_error(*_with_error(row, name)) if name in row.numbers else "–"
-            for name in self.observables
-        ]
-        hours = "–" if math.isnan(row.hours) else f"{row.hours:.3g}"
-        return [*values, row.status, *numbers, row.verdict, hours]
+        names = short_names(self.keys).values()
+        lines = []
+        for row in self.rows:
+            values = [shown(row.values[key]) if key in row.values else "" for key in self.keys]
+            numbers = [
+                with_error(*_with_error(row, name)) if name in row.numbers else "–"
+                for name in self.observables
+            ]
+            hours = "–" if math.isnan(row.hours) else f"{row.hours:.3g}"
+            lines.append([*values, row.status, *numbers, row.verdict, hours])
+        return [*names, "status", *self.observables, "verdict", "hours"], lines
 
     def csv(self) -> str:
         out = io.StringIO()
@@ -124,23 +125,24 @@ def make_table(
     rows = []
     for case in cases:
         state = directory.state(case)
-        if state.status is not CaseStatus.FINISHED:
-            why = {"": state.reason}
-            rows.append(
-                Row(case.values, state.status.value, {}, {}, "", math.nan, case.name, problems=why)
-            )
-            continue
-        found = observe(directory, case, observables)
-        numbers = {
-            name: (_number(pair[0]), _number(pair[1]), 1) for name, pair in found["values"].items()
-        }
-        rows.append(
-            Row(
-                case.values, state.status.value, numbers, {}, found["verdict"],
-                _number(found["hours"]), case.name,
-                found["digest"] or "", found["problems"],
-            )
+        row = Row(
+            case.values, state.status.value, {}, {}, "", math.nan, case.name,
+            problems={"": state.reason},
         )  # fmt: skip
+        if state.status is CaseStatus.FINISHED:
+            found = observe(directory, case, observables)
+            row = replace(
+                row,
+                numbers={
+                    name: (_number(value), _number(error), 1)
+                    for name, (value, error) in found["values"].items()
+                },
+                verdict=found["verdict"],
+                hours=_number(found["hours"]),
+                digest=found["digest"] or "",
+                problems=found["problems"],
+            )
+        rows.append(row)
     keys = tuple(dict.fromkeys(key for case in cases for key in case.values))
     labels = {row.name: row.label for row in observables if row.label}
     names = tuple(row.name for row in observables)

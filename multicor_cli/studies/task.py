@@ -72,29 +72,13 @@ def run_case(task: dict[str, Any]) -> dict[str, Any]:
 
 
 def _start(threads: int) -> CaseProcess:
-    """A process of a case; if the one that starts them has just died, another one starts it."""
-    try:
-        return _server(threads).start()
-    except OSError:
-        _fork_servers.clear()
-        return _server(threads).start()
-
-
-def _server(threads: int) -> ForkServer:
-    """What starts processes here; another one if it has died or has no room for the threads."""
-    while _fork_servers and not (
-        _fork_servers[-1].is_alive and _fork_servers[-1].threads >= threads
-    ):
-        _fork_servers.pop()
-    if not _fork_servers:
-        _fork_servers.append(ForkServer(threads))
-    return _fork_servers[-1]
-
-
-def close_fork_servers() -> None:
-    """Let those that start processes here go: each ends once its last case has ended."""
-    with _lock:
-        _fork_servers.clear()
+    """A process of a case; the one that starts them must live and have room for the threads."""
+    _fork_servers[:] = [each for each in _fork_servers if each.is_alive and each.threads >= threads]
+    if _fork_servers:
+        with contextlib.suppress(OSError):  # it has just died
+            return _fork_servers[-1].start()
+    _fork_servers[:] = [ForkServer(threads)]
+    return _fork_servers[-1].start()
 
 
 def _listen(stream: socket.socket, said: deque[bytes]) -> None:
@@ -174,7 +158,8 @@ class LocalClient:
             stop_cases(owner)
         for _ in range(self._workers):
             self._waiting.put((LocalFuture(""), dict, {}))  # wakes a thread
-        close_fork_servers()
+        with _lock:
+            _fork_servers.clear()  # each ends once its last case has ended
 
     def submit(self, function: Work, task: Task, *, key: str, **_options: Any) -> LocalFuture:
         """Call a function with a task as soon as there is room for another case."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Set
+from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass, fields
 from operator import attrgetter
 from typing import Any, Generic, NoReturn, Protocol, Self, TypeVar, overload
@@ -70,6 +70,10 @@ class Dataset(Stored):
     @property
     def row(self) -> Dim | int:
         return self.dims[0]
+
+    def shape(self, lengths: Mapping[str, int]) -> tuple[int, ...]:
+        """The shape, where dimensions have these lengths; others are 0."""
+        return tuple(dim if isinstance(dim, int) else lengths.get(dim, 0) for dim in self.dims)
 
 
 class Reader(Protocol):

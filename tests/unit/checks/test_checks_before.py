@@ -131,7 +131,7 @@ def test_space(name, tmp_path, monkeypatch):
     def check(free):
         monkeypatch.setattr(resolution, "available_memory", lambda: free)
         usage = SimpleNamespace(free=free)
-        monkeypatch.setattr(resolution.shutil, "disk_usage", lambda place: usage)
+        monkeypatch.setattr("shutil.disk_usage", lambda place: usage)
         return checked(tmp_path)[name]
 
     needed = check(10**9).value * 1e9

@@ -69,7 +69,7 @@ def test_pages_hold_compressed_bytes_of_chosen_frames_and_contacts():
     assert pack.thin_frames(101, 3).tolist() == [0, 50, 100]
     assert pack.thin_frames(100, 1).tolist() == [99]
     force = np.array([5.0, 1.0, 4.0, 3.0], np.float32)
-    contacts = pack.ContactsView(np.arange(4), np.arange(4) + 1, np.zeros(4, np.float32), force)
+    contacts = pack.ContactsView(4, np.arange(4), np.arange(4) + 1, np.zeros(4, np.float32), force)
     assert contacts.strongest(2).i.tolist() == [0, 2]
     assert contacts.strongest(0).i.size == 0
     assert contacts.strongest(9) is contacts

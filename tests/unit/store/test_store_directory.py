@@ -28,6 +28,7 @@ from store_support import (
 from multicor_cli import store
 from multicor_cli.store.atomic import append_line
 from multicor_cli.store.checkpoint import prune
+from multicor_cli.store.documents import read_run_document
 from multicor_cli.store.lock import is_alive
 from multicor_cli.store.rundir import check_usable
 from multicor_cli.store.segments import keep_segments
@@ -50,8 +51,9 @@ def test_new_directory_has_the_scenario_byte_by_byte(tmp_path, is_there):
     assert not store.RunDirectory.is_run(path)
     with make_run(path) as run:
         assert run.status == "running"
-        assert run.stages == ("load", "shear")
-        assert run.provenance == PROVENANCE
+        document = read_run_document(path)
+        assert document["stages"] == ["load", "shear"]
+        assert document["provenance"] == PROVENANCE
         assert (run.source_text, run.resolved_text) == (SOURCE, RESOLVED)
     assert (path / "scenario.toml").read_bytes() == SOURCE.encode()
     assert store.RunDirectory.is_run(path)

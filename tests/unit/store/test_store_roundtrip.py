@@ -243,7 +243,7 @@ def test_many_frames_are_split_into_segments(tmp_path):
     with make_run(tmp_path / "run") as run:
         drive(run, model, steps=700, checkpoint_every=1000, finish=False)
         with open_run(tmp_path / "run") as reader:
-            assert [part.frames for part in reader._parts.parts] == [64, 64, 13]
+            assert [part.dims["frame"] for part in reader._parts.parts] == [64, 64, 13]
             assert reader.frames.step.tolist() == list(range(0, 701, 5))
         run.finish("finished")
     check_content(tmp_path / "run", model, 700)
