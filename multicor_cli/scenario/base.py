@@ -61,6 +61,18 @@ class Table(BaseModel):
         )
 
 
+def required(description: str, **rules: Any) -> Any:
+    """A key that has to be given; ``description`` is what schema and messages say of it."""
+    return Field(description=description, **rules)
+
+
+def optional(description: str, default: Any = None, **rules: Any) -> Any:
+    """A key that may be left out, with the value that it has then; else as `required`."""
+    if "default_factory" not in rules:
+        rules["default"] = default
+    return Field(description=description, **rules)
+
+
 CHANGEABLE = "free"
 """Marks a key that may change between two sessions of a run: no result depends on it."""
 

@@ -13,6 +13,8 @@ from multicor_cli.scenario.base import (
     TwoWalls,
     check_kelvin,
     one_of,
+    optional,
+    required,
     tag_table,
     true_only,
 )
@@ -28,17 +30,15 @@ _NEARLY = 1e-9  # of the largest value of a signal, which counts as 0
 class VelocityDof(Table):
     """A prescribed velocity."""
 
-    velocity: Signal = Field(description=f"velocity [m/s], spin [rad/s]: {_FORMS}")
+    velocity: Signal = required(f"velocity [m/s], spin [rad/s]: {_FORMS}")
 
 
 class PositionDof(Table):
     """A prescribed displacement."""
 
-    position: Signal = Field(
-        description=(
-            "displacement since the start of the stage that says so [m], angle [rad] for the "
-            "spin, 0 at first: a table with ramp, sine or times"
-        )
+    position: Signal = required(
+        "displacement since the start of the stage that says so [m], angle [rad] for the "
+        "spin, 0 at first: a table with ramp, sine or times"
     )
 
     def faults(self) -> Iterator[Refused]:
@@ -55,44 +55,28 @@ class PositionDof(Table):
 class Spring(Table):
     """A linear spring that is fixed to an anchor."""
 
-    stiffness: float = Field(
-        gt=0.0, le=1e15, description="stiffness k [N/m], [N m/rad] for the spin"
-    )
-    anchor: Signal = Field(
+    stiffness: float = required("stiffness k [N/m], [N m/rad] for the spin", gt=0.0, le=1e15)
+    anchor: Signal = optional(
+        "displacement since the start of the stage that says so at which the spring exerts no "
+        f"force [m], [rad] for the spin: {_FORMS}; one that varies pulls the wall along",
         0.0,
-        description=(
-            "displacement since the start of the stage that says so at which the spring exerts no "
-            f"force [m], [rad] for the spin: {_FORMS}; one that varies pulls the wall along"
-        ),
     )
 
 
 class LoadDof(Table):
     """A degree of freedom that moves under loads, a spring and the grains' push."""
 
-    force: Signal | None = Field(
-        None, description=f"force [N], torque [N m] for the spin: {_FORMS}"
+    force: Signal | None = optional(f"force [N], torque [N m] for the spin: {_FORMS}")
+    stress: Signal | None = optional(
+        f"force per length [N/m], positive along the axis like a force: {_FORMS}; the length "
+        "is that of the wall"
     )
-    stress: Signal | None = Field(
-        None,
-        description=(
-            f"force per length [N/m], positive along the axis like a force: {_FORMS}; the length "
-            "is that of the wall"
-        ),
+    between: TwoWalls | None = optional(
+        "two walls whose distance across the axis is, in each step, the length on which the "
+        'stress acts, as ["bottom", "top"] for a side wall that moves in x'
     )
-    between: TwoWalls | None = Field(
-        None,
-        description=(
-            "two walls whose distance across the axis is, in each step, the length on which the "
-            'stress acts, as ["bottom", "top"] for a side wall that moves in x'
-        ),
-    )
-    spring: Spring | None = Field(
-        None, description="a spring, as { stiffness = 1e3 }; a force beside it is added"
-    )
-    damping: float = Field(
-        0.0, ge=0.0, le=1e12, description="viscous damping [N s/m], [N m s] for the spin"
-    )
+    spring: Spring | None = optional("a spring, as { stiffness = 1e3 }; a force beside it is added")
+    damping: float = optional("viscous damping [N s/m], [N m s] for the spin", 0.0, ge=0.0, le=1e12)
 
     def faults(self) -> Iterator[Refused]:
         if self.force is not None and self.stress is not None:
@@ -108,8 +92,8 @@ class LoadDof(Table):
 class FixedDof(Table):
     """A degree of freedom that does not move."""
 
-    fixed: Annotated[bool, true_only("fixed", "give velocity or force instead")] = Field(
-        description="true: does not move", json_schema_extra={"const": True}
+    fixed: Annotated[bool, true_only("fixed", "give velocity or force instead")] = required(
+        "true: does not move", json_schema_extra={"const": True}
     )
 
 
@@ -130,27 +114,18 @@ Dof = Annotated[
 class WallDrives(Table):
     """``drives.NAME``: what a stage does to the wall NAME; what is left out keeps its drive."""
 
-    x: Dof | None = Field(
-        None,
-        description=(
-            "horizontal motion, as { velocity = 0.1 }, { force = -5.0 } or { fixed = true }"
-        ),
+    x: Dof | None = optional(
+        "horizontal motion, as { velocity = 0.1 }, { force = -5.0 } or { fixed = true }"
     )
-    y: Dof | None = Field(
-        None,
-        description="vertical motion, as { velocity = 0.1 }, { force = -5.0 } or { fixed = true }",
+    y: Dof | None = optional(
+        "vertical motion, as { velocity = 0.1 }, { force = -5.0 } or { fixed = true }"
     )
-    spin: Dof | None = Field(
-        None, description="rotation about the wall's reference point, counter-clockwise"
-    )
-    surface: VelocityDof | None = Field(
-        None,
-        description=(
-            "motion of the surface along itself while the shape stays, as { velocity = 0.1 } "
-            "[m/s] of a conveyor: to the right for a grain that the wall carries, along the "
-            "normal from wall to grain turned by -90 degrees; a disc turns clockwise, and so does "
-            "each of the glued grains of a rough wall, in its place"
-        ),
+    spin: Dof | None = optional("rotation about the wall's reference point, counter-clockwise")
+    surface: VelocityDof | None = optional(
+        "motion of the surface along itself while the shape stays, as { velocity = 0.1 } "
+        "[m/s] of a conveyor: to the right for a grain that the wall carries, along the "
+        "normal from wall to grain turned by -90 degrees; a disc turns clockwise, and so does "
+        "each of the glued grains of a rough wall, in its place"
     )
 
     def faults(self) -> Iterator[Refused]:
@@ -192,18 +167,13 @@ def is_prescribed(dof: Dof) -> bool:
 class TiltedGravityTable(Table):
     """Gravity of a given magnitude whose direction is turned."""
 
-    angle: Signal = Field(
-        description=(
-            "angle by which gravity is turned from -y, counter-clockwise, so that it points "
-            "towards +x if positive [degrees]: a number, or a table with ramp, sine or times"
-        )
+    angle: Signal = required(
+        "angle by which gravity is turned from -y, counter-clockwise, so that it points "
+        "towards +x if positive [degrees]: a number, or a table with ramp, sine or times"
     )
-    magnitude: Signal | None = Field(
-        None,
-        description=(
-            "acceleration [m/s²]: a number, or a table with ramp, sine or times; default: that of "
-            "[domain] gravity"
-        ),
+    magnitude: Signal | None = optional(
+        "acceleration [m/s²]: a number, or a table with ramp, sine or times; default: that of "
+        "[domain] gravity"
     )
 
 
@@ -230,45 +200,38 @@ def _check_kelvin_signal(signal: Signal) -> Signal:
 class TemperatureCondition(Table):
     """A wall of prescribed temperature."""
 
-    temperature: Annotated[Signal, AfterValidator(_check_kelvin_signal)] = Field(
-        description="temperature [K]: a number, or a table with ramp, sine or times"
+    temperature: Annotated[Signal, AfterValidator(_check_kelvin_signal)] = required(
+        "temperature [K]: a number, or a table with ramp, sine or times"
     )
 
 
 class FlowCondition(Table):
     """A wall that gives a prescribed heat flow to the grains that touch it."""
 
-    flow: Signal = Field(
-        description=(
-            "heat flow from the wall into the grains that touch it, shared in proportion to their "
-            "conductances [W]: a number, or a table with ramp, sine or times"
-        )
+    flow: Signal = required(
+        "heat flow from the wall into the grains that touch it, shared in proportion to their "
+        "conductances [W]: a number, or a table with ramp, sine or times"
     )
 
 
 class CapacityCondition(Table):
     """A wall that is a body with a temperature of its own, which heat and friction change."""
 
-    capacity: Annotated[float, Field(ge=1e-18, le=1e18)] = Field(
-        description=(
-            "heat capacity of the wall [J/K]: it has one temperature, which what it exchanges "
-            "with grains changes"
-        )
+    capacity: Annotated[float, Field(ge=1e-18, le=1e18)] = required(
+        "heat capacity of the wall [J/K]: it has one temperature, which what it exchanges "
+        "with grains changes"
     )
-    initial: Kelvin | None = Field(
-        None,
-        description=(
-            "its temperature when this condition begins [K]; default: that before, if it had one, "
-            "else that of [heat]"
-        ),
+    initial: Kelvin | None = optional(
+        "its temperature when this condition begins [K]; default: that before, if it had one, "
+        "else that of [heat]"
     )
 
 
 class InsulatedCondition(Table):
     """A wall that exchanges no heat; a grain that rubs on it gets all the heat of friction."""
 
-    insulated: Annotated[bool, true_only("insulated", "give temperature or flow instead")] = Field(
-        description="true: no heat passes", json_schema_extra={"const": True}
+    insulated: Annotated[bool, true_only("insulated", "give temperature or flow instead")] = (
+        required("true: no heat passes", json_schema_extra={"const": True})
     )
 
 

@@ -19,6 +19,8 @@ from multicor_cli.scenario.base import (
     ascending,
     columns_of_file,
     one_of,
+    optional,
+    required,
 )
 from multicor_cli.scenario.problems import Refused
 
@@ -26,25 +28,21 @@ from multicor_cli.scenario.problems import Refused
 class RampSignal(Table):
     """Linear from the first to the second value within ``duration``, then constant."""
 
-    ramp: Vector = Field(description="first and last value")
-    duration: Time = Field(description="time from the first to the last value [s]")
+    ramp: Vector = required("first and last value")
+    duration: Time = required("time from the first to the last value [s]")
 
 
 class SineWave(Table):
     """``mean + amplitude sin(2π t/period + phase)``."""
 
-    mean: Number = Field(
-        0.0, description="the constant part, in the unit of what follows the signal"
+    mean: Number = optional("the constant part, in the unit of what follows the signal", 0.0)
+    amplitude: Number = required(
+        "what the sine adds to or takes from the mean at most, in the same unit"
     )
-    amplitude: Number = Field(
-        description="what the sine adds to or takes from the mean at most, in the same unit"
-    )
-    period: Time | None = Field(None, description="time of one oscillation [s]; or give frequency")
-    frequency: Time | None = Field(
-        None, description="oscillations in a second [1/s]; or give period"
-    )
-    phase: Annotated[float, Field(ge=-1e6, le=1e6)] = Field(
-        0.0, description="angle of the sine at the start of the stage [rad]"
+    period: Time | None = optional("time of one oscillation [s]; or give frequency")
+    frequency: Time | None = optional("oscillations in a second [1/s]; or give period")
+    phase: Annotated[float, Field(ge=-1e6, le=1e6)] = optional(
+        "angle of the sine at the start of the stage [rad]", 0.0
     )
 
     def faults(self) -> Iterator[Refused]:
@@ -63,26 +61,22 @@ class SineWave(Table):
 class SineSignal(Table):
     """A sine of the time since the start of the stage."""
 
-    sine: SineWave = Field(
-        description=(
-            "{ mean = 0, amplitude, period or frequency, phase = 0 }, in s or 1/s, phase in rad"
-        )
+    sine: SineWave = required(
+        "{ mean = 0, amplitude, period or frequency, phase = 0 }, in s or 1/s, phase in rad"
     )
 
 
 class TableSignal(Table):
     """Linear between the rows of a table, constant before the first and after the last."""
 
-    file: str | None = Field(
-        None, description="CSV file with the columns time [s] and value, in place of the two arrays"
+    file: str | None = optional(
+        "CSV file with the columns time [s] and value, in place of the two arrays"
     )
     times: Annotated[
         tuple[Annotated[float, Field(ge=TIME_BOUNDS[0], le=TIME_BOUNDS[1])], ...], Strict(False)
-    ] = Field(
-        (), max_length=100_000, description="times since the start of the stage [s], ascending"
-    )
-    values: Annotated[tuple[Number, ...], Strict(False)] = Field(
-        (), max_length=100_000, description="value at each of the times"
+    ] = optional("times since the start of the stage [s], ascending", (), max_length=100_000)
+    values: Annotated[tuple[Number, ...], Strict(False)] = optional(
+        "value at each of the times", (), max_length=100_000
     )
 
     _read = columns_of_file(

@@ -11,9 +11,9 @@ import json
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from pydantic import Field, Strict, ValidationError, ValidationInfo, field_validator
+from pydantic import Strict, ValidationError, ValidationInfo, field_validator
 
-from multicor_cli.scenario.base import CHANGEABLE, Name, Table
+from multicor_cli.scenario.base import CHANGEABLE, Name, Table, optional, required
 from multicor_cli.scenario.expressions import Variable, VariableName
 from multicor_cli.scenario.heat import Heat
 from multicor_cli.scenario.materials import MAX_MATERIALS, ContactPair, Material
@@ -29,45 +29,38 @@ from multicor_cli.text import unwrapped
 class ScenarioModel(Table):
     """A scenario file."""
 
-    scenario: Header = Field(description="name, description and seed")
-    given_variables: Annotated[dict[VariableName, Variable] | None, CHANGEABLE] = Field(
-        None,
+    scenario: Header = required("name, description and seed")
+    given_variables: Annotated[dict[VariableName, Variable] | None, CHANGEABLE] = optional(
+        "a number by each name, as d = 1e-3; a string that begins with = is an expression and "
+        'can stand in place of any number, as "= 2 * d"',
         alias="variables",
         max_length=1000,
-        description=(
-            "a number by each name, as d = 1e-3; a string that begins with = is an expression and "
-            'can stand in place of any number, as "= 2 * d"'
-        ),
     )
-    domain: Domain = Field(description="size, periodicity and gravity")
-    materials: dict[Name, Material] = Field(
-        min_length=1, max_length=MAX_MATERIALS, description="materials by name"
+    domain: Domain = required("size, periodicity and gravity")
+    materials: dict[Name, Material] = required(
+        "materials by name", min_length=1, max_length=MAX_MATERIALS
     )
-    contacts: Annotated[tuple[ContactPair, ...], Strict(False)] = Field(
-        (), max_length=1000, description="contact laws of pairs of materials"
+    contacts: Annotated[tuple[ContactPair, ...], Strict(False)] = optional(
+        "contact laws of pairs of materials", (), max_length=1000
     )
-    start: Start | None = Field(
-        None, description="run from which this one goes on; without it grains and walls start anew"
+    start: Start | None = optional(
+        "run from which this one goes on; without it grains and walls start anew"
     )
-    particles: Annotated[tuple[ParticleGroup, ...], Strict(False)] = Field(
-        max_length=1000,
-        description="groups of grains; may be left out with [start]: those of its run",
+    particles: Annotated[tuple[ParticleGroup, ...], Strict(False)] = required(
+        "groups of grains; may be left out with [start]: those of its run", max_length=1000
     )
-    walls: Annotated[tuple[Wall, ...], Strict(False)] = Field(
-        (), max_length=1000, description="walls"
+    walls: Annotated[tuple[Wall, ...], Strict(False)] = optional("walls", (), max_length=1000)
+    outlets: Annotated[tuple[Outlet, ...], Strict(False)] = optional(
+        "where grains leave", (), max_length=1000
     )
-    outlets: Annotated[tuple[Outlet, ...], Strict(False)] = Field(
-        (), max_length=1000, description="where grains leave"
+    loading: Annotated[tuple[Stage, ...], Strict(False)] = required(
+        "loading stages in time order", min_length=1, max_length=1000
     )
-    loading: Annotated[tuple[Stage, ...], Strict(False)] = Field(
-        min_length=1, max_length=1000, description="loading stages in time order"
+    heat: Heat | None = optional("heat: its presence switches temperatures on")
+    solver: Solver = optional(
+        "time step and contact solver; default: all of its defaults", default_factory=Solver
     )
-    heat: Heat | None = Field(None, description="heat: its presence switches temperatures on")
-    solver: Solver = Field(
-        default_factory=Solver,
-        description="time step and contact solver; default: all of its defaults",
-    )
-    output: Output = Field(description="what is written, and how often")
+    output: Output = required("what is written, and how often")
 
     @field_validator("particles")
     @classmethod

@@ -36,6 +36,8 @@ from multicor_cli.scenario.base import (
     Radius,
     Table,
     Vector,
+    optional,
+    required,
     tag_table,
 )
 from multicor_cli.scenario.drives import WallCondition
@@ -225,14 +227,10 @@ class DiscGeometry(_Discs):
     """A solid disc with the grains outside: an intruder, an inner cylinder."""
 
     kind: Literal["disc"]
-    center: Point = Field(description="center [m]")
-    radius: Length = Field(description="radius [m]")
-    rough: SizesOrGroup | None = Field(
-        None,
-        description=(
-            "sizes of grains glued around it: name of a group of particles, or a table; default: "
-            "smooth"
-        ),
+    center: Point = required("center [m]")
+    radius: Length = required("radius [m]")
+    rough: SizesOrGroup | None = optional(
+        "sizes of grains glued around it: name of a group of particles, or a table; default: smooth"
     )
 
     def body(self, domain: Domain) -> WallBody:
@@ -254,10 +252,10 @@ class ClusterGeometry(_Discs):
     kind: Literal["cluster"]
     discs: Annotated[
         tuple[Annotated[tuple[Coordinate, Coordinate, Radius], Strict(False)], ...], Strict(False)
-    ] = Field(
+    ] = required(
+        "x, y and radius of each grain [m], as [[0, 0, 1e-3], [2e-3, 0, 1e-3]]",
         min_length=1,
         max_length=MAX_CORNERS,
-        description="x, y and radius of each grain [m], as [[0, 0, 1e-3], [2e-3, 0, 1e-3]]",
     )
 
     @field_validator("discs")
@@ -306,18 +304,15 @@ class PolygonGeometry(WallGeometry):
     """
 
     kind: Literal["polygon"]
-    points: Corners = Field(
-        description="corners [m] in their order along the outline, as [[0, 0], [1, 0], [0, 1]]"
+    points: Corners = required(
+        "corners [m] in their order along the outline, as [[0, 0], [1, 0], [0, 1]]"
     )
-    grains: Literal["outside", "inside"] = Field(
-        description='where the grains are: "outside" of a solid body, "inside" a container'
+    grains: Literal["outside", "inside"] = required(
+        'where the grains are: "outside" of a solid body, "inside" a container'
     )
-    rough: SizesOrGroup | None = Field(
-        None,
-        description=(
-            "sizes of grains glued to its sides, with their centers on them: name of a group of "
-            "particles, or a table; default: smooth"
-        ),
+    rough: SizesOrGroup | None = optional(
+        "sizes of grains glued to its sides, with their centers on them: name of a group of "
+        "particles, or a table; default: smooth"
     )
 
     _simple = field_validator("points")(simple_polygon)
@@ -375,10 +370,8 @@ class PlaneGeometry(WallGeometry):
     """An infinite straight line."""
 
     kind: Literal["plane"]
-    point: Point = Field(description="a point of the plane [m]")
-    normal: Vector = Field(
-        description="direction from the wall towards the grains; any length but zero"
-    )
+    point: Point = required("a point of the plane [m]")
+    normal: Vector = required("direction from the wall towards the grains; any length but zero")
 
     @field_validator("normal")
     @classmethod
@@ -412,17 +405,14 @@ class RoughGeometry(WallGeometry):
     """A row of touching glued grains with their centers on a line."""
 
     kind: Literal["rough"]
-    start: Point = Field(alias="from", description="where the line of glued grains begins [m]")
-    end: Point = Field(alias="to", description="where it ends [m]")
-    side: Literal["left", "right"] = Field(
-        description="side of the line, looking along from → to, on which the grains flow"
+    start: Point = required("where the line of glued grains begins [m]", alias="from")
+    end: Point = required("where it ends [m]", alias="to")
+    side: Literal["left", "right"] = required(
+        "side of the line, looking along from → to, on which the grains flow"
     )
-    sizes: SizesOrGroup | None = Field(
-        None,
-        description=(
-            "sizes of the glued grains: name of a group of particles, or a table; default: as the "
-            "first group"
-        ),
+    sizes: SizesOrGroup | None = optional(
+        "sizes of the glued grains: name of a group of particles, or a table; default: as the "
+        "first group"
     )
 
     @field_validator("end")
@@ -466,10 +456,10 @@ class BoxGeometry(WallGeometry):
     """
 
     kind: Literal["box"]
-    min: Point = Field(description="lower left corner [m]")
-    max: Point = Field(description="upper right corner [m]")
-    open: Annotated[tuple[Side, ...], Strict(False)] = Field(
-        (), max_length=4, description='sides left out: any of "left", "right", "bottom", "top"'
+    min: Point = required("lower left corner [m]")
+    max: Point = required("upper right corner [m]")
+    open: Annotated[tuple[Side, ...], Strict(False)] = optional(
+        'sides left out: any of "left", "right", "bottom", "top"', (), max_length=4
     )
 
     _above_min = field_validator("max")(above_min)
@@ -518,14 +508,11 @@ class CircleGeometry(WallGeometry):
     """The inside of a circle: a drum."""
 
     kind: Literal["circle"]
-    center: Point = Field(description="center [m]")
-    radius: Length = Field(description="radius [m]")
-    rough: SizesOrGroup | None = Field(
-        None,
-        description=(
-            "sizes of grains glued to the inside: name of a group of particles, or a table; "
-            "default: smooth"
-        ),
+    center: Point = required("center [m]")
+    radius: Length = required("radius [m]")
+    rough: SizesOrGroup | None = optional(
+        "sizes of grains glued to the inside: name of a group of particles, or a table; "
+        "default: smooth"
     )
 
     def body(self, domain: Domain) -> WallBody:
@@ -545,10 +532,10 @@ class PolylineGeometry(WallGeometry):
     """Straight segments from point to point, solid on both sides: hoppers, chutes, obstacles."""
 
     kind: Literal["polyline"]
-    points: Annotated[tuple[Point, ...], Strict(False)] = Field(
-        min_length=2, max_length=100_000, description="corners [m], as [[0, 1], [1, 0]]"
+    points: Annotated[tuple[Point, ...], Strict(False)] = required(
+        "corners [m], as [[0, 1], [1, 0]]", min_length=2, max_length=100_000
     )
-    closed: bool = Field(False, description="whether the last point is joined to the first")
+    closed: bool = optional("whether the last point is joined to the first", False)
 
     @field_validator("points")
     @classmethod
@@ -592,43 +579,31 @@ Geometry = Annotated[
 class Wall(Table):
     """One entry of ``[[walls]]``: one rigid body."""
 
-    name: Name = Field(description="name of the wall, used by drives")
-    material: Name = Field(description="name of a [materials.NAME] table")
-    geometry: Geometry = Field(
-        description='shape of the wall, as { kind = "plane", point = [0, 0], normal = [0, 1] }'
+    name: Name = required("name of the wall, used by drives")
+    material: Name = required("name of a [materials.NAME] table")
+    geometry: Geometry = required(
+        'shape of the wall, as { kind = "plane", point = [0, 0], normal = [0, 1] }'
     )
-    mass: Annotated[float, Field(ge=1e-18, le=1e15)] | None = Field(
-        None,
-        description=(
-            "mass [kg]; default: that of its glued grains, of a solid disc, cluster or polygon "
-            "that of its material; required for other walls that a force drives"
-        ),
+    mass: Annotated[float, Field(ge=1e-18, le=1e15)] | None = optional(
+        "mass [kg]; default: that of its glued grains, of a solid disc, cluster or polygon "
+        "that of its material; required for other walls that a force drives"
     )
-    inertia: Annotated[float, Field(ge=1e-27, le=1e18)] | None = Field(
-        None,
-        description=(
-            "moment of inertia [kg m²]; default: as for the mass; required for other walls that a "
-            "torque drives"
-        ),
+    inertia: Annotated[float, Field(ge=1e-27, le=1e18)] | None = optional(
+        "moment of inertia [kg m²]; default: as for the mass; required for other walls that a "
+        "torque drives"
     )
-    gravity: bool = Field(
-        False, description="whether gravity acts on the degrees of freedom that a force drives"
+    gravity: bool = optional(
+        "whether gravity acts on the degrees of freedom that a force drives", False
     )
-    groups: Annotated[tuple[Name, ...], Strict(False)] | None = Field(
-        None,
+    groups: Annotated[tuple[Name, ...], Strict(False)] | None = optional(
+        'names of the groups of grains that meet the wall, as ["coarse"]; the others pass '
+        "through it and exchange no heat with it; default: all groups",
         min_length=1,
         max_length=1000,
-        description=(
-            'names of the groups of grains that meet the wall, as ["coarse"]; the others pass '
-            "through it and exchange no heat with it; default: all groups"
-        ),
     )
-    thermal: WallCondition | None = Field(
-        None,
-        description=(
-            "thermal condition from the start of the run: { temperature = 323.15 }, { flow = 5.0 "
-            "}, { capacity = 0.05, initial = 400.0 } or { insulated = true } (the default)"
-        ),
+    thermal: WallCondition | None = optional(
+        "thermal condition from the start of the run: { temperature = 323.15 }, { flow = 5.0 "
+        "}, { capacity = 0.05, initial = 400.0 } or { insulated = true } (the default)"
     )
 
     @field_validator("groups")
