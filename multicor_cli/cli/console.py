@@ -14,8 +14,7 @@ from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
+from multicor_cli.cli.options import option
 from multicor_cli.text import brief, count_noun, printable
 
 if TYPE_CHECKING:
@@ -293,7 +292,7 @@ def following(directory: Path) -> tuple[str, str]:
 
 # ---- Checks on the terminal and in JSON, and what `--strict` makes of them
 
-Strict = Annotated[bool, typer.Option("--strict", help="Exit with code 4 if a check is bad.")]
+Strict = Annotated[bool, option("--strict", "Exit with code 4 if a check is bad.")]
 
 
 _WIDTH = 120

@@ -13,7 +13,7 @@ import typer
 from multicor_cli import store
 from multicor_cli.cli import options
 from multicor_cli.cli.console import say, show_progress
-from multicor_cli.cli.options import RunPath, listed, output_option
+from multicor_cli.cli.options import RunPath, listed, option, output_option
 from multicor_cli.cli.post_output import (
     Between,
     Bins,
@@ -22,7 +22,6 @@ from multicor_cli.cli.post_output import (
     OneFrame,
     Shown,
     Start,
-    option,
     parse_frames,
     selected,
     shows_table,

@@ -14,19 +14,13 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from multicor_cli.cli.console import emit_json, emit_table, say
+from multicor_cli.cli.options import option
 from multicor_cli.text import with_unit_signs
 
 if TYPE_CHECKING:
     from multicor_cli.post import Selection, Table
 
 # ---- Options that the commands `post …` share
-
-
-def option(words: str, help: str, shown: str | bool = True, **more: Any) -> Any:  # noqa: A002
-    """An option: its name and what stands for its value, its help, what the default is called."""
-    name, _, metavar = words.partition(" ")
-    return typer.Option(name, metavar=metavar or None, help=help, show_default=shown, **more)
-
 
 Start = Annotated[
     float | None, option("--from T", "Earliest time, in s.", "the later half of the last stage")

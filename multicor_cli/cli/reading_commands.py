@@ -22,7 +22,7 @@ from multicor_cli.cli.console import (
     show_all,
     show_progress,
 )
-from multicor_cli.cli.options import AsJson, RunPath, output_option
+from multicor_cli.cli.options import AsJson, RunPath, option, output_option
 from multicor_cli.cli.post_output import Frames, OneFrame, parse_frames
 from multicor_cli.optional import LIBRARIES
 from multicor_cli.running.outcome import ExitCode
@@ -187,17 +187,9 @@ PageFile = Annotated[
 ]
 FrameLimit = Annotated[
     int | None,
-    typer.Option(
-        "--frames",
-        metavar="N",
-        min=1,
-        help="Largest number of frames in it.",
-        show_default="as many as fit in 30 MB",
-    ),
+    option("--frames N", "Largest number of frames in it.", "as many as fit in 30 MB", min=1),
 ]
-OverwritePage = Annotated[
-    bool, typer.Option("--overwrite", help="Replace the file if it is a report.")
-]
+OverwritePage = Annotated[bool, option("--overwrite", "Replace the file if it is a report.")]
 
 
 def report(
@@ -243,7 +235,7 @@ GsdFile = Annotated[Path, output_option(metavar="FILE.gsd", help="File to write.
 CsvDirectory = Annotated[Path, output_option(metavar="DIR", help="Directory to write.")]
 FclibFile = Annotated[Path, output_option(metavar="FILE.hdf5", help="File to write.")]
 OverwriteExport = Annotated[
-    bool, typer.Option("--overwrite", help="Replace what an export has written there before.")
+    bool, option("--overwrite", "Replace what an export has written there before.")
 ]
 
 

@@ -21,7 +21,7 @@ from multicor_cli.cli.console import (
     show_doubtful,
 )
 from multicor_cli.cli.guard import set_crash_directory
-from multicor_cli.cli.options import Overrides, Quiet, ScenarioFile, output_option
+from multicor_cli.cli.options import Overrides, Quiet, ScenarioFile, option, output_option
 from multicor_cli.text import count_noun
 
 if TYPE_CHECKING:
@@ -36,21 +36,17 @@ Directory = Annotated[
 ]
 Threads = Annotated[
     int,
-    typer.Option(
+    option(
         "--threads",
+        "Threads; 0: what the scenario says, or all cores. Results do not depend on it.",
         min=0,
         max=1024,
-        help="Threads; 0: what the scenario says, or all cores. Results do not depend on it.",
     ),
 ]
 MaxHours = Annotated[
     float | None,
-    typer.Option(
-        "--max-hours",
-        min=0.0,
-        metavar="H",
-        help="Stop after this time with a checkpoint and exit code 75.",
-        show_default=False,
+    option(
+        "--max-hours H", "Stop after this time with a checkpoint and exit code 75.", False, min=0.0
     ),
 ]
 
@@ -62,20 +58,18 @@ def run(
     threads: Threads = 0,
     max_hours: MaxHours = None,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Remove the run that is in the directory.")
+        bool, option("--overwrite", "Remove the run that is in the directory.")
     ] = False,
     extend: Annotated[
         bool,
-        typer.Option(
+        option(
             "--extend",
-            help=(
-                "Add the stages that the scenario has more at its end to the run in the directory."
-            ),
+            "Add the stages that the scenario has more at its end to the run in the directory.",
         ),
     ] = False,
     is_strict: Strict = False,
     is_dry: Annotated[
-        bool, typer.Option("--dry-run", help="Place the grains and do one step; write nothing.")
+        bool, option("--dry-run", "Place the grains and do one step; write nothing.")
     ] = False,
     is_quiet: Quiet = False,
 ) -> None:

@@ -22,7 +22,7 @@ from multicor_cli.cli.console import (
     say,
     show_all,
 )
-from multicor_cli.cli.options import AsJson, Overrides, ScenarioFile, listed
+from multicor_cli.cli.options import AsJson, Overrides, ScenarioFile, listed, option
 from multicor_cli.running.outcome import ExitCode
 from multicor_cli.text import count_noun, format_bytes
 
@@ -41,11 +41,9 @@ def new(
     name: Annotated[str, typer.Argument(help=NAME_HELP)],
     template: Annotated[
         str,
-        typer.Option("--template", "-t", help=TEMPLATE_HELP, autocompletion=listed("templates")),
+        option("--template -t", TEMPLATE_HELP, autocompletion=listed("templates")),
     ] = "shear",
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace an existing file.")
-    ] = False,
+    overwrite: Annotated[bool, option("--overwrite", "Replace an existing file.")] = False,
 ) -> None:
     """Write a commented scenario file to start from."""
     from multicor_cli.scenario.templates import new_scenario, template_table
@@ -73,9 +71,7 @@ def validate(
     overrides: Overrides = None,
     threads: Annotated[
         int,
-        typer.Option(
-            "--threads", min=0, max=1024, help="Number of threads to assume; 0: all cores."
-        ),
+        option("--threads", "Number of threads to assume; 0: all cores.", min=0, max=1024),
     ] = 0,
     is_strict: Strict = False,
     is_json: AsJson = False,

@@ -27,7 +27,7 @@ from multicor_cli.cli.console import (
     say,
     show_doubtful,
 )
-from multicor_cli.cli.options import AsJson, Quiet, output_option
+from multicor_cli.cli.options import AsJson, Quiet, option, output_option
 from multicor_cli.text import count_noun, format_bytes
 
 if TYPE_CHECKING:
@@ -55,16 +55,11 @@ _SHOWN = 8  # running cases that are listed
 def run(
     file: StudyFile,
     output: Output = None,
-    retry: Annotated[
-        bool, typer.Option("--retry", help="Try cases that failed once more.")
-    ] = False,
+    retry: Annotated[bool, option("--retry", "Try cases that failed once more.")] = False,
     max_hours: Annotated[
         float | None,
-        typer.Option(
-            "--max-hours",
-            min=0.0,
-            metavar="H",
-            help="Stop after this time, with checkpoints and exit code 75.",
+        option(
+            "--max-hours H", "Stop after this time, with checkpoints and exit code 75.", min=0.0
         ),
     ] = None,
     is_quiet: Quiet = False,
@@ -188,21 +183,16 @@ def table(
     file: StudyFile,
     output: Output = None,
     is_mean: Annotated[
-        bool, typer.Option("--mean", help="Means over the seeds, with the error between them.")
+        bool, option("--mean", "Means over the seeds, with the error between them.")
     ] = False,
-    is_csv: Annotated[bool, typer.Option("--csv", help="Print CSV.")] = False,
+    is_csv: Annotated[bool, option("--csv", "Print CSV.")] = False,
     is_json: AsJson = False,
     parquet: Annotated[
         Path | None,
-        typer.Option(
-            "--parquet",
-            metavar="FILE",
-            help="Write a Parquet file; needs pandas and pyarrow.",
-            show_default=False,
-        ),
+        option("--parquet FILE", "Write a Parquet file; needs pandas and pyarrow.", False),
     ] = None,
     is_overwriting: Annotated[
-        bool, typer.Option("--overwrite", help="Replace the file of --parquet if it is there.")
+        bool, option("--overwrite", "Replace the file of --parquet if it is there.")
     ] = False,
 ) -> None:
     """Print the table of a study: values, observables with their errors, verdict, digest and run
@@ -244,71 +234,41 @@ def plot(
     ],
     of: Annotated[
         str,
-        typer.Option(
-            "--of",
-            metavar="NAME",
-            help="Observable.",
-            show_default=False,
-            autocompletion=options.observables,
-        ),
+        option("--of NAME", "Observable.", False, autocompletion=options.observables),
     ],
     against: Annotated[
         str,
-        typer.Option(
-            "--against", metavar="NAME", help="Key or observable across.", show_default=False
-        ),
+        option("--against NAME", "Key or observable across.", False),
     ],
     by: Annotated[
         str | None,
-        typer.Option(
-            "--by",
-            metavar="KEY",
-            help="A series for each of its values; default: for all other keys.",
-        ),
+        option("--by KEY", "A series for each of its values; default: for all other keys."),
     ] = None,
     facet: Annotated[
         str | None,
-        typer.Option(
-            "--facet", metavar="KEY", help="A panel for each of its values.", show_default=False
-        ),
+        option("--facet KEY", "A panel for each of its values.", False),
     ] = None,
     where: Annotated[
         list[str] | None,
-        typer.Option(
-            "--where",
-            metavar="KEY=VALUE",
-            help="Cases with this value only; may be repeated.",
-            show_default=False,
-        ),
+        option("--where KEY=VALUE", "Cases with this value only; may be repeated.", False),
     ] = None,
     kind: Annotated[
         str | None,
-        typer.Option(
-            "--fit",
-            metavar="KIND",
-            help="{fits}.",
-            show_default=False,
-            autocompletion=options.listed("fits"),
-        ),
+        option("--fit KIND", "{fits}.", False, autocompletion=options.listed("fits")),
     ] = None,
     curves: Annotated[
         list[str] | None,
-        typer.Option(
-            "--curve",
-            metavar="'NAME: FORMULA'",
-            help="A formula in x beside the points; may be repeated.",
-            show_default=False,
+        option(
+            "--curve 'NAME: FORMULA'", "A formula in x beside the points; may be repeated.", False
         ),
     ] = None,
     log: Annotated[
         str,
-        typer.Option(
-            "--log", metavar="AXES", help="Logarithmic axes: x, y or xy.", show_default=False
-        ),
+        option("--log AXES", "Logarithmic axes: x, y or xy.", False),
     ] = "",
     output: Output = None,
     is_overwriting: Annotated[
-        bool, typer.Option("--overwrite", help="Replace the file if it is there.")
+        bool, option("--overwrite", "Replace the file if it is there.")
     ] = False,
 ) -> None:
     """Draw an observable of a study against a value or another observable, means over seeds with
@@ -354,25 +314,18 @@ def report(
     output: Output = None,
     page: Annotated[
         Path | None,
-        typer.Option(
-            "--page",
-            metavar="FILE.html",
-            help="File to write.",
-            show_default="NAME-report.html in the study's directory",
-        ),
+        option("--page FILE.html", "File to write.", "NAME-report.html in the study's directory"),
     ] = None,
     has_runs: Annotated[
         bool,
-        typer.Option("--runs", help="Write a page about each finished run that has none as well."),
+        option("--runs", "Write a page about each finished run that has none as well."),
     ] = False,
     frames: Annotated[
         int,
-        typer.Option(
-            "--frames", min=1, metavar="N", help="Largest number of frames in the page of a run."
-        ),
+        option("--frames N", "Largest number of frames in the page of a run.", min=1),
     ] = 20,
     is_overwriting: Annotated[
-        bool, typer.Option("--overwrite", help="Replace the file if it is a report.")
+        bool, option("--overwrite", "Replace the file if it is a report.")
     ] = False,
 ) -> None:
     """Write one HTML page about a study: how far it is, figures, means over seeds, and all cases
