@@ -32,8 +32,7 @@ Threads = Annotated[
     int, option("--threads", "Number of threads; 0 takes all cores.", min=0, max=1024)
 ]
 Rounds = Annotated[
-    int,
-    option("--rounds", "Number of rounds; the medians over them are printed.", min=1, max=1000),
+    int, option("--rounds", "Number of rounds; the medians over them are printed.", min=1, max=1000)
 ]
 Seed = Annotated[int, option("--seed", "Seed of the scenes.", min=0)]
 Quick = Annotated[bool, option("--quick", "The few scenes that CI measures, on one thread.")]
@@ -42,8 +41,7 @@ Compilation = Annotated[
 ]
 AsJson = Annotated[bool, option("--json", "Print everything as JSON.")]
 RecordFile = Annotated[
-    Path | None,
-    option("--record FILE", "Measure three seeds, write the medians into FILE.", False),
+    Path | None, option("--record FILE", "Measure three seeds, write the medians into FILE.", False)
 ]
 CompareFile = Annotated[
     Path | None,

@@ -56,8 +56,7 @@ Height = Annotated[
     float | None, option("--height H", "Height H of the bed (in m).", "how far the grains reach")
 ]
 Reference = Annotated[
-    float | None,
-    option("--reference T0", "Temperature T₀ (in K).", "mean of the first frame"),
+    float | None, option("--reference T0", "Temperature T₀ (in K).", "mean of the first frame")
 ]
 _GRAINS = "Include every grain: in JSON besides the bins, in CSV instead of them."
 Grains = Annotated[bool, option("--grains", _GRAINS)]
@@ -418,8 +417,7 @@ OtherPath = Annotated[
 ]
 _COMPARED = "Field whose profiles are compared, see `post profile`; may be given several times."
 ComparedFields = Annotated[
-    list[str] | None,
-    option("--of FIELD", _COMPARED, "velocity", autocompletion=listed("profiled")),
+    list[str] | None, option("--of FIELD", _COMPARED, "velocity", autocompletion=listed("profiled"))
 ]
 
 

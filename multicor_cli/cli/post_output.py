@@ -32,8 +32,7 @@ OneFrame = Annotated[int, option("--frame K", "Number of the frame; -1 is the la
 Bins = Annotated[int | None, option("--bins", "Number of bins.", "one per mean diameter", min=1)]
 _WALLS = "Names of the walls below and above."
 Between = Annotated[
-    tuple[str, str] | None,
-    option("--between LOWER UPPER", _WALLS, "those that bound the grains"),
+    tuple[str, str] | None, option("--between LOWER UPPER", _WALLS, "those that bound the grains")
 ]
 AsJson = Annotated[bool, option("--json", "Print the data as JSON.")]
 AsCsv = Annotated[bool, option("--csv", "Print the data as CSV.")]

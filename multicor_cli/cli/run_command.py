@@ -31,8 +31,7 @@ if TYPE_CHECKING:
     from multicor_cli.scenario.scenario import Scenario
 
 Directory = Annotated[
-    Path | None,
-    output_option(metavar="DIR", help="Run directory.", show_default="runs/NAME"),
+    Path | None, output_option(metavar="DIR", help="Run directory.", show_default="runs/NAME")
 ]
 Threads = Annotated[
     int,

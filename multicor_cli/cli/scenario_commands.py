@@ -40,8 +40,7 @@ TEMPLATE_HELP = "What to start from: {templates}."
 def new(
     name: Annotated[str, typer.Argument(help=NAME_HELP)],
     template: Annotated[
-        str,
-        option("--template -t", TEMPLATE_HELP, autocompletion=listed("templates")),
+        str, option("--template -t", TEMPLATE_HELP, autocompletion=listed("templates"))
     ] = "shear",
     overwrite: Annotated[bool, option("--overwrite", "Replace an existing file.")] = False,
 ) -> None:
@@ -70,8 +69,7 @@ def validate(
     scenario: ScenarioFile,
     overrides: Overrides = None,
     threads: Annotated[
-        int,
-        option("--threads", "Number of threads to assume; 0: all cores.", min=0, max=1024),
+        int, option("--threads", "Number of threads to assume; 0: all cores.", min=0, max=1024)
     ] = 0,
     is_strict: Strict = False,
     is_json: AsJson = False,

@@ -233,28 +233,22 @@ def plot(
         ),
     ],
     of: Annotated[
-        str,
-        option("--of NAME", "Observable.", False, autocompletion=options.observables),
+        str, option("--of NAME", "Observable.", False, autocompletion=options.observables)
     ],
-    against: Annotated[
-        str,
-        option("--against NAME", "Key or observable across.", False),
-    ],
+    against: Annotated[str, option("--against NAME", "Key or observable across.", False)],
     by: Annotated[
         str | None,
         option("--by KEY", "A series for each of its values; default: for all other keys."),
     ] = None,
     facet: Annotated[
-        str | None,
-        option("--facet KEY", "A panel for each of its values.", False),
+        str | None, option("--facet KEY", "A panel for each of its values.", False)
     ] = None,
     where: Annotated[
         list[str] | None,
         option("--where KEY=VALUE", "Cases with this value only; may be repeated.", False),
     ] = None,
     kind: Annotated[
-        str | None,
-        option("--fit KIND", "{fits}.", False, autocompletion=options.listed("fits")),
+        str | None, option("--fit KIND", "{fits}.", False, autocompletion=options.listed("fits"))
     ] = None,
     curves: Annotated[
         list[str] | None,
@@ -262,10 +256,7 @@ def plot(
             "--curve 'NAME: FORMULA'", "A formula in x beside the points; may be repeated.", False
         ),
     ] = None,
-    log: Annotated[
-        str,
-        option("--log AXES", "Logarithmic axes: x, y or xy.", False),
-    ] = "",
+    log: Annotated[str, option("--log AXES", "Logarithmic axes: x, y or xy.", False)] = "",
     output: Output = None,
     is_overwriting: Annotated[
         bool, option("--overwrite", "Replace the file if it is there.")
@@ -317,12 +308,10 @@ def report(
         option("--page FILE.html", "File to write.", "NAME-report.html in the study's directory"),
     ] = None,
     has_runs: Annotated[
-        bool,
-        option("--runs", "Write a page about each finished run that has none as well."),
+        bool, option("--runs", "Write a page about each finished run that has none as well.")
     ] = False,
     frames: Annotated[
-        int,
-        option("--frames N", "Largest number of frames in the page of a run.", min=1),
+        int, option("--frames N", "Largest number of frames in the page of a run.", min=1)
     ] = 20,
     is_overwriting: Annotated[
         bool, option("--overwrite", "Replace the file if it is a report.")

@@ -27,13 +27,7 @@ from multicor_cli.model.columns import ANGLE, X
 from multicor_cli.model.model import Floats, Ints, Model, Thermal
 
 
-def _array(
-    dims: Shape,
-    unit: str,
-    meaning: str,
-    dtype: DType = "f8",
-    **more: Any,
-) -> Any:
+def _array(dims: Shape, unit: str, meaning: str, dtype: DType = "f8", **more: Any) -> Any:
     """An array; without elements until it is given some."""
     word = str(dims[0]).split("_")[0]
     feature: Feature | None = (

@@ -306,12 +306,7 @@ def column_names(*, has_heat: bool, has_stress: bool) -> tuple[str, ...]:
 
 
 def frame_sums(
-    source: Run,
-    frame: Frame,
-    points: FieldPoints,
-    coarse: CoarseGrid,
-    *,
-    has_stress: bool,
+    source: Run, frame: Frame, points: FieldPoints, coarse: CoarseGrid, *, has_stress: bool
 ) -> Floats:
     """Densities of a frame by `column_names`, along local axes; means over rings; ``(rows, q)``."""
     model = model_of(source, frame)

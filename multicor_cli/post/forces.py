@@ -11,14 +11,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
 from multicor_cli.post.grain_map import make_scene
-from multicor_cli.post.source import (
-    PostError,
-    Run,
-    Selection,
-    frame_index,
-    model_of,
-    need_grains,
-)
+from multicor_cli.post.source import PostError, Run, Selection, frame_index, model_of, need_grains
 from multicor_cli.post.sums import scatter
 from multicor_cli.post.table import Column, Table, values_of_quantities
 

@@ -12,14 +12,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
 from multicor_cli.post.flow import fluctuations
-from multicor_cli.post.source import (
-    Frame,
-    PostError,
-    Run,
-    model_of,
-    need_heat,
-    need_same_grains,
-)
+from multicor_cli.post.source import Frame, PostError, Run, model_of, need_heat, need_same_grains
 from multicor_cli.post.table import Quantity
 
 Kind = Literal["mean", "number", "rate", "share", "contact"]

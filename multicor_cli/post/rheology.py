@@ -23,14 +23,7 @@ from multicor_cli.post.bins import (
 )
 from multicor_cli.post.contacts import has_forces, loaded_contacts
 from multicor_cli.post.flow import MeanFlow, mean_flow
-from multicor_cli.post.source import (
-    Frame,
-    PostError,
-    Run,
-    Selection,
-    model_of,
-    need_same_grains,
-)
+from multicor_cli.post.source import Frame, PostError, Run, Selection, model_of, need_same_grains
 from multicor_cli.post.sums import pseudo_values, spread
 from multicor_cli.post.table import Quantity, TimeTable
 
@@ -109,12 +102,7 @@ def _glued_radius(model: Model, wall: int | None) -> float:
 
 
 def interval_sums(
-    source: Run,
-    band: Band,
-    flow: MeanFlow,
-    first: Frame,
-    second: Frame,
-    lapse: float,
+    source: Run, band: Band, flow: MeanFlow, first: Frame, second: Frame, lapse: float
 ) -> Floats:
     """The sums `SUM_NAMES` over the bulk between two frames that are ``lapse`` apart [s].
 

@@ -98,9 +98,7 @@ Signal = Annotated[
     | Annotated[SineSignal, Tag("<sine>")]
     | Annotated[TableSignal, Tag("<times>")],
     one_of(
-        "a signal is a number or a table with",
-        "ramp, sine, times, file",
-        tags={"file": "times"},
+        "a signal is a number or a table with", "ramp, sine, times, file", tags={"file": "times"}
     ),
 ]
 
