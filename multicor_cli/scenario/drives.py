@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated
 
-from pydantic import AfterValidator, Discriminator, Field, Strict, Tag
+from pydantic import AfterValidator, Discriminator, Field, Tag
 
 from multicor_cli.scenario.base import (
     Kelvin,
+    Pair,
     Table,
     TwoWalls,
     check_kelvin,
@@ -177,7 +178,7 @@ class TiltedGravityTable(Table):
     )
 
 
-GravityVector = Annotated[tuple[Signal, Signal], Strict(False)]
+GravityVector = Pair[Signal]
 StageGravityTable = Annotated[
     Annotated[GravityVector, Tag("<plain>")] | Annotated[TiltedGravityTable, Tag("<table>")],
     Discriminator(tag_table),

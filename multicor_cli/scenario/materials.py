@@ -4,33 +4,31 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     Discriminator,
     Field,
-    GetCoreSchemaHandler,
-    GetJsonSchemaHandler,
-    Strict,
     Tag,
+    WithJsonSchema,
     field_validator,
     model_validator,
 )
-from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema
-from pydantic_core.core_schema import no_info_after_validator_function
 
 from multicor_cli.scenario.base import (
     ROOM_TEMPERATURE,
+    Array,
     Fraction,
     Friction,
     Kelvin,
+    Pair,
     Table,
     ascending,
     optional,
     required,
+    tag_table,
 )
 from multicor_cli.scenario.problems import Refused
 
@@ -40,58 +38,41 @@ Need = tuple[str, tuple[str, ...]]
 MAX_MATERIALS = 100
 
 
-@dataclass(frozen=True)
-class _OfSolids:
-    """A property of solids within bounds, as an annotation; too small values suggest a larger unit.
+def _of_solids(
+    name: str, unit: str, low: float, high: float, example: str, power: int, origin: str
+) -> tuple[AfterValidator, WithJsonSchema]:
+    """What annotates a property of solids between bounds; too small values suggest a larger unit.
 
-    Attributes:
-        example: A right value, and of what.
-        power: Of ten, from the unit that was probably meant to ``unit``: 3 or 9.
-        origin: That unit.
+    ``example`` is a right value, and of what; ten to the ``power`` (3 or 9) leads from the unit
+    that was probably meant, ``origin``, to ``unit``.
     """
 
-    name: str
-    unit: str
-    low: float
-    high: float
-    example: str
-    power: int
-    origin: str
-
-    def check(self, value: float) -> float:
-        """The value itself, if it is within the bounds."""
-        remedy = f"give it in {self.unit}, {self.example}"
+    def check(value: float) -> float:
+        remedy = f"give it in {unit}, {example}"
         if value <= 0.0:
-            what = f"the {self.name} must be positive, is {value:g} {self.unit}"
-            raise Refused((), what, remedy)
-        if not self.low <= value <= self.high:
-            if value < self.low:
-                meant = f"{1000.0 * value:g}" if self.power == 3 else f"{value:g}e{self.power}"
-                remedy = f"did you mean {meant} (from {self.origin})?"
-            bounds = f"({self.low:g} to {self.high:g})"
-            what = f"{value:g} {self.unit} is not the {self.name} of a solid {bounds}"
+            raise Refused((), f"the {name} must be positive, is {value:g} {unit}", remedy)
+        if not low <= value <= high:
+            if value < low:
+                meant = f"{1000.0 * value:g}" if power == 3 else f"{value:g}e{power}"
+                remedy = f"did you mean {meant} (from {origin})?"
+            what = f"{value:g} {unit} is not the {name} of a solid ({low:g} to {high:g})"
             raise Refused((), what, remedy)
         return value
 
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        return no_info_after_validator_function(self.check, handler(source))
-
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> JsonSchemaValue:
-        return {**handler(schema), "minimum": self.low, "maximum": self.high}
+    schema = {"type": "number", "minimum": low, "maximum": high}
+    return AfterValidator(check), WithJsonSchema(schema)
 
 
 Density = Annotated[
-    float, _OfSolids("density", "kg/m³", 1.0, 30_000.0, "for steel 7800", 3, "g/cm³")
+    float, *_of_solids("density", "kg/m³", 1.0, 30_000.0, "for steel 7800", 3, "g/cm³")
 ]
-Young = Annotated[float, _OfSolids("Young's modulus", "Pa", 1e3, 1e13, "for steel 193e9", 9, "GPa")]
+Young = Annotated[
+    float, *_of_solids("Young's modulus", "Pa", 1e3, 1e13, "for steel 193e9", 9, "GPa")
+]
 HeatCapacity = Annotated[
-    float, _OfSolids("heat capacity", "J/(kg K)", 10.0, 1e5, "for steel 500", 3, "J/(g K)")
+    float, *_of_solids("heat capacity", "J/(kg K)", 10.0, 1e5, "for steel 500", 3, "J/(g K)")
 ]
-Hardness = Annotated[float, _OfSolids("hardness", "Pa", 1e5, 1e12, "for steel 2e9", 9, "GPa")]
+Hardness = Annotated[float, *_of_solids("hardness", "Pa", 1e5, 1e12, "for steel 2e9", 9, "GPa")]
 
 
 class Material(Table):
@@ -194,10 +175,10 @@ class FrictionTable(Softening):
     beyond.
     """
 
-    speed: Annotated[tuple[Annotated[float, Field(ge=0.0, le=1e12)], ...], Strict(False)] = (
-        required("sliding speeds [m/s], ascending", min_length=1, max_length=1000)
+    speed: Array[Annotated[float, Field(ge=0.0, le=1e12)]] = required(
+        "sliding speeds [m/s], ascending", min_length=1, max_length=1000
     )
-    values: Annotated[tuple[Friction, ...], Strict(False)] = required(
+    values: Array[Friction] = required(
         "coefficient of friction at each speed", min_length=1, max_length=1000
     )
 
@@ -258,20 +239,16 @@ class Adhesion(Table):
     )
 
 
-def _tag_adhesion(value: Any) -> str:
-    return "<table>" if isinstance(value, dict | BaseModel) else "<plain>"
-
-
 AnyAdhesion = Annotated[
     Annotated[float, Field(ge=0.0, le=1e12), Tag("<plain>")] | Annotated[Adhesion, Tag("<table>")],
-    Discriminator(_tag_adhesion),
+    Discriminator(tag_table),
 ]
 
 
 class PairFriction(Table):
     """Friction between two materials; ``"*"`` stands for any material."""
 
-    pair: Annotated[tuple[MaterialOrAny, MaterialOrAny], Strict(False)] = required(
+    pair: Pair[MaterialOrAny] = required(
         'the two materials, as ["glass", "steel"]; "*" stands for any; the more specific pair wins'
     )
     friction: AnyFriction = required(

@@ -7,10 +7,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Strict, Tag
+from pydantic import Discriminator, Field, Tag
 
 from multicor_cli.files import LARGEST_RECORD, read_regular
 from multicor_cli.scenario.base import (
+    Array,
     Friction,
     GrainCount,
     Kelvin,
@@ -18,10 +19,12 @@ from multicor_cli.scenario.base import (
     LengthPair,
     Name,
     Number,
+    Pair,
     Point,
     Ratio,
     Table,
     Vector,
+    exactly_one,
     one_of,
     optional,
     required,
@@ -119,10 +122,9 @@ class TilePacking(Table):
     tile: LengthPair = required("width and height of one tile [m]")
     tile_count: GrainCount | None = optional("number of grains of one tile (or give tile_fill)")
     tile_fill: AreaFraction | None = optional("area fraction of one tile (or give tile_count)")
-    repeat: Annotated[
-        tuple[Annotated[int, Field(ge=1, le=100_000)], Annotated[int, Field(ge=1, le=100_000)]],
-        Strict(False),
-    ] = required("number of tiles in x and in y")
+    repeat: Pair[Annotated[int, Field(ge=1, le=100_000)]] = required(
+        "number of tiles in x and in y"
+    )
 
     def faults(self) -> Iterator[Refused]:
         if self.tile_count is not None and self.tile_fill is not None:
@@ -180,9 +182,7 @@ class GradientTemperature(Table):
     """A temperature that varies linearly from place to place."""
 
     value: Kelvin = required("temperature [K] at the point at")
-    gradient: Annotated[tuple[Number, Number], Strict(False)] = required(
-        "change in x and in y [K/m]"
-    )
+    gradient: Pair[Number] = required("change in x and in y [K/m]")
     at: Point = optional("point at which the temperature is value [m]", (0.0, 0.0))
 
 
@@ -219,7 +219,7 @@ class RegionsTemperature(Table):
     """One temperature, and others in regions; where they overlap, the later one holds."""
 
     value: Kelvin = required("temperature outside all regions [K]")
-    regions: Annotated[tuple[TemperatureRegion, ...], Strict(False)] = required(
+    regions: Array[TemperatureRegion] = required(
         "rectangles, circles, annuli or polygons, as [{ min = [0, 0], max = [1, 1], value = 400.0 "
         '}, { kind = "circle", center = [0, 0], radius = 1, value = 350.0 }]; later ones win',
         min_length=1,
@@ -230,7 +230,7 @@ class RegionsTemperature(Table):
 class ValuesTemperature(Table):
     """One temperature for each grain of the group."""
 
-    values: Annotated[tuple[Kelvin, ...], Strict(False)] = required(
+    values: Array[Kelvin] = required(
         "temperature of each grain of the group [K], in their order",
         min_length=1,
         max_length=MAX_VALUES,
@@ -273,11 +273,8 @@ class Release(Table):
     start: float = optional("time of the first release [s]", 0.0, ge=0.0, le=1e12)
 
     def faults(self) -> Iterator[Refused]:
-        if (self.rate is None) == (self.mass_rate is None):
-            has = "neither rate nor mass_rate is given"
-            if self.rate is not None:
-                has = "both rate and mass_rate are given"
-            yield Refused((), has, "give one of them: grains per second, or kilograms per second")
+        remedy = "give one of them: grains per second, or kilograms per second"
+        yield from exactly_one(self, "rate", "mass_rate", remedy)
 
 
 class Outlet(Table):

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated
 
-from pydantic import Field, Strict, Tag, field_validator
+from pydantic import Field, Tag, field_validator
 
 from multicor_cli.arithmetic import sin
 from multicor_cli.scenario.base import (
     NUMBER_BOUNDS,
     TIME_BOUNDS,
+    Array,
     Column,
     Number,
     Table,
@@ -18,6 +19,7 @@ from multicor_cli.scenario.base import (
     Vector,
     ascending,
     columns_of_file,
+    exactly_one,
     one_of,
     optional,
     required,
@@ -46,11 +48,8 @@ class SineWave(Table):
     )
 
     def faults(self) -> Iterator[Refused]:
-        if (self.period is None) == (self.frequency is None):
-            both = "neither period nor frequency is given"
-            if self.period is not None:
-                both = "both period and frequency are given"
-            yield Refused((), both, "give one of them: period [s] or frequency [1/s]")
+        remedy = "give one of them: period [s] or frequency [1/s]"
+        yield from exactly_one(self, "period", "frequency", remedy)
 
     @property
     def cycle(self) -> float:
@@ -72,12 +71,10 @@ class TableSignal(Table):
     file: str | None = optional(
         "CSV file with the columns time [s] and value, in place of the two arrays"
     )
-    times: Annotated[
-        tuple[Annotated[float, Field(ge=TIME_BOUNDS[0], le=TIME_BOUNDS[1])], ...], Strict(False)
-    ] = optional("times since the start of the stage [s], ascending", (), max_length=100_000)
-    values: Annotated[tuple[Number, ...], Strict(False)] = optional(
-        "value at each of the times", (), max_length=100_000
+    times: Array[Annotated[float, Field(ge=TIME_BOUNDS[0], le=TIME_BOUNDS[1])]] = optional(
+        "times since the start of the stage [s], ascending", (), max_length=100_000
     )
+    values: Array[Number] = optional("value at each of the times", (), max_length=100_000)
 
     _read = columns_of_file(
         times=Column({"time": 1.0}, TIME_BOUNDS), values=Column({"value": 1.0}, NUMBER_BOUNDS)

@@ -7,11 +7,12 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import Field, Strict, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from multicor_cli.scenario.base import (
     FRACTION_BOUNDS,
     RADIUS_BOUNDS,
+    Array,
     Column,
     Fraction,
     Radius,
@@ -38,10 +39,8 @@ class ListSizes(_Sizes):
     """A list of radii, each with its fraction."""
 
     kind: Literal["list"]
-    radii: Annotated[tuple[Radius, ...], Strict(False)] = required(
-        "radii [m]", min_length=1, max_length=1000
-    )
-    fractions: Annotated[tuple[Fraction, ...], Strict(False)] | None = optional(
+    radii: Array[Radius] = required("radii [m]", min_length=1, max_length=1000)
+    fractions: Array[Fraction] | None = optional(
         "fraction of each radius, adding up to 1; default: equal fractions", max_length=1000
     )
 
@@ -144,10 +143,8 @@ class TableSizes(Table):
     file: str | None = optional(
         "CSV file with the columns radius or diameter [m], and passing, in place of the two arrays"
     )
-    radii: Annotated[tuple[Radius, ...], Strict(False)] = optional(
-        "radii [m], ascending", (), max_length=100_000
-    )
-    passing: Annotated[tuple[Fraction, ...], Strict(False)] = optional(
+    radii: Array[Radius] = optional("radii [m], ascending", (), max_length=100_000)
+    passing: Array[Fraction] = optional(
         "share of the grains that is smaller than each of the radii, from 0 to 1",
         (),
         max_length=100_000,

@@ -6,10 +6,11 @@ import math
 from collections.abc import Iterator
 from typing import Annotated, Literal
 
-from pydantic import Field, Strict, Tag
+from pydantic import Field, Tag
 
 from multicor_cli.scenario.base import (
     CHANGEABLE,
+    Array,
     Name,
     Number,
     Ratio,
@@ -253,7 +254,7 @@ class Stage(Table):
         default_factory=dict,
         max_length=1000,
     )
-    contacts: Annotated[tuple[PairFriction, ...], Strict(False)] = optional(
+    contacts: Array[PairFriction] = optional(
         'friction from this stage on, as [{ pair = ["glass", "*"], friction = 0.0 }]; pairs '
         "that are not covered keep theirs, and so do restitution, adhesion and rolling_friction",
         (),

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import itertools
 import json
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
-from pydantic import Strict, ValidationError, ValidationInfo, field_validator
+from pydantic import ValidationError, ValidationInfo, field_validator
 
-from multicor_cli.scenario.base import CHANGEABLE, Name, Table, optional, required
+from multicor_cli.scenario.base import CHANGEABLE, Array, Name, Table, optional, required
 from multicor_cli.scenario.expressions import Variable, VariableName
 from multicor_cli.scenario.heat import Heat
 from multicor_cli.scenario.materials import MAX_MATERIALS, ContactPair, Material
@@ -40,22 +41,18 @@ class ScenarioModel(Table):
     materials: dict[Name, Material] = required(
         "materials by name", min_length=1, max_length=MAX_MATERIALS
     )
-    contacts: Annotated[tuple[ContactPair, ...], Strict(False)] = optional(
+    contacts: Array[ContactPair] = optional(
         "contact laws of pairs of materials", (), max_length=1000
     )
     start: Start | None = optional(
         "run from which this one goes on; without it grains and walls start anew"
     )
-    particles: Annotated[tuple[ParticleGroup, ...], Strict(False)] = required(
+    particles: Array[ParticleGroup] = required(
         "groups of grains; may be left out with [start]: those of its run", max_length=1000
     )
-    walls: Annotated[tuple[Wall, ...], Strict(False)] = optional("walls", (), max_length=1000)
-    outlets: Annotated[tuple[Outlet, ...], Strict(False)] = optional(
-        "where grains leave", (), max_length=1000
-    )
-    loading: Annotated[tuple[Stage, ...], Strict(False)] = required(
-        "loading stages in time order", min_length=1, max_length=1000
-    )
+    walls: Array[Wall] = optional("walls", (), max_length=1000)
+    outlets: Array[Outlet] = optional("where grains leave", (), max_length=1000)
+    loading: Array[Stage] = required("loading stages in time order", min_length=1, max_length=1000)
     heat: Heat | None = optional("heat: its presence switches temperatures on")
     solver: Solver = optional(
         "time step and contact solver; default: all of its defaults", default_factory=Solver
@@ -76,6 +73,7 @@ class ScenarioModel(Table):
 # ---- The tables that are valid on their own: a wrong one must not hide what is wrong elsewhere
 
 Context = dict[str, Any]
+Entry = TypeVar("Entry", bound=Table)
 
 _TABLES: dict[str, type[Table]] = {
     "domain": Domain,
@@ -164,6 +162,11 @@ class PartialScenario:
                 for key, model in _TABLES.items()
             },
         )
+
+
+def given(entries: Iterable[Entry | None]) -> Iterator[tuple[int, Entry]]:
+    """Entries of an array of tables that are valid on their own, with their numbers."""
+    return ((k, entry) for k, entry in enumerate(entries) if entry is not None)
 
 
 def _valid(model: type[Table], raw: Any, context: Context) -> Any:

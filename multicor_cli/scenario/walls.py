@@ -22,6 +22,7 @@ from multicor_cli.model import ShapeKind, WallBody
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Discs, Polygon, Room, outlines
 from multicor_cli.scenario.base import (
+    Array,
     Coordinate,
     Length,
     Name,
@@ -200,6 +201,33 @@ def _too_wide(
         yield Refused((key,), f"{what} the period of {domain.size[0]:g} m", remedy)
 
 
+class _Round(WallGeometry):
+    """A circle that is solid inside, a disc, or outside."""
+
+    kind: str
+    center: Point = required("center [m]")
+    radius: Length = required("radius [m]")
+    rough: SizesOrGroup | None = None  # each says where they are glued
+
+    @property
+    def _is_disc(self) -> bool:
+        return self.kind == "disc"
+
+    def body(self, domain: Domain) -> WallBody:
+        smooth = WallBody.empty(self.center, 2.0 * math.pi * self.radius)
+        shape = ShapeKind.DISC if self._is_disc else ShapeKind.CIRCLE
+        return smooth.with_shapes(shape, [(0.0, 0.0, self.radius, 0.0)])
+
+    def glued(self, domain: Domain | None = None) -> Glued | None:
+        ring = Ring(self.center, self.radius, self._is_disc)
+        return None if self.rough is None else Glued(ring, self.rough, "rough")
+
+    def misfits(self, domain: Domain) -> Iterator[Refused]:
+        what = f"the {self.kind} of radius {self.radius:g} m is wider than"
+        remedy = "" if self._is_disc else "use periodic = false"
+        yield from _too_wide(domain, 2.0 * self.radius, "radius", what, remedy)
+
+
 # ---- Solid bodies among the grains, and containers around them
 
 _TOUCHING = 1e-6  # overlap over the smaller radius that rounded numbers give discs that touch
@@ -216,36 +244,20 @@ class _Discs(WallGeometry):
         return "discs"
 
 
-class DiscGeometry(_Discs):
+class DiscGeometry(_Round, _Discs):
     """A solid disc with the grains outside: an intruder, an inner cylinder."""
 
     kind: Literal["disc"]
-    center: Point = required("center [m]")
-    radius: Length = required("radius [m]")
     rough: SizesOrGroup | None = optional(
         "sizes of grains glued around it: name of a group of particles, or a table; default: smooth"
     )
-
-    def body(self, domain: Domain) -> WallBody:
-        smooth = WallBody.empty(self.center, 2.0 * math.pi * self.radius)
-        return smooth.with_shapes(ShapeKind.DISC, [(0.0, 0.0, self.radius, 0.0)])
-
-    def glued(self, domain: Domain | None = None) -> Glued | None:
-        ring = Ring(self.center, self.radius, is_outside=True)
-        return None if self.rough is None else Glued(ring, self.rough, "rough")
-
-    def misfits(self, domain: Domain) -> Iterator[Refused]:
-        what = f"the disc of radius {self.radius:g} m is wider than"
-        yield from _too_wide(domain, 2.0 * self.radius, "radius", what)
 
 
 class ClusterGeometry(_Discs):
     """Grains glued to each other, anywhere: one grain to be driven, a tracer, a rigid cluster."""
 
     kind: Literal["cluster"]
-    discs: Annotated[
-        tuple[Annotated[tuple[Coordinate, Coordinate, Radius], Strict(False)], ...], Strict(False)
-    ] = required(
+    discs: Array[Annotated[tuple[Coordinate, Coordinate, Radius], Strict(False)]] = required(
         "x, y and radius of each grain [m], as [[0, 0, 1e-3], [2e-3, 0, 1e-3]]",
         min_length=1,
         max_length=MAX_CORNERS,
@@ -451,7 +463,7 @@ class BoxGeometry(WallGeometry):
     kind: Literal["box"]
     min: Point = required("lower left corner [m]")
     max: Point = required("upper right corner [m]")
-    open: Annotated[tuple[Side, ...], Strict(False)] = optional(
+    open: Array[Side] = optional(
         'sides left out: any of "left", "right", "bottom", "top"', (), max_length=4
     )
 
@@ -497,35 +509,21 @@ class BoxGeometry(WallGeometry):
             yield Refused(("open",), what, 'add "left" and "right", or use periodic = false')
 
 
-class CircleGeometry(WallGeometry):
+class CircleGeometry(_Round):
     """The inside of a circle: a drum."""
 
     kind: Literal["circle"]
-    center: Point = required("center [m]")
-    radius: Length = required("radius [m]")
     rough: SizesOrGroup | None = optional(
         "sizes of grains glued to the inside: name of a group of particles, or a table; "
         "default: smooth"
     )
-
-    def body(self, domain: Domain) -> WallBody:
-        smooth = WallBody.empty(self.center, 2.0 * math.pi * self.radius)
-        return smooth.with_shapes(ShapeKind.CIRCLE, [(0.0, 0.0, self.radius, 0.0)])
-
-    def glued(self, domain: Domain | None = None) -> Glued | None:
-        ring = Ring(self.center, self.radius)
-        return None if self.rough is None else Glued(ring, self.rough, "rough")
-
-    def misfits(self, domain: Domain) -> Iterator[Refused]:
-        what = f"the circle of radius {self.radius:g} m is wider than"
-        yield from _too_wide(domain, 2.0 * self.radius, "radius", what, "use periodic = false")
 
 
 class PolylineGeometry(WallGeometry):
     """Straight segments from point to point, solid on both sides: hoppers, chutes, obstacles."""
 
     kind: Literal["polyline"]
-    points: Annotated[tuple[Point, ...], Strict(False)] = required(
+    points: Array[Point] = required(
         "corners [m], as [[0, 1], [1, 0]]", min_length=2, max_length=100_000
     )
     closed: bool = optional("whether the last point is joined to the first", False)
@@ -588,7 +586,7 @@ class Wall(Table):
     gravity: bool = optional(
         "whether gravity acts on the degrees of freedom that a force drives", False
     )
-    groups: Annotated[tuple[Name, ...], Strict(False)] | None = optional(
+    groups: Array[Name] | None = optional(
         'names of the groups of grains that meet the wall, as ["coarse"]; the others pass '
         "through it and exchange no heat with it; default: all groups",
         min_length=1,
