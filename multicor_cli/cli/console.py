@@ -5,12 +5,10 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-import shlex
 import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -183,20 +181,16 @@ def make_observer(*, is_quiet: bool) -> Observer:
 
 
 class QuietObserver:
-    """Shows warnings only; not being able to write them (a closed pipe) must not stop a run."""
+    """Shows warnings only."""
 
     def message(self, text: str) -> None: ...
 
     def warning(self, text: str) -> None:
-        self._say(f"warning: {text}")
+        say(f"warning: {text}")
 
     def stepped(self, status: Status) -> None: ...
 
     def closed(self) -> None: ...
-
-    def _say(self, text: str) -> None:
-        with contextlib.suppress(OSError):
-            say(text)
 
 
 class LogObserver(QuietObserver):
@@ -206,13 +200,13 @@ class LogObserver(QuietObserver):
         self._next = time.monotonic() + 5.0
 
     def message(self, text: str) -> None:
-        self._say(text)
+        say(text)
 
     def stepped(self, status: Status) -> None:
         now = time.monotonic()
         if now >= self._next:
             self._next = now + LINE_INTERVAL
-            self._say(f"{100.0 * status.progress:5.1f} %  {describe(status)}{_remaining(status)}")
+            say(f"{100.0 * status.progress:5.1f} %  {describe(status)}{_remaining(status)}")
 
 
 class BarObserver(QuietObserver):
@@ -273,21 +267,6 @@ def _remaining(status: Status) -> str:
     if status.remaining is None or status.progress >= 1.0:
         return ""
     return f"  {format_seconds(status.remaining)} left"
-
-
-# ---- The two commands that are worth giving after a run
-
-
-def following(directory: Path) -> tuple[str, str]:
-    """Commands for a look at the finished run in a directory, and for its report."""
-    from multicor_cli.store import open_run
-
-    place = shlex.quote(str(directory))
-    with open_run(directory) as run:
-        is_heated = run.model.thermal is not None
-    of = "temperature" if is_heated else "speed"
-    look = f"multicor post map {place} --of {of} --plot map.png"
-    return look, f"multicor report {place}"
 
 
 # ---- Checks on the terminal and in JSON, and what `--strict` makes of them

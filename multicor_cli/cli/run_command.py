@@ -13,7 +13,6 @@ from multicor_cli.cli.console import (
     Strict,
     complain,
     count_verdicts,
-    following,
     format_seconds,
     make_observer,
     refuse_bad,
@@ -124,16 +123,20 @@ def run(
 def _conclude(outcome: RunOutcome, *, is_quiet: bool, is_strict: bool) -> None:
     """Say what is doubtful and how the run ended; a stopped run keeps its own exit code."""
     from multicor_cli.checks import check_run
+    from multicor_cli.store import open_run
 
-    checks = check_run(outcome.directory)
+    checks, place = check_run(outcome.directory), shlex.quote(str(outcome.directory))
     show_doubtful(checks, say)
     if not is_quiet:
         for end in outcome.stage_ends:
             say(f"stage {end.name}: {end.text}")
-        say(f"{count_verdicts(checks)}; see multicor info {shlex.quote(str(outcome.directory))}")
+        say(f"{count_verdicts(checks)}; see multicor info {place}")
         say(str(outcome))
         if outcome.is_finished:
-            say("next:  " + "\n       ".join(following(outcome.directory)))
+            with open_run(outcome.directory) as run:
+                of = "speed" if run.model.thermal is None else "temperature"
+            say(f"next:  multicor post map {place} --of {of} --plot map.png")
+            say(f"       multicor report {place}")
     refuse_bad(checks, is_strict=is_strict and outcome.is_finished)
 
 

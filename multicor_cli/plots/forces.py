@@ -31,10 +31,6 @@ _LEGEND = 0.62  # room for the legend [inch]
 _WIDEST = 0.75  # width of the widest line over the mean diameter
 
 
-def _fill(figure: Any, network: ForceNetwork) -> None:
-    draw_forces(place_scene(figure, network.scene, has_bar=False, top=_LEGEND).axes, network)
-
-
 def draw_forces(axes: Any, network: ForceNetwork) -> None:
     """Draw a force network into matplotlib axes, with a legend above the figure."""
     from matplotlib.lines import Line2D
@@ -213,7 +209,13 @@ def angles_text(table: AngularDistribution, _terminal: Terminal) -> str:
 
 
 FIGURES = {
-    ForceNetwork: Renderer(lambda _: (COLUMN, COLUMN), _fill, forces_text),
+    ForceNetwork: Renderer(
+        lambda _: (COLUMN, COLUMN),
+        lambda figure, network: draw_forces(
+            place_scene(figure, network.scene, has_bar=False, top=_LEGEND).axes, network
+        ),
+        forces_text,
+    ),
     ForceDistribution: Renderer(
         lambda _: (COLUMN, 0.85 * COLUMN),
         lambda figure, table: draw_distribution(figure.add_subplot(), table),

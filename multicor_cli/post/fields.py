@@ -22,7 +22,7 @@ from multicor_cli.post.field_sums import (
     rings,
 )
 from multicor_cli.post.grain_map import make_scene
-from multicor_cli.post.source import PostError, Run, Selection, model_of, need_grains
+from multicor_cli.post.source import PostError, Run, Selection, frames_told, model_of, need_grains
 from multicor_cli.post.sums import pseudo_values, spread
 from multicor_cli.post.table import Column, Quantity, Table, split_unit, with_unit
 from multicor_cli.text import choices
@@ -118,7 +118,7 @@ def fields(
     ]
     note = _beyond(source, chosen, points, spacing * diameter) if is_radial else ""
     facts = {
-        "frame_count": int(chosen.size), "times": (float(times[0]), float(times[-1])),
+        **frames_told(source, chosen),
         "reach": reach * diameter, "note": note, "axes": list(points.axes), "shape": points.shape,
         "units": {field.name: field.unit for field in known},
         **{column.name: column.values for column in coordinates},

@@ -11,7 +11,15 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
 from multicor_cli.post.grain_map import make_scene
-from multicor_cli.post.source import PostError, Run, Selection, frame_index, model_of, need_grains
+from multicor_cli.post.source import (
+    PostError,
+    Run,
+    Selection,
+    frame_index,
+    frames_told,
+    model_of,
+    need_grains,
+)
 from multicor_cli.post.sums import scatter
 from multicor_cli.post.table import Column, Table, values_of_quantities
 
@@ -191,7 +199,8 @@ def force_distribution(
     if not count:
         raise PostError(_NOTHING)
     facts = {
-        **_frames_of(source, chosen, count),
+        **frames_told(source, chosen),
+        "contacts": count,
         "normal_force_mean": normal_sum / count,
         "tangential_force_mean": tangential_sum / count,
         "edges": edges,
@@ -266,7 +275,8 @@ def angular_distribution(
             away = (away + 90.0) % 180.0 - 90.0
         moments_scatter[name] = float(scatter(away))
     facts = {
-        **_frames_of(source, chosen, count),
+        **frames_told(source, chosen),
+        "contacts": count,
         **moments,
         "angle": angle,
         "moments_scatter": moments_scatter,
@@ -334,12 +344,3 @@ def _between_grains(
         for frame in (source.frames[int(k)] for k in chosen)
     )
     return chosen, (contacts for contacts in loaded if not contacts.is_wall.all())
-
-
-def _frames_of(source: Run, chosen: NDArray[np.int64], contacts: int) -> dict[str, Any]:
-    times = np.asarray(source.frames.time)[chosen]
-    return {
-        "frame_count": int(chosen.size),
-        "times": (float(times[0]), float(times[-1])),
-        "contacts": contacts,
-    }

@@ -19,6 +19,7 @@ from multicor_cli.post.source import (
     PostError,
     Run,
     Selection,
+    frames_told,
     model_of,
     of_groups,
 )
@@ -322,10 +323,10 @@ def _make_table(
     value, error = average(sums)
     extent = bins.extent
     walls, speeds = _at_walls(source, field, chosen, (extent.lower, extent.upper))
-    times, names = np.asarray(source.frames.time)[chosen], source.model.walls.names
+    names = source.model.walls.names
     facts = {
         "of": field.name, "unit": field.unit, "y_unit": "m", "normalized": False,
-        "frame_count": int(chosen.size), "times": (float(times[0]), float(times[-1])),
+        **frames_told(source, chosen),
         "height": extent.height,
         "walls": tuple("" if w is None else names[w] for w in (extent.lower, extent.upper)),
         "excluded_at_walls": bins.left_out / source.model.mean_diameter, "wall_values": walls,

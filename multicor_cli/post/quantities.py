@@ -83,11 +83,6 @@ class GrainQuantity(Quantity):
     per_area: tuple[str, str] | None = None
     names_of: Callable[[Model], tuple[str, ...]] | None = None
 
-    @property
-    def is_profiled(self) -> bool:
-        """Whether there are profiles of it."""
-        return self.averaged is not None or self.of_contacts is not None
-
     def of_profile(self) -> GrainQuantity:
         """The same with the symbol and the unit of its profiles."""
         if self.per_area is None:
@@ -158,22 +153,13 @@ def _heat_rates(source: Run, frame: int) -> Floats:
     )
 
 
-def _contacts_of(source: Run, frame: int) -> LoadedContacts:
-    with_forces(source, np.array([frame]))
-    return loaded_contacts(source.frames[frame], model_of(source, source.frames[frame]))
-
-
 def _of_contacts(values: Callable[[LoadedContacts], Any]) -> Callable[[Run, int], Floats]:
-    return lambda source, frame: np.asarray(values(_contacts_of(source, frame)), np.float64)
+    def of_grain(source: Run, frame: int) -> Floats:
+        with_forces(source, np.array([frame]))
+        contacts = loaded_contacts(source.frames[frame], model_of(source, source.frames[frame]))
+        return np.asarray(values(contacts), np.float64)
 
-
-def _pressures(source: Run, frame: int) -> Floats:
-    """Mean pressure in each grain by its contact forces [N/m], shape ``(n,)``.
-
-    Half the trace of its virial Σ f⊗ℓ/(π a²), ℓ from a contact to its center: Σ f_n/(2π a).
-    """
-    contacts = _contacts_of(source, frame)
-    return np.asarray(contacts.loads / (2.0 * np.pi * contacts.reach_of[: contacts.grain_count]))
+    return of_grain
 
 
 def _stress(a: int, b: int) -> GrainQuantity:
@@ -270,7 +256,12 @@ QUANTITIES: dict[str, GrainQuantity] = {
             names_of=lambda model: model.groups),
         GrainQuantity("material", "material", "", "1", _kinds("material"),
             names_of=lambda model: model.materials),
-        GrainQuantity("stress", "contact pressure", "p", "N/m", _pressures, "cividis", "from zero"),
+        # half the trace of its virial Σ f⊗ℓ/(π a²), ℓ from a contact to its center: Σ f_n/(2π a)
+        GrainQuantity(
+            "stress", "contact pressure", "p", "N/m",
+            _of_contacts(lambda c: c.loads / (2.0 * np.pi * c.reach_of[: c.grain_count])),
+            "cividis", "from zero",
+        ),
         GrainQuantity("pressure", "contact pressure", "p", "N/m", kind="contact",
             of_contacts=lambda contacts: 0.5 * (contacts.virial(0, 0) + contacts.virial(1, 1)),
             needs_contacts=True),
@@ -292,7 +283,9 @@ upper layers move towards +x has σ_xy < 0. The pressure is half the trace of th
 """
 
 PROFILED: dict[str, GrainQuantity] = {
-    name: quantity.of_profile() for name, quantity in QUANTITIES.items() if quantity.is_profiled
+    name: quantity.of_profile()
+    for name, quantity in QUANTITIES.items()
+    if quantity.averaged is not None or quantity.of_contacts is not None
 }
 """What a profile can be taken of, by name."""
 

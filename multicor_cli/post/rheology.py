@@ -23,7 +23,15 @@ from multicor_cli.post.bins import (
 )
 from multicor_cli.post.contacts import has_forces, loaded_contacts
 from multicor_cli.post.flow import MeanFlow, mean_flow
-from multicor_cli.post.source import Frame, PostError, Run, Selection, model_of, need_same_grains
+from multicor_cli.post.source import (
+    Frame,
+    PostError,
+    Run,
+    Selection,
+    frames_told,
+    model_of,
+    need_same_grains,
+)
 from multicor_cli.post.sums import pseudo_values, spread
 from multicor_cli.post.table import Quantity, TimeTable
 
@@ -278,7 +286,7 @@ def rheology(
     facts = {
         "margin": band.margin, "height": extent.height,
         "walls": (names[extent.lower], names[extent.upper]),
-        "frame_count": int(chosen.size), "times": (float(times[0]), float(times[-1])),
+        **frames_told(source, chosen),
     }  # fmt: skip
     quantities = [q.over_time(values[q.name]) for q in QUANTITIES]
     parts: dict[str, Any] = {"mean": mean, "spread": spreads, "frames": chosen}

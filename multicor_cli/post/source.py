@@ -80,6 +80,12 @@ def frame_index(frames: Frames, frame: int) -> int:
 _ROUNDING = 1e-9  # times are sums of steps, and a frame at 0.06 s may say 0.060000000000000005
 
 
+def frames_told(source: Run, chosen: NDArray[np.int64]) -> dict[str, Any]:
+    """What JSON says of the frames that a table is about: their number, first and last time [s]."""
+    times = np.asarray(source.frames.time)[chosen]
+    return {"frame_count": int(chosen.size), "times": (float(times[0]), float(times[-1]))}
+
+
 def within(times: Floats, start: float | None, end: float | None) -> NDArray[np.int64]:
     """Indices of times from ``start`` to ``end`` [s], both included despite rounding."""
     slack = _ROUNDING * float(np.abs(times).max(initial=0.0))
@@ -172,13 +178,8 @@ class _Frames:
     source: Run
     groups: NDArray[np.int64]
 
-    @property
-    def time(self) -> NDArray[Any]:
-        return self.source.frames.time
-
-    @property
-    def stage(self) -> NDArray[Any]:
-        return self.source.frames.stage
+    def __getattr__(self, name: str) -> Any:  # the times, for one
+        return getattr(self.source.frames, name)
 
     def __getitem__(self, index: int) -> Any:
         frame = self.source.frames[index]
