@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -74,7 +75,7 @@ def verify(directory: RunPath, is_json: AsJson = False) -> None:
     findings = verify_run(directory)
     damaged = [finding for finding in findings if finding.severity == "error"]
     if is_json:
-        rows = [{"severity": f.severity, "file": f.file, "message": f.message} for f in findings]
+        rows = [asdict(finding) for finding in findings]
         emit_json({"path": str(directory), "whole": not damaged, "findings": rows})
     else:
         for finding in findings:

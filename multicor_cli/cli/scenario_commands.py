@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -115,10 +115,7 @@ def _summary(run: Prepared) -> dict[str, Any]:
         "seed": scenario.seed,
         "grain_count": model.grain_count,
         "wall_count": model.wall_count,
-        "wall_masses": {
-            wall.name: {"mass": wall.mass, "inertia": wall.inertia, "given": wall.is_given}
-            for wall in _pushed_walls(run.scenario, plan, model)
-        },
+        "wall_masses": _pushed_walls(run.scenario, plan, model),
         "origin": None if run.origin is None else asdict(run.origin),
         "stages": [
             {
@@ -145,26 +142,21 @@ def _summary(run: Prepared) -> dict[str, Any]:
     }
 
 
-class _PushedWall(NamedTuple):
-    """A wall pushed in some stage: mass [kg], inertia [kg m²], whether the file gives the mass."""
-
-    name: str
-    mass: float | None
-    inertia: float | None
-    is_given: bool
-
-
-def _pushed_walls(scenario: Scenario, plan: RunPlan, model: Model) -> list[_PushedWall]:
+def _pushed_walls(scenario: Scenario, plan: RunPlan, model: Model) -> dict[str, dict[str, Any]]:
+    """Walls pushed in some stage: mass [kg], inertia [kg m²], whether the file gives the mass."""
     drives = [stage.drives.started([0.0] * (k + 1)) for k, stage in enumerate(plan.stages)]
     masses, inertias = (
         [None if math.isnan(value) else value for value in array.tolist()]
         for array in (model.walls.mass, model.walls.inertia)
     )
-    return [
-        _PushedWall(name, masses[w], inertias[w], scenario.walls[w].mass is not None)
+    return {
+        name: {
+            "mass": masses[w], "inertia": inertias[w],
+            "given": scenario.walls[w].mass is not None,
+        }
         for w, name in enumerate(model.walls.names)
         if any(dof.is_driven for stage in drives for dof in stage[w].dofs())
-    ]
+    }  # fmt: skip
 
 
 def _time_steps(plan: RunPlan, reviews: Sequence[StepReview | None]) -> str:
@@ -192,11 +184,11 @@ def _lines(run: Prepared) -> Iterator[tuple[str, str]]:
             yield "  walls", text
     yield "grains", f"{model.grain_count}, mean diameter {model.mean_diameter:.4g} m"
     yield "walls", f"{model.wall_count} of {model.shape_count} shapes"
-    for wall in _pushed_walls(scenario, plan, model):
-        given = "given" if wall.is_given else "default"
-        mass = "" if wall.mass is None else f" {wall.mass:.4g} kg ({given})"
-        inertia = "" if wall.inertia is None else f", {wall.inertia:.4g} kg m²"
-        yield "wall mass", f"'{wall.name}'{mass}{inertia}"
+    for name, wall in _pushed_walls(scenario, plan, model).items():
+        given = "given" if wall["given"] else "default"
+        mass = "" if wall["mass"] is None else f" {wall['mass']:.4g} kg ({given})"
+        inertia = "" if wall["inertia"] is None else f", {wall['inertia']:.4g} kg m²"
+        yield "wall mass", f"'{name}'{mass}{inertia}"
     yield "time step", _time_steps(plan, run.reviews)
     for stage, table in zip(plan.stages, scenario.loading, strict=True):
         changes = [

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from multicor_cli.model.books import NAMES, stored_fields
 from multicor_cli.model.model import Model
@@ -50,15 +47,10 @@ def find_absurd_value(state: State, model: Model) -> str | None:
     """
     for name in (*_CONTACTS, *_OF_GRAINS, *_OF_WALLS, *NAMES, *_NUMBERS, *_NOTES):
         values = np.atleast_1d(getattr(state, name))
-        size = (
-            np.abs(values).max(initial=0.0)
-            if name != "wall_temperature"
-            else np.nanmax(np.abs(values), initial=0.0)
-        )
-        if not size <= LARGEST:
-            wrong = ~(np.abs(values) <= LARGEST)
-            if name == "wall_temperature":
-                wrong &= ~np.isnan(values)
+        wrong = ~(np.abs(values) <= LARGEST)
+        if name == "wall_temperature":  # nan where none is prescribed
+            wrong &= ~np.isnan(values)
+        if wrong.any():
             row = int(np.argwhere(wrong)[0][0])
             value = float(values[wrong][0])
             return (
@@ -100,17 +92,11 @@ def _find_wrong_pairs(state: State, model: Model) -> str | None:
         rows = first.size if name != "contact_couple" or model.laws.rolling.size else 0
         if not (first.shape == second.shape and getattr(state, name).shape[:1] == (rows,)):
             return f"{i}, {j} and {name} have different lengths"
-        if not _are_pairs(first, second, n, n + shapes):
+        are_pairs = (first >= 0) & (first < n) & (second > first) & (second < n + shapes)
+        order = first.astype(np.int64) * (n + shapes) + second
+        if not (are_pairs.all() and (np.diff(order) > 0).all()):
             return f"{i} and {j} are not pairs of shapes in ascending order"
     return None
-
-
-def _are_pairs(first: NDArray[Any], second: NDArray[Any], grains: int, shapes: int) -> bool:
-    key = first.astype(np.int64) * shapes + second
-    return bool(
-        ((first >= 0) & (first < grains) & (second > first) & (second < shapes)).all()
-        and (np.diff(key) > 0).all()
-    )
 
 
 def _owner(state: State, model: Model, name: str, row: int) -> str:

@@ -257,11 +257,6 @@ class Front:
     length: float
     depth: float
 
-    @property
-    def is_lid(self) -> bool:
-        """Whether the flow is below the row."""
-        return bool(self.normal[1] <= -_LEVEL)
-
     @classmethod
     def of(cls, row: Row, glued: Floats) -> Front:
         """The front of a row; x, y and radius of its grains [m], shape ``(k, 3)``."""
@@ -357,7 +352,7 @@ class BuiltWalls(NamedTuple):
         )
         lids = []
         for body, front in ((self.bodies[w], self.fronts[w]) for w in met):
-            if front is not None and front.is_lid:
+            if front is not None and front.normal[1] <= -_LEVEL:
                 lids.append(float((body.origin[1] + body.glued[:, 1] - body.glued[:, 2]).min()))
         return Obstacles(shapes.kind, world, room, tuple(lids))
 

@@ -70,7 +70,13 @@ def in_region(source: Run, area: Area, selection: Selection | None = None) -> Re
         StoreError: If the run cannot be read.
     """
     chosen = (selection or Selection()).indices(source.frames)
-    room, size = _room(area, source.model.period)
+    period, size = source.model.period, area.size
+    room = Room(inside=(area,), period=period)
+    if isinstance(area, Rectangle):
+        (left, bottom), (right, top) = area.low, area.high
+        if 0.0 < period <= (right - left) * (1.0 + _ROUNDING):  # it has no ends in x
+            room = Room(inside=(Rectangle((-np.inf, bottom), (np.inf, top)),))
+            size = period * (top - bottom)
     counts, measured = zip(
         *(_measure(source, source.frames[int(k)], room, size) for k in chosen), strict=True
     )
@@ -87,16 +93,6 @@ def in_region(source: Run, area: Area, selection: Selection | None = None) -> Re
         {"area": size, "grains": grains},
         [Column("grains", "", grains), *quantities],
     )
-
-
-def _room(area: Area, period: float) -> tuple[Room, float]:
-    """Where grains count, and the area [m²]: a rectangle as wide as the period has no ends in x."""
-    if isinstance(area, Rectangle) and 0.0 < period <= (area.high[0] - area.low[0]) * (
-        1.0 + _ROUNDING
-    ):
-        endless = Rectangle((-np.inf, area.low[1]), (np.inf, area.high[1]))
-        return Room(inside=(endless,)), period * (area.high[1] - area.low[1])
-    return Room(inside=(area,), period=period), area.size
 
 
 def _measure(source: Run, frame: Frame, room: Room, size: float) -> tuple[int, dict[str, float]]:

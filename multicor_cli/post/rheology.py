@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -268,7 +267,13 @@ def rheology(
     direction = _check_shear(source, extent, chosen)
     band = find_band(source.model, extent, margin)
     times = np.asarray(source.frames.time)[chosen]
-    sums = np.column_stack([_sum_bulk(source, band, chosen), _sum_walls(source, extent, times)])
+    flow = mean_flow(source, chosen, make_bins(source, chosen))
+    rows, before = [], source.frames[int(chosen[0])]
+    for k, lapse in zip(chosen[1:], np.diff(times).tolist(), strict=True):
+        after = source.frames[int(k)]
+        rows.append(interval_sums(source, band, flow, before, after, lapse))
+        before = after
+    sums = np.column_stack([np.array(rows), _sum_walls(source, extent, times)])
     model, names, whole = source.model, source.model.walls.names, sums.sum(axis=0)
     values = _derive(model, sums, direction)
     mean = {n: float(v[0]) for n, v in _derive(model, whole[np.newaxis], direction).items()}
@@ -315,17 +320,6 @@ def _check_shear(source: Run, extent: Extent, chosen: NDArray[np.int64]) -> floa
             "grains in these frames"
         )
     return float(np.sign(relative))
-
-
-def _sum_bulk(source: Run, band: Band, chosen: NDArray[np.int64]) -> Floats:
-    times = np.asarray(source.frames.time)
-    flow = mean_flow(source, chosen, make_bins(source, chosen))
-    rows, before = [], source.frames[int(chosen[0])]
-    for first, last in pairwise(chosen):
-        after, lapse = source.frames[int(last)], float(times[last] - times[first])
-        rows.append(interval_sums(source, band, flow, before, after, lapse))
-        before = after
-    return np.array(rows)
 
 
 def _sum_walls(source: Run, extent: Extent, times: Floats) -> Floats:

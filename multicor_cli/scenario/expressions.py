@@ -397,18 +397,16 @@ class _Document:
         try:
             sorter.prepare()
         except CycleError as error:
-            self._refuse_circle(error.args[1][:0:-1], list(names))
+            # each refers to the next, the last to the first
+            circle, known = error.args[1][:0:-1], list(names)
+            first = circle.index(min(circle, key=known.index))
+            chain = [*circle[first:], *circle[:first]]
+            shown = [*chain, chain[0]] if len(chain) <= 10 else [*chain[:10], "...", chain[0]]
+            what = f"refers to itself: {' -> '.join(shown)}"
+            self._fail(Refused((_TABLE, chain[0]), what, "give one of them a number"))
         while ready := sorter.get_ready():
             yield from (name for name in ready if name in names)
             sorter.done(*ready)
-
-    def _refuse_circle(self, circle: list[str], names: list[str]) -> None:
-        """Refuse variables of which each refers to the next, the last to the first."""
-        first = circle.index(min(circle, key=names.index))
-        chain = [*circle[first:], *circle[:first]]
-        shown = [*chain, chain[0]] if len(chain) <= 10 else [*chain[:10], "...", chain[0]]
-        what = f"refers to itself: {' -> '.join(shown)}"
-        self._fail(Refused((_TABLE, chain[0]), what, "give one of them a number"))
 
     def _evaluate(self, path: KeyPath) -> None:
         expression = self.expressions[path]

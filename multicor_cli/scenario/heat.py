@@ -266,11 +266,6 @@ class Heat(Table):
         """The mechanisms that are on, by key."""
         return {key: table for key, table in self if isinstance(table, MechanismTable)}
 
-    @property
-    def crosses_gaps(self) -> bool:
-        """Whether a mechanism carries heat between bodies that are only near each other."""
-        return any(getattr(table, "reach", None) for table in self.mechanisms.values())
-
     def needs(self, *, is_of_grains: bool) -> Iterator[Need]:
         """What needs properties of a material of grains, or of walls alone, and which."""
         if is_of_grains:

@@ -34,10 +34,15 @@ _SLACK = 1e-9
 def check(tables: PartialScenario) -> Iterator[Refused]:
     """Findings about the groups of grains."""
     yield from double_names(tables.group_names, "particles")
-    yield from _unlike_shapes(tables)
+    groups = list(given(tables.particles))
+    for k, group in groups[1:]:
+        first = groups[0][1]
+        if group.shape != first.shape:
+            what = f"{show(group.shape)}, but the group '{first.name}' has {show(first.shape)}"
+            yield Refused(("particles", k, "shape"), what, "use the same shape for all groups")
     yield from _unlike_starts(tables)
     yield from _too_many(tables)
-    for k, group in given(tables.particles):
+    for k, group in groups:
         if tables.domain:
             yield from _check_group(("particles", k), group, tables.domain)
 
@@ -49,15 +54,6 @@ def double_names(names: Sequence[str | None], table: str) -> Iterator[Refused]:
         if name is not None and first.setdefault(name, k) != k:
             what = f"{show(name)} is also the name of {table}.{first[name]}"
             yield Refused((table, k, "name"), what, "give another name")
-
-
-def _unlike_shapes(tables: PartialScenario) -> Iterator[Refused]:
-    groups = list(given(tables.particles))
-    for k, group in groups[1:]:
-        first = groups[0][1]
-        if group.shape != first.shape:
-            what = f"{show(group.shape)}, but the group '{first.name}' has {show(first.shape)}"
-            yield Refused(("particles", k, "shape"), what, "use the same shape for all groups")
 
 
 def _unlike_starts(tables: PartialScenario) -> Iterator[Refused]:

@@ -25,7 +25,12 @@ def check(tables: PartialScenario) -> Iterator[Refused]:
         return
     yield from _undefined_materials(tables)
     for path, entries in _lists(tables):
-        yield from _double_entries(path, entries)
+        first = _by_pair(entries)
+        for k, entry in given(entries):
+            if (before := first[_key(*entry.pair)]) != k:
+                twice = f"the pair {_show_pair(entry.pair)} is given twice, first in"
+                what = f"{twice} {format_key(path)}.{before}"
+                yield Refused((*path, k, "pair"), what, "remove one of the two")
         yield from _ambiguous_pairs(path, entries, tables)
     yield from _uncovered_pairs(tables)
 
@@ -63,15 +68,6 @@ def _by_pair(entries: Entries) -> dict[tuple[str, str], int]:
     for k, entry in given(entries):
         first.setdefault(_key(*entry.pair), k)
     return first
-
-
-def _double_entries(path: KeyPath, entries: Entries) -> Iterator[Refused]:
-    first = _by_pair(entries)
-    for k, entry in given(entries):
-        if (before := first[_key(*entry.pair)]) != k:
-            twice = f"the pair {_show_pair(entry.pair)} is given twice, first in"
-            what = f"{twice} {format_key(path)}.{before}"
-            yield Refused((*path, k, "pair"), what, "remove one of the two")
 
 
 def touching_pairs(tables: PartialScenario) -> list[tuple[str, str]]:
@@ -196,7 +192,8 @@ def _check_conditions(tables: PartialScenario, heat: Heat) -> Iterator[Refused]:
     for k, stage in given(tables.loading):
         for name, condition in stage.thermal.items():
             conditions.append((("loading", k, "thermal", name), condition))
-    has_effect = heat.has_sources or heat.crosses_gaps
+    crosses_gaps = any(getattr(table, "reach", None) for table in heat.mechanisms.values())
+    has_effect = heat.has_sources or crosses_gaps
     for path, condition in conditions:
         if isinstance(condition, FlowCondition):
             what = (
