@@ -17,7 +17,7 @@ from pydantic import ValidationError
 from multicor_cli.files import Unfit, read_regular
 from multicor_cli.scenario.base import DIRECTORY
 from multicor_cli.scenario.checks import check_all
-from multicor_cli.scenario.expressions import evaluate_expressions, unused_overrides
+from multicor_cli.scenario.expressions import Evaluated, unused_overrides
 from multicor_cli.scenario.particles import take_groups
 from multicor_cli.scenario.problems import (
     OVERRIDE,
@@ -150,7 +150,7 @@ def read_tables(
     text = text.removeprefix("\ufeff").replace("\r\n", "\n")
     data = deepcopy(parse_toml(text, file))
     applied, problems = apply_overrides(data, overrides)
-    evaluated = evaluate_expressions(data, ScenarioModel)
+    evaluated = Evaluated(data, ScenarioModel)
     sources = Sources(file, text, applied, evaluated.shown, overrides)
     has_taken = take_groups(data, path.parent)
     model, invalid = check_document(data, path.parent)
