@@ -119,9 +119,8 @@ def measure(task: Task) -> Result:
         cold_rounds = [prepared.take_cold() for _ in range(_COLD * task.rounds if is_cold else 0)]
     except (NoRestError, PhysicsError) as error:
         faults = [str(error)]
-        return Result(
-            task.scene, task.grains, task.threads, scene.steps, task.rounds, faults=faults
-        )
+        about = (task.scene, task.grains, task.threads, scene.steps, task.rounds)
+        return Result(*about, faults=faults)
     faults = find_faults(prepared, [warm, *rounds, *cold_rounds])
     sweep = None
     if not scene.is_frozen:

@@ -41,26 +41,14 @@ def emit_json(data: Any) -> None:
     print(json.dumps(_plain(data), indent=2, ensure_ascii=False, allow_nan=False))
 
 
-def emit_table(
-    columns: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    *,
-    title: str = "",
-    has_header: bool = True,
-) -> None:
+def emit_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """A table on stdout; numbers belong into right-aligned columns, so all but the first are."""
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(
-        title=title or None,
-        title_justify="left",
-        box=SIMPLE_HEAD,
-        show_header=has_header,
-        pad_edge=False,
-    )
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
     for number, name in enumerate(columns):
         table.add_column(Text(name), justify="left" if number == 0 else "right", no_wrap=True)
     for row in rows:

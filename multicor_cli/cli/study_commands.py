@@ -329,12 +329,9 @@ def report(
     if target.suffix.lower() not in (".html", ".htm"):
         raise typer.BadParameter(f"'{target}' does not end in .html", param_hint="--page")
     with show_progress("run") as progress:
+        of_runs = frames if has_runs else None
         written = write_study_report(
-            session,
-            target,
-            is_overwriting=is_overwriting,
-            run_frames=frames if has_runs else None,
-            progress=progress,
+            session, target, is_overwriting=is_overwriting, run_frames=of_runs, progress=progress
         )
     if written:
         say(f"wrote {count_noun(written, 'page')} about runs")

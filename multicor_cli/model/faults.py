@@ -16,8 +16,6 @@ _CONTACTS = {
     "contact_couple": ("contact_i", "contact_j"),
     "mean_force": ("mean_i", "mean_j"),
 }
-
-
 _PAIRS = {"near_j": ("near_i", "near_j"), "bridge_j": ("bridge_i", "bridge_j")}
 
 
@@ -53,10 +51,8 @@ def find_absurd_value(state: State, model: Model) -> str | None:
         if wrong.any():
             row = int(np.argwhere(wrong)[0][0])
             value = float(values[wrong][0])
-            return (
-                f"{_owner(state, model, name, row)} is "
-                f"{'not finite' if not np.isfinite(value) else f'absurd ({value:.3g})'}"
-            )
+            what = f"absurd ({value:.3g})" if np.isfinite(value) else "not finite"
+            return f"{_owner(state, model, name, row)} is {what}"
     return None
 
 
@@ -65,13 +61,10 @@ def find_misfit(state: State, model: Model) -> str | None:
     for name, shape in state_shapes(model).items():
         if getattr(state, name).shape != shape:
             return f"{name} has shape {getattr(state, name).shape} instead of {shape}"
-    if state.wall_origin.shape not in ((0, 3), state.wall_position.shape):
-        return (
-            f"wall_origin has shape {state.wall_origin.shape} instead of "
-            f"{state.wall_position.shape}"
-        )
-    if state.wall_surface.shape not in ((0,), (model.wall_count,)):
-        return f"wall_surface has shape {state.wall_surface.shape} instead of {(model.wall_count,)}"
+    count = model.wall_count
+    for name, shape in (("wall_origin", (count, 3)), ("wall_surface", (count,))):
+        if getattr(state, name).shape not in ((0, *shape[1:]), shape):
+            return f"{name} has shape {getattr(state, name).shape} instead of {shape}"
     wrong = _find_wrong_pairs(state, model)
     if wrong is not None:
         return wrong

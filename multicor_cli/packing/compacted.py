@@ -70,11 +70,9 @@ def compact(
         if not press.advance(_PATIENCE, motion=at_rest, imbalance=_BALANCE):
             press.hold()
             if not press.advance(_MOST_STEPS, motion=at_rest, imbalance=_BALANCE):
-                raise Refused(
-                    ("packing", "kinetic_energy_ratio"),
-                    f"the packing has not come to rest within {press.steps} steps of compaction",
-                    "raise kinetic_energy_ratio",
-                )
+                what = f"the packing has not come to rest within {press.steps} steps of compaction"
+                key = ("packing", "kinetic_energy_ratio")
+                raise Refused(key, what, "raise kinetic_energy_ratio")
     except PhysicsError as error:
         remedy = "start from a lower fill or a larger region"
         raise Refused(("packing",), f"the compaction failed: {error}", remedy) from error

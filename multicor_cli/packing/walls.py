@@ -128,11 +128,8 @@ def _closing_factor(radii: Floats, radius: float, side: float) -> float:
 
 def _check_length(length: float, needed: float, what: str) -> None:
     if length < needed:
-        raise Refused(
-            (),
-            f"the {what}, {length:g} m, is too short for glued grains: at least {needed:g} m",
-            "make it longer or the grains smaller",
-        )
+        fault = f"the {what}, {length:g} m, is too short for glued grains: at least {needed:g} m"
+        raise Refused((), fault, "make it longer or the grains smaller")
 
 
 # ---- What packings stay clear of: walls, solid matter, the region's boundary, earlier grains

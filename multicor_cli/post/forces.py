@@ -296,12 +296,9 @@ def _directions(sums: Floats) -> tuple[Floats, Floats, Floats]:
     """Densities, and forces over the mean normal force, of sums over half a circle ``(3, b/2)``."""
     count, f, g = sums
     overall = f.sum() / count.sum()
+    density = 0.5 * count / count.sum() * count.size / np.pi
     with np.errstate(invalid="ignore"):
-        return (
-            0.5 * count / count.sum() * count.size / np.pi,
-            f / count / overall,
-            g / count / overall,
-        )
+        return density, f / count / overall, g / count / overall
 
 
 def _moments_of(sums: Floats, wave: complex, angle: Floats) -> dict[str, float]:

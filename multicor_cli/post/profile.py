@@ -81,11 +81,8 @@ class ProfileTable(Table):
     def about_walls(self) -> str:
         """A line on what is left out at the walls; empty if nothing is."""
         walls = " and ".join(f"'{name}'" for name in self.walls if name)
-        return (
-            f"left out next to {walls}: {self.left_out:.3g} of a mean diameter"
-            if walls and self.left_out
-            else ""
-        )
+        text = f"left out next to {walls}: {self.left_out:.3g} of a mean diameter"
+        return text if walls and self.left_out else ""
 
     @property
     def units(self) -> tuple[str, str]:

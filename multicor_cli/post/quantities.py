@@ -166,14 +166,9 @@ def _stress(a: int, b: int) -> GrainQuantity:
     """Contact stress Σ f_a ℓ_b/area, force on a grain times branch to it; compression positive."""
     axes = "xy"[a] + "xy"[b]
     return GrainQuantity(
-        f"stress-{axes}",
-        f"contact stress {axes}",
-        rf"\sigma_{{{axes}}}",
-        "N/m",
-        kind="contact",
-        of_contacts=lambda contacts: contacts.virial(a, b),
-        needs_contacts=True,
-    )
+        f"stress-{axes}", f"contact stress {axes}", rf"\sigma_{{{axes}}}", "N/m", kind="contact",
+        of_contacts=lambda contacts: contacts.virial(a, b), needs_contacts=True,
+    )  # fmt: skip
 
 
 def _kinetic_stress(a: int, b: int) -> GrainQuantity:
@@ -182,9 +177,8 @@ def _kinetic_stress(a: int, b: int) -> GrainQuantity:
 
     def averaged(frame: Frame, model: Model) -> Floats:
         velocity, grains = np.asarray(frame.velocity, np.float64), model.grains
-        return np.asarray(
-            grains.mass * velocity[:, a] * velocity[:, b] / (np.pi * grains.radius**2)
-        )
+        flux = grains.mass * velocity[:, a] * velocity[:, b]
+        return np.asarray(flux / (np.pi * grains.radius**2))
 
     symbol = rf"\sigma^\mathrm{{kin}}_{{{axes}}}"
     name, label = f"kinetic-stress-{axes}", f"kinetic stress {axes}"

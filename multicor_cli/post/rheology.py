@@ -340,7 +340,7 @@ def _sum_walls(source: Run, extent: Extent, times: Floats) -> Floats:
 def _derive(model: Model, sums: Floats, direction: float) -> dict[str, Floats]:
     """Each quantity of `QUANTITIES` from rows of sums."""
     s = dict(zip(_COLUMNS, sums.T, strict=True))
-    grains = model.grains
+    grains, diameter = model.grains, model.mean_diameter
     density = grains.mass.sum() / (np.pi * grains.radius**2).sum()
     with np.errstate(invalid="ignore", divide="ignore"):
         rate = s["rate"] / s["lapse"]
@@ -352,9 +352,7 @@ def _derive(model: Model, sums: Floats, direction: float) -> dict[str, Floats]:
             "shear_rate": rate,
             "pressure": pressure,
             "inertial_number": np.abs(rate) * np.sqrt(grains.mass.mean() / pressure),
-            "inertial_number_density": np.abs(rate)
-            * model.mean_diameter
-            * np.sqrt(density / pressure),
+            "inertial_number_density": np.abs(rate) * diameter * np.sqrt(density / pressure),
             "friction_walls": direction * s["shear_impulse"] / s["normal_impulse"],
             "friction_bulk": -direction * s["xy"] / s["yy"],
             "bulk_stress_yy": s["yy"] / s["stress_area"],

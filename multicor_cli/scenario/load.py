@@ -209,10 +209,8 @@ def read_text(path: Path, *, kind: str = "scenario") -> str:
         hint = ", or make one with: multicor new NAME" if kind == "scenario" else ""
         what, remedy = "there is no such file", f"check the path{hint}"
     except Unfit as error:
-        what, remedy = (
-            f"this cannot be a {kind}: {error.strerror}",
-            f"give the path of a {kind} file",
-        )
+        what = f"this cannot be a {kind}: {error.strerror}"
+        remedy = f"give the path of a {kind} file"
         if error.errno == errno.EFBIG:
             remedy = "put long tables of grains into a CSV file"
     except OSError as error:

@@ -284,14 +284,10 @@ class Sources:
 
     def problems(self, findings: list[Refused]) -> list[Problem]:
         """The first `MAX_PROBLEMS` findings with their positions, in the order of the file."""
-        problems = sorted(
-            (self.problem(f) for f in findings[: 2 * MAX_PROBLEMS]),
-            key=lambda p: (p.line, p.column),
-        )
+        problems = [self.problem(finding) for finding in findings[: 2 * MAX_PROBLEMS]]
+        problems.sort(key=lambda problem: (problem.line, problem.column))
         if (more := len(findings) - MAX_PROBLEMS) <= 0:
             return problems
         what = f"… and at least {more} more problems"
-        return [
-            *problems[:MAX_PROBLEMS],
-            Problem(self.file, 0, 0, "", what, "correct the first ones"),
-        ]
+        last = Problem(self.file, 0, 0, "", what, "correct the first ones")
+        return [*problems[:MAX_PROBLEMS], last]

@@ -132,11 +132,8 @@ class SteadyEnd(Table):
             if self.of != "kinetic_energy" and not is_given:
                 yield Refused((), f'{key} is missing, which of = "{self.of}" needs', f"add {key}")
         if self.axis == "spin" and self.of != "force":
-            what, remedy = (
-                f'of = "{self.of}" has no component "spin"',
-                'use "x" or "y", or of = "force"',
-            )
-            yield Refused(("axis",), what, remedy)
+            what = f'of = "{self.of}" has no component "spin"'
+            yield Refused(("axis",), what, 'use "x" or "y", or of = "force"')
 
 
 class UntilStrain(Table):

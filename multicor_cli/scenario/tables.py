@@ -145,22 +145,17 @@ class PartialScenario:
             key: [_valid(model, table, context) for table in _elements(data.get(key))]
             for key, model in _ARRAYS.items()
         }
-        defaults: dict[str, Any] = {"solver": {}}
+        first = itertools.islice(materials.items(), _MAX_TABLES)
+        tables: dict[str, Any] = {"solver": {}, **data}
         return cls(
             list(materials),
             _names(data.get("particles")),
             _names(data.get("walls")),
             "start" in data,
             "heat" in data,
-            {
-                name: _valid(Material, table, context)
-                for name, table in itertools.islice(materials.items(), _MAX_TABLES)
-            },
+            {name: _valid(Material, table, context) for name, table in first},
             **arrays,
-            **{
-                key: _valid(model, data.get(key, defaults.get(key)), context)
-                for key, model in _TABLES.items()
-            },
+            **{key: _valid(model, tables.get(key), context) for key, model in _TABLES.items()},
         )
 
 

@@ -174,11 +174,8 @@ _OTHER_WORDS = {
 
 def translate(model: type[BaseModel], errors: Iterable[ErrorDetails]) -> list[Refused]:
     """Findings for validation errors of ``model``: one per mistake, however many errors."""
-    placed = [
-        (find_location(model, error["loc"]), error)
-        for error in errors
-        if not _is_consequence(error)
-    ]
+    causes = [error for error in errors if not _is_consequence(error)]
+    placed = [(find_location(model, error["loc"]), error) for error in causes]
     meant: set[KeyPath] = set()  # keys that are only misspelled, hence not missing
     for place, error in placed:
         if error["type"] == "extra_forbidden":

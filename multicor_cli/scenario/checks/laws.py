@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import combinations_with_replacement
 
@@ -77,12 +78,8 @@ def touching_pairs(tables: PartialScenario) -> list[tuple[str, str]]:
     pairs = set(combinations_with_replacement(grains, 2))
     for wall in tables.walls:
         if wall and wall.material in known:
-            met = {
-                group.material
-                for group in groups
-                if wall.groups is None or group.name in wall.groups
-            }
-            pairs |= {_key(material, wall.material) for material in met & known}
+            met = [each for each in groups if wall.groups is None or each.name in wall.groups]
+            pairs |= {_key(each.material, wall.material) for each in met if each.material in known}
     return sorted(pairs)
 
 
@@ -223,11 +220,8 @@ def check_thermal_materials(tables: PartialScenario) -> Iterator[Refused]:
     covering = {
         pair: [entry for entry in entries if entry.covers(*pair)] for pair in touching_pairs(tables)
     }
-    laws = {
-        pair: max(entries, key=lambda entry: entry.specificity)
-        for pair, entries in covering.items()
-        if entries
-    }
+    specificity = operator.attrgetter("specificity")
+    laws = {pair: max(found, key=specificity) for pair, found in covering.items() if found}
     for name, material in tables.materials.items():
         if material is None or name not in of_grains | of_walls:
             continue
