@@ -287,10 +287,8 @@ def show_doubtful(checks: Sequence[Check], say: Callable[[str], None], of: str =
 def count_verdicts(checks: Sequence[Check]) -> str:
     """How many checks came out how, in words."""
     count = Counter(check.verdict.value for check in checks)
-    return (
-        f"{count_noun(len(checks), 'check')}: {count['ok']} ok, "
-        f"{count_noun(count['warning'], 'warning')}, {count['bad']} bad"
-    )
+    warnings = count_noun(count["warning"], "warning")
+    return f"{count_noun(len(checks), 'check')}: {count['ok']} ok, {warnings}, {count['bad']} bad"
 
 
 def checks_as_json(checks: Sequence[Check]) -> dict[str, Any]:

@@ -177,10 +177,8 @@ def _emit(found: Shown, *, is_csv: bool) -> None:
     say(found.about)
     rows = table.rows
     digits = [_digits(column) for column in zip(*rows, strict=True)]
-    emit_table(
-        [with_unit_signs(name) for name in table.headings],
-        [[_cell(value, n) for value, n in zip(row, digits, strict=True)] for row in rows],
-    )
+    cells = [[_cell(value, n) for value, n in zip(row, digits, strict=True)] for row in rows]
+    emit_table([with_unit_signs(name) for name in table.headings], cells)
 
 
 def _digits(column: Sequence[Any]) -> int:

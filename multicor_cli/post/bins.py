@@ -13,7 +13,7 @@ from multicor_cli.model import Model, ShapeKind
 from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import outlines
-from multicor_cli.post.source import Frame, PostError, Run, model_of, need_grains
+from multicor_cli.post.source import Frame, PostError, Run, frames_of, model_of, need_grains
 from multicor_cli.text import choices
 
 # ---- Sharing discs and lines out among horizontal bins by exact area and length
@@ -152,7 +152,7 @@ def find_extent(source: Run, indices: NDArray[np.int64], between: Between | None
     model = source.model
     spans = wall_spans(model)
     levels = _levels(model, spans)
-    ends = [source.frames[int(indices[k])] for k in (0, -1)]
+    ends = list(frames_of(source, indices[[0, -1]]))
     need_grains(source, indices)
     lower: int | None
     upper: int | None
@@ -164,8 +164,7 @@ def find_extent(source: Run, indices: NDArray[np.int64], between: Between | None
     if upper is not None:
         line[upper] = levels[1, upper]
     floor, ceiling, gap = np.inf, -np.inf, 0.0
-    for k in indices:
-        frame = source.frames[int(k)]
+    for frame in frames_of(source, indices):
         at = line + np.asarray(frame.wall_position)[:, 1]
         if lower is not None and upper is not None:
             gap += float(at[upper] - at[lower]) / len(indices)

@@ -22,7 +22,15 @@ from multicor_cli.post.field_sums import (
     rings,
 )
 from multicor_cli.post.grain_map import make_scene
-from multicor_cli.post.source import PostError, Run, Selection, frames_told, model_of, need_grains
+from multicor_cli.post.source import (
+    PostError,
+    Run,
+    Selection,
+    frames_of,
+    frames_told,
+    model_of,
+    need_grains,
+)
 from multicor_cli.post.sums import pseudo_values, spread
 from multicor_cli.post.table import Column, Quantity, Table, split_unit, with_unit
 from multicor_cli.text import choices
@@ -107,8 +115,8 @@ def fields(
     times = np.asarray(source.frames.time)[chosen]
     total = np.zeros((len(points.coordinates), len(names)))
     rows: list[Floats] = []  # of a grid they would fill the memory
-    for k in chosen.tolist():
-        sums = frame_sums(source, source.frames[k], points, coarse, has_stress=has_stress)
+    for frame in frames_of(source, chosen):
+        sums = frame_sums(source, frame, points, coarse, has_stress=has_stress)
         total += sums
         rows += [] if points.is_grid else [sums]
     values = derive(total / chosen.size, names, points.axes)
@@ -195,8 +203,13 @@ def _points(
     if along is not None:
         return line(*along, spacing)
     if center is not None:
-        distance = [_distances(source, int(k), center) for k in chosen]
-        inner, outer = min(low for low, _ in distance), max(high for _, high in distance)
+        inner, outer = np.inf, 0.0  # how near to the center grains come, and how far they reach
+        for frame in frames_of(source, chosen):
+            radius = model_of(source, frame).grains.radius
+            position = np.asarray(frame.position, np.float64)[:, :2]
+            away = np.hypot(*(position - np.array(center)).T)
+            inner = min(inner, max(float((away - radius).min()), 0.0))
+            outer = max(outer, float((away + radius).max()))
         return (rings if is_radial else polar_grid)(center, inner, outer, spacing)
     low, high = _box(source, chosen)
     if source.model.period > 0.0:
@@ -207,8 +220,7 @@ def _points(
 def _box(source: Run, chosen: NDArray[np.int64]) -> tuple[Floats, Floats]:
     """Lower left and upper right corner of a box that holds the grains in all frames [m]."""
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
-    for k in chosen.tolist():
-        frame = source.frames[k]
+    for frame in frames_of(source, chosen):
         radius = model_of(source, frame).grains.radius[:, np.newaxis]
         position = np.asarray(frame.position, np.float64)[:, :2]
         low = np.minimum(low, (position - radius).min(axis=0))
@@ -231,14 +243,6 @@ def _beyond(source: Run, chosen: NDArray[np.int64], points: FieldPoints, spacing
     )
 
 
-def _distances(source: Run, k: int, center: Center) -> tuple[float, float]:
-    """How near to the center grains come in a frame, and how far they reach [m]."""
-    frame = source.frames[k]
-    radius = model_of(source, frame).grains.radius
-    away = np.hypot(*(np.asarray(frame.position, np.float64)[:, :2] - np.array(center)).T)
-    return max(float((away - radius).min()), 0.0), float((away + radius).max())
-
-
 def _errors(
     rows: Floats, values: dict[str, Floats], times: Floats, names: tuple[str, ...], axes: str
 ) -> dict[str, Floats]:
@@ -246,7 +250,5 @@ def _errors(
     if len(rows) < 2:
         return {name: np.full(value.shape, np.nan) for name, value in values.items()}
     without = derive((rows.sum(axis=0) - rows) / (len(rows) - 1), names, axes)
-    return {
-        name: spread(pseudo_values(value, without[name]), times).error
-        for name, value in values.items()
-    }
+    pseudo = {name: pseudo_values(value, without[name]) for name, value in values.items()}
+    return {name: spread(each, times).error for name, each in pseudo.items()}

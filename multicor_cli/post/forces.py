@@ -16,6 +16,7 @@ from multicor_cli.post.source import (
     Run,
     Selection,
     frame_index,
+    frames_of,
     frames_told,
     model_of,
     need_grains,
@@ -336,8 +337,6 @@ def _between_grains(
 ) -> tuple[NDArray[np.int64], Iterator[LoadedContacts]]:
     """The frames that have forces, and the contacts of those that have any between grains."""
     chosen = with_forces(source, (selection or Selection()).indices(source.frames))
-    loaded = (
-        loaded_contacts(frame, model_of(source, frame))
-        for frame in (source.frames[int(k)] for k in chosen)
-    )
+    frames = frames_of(source, chosen)
+    loaded = (loaded_contacts(frame, model_of(source, frame)) for frame in frames)
     return chosen, (contacts for contacts in loaded if not contacts.is_wall.all())

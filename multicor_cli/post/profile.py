@@ -19,6 +19,7 @@ from multicor_cli.post.source import (
     PostError,
     Run,
     Selection,
+    frames_of,
     frames_told,
     model_of,
     of_groups,
@@ -339,7 +340,7 @@ def _bin_area(
 ) -> float:
     """Area of a bin, averaged over the frames, or over the time of a rate [m²]."""
     if field.kind in ("mean", "number"):
-        frames = (source.frames[int(k)] for k in chosen)
+        frames = frames_of(source, chosen)
         areas = [bins.place(frame).width * plane_width(source, frame) for frame in frames]
         return float(np.mean(areas))
     times = np.asarray(source.frames.time)[chosen]
@@ -379,8 +380,7 @@ def _at_walls(
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Means over frames of field and velocity at the lower and upper wall; nan without one."""
     values = np.full((chosen.size, 2, 2), np.nan)
-    for row, k in enumerate(chosen):
-        frame = source.frames[int(k)]
+    for row, frame in enumerate(frames_of(source, chosen)):
         for side, wall in enumerate(walls):
             if wall is not None:
                 values[row, 1, side] = frame.wall_velocity[wall, 0]

@@ -147,10 +147,8 @@ def _heat_rates(source: Run, frame: int) -> Floats:
         )
     need_same_grains(source.frames[frame - 1], source.frames[frame])
     times = np.asarray(source.frames.time)
-    return np.asarray(
-        (after - need_heat(source.frames[frame - 1].generated))
-        / float(times[frame] - times[frame - 1])
-    )
+    gained = after - need_heat(source.frames[frame - 1].generated)
+    return np.asarray(gained / float(times[frame] - times[frame - 1]))
 
 
 def _of_contacts(values: Callable[[LoadedContacts], Any]) -> Callable[[Run, int], Floats]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ from multicor_cli.post.source import (
     PostError,
     Run,
     Selection,
+    frames_of,
     frames_told,
     model_of,
     need_same_grains,
@@ -268,11 +270,8 @@ def rheology(
     band = find_band(source.model, extent, margin)
     times = np.asarray(source.frames.time)[chosen]
     flow = mean_flow(source, chosen, make_bins(source, chosen))
-    rows, before = [], source.frames[int(chosen[0])]
-    for k, lapse in zip(chosen[1:], np.diff(times).tolist(), strict=True):
-        after = source.frames[int(k)]
-        rows.append(interval_sums(source, band, flow, before, after, lapse))
-        before = after
+    pairs = zip(pairwise(frames_of(source, chosen)), np.diff(times).tolist(), strict=True)
+    rows = [interval_sums(source, band, flow, *pair, lapse) for pair, lapse in pairs]
     sums = np.column_stack([np.array(rows), _sum_walls(source, extent, times)])
     model, names, whole = source.model, source.model.walls.names, sums.sum(axis=0)
     values = _derive(model, sums, direction)
@@ -311,7 +310,7 @@ def _check_shear(source: Run, extent: Extent, chosen: NDArray[np.int64]) -> floa
         raise PostError(
             "rheology needs two frames; only one is selected: choose more with --from or --frames"
         )
-    speeds = [source.frames[int(k)].wall_velocity[:, 0] for k in chosen]
+    speeds = [frame.wall_velocity[:, 0] for frame in frames_of(source, chosen)]
     relative = float(np.mean([speed[extent.upper] - speed[extent.lower] for speed in speeds]))
     if relative == 0.0:
         names = source.model.walls.names

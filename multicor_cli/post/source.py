@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import SimpleNamespace
@@ -32,6 +32,11 @@ class PostError(Exception):
 def model_of(source: Run, frame: Frame) -> Model:
     """The model of the grains that are there in a frame, where grains come and go."""
     return getattr(frame, "model", None) or source.model
+
+
+def frames_of(source: Run, chosen: NDArray[np.int64]) -> Iterator[Frame]:
+    """The frames of these numbers, one after the other."""
+    return (source.frames[int(k)] for k in chosen)
 
 
 def need_grains(source: Run, chosen: NDArray[np.int64]) -> None:
