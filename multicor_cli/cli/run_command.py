@@ -9,16 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from multicor_cli.cli.console import (
-    Strict,
-    complain,
-    count_verdicts,
-    format_seconds,
-    make_observer,
-    refuse_bad,
-    say,
-    show_doubtful,
-)
+from multicor_cli.cli import console
 from multicor_cli.cli.guard import set_crash_directory
 from multicor_cli.cli.options import Overrides, Quiet, ScenarioFile, option, output_option
 from multicor_cli.text import count_noun
@@ -65,7 +56,7 @@ def run(
             "Add the stages that the scenario has more at its end to the run in the directory.",
         ),
     ] = False,
-    is_strict: Strict = False,
+    is_strict: console.Strict = False,
     is_dry: Annotated[
         bool, option("--dry-run", "Place the grains and do one step; write nothing.")
     ] = False,
@@ -81,7 +72,9 @@ def run(
     if overwrite and extend:
         raise typer.BadParameter("a run is either extended or overwritten", param_hint="--extend")
     with StopSignals(may_exit=True).installed() as stop_signals:
-        stop_signals.on_exit = lambda _number: complain("interrupted before anything was done")
+        stop_signals.on_exit = lambda _number: console.complain(
+            "interrupted before anything was done"
+        )
         with stop_signals.exit_at_once():
             from multicor_cli.running.machine import reserve_threads
             from multicor_cli.scenario.scenario import load_scenario
@@ -97,12 +90,12 @@ def run(
             return
         path = output if output is not None else Path("runs") / loaded.name
         set_crash_directory(path)
-        observer = make_observer(is_quiet=is_quiet)
+        observer = console.make_observer(is_quiet=is_quiet)
 
         def review(scenario: Scenario, plan: RunPlan, model: Model, state: State) -> None:
             checks = check_prepared(Prepared(scenario, plan, model, state, count, path))
-            show_doubtful(checks, observer.message)
-            refuse_bad(checks, is_strict=is_strict)
+            console.show_doubtful(checks, observer.message)
+            console.refuse_bad(checks, is_strict=is_strict)
 
         session = Session(
             loaded,
@@ -126,33 +119,33 @@ def _conclude(outcome: RunOutcome, *, is_quiet: bool, is_strict: bool) -> None:
     from multicor_cli.store import open_run
 
     checks, place = check_run(outcome.directory), shlex.quote(str(outcome.directory))
-    show_doubtful(checks, say)
+    console.show_doubtful(checks, console.say)
     if not is_quiet:
         for end in outcome.stage_ends:
-            say(f"stage {end.name}: {end.text}")
-        say(f"{count_verdicts(checks)}; see multicor info {place}")
-        say(str(outcome))
+            console.say(f"stage {end.name}: {end.text}")
+        console.say(f"{console.count_verdicts(checks)}; see multicor info {place}")
+        console.say(str(outcome))
         if outcome.is_finished:
             with open_run(outcome.directory) as run:
                 of = "speed" if run.model.thermal is None else "temperature"
-            say(f"next:  multicor post map {place} --of {of} --plot map.png")
-            say(f"       multicor report {place}")
-    refuse_bad(checks, is_strict=is_strict and outcome.is_finished)
+            console.say(f"next:  multicor post map {place} --of {of} --plot map.png")
+            console.say(f"       multicor report {place}")
+    console.refuse_bad(checks, is_strict=is_strict and outcome.is_finished)
 
 
 def _dry_run(scenario: Scenario, threads: int) -> None:
     from multicor_cli.packing import build
     from multicor_cli.running.session import try_step
 
-    say("placing the grains")
+    console.say("placing the grains")
     model, state = build(scenario)
     counts = f"{count_noun(model.grain_count, 'grain')}, {count_noun(model.wall_count, 'wall')}"
-    say(f"{counts}; compiling and doing one step")
+    console.say(f"{counts}; compiling and doing one step")
     started = time.monotonic()
     report = try_step(scenario, model, state, threads)
-    took = format_seconds(time.monotonic() - started)
+    took = console.format_seconds(time.monotonic() - started)
     state_of = "converged" if report.converged else "not converged"
-    say(
+    console.say(
         f"one step with compilation: {took}; {report.contacts} loaded contacts, "
         f"{report.sweeps:.0f} sweeps, {state_of}"
     )

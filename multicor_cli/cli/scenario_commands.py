@@ -11,17 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from multicor_cli.cli.console import (
-    Strict,
-    checks_as_json,
-    emit,
-    emit_json,
-    emit_pairs,
-    format_seconds,
-    refuse_bad,
-    say,
-    show_all,
-)
+from multicor_cli.cli import console
 from multicor_cli.cli.options import AsJson, Overrides, ScenarioFile, listed, option
 from multicor_cli.running.outcome import ExitCode
 from multicor_cli.text import count_noun, format_bytes
@@ -58,11 +48,11 @@ def new(
         texts[path.with_suffix(".csv")] = table
     for file in texts:
         if os.path.lexists(file) and not overwrite:
-            say(f"multicor: {file} exists; choose another name, or give --overwrite")
+            console.say(f"multicor: {file} exists; choose another name, or give --overwrite")
             raise typer.Exit(ExitCode.OCCUPIED)
     for file, text in reversed(texts.items()):
         commit_result(file, "scenario", text.encode())
-    say(f"wrote {' and '.join(map(str, texts))}; check it with:  multicor validate {path}")
+    console.say(f"wrote {' and '.join(map(str, texts))}; check it with:  multicor validate {path}")
 
 
 def validate(
@@ -71,7 +61,7 @@ def validate(
     threads: Annotated[
         int, option("--threads", "Number of threads to assume; 0: all cores.", min=0, max=1024)
     ] = 0,
-    is_strict: Strict = False,
+    is_strict: console.Strict = False,
     is_json: AsJson = False,
 ) -> None:
     """Check a scenario, place its grains, and estimate what a run will cost. Nothing is written."""
@@ -90,20 +80,20 @@ def validate(
     prepared = Prepared(loaded, plan, placed.model, placed.state, cores, origin=placed.origin)
     checks = check_prepared(prepared)
     if is_json:
-        emit_json({**_summary(prepared), **checks_as_json(checks)})
+        console.emit_json({**_summary(prepared), **console.checks_as_json(checks)})
     else:
-        emit_pairs(_lines(prepared))
-        emit("")
-        show_all(checks, emit)
-        say(f"({prepared.cost.basis})")
-    refuse_bad(checks, is_strict=is_strict)
+        console.emit_pairs(_lines(prepared))
+        console.emit("")
+        console.show_all(checks, console.emit)
+        console.say(f"({prepared.cost.basis})")
+    console.refuse_bad(checks, is_strict=is_strict)
 
 
 def schema() -> None:
     """Print the JSON Schema of scenario files, for editors that complete and check TOML."""
     from multicor_cli.scenario.tables import scenario_schema
 
-    emit_json(scenario_schema())
+    console.emit_json(scenario_schema())
 
 
 def _summary(run: Prepared) -> dict[str, Any]:
@@ -208,7 +198,7 @@ def _lines(run: Prepared) -> Iterator[tuple[str, str]]:
     peak = f"{format_bytes(cost.disk_peak)} while results.h5 is made"
     yield "disk", f"about {format_bytes(cost.disk)}, {peak}"
     first = "half a minute of compilation the first time"
-    yield "wall time", f"about {format_seconds(cost.seconds)}, and {first}"
+    yield "wall time", f"about {console.format_seconds(cost.seconds)}, and {first}"
 
 
 COMMANDS = {"new": new, "validate": validate, "schema": schema}
