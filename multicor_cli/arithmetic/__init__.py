@@ -18,18 +18,6 @@ from multicor_cli.arithmetic.normal import normal_cdf, normal_quantile
 from multicor_cli.arithmetic.trigonometric import acos, asin, atan2, cos, hypot, sin
 
 __all__ = [
-    "acos",
-    "asin",
-    "atan2",
-    "cbrt",
-    "cos",
-    "exp",
-    "expm1",
-    "hypot",
-    "log",
-    "log1p",
-    "normal_cdf",
-    "normal_quantile",
-    "power",
-    "sin",
-]
+    "acos", "asin", "atan2", "cbrt", "cos", "exp", "expm1", "hypot", "log", "log1p", "normal_cdf",
+    "normal_quantile", "power", "sin",
+]  # fmt: skip

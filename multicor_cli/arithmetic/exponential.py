@@ -16,6 +16,8 @@ _LARGEST = 709.782712893384  # e to this is the largest number
 _SMALLEST = -745.1332191019412  # e to this is the smallest number above zero
 _SQRT_HALF = 0.7071067811865476
 _SPLITTER = 134217729.0  # 2²⁷ + 1
+_OF_EXP = tuple(1.0 / math.factorial(n) for n in range(14, 1, -1))
+_OF_LOG = tuple(1.0 / n for n in range(25, 1, -2))
 
 
 def exp(x: float) -> float:
@@ -56,19 +58,7 @@ def _excess(x: float, k: int, rest: float) -> float:
     low = k * _LN2_LOW - rest
     r = high - low
     lost = (high - r) - low
-    series = 1.0 / 87178291200.0
-    series = series * r + 1.0 / 6227020800.0
-    series = series * r + 1.0 / 479001600.0
-    series = series * r + 1.0 / 39916800.0
-    series = series * r + 1.0 / 3628800.0
-    series = series * r + 1.0 / 362880.0
-    series = series * r + 1.0 / 40320.0
-    series = series * r + 1.0 / 5040.0
-    series = series * r + 1.0 / 720.0
-    series = series * r + 1.0 / 120.0
-    series = series * r + 1.0 / 24.0
-    series = series * r + 1.0 / 6.0
-    series = series * r + 0.5
+    series = polynomial(_OF_EXP, r)
     return r + (r * r * series + (lost + lost * r))
 
 
@@ -107,18 +97,7 @@ def log_pair(x: float) -> tuple[float, float]:
     product, product_lost = two_product(s, below)
     s_lost = (((f - product) - product_lost) - s * below_lost) / below
     z = s * s
-    series = 1.0 / 25.0
-    series = series * z + 1.0 / 23.0
-    series = series * z + 1.0 / 21.0
-    series = series * z + 1.0 / 19.0
-    series = series * z + 1.0 / 17.0
-    series = series * z + 1.0 / 15.0
-    series = series * z + 1.0 / 13.0
-    series = series * z + 1.0 / 11.0
-    series = series * z + 1.0 / 9.0
-    series = series * z + 1.0 / 7.0
-    series = series * z + 1.0 / 5.0
-    series = series * z + 1.0 / 3.0
+    series = polynomial(_OF_LOG, z)
     high, lost = two_sum(k * _LN2_HIGH, 2.0 * s)
     return high, lost + (2.0 * s_lost + (2.0 * s * z * series + k * _LN2_LOW))
 
@@ -151,6 +130,14 @@ def cbrt(x: float) -> float:
         cube = root * root * root
         root = root - root * (cube - m) / (2.0 * cube + m)
     return math.ldexp(root, third)
+
+
+def polynomial(coefficients: tuple[float, ...], x: float) -> float:
+    """The polynomial with these coefficients, highest power first (Horner)."""
+    total = 0.0
+    for coefficient in coefficients:
+        total = total * x + coefficient
+    return total
 
 
 def two_sum(a: float, b: float) -> tuple[float, float]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from multicor_cli.arithmetic.exponential import polynomial
+
 # π/2 in three parts, two of 33 bits: multiples up to 2²⁰ are exact (Cody and Waite).
 _QUARTER_HIGH = 1.5707963267341256
 _QUARTER_MIDDLE = 6.077100506303966e-11
@@ -12,6 +14,9 @@ _INVERSE_QUARTER = 0.6366197723675814
 _PI = 3.141592653589793
 _PI_LOST = 1.2246467991473532e-16  # π − _PI
 _FARTHEST = 2.0**51
+_OF_SIN = tuple((1.0 if n % 4 == 1 else -1.0) / math.factorial(n) for n in range(17, 1, -2))
+_OF_COS = tuple((1.0 if n % 4 == 0 else -1.0) / math.factorial(n) for n in range(18, 2, -2))
+_OF_ATAN = tuple((1.0 if n % 4 == 3 else -1.0) / n for n in range(17, 1, -2))
 
 
 def sin(x: float) -> float:
@@ -44,27 +49,13 @@ def _reduced(x: float) -> tuple[int, float, float]:
 
 def _sin_near(r: float, lost: float) -> float:
     z = r * r
-    series = 1.0 / 355687428096000.0
-    series = series * z - 1.0 / 1307674368000.0
-    series = series * z + 1.0 / 6227020800.0
-    series = series * z - 1.0 / 39916800.0
-    series = series * z + 1.0 / 362880.0
-    series = series * z - 1.0 / 5040.0
-    series = series * z + 1.0 / 120.0
-    series = series * z - 1.0 / 6.0
+    series = polynomial(_OF_SIN, z)
     return r + (r * z * series + lost * (1.0 - 0.5 * z))
 
 
 def _cos_near(r: float, lost: float) -> float:
     z = r * r
-    series = 1.0 / 6402373705728000.0
-    series = 1.0 / 20922789888000.0 - series * z
-    series = series * z - 1.0 / 87178291200.0
-    series = series * z + 1.0 / 479001600.0
-    series = series * z - 1.0 / 3628800.0
-    series = series * z + 1.0 / 40320.0
-    series = series * z - 1.0 / 720.0
-    series = series * z + 1.0 / 24.0
+    series = polynomial(_OF_COS, z)
     half = 0.5 * z
     main = 1.0 - half
     return main + (((1.0 - main) - half) + (z * z * series - r * lost))
@@ -105,15 +96,7 @@ def _atan_of_ratio(a: float, b: float) -> float:
 def _atan_deficit(w: float) -> float:
     """Difference w − atan w for |w| ≤ ⅛."""
     z = w * w
-    series = 1.0 / 17.0
-    series = 1.0 / 15.0 - series * z
-    series = 1.0 / 13.0 - series * z
-    series = 1.0 / 11.0 - series * z
-    series = 1.0 / 9.0 - series * z
-    series = 1.0 / 7.0 - series * z
-    series = 1.0 / 5.0 - series * z
-    series = 1.0 / 3.0 - series * z
-    return w * z * series
+    return w * z * polynomial(_OF_ATAN, z)
 
 
 def asin(x: float) -> float:

@@ -119,9 +119,8 @@ def measure(task: Task) -> Result:
         cold_rounds = [prepared.take_cold() for _ in range(_COLD * task.rounds if is_cold else 0)]
     except (NoRestError, PhysicsError) as error:
         faults = [str(error)]
-        return Result(
-            task.scene, task.grains, task.threads, scene.steps, task.rounds, faults=faults
-        )
+        about = (task.scene, task.grains, task.threads, scene.steps, task.rounds)
+        return Result(*about, faults=faults)
     faults = find_faults(prepared, [warm, *rounds, *cold_rounds])
     sweep = None
     if not scene.is_frozen:
@@ -130,10 +129,7 @@ def measure(task: Task) -> Result:
         sweep = time_sweep(ordered.system, (1, task.threads) if task.threads > 1 else (1,))
 
     reports = [report for round_ in rounds for report in round_.reports]
-    candidates, contacts, sweeps = (
-        [getattr(report, name) for report in reports]
-        for name in ("candidates", "contacts", "sweeps")
-    )
+    sweeps = [report.sweeps for report in reports]
     cold_sweeps = [report.sweeps for round_ in cold_rounds for report in round_.reports]
     step = statistics.median(seconds for round_ in rounds for seconds in round_.seconds)
     phases = {name: [round_.phases[name] for round_ in rounds] for name in rounds[0].phases}
@@ -143,8 +139,8 @@ def measure(task: Task) -> Result:
         threads=task.threads,
         steps=scene.steps,
         rounds=task.rounds,
-        candidates=statistics.fmean(candidates),
-        loaded=statistics.fmean(contacts),
+        candidates=statistics.fmean(report.candidates for report in reports),
+        loaded=statistics.fmean(report.contacts for report in reports),
         sweeps=statistics.fmean(sweeps),
         median_sweeps=statistics.median(sweeps),
         cold_sweeps=statistics.median(cold_sweeps) if cold_sweeps else None,

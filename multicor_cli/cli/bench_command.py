@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from multicor_cli.cli.console import emit_json, emit_table, say
-from multicor_cli.cli.options import listed
+from multicor_cli.cli.options import listed, option
 from multicor_cli.running.outcome import ExitCode
 
 if TYPE_CHECKING:
@@ -26,48 +26,26 @@ SceneNames = Annotated[
 ]
 Grains = Annotated[
     list[int] | None,
-    typer.Option(
-        "--grains",
-        metavar="N",
-        min=100,
-        max=10_000_000,
-        help="Number of grains; may be given several times.",
-    ),
+    option("--grains N", "Number of grains; may be given several times.", min=100, max=10_000_000),
 ]
 Threads = Annotated[
-    int, typer.Option("--threads", min=0, max=1024, help="Number of threads; 0 takes all cores.")
+    int, option("--threads", "Number of threads; 0 takes all cores.", min=0, max=1024)
 ]
 Rounds = Annotated[
-    int,
-    typer.Option(
-        "--rounds", min=1, max=1000, help="Number of rounds; the medians over them are printed."
-    ),
+    int, option("--rounds", "Number of rounds; the medians over them are printed.", min=1, max=1000)
 ]
-Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the scenes.")]
-Quick = Annotated[
-    bool, typer.Option("--quick", help="The few scenes that CI measures, on one thread.")
-]
+Seed = Annotated[int, option("--seed", "Seed of the scenes.", min=0)]
+Quick = Annotated[bool, option("--quick", "The few scenes that CI measures, on one thread.")]
 Compilation = Annotated[
-    bool, typer.Option("--compilation", help="Measure compilation too, with an empty cache.")
+    bool, option("--compilation", "Measure compilation too, with an empty cache.")
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print everything as JSON.")]
+AsJson = Annotated[bool, option("--json", "Print everything as JSON.")]
 RecordFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--record",
-        metavar="FILE",
-        help="Measure three seeds, write the medians into FILE.",
-        show_default=False,
-    ),
+    Path | None, option("--record FILE", "Measure three seeds, write the medians into FILE.", False)
 ]
 CompareFile = Annotated[
     Path | None,
-    typer.Option(
-        "--compare",
-        metavar="FILE",
-        help="Fail if worse than in FILE by more than the margins.",
-        show_default=False,
-    ),
+    option("--compare FILE", "Fail if worse than in FILE by more than the margins.", False),
 ]
 
 QUICK = (

@@ -5,17 +5,14 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-import shlex
 import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
+from multicor_cli.cli.options import option
 from multicor_cli.text import brief, count_noun, printable
 
 if TYPE_CHECKING:
@@ -44,26 +41,14 @@ def emit_json(data: Any) -> None:
     print(json.dumps(_plain(data), indent=2, ensure_ascii=False, allow_nan=False))
 
 
-def emit_table(
-    columns: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    *,
-    title: str = "",
-    has_header: bool = True,
-) -> None:
+def emit_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """A table on stdout; numbers belong into right-aligned columns, so all but the first are."""
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(
-        title=title or None,
-        title_justify="left",
-        box=SIMPLE_HEAD,
-        show_header=has_header,
-        pad_edge=False,
-    )
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
     for number, name in enumerate(columns):
         table.add_column(Text(name), justify="left" if number == 0 else "right", no_wrap=True)
     for row in rows:
@@ -184,20 +169,16 @@ def make_observer(*, is_quiet: bool) -> Observer:
 
 
 class QuietObserver:
-    """Shows warnings only; not being able to write them (a closed pipe) must not stop a run."""
+    """Shows warnings only."""
 
     def message(self, text: str) -> None: ...
 
     def warning(self, text: str) -> None:
-        self._say(f"warning: {text}")
+        say(f"warning: {text}")
 
     def stepped(self, status: Status) -> None: ...
 
     def closed(self) -> None: ...
-
-    def _say(self, text: str) -> None:
-        with contextlib.suppress(OSError):
-            say(text)
 
 
 class LogObserver(QuietObserver):
@@ -207,13 +188,13 @@ class LogObserver(QuietObserver):
         self._next = time.monotonic() + 5.0
 
     def message(self, text: str) -> None:
-        self._say(text)
+        say(text)
 
     def stepped(self, status: Status) -> None:
         now = time.monotonic()
         if now >= self._next:
             self._next = now + LINE_INTERVAL
-            self._say(f"{100.0 * status.progress:5.1f} %  {describe(status)}{_remaining(status)}")
+            say(f"{100.0 * status.progress:5.1f} %  {describe(status)}{_remaining(status)}")
 
 
 class BarObserver(QuietObserver):
@@ -276,24 +257,9 @@ def _remaining(status: Status) -> str:
     return f"  {format_seconds(status.remaining)} left"
 
 
-# ---- The two commands that are worth giving after a run
-
-
-def following(directory: Path) -> tuple[str, str]:
-    """Commands for a look at the finished run in a directory, and for its report."""
-    from multicor_cli.store import open_run
-
-    place = shlex.quote(str(directory))
-    with open_run(directory) as run:
-        is_heated = run.model.thermal is not None
-    of = "temperature" if is_heated else "speed"
-    look = f"multicor post map {place} --of {of} --plot map.png"
-    return look, f"multicor report {place}"
-
-
 # ---- Checks on the terminal and in JSON, and what `--strict` makes of them
 
-Strict = Annotated[bool, typer.Option("--strict", help="Exit with code 4 if a check is bad.")]
+Strict = Annotated[bool, option("--strict", "Exit with code 4 if a check is bad.")]
 
 
 _WIDTH = 120
@@ -321,10 +287,8 @@ def show_doubtful(checks: Sequence[Check], say: Callable[[str], None], of: str =
 def count_verdicts(checks: Sequence[Check]) -> str:
     """How many checks came out how, in words."""
     count = Counter(check.verdict.value for check in checks)
-    return (
-        f"{count_noun(len(checks), 'check')}: {count['ok']} ok, "
-        f"{count_noun(count['warning'], 'warning')}, {count['bad']} bad"
-    )
+    warnings = count_noun(count["warning"], "warning")
+    return f"{count_noun(len(checks), 'check')}: {count['ok']} ok, {warnings}, {count['bad']} bad"
 
 
 def checks_as_json(checks: Sequence[Check]) -> dict[str, Any]:

@@ -12,6 +12,13 @@ import typer
 from typer.core import TyperCommand
 
 
+def option(words: str, help: str, shown: str | bool = True, **more: Any) -> Any:  # noqa: A002
+    """An option: its names and what stands for its value, its help, what the default is called."""
+    names = [word for word in words.split() if word.startswith("-")]
+    metavar = " ".join(word for word in words.split() if word not in names)
+    return typer.Option(*names, metavar=metavar or None, help=help, show_default=shown, **more)
+
+
 def output_option(*, metavar: str, help: str, show_default: str | bool = False) -> Any:  # noqa: A002  (Typer's name)
     """The option ``-o``, which names what is written."""
     remedy = "write . for the current directory" if metavar.startswith("DIR") else "give one"
@@ -22,9 +29,7 @@ def output_option(*, metavar: str, help: str, show_default: str | bool = False) 
             raise typer.BadParameter(f"the name is empty; {remedy}")
         return Path(text)
 
-    return typer.Option(
-        "--output", "-o", parser=named_path, metavar=metavar, help=help, show_default=show_default
-    )
+    return option(f"--output -o {metavar}", help, show_default, parser=named_path)
 
 
 ScenarioFile = Annotated[
@@ -38,22 +43,13 @@ RunPath = Annotated[
     ),
 ]
 
-Overrides = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="KEY=VALUE",
-        help=(
-            "Override a key of the scenario, as loading.1.duration=2.0 (indices from 0); may be "
-            "given several times."
-        ),
-        show_default=False,
-    ),
-]
-
-
-AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show warnings and errors only.")]
+_OVERRIDE = (
+    "Override a key of the scenario, as loading.1.duration=2.0 (indices from 0); may be given "
+    "several times."
+)
+Overrides = Annotated[list[str] | None, option("--set KEY=VALUE", _OVERRIDE, False)]
+AsJson = Annotated[bool, option("--json", "Print the result as JSON.")]
+Quiet = Annotated[bool, option("--quiet -q", "Show warnings and errors only.")]
 
 # ---- Help that lists what there is to choose from
 

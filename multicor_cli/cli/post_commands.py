@@ -13,7 +13,7 @@ import typer
 from multicor_cli import store
 from multicor_cli.cli import options
 from multicor_cli.cli.console import say, show_progress
-from multicor_cli.cli.options import RunPath, listed, output_option
+from multicor_cli.cli.options import RunPath, listed, option, output_option
 from multicor_cli.cli.post_output import (
     Between,
     Bins,
@@ -22,7 +22,6 @@ from multicor_cli.cli.post_output import (
     OneFrame,
     Shown,
     Start,
-    option,
     parse_frames,
     selected,
     shows_table,
@@ -57,8 +56,7 @@ Height = Annotated[
     float | None, option("--height H", "Height H of the bed (in m).", "how far the grains reach")
 ]
 Reference = Annotated[
-    float | None,
-    option("--reference T0", "Temperature T₀ (in K).", "mean of the first frame"),
+    float | None, option("--reference T0", "Temperature T₀ (in K).", "mean of the first frame")
 ]
 _GRAINS = "Include every grain: in JSON besides the bins, in CSV instead of them."
 Grains = Annotated[bool, option("--grains", _GRAINS)]
@@ -419,8 +417,7 @@ OtherPath = Annotated[
 ]
 _COMPARED = "Field whose profiles are compared, see `post profile`; may be given several times."
 ComparedFields = Annotated[
-    list[str] | None,
-    option("--of FIELD", _COMPARED, "velocity", autocompletion=listed("profiled")),
+    list[str] | None, option("--of FIELD", _COMPARED, "velocity", autocompletion=listed("profiled"))
 ]
 
 

@@ -14,19 +14,13 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from multicor_cli.cli.console import emit_json, emit_table, say
+from multicor_cli.cli.options import option
 from multicor_cli.text import with_unit_signs
 
 if TYPE_CHECKING:
     from multicor_cli.post import Selection, Table
 
 # ---- Options that the commands `post …` share
-
-
-def option(words: str, help: str, shown: str | bool = True, **more: Any) -> Any:  # noqa: A002
-    """An option: its name and what stands for its value, its help, what the default is called."""
-    name, _, metavar = words.partition(" ")
-    return typer.Option(name, metavar=metavar or None, help=help, show_default=shown, **more)
-
 
 Start = Annotated[
     float | None, option("--from T", "Earliest time, in s.", "the later half of the last stage")
@@ -38,8 +32,7 @@ OneFrame = Annotated[int, option("--frame K", "Number of the frame; -1 is the la
 Bins = Annotated[int | None, option("--bins", "Number of bins.", "one per mean diameter", min=1)]
 _WALLS = "Names of the walls below and above."
 Between = Annotated[
-    tuple[str, str] | None,
-    option("--between LOWER UPPER", _WALLS, "those that bound the grains"),
+    tuple[str, str] | None, option("--between LOWER UPPER", _WALLS, "those that bound the grains")
 ]
 AsJson = Annotated[bool, option("--json", "Print the data as JSON.")]
 AsCsv = Annotated[bool, option("--csv", "Print the data as CSV.")]
@@ -184,10 +177,8 @@ def _emit(found: Shown, *, is_csv: bool) -> None:
     say(found.about)
     rows = table.rows
     digits = [_digits(column) for column in zip(*rows, strict=True)]
-    emit_table(
-        [with_unit_signs(name) for name in table.headings],
-        [[_cell(value, n) for value, n in zip(row, digits, strict=True)] for row in rows],
-    )
+    cells = [[_cell(value, n) for value, n in zip(row, digits, strict=True)] for row in rows]
+    emit_table([with_unit_signs(name) for name in table.headings], cells)
 
 
 def _digits(column: Sequence[Any]) -> int:

@@ -4,25 +4,14 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from multicor_cli.cli.console import (
-    Strict,
-    checks_as_json,
-    complain,
-    emit,
-    emit_json,
-    emit_pairs,
-    format_seconds,
-    refuse_bad,
-    say,
-    show_all,
-    show_progress,
-)
-from multicor_cli.cli.options import AsJson, RunPath, output_option
+from multicor_cli.cli import console
+from multicor_cli.cli.options import AsJson, RunPath, option, output_option
 from multicor_cli.cli.post_output import Frames, OneFrame, parse_frames
 from multicor_cli.optional import LIBRARIES
 from multicor_cli.running.outcome import ExitCode
@@ -43,7 +32,7 @@ _HEAT_LABELS = {
 """Heat books for people, by name; those that are zero are not shown."""
 
 
-def info(directory: RunPath, is_strict: Strict = False, is_json: AsJson = False) -> None:
+def info(directory: RunPath, is_strict: console.Strict = False, is_json: AsJson = False) -> None:
     """Show what a run contains, how far it has got, and how accurate it is; also while it goes
     on.
     """
@@ -53,16 +42,16 @@ def info(directory: RunPath, is_strict: Strict = False, is_json: AsJson = False)
     found = run_info(directory)
     checks = check_run(directory, found)
     if is_json:
-        emit_json({**found, **checks_as_json(checks)})
+        console.emit_json({**found, **console.checks_as_json(checks)})
     else:
-        emit_pairs(_describe(found))
+        console.emit_pairs(_describe(found))
         if found["heat"] is not None:
-            emit("")
-            emit_pairs(_describe_heat(found["heat"]))
+            console.emit("")
+            console.emit_pairs(_describe_heat(found["heat"]))
         if checks:
-            emit("")
-            show_all(checks, emit)
-    refuse_bad(checks, is_strict=is_strict)
+            console.emit("")
+            console.show_all(checks, console.emit)
+    console.refuse_bad(checks, is_strict=is_strict)
 
 
 def verify(directory: RunPath, is_json: AsJson = False) -> None:
@@ -74,15 +63,15 @@ def verify(directory: RunPath, is_json: AsJson = False) -> None:
     findings = verify_run(directory)
     damaged = [finding for finding in findings if finding.severity == "error"]
     if is_json:
-        rows = [{"severity": f.severity, "file": f.file, "message": f.message} for f in findings]
-        emit_json({"path": str(directory), "whole": not damaged, "findings": rows})
+        rows = [asdict(finding) for finding in findings]
+        console.emit_json({"path": str(directory), "whole": not damaged, "findings": rows})
     else:
         for finding in findings:
             is_named = finding.message.startswith(finding.file)
             where = "" if is_named else f"{finding.file}: "
-            emit(f"{finding.severity}: {where}{finding.message}")
+            console.emit(f"{finding.severity}: {where}{finding.message}")
         damage = f"{count_noun(len(damaged), 'file')} damaged" if damaged else "no damage found"
-        say(f"{directory}: {damage}")
+        console.say(f"{directory}: {damage}")
     if damaged:
         raise typer.Exit(ExitCode.DAMAGED)
 
@@ -93,9 +82,9 @@ def doctor(is_json: AsJson = False) -> None:
 
     found = diagnose()
     if is_json:
-        emit_json(found)
+        console.emit_json(found)
     else:
-        emit_pairs([(name, str(value)) for name, value in found.items()])
+        console.emit_pairs([(name, str(value)) for name, value in found.items()])
 
 
 def _describe(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
@@ -128,7 +117,10 @@ def _describe(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield "  steered", f"{program}, asked every {every}: {decisions}"
     for end in (record_of(StageEnd, document) for document in found["stage_ends"]):
         yield f"  {end.name}", end.text
-    yield "wall time", "–" if found["duration"] is None else format_seconds(found["duration"])
+    yield (
+        "wall time",
+        "–" if found["duration"] is None else console.format_seconds(found["duration"]),
+    )
     yield "state digest", _text(found["state_digest"])
     for entry in TALLIES:
         if entry.label is not None:
@@ -149,7 +141,7 @@ def _describe(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
         )
         speed, left = beat.get("steps_per_second"), beat.get("remaining_seconds")
         where += f", {speed:.3g} steps/s" if speed is not None else ""
-        where += f", {format_seconds(left)} left" if left is not None else ""
+        where += f", {console.format_seconds(left)} left" if left is not None else ""
         yield "now", f"{where} ({beat.get('updated', 'time not known')})"
     if (pid := found["pid"]) is not None:
         usage = f"kill -USR1 {pid} writes one; kill -TERM {pid} writes one and stops"
@@ -187,17 +179,9 @@ PageFile = Annotated[
 ]
 FrameLimit = Annotated[
     int | None,
-    typer.Option(
-        "--frames",
-        metavar="N",
-        min=1,
-        help="Largest number of frames in it.",
-        show_default="as many as fit in 30 MB",
-    ),
+    option("--frames N", "Largest number of frames in it.", "as many as fit in 30 MB", min=1),
 ]
-OverwritePage = Annotated[
-    bool, typer.Option("--overwrite", help="Replace the file if it is a report.")
-]
+OverwritePage = Annotated[bool, option("--overwrite", "Replace the file if it is a report.")]
 
 
 def report(
@@ -217,16 +201,16 @@ def report(
         raise typer.BadParameter(f"'{output}' does not end in .html", param_hint="-o")
     from multicor_cli.report import write_report
 
-    with show_progress("frame") as progress:
+    with console.show_progress("frame") as progress:
         done = write_report(
             directory, output, frames=frames, is_overwriting=is_overwriting, progress=progress
         )
     if not done.has_figures:
-        say(f"without figures: they need matplotlib: {LIBRARIES['matplotlib'].remedy}")
+        console.say(f"without figures: they need matplotlib: {LIBRARIES['matplotlib'].remedy}")
     shown = f"{done.frames} of {done.frame_count} frames"
     if done.contact_limit is not None:
         shown += f", with the {done.contact_limit} strongest contacts of each"
-    say(f"wrote {done.path}: {format_bytes(done.size)}, {shown}")
+    console.say(f"wrote {done.path}: {format_bytes(done.size)}, {shown}")
 
 
 # ---- Commands `export …`: frames of a run in the formats of other programs
@@ -243,7 +227,7 @@ GsdFile = Annotated[Path, output_option(metavar="FILE.gsd", help="File to write.
 CsvDirectory = Annotated[Path, output_option(metavar="DIR", help="Directory to write.")]
 FclibFile = Annotated[Path, output_option(metavar="FILE.hdf5", help="File to write.")]
 OverwriteExport = Annotated[
-    bool, typer.Option("--overwrite", help="Replace what an export has written there before.")
+    bool, option("--overwrite", "Replace what an export has written there before.")
 ]
 
 
@@ -262,9 +246,11 @@ def to_gsd(
     from multicor_cli.export import export_gsd
     from multicor_cli.store import open_run
 
-    with open_run(directory) as run, show_progress("frame") as progress:
+    with open_run(directory) as run, console.show_progress("frame") as progress:
         count = export_gsd(run, output, chosen, is_overwriting=is_overwriting, progress=progress)
-    say(f"wrote {output}: {count_noun(count, 'frame')}, {format_bytes(output.stat().st_size)}")
+    console.say(
+        f"wrote {output}: {count_noun(count, 'frame')}, {format_bytes(output.stat().st_size)}"
+    )
 
 
 def to_csv(
@@ -282,10 +268,10 @@ def to_csv(
     from multicor_cli.export import export_csv
     from multicor_cli.store import open_run
 
-    with open_run(directory) as run, show_progress("frame") as progress:
+    with open_run(directory) as run, console.show_progress("frame") as progress:
         count = export_csv(run, output, chosen, is_overwriting=is_overwriting, progress=progress)
     size = sum(file.stat().st_size for file in output.iterdir())
-    say(f"wrote {output}: {count_noun(count, 'frame')}, {format_bytes(size)}")
+    console.say(f"wrote {output}: {count_noun(count, 'frame')}, {format_bytes(size)}")
 
 
 def to_fclib(
@@ -309,7 +295,7 @@ def to_fclib(
     contacts = count_noun(len(found.problem.pair), "contact")
     where = "beyond the end of the run" if found.is_beyond else f"in stage '{found.stage}'"
     after = f"the step after frame {found.frame} (t = {found.time:g} s)"
-    say(f"wrote {output}: {contacts} of {after}, {where}")
+    console.say(f"wrote {output}: {contacts} of {after}, {where}")
 
 
 @contextlib.contextmanager
@@ -318,7 +304,7 @@ def _may_be_left() -> Iterator[None]:
     from multicor_cli.running.signals import StopSignals
 
     stop_signals = StopSignals(may_exit=True)
-    stop_signals.on_exit = lambda number: complain("interrupted")
+    stop_signals.on_exit = lambda number: console.complain("interrupted")
     with stop_signals.installed(), stop_signals.exit_at_once():
         yield
 

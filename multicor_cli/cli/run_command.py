@@ -9,19 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from multicor_cli.cli.console import (
-    Strict,
-    complain,
-    count_verdicts,
-    following,
-    format_seconds,
-    make_observer,
-    refuse_bad,
-    say,
-    show_doubtful,
-)
+from multicor_cli.cli import console
 from multicor_cli.cli.guard import set_crash_directory
-from multicor_cli.cli.options import Overrides, Quiet, ScenarioFile, output_option
+from multicor_cli.cli.options import Overrides, Quiet, ScenarioFile, option, output_option
 from multicor_cli.text import count_noun
 
 if TYPE_CHECKING:
@@ -31,26 +21,21 @@ if TYPE_CHECKING:
     from multicor_cli.scenario.scenario import Scenario
 
 Directory = Annotated[
-    Path | None,
-    output_option(metavar="DIR", help="Run directory.", show_default="runs/NAME"),
+    Path | None, output_option(metavar="DIR", help="Run directory.", show_default="runs/NAME")
 ]
 Threads = Annotated[
     int,
-    typer.Option(
+    option(
         "--threads",
+        "Threads; 0: what the scenario says, or all cores. Results do not depend on it.",
         min=0,
         max=1024,
-        help="Threads; 0: what the scenario says, or all cores. Results do not depend on it.",
     ),
 ]
 MaxHours = Annotated[
     float | None,
-    typer.Option(
-        "--max-hours",
-        min=0.0,
-        metavar="H",
-        help="Stop after this time with a checkpoint and exit code 75.",
-        show_default=False,
+    option(
+        "--max-hours H", "Stop after this time with a checkpoint and exit code 75.", False, min=0.0
     ),
 ]
 
@@ -62,20 +47,18 @@ def run(
     threads: Threads = 0,
     max_hours: MaxHours = None,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Remove the run that is in the directory.")
+        bool, option("--overwrite", "Remove the run that is in the directory.")
     ] = False,
     extend: Annotated[
         bool,
-        typer.Option(
+        option(
             "--extend",
-            help=(
-                "Add the stages that the scenario has more at its end to the run in the directory."
-            ),
+            "Add the stages that the scenario has more at its end to the run in the directory.",
         ),
     ] = False,
-    is_strict: Strict = False,
+    is_strict: console.Strict = False,
     is_dry: Annotated[
-        bool, typer.Option("--dry-run", help="Place the grains and do one step; write nothing.")
+        bool, option("--dry-run", "Place the grains and do one step; write nothing.")
     ] = False,
     is_quiet: Quiet = False,
 ) -> None:
@@ -89,7 +72,9 @@ def run(
     if overwrite and extend:
         raise typer.BadParameter("a run is either extended or overwritten", param_hint="--extend")
     with StopSignals(may_exit=True).installed() as stop_signals:
-        stop_signals.on_exit = lambda _number: complain("interrupted before anything was done")
+        stop_signals.on_exit = lambda _number: console.complain(
+            "interrupted before anything was done"
+        )
         with stop_signals.exit_at_once():
             from multicor_cli.running.machine import reserve_threads
             from multicor_cli.scenario.scenario import load_scenario
@@ -105,12 +90,12 @@ def run(
             return
         path = output if output is not None else Path("runs") / loaded.name
         set_crash_directory(path)
-        observer = make_observer(is_quiet=is_quiet)
+        observer = console.make_observer(is_quiet=is_quiet)
 
         def review(scenario: Scenario, plan: RunPlan, model: Model, state: State) -> None:
             checks = check_prepared(Prepared(scenario, plan, model, state, count, path))
-            show_doubtful(checks, observer.message)
-            refuse_bad(checks, is_strict=is_strict)
+            console.show_doubtful(checks, observer.message)
+            console.refuse_bad(checks, is_strict=is_strict)
 
         session = Session(
             loaded,
@@ -131,32 +116,36 @@ def run(
 def _conclude(outcome: RunOutcome, *, is_quiet: bool, is_strict: bool) -> None:
     """Say what is doubtful and how the run ended; a stopped run keeps its own exit code."""
     from multicor_cli.checks import check_run
+    from multicor_cli.store import open_run
 
-    checks = check_run(outcome.directory)
-    show_doubtful(checks, say)
+    checks, place = check_run(outcome.directory), shlex.quote(str(outcome.directory))
+    console.show_doubtful(checks, console.say)
     if not is_quiet:
         for end in outcome.stage_ends:
-            say(f"stage {end.name}: {end.text}")
-        say(f"{count_verdicts(checks)}; see multicor info {shlex.quote(str(outcome.directory))}")
-        say(str(outcome))
+            console.say(f"stage {end.name}: {end.text}")
+        console.say(f"{console.count_verdicts(checks)}; see multicor info {place}")
+        console.say(str(outcome))
         if outcome.is_finished:
-            say("next:  " + "\n       ".join(following(outcome.directory)))
-    refuse_bad(checks, is_strict=is_strict and outcome.is_finished)
+            with open_run(outcome.directory) as run:
+                of = "speed" if run.model.thermal is None else "temperature"
+            console.say(f"next:  multicor post map {place} --of {of} --plot map.png")
+            console.say(f"       multicor report {place}")
+    console.refuse_bad(checks, is_strict=is_strict and outcome.is_finished)
 
 
 def _dry_run(scenario: Scenario, threads: int) -> None:
     from multicor_cli.packing import build
     from multicor_cli.running.session import try_step
 
-    say("placing the grains")
+    console.say("placing the grains")
     model, state = build(scenario)
     counts = f"{count_noun(model.grain_count, 'grain')}, {count_noun(model.wall_count, 'wall')}"
-    say(f"{counts}; compiling and doing one step")
+    console.say(f"{counts}; compiling and doing one step")
     started = time.monotonic()
     report = try_step(scenario, model, state, threads)
-    took = format_seconds(time.monotonic() - started)
+    took = console.format_seconds(time.monotonic() - started)
     state_of = "converged" if report.converged else "not converged"
-    say(
+    console.say(
         f"one step with compilation: {took}; {report.contacts} loaded contacts, "
         f"{report.sweeps:.0f} sweeps, {state_of}"
     )

@@ -7,22 +7,12 @@ import os
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from multicor_cli.cli.console import (
-    Strict,
-    checks_as_json,
-    emit,
-    emit_json,
-    emit_pairs,
-    format_seconds,
-    refuse_bad,
-    say,
-    show_all,
-)
-from multicor_cli.cli.options import AsJson, Overrides, ScenarioFile, listed
+from multicor_cli.cli import console
+from multicor_cli.cli.options import AsJson, Overrides, ScenarioFile, listed, option
 from multicor_cli.running.outcome import ExitCode
 from multicor_cli.text import count_noun, format_bytes
 
@@ -40,12 +30,9 @@ TEMPLATE_HELP = "What to start from: {templates}."
 def new(
     name: Annotated[str, typer.Argument(help=NAME_HELP)],
     template: Annotated[
-        str,
-        typer.Option("--template", "-t", help=TEMPLATE_HELP, autocompletion=listed("templates")),
+        str, option("--template -t", TEMPLATE_HELP, autocompletion=listed("templates"))
     ] = "shear",
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace an existing file.")
-    ] = False,
+    overwrite: Annotated[bool, option("--overwrite", "Replace an existing file.")] = False,
 ) -> None:
     """Write a commented scenario file to start from."""
     from multicor_cli.scenario.templates import new_scenario, template_table
@@ -61,23 +48,20 @@ def new(
         texts[path.with_suffix(".csv")] = table
     for file in texts:
         if os.path.lexists(file) and not overwrite:
-            say(f"multicor: {file} exists; choose another name, or give --overwrite")
+            console.say(f"multicor: {file} exists; choose another name, or give --overwrite")
             raise typer.Exit(ExitCode.OCCUPIED)
     for file, text in reversed(texts.items()):
         commit_result(file, "scenario", text.encode())
-    say(f"wrote {' and '.join(map(str, texts))}; check it with:  multicor validate {path}")
+    console.say(f"wrote {' and '.join(map(str, texts))}; check it with:  multicor validate {path}")
 
 
 def validate(
     scenario: ScenarioFile,
     overrides: Overrides = None,
     threads: Annotated[
-        int,
-        typer.Option(
-            "--threads", min=0, max=1024, help="Number of threads to assume; 0: all cores."
-        ),
+        int, option("--threads", "Number of threads to assume; 0: all cores.", min=0, max=1024)
     ] = 0,
-    is_strict: Strict = False,
+    is_strict: console.Strict = False,
     is_json: AsJson = False,
 ) -> None:
     """Check a scenario, place its grains, and estimate what a run will cost. Nothing is written."""
@@ -96,20 +80,20 @@ def validate(
     prepared = Prepared(loaded, plan, placed.model, placed.state, cores, origin=placed.origin)
     checks = check_prepared(prepared)
     if is_json:
-        emit_json({**_summary(prepared), **checks_as_json(checks)})
+        console.emit_json({**_summary(prepared), **console.checks_as_json(checks)})
     else:
-        emit_pairs(_lines(prepared))
-        emit("")
-        show_all(checks, emit)
-        say(f"({prepared.cost.basis})")
-    refuse_bad(checks, is_strict=is_strict)
+        console.emit_pairs(_lines(prepared))
+        console.emit("")
+        console.show_all(checks, console.emit)
+        console.say(f"({prepared.cost.basis})")
+    console.refuse_bad(checks, is_strict=is_strict)
 
 
 def schema() -> None:
     """Print the JSON Schema of scenario files, for editors that complete and check TOML."""
     from multicor_cli.scenario.tables import scenario_schema
 
-    emit_json(scenario_schema())
+    console.emit_json(scenario_schema())
 
 
 def _summary(run: Prepared) -> dict[str, Any]:
@@ -121,10 +105,7 @@ def _summary(run: Prepared) -> dict[str, Any]:
         "seed": scenario.seed,
         "grain_count": model.grain_count,
         "wall_count": model.wall_count,
-        "wall_masses": {
-            wall.name: {"mass": wall.mass, "inertia": wall.inertia, "given": wall.is_given}
-            for wall in _pushed_walls(run.scenario, plan, model)
-        },
+        "wall_masses": _pushed_walls(run.scenario, plan, model),
         "origin": None if run.origin is None else asdict(run.origin),
         "stages": [
             {
@@ -151,26 +132,21 @@ def _summary(run: Prepared) -> dict[str, Any]:
     }
 
 
-class _PushedWall(NamedTuple):
-    """A wall pushed in some stage: mass [kg], inertia [kg m²], whether the file gives the mass."""
-
-    name: str
-    mass: float | None
-    inertia: float | None
-    is_given: bool
-
-
-def _pushed_walls(scenario: Scenario, plan: RunPlan, model: Model) -> list[_PushedWall]:
+def _pushed_walls(scenario: Scenario, plan: RunPlan, model: Model) -> dict[str, dict[str, Any]]:
+    """Walls pushed in some stage: mass [kg], inertia [kg m²], whether the file gives the mass."""
     drives = [stage.drives.started([0.0] * (k + 1)) for k, stage in enumerate(plan.stages)]
     masses, inertias = (
         [None if math.isnan(value) else value for value in array.tolist()]
         for array in (model.walls.mass, model.walls.inertia)
     )
-    return [
-        _PushedWall(name, masses[w], inertias[w], scenario.walls[w].mass is not None)
+    return {
+        name: {
+            "mass": masses[w], "inertia": inertias[w],
+            "given": scenario.walls[w].mass is not None,
+        }
         for w, name in enumerate(model.walls.names)
         if any(dof.is_driven for stage in drives for dof in stage[w].dofs())
-    ]
+    }  # fmt: skip
 
 
 def _time_steps(plan: RunPlan, reviews: Sequence[StepReview | None]) -> str:
@@ -198,11 +174,11 @@ def _lines(run: Prepared) -> Iterator[tuple[str, str]]:
             yield "  walls", text
     yield "grains", f"{model.grain_count}, mean diameter {model.mean_diameter:.4g} m"
     yield "walls", f"{model.wall_count} of {model.shape_count} shapes"
-    for wall in _pushed_walls(scenario, plan, model):
-        given = "given" if wall.is_given else "default"
-        mass = "" if wall.mass is None else f" {wall.mass:.4g} kg ({given})"
-        inertia = "" if wall.inertia is None else f", {wall.inertia:.4g} kg m²"
-        yield "wall mass", f"'{wall.name}'{mass}{inertia}"
+    for name, wall in _pushed_walls(scenario, plan, model).items():
+        given = "given" if wall["given"] else "default"
+        mass = "" if wall["mass"] is None else f" {wall['mass']:.4g} kg ({given})"
+        inertia = "" if wall["inertia"] is None else f", {wall['inertia']:.4g} kg m²"
+        yield "wall mass", f"'{name}'{mass}{inertia}"
     yield "time step", _time_steps(plan, run.reviews)
     for stage, table in zip(plan.stages, scenario.loading, strict=True):
         changes = [
@@ -222,7 +198,7 @@ def _lines(run: Prepared) -> Iterator[tuple[str, str]]:
     peak = f"{format_bytes(cost.disk_peak)} while results.h5 is made"
     yield "disk", f"about {format_bytes(cost.disk)}, {peak}"
     first = "half a minute of compilation the first time"
-    yield "wall time", f"about {format_seconds(cost.seconds)}, and {first}"
+    yield "wall time", f"about {console.format_seconds(cost.seconds)}, and {first}"
 
 
 COMMANDS = {"new": new, "validate": validate, "schema": schema}

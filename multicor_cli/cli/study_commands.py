@@ -15,19 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from multicor_cli.cli import options
-from multicor_cli.cli.console import (
-    Bar,
-    complain,
-    emit,
-    emit_json,
-    emit_pairs,
-    emit_table,
-    format_seconds,
-    say,
-    show_doubtful,
-)
-from multicor_cli.cli.options import AsJson, Quiet, output_option
+from multicor_cli.cli import console, options
+from multicor_cli.cli.options import AsJson, Quiet, option, output_option
 from multicor_cli.text import count_noun, format_bytes
 
 if TYPE_CHECKING:
@@ -55,16 +44,11 @@ _SHOWN = 8  # running cases that are listed
 def run(
     file: StudyFile,
     output: Output = None,
-    retry: Annotated[
-        bool, typer.Option("--retry", help="Try cases that failed once more.")
-    ] = False,
+    retry: Annotated[bool, option("--retry", "Try cases that failed once more.")] = False,
     max_hours: Annotated[
         float | None,
-        typer.Option(
-            "--max-hours",
-            min=0.0,
-            metavar="H",
-            help="Stop after this time, with checkpoints and exit code 75.",
+        option(
+            "--max-hours H", "Stop after this time, with checkpoints and exit code 75.", min=0.0
         ),
     ] = None,
     is_quiet: Quiet = False,
@@ -83,7 +67,7 @@ def run(
     predicted = None
     if any(state.status is CaseStatus.WAITING for state in session.states()):
         if not is_quiet:
-            say(f"checking {count_noun(len(session.cases), 'case')}")
+            console.say(f"checking {count_noun(len(session.cases), 'case')}")
         predicted = session.check()
         _show_doubtful(predicted)
     watcher = StudyProgress(session.directory, is_quiet=is_quiet)
@@ -95,25 +79,27 @@ def run(
         watcher.closed()
     counts = Counter(state.status for state in session.states())
     for name, reason in tally.failed.items():
-        complain(f"case {name}: {reason}")
+        console.complain(f"case {name}: {reason}")
     if is_json:
-        emit_json({
+        console.emit_json({
             "directory": str(session.directory.path),
             "cases": {state.value: counts[state] for state in CaseStatus},
             "failed": tally.failed, "stopped": tally.stopped,
             "reason": "" if tally.reason is None else tally.reason.value,
         })  # fmt: skip
     if not is_quiet:
-        say(f"{_summary(counts)}, in {session.directory.path}")
+        console.say(f"{_summary(counts)}, in {session.directory.path}")
         if counts[CaseStatus.FINISHED] == len(session.cases):
             again = shlex.join([str(file), *([] if output is None else ["-o", str(output)])])
-            say(f"next:  multicor study table {again}\n       multicor study report {again}")
+            console.say(
+                f"next:  multicor study table {again}\n       multicor study report {again}"
+            )
     if tally.stopped:
         raise typer.Exit(ExitCode.STOPPED if tally.reason is None else tally.reason.exit_code)
     if counts[CaseStatus.FAILED]:
         if not tally.failed:
             failed = f"{count_noun(counts[CaseStatus.FAILED], 'case')} failed before"
-            say(f"{failed}; --retry tries again:  multicor study status {file}")
+            console.say(f"{failed}; --retry tries again:  multicor study status {file}")
         raise typer.Exit(ExitCode.PHYSICS)
 
 
@@ -124,7 +110,7 @@ def validate(file: StudyFile, output: Output = None, is_json: AsJson = False) ->
     session = StudySession.open(file, output)
     found = session.check()
     if is_json:
-        emit_json({
+        console.emit_json({
             "valid": True, "study": str(file), "name": session.study.name,
             "cases": [case.name for case in session.cases],
             "estimate": {
@@ -137,11 +123,11 @@ def validate(file: StudyFile, output: Output = None, is_json: AsJson = False) ->
         return
     hours, disk = "unknown: a stage has no known end", "unknown"
     if found.hours is not None:
-        hours = format_seconds(3600.0 * found.hours)
+        hours = console.format_seconds(3600.0 * found.hours)
     if found.disk is not None:
         disk = f"about {format_bytes(found.disk)}"
     first, last = session.cases[0].name, session.cases[-1].name
-    emit_pairs([
+    console.emit_pairs([
         ("study", session.study.name),
         ("scenario", str(session.study.scenario)),
         ("cases", f"{len(session.cases)}, from {first} to {last}"),
@@ -162,7 +148,7 @@ def status(file: StudyFile, output: Output = None, is_json: AsJson = False) -> N
     session = StudySession.open(file, output)
     states = session.states()
     if is_json:
-        emit_json({
+        console.emit_json({
             "directory": str(session.directory.path),
             "cases": [
                 {
@@ -174,35 +160,30 @@ def status(file: StudyFile, output: Output = None, is_json: AsJson = False) -> N
             ],
         })  # fmt: skip
         return
-    emit(_summary(Counter(state.status for state in states)))
+    console.emit(_summary(Counter(state.status for state in states)))
     for case, state in zip(session.cases, states, strict=True):
         if state.status is CaseStatus.RUNNING:
-            emit(f"running  {case.name}{_how_far(state.share, state.remaining)}")
+            console.emit(f"running  {case.name}{_how_far(state.share, state.remaining)}")
         elif state.status is CaseStatus.FAILED:
-            emit(f"failed   {case.name}: {state.reason}")
+            console.emit(f"failed   {case.name}: {state.reason}")
         elif state.status is CaseStatus.STOPPED:
-            emit(f"stopped  {case.name} at step {state.step}: {state.reason}")
+            console.emit(f"stopped  {case.name} at step {state.step}: {state.reason}")
 
 
 def table(
     file: StudyFile,
     output: Output = None,
     is_mean: Annotated[
-        bool, typer.Option("--mean", help="Means over the seeds, with the error between them.")
+        bool, option("--mean", "Means over the seeds, with the error between them.")
     ] = False,
-    is_csv: Annotated[bool, typer.Option("--csv", help="Print CSV.")] = False,
+    is_csv: Annotated[bool, option("--csv", "Print CSV.")] = False,
     is_json: AsJson = False,
     parquet: Annotated[
         Path | None,
-        typer.Option(
-            "--parquet",
-            metavar="FILE",
-            help="Write a Parquet file; needs pandas and pyarrow.",
-            show_default=False,
-        ),
+        option("--parquet FILE", "Write a Parquet file; needs pandas and pyarrow.", False),
     ] = None,
     is_overwriting: Annotated[
-        bool, typer.Option("--overwrite", help="Replace the file of --parquet if it is there.")
+        bool, option("--overwrite", "Replace the file of --parquet if it is there.")
     ] = False,
 ) -> None:
     """Print the table of a study: values, observables with their errors, verdict, digest and run
@@ -220,18 +201,18 @@ def table(
         library("pyarrow")
         check_output(parquet, is_overwriting=is_overwriting)
         found.frame().to_parquet(parquet)
-        say(f"wrote {parquet}")
+        console.say(f"wrote {parquet}")
     if is_json:
-        emit_json({"headings": found.headings, "rows": found.records})
+        console.emit_json({"headings": found.headings, "rows": found.records})
     elif is_csv:
         sys.stdout.write(found.csv())
     elif parquet is None:
         headings, lines = found.lines
-        emit_table(headings, lines)
+        console.emit_table(headings, lines)
     for row in found.rows:
         for name, why in (row.problems or {}).items():
             if name:
-                say(f"warning: case {row.case}: {name}: {why}")
+                console.say(f"warning: case {row.case}: {name}: {why}")
 
 
 def plot(
@@ -243,72 +224,33 @@ def plot(
         ),
     ],
     of: Annotated[
-        str,
-        typer.Option(
-            "--of",
-            metavar="NAME",
-            help="Observable.",
-            show_default=False,
-            autocompletion=options.observables,
-        ),
+        str, option("--of NAME", "Observable.", False, autocompletion=options.observables)
     ],
-    against: Annotated[
-        str,
-        typer.Option(
-            "--against", metavar="NAME", help="Key or observable across.", show_default=False
-        ),
-    ],
+    against: Annotated[str, option("--against NAME", "Key or observable across.", False)],
     by: Annotated[
         str | None,
-        typer.Option(
-            "--by",
-            metavar="KEY",
-            help="A series for each of its values; default: for all other keys.",
-        ),
+        option("--by KEY", "A series for each of its values; default: for all other keys."),
     ] = None,
     facet: Annotated[
-        str | None,
-        typer.Option(
-            "--facet", metavar="KEY", help="A panel for each of its values.", show_default=False
-        ),
+        str | None, option("--facet KEY", "A panel for each of its values.", False)
     ] = None,
     where: Annotated[
         list[str] | None,
-        typer.Option(
-            "--where",
-            metavar="KEY=VALUE",
-            help="Cases with this value only; may be repeated.",
-            show_default=False,
-        ),
+        option("--where KEY=VALUE", "Cases with this value only; may be repeated.", False),
     ] = None,
     kind: Annotated[
-        str | None,
-        typer.Option(
-            "--fit",
-            metavar="KIND",
-            help="{fits}.",
-            show_default=False,
-            autocompletion=options.listed("fits"),
-        ),
+        str | None, option("--fit KIND", "{fits}.", False, autocompletion=options.listed("fits"))
     ] = None,
     curves: Annotated[
         list[str] | None,
-        typer.Option(
-            "--curve",
-            metavar="'NAME: FORMULA'",
-            help="A formula in x beside the points; may be repeated.",
-            show_default=False,
+        option(
+            "--curve 'NAME: FORMULA'", "A formula in x beside the points; may be repeated.", False
         ),
     ] = None,
-    log: Annotated[
-        str,
-        typer.Option(
-            "--log", metavar="AXES", help="Logarithmic axes: x, y or xy.", show_default=False
-        ),
-    ] = "",
+    log: Annotated[str, option("--log AXES", "Logarithmic axes: x, y or xy.", False)] = "",
     output: Output = None,
     is_overwriting: Annotated[
-        bool, typer.Option("--overwrite", help="Replace the file if it is there.")
+        bool, option("--overwrite", "Replace the file if it is there.")
     ] = False,
 ) -> None:
     """Draw an observable of a study against a value or another observable, means over seeds with
@@ -334,12 +276,12 @@ def plot(
     fits = [] if kind is None else [[figure.fit(kind, it) for it in each.series] for each in panels]
     for panel, own in zip(panels, fits, strict=bool(fits)):
         for line, curve in zip(panel.series, own, strict=True):
-            say(": ".join(text for text in (panel.title, line.label, curve.text) if text))
+            console.say(": ".join(text for text in (panel.title, line.label, curve.text) if text))
     if not is_file:
-        emit(figure.draw_letters(found, panels, question))
+        console.emit(figure.draw_letters(found, panels, question))
         return
     figure.draw(target, found, panels, question, fits, formulas, log=log)
-    say(f"wrote {target}")
+    console.say(f"wrote {target}")
 
 
 def _pair(text: str) -> tuple[str, str]:
@@ -354,31 +296,21 @@ def report(
     output: Output = None,
     page: Annotated[
         Path | None,
-        typer.Option(
-            "--page",
-            metavar="FILE.html",
-            help="File to write.",
-            show_default="NAME-report.html in the study's directory",
-        ),
+        option("--page FILE.html", "File to write.", "NAME-report.html in the study's directory"),
     ] = None,
     has_runs: Annotated[
-        bool,
-        typer.Option("--runs", help="Write a page about each finished run that has none as well."),
+        bool, option("--runs", "Write a page about each finished run that has none as well.")
     ] = False,
     frames: Annotated[
-        int,
-        typer.Option(
-            "--frames", min=1, metavar="N", help="Largest number of frames in the page of a run."
-        ),
+        int, option("--frames N", "Largest number of frames in the page of a run.", min=1)
     ] = 20,
     is_overwriting: Annotated[
-        bool, typer.Option("--overwrite", help="Replace the file if it is a report.")
+        bool, option("--overwrite", "Replace the file if it is a report.")
     ] = False,
 ) -> None:
     """Write one HTML page about a study: how far it is, figures, means over seeds, and all cases
     with links to their runs.
     """
-    from multicor_cli.cli.console import show_progress
     from multicor_cli.studies.report import report_path, write_study_report
     from multicor_cli.studies.session import StudySession
 
@@ -386,17 +318,14 @@ def report(
     target = page if page is not None else report_path(session)
     if target.suffix.lower() not in (".html", ".htm"):
         raise typer.BadParameter(f"'{target}' does not end in .html", param_hint="--page")
-    with show_progress("run") as progress:
+    with console.show_progress("run") as progress:
+        of_runs = frames if has_runs else None
         written = write_study_report(
-            session,
-            target,
-            is_overwriting=is_overwriting,
-            run_frames=frames if has_runs else None,
-            progress=progress,
+            session, target, is_overwriting=is_overwriting, run_frames=of_runs, progress=progress
         )
     if written:
-        say(f"wrote {count_noun(written, 'page')} about runs")
-    say(f"wrote {target}")
+        console.say(f"wrote {count_noun(written, 'page')} about runs")
+    console.say(f"wrote {target}")
 
 
 def cancel(file: StudyFile, output: Output = None) -> None:
@@ -409,13 +338,13 @@ def cancel(file: StudyFile, output: Output = None) -> None:
     lock = StudySession.open(file, output).directory.path / LOCK
     holder = read_holder(lock)
     if not is_alive(lock):
-        say("nobody is at work on this study")
+        console.say("nobody is at work on this study")
         return
     if holder.get("host") != socket.gethostname():
         by = f"process {holder.get('pid')} on {holder.get('host')}"
         raise DirectoryRefused(f"{lock.parent}: the study is computed by {by}; cancel it there")
     os.kill(int(holder["pid"]), signal.SIGTERM)
-    say(f"asked process {holder['pid']} to stop")
+    console.say(f"asked process {holder['pid']} to stop")
 
 
 class StudyProgress:
@@ -423,7 +352,7 @@ class StudyProgress:
 
     def __init__(self, directory: StudyDirectory, *, is_quiet: bool) -> None:
         self._directory, self._is_quiet = directory, is_quiet
-        self._bar = Bar(is_transient=True) if sys.stderr.isatty() and not is_quiet else None
+        self._bar = console.Bar(is_transient=True) if sys.stderr.isatty() and not is_quiet else None
         self._total = self._ended = 0
         self._following = time.monotonic()
         self._first: tuple[float, float] | None = None
@@ -433,7 +362,7 @@ class StudyProgress:
         self._say(f"{count_noun(cases, 'case')} with {text}")
 
     def warning(self, text: str) -> None:
-        say(f"warning: {text}")
+        console.say(f"warning: {text}")
 
     def ended(self, case: Case, outcome: dict[str, Any]) -> None:
         self._ended += 1
@@ -454,9 +383,9 @@ class StudyProgress:
             rows = [(each.share or 0.0, case.name, _left(each.remaining)) for case, each in states]
             self._bar.update(done, all_cases, left, *rows[:_SHOWN])
             return
-        say(f"{all_cases}, {left}" if left else all_cases)
+        console.say(f"{all_cases}, {left}" if left else all_cases)
         for case, state in states[:_SHOWN]:
-            say(f"  {case.name}{_how_far(state.share, state.remaining)}")
+            console.say(f"  {case.name}{_how_far(state.share, state.remaining)}")
 
     def _time_left(self, now: float, done: float) -> str:
         """Time left, at the speed since the first look: earlier work is not this session's."""
@@ -474,7 +403,7 @@ class StudyProgress:
 
     def _say(self, text: str) -> None:
         if not self._is_quiet:
-            say(text)
+            console.say(text)
 
 
 def _table(session: StudySession, *, is_mean: bool) -> StudyTable:
@@ -487,7 +416,7 @@ def _table(session: StudySession, *, is_mean: bool) -> StudyTable:
 
 def _show_doubtful(found: Forecast) -> None:
     for name, check in found.doubtful:
-        show_doubtful([check], say, f" (case {name})")
+        console.show_doubtful([check], console.say, f" (case {name})")
 
 
 def _summary(counts: Counter[Any]) -> str:
@@ -502,7 +431,7 @@ def _how_far(share: float | None, remaining: float | None) -> str:
 
 
 def _left(seconds: float | None) -> str:
-    return "" if seconds is None else f"{format_seconds(seconds)} left"
+    return "" if seconds is None else f"{console.format_seconds(seconds)} left"
 
 
 COMMANDS = {

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from multicor_cli.model.books import NAMES, stored_fields
 from multicor_cli.model.model import Model
@@ -19,8 +16,6 @@ _CONTACTS = {
     "contact_couple": ("contact_i", "contact_j"),
     "mean_force": ("mean_i", "mean_j"),
 }
-
-
 _PAIRS = {"near_j": ("near_i", "near_j"), "bridge_j": ("bridge_i", "bridge_j")}
 
 
@@ -50,21 +45,14 @@ def find_absurd_value(state: State, model: Model) -> str | None:
     """
     for name in (*_CONTACTS, *_OF_GRAINS, *_OF_WALLS, *NAMES, *_NUMBERS, *_NOTES):
         values = np.atleast_1d(getattr(state, name))
-        size = (
-            np.abs(values).max(initial=0.0)
-            if name != "wall_temperature"
-            else np.nanmax(np.abs(values), initial=0.0)
-        )
-        if not size <= LARGEST:
-            wrong = ~(np.abs(values) <= LARGEST)
-            if name == "wall_temperature":
-                wrong &= ~np.isnan(values)
+        wrong = ~(np.abs(values) <= LARGEST)
+        if name == "wall_temperature":  # nan where none is prescribed
+            wrong &= ~np.isnan(values)
+        if wrong.any():
             row = int(np.argwhere(wrong)[0][0])
             value = float(values[wrong][0])
-            return (
-                f"{_owner(state, model, name, row)} is "
-                f"{'not finite' if not np.isfinite(value) else f'absurd ({value:.3g})'}"
-            )
+            what = f"absurd ({value:.3g})" if np.isfinite(value) else "not finite"
+            return f"{_owner(state, model, name, row)} is {what}"
     return None
 
 
@@ -73,13 +61,10 @@ def find_misfit(state: State, model: Model) -> str | None:
     for name, shape in state_shapes(model).items():
         if getattr(state, name).shape != shape:
             return f"{name} has shape {getattr(state, name).shape} instead of {shape}"
-    if state.wall_origin.shape not in ((0, 3), state.wall_position.shape):
-        return (
-            f"wall_origin has shape {state.wall_origin.shape} instead of "
-            f"{state.wall_position.shape}"
-        )
-    if state.wall_surface.shape not in ((0,), (model.wall_count,)):
-        return f"wall_surface has shape {state.wall_surface.shape} instead of {(model.wall_count,)}"
+    count = model.wall_count
+    for name, shape in (("wall_origin", (count, 3)), ("wall_surface", (count,))):
+        if getattr(state, name).shape not in ((0, *shape[1:]), shape):
+            return f"{name} has shape {getattr(state, name).shape} instead of {shape}"
     wrong = _find_wrong_pairs(state, model)
     if wrong is not None:
         return wrong
@@ -100,17 +85,11 @@ def _find_wrong_pairs(state: State, model: Model) -> str | None:
         rows = first.size if name != "contact_couple" or model.laws.rolling.size else 0
         if not (first.shape == second.shape and getattr(state, name).shape[:1] == (rows,)):
             return f"{i}, {j} and {name} have different lengths"
-        if not _are_pairs(first, second, n, n + shapes):
+        are_pairs = (first >= 0) & (first < n) & (second > first) & (second < n + shapes)
+        order = first.astype(np.int64) * (n + shapes) + second
+        if not (are_pairs.all() and (np.diff(order) > 0).all()):
             return f"{i} and {j} are not pairs of shapes in ascending order"
     return None
-
-
-def _are_pairs(first: NDArray[Any], second: NDArray[Any], grains: int, shapes: int) -> bool:
-    key = first.astype(np.int64) * shapes + second
-    return bool(
-        ((first >= 0) & (first < grains) & (second > first) & (second < shapes)).all()
-        and (np.diff(key) > 0).all()
-    )
 
 
 def _owner(state: State, model: Model, name: str, row: int) -> str:

@@ -238,11 +238,9 @@ class Model:
 
     def meeting_alike(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.bool_]]]:
         """Grains that meet the same walls: which, ascending, and which walls, shape ``(w,)``."""
-        meets = (
-            self.walls.meets
-            if self.walls.meets.size
-            else np.ones((self.wall_count, len(self.groups)), np.bool_)
-        )
+        meets = self.walls.meets
+        if not meets.size:
+            meets = np.ones((self.wall_count, len(self.groups)), np.bool_)
         alike, kind = np.unique(meets, axis=1, return_inverse=True)
         of_grain = kind.reshape(-1)[self.grains.group]
         for k in range(alike.shape[1]):

@@ -164,9 +164,8 @@ class Polygon(Area):
 
     def side_lengths(self) -> Floats:
         """Length of each side, from its corner to the next [m], shape ``(p,)``."""
-        return np.array(
-            [hypot(*way) for way in (np.roll(self.points, -1, axis=0) - self.points).tolist()]
-        )
+        ways = np.roll(self.points, -1, axis=0) - self.points
+        return np.array([hypot(*way) for way in ways.tolist()])
 
     def corners(self) -> Floats:
         """Around its corners."""
@@ -175,10 +174,8 @@ class Polygon(Area):
     def depth(self, points: Floats) -> Floats:
         """Distance to the nearest side; a ray from inside crosses an odd number of sides."""
         count = max(1, _AT_ONCE // len(self.points))
-        parts = [
-            self._depth(points[first : first + count]) for first in range(0, len(points), count)
-        ]
-        return np.concatenate(parts) if parts else np.zeros(0)
+        parts = [self._depth(points[k : k + count]) for k in range(0, len(points), count)]
+        return np.concatenate([np.zeros(0), *parts])
 
     def _depth(self, points: Floats) -> Floats:
         start = self.points
@@ -267,13 +264,8 @@ def fault_of_polygon(points: Floats) -> tuple[int, str] | None:
     for k in range(len(points) - 2):
         other = _first_crossed(points, k)
         if other is not None:
-            return (
-                k,
-                (
-                    f"the side from {points[k].tolist()} crosses or touches that from "
-                    f"{points[other].tolist()}"
-                ),
-            )
+            one, two = points[k].tolist(), points[other].tolist()
+            return k, f"the side from {one} crosses or touches that from {two}"
     return None
 
 
@@ -477,21 +469,16 @@ class WallBody:
             is_closed: Whether the last point is joined to the first.
         """
         ends = np.concatenate([points[1:], points[:1]]) if is_closed else points[1:].copy()
-        begun = points[0] + np.array(
-            [
-                period * np.rint((points[-1, 0] - points[0, 0]) / period) if period > 0.0 else 0.0,
-                0.0,
-            ]
-        )
+        across = points[-1, 0] - points[0, 0]
+        periods = period * np.rint(across / period) if period > 0.0 else 0.0
+        begun = points[0] + np.array([periods, 0.0])
         if not is_closed and (np.abs(points[-1] - begun) <= _SPANNED * period).all():
             is_closed, ends[-1] = True, begun
         way = ends - points[: len(ends)]
         length = np.sqrt(way[:, 0] * way[:, 0] + way[:, 1] * way[:, 1])
-        parts = (
-            np.floor(2.0 * length / period).astype(np.int64) + 1
-            if period > 0.0
-            else np.ones(len(way), np.int64)
-        )
+        parts = np.ones(len(way), np.int64)
+        if period > 0.0:
+            parts += np.floor(2.0 * length / period).astype(np.int64)
         piece = np.repeat(np.arange(len(way)), parts)
         share = (np.arange(len(piece)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[piece]
         start = points[piece] + way[piece] * share[:, np.newaxis]

@@ -17,7 +17,6 @@ from multicor_cli.model.books import (
     HEAT_BOOKS,
     NAMES,
     DType,
-    Feature,
     Shape,
     entry_counts,
     stored,
@@ -27,26 +26,12 @@ from multicor_cli.model.columns import ANGLE, X
 from multicor_cli.model.model import Floats, Ints, Model, Thermal
 
 
-def _array(
-    dims: Shape,
-    unit: str,
-    meaning: str,
-    dtype: DType = "f8",
-    **more: Any,
-) -> Any:
+def _array(dims: Shape, unit: str, meaning: str, dtype: DType = "f8", **more: Any) -> Any:
     """An array; without elements until it is given some."""
     word = str(dims[0]).split("_")[0]
-    feature: Feature | None = (
-        "heat" if word == "heat" else "exchange" if word == "exchange" else None
-    )
-    return stored(
-        default_factory=lambda: np.zeros(_shape(dims, entry_counts()), dtype),
-        dtype=dtype,
-        dims=dims,
-        unit=unit,
-        meaning=meaning,
-        **{"only_with": feature, **more},
-    )
+    about = {"only_with": word if word in ("heat", "exchange") else None, **more}
+    about |= {"dtype": dtype, "dims": dims, "unit": unit, "meaning": meaning}
+    return stored(default_factory=lambda: np.zeros(_shape(dims, entry_counts()), dtype), **about)
 
 
 def _number(unit: str, meaning: str) -> Any:
@@ -110,13 +95,9 @@ class State:
     near_j: Ints = _array(
         ("near_row",), "1", "second shape of each of these pairs", "i4", since=(1, 5)
     )
-    tile: Ints = _array(
-        ("grain", 2),
-        "1",
-        "column and row of the tile in which a grain was when these pairs were sought",
-        "i4",
-        since=(1, 5),
-    )
+    tile: Ints = _array(("grain", 2), "1",
+        "column and row of the tile in which a grain was when these pairs were sought", "i4",
+        since=(1, 5))  # fmt: skip
     books: Floats = _array(("book",), "J", "energy books, in the order of model.BOOK_NAMES")
     tallies: Floats = _array(("tally",), "mixed", "counters, in the order of model.TALLY_NAMES")
     window: Floats = _array(("window",), "mixed", "sums, in the order of model.WINDOW_NAMES")
@@ -133,23 +114,15 @@ class State:
     time: float = _number("s", "time since the start of the run")
     last_dt: float = _number("s", "length of the last step")
     # What follows is empty without heat.
-    heat: Floats = _array(
-        ("heat_grain",),
-        "J",
-        (
-            "heat content of the grains since the start, or that of the run from which this one "
-            "goes on"
-        ),
-    )
+    heat: Floats = _array(("heat_grain",), "J",
+        "heat content of the grains since the start, or that of the run from which this one "
+        "goes on")  # fmt: skip
     generated: Floats = _array(
         ("heat_grain",), "J", "heat of friction and impacts received since the start"
     )
-    heat_ahead: Floats = _array(
-        ("heat_grain",),
-        "J",
+    heat_ahead: Floats = _array(("heat_grain",), "J",
         "heat received beyond what the contacts of a grain have lost: later losses make up for it",
-        since=(1, 6),
-    )
+        since=(1, 6))  # fmt: skip
     wear: Floats = _array(("heat_grain",), "m3", "volume worn off since the start")
     wall_heat: Floats = _array(("heat_wall", 2), "J",
         "heat given to the grains; heat of friction and impacts received",
@@ -177,43 +150,26 @@ class State:
     stage_notes: Floats = _array(("stage_note",), "mixed",
         "what the condition that ends this stage remembers; empty if it needs nothing",
         since=(1, 1))  # fmt: skip
-    wall_origin: Floats = _array(
-        ("origin_row", 3),
-        "m, m, rad",
-        (
-            "where displacements of each wall count from, for prescribed positions and springs; "
-            "empty without them"
-        ),
-        since=(1, 2),
-    )
+    wall_origin: Floats = _array(("origin_row", 3), "m, m, rad",
+        "where displacements of each wall count from, for prescribed positions and springs; "
+        "empty without them", since=(1, 2))  # fmt: skip
     wall_surface: Floats = _array(("surface_row",), "m/s",
         "velocity of the surface of each wall along it; empty as long as none has run",
         since=(1, 3))  # fmt: skip
     # What follows is empty where no grain comes or goes. Arrays of grains hold all: one that is not
     # there keeps what it had.
-    presence: NDArray[np.uint8] = _array(
-        ("exchange_grain",),
-        "1",
-        "whether a grain is there: 0 waits, 1 is there, 2 has left, 3 is lost",
-        "u1",
-        since=(1, 2),
-    )
+    presence: NDArray[np.uint8] = _array(("exchange_grain",), "1",
+        "whether a grain is there: 0 waits, 1 is there, 2 has left, 3 is lost", "u1",
+        since=(1, 2))  # fmt: skip
     released: Floats = _array(
         ("exchange_group", 2), "1, kg", "grains and mass released of each group", since=(1, 2)
     )
-    outlet_flow: Floats = _array(
-        ("exchange_outlet", 2),
-        "1, kg",
-        "grains and mass that left through each outlet",
-        columns=("grains", "mass"),
-        since=(1, 2),
-    )
-    exchange: Floats = _array(
-        ("exchange_book",),
-        "mixed",
+    outlet_flow: Floats = _array(("exchange_outlet", 2), "1, kg",
+        "grains and mass that left through each outlet", columns=("grains", "mass"),
+        since=(1, 2))  # fmt: skip
+    exchange: Floats = _array(("exchange_book",), "mixed",
         "books of grains that come and go, in the order of model.EXCHANGE_NAMES",
-        since=(1, 2),
-    )
+        since=(1, 2))  # fmt: skip
     # What follows is empty without adhesion.
     bridge_i: Ints = _array(
         ("bridge_row",), "1", "first shape of each bridge of liquid", "i4", since=(1, 7)
@@ -259,13 +215,8 @@ class State:
     @classmethod
     def from_dict(cls, data: dict[str, NDArray[np.generic]]) -> State:
         """The inverse of `as_dict`; raises `KeyError` if a field is missing."""
-        values = {}
-        for f in fields(cls):
-            value = np.asarray(data[f.name])
-            if value.ndim:
-                values[f.name] = np.ascontiguousarray(value)
-            else:
-                values[f.name] = value.item()
+        arrays = {f.name: np.asarray(data[f.name]) for f in fields(cls)}
+        values = {k: np.ascontiguousarray(v) if v.ndim else v.item() for k, v in arrays.items()}
         return cls(**values)  # type: ignore[arg-type]
 
     def digest(self) -> str:
@@ -307,12 +258,13 @@ def digest_of(arrays: dict[str, NDArray[Any]]) -> str:
 def state_shapes(model: Model) -> dict[str, tuple[int, ...]]:
     """Shapes of the arrays of a state of a model, as far as the model decides on them."""
     n, w = model.grain_count, model.wall_count
-    heated = (n, w, len(HEAT_BOOKS)) if model.thermal is not None else (0, 0, 0)
-    lengths = dict(
-        zip(("grain", "wall", "heat_grain", "heat_wall", "heat_book"), (n, w, *heated), strict=True)
-    )
-    is_open = model.outlets is not None
-    lengths |= {
+    is_heated, is_open = model.thermal is not None, model.outlets is not None
+    lengths = {
+        "grain": n,
+        "wall": w,
+        "heat_grain": n if is_heated else 0,
+        "heat_wall": w if is_heated else 0,
+        "heat_book": len(HEAT_BOOKS) if is_heated else 0,
         "exchange_grain": n if is_open else 0,
         "exchange_group": len(model.groups) if is_open else 0,
         "exchange_outlet": len(model.outlets or ()),
@@ -367,14 +319,10 @@ def nudge(position: Floats, period: float, seed: int) -> Floats:
     one. Zeros stay: the next number is 10⁻³²⁴ away, which no arithmetic would notice.
     """
     center = position[:, :2]
-    lot = (np.random.Philox(seed).random_raw(center.size) % np.uint64(3)).astype(np.int64).reshape(
-        center.shape
-    ) - 1
-    moved = np.where(
-        (lot == 0) | (center == 0.0),
-        center,
-        np.nextafter(center, np.where(lot > 0, np.inf, -np.inf)),
-    )
+    raw = np.random.Philox(seed).random_raw(center.size) % np.uint64(3)
+    lot = raw.astype(np.int64).reshape(center.shape) - 1
+    beside = np.nextafter(center, np.where(lot > 0, np.inf, -np.inf))
+    moved = np.where((lot == 0) | (center == 0.0), center, beside)
     if period > 0.0:
         moved[:, X] = np.where(moved[:, X] < period, moved[:, X], center[:, X])
     return np.column_stack([moved, position[:, ANGLE]])

@@ -12,15 +12,7 @@ from multicor_cli.model import Grains, Model, Presence, ShapeKind, State, Therma
 from multicor_cli.model.columns import RADIUS, SPIN, X, Y
 from multicor_cli.model.model import LEAST_DIAMETERS, LEAST_THROAT, SHAPE_FACTOR, Floats
 from multicor_cli.model.state import nudge, nudge_seed
-from multicor_cli.packing.going_on import (
-    carried_over,
-    carry_presence,
-    grains_of,
-    known_bodies,
-    misfits,
-    origin_of,
-    placed_walls,
-)
+from multicor_cli.packing import going_on
 from multicor_cli.packing.groups import make_group
 from multicor_cli.packing.initial_grains import InitialGrains, inertias, masses
 from multicor_cli.packing.materials import (
@@ -72,15 +64,19 @@ def place(scenario: Scenario) -> Placed:
     try:
         if scenario.start is not None:
             source = read_source(scenario)
-            problems = misfits(scenario, source)
+            problems = going_on.misfits(scenario, source)
             if problems:
                 raise scenario.refuse(*problems)
-            walls = placed_walls(build_walls(scenario, known_bodies(scenario, source)), source)
+            bodies = going_on.known_bodies(scenario, source)
+            walls = going_on.placed_walls(build_walls(scenario, bodies), source)
         else:
             walls = build_walls(scenario)
     except Refused as error:
         raise scenario.refuse(error) from error
-    groups = _make_groups(scenario, walls) if source is None else grains_of(scenario, source)
+    if source is None:
+        groups = _make_groups(scenario, walls)
+    else:
+        groups = going_on.grains_of(scenario, source)
     model = _model(scenario, walls, groups)
     _refuse_throats(scenario, model)
     _refuse_ranges(scenario, model)
@@ -88,16 +84,16 @@ def place(scenario: Scenario) -> Placed:
         model = replace(model, outlets=())  # grains that are not there stay away
     state = _state(scenario, model, walls, groups)
     if source is not None:
-        carry_presence(source, model, state)
+        going_on.carry_presence(source, model, state)
     _refuse_overlaps(scenario, model, state, walls)
     if source is not None:
-        model, state = carried_over(scenario, source, model, state)
+        model, state = going_on.carried_over(scenario, source, model, state)
         _refuse_unknown_forces(scenario, source, state)
     elif (seed := nudge_seed()) is not None:
         # A run that goes on is not nudged: what moved it by an ulp did so when it began
         state.position = nudge(state.position, model.period, seed)
     model = replace(model, start_speed=start_speed(scenario, model, state))
-    return Placed(model, state, None if source is None else origin_of(source, model))
+    return Placed(model, state, None if source is None else going_on.origin_of(source, model))
 
 
 def _refuse_unknown_forces(scenario: Scenario, source: Source, state: State) -> None:

@@ -70,11 +70,9 @@ def compact(
         if not press.advance(_PATIENCE, motion=at_rest, imbalance=_BALANCE):
             press.hold()
             if not press.advance(_MOST_STEPS, motion=at_rest, imbalance=_BALANCE):
-                raise Refused(
-                    ("packing", "kinetic_energy_ratio"),
-                    f"the packing has not come to rest within {press.steps} steps of compaction",
-                    "raise kinetic_energy_ratio",
-                )
+                what = f"the packing has not come to rest within {press.steps} steps of compaction"
+                key = ("packing", "kinetic_energy_ratio")
+                raise Refused(key, what, "raise kinetic_energy_ratio")
     except PhysicsError as error:
         remedy = "start from a lower fill or a larger region"
         raise Refused(("packing",), f"the compaction failed: {error}", remedy) from error
@@ -113,7 +111,7 @@ class _Press:
         for _ in range(most):
             self._engine.step(self.dt, self.steps * self.dt)
             self.steps += 1
-            kinetic = _kinetic(self.model, state)
+            kinetic = self._kinetic()
             self._peak = max(self._peak, kinetic)
             state.velocity *= 1.0 - _DAMPING
             left = kinetic / self._peak if self._peak > 0.0 else 0.0
@@ -121,6 +119,14 @@ class _Press:
             if left <= motion and abs(held / self.load - 1.0) <= imbalance:
                 return True
         return False
+
+    def _kinetic(self) -> float:
+        """Kinetic energy of the grains and of the lid [J]."""
+        v, grains = self.state.velocity, self.model.grains
+        square = grains.mass * (v[:, X] * v[:, X] + v[:, Y] * v[:, Y])
+        square += grains.inertia * (v[:, SPIN] * v[:, SPIN])
+        lid = float(self.state.wall_velocity[_LID, 1])
+        return 0.5 * total(square) + 0.5 * float(self.model.walls.mass[_LID]) * lid * lid
 
     def hold(self) -> None:
         laws = self.model.laws
@@ -171,12 +177,3 @@ def _press(
     state = State.at_rest(model, position)
     state.wall_position[:, :2] = [body.origin for body in bodies]
     return model, state
-
-
-def _kinetic(model: Model, state: State) -> float:
-    """Kinetic energy of the grains and of the lid [J]."""
-    v, grains = state.velocity, model.grains
-    square = grains.mass * (v[:, X] * v[:, X] + v[:, Y] * v[:, Y])
-    square += grains.inertia * (v[:, SPIN] * v[:, SPIN])
-    lid = float(state.wall_velocity[_LID, 1])
-    return 0.5 * total(square) + 0.5 * float(model.walls.mass[_LID]) * lid * lid

@@ -27,9 +27,9 @@ from multicor_cli.packing.initial_grains import (
     describe_faults,
     faulty_rows,
     find_fault,
-    reading_input,
     text_lines,
 )
+from multicor_cli.scenario.base import reading_input
 from multicor_cli.scenario.checks.grains import MAX_GRAINS
 from multicor_cli.scenario.problems import Refused
 

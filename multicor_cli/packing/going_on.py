@@ -165,19 +165,13 @@ def _carry_contacts(source: Source, model: Model, state: State, same: Mapping[in
     i, j = old.contact_i, old.contact_j
     kept, state.contact_i, state.contact_j = _renumbered(source, model, i, j, same)
     impulse = old.contact_impulse[kept]
-    was, now = (
-        resting_attraction(
-            m.laws.with_ranges(m.mean_diameter),
-            scene_of(m, s.position, s.wall_position),
-            i,
-            j,
-            old.last_dt,
-        )
-        for m, s, i, j in (
-            (before, old, i[kept], j[kept]),
-            (model, state, state.contact_i, state.contact_j),
-        )
-    )
+
+    def attraction(m: Model, s: State, i: Ints, j: Ints) -> Floats:
+        laws, scene = m.laws.with_ranges(m.mean_diameter), scene_of(m, s.position, s.wall_position)
+        return resting_attraction(laws, scene, i, j, old.last_dt)
+
+    was = attraction(before, old, i[kept], j[kept])
+    now = attraction(model, state, state.contact_i, state.contact_j)
     change = (now if now.size else 0.0) - (was if was.size else np.zeros(len(kept)))
     impulse[:, NORMAL] = np.maximum(impulse[:, NORMAL] + change, 0.0)
     state.contact_impulse = impulse

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import csv
 import io
 import math
 from collections.abc import Iterator, Mapping
@@ -22,7 +20,6 @@ from multicor_cli.scenario.base import (
     NUMBER_BOUNDS,
     RADIUS_BOUNDS,
 )
-from multicor_cli.scenario.problems import KeyPath, Refused
 
 # ---- What goes wrong while bodies are made, before it is tied to a place in the scenario file
 
@@ -31,19 +28,6 @@ NAMED = 5
 
 LINE_LIMIT = 10_000
 """So much of a line is read at a time [characters]: a file may be one line as long as itself."""
-
-
-@contextlib.contextmanager
-def reading_input(path: Path, what: str, key: KeyPath) -> Iterator[None]:
-    """Tell what goes wrong while a file that must be ``what`` is opened and read as `Refused`."""
-    try:
-        yield
-    except FileNotFoundError:
-        remedy = "give its path relative to the scenario file"
-        raise Refused(key, f"there is no file '{path}'", remedy) from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise Refused(key, f"'{path}' cannot be read: {reason}", f"it must be {what}") from None
 
 
 def text_lines(path: Path, most: int) -> Iterator[str]:

@@ -11,15 +11,7 @@ import numpy as np
 
 from multicor_cli.model import Thermal
 from multicor_cli.model.columns import X, Y
-from multicor_cli.model.model import (
-    RANGE,
-    ContactLaws,
-    Floats,
-    Grains,
-    Model,
-    Walls,
-    WallShapes,
-)
+from multicor_cli.model.model import RANGE, ContactLaws, Floats, Grains, Model, Walls, WallShapes
 from multicor_cli.packing.file import read_temperatures
 from multicor_cli.packing.initial_grains import InitialGrains, masses
 from multicor_cli.scenario import Scenario

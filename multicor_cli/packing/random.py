@@ -42,6 +42,7 @@ _FIRST_STEP = 0.1
 _FIRST_MIXING = 0.1
 _STEP, _MIXING, _COUNT = range(3)  # of a clock: time step, mixing, steps since the last uphill one
 _SKIN = 0.3  # of the mean radius
+_ITERATIONS = 20_000
 _JAMMED = 1e-3  # net force over the largest overlap at which a minimum of the energy is reached
 
 
@@ -195,10 +196,9 @@ def relax(
     region: PackingRegion,
     obstacles: Obstacles,
     *,
-    iterations: int = 20_000,
     is_periodic_in_y: bool = False,
 ) -> tuple[Floats, float, int]:
-    """Move grains apart until none overlap, they are jammed, or ``iterations`` are spent.
+    """Move grains apart until none overlap, they are jammed, or `_ITERATIONS` are spent.
 
     Closed sides of the region have to be among the obstacles; centers [m] have shape ``(n, 2)``.
     ``is_periodic_in_y``: its lower and upper side are one and the same. Returns new centers, the
@@ -210,7 +210,7 @@ def relax(
     clock = np.array([_FIRST_STEP, _FIRST_MIXING, 0.0])
     done, worst, is_jammed = 0, np.inf, False
     nothing = Ghosts(np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros(0))
-    while done < iterations and not is_jammed and worst > 2.0 * INFLATION:
+    while done < _ITERATIONS and not is_jammed and worst > 2.0 * INFLATION:
         if region.is_periodic:
             now[:, X] = wrap(now[:, X], region.width)
         ghosts, solid = nothing, obstacles
@@ -220,7 +220,7 @@ def relax(
         pairs = find_pairs(now, enlarged, solid, skin, region.period)
         steps, worst, is_jammed = _descend(
             now, velocity, enlarged, pairs, solid.kind, solid.world.copy(), ghosts, region.period,
-            clock, 2.0 * INFLATION, 0.5 * skin, iterations - done,
+            clock, 2.0 * INFLATION, 0.5 * skin, _ITERATIONS - done,
         )  # fmt: skip
         done += steps
     return now, max(0.0, worst - 2.0 * INFLATION), done

@@ -7,7 +7,8 @@ Both are then shuffled.
 
 "By mass" weights are turned into weights by number: a grain of radius r has a mass ∝ r^p, p = 2 for
 discs and 3 for spheres, so that ``number density ∝ mass density / r^p``. The continuous families
-here stay in closed form under this; tables and the normal distribution follow.
+here stay in closed form under this; tables and the normal distribution follow. All take this p as
+``power``, which is 0 for weights by number.
 """
 
 from __future__ import annotations
@@ -16,7 +17,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Literal
 
 import numpy as np
 
@@ -83,8 +83,6 @@ def stream(seed: int, table: TableKind, index: int, purpose: Purpose, *part: int
 MASS_POWER = {"disc": 2, "sphere": 3}
 """p in ``mass ∝ radius^p`` by shape."""
 
-Basis = Literal["number", "mass"]
-
 _PROBES = 4096
 _FITS = 8
 
@@ -132,22 +130,18 @@ class ContinuousSizes:
 SizeDistribution = DiscreteSizes | ContinuousSizes
 
 
-def list_sizes(
-    radii: Floats, fractions: Floats | None, by: Basis, mass_power: int
-) -> DiscreteSizes:
+def list_sizes(radii: Floats, fractions: Floats | None, power: int) -> DiscreteSizes:
     """Radii [m] with ``fractions``, normalized here (default: equal), by number or by mass."""
     weights = np.ones(radii.size) if fractions is None else np.array(fractions, float)
-    if by == "mass":
+    if power:
         ratio = radii / radii.max()
-        weights = weights / (ratio * ratio if mass_power == 2 else ratio * ratio * ratio)
+        weights = weights / (ratio * ratio if power == 2 else ratio * ratio * ratio)
     return DiscreteSizes(np.array(radii, float), weights / sums.total(weights))
 
 
-def power_sizes(
-    exponent: float, smallest: float, largest: float, by: Basis, mass_power: int
-) -> ContinuousSizes:
+def power_sizes(exponent: float, smallest: float, largest: float, power: int) -> ContinuousSizes:
     """Density ∝ r^-exponent between ``smallest`` and ``largest`` [m]; constant for 0."""
-    slope = 1.0 - exponent - (mass_power if by == "mass" else 0)
+    slope = 1.0 - exponent - power
     span = arithmetic.log(largest / smallest)
 
     def quantile(level: Floats) -> Floats:
@@ -164,14 +158,14 @@ def power_sizes(
 
 
 def lognormal_sizes(
-    median: float, sigma: float, smallest: float, largest: float, by: Basis, mass_power: int
+    median: float, sigma: float, smallest: float, largest: float, power: int
 ) -> ContinuousSizes:
     """Normal distribution of ln r with mean ln ``median`` and standard deviation ``sigma``.
 
     Cut to radii between ``smallest`` and ``largest`` [m]. Dividing by r^p shifts the mean of ln r
     by −p σ² and keeps the form.
     """
-    center = arithmetic.log(median) - (mass_power * sigma * sigma if by == "mass" else 0.0)
+    center = arithmetic.log(median) - power * sigma * sigma
     score = normal_between(
         (arithmetic.log(smallest) - center) / sigma, (arithmetic.log(largest) - center) / sigma
     )
@@ -237,8 +231,8 @@ def draw_to_total(
 _SLICES = 2000  # of a normal distribution by mass
 
 
-def table_sizes(radii: Floats, passing: Floats, by: Basis, mass_power: int) -> ContinuousSizes:
-    """Radii between the rows of a table, with a constant density by ``by`` within each row.
+def table_sizes(radii: Floats, passing: Floats, power: int) -> ContinuousSizes:
+    """Radii between the rows of a table, with a constant density within each row.
 
     The density of numbers is then ∝ r^-p within a row, where the mass of a grain is ∝ r^p, and its
     integral and quantile have a closed form. Radii [m] ascend; ``passing`` is the share that is
@@ -248,7 +242,6 @@ def table_sizes(radii: Floats, passing: Floats, by: Basis, mass_power: int) -> C
     edge = radii / largest
     low, high = edge[:-1], edge[1:]
     share = np.diff(passing)
-    power = mass_power if by == "mass" else 0
     begin, end = _integral(low, power), _integral(high, power)
     number = share / (high - low) * (end - begin)
     cumulated = np.concatenate([[0.0], np.cumsum(number)])
@@ -279,19 +272,19 @@ def _inverse(integral: Floats, power: int) -> Floats:
 
 
 def normal_sizes(
-    mean: float, sigma: float, smallest: float, largest: float, by: Basis, mass_power: int
+    mean: float, sigma: float, smallest: float, largest: float, power: int
 ) -> ContinuousSizes:
     """Normal distribution of radii, of this ``mean`` and deviation, cut to smallest … largest [m].
 
     By mass it is a table of so many rows that their steps cannot be told from the curve.
     """
     low, high = (smallest - mean) / sigma, (largest - mean) / sigma
-    if by == "mass" and largest > smallest:
+    if power and largest > smallest:
         width = (largest - smallest) / _SLICES
         edges = np.array([smallest + k * width for k in range(_SLICES + 1)])
         below = np.array([normal_cdf((edge - mean) / sigma) for edge in edges.tolist()])
         below -= below[0]
-        return table_sizes(edges, below / below[-1], by, mass_power)
+        return table_sizes(edges, below / below[-1], power)
     score = normal_between(low, high)
     return ContinuousSizes(
         lambda level: np.clip(mean + sigma * score(level), smallest, largest), largest
@@ -303,13 +296,13 @@ def normal_sizes(
 
 def sizes_of(table: Sizes, shape: Shape) -> SizeDistribution:
     """The distribution of a ``sizes`` table; ``shape`` tells how mass grows with the radius."""
-    by, power = table.by, MASS_POWER[shape]
+    power = MASS_POWER[shape] if table.by == "mass" else 0
     if isinstance(table, ListSizes):
         fractions = None if table.fractions is None else np.array(table.fractions)
-        return list_sizes(np.array(table.radii), fractions, by, power)
+        return list_sizes(np.array(table.radii), fractions, power)
     if isinstance(table, TableSizes):
-        return table_sizes(np.array(table.radii), np.array(table.passing), by, power)
-    bounds = (table.min, table.max, by, power)
+        return table_sizes(np.array(table.radii), np.array(table.passing), power)
+    bounds = (table.min, table.max, power)
     if isinstance(table, LognormalSizes):
         return lognormal_sizes(table.median, table.sigma, *bounds)
     if isinstance(table, NormalSizes):

@@ -128,11 +128,8 @@ def _closing_factor(radii: Floats, radius: float, side: float) -> float:
 
 def _check_length(length: float, needed: float, what: str) -> None:
     if length < needed:
-        raise Refused(
-            (),
-            f"the {what}, {length:g} m, is too short for glued grains: at least {needed:g} m",
-            "make it longer or the grains smaller",
-        )
+        fault = f"the {what}, {length:g} m, is too short for glued grains: at least {needed:g} m"
+        raise Refused((), fault, "make it longer or the grains smaller")
 
 
 # ---- What packings stay clear of: walls, solid matter, the region's boundary, earlier grains
@@ -257,11 +254,6 @@ class Front:
     length: float
     depth: float
 
-    @property
-    def is_lid(self) -> bool:
-        """Whether the flow is below the row."""
-        return bool(self.normal[1] <= -_LEVEL)
-
     @classmethod
     def of(cls, row: Row, glued: Floats) -> Front:
         """The front of a row; x, y and radius of its grains [m], shape ``(k, 3)``."""
@@ -357,7 +349,7 @@ class BuiltWalls(NamedTuple):
         )
         lids = []
         for body, front in ((self.bodies[w], self.fronts[w]) for w in met):
-            if front is not None and front.is_lid:
+            if front is not None and front.normal[1] <= -_LEVEL:
                 lids.append(float((body.origin[1] + body.glued[:, 1] - body.glued[:, 2]).min()))
         return Obstacles(shapes.kind, world, room, tuple(lids))
 

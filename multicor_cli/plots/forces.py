@@ -31,10 +31,6 @@ _LEGEND = 0.62  # room for the legend [inch]
 _WIDEST = 0.75  # width of the widest line over the mean diameter
 
 
-def _fill(figure: Any, network: ForceNetwork) -> None:
-    draw_forces(place_scene(figure, network.scene, has_bar=False, top=_LEGEND).axes, network)
-
-
 def draw_forces(axes: Any, network: ForceNetwork) -> None:
     """Draw a force network into matplotlib axes, with a legend above the figure."""
     from matplotlib.lines import Line2D
@@ -66,11 +62,8 @@ def draw_network(axes: Any, network: ForceNetwork) -> Floats:
     lines, which = segments(network)
     width = line_widths(axes, network)
     color = np.where(network.sliding, COLORS[1], COLORS[0])
-    axes.add_collection(
-        LineCollection(
-            list(lines), linewidths=width[which], colors=color[which], capstyle="round", zorder=3
-        )
-    )
+    look: dict[str, Any] = {"linewidths": width[which], "colors": color[which], "zorder": 3}
+    axes.add_collection(LineCollection(list(lines), capstyle="round", **look))
     return width
 
 
@@ -123,11 +116,8 @@ def draw_distribution(axes: Any, table: ForceDistribution) -> None:
     for color, (density, scatter, marker, label) in zip(COLORS, curves, strict=False):
         known = density > 0.0
         if known.any():
-            center, shown, around = (
-                table.center[known],
-                density[known],
-                np.nan_to_num(scatter[known]),
-            )
+            center, shown = table.center[known], density[known]
+            around = np.nan_to_num(scatter[known])
             line: dict[str, Any] = {"linestyle": "-", "linewidth": 0.7, "label": label}
             axes.loglog(center, shown, marker, color=color, **line)
             # a logarithmic axis has no zero
@@ -157,15 +147,13 @@ def draw_angles(figure: Any, table: AngularDistribution) -> None:
 
 def _moment(name: str, table: AngularDistribution) -> str:
     a, theta = f"a_{name}", f"theta_{name}"
-    if np.isnan(table.moments_scatter[a]):
-        return (
-            f"$a_{name} = {table.moments[a]:.3f}$, $\\theta_{name} = {table.moments[theta]:.0f}°$"
-        )
-    return (
-        f"$a_{name} = {table.moments[a]:.3f} \\pm {table.moments_scatter[a]:.3f}$, "
-        f"$\\theta_{name} = {table.moments[theta]:.0f} \\pm {table.moments_scatter[theta]:.0f}°$ "
-        "($\\pm$: frames)"
-    )
+    size, angle = f"{table.moments[a]:.3f}", f"{table.moments[theta]:.0f}"
+    note = ""
+    if not np.isnan(table.moments_scatter[a]):
+        size += f" \\pm {table.moments_scatter[a]:.3f}"
+        angle += f" \\pm {table.moments_scatter[theta]:.0f}"
+        note = " ($\\pm$: frames)"
+    return f"$a_{name} = {size}$, $\\theta_{name} = {angle}°${note}"
 
 
 def _draw_polar(
@@ -213,7 +201,13 @@ def angles_text(table: AngularDistribution, _terminal: Terminal) -> str:
 
 
 FIGURES = {
-    ForceNetwork: Renderer(lambda _: (COLUMN, COLUMN), _fill, forces_text),
+    ForceNetwork: Renderer(
+        lambda _: (COLUMN, COLUMN),
+        lambda figure, network: draw_forces(
+            place_scene(figure, network.scene, has_bar=False, top=_LEGEND).axes, network
+        ),
+        forces_text,
+    ),
     ForceDistribution: Renderer(
         lambda _: (COLUMN, 0.85 * COLUMN),
         lambda figure, table: draw_distribution(figure.add_subplot(), table),

@@ -262,10 +262,6 @@ _LONG = 0.95
 _LENGTH = 2.0  # length of the longest arrow over the mean distance of arrows
 
 
-def _fill(figure: Any, table: GrainMap, *, has_streamlines: bool = True) -> None:
-    draw_map(place_scene(figure, table.scene), table, has_streamlines=has_streamlines)
-
-
 def draw_map(place: Place, table: GrainMap, *, has_streamlines: bool = True) -> None:
     """Draw a map with its color bar where `place_scene` has made room; vectors as streamlines of
     their local mean, or else as arrows.
@@ -407,4 +403,12 @@ class _Single:
         return self._frame
 
 
-FIGURES = {GrainMap: Renderer(lambda _: (COLUMN, COLUMN), _fill, map_text)}
+FIGURES = {
+    GrainMap: Renderer(
+        lambda _: (COLUMN, COLUMN),
+        lambda figure, table, **options: draw_map(
+            place_scene(figure, table.scene), table, **options
+        ),
+        map_text,
+    )
+}

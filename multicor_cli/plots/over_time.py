@@ -154,10 +154,6 @@ def _charts(charts: Iterable[tuple[str, list[TextLine]]]) -> str:
     return "\n\n".join(drawn)
 
 
-def _series_size(table: SeriesTable) -> tuple[float, float]:
-    return 1.3 * COLUMN, COLUMN * (0.3 + 0.45 * len(_units(table)))
-
-
 # ---- What has flowed through a line, summed over time
 
 
@@ -314,7 +310,11 @@ FIGURES = {
         draw_energy,
         energy_text,
     ),
-    SeriesTable: Renderer(_series_size, draw_series, series_text),
+    SeriesTable: Renderer(
+        lambda table: (1.3 * COLUMN, COLUMN * (0.3 + 0.45 * len(_units(table)))),
+        draw_series,
+        series_text,
+    ),
     FlowTable: Renderer(lambda _: (COLUMN, 0.75 * COLUMN), draw_flow, flow_text),
     Rheology: Renderer(lambda _: (PAGE, 0.9 * PAGE), draw_rheology, rheology_text),
     RegionTable: Renderer(lambda _: (PAGE, 0.62 * PAGE), draw_region, region_text),

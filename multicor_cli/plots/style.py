@@ -297,10 +297,8 @@ def _in_colors(pixels: NDArray[np.uint8], colors: str) -> str:
     lines: list[Segment] = []
     for upper, lower in zip(pixels[::2].tolist(), pixels[1::2].tolist(), strict=True):
         cells = zip(upper, lower, strict=True)
-        lines += [
-            Segment("▀", Style(color=Color.from_rgb(*a), bgcolor=Color.from_rgb(*b)))
-            for a, b in cells
-        ]
+        styles = (Style(color=Color.from_rgb(*a), bgcolor=Color.from_rgb(*b)) for a, b in cells)
+        lines += [Segment("▀", style) for style in styles]
         lines.append(Segment.line())
     text = io.StringIO()
     console: Any = Console  # its types know color systems only as literals

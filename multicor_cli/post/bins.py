@@ -13,7 +13,7 @@ from multicor_cli.model import Model, ShapeKind
 from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import outlines
-from multicor_cli.post.source import Frame, PostError, Run, model_of, need_grains
+from multicor_cli.post.source import Frame, PostError, Run, frames_of, model_of, need_grains
 from multicor_cli.text import choices
 
 # ---- Sharing discs and lines out among horizontal bins by exact area and length
@@ -152,7 +152,7 @@ def find_extent(source: Run, indices: NDArray[np.int64], between: Between | None
     model = source.model
     spans = wall_spans(model)
     levels = _levels(model, spans)
-    ends = [source.frames[int(indices[k])] for k in (0, -1)]
+    ends = list(frames_of(source, indices[[0, -1]]))
     need_grains(source, indices)
     lower: int | None
     upper: int | None
@@ -164,8 +164,7 @@ def find_extent(source: Run, indices: NDArray[np.int64], between: Between | None
     if upper is not None:
         line[upper] = levels[1, upper]
     floor, ceiling, gap = np.inf, -np.inf, 0.0
-    for k in indices:
-        frame = source.frames[int(k)]
+    for frame in frames_of(source, indices):
         at = line + np.asarray(frame.wall_position)[:, 1]
         if lower is not None and upper is not None:
             gap += float(at[upper] - at[lower]) / len(indices)
@@ -287,26 +286,22 @@ def wall_spans(model: Model) -> tuple[Floats, Floats]:
 
 
 def _are_round(model: Model) -> NDArray[np.bool_]:
-    """Which walls are one disc, alone or with others glued around it."""
+    """Which walls are one disc, alone or with others that touch it and leave no half rim free."""
     shapes, found = model.shapes, np.zeros(model.wall_count, np.bool_)
     for wall in np.unique(shapes.wall).tolist():
         own = shapes.wall == wall
-        are_discs = bool((shapes.kind[own] == ShapeKind.DISC).all())
-        found[wall] = are_discs and _surround_one(shapes.geometry[own])
+        discs = shapes.geometry[own]
+        largest = int(discs[:, RADIUS].argmax())
+        others = np.delete(discs, largest, axis=0)
+        found[wall] = (shapes.kind[own] == ShapeKind.DISC).all()
+        if found[wall] and len(others):
+            way = others[:, :2] - discs[largest, :2]
+            reach = others[:, RADIUS] + discs[largest, RADIUS]
+            touch = np.hypot(*way.T) <= (1.0 + _TOUCHING) * reach
+            bearing = np.sort(np.arctan2(way[:, 1], way[:, 0]))
+            widest = np.diff(bearing, append=bearing[0] + 2.0 * np.pi).max()
+            found[wall] = touch.all() and widest < (1.0 - _TOUCHING) * np.pi
     return found
-
-
-def _surround_one(discs: Floats) -> bool:
-    """Whether discs (x, y, radius, …) touch the largest and leave no half of its rim free."""
-    largest = int(discs[:, RADIUS].argmax())
-    others = np.delete(discs, largest, axis=0)
-    if not len(others):
-        return True
-    way = others[:, :2] - discs[largest, :2]
-    touch = np.hypot(*way.T) <= (1.0 + _TOUCHING) * (others[:, RADIUS] + discs[largest, RADIUS])
-    bearing = np.sort(np.arctan2(way[:, 1], way[:, 0]))
-    widest = np.diff(bearing, append=bearing[0] + 2.0 * np.pi).max()
-    return bool(touch.all() and widest < (1.0 - _TOUCHING) * np.pi)
 
 
 # ---- Bins, frame by frame

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -204,14 +204,14 @@ def _labels(keys: Sequence[tuple[str, str, str]], names: tuple[str, str]) -> tup
 
 
 def _sizes(first: Run, second: Run) -> list[Pair]:
-    kinds: dict[tuple[str, str], Callable[[Run], float]] = {
-        ("grain_count", "grains"): lambda run: run.model.grain_count,
-        ("frame_count", "frames"): lambda run: np.asarray(run.frames.time).size,
-        ("time", "time at the last frame [s]"): (
-            lambda run: float(np.asarray(run.frames.time)[-1:].sum())
-        ),
-    }
-    return [Pair(*names, float(of(first)), float(of(second))) for names, of in kinds.items()]
+    one, two = (np.asarray(run.frames.time) for run in (first, second))
+    grains = float(first.model.grain_count), float(second.model.grain_count)
+    ends = float(one[-1:].sum()), float(two[-1:].sum())
+    return [
+        Pair("grain_count", "grains", grains[0], grains[1]),
+        Pair("frame_count", "frames", float(one.size), float(two.size)),
+        Pair("time", "time at the last frame [s]", ends[0], ends[1]),
+    ]
 
 
 def _books(first: Run, second: Run) -> list[Pair]:

@@ -46,11 +46,8 @@ class LoadedContacts:
     @cached_property
     def reach(self) -> Floats:
         """From the center of i to that of j, or to a smooth wall [m], shape ``(c,)``."""
-        return np.asarray(
-            self.reach_of[self.i]
-            + np.asarray(self.rows.gap, np.float64)[self.row]
-            + self.reach_of[self.j]
-        )
+        gap = np.asarray(self.rows.gap, np.float64)[self.row]
+        return np.asarray(self.reach_of[self.i] + gap + self.reach_of[self.j])
 
     @cached_property
     def is_wall(self) -> NDArray[np.bool_]:
@@ -78,10 +75,8 @@ class LoadedContacts:
     @cached_property
     def counts(self) -> NDArray[np.int64]:
         """Contacts of each grain; those with walls count once, shape ``(n,)``."""
-        between = self.j[~self.is_wall]
-        return np.bincount(self.i, minlength=self.grain_count) + np.bincount(
-            between, minlength=self.grain_count
-        )
+        n, between = self.grain_count, self.j[~self.is_wall]
+        return np.bincount(self.i, minlength=n) + np.bincount(between, minlength=n)
 
     @property
     def loads(self) -> Floats:

@@ -116,13 +116,10 @@ def _crossings(
         np.asarray(f.unwrapped, np.float64)[rows, :2] for f, rows in ((before, one), (after, two))
     )
     if are_known:
-        speed = (
-            max(  # falling, a grain gets faster than in either frame
-                float(np.hypot(*np.asarray(frame.velocity, np.float64).T[:2]).max(initial=0.0))
-                for frame in (before, after)
-            )
-            + float(np.hypot(*model.gravity)) * duration
-        )
+        speeds = (np.hypot(*np.asarray(f.velocity, np.float64).T[:2]) for f in (before, after))
+        # falling, a grain gets faster than in either frame
+        fall = float(np.hypot(*model.gravity)) * duration
+        speed = max(float(each.max(initial=0.0)) for each in speeds) + fall
         is_near = np.hypot(*(end - start).T) <= speed * duration + model.mean_diameter
         lost += int((~is_near).sum())
         one, start, end = one[is_near], start[is_near], end[is_near]

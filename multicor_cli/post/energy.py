@@ -171,10 +171,7 @@ class SeriesTable(TimeTable):
 
 
 def series(
-    source: Run,
-    of: Sequence[str] = (),
-    start: float | None = None,
-    end: float | None = None,
+    source: Run, of: Sequence[str] = (), start: float | None = None, end: float | None = None
 ) -> SeriesTable:
     """Columns of the time series.
 

@@ -160,7 +160,8 @@ class CoarseGrid:
         cell = self._cell(points)
         self._low = cell.min(axis=0)
         self._size = cell.max(axis=0) - self._low + 1
-        key = self._key(cell)
+        at = cell - self._low
+        key = at[:, 0] * self._size[1] + at[:, 1]
         self._order = np.argsort(key, kind="stable")
         self._first = np.searchsorted(key[self._order], np.arange(self._size.prod() + 1))
 
@@ -201,10 +202,6 @@ class CoarseGrid:
 
     def _cell(self, points: Floats) -> NDArray[np.int64]:
         return np.asarray(np.floor(points / self._width).astype(np.int64))
-
-    def _key(self, cell: NDArray[np.int64]) -> NDArray[np.int64]:
-        at = cell - self._low
-        return np.asarray(at[..., 0] * self._size[1] + at[..., 1])
 
     def _pairs(self, position: Floats) -> Iterator[_Pairs]:
         """All pairs within reach, some at a time."""
@@ -306,12 +303,7 @@ def column_names(*, has_heat: bool, has_stress: bool) -> tuple[str, ...]:
 
 
 def frame_sums(
-    source: Run,
-    frame: Frame,
-    points: FieldPoints,
-    coarse: CoarseGrid,
-    *,
-    has_stress: bool,
+    source: Run, frame: Frame, points: FieldPoints, coarse: CoarseGrid, *, has_stress: bool
 ) -> Floats:
     """Densities of a frame by `column_names`, along local axes; means over rings; ``(rows, q)``."""
     model = model_of(source, frame)

@@ -8,21 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
+from multicor_cli.post import field_sums
 from multicor_cli.post.contacts import has_forces
-from multicor_cli.post.field_sums import (
-    CoarseGrid,
-    FieldPoints,
-    column_names,
-    derive,
-    field_list,
-    frame_sums,
-    grid,
-    line,
-    polar_grid,
-    rings,
-)
 from multicor_cli.post.grain_map import make_scene
-from multicor_cli.post.source import PostError, Run, Selection, model_of, need_grains
+from multicor_cli.post.source import (
+    PostError,
+    Run,
+    Selection,
+    frames_of,
+    frames_told,
+    model_of,
+    need_grains,
+)
 from multicor_cli.post.sums import pseudo_values, spread
 from multicor_cli.post.table import Column, Quantity, Table, split_unit, with_unit
 from multicor_cli.text import choices
@@ -98,27 +95,27 @@ def fields(
     chosen = np.array(with_stress, np.int64) if has_stress else chosen
     points = _points(source, chosen, spacing * diameter, center, along, is_radial=is_radial)
     at = np.column_stack([points.at[:, 0] % period, points.at[:, 1]]) if period > 0.0 else points.at
-    coarse = CoarseGrid(at, reach * diameter, period)
+    coarse = field_sums.CoarseGrid(at, reach * diameter, period)
     has_heat = source.model.thermal is not None
-    names = column_names(has_heat=has_heat, has_stress=has_stress)
-    known = tuple(field_list(points.axes, has_heat=has_heat, has_stress=has_stress))
+    names = field_sums.column_names(has_heat=has_heat, has_stress=has_stress)
+    known = tuple(field_sums.field_list(points.axes, has_heat=has_heat, has_stress=has_stress))
     default = ["solid-fraction"] if points.is_grid else [f"velocity-{axis}" for axis in points.axes]
     wanted = _wanted(of or default, known, is_grid=points.is_grid)
     times = np.asarray(source.frames.time)[chosen]
     total = np.zeros((len(points.coordinates), len(names)))
     rows: list[Floats] = []  # of a grid they would fill the memory
-    for k in chosen.tolist():
-        sums = frame_sums(source, source.frames[k], points, coarse, has_stress=has_stress)
+    for frame in frames_of(source, chosen):
+        sums = field_sums.frame_sums(source, frame, points, coarse, has_stress=has_stress)
         total += sums
         rows += [] if points.is_grid else [sums]
-    values = derive(total / chosen.size, names, points.axes)
+    values = field_sums.derive(total / chosen.size, names, points.axes)
     error = _errors(np.array(rows), values, times, names, points.axes) if rows else {}
     coordinates = [
         Column(*split_unit(name), points.coordinates[:, k]) for k, name in enumerate(points.names)
     ]
     note = _beyond(source, chosen, points, spacing * diameter) if is_radial else ""
     facts = {
-        "frame_count": int(chosen.size), "times": (float(times[0]), float(times[-1])),
+        **frames_told(source, chosen),
         "reach": reach * diameter, "note": note, "axes": list(points.axes), "shape": points.shape,
         "units": {field.name: field.unit for field in known},
         **{column.name: column.values for column in coordinates},
@@ -191,24 +188,29 @@ def _points(
     along: tuple[Center, Center] | None,
     *,
     is_radial: bool,
-) -> FieldPoints:
+) -> field_sums.FieldPoints:
     if along is not None:
-        return line(*along, spacing)
+        return field_sums.line(*along, spacing)
     if center is not None:
-        distance = [_distances(source, int(k), center) for k in chosen]
-        inner, outer = min(low for low, _ in distance), max(high for _, high in distance)
-        return (rings if is_radial else polar_grid)(center, inner, outer, spacing)
+        inner, outer = np.inf, 0.0  # how near to the center grains come, and how far they reach
+        for frame in frames_of(source, chosen):
+            radius = model_of(source, frame).grains.radius
+            position = np.asarray(frame.position, np.float64)[:, :2]
+            away = np.hypot(*(position - np.array(center)).T)
+            inner = min(inner, max(float((away - radius).min()), 0.0))
+            outer = max(outer, float((away + radius).max()))
+        around = field_sums.rings if is_radial else field_sums.polar_grid
+        return around(center, inner, outer, spacing)
     low, high = _box(source, chosen)
     if source.model.period > 0.0:
         low[0], high[0] = 0.0, source.model.period
-    return grid(low.tolist(), high.tolist(), spacing)
+    return field_sums.grid(low.tolist(), high.tolist(), spacing)
 
 
 def _box(source: Run, chosen: NDArray[np.int64]) -> tuple[Floats, Floats]:
     """Lower left and upper right corner of a box that holds the grains in all frames [m]."""
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
-    for k in chosen.tolist():
-        frame = source.frames[k]
+    for frame in frames_of(source, chosen):
         radius = model_of(source, frame).grains.radius[:, np.newaxis]
         position = np.asarray(frame.position, np.float64)[:, :2]
         low = np.minimum(low, (position - radius).min(axis=0))
@@ -216,7 +218,9 @@ def _box(source: Run, chosen: NDArray[np.int64]) -> tuple[Floats, Floats]:
     return low, high
 
 
-def _beyond(source: Run, chosen: NDArray[np.int64], points: FieldPoints, spacing: float) -> str:
+def _beyond(
+    source: Run, chosen: NDArray[np.int64], points: field_sums.FieldPoints, spacing: float
+) -> str:
     """A word on rings partly beyond the grains: their means are over what is empty there, too."""
     low, high = _box(source, chosen)
     if source.model.period > 0.0:
@@ -231,22 +235,12 @@ def _beyond(source: Run, chosen: NDArray[np.int64], points: FieldPoints, spacing
     )
 
 
-def _distances(source: Run, k: int, center: Center) -> tuple[float, float]:
-    """How near to the center grains come in a frame, and how far they reach [m]."""
-    frame = source.frames[k]
-    radius = model_of(source, frame).grains.radius
-    away = np.hypot(*(np.asarray(frame.position, np.float64)[:, :2] - np.array(center)).T)
-    return max(float((away - radius).min()), 0.0), float((away + radius).max())
-
-
 def _errors(
     rows: Floats, values: dict[str, Floats], times: Floats, names: tuple[str, ...], axes: str
 ) -> dict[str, Floats]:
     """Standard errors of every field from what each frame adds to it."""
     if len(rows) < 2:
         return {name: np.full(value.shape, np.nan) for name, value in values.items()}
-    without = derive((rows.sum(axis=0) - rows) / (len(rows) - 1), names, axes)
-    return {
-        name: spread(pseudo_values(value, without[name]), times).error
-        for name, value in values.items()
-    }
+    without = field_sums.derive((rows.sum(axis=0) - rows) / (len(rows) - 1), names, axes)
+    pseudo = {name: pseudo_values(value, without[name]) for name, value in values.items()}
+    return {name: spread(each, times).error for name, each in pseudo.items()}

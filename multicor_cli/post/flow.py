@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import Bins, Extent, heights, make_bins
-from multicor_cli.post.source import Frame, Run, model_of
+from multicor_cli.post.source import Frame, Run, frames_of, model_of
 
 _CELL_LIMIT = 1000
 # Weight of the slopes beside that of the grains: it decides only what no grain does
@@ -67,8 +67,7 @@ def mean_flow(source: Run, chosen: NDArray[np.int64], bins: Bins) -> MeanFlow:
     smoothing = _SMOOTHING * (source.model.grains.radius**2).sum() * chosen.size / count
     below, above, across = np.zeros(count), np.zeros(count), np.zeros(count)
     right = np.zeros((count + 1, 2))
-    for k in chosen:
-        frame = source.frames[int(k)]
+    for frame in frames_of(source, chosen):
         cell, part = _locate(frame, extent, count)
         weight = model_of(source, frame).grains.radius ** 2
         factors = ((1.0 - part) ** 2, part**2, part * (1.0 - part))

@@ -16,6 +16,8 @@ from multicor_cli.post.source import (
     Run,
     Selection,
     frame_index,
+    frames_of,
+    frames_told,
     model_of,
     need_grains,
 )
@@ -198,7 +200,8 @@ def force_distribution(
     if not count:
         raise PostError(_NOTHING)
     facts = {
-        **_frames_of(source, chosen, count),
+        **frames_told(source, chosen),
+        "contacts": count,
         "normal_force_mean": normal_sum / count,
         "tangential_force_mean": tangential_sum / count,
         "edges": edges,
@@ -273,7 +276,8 @@ def angular_distribution(
             away = (away + 90.0) % 180.0 - 90.0
         moments_scatter[name] = float(scatter(away))
     facts = {
-        **_frames_of(source, chosen, count),
+        **frames_told(source, chosen),
+        "contacts": count,
         **moments,
         "angle": angle,
         "moments_scatter": moments_scatter,
@@ -293,12 +297,9 @@ def _directions(sums: Floats) -> tuple[Floats, Floats, Floats]:
     """Densities, and forces over the mean normal force, of sums over half a circle ``(3, b/2)``."""
     count, f, g = sums
     overall = f.sum() / count.sum()
+    density = 0.5 * count / count.sum() * count.size / np.pi
     with np.errstate(invalid="ignore"):
-        return (
-            0.5 * count / count.sum() * count.size / np.pi,
-            f / count / overall,
-            g / count / overall,
-        )
+        return density, f / count / overall, g / count / overall
 
 
 def _moments_of(sums: Floats, wave: complex, angle: Floats) -> dict[str, float]:
@@ -336,17 +337,6 @@ def _between_grains(
 ) -> tuple[NDArray[np.int64], Iterator[LoadedContacts]]:
     """The frames that have forces, and the contacts of those that have any between grains."""
     chosen = with_forces(source, (selection or Selection()).indices(source.frames))
-    loaded = (
-        loaded_contacts(frame, model_of(source, frame))
-        for frame in (source.frames[int(k)] for k in chosen)
-    )
+    frames = frames_of(source, chosen)
+    loaded = (loaded_contacts(frame, model_of(source, frame)) for frame in frames)
     return chosen, (contacts for contacts in loaded if not contacts.is_wall.all())
-
-
-def _frames_of(source: Run, chosen: NDArray[np.int64], contacts: int) -> dict[str, Any]:
-    times = np.asarray(source.frames.time)[chosen]
-    return {
-        "frame_count": int(chosen.size),
-        "times": (float(times[0]), float(times[-1])),
-        "contacts": contacts,
-    }

@@ -12,14 +12,7 @@ from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Outline, outlines
 from multicor_cli.post.quantities import MAPPED, SAME, GrainQuantity
-from multicor_cli.post.source import (
-    Frame,
-    PostError,
-    Run,
-    frame_index,
-    model_of,
-    need_grains,
-)
+from multicor_cli.post.source import Frame, PostError, Run, frame_index, model_of, need_grains
 from multicor_cli.post.table import Column, Table, values_of_quantities, with_unit
 from multicor_cli.text import choices
 

@@ -19,6 +19,8 @@ from multicor_cli.post.source import (
     PostError,
     Run,
     Selection,
+    frames_of,
+    frames_told,
     model_of,
     of_groups,
 )
@@ -80,11 +82,8 @@ class ProfileTable(Table):
     def about_walls(self) -> str:
         """A line on what is left out at the walls; empty if nothing is."""
         walls = " and ".join(f"'{name}'" for name in self.walls if name)
-        return (
-            f"left out next to {walls}: {self.left_out:.3g} of a mean diameter"
-            if walls and self.left_out
-            else ""
-        )
+        text = f"left out next to {walls}: {self.left_out:.3g} of a mean diameter"
+        return text if walls and self.left_out else ""
 
     @property
     def units(self) -> tuple[str, str]:
@@ -252,18 +251,7 @@ def profiles(
 ) -> ProfileSet:
     """As `profile`, for a field or for several at once, reading every frame once.
 
-    Args:
-        source: The run.
-        of: Name of the field, one of `PROFILED`, or of one of `PROFILE_GROUPS`.
-        selection: Which frames; default: the later half of the last stage.
-        bins: Number of bins, as for `profile`.
-        bin_width: Width of a bin in mean diameters, as for `profile`.
-        exclude_walls: What to leave out at each wall, in mean diameters, as for `profile`.
-        between: Names of the walls below and above, as for `profile`.
-        groups: Groups of grains that count, as for `profile`.
-
-    Raises:
-        PostError: As `profile`.
+    ``of`` may also be one of `PROFILE_GROUPS`; other arguments and errors are those of `profile`.
     """
     fields = _find_fields(of)
     chosen = (selection or Selection()).indices(source.frames)
@@ -322,10 +310,10 @@ def _make_table(
     value, error = average(sums)
     extent = bins.extent
     walls, speeds = _at_walls(source, field, chosen, (extent.lower, extent.upper))
-    times, names = np.asarray(source.frames.time)[chosen], source.model.walls.names
+    names = source.model.walls.names
     facts = {
         "of": field.name, "unit": field.unit, "y_unit": "m", "normalized": False,
-        "frame_count": int(chosen.size), "times": (float(times[0]), float(times[-1])),
+        **frames_told(source, chosen),
         "height": extent.height,
         "walls": tuple("" if w is None else names[w] for w in (extent.lower, extent.upper)),
         "excluded_at_walls": bins.left_out / source.model.mean_diameter, "wall_values": walls,
@@ -352,7 +340,7 @@ def _bin_area(
 ) -> float:
     """Area of a bin, averaged over the frames, or over the time of a rate [m²]."""
     if field.kind in ("mean", "number"):
-        frames = (source.frames[int(k)] for k in chosen)
+        frames = frames_of(source, chosen)
         areas = [bins.place(frame).width * plane_width(source, frame) for frame in frames]
         return float(np.mean(areas))
     times = np.asarray(source.frames.time)[chosen]
@@ -392,8 +380,7 @@ def _at_walls(
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Means over frames of field and velocity at the lower and upper wall; nan without one."""
     values = np.full((chosen.size, 2, 2), np.nan)
-    for row, k in enumerate(chosen):
-        frame = source.frames[int(k)]
+    for row, frame in enumerate(frames_of(source, chosen)):
         for side, wall in enumerate(walls):
             if wall is not None:
                 values[row, 1, side] = frame.wall_velocity[wall, 0]

@@ -12,14 +12,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
 from multicor_cli.post.flow import fluctuations
-from multicor_cli.post.source import (
-    Frame,
-    PostError,
-    Run,
-    model_of,
-    need_heat,
-    need_same_grains,
-)
+from multicor_cli.post.source import Frame, PostError, Run, model_of, need_heat, need_same_grains
 from multicor_cli.post.table import Quantity
 
 Kind = Literal["mean", "number", "rate", "share", "contact"]
@@ -90,11 +83,6 @@ class GrainQuantity(Quantity):
     per_area: tuple[str, str] | None = None
     names_of: Callable[[Model], tuple[str, ...]] | None = None
 
-    @property
-    def is_profiled(self) -> bool:
-        """Whether there are profiles of it."""
-        return self.averaged is not None or self.of_contacts is not None
-
     def of_profile(self) -> GrainQuantity:
         """The same with the symbol and the unit of its profiles."""
         if self.per_area is None:
@@ -159,42 +147,26 @@ def _heat_rates(source: Run, frame: int) -> Floats:
         )
     need_same_grains(source.frames[frame - 1], source.frames[frame])
     times = np.asarray(source.frames.time)
-    return np.asarray(
-        (after - need_heat(source.frames[frame - 1].generated))
-        / float(times[frame] - times[frame - 1])
-    )
-
-
-def _contacts_of(source: Run, frame: int) -> LoadedContacts:
-    with_forces(source, np.array([frame]))
-    return loaded_contacts(source.frames[frame], model_of(source, source.frames[frame]))
+    gained = after - need_heat(source.frames[frame - 1].generated)
+    return np.asarray(gained / float(times[frame] - times[frame - 1]))
 
 
 def _of_contacts(values: Callable[[LoadedContacts], Any]) -> Callable[[Run, int], Floats]:
-    return lambda source, frame: np.asarray(values(_contacts_of(source, frame)), np.float64)
+    def of_grain(source: Run, frame: int) -> Floats:
+        with_forces(source, np.array([frame]))
+        contacts = loaded_contacts(source.frames[frame], model_of(source, source.frames[frame]))
+        return np.asarray(values(contacts), np.float64)
 
-
-def _pressures(source: Run, frame: int) -> Floats:
-    """Mean pressure in each grain by its contact forces [N/m], shape ``(n,)``.
-
-    Half the trace of its virial Σ f⊗ℓ/(π a²), ℓ from a contact to its center: Σ f_n/(2π a).
-    """
-    contacts = _contacts_of(source, frame)
-    return np.asarray(contacts.loads / (2.0 * np.pi * contacts.reach_of[: contacts.grain_count]))
+    return of_grain
 
 
 def _stress(a: int, b: int) -> GrainQuantity:
     """Contact stress Σ f_a ℓ_b/area, force on a grain times branch to it; compression positive."""
     axes = "xy"[a] + "xy"[b]
     return GrainQuantity(
-        f"stress-{axes}",
-        f"contact stress {axes}",
-        rf"\sigma_{{{axes}}}",
-        "N/m",
-        kind="contact",
-        of_contacts=lambda contacts: contacts.virial(a, b),
-        needs_contacts=True,
-    )
+        f"stress-{axes}", f"contact stress {axes}", rf"\sigma_{{{axes}}}", "N/m", kind="contact",
+        of_contacts=lambda contacts: contacts.virial(a, b), needs_contacts=True,
+    )  # fmt: skip
 
 
 def _kinetic_stress(a: int, b: int) -> GrainQuantity:
@@ -203,9 +175,8 @@ def _kinetic_stress(a: int, b: int) -> GrainQuantity:
 
     def averaged(frame: Frame, model: Model) -> Floats:
         velocity, grains = np.asarray(frame.velocity, np.float64), model.grains
-        return np.asarray(
-            grains.mass * velocity[:, a] * velocity[:, b] / (np.pi * grains.radius**2)
-        )
+        flux = grains.mass * velocity[:, a] * velocity[:, b]
+        return np.asarray(flux / (np.pi * grains.radius**2))
 
     symbol = rf"\sigma^\mathrm{{kin}}_{{{axes}}}"
     name, label = f"kinetic-stress-{axes}", f"kinetic stress {axes}"
@@ -277,7 +248,12 @@ QUANTITIES: dict[str, GrainQuantity] = {
             names_of=lambda model: model.groups),
         GrainQuantity("material", "material", "", "1", _kinds("material"),
             names_of=lambda model: model.materials),
-        GrainQuantity("stress", "contact pressure", "p", "N/m", _pressures, "cividis", "from zero"),
+        # half the trace of its virial Σ f⊗ℓ/(π a²), ℓ from a contact to its center: Σ f_n/(2π a)
+        GrainQuantity(
+            "stress", "contact pressure", "p", "N/m",
+            _of_contacts(lambda c: c.loads / (2.0 * np.pi * c.reach_of[: c.grain_count])),
+            "cividis", "from zero",
+        ),
         GrainQuantity("pressure", "contact pressure", "p", "N/m", kind="contact",
             of_contacts=lambda contacts: 0.5 * (contacts.virial(0, 0) + contacts.virial(1, 1)),
             needs_contacts=True),
@@ -299,7 +275,9 @@ upper layers move towards +x has σ_xy < 0. The pressure is half the trace of th
 """
 
 PROFILED: dict[str, GrainQuantity] = {
-    name: quantity.of_profile() for name, quantity in QUANTITIES.items() if quantity.is_profiled
+    name: quantity.of_profile()
+    for name, quantity in QUANTITIES.items()
+    if quantity.averaged is not None or quantity.of_contacts is not None
 }
 """What a profile can be taken of, by name."""
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Area, Rectangle, Room
 from multicor_cli.post.contacts import LoadedContacts, has_forces, loaded_contacts
-from multicor_cli.post.source import Frame, PostError, Run, Selection, model_of
+from multicor_cli.post.source import Frame, PostError, Run, Selection, frames_of, model_of
 from multicor_cli.post.sums import spread
 from multicor_cli.post.table import Column, TimeTable, line_of
 
@@ -70,15 +70,18 @@ def in_region(source: Run, area: Area, selection: Selection | None = None) -> Re
         StoreError: If the run cannot be read.
     """
     chosen = (selection or Selection()).indices(source.frames)
-    room, size = _room(area, source.model.period)
-    counts, measured = zip(
-        *(_measure(source, source.frames[int(k)], room, size) for k in chosen), strict=True
-    )
-    quantities = [
-        Column(name, _UNITS[name], np.array([row[name] for row in measured]))
-        for name in measured[0]
-    ]
-    if not any(row["solid_fraction"] for row in measured):
+    period, size = source.model.period, area.size
+    room = Room(inside=(area,), period=period)
+    if isinstance(area, Rectangle):
+        (left, bottom), (right, top) = area.low, area.high
+        if 0.0 < period <= (right - left) * (1.0 + _ROUNDING):  # it has no ends in x
+            room = Room(inside=(Rectangle((-np.inf, bottom), (np.inf, top)),))
+            size = period * (top - bottom)
+    frames = frames_of(source, chosen)
+    counts, measured = zip(*(_measure(source, f, room, size) for f in frames), strict=True)
+    values = {name: np.array([row[name] for row in measured]) for name in measured[0]}
+    quantities = [Column(name, _UNITS[name], each) for name, each in values.items()]
+    if not values["solid_fraction"].any():
         raise PostError("no grain is in the region in these frames")
     grains, time = np.array(counts, np.int64), np.asarray(source.frames.time, np.float64)[chosen]
     return RegionTable(
@@ -87,16 +90,6 @@ def in_region(source: Run, area: Area, selection: Selection | None = None) -> Re
         {"area": size, "grains": grains},
         [Column("grains", "", grains), *quantities],
     )
-
-
-def _room(area: Area, period: float) -> tuple[Room, float]:
-    """Where grains count, and the area [m²]: a rectangle as wide as the period has no ends in x."""
-    if isinstance(area, Rectangle) and 0.0 < period <= (area.high[0] - area.low[0]) * (
-        1.0 + _ROUNDING
-    ):
-        endless = Rectangle((-np.inf, area.low[1]), (np.inf, area.high[1]))
-        return Room(inside=(endless,)), period * (area.high[1] - area.low[1])
-    return Room(inside=(area,), period=period), area.size
 
 
 def _measure(source: Run, frame: Frame, room: Room, size: float) -> tuple[int, dict[str, float]]:
@@ -146,10 +139,8 @@ def _lengths_inside(contacts: LoadedContacts, position: Floats, room: Room) -> F
         first, last = last, room.clearance(end - (k / _PIECES) * contacts.branch)
         inner = np.maximum(first, 0.0) + np.maximum(last, 0.0)
         outer = np.maximum(-first, 0.0) + np.maximum(-last, 0.0)
-        part += (
-            np.where(outer == 0.0, 1.0, inner / np.where(inner + outer > 0.0, inner + outer, 1.0))
-            / _PIECES
-        )
+        share = inner / np.where(inner + outer > 0.0, inner + outer, 1.0)
+        part += np.where(outer == 0.0, 1.0, share) / _PIECES
     return part
 
 

@@ -28,6 +28,8 @@ from multicor_cli.post.source import (
     PostError,
     Run,
     Selection,
+    frames_of,
+    frames_told,
     model_of,
     need_same_grains,
 )
@@ -109,12 +111,7 @@ def _glued_radius(model: Model, wall: int | None) -> float:
 
 
 def interval_sums(
-    source: Run,
-    band: Band,
-    flow: MeanFlow,
-    first: Frame,
-    second: Frame,
-    lapse: float,
+    source: Run, band: Band, flow: MeanFlow, first: Frame, second: Frame, lapse: float
 ) -> Floats:
     """The sums `SUM_NAMES` over the bulk between two frames that are ``lapse`` apart [s].
 
@@ -272,7 +269,10 @@ def rheology(
     direction = _check_shear(source, extent, chosen)
     band = find_band(source.model, extent, margin)
     times = np.asarray(source.frames.time)[chosen]
-    sums = np.column_stack([_sum_bulk(source, band, chosen), _sum_walls(source, extent, times)])
+    flow = mean_flow(source, chosen, make_bins(source, chosen))
+    pairs = zip(pairwise(frames_of(source, chosen)), np.diff(times).tolist(), strict=True)
+    rows = [interval_sums(source, band, flow, *pair, lapse) for pair, lapse in pairs]
+    sums = np.column_stack([np.array(rows), _sum_walls(source, extent, times)])
     model, names, whole = source.model, source.model.walls.names, sums.sum(axis=0)
     values = _derive(model, sums, direction)
     mean = {n: float(v[0]) for n, v in _derive(model, whole[np.newaxis], direction).items()}
@@ -290,7 +290,7 @@ def rheology(
     facts = {
         "margin": band.margin, "height": extent.height,
         "walls": (names[extent.lower], names[extent.upper]),
-        "frame_count": int(chosen.size), "times": (float(times[0]), float(times[-1])),
+        **frames_told(source, chosen),
     }  # fmt: skip
     quantities = [q.over_time(values[q.name]) for q in QUANTITIES]
     parts: dict[str, Any] = {"mean": mean, "spread": spreads, "frames": chosen}
@@ -310,7 +310,7 @@ def _check_shear(source: Run, extent: Extent, chosen: NDArray[np.int64]) -> floa
         raise PostError(
             "rheology needs two frames; only one is selected: choose more with --from or --frames"
         )
-    speeds = [source.frames[int(k)].wall_velocity[:, 0] for k in chosen]
+    speeds = [frame.wall_velocity[:, 0] for frame in frames_of(source, chosen)]
     relative = float(np.mean([speed[extent.upper] - speed[extent.lower] for speed in speeds]))
     if relative == 0.0:
         names = source.model.walls.names
@@ -319,17 +319,6 @@ def _check_shear(source: Run, extent: Extent, chosen: NDArray[np.int64]) -> floa
             "grains in these frames"
         )
     return float(np.sign(relative))
-
-
-def _sum_bulk(source: Run, band: Band, chosen: NDArray[np.int64]) -> Floats:
-    times = np.asarray(source.frames.time)
-    flow = mean_flow(source, chosen, make_bins(source, chosen))
-    rows, before = [], source.frames[int(chosen[0])]
-    for first, last in pairwise(chosen):
-        after, lapse = source.frames[int(last)], float(times[last] - times[first])
-        rows.append(interval_sums(source, band, flow, before, after, lapse))
-        before = after
-    return np.array(rows)
 
 
 def _sum_walls(source: Run, extent: Extent, times: Floats) -> Floats:
@@ -350,7 +339,7 @@ def _sum_walls(source: Run, extent: Extent, times: Floats) -> Floats:
 def _derive(model: Model, sums: Floats, direction: float) -> dict[str, Floats]:
     """Each quantity of `QUANTITIES` from rows of sums."""
     s = dict(zip(_COLUMNS, sums.T, strict=True))
-    grains = model.grains
+    grains, diameter = model.grains, model.mean_diameter
     density = grains.mass.sum() / (np.pi * grains.radius**2).sum()
     with np.errstate(invalid="ignore", divide="ignore"):
         rate = s["rate"] / s["lapse"]
@@ -362,9 +351,7 @@ def _derive(model: Model, sums: Floats, direction: float) -> dict[str, Floats]:
             "shear_rate": rate,
             "pressure": pressure,
             "inertial_number": np.abs(rate) * np.sqrt(grains.mass.mean() / pressure),
-            "inertial_number_density": np.abs(rate)
-            * model.mean_diameter
-            * np.sqrt(density / pressure),
+            "inertial_number_density": np.abs(rate) * diameter * np.sqrt(density / pressure),
             "friction_walls": direction * s["shear_impulse"] / s["normal_impulse"],
             "friction_bulk": -direction * s["xy"] / s["yy"],
             "bulk_stress_yy": s["yy"] / s["stress_area"],

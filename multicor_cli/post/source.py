@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import SimpleNamespace
@@ -32,6 +32,11 @@ class PostError(Exception):
 def model_of(source: Run, frame: Frame) -> Model:
     """The model of the grains that are there in a frame, where grains come and go."""
     return getattr(frame, "model", None) or source.model
+
+
+def frames_of(source: Run, chosen: NDArray[np.int64]) -> Iterator[Frame]:
+    """The frames of these numbers, one after the other."""
+    return (source.frames[int(k)] for k in chosen)
 
 
 def need_grains(source: Run, chosen: NDArray[np.int64]) -> None:
@@ -78,6 +83,12 @@ def frame_index(frames: Frames, frame: int) -> int:
 
 
 _ROUNDING = 1e-9  # times are sums of steps, and a frame at 0.06 s may say 0.060000000000000005
+
+
+def frames_told(source: Run, chosen: NDArray[np.int64]) -> dict[str, Any]:
+    """What JSON says of the frames that a table is about: their number, first and last time [s]."""
+    times = np.asarray(source.frames.time)[chosen]
+    return {"frame_count": int(chosen.size), "times": (float(times[0]), float(times[-1]))}
 
 
 def within(times: Floats, start: float | None, end: float | None) -> NDArray[np.int64]:
@@ -172,13 +183,8 @@ class _Frames:
     source: Run
     groups: NDArray[np.int64]
 
-    @property
-    def time(self) -> NDArray[Any]:
-        return self.source.frames.time
-
-    @property
-    def stage(self) -> NDArray[Any]:
-        return self.source.frames.stage
+    def __getattr__(self, name: str) -> Any:  # the times, for one
+        return getattr(self.source.frames, name)
 
     def __getitem__(self, index: int) -> Any:
         frame = self.source.frames[index]

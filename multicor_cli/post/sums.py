@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import BinPlace, Bins, heights, share_lines
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts
-from multicor_cli.post.source import Frame, FrameOfGroups, Run, model_of, need_same_grains
+from multicor_cli.post.source import (
+    Frame,
+    FrameOfGroups,
+    Run,
+    frames_of,
+    model_of,
+    need_same_grains,
+)
 from multicor_cli.text import count_noun
 
 # ---- Means over time, their standard errors and drifts: the one place where errors are made
@@ -213,7 +220,7 @@ def sum_grains(
         weighted = [bins.total(shares, counting * value(frame)[shares.grain]) for value in values]
         return weighted, weight, bins.total(shares, shares.area)
 
-    return _gathered(row(source.frames[int(k)]) for k in chosen)
+    return _gathered(map(row, frames_of(source, chosen)))
 
 
 def sum_contacts(
@@ -235,14 +242,13 @@ def sum_contacts(
         discs = bins.share(heights(frame), model_of(source, frame).grains.radius, place)
         return carried, weight, bins.total(discs, discs.area)
 
-    return _gathered(row(source.frames[int(k)]) for k in chosen)
+    return _gathered(map(row, frames_of(source, chosen)))
 
 
 def sum_rates(
     source: Run, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]
 ) -> list[Sums]:
     """For increases per time and area, where grains are halfway; a row per interval of frames."""
-    times = np.asarray(source.frames.time)
     radius = model_of(source, source.frames[int(chosen[0])]).grains.radius
 
     def row(before: Frame, after: Frame, lapse: float) -> tuple[list[Floats], Floats, Floats]:
@@ -258,10 +264,9 @@ def sum_rates(
         weight = np.full(bins.count, place.width * width * lapse)
         return gained, weight, bins.total(shares, shares.area)
 
-    return _gathered(
-        row(before, after, float(times[last] - times[first]))
-        for (first, before), (last, after) in pairwise((k, source.frames[int(k)]) for k in chosen)
-    )
+    lapses = np.diff(np.asarray(source.frames.time)[chosen]).tolist()
+    pairs = zip(pairwise(frames_of(source, chosen)), lapses, strict=True)
+    return _gathered(row(before, after, lapse) for (before, after), lapse in pairs)
 
 
 def plane_width(source: Run, frame: Frame) -> float:

@@ -15,6 +15,7 @@ from multicor_cli.post.source import (
     Run,
     Selection,
     frame_index,
+    frames_of,
     model_of,
     need_grains,
     need_heat,
@@ -93,7 +94,7 @@ def theta_eta(
         start = float(np.average(need_heat(first.temperature), weights=weights))
     if height is not None and not height > 0.0:
         raise PostError(f"the height {height:g} m must be positive")
-    single = [_of_frame(source, source.frames[int(k)], wall, start) for k in chosen]
+    single = [_of_frame(source, each, wall, start) for each in frames_of(source, chosen)]
     number, hot, reach = single[-1].wall, single[-1].hot, single[-1].reach
     full = reach if height is None else height
     count = bins if bins is not None else max(round(full / source.model.mean_diameter), 1)

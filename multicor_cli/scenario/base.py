@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import math
@@ -25,7 +26,7 @@ from pydantic import (
 )
 
 from multicor_cli.files import open_regular
-from multicor_cli.scenario.problems import Refused
+from multicor_cli.scenario.problems import KeyPath, Refused
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -61,6 +62,18 @@ class Table(BaseModel):
         )
 
 
+def required(description: str, **rules: Any) -> Any:
+    """A key that has to be given; ``description`` is what schema and messages say of it."""
+    return Field(description=description, **rules)
+
+
+def optional(description: str, default: Any = None, **rules: Any) -> Any:
+    """A key that may be left out, with the value that it has then; else as `required`."""
+    if "default_factory" not in rules:
+        rules["default"] = default
+    return Field(description=description, **rules)
+
+
 CHANGEABLE = "free"
 """Marks a key that may change between two sessions of a run: no result depends on it."""
 
@@ -93,10 +106,14 @@ Friction = Annotated[float, Field(ge=0.0, le=10.0)]
 GrainCount = Annotated[int, Field(ge=1, le=50_000_000)]
 
 # A TOML array is a list: strictness is lifted for the array, not its elements.
-Point = Annotated[tuple[Coordinate, Coordinate], Strict(False)]
-Vector = Annotated[tuple[Number, Number], Strict(False)]
-LengthPair = Annotated[tuple[Length, Length], Strict(False)]
-TwoWalls = Annotated[tuple[Name, Name], Strict(False)]
+Element = TypeVar("Element")
+Array = Annotated[tuple[Element, ...], Strict(False)]
+Pair = Annotated[tuple[Element, Element], Strict(False)]
+
+Point = Pair[Coordinate]
+Vector = Pair[Number]
+LengthPair = Pair[Length]
+TwoWalls = Pair[Name]
 
 
 def true_only(key: str, remedy: str) -> AfterValidator:
@@ -179,6 +196,27 @@ def tag_word(value: Any) -> str:
     return "<word>" if isinstance(value, str) else "<plain>"
 
 
+@contextlib.contextmanager
+def reading_input(name: str | Path, what: str, key: KeyPath) -> Iterator[None]:
+    """Tell what goes wrong while a file that must be ``what`` is opened and read as `Refused`."""
+    try:
+        yield
+    except FileNotFoundError:
+        remedy = "give its path relative to the scenario file"
+        raise Refused(key, f"there is no file '{name}'", remedy) from None
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise Refused(key, f"'{name}' cannot be read: {reason}", f"it must be {what}") from None
+
+
+def exactly_one(table: Table, first: str, second: str, remedy: str) -> Iterator[Refused]:
+    """What is wrong with a table that has both of two keys, or neither."""
+    has_first, has_second = (getattr(table, key) is not None for key in (first, second))
+    if has_first == has_second:
+        both = f"both {first} and {second} are" if has_first else f"neither {first} nor {second} is"
+        yield Refused((), f"{both} given", remedy)
+
+
 # ---- Columns of numbers from a CSV file: read once, kept in the resolved scenario
 
 DIRECTORY = "directory"
@@ -247,17 +285,12 @@ def _read_columns(name: str, info: ValidationInfo, columns: list[Column]) -> lis
 
 def _rows(path: Path, name: str) -> list[tuple[int, list[str]]]:
     """Rows that are neither empty nor comments, with the numbers of their lines."""
-    try:
-        content = open_regular(path, MAX_BYTES)
-        with io.TextIOWrapper(content, encoding="utf-8-sig", newline="") as file:
-            reader = csv.reader("\n" if line.lstrip().startswith("#") else line for line in file)
-            rows = [(reader.line_num, row) for row in reader if row]
-    except FileNotFoundError:
-        remedy = "give its path relative to the scenario file"
-        raise _refused(f"there is no file '{name}'", remedy) from None
-    except (OSError, ValueError, csv.Error) as error:
-        what = f"'{name}' cannot be read: {getattr(error, 'strerror', None) or error}"
-        raise _refused(what, "it must be a CSV file in UTF-8") from None
+    with (
+        reading_input(name, "a CSV file in UTF-8", ("file",)),
+        io.TextIOWrapper(open_regular(path, MAX_BYTES), "utf-8-sig", newline="") as file,
+    ):
+        reader = csv.reader("\n" if line.lstrip().startswith("#") else line for line in file)
+        rows = [(reader.line_num, row) for row in reader if row]
     if len(rows) > MAX_ROWS + 1:
         raise _refused(f"'{name}' has more than {MAX_ROWS} rows", "give fewer")
     return rows

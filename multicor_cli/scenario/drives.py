@@ -1,23 +1,133 @@
-"""What a stage says of walls and gravity: how they move, what pushes them, what heats them."""
+"""What a stage says of walls and gravity: how they move, what pushes them, what heats them.
+
+Whatever of it may vary with time is a signal.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import Annotated
 
-from pydantic import AfterValidator, Discriminator, Field, Strict, Tag
+from pydantic import AfterValidator, Discriminator, Field, Tag, field_validator
 
+from multicor_cli.arithmetic import sin
 from multicor_cli.scenario.base import (
+    NUMBER_BOUNDS,
+    TIME_BOUNDS,
+    Array,
+    Column,
     Kelvin,
+    Number,
+    Pair,
     Table,
+    Time,
     TwoWalls,
+    Vector,
+    ascending,
     check_kelvin,
+    columns_of_file,
+    exactly_one,
     one_of,
+    optional,
+    required,
     tag_table,
     true_only,
 )
 from multicor_cli.scenario.problems import Refused
-from multicor_cli.scenario.signals import Signal, SineSignal, first_level, levels
+
+# ---- Values that vary with time
+
+
+class RampSignal(Table):
+    """Linear from the first to the second value within ``duration``, then constant."""
+
+    ramp: Vector = required("first and last value")
+    duration: Time = required("time from the first to the last value [s]")
+
+
+class SineWave(Table):
+    """``mean + amplitude sin(2π t/period + phase)``."""
+
+    mean: Number = optional("the constant part, in the unit of what follows the signal", 0.0)
+    amplitude: Number = required(
+        "what the sine adds to or takes from the mean at most, in the same unit"
+    )
+    period: Time | None = optional("time of one oscillation [s]; or give frequency")
+    frequency: Time | None = optional("oscillations in a second [1/s]; or give period")
+    phase: Annotated[float, Field(ge=-1e6, le=1e6)] = optional(
+        "angle of the sine at the start of the stage [rad]", 0.0
+    )
+
+    def faults(self) -> Iterator[Refused]:
+        remedy = "give one of them: period [s] or frequency [1/s]"
+        yield from exactly_one(self, "period", "frequency", remedy)
+
+    @property
+    def cycle(self) -> float:
+        """The period [s]."""
+        return self.period if self.period is not None else 1.0 / self.frequency  # type: ignore[operator]
+
+
+class SineSignal(Table):
+    """A sine of the time since the start of the stage."""
+
+    sine: SineWave = required(
+        "{ mean = 0, amplitude, period or frequency, phase = 0 }, in s or 1/s, phase in rad"
+    )
+
+
+class TableSignal(Table):
+    """Linear between the rows of a table, constant before the first and after the last."""
+
+    file: str | None = optional(
+        "CSV file with the columns time [s] and value, in place of the two arrays"
+    )
+    times: Array[Annotated[float, Field(ge=TIME_BOUNDS[0], le=TIME_BOUNDS[1])]] = optional(
+        "times since the start of the stage [s], ascending", (), max_length=100_000
+    )
+    values: Array[Number] = optional("value at each of the times", (), max_length=100_000)
+
+    _read = columns_of_file(
+        times=Column({"time": 1.0}, TIME_BOUNDS), values=Column({"value": 1.0}, NUMBER_BOUNDS)
+    )
+    _ascending = field_validator("times")(ascending("times"))
+
+    def faults(self) -> Iterator[Refused]:
+        if not self.times:
+            yield Refused((), "a table needs one row at least", "give times and values, or file")
+        if len(self.times) != len(self.values):
+            what = f"{len(self.values)} values for {len(self.times)} times"
+            yield Refused(("values",), what, "give one value per time")
+
+
+Signal = Annotated[
+    Annotated[Number, Tag("<plain>")]
+    | Annotated[RampSignal, Tag("<ramp>")]
+    | Annotated[SineSignal, Tag("<sine>")]
+    | Annotated[TableSignal, Tag("<times>")],
+    one_of(
+        "a signal is a number or a table with", "ramp, sine, times, file", tags={"file": "times"}
+    ),
+]
+
+
+def first_level(signal: Signal) -> float:
+    """Value of a signal at the time 0."""
+    if isinstance(signal, SineSignal):
+        return signal.sine.mean + signal.sine.amplitude * sin(signal.sine.phase)
+    return levels(signal)[0]
+
+
+def levels(signal: Signal) -> tuple[float, ...]:
+    """Values that tell whether a signal is always zero; last the one where it ends, if it does."""
+    if isinstance(signal, RampSignal):
+        return signal.ramp
+    if isinstance(signal, SineSignal):
+        return signal.sine.mean, signal.sine.amplitude
+    if isinstance(signal, TableSignal):
+        return signal.values
+    return (signal,)
+
 
 # ---- What moves a degree of freedom of a wall: a table of `drives.NAME`
 
@@ -28,17 +138,15 @@ _NEARLY = 1e-9  # of the largest value of a signal, which counts as 0
 class VelocityDof(Table):
     """A prescribed velocity."""
 
-    velocity: Signal = Field(description=f"velocity [m/s], spin [rad/s]: {_FORMS}")
+    velocity: Signal = required(f"velocity [m/s], spin [rad/s]: {_FORMS}")
 
 
 class PositionDof(Table):
     """A prescribed displacement."""
 
-    position: Signal = Field(
-        description=(
-            "displacement since the start of the stage that says so [m], angle [rad] for the "
-            "spin, 0 at first: a table with ramp, sine or times"
-        )
+    position: Signal = required(
+        "displacement since the start of the stage that says so [m], angle [rad] for the "
+        "spin, 0 at first: a table with ramp, sine or times"
     )
 
     def faults(self) -> Iterator[Refused]:
@@ -55,44 +163,28 @@ class PositionDof(Table):
 class Spring(Table):
     """A linear spring that is fixed to an anchor."""
 
-    stiffness: float = Field(
-        gt=0.0, le=1e15, description="stiffness k [N/m], [N m/rad] for the spin"
-    )
-    anchor: Signal = Field(
+    stiffness: float = required("stiffness k [N/m], [N m/rad] for the spin", gt=0.0, le=1e15)
+    anchor: Signal = optional(
+        "displacement since the start of the stage that says so at which the spring exerts no "
+        f"force [m], [rad] for the spin: {_FORMS}; one that varies pulls the wall along",
         0.0,
-        description=(
-            "displacement since the start of the stage that says so at which the spring exerts no "
-            f"force [m], [rad] for the spin: {_FORMS}; one that varies pulls the wall along"
-        ),
     )
 
 
 class LoadDof(Table):
     """A degree of freedom that moves under loads, a spring and the grains' push."""
 
-    force: Signal | None = Field(
-        None, description=f"force [N], torque [N m] for the spin: {_FORMS}"
+    force: Signal | None = optional(f"force [N], torque [N m] for the spin: {_FORMS}")
+    stress: Signal | None = optional(
+        f"force per length [N/m], positive along the axis like a force: {_FORMS}; the length "
+        "is that of the wall"
     )
-    stress: Signal | None = Field(
-        None,
-        description=(
-            f"force per length [N/m], positive along the axis like a force: {_FORMS}; the length "
-            "is that of the wall"
-        ),
+    between: TwoWalls | None = optional(
+        "two walls whose distance across the axis is, in each step, the length on which the "
+        'stress acts, as ["bottom", "top"] for a side wall that moves in x'
     )
-    between: TwoWalls | None = Field(
-        None,
-        description=(
-            "two walls whose distance across the axis is, in each step, the length on which the "
-            'stress acts, as ["bottom", "top"] for a side wall that moves in x'
-        ),
-    )
-    spring: Spring | None = Field(
-        None, description="a spring, as { stiffness = 1e3 }; a force beside it is added"
-    )
-    damping: float = Field(
-        0.0, ge=0.0, le=1e12, description="viscous damping [N s/m], [N m s] for the spin"
-    )
+    spring: Spring | None = optional("a spring, as { stiffness = 1e3 }; a force beside it is added")
+    damping: float = optional("viscous damping [N s/m], [N m s] for the spin", 0.0, ge=0.0, le=1e12)
 
     def faults(self) -> Iterator[Refused]:
         if self.force is not None and self.stress is not None:
@@ -108,8 +200,8 @@ class LoadDof(Table):
 class FixedDof(Table):
     """A degree of freedom that does not move."""
 
-    fixed: Annotated[bool, true_only("fixed", "give velocity or force instead")] = Field(
-        description="true: does not move", json_schema_extra={"const": True}
+    fixed: Annotated[bool, true_only("fixed", "give velocity or force instead")] = required(
+        "true: does not move", json_schema_extra={"const": True}
     )
 
 
@@ -130,27 +222,18 @@ Dof = Annotated[
 class WallDrives(Table):
     """``drives.NAME``: what a stage does to the wall NAME; what is left out keeps its drive."""
 
-    x: Dof | None = Field(
-        None,
-        description=(
-            "horizontal motion, as { velocity = 0.1 }, { force = -5.0 } or { fixed = true }"
-        ),
+    x: Dof | None = optional(
+        "horizontal motion, as { velocity = 0.1 }, { force = -5.0 } or { fixed = true }"
     )
-    y: Dof | None = Field(
-        None,
-        description="vertical motion, as { velocity = 0.1 }, { force = -5.0 } or { fixed = true }",
+    y: Dof | None = optional(
+        "vertical motion, as { velocity = 0.1 }, { force = -5.0 } or { fixed = true }"
     )
-    spin: Dof | None = Field(
-        None, description="rotation about the wall's reference point, counter-clockwise"
-    )
-    surface: VelocityDof | None = Field(
-        None,
-        description=(
-            "motion of the surface along itself while the shape stays, as { velocity = 0.1 } "
-            "[m/s] of a conveyor: to the right for a grain that the wall carries, along the "
-            "normal from wall to grain turned by -90 degrees; a disc turns clockwise, and so does "
-            "each of the glued grains of a rough wall, in its place"
-        ),
+    spin: Dof | None = optional("rotation about the wall's reference point, counter-clockwise")
+    surface: VelocityDof | None = optional(
+        "motion of the surface along itself while the shape stays, as { velocity = 0.1 } "
+        "[m/s] of a conveyor: to the right for a grain that the wall carries, along the "
+        "normal from wall to grain turned by -90 degrees; a disc turns clockwise, and so does "
+        "each of the glued grains of a rough wall, in its place"
     )
 
     def faults(self) -> Iterator[Refused]:
@@ -192,22 +275,17 @@ def is_prescribed(dof: Dof) -> bool:
 class TiltedGravityTable(Table):
     """Gravity of a given magnitude whose direction is turned."""
 
-    angle: Signal = Field(
-        description=(
-            "angle by which gravity is turned from -y, counter-clockwise, so that it points "
-            "towards +x if positive [degrees]: a number, or a table with ramp, sine or times"
-        )
+    angle: Signal = required(
+        "angle by which gravity is turned from -y, counter-clockwise, so that it points "
+        "towards +x if positive [degrees]: a number, or a table with ramp, sine or times"
     )
-    magnitude: Signal | None = Field(
-        None,
-        description=(
-            "acceleration [m/s²]: a number, or a table with ramp, sine or times; default: that of "
-            "[domain] gravity"
-        ),
+    magnitude: Signal | None = optional(
+        "acceleration [m/s²]: a number, or a table with ramp, sine or times; default: that of "
+        "[domain] gravity"
     )
 
 
-GravityVector = Annotated[tuple[Signal, Signal], Strict(False)]
+GravityVector = Pair[Signal]
 StageGravityTable = Annotated[
     Annotated[GravityVector, Tag("<plain>")] | Annotated[TiltedGravityTable, Tag("<table>")],
     Discriminator(tag_table),
@@ -230,45 +308,38 @@ def _check_kelvin_signal(signal: Signal) -> Signal:
 class TemperatureCondition(Table):
     """A wall of prescribed temperature."""
 
-    temperature: Annotated[Signal, AfterValidator(_check_kelvin_signal)] = Field(
-        description="temperature [K]: a number, or a table with ramp, sine or times"
+    temperature: Annotated[Signal, AfterValidator(_check_kelvin_signal)] = required(
+        "temperature [K]: a number, or a table with ramp, sine or times"
     )
 
 
 class FlowCondition(Table):
     """A wall that gives a prescribed heat flow to the grains that touch it."""
 
-    flow: Signal = Field(
-        description=(
-            "heat flow from the wall into the grains that touch it, shared in proportion to their "
-            "conductances [W]: a number, or a table with ramp, sine or times"
-        )
+    flow: Signal = required(
+        "heat flow from the wall into the grains that touch it, shared in proportion to their "
+        "conductances [W]: a number, or a table with ramp, sine or times"
     )
 
 
 class CapacityCondition(Table):
     """A wall that is a body with a temperature of its own, which heat and friction change."""
 
-    capacity: Annotated[float, Field(ge=1e-18, le=1e18)] = Field(
-        description=(
-            "heat capacity of the wall [J/K]: it has one temperature, which what it exchanges "
-            "with grains changes"
-        )
+    capacity: Annotated[float, Field(ge=1e-18, le=1e18)] = required(
+        "heat capacity of the wall [J/K]: it has one temperature, which what it exchanges "
+        "with grains changes"
     )
-    initial: Kelvin | None = Field(
-        None,
-        description=(
-            "its temperature when this condition begins [K]; default: that before, if it had one, "
-            "else that of [heat]"
-        ),
+    initial: Kelvin | None = optional(
+        "its temperature when this condition begins [K]; default: that before, if it had one, "
+        "else that of [heat]"
     )
 
 
 class InsulatedCondition(Table):
     """A wall that exchanges no heat; a grain that rubs on it gets all the heat of friction."""
 
-    insulated: Annotated[bool, true_only("insulated", "give temperature or flow instead")] = Field(
-        description="true: no heat passes", json_schema_extra={"const": True}
+    insulated: Annotated[bool, true_only("insulated", "give temperature or flow instead")] = (
+        required("true: no heat passes", json_schema_extra={"const": True})
     )
 
 

@@ -14,7 +14,6 @@ import operator
 import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
 from functools import partial
 from typing import Annotated, Any, NamedTuple
 
@@ -275,32 +274,6 @@ _TABLE = "variables"
 _LARGEST = 1e308
 
 
-@dataclass
-class Evaluated:
-    """What has become of the expressions of a document.
-
-    Attributes:
-        shown: The expression and its value, as messages show it, by place.
-        used: Names of the variables that expressions refer to.
-        findings: What is wrong with expressions.
-        failed: Places of expressions without a value, which are left as they are.
-    """
-
-    shown: dict[KeyPath, tuple[str, str]] = field(default_factory=dict)
-    used: set[str] = field(default_factory=set)
-    findings: list[Refused] = field(default_factory=list)
-    failed: set[KeyPath] = field(default_factory=set)
-
-
-def evaluate_expressions(data: dict[str, Any], model: type[BaseModel]) -> Evaluated:
-    """Replace the expressions of a parsed document, which is **modified**, by their values.
-
-    A string is an expression if it begins with ``=`` and stands where the models take a number.
-    """
-    places = list(_places((), data, [model]))
-    return _Document(data).evaluate(places) if places else Evaluated()
-
-
 def unused_overrides(
     data: dict[str, Any], set_paths: Iterable[KeyPath], used: set[str]
 ) -> list[Refused]:
@@ -338,51 +311,60 @@ def _places(path: KeyPath, node: Any, types: list[Any]) -> Iterator[_Place]:
                 yield _Place((*path, key), value, float not in inside)
 
 
-class _Document:
-    def __init__(self, data: dict[str, Any]) -> None:
-        self.data = data
-        table = data.get(_TABLE)
-        self.variables: dict[str, Any] = table if isinstance(table, dict) else {}
-        self.is_table = isinstance(table, dict | None)
-        self.values: dict[str, Value] = {
+class Evaluated:
+    """Replaces the expressions of a parsed document, which is **modified**, by their values.
+
+    A string is an expression if it begins with ``=`` and stands where the models take a number.
+
+    Attributes:
+        shown: The expression and its value, as messages show it, by place.
+        used: Names of the variables that expressions refer to.
+        findings: What is wrong with expressions.
+        failed: Places of expressions without a value, which are left as they are.
+    """
+
+    def __init__(self, data: dict[str, Any], model: type[BaseModel]) -> None:
+        self.shown: dict[KeyPath, tuple[str, str]] = {}
+        self.used: set[str] = set()
+        self.findings: list[Refused] = []
+        self.failed: set[KeyPath] = set()
+        self._data, self._table = data, data.get(_TABLE)
+        self._variables: dict[str, Any] = self._table if isinstance(self._table, dict) else {}
+        self._values: dict[str, Value] = {
             name: value
-            for name, value in self.variables.items()
+            for name, value in self._variables.items()
             if type(value) in (int, float) and abs(value) <= _LARGEST
         }
-        self.expressions: dict[KeyPath, Expression] = {}
-        self.whole: set[KeyPath] = set()
-        self.result = Evaluated()
-
-    def evaluate(self, places: list[_Place]) -> Evaluated:
-        """Evaluate the expressions at these places, variables first."""
+        self._expressions: dict[KeyPath, Expression] = {}
+        self._whole: set[KeyPath] = set()
+        places = list(_places((), data, [model]))
         for place in places[:MAX_EXPRESSIONS]:
             self._read(place)
         if more := [place.path for place in places[MAX_EXPRESSIONS:]]:
             what = f"more than {MAX_EXPRESSIONS} expressions"
             remedy = "write numbers, or put tables of grains into a file"
-            self.result.findings.append(Refused(more[0], what, remedy))
-            self.result.failed.update(more)
+            self.findings.append(Refused(more[0], what, remedy))
+            self.failed.update(more)
         variables = [(_TABLE, name) for name in self._order_of_variables()]
-        for path in dict.fromkeys([*variables, *self.expressions]):
+        for path in dict.fromkeys([*variables, *self._expressions]):
             self._evaluate(path)
-        return self.result
 
     def _fail(self, refused: Refused) -> None:
-        self.result.failed.add(refused.where)
-        self.result.findings.append(refused)
+        self.failed.add(refused.where)
+        self.findings.append(refused)
 
     def _read(self, place: _Place) -> None:
         try:
             expression = Expression(place.text)
-            if self.is_table:
-                expression.check_names(self.variables)
+            if isinstance(self._table, dict | None):
+                expression.check_names(self._variables)
         except Refused as error:
             self._fail(error.within(*place.path))
             return
-        self.expressions[place.path] = expression
-        self.result.used |= expression.names
+        self._expressions[place.path] = expression
+        self.used |= expression.names
         if place.is_whole:
-            self.whole.add(place.path)
+            self._whole.add(place.path)
 
     def _order_of_variables(self) -> Iterator[str]:
         """Variables that are expressions, each after those it refers to, without circles."""
@@ -390,45 +372,43 @@ class _Document:
 
         names = {
             str(path[1]): expression.names
-            for path, expression in self.expressions.items()
+            for path, expression in self._expressions.items()
             if path[0] == _TABLE
         }
         sorter = TopologicalSorter(names)
         try:
             sorter.prepare()
         except CycleError as error:
-            self._refuse_circle(error.args[1][:0:-1], list(names))
+            # each refers to the next, the last to the first
+            circle, known = error.args[1][:0:-1], list(names)
+            first = circle.index(min(circle, key=known.index))
+            chain = [*circle[first:], *circle[:first]]
+            shown = [*chain, chain[0]] if len(chain) <= 10 else [*chain[:10], "...", chain[0]]
+            what = f"refers to itself: {' -> '.join(shown)}"
+            self._fail(Refused((_TABLE, chain[0]), what, "give one of them a number"))
         while ready := sorter.get_ready():
             yield from (name for name in ready if name in names)
             sorter.done(*ready)
 
-    def _refuse_circle(self, circle: list[str], names: list[str]) -> None:
-        """Refuse variables of which each refers to the next, the last to the first."""
-        first = circle.index(min(circle, key=names.index))
-        chain = [*circle[first:], *circle[:first]]
-        shown = [*chain, chain[0]] if len(chain) <= 10 else [*chain[:10], "...", chain[0]]
-        what = f"refers to itself: {' -> '.join(shown)}"
-        self._fail(Refused((_TABLE, chain[0]), what, "give one of them a number"))
-
     def _evaluate(self, path: KeyPath) -> None:
-        expression = self.expressions[path]
-        if not expression.names <= self.values.keys():  # what is wrong is said of the variable
-            self.result.failed.add(path)
+        expression = self._expressions[path]
+        if not expression.names <= self._values.keys():  # what is wrong is said of the variable
+            self.failed.add(path)
             return
         try:
-            value = expression.value(self.values)
+            value = expression.value(self._values)
         except Refused as error:
             self._fail(error.within(*path))
             return
-        if path in self.whole and value != int(value):
+        if path in self._whole and value != int(value):
             what = f"must be a whole number, is {show(value)} ({show(expression.text)})"
             self._fail(Refused(path, what, "use round(...), floor(...) or ceil(...)"))
             return
-        number = int(value) if path in self.whole else value
-        node: Any = self.data
+        number = int(value) if path in self._whole else value
+        node: Any = self._data
         for part in path[:-1]:
             node = node[part]
         node[path[-1]] = number
         if path[0] == _TABLE:
-            self.values[str(path[1])] = number
-        self.result.shown[path] = (expression.text, show(value))
+            self._values[str(path[1])] = number
+        self.shown[path] = (expression.text, show(value))

@@ -15,6 +15,8 @@ from multicor_cli.scenario.base import (
     Time,
     Vector,
     one_of,
+    optional,
+    required,
 )
 from multicor_cli.scenario.materials import Material, Need
 from multicor_cli.scenario.problems import Refused
@@ -58,13 +60,13 @@ class MechanismTable(Table):
 class AverageForce(Table):
     """The force of a contact is its average over a time."""
 
-    average: Time = Field(description="time over which the normal force is averaged [s]")
+    average: Time = required("time over which the normal force is averaged [s]")
 
 
 class PrescribedForce(Table):
     """The force is the same for all contacts that carry one."""
 
-    prescribed: Annotated[float, Field(ge=1e-15, le=1e12)] = Field(description="normal force [N]")
+    prescribed: Annotated[float, Field(ge=1e-15, le=1e12)] = required("normal force [N]")
 
 
 Force = Annotated[
@@ -80,18 +82,16 @@ Force = Annotated[
 class GasTable(MechanismTable):
     """Stagnant gas in the gaps between grains, and between grains and walls."""
 
-    conductivity: FluidConductivity = Field(
-        description="thermal conductivity of the gas [W/(m K)], for air 0.026"
+    conductivity: FluidConductivity = required(
+        "thermal conductivity of the gas [W/(m K)], for air 0.026"
     )
-    model: Literal["parallel", "batchelor", "vargas"] = Field(
+    model: Literal["parallel", "batchelor", "vargas"] = optional(
+        'conductance of a gap: "parallel" (flux along the axis, exact), "batchelor" '
+        "(Batchelor & O'Brien, solids at least ten times as conductive as the gas) or "
+        '"vargas" (Vargas & McCarthy, equal grains that touch)',
         "parallel",
-        description=(
-            'conductance of a gap: "parallel" (flux along the axis, exact), "batchelor" '
-            "(Batchelor & O'Brien, solids at least ten times as conductive as the gas) or "
-            '"vargas" (Vargas & McCarthy, equal grains that touch)'
-        ),
     )
-    reach: Reach = Field(_REACH, description="largest gap that conducts, over the smaller radius")
+    reach: Reach = optional("largest gap that conducts, over the smaller radius", _REACH)
 
     def needs(self, *, is_of_grains: bool) -> tuple[str, ...]:
         return _SPOT
@@ -118,43 +118,34 @@ class GasTable(MechanismTable):
 class AmbientCoefficient(MechanismTable):
     """Convection with a constant coefficient."""
 
-    temperature: Kelvin = Field(description="temperature of the fluid [K]")
-    coefficient: Annotated[float, Field(ge=1e-6, le=1e9)] = Field(
-        description="heat transfer coefficient h [W/(m² K)]"
+    temperature: Kelvin = required("temperature of the fluid [K]")
+    coefficient: Annotated[float, Field(ge=1e-6, le=1e9)] = required(
+        "heat transfer coefficient h [W/(m² K)]"
     )
 
 
 class AmbientCorrelation(MechanismTable):
     """Convection by a correlation of the Nusselt number of each grain."""
 
-    temperature: Kelvin = Field(description="temperature of the fluid [K]")
-    correlation: Literal["ranz-marshall", "whitaker", "gunn", "li-mason"] = Field(
-        description=(
-            'correlation of the Nusselt number: "ranz-marshall", "whitaker" (single spheres), '
-            '"gunn" or "li-mason" (beds)'
-        )
+    temperature: Kelvin = required("temperature of the fluid [K]")
+    correlation: Literal["ranz-marshall", "whitaker", "gunn", "li-mason"] = required(
+        'correlation of the Nusselt number: "ranz-marshall", "whitaker" (single spheres), '
+        '"gunn" or "li-mason" (beds)'
     )
-    conductivity: FluidConductivity = Field(
-        description="thermal conductivity of the fluid [W/(m K)]"
+    conductivity: FluidConductivity = required("thermal conductivity of the fluid [W/(m K)]")
+    viscosity: Annotated[float, Field(ge=1e-9, le=1e3)] = required(
+        "kinematic viscosity of the fluid [m²/s]"
     )
-    viscosity: Annotated[float, Field(ge=1e-9, le=1e3)] = Field(
-        description="kinematic viscosity of the fluid [m²/s]"
+    prandtl: Annotated[float, Field(ge=1e-4, le=1e6)] = required(
+        "Prandtl number of the fluid, for air 0.7"
     )
-    prandtl: Annotated[float, Field(ge=1e-4, le=1e6)] = Field(
-        description="Prandtl number of the fluid, for air 0.7"
+    porosity: Annotated[float, Field(gt=0.0, le=1.0)] | None = optional(
+        'volume fraction of the fluid; for "gunn" (0.35 to 1) and "li-mason", required there'
     )
-    porosity: Annotated[float, Field(gt=0.0, le=1.0)] | None = Field(
-        None,
-        description=(
-            'volume fraction of the fluid; for "gunn" (0.35 to 1) and "li-mason", required there'
-        ),
-    )
-    velocity: Vector = Field(
+    velocity: Vector = optional(
+        "velocity of the fluid [m/s]; the Reynolds number takes each grain's velocity "
+        "relative to it",
         (0.0, 0.0),
-        description=(
-            "velocity of the fluid [m/s]; the Reynolds number takes each grain's velocity "
-            "relative to it"
-        ),
     )
 
     def faults(self) -> Iterator[Refused]:
@@ -181,18 +172,14 @@ Ambient = Annotated[
 class RadiationTable(MechanismTable):
     """Thermal radiation of gray grains."""
 
-    surroundings: Kelvin | None = Field(
-        None, description="temperature of the surroundings, a black body [K]; default: none"
+    surroundings: Kelvin | None = optional(
+        "temperature of the surroundings, a black body [K]; default: none"
     )
-    neighbors: bool = Field(
-        False, description="whether grains and walls within reach exchange radiation"
-    )
-    reach: Reach | None = Field(
+    neighbors: bool = optional("whether grains and walls within reach exchange radiation", False)
+    reach: Reach | None = optional(
+        "largest gap across which neighbors exchange radiation, over the smaller radius; "
+        "default: 0.4",
         default_factory=lambda data: _REACH if data.get("neighbors") else None,
-        description=(
-            "largest gap across which neighbors exchange radiation, over the smaller radius; "
-            "default: 0.4"
-        ),
     )
 
     def faults(self) -> Iterator[Refused]:
@@ -210,77 +197,53 @@ class RadiationTable(MechanismTable):
 class Heat(Table):
     """``[heat]``: its presence switches temperatures on."""
 
-    temperature: Kelvin = Field(
-        ROOM_TEMPERATURE, description="initial temperature of all grains [K]"
-    )
-    conduction: Literal["hertz", "rough", "none"] = Field(
+    temperature: Kelvin = optional("initial temperature of all grains [K]", ROOM_TEMPERATURE)
+    conduction: Literal["hertz", "rough", "none"] = optional(
+        'conductance of contacts: "hertz" (smooth grains), "rough" (Bahrami & Yovanovich) or '
+        '"none"',
         "hertz",
-        description=(
-            'conductance of contacts: "hertz" (smooth grains), "rough" (Bahrami & Yovanovich) or '
-            '"none"'
-        ),
     )
-    force: Force | None = Field(
-        None,
-        description=(
-            "normal force that makes the contact spot: { average = 0.01 } (over a time [s]) or { "
-            "prescribed = 1.0 } [N]; default: that of each step"
-        ),
+    force: Force | None = optional(
+        "normal force that makes the contact spot: { average = 0.01 } (over a time [s]) or { "
+        "prescribed = 1.0 } [N]; default: that of each step"
     )
-    friction: Literal["energy", "sliding", "none"] = Field(
+    friction: Literal["energy", "sliding", "none"] = optional(
+        'heat of friction: "energy" (the work lost, exact), "sliding" (μ |u_t| q_n at the end '
+        'of the step) or "none"',
         "energy",
-        description=(
-            'heat of friction: "energy" (the work lost, exact), "sliding" (μ |u_t| q_n at the end '
-            'of the step) or "none"'
-        ),
     )
-    impact: bool = Field(False, description="whether the energy lost in impacts becomes heat too")
-    partition: Literal["effusivity", "conductivity", "half", "electrothermal"] = Field(
-        "effusivity", description="how the heat of a contact is shared by the two bodies"
+    impact: bool = optional("whether the energy lost in impacts becomes heat too", False)
+    partition: Literal["effusivity", "conductivity", "half", "electrothermal"] = optional(
+        "how the heat of a contact is shared by the two bodies", "effusivity"
     )
-    collisional: bool = Field(
+    collisional: bool = optional(
+        "whether a contact that is new in a step conducts by the formula for impacts (Sun & Chen)",
         False,
-        description=(
-            "whether a contact that is new in a step conducts by the formula for impacts (Sun & "
-            "Chen)"
-        ),
     )
-    gas: GasTable | None = Field(
-        None,
-        description=(
-            'gas in the gaps, as { conductivity = 0.026, model = "parallel" }; default: vacuum'
-        ),
+    gas: GasTable | None = optional(
+        'gas in the gaps, as { conductivity = 0.026, model = "parallel" }; default: vacuum'
     )
-    ambient: Ambient | None = Field(
-        None,
-        description=(
-            "convection to a fluid around the grains, as { temperature = 293.15, coefficient = "
-            "10.0 }; default: none"
-        ),
+    ambient: Ambient | None = optional(
+        "convection to a fluid around the grains, as { temperature = 293.15, coefficient = "
+        "10.0 }; default: none"
     )
-    radiation: RadiationTable | None = Field(
-        None, description="thermal radiation, as { surroundings = 293.15 }; default: none"
+    radiation: RadiationTable | None = optional(
+        "thermal radiation, as { surroundings = 293.15 }; default: none"
     )
-    integrator: Literal["auto", "explicit", "implicit"] = Field(
+    integrator: Literal["auto", "explicit", "implicit"] = optional(
+        '"explicit", "implicit", or "auto": implicit in frozen stages and in steps of many '
+        "time constants C/ΣH",
         "auto",
-        description=(
-            '"explicit", "implicit", or "auto": implicit in frozen stages and in steps of many '
-            "time constants C/ΣH"
-        ),
     )
-    sub_step: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
+    sub_step: Annotated[float, Field(gt=0.0, le=1.0)] = optional(
+        "largest sub-step of the explicit integrator over the longest that lets no "
+        "temperature overshoot, C/(2 ΣH)",
         1.0,
-        description=(
-            "largest sub-step of the explicit integrator over the longest that lets no "
-            "temperature overshoot, C/(2 ΣH)"
-        ),
     )
-    tolerance: Annotated[float, Field(ge=1e-10, le=0.1)] = Field(
+    tolerance: Annotated[float, Field(ge=1e-10, le=0.1)] = optional(
+        "largest estimated error of a sub-step of the heat flow, over the spread of the "
+        "temperatures",
         1e-4,
-        description=(
-            "largest estimated error of a sub-step of the heat flow, over the spread of the "
-            "temperatures"
-        ),
     )
 
     @property
@@ -302,11 +265,6 @@ class Heat(Table):
     def mechanisms(self) -> dict[str, MechanismTable]:
         """The mechanisms that are on, by key."""
         return {key: table for key, table in self if isinstance(table, MechanismTable)}
-
-    @property
-    def crosses_gaps(self) -> bool:
-        """Whether a mechanism carries heat between bodies that are only near each other."""
-        return any(getattr(table, "reach", None) for table in self.mechanisms.values())
 
     def needs(self, *, is_of_grains: bool) -> Iterator[Need]:
         """What needs properties of a material of grains, or of walls alone, and which."""

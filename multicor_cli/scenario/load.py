@@ -17,7 +17,7 @@ from pydantic import ValidationError
 from multicor_cli.files import Unfit, read_regular
 from multicor_cli.scenario.base import DIRECTORY
 from multicor_cli.scenario.checks import check_all
-from multicor_cli.scenario.expressions import evaluate_expressions, unused_overrides
+from multicor_cli.scenario.expressions import Evaluated, unused_overrides
 from multicor_cli.scenario.particles import take_groups
 from multicor_cli.scenario.problems import (
     OVERRIDE,
@@ -150,7 +150,7 @@ def read_tables(
     text = text.removeprefix("\ufeff").replace("\r\n", "\n")
     data = deepcopy(parse_toml(text, file))
     applied, problems = apply_overrides(data, overrides)
-    evaluated = evaluate_expressions(data, ScenarioModel)
+    evaluated = Evaluated(data, ScenarioModel)
     sources = Sources(file, text, applied, evaluated.shown, overrides)
     has_taken = take_groups(data, path.parent)
     model, invalid = check_document(data, path.parent)
@@ -209,10 +209,8 @@ def read_text(path: Path, *, kind: str = "scenario") -> str:
         hint = ", or make one with: multicor new NAME" if kind == "scenario" else ""
         what, remedy = "there is no such file", f"check the path{hint}"
     except Unfit as error:
-        what, remedy = (
-            f"this cannot be a {kind}: {error.strerror}",
-            f"give the path of a {kind} file",
-        )
+        what = f"this cannot be a {kind}: {error.strerror}"
+        remedy = f"give the path of a {kind} file"
         if error.errno == errno.EFBIG:
             remedy = "put long tables of grains into a CSV file"
     except OSError as error:

@@ -4,31 +4,31 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     Discriminator,
     Field,
-    GetCoreSchemaHandler,
-    GetJsonSchemaHandler,
-    Strict,
     Tag,
+    WithJsonSchema,
     field_validator,
     model_validator,
 )
-from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema
-from pydantic_core.core_schema import no_info_after_validator_function
 
 from multicor_cli.scenario.base import (
     ROOM_TEMPERATURE,
+    Array,
     Fraction,
     Friction,
     Kelvin,
+    Pair,
     Table,
     ascending,
+    optional,
+    required,
+    tag_table,
 )
 from multicor_cli.scenario.problems import Refused
 
@@ -38,102 +38,75 @@ Need = tuple[str, tuple[str, ...]]
 MAX_MATERIALS = 100
 
 
-@dataclass(frozen=True)
-class _OfSolids:
-    """A property of solids within bounds, as an annotation; too small values suggest a larger unit.
+def _of_solids(
+    name: str, unit: str, low: float, high: float, example: str, power: int, origin: str
+) -> tuple[AfterValidator, WithJsonSchema]:
+    """What annotates a property of solids between bounds; too small values suggest a larger unit.
 
-    Attributes:
-        example: A right value, and of what.
-        power: Of ten, from the unit that was probably meant to ``unit``: 3 or 9.
-        origin: That unit.
+    ``example`` is a right value, and of what; ten to the ``power`` (3 or 9) leads from the unit
+    that was probably meant, ``origin``, to ``unit``.
     """
 
-    name: str
-    unit: str
-    low: float
-    high: float
-    example: str
-    power: int
-    origin: str
-
-    def check(self, value: float) -> float:
-        """The value itself, if it is within the bounds."""
-        remedy = f"give it in {self.unit}, {self.example}"
+    def check(value: float) -> float:
+        remedy = f"give it in {unit}, {example}"
         if value <= 0.0:
-            what = f"the {self.name} must be positive, is {value:g} {self.unit}"
-            raise Refused((), what, remedy)
-        if not self.low <= value <= self.high:
-            if value < self.low:
-                meant = f"{1000.0 * value:g}" if self.power == 3 else f"{value:g}e{self.power}"
-                remedy = f"did you mean {meant} (from {self.origin})?"
-            bounds = f"({self.low:g} to {self.high:g})"
-            what = f"{value:g} {self.unit} is not the {self.name} of a solid {bounds}"
+            raise Refused((), f"the {name} must be positive, is {value:g} {unit}", remedy)
+        if not low <= value <= high:
+            if value < low:
+                meant = f"{1000.0 * value:g}" if power == 3 else f"{value:g}e{power}"
+                remedy = f"did you mean {meant} (from {origin})?"
+            what = f"{value:g} {unit} is not the {name} of a solid ({low:g} to {high:g})"
             raise Refused((), what, remedy)
         return value
 
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        return no_info_after_validator_function(self.check, handler(source))
-
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> JsonSchemaValue:
-        return {**handler(schema), "minimum": self.low, "maximum": self.high}
+    schema = {"type": "number", "minimum": low, "maximum": high}
+    return AfterValidator(check), WithJsonSchema(schema)
 
 
 Density = Annotated[
-    float, _OfSolids("density", "kg/m³", 1.0, 30_000.0, "for steel 7800", 3, "g/cm³")
+    float, *_of_solids("density", "kg/m³", 1.0, 30_000.0, "for steel 7800", 3, "g/cm³")
 ]
-Young = Annotated[float, _OfSolids("Young's modulus", "Pa", 1e3, 1e13, "for steel 193e9", 9, "GPa")]
+Young = Annotated[
+    float, *_of_solids("Young's modulus", "Pa", 1e3, 1e13, "for steel 193e9", 9, "GPa")
+]
 HeatCapacity = Annotated[
-    float, _OfSolids("heat capacity", "J/(kg K)", 10.0, 1e5, "for steel 500", 3, "J/(g K)")
+    float, *_of_solids("heat capacity", "J/(kg K)", 10.0, 1e5, "for steel 500", 3, "J/(g K)")
 ]
-Hardness = Annotated[float, _OfSolids("hardness", "Pa", 1e5, 1e12, "for steel 2e9", 9, "GPa")]
+Hardness = Annotated[float, *_of_solids("hardness", "Pa", 1e5, 1e12, "for steel 2e9", 9, "GPa")]
 
 
 class Material(Table):
     """``[materials.NAME]``: what grains and walls are made of."""
 
-    density: Density = Field(description="density [kg/m³]")
-    young: Young | None = Field(
-        None,
-        description=(
-            "Young's modulus [Pa]; with poisson it gives the elastic deflection that rigid grains "
-            "neglect"
-        ),
+    density: Density = required("density [kg/m³]")
+    young: Young | None = optional(
+        "Young's modulus [Pa]; with poisson it gives the elastic deflection that rigid grains "
+        "neglect"
     )
-    poisson: Annotated[float, Field(gt=-1.0, lt=0.5)] | None = Field(
-        None, description="Poisson's ratio, between -1 and 0.5"
+    poisson: Annotated[float, Field(gt=-1.0, lt=0.5)] | None = optional(
+        "Poisson's ratio, between -1 and 0.5"
     )
 
-    conductivity: Annotated[float, Field(ge=1e-4, le=1e5)] | None = Field(
-        None, description="thermal conductivity [W/(m K)]"
+    conductivity: Annotated[float, Field(ge=1e-4, le=1e5)] | None = optional(
+        "thermal conductivity [W/(m K)]"
     )
-    heat_capacity: HeatCapacity | None = Field(
-        None, description="specific heat capacity [J/(kg K)]"
+    heat_capacity: HeatCapacity | None = optional("specific heat capacity [J/(kg K)]")
+    melting: Kelvin | None = optional(
+        "temperature at which it melts or decays [K]; checks compare temperatures with it"
     )
-    melting: Kelvin | None = Field(
-        None,
-        description=(
-            "temperature at which it melts or decays [K]; checks compare temperatures with it"
-        ),
+    emissivity: Annotated[float, Field(gt=0.0, le=1.0)] | None = optional(
+        "emissivity, for radiation"
     )
-    emissivity: Annotated[float, Field(gt=0.0, le=1.0)] | None = Field(
-        None, description="emissivity, for radiation"
+    roughness: Annotated[float, Field(ge=1e-10, le=1e-2)] | None = optional(
+        "rms roughness of the surface [m], for rough contacts"
     )
-    roughness: Annotated[float, Field(ge=1e-10, le=1e-2)] | None = Field(
-        None, description="rms roughness of the surface [m], for rough contacts"
+    asperity_slope: Annotated[float, Field(ge=1e-4, le=10.0)] | None = optional(
+        "mean absolute slope of the asperities, for rough contacts"
     )
-    asperity_slope: Annotated[float, Field(ge=1e-4, le=10.0)] | None = Field(
-        None, description="mean absolute slope of the asperities, for rough contacts"
-    )
-    microhardness: Hardness | None = Field(
-        None, description="microhardness [Pa], for rough contacts"
-    )
-    hardness: Hardness | None = Field(None, description="hardness [Pa], for wear")
-    resistivity: Annotated[float, Field(ge=1e-10, le=1e20)] | None = Field(
-        None, description='electrical resistivity [Ω m], for partition = "electrothermal"'
+    microhardness: Hardness | None = optional("microhardness [Pa], for rough contacts")
+    hardness: Hardness | None = optional("hardness [Pa], for wear")
+    resistivity: Annotated[float, Field(ge=1e-10, le=1e20)] | None = optional(
+        'electrical resistivity [Ω m], for partition = "electrothermal"'
     )
 
     @classmethod
@@ -159,25 +132,20 @@ class Softening(Table):
     cut to [min, max].
     """
 
-    softening: Annotated[float, Field(ge=-1.0, le=1.0)] | None = Field(
-        None,
-        description=(
-            "relative decrease of the coefficient of friction per kelvin [1/K]; needs [heat]"
-        ),
+    softening: Annotated[float, Field(ge=-1.0, le=1.0)] | None = optional(
+        "relative decrease of the coefficient of friction per kelvin [1/K]; needs [heat]"
     )
-    reference: Kelvin | None = Field(
+    reference: Kelvin | None = optional(
+        "temperature at which the coefficient is as given [K]; default with softening: 293.15",
         default_factory=_when_softening(ROOM_TEMPERATURE),
-        description=(
-            "temperature at which the coefficient is as given [K]; default with softening: 293.15"
-        ),
     )
-    min: Friction | None = Field(
+    min: Friction | None = optional(
+        "smallest coefficient of friction; default with softening: 0",
         default_factory=_when_softening(0.0),
-        description="smallest coefficient of friction; default with softening: 0",
     )
-    max: Friction | None = Field(
+    max: Friction | None = optional(
+        "largest coefficient of friction; default with softening: 10",
         default_factory=_when_softening(10.0),
-        description="largest coefficient of friction; default with softening: 10",
     )
 
     def faults(self) -> Iterator[Refused]:
@@ -193,7 +161,7 @@ class Softening(Table):
 class SofteningFriction(Softening):
     """Coefficient of friction that depends on temperature."""
 
-    value: Friction = Field(description="coefficient of friction at the reference temperature")
+    value: Friction = required("coefficient of friction at the reference temperature")
 
     def faults(self) -> Iterator[Refused]:
         yield from super().faults()
@@ -207,11 +175,11 @@ class FrictionTable(Softening):
     beyond.
     """
 
-    speed: Annotated[tuple[Annotated[float, Field(ge=0.0, le=1e12)], ...], Strict(False)] = Field(
-        min_length=1, max_length=1000, description="sliding speeds [m/s], ascending"
+    speed: Array[Annotated[float, Field(ge=0.0, le=1e12)]] = required(
+        "sliding speeds [m/s], ascending", min_length=1, max_length=1000
     )
-    values: Annotated[tuple[Friction, ...], Strict(False)] = Field(
-        min_length=1, max_length=1000, description="coefficient of friction at each speed"
+    values: Array[Friction] = required(
+        "coefficient of friction at each speed", min_length=1, max_length=1000
     )
 
     @model_validator(mode="before")
@@ -256,51 +224,37 @@ MaterialOrAny = Annotated[str, Field(pattern=r"^([A-Za-z0-9_-]+|\*)$", max_lengt
 class Adhesion(Table):
     """How two materials attract each other."""
 
-    force: Annotated[float, Field(ge=0.0, le=1e12)] = Field(
-        description="tension that a contact bears F_a [N]"
+    force: Annotated[float, Field(ge=0.0, le=1e12)] = required(
+        "tension that a contact bears F_a [N]"
     )
-    range: Annotated[float, Field(gt=0.0, le=1e3)] | None = Field(
-        None,
-        description=(
-            "gap across which adhesion ends [m]; at most the smallest radius; default: a hundredth "
-            "of the mean diameter of the grains"
-        ),
+    range: Annotated[float, Field(gt=0.0, le=1e3)] | None = optional(
+        "gap across which adhesion ends [m]; at most the smallest radius; default: a hundredth "
+        "of the mean diameter of the grains"
     )
-    kind: Literal["dry", "wet"] = Field(
+    kind: Literal["dry", "wet"] = optional(
+        '"dry": the force of a gap g is force (1 - g/range), whoever comes near; "wet": a '
+        "bridge of liquid begins when two bodies touch, pulls with the whole force and breaks "
+        "at the range",
         "dry",
-        description=(
-            '"dry": the force of a gap g is force (1 - g/range), whoever comes near; "wet": a '
-            "bridge of liquid begins when two bodies touch, pulls with the whole force and breaks "
-            "at the range"
-        ),
     )
-
-
-def _tag_adhesion(value: Any) -> str:
-    return "<table>" if isinstance(value, dict | BaseModel) else "<plain>"
 
 
 AnyAdhesion = Annotated[
     Annotated[float, Field(ge=0.0, le=1e12), Tag("<plain>")] | Annotated[Adhesion, Tag("<table>")],
-    Discriminator(_tag_adhesion),
+    Discriminator(tag_table),
 ]
 
 
 class PairFriction(Table):
     """Friction between two materials; ``"*"`` stands for any material."""
 
-    pair: Annotated[tuple[MaterialOrAny, MaterialOrAny], Strict(False)] = Field(
-        description=(
-            'the two materials, as ["glass", "steel"]; "*" stands for any; the more specific pair '
-            "wins"
-        )
+    pair: Pair[MaterialOrAny] = required(
+        'the two materials, as ["glass", "steel"]; "*" stands for any; the more specific pair wins'
     )
-    friction: AnyFriction = Field(
-        description=(
-            "coefficient of friction (0 to 10), or a table: { speed = [...], values = [...] } of "
-            "the sliding speed [m/s], { value = 0.5, softening = 1e-3 } of the temperature, or "
-            "both: speed, values and softening"
-        )
+    friction: AnyFriction = required(
+        "coefficient of friction (0 to 10), or a table: { speed = [...], values = [...] } of "
+        "the sliding speed [m/s], { value = 0.5, softening = 1e-3 } of the temperature, or "
+        "both: speed, values and softening"
     )
 
     @property
@@ -340,28 +294,19 @@ class ContactPair(PairFriction):
     material.
     """
 
-    restitution: Fraction = Field(0.0, description="coefficient of normal restitution, 0 to 1")
-    adhesion: AnyAdhesion | None = Field(
-        None,
-        description=(
-            "tension that a contact bears F_a [N], or { force = 1e-5, range = 2e-6, kind = "
-            '"wet" }; it ends across a gap, the range; default: none'
-        ),
+    restitution: Fraction = optional("coefficient of normal restitution, 0 to 1", 0.0)
+    adhesion: AnyAdhesion | None = optional(
+        "tension that a contact bears F_a [N], or { force = 1e-5, range = 2e-6, kind = "
+        '"wet" }; it ends across a gap, the range; default: none'
     )
-    rolling_friction: Friction | None = Field(
-        None,
-        description=(
-            "coefficient of rolling resistance (0 to 10): the couple of a contact is at most "
-            "rolling_friction a* times its normal force, with a* = a_i a_j/(a_i + a_j), a_i at a "
-            "smooth wall; default: none"
-        ),
+    rolling_friction: Friction | None = optional(
+        "coefficient of rolling resistance (0 to 10): the couple of a contact is at most "
+        "rolling_friction a* times its normal force, with a* = a_i a_j/(a_i + a_j), a_i at a "
+        "smooth wall; default: none"
     )
-    wear: Annotated[float, Field(ge=1e-15, le=1.0)] | None = Field(
-        None,
-        description=(
-            "Archard's coefficient of wear K: volume = K force distance/hardness; needs [heat]; "
-            "default: no wear"
-        ),
+    wear: Annotated[float, Field(ge=1e-15, le=1.0)] | None = optional(
+        "Archard's coefficient of wear K: volume = K force distance/hardness; needs [heat]; "
+        "default: no wear"
     )
 
     @property

@@ -7,10 +7,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Strict, Tag
+from pydantic import Discriminator, Field, Tag
 
 from multicor_cli.files import LARGEST_RECORD, read_regular
 from multicor_cli.scenario.base import (
+    Array,
     Friction,
     GrainCount,
     Kelvin,
@@ -18,11 +19,15 @@ from multicor_cli.scenario.base import (
     LengthPair,
     Name,
     Number,
+    Pair,
     Point,
     Ratio,
     Table,
     Vector,
+    exactly_one,
     one_of,
+    optional,
+    required,
 )
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.region import (
@@ -48,20 +53,15 @@ class LatticePacking(Table):
     """Grains on the sites of a lattice, row by row from the lower left corner of the region."""
 
     kind: Literal["lattice"]
-    lattice: Literal["triangular", "square"] = Field(
-        description='"triangular" (closest) or "square"'
+    lattice: Literal["triangular", "square"] = required('"triangular" (closest) or "square"')
+    spacing: Length | None = optional(
+        "distance between the centers of neighboring sites [m]; default: the largest diameter"
     )
-    spacing: Length | None = Field(
-        None,
-        description=(
-            "distance between the centers of neighboring sites [m]; default: the largest diameter"
-        ),
-    )
-    jitter: float = Field(
+    jitter: float = optional(
+        "each grain is put at random within this share of the spacing around its site",
         0.0,
         ge=0.0,
         le=0.5,
-        description="each grain is put at random within this share of the spacing around its site",
     )
 
 
@@ -69,11 +69,11 @@ class RandomPacking(Table):
     """Grains at random places without overlap, the largest first."""
 
     kind: Literal["random"]
-    separation: float = Field(
-        0.0, ge=0.0, le=10.0, description="smallest gap between grains, over the mean diameter"
+    separation: float = optional(
+        "smallest gap between grains, over the mean diameter", 0.0, ge=0.0, le=10.0
     )
-    attempts: int = Field(
-        1000, ge=1, le=1_000_000, description="places tried for one grain before giving up"
+    attempts: int = optional(
+        "places tried for one grain before giving up", 1000, ge=1, le=1_000_000
     )
 
 
@@ -91,25 +91,16 @@ class CompactedPacking(Table):
     """
 
     kind: Literal["compacted"]
-    pressure: float = Field(
+    pressure: float = required(
+        "load on the lid: force per length of wall, for the whole thickness of the grains [N/m]",
         ge=1e-12,
         le=1e12,
-        description=(
-            "load on the lid: force per length of wall, for the whole thickness of the grains [N/m]"
-        ),
     )
-    friction: Friction | None = Field(
-        None,
-        description=(
-            "coefficient of friction during the compaction (0: densest); default: that of "
-            "[[contacts]]"
-        ),
+    friction: Friction | None = optional(
+        "coefficient of friction during the compaction (0: densest); default: that of [[contacts]]"
     )
-    kinetic_energy_ratio: Ratio = Field(
-        1e-6,
-        description=(
-            "compacted when the kinetic energy has fallen to this share of its largest value"
-        ),
+    kinetic_energy_ratio: Ratio = optional(
+        "compacted when the kinetic energy has fallen to this share of its largest value", 1e-6
     )
 
 
@@ -125,20 +116,15 @@ class TilePacking(Table):
     """
 
     kind: Literal["tile"]
-    source: SourcePacking = Field(
-        description="packing of one tile: a lattice, random, deposited or compacted packing"
+    source: SourcePacking = required(
+        "packing of one tile: a lattice, random, deposited or compacted packing"
     )
-    tile: LengthPair = Field(description="width and height of one tile [m]")
-    tile_count: GrainCount | None = Field(
-        None, description="number of grains of one tile (or give tile_fill)"
+    tile: LengthPair = required("width and height of one tile [m]")
+    tile_count: GrainCount | None = optional("number of grains of one tile (or give tile_fill)")
+    tile_fill: AreaFraction | None = optional("area fraction of one tile (or give tile_count)")
+    repeat: Pair[Annotated[int, Field(ge=1, le=100_000)]] = required(
+        "number of tiles in x and in y"
     )
-    tile_fill: AreaFraction | None = Field(
-        None, description="area fraction of one tile (or give tile_count)"
-    )
-    repeat: Annotated[
-        tuple[Annotated[int, Field(ge=1, le=100_000)], Annotated[int, Field(ge=1, le=100_000)]],
-        Strict(False),
-    ] = Field(description="number of tiles in x and in y")
 
     def faults(self) -> Iterator[Refused]:
         if self.tile_count is not None and self.tile_fill is not None:
@@ -155,18 +141,16 @@ class FilePacking(Table):
     """
 
     kind: Literal["file"]
-    path: FilePath = Field(description="file (.csv, .h5), relative to the scenario file")
-    shift: Point = Field((0.0, 0.0), description="added to all x and y [m]")
+    path: FilePath = required("file (.csv, .h5), relative to the scenario file")
+    shift: Point = optional("added to all x and y [m]", (0.0, 0.0))
 
 
 class RunPacking(Table):
     """Grains from a frame of another run, with their velocities."""
 
     kind: Literal["run"]
-    path: FilePath = Field(description="run directory, relative to the scenario file")
-    frame: int = Field(
-        -1, ge=-(10**9), le=10**9, description="index of the frame; -1 is the last one"
-    )
+    path: FilePath = required("run directory, relative to the scenario file")
+    frame: int = optional("index of the frame; -1 is the last one", -1, ge=-(10**9), le=10**9)
 
 
 class StartPacking(Table):
@@ -197,15 +181,13 @@ MAX_VALUES = 100_000
 class GradientTemperature(Table):
     """A temperature that varies linearly from place to place."""
 
-    value: Kelvin = Field(description="temperature [K] at the point at")
-    gradient: Annotated[tuple[Number, Number], Strict(False)] = Field(
-        description="change in x and in y [K/m]"
-    )
-    at: Point = Field((0.0, 0.0), description="point at which the temperature is value [m]")
+    value: Kelvin = required("temperature [K] at the point at")
+    gradient: Pair[Number] = required("change in x and in y [K/m]")
+    at: Point = optional("point at which the temperature is value [m]", (0.0, 0.0))
 
 
 class _Warm(Table):
-    value: Kelvin = Field(description="temperature of the grains with their center in it [K]")
+    value: Kelvin = required("temperature of the grains with their center in it [K]")
 
 
 class TemperatureRectangle(RectangleRegion, _Warm):
@@ -236,33 +218,30 @@ TemperatureRegion = Annotated[
 class RegionsTemperature(Table):
     """One temperature, and others in regions; where they overlap, the later one holds."""
 
-    value: Kelvin = Field(description="temperature outside all regions [K]")
-    regions: Annotated[tuple[TemperatureRegion, ...], Strict(False)] = Field(
+    value: Kelvin = required("temperature outside all regions [K]")
+    regions: Array[TemperatureRegion] = required(
+        "rectangles, circles, annuli or polygons, as [{ min = [0, 0], max = [1, 1], value = 400.0 "
+        '}, { kind = "circle", center = [0, 0], radius = 1, value = 350.0 }]; later ones win',
         min_length=1,
         max_length=1000,
-        description=(
-            "rectangles, circles, annuli or polygons, as [{ min = [0, 0], max = [1, 1], value = "
-            "400.0 }, "
-            '{ kind = "circle", center = [0, 0], radius = 1, value = 350.0 }]; later ones win'
-        ),
     )
 
 
 class ValuesTemperature(Table):
     """One temperature for each grain of the group."""
 
-    values: Annotated[tuple[Kelvin, ...], Strict(False)] = Field(
+    values: Array[Kelvin] = required(
+        "temperature of each grain of the group [K], in their order",
         min_length=1,
         max_length=MAX_VALUES,
-        description="temperature of each grain of the group [K], in their order",
     )
 
 
 class FileTemperature(Table):
     """One temperature for each grain of the group, from a file."""
 
-    file: FilePath = Field(
-        description="text file with one temperature [K] per line, relative to the scenario file"
+    file: FilePath = required(
+        "text file with one temperature [K] per line, relative to the scenario file"
     )
 
 
@@ -286,37 +265,27 @@ class Release(Table):
     numbers.
     """
 
-    rate: Rate | None = Field(None, description="grains per second [1/s] (or give mass_rate)")
-    mass_rate: Rate | None = Field(None, description="mass per second [kg/s] (or give rate)")
-    region: RectangleRegion = Field(
-        description=(
-            "where: grains come at random places wholly inside it that are free; if none is, they "
-            "wait"
-        )
+    rate: Rate | None = optional("grains per second [1/s] (or give mass_rate)")
+    mass_rate: Rate | None = optional("mass per second [kg/s] (or give rate)")
+    region: RectangleRegion = required(
+        "where: grains come at random places wholly inside it that are free; if none is, they wait"
     )
-    start: float = Field(0.0, ge=0.0, le=1e12, description="time of the first release [s]")
+    start: float = optional("time of the first release [s]", 0.0, ge=0.0, le=1e12)
 
     def faults(self) -> Iterator[Refused]:
-        if (self.rate is None) == (self.mass_rate is None):
-            has = "neither rate nor mass_rate is given"
-            if self.rate is not None:
-                has = "both rate and mass_rate are given"
-            yield Refused((), has, "give one of them: grains per second, or kilograms per second")
+        remedy = "give one of them: grains per second, or kilograms per second"
+        yield from exactly_one(self, "rate", "mass_rate", remedy)
 
 
 class Outlet(Table):
     """One entry of ``[[outlets]]``: grains whose centers are inside leave before the next step."""
 
-    name: Name = Field(description="name of the outlet")
-    region: RectangleRegion = Field(
-        description="where: deeper than the fastest grain moves in a step"
-    )
-    then: Literal["remove", "release"] = Field(
+    name: Name = required("name of the outlet")
+    region: RectangleRegion = required("where: deeper than the fastest grain moves in a step")
+    then: Literal["remove", "release"] = optional(
+        '"remove": grains leave for good; "release": those of groups with a release go back '
+        "to wait for it, to come again as they came first",
         "remove",
-        description=(
-            '"remove": grains leave for good; "release": those of groups with a release go back '
-            "to wait for it, to come again as they came first"
-        ),
     )
 
 
@@ -332,20 +301,12 @@ _KEPT = ("name", "material", "shape", "thickness", "sizes")
 class Start(Table):
     """``[start]``: the run from which this one goes on."""
 
-    run: FilePath = Field(
-        description="directory of the run to go on from, relative to the scenario file"
+    run: FilePath = required("directory of the run to go on from, relative to the scenario file")
+    at: Literal["end"] | None = optional(
+        '"end" (default): where the run stands, its last checkpoint, exactly; or give frame'
     )
-    at: Literal["end"] | None = Field(
-        None,
-        description=(
-            '"end" (default): where the run stands, its last checkpoint, exactly; or give frame'
-        ),
-    )
-    frame: int | None = Field(
-        None,
-        ge=-(10**9),
-        le=10**9,
-        description="index of a frame of the run to go on from; -1 is the last one",
+    frame: int | None = optional(
+        "index of a frame of the run to go on from; -1 is the last one", ge=-(10**9), le=10**9
     )
 
     def faults(self) -> Iterator[Refused]:
@@ -388,68 +349,48 @@ class ParticleGroup(Table):
     borrow.
     """
 
-    name: Name = Field(description="name of the group")
-    material: Name = Field(description="name of a [materials.NAME] table")
-    shape: Literal["disc", "sphere"] = Field(
-        description='"disc" (needs thickness) or "sphere"; the same for all groups'
+    name: Name = required("name of the group")
+    material: Name = required("name of a [materials.NAME] table")
+    shape: Literal["disc", "sphere"] = required(
+        '"disc" (needs thickness) or "sphere"; the same for all groups'
     )
-    thickness: Length | None = Field(
-        None, description="thickness of the discs [m]; required for discs"
+    thickness: Length | None = optional("thickness of the discs [m]; required for discs")
+    sizes: Sizes | None = optional(
+        'distribution of the radii, as { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }'
     )
-    sizes: Sizes | None = Field(
-        None,
-        description=(
-            'distribution of the radii, as { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }'
-        ),
+    count: GrainCount | None = optional("number of grains (or give fill)")
+    fill: AreaFraction | None = optional(
+        "area of the grains over the area of the region (or give count)"
     )
-    count: GrainCount | None = Field(None, description="number of grains (or give fill)")
-    fill: AreaFraction | None = Field(
-        None, description="area of the grains over the area of the region (or give count)"
+    region: AnyRegion | None = optional(
+        "where the grains are placed: a rectangle { min, max }, or with a kind a circle { "
+        "center, radius }, an annulus { center, inner, outer } or a polygon { points }; "
+        "default: the whole domain"
     )
-    region: AnyRegion | None = Field(
-        None,
-        description=(
-            "where the grains are placed: a rectangle { min, max }, or with a kind a circle { "
-            "center, radius }, an annulus { center, inner, outer } or a polygon { points }; "
-            "default: the whole domain"
-        ),
+    packing: Packing | None = optional(
+        'how the grains are placed at the start, as { kind = "random" }; without it they wait '
+        "for their release"
     )
-    packing: Packing | None = Field(
-        None,
-        description=(
-            'how the grains are placed at the start, as { kind = "random" }; without it they wait '
-            "for their release"
-        ),
+    release: Release | None = optional(
+        "how the grains come: { rate = 100.0, region = { min = [...], max = [...] } }, with "
+        "velocity, spin and temperature of the group; with a packing, how they come again "
+        "after an outlet"
     )
-    release: Release | None = Field(
-        None,
-        description=(
-            "how the grains come: { rate = 100.0, region = { min = [...], max = [...] } }, with "
-            "velocity, spin and temperature of the group; with a packing, how they come again "
-            "after an outlet"
-        ),
+    velocity: Vector = optional(
+        "initial velocity [m/s], added to any velocity that comes with the packing", (0.0, 0.0)
     )
-    velocity: Vector = Field(
-        (0.0, 0.0),
-        description="initial velocity [m/s], added to any velocity that comes with the packing",
+    spin: Number = optional(
+        "initial spin [rad/s], added to any spin that comes with the packing", 0.0
     )
-    spin: Number = Field(
-        0.0, description="initial spin [rad/s], added to any spin that comes with the packing"
-    )
-    shear_rate: Number = Field(
+    shear_rate: Number = optional(
+        "initial shear rate [1/s]: adds shear_rate (y - y of the region's middle) to vx, "
+        "-shear_rate/2 to spin",
         0.0,
-        description=(
-            "initial shear rate [1/s]: adds shear_rate (y - y of the region's middle) to vx, "
-            "-shear_rate/2 to spin"
-        ),
     )
 
-    temperature: Temperature | None = Field(
-        None,
-        description=(
-            "initial temperature [K]: a number, or a table with gradient, regions, values or file; "
-            "default: that of the frame for a packing from a run with heat, else that of [heat]"
-        ),
+    temperature: Temperature | None = optional(
+        "initial temperature [K]: a number, or a table with gradient, regions, values or file; "
+        "default: that of the frame for a packing from a run with heat, else that of [heat]"
     )
 
     def placed_in(self, domain: Domain) -> Region:

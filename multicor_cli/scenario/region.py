@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import BaseModel, Discriminator, Field, Strict, Tag, ValidationInfo, field_validator
 
 from multicor_cli.model.shapes import Annulus, Area, Polygon, Rectangle, fault_of_polygon
-from multicor_cli.scenario.base import Length, Point, Table
+from multicor_cli.scenario.base import Length, Point, Table, required
 from multicor_cli.scenario.problems import Refused
 
 MAX_CORNERS = 2000
@@ -81,8 +81,8 @@ class RectangleRegion(Region):
     """A rectangle."""
 
     kind: Literal["rectangle"] = "rectangle"
-    min: Point = Field(description="lower left corner [m]")
-    max: Point = Field(description="upper right corner [m]")
+    min: Point = required("lower left corner [m]")
+    max: Point = required("upper right corner [m]")
 
     _above_min = field_validator("max")(above_min)
 
@@ -94,8 +94,8 @@ class CircleRegion(Region):
     """The inside of a circle."""
 
     kind: Literal["circle"]
-    center: Point = Field(description="center [m]")
-    radius: Length = Field(description="radius [m]")
+    center: Point = required("center [m]")
+    radius: Length = required("radius [m]")
 
     def area(self) -> Annulus:
         return Annulus(self.center, self.radius)
@@ -108,9 +108,9 @@ class AnnulusRegion(Region):
     """What lies between two circles around one center."""
 
     kind: Literal["annulus"]
-    center: Point = Field(description="center [m]")
-    inner: Length = Field(description="radius of the inner circle [m]")
-    outer: Length = Field(description="radius of the outer circle [m]")
+    center: Point = required("center [m]")
+    inner: Length = required("radius of the inner circle [m]")
+    outer: Length = required("radius of the outer circle [m]")
 
     @field_validator("outer")
     @classmethod
@@ -137,8 +137,8 @@ class PolygonRegion(Region):
     """A simple polygon."""
 
     kind: Literal["polygon"]
-    points: Corners = Field(
-        description="corners [m] in their order along the outline, as [[0, 0], [1, 0], [0, 1]]"
+    points: Corners = required(
+        "corners [m] in their order along the outline, as [[0, 0], [1, 0], [0, 1]]"
     )
 
     _simple = field_validator("points")(simple_polygon)

@@ -86,12 +86,8 @@ class Scenario(ScenarioModel):
 
     def with_overrides(self, overrides: Sequence[str]) -> Scenario:
         """As `with_`; the changes as ``--set`` takes them, each ``key=value``."""
-        return parse_scenario(
-            self.sources.text,
-            self.path,
-            [*self.sources.overrides, *overrides],
-            file=self.sources.file,
-        )
+        text, every = self.sources.text, [*self.sources.overrides, *overrides]
+        return parse_scenario(text, self.path, every, file=self.sources.file)
 
     @property
     def name(self) -> str:
@@ -116,11 +112,8 @@ class Scenario(ScenarioModel):
     @property
     def is_open(self) -> bool:
         """Whether grains may come or go, or end the run by getting lost."""
-        return (
-            bool(self.outlets)
-            or self.domain.lost != "ignore"
-            or any(group.release for group in self.particles)
-        )
+        releases = [group for group in self.particles if group.release]
+        return bool(self.outlets or releases) or self.domain.lost != "ignore"
 
     def law(self, a: str, b: str, stage: int | None = None) -> ContactPair:
         """The contact law of materials ``a`` and ``b``: the most specific entry that covers them.
@@ -177,9 +170,8 @@ class Scenario(ScenarioModel):
     ) -> list[list[KeptCondition]]:
         """The thermal condition of each wall in each stage; walls as in the file, or as named."""
         first = {wall.name: wall.thermal for wall in self.walls}
-        return resolve_conditions(
-            self.loading, first, wall_names if wall_names is not None else tuple(first)
-        )
+        names = wall_names if wall_names is not None else tuple(first)
+        return resolve_conditions(self.loading, first, names)
 
     def resolve_path(self, path: str) -> Path:
         """A path of the scenario, which is relative to the directory of its file."""
@@ -206,11 +198,8 @@ class Scenario(ScenarioModel):
 
     def __repr__(self) -> str:
         counts = ((self.particles, "group"), (self.walls, "wall"), (self.loading, "stage"))
-        return (
-            f"<Scenario {self.name}: "
-            f"{', '.join(count_noun(len(tables), noun) for tables, noun in counts)}, seed "
-            f"{self.seed}>"
-        )
+        parts = [count_noun(len(tables), noun) for tables, noun in counts]
+        return f"<Scenario {self.name}: {', '.join(parts)}, seed {self.seed}>"
 
     __str__ = __repr__
 

@@ -14,6 +14,8 @@ from multicor_cli.scenario.base import (
     Time,
     Tolerance,
     Vector,
+    optional,
+    required,
     tag_word,
 )
 
@@ -44,35 +46,29 @@ Accuracy = Annotated[
 class Header(Table):
     """``[scenario]``: what this is."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=100)] = Field(
-        description="name of the scenario and of its run directory: letters, digits and . _ -"
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=100)] = required(
+        "name of the scenario and of its run directory: letters, digits and . _ -"
     )
-    description: Annotated[str, CHANGEABLE] = Field(
-        "", max_length=10_000, description="what the scenario is about"
+    description: Annotated[str, CHANGEABLE] = optional(
+        "what the scenario is about", "", max_length=10_000
     )
-    seed: Seed = Field(
-        description='seed of all random numbers, or "random": drawn once and recorded'
-    )
+    seed: Seed = required('seed of all random numbers, or "random": drawn once and recorded')
 
 
 class Domain(Table):
     """``[domain]``: the rectangle [0, w] × [0, h] and what acts everywhere in it."""
 
-    size: LengthPair = Field(
-        description=(
-            "width and height [m]: where grains are placed; the width is the period if periodic"
-        )
+    size: LengthPair = required(
+        "width and height [m]: where grains are placed; the width is the period if periodic"
     )
-    periodic: bool = Field(False, description="whether the domain repeats in x")
-    gravity: Vector = Field((0.0, -9.81), description="acceleration of gravity [m/s²]")
+    periodic: bool = optional("whether the domain repeats in x", False)
+    gravity: Vector = optional("acceleration of gravity [m/s²]", (0.0, -9.81))
 
-    lost: Literal["ignore", "stop", "remove"] = Field(
+    lost: Literal["ignore", "stop", "remove"] = optional(
+        "what happens to a grain whose center is more than the largest diameter outside of "
+        'this rectangle (in x only if it is not periodic): "ignore": nothing; "stop": the run '
+        'ends (exit code 4); "remove": it is taken out and counted',
         "ignore",
-        description=(
-            "what happens to a grain whose center is more than the largest diameter outside of "
-            'this rectangle (in x only if it is not periodic): "ignore": nothing; "stop": the run '
-            'ends (exit code 4); "remove": it is taken out and counted'
-        ),
     )
 
     @property
@@ -88,43 +84,37 @@ class Domain(Table):
 class Solver(Table):
     """``[solver]``: time step and contact solver."""
 
-    dt: TimeStep = Field(
+    dt: TimeStep = optional(
+        'time step [s], or "auto": the largest that resolves the pressure, the shear, the '
+        "motion and the periods of signals of each stage",
         "auto",
-        description=(
-            'time step [s], or "auto": the largest that resolves the pressure, the shear, the '
-            "motion and the periods of signals of each stage"
-        ),
     )
-    accuracy: Accuracy = Field(
+    accuracy: Accuracy = optional(
+        "errors of an automatic time step over those of the default, and its length: a number, "
+        'or "draft" (2), "normal" (1) or "fine" (0.5)',
         "normal",
-        description=(
-            "errors of an automatic time step over those of the default, and its length: a number, "
-            'or "draft" (2), "normal" (1) or "fine" (0.5)'
-        ),
     )
-    method: Literal["accelerated", "gauss-seidel"] = Field(
-        "accelerated", description="global solution of the contacts"
+    method: Literal["accelerated", "gauss-seidel"] = optional(
+        "global solution of the contacts", "accelerated"
     )
-    local: Literal["exact", "bipotential"] = Field(
-        "exact", description="local solution of one contact"
+    local: Literal["exact", "bipotential"] = optional("local solution of one contact", "exact")
+    tolerance_rms: Annotated[Tolerance, Formerly(1e-3)] = optional(
+        "rms of the velocity corrections over the reference velocity", 2e-3
     )
-    tolerance_rms: Annotated[Tolerance, Formerly(1e-3)] = Field(
-        2e-3, description="rms of the velocity corrections over the reference velocity"
+    tolerance_max: Annotated[Tolerance, Formerly(5e-2)] = optional(
+        "largest velocity correction over the reference velocity", 0.1
     )
-    tolerance_max: Annotated[Tolerance, Formerly(5e-2)] = Field(
-        0.1, description="largest velocity correction over the reference velocity"
+    tolerance_energy: Annotated[Tolerance, Formerly(5e-3)] = optional(
+        "energy error over the reference energy", 1e-2
     )
-    tolerance_energy: Annotated[Tolerance, Formerly(5e-3)] = Field(
-        1e-2, description="energy error over the reference energy"
+    max_sweeps: Annotated[int, Formerly(10_000)] = optional(
+        "largest number of sweeps in a step", 50_000, ge=1, le=MAX_SWEEPS
     )
-    max_sweeps: Annotated[int, Formerly(10_000)] = Field(
-        50_000, ge=1, le=MAX_SWEEPS, description="largest number of sweeps in a step"
+    on_failure: Literal["warn", "error"] = optional(
+        'what to do if a step does not converge: "warn" or "error" (stop)', "warn"
     )
-    on_failure: Literal["warn", "error"] = Field(
-        "warn", description='what to do if a step does not converge: "warn" or "error" (stop)'
-    )
-    threads: Annotated[int, CHANGEABLE] = Field(
-        0, ge=0, le=1024, description="number of threads; 0: all cores"
+    threads: Annotated[int, CHANGEABLE] = optional(
+        "number of threads; 0: all cores", 0, ge=0, le=1024
     )
 
     @property
@@ -136,23 +126,19 @@ class Solver(Table):
 class StageSolver(Table):
     """Settings of ``[solver]`` that a stage overrides."""
 
-    accuracy: Accuracy | None = Field(
-        None, description="errors of an automatic time step over those of the default"
+    accuracy: Accuracy | None = optional(
+        "errors of an automatic time step over those of the default"
     )
-    tolerance_rms: Tolerance | None = Field(
-        None, description="rms of the velocity corrections over the reference velocity"
+    tolerance_rms: Tolerance | None = optional(
+        "rms of the velocity corrections over the reference velocity"
     )
-    tolerance_max: Tolerance | None = Field(
-        None, description="largest velocity correction over the reference velocity"
+    tolerance_max: Tolerance | None = optional(
+        "largest velocity correction over the reference velocity"
     )
-    tolerance_energy: Tolerance | None = Field(
-        None, description="energy error over the reference energy"
-    )
-    max_sweeps: int | None = Field(
-        None, ge=1, le=MAX_SWEEPS, description="largest number of sweeps in a step"
-    )
-    on_failure: Literal["warn", "error"] | None = Field(
-        None, description='what to do if a step does not converge: "warn" or "error" (stop)'
+    tolerance_energy: Tolerance | None = optional("energy error over the reference energy")
+    max_sweeps: int | None = optional("largest number of sweeps in a step", ge=1, le=MAX_SWEEPS)
+    on_failure: Literal["warn", "error"] | None = optional(
+        'what to do if a step does not converge: "warn" or "error" (stop)'
     )
 
 
@@ -164,28 +150,24 @@ def _series_interval(data: dict[str, Any]) -> float:
 class Output(Table):
     """``[output]``: what is written, and how often."""
 
-    frame_interval: Time = Field(
-        description="time between frames [s]: each comes after the step nearest to its time"
+    frame_interval: Time = required(
+        "time between frames [s]: each comes after the step nearest to its time"
     )
-    series_interval: float = Field(
+    series_interval: float = optional(
+        "time between rows of the time series [s]; default: frame_interval/10, in whole steps",
         default_factory=_series_interval,
         ge=1e-14,
         le=1e12,
-        description=(
-            "time between rows of the time series [s]; default: frame_interval/10, in whole steps"
-        ),
     )
-    contacts: bool = Field(True, description="whether frames hold the contact network")
-    checkpoint_interval: Annotated[float, CHANGEABLE] = Field(
+    contacts: bool = optional("whether frames hold the contact network", True)
+    checkpoint_interval: Annotated[float, CHANGEABLE] = optional(
+        "wall-clock time between checkpoints [s]; while the run goes on, what is older than "
+        "the last one can be read",
         60.0,
         ge=1e-3,
         le=1e9,
-        description=(
-            "wall-clock time between checkpoints [s]; while the run goes on, what is older than "
-            "the last one can be read"
-        ),
     )
-    precision: Literal["double", "single"] = Field("double", description="precision of the frames")
+    precision: Literal["double", "single"] = optional("precision of the frames", "double")
 
     @property
     def has_default_series(self) -> bool:

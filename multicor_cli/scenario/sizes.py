@@ -7,17 +7,20 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import Field, Strict, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from multicor_cli.scenario.base import (
     FRACTION_BOUNDS,
     RADIUS_BOUNDS,
+    Array,
     Column,
     Fraction,
     Radius,
     Table,
     ascending,
     columns_of_file,
+    optional,
+    required,
 )
 from multicor_cli.scenario.problems import Refused
 
@@ -25,12 +28,10 @@ MAX_SIZE_RATIO = 1000.0
 
 
 class _Sizes(Table):
-    by: Literal["number", "mass"] = Field(
+    by: Literal["number", "mass"] = optional(
+        'whether the distribution is one of the number or of the mass of grains: "number" or '
+        '"mass"',
         "number",
-        description=(
-            'whether the distribution is one of the number or of the mass of grains: "number" or '
-            '"mass"'
-        ),
     )
 
 
@@ -38,13 +39,9 @@ class ListSizes(_Sizes):
     """A list of radii, each with its fraction."""
 
     kind: Literal["list"]
-    radii: Annotated[tuple[Radius, ...], Strict(False)] = Field(
-        min_length=1, max_length=1000, description="radii [m]"
-    )
-    fractions: Annotated[tuple[Fraction, ...], Strict(False)] | None = Field(
-        None,
-        max_length=1000,
-        description="fraction of each radius, adding up to 1; default: equal fractions",
+    radii: Array[Radius] = required("radii [m]", min_length=1, max_length=1000)
+    fractions: Array[Fraction] | None = optional(
+        "fraction of each radius, adding up to 1; default: equal fractions", max_length=1000
     )
 
     def faults(self) -> Iterator[Refused]:
@@ -68,8 +65,8 @@ class ListSizes(_Sizes):
 
 
 class _Range(_Sizes):
-    min: Radius = Field(description="smallest radius [m]")
-    max: Radius = Field(description="largest radius [m]")
+    min: Radius = required("smallest radius [m]")
+    max: Radius = required("largest radius [m]")
 
     @field_validator("max")
     @classmethod
@@ -109,10 +106,8 @@ class LognormalSizes(_Range):
     """The logarithm of the radius is normally distributed; cut at ``min`` and ``max``."""
 
     kind: Literal["lognormal"]
-    median: Radius = Field(description="median radius before the cut [m], between min and max")
-    sigma: float = Field(
-        ge=1e-6, le=3.0, description="standard deviation of the logarithm of the radius"
-    )
+    median: Radius = required("median radius before the cut [m], between min and max")
+    sigma: float = required("standard deviation of the logarithm of the radius", ge=1e-6, le=3.0)
 
     _inside = field_validator("median")(_between)
 
@@ -121,10 +116,8 @@ class NormalSizes(_Range):
     """The radius is normally distributed; cut at ``min`` and ``max``."""
 
     kind: Literal["normal"]
-    mean: Radius = Field(description="mean radius before the cut [m], between min and max")
-    sigma: float = Field(
-        ge=1e-12, le=1e4, description="standard deviation of the radius before the cut [m]"
-    )
+    mean: Radius = required("mean radius before the cut [m], between min and max")
+    sigma: float = required("standard deviation of the radius before the cut [m]", ge=1e-12, le=1e4)
 
     _inside = field_validator("mean")(_between)
 
@@ -135,34 +128,26 @@ class PowerSizes(_Range):
     """
 
     kind: Literal["power"]
-    exponent: float = Field(ge=-20.0, le=20.0, description="exponent p of the density r^-p")
+    exponent: float = required("exponent p of the density r^-p", ge=-20.0, le=20.0)
 
 
 class TableSizes(Table):
     """What passes at each radius, as a sieve curve: the density is constant between two rows."""
 
     kind: Literal["table"]
-    by: Literal["number", "mass"] = Field(
+    by: Literal["number", "mass"] = optional(
+        "whether passing is a share of the mass (a sieve curve) or of the number of grains: "
+        '"mass" or "number"',
         "mass",
-        description=(
-            "whether passing is a share of the mass (a sieve curve) or of the number of grains: "
-            '"mass" or "number"'
-        ),
     )
-    file: str | None = Field(
-        None,
-        description=(
-            "CSV file with the columns radius or diameter [m], and passing, in place of the two "
-            "arrays"
-        ),
+    file: str | None = optional(
+        "CSV file with the columns radius or diameter [m], and passing, in place of the two arrays"
     )
-    radii: Annotated[tuple[Radius, ...], Strict(False)] = Field(
-        (), max_length=100_000, description="radii [m], ascending"
-    )
-    passing: Annotated[tuple[Fraction, ...], Strict(False)] = Field(
+    radii: Array[Radius] = optional("radii [m], ascending", (), max_length=100_000)
+    passing: Array[Fraction] = optional(
+        "share of the grains that is smaller than each of the radii, from 0 to 1",
         (),
         max_length=100_000,
-        description="share of the grains that is smaller than each of the radii, from 0 to 1",
     )
 
     _read = columns_of_file(

@@ -6,9 +6,9 @@ import bisect
 import re
 import tomllib
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from itertools import accumulate
-from typing import NamedTuple
 
 from multicor_cli.scenario.problems import OVERRIDE, KeyPath, Problem, Refused, format_key, show
 
@@ -213,14 +213,7 @@ def parse_key(text: str) -> tuple[KeyPath, int]:
 MAX_PROBLEMS = 100
 
 
-class _Position(NamedTuple):
-    file: str
-    line: int
-    column: int
-    source_line: str
-
-
-def _column_inside(place: _Position, text: str, offset: int) -> int:
+def _column_inside(place: Problem, text: str, offset: int) -> int:
     """Column of a character of the string ``text``; of the place where it is written otherwise."""
     line, start = place.source_line, max(place.column - 1, 0)
     begin = max(line.find(quote + text, start) for quote in "\"'")
@@ -259,18 +252,20 @@ class Sources:
     def _offsets(self) -> dict[KeyPath, int]:
         return locate_keys(self.text)
 
-    def _place(self, path: KeyPath) -> _Position:
-        ends = range(len(path), 0, -1)
+    def _place(self, path: KeyPath) -> Problem:
+        """A problem at a path that does not say yet what is wrong."""
+        key, ends = format_key(path), range(len(path), 0, -1)
         for end in ends:  # what the command line has set replaces all that the file says below it
             if (argument := self.applied.get(path[:end])) is not None:
-                return _Position(OVERRIDE, 0, 0, argument)
+                return Problem(OVERRIDE, 0, 0, key, "", source_line=argument)
         if not self.file:
-            return _Position("", 0, 0, "")
+            return Problem("", 0, 0, key, "")
         for end in ends:
             if (offset := self._offsets.get(path[:end])) is not None:
                 line, column = self._lines.position(offset)
-                return _Position(self.file, line, column, self._lines.line(line))
-        return _Position(self.file, 1, 1, "")
+                source = self._lines.line(line)
+                return Problem(self.file, line, column, key, "", source_line=source)
+        return Problem(self.file, 1, 1, key, "")
 
     def problem(self, finding: Refused) -> Problem:
         """The finding with its position, and the expressions that it does not tell.
@@ -285,19 +280,14 @@ class Sources:
             if at == path or (at[:-1] == path and isinstance(at[-1], int))
         ]
         message = f"{finding.what} ({', '.join(told[:4])})" if told else finding.what
-        key, line = format_key(path), place.source_line
-        return Problem(place.file, place.line, column, key, message, finding.remedy, line)
+        return replace(place, column=column, message=message, remedy=finding.remedy)
 
     def problems(self, findings: list[Refused]) -> list[Problem]:
         """The first `MAX_PROBLEMS` findings with their positions, in the order of the file."""
-        problems = sorted(
-            (self.problem(f) for f in findings[: 2 * MAX_PROBLEMS]),
-            key=lambda p: (p.line, p.column),
-        )
+        problems = [self.problem(finding) for finding in findings[: 2 * MAX_PROBLEMS]]
+        problems.sort(key=lambda problem: (problem.line, problem.column))
         if (more := len(findings) - MAX_PROBLEMS) <= 0:
             return problems
         what = f"… and at least {more} more problems"
-        return [
-            *problems[:MAX_PROBLEMS],
-            Problem(self.file, 0, 0, "", what, "correct the first ones"),
-        ]
+        last = Problem(self.file, 0, 0, "", what, "correct the first ones")
+        return [*problems[:MAX_PROBLEMS], last]

@@ -12,31 +12,24 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 
-from multicor_cli.engine.motion.drives import (
-    Constant,
-    DofDrive,
-    Interpolated,
-    Ramp,
-    Shifted,
-    Sine,
-    Spring,
-    WallDrive,
-)
-from multicor_cli.engine.motion.drives import Signal as EngineSignal
+from multicor_cli.engine.motion import drives as engine
 from multicor_cli.scenario.drives import (
     Dof,
     FixedDof,
     InsulatedCondition,
     LoadDof,
     PositionDof,
+    RampSignal,
+    Signal,
+    SineSignal,
+    TableSignal,
     WallCondition,
 )
-from multicor_cli.scenario.signals import RampSignal, Signal, SineSignal, TableSignal
 from multicor_cli.scenario.stages import Stage
 
 DOF_NAMES = ("x", "y", "spin")
 NEVER = -1
-Kept = TypeVar("Kept", bound=EngineSignal | None)
+Kept = TypeVar("Kept", bound=engine.Signal | None)
 
 
 class KeptDrive(NamedTuple):
@@ -104,17 +97,17 @@ class StageDrives:
     """
 
     stage: int
-    walls: tuple[WallDrive, ...]
+    walls: tuple[engine.WallDrive, ...]
     named_by: tuple[tuple[int, int, int, int], ...]
 
-    def started(self, stage_starts: Sequence[float]) -> list[WallDrive]:
+    def started(self, stage_starts: Sequence[float]) -> list[engine.WallDrive]:
         """The drives as functions of the time since the start of this stage.
 
         ``stage_starts`` are the times at which the stages up to this one have begun [s].
         """
 
-        def since(dof: DofDrive, named_by: int) -> DofDrive:
-            def kept(signal: Kept) -> Kept | Shifted:
+        def since(dof: engine.DofDrive, named_by: int) -> engine.DofDrive:
+            def kept(signal: Kept) -> Kept | engine.Shifted:
                 return kept_signal(signal, named_by, self.stage, stage_starts)
 
             spring = dof.spring and replace(dof.spring, anchor=kept(dof.spring.anchor))
@@ -132,7 +125,7 @@ class StageDrives:
         for wall, named_by in zip(self.walls, self.named_by, strict=True):
             x, y, spin = (since(*dof) for dof in zip(wall.dofs(), named_by[:3], strict=True))
             surface = kept_signal(wall.surface, named_by[3], self.stage, stage_starts)
-            started.append(WallDrive(x, y, spin, surface))
+            started.append(engine.WallDrive(x, y, spin, surface))
         return started
 
 
@@ -143,48 +136,50 @@ def stage_drives(loading: Sequence[Stage], wall_names: Sequence[str]) -> list[St
         engine_drives = []
         for dofs in walls:
             x, y, spin, surface = (_engine_dof(kept.dof) for kept in dofs)
-            engine_drives.append(WallDrive(x, y, spin, surface.velocity))
+            engine_drives.append(engine.WallDrive(x, y, spin, surface.velocity))
         named_by = tuple((x.stage, y.stage, spin.stage, s.stage) for x, y, spin, s in walls)
         drives.append(StageDrives(number, tuple(engine_drives), named_by))
     return drives
 
 
-def _engine_dof(dof: Dof) -> DofDrive:
+def _engine_dof(dof: Dof) -> engine.DofDrive:
     if isinstance(dof, FixedDof):
-        return DofDrive()
+        return engine.DofDrive()
     if isinstance(dof, PositionDof):
-        return DofDrive(position=engine_signal(dof.position))
+        return engine.DofDrive(position=engine_signal(dof.position))
     if isinstance(dof, LoadDof):
         spring = None
         if dof.spring is not None:
-            spring = Spring(dof.spring.stiffness, engine_signal(dof.spring.anchor))
-        return DofDrive(
+            spring = engine.Spring(dof.spring.stiffness, engine_signal(dof.spring.anchor))
+        return engine.DofDrive(
             force=None if dof.force is None else engine_signal(dof.force),
             stress=None if dof.stress is None else engine_signal(dof.stress),
             between=dof.between,
             spring=spring,
             damping=dof.damping,
         )
-    return DofDrive(velocity=engine_signal(dof.velocity))
+    return engine.DofDrive(velocity=engine_signal(dof.velocity))
 
 
-def engine_signal(signal: Signal) -> EngineSignal:
+def engine_signal(signal: Signal) -> engine.Signal:
     """The engine's form of a signal."""
     if isinstance(signal, RampSignal):
-        return Ramp(signal.ramp[0], signal.ramp[1], signal.duration)
+        return engine.Ramp(signal.ramp[0], signal.ramp[1], signal.duration)
     if isinstance(signal, SineSignal):
         wave = signal.sine
-        return Sine(wave.mean, wave.amplitude, wave.cycle, wave.phase)
+        return engine.Sine(wave.mean, wave.amplitude, wave.cycle, wave.phase)
     if isinstance(signal, TableSignal):
-        return Interpolated(signal.times, signal.values)
-    return Constant(signal)
+        return engine.Interpolated(signal.times, signal.values)
+    return engine.Constant(signal)
 
 
-def kept_signal(signal: Kept, named_by: int, stage: int, starts: Sequence[float]) -> Kept | Shifted:
+def kept_signal(
+    signal: Kept, named_by: int, stage: int, starts: Sequence[float]
+) -> Kept | engine.Shifted:
     """A signal of the stage ``named_by``, or None, by the time since the start of ``stage``.
 
     ``starts`` are the times at which the stages up to that have begun [s].
     """
-    if named_by == stage or signal is None or isinstance(signal, Constant | Shifted):
+    if named_by == stage or signal is None or isinstance(signal, engine.Constant | engine.Shifted):
         return signal
-    return Shifted(signal, starts[stage] - starts[named_by])
+    return engine.Shifted(signal, starts[stage] - starts[named_by])

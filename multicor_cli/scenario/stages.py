@@ -6,10 +6,11 @@ import math
 from collections.abc import Iterator
 from typing import Annotated, Literal
 
-from pydantic import Field, Strict, Tag
+from pydantic import Field, Tag
 
 from multicor_cli.scenario.base import (
     CHANGEABLE,
+    Array,
     Name,
     Number,
     Ratio,
@@ -17,6 +18,8 @@ from multicor_cli.scenario.base import (
     Time,
     TwoWalls,
     one_of,
+    optional,
+    required,
 )
 from multicor_cli.scenario.drives import StageGravityTable, WallCondition, WallDrives
 from multicor_cli.scenario.materials import PairFriction
@@ -38,21 +41,15 @@ _WINDOW = (
 class StrainEnd(Table):
     """Shear strain at which a stage ends."""
 
-    walls: TwoWalls = Field(description="the two walls that shear the grains")
-    value: float = Field(
-        ge=1e-12, le=1e9, description="shear strain of this stage at which it ends"
-    )
+    walls: TwoWalls = required("the two walls that shear the grains")
+    value: float = required("shear strain of this stage at which it ends", ge=1e-12, le=1e9)
 
 
 class BoundEnd(Table):
     """A quantity that ends a stage when it has come above or below a value."""
 
-    above: Number | None = Field(
-        None, description="the stage ends when the quantity is at least this"
-    )
-    below: Number | None = Field(
-        None, description="the stage ends when the quantity is at most this"
-    )
+    above: Number | None = optional("the stage ends when the quantity is at least this")
+    below: Number | None = optional("the stage ends when the quantity is at most this")
 
     def faults(self) -> Iterator[Refused]:
         if (self.above is None) == (self.below is None):
@@ -75,66 +72,55 @@ class BoundEnd(Table):
 class AxialStrainEnd(BoundEnd):
     """Relative change of the distance of two walls at which a stage ends."""
 
-    walls: TwoWalls = Field(description="the two walls")
-    axis: Axis = Field("y", description="direction in which their distance is measured")
+    walls: TwoWalls = required("the two walls")
+    axis: Axis = optional("direction in which their distance is measured", "y")
 
 
 class DisplacementEnd(BoundEnd):
     """Displacement of a wall at which a stage ends."""
 
-    wall: Name = Field(description="the wall")
-    axis: AnyAxis = Field(
-        description="x or y [m], or spin: the angle by which it has turned, counter-clockwise [rad]"
+    wall: Name = required("the wall")
+    axis: AnyAxis = required(
+        "x or y [m], or spin: the angle by which it has turned, counter-clockwise [rad]"
     )
 
 
 class ForceEnd(BoundEnd):
     """Mean force of the grains on a wall at which a stage ends."""
 
-    wall: Name = Field(description="the wall")
-    axis: AnyAxis = Field(
-        description="component of the force, x or y [N], or spin: the torque [N m]"
-    )
-    window: Time = Field(description=_WINDOW)
+    wall: Name = required("the wall")
+    axis: AnyAxis = required("component of the force, x or y [N], or spin: the torque [N m]")
+    window: Time = required(_WINDOW)
 
 
 class StressEnd(BoundEnd):
     """Mean force of the grains on a wall over its length at which a stage ends."""
 
-    wall: Name = Field(description="the wall")
-    axis: Axis = Field(description="component of the force")
-    window: Time = Field(description=_WINDOW)
+    wall: Name = required("the wall")
+    axis: Axis = required("component of the force")
+    window: Time = required(_WINDOW)
 
 
 class SteadyEnd(Table):
     """A quantity whose mean has to drift no longer for the stage to end."""
 
-    of: Literal["kinetic_energy", "force", "stress", "friction"] = Field(
-        description=(
-            'what is watched: "kinetic_energy", or of a wall "force", "stress" or "friction": the '
-            "force along axis over that across it"
-        )
+    of: Literal["kinetic_energy", "force", "stress", "friction"] = required(
+        'what is watched: "kinetic_energy", or of a wall "force", "stress" or "friction": the '
+        "force along axis over that across it"
     )
-    wall: Name | None = Field(None, description="the wall, for all but the kinetic energy")
-    axis: AnyAxis | None = Field(
-        None,
-        description=(
-            'component of the force: "x", "y", or for the force of a wall "spin", its torque'
-        ),
+    wall: Name | None = optional("the wall, for all but the kinetic energy")
+    axis: AnyAxis | None = optional(
+        'component of the force: "x", "y", or for the force of a wall "spin", its torque'
     )
-    window: Time = Field(
-        description=(
-            "span of time whose two halves are compared [s]: long enough for a mean as sure as "
-            "the tolerance"
-        )
+    window: Time = required(
+        "span of time whose two halves are compared [s]: long enough for a mean as sure as "
+        "the tolerance"
     )
-    tolerance: Ratio = Field(
-        description=(
-            "largest drift between the halves over the mean, its uncertainty included, as 0.05"
-        )
+    tolerance: Ratio = required(
+        "largest drift between the halves over the mean, its uncertainty included, as 0.05"
     )
-    after: Annotated[float, Field(ge=0.0, le=1e12)] = Field(
-        0.0, description="time since the start of the stage that is left out [s]"
+    after: Annotated[float, Field(ge=0.0, le=1e12)] = optional(
+        "time since the start of the stage that is left out [s]", 0.0
     )
 
     def faults(self) -> Iterator[Refused]:
@@ -146,27 +132,22 @@ class SteadyEnd(Table):
             if self.of != "kinetic_energy" and not is_given:
                 yield Refused((), f'{key} is missing, which of = "{self.of}" needs', f"add {key}")
         if self.axis == "spin" and self.of != "force":
-            what, remedy = (
-                f'of = "{self.of}" has no component "spin"',
-                'use "x" or "y", or of = "force"',
-            )
-            yield Refused(("axis",), what, remedy)
+            what = f'of = "{self.of}" has no component "spin"'
+            yield Refused(("axis",), what, 'use "x" or "y", or of = "force"')
 
 
 class UntilStrain(Table):
     """Ends at a shear strain: relative displacement of two walls in x over their distance in y."""
 
-    strain: StrainEnd = Field(description='{ walls = ["bottom", "top"], value = 1.5 }')
+    strain: StrainEnd = required('{ walls = ["bottom", "top"], value = 1.5 }')
 
 
 class UntilRest(Table):
     """Ends when the grains have come to rest."""
 
-    kinetic_energy_ratio: Ratio = Field(
-        description=(
-            "share of the stage's largest kinetic energy at which it ends, as 1e-6; where nothing "
-            "ever moves, the stage ends with its duration"
-        )
+    kinetic_energy_ratio: Ratio = required(
+        "share of the stage's largest kinetic energy at which it ends, as 1e-6; where nothing "
+        "ever moves, the stage ends with its duration"
     )
 
 
@@ -175,21 +156,21 @@ class UntilAxialStrain(Table):
     1.
     """
 
-    axial_strain: AxialStrainEnd = Field(
-        description='{ walls = ["bottom", "top"], axis = "y", below = -0.05 }: 5 % nearer'
+    axial_strain: AxialStrainEnd = required(
+        '{ walls = ["bottom", "top"], axis = "y", below = -0.05 }: 5 % nearer'
     )
 
 
 class UntilDisplacement(Table):
     """Ends at a displacement of a wall since the start of the stage."""
 
-    displacement: DisplacementEnd = Field(description='{ wall = "lid", axis = "y", below = -0.01 }')
+    displacement: DisplacementEnd = required('{ wall = "lid", axis = "y", below = -0.01 }')
 
 
 class UntilForce(Table):
     """Ends when the mean force of the grains on a wall has reached a value."""
 
-    force: ForceEnd = Field(description='{ wall = "lid", axis = "y", above = 5.0, window = 0.01 }')
+    force: ForceEnd = required('{ wall = "lid", axis = "y", above = 5.0, window = 0.01 }')
 
 
 class UntilStress(Table):
@@ -197,16 +178,14 @@ class UntilStress(Table):
     [N/m].
     """
 
-    stress: StressEnd = Field(
-        description='{ wall = "lid", axis = "y", above = 500.0, window = 0.01 }'
-    )
+    stress: StressEnd = required('{ wall = "lid", axis = "y", above = 500.0, window = 0.01 }')
 
 
 class UntilSteady(Table):
     """Ends when the mean of a quantity no longer drifts."""
 
-    steady: SteadyEnd = Field(
-        description='{ of = "friction", wall = "top", axis = "x", window = 0.5, tolerance = 0.05 }'
+    steady: SteadyEnd = required(
+        '{ of = "friction", wall = "top", axis = "x", window = 0.5, tolerance = 0.05 }'
     )
 
 
@@ -248,78 +227,52 @@ def walls_of(until: Until | None) -> dict[tuple[str | int, ...], str]:
 class Stage(Table):
     """One entry of ``[[loading]]``; the stages follow each other in time."""
 
-    name: Name | None = Field(None, description="name of the stage")
-    duration: Time | None = Field(
-        None,
-        description=(
-            "length of the stage [s], to which its last step is cut; with until: its upper bound"
-        ),
+    name: Name | None = optional("name of the stage")
+    duration: Time | None = optional(
+        "length of the stage [s], to which its last step is cut; with until: its upper bound"
     )
-    until: Until | None = Field(
-        None,
-        description=(
-            "condition that ends the stage: strain, kinetic_energy_ratio, axial_strain, "
-            "displacement, force, stress or steady"
-        ),
+    until: Until | None = optional(
+        "condition that ends the stage: strain, kinetic_energy_ratio, axial_strain, "
+        "displacement, force, stress or steady"
     )
-    on_timeout: Annotated[Literal["go on", "stop"], CHANGEABLE] = Field(
+    on_timeout: Annotated[Literal["go on", "stop"], CHANGEABLE] = optional(
+        'what happens if duration is over before until holds: "go on" with the next stage, or '
+        '"stop" the run (exit code 4; "go on" continues it)',
         "go on",
-        description=(
-            'what happens if duration is over before until holds: "go on" with the next stage, or '
-            '"stop" the run (exit code 4; "go on" continues it)'
-        ),
     )
-    dt: TimeStep | None = Field(
-        None,
-        description=(
-            'time step of this stage [s], or "auto"; default: that of [solver]. In a frozen stage: '
-            "interval at which temperatures are evaluated [s], the least between frames and rows; "
-            "default: the smaller interval of [output]"
-        ),
+    dt: TimeStep | None = optional(
+        'time step of this stage [s], or "auto"; default: that of [solver]. In a frozen stage: '
+        "interval at which temperatures are evaluated [s], the least between frames and rows; "
+        "default: the smaller interval of [output]"
     )
-    solver: StageSolver | None = Field(
-        None, description="tolerances of [solver] to override in this stage"
-    )
-    drives: dict[Name, WallDrives] = Field(
+    solver: StageSolver | None = optional("tolerances of [solver] to override in this stage")
+    drives: dict[Name, WallDrives] = optional(
+        "drives.NAME = { x = ..., y = ..., spin = ..., surface = ... } for the wall NAME",
         default_factory=dict,
         max_length=1000,
-        description=(
-            "drives.NAME = { x = ..., y = ..., spin = ..., surface = ... } for the wall NAME"
-        ),
     )
-    contacts: Annotated[tuple[PairFriction, ...], Strict(False)] = Field(
+    contacts: Array[PairFriction] = optional(
+        'friction from this stage on, as [{ pair = ["glass", "*"], friction = 0.0 }]; pairs '
+        "that are not covered keep theirs, and so do restitution, adhesion and rolling_friction",
         (),
         max_length=1000,
-        description=(
-            'friction from this stage on, as [{ pair = ["glass", "*"], friction = 0.0 }]; pairs '
-            "that are not covered keep theirs, and so do restitution, adhesion and rolling_friction"
-        ),
     )
-    gravity: StageGravityTable | None = Field(
-        None,
-        description=(
-            "gravity from this stage on: [gx, gy] [m/s²], each a number or a table with ramp, "
-            "sine or times, or { angle = ..., magnitude = ... }, the angle in degrees from -y "
-            "towards +x; default: as at the end of the stage before"
-        ),
+    gravity: StageGravityTable | None = optional(
+        "gravity from this stage on: [gx, gy] [m/s²], each a number or a table with ramp, "
+        "sine or times, or { angle = ..., magnitude = ... }, the angle in degrees from -y "
+        "towards +x; default: as at the end of the stage before"
     )
-    thermal: dict[Name, WallCondition] = Field(
+    thermal: dict[Name, WallCondition] = optional(
+        "thermal.NAME = { temperature = ... }, { flow = ... } or { insulated = true } for the "
+        "wall NAME, from here on",
         default_factory=dict,
         max_length=1000,
-        description=(
-            "thermal.NAME = { temperature = ... }, { flow = ... } or { insulated = true } for the "
-            "wall NAME, from here on"
-        ),
     )
-    frozen: bool = Field(
-        False,
-        description="whether the grains and walls stand still while the heat goes on; needs [heat]",
+    frozen: bool = optional(
+        "whether the grains and walls stand still while the heat goes on; needs [heat]", False
     )
-    heat: bool | None = Field(
-        None,
-        description=(
-            "whether temperatures change in this stage; default: they do if there is a table [heat]"
-        ),
+    heat: bool | None = optional(
+        "whether temperatures change in this stage; default: they do if there is a table [heat]"
     )
 
     def faults(self) -> Iterator[Refused]:

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import itertools
 import json
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
-from pydantic import Field, Strict, ValidationError, ValidationInfo, field_validator
+from pydantic import ValidationError, ValidationInfo, field_validator
 
-from multicor_cli.scenario.base import CHANGEABLE, Name, Table
+from multicor_cli.scenario.base import CHANGEABLE, Array, Name, Table, optional, required
 from multicor_cli.scenario.expressions import Variable, VariableName
 from multicor_cli.scenario.heat import Heat
 from multicor_cli.scenario.materials import MAX_MATERIALS, ContactPair, Material
@@ -29,45 +30,34 @@ from multicor_cli.text import unwrapped
 class ScenarioModel(Table):
     """A scenario file."""
 
-    scenario: Header = Field(description="name, description and seed")
-    given_variables: Annotated[dict[VariableName, Variable] | None, CHANGEABLE] = Field(
-        None,
+    scenario: Header = required("name, description and seed")
+    given_variables: Annotated[dict[VariableName, Variable] | None, CHANGEABLE] = optional(
+        "a number by each name, as d = 1e-3; a string that begins with = is an expression and "
+        'can stand in place of any number, as "= 2 * d"',
         alias="variables",
         max_length=1000,
-        description=(
-            "a number by each name, as d = 1e-3; a string that begins with = is an expression and "
-            'can stand in place of any number, as "= 2 * d"'
-        ),
     )
-    domain: Domain = Field(description="size, periodicity and gravity")
-    materials: dict[Name, Material] = Field(
-        min_length=1, max_length=MAX_MATERIALS, description="materials by name"
+    domain: Domain = required("size, periodicity and gravity")
+    materials: dict[Name, Material] = required(
+        "materials by name", min_length=1, max_length=MAX_MATERIALS
     )
-    contacts: Annotated[tuple[ContactPair, ...], Strict(False)] = Field(
-        (), max_length=1000, description="contact laws of pairs of materials"
+    contacts: Array[ContactPair] = optional(
+        "contact laws of pairs of materials", (), max_length=1000
     )
-    start: Start | None = Field(
-        None, description="run from which this one goes on; without it grains and walls start anew"
+    start: Start | None = optional(
+        "run from which this one goes on; without it grains and walls start anew"
     )
-    particles: Annotated[tuple[ParticleGroup, ...], Strict(False)] = Field(
-        max_length=1000,
-        description="groups of grains; may be left out with [start]: those of its run",
+    particles: Array[ParticleGroup] = required(
+        "groups of grains; may be left out with [start]: those of its run", max_length=1000
     )
-    walls: Annotated[tuple[Wall, ...], Strict(False)] = Field(
-        (), max_length=1000, description="walls"
+    walls: Array[Wall] = optional("walls", (), max_length=1000)
+    outlets: Array[Outlet] = optional("where grains leave", (), max_length=1000)
+    loading: Array[Stage] = required("loading stages in time order", min_length=1, max_length=1000)
+    heat: Heat | None = optional("heat: its presence switches temperatures on")
+    solver: Solver = optional(
+        "time step and contact solver; default: all of its defaults", default_factory=Solver
     )
-    outlets: Annotated[tuple[Outlet, ...], Strict(False)] = Field(
-        (), max_length=1000, description="where grains leave"
-    )
-    loading: Annotated[tuple[Stage, ...], Strict(False)] = Field(
-        min_length=1, max_length=1000, description="loading stages in time order"
-    )
-    heat: Heat | None = Field(None, description="heat: its presence switches temperatures on")
-    solver: Solver = Field(
-        default_factory=Solver,
-        description="time step and contact solver; default: all of its defaults",
-    )
-    output: Output = Field(description="what is written, and how often")
+    output: Output = required("what is written, and how often")
 
     @field_validator("particles")
     @classmethod
@@ -83,6 +73,7 @@ class ScenarioModel(Table):
 # ---- The tables that are valid on their own: a wrong one must not hide what is wrong elsewhere
 
 Context = dict[str, Any]
+Entry = TypeVar("Entry", bound=Table)
 
 _TABLES: dict[str, type[Table]] = {
     "domain": Domain,
@@ -154,23 +145,23 @@ class PartialScenario:
             key: [_valid(model, table, context) for table in _elements(data.get(key))]
             for key, model in _ARRAYS.items()
         }
-        defaults: dict[str, Any] = {"solver": {}}
+        first = itertools.islice(materials.items(), _MAX_TABLES)
+        tables: dict[str, Any] = {"solver": {}, **data}
         return cls(
             list(materials),
             _names(data.get("particles")),
             _names(data.get("walls")),
             "start" in data,
             "heat" in data,
-            {
-                name: _valid(Material, table, context)
-                for name, table in itertools.islice(materials.items(), _MAX_TABLES)
-            },
+            {name: _valid(Material, table, context) for name, table in first},
             **arrays,
-            **{
-                key: _valid(model, data.get(key, defaults.get(key)), context)
-                for key, model in _TABLES.items()
-            },
+            **{key: _valid(model, tables.get(key), context) for key, model in _TABLES.items()},
         )
+
+
+def given(entries: Iterable[Entry | None]) -> Iterator[tuple[int, Entry]]:
+    """Entries of an array of tables that are valid on their own, with their numbers."""
+    return ((k, entry) for k, entry in enumerate(entries) if entry is not None)
 
 
 def _valid(model: type[Table], raw: Any, context: Context) -> Any:

@@ -174,11 +174,8 @@ _OTHER_WORDS = {
 
 def translate(model: type[BaseModel], errors: Iterable[ErrorDetails]) -> list[Refused]:
     """Findings for validation errors of ``model``: one per mistake, however many errors."""
-    placed = [
-        (find_location(model, error["loc"]), error)
-        for error in errors
-        if not _is_consequence(error)
-    ]
+    causes = [error for error in errors if not _is_consequence(error)]
+    placed = [(find_location(model, error["loc"]), error) for error in causes]
     meant: set[KeyPath] = set()  # keys that are only misspelled, hence not missing
     for place, error in placed:
         if error["type"] == "extra_forbidden":
@@ -186,7 +183,7 @@ def translate(model: type[BaseModel], errors: Iterable[ErrorDetails]) -> list[Re
     findings: dict[KeyPath, Refused] = {}
     for place, error in placed:
         if not (error["type"] == "missing" and place.path in meant):
-            finding = _translate_one(place, error)
+            finding = _HANDLERS.get(error["type"], _wrong_type)(place, error)
             findings.setdefault(finding.where, finding)
     return list(findings.values())
 
@@ -245,10 +242,7 @@ def _intended(place: Location) -> str | None:
     return _closest(key, known)
 
 
-def _translate_one(place: Location, error: ErrorDetails) -> Refused:
-    handler = _HANDLERS.get(error["type"])
-    if handler is not None:
-        return handler(place, error)
+def _wrong_type(place: Location, error: ErrorDetails) -> Refused:
     what = _TYPES.get(error["type"], error["msg"])
     return Refused(place.path, f"{what}, is {show(error['input'])}", place.expected)
 

@@ -14,14 +14,7 @@ from collections.abc import Iterator
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from pydantic import (
-    Discriminator,
-    Field,
-    Strict,
-    Tag,
-    ValidationInfo,
-    field_validator,
-)
+from pydantic import Discriminator, Field, Strict, Tag, ValidationInfo, field_validator
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import column_totals, total
@@ -29,6 +22,7 @@ from multicor_cli.model import ShapeKind, WallBody
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Discs, Polygon, Room, outlines
 from multicor_cli.scenario.base import (
+    Array,
     Coordinate,
     Length,
     Name,
@@ -36,6 +30,8 @@ from multicor_cli.scenario.base import (
     Radius,
     Table,
     Vector,
+    optional,
+    required,
     tag_table,
 )
 from multicor_cli.scenario.drives import WallCondition
@@ -205,6 +201,33 @@ def _too_wide(
         yield Refused((key,), f"{what} the period of {domain.size[0]:g} m", remedy)
 
 
+class _Round(WallGeometry):
+    """A circle that is solid inside, a disc, or outside."""
+
+    kind: str
+    center: Point = required("center [m]")
+    radius: Length = required("radius [m]")
+    rough: SizesOrGroup | None = None  # each says where they are glued
+
+    @property
+    def _is_disc(self) -> bool:
+        return self.kind == "disc"
+
+    def body(self, domain: Domain) -> WallBody:
+        smooth = WallBody.empty(self.center, 2.0 * math.pi * self.radius)
+        shape = ShapeKind.DISC if self._is_disc else ShapeKind.CIRCLE
+        return smooth.with_shapes(shape, [(0.0, 0.0, self.radius, 0.0)])
+
+    def glued(self, domain: Domain | None = None) -> Glued | None:
+        ring = Ring(self.center, self.radius, self._is_disc)
+        return None if self.rough is None else Glued(ring, self.rough, "rough")
+
+    def misfits(self, domain: Domain) -> Iterator[Refused]:
+        what = f"the {self.kind} of radius {self.radius:g} m is wider than"
+        remedy = "" if self._is_disc else "use periodic = false"
+        yield from _too_wide(domain, 2.0 * self.radius, "radius", what, remedy)
+
+
 # ---- Solid bodies among the grains, and containers around them
 
 _TOUCHING = 1e-6  # overlap over the smaller radius that rounded numbers give discs that touch
@@ -221,43 +244,23 @@ class _Discs(WallGeometry):
         return "discs"
 
 
-class DiscGeometry(_Discs):
+class DiscGeometry(_Round, _Discs):
     """A solid disc with the grains outside: an intruder, an inner cylinder."""
 
     kind: Literal["disc"]
-    center: Point = Field(description="center [m]")
-    radius: Length = Field(description="radius [m]")
-    rough: SizesOrGroup | None = Field(
-        None,
-        description=(
-            "sizes of grains glued around it: name of a group of particles, or a table; default: "
-            "smooth"
-        ),
+    rough: SizesOrGroup | None = optional(
+        "sizes of grains glued around it: name of a group of particles, or a table; default: smooth"
     )
-
-    def body(self, domain: Domain) -> WallBody:
-        smooth = WallBody.empty(self.center, 2.0 * math.pi * self.radius)
-        return smooth.with_shapes(ShapeKind.DISC, [(0.0, 0.0, self.radius, 0.0)])
-
-    def glued(self, domain: Domain | None = None) -> Glued | None:
-        ring = Ring(self.center, self.radius, is_outside=True)
-        return None if self.rough is None else Glued(ring, self.rough, "rough")
-
-    def misfits(self, domain: Domain) -> Iterator[Refused]:
-        what = f"the disc of radius {self.radius:g} m is wider than"
-        yield from _too_wide(domain, 2.0 * self.radius, "radius", what)
 
 
 class ClusterGeometry(_Discs):
     """Grains glued to each other, anywhere: one grain to be driven, a tracer, a rigid cluster."""
 
     kind: Literal["cluster"]
-    discs: Annotated[
-        tuple[Annotated[tuple[Coordinate, Coordinate, Radius], Strict(False)], ...], Strict(False)
-    ] = Field(
+    discs: Array[Annotated[tuple[Coordinate, Coordinate, Radius], Strict(False)]] = required(
+        "x, y and radius of each grain [m], as [[0, 0, 1e-3], [2e-3, 0, 1e-3]]",
         min_length=1,
         max_length=MAX_CORNERS,
-        description="x, y and radius of each grain [m], as [[0, 0, 1e-3], [2e-3, 0, 1e-3]]",
     )
 
     @field_validator("discs")
@@ -306,18 +309,15 @@ class PolygonGeometry(WallGeometry):
     """
 
     kind: Literal["polygon"]
-    points: Corners = Field(
-        description="corners [m] in their order along the outline, as [[0, 0], [1, 0], [0, 1]]"
+    points: Corners = required(
+        "corners [m] in their order along the outline, as [[0, 0], [1, 0], [0, 1]]"
     )
-    grains: Literal["outside", "inside"] = Field(
-        description='where the grains are: "outside" of a solid body, "inside" a container'
+    grains: Literal["outside", "inside"] = required(
+        'where the grains are: "outside" of a solid body, "inside" a container'
     )
-    rough: SizesOrGroup | None = Field(
-        None,
-        description=(
-            "sizes of grains glued to its sides, with their centers on them: name of a group of "
-            "particles, or a table; default: smooth"
-        ),
+    rough: SizesOrGroup | None = optional(
+        "sizes of grains glued to its sides, with their centers on them: name of a group of "
+        "particles, or a table; default: smooth"
     )
 
     _simple = field_validator("points")(simple_polygon)
@@ -375,10 +375,8 @@ class PlaneGeometry(WallGeometry):
     """An infinite straight line."""
 
     kind: Literal["plane"]
-    point: Point = Field(description="a point of the plane [m]")
-    normal: Vector = Field(
-        description="direction from the wall towards the grains; any length but zero"
-    )
+    point: Point = required("a point of the plane [m]")
+    normal: Vector = required("direction from the wall towards the grains; any length but zero")
 
     @field_validator("normal")
     @classmethod
@@ -412,17 +410,14 @@ class RoughGeometry(WallGeometry):
     """A row of touching glued grains with their centers on a line."""
 
     kind: Literal["rough"]
-    start: Point = Field(alias="from", description="where the line of glued grains begins [m]")
-    end: Point = Field(alias="to", description="where it ends [m]")
-    side: Literal["left", "right"] = Field(
-        description="side of the line, looking along from → to, on which the grains flow"
+    start: Point = required("where the line of glued grains begins [m]", alias="from")
+    end: Point = required("where it ends [m]", alias="to")
+    side: Literal["left", "right"] = required(
+        "side of the line, looking along from → to, on which the grains flow"
     )
-    sizes: SizesOrGroup | None = Field(
-        None,
-        description=(
-            "sizes of the glued grains: name of a group of particles, or a table; default: as the "
-            "first group"
-        ),
+    sizes: SizesOrGroup | None = optional(
+        "sizes of the glued grains: name of a group of particles, or a table; default: as the "
+        "first group"
     )
 
     @field_validator("end")
@@ -466,10 +461,10 @@ class BoxGeometry(WallGeometry):
     """
 
     kind: Literal["box"]
-    min: Point = Field(description="lower left corner [m]")
-    max: Point = Field(description="upper right corner [m]")
-    open: Annotated[tuple[Side, ...], Strict(False)] = Field(
-        (), max_length=4, description='sides left out: any of "left", "right", "bottom", "top"'
+    min: Point = required("lower left corner [m]")
+    max: Point = required("upper right corner [m]")
+    open: Array[Side] = optional(
+        'sides left out: any of "left", "right", "bottom", "top"', (), max_length=4
     )
 
     _above_min = field_validator("max")(above_min)
@@ -514,41 +509,24 @@ class BoxGeometry(WallGeometry):
             yield Refused(("open",), what, 'add "left" and "right", or use periodic = false')
 
 
-class CircleGeometry(WallGeometry):
+class CircleGeometry(_Round):
     """The inside of a circle: a drum."""
 
     kind: Literal["circle"]
-    center: Point = Field(description="center [m]")
-    radius: Length = Field(description="radius [m]")
-    rough: SizesOrGroup | None = Field(
-        None,
-        description=(
-            "sizes of grains glued to the inside: name of a group of particles, or a table; "
-            "default: smooth"
-        ),
+    rough: SizesOrGroup | None = optional(
+        "sizes of grains glued to the inside: name of a group of particles, or a table; "
+        "default: smooth"
     )
-
-    def body(self, domain: Domain) -> WallBody:
-        smooth = WallBody.empty(self.center, 2.0 * math.pi * self.radius)
-        return smooth.with_shapes(ShapeKind.CIRCLE, [(0.0, 0.0, self.radius, 0.0)])
-
-    def glued(self, domain: Domain | None = None) -> Glued | None:
-        ring = Ring(self.center, self.radius)
-        return None if self.rough is None else Glued(ring, self.rough, "rough")
-
-    def misfits(self, domain: Domain) -> Iterator[Refused]:
-        what = f"the circle of radius {self.radius:g} m is wider than"
-        yield from _too_wide(domain, 2.0 * self.radius, "radius", what, "use periodic = false")
 
 
 class PolylineGeometry(WallGeometry):
     """Straight segments from point to point, solid on both sides: hoppers, chutes, obstacles."""
 
     kind: Literal["polyline"]
-    points: Annotated[tuple[Point, ...], Strict(False)] = Field(
-        min_length=2, max_length=100_000, description="corners [m], as [[0, 1], [1, 0]]"
+    points: Array[Point] = required(
+        "corners [m], as [[0, 1], [1, 0]]", min_length=2, max_length=100_000
     )
-    closed: bool = Field(False, description="whether the last point is joined to the first")
+    closed: bool = optional("whether the last point is joined to the first", False)
 
     @field_validator("points")
     @classmethod
@@ -592,43 +570,31 @@ Geometry = Annotated[
 class Wall(Table):
     """One entry of ``[[walls]]``: one rigid body."""
 
-    name: Name = Field(description="name of the wall, used by drives")
-    material: Name = Field(description="name of a [materials.NAME] table")
-    geometry: Geometry = Field(
-        description='shape of the wall, as { kind = "plane", point = [0, 0], normal = [0, 1] }'
+    name: Name = required("name of the wall, used by drives")
+    material: Name = required("name of a [materials.NAME] table")
+    geometry: Geometry = required(
+        'shape of the wall, as { kind = "plane", point = [0, 0], normal = [0, 1] }'
     )
-    mass: Annotated[float, Field(ge=1e-18, le=1e15)] | None = Field(
-        None,
-        description=(
-            "mass [kg]; default: that of its glued grains, of a solid disc, cluster or polygon "
-            "that of its material; required for other walls that a force drives"
-        ),
+    mass: Annotated[float, Field(ge=1e-18, le=1e15)] | None = optional(
+        "mass [kg]; default: that of its glued grains, of a solid disc, cluster or polygon "
+        "that of its material; required for other walls that a force drives"
     )
-    inertia: Annotated[float, Field(ge=1e-27, le=1e18)] | None = Field(
-        None,
-        description=(
-            "moment of inertia [kg m²]; default: as for the mass; required for other walls that a "
-            "torque drives"
-        ),
+    inertia: Annotated[float, Field(ge=1e-27, le=1e18)] | None = optional(
+        "moment of inertia [kg m²]; default: as for the mass; required for other walls that a "
+        "torque drives"
     )
-    gravity: bool = Field(
-        False, description="whether gravity acts on the degrees of freedom that a force drives"
+    gravity: bool = optional(
+        "whether gravity acts on the degrees of freedom that a force drives", False
     )
-    groups: Annotated[tuple[Name, ...], Strict(False)] | None = Field(
-        None,
+    groups: Array[Name] | None = optional(
+        'names of the groups of grains that meet the wall, as ["coarse"]; the others pass '
+        "through it and exchange no heat with it; default: all groups",
         min_length=1,
         max_length=1000,
-        description=(
-            'names of the groups of grains that meet the wall, as ["coarse"]; the others pass '
-            "through it and exchange no heat with it; default: all groups"
-        ),
     )
-    thermal: WallCondition | None = Field(
-        None,
-        description=(
-            "thermal condition from the start of the run: { temperature = 323.15 }, { flow = 5.0 "
-            "}, { capacity = 0.05, initial = 400.0 } or { insulated = true } (the default)"
-        ),
+    thermal: WallCondition | None = optional(
+        "thermal condition from the start of the run: { temperature = 323.15 }, { flow = 5.0 "
+        "}, { capacity = 0.05, initial = 400.0 } or { insulated = true } (the default)"
     )
 
     @field_validator("groups")

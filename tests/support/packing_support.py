@@ -35,7 +35,7 @@ def generator(seed: int = 3) -> Stream:
 
 
 def uniform(low: float, high: float) -> ContinuousSizes:
-    return power_sizes(0.0, low, high, "number", 2)
+    return power_sizes(0.0, low, high, 0)
 
 
 def scenario(

@@ -20,7 +20,7 @@ from multicor_cli.scenario.problems import KeyPath, Refused, name_list, show
 from multicor_cli.scenario.region import RectangleRegion, Region
 from multicor_cli.scenario.settings import Domain
 from multicor_cli.scenario.sizes import Sizes
-from multicor_cli.scenario.tables import PartialScenario
+from multicor_cli.scenario.tables import PartialScenario, given
 from multicor_cli.scenario.translate import did_you_mean
 from multicor_cli.scenario.walls import Glued
 
@@ -34,11 +34,16 @@ _SLACK = 1e-9
 def check(tables: PartialScenario) -> Iterator[Refused]:
     """Findings about the groups of grains."""
     yield from double_names(tables.group_names, "particles")
-    yield from _unlike_shapes(tables)
+    groups = list(given(tables.particles))
+    for k, group in groups[1:]:
+        first = groups[0][1]
+        if group.shape != first.shape:
+            what = f"{show(group.shape)}, but the group '{first.name}' has {show(first.shape)}"
+            yield Refused(("particles", k, "shape"), what, "use the same shape for all groups")
     yield from _unlike_starts(tables)
     yield from _too_many(tables)
-    for k, group in enumerate(tables.particles):
-        if group and tables.domain:
+    for k, group in groups:
+        if tables.domain:
             yield from _check_group(("particles", k), group, tables.domain)
 
 
@@ -51,19 +56,10 @@ def double_names(names: Sequence[str | None], table: str) -> Iterator[Refused]:
             yield Refused((table, k, "name"), what, "give another name")
 
 
-def _unlike_shapes(tables: PartialScenario) -> Iterator[Refused]:
-    groups = [(k, group) for k, group in enumerate(tables.particles) if group]
-    for k, group in groups[1:]:
-        first = groups[0][1]
-        if group.shape != first.shape:
-            what = f"{show(group.shape)}, but the group '{first.name}' has {show(first.shape)}"
-            yield Refused(("particles", k, "shape"), what, "use the same shape for all groups")
-
-
 def _unlike_starts(tables: PartialScenario) -> Iterator[Refused]:
     """With ``[start]`` all grains come from its run, and without it none do."""
-    for k, group in enumerate(tables.particles):
-        if group is None or isinstance(group.packing, StartPacking) == tables.has_start:
+    for k, group in given(tables.particles):
+        if isinstance(group.packing, StartPacking) == tables.has_start:
             continue
         if tables.has_start:
             kind = "no packing" if group.packing is None else f'kind = "{group.packing.kind}"'
@@ -147,8 +143,8 @@ def _no_weight(path: KeyPath, domain: Domain) -> Refused:
 def _too_many(tables: PartialScenario) -> Iterator[Refused]:
     """The total number of grains is bounded; area fractions give a lower estimate."""
     total = 0.0
-    for k, group in enumerate(tables.particles):
-        if group is None or group.sizes is None or tables.domain is None:
+    for k, group in given(tables.particles):
+        if group.sizes is None or tables.domain is None:
             continue
         packing, largest_area = group.packing, math.pi * group.sizes.largest * group.sizes.largest
         if isinstance(packing, TilePacking):
@@ -172,12 +168,11 @@ def check_inflow(tables: PartialScenario) -> Iterator[Refused]:
     """Findings about releases and outlets."""
     names = [outlet.name if outlet else None for outlet in tables.outlets]
     yield from double_names(names, "outlets")
-    for k, group in enumerate(tables.particles):
-        if group is not None and group.release is not None and tables.domain is not None:
+    for k, group in given(tables.particles):
+        if group.release is not None and tables.domain is not None:
             yield from _check_release(("particles", k), group, group.release.region, tables.domain)
-    for k, outlet in enumerate(tables.outlets):
-        if outlet is not None:
-            yield from _check_outlet(("outlets", k), outlet, tables)
+    for k, outlet in given(tables.outlets):
+        yield from _check_outlet(("outlets", k), outlet, tables)
 
 
 def _check_release(
@@ -203,7 +198,7 @@ def _check_release(
 
 def _check_outlet(path: KeyPath, outlet: Outlet, tables: PartialScenario) -> Iterator[Refused]:
     low, high = outlet.region.min, outlet.region.max
-    releases = [(k, group.release) for k, group in enumerate(tables.particles) if group]
+    releases = [(k, group.release) for k, group in given(tables.particles)]
     for k, release in releases:
         if release is not None and all(
             low[axis] < release.region.max[axis] and release.region.min[axis] < high[axis]
@@ -233,9 +228,7 @@ def check_walls(tables: PartialScenario) -> Iterator[Refused]:
     yield from double_names(tables.wall_names, "walls")
     groups = [name for name in tables.group_names if name]
     are_known = bool(groups) and None not in tables.group_names  # else it may be one without a name
-    for k, wall in enumerate(tables.walls):
-        if wall is None:
-            continue
+    for k, wall in given(tables.walls):
         for e, name in enumerate(wall.groups or ()):
             if are_known and name not in groups:
                 remedy = did_you_mean(name, groups) or f"the groups are {name_list(groups)}"

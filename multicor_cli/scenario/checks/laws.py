@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import combinations_with_replacement
 
@@ -9,7 +10,7 @@ from multicor_cli.scenario.drives import FlowCondition, TemperatureCondition, Wa
 from multicor_cli.scenario.heat import Heat
 from multicor_cli.scenario.materials import MAX_MATERIALS, Material, Need, PairFriction
 from multicor_cli.scenario.problems import KeyPath, Refused, format_key, name_list, show
-from multicor_cli.scenario.tables import PartialScenario
+from multicor_cli.scenario.tables import PartialScenario, given
 from multicor_cli.scenario.translate import did_you_mean
 
 # ---- Materials and contact laws
@@ -25,7 +26,12 @@ def check(tables: PartialScenario) -> Iterator[Refused]:
         return
     yield from _undefined_materials(tables)
     for path, entries in _lists(tables):
-        yield from _double_entries(path, entries)
+        first = _by_pair(entries)
+        for k, entry in given(entries):
+            if (before := first[_key(*entry.pair)]) != k:
+                twice = f"the pair {_show_pair(entry.pair)} is given twice, first in"
+                what = f"{twice} {format_key(path)}.{before}"
+                yield Refused((*path, k, "pair"), what, "remove one of the two")
         yield from _ambiguous_pairs(path, entries, tables)
     yield from _uncovered_pairs(tables)
 
@@ -33,30 +39,24 @@ def check(tables: PartialScenario) -> Iterator[Refused]:
 def _lists(tables: PartialScenario) -> Iterator[tuple[KeyPath, Entries]]:
     """``[[contacts]]``, and what stages say of friction."""
     yield ("contacts",), tables.contacts
-    for k, stage in enumerate(tables.loading):
-        if stage:
-            yield ("loading", k, "contacts"), stage.contacts
+    for k, stage in given(tables.loading):
+        yield ("loading", k, "contacts"), stage.contacts
 
 
 def _undefined_materials(tables: PartialScenario) -> Iterator[Refused]:
     used: list[tuple[KeyPath, str]] = []
     for path, entries in _lists(tables):
-        for k, entry in _given(entries):
+        for k, entry in given(entries):
             used += [((*path, k, "pair", e), name) for e, name in enumerate(entry.pair)]
-    for table, owners in (("particles", tables.particles), ("walls", tables.walls)):
-        used += [
-            ((table, k, "material"), owner.material) for k, owner in enumerate(owners) if owner
-        ]
+    for table in ("particles", "walls"):
+        owners = given(getattr(tables, table))
+        used += [((table, k, "material"), owner.material) for k, owner in owners]
     known = tables.material_names
     for path, name in used:
         if known and name not in (*known, "*"):
             remedy = did_you_mean(name, known)
             remedy = remedy or f"add [materials.{name}], or use one of {name_list(known)}"
             yield Refused(path, f"there is no material {show(name)}", remedy)
-
-
-def _given(entries: Entries) -> Iterator[tuple[int, PairFriction]]:
-    return ((k, entry) for k, entry in enumerate(entries) if entry)
 
 
 def _key(a: str, b: str) -> tuple[str, str]:
@@ -66,18 +66,9 @@ def _key(a: str, b: str) -> tuple[str, str]:
 def _by_pair(entries: Entries) -> dict[tuple[str, str], int]:
     """Index of the first entry of each unordered pair."""
     first: dict[tuple[str, str], int] = {}
-    for k, entry in _given(entries):
+    for k, entry in given(entries):
         first.setdefault(_key(*entry.pair), k)
     return first
-
-
-def _double_entries(path: KeyPath, entries: Entries) -> Iterator[Refused]:
-    first = _by_pair(entries)
-    for k, entry in _given(entries):
-        if (before := first[_key(*entry.pair)]) != k:
-            twice = f"the pair {_show_pair(entry.pair)} is given twice, first in"
-            what = f"{twice} {format_key(path)}.{before}"
-            yield Refused((*path, k, "pair"), what, "remove one of the two")
 
 
 def touching_pairs(tables: PartialScenario) -> list[tuple[str, str]]:
@@ -87,12 +78,8 @@ def touching_pairs(tables: PartialScenario) -> list[tuple[str, str]]:
     pairs = set(combinations_with_replacement(grains, 2))
     for wall in tables.walls:
         if wall and wall.material in known:
-            met = {
-                group.material
-                for group in groups
-                if wall.groups is None or group.name in wall.groups
-            }
-            pairs |= {_key(material, wall.material) for material in met & known}
+            met = [each for each in groups if wall.groups is None or each.name in wall.groups]
+            pairs |= {_key(each.material, wall.material) for each in met if each.material in known}
     return sorted(pairs)
 
 
@@ -117,14 +104,14 @@ def _ambiguous_pairs(path: KeyPath, entries: Entries, tables: PartialScenario) -
 
 def _uncovered_pairs(tables: PartialScenario) -> Iterator[Refused]:
     """One finding for all pairs without a law, unless a wrong entry may be meant for them."""
-    named = {name for _, entry in _given(tables.contacts) for name in entry.pair if name != "*"}
+    named = {name for _, entry in given(tables.contacts) for name in entry.pair if name != "*"}
     if None in tables.contacts or not named <= set(tables.material_names):
         return
-    given = _by_pair(tables.contacts).keys()
+    covered = _by_pair(tables.contacts).keys()
     uncovered = [
         (a, b)
         for a, b in touching_pairs(tables)
-        if not given & {_key(a, b), ("*", a), ("*", b), ("*", "*")}  # "*" sorts before all names
+        if not covered & {_key(a, b), ("*", a), ("*", b), ("*", "*")}  # "*" sorts before all names
     ]
     if uncovered:
         pairs = ", ".join(_show_pair(pair) for pair in uncovered[:_MAX_NAMED_PAIRS])
@@ -161,24 +148,19 @@ def check_heat(tables: PartialScenario) -> Iterator[Refused]:
 
 def _thermal_keys(tables: PartialScenario) -> Iterator[KeyPath]:
     """Keys that mean nothing without ``[heat]``."""
-    for k, entry in _given(tables.contacts):
+    for k, entry in given(tables.contacts):
         for keys in entry.thermal_keys:
             yield ("contacts", k, *keys)
-    for table, key, owners in (
-        ("particles", "temperature", tables.particles),
-        ("walls", "thermal", tables.walls),
-    ):
-        for k, owner in enumerate(owners):
-            if owner and getattr(owner, key):
+    for table, key in (("particles", "temperature"), ("walls", "thermal")):
+        for k, owner in given(getattr(tables, table)):
+            if getattr(owner, key):
                 yield table, k, key
-    for k, stage in enumerate(tables.loading):
-        if stage is None:
-            continue
+    for k, stage in given(tables.loading):
         for e, softer in enumerate(stage.contacts):
             for keys in softer.thermal_keys:
                 yield ("loading", k, "contacts", e, *keys)
-        given = {"thermal": stage.thermal, "frozen": stage.frozen, "heat": stage.heat is not None}
-        yield from (("loading", k, key) for key, is_given in given.items() if is_given)
+        said = {"thermal": stage.thermal, "frozen": stage.frozen, "heat": stage.heat is not None}
+        yield from (("loading", k, key) for key, is_said in said.items() if is_said)
 
 
 def _check_frozen(tables: PartialScenario, heat: Heat) -> Iterator[Refused]:
@@ -202,14 +184,13 @@ def _check_frozen(tables: PartialScenario, heat: Heat) -> Iterator[Refused]:
 def _check_conditions(tables: PartialScenario, heat: Heat) -> Iterator[Refused]:
     """What is prescribed at a wall reaches grains without contact spots somehow."""
     conditions: list[tuple[KeyPath, WallCondition]] = [
-        (("walls", k, "thermal"), wall.thermal)
-        for k, wall in enumerate(tables.walls)
-        if wall and wall.thermal
+        (("walls", k, "thermal"), wall.thermal) for k, wall in given(tables.walls) if wall.thermal
     ]
-    for k, stage in enumerate(tables.loading):
-        for name, condition in stage.thermal.items() if stage else ():
+    for k, stage in given(tables.loading):
+        for name, condition in stage.thermal.items():
             conditions.append((("loading", k, "thermal", name), condition))
-    has_effect = heat.has_sources or heat.crosses_gaps
+    crosses_gaps = any(getattr(table, "reach", None) for table in heat.mechanisms.values())
+    has_effect = heat.has_sources or crosses_gaps
     for path, condition in conditions:
         if isinstance(condition, FlowCondition):
             what = (
@@ -239,11 +220,8 @@ def check_thermal_materials(tables: PartialScenario) -> Iterator[Refused]:
     covering = {
         pair: [entry for entry in entries if entry.covers(*pair)] for pair in touching_pairs(tables)
     }
-    laws = {
-        pair: max(entries, key=lambda entry: entry.specificity)
-        for pair, entries in covering.items()
-        if entries
-    }
+    specificity = operator.attrgetter("specificity")
+    laws = {pair: max(found, key=specificity) for pair, found in covering.items() if found}
     for name, material in tables.materials.items():
         if material is None or name not in of_grains | of_walls:
             continue

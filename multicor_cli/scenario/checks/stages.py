@@ -23,7 +23,7 @@ from multicor_cli.scenario.stages import (
     frozen_dt,
     walls_of,
 )
-from multicor_cli.scenario.tables import PartialScenario
+from multicor_cli.scenario.tables import PartialScenario, given
 from multicor_cli.scenario.translate import did_you_mean
 from multicor_cli.scenario.walls import Wall, prism_height
 
@@ -41,20 +41,15 @@ def check(tables: PartialScenario) -> Iterator[Refused]:
     unknown = list(_unknown_walls(tables))
     yield from unknown
     if not unknown:
-        for k, wall in enumerate(tables.walls):
-            if wall is not None:
-                yield from _check_inertia(("walls", k), wall, tables)
-                yield from _check_turning(wall, tables)
-                yield from _check_lengths(wall, tables)
-
-
-def _stages(tables: PartialScenario) -> Iterator[tuple[int, Stage]]:
-    return ((k, stage) for k, stage in enumerate(tables.loading) if stage)
+        for k, wall in given(tables.walls):
+            yield from _check_inertia(("walls", k), wall, tables)
+            yield from _check_turning(wall, tables)
+            yield from _check_lengths(wall, tables)
 
 
 def _unknown_walls(tables: PartialScenario) -> Iterator[Refused]:
     known = [name for name in tables.wall_names if name]
-    for k, stage in _stages(tables):
+    for k, stage in given(tables.loading):
         used: list[tuple[KeyPath, str]] = [(("drives", name), name) for name in stage.drives]
         used += [(("thermal", name), name) for name in stage.thermal]
         used += [(("until", *keys), name) for keys, name in walls_of(stage.until).items()]
@@ -81,9 +76,9 @@ def _check_lengths(wall: Wall, tables: PartialScenario) -> Iterator[Refused]:
     if tables.domain is None:
         return
     origins = {
-        other.name: other.geometry.body(tables.domain).origin for other in tables.walls if other
+        wall.name: wall.geometry.body(tables.domain).origin for _, wall in given(tables.walls)
     }
-    for k, stage in _stages(tables):
+    for k, stage in given(tables.loading):
         for name, dof, load in _loads(stage):
             if name != wall.name or load.between is None or not set(load.between) <= origins.keys():
                 continue
@@ -109,7 +104,7 @@ def _nothing_to_tilt(tables: PartialScenario) -> Iterator[Refused]:
     """Gravity of the magnitude of the domain's, where there is none."""
     if tables.domain is None or any(tables.domain.gravity):
         return
-    for k, stage in _stages(tables):
+    for k, stage in given(tables.loading):
         gravity = stage.gravity
         if isinstance(gravity, TiltedGravityTable) and gravity.magnitude is None:
             what = "[domain] has gravity = [0, 0], which no angle turns"
@@ -122,7 +117,7 @@ def _check_turning(wall: Wall, tables: PartialScenario) -> Iterator[Refused]:
     geometry, domain = wall.geometry, tables.domain
     if domain is None or any(geometry.misfits(domain)) or not geometry.spans_period(domain):
         return
-    for k, stage in _stages(tables):
+    for k, stage in given(tables.loading):
         drives = stage.drives.get(wall.name)
         if drives is not None and drives.spin is not None and moves(drives.spin):
             what = f"the wall '{wall.name}' cannot turn: it reaches from one period to the next"
@@ -136,7 +131,7 @@ def _check_turning(wall: Wall, tables: PartialScenario) -> Iterator[Refused]:
 def _check_inertia(path: KeyPath, wall: Wall, tables: PartialScenario) -> Iterator[Refused]:
     """A wall that forces drive has a mass; gravity acts only on such walls."""
     driven: dict[str, int] = {}
-    for k, stage in _stages(tables):
+    for k, stage in given(tables.loading):
         for name, dof, _ in _loads(stage):
             if name == wall.name:
                 driven.setdefault(dof, k)
@@ -259,7 +254,7 @@ def _time_step(tables: PartialScenario, stage: Stage) -> float | None:
 def _check_accuracies(tables: PartialScenario) -> Iterator[Refused]:
     what, remedy = "no time step here is automatic", 'remove it, or give dt = "auto"'
     fixed = [stage and (stage.frozen or _time_step(tables, stage)) for stage in tables.loading]
-    for k, stage in _stages(tables):
+    for k, stage in given(tables.loading):
         if stage.solver and stage.solver.accuracy and fixed[k]:
             yield Refused(("loading", k, "solver", "accuracy"), what, remedy)
     if tables.solver and tables.solver.accuracy != "normal" and fixed and all(fixed):
@@ -267,9 +262,9 @@ def _check_accuracies(tables: PartialScenario) -> Iterator[Refused]:
 
 
 def _check_durations(tables: PartialScenario) -> Iterator[Refused]:
-    for k, stage in enumerate(tables.loading):
-        dt = _time_step(tables, stage) if stage else None
-        if stage is None or stage.duration is None or dt is None:
+    for k, stage in given(tables.loading):
+        dt = _time_step(tables, stage)
+        if stage.duration is None or dt is None:
             continue
         path = ("loading", k, "duration")
         if stage.duration < dt * (1.0 - _SLACK):
@@ -283,7 +278,7 @@ def _check_durations(tables: PartialScenario) -> Iterator[Refused]:
 def _check_intervals(tables: PartialScenario) -> Iterator[Refused]:
     output = tables.output
     # That of a frozen stage is the interval at which temperatures are evaluated: output waits
-    steps = [_time_step(tables, stage) for _, stage in _stages(tables) if not stage.frozen]
+    steps = [_time_step(tables, stage) for _, stage in given(tables.loading) if not stage.frozen]
     longest = max((dt for dt in steps if dt is not None), default=0.0)
     if output is None:
         return
@@ -301,7 +296,7 @@ def _check_amounts(tables: PartialScenario) -> Iterator[Refused]:
     output = tables.output
     if output is None:
         return
-    stages = [(stage, stage.duration or 0.0) for _, stage in _stages(tables)]
+    stages = [(stage, stage.duration or 0.0) for _, stage in given(tables.loading)]
     for key, interval, most in (
         ("frame_interval", output.frame_interval, MAX_FRAMES),
         ("series_interval", output.series_interval, MAX_ROWS),

@@ -43,17 +43,11 @@ def new_scenario(name: str, template: str = "shear") -> str:
             f"'{name}' cannot name a scenario: use letters, digits and . _ - (a letter or digit "
             "first)"
         )
-    return _text(f"{template}.toml").replace(_PLACE, name)
+    file = files(__package__).joinpath(f"{template}.toml")
+    return file.read_text(encoding="utf-8").replace(_PLACE, name)
 
 
 def template_table(template: str) -> str | None:
     """Text of the file NAME.csv that a scenario from a template reads; None if it reads none."""
-    return (
-        _text(f"{template}.csv")
-        if files(__package__).joinpath(f"{template}.csv").is_file()
-        else None
-    )
-
-
-def _text(file: str) -> str:
-    return files(__package__).joinpath(file).read_text(encoding="utf-8")
+    file = files(__package__).joinpath(f"{template}.csv")
+    return file.read_text(encoding="utf-8") if file.is_file() else None

@@ -15,8 +15,8 @@ from multicor_cli.scenario.settings import Domain
 from multicor_cli.scenario.walls import BoxGeometry, CircleGeometry, PlaneGeometry, PolylineGeometry
 
 SIZES = {
-    "equal": list_sizes(np.array([1e-3]), None, "number", 2),
-    "list": list_sizes(np.array([0.5e-3, 1e-3, 1.5e-3]), None, "mass", 2),
+    "equal": list_sizes(np.array([1e-3]), None, 0),
+    "list": list_sizes(np.array([0.5e-3, 1e-3, 1.5e-3]), None, 2),
     "uniform": uniform(0.4e-3, 1.6e-3),
 }
 

@@ -21,8 +21,8 @@ def _words(text):
     return set(text.split())
 
 
-# Fsum rounds once; prod: of integers
-MATH = _words("ceil copysign floor frexp fsum inf isfinite isnan ldexp nan pi prod sqrt")
+# Fsum rounds once; factorial, prod: of integers
+MATH = _words("ceil copysign factorial floor frexp fsum inf isfinite isnan ldexp nan pi prod sqrt")
 TYPES = _words(
     "bool_ bytes_ dtype float64 generic int8 int32 int64 ndarray record uint8 uint32 uint64 void "
     "inf nan newaxis pi"
