@@ -251,7 +251,18 @@ def profiles(
 ) -> ProfileSet:
     """As `profile`, for a field or for several at once, reading every frame once.
 
-    ``of`` may also be one of `PROFILE_GROUPS`; other arguments and errors are those of `profile`.
+    Args:
+        source: The run.
+        of: Name of the field, one of `PROFILED`, or of one of `PROFILE_GROUPS`.
+        selection: Which frames; default: the later half of the last stage.
+        bins: Number of bins, as for `profile`.
+        bin_width: Width of a bin in mean diameters, as for `profile`.
+        exclude_walls: What to leave out at each wall, in mean diameters, as for `profile`.
+        between: Names of the walls below and above, as for `profile`.
+        groups: Groups of grains that count, as for `profile`.
+
+    Raises:
+        PostError: As `profile`.
     """
     fields = _find_fields(of)
     chosen = (selection or Selection()).indices(source.frames)

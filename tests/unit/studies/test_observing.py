@@ -138,7 +138,7 @@ name = "x"
 {}
 """
 BOXED = ("periodic = true", "periodic = false")
-SHORT = ('\n[[loading]]\nname = "on"\nduration = 0.004\n', "")
+SHORT = ('[[loading]]\nname = "on"\nduration = 0.004\n', "")
 
 
 def refuse_what_is_wrong(folder):

@@ -196,7 +196,7 @@ def test_a_chain_bears_the_adhesion_of_its_weakest_contact(kind, dt):
     assert _strength(engine_of, 2.0, dt, 30) == 0.99
 
 
-@pytest.mark.parametrize("dt", [3e-3, 1e-3, 1e-4])
+@pytest.mark.parametrize("dt", [3e-3, 1e-3])
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_triangular_packing_bears_what_its_rows_do(kind, dt):
     """Between plates that glue, each disc hangs from two of the row above, at 30° from the pull:
