@@ -539,7 +539,8 @@ class Engine:
         )
         step = Prediction(dt, gravity, scene, self._cutoff_before(scene, gravity, walls, dt))
         step = self._fly(step, walls)
-        seen = 0.0 if state.step == state.frozen_steps else state.last_dt
+        is_unseen = step.flight is not None and step.flight.is_unseen
+        seen = 0.0 if is_unseen or state.step == state.frozen_steps else state.last_dt
         unseen = find_unseen(state, layout.newcomers, model, motion, dt, seen)
         if unseen is None:
             return step

@@ -164,6 +164,22 @@ def test_flights_among_grains_that_rest(restitution):
     assert (gap >= -1e-3 * np.minimum(radius, radius[:, None])).all()
 
 
+@pytest.mark.parametrize("gap", np.linspace(9.6, 14.0, 12))
+def test_what_has_flown_passes_nothing_where_it_flies_no_more(gap):
+    """A fast disc meets a slow one just after a step, in the next of which that meets a third, with
+    e = 0, and flies no more: at mid-step the first would already be on its other side."""
+    model = make_model([0.5] * 3, walls=(), friction=0.0, gravity=(0.0, 0.0))
+    two = {"restitution": np.array([[0.5, 0.0], [0.0, 0.5]]), "friction": np.zeros((2, 2))}
+    laws = model.laws._replace(table=np.full((2, 2), -1, np.int32), **two)
+    object.__setattr__(model.grains, "material", np.array([0, 0, 1], np.int32))
+    object.__setattr__(model, "laws", laws)
+    places = [[0.0, 0.0], [1.0 + gap, 0.0], [1.0 + gap, 2.0]]
+    engine = make_engine(model, places, [[10.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.5, -0.5, 0.0]])
+    for _ in range(4):
+        x = advance(engine, 1.0, 1).position[:, 0]
+        assert x[0] < x[1]
+
+
 def test_impacts_are_contacts_of_their_step():
     """What tables, maps and heat see: impulse, normal at the touch, and the loss."""
     model = make_model([0.5, 0.5], walls=(), restitution=0.5, friction=0.2, gravity=(0.0, 0.0),
