@@ -539,9 +539,11 @@ class Engine:
         )
         step = Prediction(dt, gravity, scene, self._cutoff_before(scene, gravity, walls, dt))
         step = self._fly(step, walls)
-        is_unseen = step.flight is not None and step.flight.is_unseen
-        seen = 0.0 if is_unseen or state.step == state.frozen_steps else state.last_dt
-        unseen = find_unseen(state, layout.newcomers, model, motion, dt, seen)
+        seen = 0.0 if state.step == state.frozen_steps else state.last_dt
+        strangers = layout.newcomers
+        if step.flight is not None and step.flight.unseen.size:
+            strangers = np.concatenate((strangers, step.flight.unseen))
+        unseen = find_unseen(state, strangers, model, motion, dt, seen)
         if unseen is None:
             return step
         layout.pairs.update(layout.middle, scene.world, step.cutoff)

@@ -60,8 +60,8 @@ class Flight(NamedTuple):
         struck: Those that have had some.
         gravity_work: Of gravity on x' − x [J].
         reach: A gap that no pair closes while it counts, impacts and all [m].
-        is_unseen: Whether grains that have flown and do no more go so far in the step that they may
-            be through others before the solve sees them: no step before has kept them apart.
+        unseen: Grains that may have flown and do no more, if some go so far in the step that they
+            may be through others before the solve sees them: no step before has kept them apart.
         speeds: What impacts add to the `Speeds` of a step.
     """
 
@@ -70,7 +70,7 @@ class Flight(NamedTuple):
     struck: NDArray[np.int64]
     gravity_work: float
     reach: float
-    is_unseen: bool
+    unseen: NDArray[np.int64]
     speeds: Speeds
 
 
@@ -436,8 +436,9 @@ def fly(
         work = _restart(air, struck, middle, start, free)
     speeds = Speeds(squares, number, 0.0, 0.0, motion, number)
     # In half a step two come nearer by no more than this; the solve sees overlaps up to a radius
-    is_unseen = dt * slowest > scene.radius.min() and begun.sum() > flying.sum()
-    return Flight(flying, impacts, struck, work, reach, is_unseen, speeds)
+    is_far = dt * slowest > scene.radius.min()
+    unseen = np.flatnonzero(begun & ~flying) if is_far else np.empty(0, np.int64)
+    return Flight(flying, impacts, struck, work, reach, unseen, speeds)
 
 
 # ---- Flights beside the solve

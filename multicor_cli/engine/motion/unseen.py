@@ -2,9 +2,9 @@
 
 A step looks for contacts at q_m and lets no pair approach by more than its gap there. So the next
 q_m is admissible, if that step is no longer, and so is the way there: nothing can be passed. This
-does not hold for the first step of a run, for grains that have just come, for the longer part of a
-step that is longer than the one before, and for walls that have to be elsewhere than their velocity
-leads.
+does not hold for the first step of a run, for grains that have just come or have flown
+(`contact.flight`), for the longer part of a step that is longer than the one before, and for walls
+that have to be elsewhere than their velocity leads.
 
 Where such a way leads through a wall or another grain, it ends where they meet: q_m is the place at
 which they touch, and the contact law of the step does the rest, as for any impact. From there on a
@@ -80,21 +80,21 @@ class Paths(NamedTuple):
 
 
 def find_unseen(
-    state: State, newcomers: NDArray[np.int64], model: Model, motion: WallMotion, dt: float,
+    state: State, strangers: NDArray[np.int64], model: Model, motion: WallMotion, dt: float,
     seen: float,
 ) -> Unseen | None:  # fmt: skip
     """Who goes farther in the next half step than was looked at; None if too little to pass any.
 
-    The step before looked ``seen`` far ahead [s].
+    The step before looked ``seen`` far ahead [s], for all but ``strangers``, indices of grains.
     """
     seen = min(dt, seen)
-    if seen == dt and not newcomers.size and np.array_equal(motion.before, state.wall_velocity):
+    if seen == dt and not strangers.size and np.array_equal(motion.before, state.wall_velocity):
         return None
     grains = np.full(model.grain_count, seen < dt)
     far = 0.5 * (dt - seen) * _fastest(state.velocity) if seen < dt else 0.0
-    if newcomers.size:
-        grains[newcomers] = True
-        far = max(far, 0.5 * dt * _fastest(state.velocity[newcomers]))
+    if strangers.size:
+        grains[strangers] = True
+        far = max(far, 0.5 * dt * _fastest(state.velocity[strangers]))
     jump = np.abs(0.5 * (dt * motion.before - seen * state.wall_velocity))
     jumps = (
         np.sqrt(jump[:, X] * jump[:, X] + jump[:, Y] * jump[:, Y]) + jump[:, SPIN] * motion.extent
