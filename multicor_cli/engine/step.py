@@ -37,7 +37,6 @@ from multicor_cli.engine.contact.contacts import (
 from multicor_cli.engine.contact.flight import (
     SOLVED,
     Flight,
-    find_flying,
     fly,
     leave_flights_out,
 )
@@ -565,26 +564,22 @@ class Engine:
         # As the cutoff, while a solve would count a contact
         moved = SOLVED / AHEAD * step.cutoff + dt * dt * hypot(*gravity.tolist())
         layout.pairs.update(state.position, start.world, moved)
-        flying = find_flying(
-            start, state.contact_i, state.contact_j, layout.pairs.row, layout.pairs.partner,
-            layout.before, dt,
-        )  # fmt: skip
-        if not flying.any():
-            return step
         mean = Walls(
             model.shapes.geometry, state.wall_position, 0.5 * (motion.before + walls),
             0.5 * (motion.belt_before + motion.belt), motion.is_free,
         )  # fmt: skip
         while True:
             flight = fly(
-                start, laws, mean, layout.pairs.around, gravity, dt, model.shape_factor, flying,
-                moved, layout.pairs.complete, layout.middle, layout.before, layout.free,
+                start, laws, mean, state.contact_i, state.contact_j, layout.pairs.row,
+                layout.pairs.partner, layout.pairs.around, gravity, dt, model.shape_factor, moved,
+                layout.pairs.complete, layout.middle, layout.before, layout.free,
             )  # fmt: skip
             if flight.reach <= layout.pairs.complete:
                 break
             # What impacts have made faster may reach farther
             layout.pairs.update(state.position, start.world, 1.2 * flight.reach)
-        step = step._replace(flight=flight)
+        if flight.flying.any() or flight.unseen.size:
+            step = step._replace(flight=flight)
         if flight.impacts.i.size:
             step = step._replace(cutoff=self._cutoff_before(step.scene, gravity, walls, dt))
         return step

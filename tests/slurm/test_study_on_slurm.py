@@ -100,7 +100,11 @@ def take_the_node_down(slurm, process):
     ask(slurm, "scontrol", "update", node, "state=resume", check=False)
 
 
-@pytest.mark.parametrize("disturb", [cancel_a_job, kill_the_client, take_the_node_down])
+@pytest.mark.parametrize("disturb", [
+    cancel_a_job,
+    pytest.param(kill_the_client, marks=pytest.mark.reliability),
+    pytest.param(take_the_node_down, marks=pytest.mark.reliability),
+])  # fmt: skip
 def test_a_study_that_is_disturbed_ends_as_it_would_have(tmp_path, slurm, undisturbed, disturb):
     """Another job follows; a client that dies takes its jobs along, and the next one goes on."""
     process = begin_and_wait_until_running(tmp_path, slurm)
@@ -110,6 +114,7 @@ def test_a_study_that_is_disturbed_ends_as_it_would_have(tmp_path, slurm, undist
     assert finish(process, tmp_path) == undisturbed
 
 
+@pytest.mark.reliability
 def test_a_walltime_that_is_too_short_is_no_end(tmp_path, slurm):
     """Workers live for half of it, the case for longer: it goes on in the next job."""
-    finish(begin(tmp_path, slurm, seeds=1, walltime="00:01:00", strain=100.0), tmp_path)
+    finish(begin(tmp_path, slurm, seeds=1, walltime="00:02:00", strain=200.0), tmp_path)

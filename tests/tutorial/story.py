@@ -33,6 +33,9 @@ _OWN = [
 ]
 """Beginnings of lines of which the rest is the machine's own."""
 
+_HOURS, _RULE = re.compile(r"(verdict) +hours$"), re.compile(r"^( ?─{70})─+$")
+"""Of a table whose last column is as wide as the hours that a machine takes."""
+
 _PASSING = re.compile(
     r"^( *\d+\.\d %  |writing |packing |making |frame \d+ of |case \d+ of |grains \d+ of ).*"
 )
@@ -97,6 +100,7 @@ def perform(commands: str, directory: Path) -> str:
 
 
 def _masked(line: str) -> str:
+    line = _HOURS.sub(r"\1  hours", _RULE.sub(r"\1", line))
     for pattern in _OWN:
         if found := pattern.match(line):
             return f"{found[1]}..."

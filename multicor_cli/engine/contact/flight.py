@@ -94,24 +94,24 @@ def _leaves(scene: Scene, i: int, j: int, start: Floats, dt: float, limit: float
 
 
 @kernel
-def find_flying(
+def _find_flying(
     scene: Scene, contact_i: Ints, contact_j: Ints, row: NDArray[np.int64], partner: Ints,
     start: Floats, dt: float,
 ) -> NDArray[np.bool_]:  # fmt: skip
     """Grains none of whose contacts lasts, shape ``(n,)``.
 
     A contact lasts that carried an impulse in the step before, and does not open by more than
-    `GRAZE` within this one; on a wall the next piece goes on with it. ``contact_i`` and
-    ``contact_j`` carried one, ``row`` and ``partner`` list the pairs that are near. ``scene`` is
-    that at the start of the step, ``start`` are v⁻.
+    `GRAZE` within this one; on a wall the next piece goes on with it.
     """
     count = scene.radius.size
     flying = np.ones(count, np.bool_)
     for c in range(contact_i.size):
         i, j = contact_i[c], contact_j[c]
         if j < count:
-            if (flying[i] or flying[j]) and not _opens(scene, i, j, start, dt):
-                flying[i] = flying[j] = False
+            # Without a branch, which nobody could foresee
+            opens = _opens(scene, i, j, start, dt)
+            flying[i] &= opens
+            flying[j] &= opens
             continue
         # The contact itself comes first, then what else may hold the grain on the wall
         for p in range(row[i] - 1, row[i + 1]):
@@ -132,6 +132,7 @@ class _Meetings(NamedTuple):
         i: Pairs of them that meet while a solve would count it; ``j`` is larger.
         time: When they do [s].
         wall_time: When each grain meets a wall first [s], shape ``(n,)``; ``wall`` is its shape.
+        few: Work space, listed pairs.
     """
 
     i: NDArray[np.int64]
@@ -139,6 +140,7 @@ class _Meetings(NamedTuple):
     time: Floats
     wall_time: Floats
     wall: NDArray[np.int64]
+    few: NDArray[np.int64]
 
 
 class _Plan(NamedTuple):
@@ -173,30 +175,56 @@ def _grounds(air: Air, laws: ContactLaws, i: int, j: int) -> bool:
 
 
 @loop_body
-def _look_around(air: Air, laws: ContactLaws, begun: NDArray[np.bool_], meetings: _Meetings) -> int:
-    """Enter whom those that fly meet first; those that meet what grounds them **fly no more**.
+def _look_at_what_rests(
+    air: Air, laws: ContactLaws, begun: NDArray[np.bool_], partner: Ints, meetings: _Meetings
+) -> int:
+    """Those that meet what grounds them **fly no more**: in a dense flow nearly all.
 
-    Returns the number of pairs.
+    Enters meetings with walls, and into ``few`` the pairs of grains that have begun to fly; returns
+    how many these are.
     """
-    around, count, long, found = air.around, begun.size, SOLVED * air.dt, 0
-    for i in range(count):
-        meetings.wall_time[i], meetings.wall[i] = inf, -1
-        if not begun[i]:
-            continue
-        for p in range(around.start[i], around.start[i + 1]):
-            j = int(around.other[p])
-            if j < i and begun[j]:  # has been looked at from there
-                continue
-            t = meets(air, i, j, 0.0, long)
-            if t == inf:
-                continue
-            if j < count and begun[j]:
-                meetings.i[found], meetings.j[found], meetings.time[found] = i, j, t
-                found += 1
-            if _grounds(air, laws, i, j):
-                air.flying[i] = False
-            elif j >= count and t < min(air.dt, meetings.wall_time[i]):
+    flying, count, long, owner = air.flying, begun.size, SOLVED * air.dt, air.around.owner
+    few, near, found = meetings.few, 0, 0
+    meetings.wall_time[:], meetings.wall[:] = inf, -1
+    for p in range(partner.size):
+        few[near] = p  # without a branch, as above
+        near += begun[owner[p]] | begun[min(partner[p], count - 1)]
+    for k in range(near):
+        p = few[k]
+        i, j = int(owner[p]), int(partner[p])
+        if j >= count:
+            t = meets(air, i, j, 0.0, long) if flying[i] else inf
+            if t < inf and _grounds(air, laws, i, j):
+                flying[i] = False
+            elif t < min(air.dt, meetings.wall_time[i]):
                 meetings.wall_time[i], meetings.wall[i] = t, j
+        elif begun[i] and begun[j]:
+            few[found] = p
+            found += 1
+        else:
+            one = i if begun[i] else j
+            if flying[one] and meets(air, i, j, 0.0, long) < inf:
+                flying[one] = False
+    return found
+
+
+@loop_body
+def _look_at_each_other(
+    air: Air, laws: ContactLaws, partner: Ints, meetings: _Meetings, pairs: int
+) -> int:
+    """Enter whom those that fly meet first, of these ``few``; returns the number of meetings."""
+    flying, found = air.flying, 0
+    for k in range(pairs):
+        p = meetings.few[k]
+        i, j = int(air.around.owner[p]), int(partner[p])
+        if not (flying[i] or flying[j]):
+            continue
+        t = meets(air, i, j, 0.0, SOLVED * air.dt)
+        if t < inf and flying[i] and flying[j] and not _grounds(air, laws, i, j):
+            meetings.i[found], meetings.j[found], meetings.time[found] = i, j, t
+            found += 1
+        elif t < inf:
+            flying[i] = flying[j] = False
     return found
 
 
@@ -379,18 +407,20 @@ def _take_impacts(
 
 @kernel
 def fly(
-    scene: Scene, laws: ContactLaws, walls: Walls, around: Around, gravity: Floats, dt: float,
-    beta: float, begun: NDArray[np.bool_], moved: float, listed: float, middle: Floats,
-    start: Floats, free: Floats,
+    scene: Scene, laws: ContactLaws, walls: Walls, contact_i: Ints, contact_j: Ints,
+    row: NDArray[np.int64], partner: Ints, around: Around, gravity: Floats, dt: float, beta: float,
+    moved: float, listed: float, middle: Floats, start: Floats, free: Floats,
 ) -> Flight:  # fmt: skip
     """Impacts of grains in flight within a step, from the earliest on.
 
-    ``scene`` is that at the start of the step, ``around`` lists all pairs up to a gap ``listed``
-    [m] by both grains; ``beta`` is m a²/I, ``moved`` a gap that no pair closes with v⁻ in `SOLVED`
-    steps [m], ``begun`` from `find_flying`. The rows of ``middle``, ``start`` and ``free`` (as in
+    ``scene`` is that at the start of the step, ``contact_i`` and ``contact_j`` carried an impulse
+    in the one before; ``row`` and ``partner``, and ``around`` by both grains, list all pairs up to
+    a gap ``listed`` [m]; ``beta`` is m a²/I, ``moved`` a gap that no pair closes with v⁻ in
+    `SOLVED` steps [m]. The rows of ``middle``, ``start`` and ``free`` (as in
     `motion.moves.predict`) of grains that have had impacts are **modified**, unless the ``reach``
     of the result is above ``listed``: pairs may meet that are not listed.
     """
+    begun = _find_flying(scene, contact_i, contact_j, row, partner, start, dt)
     flying, count = begun.copy(), begun.size
     air = Air(scene, walls, around, gravity, dt, scene.position.copy(), start.copy(), flying)
     slowest = 0.0
@@ -399,10 +429,12 @@ def fly(
     slowest, long = sqrt(slowest), SOLVED * dt
     fall = dt * sqrt(gravity[X] * gravity[X] + gravity[Y] * gravity[Y])
     meetings, reach = _Meetings(
-        np.empty(around.owner.size, np.int64), np.empty(around.owner.size, np.int64),
-        np.empty(around.owner.size), np.empty(count), np.empty(count, np.int64),
+        np.empty(partner.size, np.int64), np.empty(partner.size, np.int64),
+        np.empty(partner.size), np.empty(count), np.empty(count, np.int64),
+        np.empty(partner.size, np.int64),
     ), moved  # fmt: skip
-    pairs = _look_around(air, laws, begun, meetings)
+    pairs = _look_at_what_rests(air, laws, begun, partner, meetings)
+    pairs = _look_at_each_other(air, laws, partner, meetings, pairs)
     meet_i, meet_j = meetings.i[:pairs], meetings.j[:pairs]
     while True:
         while _ground(flying, meet_i, meet_j):

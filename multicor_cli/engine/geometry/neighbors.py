@@ -103,6 +103,27 @@ CROWDED = 100  # discs side by side in cells, above which those near a grain are
 
 
 @kernel
+def centers_between(
+    position: Floats, world: Floats, disc_shapes: Ints, period: float
+) -> tuple[Floats, Floats, Floats]:
+    """Centers of the grains, wrapped into the period, and of the discs of walls [m].
+
+    Also the lower left and the upper right corner of what they span.
+    """
+    count = position.shape[0]
+    center = np.empty((count + disc_shapes.size, 2))
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for d in range(center.shape[0]):
+        for k in range(2):
+            value = position[d, k] if d < count else world[disc_shapes[d - count], k]
+            if k == X and period > 0.0:
+                value -= period * np.floor(value / period)
+            center[d, k] = value
+            low[k], high[k] = min(low[k], value), max(high[k], value)
+    return center, low, high
+
+
+@kernel
 def bin_discs(
     center: Floats,
     level: Ints,
@@ -179,7 +200,11 @@ def _scan_row(
             column = first_x
             # Cells side by side are one run of discs, except across the period
             while column <= last_x:
-                cx = column % columns if period > 0.0 else column
+                cx = column
+                while cx < 0:
+                    cx += columns
+                while cx >= columns:
+                    cx -= columns
                 run = min(last_x + 1 - column, columns - cx)
                 column += run
                 first, last = cell_start[base + cx], cell_start[base + cx + run]
@@ -191,12 +216,13 @@ def _scan_row(
                     dx = minimum_image(x - sorted_x[place], period)
                     dy = y - sorted_y[place]
                     near = r + sorted_radius[place] + cutoff
-                    if other > i and dx * dx + dy * dy < near * near:
-                        if offset >= 0:
-                            out[offset + found] = (
-                                other if other < grain_count else shape_of[other - grain_count]
-                            )
-                        found += 1
+                    # Nobody could guess which are near: each is written, and the next over it
+                    if offset >= 0:
+                        out[offset + found] = other
+                    found += (other > i) & (dx * dx + dy * dy < near * near)
+    for p in range(offset, offset + found if offset >= 0 else offset):
+        if out[p] >= grain_count:
+            out[p] = shape_of[out[p] - grain_count]
     return found
 
 
@@ -304,7 +330,7 @@ def list_pairs(
                     at += found
                 room += found
             if not is_writing:
-                begin[chunk + 1] = room
+                begin[chunk + 1] = room + 1  # one that is not near may be written last
         if not is_writing:
             for chunk in range(chunks):
                 begin[chunk + 1] += begin[chunk]
@@ -475,10 +501,9 @@ class NeighborList:
 
     def _build(self, position: Floats, world: Floats, cutoff: float) -> None:
         model = self._model
-        centers = np.concatenate([position[:, :2], world[self._disc_shapes, :2]])
-        if model.period > 0.0:
-            centers[:, X] %= model.period
-        low, high = self._box(centers, cutoff)
+        centers, low, high = centers_between(position, world, self._disc_shapes, model.period)
+        diagonal = arithmetic.hypot(*(high - low).tolist())
+        low, high = self._box(centers, low, high, cutoff)
         grids = make_grids(self._classes, low, high, model.period, cutoff)
         shapes = model.shapes
         self.row, self.partner = find_near(
@@ -502,14 +527,13 @@ class NeighborList:
         self._reference = position[:, :2].copy()
         self._reference_world = world.copy()
         # Planes pass anywhere: their lever is the farthest grain from any of their points.
-        self._extent = arithmetic.hypot(*np.ptp(centers, axis=0).tolist()) + float(
-            np.abs(world[self._planes, :2]).max(initial=0.0)
-        )
+        self._extent = diagonal + float(np.abs(world[self._planes, :2]).max(initial=0.0))
         self.builds += 1
 
-    def _box(self, centers: Floats, cutoff: float) -> tuple[Floats, Floats]:
+    def _box(
+        self, centers: Floats, low: Floats, high: Floats, cutoff: float
+    ) -> tuple[Floats, Floats]:
         """Corners of what the grids cover. What lies beyond is found in the cells at the edge."""
-        low, high = centers.min(axis=0), centers.max(axis=0)
         if cell_count(high - low, 2.0 * float(self._classes.radius.min()) + cutoff) > cells_for(
             len(centers)
         ):
