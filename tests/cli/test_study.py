@@ -270,7 +270,8 @@ def test_a_case_whose_process_is_killed_goes_on(tmp_path):
 
 
 def test_a_time_limit_stops_with_its_exit_code(tmp_path):
-    write(tmp_path, scenario=("value = 0.15", "value = 1000.0"))
+    long = ("value = 0.15", "value = 1000.0")
+    write(tmp_path, ("workers = 2", "workers = 1"), scenario=long)
     done = ask(tmp_path, "run s.toml --max-hours 0.003 --json", 75, call=call_outside)
     assert json.loads(done.stdout)["reason"] == "time limit reached"
     assert set(states(tmp_path).values()) <= {CaseStatus.STOPPED, CaseStatus.WAITING}

@@ -190,7 +190,11 @@ def require_undisturbed(folder, alone):
     assert not list((folder / "studies/s/failed").iterdir())
 
 
-@pytest.mark.parametrize("only", ["fork server", "worker", "scheduler"])
+@pytest.mark.parametrize("only", [
+    "worker",
+    pytest.param("fork server", marks=pytest.mark.reliability),
+    pytest.param("scheduler", marks=pytest.mark.reliability),
+])  # fmt: skip
 def test_one_dies(only, tmp_path, alone):
     with Cluster(tmp_path) as there:
         where = None if only == "fork server" else there
