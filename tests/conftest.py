@@ -14,7 +14,8 @@ from scenes import write_small
 import multicor_cli as multicor
 
 PLACES = {
-    "digests": -3, "unit/project/test_types.py": -2, "unit/store": -1, "unit": 1, "verification": 2,
+    "digests": -3, "unit/project/test_types.py": -2, "unit/scenario": -1, "unit/plots": -1,
+    "unit/report": -1, "unit": 1, "verification": 2,
 }  # fmt: skip
 """Folders that come before others, or after: one process compiles the kernels with the first, for
 all, while another does without kernels what comes next. Folders of many short tests are last, so

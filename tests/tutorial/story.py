@@ -33,8 +33,8 @@ _OWN = [
 ]
 """Beginnings of lines of which the rest is the machine's own."""
 
-_HOURS, _RULE = re.compile(r"(verdict) +hours$"), re.compile(r"^( ?─{70})─+$")
-"""Of a table whose last column is as wide as the hours that a machine takes."""
+_HOURS = re.compile(r"(verdict) +hours\n( ?─{70})─*\n")
+"""Head of a table whose last column is as wide as the hours that a machine takes."""
 
 _PASSING = re.compile(
     r"^( *\d+\.\d %  |writing |packing |making |frame \d+ of |case \d+ of |grains \d+ of ).*"
@@ -96,11 +96,10 @@ def perform(commands: str, directory: Path) -> str:
     ]
     if done.returncode:
         lines.append(f"exit code {done.returncode}")
-    return "\n".join(lines).strip("\n") + "\n"
+    return _HOURS.sub(r"\1  hours\n\2\n", "\n".join(lines).strip("\n") + "\n")
 
 
 def _masked(line: str) -> str:
-    line = _HOURS.sub(r"\1  hours", _RULE.sub(r"\1", line))
     for pattern in _OWN:
         if found := pattern.match(line):
             return f"{found[1]}..."

@@ -38,7 +38,7 @@ def rolls(frame, speed, radius):
 @pytest.mark.parametrize(("radius", "speed", "restitution"), [
     (0.001, 2.0, 0.9), (0.005, 2.0, 0.9), (0.02, 2.0, 0.9),
     (0.005, 0.5, 0.0), (0.02, 0.5, 0.0), (0.02, 0.07, 0.5),
-    *[pytest.param(*slow, marks=pytest.mark.validation) for slow in (
+    *[pytest.param(*slow, marks=pytest.mark.reliability) for slow in (
         (0.001, 0.5, 0.0), (0.001, 0.07, 0.5), (0.005, 0.07, 0.5),
     )],
 ])  # fmt: skip

@@ -421,6 +421,12 @@ def fly(
     of the result is above ``listed``: pairs may meet that are not listed.
     """
     begun = _find_flying(scene, contact_i, contact_j, row, partner, start, dt)
+    if not begun.any():
+        nobody, none = np.empty(0, np.int64), np.empty(0, np.int32)
+        impacts = Impacts(none, none, np.empty((0, COLUMNS)))
+        return Flight(
+            begun, impacts, nobody, 0.0, moved, nobody, Speeds(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        )
     flying, count = begun.copy(), begun.size
     air = Air(scene, walls, around, gravity, dt, scene.position.copy(), start.copy(), flying)
     slowest = 0.0

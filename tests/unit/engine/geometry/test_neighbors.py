@@ -82,7 +82,8 @@ def test_far_flying_grains_do_not_make_all_others_neighbors():
     positions[1, :2] = positions[0, :2] + (0.9, 0.0)
     radius = np.full(2000, 0.4)
     lists = NeighborList(make_model(radius, walls=()))
-    low, high = lists._box(positions[:, :2], 0.5)
+    centers = positions[:, :2]
+    low, high = lists._box(centers, centers.min(axis=0), centers.max(axis=0), 0.5)
     assert (low > -1.0).all()
     assert (high < 61.0).all()
     lists.update(positions, np.empty((0, 4)), 0.2)
