@@ -200,11 +200,7 @@ def _scan_row(
             column = first_x
             # Cells side by side are one run of discs, except across the period
             while column <= last_x:
-                cx = column
-                while cx < 0:
-                    cx += columns
-                while cx >= columns:
-                    cx -= columns
+                cx = column if 0 <= column < columns else column % columns
                 run = min(last_x + 1 - column, columns - cx)
                 column += run
                 first, last = cell_start[base + cx], cell_start[base + cx + run]
