@@ -149,8 +149,10 @@ def test_page_shows_the_last_frame_and_runs_no_text_of_the_user(opened):
 
 
 def test_it_plays_to_the_end_and_stops(opened):
+    opened.page.select_option("#speed", "5")
     opened.page.evaluate(WATCH)
-    opened.page.click("#play")
+    play = "() => { const play = document.querySelector('#play'); play.click(); return play.textContent; }"
+    assert "Pause" in opened.page.evaluate(play)
     assert opened.wait(lambda: "Play" in opened.page.inner_text("#play"))
     assert opened.page.evaluate("() => window.shown") == [0, 1, 2, 3, 4, 5]
     assert (opened.frame, opened.page.inner_text("#play")) == (5, "▶ Play")
