@@ -34,8 +34,7 @@ _SOLID_FRACTION = 0.8
 """Of a dense packing in the plane."""
 
 _DENSE = 0.5
-"""Contacts within reach per grain from which on a flow is dense; in a rain or a gas, P and γ̇ say
-nothing about the step."""
+"""Contacts within reach per grain from which on a flow is dense, and no rain or gas."""
 
 
 def _compared(
@@ -52,7 +51,8 @@ def _needed(run: Recorded) -> Iterator[Measured]:
     """The step over the limit of a stage, from the mean pressure and rate of shear of its rows.
 
     With the trace of the stress, Σ f·ℓ = 2 P V, the mean pressure P; and with the work of sliding
-    Ẇ ≈ μ P V γ̇ the rate of shear γ̇ that would dissipate as much.
+    Ẇ ≈ μ P V γ̇ the rate of shear γ̇ that would dissipate as much. Where grains fly, P and γ̇ say
+    nothing about the step, and the rms speed of the fastest row stands in for them.
     """
     model, steps = run.run.model, np.asarray(run.run.frames.column("steps/dt"))
     mass = total(model.grains.mass) / model.grain_count
@@ -64,7 +64,14 @@ def _needed(run: Recorded) -> Iterator[Measured]:
             continue
         weight = run.series("window_duration")[rows]
         contacts = total(weight * run.series("contacts_mean")[rows])
+        errors = run.planned[0].stage_solver(stage).error_factor if run.planned else 1.0
+        said = f"{used.max():.3g} s in stage {name}"
         if contacts < _DENSE * model.grain_count * total(weight):
+            kinetic = float(run.series("kinetic")[rows].max())
+            if kinetic > 0.0:
+                travel = model.mean_diameter / math.sqrt(2.0 * kinetic / total(model.grains.mass))
+                flights = Scales(math.inf, math.inf, travel, errors=errors)
+                yield Measured(float(used.max()) / flights.limit, f"{said}, in which grains fly")
             continue
         virial = run.series("virial_rate")[rows]
         trace = total(weight * (virial[:, 0, 0] + virial[:, 1, 1])) / total(weight)
@@ -75,11 +82,10 @@ def _needed(run: Recorded) -> Iterator[Measured]:
         friction = largest_friction(model, run.laws(stage))
         rate = work / (0.5 * trace * friction) if friction > 0.0 else 0.0
         shear = 1.0 / rate if rate > 0.0 else math.inf
-        errors = run.planned[0].stage_solver(stage).error_factor if run.planned else 1.0
         scales = Scales(
             math.sqrt(mass * area / (0.5 * trace)), shear, math.inf, friction, errors=errors
         )
-        yield Measured(float(used.max()) / scales.limit, f"{used.max():.3g} s in stage {name}")
+        yield Measured(float(used.max()) / scales.limit, said)
 
 
 def _negative(run: Recorded) -> Iterator[Measured]:
@@ -137,9 +143,12 @@ OF_RUN: tuple[Rule[Recorded], ...] = (
         "time step for the flow", _needed,
         ("Time step over the longest that the flow of a stage would have needed, by the rules of "
             "the automatic one, with the mean pressure and the work of friction that were "
-            "recorded in place of those that the scenario lets expect. Stages with fewer contacts "
-            "within reach than half of the grains (a rain, a gas) are left out."),
-        "Give a shorter dt in this stage.", unit="of the longest step", warning=2.0, bad=5.0,
+            "recorded in place of those that the scenario lets expect. In stages with fewer "
+            "contacts within reach than half of the grains (a rain, a gas) by the largest rms "
+            "speed instead: grains that go farther than their own size in a step may meet others "
+            "late, or not where they are."),
+        "Give a shorter dt in this stage; its cost grows in proportion.",
+        unit="of the longest step", warning=2.0, bad=5.0,
     ),
     Rule(
         "negative losses", _negative,

@@ -59,15 +59,13 @@ def write_digests(file: h5py.File) -> None:
 
 def read_text(node: h5py.HLObject, name: str) -> str:
     """A text of fixed length; raises `KeyError`, `TypeError` or `UnicodeDecodeError` if none."""
-    if name not in node.attrs:
-        raise KeyError(f"attribute {name!r} is missing")
-    info = h5py.check_string_dtype(node.attrs.get_id(name).dtype)
-    if info is None or info.length is None:
-        raise TypeError(f"attribute {name!r} is not a string of fixed length")
-    value = node.attrs[name]
-    if not isinstance(value, bytes):
-        raise TypeError(f"attribute {name!r} is not one string")
-    return value.decode()
+    attribute = node.attrs.get_id(name)
+    info = h5py.check_string_dtype(attribute.dtype)
+    if info is None or info.length is None or attribute.shape != ():
+        raise TypeError(f"attribute {name!r} is not one string of fixed length")
+    value = np.zeros((), attribute.dtype)
+    attribute.read(value)
+    return bytes(value[()]).decode()
 
 
 def text_digest(text: str) -> str:
@@ -137,7 +135,7 @@ class DatasetStream(Chunked):
 
     def __init__(
         self,
-        file: h5py.File,
+        folder: h5py.Group,
         spec: Dataset,
         shape: tuple[int, ...],
         dtype: DTypeLike,
@@ -159,7 +157,7 @@ class DatasetStream(Chunked):
             if self._dtype.kind == "S"
             else self._dtype
         )
-        self._dataset = file.create_dataset(spec.path, shape=shape, dtype=stored, **options)
+        self._dataset = folder.create_dataset(spec.name, shape=shape, dtype=stored, **options)
 
     def append(self, rows: NDArray[Any]) -> None:
         """Append rows; raises `ValueError` if they do not have the shape of the dataset."""
@@ -199,13 +197,14 @@ class DatasetStream(Chunked):
 
 @dataclass
 class Hdf5Writer:
-    """Creates the datasets of one file; has their digests by path."""
+    """Creates the datasets of one file; has their digests by path, and its folders."""
 
     file: h5py.File
     precision: Precision
     compress_integers: bool
     label: str
     digests: dict[str, str] = field(default_factory=dict)
+    folders: dict[str, h5py.Group] = field(default_factory=dict)
 
     def write_table(self, table: Iterable[Dataset], columns: Mapping[str, NDArray[Any]]) -> None:
         """Write those datasets of a table, in its order, that are among ``columns``, by path."""
@@ -219,20 +218,20 @@ class Hdf5Writer:
         """Begin a dataset of a known shape; ``dtype`` only for strings."""
         stored = np.dtype(dtype) if dtype is not None else dtype_of(spec, self.precision)
         compress = self.compress_integers and stored.kind in "iuS"
-        return DatasetStream(self.file, spec, shape, stored, compress=compress)
+        folder = spec.path.rpartition("/")[0]
+        if folder not in self.folders:
+            self.folders[folder] = self.file.require_group(folder or "/")
+        return DatasetStream(self.folders[folder], spec, shape, stored, compress=compress)
 
     def finish(self, spec: Dataset, stream: DatasetStream) -> None:
         self.digests[spec.path] = stream.close()
         if len(self.digests) == 3:
             kill_point(f"{self.label}.mid_tmp")
 
-    def write(self, spec: Dataset, *pieces: NDArray[Any], row: tuple[int, ...] = ()) -> None:
-        """Write a dataset that consists of pieces; ``row``: shape of a row where there are none."""
-        rows, row = sum(map(len, pieces)), pieces[0].shape[1:] if pieces else row
-        dtype = pieces[0].dtype if pieces and pieces[0].dtype.kind == "S" else None
-        stream = self.stream(spec, (rows, *row), dtype)
-        for piece in pieces:
-            stream.append(piece)
+    def write(self, spec: Dataset, values: NDArray[Any]) -> None:
+        """Write a dataset."""
+        stream = self.stream(spec, values.shape, values.dtype if values.dtype.kind == "S" else None)
+        stream.append(values)
         self.finish(spec, stream)
 
 
@@ -381,9 +380,10 @@ class CheckedFile(Closing):
         self.path = path
         self.dims: dict[str, int] = {"one": 1, **(dims or {})}
         self._accepted: dict[str, h5py.Dataset] = {}
+        self._nodes: dict[str, Any] = {}
         with reading(path), regular_path(path) as opened:
             self._size = os.stat(opened).st_size  # noqa: PTH116  (not that of what has this name by now)
-            self._file = h5py.File(opened, "r", locking=False)
+            self._file = self._nodes[""] = h5py.File(opened, "r", locking=False)
         try:
             self.version = self._check_header(filetype, run_id)
         except BaseException:
@@ -392,6 +392,7 @@ class CheckedFile(Closing):
 
     def close(self) -> None:
         self._accepted.clear()
+        self._nodes.clear()
         self._file.close()
 
     @cached_property
@@ -444,7 +445,9 @@ class CheckedFile(Closing):
         if spec.path in self._accepted:
             return self._accepted[spec.path]
         with reading(self.path):
-            found = self._find(spec.path)
+            found = self._node(spec.path)
+            if not isinstance(found, h5py.Dataset):
+                raise DamagedRun(f"{self.path}: {spec.path} is not a dataset")
             self._check_type(spec, found)
             self._check_storage(spec, found)
             self._bind(spec, found.shape)
@@ -479,7 +482,7 @@ class CheckedFile(Closing):
         for block in self.blocks(spec):
             digest.update(np.ascontiguousarray(block).tobytes())
         with reading(self.path):
-            stored = read_text(self._file[spec.path], "blake2b")
+            stored = read_text(self.dataset(spec), "blake2b")
         actual = digest.hexdigest()
         if stored != actual or expected not in (None, actual):
             raise DamagedRun(f"{self.path}: the values of {spec.path} do not match their digest")
@@ -499,17 +502,17 @@ class CheckedFile(Closing):
             raise DamagedRun(f"{self.path}: belongs to another run")
         return version[0], version[1]
 
-    def _find(self, path: str) -> h5py.Dataset:
-        node: Any = self._file
-        for part in path.split("/"):
-            if not isinstance(node, h5py.Group) or not isinstance(
-                node.get(part, getlink=True), h5py.HardLink
+    def _node(self, path: str) -> Any:
+        """A folder or a dataset; no link is followed that leads elsewhere."""
+        if path not in self._nodes:
+            folder, _, name = path.rpartition("/")
+            parent = self._node(folder)
+            if not isinstance(parent, h5py.Group) or not isinstance(
+                parent.get(name, getlink=True), h5py.HardLink
             ):
-                raise DamagedRun(f"{self.path}: dataset {path} is missing")
-            node = node[part]
-        if not isinstance(node, h5py.Dataset):
-            raise DamagedRun(f"{self.path}: {path} is not a dataset")
-        return node
+                raise DamagedRun(f"{self.path}: {path} is missing")
+            self._nodes[path] = parent[name]
+        return self._nodes[path]
 
     def _check_type(self, spec: Dataset, found: h5py.Dataset) -> None:
         if spec.dtype == "str":

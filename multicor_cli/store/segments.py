@@ -298,8 +298,8 @@ class FrameWriter:
                 writer.write(spec, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64))
                 continue
             pieces = self._rows if spec in self.series_table else self._frames
-            row = spec.shape(self._dims)[1:]
-            writer.write(spec, *(piece[spec.path] for piece in pieces), row=row)
+            none = np.empty((0, *spec.shape(self._dims)[1:]), dtype_of(spec, self._precision))
+            writer.write(spec, np.concatenate([none, *(piece[spec.path] for piece in pieces)]))
 
     def _describe(self, path: Path) -> Segment:
         steps = [int(frame["steps/step"][0]) for frame in self._frames]

@@ -77,9 +77,9 @@ def pairs_up_to(
     found = 0
     for i in range(row.size - 1):
         for p in range(row[i], row[i + 1]):
-            if pair_geometry(scene, i, partner[p])[0] <= margin:
-                first[found], second[found] = i, partner[p]
-                found += 1
+            # Nobody could guess which are near: each is written, and the next over it
+            first[found], second[found] = i, partner[p]
+            found += pair_geometry(scene, i, partner[p])[0] <= margin
     return first[:found].copy(), second[:found].copy()
 
 

@@ -35,6 +35,7 @@ from multicor_cli.engine.contact.vector_sweep import (
     frame_place,
     impulse_place,
     pair_place,
+    push_batches,
     relax_batches,
 )
 from multicor_cli.engine.jit.compile import kernel, loop_body, prange, threaded_loop
@@ -550,27 +551,26 @@ def push_lane(
     velocity[j + SURFACE_] -= mj * spin
 
 
+@loop_body
+def push_scalar(
+    first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float
+) -> None:
+    """Change velocities by the impulses of the contacts of batches ``first … last-1``."""
+    for k in range(LANES * first, LANES * last):
+        p = impulse_place(np.uint64(k))
+        push_lane(np.uint64(k), impulse[p], impulse[p + TANGENTIAL_], velocity, pair, frame, beta)
+
+
+_push = push_batches if HAS_VECTORS else push_scalar
+
+
 @kernel
 def add_impulses(s: System) -> None:
     """Free velocities become v_free + M⁻¹ H p, in the order of the sweep."""
-    velocity, pair, frame, impulse = (
-        s.velocity.reshape(-1),
-        s.pair.reshape(-1),
-        s.frame.reshape(-1),
-        s.impulse.reshape(-1),
-    )
-    for k in range(s.slot.size):
-        p = impulse_place(np.uint64(k))
-        if impulse[p] != 0.0 or impulse[p + TANGENTIAL_] != 0.0:
-            push_lane(
-                np.uint64(k),
-                impulse[p],
-                impulse[p + TANGENTIAL_],
-                velocity,
-                pair,
-                frame,
-                s.spin_factor,
-            )
+    _push(
+        0, s.slot.shape[0], s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1),
+        s.impulse.reshape(-1), s.spin_factor,
+    )  # fmt: skip
     for g in range(s.general_pair.shape[0]):
         d_n, d_t = s.general_impulse[g, NORMAL], s.general_impulse[g, TANGENTIAL]
         push_general(

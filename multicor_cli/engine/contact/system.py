@@ -321,10 +321,10 @@ def carried(
             p_n, p_t = impulse[q, NORMAL, column], impulse[q, TANGENTIAL, column]
         else:
             p_n, p_t = contacts[c].p_n, contacts[c].p_t
-        if p_n > 0.0:
-            first[found], second[found] = i[c], j[c]
-            known[found, NORMAL], known[found, TANGENTIAL] = p_n, p_t
-            found += 1
+        # Nobody could guess which do: each is written, and the next over it
+        first[found], second[found] = i[c], j[c]
+        known[found, NORMAL], known[found, TANGENTIAL] = p_n, p_t
+        found += p_n > 0.0
     return first[:found].copy(), second[:found].copy(), known[:found].copy()
 
 

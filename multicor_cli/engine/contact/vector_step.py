@@ -21,11 +21,11 @@ from multicor_cli.engine.contact.vector_sweep import (
     MU_,
     NY_,
     OPPOSITE,
-    PAIR_ROWS,
     SECOND_,
     SURFACE_,
     TANGENTIAL_,
     Y_,
+    bodies_of,
     frame_place,
     impulse_place,
     pair_place,
@@ -35,12 +35,10 @@ from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES, Vector, Writer, vector_loop
 from multicor_cli.model.columns import (
     BIAS,
-    FIRST,
     MU,
     NORMAL,
     NX,
     NY,
-    SECOND,
     TANGENTIAL,
 )
 from multicor_cli.model.model import Floats, Ints
@@ -121,11 +119,6 @@ def begin_scalar(
     return sums
 
 
-def _bodies(code: Writer, pair: _Value, batch: _Value) -> list[list[_Value]]:
-    start = code.times(batch, LANES * PAIR_ROWS)
-    return [code.indices(pair, code.offset(start, LANES * side)) for side in (FIRST, SECOND)]
-
-
 def _difference(code: Writer, rows: Sequence[Sequence[Vector]]) -> list[Vector]:
     """First two columns of the rows of i less those of j; the last two added."""
     return code.transpose([a + b.flipped(OPPOSITE) for a, b in zip(*rows, strict=True)])
@@ -174,7 +167,7 @@ def begin_batches(
     step, period, half, ratio = (code.spread(value) for value in (dt, period, half, ratio))
     sums = code.keep([zero] * 6)
     with code.each(first, last) as batch:
-        bodies = _bodies(code, pair, batch)
+        bodies = bodies_of(code, pair, batch)
         dx, dy, radii, _ = _difference(code, _rows(code, middle, bodies))
         dx = _nearest(dx, period, half)
         ux, uy, spins, _ = _difference(code, _rows(code, start, bodies))
@@ -287,7 +280,7 @@ def end_batches(
     moves = code.masked(code.spread(half_step), (True, True, False, False))
     kept = code.keep([zero] * SUMS)
     with code.each(first, last) as batch:
-        bodies = _bodies(code, pair, batch)
+        bodies = bodies_of(code, pair, batch)
         places, velocities = _rows(code, middle, bodies), _rows(code, velocity, bodies)
         ux, uy, spins, _ = _difference(code, velocities)
         ends = [

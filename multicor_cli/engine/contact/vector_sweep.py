@@ -1,7 +1,7 @@
 """The loops of the solver over diagonal contacts, four at a time: sweep, residual, extrapolation.
 
-What they compute is defined by their scalar twins, `relax_scalar`, `measure_scalar` and
-`extrapolate_scalar`, to the bit. Arrays are those of a `System`, flat.
+What they compute is defined by their scalar twins, `relax_scalar`, `measure_scalar`, `push_scalar`
+and `extrapolate_scalar`, to the bit. Arrays are those of a `System`, flat.
 """
 
 from __future__ import annotations
@@ -88,6 +88,25 @@ def _between(
     )
 
 
+def bodies_of(code: Writer, pair: _Value, batch: _Value) -> list[list[_Value]]:
+    """Where the first and the second bodies of a batch begin in arrays of rows of four."""
+    start = code.times(batch, LANES * PAIR_ROWS)
+    return [code.indices(pair, code.offset(start, LANES * side)) for side in (FIRST, SECOND)]
+
+
+def _apply(
+    code: Writer, velocity: _Value, bodies: Sequence[Sequence[_Value]], px: Vector, py: Vector,
+    spin: Vector,
+) -> None:  # fmt: skip
+    """Change the velocities of the bodies of a batch, one by one: empty lanes share theirs."""
+    pushes = code.transpose([px, py, spin, code.number(0.0)])
+    for side, rows in enumerate(bodies):
+        for at, push in zip(rows, pushes, strict=True):
+            mass = code.everywhere(velocity, code.offset(at, INVERSE_MASS))
+            signed = push.flipped(OPPOSITE) if side == SECOND else push
+            code.store(velocity, at, code.load(velocity, at) + mass * signed)
+
+
 class _Sweep:
     """Three stages: gather the velocities of a batch, solve its contacts, apply the changes."""
 
@@ -127,17 +146,8 @@ class _Sweep:
         return [d_n * nx - d_t * ny, d_n * ny + d_t * nx, -(self.beta * d_t)]
 
     def apply(self, batch: _Value, px: Vector, py: Vector, spin: Vector) -> None:
-        """Change the velocities of the bodies, one by one: empty lanes share theirs."""
-        pushes = self.code.transpose([px, py, spin, self.code.number(0.0)])
-        i, j = self._bodies(batch)
-        for start, push in zip(i, pushes, strict=True):
-            self._push(start, push)
-        for start, push in zip(j, pushes, strict=True):
-            self._push(start, push.flipped(OPPOSITE))
-
-    def _push(self, start: _Value, push: Vector) -> None:
-        mass = self.code.everywhere(self.velocity, self.code.offset(start, INVERSE_MASS))
-        self.code.store(self.velocity, start, self.code.load(self.velocity, start) + mass * push)
+        """Change the velocities of the bodies."""
+        _apply(self.code, self.velocity, self._bodies(batch), px, py, spin)
 
     def _extrapolated(self, batch: _Value) -> list[Vector]:
         """Impulses moved on by their last change; what they were is written down as the last."""
@@ -152,11 +162,7 @@ class _Sweep:
         self.code.store(array, self.code.offset(start, LANES), tangential)
 
     def _bodies(self, batch: _Value) -> list[list[_Value]]:
-        start = self.code.times(batch, LANES * PAIR_ROWS)
-        return [
-            self.code.indices(self.pair, self.code.offset(start, LANES * side))
-            for side in (FIRST, SECOND)
-        ]
+        return bodies_of(self.code, self.pair, batch)
 
 
 @vector_loop(results=1)
@@ -204,9 +210,7 @@ def measure_batches(
     turn = one + code.spread(beta)
     sums = code.keep([zero] * 5)
     with code.each(first, last) as batch:
-        start = code.times(batch, LANES * PAIR_ROWS)
-        i, j = code.indices(pair, start), code.indices(pair, code.offset(start, LANES * SECOND))
-        dx, dy, spins, _ = _between(code, velocity, i, j)
+        dx, dy, spins, _ = _between(code, velocity, *bodies_of(code, pair, batch))
         nx, ny, w_inverse, bias, mu = code.block(frame, batch, FRAME_ROWS, NX, NY, MASS, BIAS, MU)
         p_n, p_t = code.block(impulse, batch, IMPULSE_ROWS, NORMAL, TANGENTIAL)
         u_n, u_t = dx * nx + dy * ny + bias, dy * nx - dx * ny - spins
@@ -234,6 +238,21 @@ def measure_batches(
         code.largest(largest),
         code.total(active),
     ]
+
+
+@vector_loop(results=0)
+def push_batches(
+    code: Writer, first: _Value, last: _Value, velocity: _Value, pair: _Value, frame: _Value,
+    impulse: _Value, beta: _Value,
+) -> list[_Value]:  # fmt: skip
+    """As `push_scalar`."""
+    beta = code.spread(beta)
+    with code.each(first, last) as batch:
+        nx, ny = code.block(frame, batch, FRAME_ROWS, NX, NY)
+        p_n, p_t = code.block(impulse, batch, IMPULSE_ROWS, NORMAL, TANGENTIAL)
+        bodies = bodies_of(code, pair, batch)
+        _apply(code, velocity, bodies, p_n * nx - p_t * ny, p_n * ny + p_t * nx, -(beta * p_t))
+    return []
 
 
 @vector_loop(results=2)

@@ -69,15 +69,21 @@ def mark_again(
     above, below = 0.0, 0.0
     again = np.zeros(marked.size, np.bool_)
     for k in range(marked.size):
-        if marked[k]:
-            for e in range(around.start[k], around.start[k + 1]):
-                p = around.pair[e]
-                overlap = _overlap(scene, around.owner[p], partner[p])
-                if overlap > tolerance:
-                    again[k] = True
-                    above = max(above, overlap)
-                else:
-                    below = max(below, overlap)
+        if not marked[k]:
+            continue
+        for e in range(around.start[k], around.start[k + 1]):
+            other, p = around.other[e], around.pair[e]
+            is_other = other < marked.size and marked[other]
+            if is_other and other < k:
+                continue
+            overlap = _overlap(scene, around.owner[p], partner[p])
+            if overlap > tolerance:
+                again[k] = True
+                if is_other:
+                    again[other] = True
+                above = max(above, overlap)
+            else:
+                below = max(below, overlap)
     marked[:] = again
     return above, below
 

@@ -208,6 +208,7 @@ def test_step_that_a_known_pressure_and_rate_of_shear_need(pressure, rate, recor
         "virial_rate": np.broadcast_to(pressure * volume * np.eye(2), (rows, 2, 2)),
         "friction_sliding": 0.4 * pressure * volume * rate * time * rows / (rows - 1),
         "contacts_mean": np.full(rows, 0.6 * model.grain_count),
+        "kinetic": 0.5 * float(model.grains.mass.sum()) * np.linspace(0.0, 9.0, rows),
     }
     frames = SimpleNamespace(stage=np.zeros(3, int), column=lambda path: np.full(3, dt))
     run = SimpleNamespace(model=model, series=columns, frames=frames, stages=("only",))
@@ -216,7 +217,11 @@ def test_step_that_a_known_pressure_and_rate_of_shear_need(pressure, rate, recor
     (measured,) = resolution._needed(made_up)
     limit = min(0.1 * math.sqrt(float(model.grains.mass.mean()) / pressure), 0.005 / rate)
     assert measured.value == pytest.approx(dt / limit)
-    columns["contacts_mean"] *= 0.5  # a rain
+    # A rain, at up to 3 m/s: three tenths of a diameter in a step
+    columns["contacts_mean"] *= 0.5
+    (measured,) = resolution._needed(made_up)
+    assert measured.value == pytest.approx(dt * 3.0 / (0.3 * model.mean_diameter))
+    columns["kinetic"] *= 0.0
     assert not list(resolution._needed(made_up))
 
 

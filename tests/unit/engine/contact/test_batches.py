@@ -218,6 +218,28 @@ def test_residual_has_the_bits_of_the_scalar_one():
 
 
 @kernel
+def push_as_vectors(first, last, velocity, pair, frame, impulse, beta):
+    vector_sweep.push_batches(first, last, velocity, pair, frame, impulse, beta)
+
+
+@kernel
+def push_one_by_one(first, last, velocity, pair, frame, impulse, beta):
+    sweep.push_scalar(first, last, velocity, pair, frame, impulse, beta)
+
+
+@needs_vectors
+def test_pushes_have_the_bits_of_the_scalar_ones():
+    for name, system in systems():
+        results = []
+        for push in (push_as_vectors, push_one_by_one):
+            own = copy(system)
+            push(0, len(own.slot), *flat(own, own.impulse)[:4], own.spin_factor)
+            results.append(bits(own.velocity))
+        assert results[0] == results[1], name
+        assert (results[0] != bits(system.velocity)) == system.impulse.any(), name
+
+
+@kernel
 def extrapolate_as_vectors(first, last, now, before, change, weight, factor):
     return vector_sweep.extrapolate_rows(first, last, now, before, change, weight, factor)
 
