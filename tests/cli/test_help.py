@@ -69,6 +69,7 @@ SCENARIOS = {
     "multicor_cli.scenario.tables", "multicor_cli.running.plan", "multicor_cli.packing.assembly",
 }  # fmt: skip
 READING = COMPILERS | FIGURES | MANY_RUNS | KERNELS
+ONLY_KERNELS = FIGURES | (MANY_RUNS - {"scipy"}) | {"scipy.linalg"}
 
 
 @pytest.mark.parametrize(("arguments", "forbidden"), [
@@ -81,8 +82,9 @@ READING = COMPILERS | FIGURES | MANY_RUNS | KERNELS
     ("export csv RUN -o files", READING | SCENARIOS),
     ("new bed", READING | {"h5py"}),
     ("schema", READING | {"h5py"}),
-    # Grains are placed by kernels; Numba looks for scipy.
-    ("validate small.toml", FIGURES | (MANY_RUNS - {"scipy"}) | {"multicor_cli.engine.contact"}),
+    # Grains are placed by kernels; Numba asks for the version of scipy
+    ("validate small.toml", ONLY_KERNELS | {"multicor_cli.engine.contact"}),
+    ("run small.toml -o run", ONLY_KERNELS),
 ])  # fmt: skip
 def test_a_command_loads_no_more_than_it_needs(arguments, forbidden, finished, tmp_path):
     (tmp_path / "small.toml").write_text(scenes.SMALL)

@@ -27,6 +27,26 @@ from multicor_cli.model.model import Floats  # noqa: E402
 
 require_layer()
 
+
+def _without_scipy() -> None:
+    """Load what Numba knows of arrays, but not SciPy, in which it looks for products of matrices.
+
+    It would with its first kernel, for a fifth of a second. No kernel here multiplies matrices; for
+    those of others Numba looks again.
+    """
+    import numba.np.linalg
+
+    products: Any = numba.np.linalg
+    look = products.ensure_blas
+    products.ensure_blas = lambda: None
+    try:
+        import numba.np.arraymath
+    finally:
+        products.ensure_blas = look
+
+
+_without_scipy()
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 _WITHOUT_COUNTING: dict[str, Any] = {"_nrt": False}  # known to Numba, not to its stubs
