@@ -484,10 +484,10 @@ class CheckedFile(Closing):
     def blocks(self, spec: Dataset) -> Iterator[NDArray[Any]]:
         """All rows in pieces of bounded size; raises `DamagedRun`."""
         found = self.dataset(spec)
-        row_bytes = max(1, math.prod(found.shape[1:]) * found.dtype.itemsize)
-        unit = found.chunks[0] if found.chunks else 1
+        shape, unit = found.shape, (found.chunks or (1,))[0]
+        row_bytes = max(1, math.prod(shape[1:]) * found.dtype.itemsize)
         step = max(unit, _BLOCK_BYTES // row_bytes // unit * unit)
-        for start in range(0, found.shape[0], step):
+        for start in range(0, shape[0], step):
             with reading(self.path):
                 yield np.asarray(found[start : start + step])
 
@@ -521,12 +521,17 @@ class CheckedFile(Closing):
         """A folder or a dataset; no link is followed that leads elsewhere."""
         if path not in self._nodes:
             folder, _, name = path.rpartition("/")
-            parent = self._node(folder)
-            if not isinstance(parent, h5py.Group) or not isinstance(
-                parent.get(name, getlink=True), h5py.HardLink
+            parent, key = self._node(folder), name.encode()
+            if (
+                not isinstance(parent, h5py.Group)
+                or key not in parent.id
+                or parent.id.links.get_info(key).type != h5py.h5l.TYPE_HARD
             ):
                 raise DamagedRun(f"{self.path}: {path} is missing")
-            self._nodes[path] = parent[name]
+            # ``parent[name]`` would open the file once more to ask whether it may be written
+            found = h5py.h5o.open(parent.id, key)
+            kind = h5py.Dataset if isinstance(found, h5py.h5d.DatasetID) else h5py.Group
+            self._nodes[path] = kind(found)
         return self._nodes[path]
 
     def _check_type(self, spec: Dataset, found: h5py.Dataset) -> None:
