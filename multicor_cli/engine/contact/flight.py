@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from multicor_cli.engine.contact.contacts import Contacts, Speeds, normal_velocity
 from multicor_cli.engine.contact.impacts import COLUMNS, U_N, Impacts, hit
 from multicor_cli.engine.contact.law import GRAZE
-from multicor_cli.engine.contact.meetings import Air, Walls, meets
+from multicor_cli.engine.contact.meetings import Air, Walls, discs_meet_soon, meets
 from multicor_cli.engine.geometry.neighbors import Around
 from multicor_cli.engine.geometry.radii import smaller_of
 from multicor_cli.engine.geometry.scene import Scene, known_geometry, nearest_image
@@ -82,7 +82,7 @@ def _opens(scene: Scene, i: int, j: int, start: Floats, dt: float) -> bool:
     along = dx * (start[i, X] - start[j, X]) + dy * (start[i, Y] - start[j, Y])
     graze = GRAZE * smaller_of(scene, i, j)
     square = dx * dx + dy * dy
-    return bool(along > 0.0 and dt * dt * along * along > graze * graze * square)
+    return bool((along > 0.0) & (dt * dt * along * along > graze * graze * square))
 
 
 @formula
@@ -198,13 +198,11 @@ def _look_at_what_rests(
                 flying[i] = False
             elif t < min(air.dt, meetings.wall_time[i]):
                 meetings.wall_time[i], meetings.wall[i] = t, j
-        elif begun[i] and begun[j]:
-            few[found] = p
-            found += 1
-        else:
-            one = i if begun[i] else j
-            if flying[one] and meets(air, i, j, 0.0, long) < inf:
-                flying[one] = False
+            continue
+        one, both = i if begun[i] else j, begun[i] & begun[j]
+        flying[one] &= both | (not discs_meet_soon(air.scene, air.place, air.bodies, i, j, long))
+        few[found] = p
+        found += both
     return found
 
 

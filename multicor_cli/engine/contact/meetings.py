@@ -95,6 +95,25 @@ def _discs_meet(
 
 
 @formula
+def discs_meet_soon(
+    scene: Scene, place: Floats, bodies: Floats, i: int, j: int, end: float
+) -> bool:
+    """Whether two grains meet before the ``end`` [s], without branches that nobody could foresee.
+
+    As `_discs_meet` from time 0 on says.
+    """
+    dx, dy, u, v = relative(place, bodies, i, j, 0.0, scene.period)
+    reach = scene.radius[i] + scene.radius[j]
+    if scene.period > 0.0 and abs(dx) + abs(u) * end + reach > 0.5 * scene.period:
+        return bool(_discs_meet(scene, place, bodies, i, j, 0.0, end) < inf)
+    along = dx * u + dy * v
+    room = dx * dx + dy * dy - reach * reach
+    square = along * along - (u * u + v * v) * room
+    wait = room / (sqrt(max(square, 0.0)) - along)
+    return bool((along < 0.0) & (square > 0.0) & ((room <= 0.0) | (wait < end)))
+
+
+@formula
 def wall_at(
     scene: Scene, walls: Walls, place: Floats, bodies: Floats, gravity: Floats, i: int, shape: int,
     t: float,
