@@ -530,8 +530,10 @@ class CheckedFile(Closing):
                 raise DamagedRun(f"{self.path}: {path} is missing")
             # ``parent[name]`` would open the file once more to ask whether it may be written
             found = h5py.h5o.open(parent.id, key)
-            kind = h5py.Dataset if isinstance(found, h5py.h5d.DatasetID) else h5py.Group
-            self._nodes[path] = kind(found)
+            is_dataset = isinstance(found, h5py.h5d.DatasetID)
+            self._nodes[path] = (
+                h5py.Dataset(found, readonly=True) if is_dataset else h5py.Group(found)
+            )
         return self._nodes[path]
 
     def _check_type(self, spec: Dataset, found: h5py.Dataset) -> None:
