@@ -46,6 +46,13 @@ def main() -> int:
         help="coefficient of friction of the discs",
     )
     parser.add_argument(
+        "--restitution",
+        type=float,
+        default=0.0,
+        metavar="E",
+        help="their coefficient of restitution",
+    )
+    parser.add_argument(
         "--trades",
         action="store_true",
         help="shorter steps with looser tolerances, instead of one at a time",
@@ -78,6 +85,7 @@ def main() -> int:
         options.seeds,
         options.strain,
         options.friction,
+        options.restitution,
         options.trades,
         options.accuracies,
     ):

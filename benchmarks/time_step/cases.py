@@ -61,6 +61,7 @@ class Case:
         seed: Seed of the packing.
         strain: Shear strain at which the run ends.
         friction: Coefficient of friction between the discs.
+        restitution: Coefficient of restitution.
     """
 
     inertial: float
@@ -69,13 +70,15 @@ class Case:
     seed: int
     strain: float
     friction: float = MU
+    restitution: float = 0.0
 
     @property
     def name(self) -> str:
         """Name of the folder of the run."""
-        friction = "" if self.friction == MU else f"-mu{self.friction:g}"
+        law = "" if self.friction == MU else f"-mu{self.friction:g}"
+        law += f"-e{self.restitution:g}" if self.restitution else ""
         numerics = f"dt{self.step:g}-tol{self.tolerance:g}-strain{self.strain:g}"
-        return f"I{self.inertial:g}-{numerics}-seed{self.seed}{friction}"
+        return f"I{self.inertial:g}-{numerics}-seed{self.seed}{law}"
 
     def overrides(self) -> list[str]:
         """What is changed in the shipped scenario."""
@@ -92,6 +95,7 @@ class Case:
             f"output.frame_interval={1e-3 / share}",
             f"scenario.seed={self.seed}",
             f"contacts.0.friction={self.friction}",
+            f"contacts.0.restitution={self.restitution}",
         ]
 
     def _tolerances(self) -> list[str]:
@@ -114,6 +118,7 @@ def all_cases(
     seeds: list[int],
     strain: float,
     friction: float = MU,
+    restitution: float = 0.0,
     trades: bool = False,
     accuracies: bool = False,
 ) -> Iterator[Case]:
@@ -129,7 +134,7 @@ def all_cases(
             choices = [(factor * step, DEFAULT) for factor in ACCURACIES]
         for step, tolerance in TRADES if trades else choices:
             for seed in seeds:
-                yield Case(number, step, tolerance, seed, strain, friction)
+                yield Case(number, step, tolerance, seed, strain, friction, restitution)
 
 
 def finish(case: Case, runs: Path) -> Path:

@@ -241,7 +241,8 @@ class Selection:
         column.
         """
         schedule = self._schedule
-        if schedule is None or not np.array_equal(self._is_free, wall_is_free):
+        is_same = self._is_free is wall_is_free or np.array_equal(self._is_free, wall_is_free)
+        if schedule is None or not is_same:
             schedule = schedule_contacts(scene, self.i, self.j, self.tile, wall_is_free)
             self._is_free, self._laws, self._impulse = wall_is_free, None, np.empty((0, 2))
             self._entered = None

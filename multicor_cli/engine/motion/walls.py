@@ -47,6 +47,11 @@ class WallMotion:
         self._drives = [
             (wall, d, drive) for wall, of_wall in enumerate(dofs) for d, drive in enumerate(of_wall)
         ]
+        self._acting = [
+            (wall, d, drive)
+            for wall, d, drive in self._drives
+            if drive.is_driven or drive.position is not None or drive.velocity is not None
+        ]
         self.driven: NDArray[np.bool_] = np.array(
             [drive.is_driven for _, _, drive in self._drives], bool
         ).reshape(w, 3)
@@ -102,7 +107,7 @@ class WallMotion:
         self.load[:] = 0.0
         for (w, d), spacing in self._spacings.items():
             self._length[w, d] = abs(spacing.of(state))
-        for w, d, drive in self._drives:
+        for w, d, drive in self._acting:
             u = (
                 float(state.wall_position[w, d] - state.wall_origin[w, d])
                 if drive.has_origin
