@@ -123,10 +123,8 @@ def surround(
 
 
 @kernel
-def pairs_of(
-    scene: Scene, around: Around, partner: Ints, near: float, marked: NDArray[np.bool_]
-) -> tuple[Ints, Ints]:
-    """Pairs (i, j) of marked grains with a gap up to ``near`` [m]; in any list the same."""
+def pairs_of(around: Around, partner: Ints, marked: NDArray[np.bool_]) -> tuple[Ints, Ints]:
+    """The listed pairs (i, j) of marked grains, each once."""
     room = 0
     for k in range(marked.size):
         if marked[k]:
@@ -137,10 +135,10 @@ def pairs_of(
             continue
         for e in range(around.start[k], around.start[k + 1]):
             other, p = around.other[e], around.pair[e]
-            is_twice = other < k and marked[other]
-            if not is_twice and pair_geometry(scene, around.owner[p], partner[p])[0] <= near:
-                first[found], second[found] = around.owner[p], partner[p]
-                found += 1
+            if other < k and marked[other]:
+                continue
+            first[found], second[found] = around.owner[p], partner[p]
+            found += 1
     return first[:found], second[:found]
 
 
@@ -187,12 +185,13 @@ def _bodies(marked: NDArray[np.bool_], mass: Floats, wall_inverse: Floats) -> _B
 
 @kernel
 def _measure(
-    scene: Scene, bodies: _Bodies, i: Ints, j: Ints, target: float, allowed: float
+    scene: Scene, bodies: _Bodies, i: Ints, j: Ints, near: float, target: float, allowed: float
 ) -> tuple[Ints, Floats]:
     """Pairs that can be moved: bodies; normal, how far they may still close [m] and 1/W [kg].
 
-    A pair with a held body keeps an overlap between ``target`` and ``allowed``: a grain between two
-    held ones could not be freed of both.
+    In any list that is complete up to ``near`` [m] the same. A pair with a held body keeps an
+    overlap between ``target`` and ``allowed``: a grain between two held ones could not be freed of
+    both.
     """
     n, held = scene.radius.size, bodies.mobility.shape[0] - 1
     pair, frame = np.empty((i.size, 2), np.int32), np.empty((i.size, 4))
@@ -203,6 +202,8 @@ def _measure(
         if a == held and b == held:
             continue
         gap, nx, ny = pair_geometry(scene, i[c], j[c])
+        if gap > near:
+            continue
         give = (bodies.mobility[a, X] + bodies.mobility[b, X]) * nx * nx + (
             bodies.mobility[a, Y] + bodies.mobility[b, Y]
         ) * ny * ny
@@ -289,6 +290,7 @@ def separate(
     marked: NDArray[np.bool_],
     mass: Floats,
     wall_inverse: Floats,
+    near: float,
     target: float,
     allowed: float,
     enough: float,
@@ -296,15 +298,16 @@ def separate(
 ) -> tuple[Floats, float, float]:
     """Move the marked grains as little as leaves no more than a target of overlap.
 
-    Solves min ½ Σ m δq² with gap + n·δq ≥ −target for all near pairs that can be moved, linearized
-    at the present positions, which are **modified**. Inverse masses of walls in x and y are of
-    shape ``(w, 2)``, 0 if held [1/kg]. Overlaps are over the smaller radius: ``target`` is left,
-    and up to ``allowed`` a pair with a held body is left alone. Sweeps end with one whose largest
-    displacement is ``enough`` [m] or less. Returns the displacements of the walls [m], shape
-    ``(w, 2)``: theirs is to follow; and Σ m δx and Σ m δy of the grains [kg m].
+    Solves min ½ Σ m δq² with gap + n·δq ≥ −target for the pairs (i, j) with a gap up to ``near``
+    [m] that can be moved, linearized at the present positions, which are **modified**. Inverse
+    masses of walls in x and y are of shape ``(w, 2)``, 0 if held [1/kg]. Overlaps are over the
+    smaller radius: ``target`` is left, and up to ``allowed`` a pair with a held body is left alone.
+    Sweeps end with one whose largest displacement is ``enough`` [m] or less. Returns the
+    displacements of the walls [m], shape ``(w, 2)``: theirs is to follow; and Σ m δx and Σ m δy of
+    the grains [kg m].
     """
     bodies = _bodies(marked, mass, wall_inverse)
-    pair, frame = _measure(scene, bodies, i, j, target, allowed)
+    pair, frame = _measure(scene, bodies, i, j, near, target, allowed)
     memory = start_loop(pair.shape[0])
     shift = _solve(pair, frame, bodies, enough, sweeps, memory)
     n, pull_x, pull_y = marked.size, 0.0, 0.0
@@ -388,9 +391,9 @@ def push_apart(
             is_local = count <= LOCAL_SHARE * marked.size
         if not is_local:
             marked[:] = True
-        first, second = pairs_of(scene, around, partner, near, marked)
+        first, second = pairs_of(around, partner, marked)
         shift, dx, dy = separate(
-            scene, first, second, marked, mass, held if is_local else wall_inverse,
+            scene, first, second, marked, mass, held if is_local else wall_inverse, near,
             TARGET, ALLOWED, enough, LOCAL_SWEEPS if is_local else ROUND_SWEEPS,
         )  # fmt: skip
         pull_x += dx

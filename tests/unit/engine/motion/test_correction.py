@@ -42,9 +42,9 @@ def test_rings_and_pairs_of_marked_grains():
     assert surround(chain(), around, PARTNER, 0.5, 9, marked) == 4  # the gap beside 3 is too wide
     assert marked.tolist() == [True] * 4 + [False] * 2
     marked = np.array([False, True, True, False, False, True])
-    i, j = pairs_of(chain(), both_ways(ROW, PARTNER), PARTNER, 0.5, marked)
-    near = [(0, 1), (1, 2), (2, 3), (4, 5), (5, 6)]
-    assert sorted(zip(i.tolist(), j.tolist(), strict=True)) == near
+    i, j = pairs_of(both_ways(ROW, PARTNER), PARTNER, marked)
+    listed = [(0, 1), (1, 2), (2, 3), (4, 5), (5, 6)]
+    assert sorted(zip(i.tolist(), j.tolist(), strict=True)) == listed
 
 
 def test_overlaps_mark_grains_and_the_largest_are_told():
@@ -134,15 +134,14 @@ def test_displacements_solve_the_convex_problem(lid_inverse):
         np.array([0, 1], np.int32), planes,
         np.array([[0.0, 0.0, 0.0], [0.0, 4.05, 0.0]]), 0.0,
     )  # fmt: skip
-    pairs = [
-        (a, b) for a in range(12) for b in range(a + 1, 14) if pair_geometry(scene, a, b)[0] < 0.1
-    ]
-    i, j = np.array(pairs, np.int32).T.copy()
+    i, j = np.array([(a, b) for a in range(12) for b in range(a + 1, 14)], np.int32).T.copy()
+    gap = np.array([pair_geometry(scene, a, b)[0] for a, b in zip(i, j, strict=True)])
+    near = gap < 0.1
     mass, wall_inverse = np.pi * radius**2, np.array([[0.0, 0.0], [0.0, lid_inverse]])
-    expected = smallest_displacements(scene, i, j, mass, wall_inverse, 1e-3)
+    expected = smallest_displacements(scene, i[near], j[near], mass, wall_inverse, 1e-3)
     before = position[:, :2].copy()
     shift, pull_x, pull_y = separate(
-        scene, i, j, np.ones(12, np.bool_), mass, wall_inverse, 1e-3, 2e-3, 1e-12, 10_000
+        scene, i, j, np.ones(12, np.bool_), mass, wall_inverse, 0.1, 1e-3, 2e-3, 1e-12, 10_000
     )
     assert np.abs(expected).max() > 0.005
     np.testing.assert_allclose(position[:, :2] - before, expected[:12], atol=1e-7)
@@ -159,9 +158,8 @@ def test_held_grains_stay():
         np.empty(0, np.int32), np.empty((0, 4)), np.empty((0, 3)), 0.0,
     )  # fmt: skip
     pair = (np.array([0], np.int32), np.array([1], np.int32))
-    separate(
-        scene, *pair, np.array([False, True]), np.ones(2), np.empty((0, 2)), 0.01, 0.02, 1e-9, 100
-    )
+    one_of_two = np.array([False, True]), np.ones(2), np.empty((0, 2))
+    separate(scene, *pair, *one_of_two, 0.1, 0.01, 0.02, 1e-9, 100)
     np.testing.assert_allclose(scene.position[:, 0], [0.0, 0.995], atol=1e-9)
 
 
@@ -175,7 +173,6 @@ def test_a_pair_with_a_held_grain_keeps_an_allowed_overlap(depth, place):
         np.empty(0, np.int32), np.empty((0, 4)), np.empty((0, 3)), 0.0,
     )  # fmt: skip
     pair = (np.array([0], np.int32), np.array([1], np.int32))
-    separate(
-        scene, *pair, np.array([False, True]), np.ones(2), np.empty((0, 2)), 0.0, 0.1, 1e-9, 100
-    )
+    one_of_two = np.array([False, True]), np.ones(2), np.empty((0, 2))
+    separate(scene, *pair, *one_of_two, 0.1, 0.0, 0.1, 1e-9, 100)
     assert scene.position[1, 0] == pytest.approx(place, abs=1e-9)
