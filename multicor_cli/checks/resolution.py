@@ -312,8 +312,8 @@ def _temperatures(run: Prepared) -> Iterator[Measured]:
         return
     yield Measured(float(run.state.temperature(thermal).min()), "coldest grain")
     for name, wall, _, stage in _wall_conditions(run):
-        if wall.signal is not None:
-            yield Measured(wall.signal.value(0.0), f"wall {name} in stage {stage}")
+        coldest = wall.signal.largest() - wall.signal.swing()
+        yield Measured(coldest, f"wall {name} in stage {stage}")
     if heat.ambient is not None:
         yield Measured(heat.ambient.temperature, "fluid")
     if heat.radiation is not None and heat.radiation.surroundings is not None:

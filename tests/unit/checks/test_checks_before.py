@@ -96,6 +96,7 @@ def ramp(*ends):
 @pytest.mark.parametrize(("name", "changes", "verdict", "what"), [
     ("lowest temperature", [], OK, ""),
     ("lowest temperature", ramp(20.0, 70.0), WARNING, "20 K (wall floor in stage fall"),
+    ("lowest temperature", ramp(300.0, 20.0), WARNING, "20 K (wall floor in stage fall"),
     ("lowest temperature", [("value = 300.0,", "value = 20.0,")], WARNING, ""),
     ("highest temperature", [], OK, "wall floor in stage fall"),
     ("highest temperature", ramp(300.0, 4400.0), BAD, "4400 K, wall floor"),
