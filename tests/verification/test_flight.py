@@ -5,6 +5,8 @@ import pytest
 from benchmark_modules import benchmark_modules
 from scene_parts import FLOOR, TIGHT, advance, book, continued, make_engine, make_model
 
+from multicor_cli.engine.contact.meetings import Air, discs_meet_soon, meets
+from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Sine, WallDrive
 from multicor_cli.model import ShapeKind
 
@@ -29,6 +31,26 @@ def test_gases_lose_what_their_impacts_lose(gases, restitution, friction, fracti
     right, impacts = gases.energy_of_reference(gas, duration)
     assert impacts > 30
     assert gases.energy_of_multicor(gas, duration, way)[0] == pytest.approx(right, rel=1e-9)
+
+
+@pytest.mark.parametrize("period", [0.0, 3.0])
+def test_whether_two_meet_is_when_they_do(period):
+    """The test without branches and the time of the event, for pairs apart, at touch and deep in
+    each other, near and across the period."""
+    rng = np.random.default_rng(3)
+    nothing, ends = np.empty(0, np.int32), []
+    for _ in range(3000):
+        place, bodies = rng.uniform(0.0, 3.0, (2, 3)), rng.normal(size=(2, 4))
+        scene = Scene(
+            place, rng.uniform(0.1, 0.6, 2), np.zeros(2, np.int32), nothing, nothing,
+            np.empty((0, 4)), np.empty((0, 3)), period,
+        )  # fmt: skip
+        air = Air(scene, None, None, None, 1.0, place, bodies, np.ones(2, np.bool_))
+        end = float(rng.choice([0.02, 0.3, 2.0]))
+        soon = discs_meet_soon(scene, place, bodies, 0, 1, end)
+        assert soon == (meets(air, 0, 1, 0.0, end) < np.inf)
+        ends.append(soon)
+    assert 300 < sum(ends) < 2700
 
 
 def chest(side, **laws):

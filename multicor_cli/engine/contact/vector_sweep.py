@@ -127,7 +127,9 @@ class _Sweep:
 
     def gather(self, batch: _Value) -> list[Vector]:
         """u_n + b, u_t and W_nn of the contacts."""
-        dx, dy, spins, w = _between(self.code, self.velocity, *self._bodies(batch))
+        dx, dy, spins, w = _between(
+            self.code, self.velocity, *bodies_of(self.code, self.pair, batch)
+        )
         nx, ny, bias = self.code.block(self.frame, batch, FRAME_ROWS, NX, NY, BIAS)
         return [dx * nx + dy * ny + bias, dy * nx - dx * ny - spins, w]
 
@@ -147,7 +149,7 @@ class _Sweep:
 
     def apply(self, batch: _Value, px: Vector, py: Vector, spin: Vector) -> None:
         """Change the velocities of the bodies."""
-        _apply(self.code, self.velocity, self._bodies(batch), px, py, spin)
+        _apply(self.code, self.velocity, bodies_of(self.code, self.pair, batch), px, py, spin)
 
     def _extrapolated(self, batch: _Value) -> list[Vector]:
         """Impulses moved on by their last change; what they were is written down as the last."""
@@ -160,9 +162,6 @@ class _Sweep:
         start = self.code.times(batch, LANES * IMPULSE_ROWS)
         self.code.store(array, start, normal)
         self.code.store(array, self.code.offset(start, LANES), tangential)
-
-    def _bodies(self, batch: _Value) -> list[list[_Value]]:
-        return bodies_of(self.code, self.pair, batch)
 
 
 @vector_loop(results=1)
