@@ -6,6 +6,8 @@
 | velocities of grains and walls; inverse masses per degree of freedom | `X`, `Y`, `SPIN` |
 | bodies of a step: grains | `X`, `Y`, `SURFACE` = a ω [m/s], `INVERSE_MASS` [1/kg] |
 | bodies of a step: walls | `X`, `Y` [m/s], `SURFACE` = Ω [rad/s], `BELT` = −V_s [m/s] |
+| the wall that is a cell: velocity gradient [1/s]; inverse inertias | `XX`, `YY`, `XY` |
+| … and its sides: width, height, tilt [m] | `XX`, `YY`, `XY` |
 | impulses, and relative velocities in the frame of a contact | `NORMAL`, `TANGENTIAL` |
 | pairs of bodies | `FIRST`, `SECOND` |
 | frames of contacts | `NX`, `NY`, `GAP` [m], `BIAS` [m/s], `MU` |
@@ -25,6 +27,9 @@ from __future__ import annotations
 X, Y = 0, 1
 ANGLE = SPIN = SURFACE = 2
 INVERSE_MASS = BELT = 3
+
+XX, YY, XY = 0, 1, 2
+"""Components of the velocity gradient of a cell, which is a wall without shapes."""
 
 NORMAL, TANGENTIAL = 0, 1
 FIRST, SECOND = 0, 1

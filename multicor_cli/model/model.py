@@ -189,6 +189,9 @@ class Model:
         start_speed: Speed of the fastest grain, surface of a grain or wall at the start, but for
             the shear that walls impose [m/s].
         numbers: Numbers of the grains in messages, shape ``(n,)``; None: their places in arrays.
+        height: Period in y at the start [m], of a cell that is periodic in both directions; else 0.
+            Such a cell is the only wall of its model, without shapes, and ``period`` is its width
+            at the start.
     """
 
     grains: Grains
@@ -204,6 +207,12 @@ class Model:
     outlets: tuple[str, ...] | None = None
     start_speed: float = 0.0
     numbers: NDArray[np.int64] | None = None
+    height: float = 0.0
+
+    @property
+    def is_cell(self) -> bool:
+        """Whether it is periodic in both directions."""
+        return self.height > 0.0
 
     @property
     def grain_count(self) -> int:
