@@ -52,9 +52,9 @@ _LEFT_OUT = "time since the start of the stage that is left out [s]"
 
 def _tag_cell(value: Any) -> str:
     """Discriminator of ends that are told of walls or of a cell, by the key ``cell``."""
-    given = value if isinstance(value, dict) else type(value).model_fields
-    is_table = isinstance(value, dict | BaseModel)
-    return "<cell>" if is_table and "cell" in given else "<plain>"
+    if isinstance(value, BaseModel):
+        value = type(value).model_fields
+    return "<cell>" if isinstance(value, dict) and "cell" in value else "<plain>"
 
 
 class StrainEnd(Table):
