@@ -125,18 +125,20 @@ def _finish(model: Model, state: State, moved: Moved) -> None:
     scene, contacts, bodies, *_ = moved
     lanes = _schedule(model, scene)
     tabulate_contacts(moved, has_couples=False)
-    tabulate(1, lanes.lane, lanes.frame, lanes.impulse, lanes.before, lanes.gap, contacts)
+    tabulate(
+        1, lanes.lane, lanes.frame, lanes.impulse, lanes.before, lanes.gap, lanes.branch, contacts
+    )
     carried(1, _NOBODY, _NOBODY, lanes.lane, lanes.impulse, contacts)
     wrap(state.position, state.image, model.period)
     mass = model.grains.mass
     push_apart(
         scene, model.shapes.geometry, _NOBODY, _NOBODY, both_ways(_NO_ROWS, _NOBODY), _NOBODY, mass,
-        np.zeros((1, 2)), 1.0, 1, np.zeros(1, np.bool_),
+        np.zeros((1, 3)), 1.0, 1, np.zeros(1, np.bool_),
     )  # fmt: skip
     deepest_overlap(scene, _NOBODY, _NOBODY)
     sums = account_grains(
         lanes.middle, lanes.velocity, lanes.pair, lanes.about, lanes.frame, lanes.impulse,
-        lanes.before, lanes.gap, 1.0, model.period,
+        lanes.before, lanes.gap, lanes.branch, 1.0, model.period, 0.0, 0.0, 0.0,
     )  # fmt: skip
     of_contacts = account_contacts(scene, scene, contacts, bodies, _NOBODY, sums)
     motion = WallMotion(model, [WallDrive()])
@@ -164,7 +166,7 @@ def _prepare(model: Model, scene: Scene, contacts: Contacts, bodies: Floats) -> 
     begin_walls(scene, model.laws, bodies, 1.0, 1.0, lanes.of_walls, contacts)
     begin_grains(
         lanes.middle, lanes.start, lanes.pair, lanes.about, lanes.frame, lanes.impulse,
-        lanes.before, lanes.gap, 1.0, model.period, 1.0,
+        lanes.before, lanes.gap, lanes.branch, 1.0, 1.0, model.period, 0.0, 0.0, 0.0, 0.0, 0.0,
     )  # fmt: skip
     pack_bodies(scene, bodies, bodies, lanes.place, lanes.velocity, lanes.start, lanes.middle)
     recall_impulses(_NOBODY, _NOBODY, np.empty((0, 2)), contacts, lanes.slot, lanes.impulse)

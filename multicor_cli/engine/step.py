@@ -59,7 +59,7 @@ from multicor_cli.engine.contact.system import (
     pack_bodies,
     tabulate_contacts,
 )
-from multicor_cli.engine.contact.vector_step import OVERLAP, SUMS
+from multicor_cli.engine.contact.vector_step import OVERLAP, SUMS, VIRIAL
 from multicor_cli.engine.energy.account import (
     ContactSums,
     account_contacts,
@@ -77,6 +77,7 @@ from multicor_cli.engine.heat.walls import WallHeat, begin_bodies
 from multicor_cli.engine.inflow.population import Population
 from multicor_cli.engine.inflow.rules import InflowRules
 from multicor_cli.engine.jit.threads import PARALLEL_GRAINS, use_threads
+from multicor_cli.engine.motion.cell import carry, convect, stretched, wrap_cell
 from multicor_cli.engine.motion.drives import Gravity, WallDrive
 from multicor_cli.engine.motion.moves import are_sound, move, predict, wrap
 from multicor_cli.engine.motion.separation import (
@@ -149,6 +150,7 @@ class Prediction(NamedTuple):
         shift_work: Of gravity, where grains that something stopped are not where they would be at
             q_m [J].
         flight: Flights, and impacts before the solve; or None.
+        convected: Δt Σ m c⊗c of the grains of a cell: xx, yy, xy [J s]; else of size 0.
     """
 
     dt: float
@@ -157,6 +159,7 @@ class Prediction(NamedTuple):
     cutoff: float
     shift_work: float = 0.0
     flight: Flight | None = None
+    convected: Floats = _NO_TEMPERATURE
 
 
 class Engine:
@@ -199,12 +202,13 @@ class Engine:
         """
         available = int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
         largest = float(model.grains.radius.max(initial=0.0))
-        if 0.0 < model.period < 2.0 * LEAST_DIAMETERS * largest:
-            message = (
-                f"the period {model.period:g} m is less than four times the largest diameter "
-                f"{2.0 * largest:g} m"
-            )
-            raise ValueError(message)
+        for period in (model.period, model.height):
+            if 0.0 < period < 2.0 * LEAST_DIAMETERS * largest:
+                message = (
+                    f"the period {period:g} m is less than four times the largest diameter "
+                    f"{2.0 * largest:g} m"
+                )
+                raise ValueError(message)
         self.model, self.state = model, state
         self.timers = dict.fromkeys(PHASES if heat is None else (*PHASES, "heat"), 0.0)
         self._marked = 0.0
@@ -362,7 +366,7 @@ class Engine:
         """Contacts of the next step, sought at its q_m: a function of places and velocities."""
         layout = self._layout
         step, kept = self._predict(dt, t), layout.selection
-        layout.pairs.update(layout.middle, step.scene.world, step.cutoff)
+        layout.pairs.update(step.scene, step.cutoff)
         layout.selection = Selection(layout.model, layout.pairs)
         try:
             layout.selection.seek(step.scene, self._margin(step))
@@ -467,6 +471,8 @@ class Engine:
             self.model.shape_factor, dt,
             state.position, state.velocity,
         )  # fmt: skip
+        if self.model.is_cell:
+            carry(layout.middle, after[n, :3], 0.5 * dt, state.position)
         if not math.isfinite(kinetic):
             self._refuse_state()
         wall_after = np.where(self._motion.driven, after[n:, :3], layout.free[n:, :3])
@@ -524,6 +530,17 @@ class Engine:
             layout.middle, layout.before, layout.free,
         )  # fmt: skip
         walls = motion.predict(state, gravity, t, dt)
+        middle, convected = state.wall_position + 0.5 * dt * motion.before, _NO_TEMPERATURE
+        if model.is_cell:
+            gradient = state.wall_velocity[0]
+            carry(state.position, gradient, 0.5 * dt, layout.middle)
+            middle = stretched(state.wall_position[0], gradient, 0.5 * dt)[np.newaxis]
+            gained, convected = convect(
+                grains.mass, motion.before[0], walls[0], motion.inverse[0], dt, layout.before,
+                layout.free,
+            )  # fmt: skip
+            walls += gained - motion.before
+            motion.before[0] = gained
         layout.before[n:, :3], layout.free[n:, :3] = motion.before, walls
         layout.before[n:, BELT], layout.free[n:, BELT] = motion.belt_before, motion.belt
         if not (
@@ -533,10 +550,11 @@ class Engine:
         temperature = _NO_TEMPERATURE
         if self._heat is not None and self._laws.depends_on_temperature:
             temperature = self._heat.shape_temperatures(t)
-        scene = scene_of(
-            model, layout.middle, state.wall_position + 0.5 * dt * motion.before, temperature
-        )
-        step = Prediction(dt, gravity, scene, self._cutoff_before(scene, gravity, walls, dt))
+        scene = scene_of(model, layout.middle, middle, temperature)
+        cutoff = self._cutoff_before(scene, gravity, walls, dt)
+        step = Prediction(dt, gravity, scene, cutoff, convected=convected)
+        if model.is_cell:  # in which nothing moves by itself
+            return step
         step = self._fly(step, walls)
         seen = 0.0 if state.step == state.frozen_steps else state.last_dt
         strangers = layout.newcomers
@@ -545,7 +563,7 @@ class Engine:
         unseen = find_unseen(state, strangers, model, motion, dt, seen)
         if unseen is None:
             return step
-        layout.pairs.update(layout.middle, scene.world, step.cutoff)
+        layout.pairs.update(scene, step.cutoff)
         flying = None if step.flight is None else step.flight.flying
         stopped = stop_unseen(state, model, motion, unseen, flying, layout.pairs, dt, layout.middle)
         if stopped is None:
@@ -563,7 +581,7 @@ class Engine:
         start = scene_of(model, state.position, state.wall_position, step.scene.temperature)
         # As the cutoff, while a solve would count a contact
         moved = SOLVED / AHEAD * step.cutoff + dt * dt * hypot(*gravity.tolist())
-        layout.pairs.update(state.position, start.world, moved)
+        layout.pairs.update(start, moved)
         mean = Walls(
             model.shapes.geometry, state.wall_position, 0.5 * (motion.before + walls),
             0.5 * (motion.belt_before + motion.belt), motion.is_free,
@@ -577,7 +595,7 @@ class Engine:
             if flight.reach <= layout.pairs.complete:
                 break
             # What impacts have made faster may reach farther
-            layout.pairs.update(state.position, start.world, 1.2 * flight.reach)
+            layout.pairs.update(start, 1.2 * flight.reach)
         if flight.flying.any() or flight.unseen.size:
             step = step._replace(flight=flight)
         if flight.impacts.i.size:
@@ -616,7 +634,7 @@ class Engine:
         layout, scene = self._layout, step.scene
         reach = longest_reach(self._laws)
         layout.selection.take(layout.state)
-        layout.pairs.update(layout.middle, scene.world, step.cutoff)
+        layout.pairs.update(scene, step.cutoff)
         if layout.selection.closing(
             scene, layout.before, layout.free, step.cutoff, AHEAD * step.dt, reach
         )[0]:
@@ -644,7 +662,7 @@ class Engine:
         """Let the list be complete up to a gap at q_m, where it has been looked at before."""
         layout = self._layout
         if gap > layout.pairs.complete:
-            layout.pairs.update(layout.middle, step.scene.world, gap)
+            layout.pairs.update(step.scene, gap)
 
     def _gather(self, step: Prediction) -> tuple[Contacts, ResidualScale, bool]:
         """The contacts, warm-started, the scale of the residuals, and if any is to be solved."""
@@ -658,7 +676,8 @@ class Engine:
         )
         grains = begin_grains(
             lanes.middle, lanes.start, lanes.pair, lanes.about, lanes.frame, lanes.impulse,
-            lanes.before, lanes.gap, dt, scene.period, ratio,
+            lanes.before, lanes.gap, lanes.branch, dt, ratio, scene.period, scene.height,
+            scene.tilt, *self._gradient(start),
         )  # fmt: skip
         walls = begin_walls(scene, laws, start, dt, ratio, lanes.of_walls, contacts)
         if laws.softening_rate.size or laws.table_speed.size:
@@ -702,9 +721,16 @@ class Engine:
         selection, grains = self._layout.selection, self._layout.model.grain_count
         lanes = selection.lanes
         tabulate(
-            grains, lanes.lane, lanes.frame, lanes.impulse, lanes.before, lanes.gap,
+            grains, lanes.lane, lanes.frame, lanes.impulse, lanes.before, lanes.gap, lanes.branch,
             selection.contacts,
         )  # fmt: skip
+
+    def _gradient(self, bodies: Floats) -> tuple[float, float, float]:
+        """That of a cell, by the velocities of all bodies; else zeros."""
+        if not self.model.is_cell:
+            return 0.0, 0.0, 0.0
+        xx, yy, xy = bodies[self._layout.model.grain_count, :3].tolist()
+        return xx, yy, xy
 
     def _account(
         self, step: Prediction, end: Scene, contacts: Contacts, after: Floats
@@ -715,13 +741,18 @@ class Engine:
         if laws.adhesion.size or laws.rolling.size:
             self._tabulate()
             keep_bridges(end, laws, contacts, self._layout.state)
-            everyone = np.arange(contacts.size, dtype=np.int32)
-            return account_contacts(step.scene, end, contacts, after, everyone, np.zeros(SUMS))
-        sums = account_grains(
-            lanes.middle, lanes.velocity, lanes.pair, lanes.about, lanes.frame, lanes.impulse,
-            lanes.before, lanes.gap, step.dt, step.scene.period,
-        )  # fmt: skip
-        return account_contacts(step.scene, end, contacts, after, lanes.of_walls, sums)
+            which, of_grains = np.arange(contacts.size, dtype=np.int32), np.zeros(SUMS)
+        else:
+            which, of_grains = lanes.of_walls, account_grains(
+                lanes.middle, lanes.velocity, lanes.pair, lanes.about, lanes.frame, lanes.impulse,
+                lanes.before, lanes.gap, lanes.branch, step.dt, step.scene.period,
+                *self._gradient(after),
+            )  # fmt: skip
+        sums = account_contacts(step.scene, end, contacts, after, which, of_grains)
+        if self.model.is_cell:
+            of_contacts = sums.total[[VIRIAL, VIRIAL + 3, VIRIAL + 1]]
+            sums.wall_impulse[0] = of_contacts + step.convected
+        return sums
 
     def _scale(
         self,
@@ -764,6 +795,8 @@ class Engine:
         state = self._layout.state
         state.wall_velocity, state.wall_surface = after, self._motion.surface_after(state)
         state.wall_position = middle + 0.5 * dt * after
+        if self.model.is_cell:
+            state.wall_position = stretched(middle[0], after[0], 0.5 * dt)[np.newaxis]
 
     def _correct(self, step: Prediction, end: Scene, cutoff: float, overlap: float) -> Correction:
         layout, state, model = self._layout, self._layout.state, self._layout.model
@@ -782,7 +815,9 @@ class Engine:
         if step.shift_work != 0.0:
             work = correction.gravity_work + step.shift_work
             correction = correction._replace(gravity_work=work)
-        if model.period > 0.0:
+        if model.is_cell:
+            wrap_cell(state.position, state.wall_position[0])
+        elif model.period > 0.0:
             wrap(state.position, state.image, model.period)
         return correction
 

@@ -21,7 +21,17 @@ from multicor_cli.engine.geometry.places import find_places, met_before, totals_
 from multicor_cli.engine.geometry.scene import Scene, known_geometry
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.model.columns import INVERSE_MASS, NORMAL, SPIN, SURFACE, X, Y
+from multicor_cli.model.columns import (
+    INVERSE_MASS,
+    NORMAL,
+    SPIN,
+    SURFACE,
+    XX,
+    XY,
+    YY,
+    X,
+    Y,
+)
 from multicor_cli.model.model import ContactLaws, Floats, Ints
 from multicor_cli.model.state import State
 
@@ -147,6 +157,10 @@ def attract(
             row = place[j]
             velocity[row, X] += velocity[row, INVERSE_MASS] * px
             velocity[row, Y] += velocity[row, INVERSE_MASS] * py
+            if scene.height > 0.0:
+                velocity[count, XX] -= wall_inverse[0, XX] * px * contact.lever_x
+                velocity[count, YY] -= wall_inverse[0, YY] * py * contact.lever_y
+                velocity[count, XY] -= wall_inverse[0, XY] * px * contact.lever_y
         else:
             wall = scene.wall[j - count]
             velocity[count + wall, X] += wall_inverse[wall, X] * px

@@ -40,6 +40,9 @@ from multicor_cli.model.columns import (
     SPIN,
     SURFACE,
     TANGENTIAL,
+    XX,
+    XY,
+    YY,
     X,
     Y,
 )
@@ -64,10 +67,8 @@ CONTACT = np.dtype(
                 ("u_t", "f8"),  # u_t⁻ [m/s]
                 ("p_n", "f8"),  # impulse [N s]; with adhesion q_n = p_n + F Δt
                 ("p_t", "f8"),
-                (
-                    "lever_x",
-                    "f8",
-                ),  # from a wall's reference point to the contact [m]
+                # From a wall's reference point to the contact [m]; of two grains in a cell ℓ
+                ("lever_x", "f8"),
                 ("lever_y", "f8"),
                 ("attraction", "f8"),  # F Δt of adhesion [N s]
                 ("mu_r", "f8"),  # rolling resistance μ_r
@@ -143,13 +144,30 @@ def relative_velocity(
 
 
 @formula
+def stretch_along(
+    velocity: Floats, count: int, lx: float, ly: float, nx: float, ny: float
+) -> tuple[float, float]:
+    """What the gradient of a cell adds to u_n and u_t of two of ``count`` grains [m/s].
+
+    The gradient is the velocity of the first wall; (lx, ly) is the branch vector [m].
+    """
+    sx = velocity[count, XX] * lx + velocity[count, XY] * ly
+    sy = velocity[count, YY] * ly
+    return sx * nx + sy * ny, sy * nx - sx * ny
+
+
+@formula
 def normal_velocity(
     scene: Scene, velocity: Floats, i: int, j: int, nx: float, ny: float, gap: float
 ) -> float:
     """u_n of a pair that is not a contact [m/s]."""
     count = scene.radius.size
     if j < count:
-        return relative_velocity(velocity, i, j, nx, ny, False, 0.0, 0.0)[0]
+        u_n = relative_velocity(velocity, i, j, nx, ny, False, 0.0, 0.0)[0]
+        if scene.height > 0.0:
+            length = scene.radius[i] + scene.radius[j] + gap
+            u_n += stretch_along(velocity, count, length * nx, length * ny, nx, ny)[0]
+        return u_n
     wall = scene.wall[j - count]
     lx, ly = _wall_lever(scene, i, wall, nx, ny, gap)
     return relative_velocity(velocity, i, count + wall, nx, ny, True, lx, ly)[0]
@@ -362,7 +380,7 @@ def scatter_impulses(contacts: Contacts, slot: Ints, impulse: Floats) -> None:
 @kernel
 def tabulate(
     grains: int, lane: Ints, frame: Floats, impulse: Floats, before: Floats, gap: Floats,
-    contacts: Contacts,
+    branch: Floats, contacts: Contacts,
 ) -> None:  # fmt: skip
     """Contacts of two grains from their lanes into the table, **modified**.
 
@@ -378,6 +396,8 @@ def tabulate(
         contact.p_n, contact.p_t = impulse[q, NORMAL, k], impulse[q, TANGENTIAL, k]
         contact.u_n, contact.u_t = before[q, NORMAL, k], before[q, TANGENTIAL, k]
         contact.gap = gap[q, k]
+        if branch.size:
+            contact.lever_x, contact.lever_y = branch[q, X, k], branch[q, Y, k]
 
 
 @kernel
@@ -398,7 +418,11 @@ def contact_after(c: int, scene: Scene, contacts: Contacts, after: Floats) -> tu
     i, j, nx, ny = contact.i, contact.j, contact.nx, contact.ny
     count = scene.radius.size
     if j < count:
-        return relative_velocity(after, i, j, nx, ny, False, 0.0, 0.0)
+        u_n, u_t = relative_velocity(after, i, j, nx, ny, False, 0.0, 0.0)
+        if scene.height > 0.0:
+            more_n, more_t = stretch_along(after, count, contact.lever_x, contact.lever_y, nx, ny)
+            u_n, u_t = u_n + more_n, u_t + more_t
+        return u_n, u_t
     body = count + scene.wall[j - count]
     return relative_velocity(after, i, body, nx, ny, True, contact.lever_x, contact.lever_y)
 

@@ -10,6 +10,7 @@ tie tiles together. Crowded grains (many contacts) come last, serially.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -98,8 +99,8 @@ def tiles_of(
 ) -> Ints:
     """Column and row of the tile of each grain, shape ``(n, 2)``.
 
-    Tiles of ``width`` and ``height`` [m] begin at a ``corner``; with a period ``columns`` are even
-    or 1.
+    Tiles of ``width`` and ``height`` [m] begin at a ``corner``; with a period ``columns`` (in a
+    cell ``rows`` too) are even or 1.
     """
     tile = np.empty((position.shape[0], 2), np.int32)
     for i in range(position.shape[0]):
@@ -354,6 +355,7 @@ class Schedule(NamedTuple):
         about: What lasts with a contact, rows as in `vector_step`, shape ``(q, 3, 4)``.
         before: u_n⁻, u_t⁻ [m/s], shape ``(q, 2, 4)``.
         gap: Gaps at q_m [m], shape ``(q, 4)``.
+        branch: Branch vectors at q_m in a cell [m], shape ``(q, 2, 4)``; else no batches.
     """
 
     slot: Ints
@@ -373,6 +375,7 @@ class Schedule(NamedTuple):
     about: Floats
     before: Floats
     gap: Floats
+    branch: Floats
 
 
 def lay_tiles(scene: Scene, i: Ints, j: Ints, mean_diameter: float) -> Ints:
@@ -383,7 +386,18 @@ def lay_tiles(scene: Scene, i: Ints, j: Ints, mean_diameter: float) -> Ints:
     columns, rows, corner, width, height = _grid(
         scene, max(TILE * mean_diameter, 2.2 * span_of(scene, i, j))
     )
-    return tiles_of(scene.position, corner, width, height, columns, rows)
+    return tiles_of(_upright(scene), corner, width, height, columns, rows)
+
+
+def _upright(scene: Scene) -> Floats:
+    """Positions, shape ``(n, 2)`` or more; in a cell wrapped, and where they were without tilt."""
+    if scene.height == 0.0:
+        return scene.position
+    x, y = scene.position[:, X], scene.position[:, Y]
+    up = np.floor(y / scene.height)
+    x, y = x - up * scene.tilt, y - up * scene.height
+    x = x - scene.tilt * (y / scene.height)
+    return np.column_stack([x - scene.period * np.floor(x / scene.period), y])
 
 
 def schedule_contacts(
@@ -404,11 +418,12 @@ def schedule_contacts(
     pair = aligned((slot.shape[0], 2, LANES), np.int32)
     fill_lanes(order, bodies, count, tile_start, slot, pair)
     batches, rows = slot.shape[0], count + 2 * (tile_start.size - 1)
-    velocity, start_velocity, middle, frame, impulse, about, before, gap = (
+    velocity, start_velocity, middle, frame, impulse, about, before, gap, branch = (
         _zeros(shape)
         for shape in (
             (rows, 4), (rows, 4), (rows, 4), (batches, 5, LANES), (batches, 2, LANES),
             (batches, ABOUT_ROWS, LANES), (batches, 2, LANES), (batches, LANES),
+            (batches if scene.height > 0.0 else 0, 2, LANES),
         )
     )  # fmt: skip
     middle[count + 1 :: 2, X] = 1.0  # the two bodies of empty lanes are apart
@@ -420,7 +435,7 @@ def schedule_contacts(
     walls = np.flatnonzero((j >= scene.radius.size) & (lane >= 0)).astype(np.int32)
     return Schedule(
         slot, pair, tile_start, color_start, general, walls, np.concatenate([walls, general]), lane,
-        place, velocity, start_velocity, middle, frame, impulse, about, before, gap,
+        place, velocity, start_velocity, middle, frame, impulse, about, before, gap, branch,
     )  # fmt: skip
 
 
@@ -436,11 +451,18 @@ def _grid(scene: Scene, width: float) -> tuple[int, int, Floats, float, float]:
     size = np.array([right - left, top - bottom])
     if scene.period > 0.0:
         low[X], size[X] = 0.0, scene.period
+    if scene.height > 0.0:
+        low[Y], size[Y] = 0.0, scene.height
     limit = max(4, scene.radius.size)  # grains that fly far away must not make the grid large
     rows = min(max(1, int(size[Y] / width)), limit)
     columns = min(max(1, int(size[X] / width)), limit)
+    if scene.height > 0.0:  # tiles lean, and are narrower across than along
+        slope = scene.tilt / scene.height
+        columns = max(1, int(size[X] / (width * math.sqrt(1.0 + slope * slope))))
     while rows * columns > limit:
         rows, columns = max(1, rows // 2), max(1, columns // 2)
     if scene.period > 0.0 and columns > 1:
         columns -= columns % 2
+    if scene.height > 0.0 and rows > 1:
+        rows -= rows % 2
     return columns, rows, low, max(size[X], width) / columns, max(size[Y], width) / rows

@@ -28,6 +28,7 @@ from multicor_cli.engine.contact.sweep import (
     couple_square,
     couple_velocity,
     general_velocity,
+    pull_gradient,
     push_couple,
     push_general,
     push_lane,
@@ -52,6 +53,8 @@ from multicor_cli.model.columns import (
     SECOND,
     SPIN,
     TANGENTIAL,
+    XX,
+    YY,
     X,
     Y,
 )
@@ -210,7 +213,7 @@ def _measure(s: System) -> tuple[NDArray[np.bool_], Floats]:
     for k in range(active.size):
         if k < lanes:
             square[k], _, _, active[k] = measure_lane(
-                np.uint64(k), velocity, pair, frame, impulse, s.spin_factor
+                np.uint64(k), velocity, pair, frame, impulse, s.spin_factor, s.cell
             )
         else:
             square[k], _, _, active[k] = measure_general(k - lanes, s)
@@ -292,6 +295,7 @@ class _Patch(NamedTuple):
         owner: Contact of the patch to which a row belongs.
         body: Rows of the bodies of each contact, shape ``(k, 2)``.
         normal: n_x, n_y, shape ``(k, 2)``.
+        branch: Branch vectors in a cell [m], else 0, shape ``(k, 2)``.
         lever: What the third velocities of both bodies add to a row, shape ``(k + f, 2)``.
         friction: μ, or μ_r, of each row with friction, shape ``(f,)``.
         impulse: p_n, p_t, p_r [N s].
@@ -303,6 +307,7 @@ class _Patch(NamedTuple):
     owner: NDArray[np.int64]
     body: NDArray[np.int64]
     normal: Floats
+    branch: Floats
     lever: Floats
     friction: Floats
     impulse: Floats
@@ -326,7 +331,7 @@ def _gather(contact: NDArray[np.int64], s: System) -> _Patch:
     rows = count + with_friction
     patch = _Patch(
         contact, couple, np.empty(rows, np.int64), np.empty((count, 2), np.int64),
-        np.empty((count, 2)), np.empty((rows, 2)),
+        np.empty((count, 2)), np.zeros((count, 2)), np.empty((rows, 2)),
         np.empty(with_friction), np.empty(rows), np.empty(rows),
     )  # fmt: skip
     for k in range(count):
@@ -337,7 +342,10 @@ def _gather(contact: NDArray[np.int64], s: System) -> _Patch:
         if c < lanes:
             lane = np.uint64(c)
             f, p = frame_place(lane), impulse_place(lane)
-            u_n, u_t = lane_velocity(lane, velocity, pair, frame)
+            u_n, u_t = lane_velocity(lane, velocity, pair, frame, s.cell)
+            if s.cell.branch.size:
+                for d in range(2):
+                    patch.branch[k, d] = s.cell.branch[c // 4, d, c % 4]
             patch.normal[k, X], patch.normal[k, Y], patch.friction[k] = (
                 frame[f],
                 frame[f + NY_],
@@ -400,6 +408,15 @@ def _row(row: int, side: int, d: int, patch: _Patch) -> float:
     return sign * (patch.normal[row - count, X] if d == Y else -patch.normal[row - count, Y])
 
 
+@loop_body
+def _pulled(row: int, d: int, patch: _Patch) -> float:
+    """What component ``d`` of the gradient of a cell adds to the velocity of a row."""
+    if row >= 2 * patch.contact.size:
+        return 0.0
+    contact = patch.owner[row]
+    return _row(row, FIRST, Y if d == YY else X, patch) * patch.branch[contact, X if d == XX else Y]
+
+
 @kernel
 def _delassus(patch: _Patch, s: System) -> Floats:
     """W [1/kg], shape ``(k + f, k + f)``."""
@@ -416,6 +433,9 @@ def _delassus(patch: _Patch, s: System) -> Floats:
                             matrix[row, column] += (
                                 _row(row, side, d, patch) * m * _row(column, other, d, patch)
                             )
+            for d in range(3 if s.cell.branch.size else 0):
+                m = s.inverse[s.cell.row, d]
+                matrix[row, column] += _pulled(row, d, patch) * m * _pulled(column, d, patch)
     return matrix
 
 
@@ -495,6 +515,12 @@ def solve_patch(s: System, contact: NDArray[np.int64]) -> bool:
             p = impulse_place(np.uint64(c))
             impulse[p], impulse[p + TANGENTIAL_] = p_n, p_t
             push_lane(np.uint64(c), d_n, d_t, velocity, pair, frame, s.spin_factor)
+            if s.cell.branch.size:
+                nx, ny, lx, ly = (
+                    patch.normal[k, X], patch.normal[k, Y], patch.branch[k, X], patch.branch[k, Y],
+                )  # fmt: skip
+                px, py = d_n * nx - d_t * ny, d_n * ny + d_t * nx
+                pull_gradient(s, px * lx, py * ly, px * ly)
         else:
             g = c - lanes
             s.general_impulse[g, NORMAL], s.general_impulse[g, TANGENTIAL] = p_n, p_t

@@ -6,11 +6,13 @@ import numpy as np
 
 from multicor_cli.engine.contact.law import solve_exact
 from multicor_cli.engine.contact.sweep import (
+    CellTerms,
     System,
     correction,
     general_solution,
     general_velocity,
     measure_couples,
+    stretch_of,
 )
 from multicor_cli.engine.contact.vector_sweep import (
     BIAS_,
@@ -24,13 +26,14 @@ from multicor_cli.engine.contact.vector_sweep import (
     frame_place,
     impulse_place,
     measure_batches,
+    measure_stretched_batches,
     pair_place,
 )
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, loop_body, prange, threaded_loop
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES
-from multicor_cli.model.columns import NORMAL, TANGENTIAL
+from multicor_cli.model.columns import NORMAL, TANGENTIAL, XX, XY, YY
 from multicor_cli.model.model import Floats, Ints
 
 _SQUARES, _NORMAL, _TANGENTIAL, _LARGEST, _ACTIVE = range(5)
@@ -39,23 +42,29 @@ _BATCHES = CHUNK // LANES  # of a chunk
 
 @formula
 def lane_velocity(
-    lane: np.uint64, velocity: Floats, pair: Ints, frame: Floats
+    lane: np.uint64, velocity: Floats, pair: Ints, frame: Floats, cell: CellTerms
 ) -> tuple[float, float]:
     """u_n + b and u_t of a diagonal contact [m/s]; arrays as in `relax_lane`."""
     q, f = pair_place(lane), frame_place(lane)
     i, j = np.uint64(pair[q]), np.uint64(pair[q + SECOND_])
     nx, ny = frame[f], frame[f + NY_]
     dx, dy = velocity[i] - velocity[j], velocity[i + Y_] - velocity[j + Y_]
+    if cell.branch.size:
+        row = 4 * cell.row
+        xx, yy, xy = velocity[row + XX], velocity[row + YY], velocity[row + XY]
+        sx, sy = stretch_of(cell.branch.reshape(-1), lane, xx, yy, xy)
+        dx, dy = dx + sx, dy + sy
     u_n = dx * nx + dy * ny + frame[f + BIAS_]
     return u_n, dy * nx - dx * ny - (velocity[i + SURFACE_] + velocity[j + SURFACE_])
 
 
 @formula
 def measure_lane(
-    lane: np.uint64, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float
-) -> tuple[float, float, float, bool]:
+    lane: np.uint64, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float,
+    cell: CellTerms,
+) -> tuple[float, float, float, bool]:  # fmt: skip
     """Square of e_c, p_n e_n and p_t e_t [J], whether p_n > 0 or e_c > 0; as `relax_lane`."""
-    u_n, u_t = lane_velocity(lane, velocity, pair, frame)
+    u_n, u_t = lane_velocity(lane, velocity, pair, frame, cell)
     f, p = frame_place(lane), impulse_place(lane)
     w_inverse, mu = frame[f + MASS_], frame[f + MU_]
     p_n, p_t = impulse[p], impulse[p + TANGENTIAL_]
@@ -68,8 +77,9 @@ def measure_lane(
 
 @loop_body
 def measure_scalar(
-    first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float
-) -> tuple[float, float, float, float, float]:
+    first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
+    beta: float, cell: CellTerms,
+) -> tuple[float, float, float, float, float]:  # fmt: skip
     """Residuals of the diagonal contacts of batches ``first … last-1``; arrays as `measure_lane`.
 
     Returns the sums of e_c² and of both powers, the largest e_c², and the number of contacts with
@@ -81,7 +91,7 @@ def measure_scalar(
         for batch in range(first, last):
             lane = np.uint64(LANES * batch + column)
             square, of_normal, of_tangential, is_active = measure_lane(
-                lane, velocity, pair, frame, impulse, beta
+                lane, velocity, pair, frame, impulse, beta, cell
             )
             lane_squares += square
             lane_normal += of_normal
@@ -94,7 +104,21 @@ def measure_scalar(
     return squares, normal, tangential, largest, active
 
 
-_measure = measure_batches if HAS_VECTORS else measure_scalar
+@loop_body
+def _measure_vectors(
+    first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
+    beta: float, cell: CellTerms,
+) -> tuple[float, float, float, float, float]:  # fmt: skip
+    if cell.branch.size:
+        row = 4 * cell.row
+        return measure_stretched_batches(
+            first, last, velocity, pair, frame, impulse, beta, cell.branch.reshape(-1),
+            velocity[row + XX], velocity[row + YY], velocity[row + XY],
+        )  # fmt: skip
+    return measure_batches(first, last, velocity, pair, frame, impulse, beta)
+
+
+_measure = _measure_vectors if HAS_VECTORS else measure_scalar
 
 
 @loop_body
@@ -106,11 +130,12 @@ def _measure_chunk(
     frame: Floats,
     impulse: Floats,
     beta: float,
+    cell: CellTerms,
     partial: Floats,
 ) -> None:
     last = min(batches, (chunk + 1) * _BATCHES)
     squares, normal, tangential, largest, active = _measure(
-        chunk * _BATCHES, last, velocity, pair, frame, impulse, beta
+        chunk * _BATCHES, last, velocity, pair, frame, impulse, beta, cell
     )
     partial[chunk, _SQUARES], partial[chunk, _NORMAL], partial[chunk, _TANGENTIAL] = (
         squares,
@@ -128,10 +153,11 @@ def _measure_chunks(
     frame: Floats,
     impulse: Floats,
     beta: float,
+    cell: CellTerms,
     partial: Floats,
 ) -> None:
     for chunk in prange(partial.shape[0]):
-        _measure_chunk(chunk, batches, velocity, pair, frame, impulse, beta, partial)
+        _measure_chunk(chunk, batches, velocity, pair, frame, impulse, beta, cell, partial)
 
 
 @loop_body
@@ -166,10 +192,12 @@ def measure_residual(s: System, parallel: bool) -> tuple[float, float, float, fl
     batches = s.slot.shape[0]
     partial = np.empty((-(-batches // _BATCHES), 5))
     if parallel:
-        _measure_chunks(batches, velocity, pair, frame, impulse, s.spin_factor, partial)
+        _measure_chunks(batches, velocity, pair, frame, impulse, s.spin_factor, s.cell, partial)
     else:
         for chunk in range(partial.shape[0]):
-            _measure_chunk(chunk, batches, velocity, pair, frame, impulse, s.spin_factor, partial)
+            _measure_chunk(
+                chunk, batches, velocity, pair, frame, impulse, s.spin_factor, s.cell, partial
+            )
     squares, energy, largest, active = 0.0, 0.0, 0.0, 0.0
     for chunk in range(partial.shape[0]):
         squares += partial[chunk, _SQUARES]

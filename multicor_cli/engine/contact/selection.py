@@ -198,7 +198,7 @@ class Selection:
         """Take all pairs with a gap up to ``margin`` [m], or to `SKIN`."""
         pairs, diameter = self._pairs, self._model.mean_diameter
         margin = max(margin, SKIN * diameter)
-        pairs.update(scene.position, scene.world, margin)
+        pairs.update(scene, margin)
         i, j = pairs_up_to(scene, pairs.row, pairs.partner, margin)
         self._set(i, j, lay_tiles(scene, i, j, diameter))
 

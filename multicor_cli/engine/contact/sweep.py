@@ -24,6 +24,7 @@ from multicor_cli.engine.contact.law import (
 )
 from multicor_cli.engine.contact.vector_sweep import (
     BIAS_,
+    BRANCH_Y_,
     INVERSE_MASS_,
     MASS_,
     MU_,
@@ -32,11 +33,14 @@ from multicor_cli.engine.contact.vector_sweep import (
     SURFACE_,
     TANGENTIAL_,
     Y_,
+    branch_place,
     frame_place,
     impulse_place,
     pair_place,
+    pull_batches,
     push_batches,
     relax_batches,
+    relax_stretched_batches,
 )
 from multicor_cli.engine.jit.compile import kernel, loop_body, prange, threaded_loop
 from multicor_cli.engine.jit.formulas import formula
@@ -56,6 +60,9 @@ from multicor_cli.model.columns import (
     W_NN,
     W_NT,
     W_TT,
+    XX,
+    XY,
+    YY,
     X,
     Y,
 )
@@ -299,6 +306,26 @@ class Relaxation(NamedTuple):
     extrapolation: float
 
 
+class CellTerms(NamedTuple):
+    """The velocity gradient of a cell in a `System`: the last body that has inverse masses.
+
+    All contacts share it: u = c_i − c_j + L ℓ, and an impulse p changes L by p ⊗ ℓ over its inertia
+    (theory §2.4). Its row of the velocities is L_xx, L_yy, L_xy, 0 [1/s].
+
+    Attributes:
+        branch: ℓ of the contacts [m], shape ``(q, 2, 4)``; no batches where there is no cell.
+        row: Row of the gradient.
+        pull: Work space, shape ``(tiles, 3)``.
+    """
+
+    branch: Floats
+    row: int
+    pull: Floats
+
+
+NO_CELL = CellTerms(np.empty((0, 2, LANES)), 0, np.empty((0, 3)))
+
+
 class System(NamedTuple):
     """A contact problem in the order of the sweep.
 
@@ -325,6 +352,7 @@ class System(NamedTuple):
         spin_factor: β = m a²/I of the diagonal contacts.
         contacts: Number of contacts of both kinds.
         couples: Couples of rolling resistance.
+        cell: What a cell that is periodic in both directions adds.
     """
 
     velocity: Floats
@@ -342,6 +370,7 @@ class System(NamedTuple):
     spin_factor: float
     contacts: int
     couples: Couples = NO_COUPLES
+    cell: CellTerms = NO_CELL
 
 
 class Before(NamedTuple):
@@ -358,7 +387,22 @@ def relax_lane(
     beta: float, local: int,
     way: Relaxation,
 ) -> float:  # fmt: skip
-    """Relax a lane, its velocities read once; returns the square of its correction [m²/s²]."""
+    """Relax a lane; returns the square of its correction [m²/s²]."""
+    # −0: adding it changes no bit
+    return relax_moving_lane(
+        lane, velocity, pair, frame, impulse, before, beta, local, way, -0.0, -0.0
+    )[0]
+
+
+@formula
+def relax_moving_lane(
+    lane: np.uint64, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, before: Floats,
+    beta: float, local: int, way: Relaxation, more_x: float, more_y: float,
+) -> tuple[float, float, float]:  # fmt: skip
+    """As `relax_lane` where something else adds to the velocity between the bodies [m/s].
+
+    Velocities are read once. Also returns the change of the impulse in x and y [N s].
+    """
     q, f, p = pair_place(lane), frame_place(lane), impulse_place(lane)
     i, j = np.uint64(pair[q]), np.uint64(pair[q + SECOND_])
     nx, ny, w_inverse, mu = frame[f], frame[f + NY_], frame[f + MASS_], frame[f + MU_]
@@ -374,7 +418,7 @@ def relax_lane(
         velocity[j + SURFACE_],
         velocity[j + INVERSE_MASS_],
     )
-    dx, dy = xi - xj, yi - yj
+    dx, dy = xi - xj + more_x, yi - yj + more_y
     u_n = dx * nx + dy * ny + frame[f + BIAS_]
     u_t = dy * nx - dx * ny - (si + sj)
     now_n, now_t = impulse[p], impulse[p + TANGENTIAL_]
@@ -404,7 +448,7 @@ def relax_lane(
     )
     w = mi + mj
     c_n, c_t = w * d_n, w * (1.0 + beta) * d_t
-    return c_n * c_n + c_t * c_t
+    return c_n * c_n + c_t * c_t, px, py
 
 
 @loop_body
@@ -443,6 +487,129 @@ def _relax_exact_scalar(
 _relax_exact = relax_batches if HAS_VECTORS else _relax_exact_scalar
 
 
+@formula
+def stretch_of(
+    branch: Floats, lane: np.uint64, xx: float, yy: float, xy: float
+) -> tuple[float, float]:
+    """L ℓ of a contact [m/s]; ``branch`` flat."""
+    b = branch_place(lane)
+    lx, ly = branch[b], branch[b + BRANCH_Y_]
+    return xx * lx + xy * ly, yy * ly
+
+
+@formula
+def _relax_and_pull(
+    lane: np.uint64, sums: tuple[float, float, float, float], velocity: Floats, pair: Ints,
+    frame: Floats, impulse: Floats, before: Floats, beta: float, local: int, way: Relaxation,
+    branch: Floats, xx: float, yy: float, xy: float,
+) -> tuple[float, float, float, float]:  # fmt: skip
+    """Relax a lane; returns ``sums`` with its square, and its p ⊗ ℓ, added."""
+    sx, sy = stretch_of(branch, lane, xx, yy, xy)
+    square, px, py = relax_moving_lane(
+        lane, velocity, pair, frame, impulse, before, beta, local, way, sx, sy
+    )
+    b = branch_place(lane)
+    lx, ly = branch[b], branch[b + BRANCH_Y_]
+    return sums[0] + square, sums[1] + px * lx, sums[2] + py * ly, sums[3] + px * ly
+
+
+@loop_body
+def relax_stretched_scalar(
+    first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
+    before: Floats, beta: float, local: int, way: Relaxation,
+    branch: Floats, xx: float, yy: float, xy: float,
+) -> tuple[float, float, float, float]:  # fmt: skip
+    """As `relax_scalar` in a cell with the gradient L, which stays as it is.
+
+    Also returns the sums of p ⊗ ℓ over the changes of impulses: xx, yy, xy [N s m].
+    """
+    a = b = c = d = (0.0, 0.0, 0.0, 0.0)
+    one, two, three = np.uint64(1), np.uint64(2), np.uint64(3)
+    for batch in range(first, last):
+        k = np.uint64(LANES * batch)
+        a = _relax_and_pull(
+            k, a, velocity, pair, frame, impulse, before, beta, local, way, branch, xx, yy, xy
+        )
+        b = _relax_and_pull(
+            k + one, b, velocity, pair, frame, impulse, before, beta, local, way, branch, xx, yy, xy
+        )
+        c = _relax_and_pull(
+            k + two, c, velocity, pair, frame, impulse, before, beta, local, way, branch, xx, yy, xy
+        )
+        d = _relax_and_pull(
+            k + three, d, velocity, pair, frame, impulse, before, beta, local, way, branch, xx, yy,
+            xy,
+        )  # fmt: skip
+    return (
+        a[0] + b[0] + c[0] + d[0], a[1] + b[1] + c[1] + d[1], a[2] + b[2] + c[2] + d[2],
+        a[3] + b[3] + c[3] + d[3],
+    )  # fmt: skip
+
+
+@loop_body
+def _relax_exact_stretched_scalar(
+    first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
+    before: Floats, beta: float, normal: float, tangential: float, extrapolation: float,
+    branch: Floats, xx: float, yy: float, xy: float,
+) -> tuple[float, float, float, float]:  # fmt: skip
+    way = Relaxation(normal, tangential, extrapolation)
+    return relax_stretched_scalar(
+        first, last, velocity, pair, frame, impulse, before, beta, EXACT, way, branch, xx, yy, xy
+    )
+
+
+_relax_exact_stretched = relax_stretched_batches if HAS_VECTORS else _relax_exact_stretched_scalar
+
+
+PULLED = 32
+"""Batches after which a tile moves its own gradient on."""
+
+
+@loop_body
+def _relax_stretched(
+    t: int, first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
+    before: Floats, beta: float, local: int, way: Relaxation, branch: Floats, gradient: Floats,
+    inverse: Floats, pull: Floats,
+) -> float:  # fmt: skip
+    """Relax a tile of a cell, the gradient as it was before its color and by its own impulses.
+
+    ``gradient`` and ``inverse`` are its row of the velocities and its inverse masses.
+    """
+    squares = 0.0
+    xx, yy, xy = gradient[XX], gradient[YY], gradient[XY]
+    pull[t, XX], pull[t, YY], pull[t, XY] = 0.0, 0.0, 0.0
+    while first < last:
+        # A loop takes two batches at least
+        end = first + PULLED if last - first >= 2 * PULLED else last
+        if local == EXACT:
+            square, of_xx, of_yy, of_xy = _relax_exact_stretched(
+                first, end, velocity, pair, frame, impulse, before, beta, way.normal,
+                way.tangential, way.extrapolation, branch, xx, yy, xy,
+            )  # fmt: skip
+        else:
+            square, of_xx, of_yy, of_xy = relax_stretched_scalar(
+                first, end, velocity, pair, frame, impulse, before, beta, local, way, branch, xx,
+                yy, xy,
+            )  # fmt: skip
+        squares += square
+        pull[t, XX] += of_xx
+        pull[t, YY] += of_yy
+        pull[t, XY] += of_xy
+        xx += inverse[XX] * of_xx
+        yy += inverse[YY] * of_yy
+        xy += inverse[XY] * of_xy
+        first = end
+    return squares
+
+
+@loop_body
+def _pull_cell(first: int, last: int, gradient: Floats, inverse: Floats, pull: Floats) -> None:
+    """Move the gradient on by what tiles ``first … last-1`` have done to it."""
+    for t in range(first, last):
+        for d in range(3):
+            gradient[d] += inverse[d] * pull[t, d]
+
+
 @loop_body
 def _relax_range(
     first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
@@ -460,23 +627,42 @@ def _relax_range(
 @threaded_loop
 def _relax_tiles_on_threads(
     color_start: NDArray[np.int64], tile_start: NDArray[np.int64], velocity: Floats, pair: Ints,
-    frame: Floats, impulse: Floats,
-    before: Floats, beta: float, local: int, way: Relaxation, partial: Floats,
+    frame: Floats, impulse: Floats, before: Floats, beta: float, local: int, way: Relaxation,
+    partial: Floats, branch: Floats, gradient: Floats, inverse: Floats, pull: Floats,
 ) -> None:  # fmt: skip
     for color in range(color_start.size - 1):
         for t in prange(color_start[color], color_start[color + 1]):
-            partial[t] = _relax_range(
-                tile_start[t],
-                tile_start[t + 1],
-                velocity,
-                pair,
-                frame,
-                impulse,
-                before,
-                beta,
-                local,
-                way,
-            )
+            if branch.size:
+                partial[t] = _relax_stretched(
+                    t, tile_start[t], tile_start[t + 1], velocity, pair, frame, impulse, before,
+                    beta, local, way, branch, gradient, inverse, pull,
+                )  # fmt: skip
+            else:
+                partial[t] = _relax_range(
+                    tile_start[t], tile_start[t + 1], velocity, pair, frame, impulse, before, beta,
+                    local, way,
+                )  # fmt: skip
+        if branch.size:
+            _pull_cell(color_start[color], color_start[color + 1], gradient, inverse, pull)
+
+
+@loop_body
+def _relax_cell(
+    first: int, color_start: NDArray[np.int64], tile_start: NDArray[np.int64], velocity: Floats,
+    pair: Ints, frame: Floats, impulse: Floats, before: Floats, beta: float, local: int,
+    way: Relaxation, partial: Floats, branch: Floats, gradient: Floats, inverse: Floats,
+    pull: Floats,
+) -> None:  # fmt: skip
+    """Relax the colors of a cell from ``first`` on, and the tile after the last, one by one."""
+    for color in range(first, color_start.size):
+        begin = color_start[color]
+        end = color_start[color + 1] if color + 1 < color_start.size else tile_start.size - 1
+        for t in range(begin, end):
+            partial[t] = _relax_stretched(
+                t, tile_start[t], tile_start[t + 1], velocity, pair, frame, impulse, before, beta,
+                local, way, branch, gradient, inverse, pull,
+            )  # fmt: skip
+        _pull_cell(begin, end, gradient, inverse, pull)
 
 
 @kernel
@@ -497,12 +683,21 @@ def sweep(
         s.impulse.reshape(-1),
     )
     last, start, beta = before.impulse.reshape(-1), s.tile_start, s.spin_factor
+    branch = s.cell.branch.reshape(-1)
+    gradient, inverse = s.velocity[s.cell.row], s.inverse[s.cell.row]
     first = 0
     if parallel:
         _relax_tiles_on_threads(
-            s.color_start, start, velocity, pair, frame, impulse, last, beta, local, way, partial
-        )
+            s.color_start, start, velocity, pair, frame, impulse, last, beta, local, way, partial,
+            branch, gradient, inverse, s.cell.pull,
+        )  # fmt: skip
         first = s.color_start[-1]
+    if branch.size:
+        _relax_cell(
+            s.color_start.size - 1 if parallel else 0, s.color_start, start, velocity, pair, frame,
+            impulse, last, beta, local, way, partial, branch, gradient, inverse, s.cell.pull,
+        )  # fmt: skip
+        first = start.size - 1
     for t in range(first, start.size - 1):
         partial[t] = _relax_range(
             start[t], start[t + 1], velocity, pair, frame, impulse, last, beta, local, way
@@ -564,9 +759,49 @@ def push_scalar(
 _push = push_batches if HAS_VECTORS else push_scalar
 
 
+@loop_body
+def pull_scalar(
+    first: int, last: int, frame: Floats, impulse: Floats, branch: Floats
+) -> tuple[float, float, float]:
+    """Σ p ⊗ ℓ of the contacts of batches ``first … last-1``: xx, yy, xy [N s m], lane by lane."""
+    xx, yy, xy = 0.0, 0.0, 0.0
+    for column in range(LANES):
+        own_xx, own_yy, own_xy = 0.0, 0.0, 0.0
+        for batch in range(first, last):
+            lane = np.uint64(LANES * batch + column)
+            f, p, b = frame_place(lane), impulse_place(lane), branch_place(lane)
+            nx, ny, p_n, p_t = frame[f], frame[f + NY_], impulse[p], impulse[p + TANGENTIAL_]
+            px, py = p_n * nx - p_t * ny, p_n * ny + p_t * nx
+            own_xx += px * branch[b]
+            own_yy += py * branch[b + BRANCH_Y_]
+            own_xy += px * branch[b + BRANCH_Y_]
+        xx += own_xx
+        yy += own_yy
+        xy += own_xy
+    return xx, yy, xy
+
+
+_pull = pull_batches if HAS_VECTORS else pull_scalar
+
+
+@formula
+def pull_gradient(s: System, xx: float, yy: float, xy: float) -> None:
+    """Change the gradient of a cell by impulses with this Σ p ⊗ ℓ [N s m]."""
+    row = s.cell.row
+    s.velocity[row, XX] += s.inverse[row, XX] * xx
+    s.velocity[row, YY] += s.inverse[row, YY] * yy
+    s.velocity[row, XY] += s.inverse[row, XY] * xy
+
+
 @kernel
 def add_impulses(s: System) -> None:
     """Free velocities become v_free + M⁻¹ H p, in the order of the sweep."""
+    if s.cell.branch.size:
+        xx, yy, xy = _pull(
+            0, s.slot.shape[0], s.frame.reshape(-1), s.impulse.reshape(-1),
+            s.cell.branch.reshape(-1),
+        )  # fmt: skip
+        pull_gradient(s, xx, yy, xy)
     _push(
         0, s.slot.shape[0], s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1),
         s.impulse.reshape(-1), s.spin_factor,

@@ -17,7 +17,13 @@ from multicor_cli.engine.contact.contacts import (
     pack_couples,
 )
 from multicor_cli.engine.contact.ordering import Schedule, make_batches
-from multicor_cli.engine.contact.sweep import NO_COUPLES, System, add_impulses
+from multicor_cli.engine.contact.sweep import (
+    NO_CELL,
+    NO_COUPLES,
+    CellTerms,
+    System,
+    add_impulses,
+)
 from multicor_cli.engine.contact.vector_step import begin_lanes
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.chunks import CHUNK, aligned
@@ -162,12 +168,15 @@ _BATCHES = CHUNK // LANES
 @parallel_kernel
 def begin_grains(
     middle: Floats, start: Floats, pair: Ints, about: Floats, frame: Floats, impulse: Floats,
-    before: Floats, gap: Floats, dt: float, period: float, ratio: float,
+    before: Floats, gap: Floats, branch: Floats, dt: float, ratio: float, period: float,
+    height: float, tilt: float, xx: float, yy: float, xy: float,
 ) -> Speeds:  # fmt: skip
     """Everything of the contacts of two grains but friction that varies, adhesion and rolling.
 
     Arrays of `Schedule`; ``ratio`` is that of this time step to the last, by which impulses change.
-    **Modifies** ``frame``, ``impulse``, ``before`` and ``gap``.
+    ``period``, ``height`` and ``tilt`` are those of a `Scene`, and (xx, yy, xy) the gradient at the
+    start of the step, where it is a cell. **Modifies** ``frame``, ``impulse``, ``before``, ``gap``
+    and ``branch``.
     """
     batches, half = pair.shape[0], 0.5 * period if period > 0.0 else np.inf
     sums = np.zeros(((batches + _BATCHES - 1) // _BATCHES, 6))
@@ -179,7 +188,7 @@ def begin_grains(
         ) = begin_lanes(
             chunk * _BATCHES, last, middle.reshape(-1), start.reshape(-1), pair.reshape(-1),
             about.reshape(-1), frame.reshape(-1), impulse.reshape(-1), before.reshape(-1),
-            gap.reshape(-1), dt, period, half, ratio,
+            gap.reshape(-1), dt, period, half, ratio, branch.reshape(-1), height, tilt, xx, yy, xy,
         )  # fmt: skip
     total = np.zeros(6)
     for chunk in range(sums.shape[0]):
@@ -385,6 +394,9 @@ def assemble(
         pack_couples(scene, contacts, belt, slot, general, place, inverse)
         if has_couples
         else NO_COUPLES,
+        CellTerms(schedule.branch, place.size, np.empty((schedule.tile_start.size - 1, 3)))
+        if scene.height > 0.0
+        else NO_CELL,
     )  # fmt: skip
     add_impulses(system)
     return OrderedSystem(system, schedule, belt)

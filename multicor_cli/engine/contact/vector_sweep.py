@@ -25,23 +25,25 @@ from multicor_cli.model.columns import (
     SECOND,
     SURFACE,
     TANGENTIAL,
+    X,
     Y,
 )
 
 # ---- Where the numbers of a contact lie in the flat arrays of the sweep: blocks of rows of four, a
 #      lane for each contact of a batch. Offsets are unsigned: no negative index to be wrapped.
 
-PAIR_ROWS, FRAME_ROWS, IMPULSE_ROWS = 2, 5, 2
+PAIR_ROWS, FRAME_ROWS, IMPULSE_ROWS, BRANCH_ROWS = 2, 5, 2, 2
 """Rows of the blocks."""
 
 _LANES, _SHIFT, _MASK = np.uint64(LANES), np.uint64(2), np.uint64(LANES - 1)
-_PAIR, _FRAME, _IMPULSE = (
-    np.uint64(LANES * rows) for rows in (PAIR_ROWS, FRAME_ROWS, IMPULSE_ROWS)
+_PAIR, _FRAME, _IMPULSE, _BRANCH = (
+    np.uint64(LANES * rows) for rows in (PAIR_ROWS, FRAME_ROWS, IMPULSE_ROWS, BRANCH_ROWS)
 )
 
 Y_, SURFACE_, INVERSE_MASS_ = np.uint64(Y), np.uint64(SURFACE), np.uint64(INVERSE_MASS)
 NY_, MASS_, BIAS_, MU_ = (np.uint64(LANES * column) for column in (NY, MASS, BIAS, MU))
 SECOND_, TANGENTIAL_ = np.uint64(LANES * SECOND), np.uint64(LANES * TANGENTIAL)
+BRANCH_Y_ = np.uint64(LANES * Y)
 """From the first row of a block, or the first element of a body, to another."""
 
 
@@ -61,6 +63,12 @@ def frame_place(lane: np.uint64) -> np.uint64:
 def impulse_place(lane: np.uint64) -> np.uint64:
     """Place of p_n of a contact among the impulses."""
     return _IMPULSE * (lane >> _SHIFT) + (lane & _MASK)
+
+
+@formula
+def branch_place(lane: np.uint64) -> np.uint64:
+    """Place of ℓ_x of a contact among the branch vectors of a cell."""
+    return _BRANCH * (lane >> _SHIFT) + (lane & _MASK)
 
 
 @formula
@@ -94,6 +102,36 @@ def bodies_of(code: Writer, pair: _Value, batch: _Value) -> list[list[_Value]]:
     return [code.indices(pair, code.offset(start, LANES * side)) for side in (FIRST, SECOND)]
 
 
+class Stretch:
+    """What the velocity gradient of a cell adds to velocities between bodies (theory §2.4).
+
+    ``branch`` are the branch vectors ℓ of the contacts, blocks of two rows; ``gradient`` is L: its
+    components xx, yy and xy [1/s], numbers that hold for the whole loop.
+    """
+
+    def __init__(self, code: Writer, branch: _Value, gradient: Sequence[_Value]) -> None:
+        self._code, self._branch = code, branch
+        self._xx, self._yy, self._xy = (code.spread(value) for value in gradient)
+
+    def branches(self, batch: _Value) -> list[Vector]:
+        """ℓ of the contacts of a batch."""
+        return self._code.block(self._branch, batch, BRANCH_ROWS, X, Y)
+
+    def of(self, lx: Vector, ly: Vector) -> tuple[Vector, Vector]:
+        """L ℓ."""
+        return self._xx * lx + self._xy * ly, self._yy * ly
+
+    def add(self, batch: _Value, dx: Vector, dy: Vector) -> tuple[Vector, Vector]:
+        """Velocities between the bodies of a batch with the gradient."""
+        sx, sy = self.of(*self.branches(batch))
+        return dx + sx, dy + sy
+
+
+def _pull(px: Vector, py: Vector, lx: Vector, ly: Vector) -> list[Vector]:
+    """Components of p ⊗ ℓ: what impulses do to a gradient, times its inertia."""
+    return [px * lx, py * ly, px * ly]
+
+
 def _apply(
     code: Writer, velocity: _Value, bodies: Sequence[Sequence[_Value]], px: Vector, py: Vector,
     spin: Vector,
@@ -111,9 +149,10 @@ class _Sweep:
     """Three stages: gather the velocities of a batch, solve its contacts, apply the changes."""
 
     def __init__(
-        self, code: Writer, arrays: Sequence[_Value], beta: _Value, way: Sequence[_Value]
-    ) -> None:
-        self.code = code
+        self, code: Writer, arrays: Sequence[_Value], beta: _Value, way: Sequence[_Value],
+        stretch: Stretch | None = None,
+    ) -> None:  # fmt: skip
+        self.code, self.stretch = code, stretch
         self.velocity, self.pair, self.frame, self.impulse, self.before = arrays
         normal, tangential, extrapolation = way
         one, spin = code.number(1.0), code.spread(beta)
@@ -124,12 +163,15 @@ class _Sweep:
         )
         self.extrapolation = code.spread(extrapolation)
         self.squares = code.keep([code.number(0.0)])
+        self.pull = code.keep([code.number(0.0)] * 3)
 
     def gather(self, batch: _Value) -> list[Vector]:
         """u_n + b, u_t and W_nn of the contacts."""
         dx, dy, spins, w = _between(
             self.code, self.velocity, *bodies_of(self.code, self.pair, batch)
         )
+        if self.stretch:
+            dx, dy = self.stretch.add(batch, dx, dy)
         nx, ny, bias = self.code.block(self.frame, batch, FRAME_ROWS, NX, NY, BIAS)
         return [dx * nx + dy * ny + bias, dy * nx - dx * ny - spins, w]
 
@@ -145,7 +187,11 @@ class _Sweep:
         c_n, c_t = w * d_n, w * self.one_plus_beta * d_t
         (squares,) = self.squares.get()
         self.squares.put([squares + (c_n * c_n + c_t * c_t)])
-        return [d_n * nx - d_t * ny, d_n * ny + d_t * nx, -(self.beta * d_t)]
+        px, py = d_n * nx - d_t * ny, d_n * ny + d_t * nx
+        if self.stretch:
+            added = _pull(px, py, *self.stretch.branches(batch))
+            self.pull.put([a + b for a, b in zip(self.pull.get(), added, strict=True)])
+        return [px, py, -(self.beta * d_t)]
 
     def apply(self, batch: _Value, px: Vector, py: Vector, spin: Vector) -> None:
         """Change the velocities of the bodies."""
@@ -163,6 +209,26 @@ class _Sweep:
         self.code.store(array, start, normal)
         self.code.store(array, self.code.offset(start, LANES), tangential)
 
+    def over(self, first: _Value, last: _Value) -> None:
+        """All batches.
+
+        A pipeline, for a processor would wait for the results of one batch before it could begin
+        the next: while the changes of a batch are applied, the next is solved and the one after
+        that is gathered. A body comes again after two batches at the earliest, and there are at
+        least two batches or none.
+        """
+        code = self.code
+        with code.if_any(first, last):
+            solved = code.keep(self.solve(first, *self.gather(first)))
+            gathered = code.keep(self.gather(code.offset(first, 1)))
+            with code.each(code.offset(first, 2), last) as batch:
+                now, done = gathered.get(), solved.get()
+                self.apply(code.offset(batch, -2), *done)
+                solved.put(self.solve(code.offset(batch, -1), *now))
+                gathered.put(self.gather(batch))
+            self.apply(code.offset(last, -2), *solved.get())
+            self.apply(code.offset(last, -1), *self.solve(code.offset(last, -1), *gathered.get()))
+
 
 @vector_loop(results=1)
 def relax_batches(
@@ -170,27 +236,28 @@ def relax_batches(
     impulse: _Value, before: _Value,
     beta: _Value, normal: _Value, tangential: _Value, extrapolation: _Value,
 ) -> list[_Value]:  # fmt: skip
-    """As `relax_scalar` for the exact law.
-
-    A pipeline, for a processor would wait for the results of one batch before it could begin the
-    next: while the changes of a batch are applied, the next is solved and the one after that is
-    gathered. A body comes again after two batches at the earliest, and there are at least two
-    batches or none.
-    """
+    """As `relax_scalar` for the exact law."""
     sweep = _Sweep(
         code, (velocity, pair, frame, impulse, before), beta, (normal, tangential, extrapolation)
     )
-    with code.if_any(first, last):
-        solved = code.keep(sweep.solve(first, *sweep.gather(first)))
-        gathered = code.keep(sweep.gather(code.offset(first, 1)))
-        with code.each(code.offset(first, 2), last) as batch:
-            now, done = gathered.get(), solved.get()
-            sweep.apply(code.offset(batch, -2), *done)
-            solved.put(sweep.solve(code.offset(batch, -1), *now))
-            gathered.put(sweep.gather(batch))
-        sweep.apply(code.offset(last, -2), *solved.get())
-        sweep.apply(code.offset(last, -1), *sweep.solve(code.offset(last, -1), *gathered.get()))
+    sweep.over(first, last)
     return [code.total(sweep.squares.get()[0])]
+
+
+@vector_loop(results=4)
+def relax_stretched_batches(
+    code: Writer, first: _Value, last: _Value, velocity: _Value, pair: _Value, frame: _Value,
+    impulse: _Value, before: _Value,
+    beta: _Value, normal: _Value, tangential: _Value, extrapolation: _Value,
+    branch: _Value, xx: _Value, yy: _Value, xy: _Value,
+) -> list[_Value]:  # fmt: skip
+    """As `relax_stretched_scalar` for the exact law."""
+    sweep = _Sweep(
+        code, (velocity, pair, frame, impulse, before), beta, (normal, tangential, extrapolation),
+        Stretch(code, branch, (xx, yy, xy)),
+    )  # fmt: skip
+    sweep.over(first, last)
+    return [code.total(vector) for vector in (*sweep.squares.get(), *sweep.pull.get())]
 
 
 @vector_loop(results=5)
@@ -205,11 +272,31 @@ def measure_batches(
     beta: _Value,
 ) -> list[_Value]:
     """As `measure_scalar`."""
+    return _measure(code, first, last, (velocity, pair, frame, impulse), beta, None)
+
+
+@vector_loop(results=5)
+def measure_stretched_batches(
+    code: Writer, first: _Value, last: _Value, velocity: _Value, pair: _Value, frame: _Value,
+    impulse: _Value, beta: _Value, branch: _Value, xx: _Value, yy: _Value, xy: _Value,
+) -> list[_Value]:  # fmt: skip
+    """The same in a cell."""
+    stretch = Stretch(code, branch, (xx, yy, xy))
+    return _measure(code, first, last, (velocity, pair, frame, impulse), beta, stretch)
+
+
+def _measure(
+    code: Writer, first: _Value, last: _Value, arrays: Sequence[_Value], beta: _Value,
+    stretch: Stretch | None,
+) -> list[_Value]:  # fmt: skip
+    velocity, pair, frame, impulse = arrays
     zero, one = code.number(0.0), code.number(1.0)
     turn = one + code.spread(beta)
     sums = code.keep([zero] * 5)
     with code.each(first, last) as batch:
         dx, dy, spins, _ = _between(code, velocity, *bodies_of(code, pair, batch))
+        if stretch:
+            dx, dy = stretch.add(batch, dx, dy)
         nx, ny, w_inverse, bias, mu = code.block(frame, batch, FRAME_ROWS, NX, NY, MASS, BIAS, MU)
         p_n, p_t = code.block(impulse, batch, IMPULSE_ROWS, NORMAL, TANGENTIAL)
         u_n, u_t = dx * nx + dy * ny + bias, dy * nx - dx * ny - spins
@@ -252,6 +339,21 @@ def push_batches(
         bodies = bodies_of(code, pair, batch)
         _apply(code, velocity, bodies, p_n * nx - p_t * ny, p_n * ny + p_t * nx, -(beta * p_t))
     return []
+
+
+@vector_loop(results=3)
+def pull_batches(
+    code: Writer, first: _Value, last: _Value, frame: _Value, impulse: _Value, branch: _Value
+) -> list[_Value]:
+    """As `pull_scalar`."""
+    sums = code.keep([code.number(0.0)] * 3)
+    with code.each(first, last) as batch:
+        nx, ny = code.block(frame, batch, FRAME_ROWS, NX, NY)
+        p_n, p_t = code.block(impulse, batch, IMPULSE_ROWS, NORMAL, TANGENTIAL)
+        lx, ly = code.block(branch, batch, BRANCH_ROWS, X, Y)
+        added = _pull(p_n * nx - p_t * ny, p_n * ny + p_t * nx, lx, ly)
+        sums.put([a + b for a, b in zip(sums.get(), added, strict=True)])
+    return [code.total(vector) for vector in sums.get()]
 
 
 @vector_loop(results=2)

@@ -61,9 +61,13 @@ _BATCHES = CHUNK // LANES
 @parallel_kernel
 def account_grains(
     middle: Floats, velocity: Floats, pair: Ints, about: Floats, frame: Floats, impulse: Floats,
-    before: Floats, gap: Floats, dt: float, period: float,
+    before: Floats, gap: Floats, branch: Floats, dt: float, period: float, xx: float, yy: float,
+    xy: float,
 ) -> Floats:  # fmt: skip
-    """What the contacts of two grains add to `SUMS`; arrays of `Schedule`, v⁺ in ``velocity``."""
+    """What the contacts of two grains add to `SUMS`; arrays of `Schedule`, v⁺ in ``velocity``.
+
+    In a cell (xx, yy, xy) is its gradient at the end of the step.
+    """
     batches, half = pair.shape[0], 0.5 * period if period > 0.0 else np.inf
     sums = np.zeros(((batches + _BATCHES - 1) // _BATCHES, SUMS))
     for chunk in prange(sums.shape[0]):
@@ -75,7 +79,7 @@ def account_grains(
         ) = end_lanes(
             chunk * _BATCHES, last, middle.reshape(-1), velocity.reshape(-1), pair.reshape(-1),
             about.reshape(-1), frame.reshape(-1), impulse.reshape(-1), before.reshape(-1),
-            gap.reshape(-1), 0.5 * dt, period, half,
+            gap.reshape(-1), 0.5 * dt, period, half, branch.reshape(-1), xx, yy, xy,
         )  # fmt: skip
     total = np.zeros(SUMS)
     for chunk in range(sums.shape[0]):
@@ -123,6 +127,12 @@ def account_contacts(
         total[LARGEST] = max(total[LARGEST], p_n)
         px, py = p_n * nx - p_t * ny, p_n * ny + p_t * nx
         if j < scene.radius.size:
+            if scene.height > 0.0:
+                total[VIRIAL] += px * contact.lever_x
+                total[VIRIAL + 1] += px * contact.lever_y
+                total[VIRIAL + 2] += py * contact.lever_x
+                total[VIRIAL + 3] += py * contact.lever_y
+                continue
             branch = scene.radius[i] + scene.radius[j] + contact.gap
             total[VIRIAL] += px * branch * nx
             total[VIRIAL + 1] += px * branch * ny

@@ -17,7 +17,7 @@ from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.model.columns import SPIN, TAIL_X, TAIL_Y, X, Y
+from multicor_cli.model.columns import SPIN, TAIL_X, TAIL_Y, XX, XY, YY, X, Y
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.shapes import ShapeKind
 
@@ -35,6 +35,24 @@ _SUM_X, _SUM_Y, _SUM_XX, _SUM_XY, _SUM_YY, _SUM_U, _SUM_V, _SUM_XU, _SUM_XV, _SU
 _DEVIATION, _LARGEST_U, _LARGEST_V = range(3)
 
 
+class Box(NamedTuple):
+    """How space repeats, and how a cell changes.
+
+    Attributes:
+        period: Period in x [m] or 0.
+        height: Period in y [m] of a cell or 0.
+        tilt: How far its images across the height lie to the right [m].
+        xx: Gradient of what its images do, in units of the vectors; so are ``yy`` and ``xy``.
+    """
+
+    period: float
+    height: float = 0.0
+    tilt: float = 0.0
+    xx: float = 0.0
+    yy: float = 0.0
+    xy: float = 0.0
+
+
 class Drift(NamedTuple):
     """Vectors of the grains as an affine field and a rest.
 
@@ -44,6 +62,7 @@ class Drift(NamedTuple):
         gradient: Bound of |G x|/|x| (Frobenius norm).
         rest: Largest deviation from the field.
         largest: Largest components in x and in y, shape ``(2,)``.
+        is_whole: Whether these are those of images too.
     """
 
     center: Floats
@@ -51,6 +70,7 @@ class Drift(NamedTuple):
     gradient: float
     rest: float
     largest: Floats
+    is_whole: bool
 
 
 NOTHING = np.empty((0, 2))
@@ -58,14 +78,17 @@ NOTHING = np.empty((0, 2))
 
 
 @formula
-def _vector(i: int, vectors: Floats, origin: Floats, period: float) -> tuple[float, float]:
-    """A vector itself, or its difference from ``origin``, nearest image in x."""
+def _vector(i: int, vectors: Floats, origin: Floats, box: Box) -> tuple[float, float]:
+    """A vector itself, or its difference from ``origin``, nearest image."""
     if origin.shape[0] == 0:
         return vectors[i, X], vectors[i, Y]
-    dx = vectors[i, X] - origin[i, X]
-    if period > 0.0:
-        dx -= period * np.floor(dx / period + 0.5)
-    return dx, vectors[i, Y] - origin[i, Y]
+    dx, dy = vectors[i, X] - origin[i, X], vectors[i, Y] - origin[i, Y]
+    if box.height > 0.0:
+        images = np.floor(dy / box.height + 0.5)
+        dx, dy = dx - images * box.tilt, dy - images * box.height
+    if box.period > 0.0:
+        dx -= box.period * np.floor(dx / box.period + 0.5)
+    return dx, dy
 
 
 @formula
@@ -75,7 +98,7 @@ def _add_sums(
     vectors: Floats,
     origin: Floats,
     position: Floats,
-    period: float,
+    box: Box,
     row: int,
     out: Floats,
 ) -> None:
@@ -95,7 +118,7 @@ def _add_sums(
     )
     for i in range(first, last):
         x, y = position[i, X] - position[0, X], position[i, Y] - position[0, Y]
-        u, v = _vector(i, vectors, origin, period)
+        u, v = _vector(i, vectors, origin, box)
         sx += x
         sy += y
         sxx += x * x
@@ -119,7 +142,7 @@ def _compare_with_fit(
     vectors: Floats,
     origin: Floats,
     position: Floats,
-    period: float,
+    box: Box,
     fit: Floats,
     row: int,
     out: Floats,
@@ -136,7 +159,7 @@ def _compare_with_fit(
     deviation, largest_u, largest_v = 0.0, 0.0, 0.0
     for i in range(first, last):
         x, y = position[i, X] - position[0, X], position[i, Y] - position[0, Y]
-        u, v = _vector(i, vectors, origin, period)
+        u, v = _vector(i, vectors, origin, box)
         du = u - a_x - x * xx - y * yx
         dv = v - a_y - x * xy - y * yy
         deviation = max(deviation, du * du + dv * dv)
@@ -150,7 +173,8 @@ def _compare_with_fit(
 
 
 @formula
-def _least_squares(count: int, sums: Floats, is_periodic: bool, fit: Floats) -> None:
+def _least_squares(count: int, sums: Floats, box: Box, fit: Floats) -> None:
+    is_periodic = box.period > 0.0
     mean_x, mean_y = sums[0, _SUM_X] / count, sums[0, _SUM_Y] / count
     # A little more on the diagonal: places may lie on one line. Any fit is good for a bound.
     more = 1e-9 * (sums[0, _SUM_XX] + sums[0, _SUM_YY])
@@ -166,6 +190,9 @@ def _least_squares(count: int, sums: Floats, is_periodic: bool, fit: Floats) -> 
         y = sums[0, _SUM_YU + d] - mean_y * total
         fit[PER_X, d] = (x * yy - y * xy) / (xx * yy - xy * xy)
         fit[PER_Y, d] = (y * xx - x * xy) / (xx * yy - xy * xy)
+        if box.height > 0.0:
+            fit[PER_X, d] = box.xx if d == X else 0.0
+            fit[PER_Y, d] = box.xy if d == X else box.yy
         fit[AT_ORIGIN, d] = total / count - mean_x * fit[PER_X, d] - mean_y * fit[PER_Y, d]
 
 
@@ -178,11 +205,12 @@ def _fold(rows: Floats, is_maximum: bool) -> None:
 
 
 @parallel_kernel
-def fit_drift(vectors: Floats, position: Floats, period: float, origin: Floats) -> Drift:
+def fit_drift(vectors: Floats, position: Floats, box: Box, origin: Floats) -> Drift:
     """Split vectors into an affine field, fitted by least squares, and a rest.
 
     ``vectors`` are in the first two columns; ``origin`` is taken from them, nearest image, if it is
-    not `NOTHING`. With a period in x [m] the field does not depend on x.
+    not `NOTHING`. With a period in x the field does not depend on x; in a cell it is that by which
+    the cell changes, and no other would be that of all images.
     """
     count = position.shape[0]
     fit, out = np.empty((3, 2)), np.zeros((-(-count // CHUNK), 11))
@@ -190,19 +218,19 @@ def fit_drift(vectors: Floats, position: Floats, period: float, origin: Floats) 
         for chunk in prange(out.shape[0]):
             first, last = chunk * CHUNK, min(count, (chunk + 1) * CHUNK)
             if has_fit:
-                _compare_with_fit(first, last, vectors, origin, position, period, fit, chunk, out)
+                _compare_with_fit(first, last, vectors, origin, position, box, fit, chunk, out)
             else:
-                _add_sums(first, last, vectors, origin, position, period, chunk, out)
+                _add_sums(first, last, vectors, origin, position, box, chunk, out)
         _fold(out, has_fit == 1)
         if not has_fit:
-            _least_squares(count, out, period > 0.0, fit)
+            _least_squares(count, out, box, fit)
     squares = 0.0
     for d in range(2):
         squares += fit[PER_X, d] * fit[PER_X, d] + fit[PER_Y, d] * fit[PER_Y, d]
     center, largest = np.empty(2), np.empty(2)
     for d in range(2):
         center[d], largest[d] = position[0, d], out[0, _LARGEST_U + d]
-    return Drift(center, fit, sqrt(squares), sqrt(out[0, _DEVIATION]), largest)
+    return Drift(center, fit, sqrt(squares), sqrt(out[0, _DEVIATION]), largest, box.height == 0.0)
 
 
 # ---- Bounds of approach
@@ -253,7 +281,8 @@ def bound_approach(
                 + turn[k],
             )
     own = np.sqrt(largest[X] * largest[X] + largest[Y] * largest[Y])
-    rest, disc = max(drift.rest, np.sqrt(square)), max(own, np.sqrt(fastest))
+    rest = max(drift.rest, np.sqrt(square))
+    disc = max(own, np.sqrt(fastest)) if drift.is_whole else np.inf
     return ApproachBound(2.0 * rest, drift.gradient, 2.0 * disc, wall)
 
 
@@ -270,6 +299,13 @@ def closing_gap(bound: ApproachBound, dt: float, diameter: float) -> float:
     if growth < 1.0:
         cutoff = min(cutoff, dt * (bound.rest + bound.gradient * diameter) / (1.0 - growth))
     return max(cutoff, dt * bound.wall)
+
+
+@formula
+def _norm(gradient: Floats) -> float:
+    """Frobenius norm of the gradient of a cell."""
+    xx, yy, xy = gradient[XX], gradient[YY], gradient[XY]
+    return sqrt(xx * xx + yy * yy + xy * xy)
 
 
 @parallel_kernel
@@ -289,10 +325,15 @@ def cutoff_of_velocities(
     ``more``, shape ``(2,)``; those of walls ``first`` or ``second``, shape ``(w, 3)``. ``extent``
     is how far the shapes of a wall reach from its reference point [m], shape ``(w,)``.
     """
-    drift = fit_drift(bodies, scene.position, scene.period, NOTHING)
+    period, height, tilt = scene.period, scene.height, scene.tilt
+    # Velocities of grains in a cell are those beside its mean flow
+    drift = fit_drift(bodies, scene.position, Box(period, height, tilt, 0.0, 0.0, 0.0), NOTHING)
     largest = drift.largest + more
     rest = drift.rest + np.sqrt(more[X] * more[X] + more[Y] * more[Y])
-    wider = Drift(drift.center, drift.fit, drift.gradient, rest, largest)
+    gradient = drift.gradient
+    if height > 0.0:
+        gradient = max(_norm(first[0]), _norm(second[0]))
+    wider = Drift(drift.center, drift.fit, gradient, rest, largest, drift.is_whole)
     count, cutoff = scene.kind.size, 0.0
     vectors, turn = np.empty((count, 2)), np.empty(count)
     for velocity in (first, second):
@@ -317,7 +358,7 @@ def approach_of_displacements(
     kind: Ints,
     position: Floats,
     reference: Floats,
-    period: float,
+    box: Box,
     before: Floats,
     now: Floats,
     extent: float,
@@ -329,7 +370,7 @@ def approach_of_displacements(
     to ``now``, shape ``(m, 4)``; ``extent`` bounds the distance of grains from the points of planes
     [m].
     """
-    drift = fit_drift(position, reference, period, reference)
+    drift = fit_drift(position, reference, box, reference)
     moved, turn = np.empty((kind.size, 2)), np.zeros(kind.size)
     largest = np.sqrt(drift.largest[X] * drift.largest[X] + drift.largest[Y] * drift.largest[Y])
     for k in range(kind.size):

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli import arithmetic
-from multicor_cli.engine.geometry.drift import approach_of_displacements
-from multicor_cli.engine.geometry.scene import is_near_shape, minimum_image
+from multicor_cli.engine.geometry.drift import Box, approach_of_displacements
+from multicor_cli.engine.geometry.scene import Scene, is_near_shape, shortest
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
@@ -61,11 +61,13 @@ def classify(radius: Floats) -> SizeClasses:
 
 
 def make_grids(
-    classes: SizeClasses, low: Floats, high: Floats, period: float, cutoff: float
-) -> Grids:
+    classes: SizeClasses, low: Floats, high: Floats, period: float, cutoff: float,
+    height: float = 0.0,
+) -> Grids:  # fmt: skip
     """Grids for discs between the corners ``low`` and ``high``; cells grow if these are far apart.
 
-    With a period they span 0 to it exactly. Pairs are looked for up to the gap ``cutoff`` [m].
+    With a period, or ``height``, they span 0 to it exactly. Pairs are looked for up to the gap
+    ``cutoff`` [m].
     """
     cutoff = max(cutoff, 0.0)
     origin, size = (
@@ -74,6 +76,8 @@ def make_grids(
     )
     if period > 0.0:
         origin[X], size[X] = 0.0, period
+    if height > 0.0:
+        origin[Y], size[Y] = 0.0, height
     cells, shape = np.empty((classes.radius.size, 2)), np.empty((classes.radius.size, 2), np.int32)
     for k, radius in enumerate(classes.radius):
         width = 2.0 * radius + cutoff
@@ -104,9 +108,9 @@ CROWDED = 100  # discs side by side in cells, above which those near a grain are
 
 @kernel
 def centers_between(
-    position: Floats, world: Floats, disc_shapes: Ints, period: float
+    position: Floats, world: Floats, disc_shapes: Ints, period: float, height: float, tilt: float
 ) -> tuple[Floats, Floats, Floats]:
-    """Centers of the grains, wrapped into the period, and of the discs of walls [m].
+    """Centers of the grains, wrapped into the periods, and of the discs of walls [m].
 
     Also the lower left and the upper right corner of what they span.
     """
@@ -114,8 +118,11 @@ def centers_between(
     center = np.empty((count + disc_shapes.size, 2))
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
     for d in range(center.shape[0]):
+        images = np.floor(position[d, Y] / height) if height > 0.0 else 0.0
         for k in range(2):
             value = position[d, k] if d < count else world[disc_shapes[d - count], k]
+            if height > 0.0:  # which has no walls
+                value -= images * (tilt if k == X else height)
             if k == X and period > 0.0:
                 value -= period * np.floor(value / period)
             center[d, k] = value
@@ -160,6 +167,8 @@ def _scan_row(
     shape_of: Ints,
     cutoff: float,
     period: float,
+    height: float,
+    tilt: float,
     level_cells: Floats,
     level_radius: Floats,
     origin: Floats,
@@ -183,11 +192,14 @@ def _scan_row(
     for k in range(level_radius.size):
         span = r + level_radius[k] + cutoff
         columns, rows = level_shape[k, X], level_shape[k, Y]
-        first_y = max(int(np.floor((y - span - origin[Y]) / level_cells[k, Y])), 0)
-        last_y = min(int(np.floor((y + span - origin[Y]) / level_cells[k, Y])), rows - 1)
-        # What lies outside the grid is in the cells at its edge.
-        first_y = min(first_y, rows - 1)
-        last_y = max(last_y, 0)
+        first_y = int(np.floor((y - span - origin[Y]) / level_cells[k, Y]))
+        last_y = int(np.floor((y + span - origin[Y]) / level_cells[k, Y]))
+        is_around = height > 0.0 and last_y - first_y >= rows - 1
+        if height > 0.0:
+            last_y = min(last_y, first_y + rows - 1)
+        else:  # what lies outside the grid is in the cells at its edge
+            first_y = min(max(first_y, 0), rows - 1)
+            last_y = max(min(last_y, rows - 1), 0)
         first_x = int(np.floor((x - span - origin[X]) / level_cells[k, X]))
         last_x = int(np.floor((x + span - origin[X]) / level_cells[k, X]))
         if period > 0.0:
@@ -196,12 +208,21 @@ def _scan_row(
             first_x = min(max(first_x, 0), columns - 1)
             last_x = max(min(last_x, columns - 1), 0)
         for cy in range(first_y, last_y + 1):
-            base = level_start[k] + cy * columns
-            column = first_x
+            row, column, end, px, py = cy, first_x, last_x, x, y
+            if is_around:  # each row once, whichever of its images is near
+                column, end = 0, columns - 1
+            if not 0 <= cy < rows:
+                images = cy // rows
+                row, px, py = cy - images * rows, x - images * tilt, y - images * height
+                if not is_around:
+                    column = int(np.floor((px - span - origin[X]) / level_cells[k, X]))
+                    end = int(np.floor((px + span - origin[X]) / level_cells[k, X]))
+                    end = min(end, column + columns - 1)
+            base = level_start[k] + row * columns
             # Cells side by side are one run of discs, except across the period
-            while column <= last_x:
+            while column <= end:
                 cx = column if 0 <= column < columns else column % columns
-                run = min(last_x + 1 - column, columns - cx)
+                run = min(end + 1 - column, columns - cx)
                 column += run
                 first, last = cell_start[base + cx], cell_start[base + cx + run]
                 if offset < 0 and last - first <= CROWDED:
@@ -209,8 +230,9 @@ def _scan_row(
                     continue
                 for place in range(first, last):
                     other = cell_disc[place]
-                    dx = minimum_image(x - sorted_x[place], period)
-                    dy = y - sorted_y[place]
+                    dx, dy = shortest(
+                        px - sorted_x[place], py - sorted_y[place], period, height, tilt
+                    )
                     near = r + sorted_radius[place] + cutoff
                     # Nobody could guess which are near: each is written, and the next over it
                     if offset >= 0:
@@ -270,6 +292,8 @@ def list_pairs(
     world: Floats,
     cutoff: float,
     period: float,
+    height: float,
+    tilt: float,
     level_cells: Floats,
     level_radius: Floats,
     origin: Floats,
@@ -301,8 +325,8 @@ def list_pairs(
             room = 0
             for grain in range(chunk * CHUNK, min(grain_count, (chunk + 1) * CHUNK)):
                 found = _scan_row(
-                    grain, grain_count, center, radius, shape_of, cutoff, period, level_cells,
-                    level_radius, origin, level_start,
+                    grain, grain_count, center, radius, shape_of, cutoff, period, height, tilt,
+                    level_cells, level_radius, origin, level_start,
                     level_shape, cell_start, sorted_x, sorted_y, sorted_radius, cell_disc,
                     found_pairs, at,
                 )  # fmt: skip
@@ -369,12 +393,14 @@ def find_near(
     world: Floats,
     cutoff: float,
     period: float,
+    height: float = 0.0,
+    tilt: float = 0.0,
 ) -> tuple[NDArray[np.int64], Ints]:
     """All pairs with a gap below ``cutoff`` [m], whatever the grids; as `list_pairs`."""
     _, cells, largest, origin, start, shape = grids
     cell_start, cell_disc = bin_discs(center, grids.level, cells, origin, start, shape)
     row, partner = list_pairs(
-        grain_count, center, radius, shape_of, others, kind, world, cutoff, period,
+        grain_count, center, radius, shape_of, others, kind, world, cutoff, period, height, tilt,
         cells, largest, origin, start, shape, cell_start,
         center[cell_disc, X], center[cell_disc, Y], radius[cell_disc], cell_disc,
     )  # fmt: skip
@@ -463,6 +489,7 @@ class NeighborList:
         self._cutoff = -1.0
         self._reference = np.empty((0, 2))
         self._reference_world = np.empty((0, 4))
+        self._reference_box = 0.0, 0.0, 0.0
         self._extent = 0.0
         self.row: NDArray[np.int64] = np.zeros(model.grain_count + 1, np.int64)
         self.partner: Ints = np.empty(0, np.int32)
@@ -477,43 +504,44 @@ class NeighborList:
             self._around = both_ways(self.row, self.partner)
         return self._around
 
-    def update(self, position: Floats, world: Floats, cutoff: float) -> None:
+    def update(self, scene: Scene, cutoff: float) -> None:
         """Make sure that all pairs with a gap below ``cutoff`` [m] are listed."""
         if self._cutoff >= 0.0:
-            self.complete = self._cutoff - self._approach(position, world)
+            self.complete = self._cutoff - self._approach(scene)
         if self.complete < cutoff:
             self.complete = cutoff + self._skin
-            self._build(position, world, self.complete)
+            self._build(scene, self.complete)
 
-    def _approach(self, position: Floats, world: Floats) -> float:
+    def _approach(self, scene: Scene) -> float:
         """How much closer than when the list was built any pair that is not listed may be [m]."""
-        reference, model = self._reference, self._model
+        reference, box = self._reference, Box(scene.period)
+        if scene.height > 0.0:
+            width, height, tilt = self._reference_box
+            wider = scene.period / width
+            box = Box(
+                scene.period, scene.height, scene.tilt, wider - 1.0, scene.height / height - 1.0,
+                (scene.tilt - wider * tilt) / height,
+            )  # fmt: skip
         # Those not listed are at least this far apart; farther apart they have more room to lose.
         distance, before = self.largest + self._cutoff, self._reference_world
         return approach_of_displacements(
-            model.shapes.kind, position, reference, model.period, before, world, self._extent,
-            distance,
-        )  # fmt: skip
+            scene.kind, scene.position, reference, box, before, scene.world, self._extent, distance
+        )
 
-    def _build(self, position: Floats, world: Floats, cutoff: float) -> None:
-        model = self._model
-        centers, low, high = centers_between(position, world, self._disc_shapes, model.period)
+    def _build(self, scene: Scene, cutoff: float) -> None:
+        model, position, world = self._model, scene.position, scene.world
+        period, height, tilt = self._reference_box = scene.period, scene.height, scene.tilt
+        centers, low, high = centers_between(
+            position, world, self._disc_shapes, period, height, tilt
+        )
         diagonal = arithmetic.hypot(*(high - low).tolist())
         low, high = self._box(centers, low, high, cutoff)
-        grids = make_grids(self._classes, low, high, model.period, cutoff)
+        grids = make_grids(self._classes, low, high, period, cutoff, height)
         shapes = model.shapes
         self.row, self.partner = find_near(
-            grids,
-            model.grain_count,
-            centers,
-            self._radius,
-            self._shape_of,
-            self._others,
-            shapes.kind,
-            world,
-            cutoff,
-            model.period,
-        )
+            grids, model.grain_count, centers, self._radius, self._shape_of, self._others,
+            shapes.kind, world, cutoff, period, height, tilt,
+        )  # fmt: skip
         if model.walls.meets.size:
             self.row, self.partner = leave_out_unmet(
                 self.row, self.partner, model.grains.group, shapes.wall, model.walls.meets

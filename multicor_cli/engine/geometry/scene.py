@@ -36,6 +36,22 @@ def minimum_image(dx: float, period: float) -> float:
 
 
 @formula
+def shortest(
+    dx: float, dy: float, period: float, height: float, tilt: float
+) -> tuple[float, float]:
+    """Nearest periodic image of a vector between grains [m], much shorter than the periods.
+
+    In a cell (``height`` > 0) images in y lie ``height`` apart in y and ``tilt`` in x; else as
+    `minimum_image`.
+    """
+    if height > 0.0:
+        images = floor(dy / height + 0.5)
+        dx -= images * tilt
+        return dx - period * floor(dx / period + 0.5), dy - images * height
+    return minimum_image(dx, period), dy
+
+
+@formula
 def nearest_image(dx: float, period: float) -> float:
     """As `minimum_image` for any dx, however many periods long (a wall that keeps moving)."""
     if period > 0.0:
@@ -197,6 +213,8 @@ class Scene(NamedTuple):
         period: Period in x [m] or 0.
         temperature: Temperatures of all shapes [K], nan where a wall has none, shape ``(n + m,)``;
             of size 0 where no friction depends on them.
+        height: Period in y [m] of a cell, or 0.
+        tilt: How far images across the height lie to the right [m].
     """
 
     position: Floats
@@ -208,6 +226,8 @@ class Scene(NamedTuple):
     wall_position: Floats
     period: float
     temperature: Floats = _NO_TEMPERATURE
+    height: float = 0.0
+    tilt: float = 0.0
 
 
 @formula
@@ -254,8 +274,11 @@ def scene_of(
         shapes.wall,
         world,
         wall_position,
-        model.period,
-        temperature,
+        *(
+            (float(wall_position[0, X]), temperature, *wall_position[0, Y:].tolist())
+            if model.is_cell
+            else (model.period, temperature)
+        ),
     )
 
 
@@ -265,8 +288,11 @@ def pair_geometry(scene: Scene, i: int, j: int) -> tuple[float, float, float]:
     count = scene.radius.size
     x, y = scene.position[i, X], scene.position[i, Y]
     if j < count:
-        dx = minimum_image(x - scene.position[j, X], scene.period)
-        return disc_disc(dx, y - scene.position[j, Y], scene.radius[i] + scene.radius[j])
+        dx, dy = shortest(
+            x - scene.position[j, X], y - scene.position[j, Y], scene.period, scene.height,
+            scene.tilt,
+        )  # fmt: skip
+        return disc_disc(dx, dy, scene.radius[i] + scene.radius[j])
     return gap_to_shape(x, y, scene.radius[i], j - count, scene.kind, scene.world, scene.period)
 
 

@@ -248,9 +248,7 @@ class HeatStep:
 
     def _pairs(self, scene: Scene, reach: float) -> tuple[Ints, Ints, Floats]:
         """Pairs whose gap is at most ``reach`` times the smaller radius."""
-        self._list.update(
-            scene.position, scene.world, reach * float(self._model.grains.radius.max())
-        )
+        self._list.update(scene, reach * float(self._model.grains.radius.max()))
         return near_pairs(scene, self._list.row, self._list.partner, reach)
 
     def _integrate(

@@ -92,6 +92,10 @@ class Vector:
         """Square root, correctly rounded."""
         return self._call("sqrt")
 
+    def floor(self) -> Vector:
+        """Largest integers that are not above."""
+        return self._call("floor")
+
     def where(self, comparison: str, other: Vector, then: Vector, otherwise: Vector) -> Vector:
         """``then`` in the lanes where the comparison with ``other`` holds."""
         return self._select(comparison, other, then, otherwise)

@@ -27,9 +27,10 @@ from multicor_cli.engine.geometry.scene import Scene, pair_geometry, place_shape
 from multicor_cli.engine.jit.chunks import copy_into
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.engine.motion.cell import carry, strain_between
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.engine.orders import PhysicsError
-from multicor_cli.model.columns import FIRST, GAP, NX, NY, SECOND, X, Y
+from multicor_cli.model.columns import FIRST, GAP, NX, NY, SECOND, XX, XY, YY, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
 
 # ---- Overlaps, and the grains around them
@@ -145,33 +146,45 @@ def pairs_of(around: Around, partner: Ints, marked: NDArray[np.bool_]) -> tuple[
 # ---- Pushing apart: the grains around overlaps with all others held, or all grains
 
 _MASS = 3  # column of the frames of pairs: 1/W
+_LX, _LY = 4, 5  # columns in a cell: the branch vector [m]
 RESTART_GROWTH = 1.5  # of the change per sweep, at which the momentum restarts
 
 
 class _Bodies(NamedTuple):
-    """Movable bodies, numbered anew; the last row stands for all that are held.
+    """Movable bodies, numbered anew; row ``held`` stands for all that are held.
+
+    The row after it is the strain of a cell: its components xx, yy and xy.
 
     Attributes:
         number: Row of each grain and wall, shape ``(n + w,)``.
-        mobility: Inverse masses in x and y [1/kg], two unused columns, shape ``(b + 1, 4)``.
-        weight: Their reciprocals, 0 where held [kg], shape ``(b + 1, 4)``.
+        mobility: Inverse masses in x and y [1/kg], two unused columns, shape ``(held + 2, 4)``.
+        weight: Their reciprocals, 0 where held [kg], shape ``(held + 2, 4)``.
+        held: Number of movable bodies.
     """
 
     number: Ints
     mobility: Floats
     weight: Floats
+    held: int
 
 
 @kernel
-def _bodies(marked: NDArray[np.bool_], mass: Floats, wall_inverse: Floats) -> _Bodies:
-    n, w = marked.size, wall_inverse.shape[0]
+def _bodies(
+    marked: NDArray[np.bool_], mass: Floats, wall_inverse: Floats, is_cell: bool
+) -> _Bodies:
+    """``wall_inverse`` are inverse masses of walls, of a cell those of its strain, ``(w, 3)``."""
+    n, w = marked.size, 0 if is_cell else wall_inverse.shape[0]
     count = 0
     number = np.full(n + w, -1, np.int32)
     for k in range(n + w):
         if marked[k] if k < n else wall_inverse[k - n, X] > 0.0 or wall_inverse[k - n, Y] > 0.0:
             number[k] = count
             count += 1
-    mobility, weight = np.zeros((count + 1, 4)), np.zeros((count + 1, 4))
+    mobility, weight = np.zeros((count + 2, 4)), np.zeros((count + 2, 4))
+    for d in range(3 if is_cell else 0):
+        inverse = wall_inverse[0, d]
+        mobility[count + 1, d] = inverse
+        weight[count + 1, d] = 1.0 / inverse if inverse > 0.0 else 0.0
     for k in range(n + w):
         if number[k] < 0:
             number[k] = count
@@ -180,7 +193,7 @@ def _bodies(marked: NDArray[np.bool_], mass: Floats, wall_inverse: Floats) -> _B
             inverse = 1.0 / mass[k] if k < n else wall_inverse[k - n, d]
             mobility[number[k], d] = inverse
             weight[number[k], d] = 1.0 / inverse if inverse > 0.0 else 0.0
-    return _Bodies(number, mobility, weight)
+    return _Bodies(number, mobility, weight, count)
 
 
 @kernel
@@ -193,8 +206,8 @@ def _measure(
     overlap between ``target`` and ``allowed``: a grain between two held ones could not be freed of
     both.
     """
-    n, held = scene.radius.size, bodies.mobility.shape[0] - 1
-    pair, frame = np.empty((i.size, 2), np.int32), np.empty((i.size, 4))
+    n, held, is_cell = scene.radius.size, bodies.held, scene.height > 0.0
+    pair, frame = np.empty((i.size, 2), np.int32), np.empty((i.size, 6 if is_cell else 4))
     found = 0
     for c in range(i.size):
         a = bodies.number[i[c]]
@@ -207,6 +220,12 @@ def _measure(
         give = (bodies.mobility[a, X] + bodies.mobility[b, X]) * nx * nx + (
             bodies.mobility[a, Y] + bodies.mobility[b, Y]
         ) * ny * ny
+        if is_cell:
+            length, cell = scene.radius[i[c]] + scene.radius[j[c]] + gap, bodies.mobility[held + 1]
+            lx, ly = length * nx, length * ny
+            give += cell[XX] * (nx * lx) * (nx * lx) + cell[YY] * (ny * ly) * (ny * ly)
+            give += cell[XY] * (nx * ly) * (nx * ly)
+            frame[found, _LX], frame[found, _LY] = lx, ly
         if give > 0.0:
             smaller = smaller_of(scene, i[c], j[c])
             left = target * smaller
@@ -231,6 +250,10 @@ def _relax(
     a, b = pair[c, FIRST], pair[c, SECOND]
     nx, ny = frame[c, NX], frame[c, NY]
     gap = frame[c, GAP] + nx * (shift[a, X] - shift[b, X]) + ny * (shift[a, Y] - shift[b, Y])
+    is_cell, strain = frame.shape[1] > _LX, shift.shape[0] - 1
+    if is_cell:
+        lx, ly = frame[c, _LX], frame[c, _LY]
+        gap += nx * (shift[strain, XX] * lx + shift[strain, XY] * ly) + ny * shift[strain, YY] * ly
     change = max(-gap * frame[c, _MASS], -push[c])
     if change == 0.0:
         return 0.0
@@ -239,6 +262,10 @@ def _relax(
     shift[a, Y] += mobility[a, Y] * change * ny
     shift[b, X] -= mobility[b, X] * change * nx
     shift[b, Y] -= mobility[b, Y] * change * ny
+    if is_cell:
+        shift[strain, XX] += mobility[strain, XX] * change * nx * frame[c, _LX]
+        shift[strain, YY] += mobility[strain, YY] * change * ny * frame[c, _LY]
+        shift[strain, XY] += mobility[strain, XY] * change * nx * frame[c, _LY]
     return abs(change) / frame[c, _MASS]
 
 
@@ -246,7 +273,7 @@ def _relax(
 def _solve(
     pair: Ints, frame: Floats, bodies: _Bodies, enough: float, sweeps: int, memory: NDArray[np.void]
 ) -> Floats:
-    """Displacements of the bodies [m], shape ``(b + 1, 4)``, by accelerated sweeps.
+    """Displacements of the bodies [m] and the strain, rows of `_Bodies`, by accelerated sweeps.
 
     ``memory`` is that of `start_loop`. It belongs to the caller: Numba frees an array after its
     last use, while a record of it is still in use.
@@ -300,17 +327,20 @@ def separate(
 
     Solves min ½ Σ m δq² with gap + n·δq ≥ −target for the pairs (i, j) with a gap up to ``near``
     [m] that can be moved, linearized at the present positions, which are **modified**. Inverse
-    masses of walls in x and y are of shape ``(w, 2)``, 0 if held [1/kg]. Overlaps are over the
-    smaller radius: ``target`` is left, and up to ``allowed`` a pair with a held body is left alone.
-    Sweeps end with one whose largest displacement is ``enough`` [m] or less. Returns the
-    displacements of the walls [m], shape ``(w, 2)``: theirs is to follow; and Σ m δx and Σ m δy of
-    the grains [kg m].
+    masses of walls are of shape ``(w, 3)``, 0 if held [1/kg]: they are not turned. Overlaps are
+    over the smaller radius: ``target`` is left, and up to ``allowed`` a pair with a held body is
+    left alone. Sweeps end with one whose largest displacement is ``enough`` [m] or less. Returns
+    the displacements of the walls [m], shape ``(w, 2)``, or in a cell its strain, ``(1, 3)``: they
+    are to follow; and Σ m δx and Σ m δy of the grains [kg m].
     """
-    bodies = _bodies(marked, mass, wall_inverse)
+    is_cell = scene.height > 0.0
+    bodies = _bodies(marked, mass, wall_inverse, is_cell)
     pair, frame = _measure(scene, bodies, i, j, near, target, allowed)
     memory = start_loop(pair.shape[0])
     shift = _solve(pair, frame, bodies, enough, sweeps, memory)
     n, pull_x, pull_y = marked.size, 0.0, 0.0
+    if is_cell:
+        carry(scene.position, shift[bodies.held + 1], 1.0, scene.position)
     for k in range(n):
         if marked[k]:
             dx, dy = shift[bodies.number[k], X], shift[bodies.number[k], Y]
@@ -318,6 +348,8 @@ def separate(
             scene.position[k, Y] += dy
             pull_x += mass[k] * dx
             pull_y += mass[k] * dy
+    if is_cell:
+        return shift[bodies.held + 1 :, :3].copy(), pull_x, pull_y
     walls = np.empty((bodies.number.size - n, 2))
     for k in range(walls.shape[0]):
         walls[k, X], walls[k, Y] = shift[bodies.number[n + k], X], shift[bodies.number[n + k], Y]
@@ -376,7 +408,7 @@ def push_apart(
     The pairs (i, j) are those that may at first; ``around`` and ``partner`` list all with a gap up
     to ``near`` [m], which take part.
     ``local`` are the wall shapes in the frames of their walls, ``wall_inverse`` inverse masses of
-    walls in x and y, shape ``(w, 2)``: they move with everything only. **Modifies** what
+    walls, shape ``(w, 3)``: they move with everything only. **Modifies** what
     `correct_positions` does; ``marked`` is work space, shape ``(n,)``. Returns the largest overlap,
     Σ m δx and Σ m δy [kg m], and the rounds.
     """
@@ -398,7 +430,17 @@ def push_apart(
         )  # fmt: skip
         pull_x += dx
         pull_y += dy
-        if not is_local:
+        if not is_local and scene.height > 0.0:
+            xx, yy, xy = shift[0, XX], shift[0, YY], shift[0, XY]
+            sides = scene.wall_position[0]
+            sides[XY] += xx * sides[XY] + xy * sides[YY]
+            sides[XX] += xx * sides[XX]
+            sides[YY] += yy * sides[YY]
+            scene = Scene(
+                scene.position, scene.radius, scene.material, scene.kind, scene.wall, scene.world,
+                scene.wall_position, sides[XX], scene.temperature, sides[YY], sides[XY],
+            )  # fmt: skip
+        elif not is_local:
             for k in range(shift.shape[0]):
                 scene.wall_position[k, X] += shift[k, X]
                 scene.wall_position[k, Y] += shift[k, Y]
@@ -435,15 +477,15 @@ def correct_positions(
     above `FORBIDDEN` cannot be removed.
     """
     before = scene.wall_position.copy()
-    # Walls are not turned; kernels are compiled anew for another layout
-    inverse = np.ascontiguousarray(motion.mobility[:, :2])
     overlap, pull_x, pull_y, rounds = push_apart(
-        scene, model.shapes.geometry, i, j, lists.around, lists.partner, model.grains.mass, inverse,
-        near, RINGS, marked,
+        scene, model.shapes.geometry, i, j, lists.around, lists.partner, model.grains.mass,
+        motion.mobility, near, RINGS, marked,
     )  # fmt: skip
     if overlap > FORBIDDEN:
         raise PhysicsError(step, _name_overlap(scene, model, lists, marked, overlap))
     shift = scene.wall_position - before
+    if model.is_cell:
+        shift = strain_between(before[0], scene.wall_position[0])[np.newaxis]
     work = pull_x * float(gravity[X]) + pull_y * float(gravity[Y]) + total(motion.weight * shift)
     return Correction(overlap, work, motion.shift_work(before, shift), rounds)
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
+from multicor_cli.engine.motion.cell import stretched
 from multicor_cli.engine.motion.drives import DofDrive, Signal, WallDrive
 from multicor_cli.engine.motion.spacing import Spacing
 from multicor_cli.model.columns import RADIUS, SPIN, X, Y
@@ -85,6 +86,7 @@ class WallMotion:
         self._start: Floats = np.zeros((w, 3))
         self._length: Floats = np.repeat(model.walls.length[:, None], 3, axis=1)
         self._spacings = _spacings(model, self._drives)
+        self._is_cell = model.is_cell
         self.extent: Floats = _extents(model)
 
     def origins(self, state: State) -> Floats:
@@ -107,6 +109,11 @@ class WallMotion:
         self.load[:] = 0.0
         for (w, d), spacing in self._spacings.items():
             self._length[w, d] = abs(spacing.of(state))
+        if self._is_cell:  # pressures push it together, a shear stress shears it
+            width, height, _ = stretched(
+                state.wall_position[0], state.wall_velocity[0], 0.5 * dt
+            ).tolist()
+            self._length[0] = width * height * np.array([-1.0, -1.0, 1.0])
         for w, d, drive in self._acting:
             u = (
                 float(state.wall_position[w, d] - state.wall_origin[w, d])
@@ -146,9 +153,9 @@ class WallMotion:
         return 0.0 - self.belt if self._surfaces or state.wall_surface.size else state.wall_surface
 
     def pressure(self) -> float:
-        """Largest load per length of a wall [N/m]."""
+        """Largest load per length of a wall, or stress of a cell [N/m]."""
         loads = (
-            (abs(self.load[w, d] + self.weight[w, d]), self._length[w, d])
+            (abs(self.load[w, d] + self.weight[w, d]), abs(self._length[w, d]))
             for w, d in self._pushed
             if d < SPIN
         )

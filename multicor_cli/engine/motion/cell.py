@@ -1,0 +1,123 @@
+"""The cell of a run that is periodic in both directions, and its mean flow (theory §2.4).
+
+The cell is spanned by (width, 0) and (tilt, height). It is a wall without shapes: its "position"
+are these three, its "velocity" is the gradient L = [[L_xx, L_xy], [0, L_yy]] of the mean flow.
+Velocities c of grains are relative to it: places move with ṙ = c + L r, and so do their images.
+
+Grains keep their real velocities where the mean flow differs, so m ċ = f − m L c, and what this
+takes from their energy the gradient gets: M dL/dt = Σ f⊗ℓ + Σ m c⊗c − A σ.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.model.columns import XX, XY, YY, X, Y
+from multicor_cli.model.model import Floats
+
+ROUNDS = 50
+"""Most rounds in which convection is solved; each leaves (c Δt/d)² of the error or less."""
+
+
+def stretched(sides: Floats, gradient: Floats, duration: float) -> Floats:
+    """Width, height and tilt [m] after a flow with a gradient [1/s], to first order in time [s]."""
+    width, height, tilt = sides.tolist()
+    xx, yy, xy = (duration * gradient).tolist()
+    return np.array([width + xx * width, height + yy * height, tilt + (xx * tilt + xy * height)])
+
+
+def strain_between(before: Floats, after: Floats) -> Floats:
+    """Components xx, yy and xy of the strain that leads from one width, height, tilt to another."""
+    xx, yy = (after[:2] / before[:2] - 1.0).tolist()
+    return np.array([xx, yy, (after[XY] - (1.0 + xx) * before[XY]) / before[YY]])
+
+
+@kernel
+def carry(place: Floats, gradient: Floats, duration: float, out: Floats) -> None:
+    """Add what the mean flow at ``place`` does in a time [s] to the places ``out``, **modified**.
+
+    Both are ``(n, ≥ 2)``, and may be the same array.
+    """
+    xx, yy, xy = duration * gradient[XX], duration * gradient[YY], duration * gradient[XY]
+    for i in range(place.shape[0]):
+        x, y = place[i, X], place[i, Y]
+        out[i, X] += xx * x + xy * y
+        out[i, Y] += yy * y
+
+
+class Convection(NamedTuple):
+    """How the mean flow acts on velocities c in a step.
+
+    Attributes:
+        gradient: L after it, where a stress drives it; shape ``(3,)``.
+        pull: Δt Σ m c⊗c: xx, yy, xy [J s].
+    """
+
+    gradient: Floats
+    pull: Floats
+
+
+@kernel
+def convect(
+    mass: Floats, before: Floats, after: Floats, inverse: Floats, dt: float, start: Floats,
+    free: Floats,
+) -> Convection:  # fmt: skip
+    """Let the mean flow act on velocities: −m L c on grains, Σ m c⊗c on the gradient.
+
+    By the implicit midpoint rule, which keeps the energy of both together to rounding: c and L are
+    the means of before and after it. ``before`` and ``after`` are the gradients of the step where
+    a rate is prescribed, and ``before`` that of what a stress drives, with the ``inverse`` inertia
+    [1/(kg m²)], 0 elsewhere; shapes ``(3,)``. **Modifies** x and y of ``start`` and ``free``.
+    """
+    t_xx, t_yy, t_xy = 0.0, 0.0, 0.0
+    for i in range(mass.size):
+        u, v = start[i, X], start[i, Y]
+        t_xx += mass[i] * u * u
+        t_yy += mass[i] * v * v
+        t_xy += mass[i] * u * v
+    half, gradient, pull = 0.5 * dt, before.copy(), np.zeros(3)
+    a, b, c = 1.0, 0.0, 1.0
+    for _ in range(ROUNDS):
+        mean = np.empty(3)
+        for d in range(3):
+            mean[d] = 0.5 * (before[d] + (gradient[d] if inverse[d] > 0.0 else after[d]))
+        # ĉ = (1 + ½Δt L̂)⁻¹ c⁻ = (a c_x + b c_y, c c_y)
+        a, c = 1.0 / (1.0 + half * mean[XX]), 1.0 / (1.0 + half * mean[YY])
+        b = -half * mean[XY] * a * c
+        last = pull.copy()
+        pull[XX] = dt * (a * a * t_xx + 2.0 * a * b * t_xy + b * b * t_yy)
+        pull[YY] = dt * (c * c * t_yy)
+        pull[XY] = dt * (a * c * t_xy + b * c * t_yy)
+        is_same = True
+        for d in range(3):
+            gradient[d] = before[d] + inverse[d] * pull[d]
+            is_same = is_same and last[d] == pull[d]
+        if is_same:
+            break
+    for i in range(mass.size):
+        u, v = start[i, X], start[i, Y]
+        start[i, X] = free[i, X] = 2.0 * (a * u + b * v) - u
+        start[i, Y] = free[i, Y] = 2.0 * (c * v) - v
+    return Convection(gradient, pull)
+
+
+@kernel
+def wrap_cell(position: Floats, sides: Floats) -> None:
+    """Bring places back into the cell, and its tilt into ± half its width; **modifies** both.
+
+    Neither changes where the images are.
+    """
+    width, height = sides[XX], sides[YY]
+    sides[XY] -= width * np.floor(sides[XY] / width + 0.5)
+    tilt = sides[XY]
+    for i in range(position.shape[0]):
+        up = np.floor(position[i, Y] / height)
+        if up != 0.0:
+            position[i, X] -= up * tilt
+            position[i, Y] -= up * height
+        right = np.floor(position[i, X] / width)
+        if right != 0.0:
+            position[i, X] -= right * width
