@@ -3,6 +3,7 @@
 import json
 import math
 
+import h5py
 import numpy as np
 import pytest
 from cut_runs import CELL
@@ -14,6 +15,7 @@ import multicor_cli as multicor
 from multicor_cli.checks import Verdict, check_run, check_scenario
 from multicor_cli.model import State
 from multicor_cli.model.columns import XX, XY, YY
+from multicor_cli.model.faults import find_misfit
 from multicor_cli.packing import build
 from multicor_cli.running.conditions import (
     BLOCKS,
@@ -27,6 +29,7 @@ from multicor_cli.running.plan import foresee_steps
 from multicor_cli.running.time_step import scales_of_stage
 from multicor_cli.scenario import parse_scenario
 from multicor_cli.store import run_info
+from multicor_cli.store.vtkhdf import read_lines
 
 FIRST = "cell = { xx = { stress = 50.0 }, yy = { stress = 50.0 }, xy = { rate = 40.0 } }"
 SECOND = "cell = { xx = { rate = 0.0 }, yy = { stress = 40.0 }, xy = { rate = -20.0 } }"
@@ -247,3 +250,23 @@ def test_validate_tells_of_the_cell(typed, tmp_path):
     told = json.loads(typed(f"validate {tmp_path}/cell.toml --json").stdout)
     assert told["cell"].keys() == {"width", "height", "tilt", "inertia"}
     assert told["wall_masses"] == {}
+
+
+def test_lines_of_contacts_do_not_cross_the_cell(sheared):
+    """In ParaView: one across a side ends in a point of its own beside its grain."""
+    with h5py.File(sheared / "results.h5") as file, multicor.open_run(sheared) as run:
+        offset, frame = file["steps/contact_offset"][()], run.frames[5]
+        block = read_lines(file, run.model, 5, 6, offset, np.diff(offset[5:7]))
+    points = np.concatenate([frame.position, block.ends[:, :2]])
+    one, other = points[block.joined.reshape(-1, 2)].transpose(1, 0, 2)
+    assert np.hypot(*(one - other).T).max() < 2.001 * 0.6e-3
+    across = block.ends[(block.ends[:, 1] < 0.0) | (block.ends[:, 1] > frame.wall_position[0, 1])]
+    assert len(across)
+
+
+def test_a_cell_without_an_area_is_no_state(sheared):
+    with multicor.open_run(sheared) as run:
+        model, state = run.model, run.state()
+    assert find_misfit(state, model) is None
+    state.wall_position[0, 1] = 0.0
+    assert find_misfit(state, model) == "the cell has no area"
