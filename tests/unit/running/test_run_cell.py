@@ -254,13 +254,16 @@ def test_validate_tells_of_the_cell(typed, tmp_path):
 
 def test_lines_of_contacts_do_not_cross_the_cell(sheared):
     """In ParaView: one across a side ends in a point of its own beside its grain."""
-    with h5py.File(sheared / "results.h5") as file, multicor.open_run(sheared) as run:
-        offset, frame = file["steps/contact_offset"][()], run.frames[5]
-        block = read_lines(file, run.model, 5, 6, offset, np.diff(offset[5:7]))
-    points = np.concatenate([frame.position, block.ends[:, :2]])
+    with multicor.open_run(sheared) as run:
+        model, position = run.model, run.frames[5].position
+        height = run.frames[5].wall_position[0, 1]
+    with h5py.File(sheared / "results.h5") as file:
+        offset = file["steps/contact_offset"][()]
+        block = read_lines(file, model, 5, 6, offset, np.diff(offset[5:7]))
+    points = np.concatenate([position, block.ends[:, :2]])
     one, other = points[block.joined.reshape(-1, 2)].transpose(1, 0, 2)
     assert np.hypot(*(one - other).T).max() < 2.001 * 0.6e-3
-    across = block.ends[(block.ends[:, 1] < 0.0) | (block.ends[:, 1] > frame.wall_position[0, 1])]
+    across = block.ends[(block.ends[:, 1] < 0.0) | (block.ends[:, 1] > height)]
     assert len(across)
 
 
