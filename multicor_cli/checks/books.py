@@ -9,6 +9,7 @@ import numpy as np
 
 from multicor_cli.checks.check import Measured, Rule
 from multicor_cli.checks.subjects import Recorded
+from multicor_cli.model.cell import COMPONENTS
 from multicor_cli.model.model import Floats
 from multicor_cli.store.documents import StageEnd, record_of
 
@@ -154,9 +155,12 @@ def _averaged(
     force, at = run.series("wall_force")[rows], run.series("wall_position")[rows]
     scale = float(np.abs(force[..., :2]).mean(axis=0).max(initial=0.0)) if force.size else 0.0
     for w, name in enumerate(run.run.wall_names):
-        for axis, letter in enumerate("xy"):
+        named = [f"force in {letter} on wall {name}" for letter in "xy"]
+        if run.run.model.is_cell:
+            named = [f"stress {component} times the area of the cell" for component in COMPONENTS]
+        for axis, what in enumerate(named):
             if np.abs(force[:, w, axis]).mean() > 0.1 * scale:
-                yield f"force in {letter} on wall {name}", force[:, w, axis]
+                yield what, force[:, w, axis]
     heights = at[:, :, 1]
     rests = np.ptp(heights, axis=0) == 0.0
     base = float(heights[0, rests].min()) if rests.any() else 0.0

@@ -252,6 +252,8 @@ def _outward(run: Prepared) -> Floats:
 
 
 def _pulls(run: Prepared) -> Iterator[Measured]:
+    if run.model.is_cell:
+        return  # there is nothing beside the grains
     walls, outward = run.model.walls, _outward(run)
     for stage, drives, gravity in zip(run.plan.stages, run.drives, run.gravity, strict=True):
         length = 1.0 if stage.length is None else stage.length

@@ -105,6 +105,7 @@ def _summary(run: Prepared) -> dict[str, Any]:
         "seed": scenario.seed,
         "grain_count": model.grain_count,
         "wall_count": model.wall_count,
+        "cell": _cell(run) if model.is_cell else None,
         "wall_masses": _pushed_walls(run.scenario, plan, model),
         "origin": None if run.origin is None else asdict(run.origin),
         "stages": [
@@ -132,8 +133,17 @@ def _summary(run: Prepared) -> dict[str, Any]:
     }
 
 
+def _cell(run: Prepared) -> dict[str, float]:
+    """Width, height and tilt of the cell at the start [m], and its inertia [kg m²]."""
+    width, height, tilt = run.state.wall_position[0].tolist()
+    inertia = float(run.model.walls.inertia[0])
+    return {"width": width, "height": height, "tilt": tilt, "inertia": inertia}
+
+
 def _pushed_walls(scenario: Scenario, plan: RunPlan, model: Model) -> dict[str, dict[str, Any]]:
     """Walls pushed in some stage: mass [kg], inertia [kg m²], whether the file gives the mass."""
+    if model.is_cell:
+        return {}
     drives = [stage.drives.started([0.0] * (k + 1)) for k, stage in enumerate(plan.stages)]
     masses, inertias = (
         [None if math.isnan(value) else value for value in array.tolist()]
@@ -173,7 +183,13 @@ def _lines(run: Prepared) -> Iterator[tuple[str, str]]:
         for text in run.origin.wall_texts:
             yield "  walls", text
     yield "grains", f"{model.grain_count}, mean diameter {model.mean_diameter:.4g} m"
-    yield "walls", f"{model.wall_count} of {model.shape_count} shapes"
+    if model.is_cell:
+        cell = _cell(run)
+        size = f"{cell['width']:.4g} × {cell['height']:.4g} m"
+        tilt = f", tilted by {cell['tilt']:.4g} m" if cell["tilt"] else ""
+        yield "cell", f"{size}{tilt}, inertia {cell['inertia']:.4g} kg m²"
+    else:
+        yield "walls", f"{model.wall_count} of {model.shape_count} shapes"
     for name, wall in _pushed_walls(scenario, plan, model).items():
         given = "given" if wall["given"] else "default"
         mass = "" if wall["mass"] is None else f" {wall['mass']:.4g} kg ({given})"

@@ -35,11 +35,20 @@ DType = Literal["f8", "float", "i8", "i4", "u1", "str"]
 """Stored types: ``float`` is f8 or f4 after ``output.precision``, ``str`` UTF-8 of fixed length."""
 
 Feature = Literal[
-    "heat", "softening", "adhesion", "rolling", "exchange", "surface", "groups", "motion", "range"
+    "heat",
+    "softening",
+    "adhesion",
+    "rolling",
+    "exchange",
+    "surface",
+    "groups",
+    "motion",
+    "range",
+    "cell",
 ]
 """What only some runs have: temperatures, friction that depends on them, adhesion, rolling
 resistance, grains that come and go, walls whose surface runs, walls that only some groups meet,
-motion at the start, adhesion with a range."""
+motion at the start, adhesion with a range, a cell that is periodic in both directions."""
 
 Export = Literal["vtk", "gsd"]
 """What shows a dataset of the frames besides CSV, which shows all: ParaView's view, GSD files."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from multicor_cli.model.books import NAMES, stored_fields
+from multicor_cli.model.columns import XY
 from multicor_cli.model.model import Model
 from multicor_cli.model.state import Presence, State, state_shapes
 
@@ -65,6 +66,8 @@ def find_misfit(state: State, model: Model) -> str | None:
     for name, shape in (("wall_origin", (count, 3)), ("wall_surface", (count,))):
         if getattr(state, name).shape not in ((0, *shape[1:]), shape):
             return f"{name} has shape {getattr(state, name).shape} instead of {shape}"
+    if model.is_cell and not (state.wall_position[0, :XY] > 0.0).all():
+        return "the cell has no area"
     wrong = _find_wrong_pairs(state, model)
     if wrong is not None:
         return wrong

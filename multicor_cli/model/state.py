@@ -22,7 +22,7 @@ from multicor_cli.model.books import (
     stored,
     stored_fields,
 )
-from multicor_cli.model.columns import ANGLE, X
+from multicor_cli.model.columns import ANGLE, X, Y
 from multicor_cli.model.model import Floats, Ints, Model, Thermal
 
 
@@ -312,17 +312,19 @@ def nudge_seed() -> int | None:
     return int(value)
 
 
-def nudge(position: Floats, period: float, seed: int) -> Floats:
+def nudge(position: Floats, period: float, seed: int, height: float = 0.0) -> Floats:
     """Move x and y to a neighboring number or not at all, as ``seed`` decides.
 
     ``position`` holds x, y [m] and angle [rad], shape ``(n, 3)``, x within the period, if there is
-    one. Zeros stay: the next number is 10⁻³²⁴ away, which no arithmetic would notice.
+    one, and y within the ``height`` of a cell. Zeros stay: the next number is 10⁻³²⁴ away, which no
+    arithmetic would notice.
     """
     center = position[:, :2]
     raw = np.random.Philox(seed).random_raw(center.size) % np.uint64(3)
     lot = raw.astype(np.int64).reshape(center.shape) - 1
     beside = np.nextafter(center, np.where(lot > 0, np.inf, -np.inf))
     moved = np.where((lot == 0) | (center == 0.0), center, beside)
-    if period > 0.0:
-        moved[:, X] = np.where(moved[:, X] < period, moved[:, X], center[:, X])
+    for axis, length in ((X, period), (Y, height)):
+        if length > 0.0:
+            moved[:, axis] = np.where(moved[:, axis] < length, moved[:, axis], center[:, axis])
     return np.column_stack([moved, position[:, ANGLE]])

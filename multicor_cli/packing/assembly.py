@@ -7,8 +7,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.arithmetic.sums import mean
-from multicor_cli.model import Grains, Model, Presence, ShapeKind, State, Thermal
+from multicor_cli.arithmetic.sums import mean, total
+from multicor_cli.model import Grains, Model, Presence, ShapeKind, State, Thermal, Walls
+from multicor_cli.model.cell import CELL
 from multicor_cli.model.columns import RADIUS, SPIN, X, Y
 from multicor_cli.model.model import LEAST_DIAMETERS, LEAST_THROAT, SHAPE_FACTOR, Floats
 from multicor_cli.model.state import nudge, nudge_seed
@@ -78,12 +79,19 @@ def place(scenario: Scenario) -> Placed:
     else:
         groups = going_on.grains_of(scenario, source)
     model = _model(scenario, walls, groups)
+    if model.is_cell:
+        model = _with_cell(scenario, model)
+        if source is not None:  # of the size that it has there by now
+            width, height = source.state.wall_position[0, :2].tolist()
+            model = replace(model, period=width, height=height)
     _refuse_throats(scenario, model)
     _refuse_ranges(scenario, model)
     if source is not None and source.model.outlets is not None and model.outlets is None:
         model = replace(model, outlets=())  # grains that are not there stay away
     state = _state(scenario, model, walls, groups)
     if source is not None:
+        if model.is_cell:
+            state.wall_position[:] = source.state.wall_position
         going_on.carry_presence(source, model, state)
     _refuse_overlaps(scenario, model, state, walls)
     if source is not None:
@@ -91,7 +99,7 @@ def place(scenario: Scenario) -> Placed:
         _refuse_unknown_forces(scenario, source, state)
     elif (seed := nudge_seed()) is not None:
         # A run that goes on is not nudged: what moved it by an ulp did so when it began
-        state.position = nudge(state.position, model.period, seed)
+        state.position = nudge(state.position, model.period, seed, model.height)
     model = replace(model, start_speed=start_speed(scenario, model, state))
     return Placed(model, state, None if source is None else going_on.origin_of(source, model))
 
@@ -125,10 +133,10 @@ def _make_groups(scenario: Scenario, walls: BuiltWalls) -> list[InitialGrains]:
         try:
             group = make_group(scenario, k, walls.obstacles(k).with_discs(placed))
             largest = float(group.radius.max(initial=0.0))
-            if domain.periodic and domain.size[0] < 2.0 * LEAST_DIAMETERS * largest:
+            if domain.is_periodic and min(domain.periods) < 2.0 * LEAST_DIAMETERS * largest:
                 text = (
-                    f"the period {domain.size[0]:g} m is less than four of the largest diameters, "
-                    f"{2.0 * largest:g} m"
+                    f"the period {min(domain.periods):g} m is less than four of the largest "
+                    f"diameters, {2.0 * largest:g} m"
                 )
                 key = "sizes" if table.sizes is not None else "packing"
                 raise Refused((key,), text, "widen the domain or use smaller grains")
@@ -139,6 +147,10 @@ def _make_groups(scenario: Scenario, walls: BuiltWalls) -> list[InitialGrains]:
         if table.packing is not None:
             discs = np.column_stack([_wrapped(scenario, group.position), group.radius])
             placed = np.concatenate([placed, discs])
+            if domain.is_cell:  # with the images in y; those in x are known from the period
+                image = discs.copy()
+                image[:, Y] += np.where(discs[:, Y] < 0.5 * domain.size[1], 1, -1) * domain.size[1]
+                placed = np.concatenate([placed, image])
     if errors:
         raise scenario.refuse(*errors)
     return groups
@@ -146,14 +158,14 @@ def _make_groups(scenario: Scenario, walls: BuiltWalls) -> list[InitialGrains]:
 
 def _wrapped(scenario: Scenario, position: Floats) -> Floats:
     center = position[:, :2].copy()
-    if scenario.domain.periodic:
-        center[:, X] = wrap(center[:, X], scenario.domain.size[0])
+    for axis, period in enumerate(scenario.domain.periods):
+        center[:, axis] = wrap(center[:, axis], period)
     return center
 
 
 def _refuse_throats(scenario: Scenario, model: Model) -> None:
     """Refuse discs so wide that a grain meets one and its image: only the nearer is looked at."""
-    if model.period <= 0.0:
+    if model.period <= 0.0 or model.is_cell:
         return
     mechanisms = scenario.heat.mechanisms.values() if scenario.heat is not None else ()
     diameters = max(
@@ -233,7 +245,20 @@ def _model(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -
         shape_factor=SHAPE_FACTOR[scenario.particles[0].shape],
         outlets=tuple(outlet.name for outlet in scenario.outlets) if scenario.is_open else None,
         thermal=_thermal(scenario, groups),
+        height=scenario.domain.size[1] if scenario.domain.is_cell else 0.0,
     )
+
+
+def _with_cell(scenario: Scenario, model: Model) -> Model:
+    """The model with its cell, which is its one wall.
+
+    Its inertia is that of the grains, Σ m d̄², times ``cell_inertia``, for all three components.
+    """
+    factor = 1.0 if scenario.domain.cell_inertia is None else scenario.domain.cell_inertia
+    diameter = model.mean_diameter
+    inertia = np.array([factor * total(model.grains.mass) * diameter * diameter])
+    walls = Walls((CELL,), inertia, inertia.copy(), np.zeros(1, np.bool_), np.zeros(1))
+    return replace(model, walls=walls)
 
 
 def _thermal(scenario: Scenario, groups: list[InitialGrains]) -> Thermal | None:
@@ -259,8 +284,12 @@ def _state(
     state = State.at_rest(model, np.concatenate([group.position for group in groups]))
     if model.period > 0.0:
         state.position[:, X] = wrap(state.position[:, X], model.period)
+    if model.is_cell:
+        state.position[:, Y] = wrap(state.position[:, Y], model.height)
+        state.wall_position[0, :2] = scenario.domain.size
+    else:
+        state.wall_position[:] = walls.position
     state.velocity = np.concatenate([group.velocity for group in groups])
-    state.wall_position[:] = walls.position
     if state.presence.size:
         waiting = [k for k, table in enumerate(scenario.particles) if table.packing is None]
         state.presence[np.isin(model.grains.group, waiting)] = Presence.WAITS
@@ -283,7 +312,8 @@ def _refuse_overlaps(scenario: Scenario, model: Model, state: State, walls: Buil
     )
     problems = [problem for problem in within if problem is not None]
     told = {problem.where for problem in problems}
-    cut = overlap_problems(state.position, model, walls.obstacles(), here)
+    cell = state.wall_position[0] if model.is_cell else None
+    cut = overlap_problems(state.position, model, walls.obstacles(), here, cell)
     problems += [problem for problem in cut if problem.where not in told]
     for w, front in enumerate(walls.fronts):
         if front is not None:
@@ -306,17 +336,18 @@ def start_speed(scenario: Scenario, model: Model, state: State) -> float:
 
     Between walls that shear a periodic domain, grains count relative to the linear profile between
     these walls, and the walls themselves do not count: neighbors pass each other no faster than the
-    rate of shear says.
+    rate of shear says. In a cell grains count relative to its mean flow likewise.
     """
     here, radius = state.here, model.grains.radius
     spans = np.array([wall.geometry.spans_period(scenario.domain) for wall in scenario.walls], bool)
-    velocity = state.velocity[here]
+    # A cell is no wall of the scenario: its rates are no speeds
+    velocity, walls = state.velocity[here], state.wall_velocity[: spans.size]
     along = velocity[:, X] - _imposed(scenario, model, state, spans, state.position[here, Y])
-    of_walls = np.where(spans, 0.0, state.wall_velocity[:, X])
+    of_walls = np.where(spans, 0.0, walls[:, X])
     speeds = (
         np.sqrt(along * along + velocity[:, Y] * velocity[:, Y]),
         radius[here] * np.abs(velocity[:, SPIN]),
-        np.sqrt(of_walls * of_walls + state.wall_velocity[:, Y] * state.wall_velocity[:, Y]),
+        np.sqrt(of_walls * of_walls + walls[:, Y] * walls[:, Y]),
     )
     return max(float(values.max(initial=0.0)) for values in speeds)
 

@@ -50,7 +50,17 @@ def misfits(scenario: Scenario, source: Source) -> list[Refused]:
     if (np.diff(before.grains.group) < 0).any():
         text = f"{what} has grains that are not in the order of its groups"
         found.append(Refused(_RUN, text, verify("it")))
-    if domain.period != before.period:
+    if domain.is_cell != before.is_cell:
+        text = f"{what} is {'a' if before.is_cell else 'no'} cell, periodic in x and y"
+        found.append(Refused(("domain", "periodic"), text, "use the size and periodic of that run"))
+    elif domain.is_cell:
+        if source.size not in (None, domain.size):
+            size, there = (f"{w:g} × {h:g} m" for w, h in (domain.size, source.size or (0.0, 0.0)))
+            text = f"the cell is {size} at first, that of {what} {there}"
+            remedy = "use the size of that run: the cell goes on as large as it is there by now"
+            found.append(Refused(("domain", "size"), text, remedy))
+        return found
+    elif domain.period != before.period:
         text = f"the period is {domain.period:g} m, that of {what} {before.period:g} m (0: none)"
         found.append(Refused(("domain", "size"), text, "use the size and periodic of that run"))
     # Grains beyond a domain other than the run's; what has left its own may stay outside

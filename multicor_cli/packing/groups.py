@@ -57,8 +57,7 @@ class _Task:
     """One packing to make, of a group or its tile, by ``count`` or area fraction ``fill``.
 
     Grains go into ``area``, in the rectangle ``region``, or all of that; ``random`` gives the
-    stream for a purpose at its beginning. ``is_periodic_in_y``: bottom and top of the region are
-    one and the same.
+    stream for a purpose at its beginning.
     """
 
     sizes: SizeDistribution
@@ -67,7 +66,6 @@ class _Task:
     region: PackingRegion
     obstacles: Obstacles
     random: Callable[[Purpose], Stream]
-    is_periodic_in_y: bool = False
     area: Area | None = None
 
     def radii(self) -> Floats:
@@ -132,15 +130,22 @@ def with_motion(scenario: Scenario, group: ParticleGroup, grains: InitialGrains)
 
 
 def region_of_group(scenario: Scenario, group: ParticleGroup) -> PackingRegion:
-    """The rectangle of a group, or around its region; periodic if it spans the domain's period."""
+    """The rectangle of a group, or around its region; periodic if it spans the domain's period.
+
+    In a cell one that spans both periods is periodic in both directions.
+    """
     table, domain = group.placed_in(scenario.domain), scenario.domain
     if not isinstance(table, RectangleRegion):
         (left, bottom), (right, top) = table.area().corners().tolist()
         return PackingRegion(left, bottom, right, top)
+    if not domain.is_spanned(table.min[0], table.max[0]):
+        return PackingRegion(*table.min, *table.max)
     # exactly, so that nothing is lost between the two ends
-    if domain.is_spanned(table.min[0], table.max[0]):
-        return PackingRegion(*table.min, table.min[0] + domain.period, table.max[1], True)
-    return PackingRegion(*table.min, *table.max)
+    right, top = table.min[0] + domain.period, table.max[1]
+    closes = domain.is_spanned(table.min[1], top, axis=1)
+    if closes:
+        top = table.min[1] + domain.size[1]
+    return PackingRegion(*table.min, right, top, True, closes)
 
 
 def _place(
@@ -169,7 +174,7 @@ def _place(
         )
         remedy = f"use repeat = [{columns}, 1] and a higher tile"
         raise Refused(("packing", "repeat"), text, remedy)
-    closes = isinstance(source, RandomPacking) and rows > 1
+    closes = isinstance(source, RandomPacking) and (rows > 1 or region.is_periodic_in_y)
     sides = [(width, "width", "narrow", "wide"), (height, "height", "low", "high")]
     for length, name, small, large in sides if closes else sides[:1]:
         if length < 8.0 * sizes.largest:
@@ -177,9 +182,9 @@ def _place(
             text = f"a tile of {name} {length:g} m is too {small} for {diameter}"
             remedy = f"make it at least four of the largest diameters {large}"
             raise Refused(("packing", "tile"), text, remedy)
-    one = PackingRegion(0.0, 0.0, width, height, True)
+    one = PackingRegion(0.0, 0.0, width, height, True, closes)
     counts = packing.tile_count, packing.tile_fill
-    task = _Task(sizes, *counts, one, Obstacles.none(), random, is_periodic_in_y=closes)
+    task = _Task(sizes, *counts, one, Obstacles.none(), random)
     tile = _make(scenario, group, source, task)
     return repeat_tile(tile, packing.tile, packing.repeat, region)
 
@@ -202,10 +207,7 @@ def _make(scenario: Scenario, group: ParticleGroup, packing: Packing, task: _Tas
     separation, attempts = 0.0, DEFAULT_ATTEMPTS
     if isinstance(packing, RandomPacking):
         separation, attempts = packing.separation, packing.attempts
-    closes = task.is_periodic_in_y
-    center = random_packing(
-        radius, region, obstacles, separation, attempts, places, is_periodic_in_y=closes
-    )
+    center = random_packing(radius, region, obstacles, separation, attempts, places)
     if isinstance(packing, CompactedPacking):
         friction, density = packing.friction, scenario.materials[group.material].density
         if friction is None:  # at rest, as a compaction ends

@@ -112,13 +112,17 @@ def inertias(radius: Floats, mass: Floats, shape: Shape) -> Floats:
 
 @dataclass(frozen=True)
 class PackingRegion:
-    """A rectangle [m]; ``is_periodic``: left and right are one, as it spans the period exactly."""
+    """A rectangle [m]; ``is_periodic``: left and right are one, as it spans the period exactly.
+
+    ``is_periodic_in_y``: so are bottom and top.
+    """
 
     left: float
     bottom: float
     right: float
     top: float
     is_periodic: bool = False
+    is_periodic_in_y: bool = False
 
     @property
     def width(self) -> float:

@@ -3,7 +3,8 @@
 The bottom row stands on the bottom of the region (the largest grain touches it) and the rows are
 centered between its sides. In a region that spans the period, a row holds the largest whole number
 of grains that fits and its spacing is opened to close the period exactly; the distance to the
-neighbors in the rows above and below stays the one asked for. Opening is preferred to refusing
+neighbors in the rows above and below stays the one asked for. In a region that spans a cell rows
+are opened likewise, an even number of them if they are triangular. Opening is preferred to refusing
 because a period is rarely a multiple of a diameter, and to narrowing because touching grains would
 then overlap.
 """
@@ -40,7 +41,8 @@ class Lattice(NamedTuple):
     """A lattice in its region.
 
     Neighbors are ``step`` [m] apart, ``pitch`` in a row and ``rise`` from row to row; ``margin``
-    [m] is the distance of the outermost sites from the sides. ``even`` are the rows 0, 2, ….
+    [m] is the distance of the outermost sites from closed sides, ``lowest`` that of the first row
+    from the bottom. ``even`` are the rows 0, 2, ….
     ``most`` are the sites in the region, of which those in ``room`` count.
     """
 
@@ -51,6 +53,7 @@ class Lattice(NamedTuple):
     jitter: float
     step: float
     margin: float
+    lowest: float
     pitch: float
     rise: float
     even: _Row
@@ -101,7 +104,7 @@ class Lattice(NamedTuple):
         column = np.where(is_odd, place - even.sites, place)
         x = np.where(is_odd, odd.first, even.first) + column * self.pitch
         sites = np.column_stack([x, (2 * pair + is_odd) * self.rise])
-        sites += (self.region.left, self.region.bottom + self.margin)
+        sites += (self.region.left, self.region.bottom + self.lowest)
         if self.room.is_open:
             return sites
         return sites[self.room.clearance(sites) >= self.margin * (1.0 - _SLACK)]
@@ -132,10 +135,15 @@ def lay_out(
         # across rows stays `step`.
         rise = math.sqrt(step * step - 0.25 * pitch * pitch)
     even, odd = _rows(kind, region, margin, pitch)
-    height = region.height - 2.0 * margin
+    height, lowest = region.height - 2.0 * margin, margin
     levels = _whole(height / rise) if height >= -_SLACK * region.height else 0
+    if region.is_periodic_in_y:
+        levels = _whole(region.height / rise) - 1
+        levels -= levels % 2 if kind == "triangular" else 0
+        rise = region.height / max(levels, 1)
+        lowest = 0.5 * rise
     most = (levels + 1) // 2 * even.sites + levels // 2 * odd.sites
-    sides = (step, margin, pitch, rise)
+    sides = (step, margin, lowest, pitch, rise)
     return Lattice(kind, largest, region, room, jitter, *sides, even, odd, most)
 
 
@@ -198,9 +206,10 @@ def repeat_tile(
     position = (tile.position[None, :, :] + shift[:, None, :]).reshape(-1, 3)
     radius, velocity = np.tile(tile.radius, row.size), np.tile(tile.velocity, (row.size, 1))
     closes = region.is_periodic and abs(width - region.width) <= _SLACK * region.width
+    closes_in_y = region.is_periodic_in_y and abs(height - region.height) <= _SLACK * region.height
     reach = radius * (1.0 - _SLACK)
     x, y = position[:, X], position[:, Y]
-    keep = (y - reach >= region.bottom) & (y + reach <= region.top)
+    keep = closes_in_y | ((y - reach >= region.bottom) & (y + reach <= region.top))
     if not closes:
         keep &= (x - reach >= region.left) & (x + reach <= region.right)
     return InitialGrains(radius[keep], position[keep], velocity[keep])

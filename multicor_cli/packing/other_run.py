@@ -12,6 +12,7 @@ import numpy as np
 
 from multicor_cli.engine.geometry.scene import scene_of
 from multicor_cli.model import Model, State
+from multicor_cli.model.cell import mean_flow
 from multicor_cli.model.columns import NORMAL
 from multicor_cli.model.contacts import are_impacts
 from multicor_cli.model.faults import find_misfit
@@ -118,6 +119,8 @@ def _of_frame(frame: Frame, model: Model) -> tuple[Model, State, str]:
     state.wall_velocity = np.array(frame.wall_velocity, float)
     if frame.wall_surface is not None:
         state.wall_surface = np.array(frame.wall_surface, float)
+    if model.is_cell:  # frames have real velocities, states those relative to the mean flow
+        state.velocity[:, :2] -= mean_flow(state.position, state.wall_velocity[0])
     state.step, state.time, state.last_dt = frame.step, frame.time, frame.dt
     _take_contacts(frame, model, state)
     digest = hashlib.blake2b(state.digest().encode(), digest_size=16)

@@ -13,7 +13,7 @@ from multicor_cli.engine.geometry.scene import gap_to_shape
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.threads import threads_for
 from multicor_cli.model import Model
-from multicor_cli.model.columns import RADIUS, X, Y
+from multicor_cli.model.columns import RADIUS, XX, XY, YY, X, Y
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.shapes import Room, ShapeKind
 from multicor_cli.packing.initial_grains import NAMED
@@ -137,15 +137,27 @@ def thin_crowds(position: Floats, radius: Floats) -> NDArray[np.int64]:
 
 
 def overlap_problems(
-    position: Floats, model: Model, shapes: Obstacles, here: NDArray[np.int64]
+    position: Floats,
+    model: Model,
+    shapes: Obstacles,
+    here: NDArray[np.int64],
+    cell: Floats | None = None,
 ) -> list[Refused]:
     """One problem for all grains that overlap each other and one for each wall that cuts grains.
 
     ``shapes`` are those of the model, in the world; only the grains ``here``, ascending, count.
+    ``cell`` are width, height and tilt of a cell [m].
     """
     radius, group, wall = model.grains.radius, model.grains.group, model.shapes.wall
     kept = here[thin_crowds(position[here], radius[here])].astype(np.int32)
-    i, j, overlap = overlapping_pairs(position[kept], radius[kept], shapes, model.period)
+    if cell is None:
+        i, j, overlap = overlapping_pairs(position[kept], radius[kept], shapes, model.period)
+    else:  # without walls, but with images of the lowest grains above
+        low = np.flatnonzero(position[kept, Y] < 2.0 * radius[kept].max())
+        above = position[kept[low], :2] + np.array([cell[XY], cell[YY]])
+        images = Obstacles.none().with_discs(np.column_stack([above, radius[kept[low]]]))
+        i, j, overlap = overlapping_pairs(position[kept], radius[kept], images, float(cell[XX]))
+        j = np.concatenate([np.arange(kept.size), low])[j].astype(np.int32)
     among, problems = j < kept.size, []
     if among.any():
         a, b = kept[i[among]], kept[j[among]]

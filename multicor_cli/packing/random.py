@@ -191,18 +191,12 @@ def _ghosts(
 
 
 def relax(
-    position: Floats,
-    radius: Floats,
-    region: PackingRegion,
-    obstacles: Obstacles,
-    *,
-    is_periodic_in_y: bool = False,
+    position: Floats, radius: Floats, region: PackingRegion, obstacles: Obstacles
 ) -> tuple[Floats, float, int]:
     """Move grains apart until none overlap, they are jammed, or `_ITERATIONS` are spent.
 
     Closed sides of the region have to be among the obstacles; centers [m] have shape ``(n, 2)``.
-    ``is_periodic_in_y``: its lower and upper side are one and the same. Returns new centers, the
-    largest overlap over the smaller radius, and steps.
+    Returns new centers, the largest overlap over the smaller radius, and steps.
     """
     enlarged = radius * (1.0 + INFLATION)
     skin = _SKIN * mean(radius)
@@ -214,7 +208,7 @@ def relax(
         if region.is_periodic:
             now[:, X] = wrap(now[:, X], region.width)
         ghosts, solid = nothing, obstacles
-        if is_periodic_in_y:
+        if region.is_periodic_in_y:
             now[:, Y] = region.bottom + wrap(now[:, Y] - region.bottom, region.height)
             ghosts, solid = _ghosts(now, enlarged, region, obstacles, skin)
         pairs = find_pairs(now, enlarged, solid, skin, region.period)
@@ -246,8 +240,6 @@ def random_packing(
     separation: float,
     attempts: int,
     rng: Stream,
-    *,
-    is_periodic_in_y: bool = False,
 ) -> Floats:
     """Random centers of discs inside ``region`` without overlaps [m], shape ``(n, 2)``.
 
@@ -256,7 +248,7 @@ def random_packing(
     overlaps was found; that says how many grains would fit.
     """
     enlarged = radius + separation * mean(radius)
-    solid = obstacles.with_sides(region, is_periodic_in_y)
+    solid = obstacles.with_sides(region)
     fraction = _fraction(enlarged, region, solid)
     if fraction > _DENSEST_FRACTION:
         raise _refusal(radius.size, fraction, "more than any packing can reach")
@@ -265,14 +257,12 @@ def random_packing(
     if inserted is None:
         raise _refusal(radius.size, fraction, "and hardly any of its points is free")
     position, is_complete = inserted
-    if shrink == 1.0 and is_complete and not is_periodic_in_y:
+    if shrink == 1.0 and is_complete and not region.is_periodic_in_y:
         return position
-    position, overlap, steps = relax(
-        position, enlarged, region, solid, is_periodic_in_y=is_periodic_in_y
-    )
+    position, overlap, steps = relax(position, enlarged, region, solid)
     x, y = position.T
     is_inside = region.is_periodic | ((x >= region.left) & (x <= region.right))
-    is_inside &= is_periodic_in_y | ((y >= region.bottom) & (y <= region.top))
+    is_inside &= region.is_periodic_in_y | ((y >= region.bottom) & (y <= region.top))
     if not solid.room.is_open:
         is_inside &= solid.room.clearance(position) > 0.0
     if overlap > _ACCEPTED_OVERLAP or not is_inside.all():

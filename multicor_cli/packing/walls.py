@@ -170,12 +170,12 @@ class Obstacles:
         rows[:, :3] = discs
         return self._append(ShapeKind.DISC, rows)
 
-    def with_sides(self, region: PackingRegion, is_periodic_in_y: bool) -> Obstacles:
+    def with_sides(self, region: PackingRegion) -> Obstacles:
         """Append planes along those sides of ``region`` that are closed."""
         left, bottom, planes = region.left, region.bottom, []
         if not region.is_periodic:
             planes += [(left, bottom, 1.0, 0.0), (region.right, bottom, -1.0, 0.0)]
-        if not is_periodic_in_y:
+        if not region.is_periodic_in_y:
             planes += [(left, bottom, 0.0, 1.0), (left, region.top, 0.0, -1.0)]
         return self._append(ShapeKind.PLANE, np.array(planes).reshape(-1, 4))
 

@@ -16,7 +16,8 @@ import numpy as np
 from multicor_cli.arithmetic.sums import mean, total
 from multicor_cli.engine.motion.spacing import Spacing
 from multicor_cli.model import BOOK_NAMES, State
-from multicor_cli.model.columns import X
+from multicor_cli.model.cell import cell_area
+from multicor_cli.model.columns import XX, YY, X
 from multicor_cli.model.model import Floats
 
 ROUNDING = 1e-9
@@ -91,20 +92,25 @@ class Condition(ABC):
 
 
 @dataclass(frozen=True)
-class StrainReached(Condition):
-    """The stage ends at a shear strain: of two walls, displacement in x over distance in y.
+class _AnyStrainReached(Condition):
+    """The stage ends at a strain.
 
     Increments count by their absolute value, so that the strain of a stage that shears back and
     forth keeps growing.
     """
-
-    height: Spacing
 
     def value(self, state: State) -> float:
         return state.stage_strain
 
     def progress(self, state: State) -> float:
         return min(state.stage_strain / self.aim.goal, 1.0)
+
+
+@dataclass(frozen=True)
+class StrainReached(_AnyStrainReached):
+    """The stage ends at a shear strain: of two walls, displacement in x over distance in y."""
+
+    height: Spacing
 
     def note(self, state: State, done: StepDone) -> None:
         """Add the strain of the step; walls at the same height have none."""
@@ -114,6 +120,17 @@ class StrainReached(Condition):
             for places in (done.wall_before, state.wall_position)
         )
         state.stage_strain += abs((after - before) / height) if height else 0.0
+
+
+@dataclass(frozen=True)
+class CellStrainReached(_AnyStrainReached):
+    """The stage ends at a strain of a cell, of the component in a column of its rates."""
+
+    component: int
+
+    def note(self, state: State, done: StepDone) -> None:
+        """Add the strain of the step, with the rate at its end."""
+        state.stage_strain += abs(float(state.wall_velocity[0, self.component])) * done.dt
 
 
 @dataclass(frozen=True)
@@ -201,9 +218,13 @@ class ForceReached(Condition):
     def first_notes(self, state: State) -> Floats:
         return np.zeros(BEFORE + 1)
 
+    def _now(self, state: State, done: StepDone) -> float:
+        """The quantity in the step."""
+        return float(done.wall_impulse[self.wall, self.axis] / done.dt / self.length)
+
     def note(self, state: State, done: StepDone) -> None:
         notes = state.stage_notes
-        notes[SUM] += done.wall_impulse[self.wall, self.axis] / done.dt / self.length
+        notes[SUM] += self._now(state, done)
         notes[SUMMED] += 1.0
         if is_due(state.stage_step, self.steps):
             notes[BEFORE], notes[LAST] = notes[LAST], notes[SUM] / notes[SUMMED]
@@ -218,6 +239,23 @@ class ForceReached(Condition):
     def holds(self, state: State) -> bool:
         """Whether a window has just ended whose mean is what is waited for."""
         return state.stage_notes[SUMMED] == 0.0 and super().holds(state)
+
+
+def _stresses(state: State, done: StepDone) -> list[float]:
+    """Mean stress of the grains of a cell in a step [N/m], by component, signs as for its drives.
+
+    The impulse in shear is that of the grains on the cell: against what shears it.
+    """
+    xx, yy, xy = (done.wall_impulse[0] / done.dt / cell_area(state)).tolist()
+    return [xx, yy, -xy]
+
+
+@dataclass(frozen=True)
+class CellStressReached(ForceReached):
+    """As `ForceReached`, for the stress of the grains in a cell; ``axis`` is its component."""
+
+    def _now(self, state: State, done: StepDone) -> float:
+        return _stresses(state, done)[self.axis]
 
 
 # ---- A stage that ends when a mean no longer drifts
@@ -279,15 +317,19 @@ class Steady(Condition):
     def first_notes(self, state: State) -> Floats:
         return np.zeros(FIRST + BLOCKS)
 
+    def _now(self, state: State, done: StepDone) -> tuple[float, float]:
+        """The quantity in the step, and what its mean is divided by."""
+        if self.wall is None:
+            return float(state.books[KINETIC]), 1.0
+        force = (done.wall_impulse[self.wall] / done.dt).tolist()
+        return force[self.axis], 1.0 if self.across is None else force[self.across]
+
     def note(self, state: State, done: StepDone) -> None:
         """Add the step to its block, closed when over; without force across, all start anew."""
         notes = state.stage_notes
         if state.stage_step <= self.skipped:
             return
-        over, under = float(state.books[KINETIC]), 1.0
-        if self.wall is not None:
-            force = (done.wall_impulse[self.wall] / done.dt).tolist()
-            over, under = force[self.axis], 1.0 if self.across is None else force[self.across]
+        over, under = self._now(state, done)
         notes[OVER] += over
         notes[UNDER] += under
         notes[STEPS] += 1.0
@@ -322,3 +364,16 @@ class Steady(Condition):
 
     def _is_still(self, state: State) -> bool:
         return self.wall is None and state.stage_peak == 0.0 == state.books[KINETIC]
+
+
+@dataclass(frozen=True)
+class CellSteady(Steady):
+    """As `Steady`, for the stress of the grains in a cell, whose component ``axis`` is.
+
+    With ``across`` it is divided by the mean pressure.
+    """
+
+    def _now(self, state: State, done: StepDone) -> tuple[float, float]:
+        stresses = _stresses(state, done)
+        pressure = 0.5 * (stresses[XX] + stresses[YY])
+        return stresses[self.axis], 1.0 if self.across is None else pressure

@@ -22,13 +22,17 @@ from multicor_cli.engine.motion.drives import (
 from multicor_cli.engine.motion.spacing import Spacing
 from multicor_cli.engine.orders import Settings
 from multicor_cli.model import Model
-from multicor_cli.model.columns import SPIN, X, Y
+from multicor_cli.model.cell import COMPONENTS
+from multicor_cli.model.columns import SPIN, YY, X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.model.state import State
 from multicor_cli.packing.materials import stage_laws
 from multicor_cli.running.conditions import (
     BLOCKS,
     Aim,
+    CellSteady,
+    CellStrainReached,
+    CellStressReached,
     Condition,
     DisplacementReached,
     DistanceReached,
@@ -54,8 +58,13 @@ from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.stage_drives import engine_signal
 from multicor_cli.scenario.stages import (
     BoundEnd,
+    CellSteadyEnd,
+    CellStrainEnd,
+    CellStressEnd,
     Stage,
     SteadyEnd,
+    StrainEnd,
+    StressEnd,
     UntilAxialStrain,
     UntilDisplacement,
     UntilForce,
@@ -176,7 +185,7 @@ def inflow_rules(scenario: Scenario, model: Model) -> InflowRules:
     if scenario.domain.lost != "ignore":
         # the domain and a margin around it, without limits in the direction of a period
         (width, height), margin = scenario.domain.size, 2.0 * float(model.grains.radius.max())
-        beyond = math.inf if scenario.domain.periodic else margin
+        beyond = math.inf if scenario.domain.is_periodic else margin
         limits = Rectangle((-beyond, -margin), (width + beyond, height + margin))
     return InflowRules(
         tuple(release for release in releases if release is not None),
@@ -255,10 +264,12 @@ def condition_of(stage: Stage, model: Model, dt: float) -> Condition | None:
     def aim(quantity: str, unit: str, end: BoundEnd) -> Aim:
         return Aim(quantity, unit, end.relation, end.goal)
 
+    if model.is_cell and (condition := _condition_of_cell(stage, dt)) is not None:
+        return condition
     match stage.until:
         case None:
             return None
-        case UntilStrain(strain=end):
+        case UntilStrain(strain=StrainEnd() as end):
             goal = Aim("the shear strain", "1", "at least", end.value)
             return StrainReached(goal, Spacing.between(model, *end.walls))
         case UntilRest(kinetic_energy_ratio=ratio):
@@ -273,7 +284,7 @@ def condition_of(stage: Stage, model: Model, dt: float) -> Condition | None:
             what = "the angle turned" if is_spin else f"the displacement in {end.axis}"
             goal = aim(f"{what} of {end.wall}", "rad" if is_spin else "m", end)
             return DisplacementReached(goal, model.walls.names.index(end.wall), _COLUMN[end.axis])
-        case UntilForce(force=end) | UntilStress(stress=end):
+        case UntilForce(force=end) | UntilStress(stress=StressEnd() as end):
             wall, length = model.walls.names.index(end.wall), 1.0
             what, unit = f"force in {end.axis}", "N"
             if isinstance(stage.until, UntilStress):
@@ -283,8 +294,10 @@ def condition_of(stage: Stage, model: Model, dt: float) -> Condition | None:
                 what, unit = "torque", "N m"
             goal = aim(f"the mean {what} on {end.wall}", unit, end)
             return ForceReached(goal, wall, _COLUMN[end.axis], count_steps(end.window, dt), length)
-        case UntilSteady(steady=end):
+        case UntilSteady(steady=SteadyEnd() as end):
             return _steady(end, model, dt)
+    message = f"no condition for {type(stage.until).__name__}"
+    raise TypeError(message)
 
 
 def _steady(end: SteadyEnd, model: Model, dt: float) -> Condition:
@@ -298,9 +311,32 @@ def _steady(end: SteadyEnd, model: Model, dt: float) -> Condition:
         what = f"the {'torque' if end.axis == 'spin' else f'{end.of} in {end.axis}'} on {end.wall}"
     aim = Aim(f"the drift of {what}", "1", "at most", end.tolerance)
     wall = None if end.wall is None else model.walls.names.index(end.wall)
-    return Steady(
-        aim, wall, axis, across, count_steps(end.window / BLOCKS, dt), round(end.after / dt)
-    )
+    return Steady(aim, wall, axis, across, *_blocks(end, dt))
+
+
+def _condition_of_cell(stage: Stage, dt: float) -> Condition | None:
+    """As `condition_of`, if it is about the strain or stress of a cell."""
+    match stage.until:
+        case UntilStrain(strain=CellStrainEnd() as end):
+            aim = Aim(f"the strain {end.cell} of the cell", "1", "at least", end.value)
+            return CellStrainReached(aim, COMPONENTS.index(end.cell))
+        case UntilStress(stress=CellStressEnd() as end):
+            what = f"the mean stress {end.cell} of the grains"
+            aim, steps = Aim(what, "N/m", end.relation, end.goal), count_steps(end.window, dt)
+            return CellStressReached(aim, 0, COMPONENTS.index(end.cell), steps, 1.0)
+        case UntilSteady(steady=CellSteadyEnd() as end):
+            is_friction = end.of == "friction"
+            what = f"the stress {end.cell} of the grains"
+            what += " over the pressure" if is_friction else ""
+            aim = Aim(f"the drift of {what}", "1", "at most", end.tolerance)
+            across = YY if is_friction else None
+            return CellSteady(aim, 0, COMPONENTS.index(end.cell), across, *_blocks(end, dt))
+    return None
+
+
+def _blocks(end: SteadyEnd | CellSteadyEnd, dt: float) -> tuple[float, int]:
+    """Steps of a block, and those that are left out at first."""
+    return count_steps(end.window / BLOCKS, dt), round(end.after / dt)
 
 
 # ---- The plan

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from multicor_cli.engine.heat.walls import WallHeat
-from multicor_cli.engine.motion.drives import AnyGravity, Gravity, WallDrive
+from multicor_cli.engine.motion.drives import AnyGravity, DofDrive, Gravity
 from multicor_cli.engine.orders import Orders, Settings
 from multicor_cli.model import ContactLaws, State
-from multicor_cli.running.conditions import KINETIC, Condition, StrainReached
+from multicor_cli.running.conditions import KINETIC, CellStrainReached, Condition, StrainReached
 from multicor_cli.scenario.settings import Output
 from multicor_cli.scenario.stage_drives import StageDrives, kept_signal
 from multicor_cli.store.documents import Reason, StageEnd
@@ -207,17 +207,21 @@ def foresee_steps(plan: RunPlan, state: State) -> list[int | None]:
 
 
 def _steps_to_strain(stage: StagePlan, starts: Sequence[float], state: State) -> int | None:
-    """Steps until two walls whose motion is prescribed have reached the strain of the stage."""
-    if not isinstance(stage.until, StrainReached):
+    """Steps until walls or a cell, moved as prescribed, have reached the strain of the stage."""
+    until, drives = stage.until, stage.drives.started(starts)
+    if isinstance(until, CellStrainReached):
+        moved, height = [DofDrive(), drives[0].dofs()[until.component]], 1.0
+    elif isinstance(until, StrainReached):
+        moved = [drives[wall].x for wall in (until.height.lower, until.height.upper)]
+        height = until.height.of(state)
+    else:
         return None
-    spacing, drives = stage.until.height, stage.drives.started(starts)
-    walls, height = (drives[spacing.lower], drives[spacing.upper]), spacing.of(state)
-    if any(wall.x.is_driven for wall in walls) or not height:
+    if any(dof.is_driven for dof in moved) or not height:
         return None
-    t, interval, left = 0.0, stage.dt, stage.until.aim.goal
+    t, interval, left = 0.0, stage.dt, until.aim.goal
     for _ in range(_DOUBLINGS):
         for _ in range(_SHORTEST_MARCH):
-            lower, upper = (_velocity(wall, t, interval) for wall in walls)
+            lower, upper = (_velocity(dof, t, interval) for dof in moved)
             rate = abs((upper - lower) / height)
             if rate * interval >= left:
                 return max(1, round((t + left / rate) / stage.dt))
@@ -227,8 +231,8 @@ def _steps_to_strain(stage: StagePlan, starts: Sequence[float], state: State) ->
     return None
 
 
-def _velocity(drive: WallDrive, t: float, interval: float) -> float:
-    """Prescribed velocity in x between ``t`` and ``t + interval`` [m/s]."""
-    if drive.x.position is not None:
-        return (drive.x.position.value(t + interval) - drive.x.position.value(t)) / interval
-    return drive.x.velocity.value(t + 0.5 * interval) if drive.x.velocity is not None else 0.0
+def _velocity(dof: DofDrive, t: float, interval: float) -> float:
+    """Prescribed velocity [m/s] or rate [1/s] between ``t`` and ``t + interval``."""
+    if dof.position is not None:
+        return (dof.position.value(t + interval) - dof.position.value(t)) / interval
+    return dof.velocity.value(t + 0.5 * interval) if dof.velocity is not None else 0.0

@@ -260,7 +260,7 @@ class Session:
             engine = make_engine(scenario, model, state, self.threads)
             counts = {
                 "grain": model.grain_count,
-                "wall": model.wall_count,
+                "cell" if model.is_cell else "wall": model.wall_count,
                 "thread": engine.threads,
             }
             self.observer.message(", ".join(count_noun(n, noun) for noun, n in counts.items()))

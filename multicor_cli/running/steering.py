@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.engine.orders import StepReport
 from multicor_cli.model import Model, State
+from multicor_cli.model.cell import real_velocity
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.running.from_scenario import make_plan, stage_names
 from multicor_cli.running.plan import RunPlan, StagePlan
@@ -126,7 +127,7 @@ class LiveRun:
     @property
     def velocity(self) -> Array:
         """Velocities [m/s], shape ``(n, 2)``."""
-        return self._of_grains(self._state.velocity[:, :2])
+        return self._of_grains(real_velocity(self._model, self._state)[:, :2])
 
     @property
     def spin(self) -> Array:

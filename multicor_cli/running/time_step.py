@@ -25,6 +25,7 @@ from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.heat.walls import PRESCRIBED
 from multicor_cli.engine.motion.drives import DofDrive, Gravity, Shifted, Signal, WallDrive
 from multicor_cli.model import ContactLaws, Model, ShapeKind
+from multicor_cli.model.cell import COMPONENTS
 from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import TAIL, Tail
@@ -87,10 +88,12 @@ def wall_cycles(
     window = window or Window()
     for w, (name, drive) in enumerate(zip(model.walls.names, drives, strict=True)):
         masses = (model.walls.mass[w], model.walls.mass[w], model.walls.inertia[w])
-        for dof, mass, axis in zip(drive.dofs(), masses, DOF_NAMES, strict=True):
-            way = f"of wall '{name}' in {axis}"
+        ways = [f"of wall '{name}' in {axis}" for axis in DOF_NAMES]
+        if model.is_cell:
+            ways = [f"{component} of the cell" for component in COMPONENTS]
+        for dof, mass, way in zip(drive.dofs(), masses, ways, strict=True):
             signals = {
-                "velocity": dof.velocity,
+                "rate" if model.is_cell else "velocity": dof.velocity,
                 "position": dof.position,
                 "force": dof.force,
                 "stress": dof.stress,
@@ -156,11 +159,12 @@ class Scales:
 
     Attributes:
         pressure: √(m̄/P), where P is the larger of the weight of all grains over the side across
-            gravity and the loads over their length.
+            gravity and the loads over their length. Of a cell P is the largest stress, and m̄ is
+            less where the cell weighs less than its grains.
         strain: 1/γ̇, with γ̇ the largest of: the sum of the two largest wall speeds in x over the
             height of the domain, that of the two largest in y over its smaller side, and the
             fastest spin of a wall; a surface that runs counts as the motion of the wall that would
-            carry grains along like it.
+            carry grains along like it. Of a cell γ̇ is the largest rate.
         travel: d̄ over the largest speed that is known beforehand, that of ``fastest``.
         friction: Largest coefficient of friction between grains.
         period: Shortest period of what acts on the motion, that of ``cycle``: signals of walls and
@@ -169,6 +173,7 @@ class Scales:
         adhesion: √(2 m ℓ/F_a), the shortest of two materials with the range ℓ of their adhesion; m
             is the smaller of the mean masses of their grains.
         errors: Errors that are asked for, over those of the default.
+        strained_by: What sets the rate of strain.
     """
 
     pressure: float
@@ -182,6 +187,7 @@ class Scales:
     heat_cycle: str = ""
     adhesion: float = math.inf
     errors: float = 1.0
+    strained_by: str = "moving walls"
 
     @property
     def limit(self) -> float:
@@ -202,7 +208,7 @@ class Scales:
         errors, at_most = self.errors, min(1.0, self.errors)
         return {
             "the pressure": errors * PRESSURE / (excess * excess * excess) * self.pressure,
-            "the strain of moving walls": errors * STRAIN / excess * self.strain,
+            f"the strain of {self.strained_by}": errors * STRAIN / excess * self.strain,
             self.fastest: at_most * TRAVEL * self.travel,
             f"the period of {self.cycle}": at_most * PERIOD * self.period,
             f"{OSCILLATIONS:g} periods of {self.heat_cycle}": OSCILLATIONS * self.heat,
@@ -224,6 +230,8 @@ def find_scales(
     """
     gravity = gravity or Gravity.constant(model.gravity).largest()
     mean_mass = total(model.grains.mass) / model.grain_count
+    if model.is_cell:  # the lighter of the two follows a stress: what M = Σ m d̄² moves has mass m
+        mean_mass *= min(1.0, 1.0 if (f := scenario.domain.cell_inertia) is None else f)
     pressure = largest_pressure(scenario, model, drives, gravity)
     rate = _largest_rate(scenario, model, drives)
     speed, mover = fastest(scenario, model, drives, gravity)
@@ -243,19 +251,23 @@ def find_scales(
         heat_period.period,
         heat_period.of,
         adhesion_time(model),
+        strained_by="the cell" if model.is_cell else "moving walls",
     )
 
 
 def largest_pressure(
     scenario: Scenario, model: Model, drives: Sequence[WallDrive], gravity: LargestGravity
 ) -> float:
-    """The larger of the weight of all grains over the side across gravity, and wall loads [N/m]."""
+    """The larger of the weight of all grains over the side across gravity, and wall loads [N/m].
+
+    Of a cell the largest magnitude of its prescribed stresses, that in shear included.
+    """
     across = scenario.domain.size[0] if gravity[1] >= gravity[0] else scenario.domain.size[1]
     weight = total(model.grains.mass) * gravity[2] / across
     loads = [
         _largest_load(dof, float(length))
         for drive, length in zip(drives, model.walls.length, strict=True)
-        for dof in (drive.x, drive.y)
+        for dof in (drive.dofs() if model.is_cell else (drive.x, drive.y))
     ]
     return max([weight, *loads])
 
@@ -321,7 +333,12 @@ def scales_of_stage(
 
 
 def _largest_rate(scenario: Scenario, model: Model, drives: Sequence[WallDrive]) -> float:
-    """Rate of shear or compression by the walls, or the fastest spin of one if larger [1/s]."""
+    """Rate of shear or compression by the walls, or the fastest spin of one if larger [1/s].
+
+    Of a cell the largest prescribed rate.
+    """
+    if model.is_cell:
+        return max(_largest_velocity(dof) for dof in drives[0].dofs())
     width, height = scenario.domain.size
     speeds: tuple[list[float], ...] = ([0.0], [0.0], [0.0])
     for w, drive in enumerate(drives):
@@ -355,7 +372,12 @@ def _surface_motion(model: Model, w: int, drive: WallDrive) -> tuple[float, floa
 def largest_speed(
     scenario: Scenario, model: Model, drives: Sequence[WallDrive], gravity: LargestGravity
 ) -> float:
-    """Largest of the speeds of `fastest`, of the walls in x and y, and of their surfaces [m/s]."""
+    """Largest of the speeds of `fastest`, of the walls in x and y, and of their surfaces [m/s].
+
+    A cell has rates, but no speed.
+    """
+    if model.is_cell:
+        return fastest(scenario, model, drives, gravity)[0]
     walls = [max(_largest_velocity(drive.x), _largest_velocity(drive.y)) for drive in drives]
     surfaces = [drive.surface.largest() for drive in drives if drive.surface is not None]
     return max([fastest(scenario, model, drives, gravity)[0], *walls, *surfaces])
@@ -392,7 +414,8 @@ def fastest(
             speed = max(hypot(*group.velocity), largest * abs(group.spin))
             found.append((speed, f"released grains of group '{group.name}'"))
     arms, names = _reach_of_walls(model, far).tolist(), model.walls.names
-    for name, drive, arm, wall in zip(names, drives, arms, scenario.walls, strict=True):
+    walls = () if model.is_cell else zip(names, drives, arms, scenario.walls, strict=True)
+    for name, drive, arm, wall in walls:
         is_along = wall.geometry.spans_period(scenario.domain)
         along = 0.0 if is_along else _largest_velocity(drive.x)
         speed = hypot(along, _largest_velocity(drive.y)) + arm * _largest_velocity(drive.spin)

@@ -247,26 +247,67 @@ class WallDrives(Table):
             yield Refused(("spin",), what, "give the torque [N m] as force")
 
 
-def moves(dof: Dof) -> bool:
+def moves(dof: Dof | CellDof) -> bool:
     """Whether a degree of freedom may move at all."""
     if isinstance(dof, VelocityDof | PositionDof):
         return any(levels(dof.velocity if isinstance(dof, VelocityDof) else dof.position))
-    return isinstance(dof, LoadDof)
+    if isinstance(dof, RateDof):
+        return any(levels(dof.rate))
+    return isinstance(dof, LoadDof | StressDof)
 
 
-def keeps_moving(dof: Dof) -> bool:
+def keeps_moving(dof: Dof | CellDof) -> bool:
     """Whether a degree of freedom moves for as long as one waits."""
     if isinstance(dof, PositionDof):
         return isinstance(dof.position, SineSignal) and dof.position.sine.amplitude != 0.0
-    if isinstance(dof, VelocityDof):
-        values = levels(dof.velocity)
-        return any(values) if isinstance(dof.velocity, SineSignal) else values[-1] != 0.0
-    return isinstance(dof, LoadDof)
+    if isinstance(dof, VelocityDof | RateDof):
+        signal = dof.velocity if isinstance(dof, VelocityDof) else dof.rate
+        values = levels(signal)
+        return any(values) if isinstance(signal, SineSignal) else values[-1] != 0.0
+    return isinstance(dof, LoadDof | StressDof)
 
 
 def is_prescribed(dof: Dof) -> bool:
     """Whether a degree of freedom moves as it is told, whatever pushes it."""
     return isinstance(dof, VelocityDof | PositionDof)
+
+
+# ---- What strains or loads a cell: the table `cell`
+
+
+class RateDof(Table):
+    """A prescribed rate of strain."""
+
+    rate: Signal = required(f"rate of strain [1/s], positive where the cell grows: {_FORMS}")
+
+
+class StressDof(Table):
+    """A component that changes under a stress and the grains' own."""
+
+    stress: Signal = required(
+        "stress, a force per length [N/m]: of xx and yy positive in compression, of xy positive "
+        f"where it shears towards positive rates: {_FORMS}"
+    )
+
+
+CellDof = Annotated[
+    Annotated[RateDof, Tag("<rate>")] | Annotated[StressDof, Tag("<stress>")],
+    one_of("a component of the cell is a table with", "rate, stress"),
+]
+_OF_CELL = "as { stress = 100.0 } or { rate = 0.0 }; at first its rate is 0"
+
+
+class CellDrives(Table):
+    """``cell``: what a stage does to a cell; components that are left out keep their drive."""
+
+    xx: CellDof | None = optional(f"strain of the width, {_OF_CELL}")
+    yy: CellDof | None = optional(f"strain of the height, {_OF_CELL}")
+    xy: CellDof | None = optional(f"shear dvx/dy, {_OF_CELL}")
+
+    def faults(self) -> Iterator[Refused]:
+        if self.xx is None and self.yy is None and self.xy is None:
+            remedy = "name xx, yy or xy, or remove it: what is not named keeps its drive"
+            yield Refused((), "the table is empty", remedy)
 
 
 # ---- `gravity` of a loading stage: a vector of signals, or a direction that tilts

@@ -10,7 +10,9 @@ from typing import Any
 import tomli_w
 from pydantic import ConfigDict, Field
 
+from multicor_cli.model.cell import CELL
 from multicor_cli.scenario.documents import to_document, to_override
+from multicor_cli.scenario.drives import WallCondition
 from multicor_cli.scenario.load import read_tables, read_text
 from multicor_cli.scenario.materials import ContactPair
 from multicor_cli.scenario.problems import Refused, ScenarioError
@@ -20,6 +22,7 @@ from multicor_cli.scenario.sources import Sources
 from multicor_cli.scenario.stage_drives import (
     KeptCondition,
     StageDrives,
+    cell_drives,
     resolve_conditions,
     stage_drives,
 )
@@ -161,15 +164,25 @@ class Scenario(ScenarioModel):
         return self.solver.model_copy(update=changes)
 
     def drives(self, wall_names: tuple[str, ...] | None = None) -> list[StageDrives]:
-        """The drives of all stages; walls in the order of the file, or of ``wall_names``."""
+        """The drives of all stages; walls in the order of the file, or of ``wall_names``.
+
+        Of a cell, which is the one wall of its run, they are those of its components.
+        """
+        if self.domain.is_cell:
+            return cell_drives(self.loading)
         names = wall_names if wall_names is not None else tuple(wall.name for wall in self.walls)
         return stage_drives(self.loading, names)
 
     def wall_conditions(
         self, wall_names: tuple[str, ...] | None = None
     ) -> list[list[KeptCondition]]:
-        """The thermal condition of each wall in each stage; walls as in the file, or as named."""
-        first = {wall.name: wall.thermal for wall in self.walls}
+        """The thermal condition of each wall in each stage; walls as in the file, or as named.
+
+        A cell exchanges no heat with its grains.
+        """
+        first: dict[str, WallCondition | None] = {wall.name: wall.thermal for wall in self.walls}
+        if self.domain.is_cell:
+            first = {CELL: None}
         names = wall_names if wall_names is not None else tuple(first)
         return resolve_conditions(self.loading, first, names)
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import AfterValidator, Discriminator, Field, Tag
 
 from multicor_cli.scenario.base import (
     CHANGEABLE,
+    Array,
     Formerly,
     LengthPair,
     Table,
@@ -18,6 +19,7 @@ from multicor_cli.scenario.base import (
     required,
     tag_word,
 )
+from multicor_cli.scenario.problems import Refused
 
 MAX_SWEEPS = 10_000_000
 Seed = Annotated[
@@ -55,13 +57,47 @@ class Header(Table):
     seed: Seed = required('seed of all random numbers, or "random": drawn once and recorded')
 
 
+def _check_axes(axes: bool | tuple[str, ...]) -> bool | tuple[str, ...]:
+    """True or false, and ``("x", "y")`` of a cell: all that there is to say of directions."""
+    if isinstance(axes, bool):
+        return axes
+    if len(set(axes)) < len(axes):
+        raise Refused((), "a direction is named twice", "name each direction once")
+    if axes == ("y",):
+        what = '["y"]: a domain repeats in x, or in x and y, but not in y alone'
+        raise Refused((), what, "turn the scenario by 90 degrees, walls and gravity included")
+    return ("x", "y") if len(axes) == 2 else bool(axes)
+
+
+def _tag_axes(value: Any) -> str:
+    return "<array>" if isinstance(value, list | tuple) else "<plain>"
+
+
+Periodic = Annotated[
+    Annotated[bool, Tag("<plain>")] | Annotated[Array[Literal["x", "y"]], Tag("<array>")],
+    Discriminator(_tag_axes),
+    AfterValidator(_check_axes),
+]
+
+
 class Domain(Table):
     """``[domain]``: the rectangle [0, w] × [0, h] and what acts everywhere in it."""
 
     size: LengthPair = required(
-        "width and height [m]: where grains are placed; the width is the period if periodic"
+        "width and height [m]: where grains are placed; the width is the period if periodic; of a "
+        "cell the size at the start"
     )
-    periodic: bool = optional("whether the domain repeats in x", False)
+    periodic: Periodic = optional(
+        'directions in which the domain repeats: true or ["x"], false, or ["x", "y"]: a cell '
+        "without walls, which stages strain or load with cell = { ... }",
+        False,
+    )
+    cell_inertia: float | None = optional(
+        "of a cell: its inertia over that of the grains, the sum of m d² with the mean diameter d; "
+        "the larger, the slower it follows a stress; default: 1",
+        ge=1e-3,
+        le=1e3,
+    )
     gravity: Vector = optional("acceleration of gravity [m/s²]", (0.0, -9.81))
 
     lost: Literal["ignore", "stop", "remove"] = optional(
@@ -72,13 +108,29 @@ class Domain(Table):
     )
 
     @property
+    def is_periodic(self) -> bool:
+        """Whether it repeats in x; in a cell in y, too."""
+        return self.periodic is not False
+
+    @property
+    def is_cell(self) -> bool:
+        """Whether it repeats in both directions."""
+        return isinstance(self.periodic, tuple)
+
+    @property
     def period(self) -> float:
         """Period in x [m]; 0 if the domain is not periodic."""
-        return self.size[0] if self.periodic else 0.0
+        return self.size[0] if self.is_periodic else 0.0
 
-    def is_spanned(self, left: float, right: float) -> bool:
-        """Whether an interval of x is the period (to 1e-9 of it); never if there is none."""
-        return self.period > 0.0 and abs(right - left - self.period) <= 1e-9 * self.period
+    @property
+    def periods(self) -> tuple[float, ...]:
+        """Periods in x and, of a cell, in y [m]."""
+        return self.size if self.is_cell else self.size[:1] if self.is_periodic else ()
+
+    def is_spanned(self, low: float, high: float, axis: int = 0) -> bool:
+        """Whether an interval of x (0) or y (1) is the period (to 1e-9); never without one."""
+        period = self.periods[axis] if axis < len(self.periods) else 0.0
+        return period > 0.0 and abs(high - low - period) <= 1e-9 * period
 
 
 class Solver(Table):

@@ -13,15 +13,19 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 
 from multicor_cli.engine.motion import drives as engine
+from multicor_cli.model.cell import COMPONENTS
 from multicor_cli.scenario.drives import (
+    CellDof,
     Dof,
     FixedDof,
     InsulatedCondition,
     LoadDof,
     PositionDof,
     RampSignal,
+    RateDof,
     Signal,
     SineSignal,
+    StressDof,
     TableSignal,
     WallCondition,
 )
@@ -48,6 +52,26 @@ class KeptCondition(NamedTuple):
 
 WallDofs = tuple[KeptDrive, KeptDrive, KeptDrive, KeptDrive]
 """Of x, y, spin and the surface of a wall."""
+
+
+class KeptComponent(NamedTuple):
+    """Drive of a component of a cell, and index of the stage that says so, or `NEVER`."""
+
+    dof: CellDof
+    stage: int
+
+
+def resolve_cell(loading: Sequence[Stage]) -> list[dict[str, KeptComponent]]:
+    """What drives xx, yy and xy of a cell in each stage; at first their rate is 0."""
+    current = dict.fromkeys(COMPONENTS, KeptComponent(RateDof(rate=0.0), NEVER))
+    resolved = []
+    for number, stage in enumerate(loading):
+        named = {} if stage.cell is None else dict(stage.cell)
+        current = current | {
+            name: KeptComponent(dof, number) for name, dof in named.items() if dof is not None
+        }
+        resolved.append(current)
+    return resolved
 
 
 def resolve_dofs(loading: Sequence[Stage], wall_names: Sequence[str]) -> list[list[WallDofs]]:
@@ -140,6 +164,24 @@ def stage_drives(loading: Sequence[Stage], wall_names: Sequence[str]) -> list[St
         named_by = tuple((x.stage, y.stage, spin.stage, s.stage) for x, y, spin, s in walls)
         drives.append(StageDrives(number, tuple(engine_drives), named_by))
     return drives
+
+
+def cell_drives(loading: Sequence[Stage]) -> list[StageDrives]:
+    """The drives of all stages of a cell, which is the one wall of its run."""
+    return [
+        StageDrives(
+            number,
+            (engine.WallDrive(_component(xx.dof), _component(yy.dof), _component(xy.dof)),),
+            ((xx.stage, yy.stage, xy.stage, NEVER),),
+        )
+        for number, (xx, yy, xy) in enumerate(cell.values() for cell in resolve_cell(loading))
+    ]
+
+
+def _component(dof: CellDof) -> engine.DofDrive:
+    if isinstance(dof, StressDof):
+        return engine.DofDrive(stress=engine_signal(dof.stress))
+    return engine.DofDrive(velocity=engine_signal(dof.rate))
 
 
 def _engine_dof(dof: Dof) -> engine.DofDrive:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, Tag
+from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
 
 from multicor_cli.scenario.base import (
     CHANGEABLE,
@@ -21,7 +21,12 @@ from multicor_cli.scenario.base import (
     optional,
     required,
 )
-from multicor_cli.scenario.drives import StageGravityTable, WallCondition, WallDrives
+from multicor_cli.scenario.drives import (
+    CellDrives,
+    StageGravityTable,
+    WallCondition,
+    WallDrives,
+)
 from multicor_cli.scenario.materials import PairFriction
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.settings import Output, StageSolver, TimeStep
@@ -30,19 +35,53 @@ from multicor_cli.scenario.settings import Output, StageSolver, TimeStep
 
 Axis = Literal["x", "y"]
 AnyAxis = Literal["x", "y", "spin"]
+Component = Literal["xx", "yy", "xy"]
 Relation = Literal["at least", "at most"]
 
 _WINDOW = (
     "windows of time [s] over which means are taken, one after the other from the start of the "
     "stage"
 )
+_HALVES = (
+    "span of time whose two halves are compared [s]: long enough for a mean as sure as the "
+    "tolerance"
+)
+_DRIFT = "largest drift between the halves over the mean, its uncertainty included, as 0.05"
+_LEFT_OUT = "time since the start of the stage that is left out [s]"
+
+
+def _tag_cell(value: Any) -> str:
+    """Discriminator of ends that are told of walls or of a cell, by the key ``cell``."""
+    if isinstance(value, BaseModel):
+        value = type(value).model_fields
+    return "<cell>" if isinstance(value, dict) and "cell" in value else "<plain>"
 
 
 class StrainEnd(Table):
     """Shear strain at which a stage ends."""
 
-    walls: TwoWalls = required("the two walls that shear the grains")
+    walls: TwoWalls = required("the two walls that shear the grains (or give cell)")
     value: float = required("shear strain of this stage at which it ends", ge=1e-12, le=1e9)
+
+
+class _CellEnd(Table):
+    """What ends a stage by the strain or stress of a cell."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _names_no_wall(cls, data: Any) -> Any:
+        for key in ("walls", "wall", "axis"):
+            if isinstance(data, dict) and key in data:
+                remedy = f"remove {key} where the domain is a cell, else cell"
+                raise Refused((key,), f"both cell and {key} are given", remedy)
+        return data
+
+
+class CellStrainEnd(_CellEnd):
+    """Strain of a cell at which a stage ends: of a component, ∫|L| dt since its start."""
+
+    cell: Component = required("the component of the strain of the cell")
+    value: float = required("strain of this stage at which it ends", ge=1e-12, le=1e9)
 
 
 class BoundEnd(Table):
@@ -101,27 +140,30 @@ class StressEnd(BoundEnd):
     window: Time = required(_WINDOW)
 
 
+class CellStressEnd(BoundEnd, _CellEnd):
+    """Mean stress of the grains in a cell at which a stage ends."""
+
+    cell: Component = required(
+        "component of the stress [N/m]: xx and yy positive in compression, xy where it resists a "
+        "positive rate"
+    )
+    window: Time = required(_WINDOW)
+
+
 class SteadyEnd(Table):
     """A quantity whose mean has to drift no longer for the stage to end."""
 
     of: Literal["kinetic_energy", "force", "stress", "friction"] = required(
         'what is watched: "kinetic_energy", or of a wall "force", "stress" or "friction": the '
-        "force along axis over that across it"
+        'force along axis over that across it; of a cell "stress" or "friction"'
     )
     wall: Name | None = optional("the wall, for all but the kinetic energy")
     axis: AnyAxis | None = optional(
         'component of the force: "x", "y", or for the force of a wall "spin", its torque'
     )
-    window: Time = required(
-        "span of time whose two halves are compared [s]: long enough for a mean as sure as "
-        "the tolerance"
-    )
-    tolerance: Ratio = required(
-        "largest drift between the halves over the mean, its uncertainty included, as 0.05"
-    )
-    after: Annotated[float, Field(ge=0.0, le=1e12)] = optional(
-        "time since the start of the stage that is left out [s]", 0.0
-    )
+    window: Time = required(_HALVES)
+    tolerance: Ratio = required(_DRIFT)
+    after: Annotated[float, Field(ge=0.0, le=1e12)] = optional(_LEFT_OUT, 0.0)
 
     def faults(self) -> Iterator[Refused]:
         for key in ("wall", "axis"):
@@ -130,16 +172,39 @@ class SteadyEnd(Table):
                 what = f"{key} has no meaning for the kinetic energy, which is that of all grains"
                 yield Refused((key,), what, "remove it")
             if self.of != "kinetic_energy" and not is_given:
-                yield Refused((), f'{key} is missing, which of = "{self.of}" needs', f"add {key}")
+                remedy = f"add {key}" if key == "axis" else 'add wall, or of a cell, cell = "xy"'
+                yield Refused((), f'{key} is missing, which of = "{self.of}" needs', remedy)
         if self.axis == "spin" and self.of != "force":
             what = f'of = "{self.of}" has no component "spin"'
             yield Refused(("axis",), what, 'use "x" or "y", or of = "force"')
 
 
-class UntilStrain(Table):
-    """Ends at a shear strain: relative displacement of two walls in x over their distance in y."""
+class CellSteadyEnd(_CellEnd):
+    """Stress or friction of a cell whose mean has to drift no longer for the stage to end."""
 
-    strain: StrainEnd = required('{ walls = ["bottom", "top"], value = 1.5 }')
+    of: Literal["stress", "friction"] = required(
+        'what is watched: "stress", or "friction": the stress in shear over the mean pressure'
+    )
+    cell: Component = required('component of the stress; "xy" for the friction')
+    window: Time = required(_HALVES)
+    tolerance: Ratio = required(_DRIFT)
+    after: Annotated[float, Field(ge=0.0, le=1e12)] = optional(_LEFT_OUT, 0.0)
+
+    def faults(self) -> Iterator[Refused]:
+        if self.of == "friction" and self.cell != "xy":
+            what = f'of = "friction" has no component "{self.cell}"'
+            yield Refused(("cell",), what, 'use cell = "xy", or of = "stress"')
+
+
+class UntilStrain(Table):
+    """Ends at a shear strain: relative displacement of two walls in x over their distance in y; or
+    at a strain of a cell.
+    """
+
+    strain: Annotated[
+        Annotated[StrainEnd, Tag("<plain>")] | Annotated[CellStrainEnd, Tag("<cell>")],
+        Discriminator(_tag_cell),
+    ] = required('{ walls = ["bottom", "top"], value = 1.5 }, or { cell = "xy", value = 1.5 }')
 
 
 class UntilRest(Table):
@@ -174,18 +239,28 @@ class UntilForce(Table):
 
 
 class UntilStress(Table):
-    """Ends when the mean force of the grains on a wall over its length has reached a value
-    [N/m].
+    """Ends when the mean force of the grains on a wall over its length has reached a value, or
+    the mean stress in a cell [N/m].
     """
 
-    stress: StressEnd = required('{ wall = "lid", axis = "y", above = 500.0, window = 0.01 }')
+    stress: Annotated[
+        Annotated[StressEnd, Tag("<plain>")] | Annotated[CellStressEnd, Tag("<cell>")],
+        Discriminator(_tag_cell),
+    ] = required(
+        '{ wall = "lid", axis = "y", above = 500.0, window = 0.01 }, or cell = "yy" in place of '
+        "wall and axis"
+    )
 
 
 class UntilSteady(Table):
     """Ends when the mean of a quantity no longer drifts."""
 
-    steady: SteadyEnd = required(
-        '{ of = "friction", wall = "top", axis = "x", window = 0.5, tolerance = 0.05 }'
+    steady: Annotated[
+        Annotated[SteadyEnd, Tag("<plain>")] | Annotated[CellSteadyEnd, Tag("<cell>")],
+        Discriminator(_tag_cell),
+    ] = required(
+        '{ of = "friction", wall = "top", axis = "x", window = 0.5, tolerance = 0.05 }, or cell = '
+        '"xy" in place of wall and axis'
     )
 
 
@@ -207,7 +282,7 @@ Until = Annotated[
 def window_of(until: Until | None) -> float | None:
     """Time after which the first window of a condition ends [s]; None if it has none."""
     _, end = next(iter(until)) if until is not None else ("", None)
-    if isinstance(end, ForceEnd | StressEnd | SteadyEnd):
+    if isinstance(end, ForceEnd | StressEnd | SteadyEnd | CellStressEnd | CellSteadyEnd):
         return getattr(end, "after", 0.0) + end.window
     return None
 
@@ -250,6 +325,10 @@ class Stage(Table):
         "drives.NAME = { x = ..., y = ..., spin = ..., surface = ... } for the wall NAME",
         default_factory=dict,
         max_length=1000,
+    )
+    cell: CellDrives | None = optional(
+        "cell = { xx = ..., yy = ..., xy = ... }: what strains or loads a domain that is periodic "
+        "in both directions"
     )
     contacts: Array[PairFriction] = optional(
         'friction from this stage on, as [{ pair = ["glass", "*"], friction = 0.0 }]; pairs '
@@ -301,7 +380,7 @@ class Stage(Table):
         if self.heat is False:
             what = "nothing happens in a stage with frozen = true and heat = false"
             yield Refused(("heat",), what, "remove one of the two")
-        for key in ("until", "drives", "contacts", "gravity", "solver"):
+        for key in ("until", "drives", "cell", "contacts", "gravity", "solver"):
             if getattr(self, key):
                 what = f"{key} has no meaning with frozen = true: nothing moves"
                 yield Refused((key,), what, f"remove {key} or frozen")

@@ -121,6 +121,11 @@ class PartialScenario:
     solver: Solver | None
     output: Output | None
 
+    @property
+    def is_cell(self) -> bool:
+        """Whether the domain is known to be a cell."""
+        return self.domain is not None and self.domain.is_cell
+
     @classmethod
     def of_model(cls, model: ScenarioModel) -> PartialScenario:
         """That of a scenario whose tables are all valid on their own."""

@@ -171,7 +171,7 @@ class WallGeometry(Table):
         """Whether it cannot turn, as it reaches over half a period from its reference point."""
         half = 0.5 * domain.period
         # A line of one period is joined to its image; a circle of that width is not.
-        return domain.periodic and any(
+        return domain.is_periodic and any(
             extent > half * (1.0 + 1e-9) if is_round else extent >= half * (1.0 - 1e-9)
             for extent, is_round in _extents(self.body(domain))
         )
@@ -196,7 +196,7 @@ def _too_wide(
     domain: Domain, width: float, key: str, what: str, remedy: str = ""
 ) -> Iterator[Refused]:
     """What does not fit into the period, as ``what`` says."""
-    if domain.periodic and width > domain.size[0]:
+    if domain.is_periodic and width > domain.size[0]:
         remedy = remedy or "make it smaller, or use periodic = false"
         yield Refused((key,), f"{what} the period of {domain.size[0]:g} m", remedy)
 
@@ -394,12 +394,12 @@ class PlaneGeometry(WallGeometry):
 
     def misfits(self, domain: Domain) -> Iterator[Refused]:
         """In a periodic domain planes are level."""
-        if domain.periodic and abs(self.normal[0]) > _LEVEL * abs(self.normal[1]):
+        if domain.is_periodic and abs(self.normal[0]) > _LEVEL * abs(self.normal[1]):
             what = f"a plane with normal {list(self.normal)} crosses the periodic domain"
             yield Refused(("normal",), what, "use [0, 1] or [0, -1], or periodic = false")
 
     def spans_period(self, domain: Domain) -> bool:
-        return domain.periodic
+        return domain.is_periodic
 
     @property
     def height(self) -> float:
@@ -447,7 +447,7 @@ class RoughGeometry(WallGeometry):
         return Row(start, end, is_left, is_closed=True)
 
     def spans_period(self, domain: Domain) -> bool:
-        return domain.periodic  # as a rule
+        return domain.is_periodic  # as a rule
 
     @property
     def height(self) -> float:
@@ -502,7 +502,7 @@ class BoxGeometry(WallGeometry):
 
     def misfits(self, domain: Domain) -> Iterator[Refused]:
         """In a periodic domain a box has no sides at left and right."""
-        if domain.periodic and not {"left", "right"} <= set(self.open):
+        if domain.is_periodic and not {"left", "right"} <= set(self.open):
             what = (
                 f"the box has sides at left or right of a periodic domain: open = {list(self.open)}"
             )

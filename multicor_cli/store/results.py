@@ -139,6 +139,7 @@ def read_model(file: CheckedFile) -> Model:
         else None,
         outlets=tuple(data["outlets"]) if "outlets" in data else None,
         start_speed=float(data["start_speed"][0]) if "start_speed" in data else 0.0,
+        height=float(data["height"][0]) if "height" in data else 0.0,
     )
     _check_model(model, file.path)
     return model
@@ -171,6 +172,9 @@ def _check_model(model: Model, path: Path) -> None:
         "model/thermal/capacity": np.ones(1)
         if model.thermal is None
         else model.thermal.capacity > 0.0,
+        "model/height": np.array(
+            [not model.is_cell or (model.wall_count, model.shape_count) == (1, 0)]
+        ),
     }
     for name, found in is_right.items():
         if not found.all():

@@ -19,6 +19,7 @@ from multicor_cli.model.books import (
     entry_counts,
     measures_first,
 )
+from multicor_cli.model.cell import real_velocity
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.model import Floats, Thermal
 
@@ -77,6 +78,11 @@ class Snapshot:
             if self.state.wall_surface.size
             else np.zeros(self.model.wall_count)
         )
+
+    @property
+    def velocity(self) -> Floats:
+        """Velocities and spins of the grains [m/s, rad/s], shape ``(n, 3)``."""
+        return real_velocity(self.model, self.state)
 
     @property
     def thermal(self) -> Thermal:

@@ -111,11 +111,15 @@ def read_lines(
     is_wall = j >= n
     partner = np.where(is_wall, i, j)
     center = position[frame * n + i]
-    across = np.abs(center[:, 0] - position[frame * n + partner, 0])
-    is_open = is_wall | (across > 0.5 * (model.period or np.inf))
     radius = model.grains.radius
     # From the center of i against the normal to the other end
     length = radius[i] + np.where(is_wall, 0.0, radius[partner]) + file["contacts/gap"][first:last]
+    away = center - position[frame * n + partner]
+    if model.is_cell:  # its sides change, but images are much farther apart than grains in contact
+        is_apart = away[:, 0] * away[:, 0] + away[:, 1] * away[:, 1] > 4.0 * length * length
+    else:
+        is_apart = np.abs(away[:, 0]) > 0.5 * (model.period or np.inf)
+    is_open = is_wall | is_apart
     reach = length[:, None] * file["contacts/normal"][first:last]
     ends = center[is_open]
     ends[:, :2] -= reach[is_open]

@@ -218,7 +218,7 @@ def missing(observables: Iterable[Observable], scenario: Scenario) -> Iterator[R
             yield Refused((*place, "info"), what, "give it [[outlets]] or releases")
         if row.post is not None and SOURCES[row.post].needs_shear:
             what = ""
-            if not scenario.domain.periodic:
+            if not scenario.domain.is_periodic:
                 what = "a domain that is periodic in x"
             elif len(scenario.walls) < 2:
                 what = "a wall below and a wall above the grains"

@@ -127,6 +127,43 @@ groups = ["large"]
 SIEVE = changed(BELT, ("[[loading]]", _SIEVE))
 """The same with a sieve that only the large grains meet, in their middle at first."""
 
+CELL = """\
+[scenario]
+name = "cell"
+seed = 5
+[domain]
+size = [0.012, 0.01]
+periodic = ["x", "y"]
+gravity = [0.0, 0.0]
+[materials.glass]
+density = 2500.0
+[[contacts]]
+pair = ["*", "*"]
+friction = 0.3
+restitution = 0.3
+[[particles]]
+name = "grains"
+material = "glass"
+shape = "disc"
+thickness = 1e-3
+sizes = { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }
+count = 100
+packing = { kind = "random" }
+[[loading]]
+name = "shear"
+duration = 0.01
+cell = { xx = { stress = 50.0 }, yy = { stress = 50.0 }, xy = { rate = 40.0 } }
+[[loading]]
+name = "back"
+duration = 0.005
+cell = { xx = { rate = 0.0 }, yy = { stress = 40.0 }, xy = { rate = -20.0 } }
+[solver]
+dt = 5e-5
+[output]
+frame_interval = 0.001
+"""
+"""Discs in a cell that is loaded and sheared, and then sheared back at a constant width."""
+
 TAKEN = (
     "position", "image", "velocity", "wall_position", "wall_velocity", "wall_surface", "contact_i",
     "contact_j", "contact_impulse",
@@ -145,7 +182,8 @@ def shortened(text: str, stages: int) -> str:
 def going_on(text: str, stages: int, run: str, moment: str = "") -> str:
     """A scenario without its first stages and own grains, that goes on from a run of these."""
     head, loading, tail = _parts(text)
-    grains = head[head.index("[[particles]]") : head.index("[[walls]]")]
+    end = head.index("[[walls]]") if "[[walls]]" in head else None
+    grains = head[head.index("[[particles]]") : end]
     head = head.replace(grains, f'[start]\nrun = "{run}"\n{moment}\n')
     return head + "".join(loading[stages:]) + tail
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from multicor_cli.scenario.checks import grains, laws, stages
+from multicor_cli.scenario.checks import cell, grains, laws, stages
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.tables import PartialScenario
 
@@ -19,6 +19,7 @@ def check_all(tables: PartialScenario) -> list[Refused]:
         stages.check,
         stages.check_ends,
         stages.check_timing,
+        cell.check,
         laws.check_heat,
         laws.check_thermal_materials,
     )

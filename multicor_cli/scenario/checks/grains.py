@@ -75,12 +75,15 @@ def _unlike_starts(tables: PartialScenario) -> Iterator[Refused]:
 
 
 def _beyond_period(path: KeyPath, region: Region, domain: Domain, remedy: str) -> Iterator[Refused]:
-    if domain.periodic and not (region.left >= 0.0 and region.right <= domain.size[0]):
-        what = (
-            f"reaches from x = {region.left:g} to {region.right:g}, beyond the period from 0 to "
-            f"{domain.size[0]:g}"
-        )
-        yield Refused(path, what, remedy)
+    low, high = region.area().corners().tolist()
+    for axis, first, last, period in zip("xy", low, high, domain.periods, strict=False):
+        if not (first >= 0.0 and last <= period):
+            what = (
+                f"reaches from {axis} = {first:g} to {last:g}, beyond the period from 0 to "
+                f"{period:g}"
+            )
+            yield Refused(path, what, remedy)
+            return
 
 
 def _check_group(path: KeyPath, group: ParticleGroup, domain: Domain) -> Iterator[Refused]:
@@ -91,7 +94,7 @@ def _check_group(path: KeyPath, group: ParticleGroup, domain: Domain) -> Iterato
         what = f'packing kind = "{packing.kind}" fills rectangles only, not the {region}'
         remedy = 'use region = { min, max }, or packing kind = "lattice", "random" or "deposited"'
         yield Refused((*path, "region"), what, remedy)
-    if isinstance(packing, DepositedPacking) and domain.gravity[1] >= 0.0:
+    if isinstance(packing, DepositedPacking) and domain.gravity[1] >= 0.0 and not domain.is_cell:
         yield _no_weight((*path, "packing"), domain)
     if group.sizes is not None:
         yield from _check_sizes(path, group, group.sizes, region, domain)
@@ -110,9 +113,9 @@ def _check_sizes(
             place = f"{min(region.width, tile[0]):g} × {min(region.height, tile[1]):g} m"
         what = f"grains of diameter {diameter:g} m do not fit into {place}"
         yield Refused((*path, "sizes"), what, "give radii and lengths in meters")
-    elif domain.periodic and domain.size[0] < LEAST_DIAMETERS * diameter:
+    elif domain.is_periodic and min(domain.periods) < LEAST_DIAMETERS * diameter:
         what = (
-            f"the period {domain.size[0]:g} m is less than four of the largest diameters, "
+            f"the period {min(domain.periods):g} m is less than four of the largest diameters, "
             f"{diameter:g} m"
         )
         yield Refused((*path, "sizes"), what, "widen the domain or use smaller grains")
@@ -131,7 +134,8 @@ def _check_tile(
         covered = f"{packing.repeat[0]} × {packing.repeat[1]} tiles cover {width:g} × {height:g} m"
         what = f"{covered}, more than the {region}"
         yield Refused((*path, "packing", "repeat"), what, "use fewer tiles")
-    if isinstance(packing.source, DepositedPacking) and domain.gravity[1] >= 0.0:
+    is_weightless = domain.gravity[1] >= 0.0 and not domain.is_cell
+    if isinstance(packing.source, DepositedPacking) and is_weightless:
         yield _no_weight((*path, "packing", "source"), domain)
 
 
@@ -248,7 +252,7 @@ def check_walls(tables: PartialScenario) -> Iterator[Refused]:
             elif tables.particles:
                 number = 0 if sizes is None else tables.group_names.index(sizes)
                 yield from _check_borrowed(place, glued, tables.particles[number], tables)
-        if tables.domain:
+        if tables.domain and not tables.is_cell:
             for misfit in wall.geometry.misfits(tables.domain):
                 yield misfit.within(*path)
 

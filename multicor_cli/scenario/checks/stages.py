@@ -17,6 +17,7 @@ from multicor_cli.scenario.problems import KeyPath, Refused, name_list, show
 from multicor_cli.scenario.stage_drives import DOF_NAMES, WallDofs, resolve_dofs
 from multicor_cli.scenario.stages import (
     Stage,
+    StrainEnd,
     UntilAxialStrain,
     UntilDisplacement,
     UntilStrain,
@@ -35,6 +36,8 @@ _LEVEL = 1e-9  # distance over the size of the domain that counts as none
 def check(tables: PartialScenario) -> Iterator[Refused]:
     """Findings about the loading stages."""
     yield from double_names([stage.name if stage else None for stage in tables.loading], "loading")
+    if tables.is_cell:
+        return  # no walls, no gravity
     yield from _nothing_to_tilt(tables)
     if len(set(tables.wall_names) - {None}) < len(tables.wall_names):
         return  # a name is missing or double, and may be the one that is meant below
@@ -164,8 +167,8 @@ def check_ends(tables: PartialScenario) -> Iterator[Refused]:
     """Findings about the conditions that end stages."""
     stages = [stage for stage in tables.loading if stage]
     walls = {wall.name: wall for wall in tables.walls if wall}
-    if len(stages) < len(tables.loading) or len(walls) < len(tables.walls):
-        return  # one is wrong, or a name is double
+    if len(stages) < len(tables.loading) or len(walls) < len(tables.walls) or tables.is_cell:
+        return  # one is wrong, a name is double, or there are to be none
     for k, (stage, dofs) in enumerate(zip(stages, resolve_dofs(stages, [*walls]), strict=True)):
         if set(walls_of(stage.until).values()) <= walls.keys():
             path, driven = ("loading", k, "until"), dict(zip(walls, dofs, strict=True))
@@ -176,7 +179,7 @@ def _check_end(
     path: KeyPath, stage: Stage, walls: dict[str, Wall], dofs: dict[str, WallDofs]
 ) -> Iterator[Refused]:
     until = stage.until
-    if isinstance(until, UntilStrain):
+    if isinstance(until, UntilStrain) and isinstance(until.strain, StrainEnd):
         path, (lower, upper) = (*path, "strain"), until.strain.walls
         yield from _check_pair(path, (lower, upper), "x", "y", walls, dofs)
         drives = [dofs[name][0].dof for name in (lower, upper)]

@@ -152,6 +152,7 @@ def features_of(model: Model) -> frozenset[Feature]:
         "groups": model.walls.meets.size > 0,
         "motion": model.start_speed > 0.0,
         "range": laws.adhesion_range.size > 0,
+        "cell": model.is_cell,
     }
     return frozenset(feature for feature, is_there in found.items() if is_there)
 
@@ -276,6 +277,12 @@ MODEL: tuple[Dataset, ...] = (
         "speed of the fastest grain, surface of a grain or wall at the start, but for the shear "
         "that walls impose", only_with="motion", since=(1, 3)),
     _of_model("period", "f8", ("one",), "m", "period in x; 0 if the domain is not periodic"),
+    _of_model("height", "f8", ("one",), "m",
+        "period in y at the start of a cell that is periodic in both directions, and whose period "
+        "in x is also that at the start; the one wall of its model, without shapes, is the cell: "
+        "its position are width, height and tilt [m], its velocity is the velocity gradient (xx, "
+        "yy, xy) [1/s], its force the stress times the area (xx, yy, xy) [N m]",
+        only_with="cell", since=(1, 8)),
     _of_model("gravity", "f8", (2,), "m/s2", "acceleration of gravity (x, y)"),
     _of_model("shape_factor", "f8", ("one",), "1",
         "m a2/I of every grain: 2 for discs, 5/2 for spheres"),
@@ -371,7 +378,7 @@ class GrainColumns:
     image: Column[Array] = _column("particles/image", "i8", "1",
         "periods by which x was wrapped: x + image*period is unwrapped", "state.image")  # fmt: skip
     velocity: Column[Array] = _column("particles/velocity", "float", "m/s",
-        "velocities x, y, z of the centers; z = 0", lambda m: in_plane(m.state.velocity), (3,),
+        "velocities x, y, z of the centers; z = 0", lambda m: in_plane(m.velocity), (3,),
         columns=("velocity_x", "velocity_y"), convert=lambda rows: rows[:, :2], exports=("vtk",),
         about="velocities of the centers")  # fmt: skip
     spin: Column[Array] = _column("particles/spin", "float", "rad/s",

@@ -22,10 +22,10 @@ def radii(fill, low=0.8e-3, high=1.2e-3):
     return draw_to_total(uniform(low, high), disc_area, fill * WIDTH * WIDTH, generator)
 
 
-def pack(radius, periodic=False, obstacles=None, separation=0.0, **options):
-    region = PackingRegion(0.0, 0.0, WIDTH, WIDTH, periodic)
+def pack(radius, periodic=False, obstacles=None, separation=0.0, in_y=False):
+    region = PackingRegion(0.0, 0.0, WIDTH, WIDTH, periodic, in_y)
     obstacles = Obstacles.none() if obstacles is None else obstacles
-    return random_packing(radius, region, obstacles, separation, 1000, generator(), **options)
+    return random_packing(radius, region, obstacles, separation, 1000, generator())
 
 
 @pytest.mark.parametrize("periodic", [False, True])
@@ -81,7 +81,7 @@ def test_obstacles_are_kept_clear_of():
 
 def test_periodic_in_both_directions():
     radius = radii(0.78)
-    position = pack(radius, True, is_periodic_in_y=True)
+    position = pack(radius, True, in_y=True)
     images = np.concatenate([position, position + np.array([0.0, WIDTH])])
     assert smallest_gap(images, np.tile(radius, 2), WIDTH) >= -1e-9 * radius.min()
     assert np.any(position[:, 1] < radius)  # no floor

@@ -8,7 +8,20 @@ import signal
 import numpy as np
 import pytest
 from command_line import call
-from cut_runs import BELT, BODY, BOX, HOT, NAMED, STICKY, WET, going_on, shortened, unlike, written
+from cut_runs import (
+    BELT,
+    BODY,
+    BOX,
+    CELL,
+    HOT,
+    NAMED,
+    STICKY,
+    WET,
+    going_on,
+    shortened,
+    unlike,
+    written,
+)
 from run_fakes import StopAt
 from scenes import changed
 
@@ -23,6 +36,7 @@ from multicor_cli.store import open_run, run_info, verify
 CASES = {
     "box": (BOX, 1), "small": (NAMED, 1), "sticky": (STICKY, 1), "wet": (WET, 1),
     "before frozen": (HOT, 1), "after frozen": (HOT, 2), "body": (BODY, 1), "belt": (BELT, 1),
+    "cell": (CELL, 1),
 }  # fmt: skip
 """Scenarios, and after how many stages they are cut."""
 
