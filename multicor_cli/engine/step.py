@@ -77,7 +77,14 @@ from multicor_cli.engine.heat.walls import WallHeat, begin_bodies
 from multicor_cli.engine.inflow.population import Population
 from multicor_cli.engine.inflow.rules import InflowRules
 from multicor_cli.engine.jit.threads import PARALLEL_GRAINS, use_threads
-from multicor_cli.engine.motion.cell import carry, convect, stretched, wrap_cell
+from multicor_cli.engine.motion.cell import (
+    carry,
+    carry_to_middle,
+    convect,
+    sides_at_end,
+    sides_at_middle,
+    wrap_cell,
+)
 from multicor_cli.engine.motion.drives import Gravity, WallDrive
 from multicor_cli.engine.motion.moves import are_sound, move, predict, wrap
 from multicor_cli.engine.motion.separation import (
@@ -533,8 +540,8 @@ class Engine:
         middle, convected = state.wall_position + 0.5 * dt * motion.before, _NO_TEMPERATURE
         if model.is_cell:
             gradient = state.wall_velocity[0]
-            carry(state.position, gradient, 0.5 * dt, layout.middle)
-            middle = stretched(state.wall_position[0], gradient, 0.5 * dt)[np.newaxis]
+            carry_to_middle(layout.middle, gradient, 0.5 * dt)
+            middle = sides_at_middle(state.wall_position[0], gradient, 0.5 * dt)[np.newaxis]
             gained, convected = convect(
                 grains.mass, motion.before[0], walls[0], motion.inverse[0], dt, layout.before,
                 layout.free,
@@ -796,7 +803,7 @@ class Engine:
         state.wall_velocity, state.wall_surface = after, self._motion.surface_after(state)
         state.wall_position = middle + 0.5 * dt * after
         if self.model.is_cell:
-            state.wall_position = stretched(middle[0], after[0], 0.5 * dt)[np.newaxis]
+            state.wall_position = sides_at_end(middle[0], after[0], 0.5 * dt)[np.newaxis]
 
     def _correct(self, step: Prediction, end: Scene, cutoff: float, overlap: float) -> Correction:
         layout, state, model = self._layout, self._layout.state, self._layout.model

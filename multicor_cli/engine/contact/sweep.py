@@ -315,15 +315,15 @@ class CellTerms(NamedTuple):
     Attributes:
         branch: ℓ of the contacts [m], shape ``(q, 2, 4)``; no batches where there is no cell.
         row: Row of the gradient.
-        pull: Work space, shape ``(tiles, 3)``.
+        own: Work space of each tile, ``own`` of `relax_stretched_scalar`, shape ``(tiles, 12)``.
     """
 
     branch: Floats
     row: int
-    pull: Floats
+    own: Floats
 
 
-NO_CELL = CellTerms(np.empty((0, 2, LANES)), 0, np.empty((0, 3)))
+NO_CELL = CellTerms(np.empty((0, 2, LANES)), 0, np.empty((0, 3 * LANES)))
 
 
 class System(NamedTuple):
@@ -500,91 +500,87 @@ def stretch_of(
 @loop_body
 def relax_stretched_scalar(
     first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
-    before: Floats, beta: float, local: int, way: Relaxation,
-    branch: Floats, xx: float, yy: float, xy: float,
-) -> tuple[float, float, float, float]:  # fmt: skip
-    """As `relax_scalar` in a cell with the gradient L, which stays as it is.
+    before: Floats, beta: float, local: int, way: Relaxation, branch: Floats, own: Floats,
+) -> float:  # fmt: skip
+    """As `relax_scalar` in a cell; ``branch`` is flat.
 
-    Also returns the sums of p ⊗ ℓ over the changes of impulses: xx, yy, xy [N s m].
+    ``own`` has three rows of four, flat: the gradient L with which it begins, what p ⊗ ℓ changes it
+    by, and what is **modified**: Σ p ⊗ ℓ over the changes of impulses, xx, yy and xy [N s m]. Each
+    batch moves L on for those that come `LATE` batches after the next.
     """
-    a = b = c = d = (0.0, 0.0, 0.0, 0.0)
-    for k in range(LANES * first, LANES * last):
-        lane, place = np.uint64(k), branch_place(np.uint64(k))
-        lx, ly = branch[place], branch[place + BRANCH_Y_]
-        square, px, py = relax_moving_lane(
-            lane, velocity, pair, frame, impulse, before, beta, local, way, xx * lx + xy * ly,
-            yy * ly,
+    a, b, c, d = 0.0, 0.0, 0.0, 0.0
+    now = own[XX], own[YY], own[XY]
+    late = later = whole = (0.0, 0.0, 0.0)
+    for batch in range(first, last):
+        pulled = (0.0, 0.0, 0.0)
+        for column in range(LANES):
+            lane = np.uint64(LANES * batch + column)
+            place = branch_place(lane)
+            lx, ly = branch[place], branch[place + BRANCH_Y_]
+            square, px, py = relax_moving_lane(
+                lane, velocity, pair, frame, impulse, before, beta, local, way,
+                now[XX] * lx + now[XY] * ly, now[YY] * ly,
+            )  # fmt: skip
+            # Each lane for itself: the sums take turns
+            a, b, c, d = b, c, d, a + square
+            pulled = pulled[XX] + px * lx, pulled[YY] + py * ly, pulled[XY] + px * ly
+        now = (
+            now[XX] + own[LANES + XX] * late[XX], now[YY] + own[LANES + YY] * late[YY],
+            now[XY] + own[LANES + XY] * late[XY],
         )  # fmt: skip
-        # Each lane by itself: the sums take turns
-        a, b, c, d = b, c, d, (a[0] + square, a[1] + px * lx, a[2] + py * ly, a[3] + px * ly)
-    return (
-        a[0] + b[0] + c[0] + d[0], a[1] + b[1] + c[1] + d[1], a[2] + b[2] + c[2] + d[2],
-        a[3] + b[3] + c[3] + d[3],
-    )  # fmt: skip
+        late, later = later, pulled
+        whole = whole[XX] + pulled[XX], whole[YY] + pulled[YY], whole[XY] + pulled[XY]
+    own[2 * LANES + XX], own[2 * LANES + YY], own[2 * LANES + XY] = whole
+    return a + b + c + d
 
 
 @loop_body
 def _relax_exact_stretched_scalar(
     first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
     before: Floats, beta: float, normal: float, tangential: float, extrapolation: float,
-    branch: Floats, xx: float, yy: float, xy: float,
-) -> tuple[float, float, float, float]:  # fmt: skip
+    branch: Floats, own: Floats,
+) -> float:  # fmt: skip
     way = Relaxation(normal, tangential, extrapolation)
     return relax_stretched_scalar(
-        first, last, velocity, pair, frame, impulse, before, beta, EXACT, way, branch, xx, yy, xy
+        first, last, velocity, pair, frame, impulse, before, beta, EXACT, way, branch, own
     )
 
 
 _relax_exact_stretched = relax_stretched_batches if HAS_VECTORS else _relax_exact_stretched_scalar
 
 
-PULLED = 32
-"""Batches after which a tile moves its own gradient on."""
-
-
 @kernel
 def _relax_stretched(
-    t: int, first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
+    first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
     before: Floats, beta: float, local: int, way: Relaxation, branch: Floats, gradient: Floats,
-    inverse: Floats, pull: Floats,
+    inverse: Floats, tiles: int, own: Floats,
 ) -> float:  # fmt: skip
-    """Relax a tile of a cell, the gradient as it was before its color and by its own impulses.
+    """Relax a tile of a cell.
 
-    ``gradient`` and ``inverse`` are its row of the velocities and its inverse masses.
+    It begins with the gradient as it was before its color and moves it on by itself, as if the
+    other tiles of its color did the same: together they must not do too much.
+
+    ``gradient`` and ``inverse`` are the row of the gradient and its inverse masses, ``tiles`` are
+    those of the color, and ``own`` is as in `relax_stretched_scalar`.
     """
-    squares = 0.0
-    xx, yy, xy = gradient[XX], gradient[YY], gradient[XY]
-    pull[t, XX], pull[t, YY], pull[t, XY] = 0.0, 0.0, 0.0
-    while first < last:
-        # A loop takes two batches at least
-        end = first + PULLED if last - first >= 2 * PULLED else last
-        if local == EXACT:
-            square, of_xx, of_yy, of_xy = _relax_exact_stretched(
-                first, end, velocity, pair, frame, impulse, before, beta, way.normal,
-                way.tangential, way.extrapolation, branch, xx, yy, xy,
-            )  # fmt: skip
-        else:
-            square, of_xx, of_yy, of_xy = relax_stretched_scalar(
-                first, end, velocity, pair, frame, impulse, before, beta, local, way, branch, xx,
-                yy, xy,
-            )  # fmt: skip
-        squares += square
-        pull[t, XX] += of_xx
-        pull[t, YY] += of_yy
-        pull[t, XY] += of_xy
-        xx += inverse[XX] * of_xx
-        yy += inverse[YY] * of_yy
-        xy += inverse[XY] * of_xy
-        first = end
-    return squares
+    for d in range(3):
+        own[d], own[LANES + d] = gradient[d], tiles * inverse[d]
+    if local == EXACT:
+        return _relax_exact_stretched(
+            first, last, velocity, pair, frame, impulse, before, beta, way.normal, way.tangential,
+            way.extrapolation, branch, own,
+        )  # fmt: skip
+    return relax_stretched_scalar(
+        first, last, velocity, pair, frame, impulse, before, beta, local, way, branch, own
+    )
 
 
 @kernel
-def _pull_cell(first: int, last: int, gradient: Floats, inverse: Floats, pull: Floats) -> None:
+def _pull_cell(first: int, last: int, gradient: Floats, inverse: Floats, own: Floats) -> None:
     """Move the gradient on by what tiles ``first … last-1`` have done to it."""
     for t in range(first, last):
         for d in range(3):
-            gradient[d] += inverse[d] * pull[t, d]
+            gradient[d] += inverse[d] * own[t, 2 * LANES + d]
 
 
 @loop_body
@@ -605,14 +601,15 @@ def _relax_range(
 def _relax_tiles_on_threads(
     color_start: NDArray[np.int64], tile_start: NDArray[np.int64], velocity: Floats, pair: Ints,
     frame: Floats, impulse: Floats, before: Floats, beta: float, local: int, way: Relaxation,
-    partial: Floats, branch: Floats, gradient: Floats, inverse: Floats, pull: Floats,
+    partial: Floats, branch: Floats, gradient: Floats, inverse: Floats, own: Floats,
 ) -> None:  # fmt: skip
     for color in range(color_start.size - 1):
         for t in prange(color_start[color], color_start[color + 1]):
             if branch.size:
                 partial[t] = _relax_stretched(
-                    t, tile_start[t], tile_start[t + 1], velocity, pair, frame, impulse, before,
-                    beta, local, way, branch, gradient, inverse, pull,
+                    tile_start[t], tile_start[t + 1], velocity, pair, frame, impulse, before, beta,
+                    local, way, branch, gradient, inverse,
+                    color_start[color + 1] - color_start[color], own[t],
                 )  # fmt: skip
             else:
                 partial[t] = _relax_range(
@@ -620,7 +617,7 @@ def _relax_tiles_on_threads(
                     local, way,
                 )  # fmt: skip
         if branch.size:
-            _pull_cell(color_start[color], color_start[color + 1], gradient, inverse, pull)
+            _pull_cell(color_start[color], color_start[color + 1], gradient, inverse, own)
 
 
 @kernel
@@ -628,7 +625,7 @@ def _relax_cell(
     first: int, color_start: NDArray[np.int64], tile_start: NDArray[np.int64], velocity: Floats,
     pair: Ints, frame: Floats, impulse: Floats, before: Floats, beta: float, local: int,
     way: Relaxation, partial: Floats, branch: Floats, gradient: Floats, inverse: Floats,
-    pull: Floats,
+    own: Floats,
 ) -> None:  # fmt: skip
     """Relax the colors of a cell from ``first`` on, and the tile after the last, one by one."""
     for color in range(first, color_start.size):
@@ -636,10 +633,10 @@ def _relax_cell(
         end = color_start[color + 1] if color + 1 < color_start.size else tile_start.size - 1
         for t in range(begin, end):
             partial[t] = _relax_stretched(
-                t, tile_start[t], tile_start[t + 1], velocity, pair, frame, impulse, before, beta,
-                local, way, branch, gradient, inverse, pull,
+                tile_start[t], tile_start[t + 1], velocity, pair, frame, impulse, before, beta,
+                local, way, branch, gradient, inverse, end - begin, own[t],
             )  # fmt: skip
-        _pull_cell(begin, end, gradient, inverse, pull)
+        _pull_cell(begin, end, gradient, inverse, own)
 
 
 @kernel
@@ -666,13 +663,13 @@ def sweep(
     if parallel:
         _relax_tiles_on_threads(
             s.color_start, start, velocity, pair, frame, impulse, last, beta, local, way, partial,
-            branch, gradient, inverse, s.cell.pull,
+            branch, gradient, inverse, s.cell.own,
         )  # fmt: skip
         first = s.color_start[-1]
     if branch.size:
         _relax_cell(
             s.color_start.size - 1 if parallel else 0, s.color_start, start, velocity, pair, frame,
-            impulse, last, beta, local, way, partial, branch, gradient, inverse, s.cell.pull,
+            impulse, last, beta, local, way, partial, branch, gradient, inverse, s.cell.own,
         )  # fmt: skip
         first = start.size - 1
     for t in range(first, start.size - 1):

@@ -394,7 +394,7 @@ def assemble(
         pack_couples(scene, contacts, belt, slot, general, place, inverse)
         if has_couples
         else NO_COUPLES,
-        CellTerms(schedule.branch, place.size, np.empty((schedule.tile_start.size - 1, 3)))
+        CellTerms(schedule.branch, place.size, np.zeros((schedule.tile_start.size - 1, 3 * LANES)))
         if scene.height > 0.0
         else NO_CELL,
     )  # fmt: skip

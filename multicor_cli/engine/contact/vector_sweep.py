@@ -25,6 +25,9 @@ from multicor_cli.model.columns import (
     SECOND,
     SURFACE,
     TANGENTIAL,
+    XX,
+    XY,
+    YY,
     X,
     Y,
 )
@@ -44,6 +47,10 @@ Y_, SURFACE_, INVERSE_MASS_ = np.uint64(Y), np.uint64(SURFACE), np.uint64(INVERS
 NY_, MASS_, BIAS_, MU_ = (np.uint64(LANES * column) for column in (NY, MASS, BIAS, MU))
 SECOND_, TANGENTIAL_ = np.uint64(LANES * SECOND), np.uint64(LANES * TANGENTIAL)
 BRANCH_Y_ = np.uint64(LANES * Y)
+
+LATE = 2
+"""Batches after which the next sees what one has done to the gradient of a cell."""
+
 """From the first row of a block, or the first element of a body, to another."""
 
 
@@ -111,20 +118,60 @@ class Stretch:
 
     def __init__(self, code: Writer, branch: _Value, gradient: Sequence[_Value]) -> None:
         self._code, self._branch = code, branch
-        self._xx, self._yy, self._xy = (code.spread(value) for value in gradient)
+        self._gradient = [code.spread(value) for value in gradient]
 
     def branches(self, batch: _Value) -> list[Vector]:
         """ℓ of the contacts of a batch."""
         return self._code.block(self._branch, batch, BRANCH_ROWS, X, Y)
 
+    def gradient(self) -> Sequence[Vector]:
+        return self._gradient
+
     def of(self, lx: Vector, ly: Vector) -> tuple[Vector, Vector]:
         """L ℓ."""
-        return self._xx * lx + self._xy * ly, self._yy * ly
+        xx, yy, xy = self.gradient()
+        return xx * lx + xy * ly, yy * ly
 
     def add(self, batch: _Value, dx: Vector, dy: Vector) -> tuple[Vector, Vector]:
         """Velocities between the bodies of a batch with the gradient."""
         sx, sy = self.of(*self.branches(batch))
         return dx + sx, dy + sy
+
+
+class MovingStretch(Stretch):
+    """The same where each batch moves the gradient on.
+
+    What a batch does to it is seen `LATE` batches later: none has to wait for the one before.
+    ``own`` has rows of four: the gradient, what one of p ⊗ ℓ changes it by, and Σ p ⊗ ℓ, which the
+    loop writes.
+    """
+
+    def __init__(self, code: Writer, branch: _Value, own: _Value) -> None:
+        self._code, self._branch, self._own = code, branch, own
+        zero = code.number(0.0)
+        self._response = code.load(own, code.whole(LANES))
+        self._now = code.keep([code.load(own, code.whole(0))])
+        self._pull, self._late = code.keep([zero]), code.keep([zero] * LATE)
+
+    def gradient(self) -> Sequence[Vector]:
+        (now,) = self._now.get()
+        return [self._code.lane(now, component) for component in (XX, YY, XY)]
+
+    def pull(self, batch: _Value, px: Vector, py: Vector) -> None:
+        """Let the impulses of a batch pull at the gradient."""
+        zero = self._code.number(0.0)
+        pulled = zero
+        for of_lane in self._code.transpose([*_pull(px, py, *self.branches(batch)), zero]):
+            pulled = pulled + of_lane
+        (now,), (whole,), late = self._now.get(), self._pull.get(), self._late.get()
+        self._now.put([now + self._response * late[0]])
+        self._late.put([*late[1:], pulled])
+        self._pull.put([whole + pulled])
+
+    def finish(self) -> None:
+        """Write Σ p ⊗ ℓ."""
+        (whole,) = self._pull.get()
+        self._code.store(self._own, self._code.whole(2 * LANES), whole)
 
 
 def _pull(px: Vector, py: Vector, lx: Vector, ly: Vector) -> list[Vector]:
@@ -150,7 +197,7 @@ class _Sweep:
 
     def __init__(
         self, code: Writer, arrays: Sequence[_Value], beta: _Value, way: Sequence[_Value],
-        stretch: Stretch | None = None,
+        stretch: MovingStretch | None = None,
     ) -> None:  # fmt: skip
         self.code, self.stretch = code, stretch
         self.velocity, self.pair, self.frame, self.impulse, self.before = arrays
@@ -163,7 +210,6 @@ class _Sweep:
         )
         self.extrapolation = code.spread(extrapolation)
         self.squares = code.keep([code.number(0.0)])
-        self.pull = code.keep([code.number(0.0)] * 3)
 
     def gather(self, batch: _Value) -> list[Vector]:
         """u_n + b, u_t and W_nn of the contacts."""
@@ -189,8 +235,7 @@ class _Sweep:
         self.squares.put([squares + (c_n * c_n + c_t * c_t)])
         px, py = d_n * nx - d_t * ny, d_n * ny + d_t * nx
         if self.stretch:
-            added = _pull(px, py, *self.stretch.branches(batch))
-            self.pull.put([a + b for a, b in zip(self.pull.get(), added, strict=True)])
+            self.stretch.pull(batch, px, py)
         return [px, py, -(self.beta * d_t)]
 
     def apply(self, batch: _Value, px: Vector, py: Vector, spin: Vector) -> None:
@@ -244,20 +289,22 @@ def relax_batches(
     return [code.total(sweep.squares.get()[0])]
 
 
-@vector_loop(results=4)
+@vector_loop(results=1)
 def relax_stretched_batches(
     code: Writer, first: _Value, last: _Value, velocity: _Value, pair: _Value, frame: _Value,
     impulse: _Value, before: _Value,
     beta: _Value, normal: _Value, tangential: _Value, extrapolation: _Value,
-    branch: _Value, xx: _Value, yy: _Value, xy: _Value,
+    branch: _Value, own: _Value,
 ) -> list[_Value]:  # fmt: skip
     """As `relax_stretched_scalar` for the exact law."""
+    stretch = MovingStretch(code, branch, own)
     sweep = _Sweep(
         code, (velocity, pair, frame, impulse, before), beta, (normal, tangential, extrapolation),
-        Stretch(code, branch, (xx, yy, xy)),
+        stretch,
     )  # fmt: skip
     sweep.over(first, last)
-    return [code.total(vector) for vector in (*sweep.squares.get(), *sweep.pull.get())]
+    stretch.finish()
+    return [code.total(sweep.squares.get()[0])]
 
 
 @vector_loop(results=5)

@@ -124,10 +124,18 @@ class Writer:
         single = self.builder.insert_element(_UNDEFINED, scalar, _INT(0))
         return Vector(self.builder, self._shuffle(single, _UNDEFINED, (0,) * LANES))
 
+    def lane(self, vector: Vector, number: int) -> Vector:
+        """A number of a vector in all lanes."""
+        return Vector(self.builder, self._shuffle(vector.value, _UNDEFINED, (number,) * LANES))
+
     def masked(self, vector: Vector, lanes: Sequence[bool]) -> Vector:
         """A vector with zeros in all but some lanes."""
         ones = ir.Constant(_VECTOR, [1.0 if is_kept else 0.0 for is_kept in lanes])
         return vector * Vector(self.builder, ones)
+
+    def whole(self, value: int) -> ir.Value:
+        """A whole number, as an index."""
+        return _LONG(value)
 
     def times(self, index: ir.Value, factor: int, plus: int = 0) -> ir.Value:
         return self.builder.add(self.builder.mul(index, _LONG(factor)), _LONG(plus))

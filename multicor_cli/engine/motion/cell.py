@@ -6,6 +6,10 @@ Velocities c of grains are relative to it: places move with ṙ = c + L r, and s
 
 Grains keep their real velocities where the mean flow differs, so m ċ = f − m L c, and what this
 takes from their energy the gradient gets: M dL/dt = Σ f⊗ℓ + Σ m c⊗c − A σ.
+
+In both halves of a step the mean flow is that at q_m: q_m = q + ½Δt (c⁻ + L⁻ q_m) and q⁺ = q_m +
+½Δt (c⁺ + L⁺ q_m). So a branch vector changes by ½Δt u⁻ and by ½Δt u⁺, with u = c_i − c_j + L ℓ_m,
+and the scheme is of second order.
 """
 
 from __future__ import annotations
@@ -22,11 +26,28 @@ ROUNDS = 50
 """Most rounds in which convection is solved; each leaves (c Δt/d)² of the error or less."""
 
 
-def stretched(sides: Floats, gradient: Floats, duration: float) -> Floats:
-    """Width, height and tilt [m] after a flow with a gradient [1/s], to first order in time [s]."""
+def sides_at_middle(sides: Floats, gradient: Floats, half: float) -> Floats:
+    """Width, height and tilt at q_m [m], after half a step [s] with a gradient [1/s]."""
     width, height, tilt = sides.tolist()
-    xx, yy, xy = (duration * gradient).tolist()
+    xx, yy, xy = (half * gradient).tolist()
+    height /= 1.0 - yy
+    return np.array([width / (1.0 - xx), height, (tilt + xy * height) / (1.0 - xx)])
+
+
+def sides_at_end(middle: Floats, gradient: Floats, half: float) -> Floats:
+    """The same at the end of a step, from those at q_m."""
+    width, height, tilt = middle.tolist()
+    xx, yy, xy = (half * gradient).tolist()
     return np.array([width + xx * width, height + yy * height, tilt + (xx * tilt + xy * height)])
+
+
+@kernel
+def carry_to_middle(place: Floats, gradient: Floats, half: float) -> None:
+    """From places q + ½Δt c⁻ to q_m, **modified**, shape ``(n, ≥ 2)``."""
+    xx, yy, xy = half * gradient[XX], half * gradient[YY], half * gradient[XY]
+    for i in range(place.shape[0]):
+        place[i, Y] /= 1.0 - yy
+        place[i, X] = (place[i, X] + xy * place[i, Y]) / (1.0 - xx)
 
 
 def strain_between(before: Floats, after: Floats) -> Floats:

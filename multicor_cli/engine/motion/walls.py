@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.engine.motion.cell import stretched
+from multicor_cli.engine.motion.cell import sides_at_middle
 from multicor_cli.engine.motion.drives import DofDrive, Signal, WallDrive
 from multicor_cli.engine.motion.spacing import Spacing
 from multicor_cli.model.columns import RADIUS, SPIN, X, Y
@@ -110,7 +110,7 @@ class WallMotion:
         for (w, d), spacing in self._spacings.items():
             self._length[w, d] = abs(spacing.of(state))
         if self._is_cell:  # pressures push it together, a shear stress shears it
-            width, height, _ = stretched(
+            width, height, _ = sides_at_middle(
                 state.wall_position[0], state.wall_velocity[0], 0.5 * dt
             ).tolist()
             self._length[0] = width * height * np.array([-1.0, -1.0, 1.0])

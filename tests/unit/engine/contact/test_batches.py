@@ -203,25 +203,25 @@ def in_cell(system, seed=5):
     """The same with branch vectors; the first body is its gradient too."""
     branch = np.random.default_rng(seed).normal(size=(len(system.slot), 2, LANES))
     branch *= (system.slot >= 0)[:, np.newaxis]
-    return system._replace(cell=CellTerms(branch, 0, np.empty((len(system.tile_start) - 1, 3))))
+    return system._replace(cell=CellTerms(branch, 0, np.zeros((len(system.tile_start) - 1, 12))))
 
 
 @kernel
 def relax_stretched_as_vectors(
-    first, last, velocity, pair, frame, impulse, before, beta, way, branch, xx, yy, xy
+    first, last, velocity, pair, frame, impulse, before, beta, way, branch, own
 ):
     return vector_sweep.relax_stretched_batches(
         first, last, velocity, pair, frame, impulse, before, beta, way.normal, way.tangential,
-        way.extrapolation, branch, xx, yy, xy,
+        way.extrapolation, branch, own,
     )  # fmt: skip
 
 
 @kernel
 def relax_stretched_one_by_one(
-    first, last, velocity, pair, frame, impulse, before, beta, way, branch, xx, yy, xy
+    first, last, velocity, pair, frame, impulse, before, beta, way, branch, own
 ):
     return sweep.relax_stretched_scalar(
-        first, last, velocity, pair, frame, impulse, before, beta, EXACT, way, branch, xx, yy, xy
+        first, last, velocity, pair, frame, impulse, before, beta, EXACT, way, branch, own
     )
 
 
@@ -229,14 +229,17 @@ def relax_stretched_one_by_one(
 def test_sweep_of_a_cell_has_the_bits_of_the_scalar_one():
     for name, plain in systems():
         results, system = [], in_cell(plain)
-        branch = system.cell.branch.reshape(-1)
         for relax in (relax_stretched_as_vectors, relax_stretched_one_by_one):
-            own, before = copy(system), system.impulse * 0.9
+            own, before, sums = copy(system), system.impulse * 0.9, []
             for _ in range(4):
-                sums = relax(
-                    0, len(own.slot), *flat(own, before), own.spin_factor, WAYS[1], branch,
-                    *GRADIENT,
-                )  # fmt: skip
+                of_cell = np.array([*GRADIENT, 0.0, 0.2, 0.3, 0.1, *[0.0] * 5])
+                sums += [
+                    relax(
+                        0, len(own.slot), *flat(own, before), own.spin_factor, WAYS[1],
+                        system.cell.branch.reshape(-1), of_cell,
+                    ),
+                    *of_cell.tolist(),
+                ]  # fmt: skip
             results.append((sums, bits(own.velocity, own.impulse, before)))
         assert results[0] == results[1], name
 
