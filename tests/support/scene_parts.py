@@ -55,7 +55,7 @@ def make_shapes(shapes):
 def make_model(
     radius, shapes=(), walls=("floor",), *, friction=0.5, restitution=0.0, gravity=(0.0, -G),
     period=0.0, mass=np.nan, inertia=np.nan, length=1.0, shape="disc", density=1.0, table=None,
-    wall_gravity=False, adhesion=0.0, rolling=0.0, reach=None, wet=False,
+    wall_gravity=False, adhesion=0.0, rolling=0.0, reach=None, wet=False, height=0.0,
 ):  # fmt: skip
     """Model of one material; ``shapes`` are (kind, wall, four numbers)."""
     radius = np.asarray(radius, float)
@@ -71,7 +71,7 @@ def make_model(
     laws = make_laws(friction, restitution, table, rolling=rolling, **adhesive)
     return Model(
         grains, make_shapes(shapes), Walls(tuple(walls), *numbers), laws, ("steel",), ("grains",),
-        period, np.array(gravity, float), factor,
+        period, np.array(gravity, float), factor, height=height,
     )  # fmt: skip
 
 

@@ -497,22 +497,6 @@ def stretch_of(
     return xx * lx + xy * ly, yy * ly
 
 
-@formula
-def _relax_and_pull(
-    lane: np.uint64, sums: tuple[float, float, float, float], velocity: Floats, pair: Ints,
-    frame: Floats, impulse: Floats, before: Floats, beta: float, local: int, way: Relaxation,
-    branch: Floats, xx: float, yy: float, xy: float,
-) -> tuple[float, float, float, float]:  # fmt: skip
-    """Relax a lane; returns ``sums`` with its square, and its p ⊗ ℓ, added."""
-    sx, sy = stretch_of(branch, lane, xx, yy, xy)
-    square, px, py = relax_moving_lane(
-        lane, velocity, pair, frame, impulse, before, beta, local, way, sx, sy
-    )
-    b = branch_place(lane)
-    lx, ly = branch[b], branch[b + BRANCH_Y_]
-    return sums[0] + square, sums[1] + px * lx, sums[2] + py * ly, sums[3] + px * ly
-
-
 @loop_body
 def relax_stretched_scalar(
     first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
@@ -524,22 +508,15 @@ def relax_stretched_scalar(
     Also returns the sums of p ⊗ ℓ over the changes of impulses: xx, yy, xy [N s m].
     """
     a = b = c = d = (0.0, 0.0, 0.0, 0.0)
-    one, two, three = np.uint64(1), np.uint64(2), np.uint64(3)
-    for batch in range(first, last):
-        k = np.uint64(LANES * batch)
-        a = _relax_and_pull(
-            k, a, velocity, pair, frame, impulse, before, beta, local, way, branch, xx, yy, xy
-        )
-        b = _relax_and_pull(
-            k + one, b, velocity, pair, frame, impulse, before, beta, local, way, branch, xx, yy, xy
-        )
-        c = _relax_and_pull(
-            k + two, c, velocity, pair, frame, impulse, before, beta, local, way, branch, xx, yy, xy
-        )
-        d = _relax_and_pull(
-            k + three, d, velocity, pair, frame, impulse, before, beta, local, way, branch, xx, yy,
-            xy,
+    for k in range(LANES * first, LANES * last):
+        lane, place = np.uint64(k), branch_place(np.uint64(k))
+        lx, ly = branch[place], branch[place + BRANCH_Y_]
+        square, px, py = relax_moving_lane(
+            lane, velocity, pair, frame, impulse, before, beta, local, way, xx * lx + xy * ly,
+            yy * ly,
         )  # fmt: skip
+        # Each lane by itself: the sums take turns
+        a, b, c, d = b, c, d, (a[0] + square, a[1] + px * lx, a[2] + py * ly, a[3] + px * ly)
     return (
         a[0] + b[0] + c[0] + d[0], a[1] + b[1] + c[1] + d[1], a[2] + b[2] + c[2] + d[2],
         a[3] + b[3] + c[3] + d[3],
@@ -565,7 +542,7 @@ PULLED = 32
 """Batches after which a tile moves its own gradient on."""
 
 
-@loop_body
+@kernel
 def _relax_stretched(
     t: int, first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
     before: Floats, beta: float, local: int, way: Relaxation, branch: Floats, gradient: Floats,
@@ -602,7 +579,7 @@ def _relax_stretched(
     return squares
 
 
-@loop_body
+@kernel
 def _pull_cell(first: int, last: int, gradient: Floats, inverse: Floats, pull: Floats) -> None:
     """Move the gradient on by what tiles ``first … last-1`` have done to it."""
     for t in range(first, last):
@@ -646,7 +623,7 @@ def _relax_tiles_on_threads(
             _pull_cell(color_start[color], color_start[color + 1], gradient, inverse, pull)
 
 
-@loop_body
+@kernel
 def _relax_cell(
     first: int, color_start: NDArray[np.int64], tile_start: NDArray[np.int64], velocity: Floats,
     pair: Ints, frame: Floats, impulse: Floats, before: Floats, beta: float, local: int,

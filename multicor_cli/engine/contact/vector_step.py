@@ -466,11 +466,11 @@ def _begin_vectors(
     ratio: float, branch: Floats, height: float, tilt: float, xx: float, yy: float, xy: float,
 ) -> tuple[float, float, float, float, float, float]:  # fmt: skip
     if height > 0.0:
-        return begin_stretched_batches(
+        return begin_stretched_batches(  # type: ignore[no-any-return]
             first, last, middle, start, pair, about, frame, impulse, before, gap, dt, period, ratio,
             branch, height, tilt, xx, yy, xy,
         )  # fmt: skip
-    return begin_batches(
+    return begin_batches(  # type: ignore[no-any-return]
         first, last, middle, start, pair, about, frame, impulse, before, gap, dt, period, half,
         ratio,
     )  # fmt: skip
@@ -485,11 +485,11 @@ def _end_vectors(
     float, float, float, float, float, float, float, float, float, float, float
 ]:  # fmt: skip
     if branch.size:
-        return end_stretched_batches(
+        return end_stretched_batches(  # type: ignore[no-any-return]
             first, last, middle, velocity, pair, about, frame, impulse, before, gap, half_step,
             branch, xx, yy, xy,
         )  # fmt: skip
-    return end_batches(
+    return end_batches(  # type: ignore[no-any-return]
         first, last, middle, velocity, pair, about, frame, impulse, before, gap, half_step, period,
         half,
     )  # fmt: skip

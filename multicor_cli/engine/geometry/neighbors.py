@@ -159,6 +159,20 @@ def bin_discs(
 
 
 @formula
+def _cells_within(
+    low: float, high: float, size: float, count: int, is_periodic: bool
+) -> tuple[int, int]:
+    """First and last of the cells that an interval touches; beyond the grid those at its edge.
+
+    With a period they go on beyond it, and each comes once.
+    """
+    first, last = int(np.floor(low / size)), int(np.floor(high / size))
+    if is_periodic:
+        return first, min(last, first + count - 1)
+    return min(max(first, 0), count - 1), max(min(last, count - 1), 0)
+
+
+@formula
 def _scan_row(
     i: int,
     grain_count: int,
@@ -192,33 +206,19 @@ def _scan_row(
     for k in range(level_radius.size):
         span = r + level_radius[k] + cutoff
         columns, rows = level_shape[k, X], level_shape[k, Y]
-        first_y = int(np.floor((y - span - origin[Y]) / level_cells[k, Y]))
-        last_y = int(np.floor((y + span - origin[Y]) / level_cells[k, Y]))
-        is_around = height > 0.0 and last_y - first_y >= rows - 1
-        if height > 0.0:
-            last_y = min(last_y, first_y + rows - 1)
-        else:  # what lies outside the grid is in the cells at its edge
-            first_y = min(max(first_y, 0), rows - 1)
-            last_y = max(min(last_y, rows - 1), 0)
-        first_x = int(np.floor((x - span - origin[X]) / level_cells[k, X]))
-        last_x = int(np.floor((x + span - origin[X]) / level_cells[k, X]))
-        if period > 0.0:
-            last_x = min(last_x, first_x + columns - 1)
-        else:
-            first_x = min(max(first_x, 0), columns - 1)
-            last_x = max(min(last_x, columns - 1), 0)
+        first_y, last_y = _cells_within(
+            y - span - origin[Y], y + span - origin[Y], level_cells[k, Y], rows, height > 0.0
+        )
+        # Where all rows are near, which of their images is that is not known by the row
+        reach = 0.5 * period if height > 0.0 and last_y - first_y == rows - 1 else span
         for cy in range(first_y, last_y + 1):
-            row, column, end, px, py = cy, first_x, last_x, x, y
-            if is_around:  # each row once, whichever of its images is near
-                column, end = 0, columns - 1
-            if not 0 <= cy < rows:
-                images = cy // rows
-                row, px, py = cy - images * rows, x - images * tilt, y - images * height
-                if not is_around:
-                    column = int(np.floor((px - span - origin[X]) / level_cells[k, X]))
-                    end = int(np.floor((px + span - origin[X]) / level_cells[k, X]))
-                    end = min(end, column + columns - 1)
-            base = level_start[k] + row * columns
+            images = cy // rows  # but in a cell 0
+            px, py = x - images * tilt, y - images * height
+            column, end = _cells_within(
+                px - reach - origin[X], px + reach - origin[X], level_cells[k, X], columns,
+                period > 0.0,
+            )  # fmt: skip
+            base = level_start[k] + (cy - images * rows) * columns
             # Cells side by side are one run of discs, except across the period
             while column <= end:
                 cx = column if 0 <= column < columns else column % columns

@@ -14,7 +14,7 @@ from multicor_cli.engine.contact import residual, sweep, vector_sweep
 from multicor_cli.engine.contact.acceleration import extrapolate_scalar
 from multicor_cli.engine.contact.ordering import SPACING, make_batches
 from multicor_cli.engine.contact.problem import ContactProblem, solve_contacts
-from multicor_cli.engine.contact.sweep import EXACT, Before, Relaxation, System
+from multicor_cli.engine.contact.sweep import EXACT, Before, CellTerms, Relaxation, System
 from multicor_cli.engine.contact.system import OneByOne, batch, by_slot, flatten
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES
@@ -196,23 +196,100 @@ def test_sweep_has_the_bits_of_the_scalar_one(way):
         assert results[0] == results[1], name
 
 
+GRADIENT = 0.3, -0.2, 0.5
+
+
+def in_cell(system, seed=5):
+    """The same with branch vectors; the first body is its gradient too."""
+    branch = np.random.default_rng(seed).normal(size=(len(system.slot), 2, LANES))
+    branch *= (system.slot >= 0)[:, np.newaxis]
+    return system._replace(cell=CellTerms(branch, 0, np.empty((len(system.tile_start) - 1, 3))))
+
+
 @kernel
-def measure_as_vectors(first, last, velocity, pair, frame, impulse, beta):
+def relax_stretched_as_vectors(
+    first, last, velocity, pair, frame, impulse, before, beta, way, branch, xx, yy, xy
+):
+    return vector_sweep.relax_stretched_batches(
+        first, last, velocity, pair, frame, impulse, before, beta, way.normal, way.tangential,
+        way.extrapolation, branch, xx, yy, xy,
+    )  # fmt: skip
+
+
+@kernel
+def relax_stretched_one_by_one(
+    first, last, velocity, pair, frame, impulse, before, beta, way, branch, xx, yy, xy
+):
+    return sweep.relax_stretched_scalar(
+        first, last, velocity, pair, frame, impulse, before, beta, EXACT, way, branch, xx, yy, xy
+    )
+
+
+@needs_vectors
+def test_sweep_of_a_cell_has_the_bits_of_the_scalar_one():
+    for name, plain in systems():
+        results, system = [], in_cell(plain)
+        branch = system.cell.branch.reshape(-1)
+        for relax in (relax_stretched_as_vectors, relax_stretched_one_by_one):
+            own, before = copy(system), system.impulse * 0.9
+            for _ in range(4):
+                sums = relax(
+                    0, len(own.slot), *flat(own, before), own.spin_factor, WAYS[1], branch,
+                    *GRADIENT,
+                )  # fmt: skip
+            results.append((sums, bits(own.velocity, own.impulse, before)))
+        assert results[0] == results[1], name
+
+
+@kernel
+def pull_as_vectors(last, frame, impulse, branch):
+    return vector_sweep.pull_batches(0, last, frame, impulse, branch)
+
+
+@kernel
+def pull_one_by_one(last, frame, impulse, branch):
+    return sweep.pull_scalar(0, last, frame, impulse, branch)
+
+
+@needs_vectors
+def test_pull_on_a_cell_has_the_bits_of_the_scalar_one():
+    """It is Σ p ⊗ ℓ."""
+    for name, plain in systems():
+        system = in_cell(plain)
+        arrays = [a.reshape(-1) for a in (system.frame, system.impulse, system.cell.branch)]
+        pull = pull_as_vectors(len(system.slot), *arrays)
+        assert pull == pull_one_by_one(len(system.slot), *arrays), name
+        (nx, ny), (p_n, p_t) = system.frame[:, :2].swapaxes(0, 1), system.impulse.swapaxes(0, 1)
+        lx, ly = system.cell.branch.swapaxes(0, 1)
+        px, py = p_n * nx - p_t * ny, p_n * ny + p_t * nx
+        assert pull == pytest.approx([(px * lx).sum(), (py * ly).sum(), (px * ly).sum()])
+
+
+@kernel
+def measure_as_vectors(first, last, velocity, pair, frame, impulse, beta, cell):
+    if cell.branch.size:
+        return vector_sweep.measure_stretched_batches(
+            first, last, velocity, pair, frame, impulse, beta, cell.branch.reshape(-1),
+            velocity[0], velocity[1], velocity[2],
+        )  # fmt: skip
     return vector_sweep.measure_batches(first, last, velocity, pair, frame, impulse, beta)
 
 
 @kernel
-def measure_one_by_one(first, last, velocity, pair, frame, impulse, beta):
-    return residual.measure_scalar(first, last, velocity, pair, frame, impulse, beta)
+def measure_one_by_one(first, last, velocity, pair, frame, impulse, beta, cell):
+    return residual.measure_scalar(first, last, velocity, pair, frame, impulse, beta, cell)
 
 
 @needs_vectors
-def test_residual_has_the_bits_of_the_scalar_one():
-    for name, system in systems():
+@pytest.mark.parametrize("is_cell", [False, True])
+def test_residual_has_the_bits_of_the_scalar_one(is_cell):
+    for name, plain in systems():
+        system = in_cell(plain) if is_cell else plain
         arrays, whole = flat(system, system.impulse)[:4], len(system.slot)
+        rest = system.spin_factor, system.cell
         for first, last in ((0, whole), (whole // 3, whole // 2)):
-            vectors = measure_as_vectors(first, last, *arrays, system.spin_factor)
-            assert vectors == measure_one_by_one(first, last, *arrays, system.spin_factor), name
+            vectors = measure_as_vectors(first, last, *arrays, *rest)
+            assert vectors == measure_one_by_one(first, last, *arrays, *rest), name
             # Empty lanes are never active
             assert vectors[4] <= np.count_nonzero(system.slot[first:last] >= 0), name
 

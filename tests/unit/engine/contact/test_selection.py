@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cells import flow, loose_cell, orders
 from scene_parts import (
     FLOOR,
     advance,
@@ -186,73 +187,103 @@ def test_the_age_of_the_list_decides_on_nothing(monkeypatch):
 # ---- The loops over the contacts of two grains
 
 
-@kernel
-def begin_as_vectors(first, last, a, b, c, d, e, f, g, h, dt, period, half, ratio):
-    return vector_step.begin_batches(first, last, a, b, c, d, e, f, g, h, dt, period, half, ratio)
+XX, YY, XY = 0.3, -0.2, 0.5
+"""A velocity gradient."""
 
 
 @kernel
-def begin_one_by_one(first, last, a, b, c, d, e, f, g, h, dt, period, half, ratio):
-    return vector_step.begin_scalar(first, last, a, b, c, d, e, f, g, h, dt, period, half, ratio)
+def begin_as_vectors(
+    first, last, a, b, c, d, e, f, g, h, branch, dt, ratio, period, half, height, tilt
+):
+    return vector_step.begin_lanes(
+        first, last, a, b, c, d, e, f, g, h, dt, period, half, ratio, branch, height, tilt, XX, YY,
+        XY,
+    )  # fmt: skip
 
 
 @kernel
-def end_as_vectors(first, last, a, b, c, d, e, f, g, h, step, period, half):
-    return vector_step.end_batches(first, last, a, b, c, d, e, f, g, h, step, period, half)
+def begin_one_by_one(
+    first, last, a, b, c, d, e, f, g, h, branch, dt, ratio, period, half, height, tilt
+):
+    return vector_step.begin_scalar(
+        first, last, a, b, c, d, e, f, g, h, dt, period, half, ratio, branch, height, tilt, XX, YY,
+        XY,
+    )  # fmt: skip
 
 
 @kernel
-def end_one_by_one(first, last, a, b, c, d, e, f, g, h, step, period, half):
-    return vector_step.end_scalar(first, last, a, b, c, d, e, f, g, h, step, period, half)
+def end_as_vectors(first, last, a, b, c, d, e, f, g, h, branch, step, period, half):
+    return vector_step.end_lanes(
+        first, last, a, b, c, d, e, f, g, h, step, period, half, branch, XX, YY, XY
+    )
+
+
+@kernel
+def end_one_by_one(first, last, a, b, c, d, e, f, g, h, branch, step, period, half):
+    return vector_step.end_scalar(
+        first, last, a, b, c, d, e, f, g, h, step, period, half, branch, XX, YY, XY
+    )
 
 
 def lanes_of(columns, seed):
-    """Lanes of the next step of a sheared layer, with bounces, gaps and impulses of all kinds."""
-    engine = shear_engine(columns=columns, rows=6)
-    advance(engine, DT, 80)
+    """Lanes of the next step of a sheared layer, with bounces, gaps and impulses of all kinds.
+
+    In a cell instead where there are no ``columns``.
+    """
+    if columns:
+        engine = shear_engine(columns=columns, rows=6)
+        advance(engine, DT, 80)
+    else:
+        engine, _ = flow(*loose_cell(700, solid_fraction=0.8), orders(("stress", 1.0)), 4.0)
     lanes = engine.next_system(DT, 0.0).schedule
     random = np.random.default_rng(seed)
     ours = lanes.about[:, vector_step.IS_OURS] > 0.0
     lanes.about[:, vector_step.BOUNCE] = np.where(ours, random.choice([0.0, 0.4], ours.shape), 0.0)
     lanes.impulse[:, 1] -= 0.2 * lanes.impulse[:, 0]
-    return lanes, engine.model.period
+    width, height, tilt = engine.state.wall_position[0].tolist()
+    if columns:
+        return lanes, [(engine.model.period, 0.5 * engine.model.period), (0.0, np.inf)], (0.0, 0.0)
+    return lanes, [(width, 0.5 * width)], (height, tilt + 0.3)
 
 
 @needs_vectors
-@pytest.mark.parametrize("columns", [12, 30])
+@pytest.mark.parametrize("columns", [0, 12, 30])
 @pytest.mark.parametrize("ratio", [0.0, 1.0, 0.7])
 def test_contacts_begin_with_the_bits_of_the_scalar_loop(columns, ratio):
-    lanes, period = lanes_of(columns, 3)
+    lanes, periods, cell = lanes_of(columns, 3)
     ours = lanes.about[:, vector_step.IS_OURS] > 0.0
     found = []
     for begin in (begin_as_vectors, begin_one_by_one):
-        frame, impulse, before, gap = (
-            array.copy() for array in (lanes.frame, lanes.impulse, lanes.before, lanes.gap)
+        frame, impulse, before, gap, branch = (
+            array.copy()
+            for array in (lanes.frame, lanes.impulse, lanes.before, lanes.gap, lanes.branch)
         )
-        arrays = (lanes.middle, lanes.start, lanes.pair, lanes.about, frame, impulse, before, gap)
+        arrays = (
+            lanes.middle, lanes.start, lanes.pair, lanes.about, frame, impulse, before, gap, branch,
+        )  # fmt: skip
         sums = [
-            begin(first, last, *(array.reshape(-1) for array in arrays), DT, *cell, ratio)
+            begin(first, last, *(array.reshape(-1) for array in arrays), DT, ratio, *period, *cell)
             for first, last in ((0, len(gap)), (len(gap) // 3, len(gap) // 2))
-            for cell in ((period, 0.5 * period), (0.0, np.inf))
+            for period in periods
         ]
         kept = [array.transpose(0, 2, 1)[ours].tobytes() for array in (frame, impulse, before)]
-        found.append((sums, kept, gap[ours].tobytes()))
+        found.append((sums, kept, gap[ours].tobytes(), branch.tobytes()))
     assert found[0] == found[1]
     assert all(value > 0.0 for value in found[0][0][0][: 2 if ratio == 0.0 else 6])
 
 
 @needs_vectors
-@pytest.mark.parametrize("columns", [8, 30])
+@pytest.mark.parametrize("columns", [0, 8, 30])
 def test_contacts_end_with_the_bits_of_the_scalar_loop(columns):
-    lanes, period = lanes_of(columns, 4)
+    lanes, periods, _ = lanes_of(columns, 4)
     arrays = (
         lanes.middle, lanes.velocity, lanes.pair, lanes.about, lanes.frame, lanes.impulse,
-        lanes.before, lanes.gap,
+        lanes.before, lanes.gap, lanes.branch,
     )  # fmt: skip
     flat, count = [array.reshape(-1) for array in arrays], len(lanes.gap)
     for first, last in ((0, count), (count // 3, count // 2)):
-        for cell in ((period, 0.5 * period), (0.0, np.inf)):
-            sums = end_as_vectors(first, last, *flat, 0.5 * DT, *cell)
-            assert sums == end_one_by_one(first, last, *flat, 0.5 * DT, *cell)
+        for period in periods:
+            sums = end_as_vectors(first, last, *flat, 0.5 * DT, *period)
+            assert sums == end_one_by_one(first, last, *flat, 0.5 * DT, *period)
             assert sums[vector_step.LOADED] > 0.0
             assert sums[vector_step.LARGEST] > 0.0

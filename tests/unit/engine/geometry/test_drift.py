@@ -6,8 +6,9 @@ import pytest
 from scene_parts import make_model
 from scipy.spatial import cKDTree
 
-from multicor_cli.engine.geometry.drift import NOTHING, bound_approach, closing_gap, fit_drift
+from multicor_cli.engine.geometry.drift import NOTHING, Box, bound_approach, closing_gap, fit_drift
 from multicor_cli.engine.geometry.neighbors import NeighborList
+from multicor_cli.engine.geometry.scene import scene_of
 from multicor_cli.model.shapes import ShapeKind
 
 
@@ -22,7 +23,7 @@ def sheared(height, rng, rate=3.0, rest=0.01):
 @pytest.mark.parametrize("height", [5, 500])
 def test_the_bound_does_not_grow_with_the_height_of_a_layer(height):
     position, velocity = sheared(height, np.random.default_rng(1))
-    drift = fit_drift(velocity, position, 10.0, NOTHING)
+    drift = fit_drift(velocity, position, Box(10.0), NOTHING)
     assert drift.gradient == pytest.approx(3.0, rel=0.01)
     assert drift.rest < 0.04
     assert drift.largest == pytest.approx(np.abs(velocity).max(axis=0))
@@ -32,15 +33,15 @@ def test_a_turning_heap_is_an_affine_field_unless_x_has_no_end():
     rng = np.random.default_rng(2)
     position = rng.uniform(-1.0, 1.0, (300, 2))
     velocity = np.column_stack([-4.0 * position[:, 1], 4.0 * position[:, 0]])
-    assert fit_drift(velocity, position, 0.0, NOTHING).rest < 1e-6
-    assert fit_drift(velocity, position, 10.0, NOTHING).rest > 1.0
+    assert fit_drift(velocity, position, Box(0.0), NOTHING).rest < 1e-6
+    assert fit_drift(velocity, position, Box(10.0), NOTHING).rest > 1.0
 
 
 @pytest.mark.parametrize(
     "position", [np.zeros((1, 2)), np.column_stack([np.arange(9.0), np.zeros(9)])]
 )
 def test_one_grain_or_a_row_of_grains_has_a_fit(position):
-    drift = fit_drift(np.ones_like(position), position, 0.0, NOTHING)
+    drift = fit_drift(np.ones_like(position), position, Box(0.0), NOTHING)
     assert drift.rest < 1e-6
 
 
@@ -57,7 +58,7 @@ def test_no_pair_closes_more_than_the_bound(seed):
         + 0.1 * rng.normal(size=position.shape)
     )
     world = np.column_stack([position[grains:], np.full(discs, 0.01), np.zeros(discs)])
-    drift = fit_drift(velocity[:grains], position[:grains], 0.0, NOTHING)
+    drift = fit_drift(velocity[:grains], position[:grains], Box(0.0), NOTHING)
     closing = bound_approach(
         np.full(discs, ShapeKind.DISC, np.int32), drift, world, velocity[grains:], np.zeros(discs)
     )
@@ -75,7 +76,7 @@ def test_no_pair_closes_more_than_the_bound(seed):
 
 
 def test_planes_are_approached_along_their_normal_only():
-    drift = fit_drift(np.array([[50.0, -0.25]]), np.zeros((1, 2)), 0.0, NOTHING)
+    drift = fit_drift(np.array([[50.0, -0.25]]), np.zeros((1, 2)), Box(0.0), NOTHING)
     kind = np.array([ShapeKind.PLANE], np.int32)
     closing = bound_approach(
         kind, drift, np.array([[0.0, 0.0, 0.0, 1.0]]), np.array([[80.0, 0.5]]), np.zeros(1)
@@ -93,12 +94,12 @@ def test_a_list_stays_complete_while_a_layer_is_sheared():
     position[:, 0], position[:, 1] = x.ravel(), y.ravel()
     model = make_model(np.full(1600, 0.49), walls=(), period=period, gravity=(0.0, 0.0))
     lists = NeighborList(model)
-    world, reach = np.empty((0, 4)), 0.05
+    reach = 0.05
     for _ in range(40):
         position[:, 0] = (position[:, 0] + 0.01 * position[:, 1]) % period
         position[:, :2] += rng.normal(size=(1600, 2)) * 2e-4
         position[:, 1] = np.clip(position[:, 1], 0.0, height)
-        lists.update(position, world, reach)
+        lists.update(scene_of(model, position, np.zeros((0, 3))), reach)
         wide = np.concatenate([position[:, :2] + (shift, 0.0) for shift in (0.0, period, -period)])
         near = {
             tuple(sorted((a % 1600, b % 1600))) for a, b in cKDTree(wide).query_pairs(0.98 + reach)

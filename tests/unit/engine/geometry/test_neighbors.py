@@ -5,7 +5,7 @@ import pytest
 from scene_parts import make_model
 
 from multicor_cli.engine.geometry.neighbors import NeighborList
-from multicor_cli.engine.geometry.scene import place_shapes
+from multicor_cli.engine.geometry.scene import place_shapes, scene_of
 from multicor_cli.model import ShapeKind
 
 
@@ -27,6 +27,10 @@ def _all_pairs(positions, radius, period, reach):
     return set(zip(i.tolist(), j.tolist(), strict=True))
 
 
+def _scene(model, positions):
+    return scene_of(model, positions, np.zeros((model.wall_count, 3)))
+
+
 @pytest.mark.parametrize("period", [0.0, 12.0])
 @pytest.mark.parametrize("ratio", [1.0, 3.0, 20.0])
 def test_list_holds_every_near_pair(period, ratio):
@@ -36,9 +40,8 @@ def test_list_holds_every_near_pair(period, ratio):
     positions = np.column_stack([12.0 * rng.random(n), 30.0 * rng.random(n), np.zeros(n)])
     model = make_model(radius, walls=(), period=period)
     lists = NeighborList(model)
-    world = np.empty((0, 4))
     for reach in (0.0, 0.1, 1.0):
-        lists.update(positions, world, reach)
+        lists.update(_scene(model, positions), reach)
         assert _all_pairs(positions, radius, period, reach) <= _listed(lists)
     # Rows are sorted and hold each pair once, owned by the lower number.
     for i in range(n):
@@ -52,11 +55,11 @@ def test_list_is_kept_while_nothing_moves_far_and_rebuilt_in_time():
     n, reach = 200, 0.05
     radius = np.full(n, 0.4)
     positions = np.column_stack([15.0 * rng.random(n), 15.0 * rng.random(n), np.zeros(n)])
-    lists = NeighborList(make_model(radius, walls=()))
-    world = np.empty((0, 4))
+    model = make_model(radius, walls=())
+    lists = NeighborList(model)
     velocity = rng.normal(size=(n, 2))
     for _ in range(60):
-        lists.update(positions, world, reach)
+        lists.update(_scene(model, positions), reach)
         assert _all_pairs(positions, radius, 0.0, reach) <= _listed(lists)
         positions[:, :2] += 0.004 * velocity
     assert 1 < lists.builds < 30
@@ -66,8 +69,9 @@ def test_far_flying_grains_do_not_cost_memory():
     positions = np.array(
         [[0.0, 0.0, 0.0], [1e9, 0.0, 0.0], [1e9 + 0.5, 0.0, 0.0], [0.0, -1e9, 0.0]]
     )
-    lists = NeighborList(make_model(np.full(4, 0.5), walls=()))
-    lists.update(positions, np.empty((0, 4)), 0.1)
+    model = make_model(np.full(4, 0.5), walls=())
+    lists = NeighborList(model)
+    lists.update(_scene(model, positions), 0.1)
     assert _listed(lists) == {(1, 2)}
 
 
@@ -81,12 +85,13 @@ def test_far_flying_grains_do_not_make_all_others_neighbors():
     )
     positions[1, :2] = positions[0, :2] + (0.9, 0.0)
     radius = np.full(2000, 0.4)
-    lists = NeighborList(make_model(radius, walls=()))
+    model = make_model(radius, walls=())
+    lists = NeighborList(model)
     centers = positions[:, :2]
     low, high = lists._box(centers, centers.min(axis=0), centers.max(axis=0), 0.5)
     assert (low > -1.0).all()
     assert (high < 61.0).all()
-    lists.update(positions, np.empty((0, 4)), 0.2)
+    lists.update(_scene(model, positions), 0.2)
     near = _all_pairs(positions, radius, 0.0, 0.2)
     assert (0, 1) in near
     assert near <= _listed(lists)
@@ -112,9 +117,9 @@ def test_wall_shapes_are_listed(name):
     n = 200
     radius = rng.uniform(0.1, 0.5, n)
     positions = np.column_stack([rng.uniform(-4, 4, n), rng.uniform(-4, 4, n), np.zeros(n)])
-    lists = NeighborList(make_model(radius, shapes))
-    world = np.array([s[2] for s in shapes])
-    lists.update(positions, world, 0.1)
+    model = make_model(radius, shapes)
+    lists = NeighborList(model)
+    lists.update(_scene(model, positions), 0.1)
     near = {
         (int(i), n) for i in np.flatnonzero(gap(positions[:, 0], positions[:, 1], radius) < 0.1)
     }

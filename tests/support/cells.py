@@ -1,0 +1,77 @@
+"""Cells that are periodic in both directions, by hand: discs of mean diameter and mass 1."""
+
+import numpy as np
+from scene_parts import make_model
+
+from multicor_cli.engine import Engine
+from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
+from multicor_cli.engine.orders import Orders, Settings
+from multicor_cli.model.state import State
+
+DT = 0.05
+"""√(m/P) is 1 under the pressure 1."""
+
+
+def make_cell(position, radius, size, *, inertia=1.0, tilt=0.0, **laws):
+    """Model and state of discs at rest in a cell of this size, ``(2,)``; the rest as `make_model`.
+
+    ``inertia`` is that of the cell over Σ m d̄².
+    """
+    radius = np.asarray(radius, float)
+    mass = 4.0 * radius**2
+    of_cell = inertia * mass.sum() * (2.0 * radius.mean()) ** 2
+    model = make_model(
+        radius, walls=("cell",), gravity=(0.0, 0.0), density=4.0 / np.pi, period=size[0],
+        height=size[1], mass=of_cell, inertia=of_cell, length=0.0, **laws,
+    )  # fmt: skip
+    state = State.at_rest(model, np.asarray(position, float))
+    state.wall_position[0] = *size, tilt
+    return model, state
+
+
+def loose_cell(count, *, spread=0.2, solid_fraction=0.6, seed=1, shift=(0.0, 0.0), **more):
+    """Discs of sizes ± ``spread``, loosely on the places of a grid that is not quite straight."""
+    random = np.random.default_rng(seed)
+    radius = 0.5 * (1.0 + spread * random.uniform(-1.0, 1.0, count))
+    side = np.sqrt(np.pi * (radius**2).sum() / solid_fraction)
+    columns = int(np.ceil(np.sqrt(count)))
+    places = (np.arange(columns) + 0.5) * side / columns
+    position = np.stack(np.meshgrid(places, places), axis=-1).reshape(-1, 2)
+    position = random.permutation(position)[:count]
+    free = 0.5 * max(side / columns - 2.0 * radius.max(), 0.0)
+    position = position + random.uniform(-free, free, (count, 2)) + shift
+    return make_cell(position % side, radius, (side, side), **more)
+
+
+def orders(xx=None, yy=None, xy=None, settings=None):
+    """Orders of a stage: ("stress", value) or ("velocity", value) of each component, or held."""
+    dofs = (
+        DofDrive() if one is None else DofDrive(**{one[0]: Constant(one[1])})
+        for one in (xx, yy, xy)
+    )
+    return Orders(drives=[WallDrive(*dofs)], settings=settings or Settings())
+
+
+def flow(model, state, order, duration, *, dt=DT, threads=1):
+    """Advance a state; returns the engine and the mean stress, xx, yy and xy."""
+    engine = Engine(model, state, threads=threads)
+    engine.begin(order)
+    state.window_wall_impulse[:] = 0.0
+    area = 0.0
+    for k in range(round(duration / dt)):
+        engine.step(dt, k * dt)
+        area += dt * state.wall_position[0, 0] * state.wall_position[0, 1]
+    return engine, state.window_wall_impulse[0] / area
+
+
+def compressed(count, *, duration=30.0, **more):
+    """A cell that has come to rest under an isotropic pressure of 1."""
+    model, state = loose_cell(count, **more)
+    pressure = ("stress", 1.0)
+    flow(model, state, orders(pressure, pressure), duration)
+    return model, state
+
+
+def solid_fraction(model, state):
+    width, height, _ = state.wall_position[0]
+    return float(np.pi * (model.grains.radius**2).sum() / (width * height))
