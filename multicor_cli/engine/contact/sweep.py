@@ -310,7 +310,7 @@ class CellTerms(NamedTuple):
     """The velocity gradient of a cell in a `System`: the last body that has inverse masses.
 
     All contacts share it: u = c_i − c_j + L ℓ, and an impulse p changes L by p ⊗ ℓ over its inertia
-    (theory §2.4). Its row of the velocities is L_xx, L_yy, L_xy, 0 [1/s].
+    (theory §2.1). Its row of the velocities is L_xx, L_yy, L_xy, 0 [1/s].
 
     Attributes:
         branch: ℓ of the contacts [m], shape ``(q, 2, 4)``; no batches where there is no cell.

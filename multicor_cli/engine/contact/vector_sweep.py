@@ -110,7 +110,7 @@ def bodies_of(code: Writer, pair: _Value, batch: _Value) -> list[list[_Value]]:
 
 
 class Stretch:
-    """What the velocity gradient of a cell adds to velocities between bodies (theory §2.4).
+    """What the velocity gradient of a cell adds to velocities between bodies (theory §2.1).
 
     ``branch`` are the branch vectors ℓ of the contacts, blocks of two rows; ``gradient`` is L: its
     components xx, yy and xy [1/s], numbers that hold for the whole loop.

@@ -1,4 +1,4 @@
-"""The cell of a run that is periodic in both directions, and its mean flow (theory §2.4).
+"""The cell of a run that is periodic in both directions, and its mean flow (theory §2.1).
 
 The cell is spanned by (width, 0) and (tilt, height). It is a wall without shapes: its "position"
 are these three, its "velocity" is the gradient L = [[L_xx, L_xy], [0, L_yy]] of the mean flow.

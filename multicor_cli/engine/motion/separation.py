@@ -477,9 +477,13 @@ def correct_positions(
     above `FORBIDDEN` cannot be removed.
     """
     before = scene.wall_position.copy()
+    mobility = motion.mobility
+    if model.is_cell:  # what it costs to move all grains with it, about their center
+        side = scene.wall_position[0, [XX, YY, YY]]
+        mobility = (mobility > 0.0) * 12.0 / (total(model.grains.mass) * side * side)
     overlap, pull_x, pull_y, rounds = push_apart(
         scene, model.shapes.geometry, i, j, lists.around, lists.partner, model.grains.mass,
-        motion.mobility, near, RINGS, marked,
+        mobility, near, RINGS, marked,
     )  # fmt: skip
     if overlap > FORBIDDEN:
         raise PhysicsError(step, _name_overlap(scene, model, lists, marked, overlap))
