@@ -351,8 +351,14 @@ class Engine:
             F Δt (theory §3.1).
 
         Raises:
-            ValueError: If there is rolling resistance, which a `ContactProblem` does not know.
+            ValueError: If there is rolling resistance or a cell, of which a `ContactProblem` does
+                not know.
         """
+        if self.model.is_cell:
+            raise ValueError(
+                "contact problems of a cell that is periodic in both directions cannot be written: "
+                "all contacts share its velocity gradient"
+            )
         with self._next_contacts(dt, t) as (scene, contacts):
             self._tabulate()
             start = np.column_stack([contacts["p_n"], contacts["p_t"]])

@@ -58,6 +58,13 @@ SHIPPED = {
         "variables.side=16", "loading.0.duration=0.015", "loading.0.until.steady.window=4e-3",
         "loading.0.until.steady.after=0.0", "loading.1.until.axial_strain.below=-0.02",
     ),
+    "cell-shear": (
+        "variables.side=14", "loading.1.until.strain.value=0.3", "variables.I=0.05",
+    ),
+    "cell-compression": (
+        "particles.0.count=150", "variables.side=17", "loading.1.duration=0.003",
+        "loading.2.duration=0.001",
+    ),
     "million": ("particles.0.count=20_000", "domain.size=[1.2,0.14]"),
 }  # fmt: skip
 """What makes each shipped scenario short."""

@@ -15,6 +15,8 @@ COOKBOOK = (
     "biaxial",
     "heap",
     "sieve-curve",
+    "cell-shear",
+    "cell-compression",
 )
 """Templates that are shipped as scenarios, too (docs/how-to/cookbook/index.md)."""
 
