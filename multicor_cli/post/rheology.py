@@ -22,7 +22,7 @@ from multicor_cli.post.bins import (
     part_between,
 )
 from multicor_cli.post.contacts import has_forces, loaded_contacts
-from multicor_cli.post.flow import MeanFlow, mean_flow
+from multicor_cli.post.flow import CellFlow, MeanFlow, mean_flow
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -111,7 +111,7 @@ def _glued_radius(model: Model, wall: int | None) -> float:
 
 
 def interval_sums(
-    source: Run, band: Band, flow: MeanFlow, first: Frame, second: Frame, lapse: float
+    source: Run, band: Band, flow: MeanFlow | CellFlow, first: Frame, second: Frame, lapse: float
 ) -> Floats:
     """The sums `SUM_NAMES` over the bulk between two frames that are ``lapse`` apart [s].
 

@@ -59,6 +59,15 @@ def need_same_grains(first: Frame, second: Frame) -> None:
         )
 
 
+def need_no_cell(model: Model, what: str) -> None:
+    """Raises `PostError` of a cell where one must know which sides grains have crossed."""
+    if model.is_cell:
+        raise PostError(
+            f"there is no {what} in a cell that is periodic in x and y: nobody "
+            "counts how often grains cross its sides"
+        )
+
+
 def need_heat(values: NDArray[Any] | None) -> Floats:
     """Values of a frame that only a run with heat has; raises `PostError` in a run without."""
     if values is None:
