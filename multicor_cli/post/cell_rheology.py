@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model import Model
+from multicor_cli.model import Model, cell
 from multicor_cli.model.columns import XX, YY, X
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import Bins, heights, make_bins
@@ -122,9 +122,7 @@ def _of_series(source: Run, times: Floats) -> Floats:
     sides, rate = (np.asarray(series[f"wall_{of}"])[:, 0] for of in ("position", "velocity"))
     virial = np.asarray(series["virial_rate"])
     contact = (virial[:, 0, 0], virial[:, 1, 1], virial[:, 0, 1])
-    # From window to window the cell changes little: means of both ends
-    area, rates = (0.5 * (v + np.roll(v, 1, axis=0)) for v in (sides[:, XX] * sides[:, YY], rate))
-    area[:1], rates[:1] = sides[:1, XX] * sides[:1, YY], rate[:1]
+    area, rates = cell.over_windows(sides[:, XX] * sides[:, YY]), cell.over_windows(rate)
     columns = [np.ones(len(area)), area, *np.asarray(series["wall_force"])[:, 0].T, *contact]
     interval = np.searchsorted(times, np.asarray(series["time"]), side="left") - 1
     inside = (interval >= 0) & (interval < times.size - 1)

@@ -40,7 +40,7 @@ class MeanFlow:
         cell, part = _locate(frame, self.extent, len(self.velocity) - 1)
         part = part[:, np.newaxis]
         mean = (1.0 - part) * self.velocity[cell] + part * self.velocity[cell + 1]
-        return np.asarray(velocities(frame) - mean)
+        return np.asarray(_velocities(frame) - mean)
 
 
 class CellFlow:
@@ -86,7 +86,7 @@ def mean_flow(source: Run, chosen: NDArray[np.int64], bins: Bins) -> MeanFlow | 
         factors = ((1.0 - part) ** 2, part**2, part * (1.0 - part))
         for total, factor in zip((below, above, across), factors, strict=True):
             total += np.bincount(cell, weight * factor, minlength=count)
-        for axis, speed in enumerate(velocities(frame).T):
+        for axis, speed in enumerate(_velocities(frame).T):
             right[:-1, axis] += np.bincount(cell, weight * (1.0 - part) * speed, minlength=count)
             right[1:, axis] += np.bincount(cell, weight * part * speed, minlength=count)
     # each cell adds to its lower knot, to its upper knot, and between the two
@@ -116,6 +116,5 @@ def _locate(frame: Frame, extent: Extent, count: int) -> tuple[NDArray[np.int64]
     return cell, np.clip(place - cell, -1.0, 2.0)  # or one grain far away would outweigh all others
 
 
-def velocities(frame: Frame) -> Floats:
-    """Velocities of the grains [m/s], shape ``(n, 2)``."""
+def _velocities(frame: Frame) -> Floats:
     return np.asarray(frame.velocity, np.float64)[:, :2]

@@ -12,8 +12,7 @@ from multicor_cli.model import Model
 from multicor_cli.model.cell import mean_flow
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Outline, outlines
-from multicor_cli.post.flow import velocities
-from multicor_cli.post.lattice import Lattice, gradient_of, lattice_of
+from multicor_cli.post.lattice import Lattice, gradient_of, lattice_of, velocity_at
 from multicor_cli.post.quantities import MAPPED, SAME, GrainQuantity
 from multicor_cli.post.source import Frame, PostError, Run, frame_index, model_of, need_grains
 from multicor_cli.post.table import Column, Table, values_of_quantities, with_unit
@@ -161,10 +160,14 @@ def grain_map(source: Run, of: str, frame: int = -1, *, may_be_empty: bool = Fal
     index = frame_index(source.frames, frame)
     if not may_be_empty:
         need_grains(source, np.array([index]))
-    values = chosen.of_grain(source, index)
+    there = source.frames[index]
+    values, scene = chosen.of_grain(source, index), make_scene(source, there)
+    flow = None
+    if source.model.is_cell and chosen.of_velocity is not None:
+        flow = velocity_at(there, scene.center), gradient_of(there)
+        values = chosen.of_velocity(flow[0])
     vector = values if values.ndim == 2 else None
     value = values if vector is None else np.hypot(*vector.T)
-    scene = make_scene(source, source.frames[index])
     names = () if chosen.names_of is None else chosen.names_of(source.model)
     time = float(np.asarray(source.frames.time)[index])
     grains = [
@@ -187,9 +190,6 @@ def grain_map(source: Run, of: str, frame: int = -1, *, may_be_empty: bool = Fal
             Column(f"vector_{axis}", chosen.unit, vector[:, k], f"{chosen.name} {axis}")
             for k, axis in enumerate("xy")
         ]
-    flow = None
-    if source.model.is_cell and chosen.of_velocity is not None:
-        flow = velocities(source.frames[index]), gradient_of(source.frames[index])
     parts = {"field": chosen, "scene": scene, "vector": vector, "names": names, "flow": flow}
     return GrainMap(_statistics(chosen, value, names), facts, grains, **parts)
 

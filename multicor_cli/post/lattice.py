@@ -104,3 +104,10 @@ def relative_velocity(frame: Frame) -> Floats:
     velocity = np.asarray(frame.velocity, np.float64)[:, :2]
     place = np.asarray(frame.position, np.float64)
     return np.asarray(velocity - cell.mean_flow(place, gradient_of(frame)))
+
+
+def velocity_at(frame: Frame, places: Floats, which: NDArray[np.int64] | None = None) -> Floats:
+    """Velocities of images of the grains of a cell at ``places`` [m], as ``which`` [m/s]."""
+    relative = relative_velocity(frame)
+    moving = relative if which is None else relative[which]
+    return np.asarray(moving + cell.mean_flow(places, gradient_of(frame)))

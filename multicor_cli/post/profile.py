@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model.cell import mean_flow as flow_of_cell
-from multicor_cli.model.columns import XY
+from multicor_cli.model.columns import XY, X
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import Between, Bins, Shares, make_bins
 from multicor_cli.post.contacts import with_forces
-from multicor_cli.post.flow import RelativeFrame, mean_flow, velocities
-from multicor_cli.post.lattice import gradient_of, lattice_of
+from multicor_cli.post.flow import RelativeFrame, mean_flow
+from multicor_cli.post.lattice import gradient_of, lattice_of, velocity_at
 from multicor_cli.post.quantities import PROFILE_GROUPS, PROFILED, SAME, GrainQuantity
 from multicor_cli.post.source import (
     Frame,
@@ -394,9 +393,11 @@ def _values_of(
             if field.of_velocity is None or not source.model.is_cell:
                 return of_grains(frame)[shares.grain]
             # that of the image which is in the bin
-            _, height, tilt = lattice_of(source.model, frame)
-            way = -shares.turn[:, np.newaxis] * np.array([tilt, height])
-            seen = velocities(frame)[shares.grain] + flow_of_cell(way, gradient_of(frame))
+            width, height, tilt = lattice_of(source.model, frame)
+            way = shares.turn[:, np.newaxis] * np.array([tilt, height])
+            place = np.asarray(frame.position, np.float64)[shares.grain, :2] - way
+            place[:, X] %= width
+            seen = velocity_at(frame, place, shares.grain)
             return np.asarray(field.of_velocity(seen), np.float64)
 
         return values

@@ -13,13 +13,14 @@ from multicor_cli.model.model import Floats, Model
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
 from multicor_cli.post.flow import fluctuations
 from multicor_cli.post.source import (
+    UNCOUNTED,
     Frame,
     PostError,
     Run,
     model_of,
     need_heat,
-    need_no_cell,
     need_same_grains,
+    refuse_cell,
 )
 from multicor_cli.post.table import Quantity
 
@@ -143,7 +144,8 @@ def _kinds(name: str) -> Callable[[Run, int], Floats]:
 
 def _displacements(source: Run, frame: int) -> Floats:
     """Distances from where grains were in the first frame, periods included [m], shape ``(n,)``."""
-    need_no_cell(source.model, "displacement")
+    remedy = "choose velocities, as speed or fluctuation"
+    refuse_cell(source.model, f"{UNCOUNTED}, so there are no displacements", remedy)
     first, now = source.frames[0], source.frames[frame]
     need_same_grains(first, now)
     moved = np.asarray(now.unwrapped, np.float64) - np.asarray(first.unwrapped, np.float64)

@@ -59,13 +59,14 @@ def need_same_grains(first: Frame, second: Frame) -> None:
         )
 
 
-def need_no_cell(model: Model, what: str) -> None:
-    """Raises `PostError` of a cell where one must know which sides grains have crossed."""
+def refuse_cell(model: Model, what: str, remedy: str) -> None:
+    """Raises `PostError` of a cell: what it lacks and why, and what to do."""
     if model.is_cell:
-        raise PostError(
-            f"there is no {what} in a cell that is periodic in x and y: nobody "
-            "counts how often grains cross its sides"
-        )
+        raise PostError(f"in a cell that is periodic in x and y {what}: {remedy}")
+
+
+UNCOUNTED = "nobody counts how often grains cross its sides"
+"""Why a cell has no displacements."""
 
 
 def need_heat(values: NDArray[Any] | None) -> Floats:

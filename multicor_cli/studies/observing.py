@@ -78,8 +78,9 @@ class Source:
 def _rheology(run: Run, row: Observable, selection: Selection) -> Number:
     found, name = rheology(run, selection), str(row.value)
     if name not in found.mean:
-        kind = "a cell" if run.model.is_cell else "a layer between walls"
-        raise Unobservable(f"the rheology of {kind} has no {name}; it has {', '.join(found.mean)}")
+        raise Unobservable(
+            f"the rheology of this run has no {name}; it has {', '.join(found.mean)}"
+        )
     return Number(found.mean[name], found.error[name])
 
 
@@ -224,6 +225,13 @@ def missing(observables: Iterable[Observable], scenario: Scenario) -> Iterator[R
             what = "no grain comes or goes in this scenario"
             yield Refused((*place, "info"), what, "give it [[outlets]] or releases")
         is_cell = scenario.domain.is_cell
+        own = [q.name for q in (CELL_QUANTITIES if is_cell else OF_RHEOLOGY)]
+        if row.post == "rheology" and row.value not in own:
+            kind = "a cell" if is_cell else "a layer between walls"
+            what = f"the rheology of {kind} has no {row.value}"
+            yield Refused((*place, "value"), what, f"it has {', '.join(own)}")
+        if is_cell and row.post in ("region", "theta-eta"):
+            yield Refused((*place, "post"), f"a cell has no {row.post}", "use rheology or profile")
         if row.post is not None and SOURCES[row.post].needs_shear and not is_cell:
             what = ""
             if not scenario.domain.is_periodic:
