@@ -256,13 +256,13 @@ def rheology(
     margin: Margin = None,
     between: Between = None,
 ) -> Shown:
-    """Measure the rheology of a layer between two walls that shear it: averages with errors; over
-    time as CSV, JSON and figure.
+    """Measure the rheology of a layer between two walls that shear it, or of a cell without walls:
+    averages with errors; over time as CSV, JSON and figure.
 
     I = rate × √(m/P), with the mean mass m of a grain and the force P per length with which the
-    walls press; the other convention is rate × d/√(P/ρ), with the mass ρ of the grains per area
-    they cover. Friction μ* is shear over normal stress. Rattlers are grains with fewer than two
-    contacts that carry a force.
+    walls press (in a cell the mean pressure); the other convention is rate × d/√(P/ρ), with the
+    mass ρ of the grains per area they cover. Friction μ* is shear over normal stress. Rattlers are
+    grains with fewer than two contacts that carry a force.
     """
     from multicor_cli import post
 
@@ -270,8 +270,11 @@ def rheology(
     with store.open_run(directory) as run:
         table = post.rheology(run, selection, margin=margin, between=between)
     about = _span(table.frames.size, "frame", table.times)
-    about += f", between '{table.walls[0]}' and '{table.walls[1]}', {table.height:g} m apart; "
-    about += f"the bulk begins {table.margin:g} m from each"
+    if isinstance(table, post.CellRheology):
+        about += f", in a cell of {table.width:.4g} × {table.height:.4g} m on average"
+    else:
+        about += f", between '{table.walls[0]}' and '{table.walls[1]}', {table.height:g} m apart; "
+        about += f"the bulk begins {table.margin:g} m from each"
     return Shown(table, about, directory)
 
 

@@ -279,7 +279,7 @@ def export_fclib(
 
     Raises:
         ExportError: If there is no such frame, the step is one in which nothing moves, there is no
-            contact, or contacts have adhesion or rolling resistance.
+            contact, contacts have adhesion or rolling resistance, or the run is one of a cell.
         ExportRefused: If the file may not be written.
         StoreError: If the run cannot be read, or the file not be written.
     """
@@ -312,8 +312,8 @@ def frame_problem(run: Run, number: int = -1) -> FrameProblem:
     from the end.
 
     Raises:
-        ExportError: If there is no such frame, the step is one in which nothing moves, or contacts
-            have adhesion or rolling resistance.
+        ExportError: If there is no such frame, the step is one in which nothing moves, contacts
+            have adhesion or rolling resistance, or the run is one of a cell.
         StoreError: If the run cannot be read.
     """
     frame = choose_frame(run, number)
@@ -326,6 +326,11 @@ def frame_problem(run: Run, number: int = -1) -> FrameProblem:
                 f"{run.path}: contacts of this run have {name}, which the format of FCLib does "
                 "not know"
             )
+    if model.is_cell:
+        raise ExportError(
+            f"{run.path}: contacts of this run are also with images in a cell that is strained, "
+            "which the format of FCLib does not know"
+        )
     if model.outlets is not None:
         raise ExportError(
             f"{run.path}: grains come and go in this run, so that the next contact problem is not "

@@ -19,6 +19,7 @@ from multicor_cli.export.target import ExportRefused, check_output, choose_frame
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
 from multicor_cli.optional import library
+from multicor_cli.post.lattice import Lattice, lattice_of, velocity_at
 from multicor_cli.store import Frame, Run, StorageError, schema
 from multicor_cli.store.layout import Progress, no_progress
 from multicor_cli.store.schema.rows import Column, Reader
@@ -58,7 +59,9 @@ def export_gsd(
             target = hoomd.Frame()
             target.configuration.step = frame.step
             target.configuration.dimensions = 2
-            target.configuration.box = [*box.size, _DEPTH, 0.0, 0.0, 0.0]
+            if run.model.is_cell:
+                box = _Box.of_cell(lattice_of(run.model, frame))
+            target.configuration.box = [*box.size, _DEPTH, box.slant, 0.0, 0.0]
             logged = _logged(frame, schema.STEPS)
             target.log.update({name: np.array([value]) for name, value in logged})
             target.log["box_center"] = box.center
@@ -87,10 +90,19 @@ def _library_errors(path: Path) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class _Box:
-    """The box, the same in all frames; its center in our coordinates and its lengths [m]."""
+    """The box, the same in all frames but those of a cell.
+
+    Its center in our coordinates [m], its lengths [m], and how far it leans in x per height.
+    """
 
     center: Floats
     size: Floats
+    slant: float = 0.0
+
+    @classmethod
+    def of_cell(cls, sides: Lattice) -> _Box:
+        """That of a cell."""
+        return cls(sides.corners.mean(axis=0), np.array(sides[:2]), sides.slant)
 
     @classmethod
     def around(cls, model: Model, frames: list[Frame]) -> _Box:
@@ -116,13 +128,17 @@ def _fill_particles(target: Any, model: Model, frame: Frame, box: _Box) -> None:
     particles.N = len(half)
     particles.types = list(model.groups)
     particles.typeid = grains.group
-    particles.position = _spatial(frame.position - box.center)
+    position, velocity = frame.position, frame.velocity
+    if model.is_cell:
+        position = lattice_of(model, frame).wrapped(position)
+        velocity = velocity_at(frame, position)
+    particles.position = _spatial(position - box.center)
     particles.image = np.column_stack([frame.image, np.zeros((len(half), 2), np.int64)])
     particles.diameter = 2.0 * grains.radius
     particles.mass = grains.mass
     particles.moment_inertia = np.column_stack([np.zeros((len(half), 2)), grains.inertia])
     particles.orientation = turn
-    particles.velocity = _spatial(frame.velocity)
+    particles.velocity = _spatial(velocity)
     # Angular momentum in the library's form: twice the orientation times (0, 0, 0, I ω).
     momentum = 2.0 * grains.inertia * frame.spin
     particles.angmom = np.column_stack(

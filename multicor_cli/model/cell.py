@@ -20,6 +20,23 @@ COMPONENTS = ("xx", "yy", "xy")
 """Names of its degrees of freedom, in the order of the columns."""
 
 
+COLUMNS = {
+    "position": (("width", "height", "tilt"), "m"),
+    "velocity": (tuple(f"rate_{name}" for name in COMPONENTS), "1/s"),
+    "force": (tuple(f"stress_{name}" for name in COMPONENTS), "N/m"),
+}
+"""What tables call the columns of its position, velocity and force over its area; and units."""
+
+
+def over_windows(values: Floats) -> Floats:
+    """Means over the windows of a time series of values at their ends, shape ``(s, …)``.
+
+    What a cell has at the ends of windows changes little in them: they are those of both ends.
+    """
+    before = np.concatenate([values[:1], values[:-1]])
+    return np.asarray(0.5 * (before + values))
+
+
 def cell_area(state: State) -> float:
     """Area of the cell of a state [m²]."""
     return float(state.wall_position[0, XX] * state.wall_position[0, YY])

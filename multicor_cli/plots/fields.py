@@ -49,6 +49,7 @@ def _draw_mesh(axes: Any, table: FieldTable, field: Field) -> tuple[Any, str]:
         x, y = table.points.center[0] + x * np.cos(y), table.points.center[1] + x * np.sin(y)
         cells = np.where(_is_beyond(table), np.nan, values).reshape(table.points.shape).T
     else:
+        x = x + table.points.slant * y
         cells = values.reshape(table.points.shape)
     name = "balance" if field.is_signed else "plasma" if field.name == "temperature" else "viridis"
     colors: dict[str, Any] = {"cmap": color_map(name), "vmin": low, "vmax": high}
@@ -56,12 +57,12 @@ def _draw_mesh(axes: Any, table: FieldTable, field: Field) -> tuple[Any, str]:
 
 
 def _is_beyond(table: FieldTable) -> Any:
-    """Which points lie outside the box around the grains, in y only if there is a period."""
+    """Which points lie outside the box around the grains, but for directions with a period."""
     scene, at = table.scene, table.points.at
     reach = scene.radius[:, np.newaxis]
     low, high = (scene.center - reach).min(axis=0), (scene.center + reach).max(axis=0)
-    axes = [1] if scene.period > 0.0 else [0, 1]
-    return ((at < low) | (at > high))[:, axes].any(axis=1)
+    is_free = np.array(scene.lattice[:2]) <= 0.0
+    return (((at < low) | (at > high)) & is_free).any(axis=1)
 
 
 def _color_range(values: Any, field: Field) -> tuple[float, float, str]:

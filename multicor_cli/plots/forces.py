@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.model.model import Floats
-from multicor_cli.plots.grain_map import draw_discs, draw_walls, place_scene
+from multicor_cli.plots.grain_map import clip_to_cell, draw_discs, draw_walls, place_scene
 from multicor_cli.plots.style import (
     COLORS,
     COLUMN,
@@ -20,7 +20,6 @@ from multicor_cli.plots.style import (
     show_decades,
 )
 from multicor_cli.post.forces import AngularDistribution, ForceDistribution, ForceNetwork
-from multicor_cli.post.grain_map import images
 
 # ---- Force network: a line for every contact, its width proportional to the normal force
 
@@ -63,18 +62,18 @@ def draw_network(axes: Any, network: ForceNetwork) -> Floats:
     width = line_widths(axes, network)
     color = np.where(network.sliding, COLORS[1], COLORS[0])
     look: dict[str, Any] = {"linewidths": width[which], "colors": color[which], "zorder": 3}
-    axes.add_collection(LineCollection(list(lines), capstyle="round", **look))
+    drawn = LineCollection(list(lines), capstyle="round", **look)
+    axes.add_collection(drawn)
+    clip_to_cell(axes, network.scene, drawn)
     return width
 
 
 def segments(network: ForceNetwork) -> tuple[Floats, Any]:
-    """Lines of contacts, with images across the period, shape ``(k, 2, 2)``; and their contacts."""
-    middle = 0.5 * (network.start + network.end)
-    reach = 0.5 * np.abs(network.end - network.start)[:, 0]
-    which, shift = images(middle[:, 0], reach, network.scene.period)
+    """Lines of contacts, with images across sides, shape ``(k, 2, 2)``; and their contacts."""
+    middle, reach = 0.5 * (network.start + network.end), 0.5 * (network.end - network.start)
+    which, shift = network.scene.lattice.images(middle, reach)
     lines = np.stack([network.start, network.end], axis=1)[which]
-    lines[:, :, 0] += shift[:, np.newaxis]
-    return lines, which
+    return lines + shift[:, np.newaxis], which
 
 
 def line_widths(axes: Any, network: ForceNetwork) -> Floats:

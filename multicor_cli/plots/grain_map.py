@@ -24,7 +24,8 @@ from multicor_cli.plots.style import (
     draw_picture,
     house_style,
 )
-from multicor_cli.post.grain_map import GrainMap, GrainScene, grain_map, images
+from multicor_cli.post.grain_map import GrainMap, GrainScene, grain_map
+from multicor_cli.post.lattice import Lattice
 from multicor_cli.post.quantities import color_range
 from multicor_cli.post.table import Quantity
 from multicor_cli.text import unit_sign
@@ -112,13 +113,28 @@ def draw_discs(
     edge["linewidths"] = 0.3 if has_edge else 0.0
     filling = {"facecolors": color} if value is None else {"array": value}
     look = {**edge, **filling, **style}
-    return _add_discs(axes, scene.center, scene.radius, scene.period, **look)
+    discs = _add_discs(axes, scene.center, scene.radius, scene.lattice, **look)
+    clip_to_cell(axes, scene, discs)
+    return discs
+
+
+def clip_to_cell(axes: Any, scene: GrainScene, drawn: Any) -> None:
+    """Cut what was drawn off at the sides of the cell, if there is one."""
+    if scene.lattice.height > 0.0:
+        from matplotlib.path import Path
+
+        drawn.set_clip_path(Path(scene.lattice.corners), axes.transData)
 
 
 def draw_walls(axes: Any, scene: GrainScene) -> None:
-    """Draw walls and glued grains, and set limits, aspect and labels of the axes."""
+    """Draw walls, glued grains or sides of a cell; set limits, aspect and labels of the axes."""
     for outline in scene.walls:
         _draw_outline(axes, scene, outline)
+    if scene.lattice.height > 0.0:
+        from matplotlib.collections import PolyCollection
+
+        look: dict[str, Any] = {"facecolors": "none", "edgecolors": WALL, "linewidths": 0.5}
+        axes.add_collection(PolyCollection([scene.lattice.corners], zorder=2, **look))
     axes.set_xlim(*scene.box[:, 0])
     axes.set_ylim(*scene.box[:, 1])
     axes.set_aspect("equal")
@@ -128,15 +144,15 @@ def draw_walls(axes: Any, scene: GrainScene) -> None:
     axes.set_ylabel("$y$ [m]")
 
 
-def _add_discs(axes: Any, center: Floats, radius: Floats, period: float, **style: Any) -> Any:
-    """Discs and their images across the period, each with a value if ``array`` gives some."""
+def _add_discs(axes: Any, center: Floats, radius: Floats, lattice: Lattice, **style: Any) -> Any:
+    """Discs and their images, each with a value if ``array`` gives some."""
     from matplotlib.collections import EllipseCollection
 
-    which, shift = images(center[:, 0], radius, period)
+    which, shift = lattice.images(center, radius)
     width = 2.0 * radius[which]
     if "array" in style:
         style["array"] = style["array"][which]
-    style["offsets"] = center[which] + np.column_stack([shift, np.zeros_like(shift)])
+    style["offsets"] = center[which] + shift
     style["offset_transform"] = axes.transData
     discs = EllipseCollection(width, width, np.zeros_like(width), units="xy", **style)
     axes.add_collection(discs)
@@ -152,10 +168,10 @@ def _draw_outline(axes: Any, scene: GrainScene, outline: Outline) -> None:
             PolyCollection(polygons, facecolors=SOLID, edgecolors="none", zorder=1.9)
         )
     if outline.radius is not None:
-        glued, circle = (scene.period, SOLID, 0.3), (0.0, "none", 1.0)
-        period, color, width = glued if outline.is_grain else circle
+        glued, circle = (scene.lattice, SOLID, 0.3), (Lattice(), "none", 1.0)
+        lattice, color, width = glued if outline.is_grain else circle
         look: dict[str, Any] = {"facecolors": color, "edgecolors": WALL, "linewidths": width}
-        _add_discs(axes, outline.points[:, 0], outline.radius, period, zorder=2, **look)
+        _add_discs(axes, outline.points[:, 0], outline.radius, lattice, zorder=2, **look)
         return
     lines = outline.points
     if outline.normal is not None:  # endless: what is to be seen
@@ -225,20 +241,32 @@ def smooth_field(table: GrainMap) -> tuple[Floats, Floats, Floats]:
     sigma = max(_SMOOTH * diameter, float(size.max()) / _COARSE)
     number = np.maximum(np.ceil(size / cell).astype(np.int64), 4)
     step = size / number
-    column, row = np.clip(((scene.center - low) / step).astype(np.int64), 0, number - 1).T
-    place, area = row * number[0] + column, scene.radius**2
+    at, which, is_cell = scene.center, np.arange(scene.radius.size), scene.lattice.height > 0.0
+    if is_cell:  # the whole box is filled with images
+        which, shift = scene.lattice.images(at, np.full(at.shape[0], scene.lattice.span))
+        at = at[which] + shift
+        is_near = ((at >= low) & (at <= scene.box[1])).all(axis=1)
+        at, which = at[is_near], which[is_near]
+    column, row = np.clip(((at - low) / step).astype(np.int64), 0, number - 1).T
+    place, area = row * number[0] + column, scene.radius[which] ** 2
     sums = [
         np.bincount(place, area * weight, minlength=int(number.prod()))
-        for weight in (1.0, *vector.T)
+        for weight in (1.0, *vector[which].T)
     ]
+    is_periodic = scene.lattice.width > 0.0 and not is_cell
     grids = [
-        _blur(found.reshape(number[::-1]), sigma / step, is_periodic=scene.period > 0.0)
-        for found in sums
+        _blur(found.reshape(number[::-1]), sigma / step, is_periodic=is_periodic) for found in sums
     ]
     filled = grids[0] > _EMPTY * float(area.sum() / number.prod())
     mean = [np.where(filled, grid / np.where(filled, grids[0], 1.0), np.nan) for grid in grids[1:]]
     x, y = (low[k] + (np.arange(number[k]) + 0.5) * step[k] for k in (0, 1))
-    return x, y, np.stack(mean, axis=-1)
+    field = np.stack(mean, axis=-1)
+    if is_cell:
+        right, up = np.meshgrid(x, y)
+        along = right - scene.lattice.slant * up
+        is_out = (along < 0.0) | (along > scene.lattice.width)
+        field[is_out | (up < 0.0) | (up > scene.lattice.height)] = np.nan
+    return x, y, field
 
 
 def _blur(grid: Floats, sigma: Floats, *, is_periodic: bool) -> Floats:
@@ -278,6 +306,7 @@ def draw_values(axes: Any, table: GrainMap, norm: Any, *, has_streamlines: bool 
     if table.field.scale in ("centered", "logarithmic"):
         look |= {"edgecolors": "0.45", "linewidths": 0.2}
     discs = draw_discs(axes, table.scene, value=table.value, **look)
+    discs.set_array(table.values_of_images())
     draw_walls(axes, table.scene)
     if table.vector is not None:
         (draw_streamlines if has_streamlines else _draw_arrows)(axes, table)

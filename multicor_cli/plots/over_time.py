@@ -21,6 +21,7 @@ from multicor_cli.plots.style import (
     legend_above,
     show_decades,
 )
+from multicor_cli.post.cell_rheology import CellRheology
 from multicor_cli.post.crossings import FlowTable
 from multicor_cli.post.energy import HEAT, MECHANICAL, BookLine, EnergyTable, SeriesTable
 from multicor_cli.post.region import RegionTable
@@ -197,6 +198,18 @@ _OF_RHEOLOGY: Panels = (
     (r"spin $\langle\omega\rangle/\dot\gamma$ [–]", (("spin_ratio", ""),)),
     (r"granular temp. $T_g$ [m²/s²]", (("granular_temperature", ""),)),
 )
+_OF_CELL: Panels = (
+    (r"shear rate $\dot\gamma$ [1/s]", (("shear_rate", ""),)),
+    ("inertial number $I$ [–]", (("inertial_number", ""),)),
+    ("stress [N/m]", tuple((f"stress_{k}", rf"$\sigma_{{{k}}}$") for k in ("xx", "yy", "xy"))),
+    (r"friction $\mu$ [–]", (("friction", ""),)),
+    (r"$(\sigma_{xx} - \sigma_{yy})/P$ [–]", (("normal_difference", ""),)),
+    (r"solid fraction $\nu$ [–]", (("solid_fraction", ""),)),
+    (_CONTACTS, (("coordination", "$Z$, all"), ("coordination_loaded", "Z′, no rattlers"))),
+    ("anisotropy $a_c$ [–]", (("fabric_anisotropy", ""),)),
+    (r"spin $-2\langle\omega\rangle/\dot\gamma$ [–]", (("spin_over_flow", ""),)),
+    (r"granular temp. $T_g$ [m²/s²]", (("granular_temperature", ""),)),
+)
 _KNOWN: Any = "--"  # line of a mean with a standard error
 _UNKNOWN: Any = ":"  # line of one without
 _CHARTS_OF_RHEOLOGY = (
@@ -206,11 +219,22 @@ _CHARTS_OF_RHEOLOGY = (
     (_CONTACTS, (("coordination", "all"), ("coordination_loaded", "without rattlers"))),
 )
 """The same for charts of letters."""
+_CHARTS_OF_CELL = (
+    ("shear rate [1/s]", (("shear_rate", ""),)),
+    ("stress [N/m]", tuple((f"stress_{k}", k) for k in ("xx", "yy", "xy"))),
+    ("friction mu [–]", (("friction", ""),)),
+    ("solid fraction nu [–]", (("solid_fraction", ""),)),
+)
 
 
 def draw_rheology(figure: Any, table: Rheology) -> None:
     """Draw the panels of a rheology into a matplotlib figure."""
     _draw_panels(figure, figure.subplots(4, 2, sharex=True), table, _OF_RHEOLOGY)
+
+
+def draw_cell(figure: Any, table: CellRheology) -> None:
+    """Draw the panels of the rheology of a cell into a matplotlib figure."""
+    _draw_panels(figure, figure.subplots(5, 2, sharex=True), table, _OF_CELL)
 
 
 def _draw_panels(figure: Any, grid: Any, table: TimeTable, panels: Panels) -> None:
@@ -259,11 +283,12 @@ def _draw_quantity(panel: Any, table: TimeTable, name: str, text: str, color: st
         panel.axhspan(mean - error, mean + error, color=color, alpha=0.2, linewidth=0.0)
 
 
-def rheology_text(table: Rheology, _terminal: Terminal) -> str:
+def rheology_text(table: Rheology | CellRheology, _terminal: Terminal) -> str:
     """A rheology over time, one low chart for each kind of quantity."""
+    charts = _CHARTS_OF_CELL if isinstance(table, CellRheology) else _CHARTS_OF_RHEOLOGY
     return _charts(
         (label, [TextLine(text, table.time, table.values[name]) for name, text in lines])
-        for label, lines in _CHARTS_OF_RHEOLOGY
+        for label, lines in charts
     )
 
 
@@ -317,5 +342,6 @@ FIGURES = {
     ),
     FlowTable: Renderer(lambda _: (COLUMN, 0.75 * COLUMN), draw_flow, flow_text),
     Rheology: Renderer(lambda _: (PAGE, 0.9 * PAGE), draw_rheology, rheology_text),
+    CellRheology: Renderer(lambda _: (PAGE, 1.1 * PAGE), draw_cell, rheology_text),
     RegionTable: Renderer(lambda _: (PAGE, 0.62 * PAGE), draw_region, region_text),
 }

@@ -392,7 +392,7 @@ def _frame(
 # ---- The figure of a table: `FIGURES` of `plots/NAME.py` draw tables of `post/NAME.py`
 
 _DRAWN_IN = {
-    **dict.fromkeys(("crossings", "energy", "region", "rheology"), "over_time"),
+    **dict.fromkeys(("cell_rheology", "crossings", "energy", "region", "rheology"), "over_time"),
     **dict.fromkeys(("compare", "theta_eta"), "profile"),
 }
 """Modules that draw tables of several others."""

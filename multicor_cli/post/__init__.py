@@ -1,5 +1,6 @@
 """Tables computed from a run directory, each in a module of its own; these are at hand here."""
 
+from multicor_cli.post.cell_rheology import CellRheology as CellRheology
 from multicor_cli.post.compare import Comparison as Comparison
 from multicor_cli.post.compare import ProfilePair as ProfilePair
 from multicor_cli.post.compare import compare as compare

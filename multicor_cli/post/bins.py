@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model import Model, ShapeKind
-from multicor_cli.model.columns import RADIUS
+from multicor_cli.model.columns import RADIUS, YY
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import outlines
 from multicor_cli.post.source import Frame, PostError, Run, frames_of, model_of, need_grains
@@ -20,11 +20,15 @@ from multicor_cli.text import choices
 
 
 class Shares(NamedTuple):
-    """Overlaps ``(k,)``: indices of grain (or line) and bin, area inside [m²] (or part of line)."""
+    """Overlaps ``(k,)``: indices of grain (or line) and bin, area inside [m²] (or part of line).
+
+    In a cell ``turn`` is by how many heights the bin lies below the image that is in it.
+    """
 
     grain: NDArray[np.int64]
     bin: NDArray[np.int64]
     area: Floats
+    turn: NDArray[np.int64]
 
 
 def area_below(height: Floats, radius: Floats) -> Floats:
@@ -36,8 +40,13 @@ def area_below(height: Floats, radius: Floats) -> Floats:
     return np.asarray(radius * radius * (np.pi - np.arccos(s) + s * np.sqrt(1.0 - s * s)))
 
 
-def share_discs(y: Floats, radius: Floats, bottom: float, width: float, count: int) -> Shares:
-    """Share discs out among ``count`` equal bins above ``bottom`` [m]; the rest is left out."""
+def share_discs(
+    y: Floats, radius: Floats, bottom: float, width: float, count: int, *, is_around: bool = False
+) -> Shares:
+    """Share discs out among ``count`` equal bins above ``bottom`` [m].
+
+    The rest is left out, or goes on at the other end if ``is_around``.
+    """
     first = np.floor((y - radius - bottom) / width).astype(np.int64)
     last = np.floor((y + radius - bottom) / width).astype(np.int64)
 
@@ -45,7 +54,7 @@ def share_discs(y: Floats, radius: Floats, bottom: float, width: float, count: i
         edge, a = bottom + bin_ * width - y[grain], radius[grain]
         return np.maximum(area_below(edge + width, a) - area_below(edge, a), 0.0)
 
-    return _share(first, last, count, area)
+    return _share(first, last, count, area, is_around=is_around)
 
 
 def _share(
@@ -53,19 +62,24 @@ def _share(
     last: NDArray[np.int64],
     count: int,
     part: Callable[[NDArray[np.int64], NDArray[np.int64]], Floats],
+    *,
+    is_around: bool,
 ) -> Shares:
     """Shares of what lies in bins ``first`` to ``last``; ``part`` gives the areas of overlaps."""
     none = np.zeros(0, np.int64)
-    pieces = [Shares(none, none, np.zeros(0))]
+    pieces = [Shares(none, none, np.zeros(0), none)]
     for step in range(int((last - first).max(initial=-1)) + 1):
-        which = np.flatnonzero(
-            (first + step <= last) & (first + step >= 0) & (first + step < count)
-        )
-        pieces.append(Shares(which, first[which] + step, part(which, first[which] + step)))
+        is_inside = (first + step >= 0) & (first + step < count)
+        which = np.flatnonzero((first + step <= last) & (is_inside | is_around))
+        bin_ = first[which] + step
+        turn, place = np.divmod(bin_, count)
+        pieces.append(Shares(which, place, part(which, bin_), turn))
     return Shares(*(np.concatenate(column) for column in zip(*pieces, strict=True)))
 
 
-def share_lines(start: Floats, end: Floats, bottom: float, width: float, count: int) -> Shares:
+def share_lines(
+    start: Floats, end: Floats, bottom: float, width: float, count: int, *, is_around: bool = False
+) -> Shares:
     """Share straight lines out among bins by the heights of their ends [m]; see `share_discs`.
 
     ``area`` is the part of a line's length that lies in the bin [1]. A level line lies in one bin.
@@ -78,7 +92,7 @@ def share_lines(start: Floats, end: Floats, bottom: float, width: float, count: 
         rise = high[line] - low[line]
         return np.where(rise > 0.0, length / np.where(rise > 0.0, rise, 1.0), 1.0)
 
-    return _share(first, last, count, part)
+    return _share(first, last, count, part, is_around=is_around)
 
 
 def part_between(start: Floats, end: Floats, low: float, high: float) -> Floats:
@@ -121,6 +135,7 @@ class Extent:
         line: Height of walls in their frames, of the upper one seen from below [m], shape ``(w,)``.
         floor: Lowest point of the grains over the frames [m]; used without a lower wall.
         height: Mean distance of the walls [m]; where one is missing, how far the grains reach.
+        is_cell: Whether the heights are those of a cell, from its lower side, and go around.
     """
 
     lower: int | None
@@ -128,6 +143,7 @@ class Extent:
     line: Floats
     floor: float
     height: float
+    is_cell: bool = False
 
     def origin(self, frame: Frame) -> float:
         """Height y from which this frame is measured [m]."""
@@ -136,7 +152,9 @@ class Extent:
         return float(self.line[self.lower] + frame.wall_position[self.lower, 1])
 
     def span(self, frame: Frame) -> float:
-        """Distance of the walls in this frame [m]; where one is missing, `height`."""
+        """Distance of the walls, or sides, in this frame [m]; where one is missing, `height`."""
+        if self.is_cell:
+            return float(frame.wall_position[0, YY])
         if self.lower is None or self.upper is None:
             return self.height
         top = float(self.line[self.upper] + frame.wall_position[self.upper, 1])
@@ -150,6 +168,11 @@ def find_extent(source: Run, indices: NDArray[np.int64], between: Between | None
         PostError: If no grain is there, or ``between`` names no two walls one above the other.
     """
     model = source.model
+    if model.is_cell:
+        if between is not None:
+            raise PostError("a cell that is periodic in x and y has no walls: leave out --between")
+        mean = np.mean([frame.wall_position[0, YY] for frame in frames_of(source, indices)])
+        return Extent(None, None, np.zeros(1), 0.0, float(mean), is_cell=True)
     spans = wall_spans(model)
     levels = _levels(model, spans)
     ends = list(frames_of(source, indices[[0, -1]]))
@@ -363,7 +386,7 @@ class Bins:
 
     def share(self, y: Floats, radius: Floats, place: BinPlace) -> Shares:
         """Which grain lies in which bin with which area."""
-        return share_discs(y, radius, *place, self.count)
+        return share_discs(y, radius, *place, self.count, is_around=self.extent.is_cell)
 
     def total(self, shares: Shares, values: Floats) -> Floats:
         """Sum of values of the shares in each bin, shape ``(b,)``."""

@@ -11,7 +11,7 @@ import numpy as np
 from multicor_cli.model.model import Floats
 from multicor_cli.post.energy import energy
 from multicor_cli.post.profile import ProfileTable, profile
-from multicor_cli.post.rheology import QUANTITIES, rheology
+from multicor_cli.post.rheology import rheology
 from multicor_cli.post.source import PostError, Run, Selection
 from multicor_cli.post.table import Column, Table, plain, with_unit
 
@@ -232,7 +232,7 @@ def _books(first: Run, second: Run) -> list[Pair]:
 
 
 def _rheologies(first: Run, second: Run, selection: Selection | None) -> list[Pair]:
-    """Pairs of the rheology; nothing if one of the runs is not sheared between two walls."""
+    """Pairs of what both rheologies have; nothing if one of the runs has none."""
     try:
         one, two = rheology(first, selection), rheology(second, selection)
     except PostError:
@@ -240,12 +240,11 @@ def _rheologies(first: Run, second: Run, selection: Selection | None) -> list[Pa
     angles = [table.mean["fabric_direction"] for table in (one, two)]
     # Directions repeat every 180°.
     two.mean["fabric_direction"] = angles[0] + ((angles[1] - angles[0] + 90.0) % 180.0 - 90.0)
-    notes = [
-        ", ".join(dict.fromkeys(filter(None, (t.spread[q.name].note() for t in (one, two)))))
-        for q in QUANTITIES
-    ]
-    errors = [float(np.hypot(one.error[q.name], two.error[q.name])) for q in QUANTITIES]
-    return [
-        Pair(q.name, with_unit(q.label, q.unit), one.mean[q.name], two.mean[q.name], error, note)
-        for q, error, note in zip(QUANTITIES, errors, notes, strict=True)
-    ]
+    pairs = []
+    for q in one.quantities:
+        if q.name in two.mean:
+            notes = dict.fromkeys(filter(None, (t.spread[q.name].note() for t in (one, two))))
+            error = float(np.hypot(one.error[q.name], two.error[q.name]))
+            values = one.mean[q.name], two.mean[q.name]
+            pairs.append(Pair(q.name, q.heading.strip(), *values, error, ", ".join(notes)))
+    return pairs

@@ -9,7 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
-from multicor_cli.post.source import Frame, PostError, Run, Selection, model_of
+from multicor_cli.post.source import (
+    UNCOUNTED,
+    Frame,
+    PostError,
+    Run,
+    Selection,
+    model_of,
+    refuse_cell,
+)
 from multicor_cli.post.table import Column, TimeTable
 from multicor_cli.text import count_noun
 
@@ -60,11 +68,14 @@ def flow_through(source: Run, line: Line, selection: Selection | None = None) ->
         selection: Which frames; default: the later half of the last stage.
 
     Raises:
-        PostError: If the line has no length, or fewer than two frames are selected.
+        PostError: If the line has no length, fewer than two frames are selected, or the run is
+            one of a cell.
         StoreError: If the run cannot be read.
     """
     if line[0] == line[1]:
         raise PostError("the line has no length: its ends are the same point")
+    remedy = "take the velocities along the line, with post fields --line"
+    refuse_cell(source.model, f"{UNCOUNTED}, so no flow is measured", remedy)
     chosen = (selection or Selection()).indices(source.frames).tolist()
     if len(chosen) < 2:
         raise PostError(

@@ -130,7 +130,9 @@ _OWN = ("time", "step", "stage", "window_duration")
 """Columns that say when a row is, and not what."""
 
 
-OVERVIEW = ("kinetic", "force_x", "force_y", "contacts_mean")
+OVERVIEW = (
+    "kinetic", "force_x", "force_y", "stress_xx", "stress_yy", "stress_xy", "contacts_mean",
+)  # fmt: skip
 """Columns of a figure for which none were chosen, where a run has them."""
 
 MOST_LINES = 6

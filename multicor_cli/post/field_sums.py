@@ -9,9 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.model.cell import mean_flow
+from multicor_cli.model.columns import XX, XY, YY
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.post.contacts import loaded_contacts
-from multicor_cli.post.grain_map import images
+from multicor_cli.post.lattice import Lattice, gradient_of, relative_velocity
 from multicor_cli.post.source import Frame, PostError, Run, model_of
 from multicor_cli.post.table import Quantity
 
@@ -35,6 +37,7 @@ class FieldPoints:
         shape: Numbers of rows and columns of a grid; (rows,) of a line or of rings.
         edges: Edges of the cells of a grid in both coordinates; empty of lines and rings.
         center: Center of polar coordinates [m].
+        slant: How far the sides of a grid over a cell lean to the right per height.
     """
 
     at: Floats
@@ -46,6 +49,7 @@ class FieldPoints:
     shape: tuple[int, ...]
     edges: tuple[Floats, ...] = ()
     center: tuple[float, float] = (0.0, 0.0)
+    slant: float = 0.0
 
     @property
     def is_grid(self) -> bool:
@@ -53,17 +57,23 @@ class FieldPoints:
         return len(self.shape) == 2
 
 
-def grid(low: Sequence[float], high: Sequence[float], spacing: float) -> FieldPoints:
-    """Centers of cells about ``spacing`` wide that fill a rectangle, row by row from below."""
+def grid(
+    low: Sequence[float], high: Sequence[float], spacing: float, slant: float = 0.0
+) -> FieldPoints:
+    """Centers of cells about ``spacing`` wide that fill a rectangle, row by row from below.
+
+    With a ``slant`` rows are shifted to the right by so much per height.
+    """
     x_edges, y_edges = (_edges(a, b, spacing) for a, b in zip(low, high, strict=True))
     _refuse_many((x_edges.size - 1) * (y_edges.size - 1), spacing)
     y, x = (
         values.ravel() for values in np.meshgrid(*map(_middle, (y_edges, x_edges)), indexing="ij")
     )
-    at = np.column_stack([x, y])
+    at = np.column_stack([x + slant * y, y])
     turn, row, shape = np.zeros(len(at)), np.arange(len(at)), (y_edges.size - 1, x_edges.size - 1)
     names = ("x [m]", "y [m]")
-    return FieldPoints(at, turn, "xy", row, names, at, shape, (x_edges, y_edges))
+    edges = (x_edges, y_edges)
+    return FieldPoints(at, turn, "xy", row, names, at, shape, edges, slant=slant)
 
 
 def polar_grid(
@@ -153,9 +163,10 @@ class CoarseGrid:
     q)³ with q = r/c < 1: it reaches to the distance c and has two continuous derivatives.
     """
 
-    def __init__(self, points: Floats, reach: float, period: float = 0.0) -> None:
-        """Sort points into cells; x is within the period (0: none), ``reach`` c at most that."""
-        self.points, self.reach, self._period = points, reach, period
+    def __init__(self, points: Floats, reach: float, lattice: Lattice | None = None) -> None:
+        """Sort points into squares; ``reach`` c is at most the span of the lattice [m]."""
+        self.reach, self.lattice = reach, lattice or Lattice()
+        self.points = points = self.lattice.wrapped(points)
         self._width = max(reach, float(np.ptp(points, axis=0).max()) / _MOST_CELLS)
         cell = self._cell(points)
         self._low = cell.min(axis=0)
@@ -166,7 +177,7 @@ class CoarseGrid:
         self._first = np.searchsorted(key[self._order], np.arange(self._size.prod() + 1))
 
     def densities(self, position: Floats, values: Floats) -> Floats:
-        """Densities ``(m, q)`` [per m²] of what sources carry, ``(n, q)``; x within the period."""
+        """Densities ``(m, q)`` [per m²] of what sources between the sides carry, ``(n, q)``."""
         total = np.zeros((len(self.points), values.shape[1]))
         for source, point, away in self._pairs(position):
             q = np.hypot(*away.T) / self.reach
@@ -189,9 +200,7 @@ class CoarseGrid:
         total = np.zeros((len(self.points), values.shape[1]))
         nodes, weights = np.polynomial.legendre.leggauss(_NODES)
         for node, weight in zip(0.5 * (1.0 + nodes), 0.5 * weights, strict=True):
-            at = start + node * branch
-            if self._period > 0.0:
-                at[:, 0] %= self._period
+            at = self.lattice.wrapped(start + node * branch)
             total += self.densities(at, weight * values)
         return total
 
@@ -205,8 +214,8 @@ class CoarseGrid:
 
     def _pairs(self, position: Floats) -> Iterator[_Pairs]:
         """All pairs within reach, some at a time."""
-        which, shift = images(position[:, 0], np.full(len(position), self.reach), self._period)
-        at = position[which] + np.column_stack([shift, np.zeros_like(shift)])
+        which, shift = self.lattice.images(position, np.full(len(position), self.reach))
+        at = position[which] + shift
         cell = self._cell(at)
         for across in (-1, 0, 1):
             column, row = cell[:, 0] + across - self._low[0], cell[:, 1] - self._low[1]
@@ -307,9 +316,7 @@ def frame_sums(
 ) -> Floats:
     """Densities of a frame by `column_names`, along local axes; means over rings; ``(rows, q)``."""
     model = model_of(source, frame)
-    position = np.array(np.asarray(frame.position, np.float64)[:, :2])
-    if model.period > 0.0:
-        position[:, 0] %= model.period
+    position = coarse.lattice.wrapped(np.asarray(frame.position, np.float64)[:, :2])
     columns = _of_grains(frame, model, position, points, coarse)
     if model.thermal is not None:
         assert frame.temperature is not None
@@ -330,6 +337,8 @@ def _of_grains(
 ) -> list[Floats]:
     grains, velocity = model.grains, np.asarray(frame.velocity, np.float64)[:, :2]
     m = grains.mass
+    if model.is_cell:  # only velocities relative to the mean flow are those of all images
+        velocity = relative_velocity(frame)
     vx, vy = velocity.T
     spin = m * np.asarray(frame.spin, np.float64)
     carried = np.column_stack(
@@ -338,6 +347,15 @@ def _of_grains(
     area, mass, px, py, turned, xx, xy, yy = coarse.densities(position, carried).T
     slopes = coarse.gradients(position, carried[:, 1:4])
     (mx, my), (px_x, px_y), (py_x, py_y) = np.moveaxis(slopes, 0, -1)
+    if model.is_cell:
+        gradient = gradient_of(frame)
+        u, v = mean_flow(points.at, gradient).T
+        xx = xx + 2.0 * u * px + mass * u * u
+        xy = xy + u * py + v * px + mass * u * v
+        yy = yy + 2.0 * v * py + mass * v * v
+        px_x, px_y = px_x + mx * u + mass * gradient[XX], px_y + my * u + mass * gradient[XY]
+        py_x, py_y = py_x + mx * v, py_y + my * v + mass * gradient[YY]
+        px, py = px + mass * u, py + mass * v
     c, s = np.cos(points.turn), np.sin(points.turn)
     k00, k01, _, k11 = _tensor(xx, xy, xy, yy, c, s)
     momentum, slope = _vector(px, py, c, s), _vector(mx, my, c, s)

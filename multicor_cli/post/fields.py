@@ -11,6 +11,7 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post import field_sums
 from multicor_cli.post.contacts import has_forces
 from multicor_cli.post.grain_map import make_scene
+from multicor_cli.post.lattice import lattice_of
 from multicor_cli.post.source import (
     PostError,
     Run,
@@ -84,18 +85,17 @@ def fields(
             if ``is_radial`` has no center, or a line has one.
         StoreError: If the run cannot be read.
     """
-    diameter, period = source.model.mean_diameter, source.model.period
-    _refuse_sizes(spacing, reach, diameter, period)
+    diameter = source.model.mean_diameter
     if (is_radial and center is None) or (along is not None and center is not None):
         raise PostError("rings need a center; a line has none")
     chosen = (selection or Selection()).indices(source.frames)
     need_grains(source, chosen)
+    span = min(lattice_of(source.model, frame).span for frame in frames_of(source, chosen))
+    _refuse_sizes(spacing, reach, diameter, span)
     with_stress = [k for k in chosen.tolist() if has_forces(source.frames[k])]
     has_stress = bool(with_stress)
     chosen = np.array(with_stress, np.int64) if has_stress else chosen
     points = _points(source, chosen, spacing * diameter, center, along, is_radial=is_radial)
-    at = np.column_stack([points.at[:, 0] % period, points.at[:, 1]]) if period > 0.0 else points.at
-    coarse = field_sums.CoarseGrid(at, reach * diameter, period)
     has_heat = source.model.thermal is not None
     names = field_sums.column_names(has_heat=has_heat, has_stress=has_stress)
     known = tuple(field_sums.field_list(points.axes, has_heat=has_heat, has_stress=has_stress))
@@ -104,7 +104,11 @@ def fields(
     times = np.asarray(source.frames.time)[chosen]
     total = np.zeros((len(points.coordinates), len(names)))
     rows: list[Floats] = []  # of a grid they would fill the memory
+    coarse = None
     for frame in frames_of(source, chosen):
+        lattice = lattice_of(source.model, frame)
+        if coarse is None or coarse.lattice != lattice:
+            coarse = field_sums.CoarseGrid(points.at, reach * diameter, lattice)
         sums = field_sums.frame_sums(source, frame, points, coarse, has_stress=has_stress)
         total += sums
         rows += [] if points.is_grid else [sums]
@@ -148,16 +152,16 @@ def fields(
     return FieldTable(columns, facts, details, **parts)
 
 
-def _refuse_sizes(spacing: float, reach: float, diameter: float, period: float) -> None:
+def _refuse_sizes(spacing: float, reach: float, diameter: float, span: float) -> None:
     if not (0.0 < spacing < np.inf and _LEAST_REACH <= reach < np.inf):
         what = (
             "spacing and reach are numbers of mean diameters, spacing above 0 and reach from "
             f"{_LEAST_REACH:g} on"
         )
         raise PostError(f"{what}; they are {spacing:g} and {reach:g}")
-    if period > 0.0 and reach * diameter > period:
+    if reach * diameter > span:
         raise PostError(
-            f"the kernel reaches {reach * diameter:.3g} m, beyond the period of {period:.3g} m: "
+            f"the kernel reaches {reach * diameter:.3g} m, beyond the period of {span:.3g} m: "
             "choose a shorter reach"
         )
 
@@ -201,6 +205,9 @@ def _points(
             outer = max(outer, float((away + radius).max()))
         around = field_sums.rings if is_radial else field_sums.polar_grid
         return around(center, inner, outer, spacing)
+    if source.model.is_cell:
+        lattice = lattice_of(source.model, source.frames[int(chosen[-1])])
+        return field_sums.grid((0.0, 0.0), lattice[:2], spacing, lattice.slant)
     low, high = _box(source, chosen)
     if source.model.period > 0.0:
         low[0], high[0] = 0.0, source.model.period
@@ -222,6 +229,8 @@ def _beyond(
     source: Run, chosen: NDArray[np.int64], points: field_sums.FieldPoints, spacing: float
 ) -> str:
     """A word on rings partly beyond the grains: their means are over what is empty there, too."""
+    if source.model.is_cell:
+        return ""
     low, high = _box(source, chosen)
     if source.model.period > 0.0:
         low[0], high[0] = -np.inf, np.inf

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import Bins, Extent, heights, make_bins
+from multicor_cli.post.lattice import relative_velocity
 from multicor_cli.post.source import Frame, Run, frames_of, model_of
 
 _CELL_LIMIT = 1000
@@ -42,6 +43,14 @@ class MeanFlow:
         return np.asarray(_velocities(frame) - mean)
 
 
+class CellFlow:
+    """The mean flow of a cell, whose gradient every frame has."""
+
+    def fluctuation(self, frame: Frame) -> Floats:
+        """Velocities of grains relative to the mean flow at their centers [m/s], ``(n, 2)``."""
+        return relative_velocity(frame)
+
+
 @dataclass(frozen=True)
 class RelativeFrame:
     """A frame for profiles of fluctuations: velocity relative to the mean flow [m/s] ``(n, 2)``."""
@@ -53,8 +62,10 @@ class RelativeFrame:
         return getattr(self.frame, name)
 
 
-def mean_flow(source: Run, chosen: NDArray[np.int64], bins: Bins) -> MeanFlow:
+def mean_flow(source: Run, chosen: NDArray[np.int64], bins: Bins) -> MeanFlow | CellFlow:
     """The mean flow over the frames ``chosen``, from wall to wall whatever the bins leave out.
+
+    That of a cell is the one that strains it, in each frame.
 
     Its knots are as far apart as the bins, but not farther than a mean diameter: coarse bins would
     count the shear as fluctuation. Squares of fluctuations come out too small by about the number
@@ -62,6 +73,8 @@ def mean_flow(source: Run, chosen: NDArray[np.int64], bins: Bins) -> MeanFlow:
     single frame of a layer that is 20 grains long lacks one part in 20.
     """
     extent = bins.extent
+    if extent.is_cell:
+        return CellFlow()
     spacing = min(bins.width, source.model.mean_diameter)
     count = max(round(min(extent.height / spacing, _CELL_LIMIT)), 1)
     smoothing = _SMOOTHING * (source.model.grains.radius**2).sum() * chosen.size / count
@@ -85,10 +98,14 @@ def mean_flow(source: Run, chosen: NDArray[np.int64], bins: Bins) -> MeanFlow:
 
 
 def fluctuations(source: Run, frame: int) -> Floats:
-    """Velocities relative to the mean horizontal flow of the same frame [m/s], shape ``(n, 2)``."""
+    """Velocities relative to the mean horizontal flow of the same frame [m/s], shape ``(n, 2)``.
+
+    In a cell they are those relative to its mean flow.
+    """
     chosen = np.array([frame])
     flow = mean_flow(source, chosen, make_bins(source, chosen))
-    flow.velocity[:, 1] = 0.0
+    if isinstance(flow, MeanFlow):
+        flow.velocity[:, 1] = 0.0
     return flow.fluctuation(source.frames[frame])
 
 

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model import Model
+from multicor_cli.model.cell import mean_flow
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Outline, outlines
+from multicor_cli.post.lattice import Lattice, gradient_of, lattice_of, velocity_at
 from multicor_cli.post.quantities import MAPPED, SAME, GrainQuantity
 from multicor_cli.post.source import Frame, PostError, Run, frame_index, model_of, need_grains
 from multicor_cli.post.table import Column, Table, values_of_quantities, with_unit
@@ -31,19 +33,19 @@ class GrainScene:
         center: Centers of the grains [m], shape ``(n, 2)``.
         radius: Radii of the grains [m], shape ``(n,)``.
         walls: Outlines of the walls in the world by kind; glued grains lie within the period.
-        period: Period in x [m]; 0 if there is none.
+        lattice: Where images are.
         box: Lower left and upper right corner of what is to be seen [m], shape ``(2, 2)``.
     """
 
     center: Floats
     radius: Floats
     walls: Sequence[Outline]
-    period: float
+    lattice: Lattice
     box: Floats
 
 
 def make_scene(source: Run, frame: Frame) -> GrainScene:
-    """The scene of a frame; x is wrapped into the period.
+    """The scene of a frame; grains lie within the period or the cell.
 
     Args:
         source: The run.
@@ -53,18 +55,22 @@ def make_scene(source: Run, frame: Frame) -> GrainScene:
         StoreError: If the run cannot be read.
     """
     model = model_of(source, frame)
-    center = np.array(np.asarray(frame.position, np.float64)[:, :2])
+    radius, lattice = model.grains.radius, lattice_of(model, frame)
+    center = lattice.wrapped(np.asarray(frame.position, np.float64)[:, :2])
     pose = np.asarray(frame.wall_position, np.float64)
     walls = [outline for _, outline in placed_walls(model, pose)]
-    if model.period > 0.0:
-        center[:, 0] %= model.period
-        for outline in walls:
-            if outline.is_grain:
-                outline.points[..., 0] %= model.period
-    box = _find_box(center, model.grains.radius, walls)
-    if model.period > 0.0:
-        box[:, 0] = 0.0, model.period
-    return GrainScene(center, model.grains.radius, walls, model.period, box)
+    for outline in walls:
+        if outline.is_grain:
+            outline.points[:, 0] = lattice.wrapped(outline.points[:, 0])
+    if model.is_cell:
+        corners = lattice.corners
+        margin = _MARGIN * float(np.ptp(corners, axis=0).max())
+        box = np.array([corners.min(axis=0) - margin, corners.max(axis=0) + margin])
+    else:
+        box = _find_box(center, radius, walls)
+        if model.period > 0.0:
+            box[:, 0] = 0.0, model.period
+    return GrainScene(center, radius, walls, lattice, box)
 
 
 def placed_walls(
@@ -79,18 +85,6 @@ def placed_walls(
         points = _turned(outline.points, own[:, np.newaxis, 2]) + own[:, np.newaxis, :2]
         normal = None if outline.normal is None else _turned(outline.normal, own[:, 2])
         yield asked[which], replace(outline, points=points, normal=normal)
-
-
-def images(x: Floats, reach: Floats, period: float) -> tuple[NDArray[np.int64], Floats]:
-    """Numbers and shifts in x [m] of what to draw: all things, then images across the period."""
-    everything = np.arange(x.size)
-    if period <= 0.0:
-        return everything, np.zeros(x.size)
-    left, right = np.flatnonzero(x + reach > period), np.flatnonzero(x - reach < 0.0)
-    shift = np.concatenate(
-        [np.zeros(x.size), np.full(left.size, -period), np.full(right.size, period)]
-    )
-    return np.concatenate([everything, left, right]), shift
 
 
 def _turned(vectors: Floats, angle: Floats) -> Floats:
@@ -134,7 +128,17 @@ class GrainMap(Table):
         frame: Index of the frame.
         time: Time of the frame [s].
         names: What the values 0, 1, … stand for, where they are no amounts.
+        flow: Velocities of the grains [m/s], shape ``(n, 2)``, and gradient of the mean flow [1/s],
+            shape ``(3,)``, where images of a grain have values of their own; else None.
     """
+
+    def values_of_images(self) -> Floats:
+        """Values of all that `Lattice.images` gives of the grains: images move as the mean flow."""
+        which, shift = self.scene.lattice.images(self.scene.center, self.scene.radius)
+        if self.flow is None:
+            return np.asarray(self.value[which])
+        velocity, gradient = self.flow
+        return np.asarray(self.field.of_velocity(velocity[which] + mean_flow(shift, gradient)))
 
 
 def grain_map(source: Run, of: str, frame: int = -1, *, may_be_empty: bool = False) -> GrainMap:
@@ -156,10 +160,14 @@ def grain_map(source: Run, of: str, frame: int = -1, *, may_be_empty: bool = Fal
     index = frame_index(source.frames, frame)
     if not may_be_empty:
         need_grains(source, np.array([index]))
-    values = chosen.of_grain(source, index)
+    there = source.frames[index]
+    values, scene = chosen.of_grain(source, index), make_scene(source, there)
+    flow = None
+    if source.model.is_cell and chosen.of_velocity is not None:
+        flow = velocity_at(there, scene.center), gradient_of(there)
+        values = chosen.of_velocity(flow[0])
     vector = values if values.ndim == 2 else None
     value = values if vector is None else np.hypot(*vector.T)
-    scene = make_scene(source, source.frames[index])
     names = () if chosen.names_of is None else chosen.names_of(source.model)
     time = float(np.asarray(source.frames.time)[index])
     grains = [
@@ -182,7 +190,7 @@ def grain_map(source: Run, of: str, frame: int = -1, *, may_be_empty: bool = Fal
             Column(f"vector_{axis}", chosen.unit, vector[:, k], f"{chosen.name} {axis}")
             for k, axis in enumerate("xy")
         ]
-    parts = {"field": chosen, "scene": scene, "vector": vector, "names": names}
+    parts = {"field": chosen, "scene": scene, "vector": vector, "names": names, "flow": flow}
     return GrainMap(_statistics(chosen, value, names), facts, grains, **parts)
 
 

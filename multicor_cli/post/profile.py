@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.model.columns import XY, X
 from multicor_cli.model.model import Floats
-from multicor_cli.post.bins import Between, Bins, make_bins
+from multicor_cli.post.bins import Between, Bins, Shares, make_bins
 from multicor_cli.post.contacts import with_forces
 from multicor_cli.post.flow import RelativeFrame, mean_flow
+from multicor_cli.post.lattice import gradient_of, lattice_of, velocity_at
 from multicor_cli.post.quantities import PROFILE_GROUPS, PROFILED, SAME, GrainQuantity
 from multicor_cli.post.source import (
     Frame,
@@ -47,7 +49,9 @@ class ProfileTable(Table):
     area of each grain that lies in the bin. Rates, shares and stresses are per area of the plane
     instead, and contacts per grain an average over grains that count alike (see
     `multicor_cli.post.quantities`: `Kind`, and `QUANTITIES` for the quantities). Between two walls
-    the bins move and stretch with the walls, so that in every frame they end at the walls.
+    the bins move and stretch with the walls, so that in every frame they end at the walls. Those
+    of a cell fill its height, and what reaches over one side of it counts at the other, with the
+    velocity that its image has there.
 
     Standard errors hold what consecutive frames (for rates: intervals between frames) remember of
     each other; they are nan with too few frames to tell (see `multicor_cli.post.sums.spread`).
@@ -64,7 +68,8 @@ class ProfileTable(Table):
         height: Distance of the walls [m]; see `multicor_cli.post.bins.Extent`.
         wall_values: Averages of the field at the lower and upper wall; nan where there is none.
         walls: Names of the lower and upper wall; empty where there is none.
-        shear_rate: Mean V_upper − V_lower over the distance of the walls [1/s]; nan without them.
+        shear_rate: Mean V_upper − V_lower over the distance of the walls, or ∂v_x/∂y of a cell
+            [1/s]; nan without them.
         frames: Indices of the frames.
         times: Times of the first and last frame [s].
         is_normalized: Whether ``y`` and ``value`` are normalized.
@@ -118,6 +123,8 @@ class ProfileTable(Table):
             if scale == 0.0:
                 raise PostError(
                     "normalizing needs walls of different velocity; they do not shear the grains"
+                    if any(self.walls)
+                    else "normalizing needs a cell that is sheared; this one is not"
                 )
         width = self.width / self.height
         scaled = {"value": (self.value - low) / scale, "error": self.error / abs(scale)}
@@ -321,6 +328,10 @@ def _make_table(
     value, error = average(sums)
     extent = bins.extent
     walls, speeds = _at_walls(source, field, chosen, (extent.lower, extent.upper))
+    shear_rate = (speeds[1] - speeds[0]) / extent.height
+    if extent.is_cell:
+        rates = [gradient_of(frame)[XY] for frame in frames_of(source, chosen)]
+        shear_rate = float(np.mean(rates))
     names = source.model.walls.names
     facts = {
         "of": field.name, "unit": field.unit, "y_unit": "m", "normalized": False,
@@ -328,7 +339,7 @@ def _make_table(
         "height": extent.height,
         "walls": tuple("" if w is None else names[w] for w in (extent.lower, extent.upper)),
         "excluded_at_walls": bins.left_out / source.model.mean_diameter, "wall_values": walls,
-        "shear_rate": (speeds[1] - speeds[0]) / extent.height, "bin_width": bins.width,
+        "shear_rate": shear_rate, "bin_width": bins.width,
         "bin_area": _bin_area(source, field, sums, chosen, bins),
     }  # fmt: skip
     of_groups = f" of {' and '.join(map(repr, groups))}" if groups else ""
@@ -369,14 +380,25 @@ def _values_of(
         averaged = field.averaged
         assert averaged is not None
 
-        def values(frame: Frame) -> Floats:
+        def of_grains(frame: Frame) -> Floats:
             # Contacts with grains of other groups count too
             if field.needs_contacts and isinstance(frame, FrameOfGroups):
-                return values(frame.whole)[frame.rows]
+                return of_grains(frame.whole)[frame.rows]
             moving: Any = frame
             if flow is not None:
                 moving = RelativeFrame(frame, flow.fluctuation(frame))
             return np.asarray(averaged(moving, model_of(source, frame)), np.float64)
+
+        def values(frame: Frame, shares: Shares) -> Floats:
+            if field.of_velocity is None or not source.model.is_cell:
+                return of_grains(frame)[shares.grain]
+            # that of the image which is in the bin
+            width, height, tilt = lattice_of(source.model, frame)
+            way = shares.turn[:, np.newaxis] * np.array([tilt, height])
+            place = np.asarray(frame.position, np.float64)[shares.grain, :2] - way
+            place[:, X] %= width
+            seen = velocity_at(frame, place, shares.grain)
+            return np.asarray(field.of_velocity(seen), np.float64)
 
         return values
 

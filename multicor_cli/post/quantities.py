@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
 from multicor_cli.post.flow import fluctuations
-from multicor_cli.post.source import Frame, PostError, Run, model_of, need_heat, need_same_grains
+from multicor_cli.post.source import (
+    UNCOUNTED,
+    Frame,
+    PostError,
+    Run,
+    model_of,
+    need_heat,
+    need_same_grains,
+    refuse_cell,
+)
 from multicor_cli.post.table import Quantity
 
 Kind = Literal["mean", "number", "rate", "share", "contact"]
@@ -67,6 +76,8 @@ class GrainQuantity(Quantity):
         needs_contacts: Whether profiles leave out frames without contact forces.
         per_area: Symbol and unit of a profile, where they are not those of a grain.
         names_of: Names that the values 0, 1, … stand for, where they are no amounts.
+        of_velocity: Values of velocities, ``(n, 2)``, where they follow from them alone: those of
+            images in a cell.
     """
 
     of_grain: Callable[[Run, int], Floats] | None = None
@@ -82,6 +93,7 @@ class GrainQuantity(Quantity):
     needs_contacts: bool = False
     per_area: tuple[str, str] | None = None
     names_of: Callable[[Model], tuple[str, ...]] | None = None
+    of_velocity: Callable[[Floats], Floats] | None = None
 
     def of_profile(self) -> GrainQuantity:
         """The same with the symbol and the unit of its profiles."""
@@ -132,6 +144,8 @@ def _kinds(name: str) -> Callable[[Run, int], Floats]:
 
 def _displacements(source: Run, frame: int) -> Floats:
     """Distances from where grains were in the first frame, periods included [m], shape ``(n,)``."""
+    remedy = "choose velocities, as speed or fluctuation"
+    refuse_cell(source.model, f"{UNCOUNTED}, so there are no displacements", remedy)
     first, now = source.frames[0], source.frames[frame]
     need_same_grains(first, now)
     moved = np.asarray(now.unwrapped, np.float64) - np.asarray(first.unwrapped, np.float64)
@@ -190,17 +204,19 @@ QUANTITIES: dict[str, GrainQuantity] = {
     for quantity in (
         GrainQuantity(
             "velocity", "velocity", "v_x", "m/s", **_each(lambda frame: frame.velocity[:, 0]),
-            of_walls=_wall(0), scaling="walls",
+            of_walls=_wall(0), scaling="walls", of_velocity=lambda velocity: velocity[:, 0],
             colors="balance", scale="centered",
         ),
         GrainQuantity(
             "velocity-y", "vertical velocity", "v_y", "m/s",
             **_each(lambda frame: frame.velocity[:, 1]),
-            of_walls=_wall(1), colors="balance", scale="centered",
+            of_walls=_wall(1), of_velocity=lambda velocity: velocity[:, 1],
+            colors="balance", scale="centered",
         ),
         GrainQuantity(
             "speed", "speed", r"|v|", "m/s",
             _each(lambda frame: np.hypot(*frame.velocity.T[:2]))["of_grain"], scale="from zero",
+            of_velocity=lambda velocity: np.hypot(*velocity.T),
         ),
         GrainQuantity("displacement", "displacement", r"|\Delta x|", "m", _displacements,
             scale="from zero"),

@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Area, Rectangle, Room
 from multicor_cli.post.contacts import LoadedContacts, has_forces, loaded_contacts
-from multicor_cli.post.source import Frame, PostError, Run, Selection, frames_of, model_of
+from multicor_cli.post.source import (
+    Frame,
+    PostError,
+    Run,
+    Selection,
+    frames_of,
+    model_of,
+    refuse_cell,
+)
 from multicor_cli.post.sums import spread
 from multicor_cli.post.table import Column, TimeTable, line_of
 
@@ -66,9 +74,12 @@ def in_region(source: Run, area: Area, selection: Selection | None = None) -> Re
         selection: Which frames; default: the later half of the last stage.
 
     Raises:
-        PostError: If no frame is selected, or no grain is in the part in any of them.
+        PostError: If no frame is selected, no grain is in the part in any of them, or the run is
+            one of a cell.
         StoreError: If the run cannot be read.
     """
+    remedy = "use post rheology for all of it, post profile or post fields for parts"
+    refuse_cell(source.model, "a region is not looked for among the images", remedy)
     chosen = (selection or Selection()).indices(source.frames)
     period, size = source.model.period, area.size
     room = Room(inside=(area,), period=period)

@@ -19,10 +19,19 @@ from multicor_cli.post.bins import (
     find_extent,
     heights,
     make_bins,
-    part_between,
 )
-from multicor_cli.post.contacts import has_forces, loaded_contacts
-from multicor_cli.post.flow import MeanFlow, mean_flow
+from multicor_cli.post.cell_rheology import CellRheology, cell_rheology
+from multicor_cli.post.contacts import has_forces
+from multicor_cli.post.flow import CellFlow, MeanFlow, mean_flow
+from multicor_cli.post.rheology_sums import (
+    CONTACT_SUMS,
+    INERTIAL_NUMBERS,
+    OF_CONTACTS,
+    average_ratios,
+    contact_sums,
+    derive_contacts,
+    inertial_numbers,
+)
 from multicor_cli.post.source import (
     Frame,
     PostError,
@@ -33,7 +42,6 @@ from multicor_cli.post.source import (
     model_of,
     need_same_grains,
 )
-from multicor_cli.post.sums import pseudo_values, spread
 from multicor_cli.post.table import Quantity, TimeTable
 
 # ---- The bulk, far enough from both walls, and what is summed over it between two frames
@@ -47,9 +55,7 @@ _CLEAR = 1.0 / 3.0
 """Margin between large glued grains over what is free between the surfaces of the walls."""
 
 SUM_NAMES = (
-    "lapse", "rate", "spin", "solid", "area", "kinetic", "weight",
-    "xx", "xy", "yx", "yy", "stress_area", "contacts", "grains", "loaded_contacts", "loaded_grains",
-    "normal_xx", "normal_xy", "normal_yy", "normal_count",
+    "lapse", "rate", "spin", "solid", "area", "kinetic", "weight", "stress_area", *CONTACT_SUMS,
 )  # fmt: skip
 """Names of the sums of `interval_sums`."""
 
@@ -111,7 +117,7 @@ def _glued_radius(model: Model, wall: int | None) -> float:
 
 
 def interval_sums(
-    source: Run, band: Band, flow: MeanFlow, first: Frame, second: Frame, lapse: float
+    source: Run, band: Band, flow: MeanFlow | CellFlow, first: Frame, second: Frame, lapse: float
 ) -> Floats:
     """The sums `SUM_NAMES` over the bulk between two frames that are ``lapse`` apart [s].
 
@@ -122,12 +128,13 @@ def interval_sums(
     model = model_of(source, second)
     low, high = band.edges(second)
     y, radius = heights(second), model.grains.radius
-    area = area_below(high - y, radius) - area_below(low - y, radius)
+    solid = area_below(high - y, radius) - area_below(low - y, radius)
     inside = (y > low) & (y < high)
     slip = flow.fluctuation(second)[inside]
     motion = (lapse, *_shear_and_spin(band, model, first, second))
-    bulk = (area.sum(), (high - low) * model.period, 0.5 * (slip**2).sum(), inside.sum())
-    return np.array([*motion, *bulk, *_contact_sums(model, second, inside, (low, high))])
+    bulk = (solid.sum(), (high - low) * model.period, 0.5 * (slip**2).sum(), inside.sum())
+    area = bulk[1] if has_forces(second) else 0.0
+    return np.array([*motion, *bulk, area, *contact_sums(model, second, inside, low, high)])
 
 
 def _shear_and_spin(band: Band, model: Model, first: Frame, second: Frame) -> tuple[float, float]:
@@ -155,46 +162,20 @@ def _change(first: Frame, second: Frame, name: str) -> Floats:
     return np.asarray(change if change.ndim == 1 else change[:, 0])
 
 
-def _contact_sums(
-    model: Model, frame: Frame, inside: NDArray[np.bool_], edges: tuple[float, float]
-) -> list[float]:
-    if not has_forces(frame):
-        return [0.0] * (len(SUM_NAMES) - SUM_NAMES.index("xx"))
-    contacts, (low, high) = loaded_contacts(frame, model), edges
-    start = heights(frame)[contacts.i]
-    part = part_between(start, start - contacts.branch[:, 1], low, high)
-    stress = [float((part * contacts.virial(a, b)).sum()) for a in (0, 1) for b in (0, 1)]
-    counts = contacts.counts[inside]
-    loaded = counts[counts >= 2]
-    numbers = (counts.sum(), counts.size, loaded.sum(), loaded.size)
-    # n⊗n of the contacts whose branch has its middle in the bulk, and their number
-    middle = start - 0.5 * contacts.branch[:, 1]
-    is_near = ((middle > low) & (middle < high)).astype(np.float64)
-    x, y = contacts.normal.T
-    # Products by hand: BLAS would start threads for each, and wait for busy cores.
-    normals = [float((is_near * a * b).sum()) for a, b in ((x, x), (x, y), (y, y))]
-    area = (high - low) * model.period
-    return [*stress, area, *map(float, numbers), *normals, float(is_near.sum())]
-
-
 # ---- What is measured there, and its averages
 
 
 QUANTITIES = (
     Quantity("shear_rate", "shear rate in the bulk", r"\dot\gamma", "1/s"),
     Quantity("pressure", "normal force of the walls per length", "P", "N/m"),
-    Quantity("inertial_number", "inertial number (rate × √(m/P))", "I"),
-    Quantity("inertial_number_density", "inertial number (rate × d/√(P/ρ))", "I_\\rho"),
+    *INERTIAL_NUMBERS,
     Quantity("friction_walls", "friction μ*, from the walls", r"\mu^*_\mathrm{walls}"),
     Quantity(
         "friction_bulk", "friction μ*, from contact stress in the bulk", r"\mu^*_\mathrm{bulk}"
     ),
     Quantity("bulk_stress_yy", "contact stress σ_yy in the bulk", r"\sigma_{yy}", "N/m"),
     Quantity("solid_fraction", "solid fraction in the bulk", r"\nu"),
-    Quantity("coordination", "contacts per grain", "Z"),
-    Quantity("coordination_loaded", "contacts per grain without rattlers", "Z'"),
-    Quantity("fabric_anisotropy", "fabric anisotropy a_c", "a_c"),
-    Quantity("fabric_direction", "its direction, from x counter-clockwise", r"\theta_c", "deg"),
+    *OF_CONTACTS,
     Quantity("spin_ratio", "mean spin over shear rate", r"\langle\omega\rangle/\dot\gamma"),
     Quantity("granular_temperature", "granular temperature", "T_g", "m2/s2"),
 )
@@ -245,12 +226,13 @@ def rheology(
     *,
     margin: float | None = None,
     between: Between | None = None,
-) -> Rheology:
-    """Measure the rheology of a layer between two walls that shear it.
+) -> Rheology | CellRheology:
+    """Measure the rheology of a layer between two walls that shear it, or of a cell without walls.
 
-    The shear rate is the least-squares slope of the displacements of the bulk between two frames,
-    the spin its mean rotation; wall forces are means over the rows of the time series that end
-    between the two frames; the rest is taken at the second of them.
+    For a cell see `multicor_cli.post.cell_rheology.CellRheology`. Between walls the shear rate is
+    the least-squares slope of the displacements of the bulk between two frames, the spin its mean
+    rotation; wall forces are means over the rows of the time series that end between the two
+    frames; the rest is taken at the second of them.
 
     Args:
         source: The run.
@@ -261,10 +243,17 @@ def rheology(
 
     Raises:
         PostError: If fewer than two frames are selected, there are no two walls that shear the
-            grains, the domain is not periodic, or nothing is left between the margins.
+            grains, the domain is not periodic, or nothing is left between the margins; or if a
+            cell is given a margin or walls.
         StoreError: If the run cannot be read.
     """
     chosen = (selection or Selection()).indices(source.frames)
+    if source.model.is_cell:
+        if margin is not None or between is not None:
+            raise PostError(
+                "a cell that is periodic in x and y has no walls: leave out --margin and --between"
+            )
+        return cell_rheology(source, chosen)
     extent = find_extent(source, chosen, between)
     direction = _check_shear(source, extent, chosen)
     band = find_band(source.model, extent, margin)
@@ -273,18 +262,8 @@ def rheology(
     pairs = zip(pairwise(frames_of(source, chosen)), np.diff(times).tolist(), strict=True)
     rows = [interval_sums(source, band, flow, *pair, lapse) for pair, lapse in pairs]
     sums = np.column_stack([np.array(rows), _sum_walls(source, extent, times)])
-    model, names, whole = source.model, source.model.walls.names, sums.sum(axis=0)
-    values = _derive(model, sums, direction)
-    mean = {n: float(v[0]) for n, v in _derive(model, whole[np.newaxis], direction).items()}
-    without, angle = _derive(model, whole - sums, direction), mean["fabric_direction"]
-    # directions repeat every 180°
-    turned = (without["fabric_direction"] - angle + 90.0) % 180.0 - 90.0
-    without["fabric_direction"] = angle + turned
-    middle = 0.5 * (times[1:] + times[:-1])
-    spreads = {
-        name: spread(pseudo_values(np.asarray(mean[name]), rows), middle)
-        for name, rows in without.items()
-    }
+    model, names = source.model, source.model.walls.names
+    found = average_ratios(lambda rows: _derive(model, rows, direction), sums, times)
     assert extent.lower is not None
     assert extent.upper is not None
     facts = {
@@ -292,8 +271,8 @@ def rheology(
         "walls": (names[extent.lower], names[extent.upper]),
         **frames_told(source, chosen),
     }  # fmt: skip
-    quantities = [q.over_time(values[q.name]) for q in QUANTITIES]
-    parts: dict[str, Any] = {"mean": mean, "spread": spreads, "frames": chosen}
+    quantities = [q.over_time(found.values[q.name]) for q in QUANTITIES]
+    parts: dict[str, Any] = {"mean": found.mean, "spread": found.spread, "frames": chosen}
     return Rheology(times[1:], quantities, facts, **parts)
 
 
@@ -339,29 +318,17 @@ def _sum_walls(source: Run, extent: Extent, times: Floats) -> Floats:
 def _derive(model: Model, sums: Floats, direction: float) -> dict[str, Floats]:
     """Each quantity of `QUANTITIES` from rows of sums."""
     s = dict(zip(_COLUMNS, sums.T, strict=True))
-    grains, diameter = model.grains, model.mean_diameter
-    density = grains.mass.sum() / (np.pi * grains.radius**2).sum()
-    with np.errstate(invalid="ignore", divide="ignore"):
-        rate = s["rate"] / s["lapse"]
-        pressure = s["normal_impulse"] / s["window"] / model.period
-        # ⟨n⊗n⟩ = ½ 1 + ¼ a_c (cos 2θ_c, sin 2θ_c; sin 2θ_c, −cos 2θ_c)
-        along = (s["normal_xx"] - s["normal_yy"]) / s["normal_count"]
-        across = 2.0 * s["normal_xy"] / s["normal_count"]
-        derived = {
-            "shear_rate": rate,
-            "pressure": pressure,
-            "inertial_number": np.abs(rate) * np.sqrt(grains.mass.mean() / pressure),
-            "inertial_number_density": np.abs(rate) * diameter * np.sqrt(density / pressure),
-            "friction_walls": direction * s["shear_impulse"] / s["normal_impulse"],
-            "friction_bulk": -direction * s["xy"] / s["yy"],
-            "bulk_stress_yy": s["yy"] / s["stress_area"],
-            "solid_fraction": s["solid"] / s["area"],
-            "coordination": s["contacts"] / s["grains"],
-            "coordination_loaded": s["loaded_contacts"] / s["loaded_grains"],
-            "fabric_anisotropy": 2.0 * np.hypot(along, across),
-            "fabric_direction": np.degrees(0.5 * np.arctan2(across, along)) % 180.0,
-            "spin_ratio": s["spin"] / s["rate"],
-            "granular_temperature": s["kinetic"] / s["weight"],
-        }
-        # Where nothing presses a ratio has no value, whether it is 0/0 or 1/0.
-        return {name: np.where(np.isfinite(v), v, np.nan) for name, v in derived.items()}
+    rate = s["rate"] / s["lapse"]
+    pressure = s["normal_impulse"] / s["window"] / model.period
+    return {
+        "shear_rate": rate,
+        "pressure": pressure,
+        **inertial_numbers(model, rate, pressure),
+        "friction_walls": direction * s["shear_impulse"] / s["normal_impulse"],
+        "friction_bulk": -direction * s["xy"] / s["yy"],
+        "bulk_stress_yy": s["yy"] / s["stress_area"],
+        "solid_fraction": s["solid"] / s["area"],
+        **derive_contacts(s),
+        "spin_ratio": s["spin"] / s["rate"],
+        "granular_temperature": s["kinetic"] / s["weight"],
+    }

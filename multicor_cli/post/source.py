@@ -59,6 +59,16 @@ def need_same_grains(first: Frame, second: Frame) -> None:
         )
 
 
+def refuse_cell(model: Model, what: str, remedy: str) -> None:
+    """Raises `PostError` of a cell: what it lacks and why, and what to do."""
+    if model.is_cell:
+        raise PostError(f"in a cell that is periodic in x and y {what}: {remedy}")
+
+
+UNCOUNTED = "nobody counts how often grains cross its sides"
+"""Why a cell has no displacements."""
+
+
 def need_heat(values: NDArray[Any] | None) -> Floats:
     """Values of a frame that only a run with heat has; raises `PostError` in a run without."""
     if values is None:

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
-from multicor_cli.post.bins import BinPlace, Bins, heights, share_lines
+from multicor_cli.post.bins import BinPlace, Bins, Shares, heights, share_lines
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts
+from multicor_cli.post.lattice import lattice_of
 from multicor_cli.post.source import (
     Frame,
     FrameOfGroups,
@@ -173,8 +174,8 @@ def _inefficiency(away: Floats) -> float:
 
 # ---- Sums over grains, contacts, bins and frames
 
-Values = Callable[[Frame], Floats]
-"""Values of the grains of a frame, shape ``(n,)``."""
+Values = Callable[[Frame, Shares], Floats]
+"""Values of the grains of a frame for each of some shares, shape ``(k,)``."""
 
 ContactValues = Callable[[LoadedContacts], Floats]
 """Values of the contacts of a frame, shape ``(c,)``."""
@@ -217,7 +218,7 @@ def sum_grains(
             weight = np.full(bins.count, place.width * plane_width(source, frame))
         else:
             weight = bins.total(shares, counting)
-        weighted = [bins.total(shares, counting * value(frame)[shares.grain]) for value in values]
+        weighted = [bins.total(shares, counting * value(frame, shares)) for value in values]
         return weighted, weight, bins.total(shares, shares.area)
 
     return _gathered(map(row, frames_of(source, chosen)))
@@ -233,7 +234,8 @@ def sum_contacts(
         whole: Frame = frame if group is None else group.whole
         contacts = loaded_contacts(whole, model_of(source, whole))
         start = heights(whole)[contacts.i]
-        lines = share_lines(start, start - contacts.branch[:, 1], *place, bins.count)
+        end, is_around = start - contacts.branch[:, 1], bins.extent.is_cell
+        lines = share_lines(start, end, *place, bins.count, is_around=is_around)
         length = lines.area
         if group is not None:
             length = lines.area * contacts.parts(group.rows)[lines.grain]
@@ -255,11 +257,16 @@ def sum_rates(
         need_same_grains(before, after)
         places = zip(bins.place(before), bins.place(after), strict=True)
         place = BinPlace(*(0.5 * (a + b) for a, b in places))
-        shares = bins.share(0.5 * (heights(before) + heights(after)), radius, place)
+        rise = heights(after) - heights(before)
+        if bins.extent.is_cell:  # to the nearest image
+            rise -= bins.extent.height * np.round(rise / bins.extent.height)
+        shares = bins.share(heights(before) + 0.5 * rise, radius, place)
         gained = []
         for value in values:
-            gain = (value(after) - value(before)) / (np.pi * radius**2)
-            gained.append(bins.total(shares, shares.area * gain[shares.grain]))
+            gain = (value(after, shares) - value(before, shares)) / (np.pi * radius**2)[
+                shares.grain
+            ]
+            gained.append(bins.total(shares, shares.area * gain))
         width = 0.5 * (plane_width(source, before) + plane_width(source, after))
         weight = np.full(bins.count, place.width * width * lapse)
         return gained, weight, bins.total(shares, shares.area)
@@ -272,7 +279,7 @@ def sum_rates(
 def plane_width(source: Run, frame: Frame) -> float:
     """Width of the plane [m]: the period, or without one how far the grains reach in x."""
     if source.model.period > 0.0:
-        return source.model.period
+        return lattice_of(source.model, frame).width
     frame = getattr(frame, "whole", frame)  # of some groups: all grains fill the plane
     x, radius = np.asarray(frame.position, np.float64)[:, 0], model_of(source, frame).grains.radius
     return float((x + radius).max() - (x - radius).min())

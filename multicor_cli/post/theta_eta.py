@@ -19,6 +19,7 @@ from multicor_cli.post.source import (
     model_of,
     need_grains,
     need_heat,
+    refuse_cell,
 )
 from multicor_cli.post.sums import scatter
 from multicor_cli.post.table import Column, Table
@@ -77,9 +78,11 @@ def theta_eta(
 
     Raises:
         PostError: If the run has no heat, there is no such frame or wall, or the wall has no
-            temperature of its own or stands beside the grains.
+            temperature of its own or stands beside the grains; or if the run is one of a cell.
         StoreError: If the run cannot be read.
     """
+    remedy = "use post profile --of temperature"
+    refuse_cell(source.model, "there is no wall from which η could be measured", remedy)
     if selection is None:
         chosen = np.array([frame_index(source.frames, frame)])
     else:

@@ -13,7 +13,6 @@ import numpy as np
 from multicor_cli.checks import Check, Verdict
 from multicor_cli.post import PostError, force_network, rheology
 from multicor_cli.post.energy import BookLine, EnergyTable
-from multicor_cli.post.rheology import QUANTITIES
 from multicor_cli.store import Run
 from multicor_cli.store.documents import StageEnd, record_of
 from multicor_cli.text import unit_sign
@@ -85,19 +84,19 @@ def describe_solver(info: dict[str, Any]) -> list[ReportRow]:
 
 
 def describe_rheology(run: Run) -> list[ReportRow]:
-    """Rheology of a layer that two walls shear, with standard errors; nothing of other runs."""
+    """Rheology of a layer that two walls shear or of a cell, with errors; nothing of other runs."""
     try:
         found = rheology(run)
     except PostError:
         return []
     rows = []
-    for q in QUANTITIES:
+    for q in found.quantities:
         mean, error, note = found.mean[q.name], found.error[q.name], found.spread[q.name].note()
         if math.isfinite(mean):
             within = f" ± {pretty(error, 2)}" if math.isfinite(error) else ""
             unit = "" if q.unit == "1" else f" {unit_sign(q.unit)}"
             value = f"{pretty(mean)}{within}{unit}" + (f" ({note})" if note else "")
-            rows.append(ReportRow(q.label, value))
+            rows.append(ReportRow(q.label.strip(), value))
     return rows
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.model import Model, Presence
 from multicor_cli.model.books import Version
+from multicor_cli.model.cell import COLUMNS
 from multicor_cli.model.model import Floats
 from multicor_cli.optional import library
 from multicor_cli.store import schema
@@ -280,7 +281,8 @@ def wall_columns(frame: Frame) -> list[NamedColumn]:
     """The walls of a frame: name, and what the frame holds of each."""
     columns = [NamedColumn("wall", "1", list(frame.run_model.walls.names))]
     for spec in frame.rows(schema.WALLS):
-        columns += split(spec, frame.column(spec.path)[0])
+        values = frame.column(spec.path)[0]
+        columns += (split_cell if frame.run_model.is_cell else split)(spec, values)
     return columns
 
 
@@ -293,6 +295,14 @@ def split(spec: Dataset, values: NDArray[Any]) -> list[NamedColumn]:
         NamedColumn(name, unit, flat[:, k])
         for k, (name, unit) in enumerate(zip(names, units, strict=True))
     ]
+
+
+def split_cell(spec: Dataset, values: NDArray[Any]) -> list[NamedColumn]:
+    """The same of a dataset of walls where the wall is a cell; forces have to be stresses."""
+    names, unit = COLUMNS.get(spec.name.removeprefix("wall_"), ((), ""))
+    if not names:
+        return split(spec, values)
+    return [NamedColumn(name, unit, values[:, k]) for k, name in enumerate(names)]
 
 
 # ---- Lazy arrays
@@ -466,7 +476,14 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
 
     @property
     def unwrapped(self) -> Array:
-        """Centers, with the periods added by which x was wrapped [m], shape ``(n, 2)``."""
+        """Centers, with the periods added by which x was wrapped [m], shape ``(n, 2)``.
+
+        Raises:
+            ValueError: In a cell, where nobody counts how often grains cross its sides.
+        """
+        if self.run_model.is_cell:
+            message = "in a cell it is not known how often grains have crossed its sides"
+            raise ValueError(message)
         position = np.array(self.position, np.float64)
         position[:, 0] += self.image * self.run_model.period
         return position

@@ -11,11 +11,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.heat.hertz import largest_deflection
 from multicor_cli.files import open_regular, read_object
 from multicor_cli.model import Model, State
+from multicor_cli.model.cell import over_windows
+from multicor_cli.model.columns import XX, YY
 from multicor_cli.scenario.documents import steered_text
 from multicor_cli.store import layout, schema
 from multicor_cli.store.atomic import is_regular
@@ -37,6 +40,7 @@ from multicor_cli.store.frames import (
     data_frame,
     results_part,
     split,
+    split_cell,
 )
 from multicor_cli.store.hdf5 import CheckedFile, Closing
 from multicor_cli.store.lock import is_alive, read_holder
@@ -133,7 +137,10 @@ class Run(Closing):
 
     @property
     def series_columns(self) -> list[NamedColumn]:
-        """The columns of the time series; those of walls and outlets are named ``top: force_x``."""
+        """The columns of the time series; those of walls and outlets are named ``top: force_x``.
+
+        A cell has stresses, over its mean area in each window: ``cell: stress_xx``.
+        """
         columns: list[NamedColumn] = []
         for spec in self.rows(schema.SERIES):
             values = self.series[spec.name]
@@ -143,10 +150,15 @@ class Run(Closing):
             if owners is None:
                 columns += split(spec, values)
                 continue
+            is_of_cell = "wall" in spec.dims and self.model.is_cell
+            if is_of_cell and spec.name == "wall_force":
+                sides = self.series["wall_position"][:, 0]
+                area = over_windows(sides[:, XX] * sides[:, YY])
+                values = values / area[:, np.newaxis, np.newaxis]
             for number, owner in enumerate(owners):
                 columns += [
                     column._replace(name=f"{owner}: {column.name}")
-                    for column in split(spec, values[:, number])
+                    for column in (split_cell if is_of_cell else split)(spec, values[:, number])
                 ]
         return columns
 

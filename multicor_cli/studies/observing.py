@@ -15,6 +15,7 @@ import numpy as np
 from multicor_cli.files import read_object
 from multicor_cli.model.model import Floats
 from multicor_cli.post import forces
+from multicor_cli.post.cell_rheology import CELL_QUANTITIES
 from multicor_cli.post.energy import HEAT, MECHANICAL, energy
 from multicor_cli.post.grain_map import grain_map
 from multicor_cli.post.profile import profile
@@ -64,7 +65,7 @@ class Source:
         take: The number of a quantity, from the frames after a time.
         of_heat: Those of them that only runs with heat have.
         is_of_one_frame: Whether it is about the last frame.
-        needs_shear: Whether two walls have to shear the grains.
+        needs_shear: Whether two walls have to shear the grains, or there is a cell.
     """
 
     names: tuple[str, ...]
@@ -76,6 +77,10 @@ class Source:
 
 def _rheology(run: Run, row: Observable, selection: Selection) -> Number:
     found, name = rheology(run, selection), str(row.value)
+    if name not in found.mean:
+        raise Unobservable(
+            f"the rheology of this run has no {name}; it has {', '.join(found.mean)}"
+        )
     return Number(found.mean[name], found.error[name])
 
 
@@ -139,7 +144,10 @@ _AMOUNTS = tuple(name for name, quantity in MAPPED.items() if quantity.names_of 
 _HEAT_FIELDS = frozenset(name for name, quantity in QUANTITIES.items() if quantity.needs_heat)
 
 SOURCES: dict[str, Source] = {
-    "rheology": Source(tuple(row.name for row in OF_RHEOLOGY), _rheology, needs_shear=True),
+    "rheology": Source(
+        tuple(dict.fromkeys(row.name for row in (*OF_RHEOLOGY, *CELL_QUANTITIES))), _rheology,
+        needs_shear=True,
+    ),
     "region": Source(IN_REGION, _region, frozenset({"temperature"})),
     "profile": Source(tuple(PROFILED), _profile, _HEAT_FIELDS),
     "theta-eta": Source(tuple(_THETA), _theta, frozenset(_THETA), is_of_one_frame=True),
@@ -216,7 +224,15 @@ def missing(observables: Iterable[Observable], scenario: Scenario) -> Iterator[R
         if not scenario.is_open and row.info is not None and row.info.startswith("exchange."):
             what = "no grain comes or goes in this scenario"
             yield Refused((*place, "info"), what, "give it [[outlets]] or releases")
-        if row.post is not None and SOURCES[row.post].needs_shear:
+        is_cell = scenario.domain.is_cell
+        own = [q.name for q in (CELL_QUANTITIES if is_cell else OF_RHEOLOGY)]
+        if row.post == "rheology" and row.value not in own:
+            kind = "a cell" if is_cell else "a layer between walls"
+            what = f"the rheology of {kind} has no {row.value}"
+            yield Refused((*place, "value"), what, f"it has {', '.join(own)}")
+        if is_cell and row.post in ("region", "theta-eta"):
+            yield Refused((*place, "post"), f"a cell has no {row.post}", "use rheology or profile")
+        if row.post is not None and SOURCES[row.post].needs_shear and not is_cell:
             what = ""
             if not scenario.domain.is_periodic:
                 what = "a domain that is periodic in x"

@@ -11,6 +11,7 @@ import pytest
 from multicor_cli import post
 from multicor_cli.model.shapes import Annulus
 from multicor_cli.plots import plot, style
+from multicor_cli.post.lattice import Lattice
 
 ALL = post.Selection(start=0.0)
 SHAPES = [
@@ -102,7 +103,7 @@ def reshaped(table, across, upwards):
     lines = [outline for outline in scene.walls if outline.radius is None]
     radius = scene.radius * stretch.min()
     return table.with_(
-        scene=replace(scene, center=center, radius=radius, walls=lines, period=0.0, box=box)
+        scene=replace(scene, center=center, radius=radius, walls=lines, lattice=Lattice(), box=box)
     )
 
 

@@ -11,6 +11,7 @@ from multicor_cli import plots, post
 from multicor_cli.plots.fields import _draw_mesh
 from multicor_cli.plots.grain_map import smooth_field
 from multicor_cli.post.grain_map import GrainScene
+from multicor_cli.post.lattice import Lattice
 
 ALL = post.Selection(start=0.0)
 
@@ -55,7 +56,7 @@ def test_a_polar_map_ends_where_the_grains_do(column):
     axes = panel_of(lambda axes, table: _draw_mesh(axes, table, table.of[0]), table)
     mesh = axes.collections[0]
     shown = ~np.ma.getmaskarray(mesh.get_array()).reshape(table.points.shape[::-1]).T.ravel()
-    assert table.scene.period > 0.0  # nothing is beyond the grains to the side
+    assert table.scene.lattice.width > 0.0  # nothing is beyond the grains to the side
     height, reach = table.points.at[shown, 1], table.scene.radius
     assert shown.any()
     assert height.min() >= (table.scene.center[:, 1] - reach).min()
@@ -90,10 +91,10 @@ def make_vortex(n=4000):
     rng = np.random.default_rng(0)
     center = rng.random((n, 2))
     vector = np.column_stack([0.5 - center[:, 1], center[:, 0] - 0.5])
-    scene = GrainScene(center, np.full(n, 0.005), [], 0.0, np.array([[0.0, 0.0], [1.0, 1.0]]))
+    scene = GrainScene(center, np.full(n, 0.005), [], Lattice(), np.array([[0.0, 0.0], [1.0, 1.0]]))
     speed = post.Column("value", "m/s", np.hypot(*vector.T))
     parts = {"field": post.MAPPED["fluctuation"], "scene": scene, "vector": vector, "names": ()}
-    return post.GrainMap((), {}, [speed], **parts)
+    return post.GrainMap((), {}, [speed], flow=None, **parts)
 
 
 def test_smooth_field_is_the_local_mean():
@@ -114,7 +115,7 @@ def test_smooth_field_goes_around_the_ends_of_the_period_and_leaves_empty_region
     low = table.scene.center[:, 1] < 0.5
     for period in (0.0, 1.0):
         center, radius = table.scene.center[low], table.scene.radius[low]
-        scene = replace(table.scene, period=period, center=center, radius=radius)
+        scene = replace(table.scene, lattice=Lattice(period), center=center, radius=radius)
         right = center[:, 0] > 0.5
         vector = np.column_stack([np.where(right, 1.0, 0.0), 0.0 * right])
         half = table.with_(scene=scene, value=table.value[low], vector=vector)

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from multicor_cli import post
 from multicor_cli.plots import Terminal, show, style
 from multicor_cli.plots.profile import draw_profile
+from multicor_cli.post.lattice import Lattice
 
 # ---- Axes of temperatures that differ by millikelvin
 
@@ -135,7 +136,7 @@ def test_logarithmic_axes():
 
 def scene(across, upwards):
     box = np.array([[0.0, 0.0], [across, upwards]])
-    return post.GrainScene(np.zeros((0, 2)), np.zeros(0), [], 0.0, box)
+    return post.GrainScene(np.zeros((0, 2)), np.zeros(0), [], Lattice(), box)
 
 
 def quarters(axes):

@@ -7,6 +7,7 @@ from scene_parts import make_model
 
 from multicor_cli.post import PostError, Selection, fields
 from multicor_cli.post.field_sums import CoarseGrid
+from multicor_cli.post.lattice import Lattice
 
 ALL = Selection(frames=slice(None))
 FIRST = Selection(frames=slice(0, 1))
@@ -35,18 +36,19 @@ def test_the_kernel_has_the_integral_one_and_its_slope():
     assert slope[1:-1, 1:-1] == pytest.approx(rise[1:-1, 1:-1], abs=0.02)
 
 
-@pytest.mark.parametrize("period", [0.0, 2.0])
-def test_densities_agree_with_plain_loops(period):
+@pytest.mark.parametrize("sides", [Lattice(), Lattice(2.0), Lattice(2.0, 2.6, 0.9)])
+def test_densities_agree_with_plain_loops(sides):
     rng = np.random.default_rng(4)
     points = rng.uniform((0.0, -1.0), (2.0, 1.0), (300, 2))
-    position = rng.uniform((0.0, -1.3), (2.0, 1.3), (200, 2))
-    values, reach = rng.normal(size=(200, 2)), 0.4
-    away = points[:, np.newaxis] - position
-    if period:
-        away[..., 0] -= period * np.round(away[..., 0] / period)
-    q = np.hypot(*np.moveaxis(away, -1, 0)) / reach
-    kernel = np.where(q < 1.0, 5.0 / (np.pi * reach**2) * (1.0 + 3.0 * q) * (1.0 - q) ** 3, 0.0)
-    found = CoarseGrid(points, reach, period).densities(position, values)
+    position = sides.wrapped(rng.uniform((0.0, -1.3), (2.0, 1.3), (200, 2)))
+    values, reach, kernel = rng.normal(size=(200, 2)), 0.4, np.zeros((300, 200))
+    images = [(a, b) for a in range(-2, 3) for b in range(-2, 3)]
+    for a, b in images if sides.height else images[2::5] if sides.width else [(0, 0)]:
+        move = (a * sides.width + b * sides.tilt, b * sides.height)
+        q = np.hypot(*np.moveaxis(points[:, np.newaxis] - position - move, -1, 0)) / reach
+        inner = 5.0 / (np.pi * reach**2) * (1.0 + 3.0 * q) * (1.0 - q) ** 3
+        kernel += np.where(q < 1.0, inner, 0.0)
+    found = CoarseGrid(points, reach, sides).densities(position, values)
     assert found == pytest.approx(kernel @ values, abs=1e-10)
 
 

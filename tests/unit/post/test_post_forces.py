@@ -9,7 +9,6 @@ from scene_parts import between_planes, make_model
 
 from multicor_cli import post
 from multicor_cli.model import ShapeKind
-from multicor_cli.post.grain_map import images
 
 
 def test_numbers_of_a_network(column):
@@ -33,10 +32,6 @@ def test_lines_join_centers_and_images_and_end_at_walls(column):
     assert network.end[:, 1] == pytest.approx([*heights[1:], 1.0])
     assert network.detail_rows[-1] == pytest.approx((9, 11, 2.0, 1.0, 0.0, -1.0, 10.0, -1.0, 1))
     assert len(network.detail_rows) == 10
-    which, shift = images(np.array([0.1, 2.0, 3.9]), np.full(3, 0.2), 4.0)
-    found = sorted(zip(which.tolist(), shift.tolist(), strict=True))
-    assert found == [(0, 0.0), (0, 4.0), (1, 0.0), (2, -4.0), (2, 0.0)]
-    assert images(np.array([-1.0]), np.ones(1), 0.0)[0].tolist() == [0]
 
 
 def test_frames_without_forces_are_refused(column, silent):

@@ -1,0 +1,113 @@
+"""Where the images of things are: across a period in x, or all around a cell."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.model import cell
+from multicor_cli.model.columns import X, Y
+from multicor_cli.model.model import Floats, Model
+from multicor_cli.post.source import Frame
+
+
+class Lattice(NamedTuple):
+    """Images lie (width, 0) and (tilt, height) from each other [m]; 0: there are none that way."""
+
+    width: float = 0.0
+    height: float = 0.0
+    tilt: float = 0.0
+
+    @property
+    def slant(self) -> float:
+        """How far the sides of a cell lean to the right per height; 0 if there is no cell."""
+        return self.tilt / self.height if self.height > 0.0 else 0.0
+
+    @property
+    def area(self) -> float:
+        """Area of a cell [m²]."""
+        return self.width * self.height
+
+    @property
+    def corners(self) -> Floats:
+        """Corners of a cell, counter-clockwise from the origin [m], shape ``(4, 2)``."""
+        right, up = np.array([self.width, 0.0]), np.array([self.tilt, self.height])
+        return np.array([0.0 * right, right, right + up, up])
+
+    @property
+    def span(self) -> float:
+        """Least distance of opposite sides [m]; infinite if there is no period."""
+        across = self.width / np.hypot(1.0, self.slant) if self.width > 0.0 else np.inf
+        return float(min(across, self.height or np.inf))
+
+    def wrapped(self, points: Floats) -> Floats:
+        """The images of points [m], shape ``(n, 2)``, that lie between the sides."""
+        at = np.array(points)
+        if self.height > 0.0:
+            up = np.floor(at[:, Y] / self.height)
+            at[:, X] -= up * self.tilt
+            at[:, Y] -= up * self.height
+        if self.width > 0.0:
+            lean = self.slant * at[:, Y]
+            at[:, X] = (at[:, X] - lean) % self.width + lean
+        return at
+
+    def images(self, points: Floats, reach: Floats) -> tuple[NDArray[np.int64], Floats]:
+        """Numbers and shifts [m] of what to draw: all things, then images that reach inside.
+
+        Args:
+            points: Middles of the things between the sides [m], shape ``(n, 2)``.
+            reach: How far they reach [m]: discs, shape ``(n,)``, or lines, shape ``(n, 2)``: from
+                the middle to one end.
+        """
+        which, shift = [np.arange(len(points))], [np.zeros((len(points), 2))]
+        if self.width <= 0.0:
+            return which[0], shift[0]
+        if reach.ndim == 1:
+            across, upwards = np.hypot(1.0, self.slant) * reach, reach
+        else:
+            across, upwards = np.abs(reach[:, X] - self.slant * reach[:, Y]), np.abs(reach[:, Y])
+        x = points[:, X] - self.slant * points[:, Y]
+        beside = {-1: x + across > self.width, 1: x - across < 0.0}
+        above = {}
+        if self.height > 0.0:
+            y = points[:, Y]
+            above = {-1: y + upwards > self.height, 1: y - upwards < 0.0}
+        everywhere = np.ones(len(points), np.bool_)
+        for up, is_above in ({0: everywhere} | above).items():
+            for right, is_beside in ({0: everywhere} | beside).items():
+                if right or up:
+                    found = np.flatnonzero(is_above & is_beside)
+                    way = (right * self.width + up * self.tilt, up * self.height)
+                    which.append(found)
+                    shift.append(np.tile(way, (found.size, 1)))
+        return np.concatenate(which), np.concatenate(shift)
+
+
+def lattice_of(model: Model, frame: Frame) -> Lattice:
+    """The lattice of a frame."""
+    if model.is_cell:
+        width, height, tilt = frame.wall_position[0]
+        return Lattice(float(width), float(height), float(tilt))
+    return Lattice(model.period)
+
+
+def gradient_of(frame: Frame) -> Floats:
+    """Gradient of the mean flow of the frame of a cell [1/s]: xx, yy, xy."""
+    return np.asarray(frame.wall_velocity[0], np.float64)
+
+
+def relative_velocity(frame: Frame) -> Floats:
+    """Velocities of the grains of a cell relative to its mean flow [m/s], shape ``(n, 2)``."""
+    velocity = np.asarray(frame.velocity, np.float64)[:, :2]
+    place = np.asarray(frame.position, np.float64)
+    return np.asarray(velocity - cell.mean_flow(place, gradient_of(frame)))
+
+
+def velocity_at(frame: Frame, places: Floats, which: NDArray[np.int64] | None = None) -> Floats:
+    """Velocities of images of the grains of a cell at ``places`` [m], as ``which`` [m/s]."""
+    relative = relative_velocity(frame)
+    moving = relative if which is None else relative[which]
+    return np.asarray(moving + cell.mean_flow(places, gradient_of(frame)))
