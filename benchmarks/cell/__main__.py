@@ -64,7 +64,7 @@ frame_interval = 1.0
 def main() -> int:
     """Compare and print; returns the exit code."""
     parser = argparse.ArgumentParser(prog="python benchmarks/cell", description=__doc__)
-    parser.add_argument("--seed", type=int, default=1, help="of the packing [%(default)s]")
+    parser.add_argument("--seeds", type=int, default=3, help="packings [%(default)s]")
     parser.add_argument("--lammps", default="lmp", help="its program [%(default)s]")
     options = parser.parse_args()
     program = shutil.which(options.lammps)
@@ -73,10 +73,15 @@ def main() -> int:
         return 1
     print("| μ | ν | I, LAMMPS | I | μ*, LAMMPS | μ* |\n|---|---|---|---|---|---|")
     for friction, rate, solid in ROWS:
-        model, state = _packing(friction, rate, solid, options.seed)
-        soft = _of_lammps(program, model, state, friction, rate)
-        rigid = _of_multicor(model, state, rate)
-        cells = (f"{a:.4f} ± {b:.4f}" for pair in zip(soft, rigid, strict=True) for a, b in pair)
+        found = []
+        for seed in range(1, options.seeds + 1):
+            model, state = _packing(friction, rate, solid, seed)
+            soft = _of_lammps(program, model, state, friction, rate)
+            rigid = _of_multicor(model, state, rate)
+            found.append([value for pair in zip(soft, rigid, strict=True) for value in pair])
+        mean = np.mean(found, axis=0)
+        error = np.std(found, axis=0, ddof=1) / math.sqrt(options.seeds)
+        cells = (f"{a:.4f} ± {b:.4f}" for a, b in zip(mean, error, strict=True))
         print(f"| {friction} | {solid} | " + " | ".join(cells) + " |", flush=True)
     return 0
 
@@ -114,27 +119,19 @@ def _packing(friction: float, rate: float, solid: float, seed: int) -> tuple[Mod
     return model, state
 
 
-Found = list[tuple[float, float]]
-"""I and μ* with their standard errors."""
+Found = tuple[float, float]
+"""I = γ̇ √(m/σ_yy) and μ* = |σ_xy|/σ_yy."""
 
 
-def _averages(stress: np.ndarray, rate: float) -> Found:
-    """Of parts of a flow: I = γ̇ √(m/σ_yy) and |σ_xy|/σ_yy."""
-    pressure, shear = stress[:, 1], np.abs(stress[:, 2])
-    error = pressure.std(ddof=1) / math.sqrt(len(stress)) / pressure.mean()
-    number = rate / math.sqrt(pressure.mean())
-    friction = shear / pressure
-    spread = friction.std(ddof=1) / math.sqrt(len(stress))
-    return [(number, 0.5 * error * number), (shear.mean() / pressure.mean(), spread)]
+def _numbers(stress: np.ndarray, rate: float) -> Found:
+    return rate / math.sqrt(stress[1]), abs(stress[2]) / stress[1]
 
 
 def _of_multicor(model: Model, state: State, rate: float) -> Found:
     drives = DofDrive(), DofDrive(), _rate(rate)
     dt = 0.5 * min(0.1, 0.005 / rate)
     _flow(model, state, drives, 3.0 / rate, dt)
-    return _averages(
-        np.array([_flow(model, state, drives, 1.0 / rate, dt) for _ in range(10)]), rate
-    )
+    return _numbers(_flow(model, state, drives, 10.0 / rate, dt), rate)
 
 
 def _damping(stiffness: float) -> float:
@@ -188,9 +185,7 @@ run {round(13.0 / rate / dt)}
             [program, "-in", "in.shear"], cwd=folder, check=True, stdout=subprocess.DEVNULL
         )
         found = np.loadtxt(folder / "stress.txt")
-    late = found[found[:, 0] > 3.0 / rate / dt, 1:]
-    parts = late[: len(late) // 10 * 10].reshape(10, -1, 3).mean(axis=1)
-    return _averages(parts, rate)
+    return _numbers(found[found[:, 0] > 3.0 / rate / dt, 1:].mean(axis=0), rate)
 
 
 if __name__ == "__main__":
