@@ -33,7 +33,7 @@ def test_the_box_of_gsd_leans_as_the_cell(run, tmp_path):
             assert np.abs(part).max() < 0.5 + 1e-6
             # the nearest images of grains in contact touch
             group, radius = read.bonds.group, 0.5 * read.particles.diameter
-            away = at[group[:, 0]] - at[group[:, 1]]
+            away = (at[group[:, 0]] - at[group[:, 1]])[:, :2]
             up = np.round(away[:, 1] / height)
             away -= np.column_stack([up * tilt, up * height])
             away[:, 0] -= width * np.round(away[:, 0] / width)
