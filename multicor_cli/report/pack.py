@@ -15,6 +15,7 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post import QUANTITIES, GrainQuantity, PostError
 from multicor_cli.post.contacts import has_forces, loaded_contacts
 from multicor_cli.post.grain_map import make_scene
+from multicor_cli.post.lattice import velocity_at
 from multicor_cli.post.quantities import color_range
 from multicor_cli.store import Run
 from multicor_cli.store.frames import Frame
@@ -162,10 +163,11 @@ class FrameView:
 
     Attributes:
         index: Its number in the run.
-        center: Centers, x within the period [m], shape ``(n, 2)``.
+        center: Centers, within the period or the cell [m], shape ``(n, 2)``.
         values: Values of the fields that this frame has, by name, shape ``(n,)``.
         contacts: Its contacts, or None where they are not in the file.
-        walls: Displacement [m] and angle [rad] of the walls, shape ``(w, 3)``.
+        walls: Displacement [m] and angle [rad] of the walls, shape ``(w, 3)``; of a cell width,
+            height and tilt [m].
         box: Corners of what is to be seen [m], shape ``(2, 2)``.
     """
 
@@ -192,6 +194,8 @@ def view_of(run: Run, index: int) -> FrameView:
     values: dict[str, NDArray[Any]] = {}
     for field in fields_of(run):
         found = values_of(field, run, index)
+        if run.model.is_cell and field.of_velocity is not None:  # where the picture has the grain
+            found = field.of_velocity(velocity_at(frame, scene.center))
         if found is not None:
             # Temperatures may differ by millikelvins only, which single precision does not resolve.
             values[field.name] = np.asarray(found, np.float64 if field.unit == "K" else np.float32)

@@ -23,6 +23,7 @@ from multicor_cli.model.shapes import outlines
 from multicor_cli.plots.grain_map import solid_polygons
 from multicor_cli.plots.style import rise_reference
 from multicor_cli.post.energy import HEAT, MECHANICAL, EnergyTable
+from multicor_cli.post.lattice import gradient_of
 from multicor_cli.report.figures import Figure
 from multicor_cli.report.pack import Packed
 from multicor_cli.report.tables import (
@@ -240,6 +241,7 @@ def _meta(run: Run, packing: Packed) -> dict[str, Any]:
         "groups": [_shorten(name) for name in model.groups],
         "group": model.grains.group.tolist() if len(model.groups) > 1 else [],
         "period": model.period,
+        "isCell": model.is_cell,
         "meanForce": packing.mean_force,
         "box": packing.box.tolist(),
         "frameCount": packing.frame_count,
@@ -282,6 +284,7 @@ def _meta(run: Run, packing: Packed) -> dict[str, Any]:
                 "contactCount": chunk.contact_count,
                 "box": chunk.box.tolist(),
                 "walls": walls.tolist(),
+                "gradient": gradient_of(frames[chunk.index]).tolist() if model.is_cell else None,
             }
             for chunk, walls in zip(packing.chunks, packing.walls, strict=True)
         ],

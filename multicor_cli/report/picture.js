@@ -47,6 +47,14 @@ function frameRange(field, values) {
   return low < high ? [low, high] : [low - (Math.abs(low) * 1e-3 || 1), high + (Math.abs(high) * 1e-3 || 1)];
 }
 
+/** Width, height and tilt by which images lie apart in a frame [m]; 0 where there are none. */
+function sidesOf(frame) {
+  return meta.isCell ? frame.about.walls[0] : [meta.period, 0, 0];
+}
+
+/** Values of images in a cell from their velocities, where they move as the mean flow. */
+const OF_FLOW = { velocity: (u) => u, "velocity-y": (u, v) => v, speed: Math.hypot };
+
 /** Where points of a wall are when its displacement and angle are these. */
 function placing([dx, dy, angle]) {
   const c = Math.cos(angle), s = Math.sin(angle);
@@ -145,9 +153,10 @@ class Picture {
     // The axis y points up: coordinates in meters from here on, lengths of lines too.
     context.setTransform(scale, 0, 0, -scale, this.canvas.width / 2 - this.center[0] * scale, this.middle + this.center[1] * scale);
     context.save();
+    this.sides = sidesOf(frame);
     if (meta.period > 0) this.clipToPeriod();
     this.drawGrains(frame, show);
-    this.drawWalls(frame.about.walls);
+    if (!meta.isCell) this.drawWalls(frame.about.walls);
     if (show.widest > 0) this.drawContacts(frame, show.widest);
     this.drawSelected(frame, show.selected);
     context.restore();
@@ -158,18 +167,26 @@ class Picture {
   clipToPeriod() {
     const far = 1e3 * (meta.box[1][1] - meta.box[0][1]);
     this.context.beginPath();
-    this.context.rect(0, meta.box[0][1] - far, meta.period, 2 * far);
+    if (meta.isCell) for (const corner of this.corners()) this.context.lineTo(...corner);
+    else this.context.rect(0, meta.box[0][1] - far, meta.period, 2 * far);
     this.context.clip();
   }
 
-  /** The ends of the period: what leaves at one comes in at the other. */
+  /** Corners of the cell, the first one again at the end. */
+  corners() {
+    const [width, height, tilt] = this.sides;
+    return [[0, 0], [width, 0], [width + tilt, height], [tilt, height], [0, 0]];
+  }
+
+  /** The ends of the period, or sides of the cell: what leaves at one comes in at the other. */
   drawSeam() {
     const context = this.context, pixel = this.pixels / this.scale, far = 1e3 * (meta.box[1][1] - meta.box[0][1]);
     context.strokeStyle = this.ink("--soft");
     context.lineWidth = pixel;
     context.setLineDash([4 * pixel, 4 * pixel]);
     const [, , bottom, top] = this.visible();
-    for (const x of [0, meta.period]) this.strokeLine([x, Math.max(bottom, -far)], [x, Math.min(top, far)]);
+    if (meta.isCell) this.strokeLine(...this.corners());
+    else for (const x of [0, meta.period]) this.strokeLine([x, Math.max(bottom, -far)], [x, Math.min(top, far)]);
     context.setLineDash([]);
   }
 
@@ -191,12 +208,35 @@ class Picture {
     context.fillText(`${format(length * factor)} ${unit}`, x, y - 6 * pixel);
   }
 
-  /** Call paint(x) for a thing and for its images that cross the ends of the period. */
-  withImages(x, reach, paint) {
-    paint(x);
-    if (meta.period <= 0) return;
-    if (x + reach > meta.period) paint(x - meta.period);
-    if (x - reach < 0) paint(x + meta.period);
+  /** Call paint(x, y) for a disc and for its images that cross the sides. */
+  withImages(x, y, reach, paint) {
+    const [, height, tilt] = this.sides;
+    this.withImagesOf(x, y, reach * Math.hypot(1, height > 0 ? tilt / height : 0), reach, paint);
+  }
+
+  /** The same for what reaches so far from its middle, along the lower side and upwards. */
+  withImagesOf(x, y, across, upwards, paint) {
+    paint(x, y);
+    const [width, height, tilt] = this.sides;
+    if (width <= 0) return;
+    const along = height > 0 ? x - (tilt / height) * y : x;
+    const ways = [0];
+    if (height > 0 && y + upwards > height) ways.push(-1);
+    if (height > 0 && y - upwards < 0) ways.push(1);
+    for (const up of ways) {
+      const [right, high] = [x + up * tilt, y + up * height];
+      if (up) paint(right, high);
+      if (along + across > width) paint(right - width, high);
+      if (along - across < 0) paint(right + width, high);
+    }
+  }
+
+  /** The nearest image of a way. */
+  shortest(dx, dy) {
+    const [width, height, tilt] = this.sides;
+    const up = height > 0 ? Math.round(dy / height) : 0;
+    const across = dx - up * tilt;
+    return [width > 0 ? across - width * Math.round(across / width) : dx, dy - up * height];
   }
 
   /** Corners of what is visible [m], with some room. */
@@ -210,25 +250,32 @@ class Picture {
     const { x, y } = frame, values = frame.values[show.field.name];
     const [left, right, bottom, top] = this.visible();
     const buckets = Array.from({ length: NONE + 2 }, () => []);
+    const flow = meta.isCell && frame.values.velocity && frame.values["velocity-y"] && OF_FLOW[show.field.name];
     for (let k = 0; k < x.length; k++) {
-      if (y[k] < bottom || y[k] > top) continue;
-      const color = values ? colorIndex(show.field, values[k], show.range) : -1;
-      this.withImages(x[k], this.radii[k], (at) => {
-        if (at >= left && at <= right) buckets[color + 1].push(k, at);
+      const own = values ? colorIndex(show.field, values[k], show.range) : -1;
+      this.withImages(x[k], y[k], this.radii[k], (at, high) => {
+        if (at < left || at > right || high < bottom || high > top) return;
+        let color = own;
+        if (flow && (at !== x[k] || high !== y[k])) {
+          const [xx, yy, xy] = frame.about.gradient, [dx, dy] = [at - x[k], high - y[k]];
+          const u = frame.values.velocity[k] + xx * dx + xy * dy, v = frame.values["velocity-y"][k] + yy * dy;
+          color = colorIndex(show.field, flow(u, v), show.range);
+        }
+        buckets[color + 1].push(k, at, high);
       });
     }
     buckets.forEach((bucket, number) => {
       const color = { 0: this.ink("--unknown"), [NONE + 1]: this.ink("--paper") }[number] || show.colors[number - 1];
-      if (bucket.length) this.fillDiscs(bucket, y, color);
+      if (bucket.length) this.fillDiscs(bucket, color);
     });
   }
 
-  fillDiscs(bucket, y, color) {
+  fillDiscs(bucket, color) {
     const context = this.context, isSmall = this.largest * this.scale < 1.5, least = (LEAST * this.pixels) / this.scale;
     context.fillStyle = color;
     if (!isSmall) context.beginPath();
-    for (let k = 0; k < bucket.length; k += 2) {
-      const a = Math.max(this.radii[bucket[k]], least), at = bucket[k + 1], high = y[bucket[k]];
+    for (let k = 0; k < bucket.length; k += 3) {
+      const a = Math.max(this.radii[bucket[k]], least), at = bucket[k + 1], high = bucket[k + 2];
       if (isSmall) {
         context.fillRect(at - a, high - a, 2 * a, 2 * a);
       } else {
@@ -273,9 +320,9 @@ class Picture {
     const context = this.context;
     const wrapped = meta.period > 0 ? x - meta.period * Math.floor(x / meta.period) : x;
     context.lineWidth = 0.6 * this.pixels / this.scale;
-    this.withImages(wrapped, a, (at) => {
+    this.withImages(wrapped, y, a, (at, high) => {
       context.beginPath();
-      context.arc(at, y, a, 0, 2 * Math.PI);
+      context.arc(at, high, a, 0, 2 * Math.PI);
       context.fill();
       if (a * this.scale > 3) context.stroke();
     });
@@ -330,16 +377,15 @@ class Picture {
     const x = frame.x[i], y = frame.y[i];
     let dx, dy;
     if (end < meta.grains) {
-      dx = frame.x[end] - x;
-      if (meta.period > 0) dx -= meta.period * Math.round(dx / meta.period);
-      dy = frame.y[end] - y;
+      [dx, dy] = this.shortest(frame.x[end] - x, frame.y[end] - y);
     } else {
       const angle = ((end - meta.grains) / 1024) * 2 * Math.PI;
       [dx, dy] = [this.radii[i] * Math.cos(angle), this.radii[i] * Math.sin(angle)];
     }
-    this.withImages(x + dx / 2, Math.abs(dx) / 2, (middle) => {
-      this.context.moveTo(middle - dx / 2, y);
-      this.context.lineTo(middle + dx / 2, y + dy);
+    const [, height, tilt] = this.sides, across = Math.abs(height > 0 ? dx - (tilt / height) * dy : dx) / 2;
+    this.withImagesOf(x + dx / 2, y + dy / 2, across, Math.abs(dy) / 2, (middle, high) => {
+      this.context.moveTo(middle - dx / 2, high - dy / 2);
+      this.context.lineTo(middle + dx / 2, high + dy / 2);
     });
   }
 
@@ -350,7 +396,7 @@ class Picture {
     for (const [color, width] of [[this.ink("--paper"), 5], [this.ink("--accent"), 2.5]]) {
       context.strokeStyle = color;
       context.lineWidth = width * this.pixels / this.scale;
-      this.withImages(frame.x[grain], a, (at) => this.strokeCircle([at, frame.y[grain]], a));
+      this.withImages(frame.x[grain], frame.y[grain], a, (at, high) => this.strokeCircle([at, high], a));
     }
   }
 
@@ -359,10 +405,9 @@ class Picture {
     const [px, py] = this.toWorld(clientX, clientY);
     const slack = (4 * this.pixels) / this.scale; // small grains need not be hit exactly
     let found = -1, best = Infinity;
+    this.sides = sidesOf(frame);
     for (let k = 0; k < frame.x.length; k++) {
-      let dx = px - frame.x[k];
-      if (meta.period > 0) dx -= meta.period * Math.round(dx / meta.period);
-      const distance = Math.hypot(dx, py - frame.y[k]) - this.radii[k];
+      const distance = Math.hypot(...this.shortest(px - frame.x[k], py - frame.y[k])) - this.radii[k];
       if (distance < Math.min(best, Math.max(0, slack - this.radii[k]))) [found, best] = [k, distance];
     }
     return found;

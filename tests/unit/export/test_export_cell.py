@@ -1,0 +1,75 @@
+"""A run of a cell in the formats of other programs, and as the report draws it."""
+
+import csv
+
+import numpy as np
+import pytest
+from cut_runs import CELL
+
+import multicor_cli as multicor
+from multicor_cli.export import ExportError, export_csv, export_fclib, export_gsd
+from multicor_cli.report.pack import view_of
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("cell")
+    (folder / "cell.toml").write_text(CELL)
+    multicor.run(folder / "cell.toml", folder / "run", threads=1)
+    with multicor.open_run(folder / "run") as opened:
+        yield opened
+
+
+def test_the_box_of_gsd_leans_as_the_cell(run, tmp_path):
+    hoomd = pytest.importorskip("gsd.hoomd")
+    export_gsd(run, tmp_path / "cell.gsd")
+    with hoomd.open(str(tmp_path / "cell.gsd")) as file:
+        for frame, read in zip(run.frames, file, strict=True):
+            width, height, tilt = frame.wall_position[0]
+            box, at = read.configuration.box, read.particles.position.astype(float)
+            assert box[:2] == pytest.approx([width, height])
+            assert box[3:] == pytest.approx([tilt / height, 0.0, 0.0], abs=1e-7)
+            part = np.column_stack([at[:, 0] - box[3] * at[:, 1], at[:, 1]]) / box[:2]
+            assert np.abs(part).max() < 0.5 + 1e-6
+            # the nearest images of grains in contact touch
+            group, radius = read.bonds.group, 0.5 * read.particles.diameter
+            away = (at[group[:, 0]] - at[group[:, 1]])[:, :2]
+            up = np.round(away[:, 1] / height)
+            away -= np.column_stack([up * tilt, up * height])
+            away[:, 0] -= width * np.round(away[:, 0] / width)
+            assert np.hypot(*away.T) == pytest.approx(radius[group].sum(axis=1), rel=2e-3)
+    assert abs(tilt) > 0.1 * height
+
+
+def test_csv_names_what_the_cell_has(run, tmp_path):
+    export_csv(run, tmp_path / "csv")
+    with (tmp_path / "csv" / "walls-000003.csv").open() as file:
+        (row,) = csv.DictReader(file)
+    width, height, tilt = run.frames[3].wall_position[0].tolist()
+    assert [float(row[f"{name} [m]"]) for name in ("width", "height", "tilt")] == [
+        width, height, tilt,
+    ]  # fmt: skip
+    assert float(row["rate_xy [1/s]"]) == run.frames[3].wall_velocity[0, 2]
+    columns = {column.name: column for column in run.series_columns}
+    sides, force = (run.series[f"wall_{name}"][:, 0] for name in ("position", "force"))
+    area = sides[:, 0] * sides[:, 1]
+    mean = 0.5 * (area[1:] + area[:-1])
+    assert columns["cell: stress_xy"].unit == "N/m"
+    assert columns["cell: stress_xy"].values[1:] == pytest.approx(force[1:, 2] / mean)
+
+
+def test_what_needs_a_number_of_crossings_is_refused(run, tmp_path):
+    with pytest.raises(ValueError, match="how often grains have crossed"):
+        _ = run.frames[3].unwrapped
+    with pytest.raises(ExportError, match="images in a cell"):
+        export_fclib(run, tmp_path / "problem.h5")
+
+
+def test_the_report_has_the_sides_and_places_between_them(run):
+    view = view_of(run, 8)
+    width, height, tilt = view.walls[0]
+    part = view.center[:, 0] - tilt / height * view.center[:, 1]
+    assert (part > -1e-8).all()
+    assert (part < width * (1.0 + 1e-6)).all()
+    y = view.center[:, 1]
+    assert np.polyfit(y, view.values["velocity"], 1)[0] == pytest.approx(40.0, rel=0.3)
