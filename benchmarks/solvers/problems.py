@@ -259,8 +259,8 @@ def _save(path: Path, problems: list[Problem]) -> None:
         arrays[f"{number}.scale"] = np.array(
             [problem.scale.rms, problem.scale.velocity, problem.scale.energy]
         )
-        # no scene has rolling resistance
-        kept = [field for field in System._fields if field != "couples"]
+        # no scene has rolling resistance, or is a cell
+        kept = [field for field in System._fields if field not in ("couples", "cell")]
         arrays |= {f"{number}.{field}": getattr(problem.system, field) for field in kept}
     part = path.with_suffix(".part.npz")
     np.savez(part, **arrays)

@@ -74,7 +74,8 @@ def _tag_axes(value: Any) -> str:
 
 
 Periodic = Annotated[
-    Annotated[bool, Tag("<plain>")] | Annotated[Array[Literal["x", "y"]], Tag("<array>")],
+    Annotated[bool, Tag("<plain>")]
+    | Annotated[Annotated[Array[Literal["x", "y"]], Field(max_length=2)], Tag("<array>")],
     Discriminator(_tag_axes),
     AfterValidator(_check_axes),
 ]
