@@ -276,9 +276,7 @@ def test_a_wall_at_the_temperature_of_the_grains_gives_no_theta(run):
     for _ in range(20):
         capacity = rng.uniform(1.0, 2.0, run.model.grain_count)
         thermal = SimpleNamespace(capacity=capacity)
-        model = SimpleNamespace(
-            thermal=thermal, walls=run.model.walls, grains=run.model.grains, is_cell=False
-        )
+        model = replace(run.model, thermal=thermal)
         frame = run.frames[9]
         frame.temperature[:] = frame.wall_temperature[0] = 298.15
         with pytest.raises(post.PostError, match="not at the reference temperature"):
