@@ -105,7 +105,7 @@ from multicor_cli.model.state import State
 SLIPS_RMS, SLIPS = 50.0, 10.0
 """Scales of rms and largest correction over the mean slip: 5 % and half of it pass by default."""
 PHASES = ("predict", "detect", "prepare", "solve", "account", "move", "correct")
-_NOBODY, _NO_TEMPERATURE, _NO_FALL = np.empty(0, np.int64), np.empty(0), np.zeros(2)
+_NOBODY, _NONE, _NO_FALL = np.empty(0, np.int64), np.empty(0), np.zeros(2)
 _NOTHING_TO_SOLVE = Outcome(0.0, True, 0.0, 0.0, 0.0)
 _NOTHING_TO_CORRECT = Correction(0.0, 0.0, 0.0, 0)
 
@@ -166,7 +166,7 @@ class Prediction(NamedTuple):
     cutoff: float
     shift_work: float = 0.0
     flight: Flight | None = None
-    convected: Floats = _NO_TEMPERATURE
+    convected: Floats = _NONE
 
 
 class Engine:
@@ -543,7 +543,7 @@ class Engine:
             layout.middle, layout.before, layout.free,
         )  # fmt: skip
         walls = motion.predict(state, gravity, t, dt)
-        middle, convected = state.wall_position + 0.5 * dt * motion.before, _NO_TEMPERATURE
+        middle, convected = state.wall_position + 0.5 * dt * motion.before, _NONE
         if model.is_cell:
             gradient = state.wall_velocity[0]
             carry_to_middle(layout.middle, gradient, 0.5 * dt)
@@ -560,7 +560,7 @@ class Engine:
             is_sound and are_sound(walls, motion.before, state.wall_position, motion.belt_before)
         ):
             self._refuse_state()
-        temperature = _NO_TEMPERATURE
+        temperature = _NONE
         if self._heat is not None and self._laws.depends_on_temperature:
             temperature = self._heat.shape_temperatures(t)
         scene = scene_of(model, layout.middle, middle, temperature)

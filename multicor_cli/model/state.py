@@ -65,15 +65,25 @@ class State:
     """
 
     position: Floats = _array(
-        ("grain", 3), "m, m, rad", "centers (x wrapped into the period) and angles of the grains"
+        ("grain", 3),
+        "m, m, rad",
+        "centers (x wrapped into the period, y too in a cell) and angles of the grains",
     )
-    image: NDArray[np.int64] = _array(("grain",), "1", "periods by which x was wrapped", "i8")
-    velocity: Floats = _array(("grain", 3), "m/s, m/s, rad/s", "velocities and spins of the grains")
+    image: NDArray[np.int64] = _array(
+        ("grain",), "1", "periods by which x was wrapped; 0 in a cell", "i8"
+    )
+    velocity: Floats = _array(("grain", 3), "m/s, m/s, rad/s",
+        "velocities and spins of the grains; in a cell velocities beside its mean "
+        "flow")  # fmt: skip
     wall_position: Floats = _array(
-        ("wall", 3), "m, m, rad", "reference points and angles of the walls"
+        ("wall", 3),
+        "m, m, rad",
+        "reference points and angles of the walls; width, height and tilt [m] of a cell",
     )
     wall_velocity: Floats = _array(
-        ("wall", 3), "m/s, m/s, rad/s", "velocities and spins of the walls"
+        ("wall", 3),
+        "m/s, m/s, rad/s",
+        "velocities and spins of the walls; rates xx, yy and xy [1/s] of a cell",
     )
     # The contacts that carried an impulse, ascending by both shapes; where the next solve starts.
     # With adhesion normal impulses are p_n + F Δt (theory §3.1).

@@ -266,20 +266,13 @@ def scene_of(
     """Shapes where grains and walls are; positions are the arrays given, no copies of them."""
     shapes, world = model.shapes, np.empty((model.shape_count, 4))
     place_shapes(shapes.kind, shapes.wall, shapes.geometry, wall_position, world)
+    period, height, tilt = model.period, 0.0, 0.0
+    if model.is_cell:
+        period, height, tilt = wall_position[0].tolist()
     return Scene(
-        position,
-        model.grains.radius,
-        model.material,
-        shapes.kind,
-        shapes.wall,
-        world,
-        wall_position,
-        *(
-            (float(wall_position[0, X]), temperature, *wall_position[0, Y:].tolist())
-            if model.is_cell
-            else (model.period, temperature)
-        ),
-    )
+        position, model.grains.radius, model.material, shapes.kind, shapes.wall, world,
+        wall_position, period, temperature, height, tilt,
+    )  # fmt: skip
 
 
 @formula
