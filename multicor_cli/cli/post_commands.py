@@ -297,7 +297,9 @@ def conductivity(
         table = post.conductivity(run, selected(start, end, frames))
     about = _span(table.frames.size, "frame", table.times)
     about += f", in a cell of {table.width:.4g} × {table.height:.4g} m on average"
-    return Shown(table, f"{about}; {table.note}" if table.note else about, directory)
+    return Shown(
+        table, f"{about}; not counted: {table.left_out}" if table.left_out else about, directory
+    )
 
 
 # ---- Command `post region`: what is inside a part of the plane

@@ -334,10 +334,10 @@ def region_text(table: RegionTable, _terminal: Terminal) -> str:
 
 _OF_CONDUCTIVITY: Panels = (
     (
-        "conductance of a square [W/K]",
+        "of a square $K$ [W/K]",
         tuple((f"square_{k}", f"$K_{{{k}}}$") for k in ("xx", "yy", "xy")),
     ),
-    ("conductance of a contact $H$ [W/K]", (("contact_conductance", ""),)),
+    ("of a contact $H$ [W/K]", (("contact_conductance", ""),)),
     ("$K/H$ [–]", (("over_contact", ""),)),
     (r"$K/K_\mathrm{lin}$ [–]", (("over_linear", ""),)),
     ("pressure $P$ [N/m]", (("pressure", ""),)),
@@ -355,7 +355,7 @@ def draw_conductivity(figure: Any, table: Conductivity) -> None:
 def conductivity_text(table: Conductivity, _terminal: Terminal) -> str:
     """Conductances and what they depend on over time, in low charts."""
     charts = (
-        ("conductance of a square [W/K]", ("square_xx", "square_yy", "square_xy")),
+        ("of a square [W/K]", ("square_xx", "square_yy", "square_xy")),
         ("K/H [–]", ("over_contact",)),
         (_CONTACTS, ("coordination",)),
     )

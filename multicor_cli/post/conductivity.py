@@ -154,14 +154,14 @@ class Conductivity(TimeTable):
         width: Mean width of the cell [m].
         height: Mean height [m].
         thickness: That of the discs [m]; nan of spheres, and of discs of several thicknesses.
-        note: What else conducts in the run, and is left out; empty if nothing does.
+        left_out: What else conducts in the run, and is not counted; empty if nothing does.
         frames: Indices of the frames.
         times: Times of the first and last frame [s].
     """
 
     KEYS = (
-        "width", "height", "thickness", "note", "frame_count", "times",
-        "units", "mean", "standard_error", "drift", "drift_error", "time", "values",
+        "width", "height", "thickness", "left_out", "frame_count", "times",
+        "units", "mean", "standard_error", "drift", "drift_error", "note", "time", "values",
     )  # fmt: skip
 
 
@@ -207,7 +207,7 @@ def conductivity(source: Run, selection: Selection | None = None) -> Conductivit
     shown = QUANTITIES if np.isfinite(thickness) else (*_OF_FRAMES, *_RATIOS)
     facts = {
         **{name: float(values[name].mean()) for name in ("width", "height")},
-        "thickness": thickness, "note": _left_out(source), **frames_told(source, counted),
+        "thickness": thickness, "left_out": _left_out(source), **frames_told(source, counted),
     }  # fmt: skip
     times = np.asarray(source.frames.time, np.float64)[counted]
     quantities = [q.over_time(values[q.name]) for q in shown]
@@ -251,11 +251,11 @@ def _thickness(model: Model) -> float:
 
 
 def _left_out(source: Run) -> str:
-    """What conducts beside the contacts, by the scenario of the run; empty if nothing does."""
+    """What conducts beside the contacts, in the scenario of the run; empty if nothing does."""
     heat = tomllib.loads(source.scenario_resolved).get("heat", {})
     ways = []
     if "gas" in heat:
         ways.append("the gas in the gaps")
     if heat.get("radiation", {}).get("neighbors"):
         ways.append("radiation between neighbors")
-    return f"only contacts count: {' and '.join(ways)} left out" if ways else ""
+    return " and ".join(ways)
