@@ -7,92 +7,24 @@ import json
 import numpy as np
 import pytest
 from command_line import call
+from scenes import CONDUCTING
 from scipy.sparse import coo_array, diags_array
 from scipy.sparse.linalg import eigsh
 
 from multicor_cli.post import Selection, conductivity
 from multicor_cli.post.contacts import conducting_contacts
 from multicor_cli.store import open_run
+from multicor_cli.studies.observing import take_one
+from multicor_cli.studies.study_file import Observable
 
 PRESSURES = (10.0, 80.0, 640.0)
-SCENARIO = """
-[scenario]
-name = "packing"
-seed = 1
-
-[variables]
-d = 1e-3
-pressure = 10.0
-time = "= sqrt(0.25 * pi * d**3 * 2500 / pressure)"
-
-[domain]
-size = [0.019, 0.019]
-periodic = ["x", "y"]
-gravity = [0.0, 0.0]
-
-[materials.glass]
-density = 2500.0
-young = 60e9
-poisson = 0.25
-conductivity = 1.0
-heat_capacity = 800.0
-
-[[contacts]]
-pair = ["*", "*"]
-friction = 0.0
-restitution = 0.0
-
-[[particles]]
-name = "grains"
-material = "glass"
-shape = "disc"
-thickness = 1e-3
-sizes = { kind = "list", radii = [0.5e-3, 0.7e-3] }
-count = 200
-packing = { kind = "random" }
-
-[heat]
-temperature = 300.0
-gas = { conductivity = 0.026, model = "parallel" }
-
-[[loading]]
-name = "close"
-duration = "= 40 * time"
-cell = { xx = { rate = "= -0.01 / time" }, yy = { rate = "= -0.01 / time" } }
-until = { stress = { cell = "yy", above = "= 0.5 * pressure", window = "= 0.5 * time" } }
-
-[[loading]]
-name = "compress"            # until nothing moves: without friction that takes long
-duration = "= 120 * time"
-cell = { xx = { stress = "= pressure" }, yy = { stress = "= pressure" } }
-
-[[loading]]
-name = "more"
-duration = "= 5 * time"
-cell = { xx = { stress = "= 8 * pressure" }, yy = { stress = "= 8 * pressure" } }
-
-[[loading]]
-name = "most"
-duration = "= 5 * time"
-cell = { xx = { stress = "= 64 * pressure" }, yy = { stress = "= 64 * pressure" } }
-
-[[loading]]
-name = "still"
-frozen = true
-dt = 1.0
-duration = 2.0
-
-[output]
-frame_interval = "= time"
-series_interval = "= time"
-"""
 
 
 @pytest.fixture(scope="module")
 def directory(tmp_path_factory):
     """A run in which frictionless discs bear three pressures, one after the other."""
     folder = tmp_path_factory.mktemp("cell")
-    (folder / "packing.toml").write_text(SCENARIO)
+    (folder / "packing.toml").write_text(CONDUCTING)
     done = call("run", "packing.toml", "-o", "run", cwd=folder)
     assert done.returncode == 0, done.stderr
     return folder / "run"
@@ -156,6 +88,12 @@ def test_long_waves_of_temperature_decay_as_it_says(run):
     print("rate over that of the continuum", np.round(found, 5).tolist())
     assert found[0] < found[1] < found[2] < 1.0
     assert found[2] > 0.999
+
+
+def test_a_study_takes_it(directory, run):
+    row = {"name": "k", "post": "conductivity", "value": "conductivity_xx", "after": {"time": 1.5}}
+    found = take_one(directory, Observable.model_validate(row), {})
+    assert found.value == conductivity(run, Selection(start=1.5)).mean["conductivity_xx"]
 
 
 def test_how_it_leaves_the_program(directory, tmp_path):
