@@ -278,6 +278,30 @@ def rheology(
     return Shown(table, about, directory)
 
 
+# ---- Command `post conductivity`: how the contacts of a cell conduct
+
+
+def conductivity(
+    directory: RunPath, start: Start = None, end: End = None, frames: Frames = None
+) -> Shown:
+    """Measure how the packings of a cell conduct heat through their contacts: means with errors;
+    frame by frame as CSV, JSON and figure.
+
+    Steady temperatures under a mean gradient are found at once, in the contacts of each frame as
+    they are. K is the conductance of a square of the plane, k that over the thickness of discs; gas
+    and radiation do not count. Needs scipy.
+    """
+    from multicor_cli import post
+
+    with store.open_run(directory) as run:
+        table = post.conductivity(run, selected(start, end, frames))
+    about = _span(table.frames.size, "frame", table.times)
+    about += f", in a cell of {table.width:.4g} × {table.height:.4g} m on average"
+    return Shown(
+        table, f"{about}; not counted: {table.left_out}" if table.left_out else about, directory
+    )
+
+
 # ---- Command `post region`: what is inside a part of the plane
 
 EXAMPLE = '{ kind = "circle", center = [0.02, 0.01], radius = 0.005 }'
@@ -597,6 +621,7 @@ COMMANDS = {
     "map": shows_table(map_grains),
     "forces": shows_table(forces),
     "rheology": shows_table(rheology),
+    "conductivity": shows_table(conductivity),
     "region": shows_table(region),
     "fields": shows_table(fields),
     "energy": shows_table(energy),

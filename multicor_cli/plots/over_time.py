@@ -1,4 +1,4 @@
-"""Figures over time: books, columns of the time series, flow, rheology, what is in a region."""
+"""Figures over time: books, columns of the time series, flow, rheology, conductivity, a region."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from multicor_cli.plots.style import (
     show_decades,
 )
 from multicor_cli.post.cell_rheology import CellRheology
+from multicor_cli.post.conductivity import Conductivity
 from multicor_cli.post.crossings import FlowTable
 from multicor_cli.post.energy import HEAT, MECHANICAL, BookLine, EnergyTable, SeriesTable
 from multicor_cli.post.region import RegionTable
@@ -329,6 +330,41 @@ def region_text(table: RegionTable, _terminal: Terminal) -> str:
     )
 
 
+# ---- How a packing conducts over time, in the same way
+
+_OF_CONDUCTIVITY: Panels = (
+    (
+        "of a square $K$ [W/K]",
+        tuple((f"square_{k}", f"$K_{{{k}}}$") for k in ("xx", "yy", "xy")),
+    ),
+    ("of a contact $H$ [W/K]", (("contact_conductance", ""),)),
+    ("$K/H$ [–]", (("over_contact", ""),)),
+    (r"$K/K_\mathrm{lin}$ [–]", (("over_linear", ""),)),
+    ("pressure $P$ [N/m]", (("pressure", ""),)),
+    (r"solid fraction $\nu$ [–]", (("solid_fraction", ""),)),
+    ("contacts per grain $Z$ [–]", (("coordination", ""),)),
+    ("anisotropy [–]", (("anisotropy", ""),)),
+)
+
+
+def draw_conductivity(figure: Any, table: Conductivity) -> None:
+    """Draw the panels into a matplotlib figure."""
+    _draw_panels(figure, figure.subplots(4, 2, sharex=True), table, _OF_CONDUCTIVITY)
+
+
+def conductivity_text(table: Conductivity, _terminal: Terminal) -> str:
+    """Conductances and what they depend on over time, in low charts."""
+    charts = (
+        ("of a square [W/K]", ("square_xx", "square_yy", "square_xy")),
+        ("K/H [–]", ("over_contact",)),
+        (_CONTACTS, ("coordination",)),
+    )
+    return _charts(
+        (label, [TextLine(n[-2:] if names[1:] else "", table.time, table.values[n]) for n in names])
+        for label, names in charts
+    )
+
+
 FIGURES = {
     EnergyTable: Renderer(
         lambda table: (COLUMN if table.heat_closure is None else PAGE, 1.15 * COLUMN),
@@ -343,5 +379,6 @@ FIGURES = {
     FlowTable: Renderer(lambda _: (COLUMN, 0.75 * COLUMN), draw_flow, flow_text),
     Rheology: Renderer(lambda _: (PAGE, 0.9 * PAGE), draw_rheology, rheology_text),
     CellRheology: Renderer(lambda _: (PAGE, 1.1 * PAGE), draw_cell, rheology_text),
+    Conductivity: Renderer(lambda _: (PAGE, 0.9 * PAGE), draw_conductivity, conductivity_text),
     RegionTable: Renderer(lambda _: (PAGE, 0.62 * PAGE), draw_region, region_text),
 }

@@ -391,8 +391,9 @@ def _frame(
 
 # ---- The figure of a table: `FIGURES` of `plots/NAME.py` draw tables of `post/NAME.py`
 
+_OVER_TIME = ("cell_rheology", "conductivity", "crossings", "energy", "region", "rheology")
 _DRAWN_IN = {
-    **dict.fromkeys(("cell_rheology", "crossings", "energy", "region", "rheology"), "over_time"),
+    **dict.fromkeys(_OVER_TIME, "over_time"),
     **dict.fromkeys(("compare", "theta_eta"), "profile"),
 }
 """Modules that draw tables of several others."""

@@ -4,6 +4,8 @@ from multicor_cli.post.cell_rheology import CellRheology as CellRheology
 from multicor_cli.post.compare import Comparison as Comparison
 from multicor_cli.post.compare import ProfilePair as ProfilePair
 from multicor_cli.post.compare import compare as compare
+from multicor_cli.post.conductivity import Conductivity as Conductivity
+from multicor_cli.post.conductivity import conductivity as conductivity
 from multicor_cli.post.crossings import FlowTable as FlowTable
 from multicor_cli.post.crossings import flow_through as flow_through
 from multicor_cli.post.energy import EnergyTable as EnergyTable

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.model.shapes import ShapeKind
-from multicor_cli.post.source import Frame, PostError, Run
+from multicor_cli.post.source import Frame, PostError, Run, need_heat
 
 if TYPE_CHECKING:
     from multicor_cli.store.frames import Contacts
@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LoadedContacts:
-    """Contacts with a normal force (tension is negative): ``c`` between ``n`` grains and walls.
+    """Contacts with a normal force (tension is negative), or that conduct heat: ``c`` between ``n``
+    grains and walls.
 
     Attributes:
         i: First grain, shape ``(c,)``.
@@ -111,9 +112,19 @@ def has_forces(frame: Frame) -> bool:
 
 def loaded_contacts(frame: Frame, model: Model) -> LoadedContacts:
     """The contacts of a frame that carry a force."""
+    force = np.asarray(frame.contacts.force, np.float64)
+    return _contacts(frame, model, np.flatnonzero(force[:, 0]), force)
+
+
+def conducting_contacts(frame: Frame, model: Model) -> LoadedContacts:
+    """The contacts of a frame between grains that conduct heat; ``PostError`` without heat."""
+    conductance = need_heat(frame.contacts.conductance)
+    row = np.flatnonzero((conductance > 0.0) & (frame.contacts.j < model.grain_count))
+    return _contacts(frame, model, row, np.asarray(frame.contacts.force, np.float64))
+
+
+def _contacts(frame: Frame, model: Model, row: NDArray[np.int64], force: Floats) -> LoadedContacts:
     contacts = frame.contacts
-    force = np.asarray(contacts.force, np.float64)
-    row = np.flatnonzero(force[:, 0])
     glued = np.where(model.shapes.kind == ShapeKind.DISC, model.shapes.geometry[:, 2], 0.0)
     reach_of = np.concatenate([model.grains.radius, glued])
     return LoadedContacts(

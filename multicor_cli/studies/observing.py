@@ -16,6 +16,8 @@ from multicor_cli.files import read_object
 from multicor_cli.model.model import Floats
 from multicor_cli.post import forces
 from multicor_cli.post.cell_rheology import CELL_QUANTITIES
+from multicor_cli.post.conductivity import QUANTITIES as OF_CONDUCTIVITY
+from multicor_cli.post.conductivity import conductivity
 from multicor_cli.post.energy import HEAT, MECHANICAL, energy
 from multicor_cli.post.grain_map import grain_map
 from multicor_cli.post.profile import profile
@@ -84,6 +86,13 @@ def _rheology(run: Run, row: Observable, selection: Selection) -> Number:
     return Number(found.mean[name], found.error[name])
 
 
+def _conductivity(run: Run, row: Observable, selection: Selection) -> Number:
+    found, name = conductivity(run, selection), str(row.value)
+    if name not in found.mean:
+        raise Unobservable(f"the run has no {name}: its grains are no discs of one thickness")
+    return Number(found.mean[name], found.error[name])
+
+
 def _region(run: Run, row: Observable, selection: Selection) -> Number:
     assert row.inside is not None
     found, name = in_region(run, row.inside.area(), selection), str(row.value)
@@ -141,6 +150,7 @@ def _energy(run: Run, row: Observable, _selection: Selection) -> Number:
 _THETA = {"theta": "mean", "standard_deviation": "spread", "min": "lowest", "max": "highest"}
 _CLOSURES = ("energy_closure", "heat_closure")
 _AMOUNTS = tuple(name for name, quantity in MAPPED.items() if quantity.names_of is None)
+_OF_NETWORK = tuple(quantity.name for quantity in OF_CONDUCTIVITY)
 _HEAT_FIELDS = frozenset(name for name, quantity in QUANTITIES.items() if quantity.needs_heat)
 
 SOURCES: dict[str, Source] = {
@@ -148,6 +158,7 @@ SOURCES: dict[str, Source] = {
         tuple(dict.fromkeys(row.name for row in (*OF_RHEOLOGY, *CELL_QUANTITIES))), _rheology,
         needs_shear=True,
     ),
+    "conductivity": Source(_OF_NETWORK, _conductivity, frozenset(_OF_NETWORK)),
     "region": Source(IN_REGION, _region, frozenset({"temperature"})),
     "profile": Source(tuple(PROFILED), _profile, _HEAT_FIELDS),
     "theta-eta": Source(tuple(_THETA), _theta, frozenset(_THETA), is_of_one_frame=True),
@@ -230,6 +241,9 @@ def missing(observables: Iterable[Observable], scenario: Scenario) -> Iterator[R
             kind = "a cell" if is_cell else "a layer between walls"
             what = f"the rheology of {kind} has no {row.value}"
             yield Refused((*place, "value"), what, f"it has {', '.join(own)}")
+        if row.post == "conductivity" and not is_cell:
+            what, remedy = "conductivity needs a cell", 'give [domain] periodic = ["x", "y"]'
+            yield Refused((*place, "post"), what, remedy)
         if is_cell and row.post in ("region", "theta-eta"):
             yield Refused((*place, "post"), f"a cell has no {row.post}", "use rheology or profile")
         if row.post is not None and SOURCES[row.post].needs_shear and not is_cell:

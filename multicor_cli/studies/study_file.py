@@ -163,7 +163,10 @@ class Observable(Table):
         "", max_length=200, description="its name in figures; TeX between dollar signs"
     )
     post: (
-        Literal["rheology", "region", "profile", "theta-eta", "map", "forces", "energy"] | None
+        Literal[
+            "rheology", "conductivity", "region", "profile", "theta-eta", "map", "forces", "energy"
+        ]
+        | None
     ) = Field(None, description="command `multicor post` whose table it is taken from")
     info: str | None = Field(
         None, min_length=1, description="field of `multicor info --json`, as solver.sweeps_mean"

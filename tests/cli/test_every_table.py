@@ -237,6 +237,7 @@ TABLES = {
     "forces": forces,
     "forces --angles --frames -5:": directions,
     "rheology": rheology,
+    "conductivity": None,
     "region --in {min=[0.0,-0.01],max=[0.06,0.09]}": everywhere,
     "fields --spacing 0.25": coarse,
     "flow --line 0.0,0.02:0.06,0.02": flow,
@@ -253,6 +254,8 @@ def refusal(of, name):
         return "rheology needs a wall below and a wall above the grains that shear them"
     if name == "rheology" and not of.is_periodic:
         return "rheology needs a domain that is periodic in x"
+    if name == "conductivity":
+        return "conductivity needs a cell that is periodic in x and y"
     if name == "theta-eta" and not of.walls:
         return "those with a prescribed temperature in this frame are: none"
     if name == "theta-eta" and not of.bounds[0]:
@@ -383,6 +386,7 @@ VARIANTS = {
     "theta-eta": [[], ["--wall", "floor"], ["--frame", "0"], ["--frames", ":"]],
     "forces": [[], ["--frame", "0"]],
     "rheology": [[], ["--margin", "0", "--frames", ":"]],
+    "conductivity": [[]],
     "region": [["--in", REGION_SEEN],
         ["--in", "{ min = [0.0, 0.15], max = [0.1, 0.2] }", "--frames", ":"]],
     "fields": [

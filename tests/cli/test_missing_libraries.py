@@ -6,11 +6,13 @@ import tomllib
 
 import numpy as np
 import pytest
+from cells import square_of_discs
 from command_line import call
 from places import ROOT
 from scenes import SMALL
 
 from multicor_cli.optional import LIBRARIES, MissingLibrary, library
+from multicor_cli.post import Selection, conductivity
 from multicor_cli.studies.figure import FITS, fit
 from multicor_cli.studies.table import Series
 
@@ -119,6 +121,13 @@ def test_a_fit_names_the_extra(kind, monkeypatch):
     said = remove(monkeypatch, "scipy")
     with pytest.raises(MissingLibrary) as caught:
         fit(kind, series)
+    assert str(caught.value) == said
+
+
+def test_a_conductivity_names_the_extra(monkeypatch):
+    said = remove(monkeypatch, "scipy")
+    with pytest.raises(MissingLibrary) as caught:
+        conductivity(square_of_discs([0.3]), Selection(start=0.0))
     assert str(caught.value) == said
 
 

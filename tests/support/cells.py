@@ -1,11 +1,15 @@
 """Cells that are periodic in both directions, by hand: discs of mean diameter and mass 1."""
 
+from dataclasses import replace
+
 import numpy as np
+from made_up_frames import contacts_of, frame_of, source_of
 from scene_parts import make_model
 
 from multicor_cli.engine import Engine
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.engine.orders import Orders, Settings
+from multicor_cli.model import Thermal
 from multicor_cli.model.state import State
 
 DT = 0.05
@@ -75,3 +79,29 @@ def compressed(count, *, duration=30.0, **more):
 def solid_fraction(model, state):
     width, height, _ = state.wall_position[0]
     return float(np.pi * (model.grains.radius**2).sum() / (width * height))
+
+
+THICKNESS = 0.25
+
+
+def square_of_discs(conductances, *, heat=True, thickness=THICKNESS, **said):
+    """Frames of four discs of radius 0.5 in a cell of 2 by 2, and one that touches none.
+
+    All contacts of a frame have one conductance and the normal force 1.
+    """
+    places = [(0.5, 0.5), (1.5, 0.5), (0.5, 1.5), (1.5, 1.5), (1.0, 1.0)]
+    radius = np.array([0.5, 0.5, 0.5, 0.5, 0.1])
+    model, _ = make_cell(places, radius, (2.0, 2.0))
+    surface = 2.0 * np.pi * radius * thickness
+    if heat:
+        model = replace(model, thermal=Thermal(np.ones(5), np.full(5, 300.0), surface))
+    i, j = [0, 0, 2, 2, 0, 0, 1, 1], [1, 1, 3, 3, 2, 2, 3, 3]
+    normal = [(-1.0, 0.0), (1.0, 0.0)] * 2 + [(0.0, -1.0), (0.0, 1.0)] * 2
+    frames = []
+    for k, conductance in enumerate(conductances):
+        contacts = contacts_of(i, j, normal, (1.0, 0.0))
+        contacts.conductance = np.full(8, conductance) if heat else None
+        frame = frame_of(places, walls=1, contacts=contacts, step=k + 1)
+        frame.wall_position = np.array([[2.0, 2.0, 0.0]])
+        frames.append(frame)
+    return source_of(model, frames, **{"scenario_resolved": "", **said})

@@ -15,7 +15,7 @@ from unittest import mock
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from scenes import SMALL, WARM
+from scenes import CONDUCTING, SMALL, WARM
 
 STUDY = """\
 [study]
@@ -38,6 +38,7 @@ new mine
 validate small.toml
 run small.toml -o run
 run warm.toml -o warm
+run packed.toml -o packed
 info run
 verify run
 report run --frames 3
@@ -48,6 +49,7 @@ post map warm --of temperature --plot map.pdf
 post map warm --plot term
 post forces run --plot forces.png
 post rheology run --from 0 --plot rheology.png
+post conductivity packed --plot conductivity.png
 post region run --in {min=[0.0,0.002],max=[0.01,0.006]} --plot region.png
 post fields run --plot fields.png
 post energy warm --plot energy.png
@@ -136,7 +138,7 @@ def main():
     faults += [text for words, code in texts if (text := fault(words, run_here(words), code))]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        for file, text in {"small": SMALL, "warm": WARM}.items():
+        for file, text in {"small": SMALL, "warm": WARM, "packed": CONDUCTING}.items():
             (folder / f"{file}.toml").write_text(text)
         for kind in ("sobol", "latin-hypercube"):
             (folder / f"{kind}.toml").write_text(STUDY.replace("KIND", kind))

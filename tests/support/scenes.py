@@ -54,6 +54,67 @@ frame_interval = 0.002
 """
 """To be run: 60 grains settle, are sheared to a strain, and on as the ramp of before goes on."""
 
+CONDUCTING = """\
+[scenario]
+name = "packing"
+seed = 1
+[variables]
+d = 1e-3
+pressure = 10.0
+time = "= sqrt(0.25 * pi * d**3 * 2500 / pressure)"
+[domain]
+size = [0.019, 0.019]
+periodic = ["x", "y"]
+gravity = [0.0, 0.0]
+[materials.glass]
+density = 2500.0
+young = 60e9
+poisson = 0.25
+conductivity = 1.0
+heat_capacity = 800.0
+[[contacts]]
+pair = ["*", "*"]
+friction = 0.0
+restitution = 0.0
+[[particles]]
+name = "grains"
+material = "glass"
+shape = "disc"
+thickness = 1e-3
+sizes = { kind = "list", radii = [0.5e-3, 0.7e-3] }
+count = 200
+packing = { kind = "random" }
+[heat]
+temperature = 300.0
+gas = { conductivity = 0.026, model = "parallel" }
+[[loading]]
+name = "close"
+duration = "= 40 * time"
+cell = { xx = { rate = "= -0.01 / time" }, yy = { rate = "= -0.01 / time" } }
+until = { stress = { cell = "yy", above = "= 0.5 * pressure", window = "= 0.5 * time" } }
+[[loading]]
+name = "compress"            # until nothing moves: without friction that takes long
+duration = "= 120 * time"
+cell = { xx = { stress = "= pressure" }, yy = { stress = "= pressure" } }
+[[loading]]
+name = "more"
+duration = "= 5 * time"
+cell = { xx = { stress = "= 8 * pressure" }, yy = { stress = "= 8 * pressure" } }
+[[loading]]
+name = "most"
+duration = "= 5 * time"
+cell = { xx = { stress = "= 64 * pressure" }, yy = { stress = "= 64 * pressure" } }
+[[loading]]
+name = "still"
+frozen = true
+dt = 1.0
+duration = 2.0
+[output]
+frame_interval = "= time"
+series_interval = "= time"
+"""
+"""In a cell with heat, frictionless discs bear three pressures, one after the other."""
+
 WARM = """\
 [scenario]
 name = "warm"

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cells import square_of_discs
 
 from multicor_cli import post
 from multicor_cli.model.shapes import Annulus
@@ -89,6 +90,7 @@ def test_charts(column, drawn):
         post.force_distribution(column, ALL),
         post.angular_distribution(column, ALL),
         post.compare(column, column, ["velocity", "temperature"], ALL),
+        post.conductivity(square_of_discs([3e-5, 5e-5, 4e-5]), ALL),
     ):
         drawn(table)
 

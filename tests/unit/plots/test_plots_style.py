@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from cells import square_of_discs
 from made_up_frames import profile_of
 from matplotlib.figure import Figure
 
@@ -113,6 +114,7 @@ def test_every_table_can_be_shown_in_a_terminal(column):
         "height y [m]": post.profiles(column, "stress", ALL),
         "theta [–]": post.theta_eta(column, wall="top"),
         "energy [J]": post.energy(column),
+        "of a square [W/K]": post.conductivity(square_of_discs([0.3, 0.5]), ALL),
         "friction mu* [–]": post.rheology(column, ALL),
         "probability density [–]": post.force_distribution(column, ALL),
         "direction [°]": post.angular_distribution(column, ALL),
