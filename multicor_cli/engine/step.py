@@ -479,6 +479,10 @@ class Engine:
         loaded = state.contact_i, state.contact_j
         struck = _NOBODY if step.flight is None else step.flight.struck
         began = state.position[struck]
+        strayed = _NONE
+        if self.model.is_cell:
+            strayed = 0.5 * dt * (state.velocity[:, :2] + after[:n, :2])
+            state.nonaffine += strayed
         kinetic, gravity_work = move(
             layout.middle, layout.before, after, grains.radius, grains.mass, step.gravity,
             self.model.shape_factor, dt,
@@ -512,7 +516,7 @@ class Engine:
             state.contact_couple = np.zeros(state.contact_i.size)
         state.last_dt = dt
         layout.newcomers = _NOBODY
-        self.moved = Moved(step.scene, contacts, after, selection.i, selection.j, *loaded)
+        self.moved = Moved(step.scene, contacts, after, selection.i, selection.j, *loaded, strayed)
         self._has_table = False
         self._clock("account")
         return StepReport(

@@ -18,12 +18,13 @@ Dim = Literal[
     "grain", "shape", "wall", "material", "group", "stage", "table_edge", "table_row",
     "heat_grain", "heat_wall", "heat_book", "mean_row", "stage_note", "origin_row", "surface_row",
     "before_row", "outlet", "exchange_grain", "exchange_group", "exchange_outlet", "exchange_book",
-    "bridge_row", "adhesion_book",
+    "bridge_row", "adhesion_book", "cell_grain", "gradient_book",
     "book", "tally", "window",
 ]  # fmt: skip
 """Named lengths. ``frame_edge`` is ``frame + 1``: row ``offset[k]:offset[k+1]`` belongs to frame
 ``k``. Those that begin with ``heat`` are 0 in states of runs without heat, those that begin with
-``exchange`` where no grain comes or goes."""
+``exchange`` where no grain comes or goes, with ``cell`` where there are walls, and with
+``gradient`` without a mean gradient of temperature."""
 
 Shape = tuple[Dim | int, ...]
 """Named lengths and numbers."""
@@ -45,10 +46,12 @@ Feature = Literal[
     "motion",
     "range",
     "cell",
+    "gradient",
 ]
 """What only some runs have: temperatures, friction that depends on them, adhesion, rolling
 resistance, grains that come and go, walls whose surface runs, walls that only some groups meet,
-motion at the start, adhesion with a range, a cell that is periodic in both directions."""
+motion at the start, adhesion with a range, a cell that is periodic in both directions, and a mean
+gradient of temperature in it."""
 
 Export = Literal["vtk", "gsd"]
 """What shows a dataset of the frames besides CSV, which shows all: ParaView's view, GSD files."""
@@ -211,7 +214,7 @@ HEAT_BOOKS = (
         "heat that walls of prescribed flow could not pass on: nothing touched them"),
     _heat("imbalance",
         "heat_stored - (friction + impact - to_walls + ahead + from_walls + ambient + "
-        "surroundings) now"),
+        "surroundings + along_gradient) now"),
     _heat("closure", "largest |heat_imbalance| / (heat_exchanged + sum of C |T - T_0|) so far",
         "1"),
     _heat("sub_steps", "sub-steps of the heat integrator so far", "1", dtype="i8"),
@@ -276,6 +279,34 @@ ADHESION_BOOKS = (
 """Books of adhesion, in the order of `State.adhesion_books`; empty where no pair has it."""
 
 
+def _heat_along(axis: str) -> tuple[Entry, ...]:
+    """Heat that has passed along an axis, per length of the plane across it, by what carried it."""
+    ways = {
+        "contacts": "conducted by contacts",
+        "gas": "conducted by the gas in the gaps",
+        "radiation": "radiated between neighbors",
+        "motion": "carried by grains beside the mean flow",
+    }
+    return tuple(
+        _entry(
+            f"{name}_{axis}", f"heat {what} along {axis} since the start, per length of the plane",
+            "J/m", f"heat_by_{name}_{axis}", since=(1, 9),
+        )
+        for name, what in ways.items()
+    )  # fmt: skip
+
+
+GRADIENT_BOOKS = (
+    # −Σ C G·Δs
+    _heat("along_gradient",
+        "heat that motion along the mean gradient has given to the grains since the start",
+        since=(1, 9)),
+    *_heat_along("x"),
+    *_heat_along("y"),
+)  # fmt: skip
+"""Books of a cell with a mean gradient of temperature, in the order of `State.gradient_books`."""
+
+
 NUMBERS = {
     "books": BOOKS,
     "tallies": TALLIES,
@@ -283,13 +314,14 @@ NUMBERS = {
     "heat_books": HEAT_BOOKS,
     "exchange": EXCHANGE_BOOKS,
     "adhesion_books": ADHESION_BOOKS,
+    "gradient_books": GRADIENT_BOOKS,
 }
 """The tables of the numbers, by the array of `State` that holds them."""
 
 NAMES = {field: tuple(entry.name for entry in table) for field, table in NUMBERS.items()}
 """Names of the entries of each array, in its order."""
 
-BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, HEAT_BOOK_NAMES, EXCHANGE_NAMES, _ = NAMES.values()
+BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, HEAT_BOOK_NAMES, EXCHANGE_NAMES, *_ = NAMES.values()
 
 
 def entry_counts(version: Version | None = None) -> dict[str, int]:

@@ -192,6 +192,8 @@ class Model:
         height: Period in y at the start [m], of a cell that is periodic in both directions; else 0.
             Such a cell is the only wall of its model, without shapes, and ``period`` is its width
             at the start.
+        heat_gradient: Mean gradient of temperature in a cell G (x, y) [K/m]; the temperatures of
+            its grains are those beside it, T − G·r.
     """
 
     grains: Grains
@@ -208,6 +210,7 @@ class Model:
     start_speed: float = 0.0
     numbers: NDArray[np.int64] | None = None
     height: float = 0.0
+    heat_gradient: tuple[float, float] = (0.0, 0.0)
 
     @property
     def is_cell(self) -> bool:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.books import (
     ADHESION_BOOKS,
     EXCHANGE_BOOKS,
+    GRADIENT_BOOKS,
     HEAT_BOOKS,
     NAMES,
     DType,
@@ -29,7 +30,7 @@ from multicor_cli.model.model import Floats, Ints, Model, Thermal
 def _array(dims: Shape, unit: str, meaning: str, dtype: DType = "f8", **more: Any) -> Any:
     """An array; without elements until it is given some."""
     word = str(dims[0]).split("_")[0]
-    about = {"only_with": word if word in ("heat", "exchange") else None, **more}
+    about = {"only_with": word if word in ("heat", "exchange", "cell") else None, **more}
     about |= {"dtype": dtype, "dims": dims, "unit": unit, "meaning": meaning}
     return stored(default_factory=lambda: np.zeros(_shape(dims, entry_counts()), dtype), **about)
 
@@ -191,6 +192,14 @@ class State:
         ("adhesion_book",), "J", "work of adhesion since the start", since=(1, 7)
     )
 
+    # What follows is empty where there are walls.
+    nonaffine: Floats = _array(("cell_grain", 2), "m",
+        "displacement of the grains beside the mean flow of their cell since the start",
+        columns=("nonaffine_x", "nonaffine_y"), since=(1, 9))  # fmt: skip
+    gradient_books: Floats = _array(("gradient_book",), "mixed",
+        "books of the mean gradient of temperature, in the order of model.GRADIENT_BOOKS",
+        since=(1, 9))  # fmt: skip
+
     @classmethod
     def at_rest(cls, model: Model, position: Floats) -> State:
         """A state with everything at rest; ``position`` has shape ``(n, 2)`` or ``(n, 3)``."""
@@ -203,7 +212,7 @@ class State:
         return state
 
     def temperature(self, thermal: Thermal) -> Floats:
-        """Temperatures of the grains T = T₀ + Q/C [K], shape ``(n,)``."""
+        """Temperatures of the grains T = T₀ + Q/C [K], shape ``(n,)``; beside a mean gradient."""
         return thermal.initial_temperature + self.heat / thermal.capacity
 
     @property
@@ -246,6 +255,7 @@ class FrameFields:
     presence: NDArray[Any] | None
     wall_heat: NDArray[Any] | None
     wall_wear: NDArray[Any] | None
+    nonaffine: NDArray[Any] | None
 
 
 def digest_of(arrays: dict[str, NDArray[Any]]) -> str:
@@ -280,6 +290,8 @@ def state_shapes(model: Model) -> dict[str, tuple[int, ...]]:
         "exchange_outlet": len(model.outlets or ()),
         "exchange_book": len(EXCHANGE_BOOKS) if is_open else 0,
         "adhesion_book": len(ADHESION_BOOKS) if model.laws.adhesion_range.size else 0,
+        "cell_grain": n if model.is_cell else 0,
+        "gradient_book": len(GRADIENT_BOOKS) if any(model.heat_gradient) else 0,
     }
     return {
         name: _shape(about.dims, lengths)

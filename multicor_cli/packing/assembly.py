@@ -246,6 +246,7 @@ def _model(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -
         outlets=tuple(outlet.name for outlet in scenario.outlets) if scenario.is_open else None,
         thermal=_thermal(scenario, groups),
         height=scenario.domain.size[1] if scenario.domain.is_cell else 0.0,
+        heat_gradient=(scenario.heat and scenario.heat.gradient) or (0.0, 0.0),
     )
 
 

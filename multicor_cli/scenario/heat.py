@@ -11,6 +11,7 @@ from pydantic import Field, Tag
 from multicor_cli.scenario.base import (
     ROOM_TEMPERATURE,
     Kelvin,
+    Pair,
     Table,
     Time,
     Vector,
@@ -39,6 +40,7 @@ _PARTITION = {
     "electrothermal": ("conductivity", "resistivity"),
 }
 
+Gradient = Pair[Annotated[float, Field(ge=-1e9, le=1e9)]]
 Reach = Annotated[float, Field(gt=0.0, le=2.0)]
 FluidConductivity = Annotated[float, Field(ge=1e-6, le=1e3)]
 
@@ -230,6 +232,10 @@ class Heat(Table):
     radiation: RadiationTable | None = optional(
         "thermal radiation, as { surroundings = 293.15 }; default: none"
     )
+    gradient: Gradient | None = optional(
+        "mean gradient of temperature in a cell (x, y) [K/m]; temperatures are then those beside "
+        "it; default: none"
+    )
     integrator: Literal["auto", "explicit", "implicit"] = optional(
         '"explicit", "implicit", or "auto": implicit in frozen stages and in steps of many '
         "time constants C/ΣH",
@@ -281,6 +287,9 @@ class Heat(Table):
             yield key, table.needs(is_of_grains=is_of_grains)
 
     def faults(self) -> Iterator[Refused]:
+        if self.gradient is not None and not any(self.gradient):
+            what = "a gradient of zero is none"
+            yield Refused(("gradient",), what, "remove it, or give one, as [0.0, 1000.0]")
         if self.force is not None and not self.has_spots:
             what = 'force has no meaning with conduction = "none" and without gas'
             yield Refused(("force",), what, "remove force")

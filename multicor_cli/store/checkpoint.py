@@ -210,6 +210,8 @@ def load_checkpoint(sidecar: Path, identity: Identity, model: Model | None = Non
     path = sidecar.with_suffix(".h5")
     require_described(path, said.size, said.blake2b, sidecar.name)
     state, digest = _read_state(path, identity.run_id)
+    if model is not None and model.is_cell and not state.nonaffine.size:  # format 1.8 had none
+        state.nonaffine = np.zeros((model.grain_count, 2))
     misfit = find_misfit(state, model) if model is not None else None
     if state.stage > identity.stages:
         misfit = f"it is in stage {state.stage + 1} of {identity.stages}"

@@ -140,6 +140,7 @@ def read_model(file: CheckedFile) -> Model:
         outlets=tuple(data["outlets"]) if "outlets" in data else None,
         start_speed=float(data["start_speed"][0]) if "start_speed" in data else 0.0,
         height=float(data["height"][0]) if "height" in data else 0.0,
+        heat_gradient=tuple(data.get("heat_gradient", np.zeros(2)).tolist()),
     )
     _check_model(model, file.path)
     return model
@@ -174,6 +175,9 @@ def _check_model(model: Model, path: Path) -> None:
         else model.thermal.capacity > 0.0,
         "model/height": np.array(
             [not model.is_cell or (model.wall_count, model.shape_count) == (1, 0)]
+        ),
+        "model/heat_gradient": np.array(
+            [not any(model.heat_gradient) or (model.is_cell and model.thermal is not None)]
         ),
     }
     for name, found in is_right.items():

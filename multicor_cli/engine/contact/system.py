@@ -410,7 +410,8 @@ class Moved(NamedTuple):
 
     ``scene`` is at q_m, ``after`` are velocities v⁺, shape ``(bodies, 4)``; ``i`` and ``j`` the
     shapes of ``contacts``; ``loaded_i`` and ``loaded_j`` those of contacts that carried an impulse
-    in the step before, ascending.
+    in the step before, ascending. In a cell grains have ``strayed`` from its mean flow [m], shape
+    ``(n, 2)``; else that is of size 0.
     """
 
     scene: Scene
@@ -420,6 +421,7 @@ class Moved(NamedTuple):
     j: Ints
     loaded_i: Ints
     loaded_j: Ints
+    strayed: Floats
 
 
 @kernel

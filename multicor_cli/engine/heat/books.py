@@ -106,6 +106,15 @@ def book_undelivered(state: State, heat: float) -> None:
     state.heat_books[_BOOK["undelivered"]] += heat
 
 
+def book_along(state: State, gained: float, passed: Floats) -> None:
+    """Enter what motion along a mean gradient has given to the grains [J], and what has passed.
+
+    The latter is per length of the plane [J/m], in the order of `GRADIENT_BOOKS`, any shape.
+    """
+    state.gradient_books[0] += gained
+    state.gradient_books[1:] += passed.ravel()
+
+
 def book_heat_out(state: State, contents: Floats) -> None:
     """Enter the heat contents that grains take along [J], one for each of them."""
     taken, exchanged = total_and_magnitude(contents)
@@ -137,6 +146,8 @@ def strike_balance(state: State, received: Floats) -> None:
     for name in OUTSIDE_BOOKS:
         from_outside += books[_BOOK[name]]
     come_in += from_outside
+    if state.gradient_books.size:
+        come_in += float(state.gradient_books[0])
     taken = float(state.exchange[_HEAT_OUT]) if state.exchange.size else 0.0
     books[_BOOK["imbalance"]] = stored + taken - come_in
     # Σ C_i |T_i − T_i0| = Σ |Q_i|.

@@ -82,7 +82,9 @@ TRIALS, NEWTON_LIMIT = 100, 50
 SUB_STEPS = 1e8
 """Most explicit sub-steps of a step; more would take hours."""
 
-DRAINED = "would fall below absolute zero: a wall draws more heat than there is"
+DRAINED = (
+    "would fall below absolute zero: a wall, or a mean gradient, draws more heat than there is"
+)
 
 
 class CannotIntegrate(ArithmeticError):
@@ -136,7 +138,7 @@ def integrate(
             stiffness, coldest, hottest = try_euler(
                 net, capacity, temperature, values(0.0), values(0.5 * length), power, length,
                 longest,
-                flow.received, flow.walls, flow.outside,
+                flow.received, flow.walls, flow.outside, flow.lasted,
             )  # fmt: skip
         if stiffness <= longest:
             if coldest < BELOW_ZERO * max(1.0, hottest):
@@ -292,8 +294,9 @@ class _SubStep:
     def commit(self, flow: Flow, temperature: Floats) -> None:
         """Enter the heat of this sub-step into ``flow`` and move ``temperature`` [K] on."""
         before = flow.received.copy()
-        for weight, rates in zip(self.weights, self._rates, strict=True):
-            flow.add(rates, self._step * weight)
+        stages = zip(self.weights, self._rates, self._stages, strict=True)
+        for weight, rates, at in stages:
+            flow.add(rates, at, self._step * weight)
         temperature += (
             flow.received - before + self._step * self._problem.power
         ) / self._problem.capacity
@@ -395,7 +398,7 @@ class _Implicit(_SubStep):
 
 def _spread(net: Network, temperature: Floats, wall_value: Floats) -> float:
     everything = np.concatenate([temperature, wall_value[net.wall], net.outside_temperature])
-    return float(everything.max() - everything.min())
+    return float(everything.max() - everything.min()) + float(np.abs(net.ahead).max(initial=0.0))
 
 
 def _is_below_zero(temperature: Floats) -> NDArray[np.bool_]:

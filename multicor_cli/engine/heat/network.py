@@ -125,6 +125,7 @@ class Links:
 
     Attributes:
         conductance: H [W/K], shape ``(e,)``.
+        of_contacts: What contact spots have of it [W/K], shape ``(e,)``.
         area: Area factor of radiation [m²], shape ``(e,)`` or of size 0.
         biot: Largest Biot number H/(λ a), contact and gas together.
         gas_ratio: Smallest and largest λ_s s/(λ_f a) of a contact in a gas; 0 without.
@@ -132,6 +133,7 @@ class Links:
 
     ends: Ends
     conductance: Floats
+    of_contacts: Floats
     area: Floats
     biot: float
     gas_ratio: tuple[float, float]
@@ -140,7 +142,7 @@ class Links:
 def contact_links(spots: Spots, ends: Ends) -> Links:
     """The contacts, with their ``ends``."""
     biot = largest_biot(spots.places.totals(spots.conductance), ends.weakest)
-    return Links(ends, spots.conductance, np.empty(0), biot, (0.0, 0.0))
+    return Links(ends, spots.conductance, spots.conductance, np.empty(0), biot, (0.0, 0.0))
 
 
 def near_links(
@@ -158,7 +160,7 @@ def near_links(
     look_up(row, touching.j, spots.radius, i, j, spot)
     place, share = find_places(scene, i, j)
     spot = np.where(share > 0.0, largest_of_places(place, spot), 0.0)
-    ratio = (0.0, 0.0)
+    ratio, of_contacts = (0.0, 0.0), conductance.copy()
     for mechanism in settings.mechanisms:
         if mechanism.reach <= 0.0:
             continue
@@ -171,7 +173,7 @@ def near_links(
         ratio = carried.gas_ratio or ratio
     ends = ends_of(shapes, i, j)
     biot = largest_biot(totals_of_places(place, conductance), ends.weakest)
-    return Links(ends, conductance, area, biot, ratio)
+    return Links(ends, conductance, of_contacts, area, biot, ratio)
 
 
 def _with_contacts(scene: Scene, near: Pairs, spots: Spots) -> Pairs:
@@ -201,11 +203,12 @@ def _is_within(scene: Scene, i: Ints, j: Ints, gap: Floats, reach: float) -> NDA
 
 
 def network_of(
-    links: Links, nodes: int, velocity: Floats, model: Model, settings: HeatSettings
+    links: Links, nodes: int, velocity: Floats, model: Model, settings: HeatSettings, ahead: Floats
 ) -> Network:
     """The network of a step, of grains and then bodies: walls with a heat capacity.
 
-    Walls of known flow share it out as conductances. Velocities of the grains [m/s], ``(n, 2)``.
+    Walls of known flow share it out as conductances. Velocities of the grains [m/s], ``(n, 2)``;
+    ``ahead`` as in the `Network`.
     """
     n, ends, h, area = model.grain_count, links.ends, links.conductance, links.area
     share = h[ends.flowing]
@@ -216,7 +219,7 @@ def network_of(
     outside = [one for one in asked if one is not None]
     return Network(
         ends.i, ends.j, h.take(ends.between), area[ends.between] if area.size else area,
-        ends.wall_i, ends.wall, h.take(ends.known), area[ends.known] if area.size else area,
+        ahead, ends.wall_i, ends.wall, h.take(ends.known), area[ends.known] if area.size else area,
         ends.flow_i, ends.flow_wall, share,
         np.array([OUTSIDE_BOOKS.index(one.book) for one in outside], np.int32),
         np.array([one.temperature for one in outside], float),

@@ -34,6 +34,8 @@ class Network(NamedTuple):
         conductance: H [W/K], shape ``(e,)``.
         area: Area factor of radiation along the link [m²], shape ``(e,)``; of size 0 without
             radiation between neighbors.
+        ahead: How much warmer a mean gradient makes the second grain than the first [K], shape
+            ``(e,)``; of size 0 without one.
         wall_i: Grain of each link to a wall of known temperature, shape ``(b,)``.
         wall: The wall, shape ``(b,)``.
         wall_conductance: H [W/K], shape ``(b,)``.
@@ -51,6 +53,7 @@ class Network(NamedTuple):
     j: Indices
     conductance: Floats
     area: Floats
+    ahead: Floats
     wall_i: Indices
     wall: Indices
     wall_conductance: Floats
@@ -70,19 +73,19 @@ class Network(NamedTuple):
 
 
 @kernel
-def _link(conductance: float, area: Floats, k: int, a: float, b: float) -> float:
+def _link(conductance: float, area: Floats, k: int, a: float, b: float, ahead: float) -> float:
     """Heat flow through a link from temperature ``b`` to ``a`` [W]; nothing radiates below 0 K.
 
-    Stages of an integrator may get there, on the way to a sub-step that does not.
+    Stages of an integrator may get there, on the way to a sub-step that does not. A mean gradient
+    is no part of the temperatures, and makes b warmer by ``ahead``.
     """
     if area.size == 0:
-        return conductance * (b - a)
+        return conductance * (b - a + ahead)
     if a < 0.0 or b < 0.0:
         warm_a, warm_b = max(a, 0.0), max(b, 0.0)
-        return conductance * (b - a) + linear_coefficient(area[k], warm_a, warm_b) * (
-            warm_b - warm_a
-        )
-    return (conductance + linear_coefficient(area[k], a, b)) * (b - a)
+        coefficient = linear_coefficient(area[k], warm_a, warm_b)
+        return conductance * (b - a + ahead) + coefficient * (warm_b - warm_a + ahead)
+    return (conductance + linear_coefficient(area[k], a, b)) * (b - a + ahead)
 
 
 @kernel
@@ -112,14 +115,15 @@ def heat_rates(
     for k in range(net.i.size):
         i, j, h = net.i[k], net.j[k], net.conductance[k]
         a, b = temperature[i], temperature[j]
-        flow, steepest = _link(h, net.area, k, a, b), _steepest(h, net.area, k, a, b)
+        ahead = net.ahead[k] if net.ahead.size else 0.0
+        flow, steepest = _link(h, net.area, k, a, b, ahead), _steepest(h, net.area, k, a, b)
         rate[i] += flow
         rate[j] -= flow
         total[i] += steepest
         total[j] += steepest
     for k in range(net.wall_i.size):
         i, w, h = net.wall_i[k], net.wall[k], net.wall_conductance[k]
-        flow = _link(h, net.wall_area, k, temperature[i], wall_value[w])
+        flow = _link(h, net.wall_area, k, temperature[i], wall_value[w], 0.0)
         rate[i] += flow
         wall_rate[w] += flow
         total[i] += _steepest(h, net.wall_area, k, temperature[i], wall_bound[w])
@@ -131,7 +135,7 @@ def heat_rates(
         b, area = net.outside_temperature[s], net.outside_area[s]
         for k in range(rate.size):
             a, h = temperature[k], net.outside_conductance[s, k]
-            flow = _link(h, area, k, a, b)
+            flow = _link(h, area, k, a, b, 0.0)
             rate[k] += flow
             outside[net.outside_book[s]] += flow
             total[k] += _steepest(h, area, k, a, b)
@@ -141,14 +145,15 @@ def heat_rates(
 def try_euler(
     net: Network, capacity: Floats, temperature: Floats, wall_start: Floats, wall_middle: Floats,
     power: Floats, dt: float, longest: float, received: Floats, given: Floats, outside: Floats,
+    lasted: Floats,
 ) -> tuple[float, float, float]:  # fmt: skip
     """One step of Euler's rule, if it is at most ``longest`` over the shortest time constant C/ΣH.
 
     Values of walls at the start and in the middle of the step ``dt`` [s], which is exact for
     signals that rise linearly; ``power`` generated [W]. Returns dt over the shortest time constant,
     and the lowest and the highest temperature [K]. If the step is taken, **modifies**
-    ``temperature``, and adds to what nodes have ``received``, walls ``given``, and what came from
-    ``outside``, as in `Flow` [J].
+    ``temperature``, and adds to what nodes have ``received``, walls ``given``, what came from
+    ``outside`` [J], and how long temperatures have ``lasted``, as in `Flow`.
     """
     rate, total = np.empty(capacity.size), np.empty(capacity.size)
     wall_rate, outside_rate = np.empty(given.size), np.empty(outside.size)
@@ -159,6 +164,7 @@ def try_euler(
     if not dt * fastest <= longest:
         return dt * fastest, coldest, hottest
     for k in range(rate.size):
+        lasted[k] += dt * temperature[k]
         received[k] += dt * rate[k]
         temperature[k] += dt * (rate[k] + power[k]) / capacity[k]
         coldest, hottest = min(coldest, temperature[k]), max(hottest, temperature[k])
@@ -258,23 +264,27 @@ class Flow:
     """Sums over the sub-steps of an integrator, and which sub-step [s] to try next.
 
     Heat received by nodes, given by walls and by what is outside, by heat book [J], have shapes
-    ``(n,)``, ``(w,)`` and ``(2,)``; ``error`` is the largest estimated one of a sub-step over the
+    ``(n,)``, ``(w,)`` and ``(2,)``; ``lasted`` is the integral of the temperatures at which it
+    flowed over time [K s], ``(n,)``; ``error`` the largest estimated one of a sub-step over the
     spread of the temperatures.
     """
 
     received: Floats
     walls: Floats
     outside: Floats
+    lasted: Floats
     sub_steps: int = 0
     next_step: float = 0.0
     error: float = 0.0
 
     @classmethod
     def empty(cls, grains: int, walls: int) -> Flow:
-        return cls(np.zeros(grains), np.zeros(walls), np.zeros(len(OUTSIDE_BOOKS)))
+        outside = np.zeros(len(OUTSIDE_BOOKS))
+        return cls(np.zeros(grains), np.zeros(walls), outside, np.zeros(grains))
 
-    def add(self, rates: Rates, weight: float) -> None:
-        """Let heat flow for ``weight`` seconds at these rates."""
+    def add(self, rates: Rates, temperature: Floats, weight: float) -> None:
+        """Let heat flow for ``weight`` seconds at these rates, those of these temperatures."""
+        self.lasted += weight * temperature
         self.received += weight * rates.nodes
         self.walls += weight * rates.walls
         self.outside += weight * rates.outside

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.adhesion import net_impulses, resting_attraction
 from multicor_cli.engine.contact.contacts import warm_rows
 from multicor_cli.engine.contact.ordering import Schedule
@@ -15,6 +16,7 @@ from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.engine.geometry.places import met_before
 from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.heat.books import (
+    book_along,
     book_flow,
     book_generated,
     book_undelivered,
@@ -31,6 +33,7 @@ from multicor_cli.engine.heat.friction import (
     collide,
     generate,
 )
+from multicor_cli.engine.heat.gradient import look_ahead, passed, take_along
 from multicor_cli.engine.heat.integration import CannotIntegrate, integrate
 from multicor_cli.engine.heat.network import (
     Ends,
@@ -55,6 +58,7 @@ from multicor_cli.engine.heat.spots import (
 )
 from multicor_cli.engine.heat.walls import WallHeat, WallValues
 from multicor_cli.engine.orders import PhysicsError
+from multicor_cli.model.cell import cell_area
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.faults import find_absurd_value
 from multicor_cli.model.model import ContactLaws, Floats, Ints, Model
@@ -78,6 +82,7 @@ class HeatStep:
             raise ValueError(message)
         self._model, self._state, self._settings = model, state, settings
         self._thermal = model.thermal
+        self._gradient = np.array(model.heat_gradient)
         self.begin([WallHeat()] * model.wall_count)
 
     @cached_property
@@ -132,7 +137,7 @@ class HeatStep:
         spots = self._spots(moved, carried, touching, dt)
         links = self._links(moved.scene, spots, ends)
         self.of_contacts = generated, spots.conductance
-        self._integrate(links, source, dt, t, is_frozen=False)
+        self._integrate(links, source, moved.scene, moved.strayed, dt, t, is_frozen=False)
 
     def flow_at_rest(self, dt: float, t: float, should_stop: Callable[[], bool] | None) -> None:
         """Let heat flow while nothing moves; arguments and errors as `flow`.
@@ -140,10 +145,14 @@ class HeatStep:
         Raises:
             Interrupted: If ``should_stop``, asked now and then, says so; the state is that before.
         """
-        links, spots = self._rest(self._resting_scene())
+        scene = self._resting_scene()
+        links, spots = self._rest(scene)
         self.of_contacts = np.zeros(spots.conductance.size), spots.conductance
         source = np.zeros(self._capacity.size)
-        self._integrate(links, source, dt, t, is_frozen=True, should_stop=should_stop)
+        strayed = np.zeros((self._model.grain_count, 2))
+        self._integrate(
+            links, source, scene, strayed, dt, t, is_frozen=True, should_stop=should_stop
+        )
 
     def flow_nowhere(self, dt: float, t: float) -> None:
         """Without grains walls keep their heat; those of prescribed flow cannot deliver theirs."""
@@ -252,8 +261,8 @@ class HeatStep:
         return near_pairs(scene, self._list.row, self._list.partner, reach)
 
     def _integrate(
-        self, links: Links, source: Floats, dt: float, t: float, *, is_frozen: bool,
-        should_stop: Callable[[], bool] | None = None,
+        self, links: Links, source: Floats, scene: Scene, strayed: Floats, dt: float, t: float, *,
+        is_frozen: bool, should_stop: Callable[[], bool] | None = None,
     ) -> None:  # fmt: skip
         state, settings, bodies = self._state, self._settings, self._bodies
         temperature, n = np.empty(self._capacity.size), self._model.grain_count
@@ -263,7 +272,12 @@ class HeatStep:
             )
         temperature[n:] = state.wall_temperature[bodies]
         velocity = np.zeros((n, 2)) if is_frozen else state.velocity[:, :2]
-        net = network_of(links, temperature.size, velocity, self._model, settings)
+        ahead = np.empty(0)
+        if self._gradient.any():
+            branch, ahead = look_ahead(scene, links.ends.i, links.ends.j, self._gradient)
+            gained = take_along(self._capacity, strayed, self._gradient)
+            source = source + gained
+        net = network_of(links, temperature.size, velocity, self._model, settings, ahead)
         walls = WallValues(self._conditions, t)
         try:
             flow = integrate(
@@ -282,6 +296,9 @@ class HeatStep:
             flow.walls[bodies] += source[n:] - flow.received[n:]
         state.wall_temperature = walls.temperatures(dt, state.wall_temperature)
         book_flow(state, flow, walls.undelivered(dt, net.flow_wall[net.flow_share > 0.0]))
+        if self._gradient.any():
+            heat = passed(net, links.of_contacts, branch, self._capacity, strayed, flow.lasted, dt)
+            book_along(state, total(gained), heat / cell_area(state))
         note_contacts(state, links.biot, links.gas_ratio)
         strike_balance(state, flow.received)
 

@@ -57,6 +57,9 @@ def _needs_cell(domain: Domain, tables: PartialScenario) -> Iterator[Refused]:
     what = "{} has no meaning in a domain that is not periodic in both directions"
     if domain.cell_inertia is not None:
         yield Refused(("domain", "cell_inertia"), what.format("cell_inertia"), remedy)
+    if tables.heat is not None and tables.heat.gradient is not None:
+        told = f"{remedy}; between walls their temperatures make the gradient"
+        yield Refused(("heat", "gradient"), what.format("a mean gradient"), told)
     for k, stage in given(tables.loading):
         if stage.cell is not None:
             yield Refused(("loading", k, "cell"), what.format("cell"), remedy)

@@ -15,6 +15,7 @@ from multicor_cli.model.books import (
     ADHESION_BOOKS,
     BOOKS,
     EXCHANGE_BOOKS,
+    GRADIENT_BOOKS,
     HEAT_BOOKS,
     TALLIES,
     WINDOW,
@@ -153,6 +154,7 @@ def features_of(model: Model) -> frozenset[Feature]:
         "motion": model.start_speed > 0.0,
         "range": laws.adhesion_range.size > 0,
         "cell": model.is_cell,
+        "gradient": any(model.heat_gradient),
     }
     return frozenset(feature for feature, is_there in found.items() if is_there)
 
@@ -183,7 +185,7 @@ _DIM_SYMBOL: dict[str, str] = {
     "heat_grain": "n*", "heat_wall": "w*", "heat_book": "b*", "mean_row": "A", "stage_note": "N",
     "origin_row": "w°", "surface_row": "w°", "before_row": "B", "outlet": "o",
     "exchange_grain": "n°", "exchange_group": "g°", "exchange_outlet": "o°", "exchange_book": "x°",
-    "bridge_row": "V", "adhesion_book": "a°",
+    "bridge_row": "V", "adhesion_book": "a°", "cell_grain": "n⁺", "gradient_book": "G°",
 }  # fmt: skip
 
 # ---- What is written once: the model and the scenario of a run
@@ -283,6 +285,9 @@ MODEL: tuple[Dataset, ...] = (
         "its position are width, height and tilt [m], its velocity is the velocity gradient (xx, "
         "yy, xy) [1/s], its force the stress times the area (xx, yy, xy) [N m]",
         only_with="cell", since=(1, 8)),
+    _of_model("heat_gradient", "f8", (2,), "K/m",
+        "mean gradient of temperature in a cell (x, y); temperatures are those beside it, T - G.r",
+        only_with="gradient", since=(1, 9)),
     _of_model("gravity", "f8", (2,), "m/s2", "acceleration of gravity (x, y)"),
     _of_model("shape_factor", "f8", ("one",), "1",
         "m a2/I of every grain: 2 for discs, 5/2 for spheres"),
@@ -384,7 +389,8 @@ class GrainColumns:
     spin: Column[Array] = _column("particles/spin", "float", "rad/s",
         "angular velocity, counter-clockwise positive", lambda m: m.state.velocity[:, SPIN],
         exports=("vtk",))  # fmt: skip
-    temperature: Column[Array | None] = _column("particles/temperature", "f8", "K", "temperature",
+    temperature: Column[Array | None] = _column("particles/temperature", "f8", "K",
+        "temperature; beside the mean gradient where a cell has one, T - G.r",
         "temperature", only_with="heat", exports=("vtk", "gsd"))  # fmt: skip
 
 
@@ -573,6 +579,7 @@ SERIES: tuple[Dataset, ...] = (
         "state.wall_heat", ("wall", 2), ("heat_given", "heat_received"), only_with="heat"),
     *_kept_numbers(EXCHANGE_BOOKS, "exchange", "exchange"),
     *_kept_numbers(ADHESION_BOOKS, "adhesion_books", "range"),
+    *_kept_numbers(GRADIENT_BOOKS, "gradient_books", "gradient"),
     _series("outlet_flow", "1, kg",
         "grains and mass that left through each outlet since the start", "state.outlet_flow",
         ("outlet", 2), ("grains", "mass"), only_with="exchange", since=(1, 2)),
