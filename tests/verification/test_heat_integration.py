@@ -23,7 +23,7 @@ def network(nodes, links=(), flow=(), outside=None, area=0.0, between=0.0):
     has_outside = int(outside is not None)
     return Network(
         i, j, np.ones(i.size), np.full(i.size, between) if between else NOTHING,
-        NONE, NONE, NOTHING, NOTHING,
+        NOTHING, NONE, NONE, NOTHING, NOTHING,
         np.array(flow, np.uint32), np.zeros(len(flow), np.uint32),
         np.full(len(flow), 1.0 / max(1, len(flow))),
         np.zeros(has_outside, np.int32), np.full(has_outside, outside or 0.0),

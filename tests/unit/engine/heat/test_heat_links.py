@@ -43,7 +43,7 @@ def network(conductance):
     touching = Touching.of(scene, i, j, SETTINGS)
     places = Places.of(scene, i, j, np.zeros(0, np.int64))
     links = contact_links(Spots(touching, places, conductance, conductance), ends)
-    return network_of(links, 7, np.zeros((5, 2)), model, SETTINGS), links
+    return network_of(links, 7, np.zeros((5, 2)), model, SETTINGS, np.empty(0)), links
 
 
 def test_links_are_sorted_by_what_they_lead_to():
