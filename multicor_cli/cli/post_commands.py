@@ -278,23 +278,37 @@ def rheology(
     return Shown(table, about, directory)
 
 
-# ---- Command `post conductivity`: how the contacts of a cell conduct
+# ---- Command `post conductivity`: how a cell conducts
+
+_NETWORK = "Solve the contacts of the frames, although the run has a mean gradient."
+OfNetwork = Annotated[bool, option("--network", _NETWORK)]
 
 
 def conductivity(
-    directory: RunPath, start: Start = None, end: End = None, frames: Frames = None
+    directory: RunPath,
+    is_of_network: OfNetwork = False,
+    start: Start = None,
+    end: End = None,
+    frames: Frames = None,
 ) -> Shown:
-    """Measure how the packings of a cell conduct heat through their contacts: means with errors;
-    frame by frame as CSV, JSON and figure.
+    """Measure how a cell conducts heat: means with errors; over time as CSV, JSON and figure.
 
-    Steady temperatures under a mean gradient are found at once, in the contacts of each frame as
-    they are. K is the conductance of a square of the plane, k that over the thickness of discs; gas
-    and radiation do not count. Needs scipy.
+    With heat.gradient that is what has flowed between frames: conductance K of a square along the
+    gradient, shares of contacts, gas, radiation and motion, diffusivities, Péclet number. Without,
+    steady temperatures under a gradient are found at once, in the contacts of each frame as they
+    are: K in all directions, but gas and radiation do not count. That needs scipy. k is K over the
+    thickness of discs.
     """
     from multicor_cli import post
 
+    selection = selected(start, end, frames)
     with store.open_run(directory) as run:
-        table = post.conductivity(run, selected(start, end, frames))
+        if any(run.model.heat_gradient) and not is_of_network:
+            flux = post.mean_heat(run, selection)
+            along = ", ".join(f"{value:g}" for value in flux.gradient)
+            about = _span(flux.frames.size, "frame", flux.times)
+            return Shown(flux, f"{about}, under a gradient of ({along}) K/m", directory)
+        table = post.conductivity(run, selection)
     about = _span(table.frames.size, "frame", table.times)
     about += f", in a cell of {table.width:.4g} × {table.height:.4g} m on average"
     return Shown(

@@ -25,6 +25,7 @@ from multicor_cli.post.cell_rheology import CellRheology
 from multicor_cli.post.conductivity import Conductivity
 from multicor_cli.post.crossings import FlowTable
 from multicor_cli.post.energy import HEAT, MECHANICAL, BookLine, EnergyTable, SeriesTable
+from multicor_cli.post.mean_heat import MeanHeat
 from multicor_cli.post.region import RegionTable
 from multicor_cli.post.rheology import Rheology
 from multicor_cli.post.table import TimeTable
@@ -365,6 +366,38 @@ def conductivity_text(table: Conductivity, _terminal: Terminal) -> str:
     )
 
 
+# ---- Mean heat flux over time, in the same way
+
+_OF_FLUX: Panels = (
+    (
+        "of a square $K$ [W/K]",
+        (("along", r"along $G$"), ("across", r"across $G$")),
+    ),
+    (
+        "share [–]",
+        tuple((f"share_{way}", way) for way in ("contacts", "gas", "radiation", "motion")),
+    ),
+    (
+        "diffusivity [m²/s]",
+        (("diffusivity", r"$\alpha$"), ("mixing", r"$D_T$"), ("self_diffusion", "$D$")),
+    ),
+    (r"$T'/(|G| d)$ [–]", (("fluctuation", ""),)),
+)
+
+
+def draw_mean_heat(figure: Any, table: MeanHeat) -> None:
+    """Draw the panels into a matplotlib figure."""
+    _draw_panels(figure, figure.subplots(2, 2, sharex=True), table, _OF_FLUX)
+
+
+def mean_heat_text(table: MeanHeat, _terminal: Terminal) -> str:
+    """Conductance and its share of motion over time, in low charts."""
+    charts = (("along G, of a square [W/K]", "along"), ("share of motion [–]", "share_motion"))
+    return _charts(
+        (label, [TextLine("", table.time, table.values[name])]) for label, name in charts
+    )
+
+
 FIGURES = {
     EnergyTable: Renderer(
         lambda table: (COLUMN if table.heat_closure is None else PAGE, 1.15 * COLUMN),
@@ -380,5 +413,6 @@ FIGURES = {
     Rheology: Renderer(lambda _: (PAGE, 0.9 * PAGE), draw_rheology, rheology_text),
     CellRheology: Renderer(lambda _: (PAGE, 1.1 * PAGE), draw_cell, rheology_text),
     Conductivity: Renderer(lambda _: (PAGE, 0.9 * PAGE), draw_conductivity, conductivity_text),
+    MeanHeat: Renderer(lambda _: (PAGE, 0.52 * PAGE), draw_mean_heat, mean_heat_text),
     RegionTable: Renderer(lambda _: (PAGE, 0.62 * PAGE), draw_region, region_text),
 }

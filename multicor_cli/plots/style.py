@@ -391,7 +391,9 @@ def _frame(
 
 # ---- The figure of a table: `FIGURES` of `plots/NAME.py` draw tables of `post/NAME.py`
 
-_OVER_TIME = ("cell_rheology", "conductivity", "crossings", "energy", "region", "rheology")
+_OVER_TIME = (
+    "cell_rheology", "conductivity", "crossings", "energy", "mean_heat", "region", "rheology",
+)  # fmt: skip
 _DRAWN_IN = {
     **dict.fromkeys(_OVER_TIME, "over_time"),
     **dict.fromkeys(("compare", "theta_eta"), "profile"),

@@ -24,6 +24,8 @@ from multicor_cli.post.grain_map import GrainMap as GrainMap
 from multicor_cli.post.grain_map import GrainScene as GrainScene
 from multicor_cli.post.grain_map import grain_map as grain_map
 from multicor_cli.post.grain_map import make_scene as make_scene
+from multicor_cli.post.mean_heat import MeanHeat as MeanHeat
+from multicor_cli.post.mean_heat import mean_heat as mean_heat
 from multicor_cli.post.profile import ProfileSet as ProfileSet
 from multicor_cli.post.profile import ProfileTable as ProfileTable
 from multicor_cli.post.profile import profile as profile

@@ -21,6 +21,7 @@ from multicor_cli.post.rheology_sums import (
     contact_sums,
     derive_contacts,
     inertial_numbers,
+    sums_between,
 )
 from multicor_cli.post.source import Frame, PostError, Run, frames_of, frames_told
 from multicor_cli.post.table import Quantity, TimeTable
@@ -124,14 +125,8 @@ def _of_series(source: Run, times: Floats) -> Floats:
     contact = (virial[:, 0, 0], virial[:, 1, 1], virial[:, 0, 1])
     area, rates = cell.over_windows(sides[:, XX] * sides[:, YY]), cell.over_windows(rate)
     columns = [np.ones(len(area)), area, *np.asarray(series["wall_force"])[:, 0].T, *contact]
-    interval = np.searchsorted(times, np.asarray(series["time"]), side="left") - 1
-    inside = (interval >= 0) & (interval < times.size - 1)
-    return np.column_stack(
-        [
-            np.bincount(interval[inside], (duration * c)[inside], minlength=times.size - 1)
-            for c in (*columns, *rates.T)
-        ]
-    )
+    rows = duration[:, np.newaxis] * np.column_stack([*columns, *rates.T])
+    return sums_between(np.asarray(series["time"]), times, rows)
 
 
 def _of_frames(model: Model, bins: Bins, first: Frame, second: Frame, lapse: float) -> Floats:

@@ -202,7 +202,7 @@ def conductivity(source: Run, selection: Selection | None = None) -> Conductivit
             "no contact conducts in these frames: grains are apart, heat is off in the stage, or "
             'conduction is "none" in [heat]; choose other frames, or run it again'
         )
-    thickness = _thickness(model)
+    thickness = thickness_of(model)
     values |= {f"conductivity_{k}": values[f"square_{k}"] / thickness for _, _, k in _AXES}
     shown = QUANTITIES if np.isfinite(thickness) else (*_OF_FRAMES, *_RATIOS)
     facts = {
@@ -241,7 +241,7 @@ def _measure(model: Model, frame: Frame) -> dict[str, float]:
     }  # fmt: skip
 
 
-def _thickness(model: Model) -> float:
+def thickness_of(model: Model) -> float:
     """The thickness of the discs [m]; nan of spheres, and of discs of several thicknesses."""
     assert model.thermal is not None
     # The surface that exchanges heat is 2π a h of a disc

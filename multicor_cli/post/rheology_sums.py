@@ -84,6 +84,18 @@ def inertial_numbers(model: Model, rate: Floats, pressure: Floats) -> dict[str, 
     }
 
 
+def sums_between(series: Floats, times: Floats, rows: Floats) -> Floats:
+    """Sums of the ``rows`` of a time series that end between two frames, shape ``(r, …)``.
+
+    ``series`` are the times of the rows, ``times`` those of the frames, in ``r`` intervals [s].
+    """
+    interval = np.searchsorted(times, series, side="left") - 1
+    inside = (interval >= 0) & (interval < times.size - 1)
+    return np.column_stack(
+        [np.bincount(interval[inside], row[inside], minlength=times.size - 1) for row in rows.T]
+    )
+
+
 class Averages(NamedTuple):
     """Quantities by name: in each interval, of all of them, and the errors of these."""
 
@@ -110,10 +122,10 @@ def average_ratios(
 
     whole = sums.sum(axis=0)
     mean = {name: float(value[0]) for name, value in known(whole[np.newaxis]).items()}
-    without, angle = known(whole - sums), mean["fabric_direction"]
-    # directions repeat every 180°
-    turned = (without["fabric_direction"] - angle + 90.0) % 180.0 - 90.0
-    without["fabric_direction"] = angle + turned
+    without = known(whole - sums)
+    if (angle := mean.get("fabric_direction")) is not None:  # directions repeat every 180°
+        turned = (without["fabric_direction"] - angle + 90.0) % 180.0 - 90.0
+        without["fabric_direction"] = angle + turned
     middle = 0.5 * (times[1:] + times[:-1])
     spreads = {
         name: spread(pseudo_values(np.asarray(mean[name]), rows), middle)

@@ -20,6 +20,7 @@ from multicor_cli.post.conductivity import QUANTITIES as OF_CONDUCTIVITY
 from multicor_cli.post.conductivity import conductivity
 from multicor_cli.post.energy import HEAT, MECHANICAL, energy
 from multicor_cli.post.grain_map import grain_map
+from multicor_cli.post.mean_heat import FLUX_QUANTITIES, mean_heat
 from multicor_cli.post.profile import profile
 from multicor_cli.post.quantities import MAPPED, PROFILED, QUANTITIES
 from multicor_cli.post.region import QUANTITIES as IN_REGION
@@ -87,7 +88,9 @@ def _rheology(run: Run, row: Observable, selection: Selection) -> Number:
 
 
 def _conductivity(run: Run, row: Observable, selection: Selection) -> Number:
-    found, name = conductivity(run, selection), str(row.value)
+    name = str(row.value)
+    of_flux = name in _OF_FLUX
+    found = mean_heat(run, selection) if of_flux else conductivity(run, selection)
     if name not in found.mean:
         raise Unobservable(f"the run has no {name}: its grains are no discs of one thickness")
     return Number(found.mean[name], found.error[name])
@@ -151,6 +154,8 @@ _THETA = {"theta": "mean", "standard_deviation": "spread", "min": "lowest", "max
 _CLOSURES = ("energy_closure", "heat_closure")
 _AMOUNTS = tuple(name for name, quantity in MAPPED.items() if quantity.names_of is None)
 _OF_NETWORK = tuple(quantity.name for quantity in OF_CONDUCTIVITY)
+_OF_FLUX = tuple(quantity.name for quantity in FLUX_QUANTITIES)
+_OF_HEAT = (*_OF_NETWORK, *_OF_FLUX)
 _HEAT_FIELDS = frozenset(name for name, quantity in QUANTITIES.items() if quantity.needs_heat)
 
 SOURCES: dict[str, Source] = {
@@ -158,7 +163,7 @@ SOURCES: dict[str, Source] = {
         tuple(dict.fromkeys(row.name for row in (*OF_RHEOLOGY, *CELL_QUANTITIES))), _rheology,
         needs_shear=True,
     ),
-    "conductivity": Source(_OF_NETWORK, _conductivity, frozenset(_OF_NETWORK)),
+    "conductivity": Source(_OF_HEAT, _conductivity, frozenset(_OF_HEAT)),
     "region": Source(IN_REGION, _region, frozenset({"temperature"})),
     "profile": Source(tuple(PROFILED), _profile, _HEAT_FIELDS),
     "theta-eta": Source(tuple(_THETA), _theta, frozenset(_THETA), is_of_one_frame=True),
@@ -227,11 +232,7 @@ def missing(observables: Iterable[Observable], scenario: Scenario) -> Iterator[R
     """What a run of this scenario does not have."""
     for number, row in enumerate(observables):
         place: KeyPath = ("observe", number)
-        if scenario.heat is None and _is_of_heat(row):
-            key = "value" if row.post else "series" if row.series else "info"
-            yield Refused(
-                (*place, key), f"{getattr(row, key)} needs heat", "give the scenario a table [heat]"
-            )
+        yield from _about_heat(row, place, scenario)
         if not scenario.is_open and row.info is not None and row.info.startswith("exchange."):
             what = "no grain comes or goes in this scenario"
             yield Refused((*place, "info"), what, "give it [[outlets]] or releases")
@@ -241,9 +242,6 @@ def missing(observables: Iterable[Observable], scenario: Scenario) -> Iterator[R
             kind = "a cell" if is_cell else "a layer between walls"
             what = f"the rheology of {kind} has no {row.value}"
             yield Refused((*place, "value"), what, f"it has {', '.join(own)}")
-        if row.post == "conductivity" and not is_cell:
-            what, remedy = "conductivity needs a cell", 'give [domain] periodic = ["x", "y"]'
-            yield Refused((*place, "post"), what, remedy)
         if is_cell and row.post in ("region", "theta-eta"):
             yield Refused((*place, "post"), f"a cell has no {row.post}", "use rheology or profile")
         if row.post is not None and SOURCES[row.post].needs_shear and not is_cell:
@@ -257,6 +255,20 @@ def missing(observables: Iterable[Observable], scenario: Scenario) -> Iterator[R
                 yield Refused((*place, "post"), what, "use region or profile")
         if row.after is not None:
             yield from _after(row, place, scenario)
+
+
+def _about_heat(row: Observable, place: KeyPath, scenario: Scenario) -> Iterator[Refused]:
+    if scenario.heat is None and _is_of_heat(row):
+        key = "value" if row.post else "series" if row.series else "info"
+        what = f"{getattr(row, key)} needs heat"
+        yield Refused((*place, key), what, "give the scenario a table [heat]")
+    if row.post == "conductivity" and not scenario.domain.is_cell:
+        what, remedy = "conductivity needs a cell", 'give [domain] periodic = ["x", "y"]'
+        yield Refused((*place, "post"), what, remedy)
+    has_gradient = scenario.heat is None or scenario.heat.gradient is not None
+    if row.post == "conductivity" and row.value in _OF_FLUX and not has_gradient:
+        what = f"{row.value} needs a mean gradient of temperature"
+        yield Refused((*place, "value"), what, "give [heat] one, as gradient = [0.0, 1000.0]")
 
 
 def _is_of_heat(row: Observable) -> bool:

@@ -141,7 +141,8 @@ HEATED = {
     **{
         f"without {spec.path}": (gone(spec.path), spec.path)
         for spec in schema.RESULTS_TABLE
-        if spec.only_with not in (None, "exchange", "surface", "groups", "motion", "cell", "gradient")
+        if spec.only_with
+        not in (None, "exchange", "surface", "groups", "motion", "cell", "gradient")
     },
     **{
         f"features {said}": (text("features", said), "feature|do not match their digest")
