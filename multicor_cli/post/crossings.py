@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.post.source import (
-    UNCOUNTED,
     Frame,
     PostError,
     Run,
@@ -75,7 +74,11 @@ def flow_through(source: Run, line: Line, selection: Selection | None = None) ->
     if line[0] == line[1]:
         raise PostError("the line has no length: its ends are the same point")
     remedy = "take the velocities along the line, with post fields --line"
-    refuse_cell(source.model, f"{UNCOUNTED}, so no flow is measured", remedy)
+    refuse_cell(
+        source.model,
+        "nobody counts how often grains cross its sides, so no flow is measured",
+        remedy,
+    )
     chosen = (selection or Selection()).indices(source.frames).tolist()
     if len(chosen) < 2:
         raise PostError(

@@ -13,14 +13,12 @@ from multicor_cli.model.model import Floats, Model
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
 from multicor_cli.post.flow import fluctuations
 from multicor_cli.post.source import (
-    UNCOUNTED,
     Frame,
     PostError,
     Run,
     model_of,
     need_heat,
     need_same_grains,
-    refuse_cell,
 )
 from multicor_cli.post.table import Quantity
 
@@ -143,11 +141,18 @@ def _kinds(name: str) -> Callable[[Run, int], Floats]:
 
 
 def _displacements(source: Run, frame: int) -> Floats:
-    """Distances from where grains were in the first frame, periods included [m], shape ``(n,)``."""
-    remedy = "choose velocities, as speed or fluctuation"
-    refuse_cell(source.model, f"{UNCOUNTED}, so there are no displacements", remedy)
+    """Distances from where grains were in the first frame, periods included [m], shape ``(n,)``.
+
+    In a cell those from where its mean flow would have taken them.
+    """
     first, now = source.frames[0], source.frames[frame]
     need_same_grains(first, now)
+    if source.model.is_cell:
+        if now.nonaffine is None:
+            raise PostError(
+                "an older version began this run and kept no displacements: run it again"
+            )
+        return np.asarray(np.hypot(*(now.nonaffine - first.nonaffine).T), np.float64)
     moved = np.asarray(now.unwrapped, np.float64) - np.asarray(first.unwrapped, np.float64)
     return np.asarray(np.hypot(*moved.T[:2]))
 

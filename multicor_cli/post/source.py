@@ -65,10 +65,6 @@ def refuse_cell(model: Model, what: str, remedy: str) -> None:
         raise PostError(f"in a cell that is periodic in x and y {what}: {remedy}")
 
 
-UNCOUNTED = "nobody counts how often grains cross its sides"
-"""Why a cell has no displacements."""
-
-
 def need_heat(values: NDArray[Any] | None) -> Floats:
     """Values of a frame that only a run with heat has; raises `PostError` in a run without."""
     if values is None:

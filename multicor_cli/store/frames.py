@@ -479,10 +479,14 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
         """Centers, with the periods added by which x was wrapped [m], shape ``(n, 2)``.
 
         Raises:
-            ValueError: In a cell, where nobody counts how often grains cross its sides.
+            ValueError: In a cell, where nobody counts how often grains cross its sides; see
+                ``nonaffine``.
         """
         if self.run_model.is_cell:
-            message = "in a cell it is not known how often grains have crossed its sides"
+            message = (
+                "in a cell it is not known how often grains have crossed its sides; how far they "
+                "are from where its mean flow would have taken them is nonaffine"
+            )
             raise ValueError(message)
         position = np.array(self.position, np.float64)
         position[:, 0] += self.image * self.run_model.period
