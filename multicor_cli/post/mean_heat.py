@@ -119,8 +119,10 @@ def mean_heat(source: Run, selection: Selection | None = None) -> MeanHeat:
     }  # fmt: skip
     shown = FLUX_QUANTITIES if np.isfinite(thickness) else (*_MEASURED, *_MORE)
     quantities = [q.over_time(found.values[q.name]) for q in shown]
-    parts: dict[str, Any] = {"mean": found.mean, "spread": found.spread, "frames": chosen}
-    return MeanHeat(times[1:], quantities, facts, **parts)
+    parts: dict[str, Any] = {
+        of: {q.name: getattr(found, of)[q.name] for q in shown} for of in ("mean", "spread")
+    }
+    return MeanHeat(times[1:], quantities, facts, frames=chosen, **parts)
 
 
 def _of_series(source: Run, times: Floats) -> Floats:

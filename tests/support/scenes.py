@@ -86,6 +86,7 @@ count = 200
 packing = { kind = "random" }
 [heat]
 temperature = 300.0
+gradient = [0.0, 1000.0]
 gas = { conductivity = 0.026, model = "parallel" }
 [[loading]]
 name = "close"

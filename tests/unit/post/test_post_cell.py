@@ -215,10 +215,21 @@ def test_images_on_a_map_move_as_the_mean_flow():
     assert (high > (WIDTH + TILT, HEIGHT)).all()
 
 
+def test_displacements_are_those_beside_the_mean_flow():
+    source = flowing()
+    strayed = np.random.default_rng(9).normal(size=(3, 60, 2))
+    for frame, way in zip(source.frames, strayed, strict=True):
+        frame.nonaffine = way
+    found = post.grain_map(source, "displacement").value
+    assert found == pytest.approx(np.hypot(*(strayed[-1] - strayed[0]).T))
+    source.frames[-1].nonaffine = None
+    with pytest.raises(post.PostError, match="run it again"):
+        post.grain_map(source, "displacement")
+
+
 @pytest.mark.parametrize(
     ("table", "why"),
     [
-        (lambda run: post.grain_map(run, "displacement"), "choose velocities"),
         (lambda run: flow_through(run, ((0, 1), (1, 1))), "post fields --line"),
         (lambda run: post.in_region(run, Rectangle((0, 0), (1, 1))), "post rheology"),
         (post.theta_eta, "no wall"),

@@ -3,7 +3,7 @@
 import pytest
 from cut_runs import CELL
 from scenario_problems import check_one, problems_of
-from scenes import SHEAR, changed
+from scenes import SHEAR, WARM, changed
 
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Shifted
 from multicor_cli.scenario import Scenario, parse_scenario
@@ -11,6 +11,10 @@ from multicor_cli.scenario import Scenario, parse_scenario
 PERIODIC = 'periodic = ["x", "y"]'
 FIRST = "cell = { xx = { stress = 50.0 }, yy = { stress = 50.0 }, xy = { rate = 40.0 } }"
 PACKING = 'packing = { kind = "random" }'
+THERMAL = (
+    "density = 2500.0",
+    "density = 2500.0\nyoung = 7e10\npoisson = 0.2\nconductivity = 1.0\nheat_capacity = 800.0",
+)
 PLANE = 'geometry = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }'
 
 
@@ -130,7 +134,9 @@ MISTAKES = {
     "too narrow": ([("size = [0.012, 0.01]", "size = [0.0047, 0.1]")], "particles.0.sizes", "sizes", "0.0047", "0.0012", "widen"),
     "a region beyond the cell": ([(PACKING, f"{PACKING}\nregion = {{ min = [0.0, 0.001], max = [0.012, 0.011] }}")], "particles.0.region", "region", "y = 0.001 to 0.011", "0 to 0.01"),
     "heavy": ([(PERIODIC, f"{PERIODIC}\ncell_inertia = 1e4")], "domain.cell_inertia", "cell_inertia", "1000", "10000.0"),
-    "frozen": ([("duration = 0.005", "duration = 0.005\nfrozen = true"), ("[[contacts]]", "[heat]\ntemperature = 300.0\n[[contacts]]"), ("density = 2500.0", "density = 2500.0\nyoung = 7e10\npoisson = 0.2\nconductivity = 1.0\nheat_capacity = 800.0")], "loading.1.cell", "cell = { xx = { rate", "nothing moves", "remove cell or frozen"),
+    "no gradient": ([("[[contacts]]", "[heat]\ngradient = [0.0, 0.0]\n[[contacts]]"), THERMAL], "heat.gradient", "gradient = [0.0, 0.0]", "gradient of zero", "remove"),
+    "a gradient as a number": ([("[[contacts]]", "[heat]\ngradient = 100.0\n[[contacts]]"), THERMAL], "heat.gradient", "gradient = 100.0", "must be an array", "100.0"),
+    "frozen": ([("duration = 0.005", "duration = 0.005\nfrozen = true"), ("[[contacts]]", "[heat]\ntemperature = 300.0\n[[contacts]]"), THERMAL], "loading.1.cell", "cell = { xx = { rate", "nothing moves", "remove cell or frozen"),
 }  # fmt: skip
 
 
@@ -145,6 +151,12 @@ ELSEWHERE = {
     "inertia": (("periodic = true", "periodic = true\ncell_inertia = 1.0"), "domain.cell_inertia", "cell_inertia", 'periodic = ["x", "y"]'),
     "until": (("until = { kinetic_energy_ratio = 1e-4 }", 'until = { strain = { cell = "xy", value = 1.0 } }'), "loading.0.until.strain.cell", 'cell = "xy"', "name walls"),
 }  # fmt: skip
+
+
+def test_between_walls_there_is_no_mean_gradient():
+    text = changed(WARM, ("[heat]\n", "[heat]\ngradient = [0.0, 100.0]\n"))
+    words = ("periodic in both directions", 'periodic = ["x", "y"]', "their temperatures")
+    check_one(text, "heat.gradient", "gradient = [0.0, 100.0]", *words)
 
 
 @pytest.mark.parametrize("name", ELSEWHERE)

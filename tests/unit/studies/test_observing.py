@@ -162,6 +162,7 @@ def refuse_what_is_wrong(folder):
         ('post = "rheology"\nvalue = "pressure"', BOXED,
             "rheology needs a domain that is periodic"),
         ('post = "conductivity"\nvalue = "square_xx"', ("", ""), "square_xx needs heat"),
+        ('post = "conductivity"\nvalue = "along"', ("", ""), "along needs heat"),
         ('post = "profile"\nvalue = "velocity-x"', ("", ""), 'post = "profile" needs at'),
         ('post = "region"\nvalue = "coordination"', ("", ""), 'post = "region" needs inside'),
         ('post = "rheology"\nvalue = "pressure"\nat = 0.5', ("", ""), "at belongs to"),
