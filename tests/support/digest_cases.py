@@ -65,6 +65,10 @@ SHIPPED = {
         "particles.0.count=150", "variables.side=17", "loading.1.duration=0.003",
         "loading.2.duration=0.001",
     ),
+    "conductivity": (
+        "variables.side=14", "loading.0.duration=0.003", "loading.1.duration=20.0",
+        "loading.2.until.strain.value=0.3",
+    ),
     "million": ("particles.0.count=20_000", "domain.size=[1.2,0.14]"),
 }  # fmt: skip
 """What makes each shipped scenario short."""

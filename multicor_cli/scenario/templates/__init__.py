@@ -17,6 +17,7 @@ COOKBOOK = (
     "sieve-curve",
     "cell-shear",
     "cell-compression",
+    "conductivity",
 )
 """Templates that are shipped as scenarios, too (docs/how-to/cookbook/index.md)."""
 
