@@ -51,6 +51,7 @@ HEAT = _books(
     ("heat_from_walls", "heat from walls", 1),
     ("heat_from_ambient", "heat from the ambient fluid", 1),
     ("heat_from_surroundings", "heat from the surroundings", 1),
+    ("heat_along_gradient", "heat gained along the mean gradient", 1),
     ("heat_to_walls", "heat of friction and impacts into walls", -1),
     ("heat_ahead", "heat received ahead of losses", 1),
     ("heat_out", "heat taken along by grains that went", -1),
