@@ -50,6 +50,7 @@ _BESIDE, _BELOW = 0.85, 0.62
 # Ends of sides that differ by less than this share of the coordinates are one corner
 _JOINED = 1e-9
 _TICK_X, _TICK_Y = 0.5, 0.3  # room that the label of a tick takes [inch]
+_LETTER, _SYMBOL = 0.062, 8  # width of a letter [inch]; letters that a symbol and its unit take
 
 
 class Place(NamedTuple):
@@ -352,7 +353,11 @@ def add_color_bar(
     )
     ends = np.array([drawn.norm.vmin, drawn.norm.vmax])
     if not count_small_rises(bar.long_axis, field.label, field.symbol, field.unit, ends):
-        bar.set_label(axis_label(field.label, field.symbol, field.unit) + note)
+        text = axis_label(field.label, field.symbol, field.unit) + note
+        high = axes.get_position().height * axes.figure.get_figheight()
+        if direction == "vertical" and len(field.label + note) > high / _LETTER - _SYMBOL:
+            text = text.replace(" $", "\n$", 1)  # in two lines
+        bar.set_label(text)
 
 
 def color_scale(table: GrainMap) -> tuple[Any, str]:

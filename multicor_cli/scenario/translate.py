@@ -214,17 +214,21 @@ def without_unknown_keys(model: type[BaseModel], table: Any, errors: Iterable[Er
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """The known word closest to ``word``, as a question; empty if none is close."""
-    return f"did you mean '{match}'?" if (match := _closest(word, known)) else ""
+    """The known words closest to ``word``, as a question; empty if none is close."""
+    names = _closest(word, known)
+    return f"did you mean {' or '.join(map(repr, names))}?" if names else ""
 
 
-def _closest(word: str, known: Iterable[str]) -> str | None:
+def _closest(word: str, known: Iterable[str]) -> list[str]:
+    """The known words that are closest to ``word``: one, several that are as close, or none."""
     names = list(known)[:200]
     meant = _OTHER_WORDS.get(word.lower())
     if meant in names:
-        return meant
-    matches = difflib.get_close_matches(word.lower()[:100], names, n=1, cutoff=0.6)
-    return matches[0] if matches else None
+        return [meant]
+    given = word.lower()[:100]
+    matches = difflib.get_close_matches(given, names, n=3, cutoff=0.6)
+    near = [difflib.SequenceMatcher(None, match, given).ratio() for match in matches]
+    return [match for match, ratio in zip(matches, near, strict=True) if ratio == near[0]]
 
 
 def _is_consequence(error: ErrorDetails) -> bool:
@@ -239,7 +243,7 @@ def _intended(place: Location) -> str | None:
     key, known = str(place.path[-1]), place.known_keys
     if (match := _UNIT_SUFFIX.fullmatch(key)) and match[1] in known:
         return match[1]
-    return _closest(key, known)
+    return next(iter(_closest(key, known)), None)
 
 
 def _wrong_type(place: Location, error: ErrorDetails) -> Refused:

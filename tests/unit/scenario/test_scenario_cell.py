@@ -104,7 +104,7 @@ MISTAKES = {
     "neither": ([cell("xx = {}")], "loading.0.cell.xx", "xx = {}", "exactly one of rate, stress"),
     "a bare number": ([cell("xx = 100.0")], "loading.0.cell.xx", "xx = 100.0", "100.0", "exactly one of rate, stress"),
     "nothing": ([cell("")], "loading.0.cell", "cell = {  }", "empty", "xx, yy or xy"),
-    "a component of a wall": ([cell("x = { rate = 1.0 }")], "loading.0.cell.x", "x = { rate = 1.0", "unknown key", "'xy'"),
+    "a component of a wall": ([cell("x = { rate = 1.0 }")], "loading.0.cell.x", "x = { rate = 1.0", "unknown key", "did you mean 'xy' or 'xx'?"),
     "the other shear": ([cell("yx = { rate = 1.0 }")], "loading.0.cell.yx", "yx = {", "unknown key", "'xx'"),
     "tension": ([cell("yy = { stress = -100.0 }")], "loading.0.cell.yy.stress", "stress = -100.0", "-100 N/m", "apart", "stress = 100"),
     "gravity": ([("gravity = [0.0, 0.0]", "gravity = [0.0, -9.81]")], "domain.gravity", "gravity", "-9.81", "gravity = [0.0, 0.0]"),
