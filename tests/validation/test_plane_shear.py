@@ -8,8 +8,9 @@ from places import ROOT
 from recorded import keep
 
 import multicor_cli as multicor
+from multicor_cli.post import Selection, rheology
 
-CONFIG = ROOT / "configs" / "shear-gravity-free.toml"
+CONFIG, CELL = (ROOT / "configs" / f"{name}.toml" for name in ("shear-gravity-free", "cell-shear"))
 SLOW = [
     "loading.0.drives.top.x.velocity=0.59", "particles.0.velocity=[0.295,0.0]",
     "particles.0.shear_rate=13.1", "output.frame_interval=0.01",
@@ -52,3 +53,31 @@ def test_rheology(tmp_path, record_property, overrides, expected, seeds):
         **{name: [getattr(bulk, name) for bulk in flows] for name in vars(flows[0])},
     )
     assert np.mean([bulk.inertial_number for bulk in flows]) == pytest.approx(expected, rel=0.25)
+
+
+@pytest.mark.validation
+@pytest.mark.timeout(3600)
+def test_a_cell_flows_as_the_bulk_between_walls(tmp_path, record_property):
+    """The same discs without walls, at the inertial number of the bulk between them."""
+    walls, cells = [], []
+    for seed in (2005, 7, 1):
+        scenario = multicor.load_scenario(CONFIG, overrides=[f"scenario.seed={seed}"])
+        multicor.run(scenario, tmp_path / f"walls-{seed}")
+        bulk = measure_bulk(tmp_path / f"walls-{seed}", load=0.3)
+        walls.append([bulk.inertial_number, bulk.friction, bulk.solid_fraction])
+    number = float(np.mean(walls, axis=0)[0])
+    for seed in (1, 2, 3):
+        overrides = [f"scenario.seed={seed}", f"variables.I={number}"]
+        multicor.run(multicor.load_scenario(CELL, overrides=overrides), tmp_path / f"cell-{seed}")
+        with multicor.open_run(tmp_path / f"cell-{seed}") as run:
+            mean = rheology(run, Selection(start=0.35 * run.frames[-1].time)).mean
+        friction = abs(mean["stress_xy"]) / mean["stress_yy"]
+        cells.append([mean["inertial_number"], friction, mean["solid_fraction"]])
+    for name, rows in (("walls", walls), ("cell", cells)):
+        error = np.std(rows, axis=0, ddof=1) / np.sqrt(len(rows))
+        print(f"{name}: I, μ*, ν =", np.mean(rows, axis=0).round(4), "±", error.round(4))
+    keep(record_property, walls=walls, cells=cells)
+    between, without = np.mean(walls, axis=0), np.mean(cells, axis=0)
+    assert without[0] == pytest.approx(number, rel=0.02)
+    assert abs(between[1] - without[1]) < 0.015
+    assert abs(between[2] - without[2]) < 0.005

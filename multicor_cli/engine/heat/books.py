@@ -1,6 +1,7 @@
 """Heat books: stored = friction + impact − to walls + ahead + from walls, fluid and surroundings.
 
-Where grains come and go, what they take along is added to what is stored.
+Where grains come and go, what they take along is added to what is stored; in a cell with a mean
+gradient of temperature, what motion along it gives comes in, too.
 """
 
 from __future__ import annotations
