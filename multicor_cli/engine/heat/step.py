@@ -58,7 +58,6 @@ from multicor_cli.engine.heat.spots import (
 )
 from multicor_cli.engine.heat.walls import WallHeat, WallValues
 from multicor_cli.engine.orders import PhysicsError
-from multicor_cli.model.cell import cell_area
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.faults import find_absurd_value
 from multicor_cli.model.model import ContactLaws, Floats, Ints, Model
@@ -298,7 +297,7 @@ class HeatStep:
         book_flow(state, flow, walls.undelivered(dt, net.flow_wall[net.flow_share > 0.0]))
         if self._gradient.any():
             heat = passed(net, links.of_contacts, branch, self._capacity, strayed, flow.lasted, dt)
-            book_along(state, total(gained), heat / cell_area(state))
+            book_along(state, total(gained), heat / (scene.period * scene.height))
         note_contacts(state, links.biot, links.gas_ratio)
         strike_balance(state, flow.received)
 
