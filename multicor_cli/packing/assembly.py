@@ -288,6 +288,8 @@ def _state(
     if model.is_cell:
         state.position[:, Y] = wrap(state.position[:, Y], model.height)
         state.wall_position[0, :2] = scenario.domain.size
+        if (rates := scenario.domain.cell_rates) is not None:
+            state.wall_velocity[0] = rates.xx, rates.yy, rates.xy
     else:
         state.wall_position[:] = walls.position
     state.velocity = np.concatenate([group.velocity for group in groups])

@@ -34,9 +34,11 @@ from multicor_cli.scenario.checks.grains import MAX_GRAINS
 from multicor_cli.scenario.problems import Refused
 
 # ---- Grains from a CSV or HDF5 file: x, y, radius and, if wanted, angle, vx, vy, spin
+# (or peculiar_vx, peculiar_vy: velocities beside the mean flow of a cell)
 
 REQUIRED = ("x", "y", "radius")
-OPTIONAL = ("angle", "vx", "vy", "spin")
+REAL, PECULIAR = ("vx", "vy"), ("peculiar_vx", "peculiar_vy")
+OPTIONAL = ("angle", *REAL, "spin", *PECULIAR)
 MAX_BYTES = 2**33
 
 _KEY = ("packing", "path")
@@ -48,10 +50,13 @@ _NUMBERS = "uif"  # kinds of numpy types that are plain numbers
 _refused = functools.partial(Refused, _KEY)
 
 
-def read_grains(path: Path, shift: tuple[float, float]) -> InitialGrains:
+def read_grains(
+    path: Path, shift: tuple[float, float], *, has_mean_flow: bool = False
+) -> InitialGrains:
     """Grains from a file whose name ends in .csv, .h5 or .hdf5; ``shift`` is added to x and y [m].
 
-    `Refused` if it is missing, unreadable, too large, or holds something else; rows are named.
+    Where there is no mean flow, nothing is peculiar. `Refused` if it is missing, unreadable, too
+    large, or holds something else; rows are named.
     """
     readers = {".csv": _read_csv, ".h5": _read_hdf5, ".hdf5": _read_hdf5}
     reader = readers.get(path.suffix.lower())
@@ -60,9 +65,24 @@ def read_grains(path: Path, shift: tuple[float, float]) -> InitialGrains:
         raise _refused(what, "its name must end in .csv, .h5 or .hdf5")
     columns = reader(path)
     none = np.zeros(columns["x"].size)
-    x, y, radius, angle, vx, vy, spin = (columns.get(name, none) for name in REQUIRED + OPTIONAL)
+    x, y, radius, angle, spin = (columns.get(name, none) for name in (*REQUIRED, "angle", "spin"))
     position = np.column_stack([x + shift[0], y + shift[1], angle])
-    return InitialGrains(radius, position, np.column_stack([vx, vy, spin]))
+    is_real, is_peculiar = (any(name in columns for name in kind) for kind in (REAL, PECULIAR))
+    if is_peculiar and (is_real or not has_mean_flow):
+        what = f"'{path}' has velocities beside the mean flow, "
+        if is_real:
+            what, remedy = (
+                what + "and real ones",
+                f"keep {', '.join(REAL)} or {', '.join(PECULIAR)}",
+            )
+        else:
+            what += "which only a cell has, periodic in both directions"
+            remedy = f"name the columns {', '.join(REAL)}"
+        raise _refused(what, remedy)
+    vx, vy = (columns.get(name, none) for name in (PECULIAR if is_peculiar else REAL))
+    velocity = np.column_stack([vx, vy, spin])
+    is_told = is_real if is_real or is_peculiar else None
+    return InitialGrains(radius, position, velocity, is_velocity_real=is_told)
 
 
 def _check_names(names: list[str], path: Path, what: str) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from multicor_cli.arithmetic.sums import total
+from multicor_cli.model.cell import mean_flow
 from multicor_cli.model.columns import SPIN, X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Area
@@ -110,7 +111,8 @@ def make_group(scenario: Scenario, index: int, obstacles: Obstacles) -> InitialG
         message = "grains of [start] are not placed here"
         raise TypeError(message)
     if isinstance(packing, FilePacking):
-        grains = read_grains(scenario.resolve_path(packing.path), packing.shift)
+        path, is_cell = scenario.resolve_path(packing.path), scenario.domain.is_cell
+        grains = read_grains(path, packing.shift, has_mean_flow=is_cell)
     elif isinstance(packing, RunPacking):
         grains = read_frame(scenario.resolve_path(packing.path), packing.frame)
     else:
@@ -119,13 +121,23 @@ def make_group(scenario: Scenario, index: int, obstacles: Obstacles) -> InitialG
 
 
 def with_motion(scenario: Scenario, group: ParticleGroup, grains: InitialGrains) -> InitialGrains:
-    """The grains of a group with the velocities that its table adds."""
+    """The grains of a group with the velocities that its table adds.
+
+    In a cell they are from now on those beside the mean flow with which it begins.
+    """
     region = region_of_group(scenario, group)
     velocity = grains.velocity + np.array([*group.velocity, group.spin])
     if group.shear_rate:
         middle = 0.5 * (region.bottom + region.top)
         velocity[:, X] += group.shear_rate * (grains.position[:, Y] - middle)
         velocity[:, SPIN] -= 0.5 * group.shear_rate
+    rates = scenario.domain.cell_rates
+    is_real = grains.is_velocity_real
+    if is_real is None:
+        is_real = not group.model_fields_set.isdisjoint(("velocity", "shear_rate"))
+    if rates is not None and is_real:
+        gradient = np.array([rates.xx, rates.yy, rates.xy])
+        velocity[:, :2] -= mean_flow(grains.position, gradient)
     return replace(grains, velocity=velocity)
 
 

@@ -150,13 +150,15 @@ class InitialGrains:
     """Grains at rest or in motion.
 
     Radii [m]; positions x, y [m] and angle [rad], velocities [m/s] and spins [rad/s], shape
-    ``(n, 3)``; temperatures [K], None if the packing does not tell them.
+    ``(n, 3)``; temperatures [K], None if the packing does not tell them. In a cell velocities are
+    real ones or those beside its mean flow; None if the packing tells none.
     """
 
     radius: Floats
     position: Floats
     velocity: Floats
     temperature: Floats | None = None
+    is_velocity_real: bool | None = None
 
     @classmethod
     def at_rest(cls, radius: Floats, position: Floats) -> InitialGrains:

@@ -215,4 +215,5 @@ def read_frame(path: Path, frame: int) -> InitialGrains:
     if faults:
         what = f"frame {frame} of the run '{path}': {faults}"
         raise Refused(_KEY, what, "check the run with multicor verify")
-    return InitialGrains(radius, position, velocity, columns.get("temperature"))
+    temperatures = columns.get("temperature")
+    return InitialGrains(radius, position, velocity, temperatures, is_velocity_real=True)

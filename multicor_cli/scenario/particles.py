@@ -137,7 +137,7 @@ class TilePacking(Table):
 
 class FilePacking(Table):
     """Grains from a CSV or HDF5 file with columns (datasets) x, y, radius and, if wanted, angle,
-    vx, vy, spin.
+    vx, vy, spin; in a cell peculiar_vx, peculiar_vy, beside its mean flow, in place of vx, vy.
     """
 
     kind: Literal["file"]

@@ -11,6 +11,7 @@ from multicor_cli.scenario.base import (
     Array,
     Formerly,
     LengthPair,
+    Number,
     Table,
     Time,
     Tolerance,
@@ -81,6 +82,14 @@ Periodic = Annotated[
 ]
 
 
+class CellRates(Table):
+    """The velocity gradient with which a cell begins."""
+
+    xx: Number = optional("of the width [1/s]", 0.0)
+    yy: Number = optional("of the height [1/s]", 0.0)
+    xy: Number = optional("shear rate, of v_x along y [1/s]", 0.0)
+
+
 class Domain(Table):
     """``[domain]``: the rectangle [0, w] × [0, h] and what acts everywhere in it."""
 
@@ -98,6 +107,10 @@ class Domain(Table):
         "the larger, the slower it follows a stress; default: 1",
         ge=1e-3,
         le=1e3,
+    )
+    cell_rates: CellRates | None = optional(
+        "of a cell: the rates with which it begins, as { xy = 10.0 }: those of the mean flow that "
+        "velocities of [[particles]] hold; default: none"
     )
     gravity: Vector = optional("acceleration of gravity [m/s²]", (0.0, -9.81))
 

@@ -55,8 +55,9 @@ def _end_of(until: Until | None) -> tuple[str, Any]:
 def _needs_cell(domain: Domain, tables: PartialScenario) -> Iterator[Refused]:
     remedy = 'use periodic = ["x", "y"] in [domain] without walls, or remove it'
     what = "{} has no meaning in a domain that is not periodic in both directions"
-    if domain.cell_inertia is not None:
-        yield Refused(("domain", "cell_inertia"), what.format("cell_inertia"), remedy)
+    for key in ("cell_inertia", "cell_rates"):
+        if getattr(domain, key) is not None:
+            yield Refused(("domain", key), what.format(key), remedy)
     if tables.heat is not None and tables.heat.gradient is not None:
         told = f"{remedy}; between walls their temperatures make the gradient"
         yield Refused(("heat", "gradient"), what.format("a mean gradient"), told)
@@ -112,6 +113,9 @@ def _holds_its_grains(domain: Domain, tables: PartialScenario) -> Iterator[Refus
     if domain.lost != "ignore":
         what = f'"{domain.lost}" has no effect in a cell, which no grain can leave'
         yield Refused(("domain", "lost"), what, "remove it")
+    if domain.cell_rates is not None and tables.has_start:
+        what = "the cell goes on with the rates that it has in the run of [start]"
+        yield Refused(("domain", "cell_rates"), what, "remove it, or [start]")
     if tables.outlets:
         what = "grains neither come nor go in a cell"
         yield Refused(("outlets",), what, "remove [[outlets]]")

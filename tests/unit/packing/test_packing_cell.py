@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from cut_runs import CELL
-from scenarios import scenario
+from scenarios import engine, scenario
 from scenes import changed
 
 import multicor_cli as multicor
@@ -132,6 +132,79 @@ def test_velocities_are_those_that_are_given():
     assert model.start_speed == pytest.approx(
         np.hypot(state.velocity[:, 0], state.velocity[:, 1]).max()
     )
+
+
+RATES = {"xx": -0.5, "yy": 2.0, "xy": 10.0}
+GRADIENT = np.array([-0.5, 2.0, 10.0])
+PLACES = np.array([[0.003, 0.021], [0.029, 0.001], [0.001, 0.012], [0.04, 0.03]])
+"""The last one is outside: its image there is faster than the one in the cell."""
+
+
+def moving(tmp_path, names, velocity, group=None, rates=RATES):
+    """A cell that begins with rates, and grains of a file with these columns of velocities."""
+    file = tmp_path / "grains.csv"
+    rows = np.column_stack([PLACES, np.full(len(PLACES), 1e-3), velocity])
+    np.savetxt(file, rows, delimiter=",", header=f"x,y,radius,{names}", comments="")
+    domain = {key: IN_CELL[key] for key in ("size", "periodic", "gravity")}
+    packing = {"kind": "file", "path": str(file)}
+    grains = {"packing": packing, **({} if group is None else group)}
+    return build(scenario(domain={**domain, "cell_rates": rates}, grains=grains, walls=[]))
+
+
+def test_real_velocities_hold_the_flow_with_which_a_cell_begins(tmp_path):
+    own = np.array([[0.01, 0.0], [0.0, -0.02], [0.03, 0.01], [0.0, 0.04]])
+    velocity = own + mean_flow(PLACES, GRADIENT)
+    model, state = moving(tmp_path, "vx,vy", velocity)
+    assert state.wall_velocity.tolist() == [list(RATES.values())]
+    np.testing.assert_allclose(state.velocity[:, :2], own, atol=1e-15)
+    np.testing.assert_allclose(real_velocity(model, state)[:3, :2], velocity[:3], atol=1e-15)
+    assert model.start_speed == pytest.approx(0.04)
+
+
+def test_peculiar_velocities_are_those_beside_it(tmp_path):
+    own = np.array([[0.01, 0.0], [0.0, -0.02], [0.03, 0.01], [0.0, 0.04]])
+    _, state = moving(tmp_path, "peculiar_vx,peculiar_vy", own)
+    np.testing.assert_array_equal(state.velocity[:, :2], own)
+    _, state = moving(tmp_path, "peculiar_vx,peculiar_vy", own, {"velocity": [1.0, 0.0]})
+    np.testing.assert_array_equal(state.velocity[:, :2], own + np.array([1.0, 0.0]))
+
+
+def test_grains_whose_velocity_is_not_given_move_with_it(tmp_path):
+    _, state = moving(tmp_path, "spin", [3.0] * 4)
+    assert state.velocity.tolist() == [[0.0, 0.0, 3.0]] * 4
+    _, state = moving(tmp_path, "spin", [3.0] * 4, {"velocity": [0.0, 0.0]})
+    np.testing.assert_allclose(state.velocity[:, :2], -mean_flow(PLACES, GRADIENT))
+
+
+def test_a_flow_goes_on_from_its_first_step(tmp_path):
+    """Else the first half of it would be at rest."""
+    grains = [[*place, 1e-3] for place in PLACES[:3].tolist()]
+    loading = {"duration": 1.0, "cell": {"xy": {"rate": 10.0}}}
+    domain = {key: IN_CELL[key] for key in ("size", "periodic", "gravity")}
+    for rates, strain in ({"xy": 10.0}, 30e-4), ({}, 25e-4):
+        stepper, _ = engine(
+            scenario(
+                domain={**domain, "cell_rates": rates}, grains=grains, loading=[loading], walls=[]
+            )
+        )
+        for k in range(3):
+            stepper.step(1e-4, 1e-4 * k)
+        assert stepper.state.wall_position[0, 2] == pytest.approx(strain * SIZE[1])
+
+
+WRONG_VELOCITIES = {
+    "both": ("vx,peculiar_vy", IN_CELL["periodic"], "and real ones"),
+    "no cell": ("peculiar_vx,peculiar_vy", True, "which only a cell has"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_VELOCITIES)
+def test_velocities_that_mean_nothing_are_refused(name, tmp_path):
+    columns, periodic, words = WRONG_VELOCITIES[name]
+    (tmp_path / "g.csv").write_text(f"x,y,radius,{columns}\n0.01,0.01,1e-3,0.1,0.2\n")
+    packing = {"kind": "file", "path": str(tmp_path / "g.csv")}
+    with pytest.raises(ScenarioError, match=words):
+        build(scenario(**{**IN_CELL, "periodic": periodic, "grains": {"packing": packing}}))
 
 
 @pytest.fixture(scope="module")

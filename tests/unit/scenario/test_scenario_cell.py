@@ -69,6 +69,7 @@ RIGHT = {
     "nothing is driven": ((FIRST, ""),),
     "a sine": (cell("xy = { rate = { sine = { amplitude = 1.0, period = 0.1 } } }"),),
     "inertia": ((PERIODIC, f"{PERIODIC}\ncell_inertia = 0.1"),),
+    "rates": ((PERIODIC, f"{PERIODIC}\ncell_rates = {{ xy = 40.0 }}"),),
     "until a strain": (stage('until = { strain = { cell = "xx", value = 0.1 } }'),),
     "until a strain without a duration": (
         ("duration = 0.01", ""), stage('until = { strain = { cell = "xy", value = 0.1 } }')),
@@ -146,9 +147,18 @@ def test_each_mistake_about_a_cell_is_one_clear_problem(name):
     check_one(changed(CELL, *changes), key, place, *words)
 
 
+def test_a_cell_that_goes_on_has_the_rates_of_its_run():
+    head, tail = CELL.split("[[particles]]")
+    loading = tail.split("[[loading]]", 1)[1]
+    text = changed(head, (PERIODIC, f"{PERIODIC}\ncell_rates = {{ xy = 1.0 }}"))
+    text = f'{text}[start]\nrun = "before"\n[[loading]]{loading}'
+    check_one(text, "domain.cell_rates", "cell_rates = {", "goes on", "[start]")
+
+
 ELSEWHERE = {
     "cell": (("duration = 0.5\n", "duration = 0.5\ncell = { xy = { rate = 1.0 } }\n"), "loading.2.cell", "cell = {", 'periodic = ["x", "y"]'),
     "inertia": (("periodic = true", "periodic = true\ncell_inertia = 1.0"), "domain.cell_inertia", "cell_inertia", 'periodic = ["x", "y"]'),
+    "rates": (("periodic = true", "periodic = true\ncell_rates = { xy = 1.0 }"), "domain.cell_rates", "cell_rates", 'periodic = ["x", "y"]'),
     "until": (("until = { kinetic_energy_ratio = 1e-4 }", 'until = { strain = { cell = "xy", value = 1.0 } }'), "loading.0.until.strain.cell", 'cell = "xy"', "name walls"),
 }  # fmt: skip
 
