@@ -13,7 +13,6 @@ import typer
 from multicor_cli.cli import console
 from multicor_cli.cli.options import AsJson, RunPath, option, output_option
 from multicor_cli.cli.post_output import Frames, OneFrame, parse_frames
-from multicor_cli.model.cell import CELL
 from multicor_cli.optional import LIBRARIES
 from multicor_cli.running.outcome import ExitCode
 from multicor_cli.text import count_noun, format_bytes
@@ -101,7 +100,7 @@ def _describe(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield "  of these", ", ".join(f"{exchange[name]} {name}" for name in counts)
         for name, flow in exchange["outlets"].items():
             yield f"  {name}", f"{flow['grains']} grains, {flow['mass']:.4g} kg left"
-    yield "walls", ", ".join(name for name in found["walls"] if name != CELL) or "none"
+    yield "walls", ", ".join(name for name in found["walls"] if name != "cell") or "none"
     if found["origin"] is not None:
         yield "goes on from", record_of(Origin, found["origin"]).text
     yield "frames", f"{found['frame_count']} (and {found['series_count']} rows of the time series)"

@@ -40,8 +40,8 @@ from multicor_cli.engine.contact.flight import (
     fly,
     leave_flights_out,
 )
-from multicor_cli.engine.contact.impacts import are_contacts
-from multicor_cli.engine.contact.meetings import Walls
+from multicor_cli.engine.contact.impacts import are_contacts, stir, take_into_losses
+from multicor_cli.engine.contact.meetings import Flow, Walls
 from multicor_cli.engine.contact.problem import ContactProblem, problem_of_step
 from multicor_cli.engine.contact.selection import AHEAD, SKIN, Selection
 from multicor_cli.engine.contact.solve import (
@@ -96,6 +96,7 @@ from multicor_cli.engine.motion.separation import (
 from multicor_cli.engine.motion.unseen import find_unseen, stop_unseen
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.engine.orders import Interrupted, Orders, PhysicsError, StepReport
+from multicor_cli.model.cell import mean_flow
 from multicor_cli.model.columns import BELT
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.faults import find_absurd_value
@@ -106,6 +107,7 @@ SLIPS_RMS, SLIPS = 50.0, 10.0
 """Scales of rms and largest correction over the mean slip: 5 % and half of it pass by default."""
 PHASES = ("predict", "detect", "prepare", "solve", "account", "move", "correct")
 _NOBODY, _NONE, _NO_FALL = np.empty(0, np.int64), np.empty(0), np.zeros(2)
+_NO_FLOW = Flow(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3))
 _NOTHING_TO_SOLVE = Outcome(0.0, True, 0.0, 0.0, 0.0)
 _NOTHING_TO_CORRECT = Correction(0.0, 0.0, 0.0, 0)
 
@@ -479,10 +481,10 @@ class Engine:
         loaded = state.contact_i, state.contact_j
         struck = _NOBODY if step.flight is None else step.flight.struck
         began = state.position[struck]
-        strayed = _NONE
+        strayed = gradient = _NONE
         if self.model.is_cell:
+            gradient = state.wall_velocity[0]
             strayed = 0.5 * dt * (state.velocity[:, :2] + after[:n, :2])
-            state.nonaffine += strayed
         kinetic, gravity_work = move(
             layout.middle, layout.before, after, grains.radius, grains.mass, step.gravity,
             self.model.shape_factor, dt,
@@ -490,6 +492,11 @@ class Engine:
         )  # fmt: skip
         if self.model.is_cell:
             carry(layout.middle, after[n, :3], 0.5 * dt, state.position)
+            if struck.size:  # the way to q_m is not theirs
+                way, half_way = state.position[struck] - began, began + state.position[struck]
+                way[:, :2] -= 0.25 * dt * mean_flow(half_way, gradient + after[n, :3])
+                strayed[struck] = way[:, :2]
+            state.nonaffine += strayed
         if not math.isfinite(kinetic):
             self._refuse_state()
         wall_after = np.where(self._motion.driven, after[n:, :3], layout.free[n:, :3])
@@ -498,11 +505,12 @@ class Engine:
         # Beside the scene at q_m, which heat still looks at
         end = scene_of(layout.model, state.position, state.wall_position)
         selection.give(state)
+        virial = np.zeros(4)
         if step.flight is not None:
             # Impulses of impacts do not last: no later step begins with them
-            selection.enter(step.flight.impacts, step.scene, after)
+            virial = selection.enter(step.flight.impacts, step.scene, after)
             gravity_work += step.flight.gravity_work
-        sums = self._account(step, end, contacts, after)
+        sums = self._account(step, end, contacts, after, virial)
         if struck.size:
             # The way to q_m is not theirs: heat looks at them half-way
             layout.middle[struck] = 0.5 * (began + state.position[struck])
@@ -548,28 +556,25 @@ class Engine:
         )  # fmt: skip
         walls = motion.predict(state, gravity, t, dt)
         middle, convected = state.wall_position + 0.5 * dt * motion.before, _NONE
+        temperature, flight = _NONE, None
+        if self._heat is not None and self._laws.depends_on_temperature:
+            temperature = self._heat.shape_temperatures(t)
         if model.is_cell:
             gradient = state.wall_velocity[0]
             carry_to_middle(layout.middle, gradient, 0.5 * dt)
             middle = sides_at_middle(state.wall_position[0], gradient, 0.5 * dt)[np.newaxis]
-            gained, convected = convect(
-                grains.mass, motion.before[0], walls[0], motion.inverse[0], dt, layout.before,
-                layout.free,
-            )  # fmt: skip
-            walls += gained - motion.before
-            motion.before[0] = gained
+            scene = scene_of(model, layout.middle, middle, temperature)
+            flight = self._fly_in_cell(scene, walls, dt)
+            convected = self._convect(flight, walls, dt)
         layout.before[n:, :3], layout.free[n:, :3] = motion.before, walls
         layout.before[n:, BELT], layout.free[n:, BELT] = motion.belt_before, motion.belt
         if not (
             is_sound and are_sound(walls, motion.before, state.wall_position, motion.belt_before)
         ):
             self._refuse_state()
-        temperature = _NONE
-        if self._heat is not None and self._laws.depends_on_temperature:
-            temperature = self._heat.shape_temperatures(t)
         scene = scene_of(model, layout.middle, middle, temperature)
         cutoff = self._cutoff_before(scene, gravity, walls, dt)
-        step = Prediction(dt, gravity, scene, cutoff, convected=convected)
+        step = Prediction(dt, gravity, scene, cutoff, flight=flight, convected=convected)
         if model.is_cell:  # in which nothing moves by itself
             return step
         step = self._fly(step, walls)
@@ -590,11 +595,69 @@ class Engine:
 
     def _fly(self, step: Prediction, walls: Floats) -> Prediction:
         """Impacts of what flies: other starts of these grains, in the layout too."""
+        flight = self._find_flights(step, walls, _NO_FLOW) if self._may_fly else None
+        if flight is not None and (flight.flying.any() or flight.unseen.size):
+            step = step._replace(flight=flight)
+            if flight.impacts.i.size:
+                cutoff = self._cutoff_before(step.scene, step.gravity, walls, step.dt)
+                step = step._replace(cutoff=cutoff)
+        return step
+
+    def _fly_in_cell(self, scene: Scene, walls: Floats, dt: float) -> Flight | None:
+        """As `_fly`, of a cell, before convection: with real velocities grains fly straight."""
+        layout, state = self._layout, self._layout.state
+        if not self._may_fly:
+            return None
+        step = Prediction(dt, _NO_FALL, scene, self._cutoff_before(scene, _NO_FALL, walls, dt))
+        gradient, grains = state.wall_velocity[0], layout.before[: layout.model.grain_count, :2]
+        peculiar = grains.copy()
+        grains += mean_flow(state.position, gradient)
+        mass, (u, v), inverse = layout.model.grains.mass, peculiar.T, self._motion.inverse[0]
+        pull = np.array([total(mass * u * u), total(mass * v * v), total(mass * u * v)])
+        flow = Flow(gradient.copy(), inverse, inverse * (self._motion.load[0] + pull), np.zeros(3))
+        flight = self._find_flights(step, walls, flow)
+        struck = flight.struck
+        real, grains[:] = grains[struck], peculiar
+        if struck.size:
+            place = layout.middle[struck, :2] - 0.5 * dt * real
+            grains[struck] = real - mean_flow(place, gradient)
+            place += 0.5 * dt * grains[struck]
+            carry_to_middle(place, gradient, 0.5 * dt)
+            layout.middle[struck, :2] = place
+        return flight if flight.flying.any() else None
+
+    def _convect(self, flight: Flight | None, walls: Floats, dt: float) -> Floats:
+        """What the mean flow of a cell does to velocities, and they and impacts to it.
+
+        **Modifies** free velocities and ``walls``. Returns what is convected: xx, yy, xy [J s].
+        """
+        motion, layout = self._motion, self._layout
+        before, stirred = motion.before[0].copy(), None if flight is None else stir(flight.impacts)
+        given = np.zeros(3) if stirred is None else stirred.given
+        done = convect(
+            layout.model.grains.mass, before, walls[0], motion.inverse[0], dt * motion.load[0],
+            given, layout.state.contact_i.size == 0, dt, layout.before, layout.free,
+        )  # fmt: skip
+        walls[0] += motion.inverse[0] * (done.pull + given)
+        motion.bear(done.gradient, done.mean, done.borne)
+        if flight is None or stirred is None:
+            return done.pull
+        # While a load acts the gradient swings between impacts: what that costs is its work
+        change, is_driven = done.mean - before, motion.driven[0]
+        motion.borne_work -= stirred.swing - total(np.where(is_driven, change * given, 0.0))
+        take_into_losses(flight.impacts, stirred.each, np.where(is_driven, 0.0, change))
+        return done.pull + stirred.convected
+
+    @property
+    def _may_fly(self) -> bool:
+        laws = self._laws
+        return bool(laws.restitution.any()) and not (laws.adhesion.size or laws.rolling.size)
+
+    def _find_flights(self, step: Prediction, walls: Floats, flow: Flow) -> Flight:
+        """Flights, whose grains have other starts in the layout after impacts."""
         layout, motion = self._layout, self._motion
         state, model = layout.state, layout.model
         laws, dt, gravity = self._laws, step.dt, step.gravity
-        if not laws.restitution.any() or laws.adhesion.size or laws.rolling.size:
-            return step
         start = scene_of(model, state.position, state.wall_position, step.scene.temperature)
         # As the cutoff, while a solve would count a contact
         moved = SOLVED / AHEAD * step.cutoff + dt * dt * hypot(*gravity.tolist())
@@ -605,19 +668,14 @@ class Engine:
         )  # fmt: skip
         while True:
             flight = fly(
-                start, laws, mean, state.contact_i, state.contact_j, layout.pairs.row,
+                start, flow, laws, mean, state.contact_i, state.contact_j, layout.pairs.row,
                 layout.pairs.partner, layout.pairs.around, gravity, dt, model.shape_factor, moved,
                 layout.pairs.complete, layout.middle, layout.before, layout.free,
             )  # fmt: skip
             if flight.reach <= layout.pairs.complete:
-                break
+                return flight
             # What impacts have made faster may reach farther
             layout.pairs.update(start, 1.2 * flight.reach)
-        if flight.flying.any() or flight.unseen.size:
-            step = step._replace(flight=flight)
-        if flight.impacts.i.size:
-            step = step._replace(cutoff=self._cutoff_before(step.scene, gravity, walls, dt))
-        return step
 
     def _refuse_state(self) -> NoReturn:
         state = self._layout.state
@@ -750,9 +808,12 @@ class Engine:
         return xx, yy, xy
 
     def _account(
-        self, step: Prediction, end: Scene, contacts: Contacts, after: Floats
+        self, step: Prediction, end: Scene, contacts: Contacts, after: Floats, virial: Floats
     ) -> ContactSums:
-        """What the contacts lose and exert; bridges that are left go into the state."""
+        """What the contacts lose and exert; bridges that are left go into the state.
+
+        ``virial`` is what that of contacts lacks in a cell, by impacts.
+        """
         laws, selection = self._laws, self._layout.selection
         lanes = selection.lanes
         if laws.adhesion.size or laws.rolling.size:
@@ -767,6 +828,7 @@ class Engine:
             )  # fmt: skip
         sums = account_contacts(step.scene, end, contacts, after, which, of_grains)
         if self.model.is_cell:
+            sums.total[VIRIAL : VIRIAL + 4] += virial
             of_contacts = sums.total[[VIRIAL, VIRIAL + 3, VIRIAL + 1]]
             sums.wall_impulse[0] = of_contacts + step.convected
         return sums

@@ -32,9 +32,10 @@ def _fields(dtype: str, *dims: str) -> tuple[str, ...]:
 
 _NOTES = _fields("f8", "stage_note", "before_row", "exchange_group", "exchange_outlet")
 _OF_GRAINS, _OF_WALLS = (
-    _fields("f8", "heat_grain", "grain"),
+    _fields("f8", "heat_grain", "grain", "cell_grain"),
     _fields("f8", "wall", "heat_wall", "origin_row", "surface_row"),
 )
+_CALLED = {"generated": "the heat generated", "nonaffine": "the displacement beside the mean flow"}
 _NUMBERS, _COUNTS = _fields("f8", "one"), _fields("i8", "one")
 
 
@@ -96,7 +97,7 @@ def _find_wrong_pairs(state: State, model: Model) -> str | None:
 
 
 def _owner(state: State, model: Model, name: str, row: int) -> str:
-    plain = "the heat generated" if name == "generated" else f"the {name.replace('_', ' ')}"
+    plain = _CALLED.get(name, f"the {name.replace('_', ' ')}")
     if name in _OF_GRAINS:
         return f"{plain} of {model.name_of(row)}"
     if name in _OF_WALLS:

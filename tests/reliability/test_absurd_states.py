@@ -16,10 +16,10 @@ from multicor_cli.model import State
 VALUES = ("nan", "inf", "-inf", "1e308", "-1e308")
 EMPTY = (
     "stage_notes", "wall_origin", "wall_surface", "heat_before", "released", "outlet_flow",
-    "exchange", "adhesion_books",
+    "exchange", "adhesion_books", "nonaffine", "gradient_books",
 )  # fmt: skip
 """The conditions of these stages have nothing to note, no wall has to know where it was, no surface
-runs, the run does not go on from another, no grain comes or goes, and nothing adheres."""
+runs, the run does not go on from another, no grain comes or goes, nothing adheres, and there is no cell."""
 
 FLOATS = tuple(
     f.name

@@ -97,7 +97,7 @@ def test_a_study_takes_it(directory, run):
 
 
 def test_how_it_leaves_the_program(directory, tmp_path):
-    words = ("post", "conductivity", directory, "--frames", "-8:")
+    words = ("post", "conductivity", directory, "--network", "--frames", "-8:")
     said = call(*words, cwd=tmp_path)
     assert "; not counted: the gas in the gaps" in said.stderr
     assert "conductivity k_xx [W/(m K)]" in " ".join(said.stdout.split())

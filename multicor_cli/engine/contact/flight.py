@@ -24,10 +24,17 @@ from numpy.typing import NDArray
 from multicor_cli.engine.contact.contacts import Contacts, Speeds, normal_velocity
 from multicor_cli.engine.contact.impacts import COLUMNS, U_N, Impacts, hit
 from multicor_cli.engine.contact.law import GRAZE
-from multicor_cli.engine.contact.meetings import Air, Walls, discs_meet_soon, meets
+from multicor_cli.engine.contact.meetings import (
+    Air,
+    Flow,
+    Walls,
+    discs_meet_soon,
+    meets,
+    relative,
+)
 from multicor_cli.engine.geometry.neighbors import Around
 from multicor_cli.engine.geometry.radii import smaller_of
-from multicor_cli.engine.geometry.scene import Scene, known_geometry, nearest_image
+from multicor_cli.engine.geometry.scene import Scene, known_geometry
 from multicor_cli.engine.jit.compile import kernel, loop_body
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import LANES
@@ -75,12 +82,11 @@ class Flight(NamedTuple):
 
 
 @formula
-def _opens(scene: Scene, i: int, j: int, start: Floats, dt: float) -> bool:
+def _opens(air: Air, i: int, j: int) -> bool:
     """Whether two grains open by more than `GRAZE` in a step."""
-    dx = nearest_image(scene.position[i, X] - scene.position[j, X], scene.period)
-    dy = scene.position[i, Y] - scene.position[j, Y]
-    along = dx * (start[i, X] - start[j, X]) + dy * (start[i, Y] - start[j, Y])
-    graze = GRAZE * smaller_of(scene, i, j)
+    dx, dy, u, v = relative(air, i, j, 0.0)
+    along, dt = dx * u + dy * v, air.dt
+    graze = GRAZE * smaller_of(air.scene, i, j)
     square = dx * dx + dy * dy
     return bool((along > 0.0) & (dt * dt * along * along > graze * graze * square))
 
@@ -95,21 +101,19 @@ def _leaves(scene: Scene, i: int, j: int, start: Floats, dt: float, limit: float
 
 @kernel
 def _find_flying(
-    scene: Scene, contact_i: Ints, contact_j: Ints, row: NDArray[np.int64], partner: Ints,
-    start: Floats, dt: float,
-) -> NDArray[np.bool_]:  # fmt: skip
-    """Grains none of whose contacts lasts, shape ``(n,)``.
+    air: Air, contact_i: Ints, contact_j: Ints, row: NDArray[np.int64], partner: Ints
+) -> None:
+    """Ground all grains one of whose contacts lasts.
 
     A contact lasts that carried an impulse in the step before, and does not open by more than
     `GRAZE` within this one; on a wall the next piece goes on with it.
     """
-    count = scene.radius.size
-    flying = np.ones(count, np.bool_)
+    scene, flying, count = air.scene, air.flying, air.flying.size
     for c in range(contact_i.size):
         i, j = contact_i[c], contact_j[c]
         if j < count:
             # Without a branch, which nobody could foresee
-            opens = _opens(scene, i, j, start, dt)
+            opens = _opens(air, i, j)
             flying[i] &= opens
             flying[j] &= opens
             continue
@@ -118,8 +122,7 @@ def _find_flying(
             shape = j if p < row[i] else partner[p]
             limit = inf if p < row[i] else GRAZE * scene.radius[i]
             if flying[i] and shape >= count:
-                flying[i] = _leaves(scene, i, shape, start, dt, limit)
-    return flying
+                flying[i] = _leaves(scene, i, shape, air.bodies, air.dt, limit)
 
 
 # ---- Next meetings: the earliest of each grain, and a tournament of them
@@ -200,7 +203,7 @@ def _look_at_what_rests(
                 meetings.wall_time[i], meetings.wall[i] = t, j
             continue
         one, both = i if begun[i] else j, begun[i] & begun[j]
-        flying[one] &= both | (not discs_meet_soon(air.scene, air.place, air.bodies, i, j, long))
+        flying[one] &= both | (not discs_meet_soon(air, i, j, long))
         few[found] = p
         found += both
     return found
@@ -355,6 +358,7 @@ def _restart(
 @formula
 def _go_back(air: Air, grains: NDArray[np.int64], start: Floats) -> None:
     """Give grains the starts with which they began."""
+    air.flow.gained[:] = 0.0
     for k in range(grains.size):
         for d in range(4):
             air.bodies[grains[k], d] = start[grains[k], d]
@@ -405,28 +409,32 @@ def _take_impacts(
 
 @kernel
 def fly(
-    scene: Scene, laws: ContactLaws, walls: Walls, contact_i: Ints, contact_j: Ints,
+    scene: Scene, flow: Flow, laws: ContactLaws, walls: Walls, contact_i: Ints, contact_j: Ints,
     row: NDArray[np.int64], partner: Ints, around: Around, gravity: Floats, dt: float, beta: float,
     moved: float, listed: float, middle: Floats, start: Floats, free: Floats,
 ) -> Flight:  # fmt: skip
     """Impacts of grains in flight within a step, from the earliest on.
 
-    ``scene`` is that at the start of the step, ``contact_i`` and ``contact_j`` carried an impulse
+    ``scene`` is that at the start of the step, with the ``flow`` of a cell, in which bodies have
+    their real velocities, ``contact_i`` and ``contact_j`` carried an impulse
     in the one before; ``row`` and ``partner``, and ``around`` by both grains, list all pairs up to
     a gap ``listed`` [m]; ``beta`` is m a²/I, ``moved`` a gap that no pair closes with v⁻ in
     `SOLVED` steps [m]. The rows of ``middle``, ``start`` and ``free`` (as in
     `motion.moves.predict`) of grains that have had impacts are **modified**, unless the ``reach``
     of the result is above ``listed``: pairs may meet that are not listed.
     """
-    begun = _find_flying(scene, contact_i, contact_j, row, partner, start, dt)
+    flying = np.ones(scene.radius.size, np.bool_)
+    place, bodies = scene.position.copy(), start.copy()
+    air = Air(scene, flow, walls, around, gravity, dt, place, bodies, flying)
+    flow.gained[:] = 0.0
+    _find_flying(air, contact_i, contact_j, row, partner)
+    begun, count = flying.copy(), flying.size
     if not begun.any():
         nobody, none = np.empty(0, np.int64), np.empty(0, np.int32)
         impacts = Impacts(none, none, np.empty((0, COLUMNS)))
         return Flight(
             begun, impacts, nobody, 0.0, moved, nobody, Speeds(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         )
-    flying, count = begun.copy(), begun.size
-    air = Air(scene, walls, around, gravity, dt, scene.position.copy(), start.copy(), flying)
     slowest = 0.0
     for i in range(count):
         slowest = max(slowest, start[i, X] * start[i, X] + start[i, Y] * start[i, Y])

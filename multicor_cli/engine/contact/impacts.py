@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from math import sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from multicor_cli.engine.contact.contacts import Contacts, contact_after, friction_between
 from multicor_cli.engine.contact.law import solve_exact
-from multicor_cli.engine.contact.meetings import Air, relative, wall_at
+from multicor_cli.engine.contact.meetings import Air, Flow, relative, wall_at
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.compile import kernel, loop_body
+from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import (
     ANGLE,
@@ -21,6 +22,9 @@ from multicor_cli.model.columns import (
     NY,
     SURFACE,
     TANGENTIAL,
+    XX,
+    XY,
+    YY,
     X,
     Y,
 )
@@ -33,7 +37,7 @@ class Impacts(NamedTuple):
     Attributes:
         i: Grains, shape ``(k,)``.
         j: Grains or wall shapes.
-        said: Columns of `_NX` … `_LEVER_Y`, shape ``(k, 10)``.
+        said: Columns of `_NX` … `_LEVER_Y` and, in a cell, `_SWING` …, shape ``(k, 14)``.
     """
 
     i: Ints
@@ -41,15 +45,20 @@ class Impacts(NamedTuple):
     said: Floats
 
 
-_NX, _NY, _P_N, _P_T, _IMPACT, _FRICTION, U_N, _U_T, _LEVER_X, _LEVER_Y = range(10)
-COLUMNS = 10
+_NX, _NY, _P_N, _P_T, _IMPACT, _FRICTION, U_N, _U_T, _LEVER_X, _LEVER_Y, _SWING, _CONVECTED = range(
+    12
+)
+COLUMNS = _CONVECTED + 3
+"""The lever is that of a wall, or the branch vector ℓ of two grains [m]. Of a cell, the swing is
+p⊗ℓ times what its gradient has changed by [J], and convected what the rest of the step convects
+otherwise than if the impact had been at its start: xx, yy, xy [J s]."""
 
 
 @loop_body
 def hit(air: Air, laws: ContactLaws, beta: float, i: int, j: int, t: float, said: Floats) -> None:
     """An impact of two bodies that touch: new starts of the grains, and a row of `Impacts`."""
     scene, place, bodies, count = air.scene, air.place, air.bodies, air.flying.size
-    is_wall, lx, ly, belt = j >= count, 0.0, 0.0, 0.0
+    is_wall, lx, ly, belt, is_cell = j >= count, 0.0, 0.0, 0.0, scene.height > 0.0
     if is_wall:
         _, nx, ny, lx, ly, u, v, _, _ = wall_at(
             scene, air.walls, place, bodies, air.gravity, i, j - count, t
@@ -57,17 +66,24 @@ def hit(air: Air, laws: ContactLaws, beta: float, i: int, j: int, t: float, said
         belt = air.walls.belt[scene.wall[j - count]]
         inverse = bodies[i, INVERSE_MASS]
     else:
-        dx, dy, u, v = relative(place, bodies, i, j, t, scene.period)
+        dx, dy, u, v = relative(air, i, j, t)
+        lx, ly = dx, dy
         distance = sqrt(dx * dx + dy * dy)
         nx, ny = (dx / distance, dy / distance) if distance > 0.0 else (0.0, 1.0)
         belt, inverse = bodies[j, SURFACE], bodies[i, INVERSE_MASS] + bodies[j, INVERSE_MASS]
-    u_n, u_t = u * nx + v * ny, v * nx - u * ny - bodies[i, SURFACE] - belt
+    # How the gradient of a cell, which is another one by now, gives way
+    gives_n, gives_t, gives_both, more_u, more_v = 0.0, 0.0, 0.0, 0.0, 0.0
+    if is_cell:
+        gives_n, gives_t, gives_both = _gives_way(air.flow.inverse, nx, ny, lx, ly)
+        more_u, more_v = _changed(air.flow, lx, ly, u, v, t)
+    all_u, all_v = u + more_u, v + more_v
+    u_n, u_t = all_u * nx + all_v * ny, all_v * nx - all_u * ny - bodies[i, SURFACE] - belt
     a, b = scene.material[i], scene.material[j]
     mu = friction_between(scene, laws, i, j, abs(u_t))
-    turning = (1.0 + beta) * inverse
+    along, turning = inverse + gives_n, (1.0 + beta) * inverse + gives_t
     approach = u_n if u_n < 0.0 else 0.0
     p_n, p_t = solve_exact(
-        0.0, 0.0, (1.0 + laws.restitution[a, b]) * approach, u_t, 1.0 / inverse, 1.0 / turning, mu
+        0.0, 0.0, (1.0 + laws.restitution[a, b]) * approach, u_t, 1.0 / along, 1.0 / turning, mu
     )
     px, py = p_n * nx - p_t * ny, p_n * ny + p_t * nx
     for side in range(1 if is_wall else 2):
@@ -82,9 +98,116 @@ def hit(air: Air, laws: ContactLaws, beta: float, i: int, j: int, t: float, said
         place[k, ANGLE] -= t * change / scene.radius[k]
     said[_NX], said[_NY], said[_P_N], said[_P_T] = nx, ny, p_n, p_t
     said[U_N], said[_U_T] = u_n, u_t
-    said[_IMPACT] = -p_n * (u_n + 0.5 * inverse * p_n)
-    said[_FRICTION] = -p_t * (u_t + 0.5 * turning * p_t)
+    said[_IMPACT] = -p_n * (u_n + 0.5 * (along * p_n + gives_both * p_t))
+    said[_FRICTION] = -p_t * (u_t + 0.5 * (turning * p_t + gives_both * p_n))
     said[_LEVER_X], said[_LEVER_Y] = lx, ly
+    if is_cell:
+        said[_SWING] = _swing(air.flow, px * lx, py * ly, px * ly, t)
+        _convect(air.flow.gradient, lx, ly, u, v, px, py, inverse, t, said)
+
+
+@formula
+def _gives_way(
+    inverse: Floats, nx: float, ny: float, lx: float, ly: float
+) -> tuple[float, float, float]:
+    """What the gradient of a cell adds to 1/m: along n, along t, and between both [1/kg]."""
+    x = inverse[XX] * lx * lx + inverse[XY] * ly * ly
+    y = inverse[YY] * ly * ly
+    return nx * nx * x + ny * ny * y, ny * ny * x + nx * nx * y, nx * ny * (y - x)
+
+
+@formula
+def _changed(flow: Flow, lx: float, ly: float, u: float, v: float, t: float) -> tuple[float, float]:
+    """What a cell adds to the relative velocity on a straight way by a time t [m/s].
+
+    What its gradient has gained, times ℓ; and t L² ℓ of the start, as ċ = −L c and ℓ̇ = c + L ℓ.
+    """
+    more, now = flow.gained, flow.gradient
+    xx, yy = more[XX] + t * flow.pushed[XX], more[YY] + t * flow.pushed[YY]
+    xy = more[XY] + t * flow.pushed[XY]
+    x, y = lx - t * u, ly - t * v
+    x, y = now[XX] * x + now[XY] * y, now[YY] * y
+    bent_u, bent_v = now[XX] * x + now[XY] * y, now[YY] * y
+    return xx * lx + xy * ly + t * bent_u, yy * ly + t * bent_v
+
+
+@formula
+def _swing(flow: Flow, xx: float, yy: float, xy: float, t: float) -> float:
+    """Let the gradient of a cell gain p⊗ℓ, **modified**; returns the product of both [J]."""
+    swing = 0.0
+    for d, given in ((XX, xx), (YY, yy), (XY, xy)):
+        gain = flow.inverse[d] * given
+        swing += (flow.gained[d] + t * flow.pushed[d] + 0.5 * gain) * given
+        flow.gained[d] += gain
+    return swing
+
+
+@formula
+def _convect(
+    flow: Floats, lx: float, ly: float, u: float, v: float, px: float, py: float, inverse: float,
+    t: float, said: Floats,
+) -> None:  # fmt: skip
+    """Enter what an impact at a time t convects, for books that close.
+
+    Velocities c at the start of the step change by (1 + t L) p/m. So grains gain p (u + ½ p/m),
+    what their impact does not lose, and −L : (p⊗ℓ + convected), with convected = −t (c⊗p + p⊗c +
+    p⊗p/m + ½ t (L p)⊗p/m).
+    """
+    xx, yy, xy = flow[XX], flow[YY], flow[XY]
+    x, y, more = lx - t * u, ly - t * v, 0.5 * t * inverse
+    cx, cy = u - (xx * x + xy * y), v - yy * y
+    ax = cx + inverse * px + more * (xx * px + xy * py)
+    ay = cy + inverse * py + more * (yy * py)
+    said[_CONVECTED + XX] = -t * (ax * px + px * cx)
+    said[_CONVECTED + YY] = -t * (ay * py + py * cy)
+    said[_CONVECTED + XY] = -t * (ax * py + px * cy)
+
+
+class Stirred(NamedTuple):
+    """What impacts give the gradient of a cell: xx, yy, xy [J s].
+
+    Attributes:
+        each: What each gives, shape ``(k, 3)``.
+        given: Together, shape ``(3,)``.
+        convected: Of this what is no p⊗ℓ.
+        swing: What it would gain if each acted while it is as it is at that time [J].
+    """
+
+    each: Floats
+    given: Floats
+    convected: Floats
+    swing: float
+
+
+@kernel
+def stir(impacts: Impacts) -> Stirred:
+    """What impacts give the gradient of a cell."""
+    each, given, convected = np.zeros((impacts.i.size, 3)), np.zeros(3), np.zeros(3)
+    swing = 0.0
+    for e in range(impacts.i.size):
+        said = impacts.said[e]
+        px = said[_P_N] * said[_NX] - said[_P_T] * said[_NY]
+        py = said[_P_N] * said[_NY] + said[_P_T] * said[_NX]
+        each[e, XX], each[e, YY] = px * said[_LEVER_X], py * said[_LEVER_Y]
+        each[e, XY] = px * said[_LEVER_Y]
+        for d in range(3):
+            each[e, d] += said[_CONVECTED + d]
+            convected[d] += said[_CONVECTED + d]
+            given[d] += each[e, d]
+        swing += said[_SWING]
+    return Stirred(each, given, convected, swing)
+
+
+@kernel
+def take_into_losses(impacts: Impacts, each: Floats, change: Floats) -> None:
+    """Let impacts lose what they give a cell less, **modified**.
+
+    They were found with its gradient before the step; where a rate is prescribed, that of the
+    books differs by ``change`` [1/s], shape ``(3,)``.
+    """
+    for e in range(impacts.i.size):
+        for d in range(3):
+            impacts.said[e, _IMPACT] -= change[d] * each[e, d]
 
 
 @kernel
@@ -109,19 +232,42 @@ def are_contacts(impacts: Impacts, i: Ints, j: Ints) -> bool:
     return missing == 0
 
 
+@formula
+def _recall(
+    contact: Any, frame: Floats, impulse: Floats, before: Floats, gap: Floats, branch: Floats,
+    q: int, k: int,
+) -> None:  # fmt: skip
+    """What the lanes hold of two grains, into their contact."""
+    contact.nx, contact.ny, contact.gap = frame[q, NX, k], frame[q, NY, k], gap[q, k]
+    contact.p_n, contact.p_t = impulse[q, NORMAL, k], impulse[q, TANGENTIAL, k]
+    contact.u_n, contact.u_t = before[q, NORMAL, k], before[q, TANGENTIAL, k]
+    if branch.size:
+        contact.lever_x, contact.lever_y = branch[q, X, k], branch[q, Y, k]
+
+
+@formula
+def _add(virial: Floats, px: float, py: float, x: float, y: float) -> None:
+    """Add p⊗(x, y): xx, xy, yx, yy."""
+    virial[0] += px * x
+    virial[1] += px * y
+    virial[2] += py * x
+    virial[3] += py * y
+
+
 @kernel
 def enter_impacts(
     scene: Scene, impacts: Impacts, i: Ints, j: Ints, after: Floats, lane: Ints, frame: Floats,
-    impulse: Floats, before: Floats, gap: Floats, contacts: Contacts,
-) -> tuple[Ints, Floats]:  # fmt: skip
+    impulse: Floats, before: Floats, gap: Floats, branch: Floats, contacts: Contacts,
+) -> tuple[Ints, Floats, Floats]:  # fmt: skip
     """Impacts into the contacts of a step, as if the solve had found them: impulse, normal, u⁻.
 
     u⁻ is such that a contact loses −p·½(u⁻ + u⁺), as all others, with the u⁺ of the end of the
     step. Several impulses of one pair add up, and so do their losses and torques. ``scene`` is
     that at q_m, ``after`` are v⁺; arrays of a `Schedule` and ``contacts`` are **modified**. Returns
-    the contacts, and the impulses that they had.
+    the contacts, the impulses that they had, and in a cell what p⊗ℓ lacks where ℓ is that at q_m
+    and not that of the touch: xx, xy, yx, yy [J s].
     """
-    count = scene.radius.size
+    count, virial = scene.radius.size, np.zeros(4)
     rows, known = np.full(impacts.i.size, -1, np.int32), np.empty((impacts.i.size, 2))
     for e in range(impacts.i.size):
         said = impacts.said[e]
@@ -131,12 +277,12 @@ def enter_impacts(
         contact, is_wall = contacts[c], j[c] >= count
         q, k = lane[c] // LANES, lane[c] % LANES
         if not is_wall:
-            contact.nx, contact.ny, contact.gap = frame[q, NX, k], frame[q, NY, k], gap[q, k]
-            contact.p_n, contact.p_t = impulse[q, NORMAL, k], impulse[q, TANGENTIAL, k]
-            contact.u_n, contact.u_t = before[q, NORMAL, k], before[q, TANGENTIAL, k]
+            _recall(contact, frame, impulse, before, gap, branch, q, k)
         rows[e], known[e, NORMAL], known[e, TANGENTIAL] = c, contact.p_n, contact.p_t
         nx, ny = said[_NX], said[_NY]
         px, py = said[_P_N] * nx - said[_P_T] * ny, said[_P_N] * ny + said[_P_T] * nx
+        if scene.height > 0.0:
+            _add(virial, px, py, said[_LEVER_X] - contact.lever_x, said[_LEVER_Y] - contact.lever_y)
         impact, friction, along = said[_IMPACT], said[_FRICTION], said[_P_T]
         torque = said[_LEVER_X] * py - said[_LEVER_Y] * px
         if contact.p_n > 0.0:
@@ -176,7 +322,7 @@ def enter_impacts(
             frame[q, NX, k], frame[q, NY, k], gap[q, k] = nx, ny, contact.gap
             impulse[q, NORMAL, k], impulse[q, TANGENTIAL, k] = contact.p_n, contact.p_t
             before[q, NORMAL, k], before[q, TANGENTIAL, k] = contact.u_n, contact.u_t
-    return rows, known
+    return rows, known, virial
 
 
 @kernel

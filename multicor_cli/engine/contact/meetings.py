@@ -1,4 +1,8 @@
-"""When and where grains in flight meet what is around them: on parabolas, from a time on."""
+"""When and where grains in flight meet what is around them: on parabolas, from a time on.
+
+In a cell ways are straight, and images move with the mean flow: those of a grain that is ℓ away
+are faster by L ℓ.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +21,7 @@ from multicor_cli.engine.geometry.scene import (
 )
 from multicor_cli.engine.jit.compile import loop_body
 from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.model.columns import ANGLE, SPIN, X, Y
+from multicor_cli.model.columns import ANGLE, SPIN, XX, XY, YY, X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import ShapeKind
 
@@ -46,10 +50,30 @@ class Walls(NamedTuple):
     is_free: NDArray[np.bool_]
 
 
+class Flow(NamedTuple):
+    """The gradient of a cell in a step: xx, yy, xy, shape ``(3,)``; else zeros.
+
+    Attributes:
+        gradient: At the start of the step [1/s].
+        inverse: Its inverse inertia where a stress drives it [1/(kg m²)], else 0.
+        pushed: What that stress, and Σ m c⊗c, change it by in a time [1/s²].
+        gained: What impacts have changed it by so far [1/s].
+    """
+
+    gradient: Floats
+    inverse: Floats
+    pushed: Floats
+    gained: Floats
+
+
 class Air(NamedTuple):
-    """What the flights of a step need; ``place`` and ``bodies`` are starts as they are now."""
+    """What the flights of a step need; ``place`` and ``bodies`` are starts as they are now.
+
+    Ways are those with the ``flow`` at the start of the step.
+    """
 
     scene: Scene
+    flow: Flow
     walls: Walls
     around: Around
     gravity: Floats
@@ -60,52 +84,103 @@ class Air(NamedTuple):
 
 
 @formula
-def relative(
-    place: Floats, bodies: Floats, i: int, j: int, t: float, period: float
-) -> tuple[float, float, float, float]:
+def relative(air: Air, i: int, j: int, t: float) -> tuple[float, float, float, float]:
     """Where grain i is from grain j at a time [m], nearest image, and how fast it moves so [m/s].
 
     Gravity acts on both.
     """
+    scene, place, bodies = air.scene, air.place, air.bodies
     u, v = bodies[i, X] - bodies[j, X], bodies[i, Y] - bodies[j, Y]
-    dx = nearest_image(place[i, X] - place[j, X] + t * u, period)
-    return dx, place[i, Y] - place[j, Y] + t * v, u, v
+    dx, dy = place[i, X] - place[j, X] + t * u, place[i, Y] - place[j, Y] + t * v
+    if scene.height > 0.0:
+        right, up = _image(air, dx, dy, t)
+        return _to_image(air, dx, dy, u, v, -right, -up, t)
+    return nearest_image(dx, scene.period), dy, u, v
 
 
 @formula
-def _discs_meet(
-    scene: Scene, place: Floats, bodies: Floats, i: int, j: int, now: float, end: float
-) -> float:
+def _image(air: Air, dx: float, dy: float, t: float) -> tuple[float, float]:
+    """How many widths and heights of a cell at a time [s] a vector is long."""
+    scene, flow = air.scene, air.flow.gradient
+    xx, yy, xy = flow[XX], flow[YY], flow[XY]
+    up = floor(dy / (scene.height + t * yy * scene.height) + 0.5)
+    dx -= up * (scene.tilt + t * (xx * scene.tilt + xy * scene.height))
+    return floor(dx / (scene.period + t * xx * scene.period) + 0.5), up
+
+
+@formula
+def _to_image(
+    air: Air, dx: float, dy: float, u: float, v: float, right: float, up: float, t: float
+) -> tuple[float, float, float, float]:
+    """A vector and its velocity, to the image so many widths and heights of a cell farther."""
+    scene, flow = air.scene, air.flow.gradient
+    xx, yy, xy = flow[XX], flow[YY], flow[XY]
+    x, y = right * scene.period + up * scene.tilt, up * scene.height
+    more_u, more_v = xx * x + xy * y, yy * y
+    return dx + (x + t * more_u), dy + (y + t * more_v), u + more_u, v + more_v
+
+
+@formula
+def _wait(dx: float, dy: float, u: float, v: float, reach: float) -> float:
+    """How long two discs fly until they touch [s]; infinite if they do not."""
+    along = dx * u + dy * v
+    room = dx * dx + dy * dy - reach * reach
+    square = along * along - (u * u + v * v) * room
+    if along < 0.0 and square > 0.0:
+        return room / (sqrt(square) - along) if room > 0.0 else 0.0
+    return inf
+
+
+@formula
+def _discs_meet(air: Air, i: int, j: int, now: float, end: float) -> float:
     """When two grains meet, from a time on and before the ``end`` [s]; else infinite."""
-    dx, dy, u, v = relative(place, bodies, i, j, now, scene.period)
-    reach, images, best = scene.radius[i] + scene.radius[j], 0, inf
-    if scene.period > 0.0 and abs(dx) + abs(u) * (end - now) + reach > 0.5 * scene.period:
-        images = int(abs(u) * (end - now) / scene.period) + 1
+    scene = air.scene
+    dx, dy, u, v = relative(air, i, j, now)
+    reach, long, images, best = scene.radius[i] + scene.radius[j], end - now, 0, inf
+    if scene.height > 0.0:
+        images = _images_within(air, dx, dy, u, v, reach, long)
+        for up in range(-images, images + 1):
+            for right in range(-images, images + 1):
+                x, y, vx, vy = _to_image(air, dx, dy, u, v, right, up, now)
+                best = min(best, now + _wait(x, y, vx, vy, reach))
+        return best if best < end else inf
+    if scene.period > 0.0 and abs(dx) + abs(u) * long + reach > 0.5 * scene.period:
+        images = int(abs(u) * long / scene.period) + 1
     elif dx * u + dy * v >= 0.0:
         return inf
     for image in range(-images, images + 1):
-        x = dx + image * scene.period
-        along = x * u + dy * v
-        room = x * x + dy * dy - reach * reach
-        square = along * along - (u * u + v * v) * room
-        if along < 0.0 and square > 0.0:
-            wait = room / (sqrt(square) - along) if room > 0.0 else 0.0
-            best = min(best, now + wait)
+        best = min(best, now + _wait(dx + image * scene.period, dy, u, v, reach))
     return best if best < end else inf
 
 
 @formula
-def discs_meet_soon(
-    scene: Scene, place: Floats, bodies: Floats, i: int, j: int, end: float
-) -> bool:
+def _images_within(
+    air: Air, dx: float, dy: float, u: float, v: float, reach: float, long: float
+) -> int:
+    """How many widths and heights of a cell away are images that come within reach in a time [s].
+
+    None but the nearest, as long as steps are short. Strain takes a part of the way to the others.
+    """
+    scene, flow = air.scene, air.flow.gradient
+    strain = long * (abs(flow[XX]) + abs(flow[YY]) + abs(flow[XY]))
+    room = max(1.0 - strain, 0.1) * min(scene.period, scene.height)
+    return int((reach + abs(dx) + abs(dy) + long * (abs(u) + abs(v))) / room)
+
+
+@formula
+def discs_meet_soon(air: Air, i: int, j: int, end: float) -> bool:
     """Whether two grains meet before the ``end`` [s], without branches that nobody could foresee.
 
     As `_discs_meet` from time 0 on says.
     """
-    dx, dy, u, v = relative(place, bodies, i, j, 0.0, scene.period)
+    scene = air.scene
+    dx, dy, u, v = relative(air, i, j, 0.0)
     reach = scene.radius[i] + scene.radius[j]
-    if scene.period > 0.0 and abs(dx) + abs(u) * end + reach > 0.5 * scene.period:
-        return bool(_discs_meet(scene, place, bodies, i, j, 0.0, end) < inf)
+    if scene.height > 0.0:
+        if _images_within(air, dx, dy, u, v, reach, end) > 0:
+            return bool(_discs_meet(air, i, j, 0.0, end) < inf)
+    elif scene.period > 0.0 and abs(dx) + abs(u) * end + reach > 0.5 * scene.period:
+        return bool(_discs_meet(air, i, j, 0.0, end) < inf)
     along = dx * u + dy * v
     room = dx * dx + dy * dy - reach * reach
     square = along * along - (u * u + v * v) * room
@@ -199,4 +274,4 @@ def meets(air: Air, i: int, j: int, now: float, end: float) -> float:
         )
     # The same bits whoever asks
     first, second = (i, j) if i < j else (j, i)
-    return _discs_meet(air.scene, air.place, air.bodies, first, second, now, end)
+    return _discs_meet(air, first, second, now, end)

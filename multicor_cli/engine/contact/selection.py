@@ -185,14 +185,17 @@ class Selection:
         )
         self._impulse = state.contact_impulse
 
-    def enter(self, impacts: Impacts, scene: Scene, after: Floats) -> None:
-        """Impacts before the solve into the contacts, as `enter_impacts`."""
-        if impacts.i.size:
-            lanes = self.lanes
-            self._entered = enter_impacts(
-                scene, impacts, self.i, self.j, after, lanes.lane, lanes.frame, lanes.impulse,
-                lanes.before, lanes.gap, self.contacts,
-            )  # fmt: skip
+    def enter(self, impacts: Impacts, scene: Scene, after: Floats) -> Floats:
+        """Impacts before the solve into the contacts; returns the virial, as `enter_impacts`."""
+        if not impacts.i.size:
+            return np.zeros(4)
+        lanes = self.lanes
+        rows, known, virial = enter_impacts(
+            scene, impacts, self.i, self.j, after, lanes.lane, lanes.frame, lanes.impulse,
+            lanes.before, lanes.gap, lanes.branch, self.contacts,
+        )  # fmt: skip
+        self._entered = rows, known
+        return virial
 
     def seek(self, scene: Scene, margin: float) -> None:
         """Take all pairs with a gap up to ``margin`` [m], or to `SKIN`."""

@@ -71,7 +71,9 @@ def test_books_of_heat(column):
     table = energy(column)
     assert table.heat_closure is not None
     assert table.books["heat_stored"][-1] == pytest.approx(column.series["heat_stored"][-1])
-    assert len(table.rows) == len(MECHANICAL) + len(HEAT) - 4 + 2  # as above, nor takes heat along
+    assert (
+        len(table.rows) == len(MECHANICAL) + len(HEAT) - 5 + 2
+    )  # as above, no heat taken along or by a gradient
     assert len(table.detail_headings) == len(table.detail_rows[0])
     assert table.as_dict()["heat_closure"] == 1e-15
 

@@ -76,7 +76,7 @@ def test_defaults_of_the_heat_table():
         "temperature": 293.15, "conduction": "hertz", "friction": "energy",
         "partition": "effusivity", "impact": False, "collisional": False, "force": None,
         "gas": None, "ambient": None, "radiation": None, "integrator": "auto", "sub_step": 1.0,
-        "tolerance": 1e-4,
+        "tolerance": 1e-4, "gradient": None,
     }  # fmt: skip
 
 
