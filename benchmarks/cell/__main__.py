@@ -1,6 +1,7 @@
 """Simple shear in a cell that is periodic in both directions, beside soft grains in LAMMPS.
 
-``python benchmarks/cell``: both at the same solid fraction and rate, from the same packing.
+``python benchmarks/cell``: both at the same solid fraction and rate, from the same packing; soft
+grains with two restitutions, rigid ones with two time steps.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ from multicor_cli.model.state import State
 from multicor_cli.packing import build
 from multicor_cli.scenario import parse_scenario
 
-COUNT, KAPPA, RESTITUTION = 900, 1e4, 0.1
+COUNT, KAPPA, RESTITUTIONS, SHARES = 900, 1e4, (0.1, 0.02), (1.0, 0.5)
+"""κ; e of the soft grains (0 of rigid ones); time steps of rigid ones over the automatic one."""
 ROWS = (
     (0.4, 0.1, 0.7805), (0.4, 0.2, 0.752), (0.5, 0.1, 0.776), (0.5, 0.3, 0.714), (0.8, 0.1, 0.760),
 )  # fmt: skip
@@ -65,24 +67,31 @@ def main() -> int:
     """Compare and print; returns the exit code."""
     parser = argparse.ArgumentParser(prog="python benchmarks/cell", description=__doc__)
     parser.add_argument("--seeds", type=int, default=3, help="packings [%(default)s]")
+    parser.add_argument("--row", type=int, help="one of the rows alone, from 0 on")
     parser.add_argument("--lammps", default="lmp", help="its program [%(default)s]")
     options = parser.parse_args()
     program = shutil.which(options.lammps)
     if program is None:
         print(f"there is no program {options.lammps}: install LAMMPS, or name it with --lammps")
         return 1
-    print("| μ | ν | I, LAMMPS | I | μ*, LAMMPS | μ* |\n|---|---|---|---|---|---|")
-    for friction, rate, solid in ROWS:
+    soft = [f"LAMMPS, e = {e}" for e in RESTITUTIONS]
+    rigid = ["here", *(f"{share} of the step" for share in SHARES[1:])]
+    print("| μ | ν | | " + " | ".join([*soft, *rigid]) + " |\n|---" + "|---" * 6 + "|")
+    for friction, rate, solid in ROWS if options.row is None else ROWS[options.row :][:1]:
         found = []
         for seed in range(1, options.seeds + 1):
             model, state = _packing(friction, rate, solid, seed)
-            soft = _of_lammps(program, model, state, friction, rate)
-            rigid = _of_multicor(model, state, rate)
-            found.append([value for pair in zip(soft, rigid, strict=True) for value in pair])
+            found.append(
+                [
+                    *(_of_lammps(program, model, state, friction, rate, e) for e in RESTITUTIONS),
+                    *(_of_multicor(model, state, rate, share) for share in SHARES),
+                ]
+            )
         mean = np.mean(found, axis=0)
         error = np.std(found, axis=0, ddof=1) / math.sqrt(options.seeds)
-        cells = (f"{a:.4f} ± {b:.4f}" for a, b in zip(mean, error, strict=True))
-        print(f"| {friction} | {solid} | " + " | ".join(cells) + " |", flush=True)
+        for k, name in enumerate(("I", "μ*")):
+            cells = (f"{a:.4f} ± {b:.4f}" for a, b in zip(mean[:, k], error[:, k], strict=True))
+            print(f"| {friction} | {solid} | {name} | " + " | ".join(cells) + " |", flush=True)
     return 0
 
 
@@ -127,22 +136,25 @@ def _numbers(stress: np.ndarray, rate: float) -> Found:
     return rate / math.sqrt(stress[1]), abs(stress[2]) / stress[1]
 
 
-def _of_multicor(model: Model, state: State, rate: float) -> Found:
+def _of_multicor(model: Model, start: State, rate: float, share: float) -> Found:
+    state = State.from_dict({name: np.array(value) for name, value in start.as_dict().items()})
     drives = DofDrive(), DofDrive(), _rate(rate)
-    dt = 0.5 * min(0.1, 0.005 / rate)
+    dt = share * min(0.1, 0.005 / rate)
     _flow(model, state, drives, 3.0 / rate, dt)
     return _numbers(_flow(model, state, drives, 10.0 / rate, dt), rate)
 
 
-def _damping(stiffness: float) -> float:
-    """γ_n of a linear contact of two discs of mass 1 with the restitution."""
-    log = math.log(RESTITUTION)
+def _damping(stiffness: float, restitution: float) -> float:
+    """γ_n of a linear contact of two discs of mass 1 with a restitution."""
+    log = math.log(restitution)
     return 2.0 * math.sqrt(stiffness / 0.5) * -log / math.sqrt(math.pi**2 + log**2)
 
 
-def _of_lammps(program: str, model: Model, state: State, friction: float, rate: float) -> Found:
+def _of_lammps(
+    program: str, model: Model, state: State, friction: float, rate: float, restitution: float
+) -> Found:
     """Linear springs with k = κ P₀, k_t = k/2; strains from 3 to 13."""
-    damping = _damping(KAPPA)
+    damping = _damping(KAPPA, restitution)
     dt = math.pi / math.sqrt(KAPPA / 0.5 - 0.25 * damping**2) / 60.0
     width, height, tilt = state.wall_position[0].tolist()
     with tempfile.TemporaryDirectory() as name:

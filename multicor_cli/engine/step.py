@@ -40,8 +40,8 @@ from multicor_cli.engine.contact.flight import (
     fly,
     leave_flights_out,
 )
-from multicor_cli.engine.contact.impacts import are_contacts, stir, take_into_losses
-from multicor_cli.engine.contact.meetings import Flow, Walls
+from multicor_cli.engine.contact.impacts import are_contacts, convected_by
+from multicor_cli.engine.contact.meetings import Walls
 from multicor_cli.engine.contact.problem import ContactProblem, problem_of_step
 from multicor_cli.engine.contact.selection import AHEAD, SKIN, Selection
 from multicor_cli.engine.contact.solve import (
@@ -107,7 +107,7 @@ SLIPS_RMS, SLIPS = 50.0, 10.0
 """Scales of rms and largest correction over the mean slip: 5 % and half of it pass by default."""
 PHASES = ("predict", "detect", "prepare", "solve", "account", "move", "correct")
 _NOBODY, _NONE, _NO_FALL = np.empty(0, np.int64), np.empty(0), np.zeros(2)
-_NO_FLOW = Flow(np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3))
+_NO_FLOW = np.zeros(3)
 _NOTHING_TO_SOLVE = Outcome(0.0, True, 0.0, 0.0, 0.0)
 _NOTHING_TO_CORRECT = Correction(0.0, 0.0, 0.0, 0)
 
@@ -565,7 +565,14 @@ class Engine:
             middle = sides_at_middle(state.wall_position[0], gradient, 0.5 * dt)[np.newaxis]
             scene = scene_of(model, layout.middle, middle, temperature)
             flight = self._fly_in_cell(scene, walls, dt)
-            convected = self._convect(flight, walls, dt)
+            gained, convected = convect(
+                grains.mass, motion.before[0], walls[0], motion.inverse[0], dt, layout.before,
+                layout.free,
+            )  # fmt: skip
+            walls += gained - motion.before
+            motion.before[0] = gained
+            if flight is not None:
+                convected += convected_by(flight.impacts, 0.5 * (walls[0] - motion.before[0]))
         layout.before[n:, :3], layout.free[n:, :3] = motion.before, walls
         layout.before[n:, BELT], layout.free[n:, BELT] = motion.belt_before, motion.belt
         if not (
@@ -604,18 +611,18 @@ class Engine:
         return step
 
     def _fly_in_cell(self, scene: Scene, walls: Floats, dt: float) -> Flight | None:
-        """As `_fly`, of a cell, before convection: with real velocities grains fly straight."""
+        """As `_fly`, of a cell, before convection: with real velocities grains fly straight.
+
+        What a stress drives gives way to all impacts at once: there nobody flies.
+        """
         layout, state = self._layout, self._layout.state
-        if not self._may_fly:
+        if not self._may_fly or self._motion.is_free[0]:
             return None
         step = Prediction(dt, _NO_FALL, scene, self._cutoff_before(scene, _NO_FALL, walls, dt))
         gradient, grains = state.wall_velocity[0], layout.before[: layout.model.grain_count, :2]
         peculiar = grains.copy()
         grains += mean_flow(state.position, gradient)
-        mass, (u, v), inverse = layout.model.grains.mass, peculiar.T, self._motion.inverse[0]
-        pull = np.array([total(mass * u * u), total(mass * v * v), total(mass * u * v)])
-        flow = Flow(gradient.copy(), inverse, inverse * (self._motion.load[0] + pull), np.zeros(3))
-        flight = self._find_flights(step, walls, flow)
+        flight = self._find_flights(step, walls, gradient)
         struck = flight.struck
         real, grains[:] = grains[struck], peculiar
         if struck.size:
@@ -626,34 +633,12 @@ class Engine:
             layout.middle[struck, :2] = place
         return flight if flight.flying.any() else None
 
-    def _convect(self, flight: Flight | None, walls: Floats, dt: float) -> Floats:
-        """What the mean flow of a cell does to velocities, and they and impacts to it.
-
-        **Modifies** free velocities and ``walls``. Returns what is convected: xx, yy, xy [J s].
-        """
-        motion, layout = self._motion, self._layout
-        before, stirred = motion.before[0].copy(), None if flight is None else stir(flight.impacts)
-        given = np.zeros(3) if stirred is None else stirred.given
-        done = convect(
-            layout.model.grains.mass, before, walls[0], motion.inverse[0], dt * motion.load[0],
-            given, layout.state.contact_i.size == 0, dt, layout.before, layout.free,
-        )  # fmt: skip
-        walls[0] += motion.inverse[0] * (done.pull + given)
-        motion.bear(done.gradient, done.mean, done.borne)
-        if flight is None or stirred is None:
-            return done.pull
-        # While a load acts the gradient swings between impacts: what that costs is its work
-        change, is_driven = done.mean - before, motion.driven[0]
-        motion.borne_work -= stirred.swing - total(np.where(is_driven, change * given, 0.0))
-        take_into_losses(flight.impacts, stirred.each, np.where(is_driven, 0.0, change))
-        return done.pull + stirred.convected
-
     @property
     def _may_fly(self) -> bool:
         laws = self._laws
         return bool(laws.restitution.any()) and not (laws.adhesion.size or laws.rolling.size)
 
-    def _find_flights(self, step: Prediction, walls: Floats, flow: Flow) -> Flight:
+    def _find_flights(self, step: Prediction, walls: Floats, flow: Floats) -> Flight:
         """Flights, whose grains have other starts in the layout after impacts."""
         layout, motion = self._layout, self._motion
         state, model = layout.state, layout.model

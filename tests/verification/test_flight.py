@@ -5,7 +5,7 @@ import pytest
 from benchmark_modules import benchmark_modules
 from scene_parts import FLOOR, TIGHT, advance, book, continued, make_engine, make_model
 
-from multicor_cli.engine.contact.meetings import Air, Flow, discs_meet_soon, meets
+from multicor_cli.engine.contact.meetings import Air, discs_meet_soon, meets
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Sine, WallDrive
 from multicor_cli.model import ShapeKind
@@ -45,8 +45,7 @@ def test_whether_two_meet_is_when_they_do(period):
             place, rng.uniform(0.1, 0.6, 2), np.zeros(2, np.int32), nothing, nothing,
             np.empty((0, 4)), np.empty((0, 3)), period,
         )  # fmt: skip
-        still = Flow(*np.zeros((4, 3)))
-        air = Air(scene, still, None, None, None, 1.0, place, bodies, np.ones(2, np.bool_))
+        air = Air(scene, np.zeros(3), None, None, None, 1.0, place, bodies, np.ones(2, np.bool_))
         end = float(rng.choice([0.02, 0.3, 2.0]))
         soon = discs_meet_soon(air, 0, 1, end)
         assert soon == (meets(air, 0, 1, 0.0, end) < np.inf)

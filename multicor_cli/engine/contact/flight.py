@@ -26,7 +26,6 @@ from multicor_cli.engine.contact.impacts import COLUMNS, U_N, Impacts, hit
 from multicor_cli.engine.contact.law import GRAZE
 from multicor_cli.engine.contact.meetings import (
     Air,
-    Flow,
     Walls,
     discs_meet_soon,
     meets,
@@ -358,7 +357,6 @@ def _restart(
 @formula
 def _go_back(air: Air, grains: NDArray[np.int64], start: Floats) -> None:
     """Give grains the starts with which they began."""
-    air.flow.gained[:] = 0.0
     for k in range(grains.size):
         for d in range(4):
             air.bodies[grains[k], d] = start[grains[k], d]
@@ -409,14 +407,14 @@ def _take_impacts(
 
 @kernel
 def fly(
-    scene: Scene, flow: Flow, laws: ContactLaws, walls: Walls, contact_i: Ints, contact_j: Ints,
+    scene: Scene, flow: Floats, laws: ContactLaws, walls: Walls, contact_i: Ints, contact_j: Ints,
     row: NDArray[np.int64], partner: Ints, around: Around, gravity: Floats, dt: float, beta: float,
     moved: float, listed: float, middle: Floats, start: Floats, free: Floats,
 ) -> Flight:  # fmt: skip
     """Impacts of grains in flight within a step, from the earliest on.
 
-    ``scene`` is that at the start of the step, with the ``flow`` of a cell, in which bodies have
-    their real velocities, ``contact_i`` and ``contact_j`` carried an impulse
+    ``scene`` is that at the start of the step, with the gradient ``flow`` of a cell, where bodies
+    have their real velocities, ``contact_i`` and ``contact_j`` carried an impulse
     in the one before; ``row`` and ``partner``, and ``around`` by both grains, list all pairs up to
     a gap ``listed`` [m]; ``beta`` is m a²/I, ``moved`` a gap that no pair closes with v⁻ in
     `SOLVED` steps [m]. The rows of ``middle``, ``start`` and ``free`` (as in
@@ -426,7 +424,6 @@ def fly(
     flying = np.ones(scene.radius.size, np.bool_)
     place, bodies = scene.position.copy(), start.copy()
     air = Air(scene, flow, walls, around, gravity, dt, place, bodies, flying)
-    flow.gained[:] = 0.0
     _find_flying(air, contact_i, contact_j, row, partner)
     begun, count = flying.copy(), flying.size
     if not begun.any():

@@ -9,7 +9,7 @@ import numpy as np
 
 from multicor_cli.engine.contact.contacts import Contacts, contact_after, friction_between
 from multicor_cli.engine.contact.law import solve_exact
-from multicor_cli.engine.contact.meetings import Air, Flow, relative, wall_at
+from multicor_cli.engine.contact.meetings import Air, relative, wall_at
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.compile import kernel, loop_body
 from multicor_cli.engine.jit.formulas import formula
@@ -37,7 +37,7 @@ class Impacts(NamedTuple):
     Attributes:
         i: Grains, shape ``(k,)``.
         j: Grains or wall shapes.
-        said: Columns of `_NX` … `_LEVER_Y` and, in a cell, `_SWING` …, shape ``(k, 14)``.
+        said: Columns of `_NX` … `_LEVER_Y` and, in a cell, `_CONVECTED`, shape ``(k, 13)``.
     """
 
     i: Ints
@@ -45,20 +45,17 @@ class Impacts(NamedTuple):
     said: Floats
 
 
-_NX, _NY, _P_N, _P_T, _IMPACT, _FRICTION, U_N, _U_T, _LEVER_X, _LEVER_Y, _SWING, _CONVECTED = range(
-    12
-)
+_NX, _NY, _P_N, _P_T, _IMPACT, _FRICTION, U_N, _U_T, _LEVER_X, _LEVER_Y, _CONVECTED = range(11)
 COLUMNS = _CONVECTED + 3
-"""The lever is that of a wall, or the branch vector ℓ of two grains [m]. Of a cell, the swing is
-p⊗ℓ times what its gradient has changed by [J], and convected what the rest of the step convects
-otherwise than if the impact had been at its start: xx, yy, xy [J s]."""
+"""The lever is that of a wall, or the branch vector ℓ of two grains [m]; convected is what the rest
+of the step convects otherwise than if the impact had been at its start: xx, yy, xy [J s]."""
 
 
 @loop_body
 def hit(air: Air, laws: ContactLaws, beta: float, i: int, j: int, t: float, said: Floats) -> None:
     """An impact of two bodies that touch: new starts of the grains, and a row of `Impacts`."""
     scene, place, bodies, count = air.scene, air.place, air.bodies, air.flying.size
-    is_wall, lx, ly, belt, is_cell = j >= count, 0.0, 0.0, 0.0, scene.height > 0.0
+    is_wall, lx, ly, belt = j >= count, 0.0, 0.0, 0.0
     if is_wall:
         _, nx, ny, lx, ly, u, v, _, _ = wall_at(
             scene, air.walls, place, bodies, air.gravity, i, j - count, t
@@ -71,19 +68,17 @@ def hit(air: Air, laws: ContactLaws, beta: float, i: int, j: int, t: float, said
         distance = sqrt(dx * dx + dy * dy)
         nx, ny = (dx / distance, dy / distance) if distance > 0.0 else (0.0, 1.0)
         belt, inverse = bodies[j, SURFACE], bodies[i, INVERSE_MASS] + bodies[j, INVERSE_MASS]
-    # How the gradient of a cell, which is another one by now, gives way
-    gives_n, gives_t, gives_both, more_u, more_v = 0.0, 0.0, 0.0, 0.0, 0.0
-    if is_cell:
-        gives_n, gives_t, gives_both = _gives_way(air.flow.inverse, nx, ny, lx, ly)
-        more_u, more_v = _changed(air.flow, lx, ly, u, v, t)
+    more_u, more_v = 0.0, 0.0
+    if scene.height > 0.0:
+        more_u, more_v = _bend(air.flow, lx - t * u, ly - t * v, t)
     all_u, all_v = u + more_u, v + more_v
     u_n, u_t = all_u * nx + all_v * ny, all_v * nx - all_u * ny - bodies[i, SURFACE] - belt
     a, b = scene.material[i], scene.material[j]
     mu = friction_between(scene, laws, i, j, abs(u_t))
-    along, turning = inverse + gives_n, (1.0 + beta) * inverse + gives_t
+    turning = (1.0 + beta) * inverse
     approach = u_n if u_n < 0.0 else 0.0
     p_n, p_t = solve_exact(
-        0.0, 0.0, (1.0 + laws.restitution[a, b]) * approach, u_t, 1.0 / along, 1.0 / turning, mu
+        0.0, 0.0, (1.0 + laws.restitution[a, b]) * approach, u_t, 1.0 / inverse, 1.0 / turning, mu
     )
     px, py = p_n * nx - p_t * ny, p_n * ny + p_t * nx
     for side in range(1 if is_wall else 2):
@@ -98,48 +93,22 @@ def hit(air: Air, laws: ContactLaws, beta: float, i: int, j: int, t: float, said
         place[k, ANGLE] -= t * change / scene.radius[k]
     said[_NX], said[_NY], said[_P_N], said[_P_T] = nx, ny, p_n, p_t
     said[U_N], said[_U_T] = u_n, u_t
-    said[_IMPACT] = -p_n * (u_n + 0.5 * (along * p_n + gives_both * p_t))
-    said[_FRICTION] = -p_t * (u_t + 0.5 * (turning * p_t + gives_both * p_n))
+    said[_IMPACT] = -p_n * (u_n + 0.5 * inverse * p_n)
+    said[_FRICTION] = -p_t * (u_t + 0.5 * turning * p_t)
     said[_LEVER_X], said[_LEVER_Y] = lx, ly
-    if is_cell:
-        said[_SWING] = _swing(air.flow, px * lx, py * ly, px * ly, t)
-        _convect(air.flow.gradient, lx, ly, u, v, px, py, inverse, t, said)
+    if scene.height > 0.0:
+        _convect(air.flow, lx, ly, u, v, px, py, inverse, t, said)
 
 
 @formula
-def _gives_way(
-    inverse: Floats, nx: float, ny: float, lx: float, ly: float
-) -> tuple[float, float, float]:
-    """What the gradient of a cell adds to 1/m: along n, along t, and between both [1/kg]."""
-    x = inverse[XX] * lx * lx + inverse[XY] * ly * ly
-    y = inverse[YY] * ly * ly
-    return nx * nx * x + ny * ny * y, ny * ny * x + nx * nx * y, nx * ny * (y - x)
+def _bend(flow: Floats, x: float, y: float, t: float) -> tuple[float, float]:
+    """What a cell has added to the velocity on a straight way by a time t, t L² ℓ: as ċ = −L c.
 
-
-@formula
-def _changed(flow: Flow, lx: float, ly: float, u: float, v: float, t: float) -> tuple[float, float]:
-    """What a cell adds to the relative velocity on a straight way by a time t [m/s].
-
-    What its gradient has gained, times ℓ; and t L² ℓ of the start, as ċ = −L c and ℓ̇ = c + L ℓ.
+    The branch vector (x, y) is that at the start of the step.
     """
-    more, now = flow.gained, flow.gradient
-    xx, yy = more[XX] + t * flow.pushed[XX], more[YY] + t * flow.pushed[YY]
-    xy = more[XY] + t * flow.pushed[XY]
-    x, y = lx - t * u, ly - t * v
-    x, y = now[XX] * x + now[XY] * y, now[YY] * y
-    bent_u, bent_v = now[XX] * x + now[XY] * y, now[YY] * y
-    return xx * lx + xy * ly + t * bent_u, yy * ly + t * bent_v
-
-
-@formula
-def _swing(flow: Flow, xx: float, yy: float, xy: float, t: float) -> float:
-    """Let the gradient of a cell gain p⊗ℓ, **modified**; returns the product of both [J]."""
-    swing = 0.0
-    for d, given in ((XX, xx), (YY, yy), (XY, xy)):
-        gain = flow.inverse[d] * given
-        swing += (flow.gained[d] + t * flow.pushed[d] + 0.5 * gain) * given
-        flow.gained[d] += gain
-    return swing
+    xx, yy, xy = flow[XX], flow[YY], flow[XY]
+    x, y = xx * x + xy * y, yy * y
+    return t * (xx * x + xy * y), t * (yy * y)
 
 
 @formula
@@ -163,51 +132,26 @@ def _convect(
     said[_CONVECTED + XY] = -t * (ax * py + px * cy)
 
 
-class Stirred(NamedTuple):
-    """What impacts give the gradient of a cell: xx, yy, xy [J s].
-
-    Attributes:
-        each: What each gives, shape ``(k, 3)``.
-        given: Together, shape ``(3,)``.
-        convected: Of this what is no p⊗ℓ.
-        swing: What it would gain if each acted while it is as it is at that time [J].
-    """
-
-    each: Floats
-    given: Floats
-    convected: Floats
-    swing: float
-
-
 @kernel
-def stir(impacts: Impacts) -> Stirred:
-    """What impacts give the gradient of a cell."""
-    each, given, convected = np.zeros((impacts.i.size, 3)), np.zeros(3), np.zeros(3)
-    swing = 0.0
+def convected_by(impacts: Impacts, change: Floats) -> Floats:
+    """What impacts convect: xx, yy, xy [J s], shape ``(3,)``.
+
+    They were found with the gradient of a cell before the step, which in the books differs by
+    ``change`` [1/s], shape ``(3,)``. What they then give to it less is among their losses, which
+    are **modified**.
+    """
+    convected = np.zeros(3)
     for e in range(impacts.i.size):
         said = impacts.said[e]
         px = said[_P_N] * said[_NX] - said[_P_T] * said[_NY]
         py = said[_P_N] * said[_NY] + said[_P_T] * said[_NX]
-        each[e, XX], each[e, YY] = px * said[_LEVER_X], py * said[_LEVER_Y]
-        each[e, XY] = px * said[_LEVER_Y]
+        given = change[XX] * px * said[_LEVER_X] + change[YY] * py * said[_LEVER_Y]
+        given += change[XY] * px * said[_LEVER_Y]
         for d in range(3):
-            each[e, d] += said[_CONVECTED + d]
             convected[d] += said[_CONVECTED + d]
-            given[d] += each[e, d]
-        swing += said[_SWING]
-    return Stirred(each, given, convected, swing)
-
-
-@kernel
-def take_into_losses(impacts: Impacts, each: Floats, change: Floats) -> None:
-    """Let impacts lose what they give a cell less, **modified**.
-
-    They were found with its gradient before the step; where a rate is prescribed, that of the
-    books differs by ``change`` [1/s], shape ``(3,)``.
-    """
-    for e in range(impacts.i.size):
-        for d in range(3):
-            impacts.said[e, _IMPACT] -= change[d] * each[e, d]
+            given += change[d] * said[_CONVECTED + d]
+        said[_IMPACT] -= given
+    return convected
 
 
 @kernel

@@ -50,30 +50,14 @@ class Walls(NamedTuple):
     is_free: NDArray[np.bool_]
 
 
-class Flow(NamedTuple):
-    """The gradient of a cell in a step: xx, yy, xy, shape ``(3,)``; else zeros.
-
-    Attributes:
-        gradient: At the start of the step [1/s].
-        inverse: Its inverse inertia where a stress drives it [1/(kg m²)], else 0.
-        pushed: What that stress, and Σ m c⊗c, change it by in a time [1/s²].
-        gained: What impacts have changed it by so far [1/s].
-    """
-
-    gradient: Floats
-    inverse: Floats
-    pushed: Floats
-    gained: Floats
-
-
 class Air(NamedTuple):
     """What the flights of a step need; ``place`` and ``bodies`` are starts as they are now.
 
-    Ways are those with the ``flow`` at the start of the step.
+    ``flow`` is the gradient of a cell at the start of the step [1/s], shape ``(3,)``; else zeros.
     """
 
     scene: Scene
-    flow: Flow
+    flow: Floats
     walls: Walls
     around: Around
     gravity: Floats
@@ -101,7 +85,7 @@ def relative(air: Air, i: int, j: int, t: float) -> tuple[float, float, float, f
 @formula
 def _image(air: Air, dx: float, dy: float, t: float) -> tuple[float, float]:
     """How many widths and heights of a cell at a time [s] a vector is long."""
-    scene, flow = air.scene, air.flow.gradient
+    scene, flow = air.scene, air.flow
     xx, yy, xy = flow[XX], flow[YY], flow[XY]
     up = floor(dy / (scene.height + t * yy * scene.height) + 0.5)
     dx -= up * (scene.tilt + t * (xx * scene.tilt + xy * scene.height))
@@ -113,7 +97,7 @@ def _to_image(
     air: Air, dx: float, dy: float, u: float, v: float, right: float, up: float, t: float
 ) -> tuple[float, float, float, float]:
     """A vector and its velocity, to the image so many widths and heights of a cell farther."""
-    scene, flow = air.scene, air.flow.gradient
+    scene, flow = air.scene, air.flow
     xx, yy, xy = flow[XX], flow[YY], flow[XY]
     x, y = right * scene.period + up * scene.tilt, up * scene.height
     more_u, more_v = xx * x + xy * y, yy * y
@@ -161,7 +145,7 @@ def _images_within(
 
     None but the nearest, as long as steps are short. Strain takes a part of the way to the others.
     """
-    scene, flow = air.scene, air.flow.gradient
+    scene, flow = air.scene, air.flow
     strain = long * (abs(flow[XX]) + abs(flow[YY]) + abs(flow[XY]))
     room = max(1.0 - strain, 0.1) * min(scene.period, scene.height)
     return int((reach + abs(dx) + abs(dy) + long * (abs(u) + abs(v))) / room)

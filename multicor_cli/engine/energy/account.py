@@ -240,8 +240,7 @@ def book_step(
     gained = _enter_adhesion(state, sums)
     _enter_walls(
         state.books, motion.before, state.wall_velocity, motion.driven, motion.mass, motion.load,
-        motion.borne, motion.borne_work, motion.stiffness, motion.damping, motion.weight,
-        motion.belt_before, motion.belt,
+        motion.stiffness, motion.damping, motion.weight, motion.belt_before, motion.belt,
         sums.wall_impulse, sums.belt_impulse, kinetic, gravity_work, correction, dt, sums.total,
     )  # fmt: skip
     _close(state.books, _brought_in(state) + gained, state.step + 1)
@@ -270,8 +269,6 @@ def _enter_walls(
     driven: NDArray[np.bool_],
     mass: Floats,
     load: Floats,
-    borne: Floats,
-    borne_work: float,
     stiffness: Floats,
     damping: Floats,
     weight: Floats,
@@ -286,14 +283,13 @@ def _enter_walls(
     sums: Floats,
 ) -> None:
     """Enter energies and works; arrays of walls are those of `WallMotion`, shape ``(w, 3)``."""
-    wall_work, load_work, lost = 0.0, borne_work, 0.0
+    wall_work, load_work, lost = 0.0, 0.0, 0.0
     for w in range(before.shape[0]):
         for d in range(3):
             mean = 0.5 * (before[w, d] + after[w, d])
             if not driven[w, d]:
                 wall_work -= wall_impulse[w, d] * mean
             load_work += dt * (load[w, d] - 0.5 * dt * stiffness[w, d] * mean) * mean
-            load_work -= borne[w, d] * mean
             lost += dt * damping[w, d] * mean * mean
             gravity += dt * weight[w, d] * mean
             kinetic += 0.5 * mass[w, d] * after[w, d] * after[w, d]

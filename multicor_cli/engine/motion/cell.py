@@ -74,21 +74,17 @@ class Convection(NamedTuple):
 
     Attributes:
         gradient: L after it, where a stress drives it; shape ``(3,)``.
-        mean: L̂ of the books meanwhile.
         pull: Δt Σ m c⊗c: xx, yy, xy [J s].
-        borne: What of the load has acted meanwhile [J s], shape ``(3,)``.
     """
 
     gradient: Floats
-    mean: Floats
     pull: Floats
-    borne: Floats
 
 
 @kernel
 def convect(
-    mass: Floats, before: Floats, after: Floats, inverse: Floats, load: Floats, given: Floats,
-    is_gas: bool, dt: float, start: Floats, free: Floats,
+    mass: Floats, before: Floats, after: Floats, inverse: Floats, dt: float, start: Floats,
+    free: Floats,
 ) -> Convection:  # fmt: skip
     """Let the mean flow act on velocities: −m L c on grains, Σ m c⊗c on the gradient.
 
@@ -96,10 +92,6 @@ def convect(
     the means of before and after it. ``before`` and ``after`` are the gradients of the step where
     a rate is prescribed, and ``before`` that of what a stress drives, with the ``inverse`` inertia
     [1/(kg m²)], 0 elsewhere; shapes ``(3,)``. **Modifies** x and y of ``start`` and ``free``.
-
-    With it acts what impacts have ``given`` the gradient, and of the ``load`` of the step what
-    bears both [J s]: all of it in a gas. Else the gradient would swing by what the load takes back
-    after it, and the grains would pay for that: half of pull²/M in a step.
     """
     t_xx, t_yy, t_xy = 0.0, 0.0, 0.0
     for i in range(mass.size):
@@ -107,37 +99,30 @@ def convect(
         t_xx += mass[i] * u * u
         t_yy += mass[i] * v * v
         t_xy += mass[i] * u * v
-    half, gradient, pull, borne = 0.5 * dt, before.copy(), np.zeros(3), np.zeros(3)
+    half, gradient, pull = 0.5 * dt, before.copy(), np.zeros(3)
     a, b, c = 1.0, 0.0, 1.0
-    mean = np.empty(3)
     for _ in range(ROUNDS):
+        mean = np.empty(3)
         for d in range(3):
             mean[d] = 0.5 * (before[d] + (gradient[d] if inverse[d] > 0.0 else after[d]))
         # ĉ = (1 + ½Δt L̂)⁻¹ c⁻ = (a c_x + b c_y, c c_y)
         a, c = 1.0 / (1.0 + half * mean[XX]), 1.0 / (1.0 + half * mean[YY])
         b = -half * mean[XY] * a * c
-        last = gradient.copy()
+        last = pull.copy()
         pull[XX] = dt * (a * a * t_xx + 2.0 * a * b * t_xy + b * b * t_yy)
         pull[YY] = dt * (c * c * t_yy)
         pull[XY] = dt * (a * c * t_xy + b * c * t_yy)
         is_same = True
         for d in range(3):
-            pushed = pull[d] + given[d]
-            if is_gas:
-                borne[d] = load[d]
-            elif pushed > 0.0:
-                borne[d] = max(-pushed, min(load[d], 0.0))
-            else:
-                borne[d] = min(-pushed, max(load[d], 0.0))
-            gradient[d] = before[d] + inverse[d] * (pushed + borne[d])
-            is_same = is_same and last[d] == gradient[d]
+            gradient[d] = before[d] + inverse[d] * pull[d]
+            is_same = is_same and last[d] == pull[d]
         if is_same:
             break
     for i in range(mass.size):
         u, v = start[i, X], start[i, Y]
         start[i, X] = free[i, X] = 2.0 * (a * u + b * v) - u
         start[i, Y] = free[i, Y] = 2.0 * (c * v) - v
-    return Convection(gradient, mean, pull, borne)
+    return Convection(gradient, pull)
 
 
 @kernel

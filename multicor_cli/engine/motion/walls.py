@@ -35,7 +35,6 @@ class WallMotion:
         before: V⁻, of all degrees of freedom.
         load: Forces and torques at mid-step without gravity; of springs at the start of the step.
         weight: Weights.
-        borne: What of the load acts before the solve, in a cell [J s]; ``borne_work`` is its work.
         inverse: Inverse effective masses of the step.
         belt_before: −V_s⁻, as in column `BELT` of the bodies, shape ``(w,)``; ``belt`` is −V_s⁺.
     """
@@ -78,8 +77,6 @@ class WallMotion:
         self.mobility: Floats = _inverse_where(self.driven, self.mass)
         self.before: Floats = np.zeros((w, 3))
         self.load: Floats = np.zeros((w, 3))
-        self.borne: Floats = np.zeros((w, 3))
-        self.borne_work = 0.0
         self.inverse: Floats = np.zeros((w, 3))
         self.belt_before: Floats = np.zeros(w)
         self.belt: Floats = np.zeros(w)
@@ -150,14 +147,6 @@ class WallMotion:
             force = float(self.load[w, d]) + weight
             self.weight[w, d], self.inverse[w, d] = weight, inverse
             after[w, d] = ((mass - half) * before + dt * force) * inverse
-
-    def bear(self, gradient: Floats, mean: Floats, borne: Floats) -> None:
-        """Begin the solve with this gradient of a cell, after a part of the load has acted.
-
-        That part is ``borne`` [J s], at the ``mean`` gradient; shapes ``(3,)``.
-        """
-        self.before[0], self.borne[0] = gradient, borne
-        self.borne_work = total(borne * mean)
 
     def surface_after(self, state: State) -> Floats:
         """`State.wall_surface` after the step: V_s⁺, or nothing if no surface has ever run."""
