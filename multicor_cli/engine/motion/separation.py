@@ -160,12 +160,14 @@ class _Bodies(NamedTuple):
         mobility: Inverse masses in x and y [1/kg], two unused columns, shape ``(held + 2, 4)``.
         weight: Their reciprocals, 0 where held [kg], shape ``(held + 2, 4)``.
         held: Number of movable bodies.
+        strains: Whether a cell is strained.
     """
 
     number: Ints
     mobility: Floats
     weight: Floats
     held: int
+    strains: bool
 
 
 @kernel
@@ -181,8 +183,10 @@ def _bodies(
             number[k] = count
             count += 1
     mobility, weight = np.zeros((count + 2, 4)), np.zeros((count + 2, 4))
+    strains = False
     for d in range(3 if is_cell else 0):
         inverse = wall_inverse[0, d]
+        strains = strains or inverse > 0.0
         mobility[count + 1, d] = inverse
         weight[count + 1, d] = 1.0 / inverse if inverse > 0.0 else 0.0
     for k in range(n + w):
@@ -193,7 +197,7 @@ def _bodies(
             inverse = 1.0 / mass[k] if k < n else wall_inverse[k - n, d]
             mobility[number[k], d] = inverse
             weight[number[k], d] = 1.0 / inverse if inverse > 0.0 else 0.0
-    return _Bodies(number, mobility, weight, count)
+    return _Bodies(number, mobility, weight, count, strains)
 
 
 @kernel
@@ -206,8 +210,8 @@ def _measure(
     overlap between ``target`` and ``allowed``: a grain between two held ones could not be freed of
     both.
     """
-    n, held, is_cell = scene.radius.size, bodies.held, scene.height > 0.0
-    pair, frame = np.empty((i.size, 2), np.int32), np.empty((i.size, 6 if is_cell else 4))
+    n, held, strains = scene.radius.size, bodies.held, bodies.strains
+    pair, frame = np.empty((i.size, 2), np.int32), np.empty((i.size, 6 if strains else 4))
     found = 0
     for c in range(i.size):
         a = bodies.number[i[c]]
@@ -220,7 +224,7 @@ def _measure(
         give = (bodies.mobility[a, X] + bodies.mobility[b, X]) * nx * nx + (
             bodies.mobility[a, Y] + bodies.mobility[b, Y]
         ) * ny * ny
-        if is_cell:
+        if strains:
             length, cell = scene.radius[i[c]] + scene.radius[j[c]] + gap, bodies.mobility[held + 1]
             lx, ly = length * nx, length * ny
             give += cell[XX] * (nx * lx) * (nx * lx) + cell[YY] * (ny * ly) * (ny * ly)
@@ -250,8 +254,8 @@ def _relax(
     a, b = pair[c, FIRST], pair[c, SECOND]
     nx, ny = frame[c, NX], frame[c, NY]
     gap = frame[c, GAP] + nx * (shift[a, X] - shift[b, X]) + ny * (shift[a, Y] - shift[b, Y])
-    is_cell, strain = frame.shape[1] > _LX, shift.shape[0] - 1
-    if is_cell:
+    strains, strain = frame.shape[1] > _LX, shift.shape[0] - 1
+    if strains:
         lx, ly = frame[c, _LX], frame[c, _LY]
         gap += nx * (shift[strain, XX] * lx + shift[strain, XY] * ly) + ny * shift[strain, YY] * ly
     change = max(-gap * frame[c, _MASS], -push[c])
@@ -262,7 +266,7 @@ def _relax(
     shift[a, Y] += mobility[a, Y] * change * ny
     shift[b, X] -= mobility[b, X] * change * nx
     shift[b, Y] -= mobility[b, Y] * change * ny
-    if is_cell:
+    if strains:
         shift[strain, XX] += mobility[strain, XX] * change * nx * frame[c, _LX]
         shift[strain, YY] += mobility[strain, YY] * change * ny * frame[c, _LY]
         shift[strain, XY] += mobility[strain, XY] * change * nx * frame[c, _LY]
@@ -339,7 +343,7 @@ def separate(
     memory = start_loop(pair.shape[0])
     shift = _solve(pair, frame, bodies, enough, sweeps, memory)
     n, pull_x, pull_y = marked.size, 0.0, 0.0
-    if is_cell:
+    if bodies.strains:
         carry(scene.position, shift[bodies.held + 1], 1.0, scene.position)
     for k in range(n):
         if marked[k]:
