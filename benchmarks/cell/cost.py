@@ -29,7 +29,9 @@ def main() -> int:
     """Measure and print; returns the exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--grains", type=int, default=100_000, help="[%(default)s]")
-    parser.add_argument("--steps", type=int, default=200, help="before, of 0.01 [%(default)s]")
+    parser.add_argument(
+        "--steps", type=int, default=400, help="before, of 0.005 in strain [%(default)s]"
+    )
     options = parser.parse_args()
     flows = {
         "walls": _flow("shear-gravity-free", _between_walls(options.grains), options.steps),
