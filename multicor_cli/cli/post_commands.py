@@ -316,6 +316,36 @@ def conductivity(
     )
 
 
+# ---- Command `post diffusion`: how far grains stray from the mean flow
+
+
+def diffusion(
+    directory: RunPath,
+    start: Start = None,
+    end: End = None,
+    frames: Frames = None,
+    margin: Margin = None,
+    between: Between = None,
+) -> Shown:
+    """Mean square displacements beside the mean flow against the time lag, in a cell or in the bulk
+    of a layer, and the self-diffusion.
+
+    D is half of what a mean square grows by, from lags on in which the flow is strained by 1.
+    Errors are those over lags that begin at different frames.
+    """
+    from multicor_cli import post
+
+    selection = selected(start, end, frames)
+    with store.open_run(directory) as run:
+        table = post.diffusion(run, selection, margin=margin, between=between)
+    about = _span(table.frames.size, "frame", table.times)
+    unit = table.shear_rate * table.diameter**2
+    for axis, value, error in zip("xy", table.diffusion, table.diffusion_error, strict=True):
+        about += f"\nD_{axis} = {value:.4g} ± {error:.2g} m²/s"
+        about += f" = {value / unit:.3g} ± {error / unit:.1g} γ̇d²" if unit > 0.0 else ""
+    return Shown(table, about, directory, is_detailed=False)
+
+
 # ---- Command `post region`: what is inside a part of the plane
 
 EXAMPLE = '{ kind = "circle", center = [0.02, 0.01], radius = 0.005 }'
@@ -636,6 +666,7 @@ COMMANDS = {
     "forces": shows_table(forces),
     "rheology": shows_table(rheology),
     "conductivity": shows_table(conductivity),
+    "diffusion": shows_table(diffusion),
     "region": shows_table(region),
     "fields": shows_table(fields),
     "energy": shows_table(energy),

@@ -1,4 +1,4 @@
-"""Figures over the height: profiles, alone and of two runs, and θ against η."""
+"""Figures over the height: profiles, alone and of two runs, and θ against η; and over lags."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from multicor_cli.plots.style import (
     COLORS,
     COLUMN,
+    HOLLOW,
     PAGE,
     Renderer,
     Terminal,
@@ -19,7 +20,14 @@ from multicor_cli.plots.style import (
     draw_with_errors,
     explain_errors,
 )
-from multicor_cli.post import Comparison, ProfilePair, ProfileSet, ProfileTable, ThetaTable
+from multicor_cli.post import (
+    Comparison,
+    Diffusion,
+    ProfilePair,
+    ProfileSet,
+    ProfileTable,
+    ThetaTable,
+)
 from multicor_cli.text import unit_sign
 
 # ---- Profiles: the field across, the height upwards, as one looks at the grains
@@ -189,7 +197,45 @@ def theta_eta_text(table: ThetaTable, _terminal: Terminal) -> str:
     return draw_text([TextLine("", table.center, table.mean)], "eta [–]", "theta [–]")
 
 
+# ---- Mean square displacements over the lag
+
+
+def draw_diffusion(axes: Any, table: Diffusion) -> None:
+    """Draw mean squares over the squared diameter, and straight lines of both diffusivities."""
+    square, is_sheared = table.diameter**2, table.shear_rate > 0.0
+    lag = table.strain if is_sheared else table.lag
+    for axis, color, marker, diffusivity in zip("xy", COLORS, "os", table.diffusion, strict=False):
+        mean, error = (getattr(table, f"{of}_{axis}") / square for of in ("msd", "error"))
+        known = np.isfinite(error)
+        style: dict[str, Any] = {"color": color, "markersize": 2.5, "linewidth": 0.9}
+        axes.plot(lag, mean, marker + "-", markeredgewidth=0.0, label=f"along ${axis}$", **style)
+        axes.plot(lag[~known], mean[~known], marker, **{**style, **HOLLOW})
+        band: dict[str, Any] = {"color": color, "alpha": 0.25, "linewidth": 0.0}
+        axes.fill_between(lag, mean - error, mean + error, **band)
+        straight = 2.0 * diffusivity * table.lag / square
+        far = table.lag >= table.lag[-1] / 3.0
+        straight += (mean - straight)[far].mean()
+        axes.plot(lag[far], straight[far], "--", color="0.15", linewidth=0.7, zorder=3)
+    axes.plot([], [], "--", color="0.15", linewidth=0.7, label=r"$2 D t$ + const.")
+    explain_errors(axes, [table.error_x, table.error_y])
+    axes.set_xlabel(r"strain $\dot\gamma t$ in the lag [–]" if is_sheared else "lag $t$ [s]")
+    axes.set_ylabel(r"mean square $\langle \Delta^2 \rangle/d^2$ [–]")
+    axes.set(xlim=(0.0, None), ylim=(0.0, None))
+    axes.legend(loc="upper left")
+
+
+def diffusion_text(table: Diffusion, _terminal: Terminal) -> str:
+    """Mean squares over the lag, on logarithmic scales."""
+    lines = [TextLine(name, table.lag, getattr(table, f"msd_{name}")) for name in "xy"]
+    return draw_text(lines, "lag [s]", "mean square [m²]", is_logarithmic=True)
+
+
 FIGURES = {
+    Diffusion: Renderer(
+        lambda _: (COLUMN, 0.85 * COLUMN),
+        lambda figure, table: draw_diffusion(figure.add_subplot(), table),
+        diffusion_text,
+    ),
     ProfileSet: Renderer(
         lambda table: (COLUMN, (1.0 if table.tables[1:] else 0.9) * COLUMN), _fill, profiles_text
     ),

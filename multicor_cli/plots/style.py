@@ -396,7 +396,7 @@ _OVER_TIME = (
 )  # fmt: skip
 _DRAWN_IN = {
     **dict.fromkeys(_OVER_TIME, "over_time"),
-    **dict.fromkeys(("compare", "theta_eta"), "profile"),
+    **dict.fromkeys(("compare", "diffusion", "theta_eta"), "profile"),
 }
 """Modules that draw tables of several others."""
 

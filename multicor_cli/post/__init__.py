@@ -8,6 +8,8 @@ from multicor_cli.post.conductivity import Conductivity as Conductivity
 from multicor_cli.post.conductivity import conductivity as conductivity
 from multicor_cli.post.crossings import FlowTable as FlowTable
 from multicor_cli.post.crossings import flow_through as flow_through
+from multicor_cli.post.diffusion import Diffusion as Diffusion
+from multicor_cli.post.diffusion import diffusion as diffusion
 from multicor_cli.post.energy import EnergyTable as EnergyTable
 from multicor_cli.post.energy import SeriesTable as SeriesTable
 from multicor_cli.post.energy import energy as energy

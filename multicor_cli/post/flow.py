@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -76,19 +77,25 @@ def mean_flow(source: Run, chosen: NDArray[np.int64], bins: Bins) -> MeanFlow | 
     if extent.is_cell:
         return CellFlow()
     spacing = min(bins.width, source.model.mean_diameter)
+    weighted = ((f, model_of(source, f).grains.radius ** 2) for f in frames_of(source, chosen))
+    return fit_flow(extent, spacing, weighted)
+
+
+def fit_flow(extent: Extent, spacing: float, weighted: Iterable[tuple[Frame, Floats]]) -> MeanFlow:
+    """The mean flow of frames whose grains have weights, by knots about ``spacing`` apart [m]."""
     count = max(round(min(extent.height / spacing, _CELL_LIMIT)), 1)
-    smoothing = _SMOOTHING * (source.model.grains.radius**2).sum() * chosen.size / count
-    below, above, across = np.zeros(count), np.zeros(count), np.zeros(count)
+    below, above, across, everything = np.zeros(count), np.zeros(count), np.zeros(count), 0.0
     right = np.zeros((count + 1, 2))
-    for frame in frames_of(source, chosen):
+    for frame, weight in weighted:
         cell, part = _locate(frame, extent, count)
-        weight = model_of(source, frame).grains.radius ** 2
+        everything += weight.sum()
         factors = ((1.0 - part) ** 2, part**2, part * (1.0 - part))
         for total, factor in zip((below, above, across), factors, strict=True):
             total += np.bincount(cell, weight * factor, minlength=count)
         for axis, speed in enumerate(_velocities(frame).T):
             right[:-1, axis] += np.bincount(cell, weight * (1.0 - part) * speed, minlength=count)
             right[1:, axis] += np.bincount(cell, weight * part * speed, minlength=count)
+    smoothing = _SMOOTHING * everything / count
     # each cell adds to its lower knot, to its upper knot, and between the two
     beside = across - smoothing
     matrix = np.diag(beside, 1) + np.diag(beside, -1)

@@ -131,13 +131,13 @@ def interval_sums(
     solid = area_below(high - y, radius) - area_below(low - y, radius)
     inside = (y > low) & (y < high)
     slip = flow.fluctuation(second)[inside]
-    motion = (lapse, *_shear_and_spin(band, model, first, second))
+    motion = (lapse, *strain_and_spin(band, model, first, second))
     bulk = (solid.sum(), (high - low) * model.period, 0.5 * (slip**2).sum(), inside.sum())
     area = bulk[1] if has_forces(second) else 0.0
     return np.array([*motion, *bulk, area, *contact_sums(model, second, inside, low, high)])
 
 
-def _shear_and_spin(band: Band, model: Model, first: Frame, second: Frame) -> tuple[float, float]:
+def strain_and_spin(band: Band, model: Model, first: Frame, second: Frame) -> tuple[float, float]:
     """Strain and rotation of the bulk in an interval; the grains are where they are halfway."""
     edges = np.mean([band.edges(first), band.edges(second)], axis=0)
     y = 0.5 * (heights(first) + heights(second))

@@ -18,6 +18,7 @@ from multicor_cli.post import forces
 from multicor_cli.post.cell_rheology import CELL_QUANTITIES
 from multicor_cli.post.conductivity import QUANTITIES as OF_CONDUCTIVITY
 from multicor_cli.post.conductivity import conductivity
+from multicor_cli.post.diffusion import diffusion
 from multicor_cli.post.energy import HEAT, MECHANICAL, energy
 from multicor_cli.post.grain_map import grain_map
 from multicor_cli.post.mean_heat import FLUX_QUANTITIES, mean_heat
@@ -96,6 +97,12 @@ def _conductivity(run: Run, row: Observable, selection: Selection) -> Number:
     return Number(found.mean[name], found.error[name])
 
 
+def _diffusion(run: Run, row: Observable, selection: Selection) -> Number:
+    axis = "xy".index(str(row.value)[-1])
+    found = diffusion(run, selection)
+    return Number(found.diffusion[axis], found.diffusion_error[axis])
+
+
 def _region(run: Run, row: Observable, selection: Selection) -> Number:
     assert row.inside is not None
     found, name = in_region(run, row.inside.area(), selection), str(row.value)
@@ -164,6 +171,7 @@ SOURCES: dict[str, Source] = {
         needs_shear=True,
     ),
     "conductivity": Source(_OF_HEAT, _conductivity, frozenset(_OF_HEAT)),
+    "diffusion": Source(("diffusion_x", "diffusion_y"), _diffusion, needs_shear=True),
     "region": Source(IN_REGION, _region, frozenset({"temperature"})),
     "profile": Source(tuple(PROFILED), _profile, _HEAT_FIELDS),
     "theta-eta": Source(tuple(_THETA), _theta, frozenset(_THETA), is_of_one_frame=True),

@@ -164,7 +164,15 @@ class Observable(Table):
     )
     post: (
         Literal[
-            "rheology", "conductivity", "region", "profile", "theta-eta", "map", "forces", "energy"
+            "rheology",
+            "conductivity",
+            "diffusion",
+            "region",
+            "profile",
+            "theta-eta",
+            "map",
+            "forces",
+            "energy",
         ]
         | None
     ) = Field(None, description="command `multicor post` whose table it is taken from")

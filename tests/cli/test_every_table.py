@@ -226,6 +226,16 @@ def same(of, run, table):
     assert ("pressure" in table["numbers"]) == (of.is_periodic and all(of.bounds))
 
 
+def strayed(of, run, table):
+    """Mean squares of real ways, which are longer than those beside the mean flow."""
+    assert len(table["lag"]) == len(table["msd_x"]) == len(table["origins"])
+    frames = chosen(run)
+    for axis, name in enumerate(("msd_x", "msd_y")):
+        first, last = frames[0].unwrapped[:, axis], frames[-1].unwrapped[:, axis]
+        assert 0.0 <= min(table[name]) <= 4.0 * ((last - first) ** 2).max() + 1e-9
+    assert table["diameter"] == near(run.model.mean_diameter)
+
+
 TABLES = {
     "profile": velocity,
     "profile --of temperature": temperature,
@@ -238,6 +248,7 @@ TABLES = {
     "forces --angles --frames -5:": directions,
     "rheology": rheology,
     "conductivity": None,
+    "diffusion --margin 1": strayed,
     "region --in {min=[0.0,-0.01],max=[0.06,0.09]}": everywhere,
     "fields --spacing 0.25": coarse,
     "flow --line 0.0,0.02:0.06,0.02": flow,
@@ -254,6 +265,8 @@ def refusal(of, name):
         return "rheology needs a wall below and a wall above the grains that shear them"
     if name == "rheology" and not of.is_periodic:
         return "rheology needs a domain that is periodic in x"
+    if name.startswith("diffusion") and not (of.is_periodic and all(of.bounds)):
+        return "diffusion needs a mean flow that depends on the height alone"
     if name == "conductivity":
         return "conductivity needs a cell that is periodic in x and y"
     if name == "theta-eta" and not of.walls:
@@ -387,6 +400,7 @@ VARIANTS = {
     "forces": [[], ["--frame", "0"]],
     "rheology": [[], ["--margin", "0", "--frames", ":"]],
     "conductivity": [[]],
+    "diffusion": [[], ["--margin", "0", "--frames", ":"]],
     "region": [["--in", REGION_SEEN],
         ["--in", "{ min = [0.0, 0.15], max = [0.1, 0.2] }", "--frames", ":"]],
     "fields": [

@@ -38,6 +38,7 @@ NO_SENSE = {
     "post rheology RUN --from 0 --margin 99": "no bulk is left",
     "post rheology RUN --frames -1:": "needs two frames",
     "post conductivity RUN": "needs a cell that is periodic in x and y",
+    "post diffusion RUN --frames -2:": "needs three frames, not 2",
     "post region RUN --in circle": "is not a region",
     "post region RUN --in '{ min = [0, 0], max = [0, 1] }'": "not above and to the right",
     "post region RUN --in '{ kind = \"circle\", center = [0, 0] }'": "radius",

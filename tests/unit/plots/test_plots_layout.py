@@ -91,6 +91,7 @@ def test_charts(column, drawn):
         post.angular_distribution(column, ALL),
         post.compare(column, column, ["velocity", "temperature"], ALL),
         post.conductivity(square_of_discs([3e-5, 5e-5, 4e-5]), ALL),
+        post.diffusion(column, ALL, margin=0.1),
     ):
         drawn(table)
 

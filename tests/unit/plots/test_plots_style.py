@@ -115,6 +115,7 @@ def test_every_table_can_be_shown_in_a_terminal(column):
         "theta [–]": post.theta_eta(column, wall="top"),
         "energy [J]": post.energy(column),
         "of a square [W/K]": post.conductivity(square_of_discs([0.3, 0.5]), ALL),
+        "mean square [m": post.diffusion(column, ALL, margin=0.1),
         "friction mu* [–]": post.rheology(column, ALL),
         "probability density [–]": post.force_distribution(column, ALL),
         "direction [°]": post.angular_distribution(column, ALL),

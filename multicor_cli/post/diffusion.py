@@ -1,0 +1,234 @@
+"""How far grains stray from the mean flow: mean square displacements, and self-diffusion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.model.model import Floats
+from multicor_cli.post.bins import Between, find_extent
+from multicor_cli.post.flow import fit_flow
+from multicor_cli.post.lattice import gradient_of
+from multicor_cli.post.mean_heat import FORGOTTEN
+from multicor_cli.post.rheology import Band, find_band, strain_and_spin
+from multicor_cli.post.rheology_sums import average_ratios
+from multicor_cli.post.source import (
+    Frame,
+    PostError,
+    Run,
+    Selection,
+    frames_of,
+    frames_told,
+    model_of,
+    need_grains,
+    need_same_grains,
+)
+from multicor_cli.post.sums import spread
+from multicor_cli.post.table import Column, Table
+
+LAGS = 40
+"""Most lags of the table, evenly spaced on a logarithmic scale."""
+
+
+class Diffusion(Table):
+    """Mean square displacements beside the mean flow against the time lag; ``l`` lags.
+
+    In a cell displacements beside the mean flow are those of all steps, ∫ c dt. Between walls they
+    are displacements between frames less those of the mean flow at the height half-way between both
+    (`multicor_cli.post.flow.MeanFlow`, of all these frames): frames should be so close that a layer
+    is sheared by much less than 1 between two. Grains count that lie in the bulk when a lag begins.
+
+    The self-diffusion D is half of what a mean square grows by from one frame to the next, counted
+    from some frames before, in which the flow is strained by 1 (``counted_from`` of them): grains
+    first have to forget how they moved. So it holds where the mean square has become a straight
+    line, which the figure shows; a wall ends it at about a sixth of the squared height.
+
+    Attributes:
+        lag: Time lags [s], shape ``(l,)``.
+        strain: Strain of the mean flow in them, on average.
+        msd_x, msd_y: Mean square displacements [m²].
+        error_x, error_y: Their standard errors, nan where the lags that begin at different frames
+            are too few.
+        origins: How many lags begin at a frame.
+        diffusion: D along x and y [m²/s]; ``diffusion_error``, standard errors.
+        shear_rate: Of the mean flow [1/s].
+        diameter: Mean diameter [m].
+        counted_from: See above.
+        frames: Indices of the frames.
+        times: Times of the first and last frame [s].
+    """
+
+
+def diffusion(
+    source: Run,
+    selection: Selection | None = None,
+    *,
+    margin: float | None = None,
+    between: Between | None = None,
+) -> Diffusion:
+    """Mean square displacements and self-diffusion in a cell, or in the bulk of a layer.
+
+    Args:
+        source: The run.
+        selection: Which frames; default: the later half of the last stage.
+        margin: As `multicor_cli.post.rheology.rheology`.
+        between: Names of the walls below and above; default: those that bound the grains.
+
+    Raises:
+        PostError: If fewer than three frames are selected, grains come or go, or the run is neither
+            one of a cell nor of a layer between two walls that is periodic in x; or if a cell is
+            given a margin or walls.
+        StoreError: If the run cannot be read.
+    """
+    chosen = (selection or Selection()).indices(source.frames)
+    need_grains(source, chosen)
+    if chosen.size < 3:
+        raise PostError(
+            f"diffusion needs three frames, not {chosen.size}: choose more with --from or --frames"
+        )
+    times = np.asarray(source.frames.time, np.float64)[chosen]
+    if source.model.is_cell:
+        if margin is not None or between is not None:
+            raise PostError(
+                "a cell that is periodic in x and y has no walls: leave out --margin and --between"
+            )
+        ways = _in_cell(source, chosen, times)
+    else:
+        ways = _between_walls(source, chosen, times, margin, between)
+    rate, back = float(ways.strain.sum() / (times[-1] - times[0])), 1
+    if rate > 0.0:
+        back = int(np.clip(np.ceil(FORGOTTEN / ways.strain.mean()), 1, max(1, chosen.size // 2)))
+    found = average_ratios(_derive, _growth(ways, np.diff(times), back), times)
+    lags = np.unique(np.geomspace(1, max(1, (chosen.size - 1) // 2), LAGS).round().astype(np.int64))
+    rows = np.array([_mean_squares(ways, times, int(lag)) for lag in lags])
+    names = ("lag", "strain", "msd_x", "error_x", "msd_y", "error_y", "origins")
+    units = ("s", "1", "m2", "m2", "m2", "m2", "")
+    labels = (
+        "lag", "strain", "mean square x", "standard error", "mean square y", "standard error",
+        "origins",
+    )  # fmt: skip
+    facts = {
+        "diffusion": [found.mean[axis] for axis in "xy"],
+        "diffusion_error": [float(found.spread[axis].error) for axis in "xy"],
+        "shear_rate": rate, "diameter": source.model.mean_diameter, "counted_from": back,
+        **frames_told(source, chosen),
+    }  # fmt: skip
+    columns = [
+        Column(name, unit, values, label, name)
+        for name, unit, values, label in zip(names, units, rows.T, labels, strict=True)
+    ]
+    columns[-1] = columns[-1]._replace(values=rows[:, -1].astype(np.int64))
+    return Diffusion(columns, facts, frames=chosen)
+
+
+class _Ways(NamedTuple):
+    """Ways of the grains beside the mean flow, since the first frame.
+
+    Attributes:
+        way: At each of ``f`` frames [m], shape ``(f, n, 2)``.
+        counts: Which grains are in the bulk, shape ``(f, n)``.
+        strain: Of the mean flow between two frames, shape ``(f − 1,)``.
+    """
+
+    way: Floats
+    counts: NDArray[np.bool_]
+    strain: Floats
+
+
+def _in_cell(source: Run, chosen: NDArray[np.int64], times: Floats) -> _Ways:
+    way, rates = [], []
+    for frame in frames_of(source, chosen):
+        way.append(np.asarray(frame.nonaffine, np.float64))
+        xx, yy, xy = gradient_of(frame)
+        rates.append(np.hypot(xx - yy, xy))
+    strain = 0.5 * (np.array(rates[1:]) + np.array(rates[:-1])) * np.diff(times)
+    ways = np.array(way) - way[0]
+    return _Ways(ways, np.ones(ways.shape[:2], np.bool_), strain)
+
+
+@dataclass(frozen=True)
+class _HalfWay:
+    """Two frames as one half-way: where grains and walls are, and how fast they have moved."""
+
+    position: Floats
+    velocity: Floats
+    wall_position: Floats
+
+    @classmethod
+    def between(cls, first: Frame, second: Frame, lapse: float) -> _HalfWay:
+        start, end = (np.asarray(f.unwrapped, np.float64)[:, :2] for f in (first, second))
+        walls = 0.5 * (np.asarray(first.wall_position) + np.asarray(second.wall_position))
+        return cls(0.5 * (start + end), (end - start) / lapse, walls)
+
+
+def _between_walls(
+    source: Run,
+    chosen: NDArray[np.int64],
+    times: Floats,
+    margin: float | None,
+    between: Between | None,
+) -> _Ways:
+    extent, model = find_extent(source, chosen, between), source.model
+    if extent.lower is None or extent.upper is None or not model.period > 0.0:
+        raise PostError(
+            "diffusion needs a mean flow that depends on the height alone: a cell, or a layer "
+            "between two walls in a domain that is periodic in x"
+        )
+    band = find_band(model, extent, margin)
+    frames, lapses = list(frames_of(source, chosen)), np.diff(times).tolist()
+    halves: list[Any] = []
+    strain = []
+    for (first, second), lapse in zip(pairwise(frames), lapses, strict=True):
+        need_same_grains(first, second)
+        halves.append(_HalfWay.between(first, second, lapse))
+        strain.append(abs(strain_and_spin(band, model_of(source, second), first, second)[0]))
+    weight = model_of(source, frames[0]).grains.radius ** 2
+    flow = fit_flow(extent, model.mean_diameter, ((half, weight) for half in halves))
+    steps = [flow.fluctuation(half) * dt for half, dt in zip(halves, lapses, strict=True)]
+    way = np.concatenate([np.zeros((1, weight.size, 2)), np.cumsum(steps, axis=0)])
+    return _Ways(way, np.array([_in_bulk(band, frame) for frame in frames]), np.array(strain))
+
+
+def _in_bulk(band: Band, frame: Frame) -> NDArray[np.bool_]:
+    low, high = band.edges(frame)
+    y = np.asarray(frame.position, np.float64)[:, 1]
+    return np.asarray((y > low) & (y < high))
+
+
+def _squares(ways: _Ways, start: int, end: int) -> Floats:
+    """Mean squares along x and y from one frame to another [m²], shape ``(2,)``."""
+    moved = (ways.way[end] - ways.way[start])[ways.counts[start]]
+    if not len(moved):
+        raise PostError("there is no grain in the bulk: lower --margin")
+    return np.asarray((moved * moved).mean(axis=0))
+
+
+def _growth(ways: _Ways, lapse: Floats, back: int) -> Floats:
+    """Half of what mean squares grow by in each interval, and its length where it counts."""
+    rows = np.zeros((lapse.size, 3))
+    for k in range(back - 1, lapse.size):
+        start = k + 1 - back
+        rows[k, :2] = 0.5 * (_squares(ways, start, k + 1) - _squares(ways, start, k))
+        rows[k, 2] = lapse[k]
+    return rows
+
+
+def _derive(sums: Floats) -> dict[str, Floats]:
+    return {"x": sums[:, 0] / sums[:, 2], "y": sums[:, 1] / sums[:, 2]}
+
+
+def _mean_squares(ways: _Ways, times: Floats, lag: int) -> tuple[float, ...]:
+    """A row of the table."""
+    starts = np.arange(times.size - lag)
+    squares = np.array([_squares(ways, k, k + lag) for k in starts.tolist()])
+    strain = np.concatenate([[0.0], np.cumsum(ways.strain)])
+    error = spread(squares, times[starts]).error
+    x, y = squares.mean(axis=0).tolist()
+    return (
+        float((times[lag:] - times[:-lag]).mean()), float((strain[lag:] - strain[:-lag]).mean()),
+        x, float(error[0]), y, float(error[1]), float(starts.size),
+    )  # fmt: skip
