@@ -247,7 +247,10 @@ def plot(
             "--curve 'NAME: FORMULA'", "A formula in x beside the points; may be repeated.", False
         ),
     ] = None,
-    log: Annotated[str, option("--log AXES", "Logarithmic axes: x, y or xy.", False)] = "",
+    axes: Annotated[
+        list[str] | None,
+        option("--log AXES", "Logarithmic axes: x, y or xy; may be repeated.", False),
+    ] = None,
     output: Output = None,
     is_overwriting: Annotated[
         bool, option("--overwrite", "Replace the file if it is there.")
@@ -263,8 +266,9 @@ def plot(
     from multicor_cli.studies.session import StudySession
     from multicor_cli.studies.table import PlotRequest, make_panels
 
-    if log not in ("", "x", "y", "xy"):
-        raise typer.BadParameter(f"'{log}' is not x, y or xy", param_hint="--log")
+    for asked in axes or ():
+        if asked not in ("x", "y", "xy"):
+            raise typer.BadParameter(f"'{asked}' is not x, y or xy", param_hint="--log")
     is_file = target != Path("term")
     if is_file:
         check_output(target, is_overwriting=is_overwriting)
@@ -280,7 +284,7 @@ def plot(
     if not is_file:
         console.emit(figure.draw_letters(found, panels, question))
         return
-    figure.draw(target, found, panels, question, fits, formulas, log=log)
+    figure.draw(target, found, panels, question, fits, formulas, log="".join(axes or ()))
     console.say(f"wrote {target}")
 
 

@@ -120,6 +120,10 @@ def beyond(values: Floats, low: float, high: float) -> str:
     return "min" if is_below else "max" if is_above else "neither"
 
 
+_FEW_DECADES = 110.0
+"""Ends of a logarithmic axis over each other up to which there is room for labels at 1, 2, 5 …"""
+
+
 class PlotError(Exception):
     """A figure cannot be made: one message for the user."""
 
@@ -139,6 +143,19 @@ def show_decades(axis: Any, values: Floats) -> None:
     if values.size:
         low, high = np.floor(np.log10(values.min())), np.floor(np.log10(values.max())) + 1.0
         axis.axes.set(**{f"{axis.axis_name}lim": (10.0**low, 10.0**high)})
+
+
+def label_sparsely(axis: Any) -> None:
+    """Label a logarithmic axis by plain numbers: at 1, 2, 5 … over a decade or two, else at decades
+    only, so that none lies over the next.
+    """
+    from matplotlib.ticker import FuncFormatter, LogLocator
+
+    low, high = getattr(axis.axes, f"get_{axis.axis_name}lim")()
+    axis.set_minor_formatter("")
+    if high <= _FEW_DECADES * low:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
 def explain_errors(axes: Any, errors: Iterable[Floats]) -> None:

@@ -20,6 +20,7 @@ from multicor_cli.plots.style import (
     TextLine,
     draw_text,
     figure_file,
+    label_sparsely,
 )
 from multicor_cli.scenario.expressions import Expression
 from multicor_cli.scenario.problems import Refused
@@ -122,6 +123,11 @@ def label_of(table: StudyTable, name: str) -> str:
     return short_names(table.keys)[find_key(table, name)]
 
 
+def _italic(label: str) -> str:
+    """A symbol as such: an upright I reads as a bar."""
+    return f"${label}$" if len(label) == 1 else label
+
+
 def draw(
     path: Path, table: StudyTable, panels: list[Panel], request: PlotRequest,
     fits: list[list[Curve]], curves: Sequence[Curve] = (),
@@ -167,11 +173,14 @@ def draw_into(
         _draw_series(axes, panel, fits[number] if fits else [], is_log="x" in log)
         axes.set_title(panel.title, fontsize="medium")
         if number + columns >= len(panels):
-            axes.set_xlabel(label_of(table, request.against))
+            axes.set_xlabel(_italic(label_of(table, request.against)))
             axes.tick_params(labelbottom=True)
         if number % columns == 0:
-            axes.set_ylabel(label_of(table, request.of))
+            axes.set_ylabel(_italic(label_of(table, request.of)))
     _draw_curves(grid[: len(panels)], panels, curves, is_log="x" in log)
+    for axes in grid[: len(panels)]:
+        for axis in log:
+            label_sparsely(getattr(axes, f"{axis}axis"))
     first = [line.label for line in panels[0].series]
     for number, panel in enumerate(panels):
         labels = [line.label for line in panel.series]

@@ -164,6 +164,13 @@ def test_figures_of_all_kinds(finished):
     assert "--overwrite" in ask(finished, line, 6).stderr
     ask(finished, f"{line} --overwrite")
     ask(finished, "plot s.toml term --of mu --against friction --where friction=0.4")
+    ask(finished, "plot s.toml l.svg --of kinetic --against friction --log x --log y")
+    ask(finished, "plot s.toml m.svg --of kinetic --against friction --log xy")
+    assert (finished / "l.svg").read_bytes() == (finished / "m.svg").read_bytes()
+    assert (
+        "not x, y or xy"
+        in ask(finished, "plot s.toml n.svg --of mu --against friction --log z", 2).stderr
+    )
 
 
 def test_report(finished):

@@ -1,5 +1,6 @@
 """Points of figures out of tables made by hand, fits, formulas, and numbers with their errors."""
 
+import itertools
 import math
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import pytest
 
 from multicor_cli.plots.style import PlotError
 from multicor_cli.studies.directory import StudyDirectory
-from multicor_cli.studies.figure import draw, draw_letters, fit, formula
+from multicor_cli.studies.figure import draw, draw_into, draw_letters, fit, formula
 from multicor_cli.studies.table import (
     PlotRequest,
     Row,
@@ -117,6 +118,29 @@ def test_figures_are_drawn(tmp_path):
     assert all(word in text for word in ("friction = 0.4", "law", "speed"))
     letters = draw_letters(found, panels, question)
     assert letters.count("friction = ") == 2
+
+
+@pytest.mark.parametrize("speeds", [(1.0, 2.0, 3.0), (0.02, 0.1, 0.9), (1e-4, 0.03, 20.0)])
+def test_labels_of_logarithmic_axes_do_not_lie_over_each_other(speeds):
+    """And a symbol is in italics: an upright I reads as a bar."""
+    from matplotlib.figure import Figure
+
+    points = [({FRICTION: 0.2, SPEED: speed}, 0.3 + 0.01 * speed) for speed in speeds]
+    found, question = table(*points), PlotRequest("I", "speed")
+    figure = Figure((3.4, 2.7), layout="constrained")
+    draw_into(figure, found, make_panels(found, question), question, [], log="x")
+    figure.draw_without_rendering()
+    (axes,) = figure.axes
+    assert axes.get_ylabel() == "$I$"
+    shown = [
+        label
+        for label in [*axes.get_xticklabels(), *axes.get_xticklabels(minor=True)]
+        if label.get_text()
+        and axes.bbox.x0 <= label.get_window_extent().get_points()[:, 0].mean() <= axes.bbox.x1
+    ]
+    ends = sorted(label.get_window_extent().get_points()[:, 0].tolist() for label in shown)
+    assert len(ends) >= 2
+    assert all(left[1] < right[0] for left, right in itertools.pairwise(ends))
 
 
 def test_curves_are_found_and_told():
