@@ -194,7 +194,7 @@ def test_every_command_works_while_the_run_goes_on(typed, tmp_path, monkeypatch)
         "profile run", "profile run --of stress", "profile run --of heat",
         "theta-eta run --wall top", "map run",
         "map run --of stress", "forces run", "forces run --angles", "forces run --distribution",
-        "rheology run --from 0",
+        "rheology run --from 0", "diffusion run --from 0",
         "energy run", "compare run run",
     )  # fmt: skip
     looked = []
@@ -226,7 +226,8 @@ def test_figures_in_new_directories(suffix, typed, tmp_path):
 
 @pytest.mark.parametrize(
     "line",
-    ["profile RUN", "map RUN --of velocity", "forces RUN", "rheology RUN", "energy RUN",
+    ["profile RUN", "map RUN --of velocity", "forces RUN", "rheology RUN", "diffusion RUN",
+        "energy RUN",
         "theta-eta RUN", "compare RUN RUN",
      "region RUN --in '{ min = [0, 0], max = [1, 1] }'"],
 )  # fmt: skip

@@ -67,6 +67,15 @@ def test_means_of_tables(table, line, keys, run):
             taken(run, post=table, value="temperature", **keys)
 
 
+def test_diffusion(run):
+    found = printed(run, "diffusion", "--from", "0.02")
+    for axis, name in enumerate(("diffusion_x", "diffusion_y")):
+        expected = (found["diffusion"][axis], found["diffusion_error"][axis])
+        assert taken(run, post="diffusion", value=name, after=LATE) == pytest.approx(
+            expected, nan_ok=True
+        )
+
+
 def test_profile(run):
     found = printed(run, "profile", "--of", "solid-fraction", "--bins", "5", "--from", "0.02")
     keys = {"post": "profile", "value": "solid-fraction"}
