@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cells import compressed, flow, loose_cell, make_cell, orders, solid_fraction
+from cells import DT, compressed, flow, loose_cell, make_cell, orders, solid_fraction
 from recorded import keep
 
 from multicor_cli.engine.orders import Settings
@@ -141,14 +141,18 @@ def test_dense_and_loose_packings_reach_the_same_critical_state(record_property)
 def test_isotropic_packings_without_friction_are_isostatic(record_property):
     """Z = 4 without rattlers, under the stress that is asked for.
 
-    Pairs that overlap by what the correction of positions leaves touch, too: some thirteen contacts
-    of 1,760 more carry a force than rigid discs without overlap could have.
+    Pairs that overlap touch, too, and the more of them the longer the step in which they closed: with
+    the automatic step some thirteen contacts of 1,760 more carry a force than rigid discs without
+    overlap could have. So it ends with a quarter of that.
     """
     found = []
     for seed in (1, 2):
-        model, state = compressed(900, seed=seed, friction=0.0, duration=300.0)
+        model, state = compressed(900, seed=seed, friction=0.0, duration=40.0)
+        flow(model, state, orders(PRESSURE, PRESSURE), 100.0, dt=0.25 * DT)
         sharp = Settings(tolerance_rms=1e-8, tolerance_max=1e-6, tolerance_energy=1e-7)
-        engine, stress = flow(model, state, orders(PRESSURE, PRESSURE, settings=sharp), 5.0)
+        engine, stress = flow(
+            model, state, orders(PRESSURE, PRESSURE, settings=sharp), 5.0, dt=0.25 * DT
+        )
         np.testing.assert_allclose(stress[:2], 1.0, atol=1e-3)
         table = engine.contacts()
         loaded = table.impulse[:, 0] > 1e-6 * table.impulse[:, 0].max()
@@ -162,7 +166,7 @@ def test_isotropic_packings_without_friction_are_isostatic(record_property):
         found.append(2.0 * i.size / np.count_nonzero(degree))
         print(f"seed {seed}: Z = {found[-1]:.3f}, ν = {solid_fraction(model, state):.4f}, {stress}")
     keep(record_property, coordination=found)
-    assert np.mean(found) == pytest.approx(4.0, abs=0.04)
+    assert np.mean(found) == pytest.approx(4.0, abs=0.02)
 
 
 @pytest.mark.validation
