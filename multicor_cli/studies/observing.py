@@ -28,6 +28,7 @@ from multicor_cli.post.region import in_region
 from multicor_cli.post.rheology import QUANTITIES as OF_RHEOLOGY
 from multicor_cli.post.rheology import rheology
 from multicor_cli.post.source import Selection
+from multicor_cli.post.structure import pair_correlation
 from multicor_cli.post.sums import Sums, average
 from multicor_cli.post.theta_eta import theta_eta
 from multicor_cli.scenario.problems import KeyPath, Refused
@@ -94,6 +95,13 @@ def _conductivity(run: Run, row: Observable, selection: Selection) -> Number:
     if name not in found.mean:
         raise Unobservable(f"the run has no {name}: its grains are no discs of one thickness")
     return Number(found.mean[name], found.error[name])
+
+
+def _structure(run: Run, row: Observable, selection: Selection) -> Number:
+    found = pair_correlation(run, selection, bins=row.bins)
+    if row.value == "first_peak":
+        return Number(found.first_peak, found.first_peak_error)
+    return Number(found.first_peak_distance)
 
 
 def _region(run: Run, row: Observable, selection: Selection) -> Number:
@@ -164,6 +172,7 @@ SOURCES: dict[str, Source] = {
         needs_shear=True,
     ),
     "conductivity": Source(_OF_HEAT, _conductivity, frozenset(_OF_HEAT)),
+    "structure": Source(("first_peak", "first_peak_distance"), _structure),
     "region": Source(IN_REGION, _region, frozenset({"temperature"})),
     "profile": Source(tuple(PROFILED), _profile, _HEAT_FIELDS),
     "theta-eta": Source(tuple(_THETA), _theta, frozenset(_THETA), is_of_one_frame=True),
