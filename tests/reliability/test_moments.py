@@ -43,6 +43,7 @@ post map run --of speed
 post forces run
 post rheology run
 post conductivity run
+post structure run
 post fields run
 post energy run
 post region run --in {min=[0.0,0.0],max=[0.02,0.01]}
