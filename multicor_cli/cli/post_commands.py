@@ -354,31 +354,25 @@ def structure(
     """
     from multicor_cli import post
 
-    selection = selected(start, end, frames)
+    selection, drawn = selected(start, end, frames), None
     with store.open_run(directory) as run:
         if not has_factor:
             pairs = post.pair_correlation(run, selection, reach, bins, margin=margin)
-            about = _about_structure(pairs)
-            peak = f"{pairs.first_peak:.4g}"
+            peak = f"largest g = {pairs.first_peak:.4g}"
             if math.isfinite(pairs.first_peak_error):
                 peak += f" ± {pairs.first_peak_error:.2g}"
-            about += f"; largest g: {peak} at r = {pairs.first_peak_distance:.4g} d"
-            return Shown(pairs, about, directory, is_detailed=False, remarks=_notes(pairs))
+            peak += f" at r = {pairs.first_peak_distance:.4g} d"
+            return Shown(pairs, _about_grains(pairs, peak), directory, is_detailed=False)
         factor = post.structure_factor(run, selection, bins)
-        drawn = None
         if context.params["plot"] is not None:
             drawn = post.pair_correlation(run, selection, reach).with_(factor=factor)
-    about = _about_structure(factor)
-    return Shown(factor, about, directory, is_detailed=False, figure=drawn, remarks=_notes(factor))
+    return Shown(factor, _about_grains(factor), directory, is_detailed=False, figure=drawn)
 
 
-def _about_structure(table: Any) -> str:
+def _about_grains(table: Any, more: str = "") -> str:
     span = _span(table.frames.size, "frame", table.times)
-    return f"{span}, {table.grain_count:.6g} grains of d = {table.mean_diameter:.4g} m"
-
-
-def _notes(table: Any) -> list[str]:
-    return [table.note] if table.note else []
+    grains = f"{table.grain_count:.6g} grains of mean diameter d = {table.mean_diameter:.4g} m"
+    return "\n".join(filter(None, (f"{span}, {grains}", more, table.note)))
 
 
 # ---- Command `post region`: what is inside a part of the plane

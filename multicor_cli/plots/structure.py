@@ -8,7 +8,7 @@ import numpy as np
 
 from multicor_cli.model.model import Floats
 from multicor_cli.plots.style import COLORS, COLUMN, Renderer, Terminal, TextLine, draw_text
-from multicor_cli.post.structure import PairCorrelation, StructureFactor
+from multicor_cli.post import PairCorrelation, StructureFactor
 
 _DISTANCE = "distance $r/d$ [–]"
 _PAIRS = "pair correlation $g(r)$ [–]"
@@ -37,7 +37,7 @@ def _draw_line(
     """Means with a band of standard errors, above 0 and about the 1 of an ideal gas."""
     axes.axhline(1.0, color="0.6", linewidth=0.6, zorder=1)
     band: dict[str, Any] = {"color": COLORS[0], "alpha": 0.25, "linewidth": 0.0}
-    is_known = bool(np.isfinite(error).any())
+    is_known = bool((error > 0.0).any())  # what is constantly 0 has the error 0
     label = "mean" if is_known else "mean, errors not known"
     axes.plot(at, value, color=COLORS[0], linewidth=0.9, label=label)
     about = "± standard error" if is_known else None

@@ -9,7 +9,7 @@ from scene_parts import make_model
 
 from multicor_cli.post import PostError, Selection, pair_correlation, structure_factor
 from multicor_cli.post.lattice import Lattice
-from multicor_cli.post.structure import amplitudes
+from multicor_cli.post.structure_factor import amplitudes
 
 ALL = Selection(start=0.0)
 FRAMES = 30
@@ -224,6 +224,15 @@ def test_cells_that_change():
     assert structure_factor(source, ALL).vectors.sum() == sum(
         structure_factor(source, Selection(frames=slice(k, k + 1))).vectors.sum() for k in (0, 1)
     )
+
+
+def test_waves_end_earlier_in_a_large_cell(monkeypatch):
+    source = cell_source(TILTED, places_in(TILTED, 70))
+    whole = structure_factor(source, ALL)
+    monkeypatch.setitem(structure_factor.__globals__, "_GRID", 1000)
+    part = structure_factor(source, ALL)
+    assert 3.0 < part.wave_number[-1] < 7.0 < 29.0 < whole.wave_number[-1]
+    assert part.wave_number[0] == pytest.approx(whole.wave_number[0], rel=0.2)
 
 
 # --- what is in tables, and what is refused
