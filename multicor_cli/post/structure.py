@@ -41,12 +41,12 @@ class PairCorrelation(Table):
     size that touch are in one bin, whatever their overlaps.
 
     The expected number of pairs between r and r + dr of n grains in a region of area A is
-    n(n − 1)/A² · 2πr γ(r) dr, with the area γ(r) of the region that lies in the region shifted by
+    ½ n(n − 1)/A² · 2πr γ(r) dr, with the area γ(r) of the region that lies in the region shifted by
     r, too, averaged over all directions (Illian, Penttinen, Stoyan & Stoyan, Statistical Analysis
     and Modelling of Spatial Point Patterns, 2008, chapter 4: edge correction by the isotropized
     set covariance). Of a cell γ = A, of a layer of width W (the period) and height h
     γ = W (h − 2r/π), of a rectangle γ = ab − 2r (a + b)/π + r²/π. The grains must fill the region
-    evenly: those next to walls are left out by a margin, of a heap g is not 1 at any distance.
+    evenly: those next to walls are left out by a margin, of a heap g is not 1 far away.
 
     Attributes:
         distance: Centers of the bins over the mean diameter, shape ``(b,)``.
