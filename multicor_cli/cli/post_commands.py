@@ -346,6 +346,65 @@ def diffusion(
     return Shown(table, about, directory, is_detailed=False)
 
 
+# ---- Command `post structure`: how the grains are arranged
+
+_FACTOR = "Show the structure factor S(k) instead, which needs a cell; in the figure, beside g."
+HasFactor = Annotated[bool, option("--factor", _FACTOR)]
+Farthest = Annotated[
+    float | None,
+    option(
+        "--reach D", "Largest distance of g in mean diameters.", "10, or what the region allows"
+    ),
+]
+_EVEN = "Number of bins of g, or of shells of S."
+EvenBins = Annotated[
+    int | None, option("--bins", _EVEN, "20 per mean diameter; shells of 0.2/d", min=1)
+]
+_SIDES = "Leave out this many mean diameters at sides that are not periodic."
+SideMargin = Annotated[float | None, option("--margin D", _SIDES, "1")]
+
+
+def structure(
+    context: typer.Context,
+    directory: RunPath,
+    has_factor: HasFactor = False,
+    start: Start = None,
+    end: End = None,
+    frames: Frames = None,
+    reach: Farthest = None,
+    bins: EvenBins = None,
+    margin: SideMargin = None,
+) -> Shown:
+    """Measure how the grains are arranged: the pair correlation function g(r), averaged over frames
+    with standard errors; with --factor the structure factor S(k) of a cell.
+
+    g is the number of pairs at the distance r over that of an ideal gas in the same region: a cell,
+    or the rectangle of the centers of the grains. Edges of the region are accounted for, but the
+    grains have to fill it evenly. S(k) is averaged over all waves that fit into the cell.
+    """
+    from multicor_cli import post
+
+    selection, drawn = selected(start, end, frames), None
+    with store.open_run(directory) as run:
+        if not has_factor:
+            pairs = post.pair_correlation(run, selection, reach, bins, margin=margin)
+            peak = f"largest g = {pairs.first_peak:.4g}"
+            if math.isfinite(pairs.first_peak_error):
+                peak += f" ± {pairs.first_peak_error:.2g}"
+            peak += f" at r = {pairs.first_peak_distance:.4g} d"
+            return Shown(pairs, _about_grains(pairs, peak), directory, is_detailed=False)
+        factor = post.structure_factor(run, selection, bins)
+        if context.params["plot"] is not None:
+            drawn = post.pair_correlation(run, selection, reach).with_(factor=factor)
+    return Shown(factor, _about_grains(factor), directory, is_detailed=False, figure=drawn)
+
+
+def _about_grains(table: Any, more: str = "") -> str:
+    span = _span(table.frames.size, "frame", table.times)
+    grains = f"{table.grain_count:.6g} grains of mean diameter d = {table.mean_diameter:.4g} m"
+    return "\n".join(filter(None, (f"{span}, {grains}", more, table.note)))
+
+
 # ---- Command `post region`: what is inside a part of the plane
 
 EXAMPLE = '{ kind = "circle", center = [0.02, 0.01], radius = 0.005 }'
@@ -667,6 +726,7 @@ COMMANDS = {
     "rheology": shows_table(rheology),
     "conductivity": shows_table(conductivity),
     "diffusion": shows_table(diffusion),
+    "structure": shows_table(structure),
     "region": shows_table(region),
     "fields": shows_table(fields),
     "energy": shows_table(energy),

@@ -44,6 +44,10 @@ from multicor_cli.post.rheology import rheology as rheology
 from multicor_cli.post.source import PostError as PostError
 from multicor_cli.post.source import Selection as Selection
 from multicor_cli.post.source import frame_index as frame_index
+from multicor_cli.post.structure import PairCorrelation as PairCorrelation
+from multicor_cli.post.structure import pair_correlation as pair_correlation
+from multicor_cli.post.structure_factor import StructureFactor as StructureFactor
+from multicor_cli.post.structure_factor import structure_factor as structure_factor
 from multicor_cli.post.table import Column as Column
 from multicor_cli.post.table import Quantity as Quantity
 from multicor_cli.post.table import Table as Table

@@ -42,6 +42,13 @@ class Lattice(NamedTuple):
         across = self.width / np.hypot(1.0, self.slant) if self.width > 0.0 else np.inf
         return float(min(across, self.height or np.inf))
 
+    @property
+    def reduced(self) -> Lattice:
+        """The same lattice with the least tilt, which has opposite sides as far apart as can be."""
+        if self.height <= 0.0:
+            return self
+        return self._replace(tilt=self.tilt - float(np.round(self.tilt / self.width)) * self.width)
+
     def wrapped(self, points: Floats) -> Floats:
         """The images of points [m], shape ``(n, 2)``, that lie between the sides."""
         at = np.array(points)

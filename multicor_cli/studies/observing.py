@@ -29,6 +29,7 @@ from multicor_cli.post.region import in_region
 from multicor_cli.post.rheology import QUANTITIES as OF_RHEOLOGY
 from multicor_cli.post.rheology import rheology
 from multicor_cli.post.source import Selection
+from multicor_cli.post.structure import pair_correlation
 from multicor_cli.post.sums import Sums, average
 from multicor_cli.post.theta_eta import theta_eta
 from multicor_cli.scenario.problems import KeyPath, Refused
@@ -103,6 +104,13 @@ def _diffusion(run: Run, row: Observable, selection: Selection) -> Number:
     return Number(found.diffusion[axis], found.diffusion_error[axis])
 
 
+def _structure(run: Run, row: Observable, selection: Selection) -> Number:
+    found = pair_correlation(run, selection, bins=row.bins)
+    if row.value == "first_peak":
+        return Number(found.first_peak, found.first_peak_error)
+    return Number(found.first_peak_distance)
+
+
 def _region(run: Run, row: Observable, selection: Selection) -> Number:
     assert row.inside is not None
     found, name = in_region(run, row.inside.area(), selection), str(row.value)
@@ -172,6 +180,7 @@ SOURCES: dict[str, Source] = {
     ),
     "conductivity": Source(_OF_HEAT, _conductivity, frozenset(_OF_HEAT)),
     "diffusion": Source(("diffusion_x", "diffusion_y"), _diffusion, needs_shear=True),
+    "structure": Source(("first_peak", "first_peak_distance"), _structure),
     "region": Source(IN_REGION, _region, frozenset({"temperature"})),
     "profile": Source(tuple(PROFILED), _profile, _HEAT_FIELDS),
     "theta-eta": Source(tuple(_THETA), _theta, frozenset(_THETA), is_of_one_frame=True),

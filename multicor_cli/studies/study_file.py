@@ -167,6 +167,7 @@ class Observable(Table):
             "rheology",
             "conductivity",
             "diffusion",
+            "structure",
             "region",
             "profile",
             "theta-eta",
@@ -190,7 +191,7 @@ class Observable(Table):
         None, description="where in a profile: height above the lower wall [m]; in theta-eta: η"
     )
     bins: int | None = Field(
-        None, ge=1, le=10_000, description="number of bins of a profile or of theta-eta"
+        None, ge=1, le=10_000, description="number of bins of a profile, theta-eta or structure"
     )
     inside: AnyRegion | None = Field(None, description="the region, as of a group of grains")
     statistic: Literal["mean", "min", "max", "std"] | None = Field(
@@ -220,7 +221,7 @@ class Observable(Table):
 
 _KEYS_OF_TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "at": (("profile", "theta-eta"), ()),
-    "bins": ((), ("profile", "theta-eta")),
+    "bins": ((), ("profile", "theta-eta", "structure")),
     "inside": (("region",), ()),
     "statistic": ((), ("map",)),
 }

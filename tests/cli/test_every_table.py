@@ -187,6 +187,22 @@ def rheology(of, run, table):
         assert abs(mean["friction_walls"]) <= FRICTION * (1.0 + 1e-6)
 
 
+def neighbors(of, run, table):
+    """Most of the pairs are where discs touch, none far below; the region is that of the
+    centers."""
+    d = run.model.mean_diameter
+    size = np.mean([np.ptp(frame.position[:, :2], axis=0) for frame in chosen(run)], axis=0)
+    if of.is_periodic:
+        size[0] = PERIOD
+    assert table["region"] == pytest.approx(size)
+    assert table["mean_diameter"] == near(d)
+    assert table["grain_count"] == COUNT
+    g, at = np.array(table["g"]), np.array(table["distance"])
+    if of.kind != "no walls":
+        assert g[at < 0.7].max() < 0.2
+        assert 0.7 < table["first_peak_distance"] < 1.3
+
+
 def everywhere(of, run, table):
     """A region that holds all grains."""
     assert set(table["grains"]) == {COUNT}
@@ -249,6 +265,7 @@ TABLES = {
     "rheology": rheology,
     "conductivity": None,
     "diffusion --margin 1": strayed,
+    "structure --margin 0 --reach 1.2": neighbors,
     "region --in {min=[0.0,-0.01],max=[0.06,0.09]}": everywhere,
     "fields --spacing 0.25": coarse,
     "flow --line 0.0,0.02:0.06,0.02": flow,
@@ -305,7 +322,7 @@ HEAVY = (
 
 
 @pytest.mark.parametrize("words", [
-    *(f"post {n} RUN" for n in ["energy", "profile", "rheology", "series", "forces"]),
+    *(f"post {n} RUN" for n in ["energy", "profile", "rheology", "series", "forces", "structure"]),
     "export csv RUN -o csv",
 ])  # fmt: skip
 def test_reading_loads_nothing_heavy(finished, tmp_path, words):
@@ -401,6 +418,10 @@ VARIANTS = {
     "rheology": [[], ["--margin", "0", "--frames", ":"]],
     "conductivity": [[]],
     "diffusion": [[], ["--margin", "0", "--frames", ":"]],
+    "structure": [
+        [], ["--reach", "2", "--margin", "0"], ["--bins", "3", "--frames", ":"], ["--factor"],
+        ["--reach", "1e300"],
+    ],
     "region": [["--in", REGION_SEEN],
         ["--in", "{ min = [0.0, 0.15], max = [0.1, 0.2] }", "--frames", ":"]],
     "fields": [

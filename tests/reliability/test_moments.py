@@ -44,6 +44,7 @@ post forces run
 post rheology run
 post conductivity run
 post diffusion run --margin 1
+post structure run
 post fields run
 post energy run
 post region run --in {min=[0.0,0.0],max=[0.02,0.01]}

@@ -52,6 +52,7 @@ post rheology run --from 0 --plot rheology.png
 post conductivity packed --plot conductivity.png
 post conductivity packed --network --plot network.png
 post diffusion run --margin 1 --from 0 --plot diffusion.png
+post structure packed --factor --plot structure.png
 post region run --in {min=[0.0,0.002],max=[0.01,0.006]} --plot region.png
 post fields run --plot fields.png
 post energy warm --plot energy.png

@@ -77,6 +77,8 @@ def inside(text, figure, renderer):
 
 
 def test_charts(column, drawn):
+    pairs = post.pair_correlation(column, ALL, 1.0, margin=0.0)
+    factor = post.structure_factor(square_of_discs([3e-5, 5e-5, 4e-5]), ALL)
     for table in (
         *(
             post.profiles(column, of, ALL)
@@ -92,6 +94,9 @@ def test_charts(column, drawn):
         post.compare(column, column, ["velocity", "temperature"], ALL),
         post.conductivity(square_of_discs([3e-5, 5e-5, 4e-5]), ALL),
         post.diffusion(column, ALL, margin=0.1),
+        pairs,
+        factor,
+        pairs.with_(factor=factor),
     ):
         drawn(table)
 

@@ -110,12 +110,16 @@ TERMINAL = Terminal(columns=40, rows=20)
 
 
 def test_every_table_can_be_shown_in_a_terminal(column):
+    arranged = post.pair_correlation(column, ALL, 1.0, margin=0.0)
+    of_waves = post.structure_factor(square_of_discs([0.3, 0.5]), ALL)
     tables = {
         "height y [m]": post.profiles(column, "stress", ALL),
         "theta [–]": post.theta_eta(column, wall="top"),
         "energy [J]": post.energy(column),
         "of a square [W/K]": post.conductivity(square_of_discs([0.3, 0.5]), ALL),
         "mean square [m": post.diffusion(column, ALL, margin=0.1),
+        "pair correlation g [–]": arranged,
+        "structure factor S [–]": arranged.with_(factor=of_waves),
         "friction mu* [–]": post.rheology(column, ALL),
         "probability density [–]": post.force_distribution(column, ALL),
         "direction [°]": post.angular_distribution(column, ALL),

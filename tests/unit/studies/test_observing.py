@@ -87,6 +87,16 @@ def test_profile(run):
         taken(run, at=1.0, **keys)
 
 
+def test_structure(hot):
+    for bins in (None, 30):
+        line = () if bins is None else ("--bins", str(bins))
+        found = printed(hot, "structure", "--from", "0", *line)
+        keys = {"post": "structure", "bins": bins, "after": {"time": 0.0}}
+        expected = (found["first_peak"], found["first_peak_error"])
+        assert taken(hot, value="first_peak", **keys) == pytest.approx(expected, nan_ok=True)
+        assert taken(hot, value="first_peak_distance", **keys)[0] == found["first_peak_distance"]
+
+
 def test_maps_and_forces(run):
     keys = {"post": "map", "value": "coordination"}
     with multicor.open_run(run) as opened:

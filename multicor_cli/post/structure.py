@@ -1,0 +1,239 @@
+"""How the grains are arranged around each other: the pair correlation function."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from multicor_cli.model.columns import X, Y
+from multicor_cli.model.model import Floats
+from multicor_cli.post.bins import BIN_LIMIT
+from multicor_cli.post.lattice import Lattice, lattice_of
+from multicor_cli.post.source import (
+    Frame,
+    PostError,
+    Run,
+    Selection,
+    frames_of,
+    frames_told,
+    need_grains,
+)
+from multicor_cli.post.sums import Sums, average, drift_note
+from multicor_cli.post.table import Column, Table
+
+REACH = 10.0
+"""Largest distance in mean diameters, unless told otherwise."""
+
+MARGIN = 1.0
+"""Mean diameters left out at sides that are not periodic, unless told otherwise."""
+
+_WIDTH = 0.05  # of a bin, in mean diameters
+_STRIPS = 4  # in which grains are sorted, per reach
+_CHUNK = 8192  # pairs at a time that stay in the cache
+
+
+class PairCorrelation(Table):
+    """Pair correlation function g(r), pairs of grains over those of an ideal gas; ``b`` bins.
+
+    The ideal gas has as many grains in the same region, independent of each other: g is 1 where
+    chance places them. Bins have their centers at multiples of their width, so that grains of equal
+    size that touch are in one bin, whatever their overlaps.
+
+    The expected number of pairs between r and r + dr of n grains in a region of area A is
+    ½ n(n − 1)/A² · 2πr γ(r) dr, with the area γ(r) of the region that lies in the region shifted by
+    r, too, averaged over all directions (Illian, Penttinen, Stoyan & Stoyan, Statistical Analysis
+    and Modelling of Spatial Point Patterns, 2008, chapter 4: edge correction by the isotropized
+    set covariance). Of a cell γ = A, of a layer of width W (the period) and height h
+    γ = W (h − 2r/π), of a rectangle γ = ab − 2r (a + b)/π + r²/π. The grains must fill the region
+    evenly: those next to walls are left out by a margin, of a heap g is not 1 far away.
+
+    Attributes:
+        distance: Centers of the bins over the mean diameter, shape ``(b,)``.
+        r: The same [m], shape ``(b,)``.
+        g: Pair correlation function, frames weighted by their expected pairs, shape ``(b,)``.
+        error: Standard errors, nan with too few frames to tell, shape ``(b,)``.
+        pairs: Number of pairs in all frames, shape ``(b,)``.
+        mean_diameter: Mean diameter d̄ [m].
+        first_peak: Largest g of a bin.
+        first_peak_error: Its standard error.
+        first_peak_distance: Distance of this bin, in mean diameters.
+        grain_count: Grains that count, averaged over the frames.
+        region: Width and height of their region, averaged over the frames [m].
+        margin: What is left out at sides that are not periodic, in mean diameters; 0 of a cell.
+        frames: Indices of the frames.
+        times: Times of the first and last frame [s].
+        note: How many bins drift, or have too few frames for good errors; empty if none.
+        factor: A structure factor that is drawn beside, or None.
+    """
+
+
+def pair_correlation(
+    source: Run,
+    selection: Selection | None = None,
+    reach: float | None = None,
+    bins: int | None = None,
+    *,
+    margin: float | None = None,
+) -> PairCorrelation:
+    """The pair correlation function g(r) of the grains.
+
+    Args:
+        source: The run.
+        selection: Which frames; default: the later half of the last stage.
+        reach: Largest distance in mean diameters; default: 10, or what the region allows.
+        bins: Number of bins; default: 20 per mean diameter.
+        margin: Mean diameters left out at sides that are not periodic, counted from the outermost
+            centers; default: 1.
+
+    Raises:
+        PostError: If no frame is selected, or one has no grain; if ``reach`` is more than half of
+            the height of a cell (the least one), the period, or the region; if ``margin`` is
+            negative, leaves nothing, or is given for a cell.
+        StoreError: If the run cannot be read.
+    """
+    is_cell, diameter = source.model.is_cell, source.model.mean_diameter
+    if margin is not None and is_cell:
+        raise PostError("a cell that is periodic in x and y has no sides: leave out --margin")
+    if margin is not None and not margin >= 0.0:
+        raise PostError(f"the margin {margin:g} must not be negative")
+    edge = 0.0 if is_cell else MARGIN if margin is None else margin
+    chosen = (selection or Selection()).indices(source.frames)
+    need_grains(source, chosen)
+
+    def region(frame: Frame) -> Region:
+        points = np.asarray(frame.position, np.float64)[:, :2]
+        return _region(lattice_of(source.model, frame).reduced, points, edge * diameter)
+
+    limit = min(region(frame).limit for frame in frames_of(source, chosen)) / diameter
+    count, width = _make_bins(limit, reach, bins)
+    distance, step = width * np.arange(1.0, count + 1.0), width * diameter
+    found: list[Floats] = []
+    ideal: list[Floats] = []
+    sizes: list[tuple[int, float, float]] = []
+    for frame in frames_of(source, chosen):
+        here = region(frame)
+        found.append(_count_pairs(here, step, count))
+        ideal.append(here.expected_pairs((np.arange(count + 1.0) + 0.5) * step))
+        sizes.append((len(here.points), *here.sides))
+    weight = np.array(ideal)
+    if not weight.any():
+        raise PostError("there are no two grains in the region: lower --margin")
+    sums = Sums(np.array(found), weight, weight)
+    g, error = average(sums)
+    peak, size = int(np.argmax(g)), np.mean(sizes, axis=0).tolist()
+    facts = {
+        "mean_diameter": diameter, "first_peak": float(g[peak]),
+        "first_peak_error": float(error[peak]), "first_peak_distance": float(distance[peak]),
+        "grain_count": size[0], "region": size[1:], "margin": edge,
+        **frames_told(source, chosen), "note": drift_note(sums),
+    }  # fmt: skip
+    columns = [
+        Column("distance", "1", distance, "r/d"),
+        Column("r", "m", distance * diameter),
+        Column("g", "1", g),
+        Column("error", "1", error, "standard error", "standard_error"),
+        Column("pairs", "", sums.value.sum(axis=0).astype(np.int64)),
+    ]
+    return PairCorrelation(columns, facts, frames=chosen, factor=None)
+
+
+class Region(NamedTuple):
+    """Where pairs of a frame are counted, and the grains in it.
+
+    Attributes:
+        points: Centers of the grains [m], shape ``(n, 2)``.
+        lattice: Where their images are.
+        sides: Width and height [m].
+        is_open: Whether pairs end at the sides to the left and right, and at those above and below.
+    """
+
+    points: Floats
+    lattice: Lattice
+    sides: tuple[float, float]
+    is_open: tuple[bool, bool]
+
+    @property
+    def limit(self) -> float:
+        """Largest distance at which pairs are counted [m]."""
+        ends = [side for side, is_open in zip(self.sides, self.is_open, strict=True) if is_open]
+        return 0.5 * min(self.lattice.span, *ends) if ends else 0.5 * self.lattice.span
+
+    def expected_pairs(self, edges: Floats) -> Floats:
+        """Pairs of an ideal gas in bins between distances [m]; see `PairCorrelation`."""
+        (a, b), (across, upwards) = self.sides, self.is_open
+        within = np.pi * a * b * edges**2 - (4.0 / 3.0) * (b * across + a * upwards) * edges**3
+        within += 0.5 * (across and upwards) * edges**4
+        n, area = len(self.points), a * b
+        return np.asarray(0.5 * n * (n - 1.0) / area**2 * np.diff(within))
+
+
+def _region(lattice: Lattice, points: Floats, margin: float) -> Region:
+    """The region of the grains at ``points`` [m], without ``margin`` [m] at open sides."""
+    points = lattice.wrapped(points)
+    if lattice.height > 0.0:
+        return Region(points, lattice, (lattice.width, lattice.height), (False, False))
+    low, high = points.min(axis=0) + margin, points.max(axis=0) - margin
+    if lattice.width > 0.0:
+        low[X], high[X] = 0.0, lattice.width
+    a, b = np.maximum(high - low, 0.0).tolist()
+    inside = ((points >= low) & (points <= high)).all(axis=1)
+    return Region(points[inside], lattice, (a, b), (lattice.width <= 0.0, True))
+
+
+def _make_bins(limit: float, reach: float | None, bins: int | None) -> tuple[int, float]:
+    """Number and width of bins whose last one ends below ``limit``; all in mean diameters."""
+    if bins is not None and not 1 <= bins <= BIN_LIMIT:
+        raise PostError(f"{bins} bins: choose between 1 and {BIN_LIMIT}")
+    if reach is None:
+        if bins is None:
+            bins = int(min(REACH / _WIDTH, limit / _WIDTH - 0.5))
+            reach = bins * _WIDTH
+        else:
+            reach = min(REACH, limit / (1.0 + 0.5 / bins))
+        if reach < 1.0:
+            raise PostError(
+                f"no pair correlation: the grains fill a region of only {2.0 * limit:.3g} mean "
+                "diameters, and pairs are counted up to half of it; lower --margin, or choose "
+                "other frames"
+            )
+        return bins, reach / bins
+    if not 0.0 < reach < np.inf:
+        raise PostError(f"the largest distance {reach:g} must be positive")
+    count = bins or min(max(round(reach / _WIDTH), 1), BIN_LIMIT)
+    if reach * (1.0 + 0.5 / count) > limit * (1.0 + 1e-9):
+        raise PostError(
+            f"--reach {reach:g} is too far: the last bin ends at half of the least height of the "
+            f"region of the grains, {limit:.4g} mean diameters"
+        )
+    return count, reach / count
+
+
+def _count_pairs(region: Region, width: float, count: int) -> Floats:
+    """Pairs at distances around ``width`` [m], twice as much, … ``count`` times, ``(count,)``.
+
+    Images are sorted along x in strips: of each strip near a grain, those are looked at whose x is
+    near enough. A pair is found twice, from either grain.
+    """
+    points, reach = region.points, (count + 0.5) * width
+    which, shift = region.lattice.images(points, np.full(len(points), reach))
+    images, tall = points[which] + shift, reach / _STRIPS
+    low, apart = images.min(axis=0), float(np.ptp(images[:, X])) + 3.0 * reach
+    row, along = np.floor((points[:, Y] - low[Y]) / tall), points[:, X] - low[X]
+    key = np.floor((images[:, Y] - low[Y]) / tall) * apart + images[:, X] - low[X]
+    order = np.argsort(key)
+    key, (x, y), (x_image, y_image) = key[order], points.T.copy(), images[order].T.copy()
+    pairs = np.zeros(count, np.int64)
+    for step in range(-_STRIPS, _STRIPS + 1):
+        near = np.sqrt(reach**2 - (max(abs(step) - 1, 0) * tall) ** 2)
+        middle = (row + step) * apart + along
+        first = np.searchsorted(key, middle - near)
+        number = np.searchsorted(key, middle + near) - first
+        for part in np.array_split(np.arange(len(points)), number.sum() // _CHUNK + 1):
+            own = number[part]
+            i = np.repeat(part, own)
+            j = np.repeat(first[part] - (np.cumsum(own) - own), own) + np.arange(i.size)
+            square = (x[i] - x_image[j]) ** 2 + (y[i] - y_image[j]) ** 2
+            bin_ = (np.sqrt(square) / width + 0.5).astype(np.int64)
+            pairs += np.bincount(bin_, minlength=count + 1)[1 : count + 1]
+    return np.asarray(0.5 * pairs, np.float64)
