@@ -49,7 +49,7 @@ post map warm --of temperature --plot map.pdf
 post map warm --plot term
 post forces run --plot forces.png
 post rheology run --from 0 --plot rheology.png
-post conductivity packed --plot conductivity.png
+post conductivity packed --frames : --plot conductivity.png
 post conductivity packed --network --plot network.png
 post diffusion run --margin 1 --from 0 --plot diffusion.png
 post structure packed --factor --plot structure.png
