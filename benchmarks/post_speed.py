@@ -61,6 +61,8 @@ COMMANDS: list[tuple[list[str], float]] = [
     (["forces", "--distribution", "--frames", ":", "--plot", "distribution.png"], 10.0),
     (["forces", "--angles", "--frames", ":", "--plot", "angles.png"], 10.0),
     (["rheology", "--plot", "rheology.png"], 10.0),
+    (["diffusion", "--frames", ":", "--plot", "diffusion.png"], 20.0),
+    (["structure", "--frames", ":", "--plot", "structure.png"], 100.0),
     (["energy", "--plot", "energy.png"], 10.0),
     (["compare", "DIR"], 10.0),
 ]

@@ -213,7 +213,7 @@ def _count_pairs(region: Region, width: float, count: int) -> Floats:
     """Pairs at distances around ``width`` [m], twice as much, … ``count`` times, ``(count,)``.
 
     Images are sorted along x in strips: of each strip near a grain, those are looked at whose x is
-    near enough. A pair is found twice, from either grain.
+    near enough. A pair is found from its lower grain; of two at one height from the left one.
     """
     points, reach = region.points, (count + 0.5) * width
     which, shift = region.lattice.images(points, np.full(len(points), reach))
@@ -224,8 +224,8 @@ def _count_pairs(region: Region, width: float, count: int) -> Floats:
     order = np.argsort(key)
     key, (x, y), (x_image, y_image) = key[order], points.T.copy(), images[order].T.copy()
     pairs = np.zeros(count, np.int64)
-    for step in range(-_STRIPS, _STRIPS + 1):
-        near = np.sqrt(reach**2 - (max(abs(step) - 1, 0) * tall) ** 2)
+    for step in range(_STRIPS + 1):
+        near = np.sqrt(reach**2 - (max(step - 1, 0) * tall) ** 2)
         middle = (row + step) * apart + along
         first = np.searchsorted(key, middle - near)
         number = np.searchsorted(key, middle + near) - first
@@ -233,7 +233,10 @@ def _count_pairs(region: Region, width: float, count: int) -> Floats:
             own = number[part]
             i = np.repeat(part, own)
             j = np.repeat(first[part] - (np.cumsum(own) - own), own) + np.arange(i.size)
-            square = (x[i] - x_image[j]) ** 2 + (y[i] - y_image[j]) ** 2
-            bin_ = (np.sqrt(square) / width + 0.5).astype(np.int64)
+            across, upwards = x_image[j] - x[i], y_image[j] - y[i]
+            if step == 0:
+                is_above = (upwards > 0.0) | ((upwards == 0.0) & (across > 0.0))
+                across, upwards = across[is_above], upwards[is_above]
+            bin_ = (np.sqrt(across**2 + upwards**2) / width + 0.5).astype(np.int64)
             pairs += np.bincount(bin_, minlength=count + 1)[1 : count + 1]
-    return np.asarray(0.5 * pairs, np.float64)
+    return pairs.astype(np.float64)
