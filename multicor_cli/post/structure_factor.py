@@ -151,7 +151,8 @@ def amplitudes(points: Floats, lattice: Lattice, right: int, up: int) -> NDArray
     weight = weights[0][:, :, np.newaxis] * weights[1][:, np.newaxis]
     grid = np.bincount(place.ravel(), weight.ravel(), sizes[0] * sizes[1]).reshape(sizes)
     m, n = np.arange(-right, right + 1), np.arange(up + 1)
-    found = np.fft.rfft2(grid)[m][:, : up + 1]
+    # Waves that nobody asks for are left out of the second transform
+    found = np.fft.fft(np.fft.rfft(grid)[:, : up + 1], axis=0)[m]
     return np.asarray(found / (_spread(m / sizes[0])[:, np.newaxis] * _spread(n / sizes[1])))
 
 
