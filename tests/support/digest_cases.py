@@ -290,6 +290,7 @@ _SHAKEN = {
     "region": "region = { min = [0.003, 0.003], max = [0.027, 0.029] }",
     "drives": _SHAKE,
 }
+_STRAINED = '["x", "y"]\ngravity = [0.0, 0.0]\ncell_rates = { xy = 40.0 }'
 _LAWS = {
     "rough-drum": {"walls": _DRUM,
         "region": "region = { min = [0.008, 0.018], max = [0.022, 0.032] }", "number": "count = 60",
@@ -300,6 +301,9 @@ _LAWS = {
     "bridges": {**_SHAKEN, "wear": 'adhesion = { force = 1e-4, range = 5e-5, kind = "wet" }'},
     "positions-springs-stages": {**_SHAKEN, "walls": _MOVING + _LID, "drives": _PULL,
         "second": 'duration = 0.005\ncontacts = [{ pair = ["*", "*"], friction = 0.1 }]'},
+    "gas-in-a-cell": {"walls": "", "periodic": _STRAINED, "number": "fill = 0.4",
+        "drives": "cell = { xx = { rate = 3.0 }, yy = { rate = -5.0 }, xy = { rate = 40.0 } }",
+        "heat": _HEAT + "gradient = [500.0, 1000.0]\n"},
     "friction-of-speed": {"friction": _SPEEDS, "packing": '{ kind = "deposited" }',
         "region": _region(0.03)},
     "friction-of-temperature": {**_BED, "friction": _SOFT, "heat": _HEAT},
