@@ -100,6 +100,7 @@ def _describe(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield "  of these", ", ".join(f"{exchange[name]} {name}" for name in counts)
         for name, flow in exchange["outlets"].items():
             yield f"  {name}", f"{flow['grains']} grains, {flow['mass']:.4g} kg left"
+    # That of a cell is none; its module would load NumPy for its name
     yield "walls", ", ".join(name for name in found["walls"] if name != "cell") or "none"
     if found["origin"] is not None:
         yield "goes on from", record_of(Origin, found["origin"]).text

@@ -563,8 +563,7 @@ class Engine:
             gradient = state.wall_velocity[0]
             carry_to_middle(layout.middle, gradient, 0.5 * dt)
             middle = sides_at_middle(state.wall_position[0], gradient, 0.5 * dt)[np.newaxis]
-            scene = scene_of(model, layout.middle, middle, temperature)
-            flight = self._fly_in_cell(scene, walls, dt)
+            flight = self._fly_in_cell(middle, temperature, walls, dt)
             gained, convected = convect(
                 grains.mass, motion.before[0], walls[0], motion.inverse[0], dt, layout.before,
                 layout.free,
@@ -610,7 +609,9 @@ class Engine:
                 step = step._replace(cutoff=cutoff)
         return step
 
-    def _fly_in_cell(self, scene: Scene, walls: Floats, dt: float) -> Flight | None:
+    def _fly_in_cell(
+        self, middle: Floats, temperature: Floats, walls: Floats, dt: float
+    ) -> Flight | None:
         """As `_fly`, of a cell, before convection: with real velocities grains fly straight.
 
         What a stress drives gives way to all impacts at once: there nobody flies.
@@ -618,6 +619,7 @@ class Engine:
         layout, state = self._layout, self._layout.state
         if not self._may_fly or self._motion.is_free[0]:
             return None
+        scene = scene_of(layout.model, layout.middle, middle, temperature)
         step = Prediction(dt, _NO_FALL, scene, self._cutoff_before(scene, _NO_FALL, walls, dt))
         gradient, grains = state.wall_velocity[0], layout.before[: layout.model.grain_count, :2]
         peculiar = grains.copy()

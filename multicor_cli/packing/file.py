@@ -68,17 +68,12 @@ def read_grains(
     x, y, radius, angle, spin = (columns.get(name, none) for name in (*REQUIRED, "angle", "spin"))
     position = np.column_stack([x + shift[0], y + shift[1], angle])
     is_real, is_peculiar = (any(name in columns for name in kind) for kind in (REAL, PECULIAR))
-    if is_peculiar and (is_real or not has_mean_flow):
-        what = f"'{path}' has velocities beside the mean flow, "
-        if is_real:
-            what, remedy = (
-                what + "and real ones",
-                f"keep {', '.join(REAL)} or {', '.join(PECULIAR)}",
-            )
-        else:
-            what += "which only a cell has, periodic in both directions"
-            remedy = f"name the columns {', '.join(REAL)}"
-        raise _refused(what, remedy)
+    what = f"'{path}' has velocities beside the mean flow, "
+    if is_peculiar and not has_mean_flow:
+        what += "which only a cell has, periodic in both directions"
+        raise _refused(what, f"name the columns {', '.join(REAL)}")
+    if is_peculiar and is_real:
+        raise _refused(what + "and real ones", f"keep {', '.join(REAL)} or {', '.join(PECULIAR)}")
     vx, vy = (columns.get(name, none) for name in (PECULIAR if is_peculiar else REAL))
     velocity = np.column_stack([vx, vy, spin])
     is_told = is_real if is_real or is_peculiar else None

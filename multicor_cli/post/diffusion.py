@@ -13,7 +13,7 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import Between, find_extent
 from multicor_cli.post.flow import fit_flow
 from multicor_cli.post.lattice import gradient_of
-from multicor_cli.post.mean_heat import FORGOTTEN
+from multicor_cli.post.mean_heat import intervals_to_forget
 from multicor_cli.post.rheology import Band, find_band, strain_and_spin
 from multicor_cli.post.rheology_sums import average_ratios
 from multicor_cli.post.source import (
@@ -99,9 +99,7 @@ def diffusion(
         ways = _in_cell(source, chosen, times)
     else:
         ways = _between_walls(source, chosen, times, margin, between)
-    rate, back = float(ways.strain.sum() / (times[-1] - times[0])), 1
-    if rate > 0.0:
-        back = int(np.clip(np.ceil(FORGOTTEN / ways.strain.mean()), 1, max(1, chosen.size // 2)))
+    rate, back = float(ways.strain.sum() / (times[-1] - times[0])), intervals_to_forget(ways.strain)
     found = average_ratios(_derive, _growth(ways, np.diff(times), back), times)
     lags = np.unique(np.geomspace(1, max(1, (chosen.size - 1) // 2), LAGS).round().astype(np.int64))
     rows = np.array([_mean_squares(ways, times, int(lag)) for lag in lags])

@@ -106,10 +106,8 @@ def mean_heat(source: Run, selection: Selection | None = None) -> MeanHeat:
             "--frames"
         )
     times = np.asarray(source.frames.time)[chosen]
-    of_series, back = _of_series(source, times), 1
-    strain = _shear_rate(*of_series[:, 2:5].T)
-    if strain.mean() > 0.0:
-        back = int(np.clip(np.ceil(FORGOTTEN / strain.mean()), 1, max(1, chosen.size // 2)))
+    of_series = _of_series(source, times)
+    back = intervals_to_forget(_shear_rate(*of_series[:, 2:5].T))
     sums = np.column_stack([of_series, _of_frames(source, chosen, times, back)])
     found = average_ratios(lambda rows: _derive(model, rows), sums, times)
     thickness = thickness_of(model)
@@ -123,6 +121,15 @@ def mean_heat(source: Run, selection: Selection | None = None) -> MeanHeat:
         of: {q.name: getattr(found, of)[q.name] for q in shown} for of in ("mean", "spread")
     }
     return MeanHeat(times[1:], quantities, facts, frames=chosen, **parts)
+
+
+def intervals_to_forget(strain: Floats) -> int:
+    """How many intervals a flow has to be strained in for `FORGOTTEN`, at most half of them all.
+
+    ``strain`` is that in each interval, shape ``(r,)``; of what is at rest 1.
+    """
+    mean, most = float(strain.mean()), max(1, (strain.size + 1) // 2)
+    return int(np.clip(np.ceil(FORGOTTEN / mean), 1, most)) if mean > 0.0 else 1
 
 
 def _of_series(source: Run, times: Floats) -> Floats:

@@ -164,19 +164,11 @@ class Observable(Table):
     )
     post: (
         Literal[
-            "rheology",
-            "conductivity",
-            "diffusion",
-            "structure",
-            "region",
-            "profile",
-            "theta-eta",
-            "map",
-            "forces",
-            "energy",
+            "rheology", "conductivity", "diffusion", "structure", "region", "profile", "theta-eta",
+            "map", "forces", "energy"
         ]
         | None
-    ) = Field(None, description="command `multicor post` whose table it is taken from")
+    ) = Field(None, description="command `multicor post` whose table it is taken from")  # fmt: skip
     info: str | None = Field(
         None, min_length=1, description="field of `multicor info --json`, as solver.sweeps_mean"
     )
