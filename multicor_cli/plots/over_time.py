@@ -244,6 +244,7 @@ def _draw_panels(figure: Any, grid: Any, table: TimeTable, panels: Panels) -> No
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
+    grid.flat[0].locator_params(axis="x", nbins=4)  # shared; times may have many digits
     for panel, (label, quantities) in zip(grid.flat, panels, strict=True):
         for color, (name, text) in zip(COLORS, quantities, strict=False):
             _draw_quantity(panel, table, name, text, color)

@@ -101,6 +101,13 @@ def test_charts(column, drawn):
         drawn(table)
 
 
+def test_times_late_in_a_run_do_not_lie_over_each_other(drawn):
+    """Of a short flow after a long soak: 200.055 s, 200.060 s, …"""
+    table = post.conductivity(square_of_discs(np.linspace(3e-5, 5e-5, 29)), ALL)
+    table.time = np.linspace(200.0546, 200.0913, 29)
+    drawn(table)
+
+
 def reshaped(table, across, upwards):
     """The same grains in a box of another shape."""
     scene = table.scene
