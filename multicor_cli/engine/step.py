@@ -742,7 +742,7 @@ class Engine:
             scene.tilt, *self._gradient(start),
         )  # fmt: skip
         walls = begin_walls(scene, laws, start, dt, ratio, lanes.of_walls, contacts)
-        if laws.softening_rate.size or laws.table_speed.size:
+        if laws.softening_rate.size or laws.table_speed.size or laws.flash_speed.size:
             vary_friction(scene, laws, i, j, lanes.slot, lanes.before, lanes.frame)
         if laws.adhesion.size or laws.rolling.size:
             self._tabulate()

@@ -47,11 +47,12 @@ Feature = Literal[
     "range",
     "cell",
     "gradient",
+    "flash",
 ]
 """What only some runs have: temperatures, friction that depends on them, adhesion, rolling
 resistance, grains that come and go, walls whose surface runs, walls that only some groups meet,
-motion at the start, adhesion with a range, a cell that is periodic in both directions, and a mean
-gradient of temperature in it."""
+motion at the start, adhesion with a range, a cell that is periodic in both directions, a mean
+gradient of temperature in it, and friction that weakens by flash heating."""
 
 Export = Literal["vtk", "gsd"]
 """What shows a dataset of the frames besides CSV, which shows all: ParaView's view, GSD files."""

@@ -113,6 +113,11 @@ class ContactLaws(NamedTuple):
         softening_start: T_r, the temperature at which μ = μ₀ [K].
         softening_lowest: Smallest μ.
         softening_highest: Largest μ.
+        flash_speed: V_w of friction that weakens by flash heating, at T_r [m/s]; inf for pairs
+            without it; this and the next three are of size 0 if there is no such pair.
+        flash_weakened: f_w, to which μ falls.
+        flash_limit: T_w at which V_w is 0 [K]; inf where V_w does not depend on temperature.
+        flash_reference: T_r [K].
         adhesion: F_a, the tension that a contact bears [N], symmetric; of size 0 if no pair has it.
         adhesion_range: ℓ, the gap across which it ends [m], symmetric; this and the next are of
             size 0 without adhesion, and in runs of file formats before 1.7 (`with_ranges`).
@@ -134,11 +139,15 @@ class ContactLaws(NamedTuple):
     rolling: Floats = _NONE
     adhesion_range: Floats = _NONE
     is_wet: NDArray[np.uint8] = _NO_FLAGS
+    flash_speed: Floats = _NONE
+    flash_weakened: Floats = _NONE
+    flash_limit: Floats = _NONE
+    flash_reference: Floats = _NONE
 
     @property
     def depends_on_temperature(self) -> bool:
         """Whether friction does, for any pair."""
-        return self.softening_rate.size > 0
+        return self.softening_rate.size > 0 or bool(np.isfinite(self.flash_limit).any())
 
     def with_ranges(self, mean_diameter: float) -> ContactLaws:
         """The same; dry, with a range of `RANGE` mean diameters [m], if there is adhesion without.

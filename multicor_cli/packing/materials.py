@@ -16,7 +16,7 @@ from multicor_cli.packing.file import read_temperatures
 from multicor_cli.packing.initial_grains import InitialGrains, masses
 from multicor_cli.scenario import Scenario
 from multicor_cli.scenario.base import KELVIN_BOUNDS
-from multicor_cli.scenario.materials import ContactPair, FrictionTable, Softening
+from multicor_cli.scenario.materials import ContactPair, FlashFriction, FrictionTable, Softening
 from multicor_cli.scenario.particles import (
     FileTemperature,
     GradientTemperature,
@@ -38,6 +38,14 @@ _SOFTENING = {
     "softening_highest": "max",
 }
 """Arrays about softening, named as in the files of runs, and the keys that they are made of."""
+
+_FLASH = {
+    "flash_speed": (lambda law: law.weakening_speed, math.inf),
+    "flash_weakened": (lambda law: law.weakened, 0.0),
+    "flash_limit": (lambda law: law.weakening_temperature or math.inf, math.inf),
+    "flash_reference": (lambda law: law.reference, 0.0),
+}
+"""Arrays about flash heating, what they are made of, and their value for pairs without it."""
 
 _FRICTION = ("friction", "table", "table_start", "table_speed", "table_friction")
 """The other arrays of the laws about friction."""
@@ -84,6 +92,9 @@ def contact_laws(
     for name, key in _SOFTENING.items() if soft else ():
         values = {pair: getattr(softening, key) for pair, softening in soft.items()}
         optional[name] = _symmetric(k, values, getattr(_UNSOFTENED, key))
+    flash = {p: law.friction for p, law in given.items() if isinstance(law.friction, FlashFriction)}
+    for name, (value_of, none) in _FLASH.items() if flash else ():
+        optional[name] = _symmetric(k, {pair: value_of(law) for pair, law in flash.items()}, none)
     sizes = [len(speeds) for speeds, _ in number]
     return ContactLaws(
         friction=_symmetric(k, friction),
@@ -129,7 +140,7 @@ def stage_laws(scenario: Scenario, model: Model) -> list[ContactLaws | None]:
         if stage.contacts:
             law_of = functools.partial(scenario.law, stage=number)
             named = contact_laws(model.materials, touching, law_of, model.mean_diameter)._asdict()
-            laws = model.laws._replace(**{key: named[key] for key in (*_FRICTION, *_SOFTENING)})
+            laws = model.laws._replace(**{key: named[key] for key in (*_FRICTION, *_SOFTENING, *_FLASH)})
         found.append(laws)
     return found
 

@@ -203,11 +203,42 @@ class FrictionTable(Softening):
             yield Refused(("values",), what, "give one coefficient of friction per speed")
 
 
+class FlashFriction(Table):
+    """Coefficient of friction that weakens by flash heating of the asperities: above the weakening
+    speed V_w it is weakened + (value - weakened) V_w/speed (Rice 2006).
+    """
+
+    value: Friction = required("coefficient of friction up to the weakening speed")
+    weakened: Friction = required("coefficient of friction to which it falls")
+    weakening_speed: Annotated[float, Field(gt=0.0, le=1e12)] = required(
+        "sliding speed above which it weakens V_w [m/s]"
+    )
+    weakening_temperature: Kelvin | None = optional(
+        "temperature at which asperities are weak at any speed T_w [K]: V_w falls with the "
+        "temperature T of the bodies as (T_w - T)^2; needs [heat]; default: V_w is constant"
+    )
+    reference: Kelvin = optional(
+        "temperature to which weakening_speed belongs [K]", ROOM_TEMPERATURE
+    )
+
+    def faults(self) -> Iterator[Refused]:
+        if self.weakened > self.value:
+            what = f"weakened = {self.weakened:g} is above value = {self.value:g}"
+            yield Refused(("weakened",), what, "swap the two")
+        limit = self.weakening_temperature
+        if limit is not None and limit <= self.reference:
+            what = f"weakening_temperature = {limit:g} K is not above reference = {self.reference:g} K"
+            remedy = "give weakening_speed at a lower temperature, and that as reference"
+            yield Refused(("weakening_temperature",), what, remedy)
+
+
 def _tag_friction(value: Any) -> str:
-    """Tag in `AnyFriction`: a table of speeds unless only keys of a softening number stand."""
+    """Tag in `AnyFriction`: by the keys that only one of them has, else a table of speeds."""
     if not isinstance(value, dict | BaseModel):
         return "<plain>"
     names = value if isinstance(value, dict) else type(value).model_fields
+    if any(name.startswith("weaken") for name in names):
+        return "<flash>"
     is_value = "speed" not in names and "values" not in names
     return "<value>" if is_value and ("value" in names or "softening" in names) else "<speed>"
 
@@ -215,7 +246,8 @@ def _tag_friction(value: Any) -> str:
 AnyFriction = Annotated[
     Annotated[Friction, Tag("<plain>")]
     | Annotated[SofteningFriction, Tag("<value>")]
-    | Annotated[FrictionTable, Tag("<speed>")],
+    | Annotated[FrictionTable, Tag("<speed>")]
+    | Annotated[FlashFriction, Tag("<flash>")],
     Discriminator(_tag_friction),
 ]
 MaterialOrAny = Annotated[str, Field(pattern=r"^([A-Za-z0-9_-]+|\*)$", max_length=64)]
@@ -253,8 +285,9 @@ class PairFriction(Table):
     )
     friction: AnyFriction = required(
         "coefficient of friction (0 to 10), or a table: { speed = [...], values = [...] } of "
-        "the sliding speed [m/s], { value = 0.5, softening = 1e-3 } of the temperature, or "
-        "both: speed, values and softening"
+        "the sliding speed [m/s], { value = 0.5, softening = 1e-3 } of the temperature, "
+        "both: speed, values and softening, or { value = 0.7, weakened = 0.1, weakening_speed = "
+        "0.1 } by flash heating"
     )
 
     @property
@@ -264,7 +297,7 @@ class PairFriction(Table):
             return self.friction
         # A table begins with the value at the lowest speed.
         law = self.friction
-        return law.value if isinstance(law, SofteningFriction) else law.values[0]
+        return law.values[0] if isinstance(law, FrictionTable) else law.value
 
     @property
     def softening(self) -> Softening | None:
@@ -277,6 +310,9 @@ class PairFriction(Table):
         """Keys that mean something only with heat."""
         if self.softening is not None:
             yield "friction", "softening"
+        law = self.friction
+        if isinstance(law, FlashFriction) and law.weakening_temperature is not None:
+            yield "friction", "weakening_temperature"
 
     @property
     def specificity(self) -> int:

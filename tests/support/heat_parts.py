@@ -28,6 +28,14 @@ def with_softening(laws, *values):
     return laws._replace(**dict(zip(names, values, strict=True)))
 
 
+def with_flash(model, weakened, speed, limit=np.inf, reference=300.0):
+    """The model with friction that weakens by flash heating, for every pair."""
+    values = {"weakened": weakened, "speed": speed, "limit": limit, "reference": reference}
+    shape = model.laws.friction.shape
+    arrays = {f"flash_{name}": np.full(shape, value) for name, value in values.items()}
+    return replace(model, laws=model.laws._replace(**arrays))
+
+
 def with_heat(model, start, *, capacity=None, specific=500.0):
     """The model with heat capacities (default m c_p) and initial temperatures."""
     radius, mass = model.grains.radius, model.grains.mass

@@ -41,6 +41,9 @@ poisson = 0.3
 PROVENANCE = {"multicor_version": "0", "seed": 7, "versions": {"python": "3"}}
 
 
+FLASH = {"speed": 0.1, "weakened": 0.1, "limit": 1200.0, "reference": 293.15}
+
+
 def make_model(grains: int = 5, *, walls: bool = True, heat: bool = False) -> Model:
     """Five grains, or others; with heat it has all that only some runs have."""
     names = ("bottom", "dessus-é") if walls else ()
@@ -61,6 +64,7 @@ def make_model(grains: int = 5, *, walls: bool = True, heat: bool = False) -> Mo
         np.array([0.3, 0.2]),
         *(map(pairs, (1e-3, 293.15, 0.1, 1.0, 1e-5, 0.2, 1e-4)) if heat else ()),
         **({"is_wet": np.ones((2, 2), np.uint8)} if heat else {}),
+        **({f"flash_{of}": pairs(value) for of, value in FLASH.items()} if heat else {}),
     )
     return Model(
         grains=Grains(radius, radius**2 * 1e3, radius**4 * 5e2, zeros, zeros),

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from heat_parts import with_flash
 from recorded import keep
 from scene_parts import (
     FIXED,
@@ -230,6 +231,26 @@ def test_friction_that_depends_on_speed(speed, mu):
     engine = make_engine(model, [[0.0, 1.0]], [[speed, 0.0, 0.0]], settings=TIGHT)
     slowed = speed - advance(engine, 1e-3, 1).velocity[0, 0]
     assert slowed == pytest.approx(min(mu * G * 1e-3, speed / 3.0), rel=1e-9)
+
+
+@pytest.mark.parametrize(("speed", "mu"), [(0.1, 0.5), (0.2, 0.5), (0.4, 0.3), (2.0, 0.14)])
+def test_friction_that_weakens_by_flash_heating(speed, mu):
+    """An impulse is [f_w + (f_0 − f_w) V_w/V] m g Δt above V_w (Rice 2006), f_0 m g Δt below."""
+    model = with_flash(make_model([1.0], FLOOR, friction=0.5), 0.1, 0.2)
+    engine = make_engine(model, [[0.0, 1.0]], [[speed, 0.0, 0.0]], settings=TIGHT)
+    slowed = speed - advance(engine, 1e-4, 1).velocity[0, 0]
+    assert slowed == pytest.approx(mu * G * 1e-4, rel=1e-9)
+
+
+@pytest.mark.parametrize("dt", [1e-3, 1e-4])
+def test_weakened_sliding_follows_its_closed_form(dt):
+    """Without f_w a sphere slows as v² = v₀² − 2·(7/2) f_0 V_w g t at its surface, of first order."""
+    model = with_flash(make_model([1.0], FLOOR, friction=0.5, shape="sphere"), 0.0, 0.2)
+    engine = make_engine(model, [[0.0, 1.0]], [[3.0, 0.0, 0.0]], settings=TIGHT)
+    velocity = advance(engine, dt, round(0.5 / dt)).velocity[0]
+    surface = np.sqrt(9.0 - 7.0 * 0.5 * 0.2 * G * 0.5)
+    assert velocity[0] + velocity[2] == pytest.approx(surface, rel=0.5 * dt)
+    assert book(engine.state, "closure") < 1e-12
 
 
 def test_ball_on_the_end_of_a_segment_sees_a_point():

@@ -11,6 +11,7 @@ from heat_parts import (
     make_heat_laws,
     temperatures,
     warm_model,
+    with_flash,
     with_heat,
     with_softening,
 )
@@ -115,6 +116,29 @@ def test_friction_that_falls_with_temperature():
     assert rise == pytest.approx(temperature, rel=1e-9)
     assert rise * heat_per_speed * 1e-3 == pytest.approx((1.0 - u * u) / 7.0, rel=1e-9)
     assert u > 1.0 - 3.5 * MU * G * 0.02 + 0.01  # friction has fallen for certain
+
+
+def test_friction_that_weakens_at_lower_speeds_when_hot():
+    """V_w falls as (T_w − T)² with the temperature of the sliding grain (Rice 2006), and all heat
+    stays in the grain: as an integration of the two equations; f_w where it is hotter than T_w.
+    """
+    per_speed, weakened, v_w, limit = 5e-3, 0.1, 2.0, 320.0
+    model = make_model([1.0], FLOOR, friction=MU, shape="sphere")
+    model = with_heat(model, 300.0, capacity=model.grains.mass[0] * per_speed)
+    model, dt = with_flash(model, weakened, v_w, limit), 1e-5
+    engine = slide(model=model, dt=dt, duration=0.09)
+    u, rise, was_hot = 1.0, 0.0, False
+    for _ in range(9000):
+        speed = v_w * (1.0 - rise / 20.0) ** 2 if rise < 20.0 else 0.0
+        mu = MU if u <= speed else weakened + (MU - weakened) * speed / u
+        was_hot |= speed == 0.0
+        rise += dt * mu * G * (u - 0.5 * dt * 3.5 * mu * G) / per_speed
+        u -= dt * 3.5 * mu * G
+    assert was_hot
+    velocity = engine.state.velocity[0]
+    assert velocity[0] + velocity[2] == pytest.approx(u, rel=1e-9)
+    assert temperatures(engine)[0] - 300.0 == pytest.approx(rise, rel=1e-9)
+    assert heat_book(engine.state, "closure") < 1e-13
 
 
 def impact(steps=1, shape="disc", restitution=0.5, **settings):

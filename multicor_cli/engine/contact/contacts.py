@@ -16,7 +16,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.law import GRAZE, bias, guard_plane, softened_friction
+from multicor_cli.engine.contact.law import (
+    GRAZE,
+    bias,
+    guard_plane,
+    softened_friction,
+    weakened_friction,
+    weakening_speed,
+)
 from multicor_cli.engine.contact.sweep import NO_COUPLES, Couples
 from multicor_cli.engine.contact.vector_step import BOUNCE, IS_OURS, SMALLER
 from multicor_cli.engine.contact.vector_sweep import IMPULSE_ROWS
@@ -191,19 +198,38 @@ def friction_of(laws: ContactLaws, a: int, b: int, speed: float) -> float:
     return laws.table_friction[last]
 
 
+@formula
+def _mean_temperature(scene: Scene, i: int, j: int) -> float:
+    """Mean of two temperatures [K]; of the first where the second is nan (a wall's)."""
+    first, second = scene.temperature[i], scene.temperature[j]
+    return first if np.isnan(second) else 0.5 * (first + second)
+
+
 @kernel
-def _softened(laws: ContactLaws, a: int, b: int, mu: float, first: float, second: float) -> float:
-    """μ at the mean of two temperatures [K]; of the first where the second is nan (a wall's)."""
+def _softened(laws: ContactLaws, a: int, b: int, mu: float, temperature: float) -> float:
+    """μ at a temperature [K]."""
     rate = laws.softening_rate[a, b]
     if rate == 0.0:
         return mu
-    mean = first if np.isnan(second) else 0.5 * (first + second)
     start, lowest, highest = (
         laws.softening_start[a, b],
         laws.softening_lowest[a, b],
         laws.softening_highest[a, b],
     )
-    return softened_friction(mu, rate, mean, start, lowest, highest)
+    return softened_friction(mu, rate, temperature, start, lowest, highest)
+
+
+@kernel
+def _weakened(
+    scene: Scene, laws: ContactLaws, i: int, j: int, mu: float, slip: float
+) -> float:
+    """μ that flash heating leaves at a sliding speed [m/s]."""
+    a, b = scene.material[i], scene.material[j]
+    speed, limit = laws.flash_speed[a, b], laws.flash_limit[a, b]
+    if limit < inf:
+        temperature = _mean_temperature(scene, i, j)
+        speed = weakening_speed(speed, temperature, limit, laws.flash_reference[a, b])
+    return weakened_friction(mu, laws.flash_weakened[a, b], speed, slip)
 
 
 @formula
@@ -212,7 +238,9 @@ def friction_between(scene: Scene, laws: ContactLaws, i: int, j: int, speed: flo
     a, b = scene.material[i], scene.material[j]
     mu = friction_of(laws, a, b, speed)
     if laws.softening_rate.size:
-        mu = _softened(laws, a, b, mu, scene.temperature[i], scene.temperature[j])
+        mu = _softened(laws, a, b, mu, _mean_temperature(scene, i, j))
+    if laws.flash_speed.size:
+        mu = _weakened(scene, laws, i, j, mu, speed)
     return mu
 
 

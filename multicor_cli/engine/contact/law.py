@@ -177,3 +177,36 @@ def softened_friction(
     value = mu * (1.0 - rate * (temperature - start))
     value = value if value > lowest else lowest
     return value if value < highest else highest
+
+
+# ---- Friction that weakens by flash heating: `μ = f_w + (f_0 − f_w) V_w/V` above the speed V_w.
+#
+# Formulas: asperities of the diameter D, which bear the shear strength τ_c, slide for D/V before
+# they part, and weaken when their flash temperature has reached T_w; f_w once they have:
+# `V_w = (π α/D) [ρ c (T_w − T)/τ_c]²`, so `V_w(T) = V_w(T_r) [(T_w − T)/(T_w − T_r)]²`.
+#
+# Source: J. R. Rice, J. Geophys. Res. 111 (2006) B05311, eqs. 5 to 8; α = λ/(ρc).
+#
+# Validity: T is that of the surface beside the asperities, here the mean of the two bodies. Many
+# asperities in a contact; each is new and cold when it meets the next.
+
+
+@formula
+def weakening_speed(speed: float, temperature: float, limit: float, reference: float) -> float:
+    """``V_w(T) = V_w(T_r) [(T_w − T)/(T_w − T_r)]²`` [m/s], 0 from ``T_w`` on (Rice 2006, eq. 5).
+
+    ``speed`` is V_w(T_r) [m/s], ``limit`` T_w, ``reference`` T_r [K].
+    """
+    if temperature >= limit:
+        return 0.0
+    share = (limit - temperature) / (limit - reference)
+    return speed * (share * share)
+
+
+@formula
+def weakened_friction(mu: float, weakened: float, speed: float, slip: float) -> float:
+    """``f_w + (f_0 − f_w) V_w/V`` beyond the speed V_w, else ``mu``, which is f_0 (Rice 2006, eq. 8).
+
+    ``weakened`` is f_w, ``speed`` V_w, ``slip`` V ≥ 0 [m/s].
+    """
+    return mu if slip <= speed else weakened + (mu - weakened) * (speed / slip)

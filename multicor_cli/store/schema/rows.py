@@ -145,7 +145,7 @@ def features_of(model: Model) -> frozenset[Feature]:
     laws = model.laws
     found: dict[Feature, bool] = {
         "heat": model.thermal is not None,
-        "softening": laws.depends_on_temperature,
+        "softening": laws.softening_rate.size > 0,
         "adhesion": laws.adhesion.size > 0,
         "rolling": laws.rolling.size > 0,
         "exchange": model.outlets is not None,
@@ -155,6 +155,7 @@ def features_of(model: Model) -> frozenset[Feature]:
         "range": laws.adhesion_range.size > 0,
         "cell": model.is_cell,
         "gradient": any(model.heat_gradient),
+        "flash": laws.flash_speed.size > 0,
     }
     return frozenset(feature for feature, is_there in found.items() if is_there)
 
@@ -263,6 +264,15 @@ MODEL: tuple[Dataset, ...] = (
     _law("softening_start", "K", "temperature T_r at which mu = mu0", only_with="softening"),
     _law("softening_lowest", "1", "smallest coefficient of friction", only_with="softening"),
     _law("softening_highest", "1", "largest coefficient of friction", only_with="softening"),
+    _law("flash_speed", "m/s",
+        "V_w of friction that weakens by flash heating, at flash_reference; inf without",
+        only_with="flash", since=(1, 10), finite=False),
+    _law("flash_weakened", "1", "coefficient of friction f_w to which it falls",
+        only_with="flash", since=(1, 10)),
+    _law("flash_limit", "K", "temperature T_w at which V_w is 0; inf where it is constant",
+        only_with="flash", since=(1, 10), finite=False),
+    _law("flash_reference", "K", "temperature T_r to which flash_speed belongs",
+        only_with="flash", since=(1, 10)),
     _law("adhesion", "N", "tension that a contact bears", only_with="adhesion", since=(1, 1)),
     _law("rolling", "1", "coefficient of rolling resistance", only_with="rolling", since=(1, 1)),
     _law("adhesion_range", "m", "gap across which adhesion ends", only_with="range", since=(1, 7)),

@@ -6,7 +6,7 @@ from scenario_problems import check_one, problems_of
 from scenes import HEATED, SHEAR, changed
 
 from multicor_cli.scenario import parse_scenario
-from multicor_cli.scenario.materials import FrictionTable, SofteningFriction
+from multicor_cli.scenario.materials import FlashFriction, FrictionTable, SofteningFriction
 
 GRAINS = "temperature = { value = 300.0, gradient = [0.0, 100.0], at = [0.0, 0.025] }"
 FLOOR = "thermal = { temperature = { ramp = [300.0, 350.0], duration = 2.0 } }"
@@ -96,6 +96,18 @@ def test_softening_of_numbers_and_tables():
     assert keys_of(plain.friction) == (None,) * 4
 
 
+FLASH = (
+    "friction = { value = 0.7, weakened = 0.1, weakening_speed = 0.1, weakening_temperature = 1200.0 }"
+)
+
+
+def test_flash_heating_of_a_pair():
+    law = parse_scenario(changed(HEATED, (SOFT, FLASH)), "heated.toml").law("glass", "glass")
+    assert isinstance(law.friction, FlashFriction)
+    assert (law.coefficient, law.softening) == (0.7, None)
+    assert law.friction.reference == 293.15
+
+
 def test_time_between_looks_in_a_frozen_stage():
     def dt(*overrides):
         scenario = parse_scenario(HEATED.replace("dt = 60.0\n", ""), "heated.toml", overrides)
@@ -150,6 +162,9 @@ MISTAKES = {
     "reach unused": ((RADIATION, "radiation = { surroundings = 300, reach = 1 }"), "heat.radiation.reach", "reach = 1", "neighbors"),
     "softening missing": ((SOFT, "friction = { value = 0.5, min = 0.1 }"), "contacts.0.friction.min", "min = 0.1", "softening"),
     "number in a table": ((SOFT, "friction = { value = 0.5 }"), "contacts.0.friction", "friction = {", "add softening"),
+    "weakened to more": ((SOFT, FLASH.replace("0.1, w", "0.8, w")), "contacts.0.friction.weakened", "weakened = 0.8", "swap"),
+    "weak at room temperature": ((SOFT, FLASH.replace("1200.0", "290.0")), "contacts.0.friction.weakening_temperature", "weakening_temperature = 290", "not above reference"),
+    "no weakening speed": ((SOFT, FLASH.replace("weakening_speed = 0.1, ", "")), "contacts.0.friction.weakening_speed", "friction = {", "missing"),
     "crossed limits": (("min = 0.1, max = 1.0", "min = 0.1, max = 0.05"), "contacts.0.friction.max", "max = 0.05", "swap"),
     "value and table": (("values = [0.3, 0.2], soft", "value = 0.3, values = [0.3, 0.2], soft"), "contacts.1.friction.value", "value = 0.3", "unknown key"),
     "reference in celsius": (("298.15", "-25"), "contacts.0.friction.reference", "reference", "248.15"),
@@ -181,6 +196,7 @@ def test_each_mistake_gives_one_problem_at_its_place(name):
 
 
 OFF = {
+    "contacts.0.friction.weakening_temperature": ("friction = 0.4", FLASH),
     "particles.0.temperature": ("count = 100", "count = 100\ntemperature = 300"),
     "walls.2.thermal": ("mass = 1e-3", "mass = 1e-3\nthermal = { insulated = true }"),
     "loading.2.thermal": ("duration = 0.5", "duration = 0.5\nthermal.top = { flow = 1 }"),

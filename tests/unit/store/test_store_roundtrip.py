@@ -207,7 +207,7 @@ def test_frames_are_a_sequence(finished):
 def test_every_dataset_has_unit_long_name_and_checksum(heated):
     with h5py.File(heated / "results.h5") as file:
         for spec in schema.select(
-            schema.RESULTS_TABLE, {"heat", "softening", "adhesion", "rolling", "range"}
+            schema.RESULTS_TABLE, {"heat", "softening", "adhesion", "rolling", "range", "flash"}
         ):
             dataset = file[spec.path]
             assert dataset.fletcher32, spec.path
@@ -347,7 +347,8 @@ def test_names_of_the_series_are_known_before_anything_is_written(tmp_path):
 def test_model_without_friction_by_temperature_has_none(tmp_path):
     """A run with heat whose friction does not depend on temperature."""
     model = make_model(heat=True)
-    plain = dataclasses.replace(model, laws=model.laws._replace(softening_rate=np.empty((0, 0))))
+    none = dict.fromkeys(("softening_rate", "flash_speed", "flash_limit"), np.empty((0, 0)))
+    plain = dataclasses.replace(model, laws=model.laws._replace(**none))
     assert model_digest(plain) != model_digest(model) != model_digest(make_model())
     run_whole(tmp_path / "run", plain, steps=10)
     with open_run(tmp_path / "run") as run:
