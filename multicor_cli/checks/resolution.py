@@ -375,6 +375,24 @@ def _temperature_reached(run: Recorded) -> Iterator[Measured]:
         yield from _of_grains(scenario, frame.model, np.asarray(frame.temperature, np.float64))
 
 
+def _hottest_spot(run: Recorded) -> Iterator[Measured]:
+    """The hottest spot so far, over what the material that bears least does, if one says so."""
+    if run.run.model.thermal is None or run.planned is None or "hottest_spot" not in run.run.series:
+        return
+    used = run.run.model.materials
+    tables = [run.planned[0].materials[name] for name in used]
+    limits = [
+        (limit, name)
+        for name, table in zip(used, tables, strict=True)
+        for limit in (table.ignition, table.melting)
+        if limit is not None
+    ]
+    hottest = float(run.series("hottest_spot").max(initial=0.0))
+    if limits and hottest > 0.0:
+        limit, name = min(limits)
+        yield Measured(hottest / limit, f"{hottest:.5g} K; {name} bears {limit:g} K")
+
+
 def _upward_gravity(run: Prepared) -> Iterator[Measured]:
     yield Measured(max(0.0, run.scenario.domain.gravity[1]))
     for stage, gravity in zip(run.plan.stages, run.gravity, strict=True):
@@ -434,6 +452,15 @@ PLAUSIBLE_OF_RUN: tuple[Rule[Recorded], ...] = (
         ("Check what heats the grains: flows of walls [W, not W/m²] and their duration, rates of "
             "shear under high loads."),
         unit="of what it bears", warning=1.0, bad=1.0,
+    ),
+    Rule(
+        "hottest spot", _hottest_spot,
+        ("Temperature of the hottest contact spot so far, with the flash of its friction, over the "
+            "lowest ignition or melting of the materials. Spots that melt are slippery, which a "
+            "constant coefficient of friction does not know; what ignites does so at a spot."),
+        ("Post hot-spots shows how many contacts are as hot; give such pairs friction that "
+            "weakens by flash heating."),
+        unit="of what it bears", warning=1.0,
     ),
 )  # fmt: skip
 

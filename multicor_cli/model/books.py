@@ -230,6 +230,10 @@ HEAT_BOOKS = (
         series="heat_integration_error", since=(1, 4)),
     _heat("ahead", "heat that grains have received beyond what their contacts have lost, now",
         since=(1, 6)),
+    _entry("hottest_spot",
+        "temperature of the hottest contact spot in the window, with the flash of its friction; 0 "
+        "if none slides, or if the properties that it takes are not given", "K",
+        series="hottest_spot", since=(1, 10)),
 )  # fmt: skip
 """Heat books, in the order of `State.heat_books`; empty in runs without heat."""
 

@@ -39,7 +39,7 @@ _SOFTENING = {
 }
 """Arrays about softening, named as in the files of runs, and the keys that they are made of."""
 
-_FLASH = {
+_FLASH: dict[str, tuple[Callable[[FlashFriction], float], float]] = {
     "flash_speed": (lambda law: law.weakening_speed, math.inf),
     "flash_weakened": (lambda law: law.weakened, 0.0),
     "flash_limit": (lambda law: law.weakening_temperature or math.inf, math.inf),
@@ -140,7 +140,9 @@ def stage_laws(scenario: Scenario, model: Model) -> list[ContactLaws | None]:
         if stage.contacts:
             law_of = functools.partial(scenario.law, stage=number)
             named = contact_laws(model.materials, touching, law_of, model.mean_diameter)._asdict()
-            laws = model.laws._replace(**{key: named[key] for key in (*_FRICTION, *_SOFTENING, *_FLASH)})
+            laws = model.laws._replace(
+                **{key: named[key] for key in (*_FRICTION, *_SOFTENING, *_FLASH)}
+            )
         found.append(laws)
     return found
 

@@ -94,6 +94,10 @@ class Material(Table):
     melting: Kelvin | None = optional(
         "temperature at which it melts or decays [K]; checks compare temperatures with it"
     )
+    ignition: Kelvin | None = optional(
+        "temperature at which it ignites or explodes [K]; a check compares the hottest contact "
+        "spot with it, or with melting if that is lower"
+    )
     emissivity: Annotated[float, Field(gt=0.0, le=1.0)] | None = optional(
         "emissivity, for radiation"
     )
@@ -227,7 +231,9 @@ class FlashFriction(Table):
             yield Refused(("weakened",), what, "swap the two")
         limit = self.weakening_temperature
         if limit is not None and limit <= self.reference:
-            what = f"weakening_temperature = {limit:g} K is not above reference = {self.reference:g} K"
+            what = (
+                f"weakening_temperature = {limit:g} K is not above reference = {self.reference:g} K"
+            )
             remedy = "give weakening_speed at a lower temperature, and that as reference"
             yield Refused(("weakening_temperature",), what, remedy)
 

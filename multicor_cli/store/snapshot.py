@@ -181,6 +181,7 @@ def summarize(state: State, model: Model) -> Summary:
 
 def _summarize_heat(state: State, thermal: Thermal) -> Summary:
     books = state.named("heat_books")
+    books.pop("hottest_spot", None)  # of a window, not of the run
     counters = {
         name: books.pop(name)
         for name in ("sub_steps", "max_biot", "solid_gas_min", "solid_gas_max", "integration_error")

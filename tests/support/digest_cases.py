@@ -69,6 +69,7 @@ SHIPPED = {
         "variables.side=14", "loading.0.duration=0.003", "loading.1.duration=20.0",
         "loading.2.until.strain.value=0.3",
     ),
+    "flash-heating": ("variables.side=14", "loading.1.until.strain.value=0.3"),
     "million": ("particles.0.count=20_000", "domain.size=[1.2,0.14]"),
 }  # fmt: skip
 """What makes each shipped scenario short."""
@@ -282,6 +283,7 @@ _HEAT_OF_IMPACTS = _all_heat(
 ).replace('conduction = "rough"', 'conduction = "hertz"')  # fmt: skip
 
 _SOFT = "{ softening = 2e-3, reference = 300.0, value = 0.4, min = 0.1, max = 0.5 }"
+_FLASHES = "{ value = 0.5, weakened = 0.1, weakening_speed = 0.02, weakening_temperature = 900.0 }"
 _SPEEDS = "{ speed = [0.0, 0.05, 0.3], values = [0.5, 0.4, 0.2] }"
 
 _SHAKEN = {
@@ -306,6 +308,7 @@ _LAWS = {
         "heat": _HEAT + "gradient = [500.0, 1000.0]\n"},
     "friction-of-speed": {"friction": _SPEEDS, "packing": '{ kind = "deposited" }',
         "region": _region(0.03)},
+    "friction-of-flashes": {**_BED, "friction": _FLASHES, "heat": _HEAT},
     "friction-of-temperature": {**_BED, "friction": _SOFT, "heat": _HEAT},
     "heat": {**_BED, "heat": _HEAT, "second": "frozen = true\nduration = 20.0\ndt = 0.5"},
     "heat-everything-implicit": {**_BED, "wear": "wear = 1e-4", "heat": _all_heat()},

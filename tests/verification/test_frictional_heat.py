@@ -23,9 +23,11 @@ from multicor_cli.engine.heat.conduction import ContactForce
 from multicor_cli.engine.heat.convection import Ambient
 from multicor_cli.engine.heat.friction import impact_exchange
 from multicor_cli.engine.heat.gas import Gas
+from multicor_cli.engine.heat.hertz import contact_radius
 from multicor_cli.engine.heat.radiation import Radiation
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant, Sine
+from multicor_cli.model.flash import flash_rise
 from multicor_cli.model.state import State
 
 MU = 0.3
@@ -139,6 +141,31 @@ def test_friction_that_weakens_at_lower_speeds_when_hot():
     assert velocity[0] + velocity[2] == pytest.approx(u, rel=1e-9)
     assert temperatures(engine)[0] - 300.0 == pytest.approx(rise, rel=1e-9)
     assert heat_book(engine.state, "closure") < 1e-13
+
+
+@pytest.mark.parametrize("wall", [None, 340.0])
+def test_the_hottest_spot_is_that_of_the_contact_that_slides(wall):
+    """(T_i + T_j)/2 + P/(G_i + G_j) with P = μ F v and the spot of Hertz (model.flash), the largest
+    of the window; a grain alone where the wall takes no heat; 0 when the grain rolls.
+    """
+    conditions = None if wall is None else [at_temperature(wall)]
+    laws, dt = make_heat_laws(), 1e-3
+    model = warm_model(shapes=FLOOR, friction=MU)
+    engine = coupled_engine(model, [[0.0, 1.0]], [[1.0, 0.0, 0.0]], conditions, laws=laws)
+    force = model.grains.mass[0] * G
+    spot = contact_radius(force, 1.0, laws.modulus[0, 0])
+    slip = 1.0 - 0.5 * 3.5 * MU * G * dt  # the mean of the first step
+    body = laws.conductivity[0], laws.volumetric[0]
+    rise = flash_rise(MU * force * slip, spot, slip, *body, *(body if wall else (0.0, body[1])))
+    engine.step(dt, 0.0)
+    expected = (300.0 if wall is None else 320.0) + rise
+    first = heat_book(engine.state, "hottest_spot")
+    assert first == pytest.approx(expected, rel=1e-12)
+    advance(engine, dt, 200)
+    assert heat_book(engine.state, "hottest_spot") >= first
+    engine.state.window[:] = 0.0
+    engine.step(dt, 0.0)
+    assert heat_book(engine.state, "hottest_spot") < 300.01 + 20.0 * (wall is not None)
 
 
 def impact(steps=1, shape="disc", restitution=0.5, **settings):

@@ -220,9 +220,7 @@ def _softened(laws: ContactLaws, a: int, b: int, mu: float, temperature: float) 
 
 
 @kernel
-def _weakened(
-    scene: Scene, laws: ContactLaws, i: int, j: int, mu: float, slip: float
-) -> float:
+def _weakened(scene: Scene, laws: ContactLaws, i: int, j: int, mu: float, slip: float) -> float:
     """μ that flash heating leaves at a sliding speed [m/s]."""
     a, b = scene.material[i], scene.material[j]
     speed, limit = laws.flash_speed[a, b], laws.flash_limit[a, b]

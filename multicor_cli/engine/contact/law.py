@@ -205,7 +205,7 @@ def weakening_speed(speed: float, temperature: float, limit: float, reference: f
 
 @formula
 def weakened_friction(mu: float, weakened: float, speed: float, slip: float) -> float:
-    """``f_w + (f_0 − f_w) V_w/V`` beyond the speed V_w, else ``mu``, which is f_0 (Rice 2006, eq. 8).
+    """``f_w + (f_0 − f_w) V_w/V`` above V_w, else ``mu``, which is f_0 (Rice 2006, eq. 8).
 
     ``weakened`` is f_w, ``speed`` V_w, ``slip`` V ≥ 0 [m/s].
     """

@@ -131,6 +131,12 @@ def note_contacts(state: State, biot: float, gas_ratio: tuple[float, float]) -> 
     books[_BOOK["solid_gas_min"]], books[_BOOK["solid_gas_max"]] = gas_ratio
 
 
+def note_hottest(state: State, temperature: float, *, is_first: bool) -> None:
+    """Keep the temperature of the hottest spot in the window [K]; ``is_first`` begins it."""
+    books, k = state.heat_books, _BOOK["hottest_spot"]
+    books[k] = temperature if is_first else max(books[k], temperature)
+
+
 def strike_balance(state: State, received: Floats) -> None:
     """Let grains receive heat [J], and compare their content with what has come in.
 

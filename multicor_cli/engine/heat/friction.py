@@ -379,15 +379,15 @@ def generated_heat(
 @parallel_kernel
 def generate(
     scene: Scene, solved: Solved, rule: int, has_impact: bool, laws: HeatLaws, share: Floats,
-    takes_heat: NDArray[np.bool_], normal: Floats, generated: Floats, source: Floats,
-    wall_source: Floats, wear: Floats, wall_wear: Floats,
+    takes_heat: NDArray[np.bool_], normal: Floats, heat: Floats, rubbing: Floats,
+    generated: Floats, source: Floats, wall_source: Floats, wear: Floats, wall_wear: Floats,
 ) -> Floats:  # fmt: skip
     """`generated_heat`, `share_out` and `wear_off`; returns the heat of friction and impacts [J].
 
-    **Modifies** ``normal``, impulses q_n of the contacts [N s], shape ``(c,)``, too.
+    **Modifies** ``normal``, impulses q_n of the contacts [N s], shape ``(c,)``, too. ``heat`` of
+    contacts that do not bear is to be 0.
     """
     i, j, rows = solved.i, solved.j, loaded_rows(scene.radius.size, solved, normal)
-    heat, rubbing = np.zeros((normal.size, 2)), np.empty(normal.size)
     generated_heat(scene, solved, rows, rule, has_impact, heat, rubbing)
     share_out(scene, i, j, rows, heat, share, takes_heat, generated, source, wall_source)
     if laws.wear.max() > 0.0:

@@ -100,6 +100,12 @@ def heat_laws(materials: Sequence[Properties], partition: Partition, wear: Float
     )
 
 
+def knows_flash(laws: HeatLaws) -> bool:
+    """Whether materials give what flash temperatures take: elasticity, λ and ρc, all of them."""
+    is_elastic = bool((laws.modulus != UNUSED_STIFFNESS).all())
+    return is_elastic and bool((laws.conductivity > 0.0).all() and (laws.volumetric > 0.0).all())
+
+
 def _value(
     formula: Callable[..., float], names: Sequence[str], missing: float, *bodies: Properties
 ) -> float:

@@ -16,7 +16,9 @@ from multicor_cli.engine.heat.conduction import hertz_spots, roughen
 from multicor_cli.engine.heat.mechanism import HeatLaws
 from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import NORMAL, X, Y
+from multicor_cli.model.flash import flash_rise, spot_conductance
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.state import State
 
@@ -228,6 +230,40 @@ def pairs_at_rest(
     i, j, _ = near
     force = settings.force.value if settings.force.kind == "prescribed" else 0.0
     return i, j, force * _shares(scene, i, j, np.ones(i.size))
+
+
+for _needed in (spot_conductance, flash_rise):
+    formula(_needed)
+
+
+@kernel
+def hottest_spot(
+    scene: Scene, spots: tuple[Ints, Ints, Floats], power: Floats, rubbing: Floats, normal: Floats,
+    temperature: Floats, laws: HeatLaws,
+) -> float:  # fmt: skip
+    """Temperature of the hottest spot [K], 0 if friction heats none: mean of its bodies and flash.
+
+    ``spots`` are i, j and the radius [m] of ``c`` contacts, ``power`` that of friction in the place
+    of each [W]; the sliding speed is ``rubbing`` [N m] over the impulse ``normal`` [N s].
+    ``temperature`` is that of grains and wall shapes [K], ``(n + m,)``; nan of a wall that takes no
+    heat, whose grain then counts alone.
+    """
+    i, j, radius = spots
+    hottest = 0.0
+    for c in range(i.size):
+        if power[c] <= 0.0 or radius[c] <= 0.0:
+            continue
+        first, second = temperature[i[c]], temperature[j[c]]
+        a, b = scene.material[i[c]], scene.material[j[c]]
+        slip = rubbing[c] / normal[c] if normal[c] > 0.0 else 0.0
+        takes_heat = not np.isnan(second)
+        mean = 0.5 * (first + second) if takes_heat else first
+        rise = flash_rise(
+            power[c], radius[c], slip, laws.conductivity[a], laws.volumetric[a],
+            laws.conductivity[b] if takes_heat else 0.0, laws.volumetric[b],
+        )  # fmt: skip
+        hottest = max(hottest, mean + rise)
+    return hottest
 
 
 def conducting_spots(

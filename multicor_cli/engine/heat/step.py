@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from multicor_cli.engine.heat.books import (
     book_generated,
     book_undelivered,
     note_contacts,
+    note_hottest,
     receive,
     strike_balance,
     warm,
@@ -44,13 +46,14 @@ from multicor_cli.engine.heat.network import (
     network_of,
     shapes_of,
 )
-from multicor_cli.engine.heat.settings import HeatSettings
+from multicor_cli.engine.heat.settings import HeatSettings, knows_flash
 from multicor_cli.engine.heat.spots import (
     TOUCHING,
     Spots,
     Touching,
     conducting_spots,
     forces_of_step,
+    hottest_spot,
     loaded_pairs,
     near_pairs,
     pairs_at_rest,
@@ -58,12 +61,33 @@ from multicor_cli.engine.heat.spots import (
 )
 from multicor_cli.engine.heat.walls import WallHeat, WallValues
 from multicor_cli.engine.orders import PhysicsError
+from multicor_cli.model.books import WINDOW_NAMES
+from multicor_cli.model.columns import FRICTION
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.faults import find_absurd_value
 from multicor_cli.model.model import ContactLaws, Floats, Ints, Model
 from multicor_cli.model.state import State
 
 _RULES = {"none": NO_FRICTION, "energy": ENERGY, "sliding": SLIDING}
+_STEPS = WINDOW_NAMES.index("steps")
+
+
+class _Rubbed(NamedTuple):
+    """What ``c`` contacts have generated in a step.
+
+    Attributes:
+        received: Heat that grains and walls with a heat capacity receive [J].
+        generated: All heat of each contact [J], shape ``(c,)``.
+        normal: Normal impulses q_n [N s], likewise.
+        friction: Heat of friction [J], likewise.
+        rubbing: Normal force times slipped distance [N m], likewise; unknown where q_n is 0.
+    """
+
+    received: Floats
+    generated: Floats
+    normal: Floats
+    friction: Floats
+    rubbing: Floats
 
 
 class HeatStep:
@@ -82,6 +106,7 @@ class HeatStep:
         self._model, self._state, self._settings = model, state, settings
         self._thermal = model.thermal
         self._gradient = np.array(model.heat_gradient)
+        self._knows_flash = knows_flash(settings.laws)
         self.begin([WallHeat()] * model.wall_count)
 
     @cached_property
@@ -132,11 +157,12 @@ class HeatStep:
             lanes.lane.view(np.uint32), lanes.frame, lanes.impulse, lanes.before,
             moved.after, is_plain,
         )  # fmt: skip
-        source, generated, carried = self._generate(moved.scene, solved, touching.share)
-        spots = self._spots(moved, carried, touching, dt)
+        rubbed = self._generate(moved.scene, solved, touching.share)
+        spots = self._spots(moved, rubbed.normal, touching, dt)
+        self._note_hottest(moved.scene, spots, rubbed, dt, t)
         links = self._links(moved.scene, spots, ends)
-        self.of_contacts = generated, spots.conductance
-        self._integrate(links, source, moved.scene, moved.strayed, dt, t, is_frozen=False)
+        self.of_contacts = rubbed.generated, spots.conductance
+        self._integrate(links, rubbed.received, moved.scene, moved.strayed, dt, t, is_frozen=False)
 
     def flow_at_rest(self, dt: float, t: float, should_stop: Callable[[], bool] | None) -> None:
         """Let heat flow while nothing moves; arguments and errors as `flow`.
@@ -145,6 +171,7 @@ class HeatStep:
             Interrupted: If ``should_stop``, asked now and then, says so; the state is that before.
         """
         scene = self._resting_scene()
+        note_hottest(self._state, 0.0, is_first=True)
         links, spots = self._rest(scene)
         self.of_contacts = np.zeros(spots.conductance.size), spots.conductance
         source = np.zeros(self._capacity.size)
@@ -156,6 +183,7 @@ class HeatStep:
     def flow_nowhere(self, dt: float, t: float) -> None:
         """Without grains walls keep their heat; those of prescribed flow cannot deliver theirs."""
         self._note_walls(dt, t)
+        note_hottest(self._state, 0.0, is_first=True)
         book_undelivered(
             self._state, WallValues(self._conditions, t).undelivered(dt, np.zeros(0, np.int32))
         )
@@ -163,6 +191,7 @@ class HeatStep:
     def skip(self, dt: float, t: float) -> None:
         """Heat is off in this step: averages of forces are dropped, walls follow their signals."""
         state = self._state
+        note_hottest(state, 0.0, is_first=True)
         if state.mean_age > 0.0:
             none = np.zeros(0, np.int32)
             state.mean_i, state.mean_j, state.mean_force = none, none, np.zeros(0)
@@ -214,24 +243,33 @@ class HeatStep:
             self._lasting = Touching.of(scene, i, j, self._settings), ends_of(self._shapes, i, j)
         return self._lasting
 
-    def _generate(
-        self, scene: Scene, solved: Solved, share: Floats
-    ) -> tuple[Floats, Floats, Floats]:
-        """Heat that grains and bodies receive, and of contacts [J]; enters the books, and wears.
-
-        Returns normal impulses of the contacts [N s] as well.
-        """
+    def _generate(self, scene: Scene, solved: Solved, share: Floats) -> _Rubbed:
+        """Heat that contacts generate; enters the books, and wears."""
         state, model, settings = self._state, self._model, self._settings
-        rule, generated = _RULES[settings.friction], np.zeros(solved.i.size)
-        carried = np.empty(solved.i.size)
+        rule, count = _RULES[settings.friction], solved.i.size
+        heat, rubbing, generated = np.zeros((count, 2)), np.empty(count), np.zeros(count)
+        carried = np.empty(count)
         source, to_walls = np.zeros(model.grain_count), np.zeros(model.wall_count)
         friction, impact = generate(
             scene, solved, rule, settings.impact, settings.laws, share, self._takes_heat,
-            carried, generated, source, to_walls, state.wear, state.wall_wear,
+            carried, heat, rubbing, generated, source, to_walls, state.wear, state.wall_wear,
         ).tolist()  # fmt: skip
         book_generated(state, friction, impact, to_walls)
         received = np.concatenate([receive(state, source), to_walls[self._bodies]])
-        return received, generated, carried
+        return _Rubbed(received, generated, carried, heat[:, FRICTION], rubbing)
+
+    def _note_hottest(
+        self, scene: Scene, spots: Spots, rubbed: _Rubbed, dt: float, t: float
+    ) -> None:
+        """The hottest spot of a step, by temperatures at its start."""
+        hottest, state, touching = 0.0, self._state, spots.touching
+        if self._knows_flash:
+            power = spots.places.totals(np.maximum(rubbed.friction, 0.0)) / dt
+            hottest = hottest_spot(
+                scene, (touching.i, touching.j, spots.radius), power, rubbed.rubbing,
+                rubbed.normal, self.shape_temperatures(t), self._settings.laws,
+            )  # fmt: skip
+        note_hottest(state, hottest, is_first=state.window[_STEPS] <= 1.0)
 
     def _spots(self, moved: Moved, carried: Floats, touching: Touching, dt: float) -> Spots:
         scene, contacts, settings = moved.scene, moved.contacts, self._settings

@@ -18,6 +18,7 @@ COOKBOOK = (
     "cell-shear",
     "cell-compression",
     "conductivity",
+    "flash-heating",
 )
 """Templates that are shipped as scenarios, too (docs/how-to/cookbook/index.md)."""
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from command_line import call, start
 from places import ROOT
-from scenes import HEATED, LASTING, PACKED, SMALL, changed, write_small
+from scenes import HEATED, LASTING, PACKED, SMALL, WARM, changed, write_small
 
 import multicor_cli as multicor
 from multicor_cli.checks import OF_RUN, Recorded, Verdict, judge_all, resolution, worst_verdict
@@ -173,6 +173,21 @@ def test_what_heat_did(flow, tolerance, verdicts, tmp_path):
     checks = ran(tmp_path, text + SWINGING)
     names = ("highest temperature reached", "error of temperatures")
     assert tuple(checks[name].verdict for name in names) == verdicts
+
+
+@pytest.mark.parametrize(
+    ("key", "verdict"), [("", None), ("ignition = 200.0", WARNING), ("melting = 9e3", OK)]
+)
+def test_the_hottest_spot_over_what_materials_bear(key, verdict, tmp_path):
+    """Where no material says what it bears, there is nothing to compare with."""
+    checks = ran(tmp_path, changed(WARM, ("hardness = 2e9", f"hardness = 2e9\n{key}")))
+    found = checks.get("hottest spot")
+    assert (found and found.verdict) is verdict
+    with open_run(tmp_path / "run") as run:
+        hottest, stage = run.series["hottest_spot"], run.series["stage"]
+    assert not hottest[(stage == 1) | (stage == 3)].any()
+    assert hottest[stage == 0].max() > 310.0
+    assert found is None or found.value == hottest.max() / float(key.split("=")[1])
 
 
 LONG = [("dt = 2e-4", "dt = 4e-3"), ("frame_interval = 0.002", "frame_interval = 0.004")]

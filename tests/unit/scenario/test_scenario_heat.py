@@ -96,9 +96,7 @@ def test_softening_of_numbers_and_tables():
     assert keys_of(plain.friction) == (None,) * 4
 
 
-FLASH = (
-    "friction = { value = 0.7, weakened = 0.1, weakening_speed = 0.1, weakening_temperature = 1200.0 }"
-)
+FLASH = "friction = { value = 0.7, weakened = 0.1, weakening_speed = 0.1, weakening_temperature = 1200.0 }"
 
 
 def test_flash_heating_of_a_pair():

@@ -209,6 +209,10 @@ def test_friction_partition_and_wear():
     assert law.softened_friction(0.5, 1e-3, 498.15, 298.15, 0.0, 10.0) == pytest.approx(
         0.4, rel=1e-14
     )
+    rock = pi * 1e-6 / 5e-6 * (4e6 * 700.0 / 3e9) ** 2  # Rice 2006, eq. 5
+    assert rock == digits(0.547335)
+    assert law.weakening_speed(rock, 993.15 - 350.0, 993.15, 293.15) == pytest.approx(0.25 * rock)
+    assert law.weakened_friction(0.6, 0.1, rock, 2.0 * rock) == pytest.approx(0.35)
     steel, aluminum = (
         friction.effusivity(15.0, 7500.0, 500.0),
         friction.effusivity(200.0, 2700.0, 900.0),

@@ -266,6 +266,9 @@ def test_friction_is_cut_to_its_range_and_heats_either_way():
     assert law.softened_friction(0.5, 1e-3, 293.15, 293.15, 0.1, 1.0) == 0.5
     assert law.softened_friction(0.5, 1e-3, 5000.0, 293.15, 0.1, 1.0) == 0.1
     assert law.softened_friction(0.5, -1e-2, 5000.0, 293.15, 0.1, 1.0) == 1.0
+    assert law.weakening_speed(0.5, 1200.0, 1200.0, 300.0) == 0.0
+    assert law.weakened_friction(0.6, 0.1, 0.5, 0.5) == 0.6
+    assert law.weakened_friction(0.6, 0.1, 0.0, 1e-9) == 0.1
     assert friction.sliding_power(0.5, 2.0, 0.1) == friction.sliding_power(0.5, 2.0, -0.1) > 0.0
     assert friction.rubbing_of(2.0, 0.1, 0.0, 0.0) == friction.rubbing_of(2.0, -0.1, 0.0, 0.0) > 0.0
     assert friction.rubbing_of(2.0, 0.1, -1e-9, 0.5) == 0.0  # rounding
@@ -293,6 +296,8 @@ SAMPLES = {
     "convection.whitaker": (100.0, 0.7),
     "friction.sliding_power": (0.5, 1.0, -0.1),
     "law.softened_friction": (0.5, 1e-3, 400.0, 293.15, 0.1, 1.0),
+    "law.weakened_friction": (0.6, 0.1, 0.5, 1.2),
+    "law.weakening_speed": (0.5, 500.0, 1000.0, 293.15),
     "gas.batchelor_conductance": (AIR, 15.0, 7.5e-4, 6.9e-6, 0.0),
     "gas.parallel_conductance": (AIR, A, 2e-3, 6.9e-6, 1e-5),
     "gas.parallel_conductance_wall": (AIR, A, 6.9e-6, 1e-5),
