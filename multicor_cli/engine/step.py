@@ -86,6 +86,7 @@ from multicor_cli.engine.motion.cell import (
     wrap_cell,
 )
 from multicor_cli.engine.motion.drives import Gravity, WallDrive
+from multicor_cli.engine.motion.growth import Lanes, grow, push, turn_slower, work_of_growth
 from multicor_cli.engine.motion.moves import are_sound, move, predict, wrap
 from multicor_cli.engine.motion.separation import (
     ALLOWED,
@@ -97,7 +98,7 @@ from multicor_cli.engine.motion.unseen import find_unseen, stop_unseen
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.engine.orders import Interrupted, Orders, PhysicsError, StepReport
 from multicor_cli.model.cell import mean_flow
-from multicor_cli.model.columns import BELT
+from multicor_cli.model.columns import BELT, SPIN
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.faults import find_absurd_value
 from multicor_cli.model.model import LEAST_DIAMETERS, Floats, Model
@@ -124,6 +125,8 @@ class Layout:
         middle: q_m, shape ``(n, 3)``.
         before: Bodies (v_x, v_y, a ω, 1/m) at the start of the step, shape ``(n + w, 4)``.
         free: The same with their free velocities.
+        initial_radius: Radii of the grains at the start of the run [m], shape ``(n,)``; those in
+            ``model`` follow the temperatures where grains expand.
         marked: Work space of the position correction, shape ``(n,)``.
     """
 
@@ -134,6 +137,10 @@ class Layout:
         self.model, self.state, self.newcomers = model, state, newcomers
         self.threads = threads if n >= PARALLEL_GRAINS else 1
         self.threading = ThreadChoice(self.threads)
+        self.initial_radius = model.grains.radius
+        if state.radius.size:  # of their own: they follow the temperatures
+            self.model = model.with_radius(state.radius.copy())
+            self.model.__dict__["mean_diameter"] = model.mean_diameter  # lengths that stay
         self.mass = total(model.grains.mass)
         self.middle = np.empty((n, 3))
         self.before, self.free = np.zeros((n + w, 4)), np.zeros((n + w, 4))
@@ -160,6 +167,9 @@ class Prediction(NamedTuple):
             q_m [J].
         flight: Flights, and impacts before the solve; or None.
         convected: Δt Σ m c⊗c of the grains of a cell: xx, yy, xy [J s]; else of size 0.
+        growth: Rates at which the radii of the grains grow [m/s], shape ``(n,)``; else of size 0.
+        spin: Their spins with these radii [rad/s], likewise; ``spun`` is the kinetic energy that
+            they gain [J].
     """
 
     dt: float
@@ -169,6 +179,9 @@ class Prediction(NamedTuple):
     shift_work: float = 0.0
     flight: Flight | None = None
     convected: Floats = _NONE
+    growth: Floats = _NONE
+    spin: Floats = _NONE
+    spun: float = 0.0
 
 
 class Engine:
@@ -397,6 +410,7 @@ class Engine:
             model, state = population.present_model, population.present
             newcomers = population.newcomers
         self._layout = Layout(model, state, newcomers, self._available)
+        model = self._layout.model
         self._heat = None if self.heat is None else HeatStep(model, state, self.heat)
         self._begin_heat()
         self.moved = None
@@ -485,6 +499,12 @@ class Engine:
         if self.model.is_cell:
             gradient = state.wall_velocity[0]
             strayed = 0.5 * dt * (state.velocity[:, :2] + after[:n, :2])
+        expansion_work = 0.0
+        if step.growth.size:
+            state.radius[:], state.velocity[:, SPIN] = grains.radius, step.spin
+            expansion_work = step.spun + work_of_growth(
+                step.growth, dt, selection.i, selection.j, Lanes.of(selection.lanes), contacts
+            )
         kinetic, gravity_work = move(
             layout.middle, layout.before, after, grains.radius, grains.mass, step.gravity,
             self.model.shape_factor, dt,
@@ -517,7 +537,10 @@ class Engine:
         self._clock("account")
         correction = self._correct(step, end, cutoff, float(sums.total[OVERLAP]))
         self._clock("correct")
-        book_step(state, self._motion, sums, kinetic, gravity_work, correction, outcome, dt)
+        book_step(
+            state, self._motion, sums, kinetic, gravity_work, correction, outcome, dt,
+            expansion_work,
+        )  # fmt: skip
         if self._has_couples:
             state.contact_couple = couples_of(contacts)[contacts["p_n"] > 0.0]
         elif layout.model.laws.rolling.size:
@@ -550,8 +573,11 @@ class Engine:
         state, model = layout.state, layout.model
         n, grains = model.grain_count, model.grains
         gravity = self._gravity.value(t + 0.5 * dt)
+        velocity, growth, spun = state.velocity, _NONE, 0.0
+        if state.radius.size:
+            velocity, growth, spun = self._grow(dt)
         is_sound = predict(
-            state.position, state.velocity, grains.radius, grains.mass, gravity, dt,
+            state.position, velocity, grains.radius, grains.mass, gravity, dt,
             layout.middle, layout.before, layout.free,
         )  # fmt: skip
         walls = motion.predict(state, gravity, t, dt)
@@ -580,7 +606,9 @@ class Engine:
             self._refuse_state()
         scene = scene_of(model, layout.middle, middle, temperature)
         cutoff = self._cutoff_before(scene, gravity, walls, dt)
-        step = Prediction(dt, gravity, scene, cutoff, flight=flight, convected=convected)
+        step = Prediction(
+            dt, gravity, scene, cutoff, 0.0, flight, convected, growth, velocity[:, SPIN], spun
+        )
         if model.is_cell:  # in which nothing moves by itself
             return step
         step = self._fly(step, walls)
@@ -598,6 +626,24 @@ class Engine:
             return step
         work = step.shift_work + total(model.grains.mass[:, np.newaxis] * gravity * stopped)
         return step._replace(shift_work=work, cutoff=self._cutoff_before(scene, gravity, walls, dt))
+
+    def _grow(self, dt: float) -> tuple[Floats, Floats, float]:
+        """Radii of the grains at their temperatures, into the model of the layout.
+
+        Returns velocities of the grains then, the rates of growth, and what spins gain [J].
+        """
+        layout, state, expansion = self._layout, self._layout.state, self.model.expansion
+        grains, thermal = layout.model.grains, layout.model.thermal
+        assert thermal is not None
+        initial = layout.initial_radius
+        radius, rate = grains.radius, np.empty(initial.size)
+        rise = expansion[grains.material] * (state.heat / thermal.capacity)
+        grow(initial, rise, state.radius, radius, dt, rate)
+        layout.pairs.note_radii(radius)
+        velocity, spun = turn_slower(
+            state.velocity, grains.mass, state.radius, radius, layout.model.shape_factor
+        )
+        return velocity, rate, spun
 
     def _fly(self, step: Prediction, walls: Floats) -> Prediction:
         """Impacts of what flies: other starts of these grains, in the layout too."""
@@ -742,6 +788,9 @@ class Engine:
             scene.tilt, *self._gradient(start),
         )  # fmt: skip
         walls = begin_walls(scene, laws, start, dt, ratio, lanes.of_walls, contacts)
+        opening = None
+        if step.growth.size:
+            opening = push(step.growth, dt, i, j, Lanes.of(lanes), contacts)
         if laws.softening_rate.size or laws.table_speed.size or laws.flash_speed.size:
             vary_friction(scene, laws, i, j, lanes.slot, lanes.before, lanes.frame)
         if laws.adhesion.size or laws.rolling.size:
@@ -757,6 +806,8 @@ class Engine:
                 begin_rolling(scene, laws, start, warm, ratio, contacts)
         attraction = float(contacts["attraction"].max(initial=0.0)) if laws.adhesion.size else 0.0
         speeds, is_solved = [grains, walls], True
+        if opening is not None and not (grains.closing or walls.closing):
+            speeds.append(opening)
         if step.flight is not None:
             left = leave_flights_out(
                 scene, step.flight.flying, self._motion.is_free, i, j, lanes.lane, lanes.frame,

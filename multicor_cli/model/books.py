@@ -18,13 +18,14 @@ Dim = Literal[
     "grain", "shape", "wall", "material", "group", "stage", "table_edge", "table_row",
     "heat_grain", "heat_wall", "heat_book", "mean_row", "stage_note", "origin_row", "surface_row",
     "before_row", "outlet", "exchange_grain", "exchange_group", "exchange_outlet", "exchange_book",
-    "bridge_row", "adhesion_book", "cell_grain", "gradient_book",
+    "bridge_row", "adhesion_book", "cell_grain", "gradient_book", "expansion_grain",
+    "expansion_book",
     "book", "tally", "window",
 ]  # fmt: skip
 """Named lengths. ``frame_edge`` is ``frame + 1``: row ``offset[k]:offset[k+1]`` belongs to frame
 ``k``. Those that begin with ``heat`` are 0 in states of runs without heat, those that begin with
-``exchange`` where no grain comes or goes, with ``cell`` where there are walls, and with
-``gradient`` without a mean gradient of temperature."""
+``exchange`` where no grain comes or goes, with ``cell`` where there are walls, with ``gradient``
+without a mean gradient of temperature, and with ``expansion`` where no grain expands."""
 
 Shape = tuple[Dim | int, ...]
 """Named lengths and numbers."""
@@ -48,11 +49,12 @@ Feature = Literal[
     "cell",
     "gradient",
     "flash",
+    "expansion",
 ]
 """What only some runs have: temperatures, friction that depends on them, adhesion, rolling
 resistance, grains that come and go, walls whose surface runs, walls that only some groups meet,
 motion at the start, adhesion with a range, a cell that is periodic in both directions, a mean
-gradient of temperature in it, and friction that weakens by flash heating."""
+gradient of temperature in it, friction that weakens by flash heating, and grains that expand."""
 
 Export = Literal["vtk", "gsd"]
 """What shows a dataset of the frames besides CSV, which shows all: ParaView's view, GSD files."""
@@ -284,6 +286,15 @@ ADHESION_BOOKS = (
 """Books of adhesion, in the order of `State.adhesion_books`; empty where no pair has it."""
 
 
+GROWTH_BOOKS = (
+    # Σ p_n g, and what spins gain
+    _entry("expansion_work",
+        "work of the expansion of the grains against what presses on them, since the start", "J",
+        "expansion_work", since=(1, 10)),
+)  # fmt: skip
+"""Books of grains that expand, in the order of `State.growth_books`; empty where none does."""
+
+
 def _heat_along(axis: str) -> tuple[Entry, ...]:
     """Heat that has passed along an axis, per length of the plane across it, by what carried it."""
     ways = {
@@ -320,6 +331,7 @@ NUMBERS = {
     "exchange": EXCHANGE_BOOKS,
     "adhesion_books": ADHESION_BOOKS,
     "gradient_books": GRADIENT_BOOKS,
+    "growth_books": GROWTH_BOOKS,
 }
 """The tables of the numbers, by the array of `State` that holds them."""
 

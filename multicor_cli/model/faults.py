@@ -32,7 +32,7 @@ def _fields(dtype: str, *dims: str) -> tuple[str, ...]:
 
 _NOTES = _fields("f8", "stage_note", "before_row", "exchange_group", "exchange_outlet")
 _OF_GRAINS, _OF_WALLS = (
-    _fields("f8", "heat_grain", "grain", "cell_grain"),
+    _fields("f8", "heat_grain", "grain", "cell_grain", "expansion_grain"),
     _fields("f8", "wall", "heat_wall", "origin_row", "surface_row"),
 )
 _CALLED = {"generated": "the heat generated", "nonaffine": "the displacement beside the mean flow"}

@@ -201,6 +201,8 @@ class Model:
         height: Period in y at the start [m], of a cell that is periodic in both directions; else 0.
             Such a cell is the only wall of its model, without shapes, and ``period`` is its width
             at the start.
+        expansion: Coefficient of linear thermal expansion α of each material [1/K], shape ``(k,)``;
+            of size 0 if no grain expands. Else the radii of ``grains`` are those at the start.
         heat_gradient: Mean gradient of temperature in a cell G (x, y) [K/m]; the temperatures of
             its grains are those beside it, T − G·r.
     """
@@ -220,6 +222,7 @@ class Model:
     numbers: NDArray[np.int64] | None = None
     height: float = 0.0
     heat_gradient: tuple[float, float] = (0.0, 0.0)
+    expansion: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
     def is_cell(self) -> bool:
@@ -245,6 +248,12 @@ class Model:
     def material(self) -> Ints:
         """Index of the material of all shapes, grains first, shape ``(n + m,)``."""
         return np.concatenate([self.grains.material, self.shapes.material]).astype(np.int32)
+
+    def with_radius(self, radius: Floats) -> Model:
+        """The same with grains of these radii [m], shape ``(n,)``, and as heavy as they are."""
+        ratio = radius / self.grains.radius
+        inertia = self.grains.inertia * ratio * ratio
+        return replace(self, grains=replace(self.grains, radius=radius, inertia=inertia))
 
     def name_of(self, grain: int) -> str:
         """What messages call a grain."""

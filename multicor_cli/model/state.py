@@ -15,6 +15,7 @@ from multicor_cli.model.books import (
     ADHESION_BOOKS,
     EXCHANGE_BOOKS,
     GRADIENT_BOOKS,
+    GROWTH_BOOKS,
     HEAT_BOOKS,
     NAMES,
     DType,
@@ -30,7 +31,10 @@ from multicor_cli.model.model import Floats, Ints, Model, Thermal
 def _array(dims: Shape, unit: str, meaning: str, dtype: DType = "f8", **more: Any) -> Any:
     """An array; without elements until it is given some."""
     word = str(dims[0]).split("_")[0]
-    about = {"only_with": word if word in ("heat", "exchange", "cell") else None, **more}
+    about = {
+        "only_with": word if word in ("heat", "exchange", "cell", "expansion") else None,
+        **more,
+    }
     about |= {"dtype": dtype, "dims": dims, "unit": unit, "meaning": meaning}
     return stored(default_factory=lambda: np.zeros(_shape(dims, entry_counts()), dtype), **about)
 
@@ -200,6 +204,12 @@ class State:
         "books of the mean gradient of temperature, in the order of model.GRADIENT_BOOKS",
         since=(1, 9))  # fmt: skip
 
+    # What follows is empty unless grains expand.
+    radius: Floats = _array(("expansion_grain",), "m", "radius of the grains", since=(1, 10))
+    growth_books: Floats = _array(
+        ("expansion_book",), "J", "work of expansion since the start", since=(1, 10)
+    )
+
     @classmethod
     def at_rest(cls, model: Model, position: Floats) -> State:
         """A state with everything at rest; ``position`` has shape ``(n, 2)`` or ``(n, 3)``."""
@@ -209,6 +219,8 @@ class State:
         state.position[:, : position.shape[1]] = position
         state.wall_temperature[:] = np.nan
         state.presence[:] = Presence.THERE
+        if state.radius.size:
+            state.radius[:] = model.grains.radius
         return state
 
     def temperature(self, thermal: Thermal) -> Floats:
@@ -256,6 +268,7 @@ class FrameFields:
     wall_heat: NDArray[Any] | None
     wall_wear: NDArray[Any] | None
     nonaffine: NDArray[Any] | None
+    radius: NDArray[Any] | None
 
 
 def digest_of(arrays: dict[str, NDArray[Any]]) -> str:
@@ -291,6 +304,8 @@ def state_shapes(model: Model) -> dict[str, tuple[int, ...]]:
         "exchange_book": len(EXCHANGE_BOOKS) if is_open else 0,
         "adhesion_book": len(ADHESION_BOOKS) if model.laws.adhesion_range.size else 0,
         "cell_grain": n if model.is_cell else 0,
+        "expansion_grain": n if model.expansion.size else 0,
+        "expansion_book": len(GROWTH_BOOKS) if model.expansion.size else 0,
         "gradient_book": len(GRADIENT_BOOKS) if any(model.heat_gradient) else 0,
     }
     return {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -246,8 +247,16 @@ def _model(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -
         outlets=tuple(outlet.name for outlet in scenario.outlets) if scenario.is_open else None,
         thermal=_thermal(scenario, groups),
         height=scenario.domain.size[1] if scenario.domain.is_cell else 0.0,
+        expansion=_expansion(scenario, [names[k] for k in sorted(set(material.tolist()))], names),
         heat_gradient=(scenario.heat and scenario.heat.gradient) or (0.0, 0.0),
     )
+
+
+def _expansion(scenario: Scenario, of_grains: Sequence[str], names: Sequence[str]) -> Floats:
+    """Coefficients of thermal expansion of the materials; of size 0 if no grain expands."""
+    if not any(scenario.materials[name].expansion for name in of_grains):
+        return np.zeros(0)
+    return np.array([scenario.materials[name].expansion or 0.0 for name in names])
 
 
 def _with_cell(scenario: Scenario, model: Model) -> Model:

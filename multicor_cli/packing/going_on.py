@@ -85,7 +85,9 @@ def grains_of(scenario: Scenario, source: Source) -> list[InitialGrains]:
         mine = np.flatnonzero(grains.group == k)
         warmth = None if temperature is None else temperature[mine]
         place, motion = state.position[mine], state.velocity[mine]
-        found = InitialGrains(grains.radius[mine], place, motion, warmth)
+        expands = bool(scenario.materials[group.material].expansion)
+        radius = grains.radius if expands or not state.radius.size else state.radius
+        found = InitialGrains(radius[mine], place, motion, warmth)
         has_more = any((*group.velocity, group.spin, group.shear_rate))
         # Else -0 would become 0
         groups.append(with_motion(scenario, group, found) if has_more else found)
@@ -152,6 +154,8 @@ def carried_over(
     if old.wall_surface.size:
         state.wall_surface = np.zeros(model.wall_count)
         state.wall_surface[list(same)] = old.wall_surface[list(same.values())]
+    if state.radius.size and old.radius.size:
+        state.radius = old.radius.copy()
     _carry_contacts(source, model, state, same)
     if model.thermal is not None and source.model.thermal is not None:
         thermal = _carry_heat(scenario, source, model.thermal, state)

@@ -33,6 +33,7 @@ MECHANICAL = _books(
     ("wall_work", "work of the walls", 1),
     ("load_work", "work of the loads", 1),
     ("adhesion_work", "work of adhesion", 1),
+    ("expansion_work", "work of expanding grains", 1),
     ("friction_loss", "lost to friction", -1),
     ("impact_loss", "lost to impacts", -1),
     ("damping_loss", "lost in the damping of loads", -1),

@@ -98,6 +98,10 @@ class Material(Table):
         "temperature at which it ignites or explodes [K]; a check compares the hottest contact "
         "spot with it, or with melting if that is lower"
     )
+    expansion: Annotated[float, Field(ge=-1e-2, le=1e-2)] | None = optional(
+        "coefficient of linear thermal expansion [1/K]: grains have the radius a (1 + expansion "
+        "(T - T_0)), with their temperature T_0 at the start; needs [heat]; default: none expands"
+    )
     emissivity: Annotated[float, Field(gt=0.0, le=1.0)] | None = optional(
         "emissivity, for radiation"
     )

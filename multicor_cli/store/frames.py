@@ -262,7 +262,7 @@ def grain_columns(frame: Frame) -> list[NamedColumn]:
         NamedColumn("material", "1", [model.materials[k] for k in grains.material]),
         NamedColumn("radius", "m", grains.radius),
         NamedColumn("mass", "kg", grains.mass),
-        *stored_columns(frame, schema.PARTICLES, frame.number),
+        *(c for c in stored_columns(frame, schema.PARTICLES, frame.number) if c.name != "radius"),
     ]
 
 
@@ -455,8 +455,9 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
 
     @cached_property
     def model(self) -> Model:
-        """The model with the present grains alone."""
-        return self.run_model.with_grains(self.number) if self.is_open else self.run_model
+        """The model with the present grains alone, as large as they are."""
+        model = self.run_model.with_grains(self.number) if self.is_open else self.run_model
+        return model if self.radius is None else model.with_radius(np.asarray(self.radius, float))
 
     def _of_those_here(self, column: Column[Any], rows: Array) -> Array:
         """The rows of the present grains; shapes of contacts are counted among these too."""

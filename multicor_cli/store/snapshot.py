@@ -173,7 +173,7 @@ def summarize(state: State, model: Model) -> Summary:
             "residual_max_max": tallies["residual_max_max"],
             "unconverged_steps": round(tallies["unconverged_steps"]),
         },
-        "books": books | state.named("adhesion_books"),
+        "books": books | state.named("adhesion_books") | state.named("growth_books"),
         "heat": heat,
         "exchange": exchange,
     }

@@ -136,7 +136,7 @@ GROUP = "VTKHDF"
 ENDS = "view/contact_ends"
 """Where the appended points are stored: not among the data, and outside of what VTK looks at."""
 
-_PRESENCE = "particles/presence"
+_PRESENCE, _RADIUS = "particles/presence", "particles/radius"
 
 NO_CONTACT = 255
 """``kind`` of the line that stands for no contact at all."""
@@ -207,8 +207,8 @@ def write_view(file: h5py.File, model: Model) -> None:
     steps = _write_steps(file, root, rows)
     _write_points(file, root, steps, rows)
     _write_constants(root, steps, model, rows)
-    if _PRESENCE in file:
-        _hide_absent(file[_PRESENCE], root, steps, model, rows)
+    if _PRESENCE in file or _RADIUS in file:
+        _write_radii(file, root, steps, model, rows)
     _write_cell_data(file, root, steps, rows)
     # One value per step; the length of the last step turns impulses into forces.
     steps["FieldDataSizes/step"] = np.ones((len(rows.ends), 2), np.int64)
@@ -386,16 +386,17 @@ def _write_constants(root: h5py.Group, steps: h5py.Group, model: Model, rows: _L
         steps[f"PointDataOffsets/{name}"] = root["Vertices/NumberOfCells"]  # zeros
 
 
-def _hide_absent(
-    presence: h5py.Dataset, root: h5py.Group, steps: h5py.Group, model: Model, rows: _Layout
+def _write_radii(
+    file: h5py.File, root: h5py.Group, steps: h5py.Group, model: Model, rows: _Layout
 ) -> None:
     """Radii step by step: 0 for grains that are not there, which are drawn as nothing."""
     del root["PointData/radius"], steps["PointDataOffsets/radius"]
     stream = Growing(root, "PointData/radius", np.float64)
     for frame in range(len(rows.ends)):
-        radius = np.zeros(rows.room)
-        is_here = presence[frame * rows.grains : (frame + 1) * rows.grains] == Presence.THERE
-        radius[: rows.grains] = np.where(is_here, model.grains.radius, 0.0)
+        radius, mine = np.zeros(rows.room), slice(frame * rows.grains, (frame + 1) * rows.grains)
+        radius[: rows.grains] = file[_RADIUS][mine] if _RADIUS in file else model.grains.radius
+        if _PRESENCE in file:
+            radius[: rows.grains][file[_PRESENCE][mine] != Presence.THERE] = 0.0
         stream.append(radius)
     stream.close()
     steps["PointDataOffsets/radius"] = steps["PointOffsets"]

@@ -333,6 +333,10 @@ _LARGE = (
     "heat.gas={conductivity=0.026}",
 )  # fmt: skip
 
+_GROWING = (
+    "materials.glass.expansion=1e-4", "heat.ambient={temperature=500.0, coefficient=2e3}",
+)  # fmt: skip
+
 CASES: dict[str, Case] = {
     **{name: Case(CONFIGS / f"{name}.toml", overrides) for name, overrides in SHIPPED.items()},
     "heated-bed-large": Case(CONFIGS / "heated-bed.toml", _LARGE),
@@ -340,5 +344,6 @@ CASES: dict[str, Case] = {
     **_BROUGHT,
     **{f"sizes-{name}": _scene(sizes=f"sizes = {sizes}") for name, sizes in _SIZES.items()},
     **{f"law-{name}": _scene(**parts) for name, parts in _LAWS.items()},
+    "law-expansion": replace(_scene(**{**_BED, "heat": _HEAT}), overrides=_GROWING),
 }
 """All cases by name."""

@@ -243,6 +243,8 @@ class Selection:
         ``wall_is_free`` marks walls that loads move; ``bodies`` have inverse masses in their last
         column.
         """
+        if state.radius.size:  # lanes hold what follows from radii
+            self._laws = None
         schedule = self._schedule
         is_same = self._is_free is wall_is_free or np.array_equal(self._is_free, wall_is_free)
         if schedule is None or not is_same:

@@ -231,6 +231,7 @@ def book_step(
     correction: Correction,
     outcome: Outcome,
     dt: float,
+    expansion_work: float = 0.0,
 ) -> None:
     """Enter one step into the books, the tallies and the window of the time series.
 
@@ -238,6 +239,10 @@ def book_step(
     grains [J] are those after the step. ``gravity_work`` [J] leaves out the correction.
     """
     gained = _enter_adhesion(state, sums)
+    if state.growth_books.size:
+        state.growth_books[0] += expansion_work
+        state.books[_TERMS] += abs(expansion_work)
+        gained += float(state.growth_books[0])
     _enter_walls(
         state.books, motion.before, state.wall_velocity, motion.driven, motion.mass, motion.load,
         motion.stiffness, motion.damping, motion.weight, motion.belt_before, motion.belt,

@@ -484,6 +484,8 @@ class NeighborList:
             [model.grains.radius, model.shapes.geometry[self._disc_shapes, RADIUS]]
         )
         self.largest = 2.0 * float(self._radius.max())
+        self._largest_disc = float(self._radius[model.grain_count :].max(initial=0.0))
+        self._grown: Floats | None = None
         self._classes = classify(self._radius)
         self._skin = SKIN * model.mean_diameter
         self._cutoff = -1.0
@@ -504,10 +506,18 @@ class NeighborList:
             self._around = both_ways(self.row, self.partner)
         return self._around
 
+    def note_radii(self, radius: Floats) -> None:
+        """Take up radii of grains that grow [m], shape ``(n,)``."""
+        self._grown = radius
+        self.largest = 2.0 * max(float(radius.max()), self._largest_disc)
+
     def update(self, scene: Scene, cutoff: float) -> None:
         """Make sure that all pairs with a gap below ``cutoff`` [m] are listed."""
         if self._cutoff >= 0.0:
             self.complete = self._cutoff - self._approach(scene)
+            if self._grown is not None:
+                growth = self._grown - self._radius[: self._grown.size]
+                self.complete -= 2.0 * max(float(growth.max()), 0.0)
         if self.complete < cutoff:
             self.complete = cutoff + self._skin
             self._build(scene, self.complete)
@@ -530,6 +540,9 @@ class NeighborList:
 
     def _build(self, scene: Scene, cutoff: float) -> None:
         model, position, world = self._model, scene.position, scene.world
+        if self._grown is not None:
+            self._radius[: self._grown.size] = self._grown
+            self._classes = classify(self._radius)
         period, height, tilt = self._reference_box = scene.period, scene.height, scene.tilt
         centers, low, high = centers_between(
             position, world, self._disc_shapes, period, height, tilt

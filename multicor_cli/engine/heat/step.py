@@ -238,7 +238,10 @@ class HeatStep:
         return scene_of(self._model, self._state.position, self._state.wall_position)
 
     def _lasting_of(self, scene: Scene, i: Ints, j: Ints) -> tuple[Touching, Ends]:
-        """What lasts with the contacts; found for others than those of the step before."""
+        """What lasts with the contacts, if grains do not grow; found for others than before."""
+        if self._state.radius.size:
+            self._lasting = None
+            self._shapes = shapes_of(self._conditions, self._model, self._settings)
         if self._lasting is None or self._lasting[0].i is not i:
             self._lasting = Touching.of(scene, i, j, self._settings), ends_of(self._shapes, i, j)
         return self._lasting

@@ -155,10 +155,12 @@ def _energies(state: State, model: Model, grains: NDArray[np.int64]) -> tuple[fl
     """Kinetic energy, and −m g·r in the gravity of the domain, x unwrapped, 0 at the origin [J]."""
     (u, v), spin = state.velocity[grains, :SPIN].T, state.velocity[grains, SPIN]
     mass, (gx, gy) = model.grains.mass[grains], model.gravity.tolist()
+    inertia = model.grains.inertia[grains]
+    if state.radius.size:
+        ratio = state.radius[grains] / model.grains.radius[grains]
+        inertia = inertia * ratio * ratio
     x = state.position[grains, X] + model.period * state.image[grains]
-    kinetic = total(
-        0.5 * mass * (u * u + v * v) + 0.5 * model.grains.inertia[grains] * (spin * spin)
-    )
+    kinetic = total(0.5 * mass * (u * u + v * v) + 0.5 * inertia * (spin * spin))
     return kinetic, -total(mass * (gx * x + gy * state.position[grains, Y]))
 
 
@@ -281,6 +283,8 @@ def _put(
     state.velocity[grain] = release.velocity
     if state.heat.size:
         state.heat[grain] = 0.0
+    if state.radius.size:
+        state.radius[grain] = model.grains.radius[grain]
     state.presence[grain] = Presence.THERE
     state.released[release.group] += (1.0, float(model.grains.mass[grain]))
     book_in(state, model, np.array([grain]))
@@ -319,7 +323,7 @@ def _fields_of(*dims: str) -> tuple[str, ...]:
     return tuple(name for name, about in stored_fields(State).items() if about.dims[0] in dims)
 
 
-_OF_GRAINS = _fields_of("grain", "heat_grain")
+_OF_GRAINS = _fields_of("grain", "heat_grain", "expansion_grain")
 _PAIRS = "contact", "near", "mean", "bridge"
 _SHAPES = tuple(f"{name}_{side}" for name in _PAIRS for side in "ij")
 _SHARED = tuple(

@@ -509,8 +509,11 @@ def _name_overlap(
                 worst, pair = depth, (i, j)
     i, j = pair
     n = model.grain_count
+    why = "too many grains between prescribed walls?"
+    if model.expansion.size:
+        why = "grains that expand need walls that give way: give one a load, or a spring"
     other = model.name_of(j) if j < n else f"wall '{model.walls.names[model.shapes.wall[j - n]]}'"
     return (
         f"{model.name_of(i)} and {other} overlap by {overlap:.2e} of the smaller radius and no "
-        "admissible positions were found (too many grains between prescribed walls?)"
+        f"admissible positions were found ({why})"
     )

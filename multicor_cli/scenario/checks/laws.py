@@ -151,6 +151,9 @@ def _thermal_keys(tables: PartialScenario) -> Iterator[KeyPath]:
     for k, entry in given(tables.contacts):
         for keys in entry.thermal_keys:
             yield ("contacts", k, *keys)
+    for name, material in tables.materials.items():
+        if material is not None and material.expansion is not None:
+            yield "materials", name, "expansion"
     for table, key in (("particles", "temperature"), ("walls", "thermal")):
         for k, owner in given(getattr(tables, table)):
             if getattr(owner, key):

@@ -16,12 +16,14 @@ from multicor_cli.model.books import (
     BOOKS,
     EXCHANGE_BOOKS,
     GRADIENT_BOOKS,
+    GROWTH_BOOKS,
     HEAT_BOOKS,
     TALLIES,
     WINDOW,
     Dim,
     DType,
     Entry,
+    Export,
     Feature,
     Shape,
     Stored,
@@ -156,6 +158,7 @@ def features_of(model: Model) -> frozenset[Feature]:
         "cell": model.is_cell,
         "gradient": any(model.heat_gradient),
         "flash": laws.flash_speed.size > 0,
+        "expansion": model.expansion.size > 0,
     }
     return frozenset(feature for feature, is_there in found.items() if is_there)
 
@@ -187,6 +190,7 @@ _DIM_SYMBOL: dict[str, str] = {
     "origin_row": "w°", "surface_row": "w°", "before_row": "B", "outlet": "o",
     "exchange_grain": "n°", "exchange_group": "g°", "exchange_outlet": "o°", "exchange_book": "x°",
     "bridge_row": "V", "adhesion_book": "a°", "cell_grain": "n⁺", "gradient_book": "G°",
+    "expansion_grain": "n†", "expansion_book": "G†",
 }  # fmt: skip
 
 # ---- What is written once: the model and the scenario of a run
@@ -298,6 +302,9 @@ MODEL: tuple[Dataset, ...] = (
     _of_model("heat_gradient", "f8", (2,), "K/m",
         "mean gradient of temperature in a cell (x, y); temperatures are those beside it, T - G.r",
         only_with="gradient", since=(1, 9)),
+    _of_model("expansion", "f8", ("material",), "1/K",
+        "coefficient of linear thermal expansion of each material; radii are those at the start",
+        only_with="expansion", since=(1, 10)),
     _of_model("gravity", "f8", (2,), "m/s2", "acceleration of gravity (x, y)"),
     _of_model("shape_factor", "f8", ("one",), "1",
         "m a2/I of every grain: 2 for discs, 5/2 for spheres"),
@@ -438,7 +445,8 @@ def _kept(name: str) -> Column[Any]:
     about = stored_fields(State)[name]
     group = "walls" if name.startswith("wall_") else "particles"
     # GSD has those alone that are there
-    shown = ("vtk",) if about.only_with == "exchange" else ("vtk", "gsd")
+    shown: tuple[Export, ...] = ("vtk",) if about.only_with == "exchange" else ("vtk", "gsd")
+    shown = () if name == "radius" else shown  # which they show of all runs
     return Column.of(
         about,
         f"{group}/{name.removeprefix('wall_')}",
@@ -589,6 +597,7 @@ SERIES: tuple[Dataset, ...] = (
         "state.wall_heat", ("wall", 2), ("heat_given", "heat_received"), only_with="heat"),
     *_kept_numbers(EXCHANGE_BOOKS, "exchange", "exchange"),
     *_kept_numbers(ADHESION_BOOKS, "adhesion_books", "range"),
+    *_kept_numbers(GROWTH_BOOKS, "growth_books", "expansion"),
     *_kept_numbers(GRADIENT_BOOKS, "gradient_books", "gradient"),
     _series("outlet_flow", "1, kg",
         "grains and mass that left through each outlet since the start", "state.outlet_flow",

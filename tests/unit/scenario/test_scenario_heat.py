@@ -194,6 +194,7 @@ def test_each_mistake_gives_one_problem_at_its_place(name):
 
 
 OFF = {
+    "materials.glass.expansion": ("[materials.glass]", "[materials.glass]\nexpansion = 1e-5"),
     "contacts.0.friction.weakening_temperature": ("friction = 0.4", FLASH),
     "particles.0.temperature": ("count = 100", "count = 100\ntemperature = 300"),
     "walls.2.thermal": ("mass = 1e-3", "mass = 1e-3\nthermal = { insulated = true }"),

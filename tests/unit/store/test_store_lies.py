@@ -142,7 +142,7 @@ HEATED = {
         f"without {spec.path}": (gone(spec.path), spec.path)
         for spec in schema.RESULTS_TABLE
         if spec.only_with
-        not in (None, "exchange", "surface", "groups", "motion", "cell", "gradient")
+        not in (None, "exchange", "surface", "groups", "motion", "cell", "gradient", "expansion")
     },
     **{
         f"features {said}": (text("features", said), "feature|do not match their digest")

@@ -1,0 +1,64 @@
+"""Runs of grains that expand: what their files hold, stops, and runs that go on from them."""
+
+import numpy as np
+import pytest
+from run_fakes import in_pieces
+from scenarios import digests
+from scenes import WARM, changed
+
+import multicor_cli as multicor
+from multicor_cli.post.energy import energy
+from multicor_cli.store import run_info, verify
+
+ALPHA = 2e-4
+BED = changed(
+    WARM, ("hardness = 2e9", f"hardness = 2e9\nexpansion = {ALPHA}"),
+    ("coefficient = 5.0", "coefficient = 5e3"), ("temperature = 290.0", "temperature = 400.0"),
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def bed(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bed")
+    (folder / "bed.toml").write_text(BED, encoding="utf-8")
+    multicor.run(folder / "bed.toml", folder / "run", threads=1)
+    return folder
+
+
+def test_files_hold_the_radii(bed):
+    with multicor.open_run(bed / "run") as run:
+        initial, start = run.model.grains.radius, np.asarray(run.frames[0].temperature)
+        assert run.frames[0].radius.tolist() == initial.tolist()
+        last = [frame for frame in run.frames if frame.stage == 0][-1]
+        # Those of the temperatures with which the last step began
+        grown = initial * (1.0 + ALPHA * (np.asarray(last.temperature) - start))
+        assert (np.abs(last.radius - grown) < 1e-4 * initial).all()
+        assert (last.radius > 1.001 * initial).all()
+        assert last.model.grains.radius.tolist() == last.radius.tolist()
+        assert list(last.to_pandas().columns).count("radius") == 1
+        books = energy(run).books
+        assert books["expansion_work"][-1] == run.series["expansion_work"][-1] > 0.0
+    assert run_info(bed / "run")["energy_closure"] < 1e-12
+    assert verify(bed / "run") == []
+
+
+def test_stops_change_nothing(bed, tmp_path):
+    assert in_pieces(bed / "bed.toml", tmp_path / "run", 7, 33) == digests(bed / "run")
+
+
+@pytest.mark.parametrize("expands", [True, False])
+def test_another_run_goes_on_with_the_radii(bed, tmp_path, expands):
+    """As they are, whether they go on growing or not."""
+    text = BED if expands else BED.replace(f"expansion = {ALPHA}", "")
+    particles, walls, loading, solver = map(
+        text.index, ("[[particles]]", "[[walls]]", "[[loading]]", "[solver]")
+    )
+    more = f'[start]\nrun = "{(bed / "run").as_posix()}"\n[[loading]]\nduration = 0.002\n'
+    text = text[:particles] + text[walls:loading] + more + text[solver:]
+    (tmp_path / "more.toml").write_text(text, encoding="utf-8")
+    multicor.run(tmp_path / "more.toml", tmp_path / "more", threads=1)
+    with multicor.open_run(bed / "run") as run, multicor.open_run(tmp_path / "more") as more:
+        first, last = more.frames[0].model.grains.radius, run.frames[-1].radius
+        assert first.tolist() == last.tolist()
+        assert (more.frames[-1].radius is not None) == expands
+    assert run_info(tmp_path / "more")["max_overlap"] < 1e-3
