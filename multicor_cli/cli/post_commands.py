@@ -77,6 +77,9 @@ Groups = Annotated[list[str] | None, option("--group NAME", _GROUP, "all")]
 _STREAMLINES = "Show a fluctuation as streamlines of its local mean, or as arrows of the grains."
 Streamlines = Annotated[bool, option("--streamlines/--no-streamlines", _STREAMLINES)]
 
+_SCALE = "Values (in the unit of the field) that the colors span: the same for several pictures."
+Scale = Annotated[str | None, option("--scale MIN:MAX", _SCALE, "what the frame has")]
+
 
 def profile(
     directory: RunPath,
@@ -170,6 +173,7 @@ def map_grains(
     of: MapOf = "temperature",
     frame: OneFrame = -1,
     has_streamlines: Streamlines = True,
+    scale: Scale = None,
 ) -> Shown:
     """Show a quantity of every grain of one frame: a table of its distribution, the grains as data,
     a map as figure.
@@ -178,12 +182,27 @@ def map_grains(
     "heat" is what friction and impacts have generated since the frame before; "stress" the mean
     pressure in a grain by its contact forces, their sum over the circumference.
     """
+    ends = None if scale is None else parse_ends(scale, "--scale")
     from multicor_cli import post
 
     with store.open_run(directory) as run:
         table = post.grain_map(run, of, frame)
     about = f"{table.field.label} in frame {table.frame} at t = {table.time:g} s"
-    return Shown(table, about, directory, drawing={"has_streamlines": has_streamlines})
+    drawing = {"has_streamlines": has_streamlines, "ends": ends}
+    return Shown(table, about, directory, drawing=drawing)
+
+
+def parse_ends(text: str, option: str) -> tuple[float, float]:
+    """Two numbers ``MIN:MAX``; refuses a text that is none, or whose numbers do not ascend."""
+    try:
+        low, high = (float(part) for part in text.split(":"))
+        if not -math.inf < low < high < math.inf:
+            raise ValueError
+    except ValueError:
+        raise typer.BadParameter(
+            f"'{text}' is no range; write MIN:MAX, as 0:0.5", param_hint=option
+        ) from None
+    return low, high
 
 
 # ---- Commands `post forces`, `post rheology`: what the contacts carry
@@ -201,6 +220,8 @@ Margin = Annotated[
 ]
 _MANY = "With --distribution or --angles: the frames to average over."
 ManyFrames = Annotated[str | None, option("--frames A:B[:STEP]", _MANY, False)]
+_UNIT = "Force (in N) of a line 0.15 mean diameters wide: the same for several pictures."
+UnitForce = Annotated[float | None, option("--scale F", _UNIT, "the mean normal force")]
 
 
 def forces(
@@ -209,6 +230,7 @@ def forces(
     has_distribution: Distribution = False,
     has_angles: Angles = False,
     frames: ManyFrames = None,
+    unit: UnitForce = None,
 ) -> Shown:
     """Show the contact forces of one frame: their numbers as a table, the single contacts as CSV,
     the network as figure.
@@ -217,10 +239,14 @@ def forces(
     forces between grains over their mean. With --angles: the directions of contacts between grains,
     the mean forces along them, and their anisotropies.
     """
-    from multicor_cli import post
-
     if has_distribution and has_angles:
         raise typer.BadParameter("--distribution and --angles exclude each other")
+    if unit is not None and (has_distribution or has_angles or not 0.0 < unit < math.inf):
+        raise typer.BadParameter(
+            "--scale is the positive force of a line in the figure of the network"
+        )
+    from multicor_cli import post
+
     if not (has_distribution or has_angles):
         if frames is not None:
             raise typer.BadParameter(
@@ -229,7 +255,7 @@ def forces(
         with store.open_run(directory) as run:
             network = post.force_network(run, frame)
         about = f"contact forces in frame {network.frame} at t = {network.time:g} s"
-        return Shown(network, about, directory)
+        return Shown(network, about, directory, drawing={"unit": unit})
     wanted = parse_frames(frames)
     with store.open_run(directory) as run:
         index = post.frame_index(run.frames, frame)
@@ -418,8 +444,8 @@ Place = Annotated[str, option("--in REGION", _PLACE, False)]
 def region(
     directory: RunPath, place: Place, start: Start = None, end: End = None, frames: Frames = None
 ) -> Shown:
-    """Measure what is inside a region: solid fraction, coordination, velocity, temperature, stress
-    of contacts and of fluctuations.
+    """Measure what is inside a region: solid fraction, coordination number, velocity, temperature,
+    contact stress and kinetic stress.
 
     The table holds means over the frames and their standard errors, CSV one row per frame, JSON and
     figure both. Grains count with the part of their area that lies inside, contacts with that of

@@ -15,6 +15,7 @@ from multicor_cli.plots.style import (
     COLORS,
     COLUMN,
     PAGE,
+    PlotError,
     Renderer,
     Terminal,
     axis_label,
@@ -23,6 +24,7 @@ from multicor_cli.plots.style import (
     count_small_rises,
     draw_picture,
     house_style,
+    name_frame,
 )
 from multicor_cli.post.grain_map import GrainMap, GrainScene, grain_map
 from multicor_cli.post.lattice import Lattice
@@ -41,8 +43,12 @@ SOLID = "0.7"
 _MANY = 1500  # grains above which a figure takes the width of a page
 _FEW = 600  # grains up to which each has an outline
 _TALLEST, _NARROWEST = 8.0, 2.0  # height and width of a figure [inch]
-# Room beside the axes for their labels [inch]
-_LEFT, _RIGHT, _BOTTOM, _TOP = 0.64, 0.15, 0.45, 0.12
+# Room beside the axes for their labels, above them for the time [inch]
+_LEFT, _RIGHT, _BOTTOM = 0.64, 0.15, 0.45
+TITLE = 0.3
+"""Room above the axes for the time and frame of a picture [inch]."""
+KEY = 0.2
+"""Room above these for the key of arrows [inch]."""
 # Thickness of the color bar, and what lies between it and the axes [inch]
 _BAR, _BAR_GAP = 0.12, 0.1
 # Room for the color bar with its labels, beside or below the axes [inch]
@@ -61,7 +67,7 @@ class Place(NamedTuple):
 
 
 def place_scene(
-    figure: Any, scene: GrainScene, *, has_bar: bool = True, top: float = _TOP, width: float = 0.0
+    figure: Any, scene: GrainScene, *, has_bar: bool = True, top: float = TITLE, width: float = 0.0
 ) -> Place:
     """Give a figure the size of a scene, and axes that fill it: nothing is empty, no label is cut.
 
@@ -291,13 +297,19 @@ _LONG = 0.95
 _LENGTH = 2.0  # length of the longest arrow over the mean distance of arrows
 
 
-def draw_map(place: Place, table: GrainMap, *, has_streamlines: bool = True) -> None:
-    """Draw a map with its color bar where `place_scene` has made room; vectors as streamlines of
-    their local mean, or else as arrows.
+Ends = tuple[float, float]
+
+
+def draw_map(
+    place: Place, table: GrainMap, *, has_streamlines: bool = True, ends: Ends | None = None
+) -> None:
+    """Draw a map with its time and color bar where `place_scene` has made room; vectors as
+    streamlines of their local mean, or else as arrows. Colors span the ``ends``, if given.
     """
-    scale = color_scale(table)
-    discs = draw_values(place.axes, table, scale[0], has_streamlines=has_streamlines)
-    draw_bar(place.bar, table, discs, scale[1])
+    norm, extend = color_scale(table, ends)
+    discs = draw_values(place.axes, table, norm, has_streamlines=has_streamlines)
+    draw_bar(place.bar, table, discs, extend, count_beyond(table, norm))
+    name_frame(place.axes, table.time, table.frame)
 
 
 def draw_values(axes: Any, table: GrainMap, norm: Any, *, has_streamlines: bool = True) -> Any:
@@ -327,8 +339,20 @@ def _colors(table: GrainMap) -> Any:
     return colors.with_extremes(bad="white", under="white") if is_logarithmic else colors
 
 
-def draw_bar(axes: Any, table: GrainMap, discs: Any, extend: str) -> None:
-    """Draw the color bar of a map into axes beside or below it."""
+def count_beyond(table: GrainMap, norm: Any) -> str:
+    """How many grains have values beyond the ends of the colors; empty if none has."""
+    if table.names:
+        return ""
+    low, high = int((table.value < norm.vmin).sum()), int((table.value > norm.vmax).sum())
+    told = [f"{count} {side}" for count, side in ((low, "below"), (high, "above")) if count]
+    if not told:
+        return ""
+    white = "white: " if low and table.field.scale == "logarithmic" else ""
+    return white + ", ".join(told).replace(" ", " grain " if low == 1 else " grains ", 1)
+
+
+def draw_bar(axes: Any, table: GrainMap, discs: Any, extend: str, note: str = "") -> None:
+    """Draw the color bar of a map into axes beside or below it, with a note behind its label."""
     if len(table.names) == 1:  # nothing to tell apart
         axes.set_axis_off()
         axes.set_title(f"{table.field.label}:\n{table.names[0]}", loc="left", fontsize=8.0, y=0.5)
@@ -339,39 +363,58 @@ def draw_bar(axes: Any, table: GrainMap, discs: Any, extend: str) -> None:
         bar.ax.minorticks_off()
         bar.set_label(table.field.label)
     else:
-        note = "; white: none" if table.field.scale == "logarithmic" else ""
+        if table.field.scale == "logarithmic":
+            note = note or "white: none"
         add_color_bar(axes, discs, table.scene, table.field, extend, note)
 
 
 def add_color_bar(
     axes: Any, drawn: Any, scene: GrainScene, field: Quantity, extend: str, note: str = ""
 ) -> None:
-    """A color bar with its label below a wide scene, or beside a tall one."""
+    """A color bar with its label, and a note behind it, below a wide scene or beside a tall one."""
     direction = "horizontal" if is_wide(scene) else "vertical"
     bar = axes.figure.colorbar(
         drawn, cax=axes, extend=extend, extendfrac=0.03, orientation=direction
     )
     ends = np.array([drawn.norm.vmin, drawn.norm.vmax])
     if not count_small_rises(bar.long_axis, field.label, field.symbol, field.unit, ends):
-        text = axis_label(field.label, field.symbol, field.unit) + note
-        high = axes.get_position().height * axes.figure.get_figheight()
-        if direction == "vertical" and len(field.label + note) > high / _LETTER - _SYMBOL:
+        bar.set_label(axis_label(field.label, field.symbol, field.unit))
+    label, note = bar.long_axis.label, f"; {note}" if note else ""
+    text, place = label.get_text(), axes.get_position()
+    room = place.width * axes.figure.get_figwidth() + _RIGHT
+    if direction == "vertical":
+        room = place.height * axes.figure.get_figheight()
+        if len(field.label + note) > room / _LETTER - _SYMBOL:
             text = text.replace(" $", "\n$", 1)  # in two lines
-        bar.set_label(text)
+    longest = max((text + note).split("\n"), key=len)
+    if len(longest) > room / _LETTER:
+        label.set_fontsize(7.0)
+    label.set_text(text + note)
 
 
-def color_scale(table: GrainMap) -> tuple[Any, str]:
-    """Norm of matplotlib, and which ends of the color bar stand for more than their value."""
-    colors = library("matplotlib.colors")
+def color_scale(table: GrainMap, ends: Ends | None = None) -> tuple[Any, str]:
+    """Norm of matplotlib, and which ends of the color bar stand for more than their value.
+
+    ``ends`` are the smallest and largest value with a color of its own; default: see `color_range`.
+
+    Raises `PlotError` if the quantity has no such colors.
+    """
+    colors, is_logarithmic = library("matplotlib.colors"), table.field.scale == "logarithmic"
     if count := len(table.names):
+        if ends is not None:
+            raise PlotError(f"{table.field.label}: names have no scale; leave out --scale")
         return colors.BoundaryNorm([k - 0.5 for k in range(count + 1)], count), "neither"
-    low, high = color_range(table.field, table.value, table.scene.radius.size)
-    norm = colors.LogNorm if table.field.scale == "logarithmic" else colors.Normalize
+    if ends is not None and is_logarithmic and not ends[0] > 0.0:
+        raise PlotError(f"{table.field.label}: a logarithmic scale begins above 0")
+    low, high = ends or color_range(table.field, table.value, table.scene.radius.size)
+    norm = colors.LogNorm if is_logarithmic else colors.Normalize
     return norm(low, high), beyond(table.value, low, high)
 
 
 def _draw_arrows(axes: Any, table: GrainMap) -> None:
-    """Arrows on grains, or on some; the few longest are cut, the colors tell how long they are."""
+    """Arrows on grains, or on some, with a key; the few longest are cut, colors say how fast."""
+    from matplotlib.patheffects import Normal, Stroke
+
     scene, vector = table.scene, table.vector
     assert vector is not None
     step = max(1, -(-scene.radius.size // _ARROWS))
@@ -383,12 +426,33 @@ def _draw_arrows(axes: Any, table: GrainMap) -> None:
     arrows = (*scene.center[order].T, *(vector * cut[:, np.newaxis])[order].T)
     size = {"scale": longest / (_LENGTH * spacing), "width": 0.09 * spacing}
     kind = {"angles": "xy", "scale_units": "xy", "units": "xy", "pivot": "middle"}
-    axes.quiver(*arrows, **size, **kind, color="white", edgecolor="0.1", linewidth=0.2, zorder=3)
+    drawn = axes.quiver(*arrows, **size, **kind, color="white", zorder=3)
+    # Readable on any color: white in black
+    outline = [Stroke(linewidth=1.2, foreground="black"), Normal()]
+    drawn.set_path_effects(outline)
+    shown, place = round_below(longest), axes.get_position()
+    tip = shown / size["scale"] / float(scene.box[1, 0] - scene.box[0, 0])
+    above = 1.0 + (TITLE + 0.4 * KEY) / (place.height * axes.figure.get_figheight())
+    text = f"{shown:g} {unit_sign(table.field.unit)}"
+    key = axes.quiverkey(drawn, tip, above, shown, text, labelpos="E", labelsep=0.05)
+    key.vector.set_path_effects(outline)
 
 
-def map_text(table: GrainMap, terminal: Terminal, *, has_streamlines: bool = True) -> str:
+def round_below(value: float) -> float:
+    """The largest of 1, 2 and 5 times a power of ten that is not above a positive value."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(max(digit for digit in (1.0, 2.0, 5.0) if digit * power <= value) * power)
+
+
+def map_text(
+    table: GrainMap,
+    terminal: Terminal,
+    *,
+    has_streamlines: bool = True,
+    ends: Ends | None = None,
+) -> str:
     """A map as a picture, with its range of values; raises `MissingLibrary` without matplotlib."""
-    norm, _ = color_scale(table)
+    norm, _ = color_scale(table, ends)
     values = ", ".join(table.names) if table.names else f"from {norm.vmin:.6g} to {norm.vmax:.6g}"
 
     def draw(axes: Any) -> None:
@@ -417,6 +481,8 @@ def picture(shown: Any) -> bytes | None:
     if not has_grains or find_spec("matplotlib") is None:
         return None
     table = grain_map(run, "temperature" if run.frames[-1].has_heat else "speed")
+    if run is not shown:
+        table = table.with_(frame=getattr(shown, "index", None))
     with house_style():
         from matplotlib.figure import Figure
 
@@ -437,12 +503,18 @@ class _Single:
         return self._frame
 
 
+def _draw_placed(
+    figure: Any, table: GrainMap, *, has_streamlines: bool = True, ends: Ends | None = None
+) -> None:
+    has_arrows = table.vector is not None and not has_streamlines
+    place = place_scene(figure, table.scene, top=TITLE + (KEY if has_arrows else 0.0))
+    draw_map(place, table, has_streamlines=has_streamlines, ends=ends)
+
+
 FIGURES = {
     GrainMap: Renderer(
         lambda _: (COLUMN, COLUMN),
-        lambda figure, table, **options: draw_map(
-            place_scene(figure, table.scene), table, **options
-        ),
+        _draw_placed,
         map_text,
     )
 }

@@ -14,6 +14,7 @@ from multicor_cli.post.source import (
     PostError,
     Run,
     Selection,
+    bounds_of_intervals,
     model_of,
     refuse_cell,
 )
@@ -79,7 +80,7 @@ def flow_through(source: Run, line: Line, selection: Selection | None = None) ->
         "nobody counts how often grains cross its sides, so no flow is measured",
         remedy,
     )
-    chosen = (selection or Selection()).indices(source.frames).tolist()
+    chosen = bounds_of_intervals(source, (selection or Selection()).indices(source.frames)).tolist()
     if len(chosen) < 2:
         raise PostError(
             "a flow needs two frames; only one is selected: choose more with --from or --frames"

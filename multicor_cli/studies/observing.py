@@ -181,7 +181,7 @@ SOURCES: dict[str, Source] = {
     "conductivity": Source(_OF_HEAT, _conductivity, frozenset(_OF_HEAT)),
     "diffusion": Source(("diffusion_x", "diffusion_y"), _diffusion, needs_shear=True),
     "structure": Source(("first_peak", "first_peak_distance"), _structure),
-    "region": Source(IN_REGION, _region, frozenset({"temperature"})),
+    "region": Source(tuple(row.name for row in IN_REGION), _region, frozenset({"temperature"})),
     "profile": Source(tuple(PROFILED), _profile, _HEAT_FIELDS),
     "theta-eta": Source(tuple(_THETA), _theta, frozenset(_THETA), is_of_one_frame=True),
     "map": Source(_AMOUNTS, _map, _HEAT_FIELDS, is_of_one_frame=True),
