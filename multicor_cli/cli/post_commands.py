@@ -26,11 +26,11 @@ from multicor_cli.cli.post_output import (
     selected,
     shows_table,
 )
-from multicor_cli.text import count_noun
+from multicor_cli.text import count_noun, unit_sign
 
 if TYPE_CHECKING:
     from multicor_cli.model.shapes import Area
-    from multicor_cli.post import GrainMap
+    from multicor_cli.post import GrainMap, Selection
     from multicor_cli.store import Run
 
 # ---- Commands `post profile`, `post theta-eta`, `post map`
@@ -431,6 +431,94 @@ def _about_grains(table: Any, more: str = "") -> str:
     return "\n".join(filter(None, (f"{span}, {grains}", more, table.note)))
 
 
+# ---- Commands `post mixing`, `post residence`, `post avalanches`: groups, stays, sudden drops
+
+_IN_CELL = "Grains in a cell; the index depends on it."
+CellGrains = Annotated[float, option("--cell N", _IN_CELL)]
+_MIXED = "Groups that count, in this order; several times for several."
+MixedGroups = Annotated[list[str] | None, option("--group NAME", _MIXED, "all")]
+SeriesStart = Annotated[float | None, option("--from T", "Earliest time, in s.", "the start")]
+
+
+def chosen_of_all(start: float | None, end: float | None, frames: str | None) -> Selection:
+    """The frames that the options choose; all without them."""
+    if start is None and end is None and frames is None:
+        frames = ":"
+    return selected(start, end, frames)
+
+
+def mixing(
+    directory: RunPath,
+    cell: CellGrains = 10.0,
+    groups: MixedGroups = None,
+    start: SeriesStart = None,
+    end: End = None,
+    frames: Frames = None,
+) -> Shown:
+    """Measure over time how well groups of grains are mixed: Lacey's index, 0 where they are apart
+    and 1 where chance places them; and how far their mean heights are apart.
+
+    Cells hold equal numbers of grains. The separation is 1 with the first group on top, -1 below.
+    Concentrations over the height are profiles: post profile --of solid-fraction --group NAME.
+    """
+    from multicor_cli import post
+
+    chosen = chosen_of_all(start, end, frames)
+    with store.open_run(directory) as run:
+        table = post.mixing(run, chosen, cell=cell, groups=groups or ())
+    about = _span(table.frames.size, "frame", table.times)
+    about += f", {table.cells:.4g} cells of {table.cell_grains:.3g} grains; by chance M is 1 ± "
+    return Shown(table, f"{about}{table.random_scatter:.2g} in a frame", directory)
+
+
+def residence(
+    directory: RunPath, start: SeriesStart = None, end: End = None, frames: Frames = None
+) -> Shown:
+    """Measure how long grains stay between where they are released and an outlet: means with
+    errors and medians of all and of each group; the survival as JSON and figure, stays as CSV.
+
+    Stays of grains that are still inside count as longer than that (Kaplan and Meier). Grains that
+    are there in the first frame do not count. That needs scipy.
+    """
+    from multicor_cli import post
+
+    with store.open_run(directory) as run:
+        table = post.residence(run, chosen_of_all(start, end, frames))
+    about = f"{_span(table.frames.size, 'frame', table.times)}; not counted: "
+    about += f"{count_noun(table.first, 'grain')} of the first frame"
+    if table.lost:
+        about += f"; {count_noun(table.lost, 'stay')} ended beside the outlets"
+    return Shown(table, about, directory)
+
+
+_COLUMN = "The column, as kinetic or 'top: force_x'."
+OneColumn = Annotated[str, option("--of COLUMN", _COLUMN, False, autocompletion=options.columns)]
+_DROP = "Smallest drop that counts, in the unit of the column."
+Threshold = Annotated[float | None, option("--threshold X", _DROP, "its standard deviation")]
+
+
+def avalanches(
+    directory: RunPath,
+    of: OneColumn,
+    threshold: Threshold = None,
+    start: SeriesStart = None,
+    end: End = None,
+) -> Shown:
+    """Find sudden drops of a column of the time series, as of a force in stick and slip: numbers,
+    sizes, durations and waiting times with errors; the single drops as CSV.
+
+    A drop goes from a local maximum to the minimum that follows. An exponent of their sizes is
+    given where they are compatible with a power law, else why not.
+    """
+    from multicor_cli import post
+
+    with store.open_run(directory) as run:
+        table = post.avalanches(run, of, start, end, threshold=threshold)
+    about = f"{table.of} from t = {table.times[0]:g} s to {table.times[1]:g} s, drops of at least "
+    about += f"{table.threshold:.4g} {unit_sign(table.unit)}"
+    return Shown(table, "\n".join(filter(None, (about, table.note))), directory)
+
+
 # ---- Command `post region`: what is inside a part of the plane
 
 EXAMPLE = '{ kind = "circle", center = [0.02, 0.01], radius = 0.005 }'
@@ -647,7 +735,6 @@ ColumnNames = Annotated[
         autocompletion=options.columns,
     ),
 ]
-SeriesStart = Annotated[float | None, option("--from T", "Earliest time, in s.", "the start")]
 _LINE = "The line (in m); what crosses to its left is positive."
 Line = Annotated[str, option("--line X0,Y0:X1,Y1", _LINE)]
 
@@ -753,6 +840,9 @@ COMMANDS = {
     "conductivity": shows_table(conductivity),
     "diffusion": shows_table(diffusion),
     "structure": shows_table(structure),
+    "mixing": shows_table(mixing),
+    "residence": shows_table(residence),
+    "avalanches": shows_table(avalanches),
     "region": shows_table(region),
     "fields": shows_table(fields),
     "energy": shows_table(energy),

@@ -430,6 +430,7 @@ _OVER_TIME = (
 _DRAWN_IN = {
     **dict.fromkeys(_OVER_TIME, "over_time"),
     **dict.fromkeys(("compare", "diffusion", "theta_eta"), "profile"),
+    **dict.fromkeys(("avalanches", "residence"), "events"),
     "structure_factor": "structure",
 }
 """Modules that draw tables of several others."""
