@@ -34,7 +34,7 @@ def draw_residence(axes: Any, table: Residence) -> None:
         band: dict[str, Any] = {"color": color, "alpha": 0.2, "linewidth": 0.0, "step": "post"}
         axes.fill_between(time, low, high, **band)
     axes.fill_between([], [], color="0.3", alpha=0.2, linewidth=0.0, label="± standard error")
-    axes.set(xlim=(0.0, None), ylim=(0.0, 1.02))
+    axes.set(xlim=(0.0, 1.05 * float(table.longest[0])), ylim=(0.0, 1.02))
     axes.set_xlabel("time since the entry $t$ [s]")
     axes.set_ylabel("share still inside $S(t)$ [–]")
     axes.legend(loc="best")

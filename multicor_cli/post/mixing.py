@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats
-from multicor_cli.post.lattice import Lattice, lattice_of
+from multicor_cli.post.lattice import lattice_of
 from multicor_cli.post.source import (
+    Frame,
     PostError,
     Run,
     Selection,
@@ -45,8 +47,8 @@ class Mixing(TimeTable):
     count alike, each in the cell of its center.
 
     Cells hold equal numbers of grains, which differ by one or two where division leaves a rest:
-    rows of grains ordered by height, each cut from left to right into cells about as wide as high.
-    So none is empty or poor, in a heap or a drum either.
+    rows of grains ordered by height, each cut from left to right
+    into cells about as wide as high. So none is empty or poor, in a heap or a drum either.
 
     The separation is the difference of the mean heights of the first and the second group, over the
     largest that these groups can have at the same places: 1 with the first group above, −1 below.
@@ -90,7 +92,52 @@ def mixing(
             selected, or none has two cells and grains of two groups.
         StoreError: If the run cannot be read.
     """
-    known = source.model.groups
+    names = _names(source.model.groups, groups)
+    if not 1.0 <= cell < np.inf:
+        raise PostError(f"{cell:g} grains in a cell: choose 1 or more")
+    chosen = (selection or Selection(frames=slice(None))).indices(source.frames)
+    numbers = np.array([source.model.groups.index(name) for name in names], np.int64)
+
+    def grains() -> Iterator[_Grains]:
+        return (_grains(source, frame, numbers) for frame in frames_of(source, chosen))
+
+    # One for all frames: M jumps where the number of rows does
+    aspects = np.array([each.aspect for each in grains()])
+    aspect = float(np.median(aspects[~np.isnan(aspects)])) if not np.isnan(aspects).all() else 1.0
+    rows: list[list[float]] = []
+    sizes: list[tuple[int, int]] = []
+    last = None
+    for at, group, _ in grains():
+        if not len(at):  # none is there yet, or any more
+            rows.append([np.nan] * (2 + len(names)))
+            continue
+        cells, y = cells_of(at, cell, aspect), at[:, Y]
+        index = lacey(cells, group, len(names))
+        rows.append([index, _separation(y, group), *_heights(y, group, len(names))])
+        sizes.append((len(at), int(cells.max()) + 1))
+        last = last if np.isnan(index) else (cells, group)
+    if last is None:
+        raise PostError(
+            "no frame has two cells and two groups in them: lower --cell, or choose other frames"
+        )
+    count, number = np.mean(sizes, axis=0).tolist()
+    facts = {
+        "groups": names, "cell_grains": count / number, "cells": number,
+        "random_scatter": _random_scatter(*last, len(names)), **frames_told(source, chosen),
+    }  # fmt: skip
+    kinds = [*MIXING]
+    kinds += [Quantity(f"height_{name}", f"mean height of {name}", "y", "m") for name in names]
+    if source.model.is_cell:  # it has no heights
+        kinds = kinds[:1]
+    quantities = [kind.over_time(each) for kind, each in zip(kinds, np.array(rows).T, strict=False)]
+    if len(names) > 2:
+        del quantities[1:2]
+    times = np.asarray(source.frames.time, np.float64)[chosen]
+    return Mixing(times, quantities, facts, frames=chosen)
+
+
+def _names(known: tuple[str, ...], groups: Sequence[str]) -> tuple[str, ...]:
+    """Names of the groups that count; raises `PostError` if one is missing or alone."""
     for name in groups:
         if name not in known:
             raise PostError(f"there is no group '{name}'; {choices(name, known)}")
@@ -100,60 +147,37 @@ def mixing(
             f"mixing is one of several groups, and there is only '{names[0]}': divide the grains "
             "of the scenario into groups, or name two with --group"
         )
-    if not 1.0 <= cell < np.inf:
-        raise PostError(f"{cell:g} grains in a cell: choose 1 or more")
-    chosen = (selection or Selection(frames=slice(None))).indices(source.frames)
-    numbers = np.array([known.index(name) for name in names], np.int64)
-    rows: list[list[float]] = []
-    sizes: list[tuple[int, int]] = []
-    last = None
-    for frame in frames_of(source, chosen):
-        group, points = model_of(source, frame).grains.group, np.asarray(frame.position, np.float64)
-        counts = np.isin(group, numbers)
-        which, at = (group[counts, np.newaxis] == numbers).argmax(axis=1), points[counts, :2]
-        if not len(at):  # none is there yet, or any more
-            rows.append([np.nan] * (2 + len(names)))
-            continue
-        cells = cells_of(lattice_of(source.model, frame), at, cell)
-        heights = _heights(at[:, Y], which, len(names))
-        rows.append([lacey(cells, which, len(names)), _separation(at[:, Y], which), *heights])
-        sizes.append((len(at), int(cells.max()) + 1))
-        last = last if np.isnan(rows[-1][0]) else (cells, which)
-    values = np.array(rows).T
-    if last is None:
-        raise PostError(
-            "no frame has two cells and two groups in them: lower --cell, or choose other frames"
-        )
-    count, number = np.mean(sizes, axis=0).tolist()
-    has_heights = not source.model.is_cell
-    quantities = [MIXING[0].over_time(values[0])]
-    if has_heights and len(names) == 2:
-        quantities.append(MIXING[1].over_time(values[1]))
-    if has_heights:
-        quantities += [
-            Quantity(f"height_{name}", f"mean height of {name}", "y", "m").over_time(each)
-            for name, each in zip(names, values[2:], strict=True)
-        ]
-    facts = {
-        "groups": names, "cell_grains": count / number, "cells": number,
-        "random_scatter": _random_scatter(*last, len(names)), **frames_told(source, chosen),
-    }  # fmt: skip
-    return Mixing(
-        np.asarray(source.frames.time, np.float64)[chosen], quantities, facts, frames=chosen
-    )
+    return names
 
 
-def cells_of(lattice: Lattice, points: Floats, grains: float) -> NDArray[np.int64]:
-    """Cells 0, 1, … of about so many grains each, of grains at ``points`` [m], shape ``(n,)``."""
-    at = lattice.wrapped(points)
-    at[:, X] -= lattice.slant * at[:, Y]
+class _Grains(NamedTuple):
+    """Places of the grains that count [m], their groups, and height over width of their region."""
+
+    at: Floats
+    group: NDArray[np.int64]
+    aspect: float
+
+
+def _grains(source: Run, frame: Frame, numbers: NDArray[np.int64]) -> _Grains:
+    of_grain, lattice = model_of(source, frame).grains.group, lattice_of(source.model, frame)
+    counts = np.isin(of_grain, numbers)
+    at = lattice.wrapped(np.asarray(frame.position, np.float64)[counts, :2])
+    at[:, X] -= lattice.slant * at[:, Y]  # of a tilted cell between straight sides
+    group = (of_grain[counts, np.newaxis] == numbers).argmax(axis=1)
+    if len(at) < 2:
+        return _Grains(at, group, np.nan)
+    width, height = (size or np.ptp(axis) for axis, size in zip(at.T, lattice[:2], strict=True))
+    return _Grains(at, group, float(height / width) if width > 0.0 else np.inf)
+
+
+def cells_of(at: Floats, grains: float, aspect: float) -> NDArray[np.int64]:
+    """Cells 0, 1, … of about so many grains each, of grains at places [m], shape ``(n,)``.
+
+    ``aspect`` is the height over the width of the region, so that cells are about square.
+    """
     n, (x, y) = len(at), at.T
     cells = max(round(n / grains), 1)
-    spans = [
-        size or float(np.ptp(axis)) for axis, size in ((x, lattice.width), (y, lattice.height))
-    ]
-    high = np.sqrt(cells * spans[1] / spans[0]) if spans[0] > 0.0 else cells
-    rows = int(np.clip(round(high), 1, cells))
+    rows = round(min(max(np.sqrt(cells * aspect), 1.0), cells))
     first = np.arange(rows + 1) * cells // rows  # cell of each row
     ends, upwards, found = first * n // cells, np.lexsort((x, y)), np.empty(n, np.int64)
     for k in range(rows):

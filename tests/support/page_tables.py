@@ -6,12 +6,14 @@ from pathlib import Path
 
 from multicor_cli import checks, post
 from multicor_cli.model import shapes
+from multicor_cli.post.avalanches import EVENTS
 from multicor_cli.post.cell_rheology import CELL_QUANTITIES
 from multicor_cli.post.conductivity import QUANTITIES as OF_CONDUCTIVITY
 from multicor_cli.post.energy import HEAT, MECHANICAL
 from multicor_cli.post.field_sums import field_list
 from multicor_cli.post.forces import NUMBERS
 from multicor_cli.post.mean_heat import FLUX_QUANTITIES
+from multicor_cli.post.mixing import MIXING
 from multicor_cli.post.region import QUANTITIES as OF_REGION
 from multicor_cli.post.rheology import QUANTITIES as OF_RHEOLOGY
 from multicor_cli.post.table import Quantity, split_unit
@@ -51,6 +53,8 @@ MEASURED: dict[str, tuple[Quantity, ...]] = {
     "region": OF_REGION,
     "conductivity": (*OF_CONDUCTIVITY, *FLUX_QUANTITIES),
     "forces": tuple(Quantity(n, *_label_and_unit(text)) for n, text in NUMBERS.items()),
+    "mixing": MIXING,
+    "avalanches": EVENTS,
     "energy": (*MECHANICAL, *HEAT),
 }
 """Quantities by command."""

@@ -10,7 +10,6 @@ from made_up_frames import frame_of, source_of
 from made_up_groups import source_of_groups
 
 from multicor_cli.post import PostError, Selection, mixing
-from multicor_cli.post.lattice import Lattice
 from multicor_cli.post.mixing import cells_of, lacey
 
 
@@ -73,7 +72,7 @@ def test_every_assignment_of_six_grains():
 def test_one_cell_after_the_other():
     random = np.random.default_rng(2)
     places, groups = random.random((211, 2)) * [30.0, 10.0], random.integers(0, 3, 211)
-    cells = cells_of(Lattice(30.0), places, 12.0)
+    cells = cells_of(places, 12.0, np.ptp(places[:, 1]) / 30.0)
     total, shares = 0.0, [(groups == g).sum() / 211 for g in range(3)]
     for cell in range(cells.max() + 1):
         inside = groups[cells == cell]
@@ -93,7 +92,7 @@ def test_one_cell_after_the_other():
 @pytest.mark.parametrize("shape", [(1.0, 1.0), (50.0, 1.0), (1.0, 50.0)])
 def test_cells_hold_equal_numbers_and_are_about_square(count, shape):
     places = np.random.default_rng(3).random((count, 2)) * shape
-    cells = cells_of(Lattice(), places, 6.0)
+    cells = cells_of(places, 6.0, shape[1] / shape[0])
     sizes = np.bincount(cells)
     assert sizes.size == round(count / 6.0)
     assert sizes.sum() == count
