@@ -64,7 +64,7 @@ COMMANDS: list[tuple[list[str], float]] = [
     (["diffusion", "--frames", ":", "--plot", "diffusion.png"], 20.0),
     (["structure", "--frames", ":", "--plot", "structure.png"], 100.0),
     (["mixing", "--plot", "mixing.png"], 10.0),
-    (["avalanches", "--of", "top: force_x", "--plot", "drops.png"], 10.0),
+    (["avalanches", "--of", "kinetic", "--plot", "drops.png"], 10.0),
     (["energy", "--plot", "energy.png"], 10.0),
     (["compare", "DIR"], 10.0),
 ]

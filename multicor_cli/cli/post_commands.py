@@ -187,6 +187,10 @@ def map_grains(
 
     with store.open_run(directory) as run:
         table = post.grain_map(run, of, frame)
+    if ends is not None and table.names:
+        raise typer.BadParameter(f"a {table.field.label} has no scale", param_hint="--scale")
+    if ends is not None and table.field.scale == "logarithmic" and not ends[0] > 0.0:
+        raise typer.BadParameter("a logarithmic scale begins above 0", param_hint="--scale")
     about = f"{table.field.label} in frame {table.frame} at t = {table.time:g} s"
     drawing = {"has_streamlines": has_streamlines, "ends": ends}
     return Shown(table, about, directory, drawing=drawing)

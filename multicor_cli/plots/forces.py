@@ -8,7 +8,6 @@ import numpy as np
 
 from multicor_cli.model.model import Floats
 from multicor_cli.plots.grain_map import (
-    TITLE,
     clip_to_cell,
     draw_discs,
     draw_walls,
@@ -18,6 +17,7 @@ from multicor_cli.plots.style import (
     COLORS,
     COLUMN,
     PAGE,
+    TITLE,
     Renderer,
     Terminal,
     TextLine,

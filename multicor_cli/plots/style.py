@@ -29,6 +29,9 @@ COLUMN = 3.35
 PAGE = 7.0
 """Width of a page of two columns [inch]."""
 
+TITLE = 0.3
+"""Room above the axes for the time and frame of a picture [inch]."""
+
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
 """Line colors that color-blind readers can tell apart (Okabe and Ito)."""
 

@@ -303,6 +303,8 @@ def refusal(of, name):
         return "mixing is one of several groups"
     if name == "residence":
         return "no grain comes or goes in this run"
+    if name.startswith("avalanches") and of.kind == "no walls":
+        return "never drops"
     if name == "theta-eta" and not of.walls:
         return "those with a prescribed temperature in this frame are: none"
     if name == "theta-eta" and not of.bounds[0]:

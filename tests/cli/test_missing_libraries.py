@@ -58,7 +58,9 @@ def test_the_list_is_that_of_the_extras():
         for extra in ("plots", "gsd", "study")
         for need in extras[extra]
     }
-    assert {(each.extra, each.name) for each in LIBRARIES.values()} == named
+    told = {(each.extra, each.name) for each in LIBRARIES.values()}
+    assert told <= named  # scipy is in two
+    assert {name for _, name in told} == {name for _, name in named}
 
 
 @pytest.mark.parametrize(("missing", "words"), [

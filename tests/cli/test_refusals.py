@@ -54,7 +54,7 @@ NO_SENSE = {
     "post map RUN --scale 3:1": "is no range",
     "post map RUN --scale 0": "is no range",
     "post map RUN --scale nan:1": "is no range",
-    "post map RUN --of group --scale 0:1 --plot term": "names have no scale",
+    "post map RUN --of group --scale 0:1 --plot term": "has no scale",
     "post forces RUN --scale 0": "positive force",
     "post forces RUN --scale 1 --angles": "positive force",
     "post region RUN --in circle": "is not a region",

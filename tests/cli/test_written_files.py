@@ -24,7 +24,7 @@ def test_report_of_a_real_run(typed, tmp_path):
     assert re.search(r"wrote .*small\.html: .* kB, 7 of \d+ frames", done.stderr)
     text = target.read_text(encoding="utf-8")
     assert '<h1 dir="auto">small</h1>' in text
-    assert "Velocity over the height" in text
+    assert "Horizontal velocity over the height" in text
     assert re.search(r"7 of \d+ frames of the run\.", text)
     written_again(typed, line, target)
 

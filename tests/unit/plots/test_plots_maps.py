@@ -6,11 +6,12 @@ from drawn import figure_of, map_of, panel_of
 from heat_run import GRAINS
 from matplotlib.figure import Figure
 
-from multicor_cli.plots import PlotError, draw_forces, draw_theta_eta, place_scene
+from multicor_cli.plots import draw_forces, draw_theta_eta, place_scene
 from multicor_cli.plots.fields import _fill
 from multicor_cli.plots.forces import line_widths, segments
-from multicor_cli.plots.grain_map import color_scale, count_beyond, round_below, solid_polygons
+from multicor_cli.plots.grain_map import color_scale, count_beyond, solid_polygons
 from multicor_cli.plots.style import COLORS, house_style
+from multicor_cli.plots.vectors import round_below
 from multicor_cli.post import MAPPED, Selection, fields, force_network, grain_map, theta_eta
 from multicor_cli.text import unit_sign
 
@@ -109,9 +110,6 @@ def test_pictures_have_one_scale_if_asked(column):
     below = int((table.value < low).sum())
     assert below > 0
     assert f"; {below} grain{'s' * (below > 1)} below" in panel.figure.axes[1].get_xlabel()
-    for of, wrong in (("group", (0.0, 1.0)), ("heat", (0.0, 1.0))):
-        with pytest.raises(PlotError, match="scale"):
-            map_of(grain_map(column, of), ends=wrong)
     network = force_network(column)
     mean = float(np.abs(network.force[:, 0]).mean())
     widths = [

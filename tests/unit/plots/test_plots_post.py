@@ -9,7 +9,7 @@ from drawn import figure_of, map_of, panel_of
 
 from multicor_cli import plots, post
 from multicor_cli.plots.fields import _draw_mesh
-from multicor_cli.plots.grain_map import round_below, smooth_field
+from multicor_cli.plots.vectors import round_below, smooth_field
 from multicor_cli.post.grain_map import GrainScene
 from multicor_cli.post.lattice import Lattice
 
