@@ -18,6 +18,19 @@ from multicor_cli.text import choices
 _SIZE = 1.0  # smallest drop over the standard deviation of the column
 
 
+EVENTS = (
+    Quantity("count", "drops"),
+    Quantity("rate", "drops per time", unit="1/s"),
+    Quantity("size", "mean drop", r"\langle s\rangle", "column"),
+    Quantity("largest", "largest drop", r"s_\mathrm{max}", "column"),
+    Quantity("duration", "mean duration of a drop", unit="s"),
+    Quantity("wait", "mean time from one drop to the next", unit="s"),
+    Quantity("exponent", "exponent of the density of drops", r"\tau"),
+    Quantity("exponent_from", "smallest drop that follows it", r"s_\mathrm{min}", "column"),
+)
+"""What `avalanches` measures; sizes have the unit of the column."""
+
+
 class Events(NamedTuple):
     """Drops, in the order of time; ``e`` of them.
 
@@ -41,7 +54,7 @@ class Avalanches(Table):
     negative its sign is changed, so that a resistance drops whichever way it points. A drop counts
     from the threshold on, in the unit of the column; one that a small rise interrupts is two. Rows
     of forces and powers are means since the row before: what rises and falls between two rows is
-    not seen.
+    not seen. Rows of frozen stages, which have no forces, are left out.
 
     Means of sizes, durations and waiting times have standard errors of what may remember each other
     (`multicor_cli.post.sums.spread`). The exponent of sizes, P(s) ~ s^(−τ), is there only where the
@@ -88,7 +101,7 @@ def avalanches(
     if len(names) > 1:
         raise PostError(f"'{of}' are several columns; {choices(of, names)}")
     column = found.quantities[0]
-    known = np.isfinite(column.values)
+    known = np.isfinite(column.values) & _is_moving(source, found.time)
     time, value = found.time[known], np.asarray(column.values, np.float64)[known]
     if value.size < 3:
         raise PostError(f"'{of}' has {value.size} values at these times: three are needed")
@@ -139,17 +152,12 @@ def avalanches(
     return Avalanches(columns, facts, details, **parts)
 
 
-EVENTS = (
-    Quantity("count", "drops"),
-    Quantity("rate", "drops per time", unit="1/s"),
-    Quantity("size", "mean drop", r"\langle s\rangle", "column"),
-    Quantity("largest", "largest drop", r"s_\mathrm{max}", "column"),
-    Quantity("duration", "mean duration of a drop", unit="s"),
-    Quantity("wait", "mean time from one drop to the next", unit="s"),
-    Quantity("exponent", "exponent of the density of drops", r"\tau"),
-    Quantity("exponent_from", "smallest drop that follows it", r"s_\mathrm{min}", "column"),
-)
-"""What `avalanches` measures; sizes have the unit of the column."""
+def _is_moving(source: Run, time: Floats) -> NDArray[np.bool_]:
+    """Whether steps of the mechanics were made before each of these rows."""
+    columns = {column.name: np.asarray(column.values) for column in source.series_columns}
+    if "window_duration" not in columns:
+        return np.ones(time.size, np.bool_)
+    return np.isin(time, columns["time"][columns["window_duration"] > 0.0])
 
 
 def find_events(time: Floats, value: Floats, threshold: float) -> Events:

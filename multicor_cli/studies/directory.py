@@ -167,9 +167,9 @@ class StudyDirectory:
             return CaseState(CaseStatus.WAITING)
         step = int((found.get("summary") or {}).get("step", 0))
         if found.get("status") == "finished":
-            took = (found.get("timings") or {}).get("wall")
             is_whole = len(found.get("sessions") or ()) == 1
-            return CaseState(CaseStatus.FINISHED, step=step, seconds=took if is_whole else None)
+            took = (found.get("timings") or {}).get("wall") if is_whole else None
+            return CaseState(CaseStatus.FINISHED, step=step, seconds=took)
         if is_alive(run / layout.LOCK):
             beat = read_object(run / layout.PROGRESS, SIZE_LIMIT)
             at, left = int(beat.get("step", step)), beat.get("remaining_seconds")

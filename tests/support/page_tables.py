@@ -73,7 +73,7 @@ def _measured() -> str:
             commands.setdefault(row, []).append(command)
     lines = ["| Quantity | Symbol | Unit | Names | Of |", "|---|---|---|---|---|"]
     for (label, unit), symbol in symbols.items():
-        tex = re.sub(r"\|(.*?)\|", r"\\lvert \1\\rvert", f"${symbol}$") if symbol else ""
+        tex = re.sub(r"\|(.*?)\|", r"\\lvert \1\\rvert{}", f"${symbol}$") if symbol else ""
         cells = (label.replace("|", r"\|"), tex, unit, *(
             ", ".join(dict.fromkeys(told[label, unit])) for told in (names, commands)
         ))  # fmt: skip

@@ -83,6 +83,14 @@ def test_drops_at_both_ends_count_and_plateaus_do_not_lengthen_them():
     )  # fmt: skip
 
 
+def test_rows_without_steps_are_left_out():
+    """A force that is 0 while nothing moves has not dropped."""
+    value = np.array([0.0, 1.0, 3.0, 1.5, 4.0, 0.0, 0.0, 4.0, 5.0])
+    moving = np.array([0.0, 0.1, 0.1, 0.1, 0.1, 0.0, 0.0, 0.1, 0.1])
+    table = avalanches(source_of_series(value, window_duration=moving), "pull", threshold=1.0)
+    assert table.events.size.tolist() == [1.5]
+
+
 # --- exponents
 
 
