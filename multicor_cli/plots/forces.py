@@ -40,7 +40,7 @@ _WIDEST = 0.75  # width of the widest line over the mean diameter
 def draw_forces(axes: Any, network: ForceNetwork, *, unit: float | None = None) -> None:
     """Draw a force network into matplotlib axes, with a legend above the figure.
 
-    Lines are as wide as the mean normal force says, or as the force ``unit`` [N] does.
+    The line of the mean normal force, or of the force ``unit`` [N], is 0.15 mean diameters wide.
     """
     from matplotlib.lines import Line2D
 

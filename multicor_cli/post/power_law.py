@@ -49,7 +49,7 @@ def fit_power_law(values: Floats) -> tuple[PowerLaw | None, str]:
     x = np.sort(np.asarray(values, np.float64))
     x = x[x > 0.0]
     if x.size < LEAST:
-        return None, f"{x.size} events are too few for an exponent: {LEAST} are needed"
+        return None, f"no exponent: {LEAST} events are needed, there are {x.size}"
     alpha, start, distance = _fit(x)
     tail = x[x >= start]
     if tail.size < LEAST or not 1.0 < alpha < math.inf:

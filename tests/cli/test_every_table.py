@@ -205,7 +205,8 @@ def neighbors(of, run, table):
 
 def drops(_of, run, table):
     """As many as the energy falls by a standard deviation or more, whatever else is there."""
-    kinetic = np.asarray(run.series["kinetic"])
+    is_moving = np.asarray(run.series["window_duration"]) > 0.0
+    kinetic = np.asarray(run.series["kinetic"])[is_moving]
     assert table["threshold"] == near(kinetic.std())
     sizes = np.array(table["events"]["size"])
     assert sizes.min() >= table["threshold"] * (1.0 - 1e-9)

@@ -36,7 +36,7 @@ def test_a_saw_tooth(sign):
     for name in ("rate", "size", "duration", "wait"):
         assert table.error[name] == pytest.approx(0.0, abs=1e-12)
     assert table.law is None
-    assert "12 events are too few" in table.note
+    assert "50 events are needed, there are 12" in table.note
     assert {row[0]: row[1] for row in table.rows}["mean drop [N]"] == pytest.approx(3.0)
     assert len(table.detail_rows) == 12
 
